@@ -1,0 +1,80 @@
+# `make demo` and `make test` set up a virtual environment on first use; nothing else is needed
+# but Python >= 3.11. Versions are those of constraints.txt.
+
+PYTHON  ?= python3
+VENV    ?= .venv
+OUT     ?= demo-output
+WORKERS ?= 2
+
+BIN     := $(VENV)/bin
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+STAMPS  := $(VENV)/.installed
+INPUTS  := pyproject.toml constraints.txt
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test quick lint format types docs lock clean
+
+help:  ## list the targets
+	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
+
+# --- set-up: one stamp file for each group of dependencies --------------------------------------
+
+$(STAMPS)/venv:
+	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(None if v >= (3, 11) else \
+	  f"eclsim needs Python 3.11 or newer, $(PYTHON) is {v[0]}.{v[1]}: try make PYTHON=python3.12")'
+	$(PYTHON) -m venv $(VENV)
+	@mkdir -p $(STAMPS) && touch $@
+
+$(STAMPS)/core: $(STAMPS)/venv $(INPUTS)
+	@echo "Installing eclsim into $(VENV) (about 0.5 GB; once) ..."
+	$(INSTALL) --editable .
+	@touch $@
+
+$(STAMPS)/dev: $(STAMPS)/core
+	$(INSTALL) --editable '.[dev,dask,bayes,app]'
+	@touch $@
+
+$(STAMPS)/docs: $(STAMPS)/core
+	$(INSTALL) --editable '.[docs]'
+	@touch $@
+
+setup: $(STAMPS)/dev $(STAMPS)/docs  ## install everything a developer needs into .venv
+
+# --- what it is for -----------------------------------------------------------------------------
+
+demo: $(STAMPS)/core  ## simulate the built-in ECMO + CRRT patient, write figures to demo-output/
+	$(BIN)/eclsim demo --out $(OUT)
+
+# --- checks -------------------------------------------------------------------------------------
+
+test: $(STAMPS)/dev  ## run all tests
+	$(BIN)/python -m pytest -n $(WORKERS)
+
+quick: $(STAMPS)/dev  ## run the tests without the slow ones
+	$(BIN)/python -m pytest -n $(WORKERS) -m 'not slow'
+
+lint: $(STAMPS)/dev  ## check style and formatting
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+format: $(STAMPS)/dev  ## apply the formatting
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+types: $(STAMPS)/dev  ## check types
+	$(BIN)/pyright --pythonpath $(BIN)/python
+
+docs: $(STAMPS)/docs  ## build the documentation into site/, failing on any warning
+	$(BIN)/mkdocs build --strict
+
+# --- upkeep -------------------------------------------------------------------------------------
+
+lock: $(STAMPS)/dev  ## resolve the newest versions into uv.lock and constraints.txt
+	$(INSTALL) uv
+	$(BIN)/uv lock --upgrade
+	$(BIN)/uv export --quiet --frozen --all-extras --no-hashes --no-emit-project --no-annotate \
+	  --no-header --output-file constraints.txt
+
+clean:  ## remove the environment and everything built
+	rm -rf .venv .venv-ci site build dist demo-output .pytest_cache .ruff_cache .hypothesis .benchmarks
+	find src tests -name __pycache__ -type d -prune -exec rm -rf {} +

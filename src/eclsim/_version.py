@@ -1,0 +1,3 @@
+"""Version of eclsim; the build reads it from here."""
+
+__version__ = "0.1.0"
