@@ -1,0 +1,33 @@
+"""Nearest right spellings of a misspelt name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+def nearest(word: str, candidates: Iterable[str], count: int = 3) -> tuple[str, ...]:
+    """The candidates most like a word, best first; upper and lower case are not told apart.
+
+    Args:
+        word: What was written.
+        candidates: The right spellings.
+        count: At most so many are returned.
+
+    Returns:
+        An empty tuple where nothing is near.
+    """
+    from difflib import get_close_matches
+
+    by_lower_case: dict[str, str] = {}
+    for candidate in candidates:
+        by_lower_case.setdefault(candidate.lower(), candidate)
+    written = word.strip().lower()[:80]
+    if written in by_lower_case:
+        return (by_lower_case[written],)
+    found = get_close_matches(written, by_lower_case, n=count, cutoff=0.6)
+    return tuple(by_lower_case[name] for name in found)
+
+
+def did_you_mean(word: str, candidates: Iterable[str]) -> str | None:
+    """The nearest spellings as one phrase ("Rmc or Rpmc"), or None where nothing is near."""
+    return " or ".join(nearest(word, candidates)) or None

@@ -1,0 +1,152 @@
+"""Parameters published with the model of Thiel et al. (2025), Tables S-1 to S-4.
+
+What is measured, fitted or assumed:
+
+- Table S-1 (circulation): assumed. Literature values of a healthy adult, most of them those of
+  Shi, Lawford and Hose (2011) and Korakianitis and Shi (2006); none was measured in the patients.
+- Table S-2 (ECMO): tube dimensions as installed, the oxygenator's resistance from its data sheet
+  taken as linear; the compliances of tubes, cannulae and oxygenator are assumed. The printed
+  diameter of 0.9625 cm is used although 3/8 inch is 0.9525 cm.
+- Table S-3 (CRRT): the same; the dialyzer's resistance stands for a data sheet that the paper
+  calls Prismaflex M180 and the published parameter file M100.
+- Table S-4: fitted, to one patient on veno-arterial ECMO with right heart failure.
+- Initial pressures and volume fractions: assumed, from the published code. They fix how much
+  blood is in the circulation, so they are parameters like the others.
+
+The allowed ranges are this project's: wide enough for the identification bounds (a tenth to ten
+times the start value) and for disease, narrow enough to catch a value in another unit.
+"""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+
+from eclsim.parameters.parameter import Parameter
+
+_R, _C, _L = "mmHg s/mL", "mL/mmHg", "mmHg s^2/mL"
+_E, _CQ = "mmHg/mL", "mL/(s mmHg^1/2)"
+_S1 = "Thiel et al. 2025, Table S-1; assumed (literature, healthy adult)"
+_S2 = "Thiel et al. 2025, Table S-2"
+_S3 = "Thiel et al. 2025, Table S-3"
+_CODE = "published code of Thiel et al. 2025; assumed"
+
+# key, value, unit, description, minimum, maximum, group
+_TABLE_S1 = (
+    ("etaB", 0.003, "Pa s", "Dynamic viscosity of blood", 0.001, 0.01, "blood"),
+    ("rhoB", 0.00106, "kg/mL", "Density of blood", 0.00095, 0.0012, "blood"),
+    ("Rao", 0.003, _R, "Resistance of aorta", 3e-5, 0.3, "systemic"),
+    ("Rsart", 0.05, _R, "Resistance of systemic artery", 5e-4, 5.0, "systemic"),
+    ("Rmc", 0.5, _R, "Resistance of systemic microcirculation", 0.02, 8.0, "systemic"),
+    ("Rsvn", 0.01, _R, "Resistance of systemic vein", 1e-4, 1.0, "systemic"),
+    ("Rpas", 0.002, _R, "Resistance of pulmonary aortic sinus", 2e-5, 0.2, "pulmonary"),
+    ("Rpart", 0.01, _R, "Resistance of pulmonary artery", 1e-4, 1.0, "pulmonary"),
+    ("Rpmc", 0.05, _R, "Resistance of pulmonary microcirculation", 5e-4, 1.0, "pulmonary"),
+    ("Rpvn", 0.006, _R, "Resistance of pulmonary vein", 6e-5, 0.6, "pulmonary"),
+    ("Cao", 0.08, _C, "Compliance of aorta", 0.004, 8.0, "systemic"),
+    ("Csart", 0.9, _C, "Compliance of systemic artery", 0.02, 20.0, "systemic"),
+    ("Csvn", 20.5, _C, "Compliance of systemic vein", 1.0, 400.0, "systemic"),
+    ("Cpas", 0.18, _C, "Compliance of pulmonary aortic sinus", 0.009, 18.0, "pulmonary"),
+    ("Cpart", 3.8, _C, "Compliance of pulmonary artery", 0.1, 100.0, "pulmonary"),
+    ("Cpvn", 20.5, _C, "Compliance of pulmonary vein", 0.5, 400.0, "pulmonary"),
+    ("Lao", 0.000062, _L, "Inertance of aorta", 1e-6, 0.01, "systemic"),
+    ("Lsart", 0.0017, _L, "Inertance of systemic artery", 1e-5, 0.1, "systemic"),
+    ("Lpas", 0.000052, _L, "Inertance of pulmonary aortic sinus", 1e-6, 0.01, "pulmonary"),
+    ("Lpart", 0.0017, _L, "Inertance of pulmonary artery", 1e-5, 0.1, "pulmonary"),
+    ("CQtri", 400.0, _CQ, "Flow coefficient of tricuspid valve", 1.0, 5000.0, "heart"),
+    ("CQpa", 350.0, _CQ, "Flow coefficient of pulmonary valve", 1.0, 5000.0, "heart"),
+    ("CQmi", 400.0, _CQ, "Flow coefficient of mitral valve", 1.0, 5000.0, "heart"),
+    ("CQao", 350.0, _CQ, "Flow coefficient of aortic valve", 1.0, 5000.0, "heart"),
+    ("Emaxra", 0.225, _E, "Systolic elastance of right atrium", 0.01, 10.0, "heart"),
+    ("Edra", 0.1575, _E, "Diastolic elastance of right atrium", 0.01, 10.0, "heart"),
+    ("Emaxrv", 0.45, _E, "Systolic elastance of right ventricle", 0.02, 20.0, "heart"),
+    ("RV_Pd_beta", 2.5, "mmHg", "Right ventricle diastolic pressure curve, offset", 0.0, 25.0, "heart"),
+    ("RV_Pd_kappa", 0.028, "1/mL", "Right ventricle diastolic pressure curve, exponent", 0.002, 0.2, "heart"),
+    ("RV_Pd_alpha", 0.047, "mmHg", "Right ventricle diastolic pressure curve, factor", 1e-4, 5.0, "heart"),
+    ("Emaxla", 0.45, _E, "Systolic elastance of left atrium", 0.01, 10.0, "heart"),
+    ("Edla", 0.2125, _E, "Diastolic elastance of left atrium", 0.01, 10.0, "heart"),
+    ("Emaxlv", 1.8, _E, "Systolic elastance of left ventricle", 0.05, 40.0, "heart"),
+    ("LV_Pd_beta", 2.5, "mmHg", "Left ventricle diastolic pressure curve, offset", 0.0, 25.0, "heart"),
+    ("LV_Pd_kappa", 0.033, "1/mL", "Left ventricle diastolic pressure curve, exponent", 0.002, 0.2, "heart"),
+    ("LV_Pd_alpha", 0.064, "mmHg", "Left ventricle diastolic pressure curve, factor", 1e-4, 5.0, "heart"),
+)
+
+_TABLE_S2 = (
+    ("Decmotudp", 0.9625, "cm", "Diameter of tubing drainage - pump (3/8 inch)", 0.2, 2.5, "as installed"),
+    ("Lecmotudp", 200.0, "cm", "Length of tubing drainage - pump", 1.0, 1000.0, "as installed"),
+    ("Decmotupo", 0.9625, "cm", "Diameter of tubing pump - oxygenator (3/8 inch)", 0.2, 2.5, "as installed"),
+    ("Lecmotupo", 20.0, "cm", "Length of tubing pump - oxygenator", 1.0, 1000.0, "as installed"),
+    ("Decmotuor", 0.9625, "cm", "Diameter of tubing oxygenator - return (3/8 inch)", 0.2, 2.5, "as installed"),
+    ("Lecmotuor", 200.0, "cm", "Length of tubing oxygenator - return", 1.0, 1000.0, "as installed"),
+    ("Recmooxy", 0.6744, _R, "Resistance of oxygenator", 0.01, 5.0, "data sheet, taken as linear"),
+    ("Cecmodrain", 0.1, _C, "Compliance of drainage cannula", 1e-4, 5.0, "assumed"),
+    ("Cecmotudp", 0.1, _C, "Compliance of tubing drainage - pump", 1e-4, 5.0, "assumed"),
+    ("Cecmotupo", 0.1, _C, "Compliance of tubing pump - oxygenator", 1e-4, 5.0, "assumed"),
+    ("Cecmooxy", 0.008, _C, "Compliance of oxygenator", 1e-4, 5.0, "assumed"),
+    ("Cecmotuor", 0.1, _C, "Compliance of tubing oxygenator - return", 1e-4, 5.0, "assumed"),
+    ("Cecmoreturn", 0.1, _C, "Compliance of return cannula", 1e-4, 5.0, "assumed"),
+)
+
+_TABLE_S3 = (
+    ("Lcrrttuin", 250.0, "cm", "Length of access line", 1.0, 1000.0, "as installed"),
+    ("Dcrrttuin", 0.3175, "cm", "Diameter of access line (1/8 inch)", 0.1, 1.5, "as installed"),
+    ("Lcrrttupf", 100.0, "cm", "Length of tubing pump - dialyzer", 1.0, 1000.0, "as installed"),
+    ("Dcrrttupf", 0.3175, "cm", "Diameter of tubing pump - dialyzer (1/8 inch)", 0.1, 1.5, "as installed"),
+    ("Lcrrttuout", 250.0, "cm", "Length of return line", 1.0, 1000.0, "as installed"),
+    ("Dcrrttuout", 0.3175, "cm", "Diameter of return line (1/8 inch)", 0.1, 1.5, "as installed"),
+    ("Rcrrtfil", 15.75, _R, "Resistance of dialyzer", 0.1, 200.0, "data sheet, taken as linear"),
+    ("Ccrrttuin", 0.1, _C, "Compliance of access line", 1e-4, 5.0, "assumed"),
+    ("Ccrrttupf", 0.1, _C, "Compliance of tubing pump - dialyzer", 1e-4, 5.0, "assumed"),
+    ("Ccrrtfil", 0.008, _C, "Compliance of dialyzer", 1e-4, 5.0, "assumed"),
+    ("Ccrrttuout", 0.1, _C, "Compliance of return line", 1e-4, 5.0, "assumed"),
+)
+
+# Vessel or chamber, what it is, initial pressure [mmHg] (vessels only), share of the blood volume.
+_INITIAL = (
+    ("ao", "aorta", 80.0, 0.035268497),
+    ("sart", "systemic artery", 80.0, 0.094731503),
+    ("svn", "systemic vein", 4.0, 0.64),
+    ("ra", "right atrium", None, 0.00953929),
+    ("rv", "right ventricle", None, 0.018438289),
+    ("pas", "pulmonary aortic sinus", 12.0, 0.013),
+    ("part", "pulmonary artery", 8.0, 0.023),
+    ("pvn", "pulmonary vein", 6.0, 0.054),
+    ("la", "left atrium", None, 0.013269714),
+    ("lv", "left ventricle", None, 0.028752707),
+    ("capillaries", "capillaries, which have no compartment (the rest to 1)", None, 0.07),
+)
+
+
+def _all_parameters() -> dict[str, Parameter]:
+    found = [Parameter(*row[:4], _S1, *row[4:]) for row in _TABLE_S1]
+    for table, source, group in ((_TABLE_S2, _S2, "ecmo"), (_TABLE_S3, _S3, "crrt")):
+        found += [Parameter(*row[:4], f"{source}; {row[6]}", row[4], row[5], group) for row in table]
+    for place, words, pressure, fraction in _INITIAL:
+        if pressure is not None:
+            text = f"Initial pressure of {words}"
+            found.append(Parameter(f"P0{place}", pressure, "mmHg", text, _CODE, 0.0, 200.0, "initial"))
+        text = f"Initial share of the total blood volume: {words}"
+        found.append(Parameter(f"volume_fraction_{place}", fraction, "1", text, _CODE, 0.0, 1.0, "initial"))
+    return {parameter.key: parameter for parameter in found}
+
+
+PARAMETERS: MappingProxyType[str, Parameter] = MappingProxyType(_all_parameters())
+"""Every parameter of Tables S-1 to S-3 and of the initial state, by key."""
+
+ALIASES: MappingProxyType[str, str] = MappingProxyType({"ηB": "etaB", "ρB": "rhoB"})
+"""Printed spellings that a case file may use as well."""
+
+VOLUME_FRACTIONS: tuple[str, ...] = tuple(f"volume_fraction_{row[0]}" for row in _INITIAL)
+"""Keys of the initial shares of the blood volume; they add to 1."""
+
+TABLE_S4: MappingProxyType[str, float] = MappingProxyType(
+    {
+        "Csart": 3.1852,
+        "Edla": 2.1167,
+        "Emaxlv": 1.3297,
+        "Emaxrv": 0.10791,
+        "Rmc": 0.75989,
+        "Rpmc": 0.3369,
+        "Rsvn": 0.00304,
+    }
+)
+"""Fitted values of the patient in whom the paper compares the CRRT connection schemes."""

@@ -1,0 +1,143 @@
+"""The one place where units are converted.
+
+Inside eclsim pressures are in mmHg, volumes in mL and times in s, so flows are in mL/s,
+resistances in mmHg s/mL, compliances in mL/mmHg and inertances in mmHg s^2/mL. Users write
+L/min, mL/min, rpm, French and cm; those are converted with the constants of this module or,
+for any other pair, with `convert`.
+"""
+
+from __future__ import annotations
+
+ML_S_PER_L_MIN = 1000.0 / 60.0
+ML_S_PER_ML_MIN = 1.0 / 60.0
+CM_PER_FRENCH = 1.0 / 30.0
+PA_PER_MMHG = 133.322387415
+MMHG_PER_KPA = 1000.0 / PA_PER_MMHG
+MMHG_PER_CMH2O = 98.0665 / PA_PER_MMHG
+MMHG_PER_PSI = 6894.757293168 / PA_PER_MMHG
+MMHG_S_PER_ML_PER_WOOD = 60.0 / 1000.0
+MMHG_S_PER_ML_PER_DYN = 0.1 / PA_PER_MMHG
+SECONDS_PER_MINUTE = 60.0
+
+# unit -> (quantity, how many of the quantity's internal unit one of it is)
+_FACTORS: dict[str, tuple[str, float]] = {
+    "mL/s": ("flow", 1.0),
+    "L/min": ("flow", ML_S_PER_L_MIN),
+    "mL/min": ("flow", ML_S_PER_ML_MIN),
+    "L/s": ("flow", 1000.0),
+    "L/h": ("flow", 1000.0 / 3600.0),
+    "mL/h": ("flow", 1.0 / 3600.0),
+    "mmHg": ("pressure", 1.0),
+    "kPa": ("pressure", MMHG_PER_KPA),
+    "Pa": ("pressure", 1.0 / PA_PER_MMHG),
+    "hPa": ("pressure", 0.1 * MMHG_PER_KPA),
+    "bar": ("pressure", 100.0 * MMHG_PER_KPA),
+    "mbar": ("pressure", 0.1 * MMHG_PER_KPA),
+    "cmH2O": ("pressure", MMHG_PER_CMH2O),
+    "psi": ("pressure", MMHG_PER_PSI),
+    "cm": ("length", 1.0),
+    "mm": ("length", 0.1),
+    "m": ("length", 100.0),
+    "in": ("length", 2.54),
+    "Fr": ("length", CM_PER_FRENCH),
+    "mL": ("volume", 1.0),
+    "L": ("volume", 1000.0),
+    "kg": ("mass", 1.0),
+    "g": ("mass", 0.001),
+    "lb": ("mass", 0.45359237),
+    "years": ("age", 1.0),
+    "months": ("age", 1.0 / 12.0),
+    "bpm": ("rate", 1.0),
+    "Hz": ("rate", SECONDS_PER_MINUTE),
+    "rpm": ("speed", 1.0),
+    "krpm": ("speed", 1000.0),
+    "mmHg s/mL": ("resistance", 1.0),
+    "Wood units": ("resistance", MMHG_S_PER_ML_PER_WOOD),
+    "dyn s/cm^5": ("resistance", MMHG_S_PER_ML_PER_DYN),
+    "mL/mmHg": ("compliance", 1.0),
+    "mL/kPa": ("compliance", 1.0 / MMHG_PER_KPA),
+    "mmHg/mL": ("elastance", 1.0),
+    "kPa/mL": ("elastance", MMHG_PER_KPA),
+    "mmHg s^2/mL": ("inertance", 1.0),
+    "Pa s": ("viscosity", 1.0),
+    "mPa s": ("viscosity", 0.001),
+    "kg/mL": ("density", 1.0),
+    "g/mL": ("density", 0.001),
+    "kg/m^3": ("density", 1e-6),
+}
+
+_SPELLINGS = {
+    "ml/sec": "mL/s",
+    "lpm": "L/min",
+    "mmhg": "mmHg",
+    "torr": "mmHg",
+    "cmh20": "cmH2O",
+    "cm h2o": "cmH2O",
+    "centimetre": "cm",
+    "inch": "in",
+    '"': "in",
+    "f": "Fr",
+    "french": "Fr",
+    "ch": "Fr",
+    "y": "years",
+    "yr": "years",
+    "yrs": "years",
+    "year": "years",
+    "a": "years",
+    "month": "months",
+    "mo": "months",
+    "lbs": "lb",
+    "beats/min": "bpm",
+    "/min": "bpm",
+    "1/min": "rpm",
+    "wu": "Wood units",
+    "wood": "Wood units",
+    "wood unit": "Wood units",
+    "dyn": "dyn s/cm^5",
+    "dyn.s/cm5": "dyn s/cm^5",
+    "dyn s/cm5": "dyn s/cm^5",
+    "dyn*s/cm^5": "dyn s/cm^5",
+    "dyn s cm-5": "dyn s/cm^5",
+    "cp": "mPa s",
+}
+_BY_LOWER_CASE = {unit.lower(): unit for unit in _FACTORS} | _SPELLINGS
+
+
+def known_unit(text: str) -> str | None:
+    """The unit that a spelling such as "mmhg", "French" or "dyn.s/cm5" means, or None."""
+    text = " ".join(text.split())
+    return text if text in _FACTORS else _BY_LOWER_CASE.get(text.lower())
+
+
+def quantity_of(unit: str) -> str | None:
+    """What a unit measures ("flow", "pressure", ...), or None for one that is not known."""
+    known = known_unit(unit)
+    return None if known is None else _FACTORS[known][0]
+
+
+def units_of(quantity: str) -> tuple[str, ...]:
+    """All known units of a quantity, the internal one first."""
+    return tuple(unit for unit, (measured, _) in _FACTORS.items() if measured == quantity)
+
+
+def convert(value: float, from_unit: str, to_unit: str) -> float:
+    """Convert a value between two units of the same quantity.
+
+    Args:
+        value: The number, in `from_unit`.
+        from_unit: Any spelling that `known_unit` understands, such as "L/min".
+        to_unit: Likewise, such as "mL/s".
+
+    Raises:
+        ValueError: If a unit is unknown or the two measure different quantities.
+    """
+    factors = []
+    for unit in (from_unit, to_unit):
+        known = known_unit(unit)
+        if known is None:
+            raise ValueError(f"unknown unit {unit!r}; known: {', '.join(_FACTORS)}")
+        factors.append(_FACTORS[known])
+    (from_quantity, from_factor), (to_quantity, to_factor) = factors
+    if from_quantity != to_quantity:
+        raise ValueError(f"{from_unit} is a {from_quantity} and {to_unit} a {to_quantity}: not convertible")
+    return value * from_factor / to_factor
