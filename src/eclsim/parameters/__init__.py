@@ -10,7 +10,15 @@ from eclsim.parameters import thiel2025
 from eclsim.parameters.parameter import Parameter
 from eclsim.parameters.spelling import did_you_mean, nearest
 
-__all__ = ["Parameter", "UnknownParameterError", "all_parameters", "default", "did_you_mean", "find", "nearest"]
+__all__ = [
+    "Parameter",
+    "UnknownParameterError",
+    "all_parameters",
+    "default",
+    "did_you_mean",
+    "find",
+    "nearest",
+]
 
 
 class UnknownParameterError(KeyError):

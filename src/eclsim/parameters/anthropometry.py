@@ -60,7 +60,9 @@ def mean_height_weight(sex: Sex, age_years: float) -> tuple[float, float]:
     for age_from, age_to, height_cm, weight_kg in _MEAN_HEIGHT_WEIGHT[sex]:
         if age_from <= age_years < age_to or age_years == age_to == MAXIMUM_AGE_YEARS:
             return height_cm, weight_kg
-    raise ValueError(f"age {age_years:g} years: the table covers {MINIMUM_AGE_YEARS:g} to {MAXIMUM_AGE_YEARS:g}")
+    raise ValueError(
+        f"age {age_years:g} years: the table covers {MINIMUM_AGE_YEARS:g} to {MAXIMUM_AGE_YEARS:g}"
+    )
 
 
 def body_mass_index(height_cm: float, weight_kg: float) -> float:

@@ -123,9 +123,11 @@ class Oxygenator:
 
     def label_warning(self, flow_l_min: float) -> str | None:
         """What to say about a flow [L/min] outside the label, or None inside it or without one."""
-        if self.label_flow_l_min is None or self.label_flow_l_min[0] <= flow_l_min <= self.label_flow_l_min[1]:
+        if self.label_flow_l_min is None:
             return None
         low, high = self.label_flow_l_min
+        if low <= flow_l_min <= high:
+            return None
         return f"{flow_l_min:.3g} L/min is outside the label of the {self.key}, {low:g} to {high:g} L/min"
 
 
@@ -141,40 +143,99 @@ class Dialyzer:
 
 
 _NOTHING = "unvalidated: no independent data found"
-_SPEEDS = "speeds: the maker's published operating range"
+_CANNULA_EVIDENCE = (
+    "unvalidated: no independent data of these cannulae found; other makers' of one size differ by 30 %"
+)
+_SPEEDS = "the speed range is the usual clinical one, not part of the published constants"
 
-PUMPS: MappingProxyType[str, RotaryPump] = MappingProxyType(
-    {
-        pump.key: pump
-        for pump in (
-            RotaryPump(
-                "Rotaflow", "Rotaflow RF-32", "ECMO", 1.9583e-5, -0.007545, 2.8864, 4.0256, 0.0016, (1000, 5000),
-                "one bench point in bovine blood, 3000 rpm and 4.2 L/min: 222 mmHg against 250 +- 10 measured",
-            ),
-            RotaryPump(
-                "DP3", "DP3", "ECMO", 6.5298e-6, -1.9593e-3, 4.0802, 5.0355, 0.0004, (4000, 8000), _NOTHING,
-            ),
-            RotaryPump(
-                "HMII", "HeartMate II", "LVAD", 9.5356e-7, -3.2085e-4, 0.8643, 3.0701, 3.5925e-4, (6000, 15000),
-                f"another published fit lies 5 to 14 mmHg away, perhaps with its cannulae; {_SPEEDS}",
-                22.9733, 0.3833, 20.3038,
-            ),
-            RotaryPump(
-                "HM3", "HeartMate 3", "LVAD", 3.4578e-6, -7.2946e-4, 2.2453, 3.3580, 2.5962e-4, (3000, 9000),
-                f"37 points of the maker's chart, 3000 to 9000 rpm: 5.4 mmHg root mean square; {_SPEEDS}",
-                17.0010, 0.1244, 13.3873,
-            ),
-            RotaryPump(
-                "HVAD", "HVAD", "LVAD", 1.3307e-5, 3.8732e-4, 0.7667, 4.7622, 1.4703e-4, (1800, 4000),
-                f"{_NOTHING}; {_SPEEDS}", 18.7352, 0.1093, 14.1544,
-            ),
-            RotaryPump(
-                "Incor", "Incor", "LVAD", 2.7737e-6, 0.0010, 1.7742, 3.7529, 3.9814e-5, (5000, 10000),
-                f"{_NOTHING}; {_SPEEDS}", 32.4690, 0.3154, 18.3543,
-            ),
-        )
-    }
-)  # fmt: skip
+_PUMPS = (
+    RotaryPump(
+        "Rotaflow",
+        "Rotaflow RF-32",
+        "ECMO",
+        a=1.9583e-5,
+        R1=-0.007545,
+        R2=2.8864,
+        Rrec=4.0256,
+        kinf=0.0016,
+        speed_range_rpm=(1000, 5000),
+        evidence="one bench point in bovine blood, 3000 rpm and 4.2 L/min: 222 mmHg against 250 ± 10",
+    ),
+    RotaryPump(
+        "DP3",
+        "DP3",
+        "ECMO",
+        a=6.5298e-6,
+        R1=-1.9593e-3,
+        R2=4.0802,
+        Rrec=5.0355,
+        kinf=0.0004,
+        speed_range_rpm=(4000, 8000),
+        evidence=_NOTHING,
+    ),
+    RotaryPump(
+        "HMII",
+        "HeartMate II",
+        "LVAD",
+        a=9.5356e-7,
+        R1=-3.2085e-4,
+        R2=0.8643,
+        Rrec=3.0701,
+        kinf=3.5925e-4,
+        L=22.9733,
+        Rper=0.3833,
+        Lper=20.3038,
+        speed_range_rpm=(6000, 15000),
+        evidence=f"another published fit lies 5 to 14 mmHg away, perhaps with its cannulae; {_SPEEDS}",
+    ),
+    RotaryPump(
+        "HM3",
+        "HeartMate 3",
+        "LVAD",
+        a=3.4578e-6,
+        R1=-7.2946e-4,
+        R2=2.2453,
+        Rrec=3.3580,
+        kinf=2.5962e-4,
+        L=17.0010,
+        Rper=0.1244,
+        Lper=13.3873,
+        speed_range_rpm=(3000, 9000),
+        evidence=f"37 points of the maker's chart, 3000 to 9000 rpm: root mean square 5.4 mmHg; {_SPEEDS}",
+    ),
+    RotaryPump(
+        "HVAD",
+        "HVAD",
+        "LVAD",
+        a=1.3307e-5,
+        R1=3.8732e-4,
+        R2=0.7667,
+        Rrec=4.7622,
+        kinf=1.4703e-4,
+        L=18.7352,
+        Rper=0.1093,
+        Lper=14.1544,
+        speed_range_rpm=(1800, 4000),
+        evidence=f"{_NOTHING}; {_SPEEDS}",
+    ),
+    RotaryPump(
+        "Incor",
+        "Incor",
+        "LVAD",
+        a=2.7737e-6,
+        R1=0.0010,
+        R2=1.7742,
+        Rrec=3.7529,
+        kinf=3.9814e-5,
+        L=32.4690,
+        Rper=0.3154,
+        Lper=18.3543,
+        speed_range_rpm=(5000, 10000),
+        evidence=f"{_NOTHING}; {_SPEEDS}",
+    ),
+)
+
+PUMPS: MappingProxyType[str, RotaryPump] = MappingProxyType({pump.key: pump for pump in _PUMPS})
 """Rotary pumps by the name users write."""
 
 PUMP_ALIASES: MappingProxyType[str, str] = MappingProxyType(
@@ -189,14 +250,14 @@ CANNULAE: MappingProxyType[str, CannulaType] = MappingProxyType(
             "Getinge HLS arterial",
             (-0.030456333049244444, 1.9774531710227174, -43.294344692029995, 322.2590740213103),
             MappingProxyType({15: 23, 17: 23, 19: 23, 21: 23, 23: 23}),
-            "unvalidated: no independent data of these cannulae found; other makers' of the same size differ by 30 %",
+            _CANNULA_EVIDENCE,
         ),
         "venous": CannulaType(
             "venous",
             "Getinge HLS venous",
             (-0.00036562314501620286, 0.06564659815559282, -2.910667319976905, 39.143496939439224),
             MappingProxyType({19: 38, 21: 55, 23: 55, 25: 55, 29: 55}),
-            "unvalidated: no independent data of these cannulae found; other makers' of the same size differ by 30 %",
+            _CANNULA_EVIDENCE,
         ),
     }
 )

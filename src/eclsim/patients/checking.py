@@ -66,7 +66,9 @@ def check_case(raw: Any) -> Checked:
             checked.values[section] = found.values
     if "patient" not in raw:
         needed = ", ".join(item.name for item in SECTIONS["patient"] if item.required)
-        checked.mistakes.append(Mistake("patient", "this section is missing", allowed=f"[patient] with {needed}"))
+        checked.mistakes.append(
+            Mistake("patient", "this section is missing", allowed=f"[patient] with {needed}")
+        )
     parameters = check_parameters(raw.get("parameters", {}), has_ecmo="ecmo" in raw, has_crrt="crrt" in raw)
     checked.mistakes += parameters.mistakes
     checked.warnings += parameters.warnings
@@ -101,7 +103,9 @@ def check_section(section: str, raw: Any) -> Checked:
 def _check_format(raw: Mapping[str, Any], checked: Checked) -> None:
     written = raw.get("format")
     if written is None:
-        checked.mistakes.append(Mistake("format", "missing", allowed=f"format = {FORMAT} at the top of the file"))
+        checked.mistakes.append(
+            Mistake("format", "missing", allowed=f"format = {FORMAT} at the top of the file")
+        )
     elif isinstance(written, bool) or written != FORMAT:
         message = "a format of case files that this version does not read"
         checked.mistakes.append(Mistake("format", message, shown(written), allowed=str(FORMAT)))
@@ -127,7 +131,9 @@ def _check_field(key: str, value: Any, item: Field, checked: Checked) -> None:
 
 def _read_id(value: Any, item: Field) -> str:
     if isinstance(value, (int, float)) and not isinstance(value, bool):
-        raise NotANumberError("a number where text belongs; write it in quotes", item.allowed, f'"{shown(value)}"')
+        raise NotANumberError(
+            "a number where text belongs; write it in quotes", item.allowed, f'"{shown(value)}"'
+        )
     if not isinstance(value, str):
         raise NotANumberError("text belongs here", item.allowed)
     name = unicodedata.normalize("NFC", value).strip()
@@ -149,7 +155,9 @@ def _read_name(value: Any, item: Field) -> str:
         hint = did_you_mean(name, (*item.names, *item.aliases)) or ""
         raise NotANumberError("unknown name", item.allowed, hint)
     if isinstance(value, (int, float)) and not isinstance(value, bool):
-        raise NotANumberError("a number; only names are read, as lists of devices and sites differ", item.allowed)
+        raise NotANumberError(
+            "a number; only names are read, as lists of devices and sites differ", item.allowed
+        )
     raise NotANumberError("a name belongs here", item.allowed)
 
 
@@ -195,8 +203,12 @@ def _complete_ecmo(raw: Mapping[str, Any], fields: Mapping[str, Field], checked:
 
 def _no_table(section: str, raw: Any) -> Mistake:
     if isinstance(raw, (list, tuple)):
-        return Mistake(section, f"given {len(raw)} times; a case has one at most", allowed=f"one [{section}] section")
-    return Mistake(section, "a section belongs here", shown(raw), allowed=f"[{section}] and its keys on lines below")
+        return Mistake(
+            section, f"given {len(raw)} times; a case has one at most", allowed=f"one [{section}] section"
+        )
+    return Mistake(
+        section, "a section belongs here", shown(raw), allowed=f"[{section}] and its keys on lines below"
+    )
 
 
 def _unknown_key(section: str, key: str, value: Any) -> Mistake:

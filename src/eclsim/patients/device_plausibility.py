@@ -9,6 +9,7 @@ from eclsim.parameters import thiel2025
 from eclsim.parameters.devices import CANNULAE, OXYGENATORS, PUMPS
 from eclsim.patients.fields import ARTERIAL_SITES, ECMO_POSITIONS, PATIENT_SITES, VENOUS_SITES
 from eclsim.patients.mistakes import Mistake, shown
+from eclsim.patients.numbers import suspected_unit
 from eclsim.units import ML_S_PER_L_MIN
 
 # Beyond this share of the highest speed in use a pump curve says nothing any more.
@@ -33,7 +34,9 @@ def check_devices(
         _check_sites("lvad", values["lvad"], ("inlet_site", "outlet_site"), mistakes, warnings)
         _check_speed("lvad", values["lvad"], mistakes, warnings)
         if "ecmo" in values:
-            notes.append(Mistake("lvad", "ECMO and LVAD work on the same circulation and may oppose each other"))
+            notes.append(
+                Mistake("lvad", "ECMO and LVAD work on the same circulation and may oppose each other")
+            )
 
 
 def _check_sites(
@@ -51,7 +54,9 @@ def _check_sites(
         message = f"the same as {names[0]}: the device would pump in a circle"
         mistakes.append(Mistake(key, message, shown(given_to), "another compartment than " + names[0]))
     elif taken_from in ARTERIAL_SITES and given_to in VENOUS_SITES:
-        message = f"drains {PATIENT_SITES[taken_from]} into {PATIENT_SITES[given_to]}: an arterio-venous shunt"
+        message = (
+            f"drains {PATIENT_SITES[taken_from]} into {PATIENT_SITES[given_to]}: an arterio-venous shunt"
+        )
         hint = f"{names[0]} = {shown(given_to)} and {names[1]} = {shown(taken_from)} (reversed)"
         warnings.append(Mistake(key, message, shown(given_to), suggestion=hint))
 
@@ -77,7 +82,8 @@ def _check_cannula(
     key = f"ecmo.{line}_fr"
     if not sizes[0] <= size <= sizes[-1]:
         message = f"no {kind} cannula of this size"
-        mistakes.append(Mistake(key, message, shown(size), f"{listed} Fr and what lies between"))
+        meant = suspected_unit(size, "Fr", 19.0, (sizes[0], sizes[-1]))
+        mistakes.append(Mistake(key, message, shown(size), f"{listed} Fr and what lies between", meant))
     elif size not in sizes:
         message = f"between the listed sizes of {kind} cannulae ({listed} Fr): interpolated"
         warnings.append(Mistake(key, message, shown(size)))
@@ -95,7 +101,9 @@ def _check_speed(
     if speed > high * _SPEED_LIMIT:
         mistakes.append(Mistake(key, f"far above what a {name} runs at", shown(speed), span))
     elif speed == 0:
-        warnings.append(Mistake(key, "the pump stands still in an open circuit: blood flows back through it", "0"))
+        warnings.append(
+            Mistake(key, "the pump stands still in an open circuit: blood flows back through it", "0")
+        )
     elif not low <= speed <= high:
         warnings.append(Mistake(key, f"outside the usual speed of a {name}, {span}", shown(speed)))
 
@@ -130,15 +138,20 @@ def _check_pump_flow(values: Mapping[str, Any], warnings: list[Mistake]) -> None
     oxygenator = ecmo.get("oxygenator")
     if oxygenator is not None and (said := OXYGENATORS[oxygenator].label_warning(flow)):
         warnings.append(Mistake(key, said, shown(flow)))
-    if isinstance(pump, str) and (expected := _expected_flow(ecmo, measured)) is not None:
-        if not 0.4 * expected <= flow <= 1.6 * expected + 0.5:
-            message = f"implausible at {ecmo['speed_rpm']:g} rpm, which gives about {expected:.1f} L/min"
-            warnings.append(Mistake(key, message, shown(flow)))
+    expected = _expected_flow(ecmo, measured) if isinstance(pump, str) else None
+    if expected is not None and not 0.4 * expected <= flow <= 1.6 * expected + 0.5:
+        message = f"implausible at {ecmo['speed_rpm']:g} rpm, which gives about {expected:.1f} L/min"
+        warnings.append(Mistake(key, message, shown(flow)))
 
 
 def _expected_flow(ecmo: Mapping[str, Any], measured: Mapping[str, float]) -> float | None:
     """Steady flow [L/min] at which the pump's head equals the circuit's pressure drop; None if not known."""
-    needed = ("pump", "speed_rpm", "oxygenator", *(f"{line}_{what}" for line in _LINES for what in ("cannula", "fr")))
+    needed = (
+        "pump",
+        "speed_rpm",
+        "oxygenator",
+        *(f"{line}_{what}" for line in _LINES for what in ("cannula", "fr")),
+    )
     if any(name not in ecmo for name in needed) or not ecmo["speed_rpm"]:
         return None
     pump, oxygenator = PUMPS[ecmo["pump"]], OXYGENATORS[ecmo["oxygenator"]]

@@ -95,11 +95,15 @@ def _site(name: str, description: str, required: bool = True, positions: bool = 
 
 
 def _size(name: str, description: str) -> Field:
-    return Field(name, description, "number", "Fr", 15, 29, 19, required=False)
+    return Field(name, description, "number", "Fr", 3, 60, 19, required=False)
 
 
-_ROLLER = Field("roller_l_min", "Flow of a roller pump", "number", "L/min", 0, 10, 4)
-_CANNULA_NAMES = tuple(CANNULAE)
+def _cannula(name: str, description: str) -> Field:
+    return Field(name, description, "name", required=False, names=tuple(CANNULAE))
+
+
+ROLLER_FIELD = Field("roller_l_min", "Flow of a roller pump", "number", "L/min", 0, 10, 4)
+"""The one key of a roller pump, `pump = { roller_l_min = 4.0 }`."""
 
 SECTIONS: MappingProxyType[str, tuple[Field, ...]] = MappingProxyType(
     {
@@ -121,18 +125,16 @@ SECTIONS: MappingProxyType[str, tuple[Field, ...]] = MappingProxyType(
             _measured("PF", "ECMO pump flow", "L/min", 0, 10, 3),
         ),
         "ecmo": (
-            Field(
-                "pump", "Blood pump", "pump", names=pumps_for("ECMO"), aliases=PUMP_ALIASES
-            ),
+            Field("pump", "Blood pump", "pump", names=pumps_for("ECMO"), aliases=PUMP_ALIASES),
             Field("speed_rpm", "Speed of a rotary pump", "number", "rpm", 0, 10000, 3400, required=False),
             Field("oxygenator", "Oxygenator", "name", names=tuple(OXYGENATORS)),
             _site("drainage_site", "Compartment that is drained", required=False),
-            Field("drainage_cannula", "Type of drainage cannula", "name", required=False, names=_CANNULA_NAMES),
+            _cannula("drainage_cannula", "Type of drainage cannula"),
             _size("drainage_fr", "Size of drainage cannula"),
             _site("return_site", "Compartment that receives", required=False),
-            Field("return_cannula", "Type of return cannula", "name", required=False, names=_CANNULA_NAMES),
+            _cannula("return_cannula", "Type of return cannula"),
             _size("return_fr", "Size of return cannula"),
-            Field("mode", "Fills in the usual sites and cannulae", "name", required=False, names=("VA", "VV")),
+            Field("mode", "Fills in usual sites and cannulae", "name", required=False, names=("VA", "VV")),
         ),
         "crrt": (
             Field("flow_ml_min", "Blood flow of the CRRT pump", "number", "mL/min", 10, 600, 200),
@@ -140,9 +142,7 @@ SECTIONS: MappingProxyType[str, tuple[Field, ...]] = MappingProxyType(
             _site("return_site", "Where the return line ends", positions=True),
         ),
         "lvad": (
-            Field(
-                "pump", "Blood pump", "pump", names=pumps_for("LVAD"), aliases=PUMP_ALIASES
-            ),
+            Field("pump", "Blood pump", "pump", names=pumps_for("LVAD"), aliases=PUMP_ALIASES),
             Field("speed_rpm", "Speed", "number", "rpm", 0, 15000, 5000),
             _site("inlet_site", "Compartment that is drained"),
             _site("outlet_site", "Compartment that receives"),
@@ -150,8 +150,6 @@ SECTIONS: MappingProxyType[str, tuple[Field, ...]] = MappingProxyType(
     }
 )
 """Sections of a case file and their fields, in the order in which they are written."""
-
-ROLLER_FIELD = _ROLLER
 
 USUAL: MappingProxyType[str, MappingProxyType[str, str | float]] = MappingProxyType(
     {

@@ -10,7 +10,7 @@ _LONG_TEXT = re.compile(r'"""|' + "'''")
 
 
 def lines_of_keys(text: str) -> dict[str, int]:
-    """Line, counted from 1, of every section ("patient") and key ("patient.age_years") of a valid TOML text."""
+    """Line, from 1, of every section ("patient") and key ("patient.age_years") of a valid TOML text."""
     found: dict[str, int] = {}
     section = ""
     in_long_text = False

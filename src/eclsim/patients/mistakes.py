@@ -57,6 +57,7 @@ class NumberAsWritten(float):
     text: str
 
     def __new__(cls, text: str) -> NumberAsWritten:
+        """Read the digits; too large gives inf, too small 0."""
         number = super().__new__(cls, text)
         number.text = text
         return number
@@ -73,7 +74,11 @@ def shown(value: Any) -> str:
     elif isinstance(value, int) and value.bit_length() > 200:
         text = "an integer of more than 60 digits"
     elif isinstance(value, str):
-        text = '"' + value[:200].encode("unicode_escape").decode("ascii") + '"' if _unprintable(value) else f'"{value}"'
+        text = (
+            '"' + value[:200].encode("unicode_escape").decode("ascii") + '"'
+            if _unprintable(value)
+            else f'"{value}"'
+        )
     else:
         text = str(value) if not isinstance(value, (list, dict)) else _container(value)
     return text if len(text) <= 80 else text[:76] + " ..."

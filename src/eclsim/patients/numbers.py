@@ -126,7 +126,11 @@ def _why_no_number(text: str, field: Field) -> tuple[str, str, str]:
     if found := _TWO_PRESSURES.fullmatch(text):
         return _two_pressures(found, field)
     if _GROUPED.fullmatch(stripped):
-        return "a thousands separator and a decimal sign; write digits and a decimal point only", field.allowed, ""
+        return (
+            "a thousands separator and a decimal sign; write digits and a decimal point only",
+            field.allowed,
+            "",
+        )
     if _COMMA.fullmatch(stripped):
         return "a decimal comma; write a decimal point", field.allowed, stripped.replace(",", ".")
     return "not a number", field.allowed, ""

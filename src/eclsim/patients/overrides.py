@@ -44,7 +44,9 @@ def check_parameters(raw: Any, has_ecmo: bool, has_crrt: bool) -> CheckedParamet
         if parameter is None:
             checked.mistakes.append(_unknown(str(written), value))
         elif key in checked.values:
-            checked.mistakes.append(Mistake(f"parameters.{written}", f"given twice, also as {key}", shown(value)))
+            checked.mistakes.append(
+                Mistake(f"parameters.{written}", f"given twice, also as {key}", shown(value))
+            )
         else:
             _check_value(parameter, value, checked)
     for circuit, connected in (("ecmo", has_ecmo), ("crrt", has_crrt)):
@@ -58,7 +60,13 @@ def _check_value(parameter: Parameter, value: Any, checked: CheckedParameters) -
     key = f"parameters.{parameter.key}"
     typical = parameter.value or 1.0
     as_field = Field(
-        parameter.key, parameter.description, "number", parameter.unit, parameter.minimum, parameter.maximum, typical
+        parameter.key,
+        parameter.description,
+        "number",
+        parameter.unit,
+        parameter.minimum,
+        parameter.maximum,
+        typical,
     )
     try:
         number = read_number(value, as_field)
@@ -95,8 +103,12 @@ def _check_fractions(checked: CheckedParameters) -> None:
     given = [key for key in thiel2025.VOLUME_FRACTIONS if key in checked.values]
     if not given:
         return
-    total = sum(checked.values.get(key, thiel2025.PARAMETERS[key].value) for key in thiel2025.VOLUME_FRACTIONS)
+    total = sum(
+        checked.values.get(key, thiel2025.PARAMETERS[key].value) for key in thiel2025.VOLUME_FRACTIONS
+    )
     if abs(total - 1.0) > _FRACTION_TOLERANCE:
         message = f"the shares of the blood volume add to {total:.6g}, not to 1"
         allowed = "shares that add to 1: " + ", ".join(thiel2025.VOLUME_FRACTIONS)
-        checked.mistakes.append(Mistake(f"parameters.{given[0]}", message, shown(checked.values[given[0]]), allowed))
+        checked.mistakes.append(
+            Mistake(f"parameters.{given[0]}", message, shown(checked.values[given[0]]), allowed)
+        )

@@ -68,7 +68,9 @@ def _check_patient(patient: Mapping[str, Any], doubts: Doubts) -> None:
         allowed = "both, or neither (then the mean of sex and age is taken)"
         doubts.mistakes.append(Mistake(f"patient.{lacking}", message, allowed=allowed))
     elif patient:
-        doubts.notes.append(Mistake("patient.height_cm", "height and weight: the mean of sex and age is taken"))
+        doubts.notes.append(
+            Mistake("patient.height_cm", "height and weight: the mean of sex and age is taken")
+        )
 
 
 def _check_body_size(height: float, weight: float, doubts: Doubts) -> None:
@@ -112,7 +114,9 @@ def _check_arterial_pressures(values: Mapping[str, Any], doubts: Doubts) -> None
 def _check_pulmonary_pressures(measured: Mapping[str, float], doubts: Doubts) -> None:
     wedge, mean = measured.get("PCWP"), measured.get("MPAP")
     if wedge is not None and mean is not None and wedge > mean + 5.0:
-        message = f"above the mean pulmonary artery pressure {mean:g} mmHg by more than 5: physiologically doubtful"
+        message = (
+            f"above the mean pulmonary artery pressure {mean:g} mmHg by more than 5: physiologically doubtful"
+        )
         doubts.warnings.append(Mistake("measurements.PCWP", message, shown(wedge)))
 
 
@@ -123,6 +127,8 @@ def _check_flows(values: Mapping[str, Any], doubts: Doubts) -> None:
         message = "a pump flow was measured, but the case has no [ecmo] section"
         doubts.warnings.append(Mistake("measurements.PF", message, shown(pump_flow)))
     if output is not None and pump_flow is not None and output < pump_flow:
-        message = f"below the pump flow {pump_flow:g} L/min; it is read as the native output, through the lungs"
+        message = (
+            f"below the pump flow {pump_flow:g} L/min; it is read as the native output, through the lungs"
+        )
         hint = "a total that includes the pump flow"
         doubts.warnings.append(Mistake("measurements.CO", message, shown(output), suggestion=hint))

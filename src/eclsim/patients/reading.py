@@ -85,7 +85,9 @@ def _checked(raw: Any, file: str, lines: Mapping[str, int], set_keys: set[str]) 
         raise CaseError(placed(checked.mistakes))
     from eclsim.patients.case import Case
 
-    return CaseReading(Case.model_validate(checked.values), placed(checked.warnings), placed(checked.notes), file)
+    return CaseReading(
+        Case.model_validate(checked.values), placed(checked.warnings), placed(checked.notes), file
+    )
 
 
 def _placed(mistake: Mistake, file: str, lines: Mapping[str, int], set_keys: set[str]) -> Mistake:
@@ -148,7 +150,9 @@ def _syntax_mistake(said: str, text: str, file: str) -> Mistake:
     lines = text.split("\n")
     written = lines[number - 1].strip() if number <= len(lines) else ""
     meant = _meant(written)
-    return Mistake("", message, shown(written)[1:-1] if written else "", suggestion=meant, file=file, line=number)
+    return Mistake(
+        "", message, shown(written)[1:-1] if written else "", suggestion=meant, file=file, line=number
+    )
 
 
 def _meant(written: str) -> str:

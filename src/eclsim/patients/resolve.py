@@ -27,7 +27,9 @@ def resolve_parameters(case: Case) -> dict[str, float]:
         values["ecmo.drainage_fr"] = case.ecmo.drainage_fr
         values["ecmo.return_fr"] = case.ecmo.return_fr
         if isinstance(case.ecmo.pump, str):
-            values |= {f"ecmo.pump.{name}": number for name, number in PUMPS[case.ecmo.pump].constants.items()}
+            values |= {
+                f"ecmo.pump.{name}": number for name, number in PUMPS[case.ecmo.pump].constants.items()
+            }
             values["ecmo.speed_rpm"] = case.ecmo.speed_rpm or 0.0
         else:
             values["ecmo.roller_l_min"] = case.ecmo.pump.roller_l_min

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from eclsim.patients.case import Case
 
 PLACE = "--set"
-_PATHS = {f"{section}.{item.name}": (section, item.name) for section in SECTIONS for item in SECTIONS[section]}
+_PATHS = {
+    f"{section}.{item.name}": (section, item.name) for section in SECTIONS for item in SECTIONS[section]
+}
 _EXPECTED = "KEY=VALUE, such as ecmo.speed_rpm=3000 or Rmc=0.8"
 
 
