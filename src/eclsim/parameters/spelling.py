@@ -5,6 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 
+# Candidates that are this much less like the word than the best one are not worth naming.
+_SPREAD = 0.12
+
+
 def nearest(word: str, candidates: Iterable[str], count: int = 3) -> tuple[str, ...]:
     """The candidates most like a word, best first; upper and lower case are not told apart.
 
@@ -16,7 +20,7 @@ def nearest(word: str, candidates: Iterable[str], count: int = 3) -> tuple[str, 
     Returns:
         An empty tuple where nothing is near.
     """
-    from difflib import get_close_matches
+    from difflib import SequenceMatcher, get_close_matches
 
     by_lower_case: dict[str, str] = {}
     for candidate in candidates:
@@ -25,7 +29,8 @@ def nearest(word: str, candidates: Iterable[str], count: int = 3) -> tuple[str, 
     if written in by_lower_case:
         return (by_lower_case[written],)
     found = get_close_matches(written, by_lower_case, n=count, cutoff=0.6)
-    return tuple(by_lower_case[name] for name in found)
+    likeness = {name: SequenceMatcher(None, written, name).ratio() for name in found}
+    return tuple(by_lower_case[name] for name in found if likeness[name] > likeness[found[0]] - _SPREAD)
 
 
 def did_you_mean(word: str, candidates: Iterable[str]) -> str | None:

@@ -1,0 +1,106 @@
+"""The application: its commands, and how it starts and stops."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from types import FrameType
+from typing import Annotated, Any
+
+import typer
+
+from eclsim._version import __version__
+from eclsim.cli import devices, parameters, simulate
+from eclsim.cli.messages import fail, say
+
+_HELP = """Simulate a patient's circulation on ECMO, CRRT and LVAD.
+
+Give patients as case files (TOML). Pressures are in mmHg, flows in L/min or mL/s, volumes in mL.
+"""
+_SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
+_STOPPED_BY = {"SIGINT": "stopped by Ctrl-C", "SIGTERM": "stopped by SIGTERM"}
+
+app = typer.Typer(
+    help=_HELP,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings=_SETTINGS,
+)
+app.command("simulate", short_help="Simulate the steady heartbeat of each case.")(simulate.simulate)
+app.add_typer(parameters.app, name="parameters", short_help="List, explain and export parameters.")
+app.command("devices", short_help="List devices and their ranges, or explain one.")(devices.devices)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"eclsim {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and leave."),
+    ] = False,
+) -> None:
+    """Options before the command."""
+
+
+def run(arguments: Sequence[str] | None = None) -> None:
+    """Run a command; always ends in SystemExit, never in a traceback for what a user did."""
+    _stop_cleanly_on_signals()
+    _print_any_character()
+    try:
+        app(args=list(arguments) if arguments is not None else None, prog_name="eclsim")
+    except BrokenPipeError:
+        _silence(sys.stdout)
+        raise SystemExit(1) from None
+    finally:
+        _flush()
+
+
+def _stop_cleanly_on_signals() -> None:
+    """Ctrl-C and SIGTERM unwind the stack, so that temporary files go and finished ones stay."""
+
+    def stop(number: int, _frame: FrameType | None) -> None:
+        say(_STOPPED_BY[signal.Signals(number).name])
+        raise SystemExit(128 + number)
+
+    for name in _STOPPED_BY:
+        try:
+            signal.signal(getattr(signal, name), stop)
+        except ValueError:  # not in the main thread: whoever started the thread handles signals
+            return
+
+
+def _print_any_character() -> None:
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def _flush() -> None:
+    """Write what is left; a reader that is gone (`| head`) is no error, a full disk is."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except BrokenPipeError:
+            _silence(stream)
+        except OSError as error:
+            _silence(stream)
+            fail(f"cannot write: {error.strerror}")
+        except ValueError:
+            continue
+
+
+def _silence(stream: Any) -> None:
+    """Send what a stream still holds nowhere, so that the interpreter's last flush cannot fail."""
+    try:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    except (OSError, ValueError):
+        return

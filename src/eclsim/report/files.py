@@ -1,0 +1,131 @@
+"""Writing results: NetCDF, CSV, figures and JSON. A file appears whole under its name or not at all."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+_FILE_MODE = 0o644
+
+
+def write_json(results: Sequence[xr.Dataset], destination: Path | str) -> None:
+    """Write all cases as one JSON object to a file, or to standard output for "-"."""
+    import json
+
+    from eclsim.report.json import results_object
+
+    text = json.dumps(results_object(results), indent=1, allow_nan=False) + "\n"
+    if destination == "-":
+        sys.stdout.write(text)
+        sys.stdout.flush()
+        return
+    with _whole(Path(destination)) as partial:
+        partial.write_text(text, encoding="utf-8")
+
+
+def write_netcdf(
+    results: Sequence[xr.Dataset], courses: Sequence[xr.Dataset], path: Path, names: Sequence[str] | None
+) -> None:
+    """Write NetCDF: one case at the root, several as groups case1, case2 ...; courses in "transient"."""
+    with _whole(path) as partial:
+        for index, result in enumerate(results):
+            group = f"case{index + 1}" if len(results) > 1 else None
+            mode = "w" if index == 0 else "a"
+            _selected(result, names).to_netcdf(partial, mode=mode, group=group, engine="h5netcdf")
+            if courses:
+                below = f"{group}/transient" if group else "transient"
+                course = _selected(courses[index], names)
+                course.to_netcdf(partial, mode="a", group=below, engine="h5netcdf")
+
+
+def write_csv(
+    results: Sequence[xr.Dataset],
+    courses: Sequence[xr.Dataset],
+    folder: Path,
+    stems: Sequence[str],
+    names: Sequence[str] | None,
+) -> None:
+    """Write outputs.csv, a row per case, and the waveforms and courses of each case; units in the head."""
+    folder.mkdir(exist_ok=True)
+    for index, (result, stem) in enumerate(zip(results, stems, strict=True)):
+        _write_table(_waveform_table(_selected(result, names), "phase"), folder / f"{stem}_waveforms.csv")
+        if courses:
+            table = _waveform_table(_selected(courses[index], names), "time")
+            _write_table(table, folder / f"{stem}_transient.csv")
+    _write_table(_output_table(results), folder / "outputs.csv")
+
+
+def write_figures(results: Sequence[xr.Dataset], folder: Path, stems: Sequence[str]) -> None:
+    """Write an overview of the waveforms, pressure-volume loops and mean flows of each case."""
+    from eclsim.plotting import plot_mean_flows, plot_overview, plot_pressure_volume, save_figure
+
+    folder.mkdir(exist_ok=True)
+    figures: dict[str, Callable[[xr.Dataset], object]] = {
+        "overview": plot_overview,
+        "pressure_volume": lambda result: plot_pressure_volume([result]),
+        "mean_flows": plot_mean_flows,
+    }
+    for result, stem in zip(results, stems, strict=True):
+        for name, plot in figures.items():
+            save_figure(plot(result), folder / f"{stem}_{name}")  # pyright: ignore[reportArgumentType]
+
+
+@contextmanager
+def _whole(path: Path) -> Iterator[Path]:
+    """A temporary file beside the target that takes its name when everything is written."""
+    handle, name = tempfile.mkstemp(prefix=".eclsim-", suffix=path.suffix, dir=path.parent)
+    os.close(handle)
+    partial = Path(name)
+    try:
+        yield partial
+        partial.chmod(_FILE_MODE)
+        partial.replace(path)
+    except BaseException:
+        partial.unlink(missing_ok=True)
+        raise
+
+
+def _selected(result: xr.Dataset, names: Sequence[str] | None) -> xr.Dataset:
+    """All scalars, and of the waveforms those asked for."""
+    if names is None:
+        return result
+    kept = [name for name, variable in result.data_vars.items() if variable.ndim == 0 or name in names]
+    return result[kept]
+
+
+def _headed(result: xr.Dataset, name: str) -> str:
+    unit = result[name].attrs.get("units", "")
+    return f"{name} [{unit}]" if unit else name
+
+
+def _waveform_table(result: xr.Dataset, dimension: str) -> pd.DataFrame:
+    import pandas as pd
+
+    names = [str(name) for name, variable in result.variables.items() if variable.dims == (dimension,)]
+    return pd.DataFrame({_headed(result, name): result[name].to_numpy() for name in names})
+
+
+def _output_table(results: Sequence[xr.Dataset]) -> pd.DataFrame:
+    import pandas as pd
+
+    about = ("id", "converged", "beats", "residual", "blood_volume_policy")
+    rows = []
+    for result in results:
+        row = {name: result.attrs.get(name) for name in about}
+        scalars = [str(name) for name, variable in result.data_vars.items() if variable.ndim == 0]
+        rows.append(row | {_headed(result, name): result[name].item() for name in scalars})
+    return pd.DataFrame(rows)
+
+
+def _write_table(table: pd.DataFrame, path: Path) -> None:
+    with _whole(path) as partial:
+        table.to_csv(partial, index=False, lineterminator="\n")
