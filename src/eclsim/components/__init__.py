@@ -1,0 +1,19 @@
+"""Components: the physics, one law each. `all_storages` and `all_paths` list them for the catalogue of tests."""
+
+from eclsim.components.activation import Activation, AtrialBump, VentricularSystole
+from eclsim.components.base import Path, Storage
+from eclsim.components.cannulae import Cannula
+from eclsim.components.chambers import Atrium, LinearChamber, Ventricle
+from eclsim.components.pumps import RollerPump, RotaryPump
+from eclsim.components.tubing import Tube
+from eclsim.components.valves import HeartValve
+from eclsim.components.vessels import Artery, ElasticVessel, Resistance
+
+all_storages = (ElasticVessel, Atrium, Ventricle, LinearChamber)
+all_paths = (Resistance, Artery, Tube, HeartValve, Cannula, RotaryPump, RollerPump)
+
+__all__ = [
+    "Activation", "Artery", "AtrialBump", "Atrium", "Cannula", "ElasticVessel", "HeartValve", "LinearChamber",
+    "Path", "Resistance", "RollerPump", "RotaryPump", "Storage", "Tube", "Ventricle", "VentricularSystole",
+    "all_paths", "all_storages",
+]  # fmt: skip

@@ -1,0 +1,119 @@
+"""Blood pumps: rotary pumps by their characteristic curve, roller pumps by their flow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+
+from eclsim.components.base import Key, Path, Values, names_in, value_of
+from eclsim.units import ML_S_PER_L_MIN, ML_S_PER_ML_MIN
+
+CURVE = ("a", "R1", "R2", "Rrec", "kinf")
+PERIPHERY = ("L", "Rper", "Lper")
+SMALLEST_DISCRIMINANT = 1e-12
+
+
+@dataclass(frozen=True)
+class RotaryPump(Path):
+    """Centrifugal or axial pump, with or without the inertia and resistance of its graft.
+
+        source o---( P )-->--[ Rper ]---( L + Lper )---o target
+
+        H(Q) = a w^2 - R1 w Q - R2 Q^2 + [Q < kinf w] Rrec (Q - kinf w)^2     w in rpm, Q in L/min, H in mmHg
+        (L + Lper) dQ/dt = dp + H(Q) - Rper Q |Q|     with periphery, else H(Q) = -dp at every moment
+
+    H(Q) is a parabola on each side of kinf w and falls with Q, so a flow under a load is the root of one
+    quadratic.
+
+    Args:
+        speed: w [rpm].
+        prefix: parameter names are prefix + a, R1, R2, Rrec, kinf (and L, Rper, Lper).
+        periphery: True for an LVAD with inlet and outflow graft.
+
+    Units of the constants: a mmHg/rpm^2, R1 mmHg/(rpm L/min), R2, Rrec, Rper mmHg/(L/min)^2, kinf (L/min)/rpm,
+    L, Lper mmHg s^2/L.  Source: Boes et al. 2019 (equation); Thiel et al. (constants).
+    """
+
+    speed: Key
+    prefix: str
+    periphery: bool = False
+
+    @property
+    def inertial(self) -> bool:
+        """With periphery the flow is a state."""
+        return self.periphery
+
+    def parameter_names(self) -> tuple[str, ...]:
+        """Speed and constants of the curve."""
+        names = CURVE + (PERIPHERY if self.periphery else ())
+        return names_in(self.speed) + tuple(self.prefix + name for name in names)
+
+    def constants(self, values: Values) -> Any:
+        """Curve in mmHg and mL/s: shut-off head, slope, two curvatures, kink, periphery, inertance."""
+        per = ML_S_PER_L_MIN
+        speed = value_of(values, self.speed)
+        a, r1, r2, rrec, kinf = (values[self.prefix + name] for name in CURVE)
+        graft, inertia = 0.0, 0.0
+        if self.periphery:
+            graft = values[self.prefix + "Rper"] / per**2
+            inertia = (values[self.prefix + "L"] + values[self.prefix + "Lper"]) / 1000.0
+        return a * speed**2, r1 * speed / per, r2 / per**2, rrec / per**2, kinf * speed * per, graft, inertia
+
+    def inertance(self, constants: Any) -> Any:
+        """L + Lper [mmHg s^2/mL]."""
+        return constants[-1]
+
+    def head(self, flow: Any, constants: Any) -> Any:
+        """Head H [mmHg] of the bare pump at a flow [mL/s]."""
+        shut_off, slope, curvature, recirculation, kink, _, _ = constants
+        below = jnp.minimum(flow - kink, 0.0)
+        return shut_off - slope * flow - curvature * flow**2 + recirculation * below**2
+
+    def pressure_drop(self, flow: Any, constants: Any) -> Any:
+        """Graft's drop minus head [mmHg]: a working pump raises the pressure."""
+        return constants[5] * flow * jnp.abs(flow) - self.head(flow, constants)
+
+    def flow(self, pressure_difference: Any, load: Any, constants: Any) -> Any:
+        """Root of load Q + Rper Q |Q| - H(Q) = dp [mL/s]: the branch is known from dp at Q = kink and Q = 0."""
+        shut_off, slope, curvature, recirculation, kink, graft, _ = constants
+        linear = load + slope
+        push = pressure_difference + shut_off
+        above = push >= (linear + (curvature + graft) * kink) * kink
+        low_push = push + recirculation * kink**2
+        low_linear = linear + 2.0 * recirculation * kink
+        signed_graft = jnp.where(low_push >= 0.0, graft, -graft)
+        quadratic = jnp.where(above, curvature + graft, curvature - recirculation + signed_graft)
+        middle = jnp.where(above, linear, low_linear)
+        drive = jnp.where(above, push, low_push)
+        discriminant = jnp.maximum(middle**2 + 4.0 * quadratic * drive, SMALLEST_DISCRIMINANT)
+        return 2.0 * drive / (middle + jnp.sqrt(discriminant))
+
+
+@dataclass(frozen=True)
+class RollerPump(Path):
+    """Pump that moves a given flow whatever the pressures.
+
+        source o---( O )-->---o target      Q given
+
+    Args:
+        rate: the flow, in `unit`.
+        unit: "ml/min" (CRRT) or "l/min" (ECMO).
+    """
+
+    rate: Key
+    unit: str = "ml/min"
+
+    def parameter_names(self) -> tuple[str, ...]:
+        """The flow."""
+        return names_in(self.rate)
+
+    def constants(self, values: Values) -> Any:
+        """Flow [mL/s]."""
+        rate = value_of(values, self.rate)
+        return rate * (ML_S_PER_ML_MIN if self.unit == "ml/min" else ML_S_PER_L_MIN)
+
+    def flow(self, pressure_difference: Any, load: Any, constants: Any) -> Any:
+        """The given flow [mL/s]."""
+        return constants + 0.0 * pressure_difference

@@ -1,0 +1,120 @@
+"""Labelled results: the steady beat of one model as an xarray Dataset."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from eclsim.circuit.network import Circuit
+from eclsim.haemodynamics.alarms import findings
+from eclsim.haemodynamics.evaluation import evaluation, output_names
+from eclsim.haemodynamics.outputs import output
+from eclsim.haemodynamics.recirculation import recirculated_fraction
+from eclsim.solver.model import AS_PUBLISHED, Model
+from eclsim.solver.orbit import OrbitOptions
+from eclsim.solver.status import Status
+from eclsim.solver.steady import Batch, SteadyBeats, steady_beats
+
+NO_EJECTION_L_MIN = 0.02
+UNITS = {"P": "mmHg", "Q": "mL/s", "V": "mL"}
+WORDS = {"P": "pressure in", "Q": "flow through", "V": "blood volume of"}
+
+
+def simulate(
+    model: Model, policy: str = AS_PUBLISHED, options: OrbitOptions | None = None, resolution: int | None = None
+) -> xr.Dataset:
+    """The steady beat of a model.
+
+    Args:
+        model: circuit and values.
+        policy: blood volume policy, "as_published" or "patient_held".
+        options: accuracy and effort of the orbit solver.
+        resolution: of the phase grid; left out, what the circuit's time constants need.
+
+    Returns:
+        Waveforms over `phase`, scalar outputs, and in the attributes whether and how it converged.
+    """
+    steady = steady_beats(Batch(model.circuit, model.values, 1, policy), options, resolution=resolution)
+    return dataset_of(model, steady)
+
+
+def dataset_of(model: Model, steady: SteadyBeats) -> xr.Dataset:
+    """Dataset of a batch of one."""
+    level = int(steady.resolution[0])
+    names = output_names(model.circuit)
+    run = evaluation(model.circuit, level, names)
+    state = steady.orbits.states[:, 0]
+    packed = steady.batch.packed(run.program)[:, 0]
+    waveforms, values = run.beat(state, packed)
+    outputs = {n: float(v) for n, v in zip(names, np.asarray(values), strict=True)}
+    status, sentence = outcome(steady, outputs)
+    attributes = {
+        "id": model.name,
+        "converged": int(status is Status.CONVERGED),
+        "status": status.name.lower(),
+        "message": sentence,
+        "beats": int(steady.orbits.beats[0]),
+        "residual": float(steady.orbits.residual[0]),
+        "drift_ml_per_beat": float(steady.orbits.drift[0]),
+        "blood_volume_policy": steady.batch.policy,
+        "steps_per_beat": run.program.grid.n_steps,
+        "solver": "semi-implicit",
+    }
+    series = {name: np.asarray(v) for name, v in waveforms.items()}
+    return labelled(model, series, run.program.grid.phases, outputs, attributes)
+
+
+def labelled(
+    model: Model, series: dict[str, np.ndarray], phases: np.ndarray, outputs: dict[str, float], attributes: Any
+) -> xr.Dataset:
+    """Waveforms and outputs with names, units and definitions."""
+    period = 60.0 / model.values["heart_rate_bpm"]
+    phase = xr.DataArray(phases, dims="phase", attrs={"units": "1", "long_name": "phase of the beat"})
+    time = ("phase", phases * period, {"units": "s", "long_name": "time"})
+    data: dict[str, Any] = {}
+    for name, values in series.items():
+        if name in data or np.ndim(values) == 0:
+            continue
+        words = f"{WORDS[name[0]]} {name[1:]}" if "pump" not in name or name[0] != "P" else f"head of {name[1:]}"
+        data[name] = ("phase", values, {"units": UNITS[name[0]], "long_name": words})
+    for name, value in outputs.items():
+        entry = output(name)
+        labels = {"units": entry.unit, "long_name": entry.long_name, "definition": entry.definition}
+        data[name] = ((), value, labels)
+    result = xr.Dataset(data, coords={"phase": phase, "time": time}, attrs=attributes)
+    _add_recirculation(result, model.circuit)
+    extremes = {n: (float(v.min()), float(v.max())) for n, v in series.items()}
+    result.attrs["warnings"] = [f.sentence for f in findings(outputs, extremes)]
+    return result
+
+
+def _add_recirculation(result: xr.Dataset, circuit: Circuit) -> None:
+    fraction = recirculated_fraction(circuit, {c.name: _mean(result, "Q" + c.name) for c in circuit.connections})
+    if fraction is None:
+        return
+    flow = fraction * _mean(result, "Qcrrtpump") * 0.06
+    definition = "share of the access flow that left the return line and did not pass the patient (steady mixing)"
+    result["crrt_recirculated_fraction"] = ((), fraction, {
+        "units": "1", "long_name": "recirculated share of the CRRT flow", "definition": definition,
+    })  # fmt: skip
+    result["crrt_recirculated_flow"] = ((), flow, {
+        "units": "L/min", "long_name": "recirculated CRRT flow", "definition": definition,
+    })  # fmt: skip
+
+
+def _mean(result: xr.Dataset, name: str) -> float:
+    return float(np.trapezoid(result[name].values, result["phase"].values))
+
+
+def outcome(steady: SteadyBeats, outputs: dict[str, float]) -> tuple[Status, str]:
+    """Status and sentence: a heart that does not eject and does not settle is named as such."""
+    status = Status(int(steady.orbits.status[0]))
+    if not all(np.isfinite(v) for v in outputs.values()):
+        status = Status.NOT_FINITE
+    drift = f"residual {steady.orbits.residual[0]:.1e}, drift {steady.orbits.drift[0]:.2g} mL a beat"
+    native = outputs.get("aortic_valve_flow", outputs.get("CO", np.inf))
+    if status is Status.NOT_CONVERGED and native < NO_EJECTION_L_MIN:
+        return Status.NO_EJECTION, f"{Status.NO_EJECTION.message} (native output {native:.3g} L/min, {drift})"
+    return status, status.message if status is Status.CONVERGED else f"{status.message} ({drift})"

@@ -1,0 +1,102 @@
+"""The patient: heart, systemic and pulmonary circulation as two tables.
+
+      +--> la --MV--> lv --AV--> ao ==> sart ==> svn --> ra --TV--> rv --PV--> pas ==> part ==> pvn --+
+      +------------------------------------------------------------------------------------------------+
+      ==> flow with inertia, --> without
+
+Sources: Thiel et al., section 2.2 and Table S-1; Shi et al. 2009 for `shi_hose_circulation`.
+"""
+
+from __future__ import annotations
+
+from eclsim.circuit.network import Circuit, Compartment, Connection, StartPressure, StartVolume
+from eclsim.components import (
+    Artery,
+    AtrialBump,
+    Atrium,
+    ElasticVessel,
+    HeartValve,
+    LinearChamber,
+    Resistance,
+    Ventricle,
+    VentricularSystole,
+)
+
+BLOOD_VOLUME = "total_blood_volume_ml"
+SHI_HOSE_NAMES = {"pas": "pas", "part": "pat", "pvn": "pvn", "ao": "sas", "sart": "sat", "svn": "svn"}
+"""Our name of a vessel and the one in the parameter set of Shi and Hose."""
+
+
+def circulation() -> Circuit:
+    """The cardiovascular system of Thiel et al.: ten compartments, ten connections, 14 states."""
+    compartments = (
+        Compartment("ra", Atrium("Edra", "Emaxra"), start=_share("ra")),
+        Compartment("rv", Ventricle("Emaxrv", "RV_Pd_alpha", "RV_Pd_kappa", "RV_Pd_beta"), start=_share("rv")),
+        _vessel("pas"),
+        _vessel("part"),
+        _vessel("pvn"),
+        Compartment("la", Atrium("Edla", "Emaxla"), start=_share("la")),
+        Compartment("lv", Ventricle("Emaxlv", "LV_Pd_alpha", "LV_Pd_kappa", "LV_Pd_beta"), start=_share("lv")),
+        _vessel("ao"),
+        _vessel("sart"),
+        _vessel("svn"),
+    )
+    connections = (
+        Connection("ra", HeartValve("CQtri"), "ra", "rv"),
+        Connection("rv", HeartValve("CQpa"), "rv", "pas"),
+        Connection("pas", Artery("Rpas", "Lpas"), "pas", "part"),
+        Connection("part", Artery(("Rpart", "Rpmc"), "Lpart"), "part", "pvn"),
+        Connection("pvn", Resistance("Rpvn"), "pvn", "la"),
+        Connection("la", HeartValve("CQmi"), "la", "lv"),
+        Connection("lv", HeartValve("CQao"), "lv", "ao"),
+        Connection("ao", Artery("Rao", "Lao"), "ao", "sart"),
+        Connection("sart", Artery(("Rsart", "Rmc"), "Lsart"), "sart", "svn"),
+        Connection("svn", Resistance("Rsvn"), "svn", "ra"),
+    )
+    return Circuit(compartments, connections)
+
+
+def shi_hose_circulation() -> Circuit:
+    """The circulation of Shi et al. 2009 (CellML): linear chambers with rest volume and pressure.
+
+    A code-verification case (its pulmonary pressure is not that of a healthy adult). Parameters:
+    `eclsim.parameters.shi_hose2009`.
+    """
+    ventricle = VentricularSystole(peak=0.3, end=0.45)
+    atrium = AtrialBump(start=0.92, length=0.09)
+    chambers = {
+        name: Compartment(
+            name,
+            LinearChamber(f"Emin{name}", f"Emax{name}", f"v0{name}", f"p0{name}", timing),
+            start=StartVolume(f"V0{name}"),
+        )
+        for name, timing in {"ra": atrium, "rv": ventricle, "la": atrium, "lv": ventricle}.items()
+    }
+    vessels = {
+        name: Compartment(name, ElasticVessel("C" + key), start=StartPressure("P0" + key))
+        for name, key in SHI_HOSE_NAMES.items()
+    }
+    parts = chambers | vessels
+    order = ("ra", "rv", "pas", "part", "pvn", "la", "lv", "ao", "sart", "svn")
+    connections = (
+        Connection("ra", HeartValve("CQtri"), "ra", "rv"),
+        Connection("rv", HeartValve("CQpa"), "rv", "pas"),
+        Connection("pas", Artery("Rpas", "Lpas"), "pas", "part"),
+        Connection("part", Artery(("Rpat", "Rpar", "Rpcp"), "Lpat"), "part", "pvn"),
+        Connection("pvn", Resistance("Rpvn"), "pvn", "la"),
+        Connection("la", HeartValve("CQmi"), "la", "lv"),
+        Connection("lv", HeartValve("CQao"), "lv", "ao"),
+        Connection("ao", Artery("Rsas", "Lsas"), "ao", "sart"),
+        Connection("sart", Artery(("Rsat", "Rsar", "Rscp"), "Lsat"), "sart", "svn"),
+        Connection("svn", Resistance("Rsvn"), "svn", "ra"),
+    )
+    return Circuit(tuple(parts[name] for name in order), connections)
+
+
+def _share(name: str) -> StartVolume:
+    return StartVolume("volume_fraction_" + name, BLOOD_VOLUME)
+
+
+def _vessel(name: str) -> Compartment:
+    vessel = ElasticVessel("C" + name)
+    return Compartment(name, vessel, start=StartPressure("P0" + name), total_fraction="volume_fraction_" + name)
