@@ -62,7 +62,7 @@ def waveforms_of(case: Case) -> list[str]:
     if case.lvad is not None:
         pumps.append("lvadpump")
     flows_and_pressures = [quantity + name for quantity in "PQ" for name in (*nodes, *pumps)]
-    return flows_and_pressures + ["V" + name for name in PATIENT_SITES]
+    return flows_and_pressures + ["V" + name for name in nodes]
 
 
 def waveforms_to_save(names: str | None, cases: Sequence[Case]) -> list[str] | None:

@@ -85,8 +85,8 @@ def simulate(
     volume_policy: Annotated[
         VolumePolicy,
         typer.Option(
-            help="as_published: the patient's blood fills the circuits; patient_held: the circuits are primed "
-            "and the patient keeps the stressed volume."
+            help="as_published: the patient's blood fills the circuits; patient_held: the circuits are "
+            "primed and the patient keeps the stressed volume."
         ),
     ] = "as_published",
     force: Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")] = False,

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-
 # Candidates that are this much less like the word than the best one are not worth naming.
 _SPREAD = 0.12
 
 
 def nearest(word: str, candidates: Iterable[str], count: int = 3) -> tuple[str, ...]:
     """The candidates most like a word, best first; upper and lower case are not told apart.
+
+    A word that is the beginning of a longer name ("age" of "age_years") means that name.
 
     Args:
         word: What was written.
@@ -28,6 +29,9 @@ def nearest(word: str, candidates: Iterable[str], count: int = 3) -> tuple[str, 
     written = word.strip().lower()[:80]
     if written in by_lower_case:
         return (by_lower_case[written],)
+    begun = [name for name in by_lower_case if written and name.startswith(f"{written}_")]
+    if begun:
+        return tuple(by_lower_case[name] for name in begun[:count])
     found = get_close_matches(written, by_lower_case, n=count, cutoff=0.6)
     likeness = {name: SequenceMatcher(None, written, name).ratio() for name in found}
     return tuple(by_lower_case[name] for name in found if likeness[name] > likeness[found[0]] - _SPREAD)

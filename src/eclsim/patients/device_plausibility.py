@@ -145,7 +145,7 @@ def _check_pump_flow(values: Mapping[str, Any], warnings: list[Mistake]) -> None
 
 
 def _expected_flow(ecmo: Mapping[str, Any], measured: Mapping[str, float]) -> float | None:
-    """Steady flow [L/min] at which the pump's head equals the circuit's pressure drop; None if not known."""
+    """Steady flow [L/min] at which the pump's head equals the circuit's pressure drop, 0 at the least."""
     needed = (
         "pump",
         "speed_rpm",
@@ -164,8 +164,6 @@ def _expected_flow(ecmo: Mapping[str, Any], measured: Mapping[str, float]) -> fl
         return pump.head_mmhg(ecmo["speed_rpm"], flow) - drop - afterload
 
     low, high = 0.0, 15.0
-    if surplus(low) <= 0:
-        return None
     for _ in range(40):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if surplus(middle) > 0 else (low, middle)

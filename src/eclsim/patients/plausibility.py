@@ -17,6 +17,7 @@ from eclsim.patients.mistakes import Mistake, shown
 _BIRTH_DATE = re.compile(r"(19|20)\d\d[-./ ]?\d\d[-./ ]?\d\d|\d{1,2}[-./]\d{1,2}[-./](19|20)?\d\d")
 _RECORD_NUMBER = re.compile(r"\d{6,}")
 _WORD_LIKE = r"[^\W\d_]{2,}(?:['-][^\W\d_]+)*"
+_LONGEST_LOOKED_AT = 100
 _PERSON = re.compile(rf"{_WORD_LIKE},\s*{_WORD_LIKE}|[A-ZÀ-Þ]\w+\s+[A-ZÀ-Þ]\w+|[A-Z]\.\s*[A-ZÀ-Þ]\w+")
 
 
@@ -49,7 +50,7 @@ def looks_identifiable(text: Any) -> bool:
     """Whether an id looks like a name, a birth date or a record number of a hospital."""
     if not isinstance(text, str):
         return False
-    written = text.strip()
+    written = text.strip()[:_LONGEST_LOOKED_AT]
     if re.search(r"@|\b(mrn|born|geb|dob|name)\b", written, re.IGNORECASE):
         return True
     return bool(_BIRTH_DATE.search(written) or _RECORD_NUMBER.search(written) or _PERSON.search(written))
@@ -106,7 +107,7 @@ def _check_arterial_pressures(values: Mapping[str, Any], doubts: Doubts) -> None
         doubts.mistakes.append(Mistake("measurements.MAP", message, shown(mean), "DP <= MAP <= SP"))
     elif systolic is not None and diastolic is not None:
         expected = diastolic + (systolic - diastolic) / 3.0
-        if abs(mean - expected) > max(5.0, 0.2 * (systolic - diastolic)):
+        if abs(mean - expected) > max(8.0, 0.25 * (systolic - diastolic)):
             message = f"far from DP + (SP - DP) / 3 = {expected:.0f} mmHg"
             doubts.warnings.append(Mistake("measurements.MAP", message, shown(mean)))
 

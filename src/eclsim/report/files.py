@@ -110,7 +110,8 @@ def _headed(result: xr.Dataset, name: str) -> str:
 def _waveform_table(result: xr.Dataset, dimension: str) -> pd.DataFrame:
     import pandas as pd
 
-    names = [str(name) for name, variable in result.variables.items() if variable.dims == (dimension,)]
+    variables = (*result.coords, *result.data_vars)
+    names = [str(name) for name in variables if result[name].dims == (dimension,)]
     return pd.DataFrame({_headed(result, name): result[name].to_numpy() for name in names})
 
 
