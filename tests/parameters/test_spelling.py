@@ -1,0 +1,16 @@
+from eclsim.parameters import did_you_mean, nearest
+
+KEYS = ("MAP", "MPAP", "PCWP", "age_years", "speed_rpm")
+
+
+def test_nearest_spellings_best_first():
+    assert nearest("map", KEYS) == ("MAP",)
+    assert nearest("MAPP", KEYS)[0] == "MAP"
+    assert nearest("age", KEYS) == ("age_years",)
+    assert nearest("zzz", KEYS) == ()
+    assert nearest("x" * 100_000, KEYS) == ()
+
+
+def test_in_words():
+    assert did_you_mean("sped_rpm", KEYS) == "speed_rpm"
+    assert did_you_mean("zzz", KEYS) is None
