@@ -9,11 +9,15 @@ import xarray as xr
 
 from eclsim.circuit.network import Circuit
 from eclsim.haemodynamics.alarms import findings
-from eclsim.haemodynamics.evaluation import evaluation, output_names
+from eclsim.haemodynamics.evaluation import output_names
+from eclsim.haemodynamics.measures import Measures
 from eclsim.haemodynamics.outputs import output
 from eclsim.haemodynamics.recirculation import recirculated_fraction
+from eclsim.haemodynamics.signals import unstressed_volume, whole_beat
+from eclsim.solver.beat import beat_program
 from eclsim.solver.model import AS_PUBLISHED, Model
 from eclsim.solver.orbit import OrbitOptions
+from eclsim.solver.recording import all_signals
 from eclsim.solver.status import Status
 from eclsim.solver.steady import Batch, SteadyBeats, steady_beats
 
@@ -42,13 +46,12 @@ def simulate(
 
 def dataset_of(model: Model, steady: SteadyBeats) -> xr.Dataset:
     """Dataset of a batch of one."""
-    level = int(steady.resolution[0])
-    names = output_names(model.circuit)
-    run = evaluation(model.circuit, level, names)
-    state = steady.orbits.states[:, 0]
-    packed = steady.batch.packed(run.program)[:, 0]
-    waveforms, values = run.beat(state, packed)
-    outputs = {n: float(v) for n, v in zip(names, np.asarray(values), strict=True)}
+    program = beat_program(model.circuit, int(steady.resolution[0]))
+    signals = all_signals(program.assembly)
+    _, recorded = program.trace(signals)(steady.orbits.states[:, 0], steady.batch.packed(program)[:, 0])
+    series = dict(zip(signals, whole_beat(np.asarray(recorded)).T, strict=True))
+    measures = Measures(series, program.grid.phases)
+    outputs = {n: float(output(n).compute(measures)) for n in output_names(model.circuit)}
     status, sentence = outcome(steady, outputs)
     attributes = {
         "id": model.name,
@@ -59,11 +62,10 @@ def dataset_of(model: Model, steady: SteadyBeats) -> xr.Dataset:
         "residual": float(steady.orbits.residual[0]),
         "drift_ml_per_beat": float(steady.orbits.drift[0]),
         "blood_volume_policy": steady.batch.policy,
-        "steps_per_beat": run.program.grid.n_steps,
+        "steps_per_beat": program.grid.n_steps,
         "solver": "semi-implicit",
     }
-    series = {name: np.asarray(v) for name, v in waveforms.items()}
-    return labelled(model, series, run.program.grid.phases, outputs, attributes)
+    return labelled(model, series, program.grid.phases, outputs, attributes)
 
 
 def labelled(
@@ -75,10 +77,9 @@ def labelled(
     time = ("phase", phases * period, {"units": "s", "long_name": "time"})
     data: dict[str, Any] = {}
     for name, values in series.items():
-        if name in data or np.ndim(values) == 0:
-            continue
         words = f"{WORDS[name[0]]} {name[1:]}" if "pump" not in name or name[0] != "P" else f"head of {name[1:]}"
-        data[name] = ("phase", values, {"units": UNITS[name[0]], "long_name": words})
+        shift = unstressed_volume(model.circuit, name[1:], model.values) if name[0] == "V" else 0.0
+        data[name] = ("phase", values + shift, {"units": UNITS[name[0]], "long_name": words})
     for name, value in outputs.items():
         entry = output(name)
         labels = {"units": entry.unit, "long_name": entry.long_name, "definition": entry.definition}

@@ -6,29 +6,32 @@ jump when a parameter moves the peak from one grid point to the next.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
+
+from eclsim.haemodynamics.dual import Dual
+
+SMALLEST_VOLUME = 1e-6
+"""Divisor [mL] in place of a volume that is zero or less."""
 
 
 class Measures:
     """The waveforms of a beat and what is measured on them.
 
+    A waveform is an array (points[, patients]) over a whole beat, first and last point the same phase, or a
+    `Dual` of such arrays: then every measure carries its derivatives.
+
     Args:
-        waveforms: arrays (points[, patients]) over a whole beat, first and last point the same phase.
+        waveforms: by name; pressures [mmHg], flows [mL/s], volumes [mL].
         phases: grid points from 0 to 1, shape (points,).
-        values: parameters.
     """
 
-    def __init__(self, waveforms: dict[str, Any], phases: np.ndarray, values: Any):
+    def __init__(self, waveforms: Mapping[str, Any], phases: np.ndarray):
         self.waveforms = waveforms
-        self.values = values
         self._phases = phases
-
-    def __contains__(self, name: str) -> bool:
-        return name in self.waveforms
 
     @cached_property
     def _weights(self) -> np.ndarray:
@@ -37,37 +40,79 @@ class Measures:
 
     def mean(self, name: str) -> Any:
         """Mean over the beat (trapezoidal rule)."""
-        return jnp.tensordot(self._weights, self.waveforms[name], axes=(0, 0))
+        return self._linear(self.waveforms[name], lambda series: np.tensordot(series, self._weights, axes=(-1, 0)))
 
     def maximum(self, name: str) -> Any:
         """Largest value over the beat."""
-        return _peak(self.waveforms[name], self._phases)
+        return self._peak(self.waveforms[name])
 
     def minimum(self, name: str) -> Any:
         """Smallest value over the beat."""
-        return -_peak(-self.waveforms[name], self._phases)
+        return -self._peak(_negative(self.waveforms[name]))
+
+    def largest_ratio(self, above: str, below: str) -> Any:
+        """Largest quotient of two waveforms, such as P / V."""
+        top, bottom = self.waveforms[above], self.waveforms[below]
+        ratio = _value(top) / np.maximum(_value(bottom), SMALLEST_VOLUME)
+        index = np.argmax(ratio, axis=0)[None]
+        return _take(top, index) / _take(bottom, index)
 
     def at_maximum(self, name: str, of: str) -> Any:
         """Value of one waveform where another is largest."""
-        index = jnp.argmax(self.waveforms[of], axis=0, keepdims=True)
-        return jnp.take_along_axis(self.waveforms[name], index, axis=0)[0]
+        return _take(self.waveforms[name], np.argmax(_value(self.waveforms[of]), axis=0)[None])
 
     def loop_area(self, pressure: str, volume: str) -> Any:
         """Work [mmHg mL] that a chamber does on its blood in a beat, -(loop integral of P dV)."""
         p, v = self.waveforms[pressure], self.waveforms[volume]
-        return -jnp.sum(0.5 * (p[1:] + p[:-1]) * (v[1:] - v[:-1]), axis=0)
+        middle = self._linear(p, lambda s: 0.5 * (s[..., 1:] + s[..., :-1]), keep=True)
+        change = self._linear(v, lambda s: s[..., :-1] - s[..., 1:], keep=True)
+        return self._linear(middle * change, lambda s: s.sum(axis=-1), moved=True)
+
+    def _linear(self, series: Any, function: Any, keep: bool = False, moved: bool = False) -> Any:
+        """Apply a linear function along the points, which it finds on the last axis."""
+
+        def one(array: np.ndarray, axis: int) -> np.ndarray:
+            found = function(array if moved else np.moveaxis(array, axis, -1))
+            return found if keep or moved else np.asarray(found)
+
+        if isinstance(series, Dual):
+            return Dual(one(series.value, 0), one(series.tangent, 1))
+        return one(series, 0)
+
+    def _peak(self, series: Any) -> Any:
+        """Top of the parabola through the largest point and its two neighbours; the beat is periodic."""
+        values = _value(series)
+        points = len(values) - 1
+        top = np.argmax(values[:points], axis=0)
+        widths = np.diff(self._phases)
+        before, after = widths[(top - 1) % points], widths[top]
+        left, peak, right = (_take(series, ((top + k) % points)[None]) for k in (-1, 0, 1))
+        rise, fall = (peak - left) / before, (peak - right) / after
+        curvature = (rise + fall) / (before + after)
+        slope = (rise * after - fall * before) / (before + after)
+        flat = _value(curvature) <= 1e-9 * (1.0 + np.abs(_value(peak)))
+        bent = 0.25 * slope**2 / _where(flat, 1.0, curvature)
+        return peak + _where(flat, 0.0, bent)
 
 
-def _peak(series: Any, phases: np.ndarray) -> Any:
-    """Top of the parabola through the largest point and its two neighbours; the beat is periodic."""
-    points = series.shape[0] - 1
-    top = jnp.argmax(series[:points], axis=0)
-    widths = jnp.asarray(np.diff(phases))
-    before, after = widths[(top - 1) % points], widths[top]
-    take = lambda k: jnp.take_along_axis(series, ((top + k) % points)[None], axis=0)[0]  # noqa: E731
-    left, peak, right = take(-1), take(0), take(1)
-    rise, fall = (peak - left) / before, (peak - right) / after
-    curvature = (rise + fall) / (before + after)
-    slope = (rise * after - fall * before) / (before + after)
-    flat = curvature <= 1e-12 * (1.0 + jnp.abs(peak))
-    return jnp.where(flat, peak, peak + 0.25 * slope**2 / jnp.where(flat, 1.0, curvature))
+def _value(x: Any) -> np.ndarray:
+    return x.value if isinstance(x, Dual) else x
+
+
+def _negative(x: Any) -> Any:
+    return -x
+
+
+def _take(series: Any, index: np.ndarray) -> Any:
+    """Value of each patient at an index (1[, patients]) along the points."""
+    if isinstance(series, Dual):
+        wide = np.broadcast_to(index[None], (series.tangent.shape[0], *index.shape))
+        tangent = np.take_along_axis(series.tangent, wide, axis=1)[:, 0]
+        return Dual(np.take_along_axis(series.value, index, axis=0)[0], tangent)
+    return np.take_along_axis(series, index, axis=0)[0]
+
+
+def _where(condition: np.ndarray, constant: float, other: Any) -> Any:
+    if isinstance(other, Dual):
+        return Dual(np.where(condition, constant, other.value), np.where(condition, 0.0, other.tangent))
+    return np.where(condition, constant, other)

@@ -26,6 +26,7 @@ from eclsim.circuit.assembly import Assembly, Constants, assemble
 from eclsim.circuit.network import Circuit
 from eclsim.solver.grid import STEPS_PER_BLOCK, PhaseGrid
 from eclsim.solver.kernel import as_single_kernel
+from eclsim.solver.recording import Recorder
 
 GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
 HEART_RATE = "heart_rate_bpm"
@@ -63,35 +64,30 @@ class BeatProgram:
         """Compiled map (state, parameters) -> state after one beat."""
         return jax.jit(as_single_kernel(lambda state, packed: self.run(state, packed)[0]))
 
-    @cached_property
-    def trace(self) -> Any:
-        """Compiled map (state, parameters) -> state after one beat, volumes and flows at the grid points.
+    def trace(self, signals: tuple[str, ...]) -> Any:
+        """Compiled map (state, parameters) -> state after one beat, signals at the end of every step.
 
-        Shapes (steps + 1, compartments[, patients]) and (steps + 1, connections[, patients]).
+        Signals are named as in `Recorder`; their array has shape (steps, signals[, patients]).
         """
-        return jax.jit(as_single_kernel(lambda state, packed: self.run(state, packed, record=True)))
+        return _trace(self, signals)
 
-    def run(self, state: Any, packed: Any, record: bool = False) -> Any:
-        """Uncompiled beat, for use inside other compiled functions."""
+    def run(self, state: Any, packed: Any, signals: tuple[str, ...] = ()) -> Any:
+        """Uncompiled beat, for use inside other compiled functions: state after it, signals."""
         values = dict(zip(self.names, packed, strict=True))
         constants = self.assembly.constants(values)
         period = 60.0 / values[HEART_RATE]
-        volumes, flows = self._start(state, constants, period)
+        recorder = Recorder(self.assembly, signals)
 
         def block(carry: Any, inputs: Any) -> Any:
             length, activations = inputs
             steps = self._step_constants(GAMMA * period * length, constants)
-            step = lambda c, a: self._step(c, a, steps, constants, record)  # noqa: E731  (closure of one scan)
+            step = lambda c, a: self._step(c, a, steps, constants, recorder)  # noqa: E731  (closure of one scan)
             return jax.lax.scan(step, carry, activations)
 
         tables = (jnp.asarray(self.grid.block_steps), jnp.asarray(self._activation_table()))
-        (volumes_end, flows_end), record_of = jax.lax.scan(block, (volumes, flows), tables)
-        end = jnp.stack([*volumes_end, *(flows_end[j] for j in self.assembly.inertial)])
-        if not record:
-            return end, None
-        series = [r.reshape(self.grid.n_steps, *r.shape[2:]) for r in record_of]
-        first = (jnp.stack(volumes), jnp.stack(flows))
-        return end, *(jnp.concatenate([f[None], s]) for f, s in zip(first, series, strict=True))
+        (volumes, flows), recorded = jax.lax.scan(block, self._start(state, constants, period), tables)
+        end = jnp.stack([*volumes, *(flows[j] for j in self.assembly.inertial)])
+        return end, recorded.reshape(self.grid.n_steps, *recorded.shape[2:])
 
     def _activation_table(self) -> np.ndarray:
         """Activations at both stages of every step, shape (blocks, steps, 2, curves)."""
@@ -143,7 +139,7 @@ class BeatProgram:
             conductance.append(1.0 / (total + law.resistance(path)) if law.linear else None)
         return StepConstants(weight, tuple(loads), tuple(inertia), tuple(fixed_load), tuple(conductance))
 
-    def _step(self, carry: Any, activations: Any, steps: StepConstants, constants: Constants, record: bool) -> Any:
+    def _step(self, carry: Any, activations: Any, steps: StepConstants, constants: Constants, recorder: Recorder) -> Any:
         """One step: stage 1 at gamma h from the start, stage 2 at h from start + (1 - gamma) h f(stage 1)."""
         volumes, flows = carry
         middle_v, middle_q = self._stage(volumes, flows, flows, activations[0], steps, constants)
@@ -151,7 +147,7 @@ class BeatProgram:
         base_v = [a + ratio * (b - a) for a, b in zip(volumes, middle_v, strict=True)]
         base_q = [a + ratio * (b - a) for a, b in zip(flows, middle_q, strict=True)]
         end = self._stage(base_v, base_q, middle_q, activations[1], steps, constants)
-        return end, (jnp.stack(end[0]), jnp.stack(end[1])) if record else None
+        return end, recorder.pick(*end, activations[1], constants)
 
     def _stage(
         self, base_v: Any, base_q: Any, guess: Any, activations: Any, steps: StepConstants, constants: Constants
@@ -218,3 +214,8 @@ class BeatProgram:
 def beat_program(circuit: Circuit, resolution: int = 1) -> BeatProgram:
     """The beat of a circuit on the grid of that resolution; compiled on first use and kept."""
     return BeatProgram(assemble(circuit), PhaseGrid(resolution))
+
+
+@lru_cache(maxsize=256)
+def _trace(program: BeatProgram, signals: tuple[str, ...]) -> Any:
+    return jax.jit(as_single_kernel(lambda state, packed: program.run(state, packed, signals)))

@@ -15,8 +15,11 @@ from typing import Any
 
 import numpy as np
 
+from eclsim.solver.recording import all_signals
+
 LANES = 64
-FEW = 8
+FEW = 256
+"""Up to so many patients the program for one patient is quicker, since the one for many takes seconds to compile."""
 
 
 def threads() -> int:
@@ -39,14 +42,15 @@ def map_parallel(function: Callable[[Any], Any], jobs: list[Any]) -> list[Any]:
     return list(_pool(threads()).map(function, jobs))
 
 
-def run_lanes(program: Any, states: np.ndarray, packed: np.ndarray) -> np.ndarray:
-    """One beat of every patient, shape (states, patients)."""
+def run_lanes(program: Any, states: np.ndarray, packed: np.ndarray, wide: bool) -> np.ndarray:
+    """One beat of every patient, shape (states, patients); `wide` takes the program for many."""
     count = states.shape[1]
-    if count <= FEW:
-        single = [np.asarray(program.beat(states[:, i], packed[:, i])) for i in range(count)]
+    if not wide:
+        step = program.trace(all_signals(program.assembly))
+        single = [np.asarray(step(states[:, i], packed[:, i])[0]) for i in range(count)]
         return np.stack(single, axis=1) if single else states.copy()
     parts = []
     for first in range(0, count, LANES):
-        wide = np.arange(first, first + LANES).clip(max=count - 1)
-        parts.append(np.asarray(program.beat(states[:, wide], packed[:, wide]))[:, : count - first])
+        lanes = np.arange(first, first + LANES).clip(max=count - 1)
+        parts.append(np.asarray(program.beat(states[:, lanes], packed[:, lanes]))[:, : count - first])
     return np.concatenate(parts, axis=1)

@@ -16,6 +16,7 @@ import numpy as np
 
 from eclsim.solver.beat import BeatProgram
 from eclsim.solver.broyden import InverseJacobian
+from eclsim.solver.lanes import run_lanes
 from eclsim.solver.status import Status
 
 FLOW_SCALE = 10.0
@@ -92,10 +93,11 @@ def scales(program: BeatProgram) -> np.ndarray:
 
 
 class OrbitProblem:
-    """F and its norms for the patients of a batch."""
+    """F and its norms for the patients of a batch; `wide` runs them with the program for many patients."""
 
-    def __init__(self, program: BeatProgram, packed: np.ndarray, volume: Volume):
+    def __init__(self, program: BeatProgram, packed: np.ndarray, volume: Volume, wide: bool = False):
         self.program = program
+        self.wide = wide
         self.packed = packed
         self.volume = volume
         self.scale = scales(program)[:, None]
@@ -104,13 +106,12 @@ class OrbitProblem:
 
     def take(self, chosen: Any) -> OrbitProblem:
         """The same problem for some of the patients."""
-        return OrbitProblem(
-            self.program, self.packed[:, chosen], Volume(self.volume.weights, self.volume.target[chosen])
-        )
+        volume = Volume(self.volume.weights, self.volume.target[chosen])
+        return OrbitProblem(self.program, self.packed[:, chosen], volume, self.wide)
 
     def beat(self, states: np.ndarray) -> np.ndarray:
         """State after one beat, shape (states, patients)."""
-        return beats_of(self.program, states, self.packed)
+        return run_lanes(self.program, states, self.packed, self.wide)
 
     def residual(self, states: np.ndarray, after: np.ndarray) -> np.ndarray:
         """F in scaled states."""
@@ -122,13 +123,6 @@ class OrbitProblem:
         excess = np.abs(self.volume.weights @ states - self.volume.target) / np.maximum(self.volume.target, 1.0)
         change = np.max(np.abs(states - after) / np.maximum(np.abs(states), 1.0), axis=0)
         return np.maximum(change, excess)
-
-
-def beats_of(program: BeatProgram, states: np.ndarray, packed: np.ndarray) -> np.ndarray:
-    """One beat of every patient: alone for a few, in lanes of `LANES` for many."""
-    from eclsim.solver.lanes import run_lanes
-
-    return run_lanes(program, states, packed)
 
 
 def solve_orbits(problem: OrbitProblem, anchor: Anchor, options: OrbitOptions) -> Orbits:

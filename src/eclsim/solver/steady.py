@@ -12,7 +12,7 @@ import numpy as np
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
 from eclsim.solver.beat import BeatProgram, beat_program
-from eclsim.solver.lanes import LANES, map_parallel, threads
+from eclsim.solver.lanes import FEW, LANES, map_parallel, threads
 from eclsim.solver.model import AS_PUBLISHED, POLICIES, Model, nominal_values
 from eclsim.solver.orbit import (
     Anchor,
@@ -105,9 +105,10 @@ def _solve_level(
     batch: Batch, level: int, members: np.ndarray, options: OrbitOptions, near: Values | None, found: Orbits
 ) -> None:
     program = beat_program(batch.circuit, level)
-    problem = OrbitProblem(program, batch.packed(program), batch.volume())
+    wide = len(members) > FEW
+    problem = OrbitProblem(program, batch.packed(program), batch.volume(), wide)
     start = anchor(batch, level, near)
-    parts = np.array_split(members, max(1, min(threads(), len(members) // LANES)))
+    parts = np.array_split(members, max(1, min(threads(), len(members) // (LANES if wide else 4))))
     solved = map_parallel(lambda part: solve_orbits(problem.take(part), start, options), list(parts))
     for part, orbits in zip(parts, solved, strict=True):
         found.states[:, part] = orbits.states
