@@ -31,7 +31,7 @@ $(STAMPS)/core: $(STAMPS)/venv $(INPUTS)
 	@touch $@
 
 $(STAMPS)/dev: $(STAMPS)/core
-	$(INSTALL) --editable '.[dev,dask,bayes,app]'
+	$(INSTALL) --editable '.[dev]'
 	@touch $@
 
 $(STAMPS)/docs: $(STAMPS)/core

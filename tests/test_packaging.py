@@ -2,15 +2,19 @@
 
 import importlib
 import re
+import sys
 import tomllib
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
 
 import eclsim
+from architecture_checker import read_imports
 
 REPOSITORY = Path(__file__).parents[1]
 PROJECT = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+LOADED_BY_NAME = {"h5netcdf", "h5py"}  # xarray's NetCDF engine and what that reads with
 
 
 def distribution(requirement: str) -> str:
@@ -22,6 +26,33 @@ def distribution(requirement: str) -> str:
 def requirements() -> set[str]:
     groups = [PROJECT["dependencies"], *PROJECT["optional-dependencies"].values()]
     return {distribution(requirement) for group in groups for requirement in group}
+
+
+def distributions_imported() -> dict[str, set[str]]:
+    """Third-party modules that the package imports, with the distributions they come from."""
+    modules = {one.module.partition(".")[0] for one in read_imports(REPOSITORY / "src")}
+    owners = packages_distributions()
+    return {
+        module: {distribution(owner) for owner in owners.get(module, ())}
+        for module in modules - sys.stdlib_module_names - {"eclsim"}
+    }
+
+
+def needed_at_run_time() -> set[str]:
+    extras = [
+        group for name, group in PROJECT["optional-dependencies"].items() if name not in {"dev", "docs"}
+    ]
+    return {distribution(one) for group in [PROJECT["dependencies"], *extras] for one in group}
+
+
+def test_every_import_is_declared():
+    declared = needed_at_run_time()
+    assert [module for module, owners in distributions_imported().items() if not owners & declared] == []
+
+
+def test_every_declared_dependency_is_imported():
+    imported = set().union(*distributions_imported().values())
+    assert needed_at_run_time() - imported - LOADED_BY_NAME == set()
 
 
 def test_every_dependency_has_a_locked_version():
