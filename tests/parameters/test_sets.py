@@ -4,7 +4,12 @@ from eclsim.parameters import UnknownParameterError, all_parameters, default, fi
 from eclsim.parameters.identification import BOUNDS
 
 EVERY_PARAMETER = [*thiel2025.PARAMETERS.values(), *shi_hose2009.PARAMETERS.values()]
-TABLE_S1 = ["etaB", "rhoB", "Rao", "Rsart", "Rmc", "Rsvn", "Rpas", "Rpart", "Rpmc", "Rpvn", "Cao", "Csart", "Csvn", "Cpas", "Cpart", "Cpvn", "Lao", "Lsart", "Lpas", "Lpart", "CQtri", "CQpa", "CQmi", "CQao", "Emaxra", "Edra", "Emaxrv", "RV_Pd_beta", "RV_Pd_kappa", "RV_Pd_alpha", "Emaxla", "Edla", "Emaxlv", "LV_Pd_beta", "LV_Pd_kappa", "LV_Pd_alpha"]
+TABLE_S1 = [
+    *("etaB", "rhoB", "Rao", "Rsart", "Rmc", "Rsvn", "Rpas", "Rpart", "Rpmc", "Rpvn"),
+    *("Cao", "Csart", "Csvn", "Cpas", "Cpart", "Cpvn", "Lao", "Lsart", "Lpas", "Lpart"),
+    *("CQtri", "CQpa", "CQmi", "CQao", "Emaxra", "Edra", "Emaxrv", "RV_Pd_beta", "RV_Pd_kappa", "RV_Pd_alpha"),
+    *("Emaxla", "Edla", "Emaxlv", "LV_Pd_beta", "LV_Pd_kappa", "LV_Pd_alpha"),
+]
 
 
 @pytest.mark.parametrize("parameter", EVERY_PARAMETER, ids=lambda parameter: parameter.key)

@@ -74,4 +74,4 @@ def test_the_command_line_wins_over_the_file_and_says_so(tmp_path):
     reading = read_case(file, ["Rmc=0.8", "Csart=1", "Rmc=0.9"])
     assert reading.case.parameters == {"Rmc": 0.9, "Csart": 1.0}
     (note,) = [note for note in reading.notes if note.file == "--set"]
-    assert str(note) == "--set: parameters.Rmc = 0.9: wins over 0.5 of the file"
+    assert str(note) == f"--set: parameters.Rmc = 0.9: wins over 0.5 of {file}"

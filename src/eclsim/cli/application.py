@@ -60,6 +60,9 @@ def run(arguments: Sequence[str] | None = None) -> None:
     except BrokenPipeError:
         _silence(sys.stdout)
         raise SystemExit(1) from None
+    except OSError as error:
+        _silence(sys.stdout)
+        fail(f"{error.filename or 'standard output'}: {error.strerror or error}")
     finally:
         _flush()
 

@@ -98,14 +98,15 @@ def simulate(
     from eclsim.cli import cases, destinations
 
     readings = cases.read_all(case_files, settings or [])
-    names = cases.waveforms_to_save(save, [reading.case for reading in readings])
+    read = [reading.case for reading in readings]
+    names = cases.waveforms_to_save(save, read)
     wanted = destinations.Request(json_file, out, figures, csv, force, transient)
-    planned = destinations.plan(wanted, case_files, [reading.case.patient.id for reading in readings])
+    planned = destinations.plan(wanted, case_files, [case.patient.id for case in read])
     options = Options(solver, volume_policy, transient)
-    results = _compute_all([reading.case for reading in readings], options)
-    courses = [_compute_course(reading.case, options) for reading in readings] if transient else []
-    _write(planned, results, courses, names)
-    _warn_about_labels(readings, results)
+    results = _compute_all(read, options)
+    courses = [_compute_course(case, options) for case in read] if transient else []
+    _write(planned, read, results, courses, names)
+    _say_doubts(readings, results)
     if any(not bool(result.attrs["converged"]) for result in results):
         from eclsim.cli.messages import SOME_DID_NOT_CONVERGE
 
@@ -139,7 +140,11 @@ def _compute_all(cases: list[Case], options: Options) -> list[xr.Dataset]:
 
 
 def _write(
-    planned: Destinations, results: list[xr.Dataset], courses: list[xr.Dataset], names: list[str] | None
+    planned: Destinations,
+    cases: list[Case],
+    results: list[xr.Dataset],
+    courses: list[xr.Dataset],
+    names: list[str] | None,
 ) -> None:
     from eclsim.cli.messages import fail
     from eclsim.report import files, summary
@@ -150,7 +155,7 @@ def _write(
         if planned.csv is not None:
             files.write_csv(results, courses, planned.csv, planned.stems, names)
         if planned.figures is not None:
-            files.write_figures(results, planned.figures, planned.stems)
+            files.write_figures(cases, results, planned.figures, planned.stems)
         if planned.json is not None:
             files.write_json(results, planned.json)
     except BrokenPipeError:
@@ -161,16 +166,16 @@ def _write(
         summary.show(results)
 
 
-def _warn_about_labels(readings: list[CaseReading], results: list[xr.Dataset]) -> None:
-    """Flows that the pump turned out to give, against the oxygenator's label; collapse and the like."""
+def _say_doubts(readings: list[CaseReading], results: list[xr.Dataset]) -> None:
+    """What did not converge, limits that a beat breaks, and flows outside the oxygenator's label."""
     from eclsim.cli.messages import warn
     from eclsim.parameters.devices import OXYGENATORS
 
     for reading, result in zip(readings, results, strict=True):
-        if not bool(result.attrs["converged"]):
-            warn([f"{reading.file}: not converged: {result.attrs.get('message', '')}"])
-        if reading.case.ecmo is None or "PF" not in result:
-            continue
-        said = OXYGENATORS[reading.case.ecmo.oxygenator].label_warning(float(result["PF"]))
-        if said:
-            warn([f"{reading.file}: ECMO flow {said}"])
+        said = [*result.attrs.get("warnings", ())]
+        if not result.attrs["converged"]:
+            said.insert(0, f"not converged: {result.attrs.get('message', '')}")
+        if reading.case.ecmo is not None and "PF" in result:
+            label = OXYGENATORS[reading.case.ecmo.oxygenator].label_warning(float(result["PF"]))
+            said += [f"ECMO flow of {label}"] if label else []
+        warn(f"{reading.file}: {sentence}" for sentence in said)

@@ -133,7 +133,7 @@ class Oxygenator:
 
 @dataclass(frozen=True, slots=True)
 class Dialyzer:
-    """A CRRT filter: priming volume [mL] and what its resistance rests on."""
+    """A CRRT filter: resistance [mmHg s/mL], priming volume [mL] and what they rest on."""
 
     key: str
     resistance: float

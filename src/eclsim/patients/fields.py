@@ -77,6 +77,9 @@ class Field:
     @property
     def allowed(self) -> str:
         """What is allowed, in words."""
+        if self.unit == "Fr":
+            spans = (f"{key} {c.sizes_fr[0]} to {c.sizes_fr[-1]} Fr" for key, c in CANNULAE.items())
+            return ", ".join(spans)
         if self.kind == "number":
             return f"{self.minimum:g} to {self.maximum:g} {self.unit}"
         if self.kind == "pump" and "Rotaflow" in self.names:

@@ -55,7 +55,7 @@ def read_case(path: str | os.PathLike[str], settings: Iterable[str] = ()) -> Cas
     settings = list(settings)
     text = _text_of(file)
     raw = _parse(text, file)
-    merged, notes = merge_settings(raw, settings)
+    merged, notes = merge_settings(raw, settings, file)
     set_keys = {f"{section}.{key}" for section, key in parse_settings(settings)}
     reading = _checked(merged, file, lines_of_keys(text), set_keys)
     return CaseReading(reading.case, reading.warnings, (*reading.notes, *notes), file)
@@ -91,9 +91,10 @@ def _checked(raw: Any, file: str, lines: Mapping[str, int], set_keys: set[str]) 
 
 
 def _placed(mistake: Mistake, file: str, lines: Mapping[str, int], set_keys: set[str]) -> Mistake:
-    if mistake.key in set_keys:
-        return mistake.at(PLACE, None)
     section = mistake.key.partition(".")[0]
+    only_set = section not in lines and any(key.startswith(f"{section}.") for key in set_keys)
+    if mistake.key in set_keys or only_set:
+        return mistake.at(PLACE, None)
     return mistake.at(file, lines.get(mistake.key) or lines.get(section))
 
 

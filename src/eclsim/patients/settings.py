@@ -42,8 +42,10 @@ def parse_settings(settings: Iterable[str]) -> dict[tuple[str, str], Any]:
     return found
 
 
-def merge_settings(raw: dict[str, Any], settings: Iterable[str]) -> tuple[dict[str, Any], list[Mistake]]:
-    """A case as mappings with settings put in, and a note for each value of the file that gives way."""
+def merge_settings(
+    raw: dict[str, Any], settings: Iterable[str], file: str = "the case"
+) -> tuple[dict[str, Any], list[Mistake]]:
+    """A case as mappings with settings put in, and a note for each value of its file that gives way."""
     merged = {key: dict(value) if isinstance(value, dict) else value for key, value in raw.items()}
     notes = []
     for (section, key), value in parse_settings(settings).items():
@@ -51,7 +53,7 @@ def merge_settings(raw: dict[str, Any], settings: Iterable[str]) -> tuple[dict[s
         if not isinstance(target, dict):
             continue
         if key in target and target[key] != value:
-            message = f"wins over {shown(target[key])} of the file"
+            message = f"wins over {shown(target[key])} of {file}"
             notes.append(Mistake(f"{section}.{key}", message, shown(value), file=PLACE))
         target[key] = value
     return merged, notes

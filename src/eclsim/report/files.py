@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
+
+    from eclsim.patients import Case
 
 _FILE_MODE = 0o644
 
@@ -40,10 +42,10 @@ def write_netcdf(
         for index, result in enumerate(results):
             group = f"case{index + 1}" if len(results) > 1 else None
             mode = "w" if index == 0 else "a"
-            _selected(result, names).to_netcdf(partial, mode=mode, group=group, engine="h5netcdf")
+            _storable(_selected(result, names)).to_netcdf(partial, mode=mode, group=group, engine="h5netcdf")
             if courses:
                 below = f"{group}/transient" if group else "transient"
-                course = _selected(courses[index], names)
+                course = _storable(_selected(courses[index], names))
                 course.to_netcdf(partial, mode="a", group=below, engine="h5netcdf")
 
 
@@ -64,19 +66,19 @@ def write_csv(
     _write_table(_output_table(results), folder / "outputs.csv")
 
 
-def write_figures(results: Sequence[xr.Dataset], folder: Path, stems: Sequence[str]) -> None:
-    """Write an overview of the waveforms, pressure-volume loops and mean flows of each case."""
-    from eclsim.plotting import plot_mean_flows, plot_overview, plot_pressure_volume, save_figure
+def write_figures(
+    cases: Sequence[Case], results: Sequence[xr.Dataset], folder: Path, stems: Sequence[str]
+) -> None:
+    """Write all figures of each case; their names begin with the case's stem."""
+    from eclsim.plotting.figures import file_name, write_case_figures
+    from eclsim.solver.model import model_of
 
     folder.mkdir(exist_ok=True)
-    figures: dict[str, Callable[[xr.Dataset], object]] = {
-        "overview": plot_overview,
-        "pressure_volume": lambda result: plot_pressure_volume([result]),
-        "mean_flows": plot_mean_flows,
-    }
-    for result, stem in zip(results, stems, strict=True):
-        for name, plot in figures.items():
-            save_figure(plot(result), folder / f"{stem}_{name}")  # pyright: ignore[reportArgumentType]
+    for case, result, stem in zip(cases, results, stems, strict=True):
+        own_stem = file_name(str(result.attrs["id"]))
+        with tempfile.TemporaryDirectory(prefix=".eclsim-", dir=folder) as scratch:
+            for path in write_case_figures(model_of(case).circuit, result, scratch):
+                path.replace(folder / (stem + path.name.removeprefix(own_stem)))
 
 
 @contextmanager
@@ -100,6 +102,12 @@ def _selected(result: xr.Dataset, names: Sequence[str] | None) -> xr.Dataset:
         return result
     kept = [name for name, variable in result.data_vars.items() if variable.ndim == 0 or name in names]
     return result[kept]
+
+
+def _storable(result: xr.Dataset) -> xr.Dataset:
+    """The same with lists of sentences as text, a line each: NetCDF holds no empty list."""
+    lists = {name: "\n".join(value) for name, value in result.attrs.items() if isinstance(value, list)}
+    return result.assign_attrs(lists)
 
 
 def _headed(result: xr.Dataset, name: str) -> str:

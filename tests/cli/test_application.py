@@ -1,0 +1,113 @@
+"""The command as a process: start-up, help, misspelt names, signals, closed pipes."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from eclsim import __version__
+
+ECLSIM = [sys.executable, "-m", "eclsim.cli"]
+HEAVY = ("jax", "xarray", "pandas", "scipy", "matplotlib", "numpy")
+
+
+@pytest.mark.parametrize(
+    ("written", "meant"),
+    [(["simulat"], "simulate"), (["parametres"], "parameters"), (["simulate", "--forc", "x"], "--force")],
+)
+def test_misspelt_names_get_a_suggestion(shell, written, meant):
+    done = shell.run(*written)
+    assert done.exit_code == 2
+    assert meant in done.stderr
+
+
+def test_version(shell):
+    assert shell.run("--version").stdout == f"eclsim {__version__}\n"
+
+
+def test_help_explains_every_option_with_unit_and_default(shell):
+    text = shell.run("simulate", "--help").stdout
+    for words in ("--set", "[rpm]", "--json", "--transient", "[s]", "default: semi-implicit", "--force"):
+        assert words in text
+    for command in ([], ["parameters"], ["parameters", "list"], ["parameters", "export"], ["devices"]):
+        assert shell.run(*command, "--help").exit_code == 0
+
+
+def test_help_and_bad_input_load_nothing_heavy(tmp_path):
+    bad = tmp_path / "bad.toml"
+    bad.write_text("format = 1\n[patient]\nage_years = -3\n")
+    script = (
+        "import sys\nfrom eclsim.cli import main\n"
+        "try:\n    main(sys.argv[1:])\n"
+        "except SystemExit as stop:\n"
+        f"    print(stop.code, [name for name in {HEAVY!r} if name in sys.modules], file=sys.stderr)\n"
+    )
+    for arguments, code in (
+        (["--help"], 0),
+        (["simulate", str(bad)], 2),
+        (["parameters", "explain", "Rmc"], 0),
+    ):
+        done = subprocess.run(
+            [sys.executable, "-c", script, *arguments], capture_output=True, text=True, check=False
+        )
+        assert done.stderr.splitlines()[-1] == f"{code} []"
+
+
+def test_mistakes_are_one_line_each_without_a_traceback(tmp_path):
+    bad = tmp_path / "bad.toml"
+    bad.write_text('format = 1\n[patient]\nid = "P1"\nsex = "female"\nage_years = -3\nheart_rate_bpm = 1.2\n')
+    done = subprocess.run([*ECLSIM, "simulate", bad], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.splitlines() == [
+        f"{bad}:5: patient.age_years = -3: must be above 0; allowed: 18 to 100 years",
+        f"{bad}:6: patient.heart_rate_bpm = 1.2: outside the allowed range; allowed: 20 to 250 bpm; "
+        "did you mean 1.2 Hz = 72 bpm?",
+    ]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals and pipes of POSIX")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_stop_without_a_traceback(tmp_path, number):
+    pipe = tmp_path / "pipe.toml"
+    os.mkfifo(pipe)
+    process = subprocess.Popen([*ECLSIM, "simulate", pipe], stderr=subprocess.PIPE, text=True)
+    with open(pipe, "w"):  # opens once the command reads: it is running and waits for the case
+        time.sleep(0.1)
+        process.send_signal(number)
+        _, said = process.communicate(timeout=20)
+    assert process.returncode == 128 + number
+    assert said.startswith("stopped by")
+    assert "Traceback" not in said
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals and pipes of POSIX")
+def test_a_closed_pipe_is_no_error():
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [*ECLSIM, "parameters", "export"]
+    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writer)
+    assert "Traceback" not in done.stderr
+    assert "Exception" not in done.stderr
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs the device that is always full")
+def test_a_full_disk_is_told():
+    with open("/dev/full", "w") as full:
+        command = [*ECLSIM, "parameters", "export"]
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 2
+    assert "No space left on device" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_text_that_the_terminal_cannot_show_is_no_error():
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    done = subprocess.run([*ECLSIM, "devices"], capture_output=True, env=environment, check=False)
+    assert done.returncode == 0
+    assert b"Rotaflow" in done.stdout
+    assert done.stderr == b""
