@@ -56,6 +56,7 @@ def constant_result(circuit: Circuit, pressure: float = -234.5, flow: float = -1
     names |= {f"P{part.name}": pressure for part in circuit.connections if part.name.endswith("pump")}
     curves = {name: ("phase", np.full_like(phase, value)) for name, value in names.items()}
     scalars = {"SP": 188.0, "DP": 142.0, "MAP": 161.0, "MPAP": 34.5, "PCWP": 22.5, "CO": 12.34, "PF": 5.67}
+    scalars["crrt_recirculated_fraction"] = 0.375
     coordinates = {"phase": phase, "time": ("phase", 0.5 * phase)}
     attributes = {"id": "P" * 60, "converged": 0, "blood_volume_policy": "patient_volume_held"}
     return xr.Dataset({**curves, **scalars}, coordinates, attributes)
@@ -181,6 +182,11 @@ def test_numbers_are_means_over_the_beat(ecmo_crrt: xr.Dataset):
     assert words.count("200 mL/min") == 5
     assert words.count("3.70 L/min") == 6  # ECMO, but for the oxygenator, which CRRT recirculates through
     assert words.count("3.90 L/min") == 1
+
+
+def test_recirculation_of_crrt_is_shown(ecmo_crrt: xr.Dataset):
+    figure = draw_circuit(CIRCUITS["V-A, CRRT g"], ecmo_crrt.assign(crrt_recirculated_fraction=0.054))
+    assert "CRRT recirculation 5 %" in [text.get_text() for text in figure.axes[0].texts]
 
 
 def test_a_device_that_is_not_connected_is_not_drawn(healthy: xr.Dataset):

@@ -143,9 +143,8 @@ class Dialyzer:
 
 
 _NOTHING = "unvalidated: no independent data found"
-_CANNULA_EVIDENCE = (
-    "unvalidated: no independent data of these cannulae found; other makers' of one size differ by 30 %"
-)
+_CANNULA_EVIDENCE = "unvalidated: no data of these cannulae found; others of one size differ by 30 %"
+_LABEL = "unvalidated pressure drop; label flow from FDA clearance K150267"
 _SPEEDS = "the speed range is the usual clinical one, not part of the published constants"
 
 _PUMPS = (
@@ -263,22 +262,13 @@ CANNULAE: MappingProxyType[str, CannulaType] = MappingProxyType(
 )
 """Cannula types by the name users write."""
 
-OXYGENATORS: MappingProxyType[str, Oxygenator] = MappingProxyType(
-    {
-        oxygenator.key: oxygenator
-        for oxygenator in (
-            Oxygenator(
-                "Quadrox-i Adult", 0.6744, 335.0, (0.5, 7.0),
-                "unvalidated pressure drop; label flow from FDA clearance K150267",
-            ),
-            Oxygenator(
-                "Quadrox-i Small Adult", 0.5174, 295.0, (0.5, 5.0),
-                "unvalidated pressure drop; label flow from FDA clearance K150267",
-            ),
-            Oxygenator("Nautilus MC3", 0.6312, None, None, _NOTHING),
-        )
-    }
-)  # fmt: skip
+_OXYGENATORS = (
+    Oxygenator("Quadrox-i Adult", 0.6744, 335.0, (0.5, 7.0), _LABEL),
+    Oxygenator("Quadrox-i Small Adult", 0.5174, 295.0, (0.5, 5.0), _LABEL),
+    Oxygenator("Nautilus MC3", 0.6312, None, None, _NOTHING),
+)
+
+OXYGENATORS: MappingProxyType[str, Oxygenator] = MappingProxyType({item.key: item for item in _OXYGENATORS})
 """Oxygenators by the name users write."""
 
 DIALYZERS: MappingProxyType[str, Dialyzer] = MappingProxyType(

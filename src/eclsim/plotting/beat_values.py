@@ -80,4 +80,7 @@ def summary_lines(result: "xr.Dataset") -> list[str]:
         value = scalar(result, name)
         if value is not None:
             lines.append(f"{name} {number(value, digits)} {unit}")
+    recirculated = scalar(result, "crrt_recirculated_fraction")
+    if recirculated is not None:
+        lines.append(f"CRRT recirculation {number(100 * recirculated, 0)} %")
     return lines

@@ -18,7 +18,7 @@ from eclsim.plotting.schematic_layout import (
     Layout,
     arrange,
 )
-from eclsim.plotting.schematic_pen import Pen, Stroke, stroke_of
+from eclsim.plotting.schematic_pen import Pen, stroke_of
 from eclsim.plotting.schematic_routes import (
     PUMP_RADIUS,
     Attachment,
@@ -242,14 +242,14 @@ def _draw_assist_pump(
 def _draw_others(pen: Pen, page: Layout, labels: Labels, connections: "Sequence[Connection]") -> None:
     """Draws connections that the layout does not know as arcs, labels where there is room."""
     blocked = [page.box(name) for name in page.places]
-    for index, connection in enumerate(connections):
+    for connection in connections:
         source, target = fixed_site(connection.source), fixed_site(connection.target)
         if source not in page.places or target not in page.places or source == target:
             continue
-        stroke: Stroke = stroke_of(connection.group)
-        middle = pen.arc(page.box(source), page.box(target), stroke, bend=0.12 + 0.05 * (index % 3))
+        stroke = stroke_of(connection.group)
+        middle = pen.arc(page.box(source), page.box(target), stroke, blocked)
         text = " ".join([plain_text(connection.name, 18), labels.flow(connection.name)]).strip()
-        pen.text_where_free(middle, text, blocked, size=6.5)
+        pen.text_where_free(middle, text, blocked, size=6.5, colour=stroke.colour)
 
 
 def _note_undrawn(pen: Pen, page: Layout, connections: "Sequence[Connection]") -> None:

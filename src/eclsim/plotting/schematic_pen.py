@@ -3,7 +3,9 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
+import numpy as np
 from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -16,6 +18,9 @@ from eclsim.plotting.style import OKABE_ITO
 
 Point = tuple[float, float]
 Box = tuple[float, float, float, float]
+
+# Tried in this order: the straightest arc that runs past all boxes and text.
+_BENDS = (0.0, 0.12, -0.12, 0.24, -0.24, 0.36, -0.36, 0.5, -0.5)
 
 
 @dataclass(frozen=True)
@@ -152,50 +157,67 @@ class Pen:
             )
         return ((x, first[3]), (x, second[1])) if second[1] > first[3] else ((x, first[1]), (x, second[3]))
 
-    def arc(self, first: Box, second: Box, stroke: Stroke, bend: float) -> Point:
-        """A bent arrow between two boxes anywhere on the page; returns its middle."""
-        a = (0.5 * (first[0] + first[2]), 0.5 * (first[1] + first[3]))
-        b = (0.5 * (second[0] + second[2]), 0.5 * (second[1] + second[3]))
-        start, stop = _border(first, b), _border(second, a)
-        self.ax.add_patch(
-            FancyArrowPatch(
-                start,
-                stop,
-                connectionstyle=f"arc3,rad={bend}",
-                arrowstyle="-|>",
-                zorder=3,
-                mutation_scale=8 * self.scale,
-                color=stroke.colour,
-                linestyle=stroke.dash,
-                linewidth=stroke.width * self.scale,
-                shrinkA=0,
-                shrinkB=0,
-            )
+    def arc(self, first: Box, second: Box, stroke: Stroke, blocked: Sequence[Box]) -> Point:
+        """A bent arrow between two boxes anywhere on the page, past boxes and text; returns its middle."""
+        start, stop = _border(first, _middle(second)), _border(second, _middle(first))
+        obstacles = [*self._texts(), *(Bbox.from_extents(*box) for box in blocked)]
+        curves = {bend: _curve(start, stop, bend) for bend in _BENDS}
+        bend = min(_BENDS, key=lambda b: sum(box.contains(*p) for p in curves[b] for box in obstacles))
+        arrow = FancyArrowPatch(
+            start, stop, connectionstyle=f"arc3,rad={bend}", arrowstyle="-|>", zorder=3, shrinkA=0, shrinkB=0
         )
-        dx, dy = stop[0] - start[0], stop[1] - start[1]
-        return 0.5 * (start[0] + stop[0] + bend * dy), 0.5 * (start[1] + stop[1] - bend * dx)
+        arrow.set(color=stroke.colour, linestyle=stroke.dash, linewidth=stroke.width * self.scale)
+        arrow.set_mutation_scale(8 * self.scale)
+        self.ax.add_patch(arrow)
+        return curves[bend][len(curves[bend]) // 2]
 
-    def text_where_free(self, at: Point, words: str, blocked: Sequence[Box], size: float) -> None:
+    def text_where_free(
+        self, at: Point, words: str, blocked: Sequence[Box], size: float, colour: str
+    ) -> None:
         """Text near a point, at the nearest place where it covers no box and no other text."""
-        others = [self._extent(text) for text in self.ax.texts if text.get_text()]
-        others += [Bbox.from_extents(*box) for box in blocked]
-        text = self.text(*at, words, size, bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8})
-        steps = sorted(
-            ((dx, dy) for dx in range(-60, 61, 4) for dy in range(-60, 61, 2)), key=lambda s: math.hypot(*s)
-        )
-        ground = self._extent(text)
-        for dx, dy in steps:
-            if not any(ground.translated(dx, dy).overlaps(other) for other in others):
+        others = [*self._texts(), *self._lines(), *(Bbox.from_extents(*box) for box in blocked)]
+        ground = {"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.8}
+        text = self.text(*at, words, size, color=colour, bbox=ground)
+        extent = self._extent(text)
+        steps = ((dx, dy) for dx in range(-60, 61, 4) for dy in range(-60, 61, 2))
+        for dx, dy in sorted(steps, key=lambda step: math.hypot(*step)):
+            if not any(extent.translated(dx, dy).overlaps(other) for other in others):
                 text.set_position((at[0] + dx, at[1] + dy))
                 return
+
+    def _texts(self) -> list[Bbox]:
+        return [self._extent(text) for text in self.ax.texts if text.get_text()]
+
+    def _lines(self) -> list[Bbox]:
+        paths = [np.asarray(line.get_xydata()) for line in self.ax.get_lines()]
+        return [
+            Bbox.from_extents(*np.minimum(a, b), *np.maximum(a, b))
+            for path in paths
+            for a, b in pairwise(path)
+        ]
 
     def _extent(self, text: Text) -> Bbox:
         return text.get_window_extent().transformed(self.ax.transData.inverted())
 
 
+def _middle(box: Box) -> Point:
+    return 0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])
+
+
+def _curve(start: Point, stop: Point, bend: float) -> list[Point]:
+    """Points of the arc that `arc3` draws: a parabola through a point beside the middle."""
+    dx, dy = stop[0] - start[0], stop[1] - start[1]
+    side = (0.5 * (start[0] + stop[0]) + bend * dy, 0.5 * (start[1] + stop[1]) - bend * dx)
+    weights = [((1 - t) ** 2, 2 * t * (1 - t), t**2) for t in (i / 40 for i in range(41))]
+    return [
+        (a * start[0] + b * side[0] + c * stop[0], a * start[1] + b * side[1] + c * stop[1])
+        for a, b, c in weights
+    ]
+
+
 def _border(box: Box, towards: Point) -> Point:
     """Where the line from the middle of a box towards a point leaves the box."""
-    x, y = 0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])
+    x, y = _middle(box)
     dx, dy = towards[0] - x, towards[1] - y
     reach = max(abs(dx) / (0.5 * (box[2] - box[0])), abs(dy) / (0.5 * (box[3] - box[1])), 1e-9)
     return x + dx / reach, y + dy / reach

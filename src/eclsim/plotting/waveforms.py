@@ -120,7 +120,9 @@ def plot_waveforms(result: "xr.Dataset", part: str = "heart") -> Figure:
 
 def plot_overview(result: "xr.Dataset") -> Figure:
     """Pressures, flows and ventricular volumes to look at first, over two beats, with the main outputs."""
-    return _draw_panels(result, OVERVIEW, case_name(result), note="   ".join(summary_lines(result)))
+    lines = summary_lines(result)
+    note = "\n".join("   ".join(part) for part in (lines[:4], lines[4:]) if part)
+    return _draw_panels(result, OVERVIEW, case_name(result), note)
 
 
 def _has_part(result: "xr.Dataset", part: str) -> bool:
