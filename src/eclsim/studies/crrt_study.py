@@ -1,0 +1,158 @@
+"""The combined ECMO and CRRT study: every way to connect the CRRT, over the range of pump speeds.
+
+Section 3.3 of Thiel et al. 2025 for any patient on ECMO with a rotary pump, under either blood volume policy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from eclsim.solver.model import AS_PUBLISHED, POLICIES
+from eclsim.studies.crrt_schemes import NINE, PUBLISHED, Scheme, select_schemes
+from eclsim.studies.speed_range import parse_speeds
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from eclsim.patients.case import Case
+    from eclsim.studies.crrt_ranking import Ranked
+
+BOTH = "both"
+USUAL_SPEEDS = "1000:5000:250"
+USUAL_FLOW_ML_MIN = 200.0
+
+
+class StudyError(ValueError):
+    """A case or an option that the study cannot be run with; says what is needed."""
+
+
+@dataclass(frozen=True)
+class CrrtStudy:
+    """Results of the study.
+
+    Args:
+        case: the case.
+        schemes: schemes compared.
+        case_speed: pump speed of the case [rpm]; one of the speeds.
+        crrt_flow_ml_min: blood flow of the CRRT.
+        means: cycle means and outputs over `policy`, `scheme` and `speed`.
+        without_crrt: the same for the patient on ECMO alone, over `policy` and `speed`.
+        waveforms: at the case's speed, over `policy`, `scheme` and `phase`.
+        summary: median and variation over the schemes, over `policy` and `speed`.
+        limits: what each scheme keeps, over `policy`, `scheme` and `limit`.
+        uptake: differences at the case's speed, split into blood taken up and flow; None unless the published
+            policy was studied.
+        ranking: schemes from best to worst, by policy.
+    """
+
+    case: Case
+    schemes: tuple[Scheme, ...]
+    case_speed: float
+    crrt_flow_ml_min: float
+    means: xr.Dataset
+    without_crrt: xr.Dataset
+    waveforms: xr.Dataset
+    summary: xr.Dataset
+    limits: xr.Dataset
+    uptake: xr.Dataset | None
+    ranking: dict[str, tuple[Ranked, ...]]
+
+    @property
+    def policies(self) -> tuple[str, ...]:
+        """Blood volume policies that were studied."""
+        return tuple(str(policy) for policy in self.means["policy"].values)
+
+    @property
+    def converged(self) -> bool:
+        """Whether every steady beat was found."""
+        return bool(self.means["converged"].all()) and bool(self.without_crrt["converged"].all())
+
+
+def crrt_study(
+    case: Case,
+    *,
+    schemes: str | Sequence[str] = NINE,
+    speeds: str | Sequence[float] = USUAL_SPEEDS,
+    crrt_flow_ml_min: float | None = None,
+    volume_policy: str = BOTH,
+    scheme_h: str = PUBLISHED,
+    progress: Callable[[str], None] = lambda _: None,
+) -> CrrtStudy:
+    """Run the study for one case.
+
+    Args:
+        case: with an ECMO circuit and a rotary pump; its CRRT section gives the flow only.
+        schemes: letters, groups and pairs, see `select_schemes`.
+        speeds: pump speeds [rpm], see `parse_speeds`; the case's own speed is added.
+        crrt_flow_ml_min: blood flow of the CRRT; left out, the case's own, else 200 mL/min.
+        volume_policy: "as_published", "patient_held" or "both".
+        scheme_h: "published" or "figure", see `SCHEME_H`.
+        progress: is told what is being computed.
+
+    Raises:
+        StudyError: If the case has no ECMO circuit with a rotary pump, or the policy is none.
+        SchemeError: If a scheme cannot be read.
+        SpeedError: If a speed cannot be read.
+    """
+    from eclsim.studies import crrt_datasets
+    from eclsim.studies.crrt_batches import bench_of
+    from eclsim.studies.crrt_limits import largest_flows
+    from eclsim.studies.crrt_ranking import rank
+    from eclsim.studies.crrt_statistics import summarise
+    from eclsim.studies.crrt_uptake import split_differences
+
+    chosen, policies = select_schemes(schemes, scheme_h), policies_of(volume_policy)
+    own = case_speed(case)
+    rpm = np.unique([*(parse_speeds(speeds) if isinstance(speeds, str) else speeds), own]).astype(float)
+    flow = crrt_flow(case, crrt_flow_ml_min)
+    bench = bench_of(case, chosen, flow)
+    at = np.arange(len(chosen)) * len(rpm) + int(np.flatnonzero(rpm == own)[0])
+    runs, alone = [], []
+    for policy in policies:
+        progress(f"{len(chosen)} schemes at {len(rpm)} speeds, {policy}")
+        runs.append(bench.run(rpm, policy, keep=at))
+        alone.append(bench.run_without(rpm, policy))
+    uptake = None
+    if AS_PUBLISHED in policies:
+        first = policies.index(AS_PUBLISHED)
+        uptake = split_differences(bench, runs[first], bench.run_without(np.array([own]), AS_PUBLISHED), at, own)
+    progress("limits and ranking")
+    means = crrt_datasets.means(bench, runs, alone, policies, rpm)
+    limits = largest_flows(means, own)
+    ranking = {
+        policy: rank(means.sel(policy=policy, speed=own), limits.sel(policy=policy), chosen) for policy in policies
+    }
+    return CrrtStudy(
+        case, chosen, own, flow, means, crrt_datasets.without(alone, policies, rpm),
+        crrt_datasets.waveforms(bench, runs, policies), summarise(means), limits, uptake, ranking,
+    )  # fmt: skip
+
+
+def policies_of(volume_policy: str) -> tuple[str, ...]:
+    """The policies that an option names."""
+    if volume_policy == BOTH:
+        return POLICIES
+    if volume_policy not in POLICIES:
+        raise StudyError(f"blood volume policy '{volume_policy}'; allowed: {', '.join((*POLICIES, BOTH))}")
+    return (volume_policy,)
+
+
+def case_speed(case: Case) -> float:
+    """Pump speed of a case [rpm]; the study needs one."""
+    if case.ecmo is None:
+        raise StudyError(f"case '{case.patient.id}' has no [ecmo] section: the study connects CRRT to an ECMO circuit")
+    if case.ecmo.speed_rpm is None:
+        raise StudyError(f"case '{case.patient.id}' has a roller pump: the study varies the speed of a rotary pump")
+    return float(case.ecmo.speed_rpm)
+
+
+def crrt_flow(case: Case, wanted: float | None) -> float:
+    """Blood flow of the CRRT [mL/min]: as asked for, else the case's, else 200."""
+    flow = wanted if wanted is not None else case.crrt.flow_ml_min if case.crrt is not None else USUAL_FLOW_ML_MIN
+    if not 0.0 < flow <= 1000.0:
+        raise StudyError(f"CRRT flow {flow:g} mL/min; allowed: above 0, up to 1000")
+    return float(flow)

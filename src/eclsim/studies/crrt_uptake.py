@@ -1,0 +1,56 @@
+"""How a scheme changes the patient: by the blood that the CRRT tubing takes up, and by where blood flows.
+
+Compared with the patient on ECMO alone at the same speed, every difference splits exactly in two. `flow` is what
+is left when the patient keeps the stressed volume of the patient without CRRT (the circuit is primed with as much
+as it takes up); `uptake` is the rest: what the missing blood does.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from eclsim.solver.model import AS_PUBLISHED, PATIENT_HELD
+from eclsim.studies.beat_records import BeatRecords
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from eclsim.studies.crrt_batches import Bench
+
+SPLIT = ("Psart", "Psvn", "Ppart", "MAP", "CO", "PF", "EDVRV", "ESVRV")
+
+
+def split_differences(bench: Bench, published: BeatRecords, without: BeatRecords, at: np.ndarray, speed: float) -> xr.Dataset:
+    """Differences to the patient without CRRT at one speed, split into uptake and flow.
+
+    Args:
+        bench: of the study.
+        published: records of all schemes with the published volume policy.
+        without: record of the patient without CRRT at the speed.
+        at: members of `published` at the speed, one per scheme.
+        speed: [rpm].
+
+    Returns:
+        Over `scheme`: `<name>_difference`, `<name>_uptake`, `<name>_flow`, and `blood_taken_up` [mL].
+    """
+    import xarray as xr
+
+    volume = float(without.volumes["patient"][0])
+    primed = bench.run(np.array([speed]), PATIENT_HELD, patient_volume_ml=volume)
+    found = {}
+    for name in SPLIT:
+        base = float(value(without, name)[0])
+        total, flow = value(published, name)[at] - base, value(primed, name) - base
+        for word, part in (("difference", total), ("uptake", total - flow), ("flow", flow)):
+            found[f"{name}_{word}"] = ("scheme", part)
+    found["blood_taken_up"] = ("scheme", volume - published.volumes["patient"][at], {"units": "mL"})
+    letters = [scheme.letter for scheme in bench.schemes]
+    attributes = {"compared_with": "patient on ECMO without CRRT", "blood_volume_policy": AS_PUBLISHED}
+    return xr.Dataset(found, {"scheme": letters}, attributes)
+
+
+def value(records: BeatRecords, name: str) -> np.ndarray:
+    """A quantity by name: an output of the registry, else the mean of a waveform."""
+    return records.output(name) if name in records.names else records.mean(name)
