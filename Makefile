@@ -5,6 +5,7 @@ PYTHON  ?= python3
 VENV    ?= .venv
 OUT     ?= demo-output
 WORKERS ?= 2
+UPGRADE ?=
 
 BIN     := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
@@ -69,9 +70,9 @@ docs: $(STAMPS)/docs  ## build the documentation into site/, failing on any warn
 
 # --- upkeep -------------------------------------------------------------------------------------
 
-lock: $(STAMPS)/dev  ## resolve the newest versions into uv.lock and constraints.txt
+lock: $(STAMPS)/venv  ## write uv.lock and constraints.txt from pyproject.toml (make lock UPGRADE=--upgrade: newest)
 	$(INSTALL) uv
-	$(BIN)/uv lock --upgrade
+	$(BIN)/uv lock --python $(BIN)/python $(UPGRADE)
 	$(BIN)/uv export --quiet --frozen --all-extras --no-hashes --no-emit-project --no-annotate \
 	  --no-header --output-file constraints.txt
 
