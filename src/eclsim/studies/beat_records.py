@@ -66,25 +66,23 @@ def record(steady: SteadyBeats, keep: Sequence[int] = ()) -> BeatRecords:
     """
     levels = np.unique(steady.resolution)
     if len(levels) != 1:
-        raise ValueError(f"members on grids of different resolution {levels.tolist()}; record each grid by itself")
+        raise ValueError(
+            f"members on grids of different resolution {levels.tolist()}; record each grid by itself"
+        )
     program = beat_program(steady.batch.circuit, int(levels[0]))
     signals, names = all_signals(program.assembly), output_names(steady.batch.circuit)
-    count = steady.batch.count
-    size = LANES if count > FEW else 1
-    chunks = [np.arange(k, min(k + size, count)) for k in range(0, count, size)]
     packed = steady.batch.packed(program)
-
-    def one(chunk: np.ndarray) -> tuple[np.ndarray, ...]:
-        series = _beat(steady, packed, chunk, size)
+    blocks = [np.arange(k, min(k + LANES, steady.batch.count)) for k in range(0, steady.batch.count, LANES)]
+    wide = steady.batch.count > FEW
+    parts = []
+    for block in blocks:
+        series = _beats(steady, packed, block, wide)
         measures = Measures({s: series[:, k] for k, s in enumerate(signals)}, program.grid.phases)
         means = np.stack([measures.mean(s) for s in signals])
         outputs = np.stack([output(n).compute(measures) for n in names])
-        kept = series[:, :, np.isin(chunk, keep)]
-        return means, series.min(axis=0), series.max(axis=0), outputs, kept
-
-    means, lowest, highest, outputs, kept = (
-        np.concatenate(parts, axis=-1) for parts in zip(*map_parallel(one, chunks), strict=True)
-    )
+        kept = series[:, :, np.isin(block, keep)]
+        parts.append((means, series.min(axis=0), series.max(axis=0), outputs, kept))
+    means, lowest, highest, outputs, kept = (np.concatenate(p, axis=-1) for p in zip(*parts, strict=True))
     finite = np.isfinite(means).all(axis=0)
     return BeatRecords(
         signals, means, lowest, highest, names, outputs, program.grid.phases, kept, _volumes(steady),
@@ -92,16 +90,17 @@ def record(steady: SteadyBeats, keep: Sequence[int] = ()) -> BeatRecords:
     )  # fmt: skip
 
 
-def _beat(steady: SteadyBeats, packed: np.ndarray, chunk: np.ndarray, size: int) -> np.ndarray:
-    """Waveforms of some members over a whole beat, shape (points, signals, members)."""
+def _beats(steady: SteadyBeats, packed: np.ndarray, block: np.ndarray, wide: bool) -> np.ndarray:
+    """Waveforms of up to `LANES` members over a whole beat, shape (points, signals, members)."""
     program = beat_program(steady.batch.circuit, int(steady.resolution[0]))
-    trace = program.trace(all_signals(program.assembly))
-    if size == 1:
-        recorded = np.asarray(trace(steady.orbits.states[:, chunk[0]], packed[:, chunk[0]])[1])[..., None]
+    trace, states = program.trace(all_signals(program.assembly)), steady.orbits.states
+    if wide:
+        lanes = np.resize(block, LANES)
+        recorded = np.asarray(trace(states[:, lanes], packed[:, lanes])[1])
     else:
-        lanes = np.resize(chunk, size)
-        recorded = np.asarray(trace(steady.orbits.states[:, lanes], packed[:, lanes])[1])
-    return whole_beat(recorded)[..., : len(chunk)]
+        single = map_parallel(lambda i: np.asarray(trace(states[:, i], packed[:, i])[1]), list(block))
+        recorded = np.stack(single, axis=-1)
+    return whole_beat(recorded)[..., : len(block)]
 
 
 def _volumes(steady: SteadyBeats) -> dict[str, np.ndarray]:

@@ -42,7 +42,11 @@ class Bench:
     schemes: tuple[Scheme, ...]
 
     def run(
-        self, speeds: np.ndarray, policy: str, keep: Sequence[int] = (), patient_volume_ml: float | None = None
+        self,
+        speeds: np.ndarray,
+        policy: str,
+        keep: Sequence[int] = (),
+        patient_volume_ml: float | None = None,
     ) -> BeatRecords:
         """Steady beats of all schemes at all speeds, schemes slowest.
 
@@ -53,7 +57,9 @@ class Bench:
             patient_volume_ml: stressed volume of the patient, with `patient_held`; left out, the case's own.
         """
         values = self._values(patient_volume_ml)
-        places = np.array([[self.nodes.index(node) for node in scheme.nodes] for scheme in self.schemes], dtype=float)
+        places = np.array(
+            [[self.nodes.index(node) for node in scheme.nodes] for scheme in self.schemes], dtype=float
+        )
         near = values | {ACCESS: places[0, 0], RETURN: places[0, 1]}
         members = values | {
             ACCESS: np.repeat(places[:, 0], len(speeds)),

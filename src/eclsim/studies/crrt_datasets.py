@@ -23,7 +23,11 @@ GROUPS = ("patient", "ecmo", "crrt")
 
 
 def means(
-    bench: Bench, runs: Sequence[BeatRecords], alone: Sequence[BeatRecords], policies: Sequence[str], speeds: np.ndarray
+    bench: Bench,
+    runs: Sequence[BeatRecords],
+    alone: Sequence[BeatRecords],
+    policies: Sequence[str],
+    speeds: np.ndarray,
 ) -> xr.Dataset:
     """Cycle means, outputs, volumes and recirculation over `policy`, `scheme` and `speed`."""
     import xarray as xr
@@ -61,7 +65,7 @@ def without(alone: Sequence[BeatRecords], policies: Sequence[str], speeds: np.nd
 
 
 def waveforms(bench: Bench, runs: Sequence[BeatRecords], policies: Sequence[str]) -> xr.Dataset:
-    """Waveforms at the case's speed over `policy`, `scheme` and `phase`; volumes with their unstressed part."""
+    """Waveforms at the case's speed over `policy`, `scheme` and `phase`; volumes are the absolute ones."""
     import xarray as xr
 
     first = runs[0]
@@ -81,7 +85,9 @@ def waveforms(bench: Bench, runs: Sequence[BeatRecords], policies: Sequence[str]
     return xr.Dataset(data, coordinates)
 
 
-def _variables(records: Sequence[BeatRecords], dims: tuple[str, ...], shape: tuple[int, ...]) -> dict[str, Any]:
+def _variables(
+    records: Sequence[BeatRecords], dims: tuple[str, ...], shape: tuple[int, ...]
+) -> dict[str, Any]:
     """Means of all waveforms, all outputs, volumes by group, and how each beat was found."""
     first = records[0]
 

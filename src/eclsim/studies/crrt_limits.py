@@ -42,15 +42,15 @@ class Limit:
 
 
 LIMITS = (
-    Limit("access_alarm", "Pcrrttuin", *CRRT_ALARMS_MMHG["access"], "usual pressure alarms of the access line"),
-    Limit("return_alarm", "Pcrrttuout", *CRRT_ALARMS_MMHG["return"], "usual pressure alarms of the return line"),
+    Limit("access_alarm", "Pcrrttuin", *CRRT_ALARMS_MMHG["access"], "usual alarms of the access line"),
+    Limit("return_alarm", "Pcrrttuout", *CRRT_ALARMS_MMHG["return"], "usual alarms of the return line"),
     Limit(
         "access_190", "Pcrrttuin", -np.inf, SANSOM_ACCESS_MMHG,
         "access pressure above which CRRT circuits failed early (Sansom et al. 2023)",
     ),
     Limit(
         "suction", "lowest_drainage_pressure", SUCTION_MMHG, np.inf,
-        "lowest pressure in the drainage cannula before suction and haemolysis are feared (a convention)", False,
+        "drainage pressure below which suction and haemolysis are feared (a convention)", False,
     ),
 )  # fmt: skip
 CRRT_LIMITS = "crrt"
@@ -83,7 +83,11 @@ def largest_flows(means: xr.Dataset, case_speed: float) -> xr.Dataset:
         for k, name in enumerate(keys):
             found["margin"][p, s, k] = margins[name][at_case]
             flow, speed, end = _largest(one, margins[name])
-            found["largest_flow"][p, s, k], found["largest_speed"][p, s, k], throughout[p, s, k] = flow, speed, end
+            found["largest_flow"][p, s, k], found["largest_speed"][p, s, k], throughout[p, s, k] = (
+                flow,
+                speed,
+                end,
+            )
     dims = ("policy", "scheme", "limit")
     words = {
         "largest_flow": ("L/min", "largest ECMO flow that keeps the limit"),
@@ -102,7 +106,7 @@ def _margins(one: xr.Dataset) -> dict[str, np.ndarray]:
 
 
 def _largest(one: xr.Dataset, margin: np.ndarray) -> tuple[float, float, bool]:
-    """Flow and speed where a margin runs out for good, and whether it never does; by monotone cubics in speed."""
+    """Flow and speed where a margin runs out for good, by monotone cubics in speed; whether it never does."""
     from scipy.interpolate import PchipInterpolator
 
     known = np.isfinite(margin) & one["converged"].values.astype(bool)

@@ -65,7 +65,8 @@ def rank(means: xr.Dataset, limits: xr.Dataset, schemes: tuple[Scheme, ...]) -> 
     judged = [_judge(means.sel(scheme=s.letter), limits.sel(scheme=s.letter), s) for s in schemes]
     ordered = sorted(judged, key=_key)
     return tuple(
-        Ranked(**{**{f: getattr(r, f) for f in Ranked.__slots__}, "rank": k + 1}) for k, r in enumerate(ordered)
+        Ranked(**{**{f: getattr(r, f) for f in Ranked.__slots__}, "rank": k + 1})
+        for k, r in enumerate(ordered)
     )
 
 
@@ -116,5 +117,7 @@ def _sentences(one: Ranked, means: xr.Dataset) -> list[str]:
     else:
         said.append(f"keeps its limits up to {one.largest_flow:.1f} L/min of ECMO flow")
     if one.recirculated >= 0.005:
-        said.append(f"{100.0 * one.recirculated:.0f} % of the access flow comes straight from the return line")
+        said.append(
+            f"{100.0 * one.recirculated:.0f} % of the access flow comes straight from the return line"
+        )
     return said

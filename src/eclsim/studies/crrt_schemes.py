@@ -139,7 +139,8 @@ def select_schemes(selection: str | Sequence[str] = NINE, scheme_h: str = PUBLIS
 
 def _allowed() -> str:
     groups = ", ".join(f"{name} ({words})" for name, words in GROUPS.items())
-    return f"letters a to i, {groups}, or access:return with {', '.join(ECMO_POSITIONS)} or a patient's compartment"
+    positions = ", ".join(ECMO_POSITIONS)
+    return f"letters a to i, {groups}, or access:return with {positions} or a patient's compartment"
 
 
 def _meant(word: str, nine: dict[str, Scheme]) -> list[Scheme]:

@@ -1,8 +1,9 @@
-"""Median and variation over the schemes, as in section 3.3 of Thiel et al.: over the cycle means of all schemes."""
+"""Median and variation of the cycle means over the schemes, as in section 3.3 of Thiel et al."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,8 +23,9 @@ def summarise(means: xr.Dataset) -> xr.Dataset:
         means: quantities with a dimension `scheme`.
 
     Returns:
-        For each quantity `<name>_median`, `<name>_variation` (largest less smallest), `<name>_variation_percent`
-        (variation over the median's magnitude) and `<name>_highest`, `<name>_lowest` (letters of schemes).
+        For each quantity `<name>_median`, `<name>_variation` (largest less smallest),
+        `<name>_variation_percent` (variation over the median's magnitude) and `<name>_highest`,
+        `<name>_lowest` (letters of schemes).
     """
     import xarray as xr
 
@@ -40,11 +42,13 @@ def summarise(means: xr.Dataset) -> xr.Dataset:
             units="%", long_name=f"variation of {name} relative to the median"
         )
         for word, choose in (("highest", np.argmax), ("lowest", np.argmin)):
-            found[f"{name}_{word}"] = _letters(data, choose).assign_attrs(long_name=f"scheme with the {word} {name}")
+            found[f"{name}_{word}"] = _letters(data, choose).assign_attrs(
+                long_name=f"scheme with the {word} {name}"
+            )
     return xr.Dataset(found)
 
 
-def _letters(data: xr.DataArray, choose: object) -> xr.DataArray:
+def _letters(data: xr.DataArray, choose: Callable[..., Any]) -> xr.DataArray:
     """Letter of the scheme where a quantity is highest or lowest; empty where it is not known for all."""
     import xarray as xr
 

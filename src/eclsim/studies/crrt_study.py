@@ -114,17 +114,20 @@ def crrt_study(
     runs, alone = [], []
     for policy in policies:
         progress(f"{len(chosen)} schemes at {len(rpm)} speeds, {policy}")
-        runs.append(bench.run(rpm, policy, keep=at))
+        runs.append(bench.run(rpm, policy, keep=at.tolist()))
         alone.append(bench.run_without(rpm, policy))
     uptake = None
     if AS_PUBLISHED in policies:
         first = policies.index(AS_PUBLISHED)
-        uptake = split_differences(bench, runs[first], bench.run_without(np.array([own]), AS_PUBLISHED), at, own)
+        uptake = split_differences(
+            bench, runs[first], bench.run_without(np.array([own]), AS_PUBLISHED), at, own
+        )
     progress("limits and ranking")
     means = crrt_datasets.means(bench, runs, alone, policies, rpm)
     limits = largest_flows(means, own)
     ranking = {
-        policy: rank(means.sel(policy=policy, speed=own), limits.sel(policy=policy), chosen) for policy in policies
+        policy: rank(means.sel(policy=policy, speed=own), limits.sel(policy=policy), chosen)
+        for policy in policies
     }
     return CrrtStudy(
         case, chosen, own, flow, means, crrt_datasets.without(alone, policies, rpm),
@@ -144,15 +147,25 @@ def policies_of(volume_policy: str) -> tuple[str, ...]:
 def case_speed(case: Case) -> float:
     """Pump speed of a case [rpm]; the study needs one."""
     if case.ecmo is None:
-        raise StudyError(f"case '{case.patient.id}' has no [ecmo] section: the study connects CRRT to an ECMO circuit")
+        raise StudyError(
+            f"case '{case.patient.id}' has no [ecmo] section: the study connects CRRT to an ECMO circuit"
+        )
     if case.ecmo.speed_rpm is None:
-        raise StudyError(f"case '{case.patient.id}' has a roller pump: the study varies the speed of a rotary pump")
+        raise StudyError(
+            f"case '{case.patient.id}' has a roller pump: the study varies the speed of a rotary pump"
+        )
     return float(case.ecmo.speed_rpm)
 
 
 def crrt_flow(case: Case, wanted: float | None) -> float:
     """Blood flow of the CRRT [mL/min]: as asked for, else the case's, else 200."""
-    flow = wanted if wanted is not None else case.crrt.flow_ml_min if case.crrt is not None else USUAL_FLOW_ML_MIN
+    flow = (
+        wanted
+        if wanted is not None
+        else case.crrt.flow_ml_min
+        if case.crrt is not None
+        else USUAL_FLOW_ML_MIN
+    )
     if not 0.0 < flow <= 1000.0:
         raise StudyError(f"CRRT flow {flow:g} mL/min; allowed: above 0, up to 1000")
     return float(flow)

@@ -26,7 +26,8 @@ def parse_speeds(text: str) -> tuple[float, ...]:
         if len(numbers) == 1:
             speeds.add(numbers[0])
         elif len(numbers) == 3:
-            speeds.update(_steps(*numbers, text))
+            first, last, step = numbers
+            speeds.update(_steps(first, last, step, text))
         else:
             raise SpeedError(_said(text))
     if len(speeds) > LARGEST_COUNT:
@@ -52,4 +53,5 @@ def _number(word: str, text: str) -> float:
 
 
 def _said(text: str) -> str:
-    return f"'{text[:60]}' are no speeds; allowed: first:last:step or single speeds [rpm] above 0, such as 1000:5000:250,3425"
+    allowed = "first:last:step or single speeds [rpm] above 0, such as 1000:5000:250,3425"
+    return f"'{text[:60]}' are no speeds; allowed: {allowed}"
