@@ -17,7 +17,7 @@ from eclsim.haemodynamics.signals import unstressed_volume, whole_beat
 from eclsim.solver.beat import beat_program
 from eclsim.solver.model import AS_PUBLISHED, Model
 from eclsim.solver.orbit import OrbitOptions
-from eclsim.solver.recording import all_signals
+from eclsim.solver.recording import RATE, all_signals, with_rates
 from eclsim.solver.status import Status
 from eclsim.solver.steady import Batch, SteadyBeats, steady_beats
 
@@ -47,7 +47,7 @@ def simulate(
 def dataset_of(model: Model, steady: SteadyBeats) -> xr.Dataset:
     """Dataset of a batch of one."""
     program = beat_program(model.circuit, int(steady.resolution[0]))
-    signals = all_signals(program.assembly)
+    signals = with_rates(model.circuit, all_signals(program.assembly))
     _, recorded = program.trace(signals)(steady.orbits.states[:, 0], steady.batch.packed(program)[:, 0])
     series = dict(zip(signals, whole_beat(np.asarray(recorded)).T, strict=True))
     measures = Measures(series, program.grid.phases)
@@ -77,6 +77,8 @@ def labelled(
     time = ("phase", phases * period, {"units": "s", "long_name": "time"})
     data: dict[str, Any] = {}
     for name, values in series.items():
+        if name.endswith(RATE):
+            continue
         words = f"{WORDS[name[0]]} {name[1:]}" if "pump" not in name or name[0] != "P" else f"head of {name[1:]}"
         shift = unstressed_volume(model.circuit, name[1:], model.values) if name[0] == "V" else 0.0
         data[name] = ("phase", values + shift, {"units": UNITS[name[0]], "long_name": words})

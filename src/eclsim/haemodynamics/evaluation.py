@@ -10,7 +10,7 @@ from eclsim.haemodynamics.outputs import available, output
 from eclsim.haemodynamics.signals import whole_beat
 from eclsim.solver.beat import beat_program
 from eclsim.solver.lanes import FEW, LANES, map_parallel
-from eclsim.solver.recording import all_signals
+from eclsim.solver.recording import all_signals, with_rates
 from eclsim.solver.steady import SteadyBeats
 
 
@@ -44,11 +44,11 @@ def _measure(
     program = beat_program(steady.batch.circuit, level)
     packed = steady.batch.packed(program)
     if wide:
-        signals = needed_signals(names)
+        signals = with_rates(steady.batch.circuit, needed_signals(names))
         lanes = np.resize(members, LANES)
         recorded = program.trace(signals)(steady.orbits.states[:, lanes], packed[:, lanes])[1]
     else:
-        signals = all_signals(program.assembly)
+        signals = with_rates(steady.batch.circuit, all_signals(program.assembly))
         recorded = program.trace(signals)(steady.orbits.states[:, members[0]], packed[:, members[0]])[1][..., None]
     series = whole_beat(np.asarray(recorded))[..., : len(members)]
     waveforms = {name: series[:, k] for k, name in enumerate(signals)}

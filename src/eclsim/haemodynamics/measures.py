@@ -1,7 +1,9 @@
 """Means, extremes and loop areas of waveforms over one beat on a non-uniform grid.
 
-Extremes are read off the parabola through the largest (smallest) point and its neighbours, so they do not
-jump when a parameter moves the peak from one grid point to the next.
+Extremes lie between grid points: diastolic pressure ends within a millisecond of the valve's opening. Where the
+rate of a waveform is known (it follows from the flows), they are read off the cubic with the right values and
+slopes, else off the parabola through three points, so that they do not jump when a parameter moves the peak
+from one grid point to the next.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from eclsim.haemodynamics.dual import Dual
+from eclsim.solver.recording import RATE
 
 SMALLEST_VOLUME = 1e-6
 """Divisor [mL] in place of a volume that is zero or less."""
@@ -44,11 +47,16 @@ class Measures:
 
     def maximum(self, name: str) -> Any:
         """Largest value over the beat."""
-        return self._peak(self.waveforms[name])
+        return self._extreme(name, 1.0)
 
     def minimum(self, name: str) -> Any:
         """Smallest value over the beat."""
-        return -self._peak(_negative(self.waveforms[name]))
+        return -self._extreme(name, -1.0)
+
+    def _extreme(self, name: str, sign: float) -> Any:
+        if name + RATE not in self.waveforms:
+            return self._parabola(self.waveforms[name] * sign)
+        return self._cubic(self.waveforms[name] * sign, self.waveforms[name + RATE] * sign)
 
     def largest_ratio(self, above: str, below: str) -> Any:
         """Largest quotient of two waveforms, such as P / V."""
@@ -79,7 +87,20 @@ class Measures:
             return Dual(one(series.value, 0), one(series.tangent, 1))
         return one(series, 0)
 
-    def _peak(self, series: Any) -> Any:
+    def _cubic(self, series: Any, rate: Any) -> Any:
+        """Top of the Hermite cubic beside the largest point; its place moves, but to first order not its value."""
+        points = len(_value(series)) - 1
+        top = np.argmax(_value(series)[:points], axis=0)
+        left = np.where(_value(_take(rate, top[None])) < 0.0, (top - 1) % points, top)
+        width = np.diff(self._phases)[left]
+        start, end = _take(series, left[None]), _take(series, (left + 1)[None])
+        rise, fall = _take(rate, left[None]) * width, _take(rate, (left + 1)[None]) * width
+        second = 3.0 * (end - start) - 2.0 * rise - fall
+        third = rise + fall - 2.0 * (end - start)
+        place = _stationary(_value(rise), _value(second), _value(third), _value(fall))
+        return start + place * (rise + place * (second + place * third))
+
+    def _parabola(self, series: Any) -> Any:
         """Top of the parabola through the largest point and its two neighbours; the beat is periodic."""
         values = _value(series)
         points = len(values) - 1
@@ -95,12 +116,17 @@ class Measures:
         return peak + _where(flat, 0.0, bent)
 
 
+def _stationary(rise: Any, second: Any, third: Any, fall: Any) -> np.ndarray:
+    """Where in 0..1 a cubic that rises at 0 and falls at 1 is largest; an end where it does not."""
+    root = np.sqrt(np.maximum(second**2 - 3.0 * third * rise, 0.0))
+    divisor = root - second
+    inside = (rise > 0.0) & (fall < 0.0) & (divisor > 0.0)
+    place = np.where(inside, rise / np.where(inside, divisor, 1.0), np.where(rise > 0.0, 1.0, 0.0))
+    return np.clip(place, 0.0, 1.0)
+
+
 def _value(x: Any) -> np.ndarray:
     return x.value if isinstance(x, Dual) else x
-
-
-def _negative(x: Any) -> Any:
-    return -x
 
 
 def _take(series: Any, index: np.ndarray) -> Any:

@@ -81,7 +81,8 @@ class BeatProgram:
         def block(carry: Any, inputs: Any) -> Any:
             length, activations = inputs
             steps = self._step_constants(GAMMA * period * length, constants)
-            step = lambda c, a: self._step(c, a, steps, constants, recorder)  # noqa: E731  (closure of one scan)
+            note = lambda *end: recorder.pick(*end, constants, period)  # noqa: E731  (closure of one scan)
+            step = lambda c, a: self._step(c, a, steps, constants, note)  # noqa: E731  (closure of one scan)
             return jax.lax.scan(step, carry, activations)
 
         tables = (jnp.asarray(self.grid.block_steps), jnp.asarray(self._activation_table()))
@@ -139,7 +140,7 @@ class BeatProgram:
             conductance.append(1.0 / (total + law.resistance(path)) if law.linear else None)
         return StepConstants(weight, tuple(loads), tuple(inertia), tuple(fixed_load), tuple(conductance))
 
-    def _step(self, carry: Any, activations: Any, steps: StepConstants, constants: Constants, recorder: Recorder) -> Any:
+    def _step(self, carry: Any, activations: Any, steps: StepConstants, constants: Constants, note: Any) -> Any:
         """One step: stage 1 at gamma h from the start, stage 2 at h from start + (1 - gamma) h f(stage 1)."""
         volumes, flows = carry
         middle_v, middle_q = self._stage(volumes, flows, flows, activations[0], steps, constants)
@@ -147,7 +148,7 @@ class BeatProgram:
         base_v = [a + ratio * (b - a) for a, b in zip(volumes, middle_v, strict=True)]
         base_q = [a + ratio * (b - a) for a, b in zip(flows, middle_q, strict=True)]
         end = self._stage(base_v, base_q, middle_q, activations[1], steps, constants)
-        return end, recorder.pick(*end, activations[1], constants)
+        return end, note(*end, activations[1])
 
     def _stage(
         self, base_v: Any, base_q: Any, guess: Any, activations: Any, steps: StepConstants, constants: Constants

@@ -8,6 +8,11 @@ from typing import Any
 import jax.numpy as jnp
 
 from eclsim.circuit.assembly import Assembly, Constants
+from eclsim.circuit.network import Circuit
+
+
+RATE = "'"
+"""Suffix of a signal's change per unit of phase."""
 
 
 class UnknownSignalError(KeyError):
@@ -25,10 +30,22 @@ def all_signals(assembly: Assembly) -> tuple[str, ...]:
     return (*("P" + n for n in stores), *("P" + n for n in heads), *("Q" + n for n in paths), *("V" + n for n in stores))
 
 
+def has_rate(circuit: Circuit, signal: str) -> bool:
+    """Whether a signal's rate follows from the flows: a volume, or the pressure of a passive compartment."""
+    passive = [c.name for c in circuit.compartments if c.component.constant_stiffness]
+    return signal[1:] in (passive if signal[0] == "P" else [c.name for c in circuit.compartments if signal[0] == "V"])
+
+
+def with_rates(circuit: Circuit, signals: tuple[str, ...]) -> tuple[str, ...]:
+    """Signals, followed by the rates of those that have one."""
+    return signals + tuple(s + RATE for s in signals if has_rate(circuit, s))
+
+
 class Recorder:
     """Picks signals by name: P or V + compartment, Q + connection, P + pump (pressure gained across it).
 
-    Pressures in mmHg, stressed volumes in mL, flows in mL/s, all at the end of a step.
+    Pressures in mmHg, stressed volumes in mL, flows in mL/s, all at the end of a step. `RATE` behind P or V of
+    a compartment means its change per unit of phase, which follows from the flows (`has_rate`).
     """
 
     def __init__(self, assembly: Assembly, signals: tuple[str, ...]):
@@ -36,17 +53,33 @@ class Recorder:
         self.signals = signals
         known = all_signals(assembly)
         for signal in signals:
-            if signal not in known:
+            plain = signal.removesuffix(RATE)
+            if plain not in known or (plain != signal and not has_rate(assembly.circuit, plain)):
                 near = difflib.get_close_matches(signal, known, n=3)
                 hint = f"; did you mean {', '.join(near)}?" if near else ""
                 raise UnknownSignalError(f"'{signal}' is no signal of this circuit; allowed: {', '.join(known)}{hint}")
 
-    def pick(self, volumes: Any, flows: Any, activations: Any, constants: Constants) -> Any:
-        """The signals of one moment, stacked; shape (signals[, patients])."""
-        pressures, _ = self.assembly.pressures(volumes, activations, constants)
+    def pick(self, volumes: Any, flows: Any, activations: Any, constants: Constants, period: Any) -> Any:
+        """The signals of one moment, stacked; shape (signals[, patients]). `period` of the beat in s."""
+        pressures, stiffness = self.assembly.pressures(volumes, activations, constants)
         zero = jnp.zeros_like(volumes[0])
-        found = [self._one(signal, volumes, flows, pressures, constants) + zero for signal in self.signals]
+        found = []
+        for signal in self.signals:
+            if signal.endswith(RATE):
+                value = self._rate(signal.removesuffix(RATE), flows, stiffness, constants) * period
+            else:
+                value = self._one(signal, volumes, flows, pressures, constants)
+            found.append(value + zero)
         return jnp.stack(found) if found else jnp.zeros((0, *zero.shape))
+
+    def _rate(self, signal: str, flows: Any, stiffness: Any, constants: Constants) -> Any:
+        """Change of a volume [mL/s], or of the pressure of a passive compartment [mmHg/s]."""
+        position = [c.name for c in self.assembly.circuit.compartments].index(signal[1:])
+        rates = [jnp.zeros_like(flows[0]) for _ in self.assembly.circuit.compartments]
+        for flow, (source, target) in zip(flows, self.assembly.ends, strict=True):
+            self.assembly.add_at(source, rates, -flow, constants)
+            self.assembly.add_at(target, rates, flow, constants)
+        return rates[position] * (stiffness[position] if signal[0] == "P" else 1.0)
 
     def _one(self, signal: str, volumes: Any, flows: Any, pressures: Any, constants: Constants) -> Any:
         kind, name = signal[0], signal[1:]
