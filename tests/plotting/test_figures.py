@@ -22,6 +22,7 @@ def test_all_figures_of_a_case_are_written(tmp_path, ecmo_crrt):
         assert "&lt;script&gt;alert(1)&lt;/script&gt;" in text
 
 
+@pytest.mark.slow
 def test_figures_come_as_svg_and_png(tmp_path, healthy):
     one_curve = healthy[["Plv", "Prv", "Vlv", "Vrv", "Pla", "Pra", "Vla", "Vra"]]
     files = write_case_figures(circulation(), one_curve, tmp_path)

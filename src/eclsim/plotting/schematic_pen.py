@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -53,6 +53,7 @@ class Pen:
 
     ax: Axes
     scale: float
+    _measured: dict[Text, Bbox] = field(default_factory=dict)
 
     @property
     def figure(self) -> Figure:
@@ -186,7 +187,11 @@ class Pen:
                 return
 
     def _texts(self) -> list[Bbox]:
-        return [self._extent(text) for text in self.ax.texts if text.get_text()]
+        """Extents of all text so far; each is measured once, since measuring is slow."""
+        for text in self.ax.texts:
+            if text not in self._measured and text.get_text():
+                self._measured[text] = self._extent(text)
+        return list(self._measured.values())
 
     def _lines(self) -> list[Bbox]:
         paths = [np.asarray(line.get_xydata()) for line in self.ax.get_lines()]
