@@ -12,7 +12,6 @@ from eclsim.haemodynamics.outputs import output
 from eclsim.haemodynamics.signals import whole_beat
 from eclsim.solver.beat import beat_program
 from eclsim.solver.model import AS_PUBLISHED, Model
-from eclsim.solver.recording import with_rates
 from eclsim.solver.sensitivities import orbit_tangents
 from eclsim.solver.steady import Batch, SteadyBeats, steady_beats
 
@@ -50,7 +49,7 @@ def member_derivatives(
     steady: SteadyBeats, outputs: tuple[str, ...], parameters: tuple[str, ...], member: int = 0
 ) -> tuple[np.ndarray, np.ndarray]:
     """Outputs of one patient of a batch, shape (outputs,), and their derivatives (outputs, parameters)."""
-    signals = with_rates(steady.batch.circuit, needed_signals(outputs))
+    signals = needed_signals(steady.batch.circuit, outputs)
     tangents = orbit_tangents(steady, parameters, signals, member)
     series = whole_beat(tangents.signals)
     slopes = np.concatenate([tangents.signal_tangents[:, :, -1:], tangents.signal_tangents], axis=2)

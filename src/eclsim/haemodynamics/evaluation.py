@@ -10,7 +10,7 @@ from eclsim.haemodynamics.outputs import available, output
 from eclsim.haemodynamics.signals import whole_beat
 from eclsim.solver.beat import beat_program
 from eclsim.solver.lanes import FEW, LANES, map_parallel
-from eclsim.solver.recording import all_signals, with_rates
+from eclsim.solver.recording import RATE, all_signals, has_rate, with_rates
 from eclsim.solver.steady import SteadyBeats
 
 
@@ -19,9 +19,12 @@ def output_names(circuit: Circuit) -> tuple[str, ...]:
     return tuple(o.name for o in available(all_signals(beat_program(circuit).assembly)))
 
 
-def needed_signals(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Signals that some outputs are computed from."""
-    return tuple(sorted({signal for name in names for signal in output(name).needs}))
+def needed_signals(circuit: Circuit, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Signals that some outputs are computed from, with the rates that place their extremes."""
+    entries = [output(name) for name in names]
+    signals = {signal for entry in entries for signal in entry.needs}
+    rates = {signal + RATE for entry in entries for signal in entry.extremes if has_rate(circuit, signal)}
+    return tuple(sorted(signals | rates))
 
 
 def batch_outputs(steady: SteadyBeats, names: tuple[str, ...]) -> np.ndarray:
@@ -44,7 +47,7 @@ def _measure(
     program = beat_program(steady.batch.circuit, level)
     packed = steady.batch.packed(program)
     if wide:
-        signals = with_rates(steady.batch.circuit, needed_signals(names))
+        signals = needed_signals(steady.batch.circuit, names)
         lanes = np.resize(members, LANES)
         recorded = program.trace(signals)(steady.orbits.states[:, lanes], packed[:, lanes])[1]
     else:

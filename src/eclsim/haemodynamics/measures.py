@@ -35,6 +35,7 @@ class Measures:
     def __init__(self, waveforms: Mapping[str, Any], phases: np.ndarray):
         self.waveforms = waveforms
         self._phases = phases
+        self._found: dict[tuple[str, float], Any] = {}
 
     @cached_property
     def _weights(self) -> np.ndarray:
@@ -51,23 +52,28 @@ class Measures:
 
     def minimum(self, name: str) -> Any:
         """Smallest value over the beat."""
-        return -self._extreme(name, -1.0)
+        return self._extreme(name, -1.0) * -1.0
 
     def _extreme(self, name: str, sign: float) -> Any:
-        if name + RATE not in self.waveforms:
-            return self._parabola(self.waveforms[name] * sign)
-        return self._cubic(self.waveforms[name] * sign, self.waveforms[name + RATE] * sign)
+        """Largest value of sign * waveform; kept, since several outputs share it."""
+        key = (name, sign)
+        if key not in self._found:
+            if name + RATE in self.waveforms:
+                self._found[key] = self._cubic(self.waveforms[name], self.waveforms[name + RATE], sign)
+            else:
+                self._found[key] = self._parabola(self.waveforms[name], sign)
+        return self._found[key]
 
     def largest_ratio(self, above: str, below: str) -> Any:
         """Largest quotient of two waveforms, such as P / V."""
         top, bottom = self.waveforms[above], self.waveforms[below]
         ratio = _value(top) / np.maximum(_value(bottom), SMALLEST_VOLUME)
-        index = np.argmax(ratio, axis=0)[None]
-        return _take(top, index) / _take(bottom, index)
+        index = np.argmax(ratio, axis=0)
+        return _at(top, index) / _at(bottom, index)
 
     def at_maximum(self, name: str, of: str) -> Any:
         """Value of one waveform where another is largest."""
-        return _take(self.waveforms[name], np.argmax(_value(self.waveforms[of]), axis=0)[None])
+        return _at(self.waveforms[name], np.argmax(_value(self.waveforms[of]), axis=0))
 
     def loop_area(self, pressure: str, volume: str) -> Any:
         """Work [mmHg mL] that a chamber does on its blood in a beat, -(loop integral of P dV)."""
@@ -87,33 +93,41 @@ class Measures:
             return Dual(one(series.value, 0), one(series.tangent, 1))
         return one(series, 0)
 
-    def _cubic(self, series: Any, rate: Any) -> Any:
+    def _cubic(self, series: Any, rate: Any, sign: float) -> Any:
         """Top of the Hermite cubic beside the largest point; its place moves, but to first order not its value."""
-        points = len(_value(series)) - 1
-        top = np.argmax(_value(series)[:points], axis=0)
-        left = np.where(_value(_take(rate, top[None])) < 0.0, (top - 1) % points, top)
+        values, rates = sign * _value(series), sign * _value(rate)
+        points = len(values) - 1
+        top = np.argmax(values[:points], axis=0)
+        left = np.where(_at(rates, top) < 0.0, (top - 1) % points, top)
         width = np.diff(self._phases)[left]
-        start, end = _take(series, left[None]), _take(series, (left + 1)[None])
-        rise, fall = _take(rate, left[None]) * width, _take(rate, (left + 1)[None]) * width
-        second = 3.0 * (end - start) - 2.0 * rise - fall
-        third = rise + fall - 2.0 * (end - start)
-        place = _stationary(_value(rise), _value(second), _value(third), _value(fall))
-        return start + place * (rise + place * (second + place * third))
+        start, end = _at(values, left), _at(values, left + 1)
+        rise, fall = _at(rates, left) * width, _at(rates, left + 1) * width
+        s = _stationary(rise, 3.0 * (end - start) - 2.0 * rise - fall, rise + fall - 2.0 * (end - start), fall)
+        last = s * s * (3.0 - 2.0 * s)
+        found = _at(series, left) * (1.0 - last) + _at(series, left + 1) * last
+        slopes = _at(rate, left) * (s * (1.0 - s) ** 2) + _at(rate, left + 1) * (s * s * (s - 1.0))
+        return (found + slopes * width) * sign
 
-    def _parabola(self, series: Any) -> Any:
+    def _parabola(self, series: Any, sign: float) -> Any:
         """Top of the parabola through the largest point and its two neighbours; the beat is periodic."""
-        values = _value(series)
+        values = sign * _value(series)
         points = len(values) - 1
         top = np.argmax(values[:points], axis=0)
         widths = np.diff(self._phases)
         before, after = widths[(top - 1) % points], widths[top]
-        left, peak, right = (_take(series, ((top + k) % points)[None]) for k in (-1, 0, 1))
+        left, peak, right = (_at(values, (top + k) % points) for k in (-1, 0, 1))
         rise, fall = (peak - left) / before, (peak - right) / after
         curvature = (rise + fall) / (before + after)
         slope = (rise * after - fall * before) / (before + after)
-        flat = _value(curvature) <= 1e-9 * (1.0 + np.abs(_value(peak)))
-        bent = 0.25 * slope**2 / _where(flat, 1.0, curvature)
-        return peak + _where(flat, 0.0, bent)
+        flat = curvature <= 1e-9 * (1.0 + np.abs(peak))
+        place = np.where(flat, 0.0, 0.5 * slope / np.where(flat, 1.0, curvature))
+        shares = (
+            place * (place - after) / (before * (before + after)),
+            (place + before) * (after - place) / (before * after),
+            place * (place + before) / (after * (before + after)),
+        )
+        parts = [_at(series, (top + k) % points) * share for k, share in zip((-1, 0, 1), shares, strict=True)]
+        return (parts[0] + parts[1] + parts[2]) * sign
 
 
 def _stationary(rise: Any, second: Any, third: Any, fall: Any) -> np.ndarray:
@@ -129,16 +143,12 @@ def _value(x: Any) -> np.ndarray:
     return x.value if isinstance(x, Dual) else x
 
 
-def _take(series: Any, index: np.ndarray) -> Any:
-    """Value of each patient at an index (1[, patients]) along the points."""
+def _at(series: Any, index: np.ndarray) -> Any:
+    """Value of each patient at an index ([patients]) along the points."""
     if isinstance(series, Dual):
-        wide = np.broadcast_to(index[None], (series.tangent.shape[0], *index.shape))
+        if np.ndim(index) == 0:
+            return Dual(series.value[index], series.tangent[:, index])
+        wide = np.broadcast_to(index, (series.tangent.shape[0], 1, *index.shape))
         tangent = np.take_along_axis(series.tangent, wide, axis=1)[:, 0]
-        return Dual(np.take_along_axis(series.value, index, axis=0)[0], tangent)
-    return np.take_along_axis(series, index, axis=0)[0]
-
-
-def _where(condition: np.ndarray, constant: float, other: Any) -> Any:
-    if isinstance(other, Dual):
-        return Dual(np.where(condition, constant, other.value), np.where(condition, 0.0, other.tangent))
-    return np.where(condition, constant, other)
+        return Dual(_at(series.value, index), tangent)
+    return series[index] if np.ndim(index) == 0 else np.take_along_axis(series, index[None], axis=0)[0]

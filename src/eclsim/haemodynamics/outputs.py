@@ -22,6 +22,7 @@ class Output:
         definition: how it follows from the waveforms.
         needs: waveforms without which it does not exist.
         compute: from the measures of a beat.
+        extremes: waveforms whose largest or smallest value it reads, so that their rates are wanted too.
     """
 
     name: str
@@ -30,6 +31,7 @@ class Output:
     definition: str
     needs: tuple[str, ...]
     compute: Callable[[Measures], Any]
+    extremes: tuple[str, ...] = ()
 
 
 class UnknownOutputError(KeyError):
@@ -47,11 +49,11 @@ def _mean(name: str, long_name: str, signal: str) -> Output:
 
 
 def _max(name: str, long_name: str, signal: str, unit: str = "mmHg") -> Output:
-    return Output(name, long_name, unit, f"maximum of {signal}", (signal,), lambda m: m.maximum(signal))
+    return Output(name, long_name, unit, f"maximum of {signal}", (signal,), lambda m: m.maximum(signal), (signal,))
 
 
 def _min(name: str, long_name: str, signal: str, unit: str = "mmHg") -> Output:
-    return Output(name, long_name, unit, f"minimum of {signal}", (signal,), lambda m: m.minimum(signal))
+    return Output(name, long_name, unit, f"minimum of {signal}", (signal,), lambda m: m.minimum(signal), (signal,))
 
 
 def _flow(name: str, long_name: str, signal: str) -> Output:
@@ -92,10 +94,10 @@ def _ventricle(place: str) -> tuple[Output, ...]:
     stroke = lambda m: m.maximum(v) - m.minimum(v)  # noqa: E731  (shared by the entries below)
     energy = lambda m: 0.5 * m.largest_ratio(p, v) * m.minimum(v) ** 2  # noqa: E731  (likewise)
     return (
-        Output(f"stroke_volume_{place}", f"stroke volume of the {words}", "mL", "EDV - ESV", needs, stroke),
+        Output(f"stroke_volume_{place}", f"stroke volume of the {words}", "mL", "EDV - ESV", needs, stroke, (v,)),
         Output(
             f"ejection_fraction_{place}", f"ejection fraction of the {words}", "%", "(EDV - ESV) / EDV", needs,
-            lambda m: 100.0 * stroke(m) / m.maximum(v),
+            lambda m: 100.0 * stroke(m) / m.maximum(v), (v,),
         ),
         Output(
             f"stroke_work_{place}", f"stroke work of the {words}", "mmHg mL", "area of the pressure-volume loop",
@@ -104,7 +106,7 @@ def _ventricle(place: str) -> tuple[Output, ...]:
         Output(
             f"pressure_volume_area_{place}", f"pressure-volume area of the {words}", "mmHg mL",
             "stroke work + max(P / V) ESV^2 / 2 (Suga 1979, volume at zero pressure taken as 0)", needs,
-            lambda m: m.loop_area(p, v) + energy(m),
+            lambda m: m.loop_area(p, v) + energy(m), (v,),
         ),
         Output(
             f"end_diastolic_pressure_{place}", f"end-diastolic pressure of the {words}", "mmHg",

@@ -15,11 +15,10 @@ import jax.numpy as jnp
 from eclsim.circuit.assembly import Assembly, Constants, assemble
 from eclsim.circuit.network import Circuit
 from eclsim.components import HeartValve
-from eclsim.components.base import Values
 from eclsim.solver.recording import Recorder
 
 VALVE_SMOOTHING_MMHG = 1e-5
-"""At 1e-3 mmHg, the component's own, a closed valve lets CQ s / (2 sqrt(|dp|)) through: 0.1 % of a weak heart's output."""
+"""A closed valve lets CQ s / (2 sqrt(|dp|)) through: at 1e-3 mmHg, the component's own, 0.1 % of a weak heart's."""
 
 
 @dataclass(frozen=True)
@@ -43,11 +42,15 @@ class ExplicitCircuit:
             changes.append((push - law.pressure_drop(flows[j], own)) / law.inertance(own))
         return jnp.stack([c + 0.0 * state[0] for c in changes])
 
-    def signals(self, names: tuple[str, ...], state: Any, phase: Any, constants: Constants) -> Any:
-        """Signals of one moment (see `Recorder`), shape (signals,)."""
+    def signals(
+        self, names: tuple[str, ...], state: Any, phase: Any, constants: Constants, period: Any
+    ) -> Any:
+        """Signals of one moment (see `Recorder`), shape (signals,); `period` of the beat in s."""
         flows = self.flows(state, self._pressures(state, phase, constants), constants)
         volumes = [state[i] for i in range(self.assembly.n_volumes)]
-        return Recorder(self.assembly, names).pick(volumes, flows, self._activations(phase), constants)
+        return Recorder(self.assembly, names).pick(
+            volumes, flows, self._activations(phase), constants, period
+        )
 
     def flows(self, state: Any, pressures: Any, constants: Constants) -> list[Any]:
         """Flow of every connection [mL/s]."""
@@ -81,8 +84,3 @@ def _sharp(connection: Any) -> Any:
     if not isinstance(connection.component, HeartValve):
         return connection
     return replace(connection, component=replace(connection.component, smoothing=VALVE_SMOOTHING_MMHG))
-
-
-def constants_of(assembly: Assembly, values: Values) -> Constants:
-    """The constants of a circuit as arrays, so that a flow is never a plain number."""
-    return assembly.constants({name: jnp.asarray(value, dtype=float) for name, value in values.items()})
