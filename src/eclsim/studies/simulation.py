@@ -1,4 +1,4 @@
-"""One case, one steady beat: what `eclsim simulate` runs."""
+"""One case: its steady beat and its course in time, what `eclsim simulate` runs."""
 
 from __future__ import annotations
 
@@ -8,12 +8,16 @@ from eclsim.haemodynamics.dataset import simulate
 from eclsim.solver.model import AS_PUBLISHED, model_of
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import xarray as xr
 
     from eclsim.patients.case import Case
 
 
-def simulate_case(case: Case, *, volume_policy: str = AS_PUBLISHED, solver: str = "semi-implicit") -> xr.Dataset:
+def simulate_case(
+    case: Case, *, volume_policy: str = AS_PUBLISHED, solver: str = "semi-implicit"
+) -> xr.Dataset:
     """The steady beat of a case.
 
     Args:
@@ -28,3 +32,25 @@ def simulate_case(case: Case, *, volume_policy: str = AS_PUBLISHED, solver: str 
 
         return simulate_adaptive(model, volume_policy)
     return simulate(model, volume_policy)
+
+
+def simulate_transient(
+    case: Case,
+    seconds: float,
+    *,
+    volume_policy: str = AS_PUBLISHED,
+    solver: str = "semi-implicit",
+    names: Sequence[str] | None = None,
+) -> xr.Dataset:
+    """The course of a case from the published initial state, over `time` [s].
+
+    Args:
+        case: patient, devices and parameters.
+        seconds: how long [s].
+        volume_policy: "as_published" or "patient_held" (the circuits start primed).
+        solver: "semi-implicit" or "adaptive".
+        names: waveforms to keep; left out, all.
+    """
+    from eclsim.haemodynamics.transient import simulate_course
+
+    return simulate_course(model_of(case), seconds, policy=volume_policy, solver=solver, names=names)
