@@ -18,7 +18,7 @@ from eclsim.components import HeartValve
 from eclsim.solver.recording import Recorder
 
 VALVE_SMOOTHING_MMHG = 1e-5
-"""A closed valve leaks CQ s / (2 sqrt(|dp|)): at 1e-3 mmHg, the component's own, 0.1 % of a weak heart's output."""
+"""A closed valve leaks CQ s / (2 sqrt(|dp|)): with the component's own 1e-3 mmHg 0.1 % of a weak heart."""
 
 
 @dataclass(frozen=True)
