@@ -30,7 +30,7 @@ def write_json(results: Sequence[xr.Dataset], destination: Path | str) -> None:
         sys.stdout.write(text)
         sys.stdout.flush()
         return
-    with _whole(Path(destination)) as partial:
+    with whole_file(Path(destination)) as partial:
         partial.write_text(text, encoding="utf-8")
 
 
@@ -38,7 +38,7 @@ def write_netcdf(
     results: Sequence[xr.Dataset], courses: Sequence[xr.Dataset], path: Path, names: Sequence[str] | None
 ) -> None:
     """Write NetCDF: one case at the root, several as groups case1, case2 ...; courses in "transient"."""
-    with _whole(path) as partial:
+    with whole_file(path) as partial:
         for index, result in enumerate(results):
             group = f"case{index + 1}" if len(results) > 1 else None
             mode = "w" if index == 0 else "a"
@@ -82,7 +82,7 @@ def write_figures(
 
 
 @contextmanager
-def _whole(path: Path) -> Iterator[Path]:
+def whole_file(path: Path) -> Iterator[Path]:
     """A temporary file beside the target that takes its name when everything is written."""
     handle, name = tempfile.mkstemp(prefix=".eclsim-", suffix=path.suffix, dir=path.parent)
     os.close(handle)
@@ -136,5 +136,5 @@ def _output_table(results: Sequence[xr.Dataset]) -> pd.DataFrame:
 
 
 def _write_table(table: pd.DataFrame, path: Path) -> None:
-    with _whole(path) as partial:
+    with whole_file(path) as partial:
         table.to_csv(partial, index=False, lineterminator="\n")

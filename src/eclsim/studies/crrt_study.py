@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eclsim.solver.model import AS_PUBLISHED, POLICIES
 from eclsim.studies.crrt_schemes import NINE, PUBLISHED, Scheme, select_schemes
+from eclsim.studies.crrt_settings import AS_PUBLISHED, BOTH, case_speed, crrt_flow, policies_of
 from eclsim.studies.speed_range import parse_speeds
 
 if TYPE_CHECKING:
@@ -21,13 +21,7 @@ if TYPE_CHECKING:
     from eclsim.patients.case import Case
     from eclsim.studies.crrt_ranking import Ranked
 
-BOTH = "both"
 USUAL_SPEEDS = "1000:5000:250"
-USUAL_FLOW_ML_MIN = 200.0
-
-
-class StudyError(ValueError):
-    """A case or an option that the study cannot be run with; says what is needed."""
 
 
 @dataclass(frozen=True)
@@ -133,39 +127,3 @@ def crrt_study(
         case, chosen, own, flow, means, crrt_datasets.without(alone, policies, rpm),
         crrt_datasets.waveforms(bench, runs, policies), summarise(means), limits, uptake, ranking,
     )  # fmt: skip
-
-
-def policies_of(volume_policy: str) -> tuple[str, ...]:
-    """The policies that an option names."""
-    if volume_policy == BOTH:
-        return POLICIES
-    if volume_policy not in POLICIES:
-        raise StudyError(f"blood volume policy '{volume_policy}'; allowed: {', '.join((*POLICIES, BOTH))}")
-    return (volume_policy,)
-
-
-def case_speed(case: Case) -> float:
-    """Pump speed of a case [rpm]; the study needs one."""
-    if case.ecmo is None:
-        raise StudyError(
-            f"case '{case.patient.id}' has no [ecmo] section: the study connects CRRT to an ECMO circuit"
-        )
-    if case.ecmo.speed_rpm is None:
-        raise StudyError(
-            f"case '{case.patient.id}' has a roller pump: the study varies the speed of a rotary pump"
-        )
-    return float(case.ecmo.speed_rpm)
-
-
-def crrt_flow(case: Case, wanted: float | None) -> float:
-    """Blood flow of the CRRT [mL/min]: as asked for, else the case's, else 200."""
-    flow = (
-        wanted
-        if wanted is not None
-        else case.crrt.flow_ml_min
-        if case.crrt is not None
-        else USUAL_FLOW_ML_MIN
-    )
-    if not 0.0 < flow <= 1000.0:
-        raise StudyError(f"CRRT flow {flow:g} mL/min; allowed: above 0, up to 1000")
-    return float(flow)

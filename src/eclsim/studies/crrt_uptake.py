@@ -1,8 +1,8 @@
 """How a scheme changes the patient: by the blood that the CRRT tubing takes up, and by where blood flows.
 
 Compared with the patient on ECMO alone at the same speed, every difference splits exactly in two. `flow` is
-what is left when the patient keeps the stressed volume of the patient without CRRT (the circuit is primed with
-as much as it takes up); `uptake` is the rest: what the missing blood does.
+what is left when the patient keeps the stressed volume of the patient without CRRT (the circuit is primed
+with as much as it takes up); `uptake` is the rest: what the missing blood does.
 """
 
 from __future__ import annotations

@@ -1,0 +1,175 @@
+"""`eclsim crrt-study`: every way to connect CRRT to a patient's ECMO circuit, compared."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+if TYPE_CHECKING:
+    from eclsim.cli.destinations import Destinations
+    from eclsim.patients import Case
+    from eclsim.studies.crrt_study import CrrtStudy
+
+Policies = Literal["as_published", "patient_held", "both"]
+SchemeH = Literal["published", "figure"]
+
+
+def crrt_study(
+    case_file: Annotated[str, typer.Argument(metavar="CASE.toml", help="Case file of a patient on ECMO.")],
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Value that wins over the case file, such as ecmo.speed_rpm=3000 [rpm]. May be repeated.",
+        ),
+    ] = None,
+    schemes: Annotated[
+        str,
+        typer.Option(
+            metavar="LIST",
+            help="Schemes with commas between: letters a to i, all (those nine), pairs (all 36 ordered "
+            "pairs of "
+            "positions), separate (CRRT on the patient), or access:return such as post_oxy:pre_rc.",
+        ),
+    ] = "all",
+    scheme_h: Annotated[
+        SchemeH,
+        typer.Option(
+            help="Scheme h: published has both lines at pre pump, as the published code and numbers; "
+            "figure has "
+            "the return line at post drainage cannula, as Figure 2 of the paper.",
+        ),
+    ] = "published",
+    speeds: Annotated[
+        str,
+        typer.Option(
+            metavar="RANGE", help="Pump speeds [rpm], first:last:step or a list; the case's own is added."
+        ),
+    ] = "1000:5000:250",
+    crrt_flow: Annotated[
+        float | None,
+        typer.Option(
+            metavar="ML/MIN", help="Blood flow of the CRRT [mL/min]; default: the case's, else 200."
+        ),
+    ] = None,
+    volume_policy: Annotated[
+        Policies,
+        typer.Option(
+            help="as_published: the patient's blood fills the circuits; patient_held: the circuits are "
+            "primed "
+            "and the patient keeps the stressed volume; both: side by side.",
+        ),
+    ] = "both",
+    out: Annotated[
+        str | None,
+        typer.Option(
+            metavar="DIR", help="Write report.html, study.json, study.nc, CSV tables and SVG figures here."
+        ),
+    ] = None,
+    json_file: Annotated[
+        str | None,
+        typer.Option(
+            "--json", metavar="FILE", help="Write results as JSON; - writes them to standard output."
+        ),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")] = False,
+) -> None:
+    """Compare the ways of connecting CRRT to the ECMO circuit: pressures [mmHg], flows [L/min], limits.
+
+    Exit status: 0 all converged, 1 some did not, 2 bad input (nothing computed).
+    """
+    from eclsim.cli import cases
+    from eclsim.cli.messages import SOME_DID_NOT_CONVERGE, warn
+
+    case = cases.read_all([case_file], settings or [])[0].case
+    _check(case, schemes, scheme_h, speeds, crrt_flow)
+    planned, folder = _plan(case_file, case, out, json_file, force)
+    study = _compute(
+        case,
+        schemes=schemes,
+        scheme_h=scheme_h,
+        speeds=speeds,
+        crrt_flow_ml_min=crrt_flow,
+        volume_policy=volume_policy,
+    )
+    _write(study, planned, folder)
+    if not study.converged:
+        warn(["some steady beats were not found; the report and the JSON object say which"])
+        raise typer.Exit(SOME_DID_NOT_CONVERGE)
+
+
+def _check(case: Case, schemes: str, scheme_h: str, speeds: str, flow: float | None) -> None:
+    """Everything that can be wrong, told at once and before anything is computed."""
+    from eclsim.cli.messages import fail
+    from eclsim.studies.crrt_schemes import select_schemes
+    from eclsim.studies.crrt_settings import case_speed, crrt_flow
+    from eclsim.studies.speed_range import parse_speeds
+
+    wrong = []
+    checks = (
+        ("--schemes ", lambda: select_schemes(schemes, scheme_h)),
+        ("--speeds ", lambda: parse_speeds(speeds)),
+        ("--crrt-flow: ", lambda: crrt_flow(case, flow)),
+        ("", lambda: case_speed(case)),
+    )
+    for option, check in checks:
+        try:
+            check()
+        except ValueError as error:
+            wrong.append(f"{option}{error}")
+    if wrong:
+        fail(*wrong)
+
+
+def _plan(
+    case_file: str, case: Case, out: str | None, json_file: str | None, force: bool
+) -> tuple[Destinations, Path | None]:
+    from eclsim.cli import destinations
+    from eclsim.cli.messages import fail
+
+    request = destinations.Request(json_file, None, out, None, force, 0.0)
+    planned = destinations.plan(request, [case_file], [case.patient.id])
+    folder = planned.figures
+    if folder is not None and folder.is_dir() and not force:
+        from eclsim.report.crrt_files import file_names
+
+        standing = [name for name in file_names() if (folder / name).exists()]
+        if standing:
+            fail(f"--out {folder}: holds {standing[0]} already; --force overwrites it")
+    return planned, folder
+
+
+def _compute(case: Case, **options: object) -> CrrtStudy:
+    import sys
+
+    from eclsim.studies.crrt_study import crrt_study
+
+    if not sys.stderr.isatty():
+        return crrt_study(case, **options)  # pyright: ignore[reportArgumentType] - the options were checked
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    with console.status("computing ...") as status:
+        return crrt_study(case, progress=status.update, **options)  # pyright: ignore[reportArgumentType] - likewise
+
+
+def _write(study: CrrtStudy, planned: Destinations, folder: Path | None) -> None:
+    from eclsim.cli.messages import fail, say
+    from eclsim.report import crrt_files, crrt_summary
+
+    try:
+        if folder is not None:
+            crrt_files.write_study(study, folder)
+        if planned.json is not None:
+            crrt_files.write_json(study, planned.json)
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        fail(f"{error.filename or 'output'}: cannot be written: {error.strerror or error}")
+    if planned.json != "-":
+        crrt_summary.show(study)
+    if folder is not None:
+        say(f"report: {folder / 'report.html'}")

@@ -1,0 +1,252 @@
+"""Figures of the CRRT study: one beat of every scheme, the range of ECMO flows, limits, the split of effects.
+
+In the manner of Figures 5 and 6 of Thiel et al. 2025.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from eclsim.haemodynamics.alarms import SANSOM_ACCESS_MMHG, SUCTION_MMHG
+from eclsim.parameters.devices import CRRT_ALARMS_MMHG
+from eclsim.plotting.crrt_curves import explain_colours, label_ends, limit_line, style_of
+from eclsim.plotting.style import GREY, OKABE_ITO, PAGE_WIDTH_MM, figure_style, new_figure, plain_text
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+VESSELS = (("Psart", "systemic artery"), ("Ppart", "pulmonary artery"), ("Psvn", "systemic vein"))
+
+
+def extremes(means: xr.Dataset) -> tuple[str, str]:
+    """Letters of the schemes with the highest and the lowest arterial pressure."""
+    pressure = means["Psart"].fillna(means["Psart"].mean()).values
+    letters = means["scheme"].values.astype(str)
+    return str(letters[np.argmax(pressure)]), str(letters[np.argmin(pressure)])
+
+
+@figure_style()
+def plot_crrt_beat(waveforms: xr.Dataset, means: xr.Dataset) -> Figure:
+    """Two beats of every scheme at one speed: pressures of the patient, right ventricle, access and return.
+
+    Args:
+        waveforms: over `scheme` and `phase`, with `time` [s].
+        means: cycle means over `scheme` at the same speed.
+    """
+    highest, lowest = extremes(means)
+    fig, grid = _four_panels()
+    _draw_vessels(grid[0, 0], waveforms, highest, lowest)
+    _draw_loops(grid[0, 1], waveforms, highest, lowest)
+    for ax, line, title in (
+        (grid[1, 0], "access", "c) Access line"),
+        (grid[1, 1], "return", "d) Return line"),
+    ):
+        _draw_line_pressure(ax, waveforms, line, highest, lowest)
+        ax.set_title(title, loc="left")
+    explain_colours(grid[0, 0], highest, lowest)
+    return fig
+
+
+def _four_panels() -> tuple[Figure, Any]:
+    """Two rows of two axes, with room for labels at their right."""
+    fig = new_figure(PAGE_WIDTH_MM, 150)
+    fig.set_layout_engine("constrained", wspace=0.1, rect=(0.0, 0.0, 0.96, 1.0))
+    return fig, fig.subplots(2, 2)
+
+
+def two_beats(waveforms: xr.Dataset, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Time [s] and values, shape (schemes, points), of a waveform over two beats."""
+    time = waveforms["time"].values
+    values = waveforms[name].transpose("scheme", "phase").values
+    return np.r_[time, time[1:] + time[-1]], np.concatenate([values, values[:, 1:]], axis=1)
+
+
+def _curves(
+    ax: Axes, waveforms: xr.Dataset, name: str, highest: str, lowest: str
+) -> dict[str, tuple[float, float]]:
+    time, values = two_beats(waveforms, name)
+    letters = waveforms["scheme"].values.astype(str)
+    for letter, row in zip(letters, values, strict=True):
+        ax.plot(time, row, **style_of(letter, highest, lowest))  # pyright: ignore[reportArgumentType] - keywords of a line
+    ax.set_xlim(time[0], time[-1])
+    ax.set_xlabel("Time [s]")
+    ax.set_ylabel("Pressure [mmHg]")
+    return {letter: (float(time[-1]), float(row.mean())) for letter, row in zip(letters, values, strict=True)}
+
+
+def _draw_vessels(ax: Axes, waveforms: xr.Dataset, highest: str, lowest: str) -> None:
+    for name, words in VESSELS:
+        _curves(ax, waveforms, name, highest, lowest)
+        _, values = two_beats(waveforms, name)
+        _name_vessel(ax, name, words, float(np.nanmin(values)), float(np.nanmax(values)))
+    ax.set_ylim(-9.0, 1.12 * ax.get_ylim()[1])
+    ax.set_title("a) Patient", loc="left")
+
+
+def _name_vessel(ax: Axes, name: str, words: str, lowest: float, highest: float) -> None:
+    """Name of a vessel at the left, above its curves, below for the veins at the bottom."""
+    below = name == "Psvn"
+    ax.annotate(
+        words, (0.02, lowest if below else highest), xycoords=("axes fraction", "data"), fontsize=7.5,
+        xytext=(0, -3 if below else 2), textcoords="offset points", va="top" if below else "bottom",
+    )  # fmt: skip
+
+
+def _draw_loops(ax: Axes, waveforms: xr.Dataset, highest: str, lowest: str) -> None:
+    for letter in waveforms["scheme"].values.astype(str):
+        one = waveforms.sel(scheme=letter)
+        ax.plot(one["Vrv"].values, one["Prv"].values, **style_of(letter, highest, lowest))  # pyright: ignore[reportArgumentType] - keywords of a line
+    ax.set_xlabel("Right-ventricular volume [mL]")
+    ax.set_ylabel("Right-ventricular pressure [mmHg]")
+    ax.set_title("b) Right ventricle", loc="left")
+
+
+def _draw_line_pressure(ax: Axes, waveforms: xr.Dataset, line: str, highest: str, lowest: str) -> None:
+    ends = _curves(ax, waveforms, _PRESSURES[line], highest, lowest)
+    _alarms(ax, line)
+    label_ends(ax, ends, highest, lowest)
+
+
+_PRESSURES = {"access": "Pcrrttuin", "return": "Pcrrttuout"}
+
+
+def _alarms(ax: Axes, line: str) -> None:
+    low, high = CRRT_ALARMS_MMHG[line]
+    limit_line(ax, high, f"high alarm {high:g}")
+    limit_line(ax, low, f"low alarm {low:g}".replace("-", "−"), above=False)
+    if line == "access":
+        limit_line(ax, SANSOM_ACCESS_MMHG, f"{SANSOM_ACCESS_MMHG:g} (Sansom 2023)", dotted=True)
+    bottom, top = ax.get_ylim()
+    bottom, top = min(bottom, low), max(top, high)
+    room = 0.10 * (top - bottom)
+    ax.set_ylim(bottom - room, top + room)
+
+
+@figure_style()
+def plot_crrt_speeds(means: xr.Dataset, case_speed: float) -> Figure:
+    """Cycle means of every scheme over the ECMO flow: patient, drainage cannula, access and return line.
+
+    Args:
+        means: over `scheme` and `speed`; pressures [mmHg] and `PF` [L/min].
+        case_speed: speed [rpm] that is marked; it also decides which schemes stand out.
+    """
+    highest, lowest = extremes(means.sel(speed=case_speed))
+    fig, grid = _four_panels()
+    for name, words in VESSELS:
+        _over_flow(grid[0, 0], means, name, highest, lowest)
+        start = means[name].isel(speed=0)
+        _name_vessel(grid[0, 0], name, words, float(start.min()), float(start.max()))
+    grid[0, 0].set_ylim(bottom=-9.0)
+    grid[0, 0].set_title("a) Patient", loc="left")
+    label_ends(grid[0, 1], _over_flow(grid[0, 1], means, "Pecmodrain", highest, lowest), highest, lowest)
+    limit_line(
+        grid[0, 1], SUCTION_MMHG, f"suction feared below {SUCTION_MMHG:g}".replace("-", "−"), dotted=True
+    )
+    grid[0, 1].set_title("b) ECMO drainage cannula", loc="left")
+    for ax, line, title in (
+        (grid[1, 0], "access", "c) Access line"),
+        (grid[1, 1], "return", "d) Return line"),
+    ):
+        ends = _over_flow(ax, means, _PRESSURES[line], highest, lowest)
+        _alarms(ax, line)
+        label_ends(ax, ends, highest, lowest)
+        ax.set_title(title, loc="left")
+    at = float(means["PF"].sel(speed=case_speed).median())
+    for ax in grid.flat:
+        ax.axvline(at, color=GREY, linewidth=0.6, zorder=1)
+    explain_colours(grid[0, 0], highest, lowest, "ECMO flow of the case")
+    return fig
+
+
+def _over_flow(
+    ax: Axes, means: xr.Dataset, name: str, highest: str, lowest: str
+) -> dict[str, tuple[float, float]]:
+    ends = {}
+    for letter in means["scheme"].values.astype(str):
+        one = means.sel(scheme=letter)
+        known = one["converged"].values.astype(bool) & np.isfinite(one[name].values)
+        flow, values = one["PF"].values[known], one[name].values[known]
+        ax.plot(flow, values, **style_of(letter, highest, lowest))  # pyright: ignore[reportArgumentType] - keywords of a line
+        if len(flow):
+            ends[letter] = (float(flow[-1]), float(values[-1]))
+    ax.set_xlabel("ECMO flow [L/min]")
+    ax.set_ylabel("Mean pressure [mmHg]")
+    return ends
+
+
+@figure_style()
+def plot_crrt_uptake(uptake: xr.Dataset, means: xr.Dataset, without: xr.Dataset) -> Figure:
+    """Arterial pressure of every scheme under both volume policies, and what the blood taken up does to it.
+
+    Args:
+        uptake: differences to the patient without CRRT, over `scheme`, split into `_uptake` and `_flow`.
+        means: over `policy` and `scheme` at the same speed.
+        without: over `policy` at the same speed, without CRRT.
+    """
+    fig = new_figure(PAGE_WIDTH_MM, 20 + 6.5 * means.sizes["scheme"])
+    left, right = fig.subplots(1, 2, sharey=True)
+    letters = [plain_text(x, 24) for x in means["scheme"].values.astype(str)]
+    rows = np.arange(len(letters))
+    looks = {
+        "as_published": (OKABE_ITO["vermillion"], "o", "patient's blood fills the tubing (as published)"),
+        "patient_held": (OKABE_ITO["blue"], "s", "circuits primed (patient's volume held)"),
+    }
+    for policy in means["policy"].values.astype(str):
+        colour, marker, words = looks[policy]
+        left.plot(means["Psart"].sel(policy=policy), rows, marker, color=colour, markersize=5, label=words)
+        left.axvline(float(without["Psart"].sel(policy=policy)), color=colour, linewidth=0.9, linestyle=":")
+    left.set_xlabel("Mean arterial pressure [mmHg]\n(dotted: without CRRT)")
+    left.set_title("a) Arterial pressure", loc="left")
+    parts = (("uptake", OKABE_ITO["vermillion"], "blood taken up by the tubing", -0.2),
+             ("flow", OKABE_ITO["bluish green"], "changed flow", 0.2))  # fmt: skip
+    for word, colour, words, shift in parts:
+        right.barh(rows + shift, uptake[f"Psart_{word}"], height=0.38, color=colour, label=words)
+    for row, taken in zip(rows, uptake["blood_taken_up"].values, strict=True):
+        right.annotate(f"{taken:.0f} mL".replace("-", "−"), (1.0, row), xycoords=("axes fraction", "data"),
+                       xytext=(3, 0), textcoords="offset points", va="center", fontsize=7.5)  # fmt: skip
+    right.axvline(0.0, color="black", linewidth=0.7)
+    right.set_xlabel("Difference to the patient without CRRT [mmHg]\n(right: blood taken up, as published)")
+    right.set_title("b) What makes the difference, as published", loc="left")
+    left.set_yticks(rows, letters)
+    left.invert_yaxis()
+    left.set_ylabel("Scheme")
+    fig.legend(loc="outside lower center", ncols=2)
+    return fig
+
+
+@figure_style()
+def plot_crrt_limits(limits: xr.Dataset, case_flow: float, ranked: list[str]) -> Figure:
+    """Largest ECMO flow that every scheme keeps each limit up to.
+
+    Args:
+        limits: `largest_flow` and `kept_throughout` over `scheme` and `limit`.
+        case_flow: ECMO flow [L/min] of the case, marked.
+        ranked: schemes from best to worst, top to bottom.
+    """
+    fig = new_figure(PAGE_WIDTH_MM, 22 + 6.5 * len(ranked))
+    ax = fig.subplots()
+    rows = np.arange(len(ranked))
+    both = limits.sel(limit="crrt")["largest_flow"].sel(scheme=ranked).fillna(0.0)
+    ax.barh(rows, both, height=0.55, color="#C9D9E6", label="all limits of the CRRT lines kept")
+    marks = {
+        "access_alarm": ("access alarm", OKABE_ITO["blue"], "<"),
+        "return_alarm": ("return alarm", OKABE_ITO["vermillion"], ">"),
+        "access_190": ("access above 190 mmHg", OKABE_ITO["bluish green"], "o"),
+        "suction": (f"drainage below {SUCTION_MMHG:g} mmHg".replace("-", "−"), "black", "|"),
+    }
+    for name, (words, colour, marker) in marks.items():
+        one = limits.sel(limit=name, scheme=ranked)
+        flows = one["largest_flow"].where(~one["kept_throughout"])
+        ax.plot(flows, rows, marker, color=colour, markersize=6, label=f"{words} from here")
+    ax.axvline(case_flow, color="black", linewidth=0.9, linestyle="--", label="ECMO flow of the case")
+    ax.set_yticks(rows, [plain_text(letter, 24) for letter in ranked])
+    ax.invert_yaxis()
+    ax.set_xlim(0.0, 1.04 * max(float(limits["largest_flow"].max()), case_flow))
+    ax.set_xlabel("ECMO flow [L/min]")
+    ax.set_ylabel("Scheme, best first")
+    fig.legend(loc="outside lower center", ncols=3)
+    return fig

@@ -1,0 +1,128 @@
+"""The CRRT study as one JSON object."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from eclsim.studies.crrt_limits import LIMITS
+from eclsim.studies.crrt_statistics import SUMMARISED
+from eclsim.studies.crrt_uptake import SPLIT
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from eclsim.studies.crrt_study import CrrtStudy
+
+MEANS = (
+    "Psart", "Psvn", "Ppart", "Pcrrttuin", "Pcrrttuout", "Pecmodrain", "PF", "MAP", "CO", "EDVRV", "ESVRV",
+    "SP", "DP", "MPAP", "PCWP", "lowest_drainage_pressure", "recirculated_fraction",
+)  # fmt: skip
+"""Cycle means [mmHg], flows [L/min] and volumes [mL] of each scheme."""
+
+
+def study_object(study: CrrtStudy) -> dict[str, Any]:
+    """The study as a mapping of plain values; a number that is not finite is None."""
+    return {
+        "id": study.case.patient.id,
+        "converged": study.converged,
+        "crrt_flow_ml_min": study.crrt_flow_ml_min,
+        "policies": {policy: _policy(study, policy) for policy in study.policies},
+    }
+
+
+def _policy(study: CrrtStudy, policy: str) -> dict[str, Any]:
+    own, means = study.case_speed, study.means.sel(policy=policy)
+    schemes = {}
+    for scheme in study.schemes:
+        one = means.sel(scheme=scheme.letter, speed=own)
+        schemes[scheme.letter] = {
+            "name": scheme.name,
+            "access_site": scheme.access_site,
+            "return_site": scheme.return_site,
+            "note": scheme.note,
+            "means": {name: number(one[name]) for name in MEANS},
+            "patient_volume_change_ml": number(one["patient_volume_change"]),
+            "converged": bool(one["converged"]),
+        }
+        if study.uptake is not None and policy == "as_published":
+            schemes[scheme.letter]["difference_to_no_crrt"] = _split(study.uptake.sel(scheme=scheme.letter))
+    alone = study.without_crrt.sel(policy=policy, speed=own)
+    return {
+        "speed_rpm": own,
+        "schemes": schemes,
+        "without_crrt": {name: number(alone[name]) for name in MEANS if name in alone},
+        "summary": _summary(study.summary.sel(policy=policy, speed=own)),
+        "speeds": [_at_speed(study, policy, float(speed)) for speed in study.means["speed"].values],
+        "limits": _limits(study, policy),
+        "ranking": [asdict(r) | {"reasons": list(r.reasons)} | _finite(r) for r in study.ranking[policy]],
+    }
+
+
+def _summary(summary: xr.Dataset) -> dict[str, Any]:
+    return {
+        name: {
+            "median": number(summary[f"{name}_median"]),
+            "variation": number(summary[f"{name}_variation"]),
+            "variation_percent": number(summary[f"{name}_variation_percent"]),
+            "highest": str(summary[f"{name}_highest"].item()),
+            "lowest": str(summary[f"{name}_lowest"].item()),
+        }
+        for name in SUMMARISED
+    }
+
+
+def _at_speed(study: CrrtStudy, policy: str, speed: float) -> dict[str, Any]:
+    means = study.means.sel(policy=policy, speed=speed)
+    schemes = {}
+    for letter in means["scheme"].values.astype(str):
+        one = means.sel(scheme=letter)
+        schemes[letter] = {"converged": bool(one["converged"])} | {name: number(one[name]) for name in MEANS}
+    return {
+        "speed_rpm": speed,
+        "schemes": schemes,
+        "summary": _summary(study.summary.sel(policy=policy, speed=speed)),
+    }
+
+
+def _limits(study: CrrtStudy, policy: str) -> dict[str, Any]:
+    limits = study.limits.sel(policy=policy)
+    definitions = {
+        limit.name: {
+            "quantity": limit.quantity,
+            "low_mmhg": number(limit.low),
+            "high_mmhg": number(limit.high),
+            "meaning": limit.meaning,
+        }
+        for limit in LIMITS
+    }
+    schemes = {}
+    for letter in limits["scheme"].values.astype(str):
+        schemes[letter] = {}
+        for name in limits["limit"].values.astype(str):
+            one = limits.sel(scheme=letter, limit=name)
+            schemes[letter][name] = {
+                "largest_ecmo_flow_l_min": number(one["largest_flow"]),
+                "largest_speed_rpm": number(one["largest_speed"]),
+                "kept_throughout": bool(one["kept_throughout"]),
+                "margin_mmhg": number(one["margin"]),
+            }
+    return {"definitions": definitions, "schemes": schemes}
+
+
+def _split(one: xr.Dataset) -> dict[str, Any]:
+    parts = ("difference", "uptake", "flow")
+    found: dict[str, Any] = {n: {p: number(one[f"{n}_{p}"]) for p in parts} for n in SPLIT}
+    return found | {"blood_taken_up_ml": number(one["blood_taken_up"])}
+
+
+def _finite(ranked: Any) -> dict[str, Any]:
+    names = ("lowest_site_pressure", "largest_flow", "recirculated", "margin")
+    return {name: number(getattr(ranked, name)) for name in names}
+
+
+def number(value: Any) -> float | None:
+    """A finite number, else None."""
+    found = float(value)
+    return found if math.isfinite(found) else None

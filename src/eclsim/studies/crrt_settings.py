@@ -1,0 +1,55 @@
+"""What the CRRT study asks of a case and of its options; checked before anything heavy is loaded."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from eclsim.patients.case import Case
+
+AS_PUBLISHED = "as_published"
+BOTH = "both"
+VOLUME_POLICIES = (AS_PUBLISHED, "patient_held")
+USUAL_FLOW_ML_MIN = 200.0
+
+
+class StudyError(ValueError):
+    """A case or an option that the study cannot be run with; says what is needed."""
+
+
+def policies_of(volume_policy: str) -> tuple[str, ...]:
+    """The policies that an option names."""
+    if volume_policy == BOTH:
+        return VOLUME_POLICIES
+    if volume_policy not in VOLUME_POLICIES:
+        raise StudyError(
+            f"blood volume policy '{volume_policy}'; allowed: {', '.join((*VOLUME_POLICIES, BOTH))}"
+        )
+    return (volume_policy,)
+
+
+def case_speed(case: Case) -> float:
+    """Pump speed of a case [rpm]; the study needs one."""
+    if case.ecmo is None:
+        raise StudyError(
+            f"case '{case.patient.id}' has no [ecmo] section: the study connects CRRT to an ECMO circuit"
+        )
+    if case.ecmo.speed_rpm is None:
+        raise StudyError(
+            f"case '{case.patient.id}' has a roller pump: the study varies the speed of a rotary pump"
+        )
+    return float(case.ecmo.speed_rpm)
+
+
+def crrt_flow(case: Case, wanted: float | None) -> float:
+    """Blood flow of the CRRT [mL/min]: as asked for, else the case's, else 200."""
+    flow = (
+        wanted
+        if wanted is not None
+        else case.crrt.flow_ml_min
+        if case.crrt is not None
+        else USUAL_FLOW_ML_MIN
+    )
+    if not 0.0 < flow <= 1000.0:
+        raise StudyError(f"CRRT flow {flow:g} mL/min; allowed: above 0, up to 1000")
+    return float(flow)
