@@ -4,5 +4,6 @@ from eclsim.circuit.network import Choice, Circuit, Compartment, Connection, Sta
 from eclsim.circuit.validation import CircuitError, validate
 
 __all__ = [
-    "Choice", "Circuit", "CircuitError", "Compartment", "Connection", "StartPressure", "StartVolume", "validate",
+    "Choice", "Circuit", "CircuitError", "Compartment", "Connection", "StartPressure", "StartVolume",
+    "validate",
 ]  # fmt: skip

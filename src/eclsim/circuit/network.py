@@ -48,7 +48,7 @@ class Compartment:
 
 @dataclass(frozen=True)
 class Choice:
-    """One of several sites, chosen per patient of a batch by a parameter that holds the position in `sites`."""
+    """One of several sites, chosen per patient by a parameter that holds the position in `sites`."""
 
     sites: tuple[str, ...]
     parameter: str

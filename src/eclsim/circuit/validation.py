@@ -29,7 +29,9 @@ def _duplicates(circuit: Circuit) -> list[str]:
     found = []
     for what, parts in (("compartment", circuit.compartments), ("connection", circuit.connections)):
         counts = Counter(part.name for part in parts)
-        found += [f"{what} '{name}' appears {n} times: names are unique" for name, n in counts.items() if n > 1]
+        found += [
+            f"{what} '{name}' appears {n} times: names are unique" for name, n in counts.items() if n > 1
+        ]
     return found
 
 

@@ -1,4 +1,4 @@
-"""Components: the physics, one law each. `all_storages` and `all_paths` list them for the catalogue of tests."""
+"""Components: the physics, one law each. `all_storages` and `all_paths` list them for the tests."""
 
 from eclsim.components.activation import Activation, AtrialBump, VentricularSystole
 from eclsim.components.base import Path, Storage

@@ -1,4 +1,4 @@
-"""When the chambers contract: activation (0 at rest, 1 at peak) as a function of the phase t / T of the beat."""
+"""When the chambers contract: activation (0 at rest, 1 at peak) over the phase t / T of the beat."""
 
 from __future__ import annotations
 

@@ -106,7 +106,7 @@ class Path:
 
 
 def _newton_flow(path: Path, pressure_difference: Any, load: Any, constants: Any, iterations: int = 8) -> Any:
-    """Newton's method on a monotone drop; slopes are kept positive so that a flat start cannot divide by 0."""
+    """Newton's method on a monotone drop; slopes are kept positive, so a flat start cannot divide by 0."""
     flow = jnp.zeros_like(pressure_difference + load)
     one = jnp.ones_like(flow)
     for _ in range(iterations):

@@ -11,7 +11,7 @@ from eclsim.components.base import Key, Path, Values, names_in, value_of
 from eclsim.units import ML_S_PER_L_MIN
 
 TINY = 1e-12
-"""Keeps the square root differentiable at zero flow; in mmHg^2 s^2/mL^2 or mmHg, far below rounding of a flow."""
+"""Keeps the square root differentiable at zero flow; far below the rounding of a flow [mmHg^2 s^2/mL^2]."""
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,10 @@
 """Heart chambers: time-varying elastance.
 
-             activation(phase)
-                   |
-    filling  o-->-( V )-->-o  ejection
-                   |
-                 P(V, phase)
+         activation(phase)
+               |
+filling  o-->-( V )-->-o  ejection
+               |
+             P(V, phase)
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from eclsim.components.activation import Activation, AtrialBump, VentricularSyst
 from eclsim.components.base import Key, Storage, Values, names_in, value_of
 
 LARGEST_EXPONENT = 30.0
-"""Cap of kappa * V: far beyond any patient (alpha e^30 = 5e11 mmHg), it keeps a solver's trial step finite."""
+"""Cap of kappa * V: far beyond any patient (alpha e^30 = 5e11 mmHg), it keeps trial steps finite."""
 
 
 @dataclass(frozen=True)

@@ -32,8 +32,8 @@ class RotaryPump(Path):
         prefix: parameter names are prefix + a, R1, R2, Rrec, kinf (and L, Rper, Lper).
         periphery: True for an LVAD with inlet and outflow graft.
 
-    Units of the constants: a mmHg/rpm^2, R1 mmHg/(rpm L/min), R2, Rrec, Rper mmHg/(L/min)^2, kinf (L/min)/rpm,
-    L, Lper mmHg s^2/L.  Source: Boes et al. 2019 (equation); Thiel et al. (constants).
+    Units of the constants: a mmHg/rpm^2, R1 mmHg/(rpm L/min), R2, Rrec, Rper mmHg/(L/min)^2,
+    kinf (L/min)/rpm, L, Lper mmHg s^2/L.  Source: Boes et al. 2019 (equation); Thiel et al. (constants).
     """
 
     speed: Key
@@ -76,7 +76,7 @@ class RotaryPump(Path):
         return constants[5] * flow * jnp.abs(flow) - self.head(flow, constants)
 
     def flow(self, pressure_difference: Any, load: Any, constants: Any) -> Any:
-        """Root of load Q + Rper Q |Q| - H(Q) = dp [mL/s]: the branch is known from dp at Q = kink and Q = 0."""
+        """Root of load Q + Rper Q |Q| - H(Q) = dp [mL/s]; dp at Q = kink and Q = 0 tells the branch."""
         shut_off, slope, curvature, recirculation, kink, graft, _ = constants
         linear = load + slope
         push = pressure_difference + shut_off

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from eclsim.parameters.devices import CRRT_ALARMS_MMHG
 
 SANSOM_ACCESS_MMHG = 190.0
-"""Access pressure above which early circuit failure is more likely (Sansom et al. 2023, cited by Thiel et al.)."""
+"""Access pressure above which early circuit failure is more likely (Sansom 2023, cited by Thiel et al.)."""
 SUCTION_MMHG = -100.0
-"""Drainage pressure below which cavitation and haemolysis are commonly feared (ELSO practice; a convention)."""
+"""Drainage pressure below which cavitation and haemolysis are commonly feared (a convention)."""
 COLLAPSE_MMHG = -300.0
 """Pressure that no vein withstands: the vessel has collapsed and the computed flow is not to be had."""
 
@@ -38,13 +38,17 @@ def findings(outputs: Mapping[str, float], extremes: Mapping[str, tuple[float, f
     if low is not None and low < SUCTION_MMHG:
         kind = "collapse" if low < COLLAPSE_MMHG else "warning"
         limit = COLLAPSE_MMHG if kind == "collapse" else SUCTION_MMHG
-        found.append(_below(kind, "pressure in the drainage cannula", low, limit, "suction: lower the pump speed"))
+        found.append(
+            _below(kind, "pressure in the drainage cannula", low, limit, "suction: lower the pump speed")
+        )
     for name, (smallest, _) in extremes.items():
         if name in ("Vra", "Vrv", "Vla", "Vlv") and smallest <= 0.0:
             text = f"volume of {name[1:]} falls to {smallest:.1f} mL: the chamber collapses"
             found.append(Finding("collapse", name, smallest, 0.0, text))
         if name[0] == "P" and name[1:] in ("ra", "svn", "rv", "pvn", "la") and smallest < COLLAPSE_MMHG:
-            found.append(_below("collapse", f"pressure in {name[1:]}", smallest, COLLAPSE_MMHG, "the vessel collapses"))
+            found.append(
+                _below("collapse", f"pressure in {name[1:]}", smallest, COLLAPSE_MMHG, "the vessel collapses")
+            )
     aortic = outputs.get("aortic_valve_flow")
     if aortic is not None and aortic < 0.02:
         text = f"aortic valve flow {aortic:.3f} L/min: the left ventricle does not eject"
@@ -65,7 +69,9 @@ def _crrt(outputs: Mapping[str, float]) -> list[Finding]:
         elif value > high:
             found.append(_above("alarm", words, value, high, "machine alarm"))
         elif line == "access" and value > SANSOM_ACCESS_MMHG:
-            found.append(_above("warning", words, value, SANSOM_ACCESS_MMHG, "early circuit failure is more likely"))
+            found.append(
+                _above("warning", words, value, SANSOM_ACCESS_MMHG, "early circuit failure is more likely")
+            )
     return found
 
 

@@ -27,7 +27,10 @@ WORDS = {"P": "pressure in", "Q": "flow through", "V": "blood volume of"}
 
 
 def simulate(
-    model: Model, policy: str = AS_PUBLISHED, options: OrbitOptions | None = None, resolution: int | None = None
+    model: Model,
+    policy: str = AS_PUBLISHED,
+    options: OrbitOptions | None = None,
+    resolution: int | None = None,
 ) -> xr.Dataset:
     """The steady beat of a model.
 
@@ -69,7 +72,11 @@ def dataset_of(model: Model, steady: SteadyBeats) -> xr.Dataset:
 
 
 def labelled(
-    model: Model, series: dict[str, np.ndarray], phases: np.ndarray, outputs: dict[str, float], attributes: Any
+    model: Model,
+    series: dict[str, np.ndarray],
+    phases: np.ndarray,
+    outputs: dict[str, float],
+    attributes: Any,
 ) -> xr.Dataset:
     """Waveforms and outputs with names, units and definitions."""
     period = 60.0 / model.values["heart_rate_bpm"]
@@ -79,7 +86,9 @@ def labelled(
     for name, values in series.items():
         if name.endswith(RATE):
             continue
-        words = f"{WORDS[name[0]]} {name[1:]}" if "pump" not in name or name[0] != "P" else f"head of {name[1:]}"
+        words = (
+            f"{WORDS[name[0]]} {name[1:]}" if "pump" not in name or name[0] != "P" else f"head of {name[1:]}"
+        )
         shift = unstressed_volume(model.circuit, name[1:], model.values) if name[0] == "V" else 0.0
         data[name] = ("phase", values + shift, {"units": UNITS[name[0]], "long_name": words})
     for name, value in outputs.items():
@@ -94,11 +103,15 @@ def labelled(
 
 
 def _add_recirculation(result: xr.Dataset, circuit: Circuit) -> None:
-    fraction = recirculated_fraction(circuit, {c.name: _mean(result, "Q" + c.name) for c in circuit.connections})
+    fraction = recirculated_fraction(
+        circuit, {c.name: _mean(result, "Q" + c.name) for c in circuit.connections}
+    )
     if fraction is None:
         return
     flow = fraction * _mean(result, "Qcrrtpump") * 0.06
-    definition = "share of the access flow that left the return line and did not pass the patient (steady mixing)"
+    definition = (
+        "share of the access flow that left the return line and did not pass the patient (steady mixing)"
+    )
     result["crrt_recirculated_fraction"] = ((), fraction, {
         "units": "1", "long_name": "recirculated share of the CRRT flow", "definition": definition,
     })  # fmt: skip
@@ -117,7 +130,7 @@ def outcome(steady: SteadyBeats, outputs: dict[str, float]) -> tuple[Status, str
     if not all(np.isfinite(v) for v in outputs.values()):
         status = Status.NOT_FINITE
     drift = f"residual {steady.orbits.residual[0]:.1e}, drift {steady.orbits.drift[0]:.2g} mL a beat"
-    native = outputs.get("aortic_valve_flow", outputs.get("CO", np.inf))
+    native = outputs.get("aortic_valve_flow", np.inf) + outputs.get("lvad_flow", 0.0)
     if status is Status.NOT_CONVERGED and native < NO_EJECTION_L_MIN:
         return Status.NO_EJECTION, f"{Status.NO_EJECTION.message} (native output {native:.3g} L/min, {drift})"
     return status, status.message if status is Status.CONVERGED else f"{status.message} ({drift})"

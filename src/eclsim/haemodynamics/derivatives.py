@@ -57,4 +57,6 @@ def member_derivatives(
     program = beat_program(steady.batch.circuit, int(steady.resolution[member]))
     measures = Measures(waveforms, program.grid.phases)
     found = [output(name).compute(measures) for name in outputs]
-    return np.array([d.value for d in found]), np.stack([np.broadcast_to(d.tangent, len(parameters)) for d in found])
+    return np.array([d.value for d in found]), np.stack(
+        [np.broadcast_to(d.tangent, len(parameters)) for d in found]
+    )

@@ -1,4 +1,4 @@
-"""Numbers that carry their derivatives, so that every output is differentiated by the formula that computes it."""
+"""Numbers that carry their derivatives: every output is differentiated by the formula that computes it."""
 
 from __future__ import annotations
 

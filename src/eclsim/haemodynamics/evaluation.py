@@ -52,7 +52,9 @@ def _measure(
         recorded = program.trace(signals)(steady.orbits.states[:, lanes], packed[:, lanes])[1]
     else:
         signals = with_rates(steady.batch.circuit, all_signals(program.assembly))
-        recorded = program.trace(signals)(steady.orbits.states[:, members[0]], packed[:, members[0]])[1][..., None]
+        recorded = program.trace(signals)(steady.orbits.states[:, members[0]], packed[:, members[0]])[1][
+            ..., None
+        ]
     series = whole_beat(np.asarray(recorded))[..., : len(members)]
     waveforms = {name: series[:, k] for k, name in enumerate(signals)}
     measures = Measures(waveforms, program.grid.phases)

@@ -1,9 +1,9 @@
 """Means, extremes and loop areas of waveforms over one beat on a non-uniform grid.
 
-Extremes lie between grid points: diastolic pressure ends within a millisecond of the valve's opening. Where the
-rate of a waveform is known (it follows from the flows), they are read off the cubic with the right values and
-slopes, else off the parabola through three points, so that they do not jump when a parameter moves the peak
-from one grid point to the next.
+Extremes lie between grid points: diastolic pressure ends within a millisecond of the valve's opening. Where
+the rate of a waveform is known (it follows from the flows), they are read off the cubic with the right values
+and slopes, else off the parabola through three points, so that they do not jump when a parameter moves the
+peak from one grid point to the next.
 """
 
 from __future__ import annotations
@@ -44,7 +44,9 @@ class Measures:
 
     def mean(self, name: str) -> Any:
         """Mean over the beat (trapezoidal rule)."""
-        return self._linear(self.waveforms[name], lambda series: np.tensordot(series, self._weights, axes=(-1, 0)))
+        return self._linear(
+            self.waveforms[name], lambda series: np.tensordot(series, self._weights, axes=(-1, 0))
+        )
 
     def maximum(self, name: str) -> Any:
         """Largest value over the beat."""
@@ -94,7 +96,7 @@ class Measures:
         return one(series, 0)
 
     def _cubic(self, series: Any, rate: Any, sign: float) -> Any:
-        """Top of the Hermite cubic beside the largest point; its place moves, but to first order not its value."""
+        """Top of the Hermite cubic beside the largest point; to first order its place does not matter."""
         values, rates = sign * _value(series), sign * _value(rate)
         points = len(values) - 1
         top = np.argmax(values[:points], axis=0)
@@ -102,7 +104,9 @@ class Measures:
         width = np.diff(self._phases)[left]
         start, end = _at(values, left), _at(values, left + 1)
         rise, fall = _at(rates, left) * width, _at(rates, left + 1) * width
-        s = _stationary(rise, 3.0 * (end - start) - 2.0 * rise - fall, rise + fall - 2.0 * (end - start), fall)
+        s = _stationary(
+            rise, 3.0 * (end - start) - 2.0 * rise - fall, rise + fall - 2.0 * (end - start), fall
+        )
         last = s * s * (3.0 - 2.0 * s)
         found = _at(series, left) * (1.0 - last) + _at(series, left + 1) * last
         slopes = _at(rate, left) * (s * (1.0 - s) ** 2) + _at(rate, left + 1) * (s * s * (s - 1.0))

@@ -49,11 +49,15 @@ def _mean(name: str, long_name: str, signal: str) -> Output:
 
 
 def _max(name: str, long_name: str, signal: str, unit: str = "mmHg") -> Output:
-    return Output(name, long_name, unit, f"maximum of {signal}", (signal,), lambda m: m.maximum(signal), (signal,))
+    return Output(
+        name, long_name, unit, f"maximum of {signal}", (signal,), lambda m: m.maximum(signal), (signal,)
+    )
 
 
 def _min(name: str, long_name: str, signal: str, unit: str = "mmHg") -> Output:
-    return Output(name, long_name, unit, f"minimum of {signal}", (signal,), lambda m: m.minimum(signal), (signal,))
+    return Output(
+        name, long_name, unit, f"minimum of {signal}", (signal,), lambda m: m.minimum(signal), (signal,)
+    )
 
 
 def _flow(name: str, long_name: str, signal: str) -> Output:
@@ -82,7 +86,10 @@ CONTRACT = (
     *(
         make(prefix + place.upper(), f"{words} of the {chamber}", "V" + place, "mL")
         for place, chamber in CHAMBERS.items()
-        for prefix, words, make in (("EDV", "end-diastolic volume", _max), ("ESV", "end-systolic volume", _min))
+        for prefix, words, make in (
+            ("EDV", "end-diastolic volume", _max),
+            ("ESV", "end-systolic volume", _min),
+        )
     ),
 )
 """The 17 outputs of the case-file contract, in its order."""
@@ -94,13 +101,16 @@ def _ventricle(place: str) -> tuple[Output, ...]:
     stroke = lambda m: m.maximum(v) - m.minimum(v)  # noqa: E731  (shared by the entries below)
     energy = lambda m: 0.5 * m.largest_ratio(p, v) * m.minimum(v) ** 2  # noqa: E731  (likewise)
     return (
-        Output(f"stroke_volume_{place}", f"stroke volume of the {words}", "mL", "EDV - ESV", needs, stroke, (v,)),
         Output(
-            f"ejection_fraction_{place}", f"ejection fraction of the {words}", "%", "(EDV - ESV) / EDV", needs,
+            f"stroke_volume_{place}", f"stroke volume of the {words}", "mL", "EDV - ESV", needs, stroke, (v,),
+        ),
+        Output(
+            f"ejection_fraction_{place}", f"ejection fraction of the {words}", "%", "(EDV - ESV) / EDV",
+            needs,
             lambda m: 100.0 * stroke(m) / m.maximum(v), (v,),
         ),
         Output(
-            f"stroke_work_{place}", f"stroke work of the {words}", "mmHg mL", "area of the pressure-volume loop",
+            f"stroke_work_{place}", f"stroke work of the {words}", "mmHg mL", "area of the PV loop",
             needs, lambda m: m.loop_area(p, v),
         ),
         Output(
@@ -127,7 +137,10 @@ MORE = (
     _mean("venous_pressure", "mean systemic venous pressure", "Psvn"),
     *_ventricle("lv"),
     *_ventricle("rv"),
-    *(_flow(f"{valve}_valve_flow", f"mean flow through the {valve} valve", "Q" + at) for at, valve in VALVES.items()),
+    *(
+        _flow(f"{valve}_valve_flow", f"mean flow through the {valve} valve", "Q" + at)
+        for at, valve in VALVES.items()
+    ),
     *(
         _max(f"peak_{valve}_valve_flow", f"peak flow through the {valve} valve", "Q" + at, "mL/s")
         for at, valve in VALVES.items()

@@ -32,6 +32,8 @@ def recirculated_fraction(circuit: Circuit, mean_flows: Mapping[str, float]) -> 
     for connection in circuit.connections:
         flow = mean_flows[connection.name]
         up, down = connection.source, connection.target
+        if not isinstance(up, str) or not isinstance(down, str):
+            return None
         if flow < 0.0:
             up, down, flow = down, up, -flow
         if down not in place or connection.name == "crrttuin":

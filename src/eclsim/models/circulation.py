@@ -31,12 +31,16 @@ def circulation() -> Circuit:
     """The cardiovascular system of Thiel et al.: ten compartments, ten connections, 14 states."""
     compartments = (
         Compartment("ra", Atrium("Edra", "Emaxra"), start=_share("ra")),
-        Compartment("rv", Ventricle("Emaxrv", "RV_Pd_alpha", "RV_Pd_kappa", "RV_Pd_beta"), start=_share("rv")),
+        Compartment(
+            "rv", Ventricle("Emaxrv", "RV_Pd_alpha", "RV_Pd_kappa", "RV_Pd_beta"), start=_share("rv")
+        ),
         _vessel("pas"),
         _vessel("part"),
         _vessel("pvn"),
         Compartment("la", Atrium("Edla", "Emaxla"), start=_share("la")),
-        Compartment("lv", Ventricle("Emaxlv", "LV_Pd_alpha", "LV_Pd_kappa", "LV_Pd_beta"), start=_share("lv")),
+        Compartment(
+            "lv", Ventricle("Emaxlv", "LV_Pd_alpha", "LV_Pd_kappa", "LV_Pd_beta"), start=_share("lv")
+        ),
         _vessel("ao"),
         _vessel("sart"),
         _vessel("svn"),
@@ -99,4 +103,6 @@ def _share(name: str) -> StartVolume:
 
 def _vessel(name: str) -> Compartment:
     vessel = ElasticVessel("C" + name)
-    return Compartment(name, vessel, start=StartPressure("P0" + name), total_fraction="volume_fraction_" + name)
+    return Compartment(
+        name, vessel, start=StartPressure("P0" + name), total_fraction="volume_fraction_" + name
+    )

@@ -43,7 +43,9 @@ def ecmo(
     """
     names = tuple(POSITIONS.values())
     compartments = tuple(Compartment(name, ElasticVessel("C" + name), GROUP) for name in names)
-    pump: Path = RollerPump("ecmo.roller_l_min", "l/min") if roller else RotaryPump("ecmo.speed_rpm", "ecmo.pump.")
+    pump: Path = (
+        RollerPump("ecmo.roller_l_min", "l/min") if roller else RotaryPump("ecmo.speed_rpm", "ecmo.pump.")
+    )
     drainage = Cannula("ecmo.drainage_fr", CANNULAE[drainage_cannula].coefficients)
     giving = Cannula("ecmo.return_fr", CANNULAE[return_cannula].coefficients)
     connections = (

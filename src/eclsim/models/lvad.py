@@ -13,7 +13,9 @@ from eclsim.components import RotaryPump
 GROUP = "lvad"
 
 
-def lvad(inlet_site: Site = "lv", outlet_site: Site = "ao", name: str = "lvadpump", prefix: str = "lvad.") -> Circuit:
+def lvad(
+    inlet_site: Site = "lv", outlet_site: Site = "ao", name: str = "lvadpump", prefix: str = "lvad."
+) -> Circuit:
     """A ventricular assist device between two compartments.
 
     Args:

@@ -81,8 +81,11 @@ class BeatProgram:
         def block(carry: Any, inputs: Any) -> Any:
             length, activations = inputs
             steps = self._step_constants(GAMMA * period * length, constants)
-            note = lambda *end: recorder.pick(*end, constants, period)  # noqa: E731  (closure of one scan)
-            step = lambda c, a: self._step(c, a, steps, constants, note)  # noqa: E731  (closure of one scan)
+
+            def step(carry: Any, now: Any) -> Any:
+                end = self._step(carry, now, steps, constants)
+                return end, recorder.pick(*end, now[1], constants, period)
+
             return jax.lax.scan(step, carry, activations)
 
         tables = (jnp.asarray(self.grid.block_steps), jnp.asarray(self._activation_table()))
@@ -140,18 +143,23 @@ class BeatProgram:
             conductance.append(1.0 / (total + law.resistance(path)) if law.linear else None)
         return StepConstants(weight, tuple(loads), tuple(inertia), tuple(fixed_load), tuple(conductance))
 
-    def _step(self, carry: Any, activations: Any, steps: StepConstants, constants: Constants, note: Any) -> Any:
+    def _step(self, carry: Any, activations: Any, steps: StepConstants, constants: Constants) -> Any:
         """One step: stage 1 at gamma h from the start, stage 2 at h from start + (1 - gamma) h f(stage 1)."""
         volumes, flows = carry
         middle_v, middle_q = self._stage(volumes, flows, flows, activations[0], steps, constants)
         ratio = (1.0 - GAMMA) / GAMMA
         base_v = [a + ratio * (b - a) for a, b in zip(volumes, middle_v, strict=True)]
         base_q = [a + ratio * (b - a) for a, b in zip(flows, middle_q, strict=True)]
-        end = self._stage(base_v, base_q, middle_q, activations[1], steps, constants)
-        return end, note(*end, activations[1])
+        return self._stage(base_v, base_q, middle_q, activations[1], steps, constants)
 
     def _stage(
-        self, base_v: Any, base_q: Any, guess: Any, activations: Any, steps: StepConstants, constants: Constants
+        self,
+        base_v: Any,
+        base_q: Any,
+        guess: Any,
+        activations: Any,
+        steps: StepConstants,
+        constants: Constants,
     ) -> tuple[list[Any], list[Any]]:
         """Solve V = base_v + k dV/dt, Q = base_q + k dQ/dt for volumes and flows."""
         assembly = self.assembly
@@ -170,7 +178,14 @@ class BeatProgram:
         return self._moved(base_v, flows, steps, constants), flows
 
     def _solve(
-        self, j: int, flows: Any, pressures: Any, loads: Any, base_q: Any, steps: StepConstants, constants: Constants
+        self,
+        j: int,
+        flows: Any,
+        pressures: Any,
+        loads: Any,
+        base_q: Any,
+        steps: StepConstants,
+        constants: Constants,
     ) -> None:
         """Solve one connection for its flow, and let both ends feel the change."""
         assembly = self.assembly

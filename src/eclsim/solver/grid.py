@@ -1,8 +1,8 @@
 """The grid of one beat in phase, shared by all patients of a batch, and the resolution that a patient needs.
 
-Systole, valve closure and the atrial kick happen in the first half and the last tenth of the beat; the grid is
-fine there and coarse in diastasis. Resolution r has 400 r steps: 300 r on 0..0.5, 60 r on 0.5..0.9 and 40 r on
-0.9..1. The published break points of the activation curves fall on grid points.
+Systole, valve closure and the atrial kick happen in the first half and the last tenth of the beat; the grid
+is fine there and coarse in diastasis. Resolution r has 400 r steps: 300 r on 0..0.5, 60 r on 0.5..0.9 and
+40 r on 0.9..1. The published break points of the activation curves fall on grid points.
 """
 
 from __future__ import annotations

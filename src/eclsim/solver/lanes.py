@@ -1,7 +1,7 @@
 """Run a compiled function over many patients: alone for a few, in lanes of a fixed width for many.
 
-A program compiled for one patient starts sooner and is used up to `FEW` of them; `LANES` patients side by side
-fill the processor's vectors and its first-level cache. Chunks run in parallel threads (XLA releases the
+A program compiled for one patient starts sooner and is used up to `FEW` of them; `LANES` patients side by
+side fill the processor's vectors and its first-level cache. Chunks run in parallel threads (XLA releases the
 interpreter), each chunk the same whatever stands beside it.
 """
 
@@ -19,7 +19,9 @@ from eclsim.solver.recording import all_signals, with_rates
 
 LANES = 64
 FEW = 256
-"""Up to so many patients the program for one patient is quicker, since the one for many takes seconds to compile."""
+"""Up to so many patients the program for one is quicker: the one for many takes seconds to compile."""
+HANDFUL = 6
+"""Below so many patients one after the other is quicker than half-empty lanes."""
 
 
 def threads() -> int:
@@ -45,7 +47,7 @@ def map_parallel(function: Callable[[Any], Any], jobs: list[Any]) -> list[Any]:
 def run_lanes(program: Any, states: np.ndarray, packed: np.ndarray, wide: bool) -> np.ndarray:
     """One beat of every patient, shape (states, patients); `wide` takes the program for many."""
     count = states.shape[1]
-    if not wide:
+    if not wide or count <= HANDFUL:
         step = program.trace(with_rates(program.assembly.circuit, all_signals(program.assembly)))
         single = [np.asarray(step(states[:, i], packed[:, i])[0]) for i in range(count)]
         return np.stack(single, axis=1) if single else states.copy()

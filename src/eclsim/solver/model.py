@@ -47,7 +47,9 @@ class Model:
     def __post_init__(self) -> None:
         missing = [n for n in (HEART_RATE, *self.circuit.parameter_names()) if n not in self.values]
         if missing:
-            raise UnknownValueError(f"no value for {', '.join(missing)}: the circuit of '{self.name}' reads them")
+            raise UnknownValueError(
+                f"no value for {', '.join(missing)}: the circuit of '{self.name}' reads them"
+            )
 
     def with_values(self, changes: Mapping[str, float] | None = None, **more: float) -> Model:
         """The same circuit with some parameters changed; a misspelt name lists its neighbours."""
@@ -89,8 +91,17 @@ def nominal_values(circuit: Circuit) -> dict[str, float] | None:
     The orbit at these values is where the search for a patient's orbit starts, whoever was solved before.
     """
     known: dict[str, Any] = {key: parameter.value for key, parameter in thiel2025.PARAMETERS.items()}
-    known |= {HEART_RATE: 90.0, "total_blood_volume_ml": 4500.0, "Recmooxy": OXYGENATORS["Quadrox-i Adult"].resistance}
-    known |= {"ecmo.speed_rpm": 3000.0, "ecmo.drainage_fr": 23.0, "ecmo.return_fr": 17.0, "ecmo.roller_l_min": 3.0}
+    known |= {
+        HEART_RATE: 90.0,
+        "total_blood_volume_ml": 4500.0,
+        "Recmooxy": OXYGENATORS["Quadrox-i Adult"].resistance,
+    }
+    known |= {
+        "ecmo.speed_rpm": 3000.0,
+        "ecmo.drainage_fr": 23.0,
+        "ecmo.return_fr": 17.0,
+        "ecmo.roller_l_min": 3.0,
+    }
     known |= {"crrt.flow_ml_min": 200.0, "lvad.speed_rpm": 2600.0}
     known |= {"ecmo.pump." + k: v for k, v in PUMPS["Rotaflow"].constants.items()}
     known |= {"lvad.pump." + k: v for k, v in PUMPS["HVAD"].constants.items()}

@@ -19,6 +19,8 @@ from eclsim.solver.broyden import InverseJacobian
 from eclsim.solver.lanes import run_lanes
 from eclsim.solver.status import Status
 
+PASSING_BEATS = 30
+"""Plain beats after a search that found nothing."""
 FLOW_SCALE = 10.0
 """Weight of a flow [mL/s] against a volume [mL] in the norms of the iteration."""
 
@@ -120,7 +122,9 @@ class OrbitProblem:
 
     def relative_change(self, states: np.ndarray, after: np.ndarray) -> np.ndarray:
         """Largest change of a state over a beat, relative to max(|state|, 1); shape (patients,)."""
-        excess = np.abs(self.volume.weights @ states - self.volume.target) / np.maximum(self.volume.target, 1.0)
+        excess = np.abs(self.volume.weights @ states - self.volume.target) / np.maximum(
+            self.volume.target, 1.0
+        )
         change = np.max(np.abs(states - after) / np.maximum(np.abs(states), 1.0), axis=0)
         return np.maximum(change, excess)
 
@@ -128,8 +132,10 @@ class OrbitProblem:
 def solve_orbits(problem: OrbitProblem, anchor: Anchor, options: OrbitOptions) -> Orbits:
     """Steady states of all patients of a problem."""
     found = _quasi_newton(problem, anchor, options)
-    for patient in np.flatnonzero(found.status != Status.CONVERGED):
-        _replace(found, patient, _newton(problem.take([patient]), found.states[:, [patient]], anchor, options))
+    for patient in map(int, np.flatnonzero(found.status != Status.CONVERGED)):
+        _replace(
+            found, patient, _newton(problem.take([patient]), found.states[:, [patient]], anchor, options)
+        )
     return found
 
 
@@ -189,6 +195,20 @@ def _newton(problem: OrbitProblem, start: np.ndarray, anchor: Anchor, options: O
             return found
         states, after = _line_search(problem, states, after, _limited(step, states, problem.scale), residual)
         found.beats[:] += 1
+    return _in_passing(problem, found, after)
+
+
+def _in_passing(problem: OrbitProblem, found: Orbits, states: np.ndarray) -> Orbits:
+    """No orbit: hand back a state on the way, after some plain beats, not an iterate of the search."""
+    before = states
+    for _ in range(PASSING_BEATS):
+        before, states = states, problem.beat(states)
+    if not np.isfinite(states).all():
+        found.status[:] = Status.NOT_FINITE
+        return found
+    change = problem.relative_change(before, states)
+    _store(found, np.arange(1), np.array([True]), before, change, np.abs(before - states), problem)
+    found.beats[:] += PASSING_BEATS
     return found
 
 
@@ -246,9 +266,6 @@ def _store(
 
 
 def _replace(found: Orbits, patient: int, single: Orbits) -> None:
-    if single.status[0] != Status.CONVERGED and single.residual[0] >= found.residual[patient]:
-        found.beats[patient] += single.beats[0]
-        return
     found.states[:, patient] = single.states[:, 0]
     found.status[patient] = single.status[0]
     found.beats[patient] += single.beats[0]

@@ -10,7 +10,6 @@ import jax.numpy as jnp
 from eclsim.circuit.assembly import Assembly, Constants
 from eclsim.circuit.network import Circuit
 
-
 RATE = "'"
 """Suffix of a signal's change per unit of phase."""
 
@@ -23,17 +22,24 @@ class UnknownSignalError(KeyError):
 
 
 def all_signals(assembly: Assembly) -> tuple[str, ...]:
-    """P and V of every compartment, Q of every connection, P (head) of every connection without a namesake."""
+    """P and V of every compartment, Q of every connection, P (head) of connections without a namesake."""
     stores = [c.name for c in assembly.circuit.compartments]
     paths = [c.name for c in assembly.circuit.connections]
     heads = [name for name in paths if name not in stores]
-    return (*("P" + n for n in stores), *("P" + n for n in heads), *("Q" + n for n in paths), *("V" + n for n in stores))
+    return (
+        *("P" + n for n in stores),
+        *("P" + n for n in heads),
+        *("Q" + n for n in paths),
+        *("V" + n for n in stores),
+    )
 
 
 def has_rate(circuit: Circuit, signal: str) -> bool:
     """Whether a signal's rate follows from the flows: a volume, or the pressure of a passive compartment."""
     passive = [c.name for c in circuit.compartments if c.component.constant_stiffness]
-    return signal[1:] in (passive if signal[0] == "P" else [c.name for c in circuit.compartments if signal[0] == "V"])
+    return signal[1:] in (
+        passive if signal[0] == "P" else [c.name for c in circuit.compartments if signal[0] == "V"]
+    )
 
 
 def with_rates(circuit: Circuit, signals: tuple[str, ...]) -> tuple[str, ...]:
@@ -44,8 +50,8 @@ def with_rates(circuit: Circuit, signals: tuple[str, ...]) -> tuple[str, ...]:
 class Recorder:
     """Picks signals by name: P or V + compartment, Q + connection, P + pump (pressure gained across it).
 
-    Pressures in mmHg, stressed volumes in mL, flows in mL/s, all at the end of a step. `RATE` behind P or V of
-    a compartment means its change per unit of phase, which follows from the flows (`has_rate`).
+    Pressures in mmHg, stressed volumes in mL, flows in mL/s, all at the end of a step. `RATE` behind P or V
+    of a compartment means its change per unit of phase, which follows from the flows (`has_rate`).
     """
 
     def __init__(self, assembly: Assembly, signals: tuple[str, ...]):
@@ -57,7 +63,9 @@ class Recorder:
             if plain not in known or (plain != signal and not has_rate(assembly.circuit, plain)):
                 near = difflib.get_close_matches(signal, known, n=3)
                 hint = f"; did you mean {', '.join(near)}?" if near else ""
-                raise UnknownSignalError(f"'{signal}' is no signal of this circuit; allowed: {', '.join(known)}{hint}")
+                raise UnknownSignalError(
+                    f"'{signal}' is no signal of this circuit; allowed: {', '.join(known)}{hint}"
+                )
 
     def pick(self, volumes: Any, flows: Any, activations: Any, constants: Constants, period: Any) -> Any:
         """The signals of one moment, stacked; shape (signals[, patients]). `period` of the beat in s."""

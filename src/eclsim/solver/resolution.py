@@ -13,12 +13,12 @@ from eclsim.solver.beat import HEART_RATE
 from eclsim.solver.grid import PhaseGrid
 
 LARGEST_ANGLE = 0.8
-"""Largest step times angular frequency: outputs are then within 0.1 % of the converged ones (docs, Numerics)."""
+"""Largest step times angular frequency: outputs are within 0.1 % of the converged ones (docs, Numerics)."""
 RESOLUTIONS = (1, 2, 3, 4, 6, 8)
 
 
 def fastest_oscillation(assembly: Assembly, values: Mapping[str, Any]) -> Any:
-    """Angular frequency [1/s] of the fastest flow against the compliances it joins, for example the aortic root."""
+    """Angular frequency [1/s] of the fastest flow against the compliances it joins, as in the aortic root."""
     constants = assembly.constants(values)
     stiffness = [
         c.component.pressure(0.0, None, law)[1] if c.component.constant_stiffness else 0.0

@@ -87,13 +87,15 @@ def orbit_tangents(
 
 @lru_cache(maxsize=64)
 def _tangents(program: BeatProgram, signals: tuple[str, ...]) -> Any:
-    """Compiled map (state, parameters, directions) -> signals, tangents of the end state and of the signals."""
+    """Compiled map (state, parameters, directions) -> signals, tangents of end state and signals."""
 
     def run(state: Any, packed: Any, state_directions: Any, packed_directions: Any) -> Any:
         def one(ds: Any, dp: Any) -> Any:
             return jax.jvp(lambda s, p: program.run(s, p, signals), (state, packed), (ds, dp))
 
-        (_, recorded), (end, signal) = jax.vmap(one, out_axes=((None, None), 0))(state_directions, packed_directions)
+        (_, recorded), (end, signal) = jax.vmap(one, out_axes=((None, None), 0))(
+            state_directions, packed_directions
+        )
         return recorded, end, signal
 
     return jax.jit(as_single_kernel(run), compiler_options=QUICK_TO_COMPILE)

@@ -22,9 +22,9 @@ class Status(IntEnum):
 _MESSAGES = {
     Status.CONVERGED: "steady beat found",
     Status.NO_EJECTION: (
-        "the native heart ejects next to nothing, so blood shifts towards the lungs for thousands of beats and "
-        "there is no steady beat to speak of: raise Emaxlv or Emaxrv, lower the afterload or the pump speed, or "
-        "read the values as a state in passing"
+        "the native heart ejects next to nothing, so blood shifts towards the lungs for thousands of beats "
+        "and there is no steady beat to speak of: raise Emaxlv or Emaxrv, lower the afterload or the pump "
+        "speed, or read the values as a state in passing"
     ),
     Status.NOT_CONVERGED: (
         "no steady beat found: check the parameters against their ranges, or follow the course in time with "

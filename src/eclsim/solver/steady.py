@@ -47,7 +47,9 @@ class Batch:
 
     def packed(self, program: BeatProgram) -> np.ndarray:
         """Parameters in the order of a program, shape (names, patients)."""
-        rows = (np.broadcast_to(np.asarray(self.values[n], dtype=float), (self.count,)) for n in program.names)
+        rows = (
+            np.broadcast_to(np.asarray(self.values[n], dtype=float), (self.count,)) for n in program.names
+        )
         return np.stack(list(rows))
 
     def volume(self) -> Volume:
@@ -82,8 +84,8 @@ def steady_beats(
     Args:
         batch: the patients.
         options: accuracy and effort.
-        near: parameter values of a patient that all of the batch are close to; the search then starts from that
-            patient's orbit. Left out, it starts from the circuit's nominal orbit.
+        near: parameter values of a patient that all of the batch are close to; the search then starts from
+            that patient's orbit. Left out, it starts from the circuit's nominal orbit.
         resolution: of the grid; left out, each patient gets what its own time constants need.
     """
     options = options or OrbitOptions()
@@ -135,7 +137,9 @@ def _anchor(circuit: Circuit, level: int, policy: str, packed: tuple[float, ...]
     states = start_state(Model(circuit, values))[:, None]
     for _ in range(SETTLING_BEATS):
         states = problem.beat(states)
-    solved = solve_orbits(problem, Anchor(states[:, 0], np.linalg.pinv(jacobian(problem, states))), OrbitOptions())
+    solved = solve_orbits(
+        problem, Anchor(states[:, 0], np.linalg.pinv(jacobian(problem, states))), OrbitOptions()
+    )
     return Anchor(solved.states[:, 0], np.linalg.pinv(jacobian(problem, solved.states)))
 
 
