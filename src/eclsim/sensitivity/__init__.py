@@ -1,0 +1,1 @@
+"""Global sensitivity (Sobol indices) and local identifiability of the parameters of a case."""

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from eclsim.sensitivity.inputs import Input
+from eclsim.sensitivity.inputs import Input, described_input
 
 RUNS_PER_BLOCK = 2048
 """A block, the unit of work, has the largest power of two of rows with at most so many runs."""
@@ -109,17 +109,26 @@ class Design:
         return block * self.rows_per_block, (block + 1) * self.rows_per_block
 
     def description(self) -> dict[str, Any]:
-        """As plain data: all that the numbers of the design follow from."""
-        sequence = _sobol_sequence(2 * len(self.inputs), self.samples, self.seed)
+        """As plain data: all that the numbers of a row follow from.
+
+        The number of rows is not among it: a design is the beginning of the same design with more rows.
+        """
+        beginning = _sobol_sequence(2 * len(self.inputs), self.samples, self.seed)[:2]
         return {
             "inputs": [i.description() for i in self.inputs],
             "groups": list(self.groups),
-            "samples": self.samples,
             "seed": self.seed,
             "second_order": self.second_order,
             "rows_per_block": self.rows_per_block,
-            "sequence": hashlib.sha256(sequence.tobytes()).hexdigest()[:16],
+            "sequence": hashlib.sha256(beginning.tobytes()).hexdigest()[:16],
         }
+
+    @classmethod
+    def described(cls, description: dict[str, Any], samples: int) -> Design:
+        """The design that a description came from."""
+        inputs = tuple(described_input(d) for d in description["inputs"])
+        groups = tuple(description["groups"])
+        return cls(inputs, samples, description["seed"], groups, description["second_order"])
 
 
 @lru_cache(maxsize=8)

@@ -71,3 +71,11 @@ class Categorical:
 
 
 Input = Continuous | Categorical
+
+
+def described_input(description: dict[str, Any]) -> Input:
+    """The input that a description came from."""
+    if "levels" not in description:
+        return Continuous(description["name"], description["low"], description["high"])
+    sets = tuple((name, tuple(values)) for name, values in description["sets"].items())
+    return Categorical(description["name"], tuple(description["levels"]), sets)

@@ -1,0 +1,184 @@
+"""From a case to what is varied: the paper's 24 cardiovascular parameters, groups, and inputs of the devices."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from eclsim.circuit.network import Choice, Circuit
+from eclsim.models import POSITIONS, crrt
+from eclsim.parameters import did_you_mean, thiel2025
+from eclsim.parameters.devices import CANNULAE, PUMPS
+from eclsim.sensitivity.inputs import Categorical, Continuous, Input
+
+if TYPE_CHECKING:
+    from eclsim.patients.case import Case
+
+CARDIOVASCULAR = (
+    "Rao", "Rsart", "Rmc", "Rsvn", "Rpas", "Rpart", "Rpmc", "Rpvn",
+    "Cao", "Csart", "Csvn", "Cpas", "Cpart", "Cpvn", "Lao", "Lsart", "Lpas", "Lpart",
+    "Edla", "Edra", "Emaxla", "Emaxlv", "Emaxra", "Emaxrv",
+)  # fmt: skip
+"""The parameters of the paper's global sensitivity analysis (Figure 3)."""
+
+GROUPS = {"R": "resistances", "C": "compliances", "L": "inertances", "E": "elastances"}
+OUTPUTS = ("SP", "DP", "MAP", "MPAP", "PCWP", "CO", "PF")
+
+SCHEMES = {
+    "a": ("post_pump", "pre_oxy"),
+    "b": ("pre_oxy", "pre_pump"),
+    "c": ("post_oxy", "pre_pump"),
+    "d": ("post_oxy", "pre_rc"),
+    "e": ("pre_oxy", "pre_rc"),
+    "f": ("pre_oxy", "post_oxy"),
+    "g": ("post_oxy", "pre_oxy"),
+    "h": ("pre_pump", "post_dc"),
+    "i": ("post_pump", "pre_pump"),
+}
+"""Access and return position of the paper's nine connection schemes (Figure 2)."""
+
+SCHEME, ACCESS, RETURN = "crrt.scheme", "crrt.access_site", "crrt.return_site"
+_PLACES = tuple(POSITIONS)
+
+
+class InputError(ValueError):
+    """Inputs that a case cannot have; one line for each mistake."""
+
+    def __init__(self, mistakes: Sequence[str]):
+        self.mistakes = tuple(mistakes)
+        super().__init__("\n".join(mistakes))
+
+
+@dataclass(frozen=True)
+class Varied:
+    """What is varied around which model.
+
+    Args:
+        circuit: of the case; sites that are inputs are choices in it.
+        base: a number for every parameter.
+        inputs: what is varied.
+        groups: factor of each input.
+    """
+
+    circuit: Circuit
+    base: Mapping[str, float]
+    inputs: tuple[Input, ...]
+    groups: tuple[str, ...]
+
+
+def varied(
+    case: Case,
+    base: Mapping[str, float],
+    parameters: Sequence[str] = CARDIOVASCULAR,
+    include: Sequence[str] = (),
+    groups: Sequence[str] = (),
+    perturbation_percent: float = 25.0,
+) -> Varied:
+    """Inputs of an analysis around a case.
+
+    Args:
+        case: patient and devices.
+        base: values of all parameters, around which the inputs vary.
+        parameters: names of parameters, uniform within the perturbation.
+        include: further inputs: parameters, device settings, `crrt.scheme`, `crrt.access_site`, ...
+        groups: first letters (R, C, L, E) whose parameters are one factor together.
+        perturbation_percent: half width of the range of each number.
+    """
+    circuit = _circuit(case, include)
+    known = [*dict.fromkeys(("heart_rate_bpm", *circuit.parameter_names())), SCHEME, ACCESS, RETURN]
+    mistakes = _wrong_names([*parameters, *include], known) + _wrong_groups(groups, parameters)
+    if not 0.0 < perturbation_percent < 100.0:
+        mistakes.append(f"perturbation {perturbation_percent:g} %: allowed: above 0 and below 100 %")
+    if SCHEME in include and {ACCESS, RETURN} & set(include):
+        mistakes.append(f"{SCHEME}: sets both sites already; leave out {ACCESS} and {RETURN}, or {SCHEME}")
+    if mistakes:
+        raise InputError(mistakes)
+    base = dict(base)
+    if case.crrt is not None and {SCHEME, ACCESS, RETURN} & set(include):
+        base |= {site: float(_place(getattr(case.crrt, site.removeprefix("crrt.")))) for site in (ACCESS, RETURN)}
+    names = [*dict.fromkeys([*parameters, *include])]
+    inputs = tuple(_input(name, case, base, perturbation_percent / 100.0) for name in names)
+    _check_ranges(inputs, case)
+    labels = tuple(n[0] if n in parameters and n[0] in groups else n for n in names) if groups else ()
+    return Varied(circuit, base, inputs, labels)
+
+
+def _circuit(case: Case, include: Sequence[str]) -> Circuit:
+    from eclsim.solver.model import circuit_of
+
+    if not {SCHEME, ACCESS, RETURN} & set(include):
+        return circuit_of(case)
+    if case.ecmo is None or case.crrt is None:
+        raise InputError([f"{SCHEME}, {ACCESS}, {RETURN}: the case needs the sections [ecmo] and [crrt]"])
+    sites = tuple(POSITIONS.values())
+    without = circuit_of(case.model_copy(update={"crrt": None}))
+    return without + crrt(Choice(sites, ACCESS), Choice(sites, RETURN))
+
+
+def _wrong_names(names: Sequence[str], known: Sequence[str]) -> list[str]:
+    wrong = []
+    for name in dict.fromkeys(names):
+        if name not in known:
+            hint = did_you_mean(name, known)
+            wrong.append(f"{name}: no parameter that this case reads" + (f"; did you mean {hint}?" if hint else ""))
+    return wrong
+
+
+def _wrong_groups(groups: Sequence[str], parameters: Sequence[str]) -> list[str]:
+    first_letters = {p[0] for p in parameters}
+    allowed = ", ".join(f"{k} ({v})" for k, v in GROUPS.items())
+    wrong = [f"group {g}: allowed: {allowed}" for g in groups if g not in GROUPS]
+    return wrong + [f"group {g}: no input begins with {g}" for g in groups if g in GROUPS and g not in first_letters]
+
+
+def _place(site: str) -> int:
+    if site not in _PLACES:
+        raise InputError([f"crrt site {site}: as an input it is one of {', '.join(_PLACES)}"])
+    return _PLACES.index(site)
+
+
+def _input(name: str, case: Case, base: Mapping[str, float], share: float) -> Input:
+    if name == SCHEME:
+        access, back = (tuple(float(_PLACES.index(pair[k])) for pair in SCHEMES.values()) for k in (0, 1))
+        return Categorical(SCHEME, tuple(SCHEMES), ((ACCESS, access), (RETURN, back)))
+    if name in (ACCESS, RETURN):
+        return Categorical(name, _PLACES, ((name, tuple(float(k) for k in range(len(_PLACES)))),))
+    if name in ("ecmo.drainage_fr", "ecmo.return_fr"):
+        return _cannula_sizes(name, case, base[name], share)
+    return Continuous(name, base[name] * (1.0 - share), base[name] * (1.0 + share))
+
+
+def _cannula_sizes(name: str, case: Case, size: float, share: float) -> Categorical:
+    """The maker's sizes within the perturbation."""
+    assert case.ecmo is not None
+    kind = case.ecmo.drainage_cannula if name == "ecmo.drainage_fr" else case.ecmo.return_cannula
+    near = [float(s) for s in CANNULAE[kind].sizes_fr if abs(s - size) <= share * size]
+    if len(near) < 2:
+        raise InputError([f"{name}: fewer than two sizes within {100 * share:g} % of {size:g} Fr"])
+    return Categorical(name, tuple(f"{s:g} Fr" for s in near), ((name, tuple(near)),))
+
+
+def _check_ranges(inputs: Sequence[Input], case: Case) -> None:
+    wrong = []
+    for chosen in inputs:
+        if not isinstance(chosen, Continuous):
+            continue
+        allowed = _allowed(chosen.name, case)
+        if chosen.low >= chosen.high:
+            wrong.append(f"{chosen.name}: its value is {chosen.low:g}, so a percentage of it does not vary it")
+        elif allowed and not allowed[0] <= chosen.low <= chosen.high <= allowed[1]:
+            said = f"{chosen.low:g} to {chosen.high:g}; allowed: {allowed[0]:g} to {allowed[1]:g}"
+            wrong.append(f"{chosen.name}: the perturbation reaches {said}")
+    if wrong:
+        raise InputError(wrong)
+
+
+def _allowed(name: str, case: Case) -> tuple[float, float] | None:
+    if name in thiel2025.PARAMETERS:
+        parameter = thiel2025.PARAMETERS[name]
+        return parameter.minimum, parameter.maximum
+    if name == "ecmo.speed_rpm" and case.ecmo is not None and isinstance(case.ecmo.pump, str):
+        low, high = PUMPS[case.ecmo.pump].speed_range_rpm
+        return float(low), float(high)
+    return None
