@@ -83,8 +83,8 @@ class BeatProgram:
             steps = self._step_constants(GAMMA * period * length, constants)
 
             def step(carry: Any, now: Any) -> Any:
-                end = self._step(carry, now, steps, constants)
-                return end, recorder.pick(*end, now[1], constants, period)
+                volumes, flows = self._step(carry, now, steps, constants)
+                return (volumes, flows), recorder.pick(volumes, flows, now[1], constants, period)
 
             return jax.lax.scan(step, carry, activations)
 
@@ -143,7 +143,9 @@ class BeatProgram:
             conductance.append(1.0 / (total + law.resistance(path)) if law.linear else None)
         return StepConstants(weight, tuple(loads), tuple(inertia), tuple(fixed_load), tuple(conductance))
 
-    def _step(self, carry: Any, activations: Any, steps: StepConstants, constants: Constants) -> Any:
+    def _step(
+        self, carry: Any, activations: Any, steps: StepConstants, constants: Constants
+    ) -> tuple[list[Any], list[Any]]:
         """One step: stage 1 at gamma h from the start, stage 2 at h from start + (1 - gamma) h f(stage 1)."""
         volumes, flows = carry
         middle_v, middle_q = self._stage(volumes, flows, flows, activations[0], steps, constants)
