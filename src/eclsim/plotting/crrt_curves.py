@@ -91,4 +91,4 @@ def explain_colours(ax: Axes, highest: str, lowest: str, mark: str | None = None
         texts.append(mark)
     figure = ax.get_figure(root=True)
     if figure is not None:
-        figure.legend(handles, texts, loc="outside lower center", ncols=len(texts))
+        figure.legend(handles, texts, loc="outside lower center", ncols=3 if len(texts) == 3 else 2)

@@ -139,7 +139,8 @@ def plot_crrt_speeds(means: xr.Dataset, case_speed: float) -> Figure:
     for name, words in VESSELS:
         _over_flow(grid[0, 0], means, name, highest, lowest)
         start = means[name].isel(speed=0)
-        _name_vessel(grid[0, 0], name, words, float(start.min()), float(start.max()))
+        highest_start = float(start.max()) if name != "Psart" else float(means[name].isel(speed=-1).max())
+        _name_vessel(grid[0, 0], name, words, float(start.min()), highest_start)
     grid[0, 0].set_ylim(bottom=-9.0)
     grid[0, 0].set_title("a) Patient", loc="left")
     label_ends(grid[0, 1], _over_flow(grid[0, 1], means, "Pecmodrain", highest, lowest), highest, lowest)

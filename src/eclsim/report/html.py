@@ -19,7 +19,7 @@ STYLE = """
 body { font: 10.5pt/1.45 "Segoe UI", "Helvetica Neue", Arial, sans-serif; color: #1a1a1a;
   max-width: 180mm; margin: 0 auto; padding: 8mm 4mm; background: #fff; }
 h1 { font-size: 18pt; line-height: 1.2; margin: 0 0 2mm; }
-h2 { font-size: 13pt; margin: 9mm 0 2mm; border-bottom: 1px solid #bbb; padding-bottom: 1mm; 
+h2 { font-size: 13pt; margin: 9mm 0 2mm; border-bottom: 1px solid #bbb; padding-bottom: 1mm;
   break-after: avoid; }
 p, ul, ol { margin: 0 0 3mm; }
 li { margin-bottom: 0.8mm; }
@@ -31,7 +31,8 @@ li { margin-bottom: 0.8mm; }
 table { border-collapse: collapse; width: 100%; font-size: 8.6pt; margin: 2mm 0 4mm; }
 th, td { text-align: left; vertical-align: top; padding: 0.9mm 1.4mm; border-bottom: 1px solid #ddd; }
 th { border-bottom: 1.5px solid #555; vertical-align: bottom; }
-td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
+td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; }
+td.n { white-space: nowrap; }
 tr { break-inside: avoid; }
 thead { display: table-header-group; }
 tr.foot td { font-weight: 600; border-top: 1.5px solid #555; }
