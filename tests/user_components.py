@@ -1,0 +1,82 @@
+"""Components that a user would write, outside the package: each states its law and nothing else."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+
+from eclsim.components import Activation, Path, Storage
+
+
+@dataclass(frozen=True)
+class StenosedValve(Path):
+    """A valve with a linear and a quadratic drop, stiff backwards; the solver inverts the drop."""
+
+    resistance_key: str
+    coefficient_key: str
+
+    def parameter_names(self) -> tuple[str, ...]:
+        return (self.resistance_key, self.coefficient_key)
+
+    def pressure_drop(self, flow: Any, constants: Any) -> Any:
+        resistance, coefficient = constants[self.resistance_key], constants[self.coefficient_key]
+        leak = 20.0 * jnp.minimum(flow, 0.0)
+        return resistance * flow + flow * jnp.abs(flow) / coefficient**2 + leak
+
+
+@dataclass(frozen=True)
+class ValveWithInertia(StenosedValve):
+    """The same with the inertia of the blood that it moves."""
+
+    inertia_key: str = "inertia"
+
+    @property
+    def inertial(self) -> bool:
+        return True
+
+    def parameter_names(self) -> tuple[str, ...]:
+        return (*super().parameter_names(), self.inertia_key)
+
+    def inertance(self, constants: Any) -> Any:
+        return constants[self.inertia_key]
+
+
+@dataclass(frozen=True)
+class StiffeningDevice(Storage):
+    """A lung-kidney device whose fibres stiffen as it fills: P = a V + b V^3."""
+
+    soft: str
+    stiff: str
+
+    def parameter_names(self) -> tuple[str, ...]:
+        return (self.soft, self.stiff)
+
+    def pressure(self, volume: Any, activation: Any, constants: Any) -> tuple[Any, Any]:
+        a, b = constants[self.soft], constants[self.stiff]
+        return a * volume + b * volume**3, a + 3.0 * b * volume**2
+
+
+@dataclass(frozen=True)
+class Sine(Activation):
+    """One sine a beat."""
+
+    def at(self, phase: Any, xp: Any) -> Any:
+        return xp.sin(2.0 * xp.pi * phase)
+
+
+@dataclass(frozen=True)
+class PressureSource(Storage):
+    """A pressure that no flow can change: mean + amplitude * sine."""
+
+    mean: float
+    amplitude: float = 0.0
+
+    @property
+    def activation(self) -> Activation:
+        return Sine()
+
+    def parameter_names(self) -> tuple[str, ...]:
+        return ()
+
+    def pressure(self, volume: Any, activation: Any, constants: Any) -> tuple[Any, Any]:
+        return self.mean + self.amplitude * activation + 0.0 * volume, 0.0 * volume
