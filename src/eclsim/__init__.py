@@ -10,6 +10,30 @@ from eclsim._version import __version__
 
 _EXPORTS: dict[str, str] = {
     # public name: module that defines it
+    "Batch": "eclsim.solver.steady",
+    "Choice": "eclsim.circuit",
+    "Circuit": "eclsim.circuit",
+    "Compartment": "eclsim.circuit",
+    "Connection": "eclsim.circuit",
+    "Model": "eclsim.solver.model",
+    "OrbitOptions": "eclsim.solver.orbit",
+    "StartPressure": "eclsim.circuit",
+    "StartVolume": "eclsim.circuit",
+    "Status": "eclsim.solver.status",
+    "batch_outputs": "eclsim.haemodynamics.evaluation",
+    "circulation": "eclsim.models",
+    "crrt": "eclsim.models",
+    "draw_circuit": "eclsim.plotting",
+    "ecmo": "eclsim.models",
+    "lvad": "eclsim.models",
+    "model_of": "eclsim.solver.model",
+    "output_derivatives": "eclsim.haemodynamics.derivatives",
+    "plot_pressure_volume": "eclsim.plotting",
+    "plot_waveforms": "eclsim.plotting",
+    "read_case": "eclsim.patients.reading",
+    "simulate": "eclsim.haemodynamics.dataset",
+    "simulate_many": "eclsim.haemodynamics.many",
+    "steady_beats": "eclsim.solver.steady",
 }
 
 __all__ = ["__version__", *_EXPORTS]  # pyright: ignore[reportUnsupportedDunderAll] - names come from the table

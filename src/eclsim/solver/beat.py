@@ -100,7 +100,7 @@ class BeatProgram:
         stages = np.stack([nodes[:-1] + GAMMA * width, nodes[1:]], axis=1)
         curves = [a.at(stages, np) for a in self.assembly.activations]
         table = np.stack(curves, axis=-1) if curves else np.zeros((*stages.shape, 0))
-        return table.reshape(-1, STEPS_PER_BLOCK, 2, len(curves))
+        return table.reshape(len(self.grid.block_steps), STEPS_PER_BLOCK, 2, len(curves))
 
     def _start(self, state: Any, constants: Constants, period: Any) -> tuple[list[Any], list[Any]]:
         """Volumes, and flows of all connections, at phase 0."""
