@@ -1,0 +1,132 @@
+"""What `eclsim identifiability` does with its options."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from eclsim.cli.messages import fail
+
+if TYPE_CHECKING:
+    from eclsim.sensitivity.case_identifiability import Identifiability
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """The options of the command, as they were written."""
+
+    case_file: str
+    parameters: str | None
+    outputs: str | None
+    uncertainty: str | None
+    limit: float
+    threshold: float
+    json: str | None
+    out: str | None
+    settings: tuple[str, ...]
+    policy: str
+    force: bool
+
+
+def run(request: Request) -> None:
+    """Analyse the case, write files, show the proposal."""
+    from eclsim.cli.cases import read_all
+    from eclsim.sensitivity.case_identifiability import analyse_identifiability
+    from eclsim.sensitivity.case_inputs import InputError
+    from eclsim.sensitivity.uncertainties import read_uncertainties
+
+    _check(request)
+    (reading,) = read_all([request.case_file], request.settings)
+    try:
+        found = analyse_identifiability(
+            reading.case,
+            parameters=_names(request.parameters),
+            outputs=_names(request.outputs),
+            uncertainties=read_uncertainties(request.uncertainty or ""),
+            limit=request.limit,
+            threshold=request.threshold,
+            policy=request.policy,
+        )
+    except InputError as error:
+        fail(*error.mistakes)
+    _write(request, found)
+    if request.json != "-":
+        _show(found, request)
+
+
+def _names(text: str | None) -> tuple[str, ...] | None:
+    return tuple(n.strip() for n in text.split(",") if n.strip()) or None if text is not None else None
+
+
+def _check(request: Request) -> None:
+    wrong = []
+    if request.json not in (None, "-"):
+        path = Path(request.json)
+        if path.exists() and not request.force:
+            wrong.append(f"--json {path}: exists already; --force overwrites it")
+        if not path.absolute().parent.is_dir():
+            wrong.append(f"--json {path}: the folder does not exist")
+    if request.out is not None:
+        folder = Path(request.out)
+        if folder.exists() and not folder.is_dir():
+            wrong.append(f"--out {folder}: a file; a folder belongs here")
+        elif (folder / "identifiability.json").exists() and not request.force:
+            wrong.append(f"--out {folder}: holds identifiability.json; --force overwrites it")
+    if wrong:
+        fail(*wrong)
+
+
+def _write(request: Request, found: Identifiability) -> None:
+    import json
+    import sys
+
+    from eclsim.sensitivity.tables import write_json
+
+    content = finite(found.as_object())
+    try:
+        if request.out is not None:
+            from eclsim.plotting.identifiability_figures import write_identifiability_figures
+
+            Path(request.out).mkdir(parents=True, exist_ok=True)
+            write_json(Path(request.out) / "identifiability.json", content)
+            write_identifiability_figures(found, Path(request.out) / "figures")
+        if request.json == "-":
+            sys.stdout.write(json.dumps(content, indent=1, allow_nan=False) + "\n")
+        elif request.json is not None:
+            write_json(Path(request.json), content)
+    except OSError as error:
+        fail(f"{error.filename or 'output'}: cannot be written: {error.strerror or error}")
+
+
+def finite(value: Any) -> Any:
+    """The same with null for what is not finite: JSON has no infinity."""
+    if isinstance(value, dict):
+        return {k: finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(v) for v in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _show(found: Identifiability, request: Request) -> None:
+    from eclsim.cli.tables import columns
+
+    measured = ", ".join(f"{o} ±{u:.3g}" for o, u in found.uncertainties.items())
+    typer.echo(f"Measurements (standard uncertainty): {measured}")
+    typer.echo("\nCollinearity index of all sets of a size (above the limit: cannot be told apart)")
+    rows = [
+        (str(s.size), str(s.count), str(s.below_limit), f"{s.smallest:.2f}", f"{s.quantiles[1]:.3g}", " ".join(s.best))
+        for s in found.subsets
+    ]
+    head = ("size", "sets", f"up to {request.limit:g}", "smallest", "median", "set with the smallest")
+    typer.echo(columns(head, rows, numeric=range(5)))
+    p = found.proposal
+    typer.echo(f"\nProposed to fit together (collinearity index {p.collinearity:.2f})")
+    effect = dict(zip(found.scaled.parameters, found.scaled.effect, strict=True))
+    rows = [(n, f"{effect[n]:.3g}", f"{100 * p.relative_errors[n]:.3g} %") for n in p.chosen]
+    typer.echo(columns(("parameter", "effect", "least standard error"), rows, numeric=(1, 2)))
+    typer.echo("\nLeft out")
+    typer.echo(columns(("parameter", "reason"), list(p.excluded.items())))

@@ -1,0 +1,143 @@
+"""Identifiability of a case: its measurements, their uncertainties, and exact derivatives of its steady beat."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from eclsim.sensitivity.case_inputs import CARDIOVASCULAR, OUTPUTS, InputError
+from eclsim.sensitivity.identifiability import (
+    FisherInformation,
+    ScaledSensitivities,
+    SubsetIndices,
+    all_subsets,
+    fisher_information,
+)
+from eclsim.sensitivity.proposal import Proposal, propose
+from eclsim.sensitivity.uncertainties import Uncertainty, uncertainties_of
+
+if TYPE_CHECKING:
+    from eclsim.patients.case import Case
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """What a set of measurements says about a set of parameters.
+
+    Args:
+        name: of the case.
+        values: outputs of the model at the case's parameters.
+        uncertainties: standard uncertainty of each, in its unit.
+        scaled: scaled sensitivities.
+        subsets: collinearity indices of all sets, by size.
+        fisher: Fisher information.
+        proposal: a set to fit.
+    """
+
+    name: str
+    values: dict[str, float]
+    uncertainties: dict[str, float]
+    scaled: ScaledSensitivities
+    subsets: list[SubsetIndices]
+    fisher: FisherInformation
+    proposal: Proposal
+
+    def as_object(self) -> dict[str, Any]:
+        """As plain data for JSON."""
+        s, names = self.scaled, self.scaled.parameters
+        rows = (dict(zip(names, row.tolist(), strict=True)) for row in s.matrix)
+        vectors = (dict(zip(names, column.tolist(), strict=True)) for column in self.fisher.eigenvectors.T)
+        return {
+            "id": self.name,
+            "measurements": self.values,
+            "uncertainties": self.uncertainties,
+            "scaled_sensitivity": dict(zip(s.outputs, rows, strict=True)),
+            "effect": dict(zip(names, s.effect.tolist(), strict=True)),
+            "orthogonality": {a: dict(zip(names, r.tolist(), strict=True)) for a, r in zip(names, s.orthogonality, strict=True)},
+            "collinearity": [
+                {
+                    "size": c.size, "sets": c.count, "best": list(c.best), "smallest": c.smallest,
+                    "quantiles_5_50_95": list(c.quantiles), "below_limit": c.below_limit,
+                }
+                for c in self.subsets
+            ],
+            "fisher_eigenvalues": self.fisher.eigenvalues.tolist(),
+            "fisher_eigenvectors": list(vectors),
+            "proposed": list(self.proposal.chosen),
+            "proposed_collinearity": self.proposal.collinearity,
+            "relative_errors": self.proposal.relative_errors,
+            "excluded": self.proposal.excluded,
+        }  # fmt: skip
+
+
+def analyse_identifiability(
+    case: Case,
+    *,
+    parameters: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+    uncertainties: Mapping[str, Uncertainty] | None = None,
+    limit: float = 10.0,
+    threshold: float = 1.0,
+    policy: str = "as_published",
+) -> Identifiability:
+    """Which parameters the measurements of a case can tell apart.
+
+    Args:
+        case: patient and devices; its measurements name what is measured, their values do not matter.
+        parameters: in question; left out, the paper's 24.
+        outputs: what is measured; left out, the case's measurements, or all seven that it has.
+        uncertainties: standard uncertainties that differ from the defaults.
+        limit: largest collinearity index of a set that can be told apart.
+        threshold: smallest effect that counts, in uncertainties for a change of 100 %.
+        policy: blood volume policy.
+    """
+    from eclsim.haemodynamics.derivatives import output_derivatives
+    from eclsim.solver.model import model_of
+
+    model = model_of(case)
+    names = tuple(dict.fromkeys(CARDIOVASCULAR if parameters is None else parameters))
+    measured = _measured(case) if outputs is None else tuple(dict.fromkeys(outputs))
+    _check_names(names, measured, model)
+    chosen = uncertainties_of(measured, uncertainties or {})
+    found = output_derivatives(model, measured, names, policy)
+    values = dict(zip(measured, np.asarray(found["value"]).tolist(), strict=True))
+    if not np.isfinite(found.values).all():
+        raise InputError([f"{case.patient.id}: no steady beat to take derivatives of; see `eclsim simulate`"])
+    sizes = {o: chosen[o].at(values[o]) for o in measured}
+    scaled = ScaledSensitivities.of(
+        measured, names, found.values, np.asarray(found["parameter_value"]), np.array(list(sizes.values()))
+    )
+    return Identifiability(
+        case.patient.id, values, sizes, scaled, all_subsets(scaled, limit), fisher_information(scaled),
+        propose(scaled, limit, threshold),
+    )  # fmt: skip
+
+
+def _measured(case: Case) -> tuple[str, ...]:
+    """Outputs that the case has measurements of, else all that it has."""
+    given = case.measurements
+    named = () if given is None else tuple(o for o in OUTPUTS if getattr(given, o) is not None)
+    return named or tuple(o for o in OUTPUTS if o != "PF" or case.ecmo is not None)
+
+
+def _check_names(parameters: Sequence[str], outputs: Sequence[str], model: Any) -> None:
+    from eclsim.haemodynamics.evaluation import output_names
+    from eclsim.parameters import did_you_mean
+
+    kinds = (
+        ("parameter", parameters, ("heart_rate_bpm", *model.circuit.parameter_names())),
+        ("output", outputs, output_names(model.circuit)),
+    )
+    wrong = []
+    for kind, names, known in kinds:
+        for name in names:
+            if name not in known:
+                hint = did_you_mean(name, known)
+                wrong.append(f"{name}: no {kind} of this case" + (f"; did you mean {hint}?" if hint else ""))
+        if not names:
+            wrong.append(f"no {kind} given")
+    if wrong:
+        raise InputError(wrong)

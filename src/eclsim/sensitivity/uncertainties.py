@@ -1,0 +1,69 @@
+"""Standard uncertainties of the clinical measurements."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from eclsim.sensitivity.case_inputs import InputError
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Standard uncertainty of a measurement: in its unit, or relative.
+
+    Args:
+        absolute: in the unit of the output.
+        relative: share of the value.
+    """
+
+    absolute: float = 0.0
+    relative: float = 0.0
+
+    def at(self, value: float) -> float:
+        """In the unit of the output."""
+        return max(self.absolute, self.relative * abs(value))
+
+
+DEFAULTS: MappingProxyType[str, Uncertainty] = MappingProxyType(
+    {
+        "SP": Uncertainty(4.0),
+        "DP": Uncertainty(4.0),
+        "MAP": Uncertainty(3.0),
+        "MPAP": Uncertainty(2.0),
+        "PCWP": Uncertainty(2.0),
+        "CO": Uncertainty(relative=0.10),
+        "PF": Uncertainty(relative=0.05),
+    }
+)
+"""Assumed, for want of the paper's: fluid-filled catheters (transducer, damping, levelling), thermodilution, and an
+ultrasonic flow meter. Give your own devices' where you know them."""
+
+
+def read_uncertainties(text: str) -> dict[str, Uncertainty]:
+    """Read "SP=4,CO=10%": numbers in the unit of the output, or percent of its value."""
+    found, wrong = {}, []
+    for part in (p.strip() for p in text.split(",") if p.strip()):
+        name, _, number = (p.strip() for p in part.partition("="))
+        try:
+            value = float(number.removesuffix("%"))
+        except ValueError:
+            value = 0.0
+        if not value > 0.0 or value == float("inf"):
+            wrong.append(f"uncertainty {part}: allowed: NAME=VALUE or NAME=PERCENT%, above 0, such as CO=10%")
+        else:
+            found[name] = Uncertainty(relative=value / 100.0) if number.endswith("%") else Uncertainty(value)
+    if wrong:
+        raise InputError(wrong)
+    return found
+
+
+def uncertainties_of(outputs: Sequence[str], given: Mapping[str, Uncertainty]) -> dict[str, Uncertainty]:
+    """The uncertainty of each output: the one given, else the default."""
+    wrong = [f"uncertainty of {name}: not among the measurements" for name in given if name not in outputs]
+    known = {**DEFAULTS, **given}
+    wrong += [f"uncertainty of {name}: no default; give one, such as {name}=5%" for name in outputs if name not in known]
+    if wrong:
+        raise InputError(wrong)
+    return {name: known[name] for name in outputs}
