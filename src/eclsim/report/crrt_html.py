@@ -210,7 +210,7 @@ def _volume(study: CrrtStudy, drawings: Mapping[str, str]) -> Iterator[str]:
     yield heading("How much of it is blood volume")
     yield box(
         [
-            f"The CRRT tubing takes {number(taken.min(), 0)} to {number(taken.max(), 0)} mL of the patient's blood",
+            f"The CRRT tubing takes up {number(taken.min(), 0)} to {number(taken.max(), 0)} mL of blood",
             f"As published, schemes change the mean arterial pressure by up to {whole:.1f} mmHg. With "
             f"the patient's "
             f"blood volume kept, what is left is at most {flow:.1f} mmHg. A circuit that is primed, or a "

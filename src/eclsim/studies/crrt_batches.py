@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from eclsim.circuit import Choice, Circuit
+from eclsim.circuit.assembly import assemble
 from eclsim.models import POSITIONS, crrt
 from eclsim.patients.resolve import resolve_parameters
 from eclsim.solver.model import PATIENT_HELD, circuit_of
+from eclsim.solver.resolution import needed_resolution
 from eclsim.solver.steady import Batch, steady_beats
 from eclsim.studies.beat_records import BeatRecords, record
 
@@ -57,9 +59,7 @@ class Bench:
             patient_volume_ml: stressed volume of the patient, with `patient_held`; left out, the case's own.
         """
         values = self._values(patient_volume_ml)
-        places = np.array(
-            [[self.nodes.index(node) for node in scheme.nodes] for scheme in self.schemes], dtype=float
-        )
+        places = self._places()
         near = values | {ACCESS: places[0, 0], RETURN: places[0, 1]}
         members = values | {
             ACCESS: np.repeat(places[:, 0], len(speeds)),
@@ -68,6 +68,33 @@ class Bench:
         }
         batch = Batch(self.circuit, members, len(self.schemes) * len(speeds), policy)
         return record(steady_beats(batch, near=near), keep)
+
+    def run_patients(
+        self, speeds: np.ndarray, policy: str, patients: Mapping[str, np.ndarray]
+    ) -> BeatRecords:
+        """Steady beats of variants of the patient: schemes slowest, then speeds, then patients.
+
+        Args:
+            speeds: pump speeds [rpm].
+            policy: blood volume policy.
+            patients: parameters that differ, each of shape (patients,).
+        """
+        count = len(next(iter(patients.values())))
+        places = self._places()
+        per_scheme = len(speeds) * count
+        members = self.values | {
+            ACCESS: np.repeat(places[:, 0], per_scheme),
+            RETURN: np.repeat(places[:, 1], per_scheme),
+            SPEED: np.tile(np.repeat(speeds, count), len(places)),
+        }
+        members |= {name: np.tile(values, len(places) * len(speeds)) for name, values in patients.items()}
+        near = self.values | {ACCESS: places[0, 0], RETURN: places[0, 1]}
+        batch = Batch(self.circuit, members, len(places) * per_scheme, policy)
+        return record(steady_beats(batch, near=near, resolution=_resolution(self.circuit, members)))
+
+    def _places(self) -> np.ndarray:
+        """Positions in `nodes` of access and return, shape (schemes, 2)."""
+        return np.array([[self.nodes.index(node) for node in s.nodes] for s in self.schemes], dtype=float)
 
     def run_without(self, speeds: np.ndarray, policy: str) -> BeatRecords:
         """Steady beats of the patient on ECMO alone."""
@@ -82,6 +109,11 @@ class Bench:
         missing = patient_volume_ml - float(batch.volume().target[0])
         start = self.values[START_PRESSURE] + missing / self.values[VENOUS_COMPLIANCE]
         return self.values | {START_PRESSURE: start}
+
+
+def _resolution(circuit: Circuit, members: Mapping[str, Any]) -> int:
+    """One grid for all members: the finest that any of them needs."""
+    return int(np.max(needed_resolution(assemble(circuit), members)))
 
 
 def bench_of(case: Case, schemes: Sequence[Scheme], crrt_flow_ml_min: float) -> Bench:
