@@ -1,19 +1,59 @@
-"""Exact derivatives of outputs with respect to parameters."""
+"""Exact derivatives of outputs with respect to parameters.
+
+To first order every measure of a beat is a weighted sum of what the beat records (see `measures`). The
+weights follow from the beat itself; one more beat with tangents sums the tangents with them on the way, so
+nothing but one number per measure and direction is kept.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
 
 from eclsim.haemodynamics.dual import Dual
-from eclsim.haemodynamics.evaluation import needed_signals
-from eclsim.haemodynamics.measures import Measures
+from eclsim.haemodynamics.measures import Measures, Points
 from eclsim.haemodynamics.outputs import output
 from eclsim.haemodynamics.signals import whole_beat
 from eclsim.solver.beat import beat_program
 from eclsim.solver.model import AS_PUBLISHED, Model
+from eclsim.solver.recording import all_signals, with_rates
 from eclsim.solver.sensitivities import orbit_tangents
 from eclsim.solver.steady import Batch, SteadyBeats, steady_beats
+
+Sum = tuple[str, int]
+"""A weighted sum that a measure depends on: its signal and its number."""
+
+
+class LinearMeasures(Measures):
+    """Measures of one patient as numbers that know the weighted sums they depend on.
+
+    `sums` holds for each its weights at the grid points, shape (points,).
+    """
+
+    def __init__(self, waveforms: Mapping[str, np.ndarray], phases: np.ndarray):
+        super().__init__(waveforms, phases)
+        self.sums: dict[Sum, np.ndarray] = {}
+
+    def _product(self, weights: Mapping[str, np.ndarray]) -> Dual:
+        found = self._whole(weights)
+        return Dual(0.5 * found.value, found.slopes)
+
+    def _whole(self, weights: Mapping[str, np.ndarray]) -> Dual:
+        value, slopes = 0.0, {}
+        for name, weight in weights.items():
+            key = (name, len(self.sums))
+            self.sums[key] = weight
+            slopes[key] = 1.0
+            value += float(weight @ self.waveforms[name])
+        return Dual(value, slopes)
+
+    def _sum(self, points: Points) -> Dual:
+        weights: dict[str, np.ndarray] = {}
+        for name, index, weight in points:
+            weights.setdefault(name, np.zeros(len(self.waveforms[name])))[index] += weight
+        return self._whole(weights)
 
 
 def output_derivatives(
@@ -49,14 +89,21 @@ def member_derivatives(
     steady: SteadyBeats, outputs: tuple[str, ...], parameters: tuple[str, ...], member: int = 0
 ) -> tuple[np.ndarray, np.ndarray]:
     """Outputs of one patient of a batch, shape (outputs,), and their derivatives (outputs, parameters)."""
-    signals = needed_signals(steady.batch.circuit, outputs)
-    tangents = orbit_tangents(steady, parameters, signals, member)
-    series = whole_beat(tangents.signals)
-    slopes = np.concatenate([tangents.signal_tangents[:, :, -1:], tangents.signal_tangents], axis=2)
-    waveforms = {name: Dual(series[:, k], slopes[k]) for k, name in enumerate(signals)}
     program = beat_program(steady.batch.circuit, int(steady.resolution[member]))
-    measures = Measures(waveforms, program.grid.phases)
+    signals = with_rates(steady.batch.circuit, all_signals(program.assembly))
+    packed = steady.batch.packed(program)[:, member]
+    _, recorded = program.trace(signals)(steady.orbits.states[:, member], packed)
+    series = whole_beat(np.asarray(recorded))
+    measures = LinearMeasures({name: series[:, k] for k, name in enumerate(signals)}, program.grid.phases)
     found = [output(name).compute(measures) for name in outputs]
-    return np.array([d.value for d in found]), np.stack(
-        [np.broadcast_to(d.tangent, len(parameters)) for d in found]
-    )
+    keys = sorted(measures.sums)
+    weights = np.stack([measures.sums[key] for key in keys], axis=1)
+    per_step = weights[1:].copy()
+    per_step[-1] += weights[0]
+    tangents = orbit_tangents(steady, parameters, tuple(name for name, _ in keys), per_step, member)
+    place = {key: k for k, key in enumerate(keys)}
+    slopes = np.zeros((len(found), len(keys)))
+    for row, number in zip(slopes, found, strict=True):
+        for key, slope in number.slopes.items():
+            row[place[key]] = slope
+    return np.array([float(d.value) for d in found]), slopes @ tangents.sums

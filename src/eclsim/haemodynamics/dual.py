@@ -2,27 +2,37 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
-
-import numpy as np
 
 
 @dataclass(frozen=True)
 class Dual:
-    """A value with its tangents: value of shape S, tangent of shape (directions, *S)."""
+    """A number and its first-order dependence on named quantities.
 
-    value: Any
-    tangent: Any
+    Args:
+        value: the number.
+        slopes: d value / d quantity, for each quantity that it depends on.
+    """
+
+    value: float
+    slopes: Mapping[Hashable, float] = field(default_factory=dict)
+
+    def _joined(self, other: Any, mine: float, theirs: float, value: float) -> Dual:
+        slopes = {k: mine * v for k, v in self.slopes.items()}
+        for k, v in other.slopes.items():
+            slopes[k] = slopes.get(k, 0.0) + theirs * v
+        return Dual(value, slopes)
 
     def __add__(self, other: Any) -> Dual:
         o = _dual(other)
-        return Dual(self.value + o.value, self.tangent + o.tangent)
+        return self._joined(o, 1.0, 1.0, self.value + o.value)
 
     __radd__ = __add__
 
     def __neg__(self) -> Dual:
-        return Dual(-self.value, -self.tangent)
+        return self * -1.0
 
     def __sub__(self, other: Any) -> Dual:
         return self + (-_dual(other))
@@ -32,21 +42,20 @@ class Dual:
 
     def __mul__(self, other: Any) -> Dual:
         o = _dual(other)
-        return Dual(self.value * o.value, self.tangent * o.value + self.value * o.tangent)
+        return self._joined(o, o.value, self.value, self.value * o.value)
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> Dual:
         o = _dual(other)
-        ratio = self.value / o.value
-        return Dual(ratio, (self.tangent - ratio * o.tangent) / o.value)
+        return self._joined(o, 1.0 / o.value, -self.value / o.value**2, self.value / o.value)
 
     def __rtruediv__(self, other: Any) -> Dual:
         return _dual(other) / self
 
     def __pow__(self, power: int) -> Dual:
-        return Dual(self.value**power, power * self.value ** (power - 1) * self.tangent)
+        return self._joined(Dual(0.0), power * self.value ** (power - 1), 0.0, self.value**power)
 
 
 def _dual(x: Any) -> Dual:
-    return x if isinstance(x, Dual) else Dual(x, np.zeros(()))
+    return x if isinstance(x, Dual) else Dual(float(x))

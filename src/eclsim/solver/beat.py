@@ -71,26 +71,40 @@ class BeatProgram:
         """
         return _trace(self, signals)
 
-    def run(self, state: Any, packed: Any, signals: tuple[str, ...] = ()) -> Any:
-        """Uncompiled beat, for use inside other compiled functions: state after it, signals."""
+    def run(self, state: Any, packed: Any, signals: tuple[str, ...] = (), weights: Any = None) -> Any:
+        """Uncompiled beat, for use inside other compiled functions: state after it, signals.
+
+        With weights (steps, signals) the signals are not handed back one by one but summed with them, shape
+        (signals[, patients]): any mean, and to first order any extreme, is such a sum.
+        """
         values = dict(zip(self.names, packed, strict=True))
         constants = self.assembly.constants(values)
         period = 60.0 / values[HEART_RATE]
         recorder = Recorder(self.assembly, signals)
 
         def block(carry: Any, inputs: Any) -> Any:
-            length, activations = inputs
+            length, *tables = inputs
             steps = self._step_constants(GAMMA * period * length, constants)
 
             def step(carry: Any, now: Any) -> Any:
-                volumes, flows = self._step(carry, now, steps, constants)
-                return (volumes, flows), recorder.pick(volumes, flows, now[1], constants, period)
+                start, total = carry
+                volumes, flows = self._step(start, now[0], steps, constants)
+                picked = recorder.pick(volumes, flows, now[0][1], constants, period)
+                if weights is None:
+                    return ((volumes, flows), total), picked
+                return ((volumes, flows), [t + now[1][k] * picked[k] for k, t in enumerate(total)]), None
 
-            return jax.lax.scan(step, carry, activations)
+            return jax.lax.scan(step, carry, tuple(tables))
 
-        tables = (jnp.asarray(self.grid.block_steps), jnp.asarray(self._activation_table()))
-        (volumes, flows), recorded = jax.lax.scan(block, self._start(state, constants, period), tables)
+        tables = [jnp.asarray(self.grid.block_steps), jnp.asarray(self._activation_table())]
+        begin, total = self._start(state, constants, period), []
+        if weights is not None:
+            tables.append(weights.reshape(len(self.grid.block_steps), STEPS_PER_BLOCK, len(signals)))
+            total = [jnp.zeros_like(begin[0][0]) for _ in signals]
+        ((volumes, flows), total), recorded = jax.lax.scan(block, (begin, total), tuple(tables))
         end = jnp.stack([*volumes, *(flows[j] for j in self.assembly.inertial)])
+        if weights is not None:
+            return end, jnp.stack(total)
         return end, recorded.reshape(self.grid.n_steps, *recorded.shape[2:])
 
     def _activation_table(self) -> np.ndarray:

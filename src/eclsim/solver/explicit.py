@@ -17,7 +17,7 @@ from eclsim.circuit.network import Circuit
 from eclsim.components import HeartValve
 from eclsim.solver.recording import Recorder
 
-VALVE_SMOOTHING_MMHG = 1e-5
+VALVE_SMOOTHING_MMHG = 1e-6
 """A closed valve leaks CQ s / (2 sqrt(|dp|)): with the component's own 1e-3 mmHg 0.1 % of a weak heart."""
 
 

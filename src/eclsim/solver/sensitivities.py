@@ -4,8 +4,8 @@ On the orbit F(y, p) = y - beat(y, p) + u (w . y - c(p)) = 0, so
 
     dy/dp = (I - dbeat/dy + u w^T)^-1 (dbeat/dp + u dc/dp).
 
-One recorded beat with forward tangents in all states and parameters gives dbeat/dy, dbeat/dp and the tangents
-of every signal: exact derivatives of the discrete map, whatever the step.
+One beat with forward tangents in all states and parameters gives dbeat/dy, dbeat/dp and the tangents of
+weighted sums of the signals: exact derivatives of the discrete map, whatever the step.
 """
 
 from __future__ import annotations
@@ -36,26 +36,29 @@ class OrbitTangents:
 
     Args:
         states: d state / d parameter, shape (states, parameters).
-        signals: the signals at the end of every step, shape (steps, signals).
-        signal_tangents: their total derivatives, shape (signals, parameters, steps).
+        sums: d sum / d parameter for each weighted sum of signals, shape (sums, parameters).
         multipliers: eigenvalues of dbeat/dy (Floquet multipliers), largest first, shape (states,).
     """
 
     states: np.ndarray
-    signals: np.ndarray
-    signal_tangents: np.ndarray
+    sums: np.ndarray
     multipliers: np.ndarray
 
 
 def orbit_tangents(
-    steady: SteadyBeats, parameters: tuple[str, ...], signals: tuple[str, ...], member: int = 0
+    steady: SteadyBeats,
+    parameters: tuple[str, ...],
+    signals: tuple[str, ...] = (),
+    weights: np.ndarray | None = None,
+    member: int = 0,
 ) -> OrbitTangents:
     """Derivatives of one patient's steady beat with respect to any parameters.
 
     Args:
         steady: solved orbits.
         parameters: names, among those that the circuit reads and `heart_rate_bpm`.
-        signals: what to differentiate (see `Recorder`).
+        signals: signal of each weighted sum (see `Recorder`).
+        weights: weights of each sum at the end of every step, shape (steps, sums).
         member: which patient.
     """
     batch = steady.batch
@@ -68,35 +71,30 @@ def orbit_tangents(
     directions[0][:n] = np.eye(n)
     for k, name in enumerate(parameters):
         directions[1][n + k, program.names.index(name)] = 1.0
-    recorded, end_tangents, signal_tangents = _tangents(program, signals)(state, packed, *directions)
-    end_tangents, signal_tangents = np.asarray(end_tangents)[: n + m], np.asarray(signal_tangents)[: n + m]
-    monodromy = end_tangents[:n].T
+    table = np.zeros((program.grid.n_steps, 0)) if weights is None else weights
+    end, sums = (
+        np.asarray(t)[: n + m].T for t in _tangents(program, signals)(state, packed, *directions, table)
+    )
     problem = OrbitProblem(program, packed[:, None], batch.volume())
     spread = problem.spread[:, 0]
-    system = np.eye(n) - monodromy + np.outer(spread, problem.volume.weights)
+    system = np.eye(n) - end[:, :n] + np.outer(spread, problem.volume.weights)
     values = dict(zip(program.names, packed, strict=True))
-    right = end_tangents[n:].T + np.outer(spread, _volume_gradient(batch, values, parameters))
+    right = end[:, n:] + np.outer(spread, _volume_gradient(batch, values, parameters))
     states = np.linalg.solve(system, right)
-    flat = signal_tangents.reshape(n + m, -1)
-    total = (flat[n:] + states.T @ flat[:n]).reshape(m, *signal_tangents.shape[1:])
-    total = np.ascontiguousarray(total.transpose(2, 0, 1))
-    multipliers = np.linalg.eigvals(monodromy)
+    multipliers = np.linalg.eigvals(end[:, :n])
     order = np.argsort(-np.abs(multipliers))
-    return OrbitTangents(states, np.asarray(recorded), total, multipliers[order])
+    return OrbitTangents(states, sums[:, n:] + sums[:, :n] @ states, multipliers[order])
 
 
 @lru_cache(maxsize=64)
 def _tangents(program: BeatProgram, signals: tuple[str, ...]) -> Any:
-    """Compiled map (state, parameters, directions) -> signals, tangents of end state and signals."""
+    """Compiled map (state, parameters, directions, weights) -> tangents of end state and of sums."""
 
-    def run(state: Any, packed: Any, state_directions: Any, packed_directions: Any) -> Any:
+    def run(state: Any, packed: Any, state_directions: Any, packed_directions: Any, weights: Any) -> Any:
         def one(ds: Any, dp: Any) -> Any:
-            return jax.jvp(lambda s, p: program.run(s, p, signals), (state, packed), (ds, dp))
+            return jax.jvp(lambda s, p: program.run(s, p, signals, weights), (state, packed), (ds, dp))[1]
 
-        (_, recorded), (end, signal) = jax.vmap(one, out_axes=((None, None), 0))(
-            state_directions, packed_directions
-        )
-        return recorded, end, signal
+        return jax.vmap(one)(state_directions, packed_directions)
 
     return jax.jit(as_single_kernel(run), compiler_options=QUICK_TO_COMPILE)
 
