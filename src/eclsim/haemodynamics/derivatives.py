@@ -57,7 +57,11 @@ class LinearMeasures(Measures):
 
 
 def output_derivatives(
-    model: Model, outputs: tuple[str, ...], parameters: tuple[str, ...], policy: str = AS_PUBLISHED
+    model: Model,
+    outputs: tuple[str, ...],
+    parameters: tuple[str, ...],
+    policy: str = AS_PUBLISHED,
+    resolution: int | None = None,
 ) -> xr.DataArray:
     """d output / d parameter of a model's steady beat.
 
@@ -66,11 +70,13 @@ def output_derivatives(
         outputs: names of the registry.
         parameters: names that the circuit reads, or `heart_rate_bpm`.
         policy: blood volume policy.
+        resolution: of the phase grid; left out, what the circuit's time constants need. The derivatives are
+            exact for the grid; twice the resolution brings them from about 1 % to 0.3 % of the continuous ones.
 
     Returns:
         Array with dimensions (output, parameter); coordinates `value` and `parameter_value` hold the point.
     """
-    steady = steady_beats(Batch(model.circuit, model.values, 1, policy))
+    steady = steady_beats(Batch(model.circuit, model.values, 1, policy), resolution=resolution)
     values, gradient = member_derivatives(steady, outputs, parameters)
     return xr.DataArray(
         gradient,
