@@ -1,0 +1,54 @@
+"""Models of every configuration, at the values of the paper's patient."""
+
+from eclsim.circuit import Choice, Circuit
+from eclsim.models import POSITIONS, circulation, crrt, ecmo, lvad
+from eclsim.parameters.thiel2025 import TABLE_S4
+from eclsim.solver.model import Model, nominal_values
+
+PLACES = tuple(POSITIONS.values())
+SCHEMES = {
+    "a": ("ecmotupo", "ecmooxy"),
+    "b": ("ecmooxy", "ecmotudp"),
+    "c": ("ecmotuor", "ecmotudp"),
+    "d": ("ecmotuor", "ecmoreturn"),
+    "e": ("ecmooxy", "ecmoreturn"),
+    "f": ("ecmooxy", "ecmotuor"),
+    "g": ("ecmotuor", "ecmooxy"),
+    "h": ("ecmotudp", "ecmodrain"),
+    "i": ("ecmotupo", "ecmotudp"),
+}
+"""Access and return site of the CRRT connection schemes of the paper's Figure 2."""
+
+PATIENT = TABLE_S4 | {"heart_rate_bpm": 120.0, "total_blood_volume_ml": 3427.0}
+DEVICES = {"ecmo.speed_rpm": 3425.0, "ecmo.drainage_fr": 21.0, "ecmo.return_fr": 17.0}
+
+CHOSEN_SITES = crrt(Choice(PLACES, "crrt.access_site"), Choice(PLACES, "crrt.return_site"))
+CIRCUITS: dict[str, Circuit] = {
+    "none": circulation(),
+    "V-A": circulation() + ecmo("ra", "ao"),
+    "V-V": circulation() + ecmo("svn", "ra", return_cannula="venous"),
+    "V-A, roller pump": circulation() + ecmo("ra", "ao", roller=True),
+    "V-A, CRRT g": circulation() + ecmo("ra", "ao") + crrt(*SCHEMES["g"]),
+    "V-A, CRRT anywhere": circulation() + ecmo("ra", "ao") + CHOSEN_SITES,
+    "CRRT at the patient": circulation() + crrt("svn", "ra"),
+    "LVAD": circulation() + lvad(),
+    "all together": circulation() + ecmo("ra", "ao") + crrt(*SCHEMES["g"]) + lvad(),
+}
+
+
+def model(name: str, **changes: float) -> Model:
+    """The paper's patient in one of the configurations."""
+    circuit = CIRCUITS[name]
+    nominal = nominal_values(circuit)
+    assert nominal is not None
+    values = {key: (PATIENT | DEVICES).get(key, value) for key, value in nominal.items()}
+    return Model(circuit, values, name).with_values(changes)
+
+
+def scheme_sites(scheme: str) -> dict[str, float]:
+    """Values of the parameters that choose the CRRT sites of "V-A, CRRT anywhere"."""
+    access, giving = SCHEMES[scheme]
+    return {
+        "crrt.access_site": float(PLACES.index(access)),
+        "crrt.return_site": float(PLACES.index(giving)),
+    }
