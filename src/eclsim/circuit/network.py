@@ -75,6 +75,12 @@ class Circuit:
     compartments: tuple[Compartment, ...] = ()
     connections: tuple[Connection, ...] = ()
 
+    def __hash__(self) -> int:
+        """Computed once: every cache of compiled programs asks for it."""
+        if "_hash" not in self.__dict__:
+            object.__setattr__(self, "_hash", hash((self.compartments, self.connections)))
+        return self.__dict__["_hash"]
+
     def __add__(self, other: Circuit) -> Circuit:
         """Both circuits as one; devices name the compartments they attach to."""
         return Circuit(self.compartments + other.compartments, self.connections + other.connections)

@@ -17,7 +17,7 @@ from eclsim.haemodynamics.signals import unstressed_volume, whole_beat
 from eclsim.solver.beat import beat_program
 from eclsim.solver.model import AS_PUBLISHED, Model
 from eclsim.solver.orbit import OrbitOptions
-from eclsim.solver.recording import RATE, all_signals, with_rates
+from eclsim.solver.recording import RATE
 from eclsim.solver.status import Status
 from eclsim.solver.steady import Batch, SteadyBeats, steady_beats
 
@@ -50,7 +50,7 @@ def simulate(
 def dataset_of(model: Model, steady: SteadyBeats) -> xr.Dataset:
     """Dataset of a batch of one."""
     program = beat_program(model.circuit, int(steady.resolution[0]))
-    signals = with_rates(model.circuit, all_signals(program.assembly))
+    signals = program.signals
     _, recorded = program.trace(signals)(steady.orbits.states[:, 0], steady.batch.packed(program)[:, 0])
     series = dict(zip(signals, whole_beat(np.asarray(recorded)).T, strict=True))
     measures = Measures(series, program.grid.phases)

@@ -18,7 +18,6 @@ from eclsim.haemodynamics.outputs import output
 from eclsim.haemodynamics.signals import whole_beat
 from eclsim.solver.beat import beat_program
 from eclsim.solver.model import AS_PUBLISHED, Model
-from eclsim.solver.recording import all_signals, with_rates
 from eclsim.solver.sensitivities import orbit_tangents
 from eclsim.solver.steady import Batch, SteadyBeats, steady_beats
 
@@ -96,7 +95,7 @@ def member_derivatives(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Outputs of one patient of a batch, shape (outputs,), and their derivatives (outputs, parameters)."""
     program = beat_program(steady.batch.circuit, int(steady.resolution[member]))
-    signals = with_rates(steady.batch.circuit, all_signals(program.assembly))
+    signals = program.signals
     packed = steady.batch.packed(program)[:, member]
     _, recorded = program.trace(signals)(steady.orbits.states[:, member], packed)
     series = whole_beat(np.asarray(recorded))

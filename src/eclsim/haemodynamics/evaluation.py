@@ -10,7 +10,7 @@ from eclsim.haemodynamics.outputs import available, output
 from eclsim.haemodynamics.signals import whole_beat
 from eclsim.solver.beat import beat_program
 from eclsim.solver.lanes import FEW, LANES, map_parallel
-from eclsim.solver.recording import RATE, all_signals, has_rate, with_rates
+from eclsim.solver.recording import RATE, all_signals, has_rate
 from eclsim.solver.steady import SteadyBeats
 
 
@@ -51,7 +51,7 @@ def _measure(
         lanes = np.resize(members, LANES)
         recorded = program.trace(signals)(steady.orbits.states[:, lanes], packed[:, lanes])[1]
     else:
-        signals = with_rates(steady.batch.circuit, all_signals(program.assembly))
+        signals = program.signals
         recorded = program.trace(signals)(steady.orbits.states[:, members[0]], packed[:, members[0]])[1][
             ..., None
         ]

@@ -26,7 +26,7 @@ from eclsim.circuit.assembly import Assembly, Constants, assemble
 from eclsim.circuit.network import Circuit
 from eclsim.solver.grid import STEPS_PER_BLOCK, PhaseGrid
 from eclsim.solver.kernel import as_single_kernel
-from eclsim.solver.recording import Recorder
+from eclsim.solver.recording import Recorder, all_signals, with_rates
 
 GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
 HEART_RATE = "heart_rate_bpm"
@@ -43,7 +43,7 @@ class StepConstants:
     conductance: tuple[Any, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BeatProgram:
     """Compiled beats of one circuit on one grid.
 
@@ -63,6 +63,11 @@ class BeatProgram:
     def beat(self) -> Any:
         """Compiled map (state, parameters) -> state after one beat."""
         return jax.jit(as_single_kernel(lambda state, packed: self.run(state, packed)[0]))
+
+    @cached_property
+    def signals(self) -> tuple[str, ...]:
+        """All signals of the circuit, with the rates that exist."""
+        return with_rates(self.assembly.circuit, all_signals(self.assembly))
 
     def trace(self, signals: tuple[str, ...]) -> Any:
         """Compiled map (state, parameters) -> state after one beat, signals at the end of every step.

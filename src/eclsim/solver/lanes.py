@@ -15,8 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from eclsim.solver.recording import all_signals, with_rates
-
 LANES = 64
 FEW = 256
 """Up to so many patients the program for one is quicker: the one for many takes seconds to compile."""
@@ -48,7 +46,7 @@ def run_lanes(program: Any, states: np.ndarray, packed: np.ndarray, wide: bool) 
     """One beat of every patient, shape (states, patients); `wide` takes the program for many."""
     count = states.shape[1]
     if not wide or count <= HANDFUL:
-        step = program.trace(with_rates(program.assembly.circuit, all_signals(program.assembly)))
+        step = program.trace(program.signals)
         single = [np.asarray(step(states[:, i], packed[:, i])[0]) for i in range(count)]
         return np.stack(single, axis=1) if single else states.copy()
     parts = []
