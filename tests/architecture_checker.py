@@ -13,6 +13,7 @@ from typing import NamedTuple
 MODEL = {"units", "components", "circuit", "parameters"}
 RUN = MODEL | {"models", "patients", "solver", "haemodynamics"}
 ANALYSES = {"plotting", "sensitivity", "identification", "uncertainty"}
+USES = {"studies", "validation"}
 ALLOWED = {
     "units": set(),
     "components": {"units"},
@@ -23,10 +24,10 @@ ALLOWED = {
     "solver": MODEL | {"models", "patients"},
     "haemodynamics": MODEL | {"models", "patients", "solver"},
     **dict.fromkeys(ANALYSES, RUN),
-    "studies": RUN | ANALYSES,
-    "report": RUN | ANALYSES | {"studies"},
-    "app": RUN | ANALYSES | {"studies", "report"},
-    "cli": RUN | ANALYSES | {"studies", "report", "app"},  # the command that starts the web page
+    **dict.fromkeys(USES, RUN | ANALYSES),
+    "report": RUN | ANALYSES | USES,
+    "app": RUN | ANALYSES | USES | {"report"},
+    "cli": RUN | ANALYSES | USES | {"report", "app"},  # the command that starts the web page
 }
 ANY_LAYER_MAY_IMPORT = {"_version", "runtime"}
 

@@ -12,7 +12,18 @@ from typing import Annotated, Any
 import typer
 
 from eclsim._version import __version__
-from eclsim.cli import crrt_study, devices, identifiability, parameters, sensitivity, simulate
+from eclsim.cli import (
+    benchmark,
+    crrt_study,
+    demo,
+    devices,
+    identifiability,
+    parameters,
+    reproduce,
+    sensitivity,
+    simulate,
+    validate,
+)
 from eclsim.cli.messages import fail, say
 
 _HELP = """Simulate a patient's circulation on ECMO, CRRT and LVAD.
@@ -34,12 +45,18 @@ app.command("simulate", short_help="Simulate the steady heartbeat of each case."
 app.command("crrt-study", short_help="Compare all ways of connecting CRRT to a patient's ECMO circuit.")(
     crrt_study.crrt_study
 )
-app.command("sensitivity", short_help="Sobol indices: what the outputs of a case depend on.")(sensitivity.sensitivity)
+app.command("reproduce", short_help="Recompute the numbers of the paper.")(reproduce.reproduce)
+app.command("sensitivity", short_help="Sobol indices: what the outputs of a case depend on.")(
+    sensitivity.sensitivity
+)
 app.command("identifiability", short_help="Which parameters measurements can tell apart.")(
     identifiability.identifiability
 )
 app.add_typer(parameters.app, name="parameters", short_help="List, explain and export parameters.")
 app.command("devices", short_help="List devices and their ranges, or explain one.")(devices.devices)
+app.command("demo", short_help="Simulate the paper's patient, with figures and its numbers.")(demo.demo)
+app.command("validate", short_help="Hold eclsim against published results.")(validate.validate)
+app.command("benchmark", short_help="Measure speed and memory on this machine.")(benchmark.benchmark)
 
 
 def _show_version(wanted: bool) -> None:

@@ -1,0 +1,21 @@
+"""Plain data as JSON, to a file that appears whole or not at all, or to standard output."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from eclsim.report.files import _whole
+
+
+def write_plain(data: Any, destination: Path | str) -> None:
+    """Write numbers, texts, lists and dictionaries; "-" is standard output."""
+    text = json.dumps(data, indent=1, allow_nan=False) + "\n"
+    if destination == "-":
+        sys.stdout.write(text)
+        sys.stdout.flush()
+        return
+    with _whole(Path(destination)) as partial:
+        partial.write_text(text, encoding="utf-8")

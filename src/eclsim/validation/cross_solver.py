@@ -1,0 +1,103 @@
+"""Cross-solver checks: the same circuit by an explicit method, and what must hold whatever the solver.
+
+Blood volume tests the wiring and not the accuracy, so it stands beside the comparison of the two solvers.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from eclsim.circuit.assembly import assemble
+from eclsim.haemodynamics.outputs import CONTRACT
+from eclsim.solver.beat import beat_program
+from eclsim.solver.lanes import run_lanes
+from eclsim.solver.steady import Batch, start_state, steady_beats
+from eclsim.validation.cases import case_names, reference_model
+from eclsim.validation.reference_cases import QUICK, reference_result
+from eclsim.validation.robustness import CONFIGURATIONS, configuration_model
+from eclsim.validation.rows import Check, Row, at_most, near
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from eclsim.solver.model import Model
+
+RELATIVE = 0.001
+ABSOLUTE = {"mmHg": 0.01, "L/min": 0.002, "mL": 0.05}
+"""A tenth of what an output of a reference case may be off by: 0.1 % of a flow near zero means nothing."""
+PERIODICITY = 1e-8
+CONSERVATION = 1e-10
+BEATS = 1000
+ADAPTIVE_QUICK = ("cvs_healthy_75bpm", "va_ecmo_default", "lvad_hvad_2600")
+
+
+def adaptive_check(quick: bool = False) -> Check:
+    """Outputs of both solvers for the reference cases."""
+    names = ADAPTIVE_QUICK if quick else case_names()
+    rows = tuple(row for name in names for row in _both(name))
+    title = f"Semi-implicit beat against Dopri8 with adaptive steps ({len(names)} cases)"
+    beyond = [row for row in rows if row.holds and abs(row.percent or 0.0) > 100.0 * RELATIVE]
+    remarks = tuple(
+        f"{row.name} differs by {row.percent:+.2f} %, {row.got - (row.expected or 0.0):+.2g} {row.unit}"
+        for row in beyond
+    )
+    return Check("adaptive", title, "0.1 %, or 0.01 mmHg, 0.002 L/min, 0.05 mL", rows, remarks=remarks)
+
+
+def _both(name: str) -> list[Row]:
+    result, other = reference_result(name), adaptive_result(name)
+    rows = []
+    for entry in CONTRACT:
+        if entry.name in result:
+            expected = float(other[entry.name])
+            label, got = f"{name} {entry.name}", float(result[entry.name])
+            tolerance = max(RELATIVE * abs(expected), ABSOLUTE[entry.unit])
+            rows.append(near(label, expected, got, tolerance, entry.unit))
+    return rows
+
+
+def adaptive_result(name: str) -> xr.Dataset:
+    """The steady beat of a reference case by the independent path."""
+    from eclsim.haemodynamics.adaptive import simulate_adaptive
+
+    return simulate_adaptive(reference_model(name))
+
+
+def periodicity_check(quick: bool = False) -> Check:
+    """Largest change of a state over one more plain beat, for each reference case."""
+    rows = []
+    for name in QUICK if quick else case_names():
+        model = reference_model(name)
+        steady = steady_beats(Batch(model.circuit, model.values, 1))
+        before = steady.orbits.states[:, 0]
+        program = beat_program(model.circuit, int(steady.resolution[0]))
+        after = run_lanes(program, before[:, None], steady.batch.packed(program), False)[:, 0]
+        change = np.max(np.abs(after - before) / np.maximum(np.abs(before), 1.0))
+        rows.append(at_most(f"{name} change over a beat", float(change), PERIODICITY))
+    return Check("periodicity", "Periodicity of the solved orbits", "1e-8 of each state", tuple(rows))
+
+
+def conservation_check(quick: bool = False, beats: int = BEATS) -> Check:
+    """Relative change of the blood volume over many plain beats, every configuration."""
+    models = {name: configuration_model(name) for name in CONFIGURATIONS}
+    if not quick:
+        models |= {name: reference_model(name) for name in case_names()}
+    rows = [
+        at_most(f"{name}: blood volume over {beats} beats", volume_error(model, beats), CONSERVATION)
+        for name, model in models.items()
+    ]
+    return Check("conservation", f"Blood volume over {beats} beats", "1e-10 relative", tuple(rows))
+
+
+def volume_error(model: Model, beats: int) -> float:
+    """Largest relative change of the stressed blood volume along some beats."""
+    program = beat_program(model.circuit)
+    packed = Batch(model.circuit, model.values, 1).packed(program)
+    state, volumes = start_state(model)[:, None], assemble(model.circuit).n_volumes
+    start, error = state[:volumes].sum(), 0.0
+    for _ in range(beats):
+        state = run_lanes(program, state, packed, False)
+        error = max(error, abs(state[:volumes].sum() / start - 1.0))
+    return float(error)

@@ -1,0 +1,97 @@
+"""Derivatives: against central differences of the published code and of eclsim's own converged orbit.
+
+Rows are elasticities, parameter times d output / d parameter, so that a row of one output can be compared
+with its own largest entry whatever the units of the parameters are.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+
+from eclsim.haemodynamics.derivatives import output_derivatives
+from eclsim.haemodynamics.evaluation import batch_outputs
+from eclsim.haemodynamics.outputs import output
+from eclsim.solver.model import Model
+from eclsim.solver.orbit import OrbitOptions
+from eclsim.solver.steady import Batch, steady_beats
+from eclsim.validation.cases import DATA, reference_model
+from eclsim.validation.rows import Check, Row, near
+
+CASES = {"default": "va_ecmo_default", "s4": "s4_no_crrt_3425"}
+"""Key of `gradients.json`, and the reference case it belongs to."""
+OF_LARGEST = 0.01
+OF_LARGEST_OWN = 1e-5
+STEP = 1e-3
+"""Relative step of the own differences; two steps, h and h/2, are extrapolated to fourth order."""
+TIGHT = OrbitOptions(tolerance=1e-12, error_tolerance=1e-11, quasi_newton_beats=60)
+
+
+@dataclass(frozen=True)
+class Elasticities:
+    """Elasticities of the outputs, shape (outputs, parameters), from three sources."""
+
+    outputs: tuple[str, ...]
+    parameters: tuple[str, ...]
+    exact: np.ndarray
+    published: np.ndarray
+    own_differences: np.ndarray
+
+
+def elasticities(key: str) -> Elasticities:
+    """All three for a case of `gradients.json`."""
+    published = json.loads((DATA / "gradients.json").read_text(encoding="utf-8"))[key]
+    model = reference_model(CASES[key])
+    outputs, parameters = tuple(published["outputs"]), tuple(published["params"])
+    derivatives = output_derivatives(model, outputs, parameters)
+    exact = derivatives.values * derivatives["parameter_value"].values
+    differences = own_differences(model, outputs, parameters)
+    return Elasticities(outputs, parameters, exact, np.array(published["elasticity_fd"]), differences)
+
+
+def own_differences(model: Model, outputs: tuple[str, ...], parameters: tuple[str, ...]) -> np.ndarray:
+    """Central differences of tightly solved orbits, extrapolated; shape (outputs, parameters)."""
+    factors = (1.0 + STEP, 1.0 - STEP, 1.0 + STEP / 2, 1.0 - STEP / 2)
+    count = len(factors) * len(parameters)
+    values: dict[str, np.ndarray | float] = dict(model.values)
+    for k, name in enumerate(parameters):
+        column = np.full(count, model.values[name])
+        column[len(factors) * k : len(factors) * (k + 1)] *= factors
+        values[name] = column
+    steady = steady_beats(Batch(model.circuit, values, count), TIGHT, near=model.values)
+    found = batch_outputs(steady, outputs).reshape(len(outputs), len(parameters), len(factors))
+    coarse = (found[..., 0] - found[..., 1]) / (2.0 * STEP)
+    fine = (found[..., 2] - found[..., 3]) / STEP
+    return (4.0 * fine - coarse) / 3.0
+
+
+def checks() -> list[Check]:
+    """Both comparisons, of both cases."""
+    published: list[Row] = []
+    own: list[Row] = []
+    for key, case in CASES.items():
+        found = elasticities(key)
+        published += _rows(case, found, found.published, OF_LARGEST)
+        own += _rows(case, found, found.own_differences, OF_LARGEST_OWN)
+    return [
+        Check(
+            "gradients", "Derivatives against central differences of the published code",
+            "1 % of the largest of each output", tuple(published),
+        ),
+        Check(
+            "own-gradients", "Derivatives against own central differences of the converged orbit",
+            "1e-5 of the largest of each output", tuple(own),
+        ),
+    ]  # fmt: skip
+
+
+def _rows(case: str, found: Elasticities, expected: np.ndarray, share: float) -> list[Row]:
+    rows = []
+    for i, name in enumerate(found.outputs):
+        tolerance = share * float(np.abs(expected[i]).max())
+        for k, parameter in enumerate(found.parameters):
+            label, unit = f"{case} d {name} / d ln {parameter}", output(name).unit
+            rows.append(near(label, expected[i, k], found.exact[i, k], tolerance, unit))
+    return rows

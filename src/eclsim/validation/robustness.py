@@ -1,0 +1,220 @@
+"""Robustness: a steady beat anywhere in the bounds of parameter identification, in six configurations.
+
+The seven fitted parameters are spread over their bounds (a tenth to ten times the start value) by a Sobol
+sequence on a logarithmic scale. Some of these hearts do not eject; they have to be named as such, not settled
+by luck. What is called converged is followed for ten more beats without the solver's help.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from eclsim.haemodynamics.dataset import simulate
+from eclsim.haemodynamics.evaluation import batch_outputs
+from eclsim.parameters.identification import BOUNDS
+from eclsim.solver.beat import beat_program
+from eclsim.solver.lanes import run_lanes
+from eclsim.solver.model import Model
+from eclsim.solver.status import Status
+from eclsim.solver.steady import Batch, SteadyBeats, start_state, steady_beats
+from eclsim.validation.cases import reference_model
+from eclsim.validation.rows import Check, Row, at_least, at_most
+
+CONFIGURATIONS = {
+    "no device": "cvs_default_120bpm",
+    "V-A": "va_ecmo_default",
+    "V-V": "vv_ecmo_3000",
+    "V-A + CRRT g": "s4_crrt_g_3425",
+    "LVAD": "lvad_hvad_2600",
+    "LVAD + V-A": "lvad_hvad_2600 + va_ecmo_default",
+}
+"""Configuration, and the reference case whose patient and devices it has."""
+
+EJECTING_L_MIN = 0.1
+"""Native output from which a steady beat has to be found."""
+RECHECK_BEATS = 10
+RECHECK_TOLERANCE = 1e-6
+"""Largest change of a state over the further beats, relative to max(|state|, 1)."""
+SETTLING_BEATS = 400
+"""Plain beats from the published start that tell the native output of a patient without a steady beat."""
+SEED = 2025
+NEEDED_SHARE = 0.999
+NAMED = 5
+"""Points of a configuration that are looked at one by one."""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Outcome of one configuration; arrays over the points.
+
+    Args:
+        name: configuration.
+        values: the seven parameters of every point, by name.
+        status: `Status` of every point.
+        output: what the left heart and an LVAD give to the arteries [L/min]; without a steady beat, that of
+        the
+            last of `SETTLING_BEATS` plain beats.
+        drift: largest change of a volume over a beat [mL], likewise.
+        beats: beats that the solver computed.
+        moved: largest relative change of a state over ten more beats; NaN where there is no steady beat.
+    """
+
+    name: str
+    values: dict[str, np.ndarray] = field(repr=False)
+    status: np.ndarray
+    output: np.ndarray
+    drift: np.ndarray
+    beats: np.ndarray
+    moved: np.ndarray
+
+    @property
+    def converged(self) -> np.ndarray:
+        """Whether a steady beat was found."""
+        return self.status == Status.CONVERGED
+
+    @property
+    def ejecting(self) -> np.ndarray:
+        """Whether the native output is large enough for a steady beat to be demanded."""
+        return self.output > EJECTING_L_MIN
+
+    @property
+    def false_converged(self) -> np.ndarray:
+        """Whether it was called converged and is not."""
+        return self.converged & ~(self.moved <= RECHECK_TOLERANCE)
+
+    @property
+    def silent_nan(self) -> np.ndarray:
+        """Whether a number is not finite although the status says nothing of it."""
+        return (self.status != Status.NOT_FINITE) & ~np.isfinite(self.output)
+
+
+def sobol_points(count: int) -> dict[str, np.ndarray]:
+    """Values of the seven parameters, logarithmically spread over their bounds."""
+    from scipy.stats import qmc
+
+    exponent = int(np.ceil(np.log2(count)))
+    unit = qmc.Sobol(d=len(BOUNDS), scramble=True, seed=SEED).random_base2(exponent)[:count]
+    lower, upper = (np.log([getattr(b, end) for b in BOUNDS.values()]) for end in ("lower", "upper"))
+    return dict(zip(BOUNDS, np.exp(lower + unit * (upper - lower)).T, strict=True))
+
+
+def configuration_model(name: str) -> Model:
+    """Circuit and values of a configuration; the fitted parameters are replaced later."""
+    from eclsim.solver.model import model_of
+    from eclsim.validation.cases import reference_case
+
+    first, _, second = CONFIGURATIONS[name].partition(" + ")
+    if not second:
+        return reference_model(first)
+    case = reference_case(first)
+    return model_of(case.model_copy(update={"ecmo": reference_case(second).ecmo}))
+
+
+def sweep(name: str, count: int) -> Sweep:
+    """Solve a configuration at `count` points of the bounds."""
+    model, points = configuration_model(name), sobol_points(count)
+    batch = Batch(model.circuit, {**model.values, **points}, count)
+    steady = steady_beats(batch)
+    status = steady.orbits.status.copy()
+    output = left_output(steady)
+    drift, moved = steady.orbits.drift.copy(), np.full(count, np.nan)
+    settled = np.flatnonzero(status == Status.CONVERGED)
+    moved[settled] = _followed(steady, settled, steady.orbits.states[:, settled], RECHECK_BEATS)[1]
+    rest = np.flatnonzero(status != Status.CONVERGED)
+    if len(rest):
+        output[rest], drift[rest] = _waited(model, steady, rest)
+    return Sweep(name, points, status, output, drift, steady.orbits.beats, moved)
+
+
+def left_output(steady: SteadyBeats) -> np.ndarray:
+    """Flow [L/min] that the left heart and an LVAD give, shape (patients,)."""
+    names = ("aortic_valve_flow", "lvad_flow")
+    has_lvad = any(c.name == "lvadpump" for c in steady.batch.circuit.connections)
+    return batch_outputs(steady, names if has_lvad else names[:1]).sum(axis=0)
+
+
+def _followed(
+    steady: SteadyBeats, members: np.ndarray, start: np.ndarray, beats: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Plain beats: the last state, and the largest relative change from the start."""
+    last = start.copy()
+    for level in np.unique(steady.resolution[members]):
+        program = beat_program(steady.batch.circuit, int(level))
+        own = steady.resolution[members] == level
+        packed, states = steady.batch.packed(program)[:, members[own]], start[:, own]
+        for _ in range(beats):
+            states = run_lanes(program, states, packed, own.sum() > 8)
+        last[:, own] = states
+    change = np.abs(last - start) / np.maximum(np.abs(start), 1.0)
+    return last, change.max(axis=0, initial=0.0)
+
+
+def _waited(model: Model, steady: SteadyBeats, members: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Left output [L/min] and drift [mL a beat] after many plain beats from the published start."""
+    starts = [start_state(model.with_values({n: steady.batch.values[n][k] for n in BOUNDS})) for k in members]
+    before, _ = _followed(steady, members, np.stack(starts, axis=1), SETTLING_BEATS)
+    after, _ = _followed(steady, members, before, 1)
+    compartments = [c.name for c in model.circuit.compartments]
+    drift = np.abs(after - before)[: len(compartments)].max(axis=0)
+    waited = SteadyBeats(steady.batch, steady.orbits, steady.resolution)
+    waited.orbits.states[:, members] = before
+    return left_output(waited)[members], drift
+
+
+def checks(points: int) -> list[Check]:
+    """All configurations; what is not steady is named, with its drift."""
+    rows: list[Row] = []
+    remarks: list[str] = []
+    for name in CONFIGURATIONS:
+        found = sweep(name, points)
+        rows += _rows(found)
+        remarks += _remarks(found)
+    title = f"Robustness: {points} Sobol points of the fit bounds x {len(CONFIGURATIONS)} configurations"
+    bar = "99.9 % of those with a native output above 0.1 L/min converge; none falsely, none silently"
+    return [Check("robustness", title, bar, tuple(rows), remarks=tuple(remarks))]
+
+
+def _rows(found: Sweep) -> list[Row]:
+    ejecting, settled = found.ejecting, found.converged
+    share = float((ejecting & settled).sum() / max(ejecting.sum(), 1))
+    named = _named(found)
+    return [
+        at_least(f"{found.name}: share of {ejecting.sum()} ejecting that converge", share, NEEDED_SHARE),
+        at_most(f"{found.name}: called converged and not steady", float(found.false_converged.sum()), 0.0),
+        at_most(
+            f"{found.name}: largest change over 10 more beats", np.nanmax(found.moved), RECHECK_TOLERANCE
+        ),
+        at_most(f"{found.name}: number that is not finite, unsaid", float(found.silent_nan.sum()), 0.0),
+        at_most(f"{found.name}: not steady and not named NO_EJECTION", float(named.size - named.sum()), 0.0),
+    ]
+
+
+def _named(found: Sweep) -> np.ndarray:
+    """Whether `simulate` calls the first few points without ejection and steady beat what they are."""
+    still = np.flatnonzero(~found.converged & ~found.ejecting)[:NAMED]
+    model = configuration_model(found.name)
+    results = (simulate(model.with_values({n: float(v[k]) for n, v in found.values.items()})) for k in still)
+    return np.array([result.attrs["status"] == "no_ejection" for result in results], dtype=bool)
+
+
+def _remarks(found: Sweep) -> list[str]:
+    settled = found.converged
+    beats = found.beats[settled]
+    words = [
+        f"{found.name}: {settled.sum()} of {settled.size} steady, median {np.median(beats):.0f} beats, "
+        f"largest {beats.max()}"
+    ]
+    rest = np.flatnonzero(~settled)
+    if len(rest):
+        words.append(
+            f"{found.name}: {len(rest)} without a steady beat; after {SETTLING_BEATS} plain beats the native "
+            f"output is at most {found.output[rest].max():.2g} L/min, their drift at most "
+            f"{found.drift[rest].max():.2g} mL a beat"
+        )
+    failed = np.flatnonzero(found.ejecting & ~settled)
+    for k in failed[:NAMED]:
+        point = ", ".join(f"{name} {value[k]:.4g}" for name, value in found.values.items())
+        words.append(f"{found.name}: ejects {found.output[k]:.2f} L/min and is not steady: {point}")
+    return words

@@ -1,0 +1,120 @@
+"""Rows of a comparison: what was expected, what came out, and whether it is within the bar."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Row:
+    """One number held against another.
+
+    Args:
+        name: what is compared.
+        got: eclsim's number.
+        low: smallest number that passes.
+        high: largest number that passes.
+        unit: unit of all of them.
+        expected: the number compared with; None where only a limit or a range is given.
+        explanation: why it misses, where that is known; it stays a miss.
+        source: where the expected number comes from.
+    """
+
+    name: str
+    got: float
+    low: float
+    high: float
+    unit: str = "1"
+    expected: float | None = None
+    explanation: str = ""
+    source: str = ""
+
+    @property
+    def holds(self) -> bool:
+        """Whether the number is within the bar; NaN is not."""
+        return self.low <= self.got <= self.high
+
+    @property
+    def percent(self) -> float | None:
+        """Error in percent of the expected number."""
+        if self.expected is None or self.expected == 0.0:
+            return None
+        return 100.0 * (self.got - self.expected) / abs(self.expected)
+
+    @property
+    def used(self) -> float:
+        """Share of the tolerance that the error takes; 1 at the limit."""
+        if not math.isfinite(self.got):
+            return math.inf
+        middle = 0.5 * (self.low + self.high) if self.expected is None else self.expected
+        if not math.isfinite(middle):
+            return 0.0 if self.holds else math.inf
+        room = (self.high if self.got >= middle else self.low) - middle
+        return abs(self.got - middle) / abs(room) if room else (0.0 if self.got == middle else math.inf)
+
+
+def near(name: str, expected: float, got: float, tolerance: float, unit: str = "1", **more: str) -> Row:
+    """A row that holds within a tolerance of the expected number."""
+    return Row(name, float(got), expected - tolerance, expected + tolerance, unit, float(expected), **more)
+
+
+def at_most(name: str, got: float, limit: float, unit: str = "1", **more: str) -> Row:
+    """A row that holds from zero up to a limit."""
+    return Row(name, float(got), 0.0, limit, unit, **more)
+
+
+def at_least(name: str, got: float, limit: float, unit: str = "1", **more: str) -> Row:
+    """A row that holds from a limit on."""
+    return Row(name, float(got), limit, math.inf, unit, **more)
+
+
+@dataclass(frozen=True)
+class Check:
+    """Rows that answer one question.
+
+    Args:
+        key: short name.
+        title: what is compared with what.
+        bar: the tolerance in words.
+        rows: the comparison.
+        explained_pass: whether rows that miss and are explained do not count against the bar.
+        required: whether missing the bar fails the validation. Measurements of patients and devices say how
+        far
+            the model can be trusted; they are compared and shown, and fail nothing.
+        remarks: sentences to print below the table.
+        seconds: time it took.
+    """
+
+    key: str
+    title: str
+    bar: str
+    rows: tuple[Row, ...]
+    explained_pass: bool = False
+    required: bool = True
+    remarks: tuple[str, ...] = ()
+    seconds: float = field(default=0.0, compare=False)
+
+    @property
+    def missed(self) -> tuple[Row, ...]:
+        """Rows that do not hold."""
+        return tuple(row for row in self.rows if not row.holds)
+
+    @property
+    def share(self) -> float:
+        """Share of the rows that hold."""
+        return 1.0 - len(self.missed) / len(self.rows) if self.rows else 0.0
+
+    @property
+    def holds(self) -> bool:
+        """Whether the bar is reached."""
+        excused = (
+            self.missed if not self.explained_pass else [row for row in self.missed if not row.explanation]
+        )
+        return bool(self.rows) and not excused
+
+
+def worst(rows: Iterable[Row]) -> Row:
+    """The row that takes the largest share of its tolerance."""
+    return max(rows, key=lambda row: row.used)

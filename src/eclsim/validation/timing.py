@@ -1,0 +1,185 @@
+"""How fast: the measurements of `eclsim benchmark`, on the paper's patient with V-A ECMO and CRRT.
+
+Each figure is the median of repeats, as elapsed time and as processor time: beside other programs on the same
+machine only the second means anything. The published code's numbers were measured on one core of a machine
+with two.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from eclsim.validation.cases import DATA, PAPER_PATIENT, reference_model
+
+PARAMETERS = (
+    "Cao", "Cpart", "Cpas", "Cpvn", "Csart", "Csvn", "Edla", "Edra", "Emaxla", "Emaxlv", "Emaxra", "Emaxrv",
+    "Lao", "Lpart", "Lpas", "Lsart", "Rao", "Rmc", "Rpart", "Rpas", "Rpmc", "Rpvn", "Rsart", "Rsvn",
+)  # fmt: skip
+"""The 24 parameters of the paper's global sensitivity analysis."""
+MEMBERS = 1024
+SPREAD = 0.25
+REPEATS = 15
+PROCESS_REPEATS = 3
+MEASURE_BATCH = "from eclsim.validation import timing; timing.print_batch()"
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One figure.
+
+    Args:
+        name: what was measured.
+        value: median elapsed time, or memory.
+        unit: "ms", "s" or "MB".
+        bar: largest value that passes, in the same unit; None where there is none.
+        processor: median processor time in the same unit; None for memory.
+        published: the published code's number in the same unit; None where there is none.
+        remark: how it was measured.
+    """
+
+    name: str
+    value: float
+    unit: str
+    bar: float | None
+    processor: float | None = None
+    published: float | None = None
+    remark: str = ""
+
+    @property
+    def holds(self) -> bool:
+        """Whether the bar is reached, by elapsed time."""
+        return self.bar is None or self.value <= self.bar
+
+    @property
+    def ratio(self) -> float | None:
+        """How many times faster than the published code."""
+        return None if self.published is None else self.published / self.value
+
+
+def measurements() -> Iterator[Measurement]:
+    """All figures, each as soon as it is known."""
+    yield from first_results()
+    yield warm_orbit()
+    yield warm_derivatives()
+    yield from batch()
+
+
+def first_results() -> Iterator[Measurement]:
+    """A command from start to end, with an empty cache of compiled programs and with a filled one."""
+    cold, warm = [], []
+    for _ in range(PROCESS_REPEATS):
+        with tempfile.TemporaryDirectory(prefix="eclsim-benchmark-") as folder:
+            cold.append(_command_seconds(folder))
+            warm.append(_command_seconds(folder))
+    remark = f"`eclsim simulate` from start to end, median of {PROCESS_REPEATS} new processes"
+    names = ("first result of a new process, empty cache", "first result of a new process, filled cache")
+    for name, found, bar, published in zip(names, (cold, warm), (6.0, 3.5), (7.2, None), strict=True):
+        wall, cpu = (statistics.median(column) for column in zip(*found, strict=True))
+        yield Measurement(name, wall, "s", bar, cpu, published, remark)
+
+
+def _command_seconds(cache: str) -> tuple[float, float]:
+    """Elapsed and processor seconds of one command."""
+    case = DATA / "cases" / f"{PAPER_PATIENT}.toml"
+    command = [sys.executable, "-m", "eclsim.cli", "simulate", str(case), "--json", "-"]
+    return _process(command, {"ECLSIM_CACHE_DIR": cache})[:2]
+
+
+def _process(command: list[str], environment: dict[str, str]) -> tuple[float, float, str]:
+    before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    done = subprocess.run(command, env=os.environ | environment, capture_output=True, text=True, check=True)
+    wall, after = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return wall, cpu, done.stdout
+
+
+def warm_orbit() -> Measurement:
+    """One steady beat, everything compiled."""
+    from eclsim.solver.steady import Batch, steady_beats
+
+    model = reference_model(PAPER_PATIENT)
+    one = Batch(model.circuit, model.values, 1)
+    wall, cpu = _medians(lambda: steady_beats(one))
+    beats = int(steady_beats(one).orbits.beats[0])
+    remark = f"{beats} beats from the circuit's nominal orbit; median of {REPEATS}"
+    return Measurement("one steady beat, warm", wall, "ms", 10.0, cpu, 1740.0, remark)
+
+
+def warm_derivatives() -> Measurement:
+    """Derivatives of all outputs with respect to 24 parameters, everything compiled."""
+    from eclsim.haemodynamics.derivatives import member_derivatives
+    from eclsim.haemodynamics.evaluation import output_names
+    from eclsim.solver.steady import Batch, steady_beats
+
+    model = reference_model(PAPER_PATIENT)
+    steady = steady_beats(Batch(model.circuit, model.values, 1))
+    outputs = output_names(model.circuit)
+    wall, cpu = _medians(lambda: member_derivatives(steady, outputs, PARAMETERS))
+    name = f"derivatives of all {len(outputs)} outputs with respect to {len(PARAMETERS)} parameters, warm"
+    remark = f"on a solved orbit; median of {REPEATS}; published code: 7 parameters, reverse mode"
+    return Measurement(name, wall, "ms", 15.0, cpu, 13_900.0, remark)
+
+
+def batch() -> Iterator[Measurement]:
+    """Many orbits at once on one core, in a process of their own so that its memory can be told."""
+    found = json.loads(_process([sys.executable, "-c", MEASURE_BATCH], {"ECLSIM_THREADS": "1"})[2])
+    name = f"a steady beat in a batch of {MEMBERS}, one core"
+    remark = (
+        f"24 parameters by +-25 %; {found['converged']} of {MEMBERS} converged, "
+        f"median {found['beats']:g} beats, largest {found['most_beats']}"
+    )
+    yield Measurement(name, found["wall_ms"], "ms", 0.6, found["cpu_ms"], 1740.0, remark)
+    memory = found["memory_mb"]
+    yield Measurement("largest memory of that process", memory, "MB", 500.0, remark="JAX included")
+
+
+def print_batch() -> None:
+    """Measure the batch in this process and print the figures as JSON."""
+    import numpy as np
+
+    from eclsim.solver.steady import Batch, steady_beats
+
+    model, random = reference_model(PAPER_PATIENT), np.random.default_rng(1)
+    factors = {name: random.uniform(1.0 - SPREAD, 1.0 + SPREAD, MEMBERS) for name in PARAMETERS}
+    values = {**model.values, **{name: model.values[name] * factor for name, factor in factors.items()}}
+    many = Batch(model.circuit, values, MEMBERS)
+    steady = steady_beats(many, near=model.values)
+    wall, cpu = _medians(lambda: steady_beats(many, near=model.values), 5)
+    orbits = steady.orbits
+    found = {
+        "wall_ms": wall / MEMBERS,
+        "cpu_ms": cpu / MEMBERS,
+        "converged": int((orbits.status == 0).sum()),
+        "beats": float(np.median(orbits.beats)),
+        "most_beats": int(orbits.beats.max()),
+        "memory_mb": _largest_memory_mb(),
+    }
+    print(json.dumps(found))
+
+
+def _medians(function: Callable[[], object], repeats: int = REPEATS) -> tuple[float, float]:
+    """Median elapsed and processor milliseconds; two calls before do not count."""
+    for _ in range(2):
+        function()
+    found = []
+    for _ in range(repeats):
+        start, cpu = time.perf_counter(), time.process_time()
+        function()
+        found.append((1e3 * (time.perf_counter() - start), 1e3 * (time.process_time() - cpu)))
+    wall, processor = zip(*found, strict=True)
+    return statistics.median(wall), statistics.median(processor)
+
+
+def _largest_memory_mb() -> float:
+    """Largest resident memory of this process so far."""
+    largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return largest / (1e6 if sys.platform == "darwin" else 1e3)
