@@ -8,7 +8,7 @@ from eclsim.circuit.network import Circuit
 from eclsim.haemodynamics.measures import Measures
 from eclsim.haemodynamics.outputs import available, output
 from eclsim.haemodynamics.signals import whole_beat
-from eclsim.solver.beat import beat_program
+from eclsim.solver.beat import BeatProgram, beat_program
 from eclsim.solver.lanes import FEW, LANES, map_parallel
 from eclsim.solver.recording import RATE, all_signals, has_rate
 from eclsim.solver.steady import SteadyBeats
@@ -35,27 +35,28 @@ def batch_outputs(steady: SteadyBeats, names: tuple[str, ...]) -> np.ndarray:
         wide = len(members) > FEW
         size = LANES if wide else 1
         parts = [members[k : k + size] for k in range(0, len(members), size)]
-        measured = map_parallel(lambda part, n=int(level), w=wide: _measure(steady, names, n, part, w), parts)
-        for part, values in zip(parts, measured, strict=True):
+        program = beat_program(steady.batch.circuit, int(level))
+        packed = steady.batch.packed(program)
+        states = steady.orbits.states
+
+        jobs = [(program, names, states[:, part], packed[:, part], wide) for part in parts]
+        for part, values in zip(parts, map_parallel(lambda job: _measure(*job), jobs), strict=True):
             found[:, part] = values
     return found
 
 
 def _measure(
-    steady: SteadyBeats, names: tuple[str, ...], level: int, members: np.ndarray, wide: bool
+    program: BeatProgram, names: tuple[str, ...], states: np.ndarray, packed: np.ndarray, wide: bool
 ) -> np.ndarray:
-    program = beat_program(steady.batch.circuit, level)
-    packed = steady.batch.packed(program)
-    if wide:
-        signals = needed_signals(steady.batch.circuit, names)
-        lanes = np.resize(members, LANES)
-        recorded = program.trace(signals)(steady.orbits.states[:, lanes], packed[:, lanes])[1]
-    else:
+    """Outputs of some patients, shape (outputs, patients): of one alone, or of up to `LANES` side by side."""
+    count = states.shape[1]
+    if not wide:
         signals = program.signals
-        recorded = program.trace(signals)(steady.orbits.states[:, members[0]], packed[:, members[0]])[1][
-            ..., None
-        ]
-    series = whole_beat(np.asarray(recorded))[..., : len(members)]
-    waveforms = {name: series[:, k] for k, name in enumerate(signals)}
-    measures = Measures(waveforms, program.grid.phases)
+        recorded = program.trace(signals)(states[:, 0], packed[:, 0])[1][..., None]
+    else:
+        signals = needed_signals(program.assembly.circuit, names)
+        lanes = np.resize(np.arange(count), LANES)
+        recorded = program.trace(signals)(states[:, lanes], packed[:, lanes])[1]
+    series = whole_beat(np.asarray(recorded))[..., :count]
+    measures = Measures({name: series[:, k] for k, name in enumerate(signals)}, program.grid.phases)
     return np.stack([output(name).compute(measures) for name in names])
