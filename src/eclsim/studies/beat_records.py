@@ -13,7 +13,7 @@ from eclsim.haemodynamics.outputs import output
 from eclsim.haemodynamics.signals import whole_beat
 from eclsim.solver.beat import beat_program
 from eclsim.solver.lanes import FEW, LANES, map_parallel
-from eclsim.solver.recording import all_signals
+from eclsim.solver.recording import all_signals, with_rates
 from eclsim.solver.status import Status
 from eclsim.solver.steady import SteadyBeats
 
@@ -71,13 +71,15 @@ def record(steady: SteadyBeats, keep: Sequence[int] = ()) -> BeatRecords:
         )
     program = beat_program(steady.batch.circuit, int(levels[0]))
     signals, names = all_signals(program.assembly), output_names(steady.batch.circuit)
+    recorded = with_rates(steady.batch.circuit, signals)
     packed = steady.batch.packed(program)
     blocks = [np.arange(k, min(k + LANES, steady.batch.count)) for k in range(0, steady.batch.count, LANES)]
     wide = steady.batch.count > FEW
     parts = []
     for block in blocks:
-        series = _beats(steady, packed, block, wide)
-        measures = Measures({s: series[:, k] for k, s in enumerate(signals)}, program.grid.phases)
+        series = _beats(steady, packed, block, wide, recorded)
+        measures = Measures({s: series[:, k] for k, s in enumerate(recorded)}, program.grid.phases)
+        series = series[:, : len(signals)]
         means = np.stack([measures.mean(s) for s in signals])
         outputs = np.stack([output(n).compute(measures) for n in names])
         kept = series[:, :, np.isin(block, keep)]
@@ -90,10 +92,12 @@ def record(steady: SteadyBeats, keep: Sequence[int] = ()) -> BeatRecords:
     )  # fmt: skip
 
 
-def _beats(steady: SteadyBeats, packed: np.ndarray, block: np.ndarray, wide: bool) -> np.ndarray:
+def _beats(
+    steady: SteadyBeats, packed: np.ndarray, block: np.ndarray, wide: bool, signals: tuple[str, ...]
+) -> np.ndarray:
     """Waveforms of up to `LANES` members over a whole beat, shape (points, signals, members)."""
     program = beat_program(steady.batch.circuit, int(steady.resolution[0]))
-    trace, states = program.trace(all_signals(program.assembly)), steady.orbits.states
+    trace, states = program.trace(signals), steady.orbits.states
     if wide:
         lanes = np.resize(block, LANES)
         recorded = np.asarray(trace(states[:, lanes], packed[:, lanes])[1])

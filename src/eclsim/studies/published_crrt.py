@@ -87,7 +87,7 @@ SECTION_3_3 = (
 )
 
 _FIRST = "printed as about; ours is where the first of the nine schemes reaches it"
-_CUT = "with the blood volume found it is 17.99 at 50 s, where the paper stops: cut to 17 instead of rounded"
+_CUT = "with the blood volume found it is 17.98 at 50 s, where the paper stops: cut to 17 instead of rounded"
 _WU = "clinical mean of other patients on other circuits; the paper's own model differs by as much"
 
 

@@ -92,12 +92,12 @@ def compute(printed: Printed, study: CrrtStudy) -> float:
     if kind == "mean":
         speed, letter, name = arguments
         return float(study.means[str(name)].sel(policy=AS_PUBLISHED, speed=speed, scheme=letter))
+    if kind not in ("flow", "first"):
+        raise ValueError(f"no way to compute {printed.key}")
     flows = study.limits["largest_flow"].sel(policy=AS_PUBLISHED, limit=arguments[0])
     if kind == "flow":
         return float(flows.sel(scheme=list(str(arguments[1]))).mean())
-    if kind == "first":
-        return float(flows.min())
-    raise ValueError(f"no way to compute {printed.key}")
+    return float(flows.min())
 
 
 def table_rows() -> list[Row]:

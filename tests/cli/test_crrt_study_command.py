@@ -1,0 +1,61 @@
+import pytest
+
+
+def run(shell, case, *arguments):
+    return shell.run("crrt-study", case, *arguments)
+
+
+def test_all_wrong_options_are_told_at_once_and_nothing_is_computed(shell):
+    case = shell.case(more=shell.ecmo)
+    result = run(shell, case, "--schemes", "a,q", "--speeds", "fast", "--crrt-flow", "-5")
+    assert result.exit_code == 2
+    said = result.stderr
+    assert "--schemes 'q' is no scheme" in said
+    assert "--speeds 'fast' are no speeds" in said
+    assert "--crrt-flow: CRRT flow -5 mL/min" in said
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ("", "no [ecmo] section"),
+        ('[ecmo]\npump = {roller_l_min = 4.0}\noxygenator = "Quadrox-i Adult"\nmode = "VA"\n', "roller pump"),
+    ],
+)
+def test_a_case_without_a_rotary_pump_is_refused(shell, more, words):
+    result = run(shell, shell.case(more=more))
+    assert result.exit_code == 2
+    assert words in result.stderr
+
+
+def test_results_that_stand_are_kept_without_force(shell):
+    case = shell.case(more=shell.ecmo)
+    folder = shell.folder / "out"
+    folder.mkdir()
+    (folder / "report.html").write_text("mine")
+    result = run(shell, case, "--out", folder)
+    assert result.exit_code == 2
+    assert "--force" in result.stderr
+    assert (folder / "report.html").read_text() == "mine"
+
+
+def test_reproduce_keeps_results_that_stand(shell):
+    folder = shell.folder / "paper"
+    folder.mkdir()
+    (folder / "reproduction.csv").write_text("mine")
+    result = shell.run("reproduce", folder)
+    assert result.exit_code == 2
+    assert "--force" in result.stderr
+
+
+def test_the_whole_command_writes_json_to_standard_output_alone(shell):
+    import json
+
+    case = shell.case(more=shell.ecmo)
+    result = run(
+        shell, case, "--schemes", "g", "--speeds", "3000", "--volume-policy", "as_published", "--json", "-"
+    )
+    assert result.exit_code == 0
+    found = json.loads(result.stdout)
+    assert list(found["policies"]) == ["as_published"]
+    assert list(found["policies"]["as_published"]["schemes"]) == ["g"]
