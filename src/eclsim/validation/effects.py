@@ -1,7 +1,8 @@
 """Published effects of the devices: does the model move the right way, and by how much?
 
 Signs and sizes are two rows each. A size passes within one standard deviation of the measured change. The
-animals and patients are not the model's: a failing heart of the reference cases stands in, and nothing is fitted.
+animals and patients are not the model's: a failing heart of the reference cases stands in for them.
+"""
 
 from __future__ import annotations
 

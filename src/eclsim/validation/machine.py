@@ -12,7 +12,7 @@ from eclsim._version import __version__
 
 
 def machine() -> dict[str, str]:
-    """Date, versions and kind of machine."""
+    """Date, versions, kind of machine, and how many processes want to run on it."""
     return {
         "date": datetime.date.today().isoformat(),
         "eclsim": __version__,
@@ -20,6 +20,7 @@ def machine() -> dict[str, str]:
         "python": platform.python_version(),
         "system": f"{platform.system()} {platform.machine()}",
         "processor": processor(),
+        "load": f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown",
         "processors": str(
             len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
         ),
