@@ -21,11 +21,12 @@ _MODEL = "Model"
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How to compute: solver, blood volume policy, seconds of the course in time (0: none)."""
+    """How to compute: solver, blood volume policy, seconds of the course in time (0: none), grid check."""
 
     solver: Solver
     volume_policy: VolumePolicy
     transient_s: float
+    check_grid: bool = False
 
 
 def simulate(
@@ -89,6 +90,12 @@ def simulate(
             "primed and the patient keeps the stressed volume."
         ),
     ] = "as_published",
+    check_grid: Annotated[
+        bool,
+        typer.Option(
+            "--check-grid", help="Solve again with half the step and say how much outputs change [%]."
+        ),
+    ] = False,
     force: Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")] = False,
 ) -> None:
     """Simulate the steady heartbeat of each case and show pressures [mmHg], flows [L/min] and volumes [mL].
@@ -102,7 +109,7 @@ def simulate(
     names = cases.waveforms_to_save(save, read)
     wanted = destinations.Request(json_file, out, figures, csv, force, transient)
     planned = destinations.plan(wanted, case_files, [case.patient.id for case in read])
-    options = Options(solver, volume_policy, transient)
+    options = Options(solver, volume_policy, transient, check_grid)
     results = _compute_all(read, options)
     courses = [_compute_course(case, options) for case in read] if transient else []
     _write(planned, read, results, courses, names)
@@ -116,7 +123,9 @@ def simulate(
 def _compute(case: Case, options: Options) -> xr.Dataset:
     from eclsim.studies.simulation import simulate_case
 
-    return simulate_case(case, volume_policy=options.volume_policy, solver=options.solver)
+    return simulate_case(
+        case, volume_policy=options.volume_policy, solver=options.solver, check_grid=options.check_grid
+    )
 
 
 def _compute_course(case: Case, options: Options) -> xr.Dataset:

@@ -35,6 +35,11 @@ def case_object(result: xr.Dataset) -> dict[str, Any]:
         "blood_volume_policy": str(result.attrs["blood_volume_policy"]),
         "status": _plain(result.attrs.get("status", "")),
         "message": str(result.attrs.get("message", "")),
+        **(
+            {"grid_error_percent": _finite(result.attrs["grid_error_percent"])}
+            if "grid_error_percent" in result.attrs
+            else {}
+        ),
         "warnings": [str(sentence) for sentence in result.attrs.get("warnings", ())],
         "outputs": _numbers(result, [name for name in OUTPUTS if name in scalars]),
         "more_outputs": _numbers(result, others),

@@ -45,6 +45,10 @@ def _side_by_side(results: Sequence[xr.Dataset]) -> Any:
     table.add_row("", "converged", *(_verdict(result) for result in results), "")
     policies = [str(result.attrs["blood_volume_policy"]) for result in results]
     table.add_row("", "blood volume", *policies, "")
+    if any("grid_error_percent" in result.attrs for result in results):
+        table.add_row(
+            "", "largest change on half the step", *(_grid_error(result) for result in results), "%"
+        )
     return table
 
 
@@ -67,6 +71,12 @@ def _one_row_each(results: Sequence[xr.Dataset]) -> Any:
 def _verdict(result: xr.Dataset) -> str:
     beats = int(result.attrs["beats"])
     return f"yes, {beats} beats" if result.attrs["converged"] else "no"
+
+
+def _grid_error(result: xr.Dataset) -> str:
+    if "grid_error_percent" not in result.attrs:
+        return "-"
+    return f"{result.attrs['grid_error_percent']:.2f} ({result.attrs['grid_error_output']})"
 
 
 def _number(result: xr.Dataset, name: str) -> str:

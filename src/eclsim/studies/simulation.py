@@ -16,7 +16,11 @@ if TYPE_CHECKING:
 
 
 def simulate_case(
-    case: Case, *, volume_policy: str = AS_PUBLISHED, solver: str = "semi-implicit"
+    case: Case,
+    *,
+    volume_policy: str = AS_PUBLISHED,
+    solver: str = "semi-implicit",
+    check_grid: bool = False,
 ) -> xr.Dataset:
     """The steady beat of a case.
 
@@ -25,13 +29,19 @@ def simulate_case(
         volume_policy: "as_published" or "patient_held".
         solver: "semi-implicit" (the orbit is solved) or "adaptive" (Dopri8 with tight tolerance, the orbit is
             waited for: slow, for verification).
+        check_grid: solve once more with half the step and say how much the outputs change.
     """
     model = model_of(case)
     if solver == "adaptive":
         from eclsim.haemodynamics.adaptive import simulate_adaptive
 
         return simulate_adaptive(model, volume_policy)
-    return simulate(model, volume_policy)
+    result = simulate(model, volume_policy)
+    if check_grid:
+        from eclsim.haemodynamics.grid_check import with_grid_check
+
+        return with_grid_check(model, result)
+    return result
 
 
 def simulate_transient(
