@@ -1,9 +1,10 @@
-"""The CRRT connection scheme as one categorical input, and what drawing it over the finished design does instead.
+"""The CRRT connection scheme as a categorical input, and what drawing it over the finished design does.
 
     python benchmarks/scheme_as_input.py CASE.toml [--samples 512] [--policy as_published] [--drawn]
 
-Prints first and total order of the groups R, C, L, E, the pump speed and the scheme for a case with ECMO and CRRT.
-With --drawn the scheme of every run is drawn anew over the finished Saltelli matrix, as the published code did.
+Prints first and total order of the groups R, C, L, E, the pump speed and the scheme for a case with ECMO and
+CRRT. With --drawn the scheme of every run is drawn anew over the finished Saltelli matrix, as the published
+code did.
 """
 
 import argparse
@@ -55,7 +56,9 @@ def main() -> None:
     names = ("values", "status", "beats", "residual")
     found = Evaluated(*(np.concatenate([getattr(p, n) for p in parts]) for n in names))
     result = conclude(design, plan.evaluator.outputs, found).indices
-    print(f"{chosen.policy}, {result.evaluations} runs, {len(result.failed)} failed, drawn over: {chosen.drawn}")
+    print(
+        f"{chosen.policy}, {result.evaluations} runs, {len(result.failed)} failed, drawn over: {chosen.drawn}"
+    )
     print("output  " + "".join(f"{f:>22}" for f in result.factors))
     for k, output in enumerate(result.outputs):
         e = result.estimates
@@ -64,7 +67,12 @@ def main() -> None:
     if result.estimates.S2 is not None:
         for k, output in enumerate(result.outputs):
             pairs = [
-                (result.estimates.S2[k, i, j], result.estimates.S2_conf[k, i, j], result.factors[i], result.factors[j])
+                (
+                    result.estimates.S2[k, i, j],
+                    result.estimates.S2_conf[k, i, j],
+                    result.factors[i],
+                    result.factors[j],
+                )
                 for i, j in zip(*np.triu_indices(len(result.factors), 1), strict=True)
             ]
             strongest = sorted(pairs, reverse=True)[:3]

@@ -15,7 +15,7 @@ from eclsim.sensitivity.testfunctions import (
 )
 
 SEEDS = 200
-ROWS = 1024  # at 512 the projections of the Sobol sequence leave single indices at 85 %, see the documentation
+ROWS = 1024  # at 512 the projections of the Sobol sequence leave single indices at 85 %
 G_WEIGHTS = (0.0, 1.0, 4.5, 9.0)
 
 

@@ -173,7 +173,9 @@ def test_failed_runs_take_their_rows_along_and_are_named(plan):
     assert indices.as_object()["failed"] == 4
     # The same as a design that never had these rows.
     rows = np.delete(values.reshape(4096, design.runs_per_row, 2), [0, 5, 900], axis=0)
-    without = replace(found[0], values=rows.reshape(-1, 2), status=np.zeros(rows.shape[0] * rows.shape[1], int))
+    without = replace(
+        found[0], values=rows.reshape(-1, 2), status=np.zeros(rows.shape[0] * rows.shape[1], int)
+    )
     again = conclude(design, plan.evaluator.outputs, without).indices
     assert np.array_equal(indices.estimates.ST, again.estimates.ST)
 

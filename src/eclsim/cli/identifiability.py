@@ -16,7 +16,9 @@ def identifiability(
     ] = None,
     outputs: Annotated[
         str | None,
-        typer.Option(metavar="NAMES", help="What is measured; left out, the case's measurements, or all seven."),
+        typer.Option(
+            metavar="NAMES", help="What is measured; left out, the case's measurements, or all seven."
+        ),
     ] = None,
     uncertainty: Annotated[
         str | None,
@@ -32,16 +34,22 @@ def identifiability(
     threshold: Annotated[
         float,
         typer.Option(
-            min=0.0, help="Smallest effect that counts: change of the measurements, in uncertainties, for 100 %."
+            min=0.0,
+            help="Smallest effect that counts: change of the measurements, in uncertainties, for 100 %.",
         ),
     ] = 1.0,
     json_file: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help="Write everything as JSON; - for standard output.")
+        str | None,
+        typer.Option("--json", metavar="FILE", help="Write everything as JSON; - for standard output."),
     ] = None,
-    out: Annotated[str | None, typer.Option("--out", metavar="DIR", help="Write JSON and figures here.")] = None,
+    out: Annotated[
+        str | None, typer.Option("--out", metavar="DIR", help="Write JSON and figures here.")
+    ] = None,
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Value that wins over the case file. May be repeated."),
+        typer.Option(
+            "--set", metavar="KEY=VALUE", help="Value that wins over the case file. May be repeated."
+        ),
     ] = None,
     volume_policy: Annotated[
         VolumePolicy, typer.Option(help="Who fills the circuits, see `eclsim simulate --help`.")

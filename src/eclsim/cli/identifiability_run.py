@@ -118,7 +118,14 @@ def _show(found: Identifiability, request: Request) -> None:
     typer.echo(f"Measurements (standard uncertainty): {measured}")
     typer.echo("\nCollinearity index of all sets of a size (above the limit: cannot be told apart)")
     rows = [
-        (str(s.size), str(s.count), str(s.below_limit), f"{s.smallest:.2f}", f"{s.quantiles[1]:.3g}", " ".join(s.best))
+        (
+            str(s.size),
+            str(s.count),
+            str(s.below_limit),
+            f"{s.smallest:.2f}",
+            f"{s.quantiles[1]:.3g}",
+            " ".join(s.best),
+        )
         for s in found.subsets
     ]
     head = ("size", "sets", f"up to {request.limit:g}", "smallest", "median", "set with the smallest")

@@ -14,14 +14,16 @@ def sensitivity(
     case_file: Annotated[
         str,
         typer.Argument(
-            metavar="CASE.toml", help="Case file; or the word merge, to finish the shards in the folder --out."
+            metavar="CASE.toml",
+            help="Case file; or the word merge, to finish the shards in the folder --out.",
         ),
     ],
     out: Annotated[
         str | None, typer.Option("--out", metavar="DIR", help="Folder for samples, indices and figures.")
     ] = None,
     json_file: Annotated[
-        str | None, typer.Option("--json", metavar="FILE", help="Write the indices as JSON; - for standard output.")
+        str | None,
+        typer.Option("--json", metavar="FILE", help="Write the indices as JSON; - for standard output."),
     ] = None,
     samples: Annotated[
         int, typer.Option(min=2, help="Rows N of Saltelli's design, a power of two: N (2 D + 2) runs.")
@@ -30,7 +32,8 @@ def sensitivity(
         float, typer.Option(metavar="PERCENT", help="Half width of the range of each number [%].")
     ] = 25.0,
     parameters: Annotated[
-        str | None, typer.Option(metavar="NAMES", help="Parameters to vary: Rmc,Emaxlv ...; left out, the paper's 24.")
+        str | None,
+        typer.Option(metavar="NAMES", help="Parameters to vary: Rmc,Emaxlv ...; left out, the paper's 24."),
     ] = None,
     include: Annotated[
         str | None,
@@ -43,7 +46,9 @@ def sensitivity(
     ] = None,
     groups: Annotated[
         str | None,
-        typer.Option(metavar="R,C,L,E", help="Treat the parameters that begin with these letters as one factor each."),
+        typer.Option(
+            metavar="R,C,L,E", help="Treat the parameters that begin with these letters as one factor each."
+        ),
     ] = None,
     outputs: Annotated[
         str | None, typer.Option(metavar="NAMES", help="Outputs; left out, SP,DP,MAP,MPAP,PCWP,CO,PF.")
@@ -78,15 +83,21 @@ def sensitivity(
     ] = "as_published",
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Value that wins over the case file. May be repeated."),
+        typer.Option(
+            "--set", metavar="KEY=VALUE", help="Value that wins over the case file. May be repeated."
+        ),
     ] = None,
     shard: Annotated[
         str | None,
-        typer.Option(metavar="i/n", help="Run part i of n (from 1) only; finish with `eclsim sensitivity merge`."),
+        typer.Option(
+            metavar="i/n", help="Run part i of n (from 1) only; finish with `eclsim sensitivity merge`."
+        ),
     ] = None,
     dask: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS", help="Run on the workers of a Dask scheduler, or on local ones: local."),
+        typer.Option(
+            metavar="ADDRESS", help="Run on the workers of a Dask scheduler, or on local ones: local."
+        ),
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with what --out holds already.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Throw away what --out and --json hold.")] = False,

@@ -108,7 +108,11 @@ def _check(request: Request) -> None:
         wrong.append("--resume keeps what is there and --force throws it away: one of them")
     if request.until is not None and request.until <= 0:
         wrong.append(f"--until {request.until:g}: allowed: above 0, such as 0.02")
-    if request.json not in (None, "-") and Path(request.json).exists() and not (request.force or request.resume):
+    if (
+        request.json not in (None, "-")
+        and Path(request.json).exists()
+        and not (request.force or request.resume)
+    ):
         wrong.append(f"--json {request.json}: exists already; --force overwrites it")
     if request.json not in (None, "-") and not Path(request.json).absolute().parent.is_dir():
         wrong.append(f"--json {request.json}: the folder does not exist")
@@ -174,7 +178,9 @@ def _run_one(request: Request, plan: Analysis, state: str) -> Finished | None:
             if shard is not None:
                 run_blocks(store, plan.evaluator, store.shard(*shard), _executor(request), report)
                 return None
-            finished = run_analysis(plan, store, until=request.until, execute=_executor(request), report=report)
+            finished = run_analysis(
+                plan, store, until=request.until, execute=_executor(request), report=report
+            )
             if request.out is not None:
                 _write_files(request, folder, finished)
             return finished

@@ -1,4 +1,4 @@
-"""Figures of identifiability: scaled sensitivities, orthogonality, collinearity by size, Fisher information."""
+"""Figures of identifiability: scaled sensitivities, angles, collinearity by size, Fisher information."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -10,7 +10,9 @@ from matplotlib.figure import Figure
 from eclsim.plotting.style import GREY, OKABE_ITO, figure_style, new_figure, save_figure
 
 
-def write_identifiability_figures(found: Any, folder: Path, formats: Sequence[str] = ("svg", "png")) -> list[Path]:
+def write_identifiability_figures(
+    found: Any, folder: Path, formats: Sequence[str] = ("svg", "png")
+) -> list[Path]:
     """Write every figure of an `eclsim.sensitivity.case_identifiability.Identifiability` to a folder."""
     figures: dict[str, Callable[[], Figure]] = {
         "scaled_sensitivity": lambda: plot_scaled(found),
@@ -71,13 +73,23 @@ def plot_collinearity(found: Any) -> Figure:
     with figure_style():
         fig = new_figure(width_mm=110, height_mm=75)
         axes = fig.add_subplot()
-        axes.fill_between(sizes, low, np.minimum(high, ceiling), color=OKABE_ITO["sky blue"], alpha=0.4, lw=0, label="5 to 95 %")
+        axes.fill_between(
+            sizes,
+            low,
+            np.minimum(high, ceiling),
+            color=OKABE_ITO["sky blue"],
+            alpha=0.4,
+            lw=0,
+            label="5 to 95 %",
+        )
         axes.plot(sizes, middle, color=OKABE_ITO["blue"], label="median of all sets")
         axes.plot(sizes, smallest, "o-", color="black", markersize=3, label="best set")
         axes.axhspan(10.0, 15.0, color=GREY, alpha=0.25, lw=0, label="limit 10 to 15")
         chosen = len(found.proposal.chosen)
         if chosen > 1:
-            axes.plot(chosen, found.proposal.collinearity, "D", color=OKABE_ITO["vermillion"], label="proposed set")
+            axes.plot(
+                chosen, found.proposal.collinearity, "D", color=OKABE_ITO["vermillion"], label="proposed set"
+            )
         axes.set_yscale("log")
         axes.set_ylim(0.9, ceiling)
         axes.set_xticks(sizes)

@@ -1,7 +1,7 @@
 """Figures of a Sobol analysis: heat maps, bars with intervals, convergence, densities, network of pairs.
 
-Layouts follow the paper where it has the figure: total orders of all outputs (3, 7), total less first order (S-3,
-S-7), sums stacked by output (S-4, S-5), sample sizes (S-1), distributions of the outputs (S-6).
+Layouts follow the paper where it has the figure: total orders of all outputs (3, 7), total less first order
+(S-3, S-7), sums stacked by output (S-4, S-5), sample sizes (S-1), distributions of the outputs (S-6).
 """
 
 from collections.abc import Callable, Sequence
@@ -15,7 +15,15 @@ from eclsim.plotting.sensitivity_network import plot_pairs
 from eclsim.plotting.style import CURVES, GREY, OKABE_ITO, curve_style, figure_style, new_figure, save_figure
 
 FEW_FACTORS = 12
-UNITS = {"SP": "mmHg", "DP": "mmHg", "MAP": "mmHg", "MPAP": "mmHg", "PCWP": "mmHg", "CO": "L/min", "PF": "L/min"}
+UNITS = {
+    "SP": "mmHg",
+    "DP": "mmHg",
+    "MAP": "mmHg",
+    "MPAP": "mmHg",
+    "PCWP": "mmHg",
+    "CO": "L/min",
+    "PF": "L/min",
+}
 HEAT = "Blues"
 
 
@@ -67,7 +75,7 @@ def write_sensitivity_figures(
 
 
 def plot_heat_map(result: SobolResult, index: str = "ST") -> Figure:
-    """Indices of every output (rows) and factor (columns, by their sums); numbers where they are 0.01 or more."""
+    """Indices of every output (rows) and factor (columns, by their sums)."""
     e = result.estimates
     numbers = {"ST": e.ST, "S1": e.S1, "ST-S1": e.ST - e.S1}[index]
     label = {"ST": "total order $S_T$", "S1": "first order $S_1$", "ST-S1": "interactions $S_T - S_1$"}[index]
@@ -82,7 +90,9 @@ def plot_heat_map(result: SobolResult, index: str = "ST") -> Figure:
         for (i, j), value in np.ndenumerate(shown):
             if value >= 0.01:
                 colour = "white" if value > 0.5 * top else "black"
-                axes.text(j, i, f"{value:.2f}".lstrip("0"), ha="center", va="center", color=colour, fontsize=6)
+                axes.text(
+                    j, i, f"{value:.2f}".lstrip("0"), ha="center", va="center", color=colour, fontsize=6
+                )
         axes.set_xticks(range(len(names)), names, rotation=90 if len(names) > FEW_FACTORS else 0)
         axes.set_yticks(range(len(result.outputs)), result.outputs)
         axes.tick_params(length=0)
@@ -127,11 +137,11 @@ def plot_sums(result: SobolResult) -> Figure:
         bottom = np.zeros(len(order))
         # Hatched as well: told apart when printed in grey.
         colours = [colour for colour, _ in CURVES][1:]
+        edge: dict[str, Any] = {"edgecolor": "white", "linewidth": 0.4}
         for k, output in enumerate(result.outputs):
             heights = np.clip(result.estimates.ST[k, order], 0.0, None)
-            style = {"color": colours[k % len(colours)], "hatch": ("", "///", "...", "xxx")[k % 4]}
-            edge = {"edgecolor": "white", "linewidth": 0.4}
-            axes.bar(range(len(order)), heights, 0.75, bottom=bottom, label=output, **edge, **style)
+            edge["facecolor"], edge["hatch"] = colours[k % len(colours)], ("", "///", "...", "xxx")[k % 4]
+            axes.bar(range(len(order)), heights, 0.75, bottom=bottom, label=output, **edge)
             bottom += heights
         for x, height in enumerate(bottom):
             if height < 0.005:
@@ -167,7 +177,12 @@ def plot_convergence(settled: Any) -> Figure:
             axes.set_title(output)
             axes.set_xlabel("rows N")
             axes.set_ylabel("$S_T$")
-        _legend(fig, panels, len(settled.outputs), "mean ± standard deviation\nover repeats; at the last N\nfrom the bootstrap")
+        _legend(
+            fig,
+            panels,
+            len(settled.outputs),
+            "mean ± standard deviation\nover repeats; at the last N\nfrom the bootstrap",
+        )
     return fig
 
 

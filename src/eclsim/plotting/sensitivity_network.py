@@ -14,7 +14,8 @@ FAINTEST = 0.005
 def plot_pairs(result: Any) -> Figure:
     """A circle for each factor (area: first order), a line for each pair (width: second order) per output.
 
-    Pairs are drawn where the index exceeds its own 95 % half width and 0.005; the ten leading factors are shown.
+    Pairs are drawn where the index exceeds its own 95 % half width and 0.005; the ten leading factors are
+    shown.
     """
     leading = [result.factors.index(n) for n in list(result.sums)[:MOST_FACTORS]]
     leading.sort()
@@ -43,7 +44,13 @@ def _draw(axes: Any, result: Any, k: int, leading: list[int], place: np.ndarray)
             index, width = e.S2[k, i, j], e.S2_conf[k, i, j]
             if index > max(width, FAINTEST):
                 ends = place[[a, b]].T
-                axes.plot(*ends, color=OKABE_ITO["vermillion"], linewidth=_line(index), solid_capstyle="round", zorder=1)
+                axes.plot(
+                    *ends,
+                    color=OKABE_ITO["vermillion"],
+                    linewidth=_line(index),
+                    solid_capstyle="round",
+                    zorder=1,
+                )
     for a, i in enumerate(leading):
         axes.scatter(*place[a], s=_area(e.S1[k, i]), color=OKABE_ITO["blue"], zorder=2)
         across = {-1: "right", 0: "center", 1: "left"}[int(np.sign(np.round(place[a, 0], 2)))]

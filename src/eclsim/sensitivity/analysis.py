@@ -66,7 +66,8 @@ def plan_analysis(
         samples: N, a power of two.
         perturbation_percent: half width of the range of each number.
         parameters: names of the parameters varied.
-        include: further inputs, such as `ecmo.speed_rpm`, `ecmo.drainage_fr`, `crrt.flow_ml_min`, `crrt.scheme`.
+        include: further inputs, such as `ecmo.speed_rpm`, `ecmo.drainage_fr`, `crrt.flow_ml_min`,
+            `crrt.scheme`.
         groups: letters (R, C, L, E) whose parameters are one factor together.
         outputs: names of outputs; left out, the paper's seven, as far as the case has them.
         seed: of the design.

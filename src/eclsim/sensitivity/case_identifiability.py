@@ -1,4 +1,4 @@
-"""Identifiability of a case: its measurements, their uncertainties, and exact derivatives of its steady beat."""
+"""Identifiability of a case: its measurements, their uncertainties, exact derivatives of its steady beat."""
 
 from __future__ import annotations
 
@@ -50,13 +50,14 @@ class Identifiability:
         s, names = self.scaled, self.scaled.parameters
         rows = (dict(zip(names, row.tolist(), strict=True)) for row in s.matrix)
         vectors = (dict(zip(names, column.tolist(), strict=True)) for column in self.fisher.eigenvectors.T)
+        angles = (dict(zip(names, row.tolist(), strict=True)) for row in s.orthogonality)
         return {
             "id": self.name,
             "measurements": self.values,
             "uncertainties": self.uncertainties,
             "scaled_sensitivity": dict(zip(s.outputs, rows, strict=True)),
             "effect": dict(zip(names, s.effect.tolist(), strict=True)),
-            "orthogonality": {a: dict(zip(names, r.tolist(), strict=True)) for a, r in zip(names, s.orthogonality, strict=True)},
+            "orthogonality": dict(zip(names, angles, strict=True)),
             "collinearity": [
                 {
                     "size": c.size, "sets": c.count, "best": list(c.best), "smallest": c.smallest,

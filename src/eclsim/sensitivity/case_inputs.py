@@ -1,4 +1,4 @@
-"""From a case to what is varied: the paper's 24 cardiovascular parameters, groups, and inputs of the devices."""
+"""From a case to what is varied: the paper's 24 cardiovascular parameters, groups, inputs of the devices."""
 
 from __future__ import annotations
 
@@ -96,7 +96,9 @@ def varied(
         raise InputError(mistakes)
     base = dict(base)
     if case.crrt is not None and {SCHEME, ACCESS, RETURN} & set(include):
-        base |= {site: float(_place(getattr(case.crrt, site.removeprefix("crrt.")))) for site in (ACCESS, RETURN)}
+        base |= {
+            site: float(_place(getattr(case.crrt, site.removeprefix("crrt.")))) for site in (ACCESS, RETURN)
+        }
     names = [*dict.fromkeys([*parameters, *include])]
     inputs = tuple(_input(name, case, base, perturbation_percent / 100.0) for name in names)
     _check_ranges(inputs, case)
@@ -121,7 +123,9 @@ def _wrong_names(names: Sequence[str], known: Sequence[str]) -> list[str]:
     for name in dict.fromkeys(names):
         if name not in known:
             hint = did_you_mean(name, known)
-            wrong.append(f"{name}: no parameter that this case reads" + (f"; did you mean {hint}?" if hint else ""))
+            wrong.append(
+                f"{name}: no parameter that this case reads" + (f"; did you mean {hint}?" if hint else "")
+            )
     return wrong
 
 
@@ -129,7 +133,9 @@ def _wrong_groups(groups: Sequence[str], parameters: Sequence[str]) -> list[str]
     first_letters = {p[0] for p in parameters}
     allowed = ", ".join(f"{k} ({v})" for k, v in GROUPS.items())
     wrong = [f"group {g}: allowed: {allowed}" for g in groups if g not in GROUPS]
-    return wrong + [f"group {g}: no input begins with {g}" for g in groups if g in GROUPS and g not in first_letters]
+    return wrong + [
+        f"group {g}: no input begins with {g}" for g in groups if g in GROUPS and g not in first_letters
+    ]
 
 
 def _place(site: str) -> int:
@@ -166,7 +172,9 @@ def _check_ranges(inputs: Sequence[Input], case: Case) -> None:
             continue
         allowed = _allowed(chosen.name, case)
         if chosen.low >= chosen.high:
-            wrong.append(f"{chosen.name}: its value is {chosen.low:g}, so a percentage of it does not vary it")
+            wrong.append(
+                f"{chosen.name}: its value is {chosen.low:g}, so a percentage of it does not vary it"
+            )
         elif allowed and not allowed[0] <= chosen.low <= chosen.high <= allowed[1]:
             said = f"{chosen.low:g} to {chosen.high:g}; allowed: {allowed[0]:g} to {allowed[1]:g}"
             wrong.append(f"{chosen.name}: the perturbation reaches {said}")

@@ -1,7 +1,7 @@
 """How the indices settle with the number of rows, read off the runs of one design.
 
-An aligned part of 2^k rows of a scrambled Sobol sequence is itself a design of 2^k rows. So a design of N rows
-holds N/n designs of n rows: repeats that cost no run. (The paper's Figure S-1.)
+An aligned part of 2^k rows of a scrambled Sobol sequence is itself a design of 2^k rows. So a design of N
+rows holds N/n designs of n rows: repeats that cost no run. (The paper's Figure S-1.)
 """
 
 from __future__ import annotations
@@ -47,11 +47,14 @@ def convergence(finished: Finished, smallest: int = SMALLEST) -> Convergence:
     good = (finished.found.status == 0).reshape(design.samples, -1).all(axis=1)
     # The BA points serve second order alone.
     values = np.concatenate([values[:, : factors + 1], values[:, -1:]], axis=1)
-    sizes = [design.samples >> k for k in range(20, -1, -1) if design.samples >> k >= smallest]
+    least = min(smallest, design.samples)
+    sizes = [design.samples >> k for k in range(20, -1, -1) if design.samples >> k >= least]
     found: dict[str, list[np.ndarray]] = {f"{n}{k}": [] for n in ("S1", "ST") for k in ("", "_sd", "_conf")}
     for size in sizes:
         parts = [slice(k, k + size) for k in range(0, design.samples, size)]
-        repeats = [sobol_indices(values[p][good[p]], factors, seed=design.seed) for p in parts if good[p].sum() > 1]
+        repeats = [
+            sobol_indices(values[p][good[p]], factors, seed=design.seed) for p in parts if good[p].sum() > 1
+        ]
         for name in ("S1", "ST"):
             each = np.stack([getattr(r, name) for r in repeats])
             found[name].append(each.mean(axis=0))

@@ -1,9 +1,9 @@
 """Saltelli's design: which combinations of the inputs are run.
 
-Each of the N rows of the design is a pair of points A and B of a scrambled Sobol sequence, and the points that
-exchange one factor between them: A, AB_1 .. AB_F, BA_1 .. BA_F, B, in this order. The numbers are those of
-`SALib.sample.sobol.sample` for the same seed, bit for bit, and any row can be made without the others: a shard,
-a resumed run and a worker on another machine all see the same design.
+Each of the N rows of the design is a pair of points A and B of a scrambled Sobol sequence, and the points
+that exchange one factor between them: A, AB_1 .. AB_F, BA_1 .. BA_F, B, in this order. The numbers are those
+of `SALib.sample.sobol.sample` for the same seed, bit for bit, and any row can be made without the others: a
+shard, a resumed run and a worker on another machine all see the same design.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ class Design:
         inputs: what is varied.
         samples: N, number of rows; a power of two.
         seed: of the scrambling, 0 or more.
-        groups: name of the factor that each input belongs to; left out, each input is its own factor. The inputs
-            of a factor are exchanged together and have one index.
+        groups: name of the factor that each input belongs to; left out, each input is its own factor. The
+            inputs of a factor are exchanged together and have one index.
         second_order: with the BA points, N (2 F + 2) runs; without, N (F + 2).
     """
 
@@ -50,7 +50,9 @@ class Design:
         if not names or twice:
             raise DesignError(f"inputs: {'none given' if not names else 'given twice: ' + ', '.join(twice)}")
         if self.samples < 2 or self.samples & (self.samples - 1):
-            raise DesignError(f"samples = {self.samples}: allowed: a power of two from 2, such as 1024 or 2048")
+            raise DesignError(
+                f"samples = {self.samples}: allowed: a power of two from 2, such as 1024 or 2048"
+            )
         if self.groups and len(self.groups) != len(self.inputs):
             raise DesignError(f"groups: {len(self.groups)} names for {len(self.inputs)} inputs")
         if self.seed < 0:
@@ -136,6 +138,7 @@ def _sobol_sequence(dimensions: int, samples: int, seed: int) -> np.ndarray:
     """Points of the scrambled Sobol sequence (Owen), shape (samples, dimensions)."""
     from scipy.stats import qmc
 
-    sequence = qmc.Sobol(d=dimensions, scramble=True, seed=seed).random(samples)
+    # `seed` and not `rng`: SALib passes it so, and the two scramble differently.
+    sequence = qmc.Sobol(d=dimensions, scramble=True, seed=seed).random(samples)  # pyright: ignore[reportCallIssue]  # old name
     sequence.flags.writeable = False
     return sequence

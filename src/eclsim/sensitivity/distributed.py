@@ -24,16 +24,15 @@ def on_dask(address: str) -> Executor:
     """An executor that sends blocks to the workers of a cluster.
 
     Args:
-        address: of the scheduler (`tcp://host:8786`), or "local" for one worker per processor of this machine.
+        address: of the scheduler (`tcp://host:8786`), or "local" for one worker per processor of this
+            machine.
     """
     try:
         from distributed import Client, LocalCluster, as_completed
     except ImportError as error:
         raise MissingDaskError from error
 
-    def execute(
-        design: Design, evaluator: Evaluator, blocks: list[int]
-    ) -> Generator[tuple[int, Evaluated]]:
+    def execute(design: Design, evaluator: Evaluator, blocks: list[int]) -> Generator[tuple[int, Evaluated]]:
         if not blocks:
             return
         with _cluster(LocalCluster, address) as cluster, Client(cluster) as client:
@@ -70,6 +69,6 @@ def _cluster(local_cluster: Any, address: str) -> Any:
 
 
 def _on_worker(shared: tuple[Design, Evaluator], block: int) -> tuple[int, Evaluated]:
-    """Runs on the worker: its blocks side by side, each in one thread, so that they give the same bits as here."""
+    """Runs on the worker: each block in one thread, so that it gives the same bits as here."""
     os.environ["ECLSIM_THREADS"] = "1"
     return block, evaluate_block(*shared, block)

@@ -1,9 +1,9 @@
 """Sobol indices from the runs of a Saltelli design, with bootstrap intervals.
 
-First and total order: Saltelli et al. 2010, doi 10.1016/j.cpc.2009.09.018 (the total order is Jansen's). Second
-order: Saltelli 2002, doi 10.1016/S0010-4655(02)00280-1. Definitions, centring and resampling are those of
-`SALib.analyze.sobol`, whose numbers these functions reproduce to rounding, for all outputs and factors at once: a
-resample is a row of counts, so that the bootstrap is one matrix product.
+First and total order: Saltelli et al. 2010, doi 10.1016/j.cpc.2009.09.018 (the total order is Jansen's).
+Second order: Saltelli 2002, doi 10.1016/S0010-4655(02)00280-1. Definitions, centring and resampling are
+those of `SALib.analyze.sobol`, whose numbers these functions reproduce to rounding, for all outputs and
+factors at once: a resample is a row of counts, so that the bootstrap is one matrix product.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ class Estimates:
         S1_conf: half width of its interval.
         ST: total order, shape (outputs, factors).
         ST_conf: half width of its interval.
-        S2: second order, shape (outputs, factors, factors), filled above the diagonal, NaN elsewhere; None for a
-            design without BA points.
+        S2: second order, shape (outputs, factors, factors), filled above the diagonal, NaN elsewhere; None
+            for a design without BA points.
         S2_conf: half width of its interval.
     """
 
@@ -76,7 +76,7 @@ def sobol_indices(
     variance = _variance(samples, weights)
     first = _over(_means(weights, samples.B[:, None] * (samples.AB - samples.A[:, None])), variance)
     total = _over(_means(weights, 0.5 * (samples.A[:, None] - samples.AB) ** 2), variance)
-    width = norm.ppf(0.5 + confidence / 2)
+    width = float(norm.ppf(0.5 + confidence / 2))
     pairs = None if samples.BA is None else _second_order(samples, weights, first, variance)
     return Estimates(
         *_with_width(first, width),

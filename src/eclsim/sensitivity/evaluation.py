@@ -64,8 +64,8 @@ class SteadyBeatEvaluator:
         base: a number for every parameter.
         outputs: names of the registry of outputs.
         policy: blood volume policy.
-        resolution: of the phase grid, the same for all runs: two runs that differ in one input must not differ in
-            their grids as well.
+        resolution: of the phase grid, the same for all runs: two runs that differ in one input must not
+            differ in their grids as well.
         name: of the case.
     """
 
@@ -119,7 +119,7 @@ def evaluate_block(design: Design, evaluator: Evaluator, block: int) -> Evaluate
 
 @contextmanager
 def one_thread_each() -> Iterator[None]:
-    """Blocks run side by side, each in one thread: a block then gives the same bits on any machine of a kind."""
+    """Blocks run side by side, each in one thread: the same bits however many processors there are."""
     before = os.environ.get("ECLSIM_THREADS")
     os.environ["ECLSIM_THREADS"] = "1"
     try:

@@ -1,8 +1,8 @@
 """Which parameters a set of measurements can tell apart: local analysis from exact derivatives.
 
 Scaled sensitivities and the collinearity index: Brun, Reichert and Kuensch 2001, doi 10.1029/2000WR900350.
-Orthogonality: Yao et al. 2003, doi 10.1081/PRE-120024426. The Fisher information is that of independent normal
-errors with the given standard uncertainties; its inverse bounds the variance of any unbiased estimate.
+Orthogonality: Yao et al. 2003, doi 10.1081/PRE-120024426. The Fisher information is that of independent
+normal errors with the given standard uncertainties; its inverse bounds the variance of any unbiased estimate.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _SINGULAR = 1e-12
 
 @dataclass(frozen=True)
 class ScaledSensitivities:
-    """How many standard uncertainties each measurement moves when a parameter changes by 100 %, to first order.
+    """How many standard uncertainties a measurement moves if a parameter changes by 100 %, to first order.
 
     Args:
         outputs: measurements.
@@ -71,7 +71,7 @@ class ScaledSensitivities:
         return float(_indices(columns.T @ columns, len(chosen), len(self.outputs)))
 
     def closest(self, chosen: Sequence[str], name: str) -> tuple[float, list[str]]:
-        """How nearly others of a set make up for one: share of its effect left over, and the weightiest of them."""
+        """How nearly others of a set make up for one: share of its effect left over, and the weightiest."""
         others = [p for p in chosen if p != name]
         columns = self.matrix[:, [self.parameters.index(p) for p in others]]
         target = self.matrix[:, self.parameters.index(name)]
@@ -113,7 +113,9 @@ def all_subsets(scaled: ScaledSensitivities, limit: float) -> list[SubsetIndices
     for size in range(2, min(len(scaled.outputs), len(names)) + 1):
         sets = np.array(list(combinations(range(len(names)), size)))
         parts = [sets[k : k + _CHUNK] for k in range(0, len(sets), _CHUNK)]
-        values = np.concatenate([_indices(products[p[:, :, None], p[:, None, :]], size, 10**9) for p in parts])
+        values = np.concatenate(
+            [_indices(products[p[:, :, None], p[:, None, :]], size, 10**9) for p in parts]
+        )
         best = int(np.argmin(values))
         quantiles = tuple(float(q) for q in np.quantile(values, (0.05, 0.5, 0.95), method="nearest"))
         chosen = tuple(names[k] for k in sets[best])

@@ -127,10 +127,14 @@ def indices_of(
     values = found.values.reshape(-1, design.runs_per_row, len(outputs))
     good = (found.status == 0).reshape(len(values), -1).all(axis=1)
     if good.sum() < 2:
-        raise ValueError(f"{int((~good).sum())} of {len(good)} rows have a failed run: nothing left to estimate from")
+        raise ValueError(
+            f"{int((~good).sum())} of {len(good)} rows have a failed run: nothing left to estimate from"
+        )
     seed = design.seed if seed is None else seed
     estimates = sobol_indices(values[good], len(design.factors), seed=seed, resamples=resamples)
-    failed = tuple(_failed_run(design, int(run), int(found.status[run])) for run in np.flatnonzero(found.status))
+    failed = tuple(
+        _failed_run(design, int(run), int(found.status[run])) for run in np.flatnonzero(found.status)
+    )
     return Indices(
         design.factors, outputs, estimates, len(values), len(found.status), failed, int(good.sum()), seconds
     )

@@ -39,8 +39,8 @@ class Continuous:
 class Categorical:
     """One of several choices, all equally likely; each choice sets one parameter or several.
 
-    The choice is a function of the input's own coordinate in the design, so a row of the design that shares the
-    coordinate shares the choice: what the estimators rely on.
+    The choice is a function of the input's own coordinate in the design, so a row of the design that shares
+    the coordinate shares the choice: what the estimators rely on.
 
     Args:
         name: of the input.

@@ -14,7 +14,8 @@ class Proposal:
     """A set to fit.
 
     Args:
-        chosen: parameters, in the order in which they were taken: each time the one that says most beyond the others.
+        chosen: parameters, in the order in which they were taken: each time the one that says most beyond
+            the others.
         excluded: reason for each parameter left out.
         collinearity: index of the set.
         relative_errors: smallest standard error of each [share of its value] if all are fitted together.
@@ -27,11 +28,12 @@ class Proposal:
 
 
 def propose(scaled: ScaledSensitivities, limit: float = 10.0, threshold: float = 1.0) -> Proposal:
-    """Take the parameter with the most effect that the ones taken do not have; stop where the set cannot be told apart.
+    """Take, one by one, the parameter with the most effect that the ones taken do not have.
 
     Args:
         scaled: scaled sensitivities.
-        limit: largest collinearity index of the set (Brun et al. 2001 found sets above 10 to 15 not identifiable).
+        limit: largest collinearity index of the set (Brun et al. 2001 found sets above 10 to 15 not
+            identifiable).
         threshold: smallest effect, in standard uncertainties for a change of 100 %.
     """
     effect = dict(zip(scaled.parameters, scaled.effect.tolist(), strict=True))
@@ -88,4 +90,6 @@ def _reason(scaled: ScaledSensitivities, chosen: list[str], name: str, limit: fl
             f"cosine {cosine:+.3f} with {others[0]}"
         )
     own = left * float(np.linalg.norm(scaled.matrix[:, scaled.parameters.index(name)]))
-    return f"nearly all its effect is that of {like}: {own:.2g} uncertainties are its own (needed {threshold:g})"
+    return (
+        f"nearly all its effect is that of {like}: {own:.2g} uncertainties are its own (needed {threshold:g})"
+    )

@@ -65,7 +65,7 @@ def run_blocks(
 
 
 def in_threads(design: Design, evaluator: Evaluator, blocks: list[int]) -> Generator[tuple[int, Evaluated]]:
-    """Blocks side by side, one thread each. Closing the iterator lets the running ones end and starts no more."""
+    """Blocks side by side, one thread each; closing the iterator starts no more."""
     from eclsim.solver.lanes import threads
 
     count = min(threads(), len(blocks))

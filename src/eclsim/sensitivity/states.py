@@ -1,8 +1,8 @@
-"""Start values of a normal, a hypertensive and a hypotensive patient, found by solving for a mean arterial pressure.
+"""Start values of a normal, a hypertensive and a hypotensive patient, solved for a mean pressure.
 
-The paper names the three states and not their values. Here the systemic microcirculation is widened or narrowed
-until the mean arterial pressure is in the middle of the paper's own class: hypotension below 65 mmHg, hypertension
-above 92 mmHg (section 3.2); everything else stays as the case has it.
+The paper names the three states and not their values. Here the systemic microcirculation is widened or
+narrowed until the mean arterial pressure is in the middle of the paper's own class: hypotension below 65
+mmHg, hypertension above 92 mmHg (section 3.2); everything else stays as the case has it.
 """
 
 from __future__ import annotations
@@ -47,7 +47,9 @@ def solve_for_pressure(
     low, high = _bracket(excess)
     if low is None or high is None:
         limits = f"{adjusted} / {_WIDEST:g} to {adjusted} x {_WIDEST:g}"
-        raise StateError(f"a mean arterial pressure of {mean_pressure_mmhg:g} mmHg: not reached from {limits}")
+        raise StateError(
+            f"a mean arterial pressure of {mean_pressure_mmhg:g} mmHg: not reached from {limits}"
+        )
     root = brentq(excess, low, high, xtol=1e-6)
     return model.values[adjusted] * math.exp(float(root))  # pyright: ignore[reportArgumentType]  # a number
 

@@ -4,8 +4,8 @@
     DIR/blocks/*.parquet  one file for each finished block, until all are there
     DIR/samples.parquet   all runs: inputs, outputs, status
 
-A file appears under its name when it is whole, or not at all. The samples hold no times and no machine names: the
-same design gives the same file, however it was interrupted, sharded or distributed.
+A file appears under its name when it is whole, or not at all. The samples hold no times and no machine
+names: the same design gives the same file, however it was interrupted, sharded or distributed.
 """
 
 from __future__ import annotations
@@ -82,9 +82,13 @@ class Store:
         identity = {k: v for k, v in held.items() if k not in _BESIDE_IDENTITY}
         if held and identity != self.identity:
             differs = ", ".join(_differences(identity, self.identity))
-            raise StoreError(f"{self.folder}: holds another analysis (different: {differs}); choose another folder")
+            raise StoreError(
+                f"{self.folder}: holds another analysis (different: {differs}); choose another folder"
+            )
         if held and not resume:
-            raise StoreError(f"{self.folder}: holds this analysis already; --resume goes on, --force starts anew")
+            raise StoreError(
+                f"{self.folder}: holds this analysis already; --resume goes on, --force starts anew"
+            )
         if held.get("samples") != self.design.samples:
             text = json.dumps(self._about(), indent=1, ensure_ascii=False)
             write_whole(self.folder / _DESIGN, lambda path: path.write_text(text + "\n", encoding="utf-8"))
@@ -157,9 +161,13 @@ class Store:
         import pyarrow.parquet as pq
 
         about = {"eclsim": json.dumps(self._about(rows), ensure_ascii=False)}
-        arrays = [pa.array(c).dictionary_encode() if c.dtype == object else pa.array(c) for c in columns.values()]
+        arrays = [
+            pa.array(c).dictionary_encode() if c.dtype == object else pa.array(c) for c in columns.values()
+        ]
         table = pa.Table.from_arrays(arrays, names=list(columns)).replace_schema_metadata(about)
-        write_whole(path, lambda partial: pq.write_table(table, partial, compression="zstd", use_dictionary=False))
+        write_whole(
+            path, lambda partial: pq.write_table(table, partial, compression="zstd", use_dictionary=False)
+        )
 
     def _read(self, path: Path, rows: slice = slice(None)) -> Evaluated:
         import pyarrow.parquet as pq

@@ -24,7 +24,11 @@ def write_results(folder: Path, indices: Indices, settled: Convergence | None = 
         head = ("output", "factor", "other_factor", "S2", "S2_conf")
         _write(folder / "second_order.csv", head, _pair_rows(indices))
     head = ("run", "row", "point", "status", *(indices.failed[0].inputs if indices.failed else ()))
-    _write(folder / "failed.csv", head, ((f.run, f.row, f.point, f.status, *f.inputs.values()) for f in indices.failed))
+    _write(
+        folder / "failed.csv",
+        head,
+        ((f.run, f.row, f.point, f.status, *f.inputs.values()) for f in indices.failed),
+    )
     if settled is not None:
         head = ("rows", "repeats", "output", "factor", "index", "mean", "spread", "mean_conf")
         _write(folder / "convergence.csv", head, _convergence_rows(settled))

@@ -1,7 +1,7 @@
 """Functions with known Sobol indices: what the estimators are checked against.
 
-Ishigami and Homma 1990; Sobol's g-function (Saltelli and Sobol 1995); and Ishigami's function with a categorical
-third input, whose indices follow in closed form.
+Ishigami and Homma 1990; Sobol's g-function (Saltelli and Sobol 1995); and Ishigami's function with a
+categorical third input, whose indices follow in closed form.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def ishigami_indices(a: float = 7.0, b: float = 0.1) -> ExactIndices:
     together = b**2 * np.pi**8 * (1.0 / 18.0 - 1.0 / 50.0)
     variance = alone_1 + alone_2 + together
     first = np.array([alone_1, alone_2, 0.0])
-    return ExactIndices(first / variance, (first + [together, 0.0, together]) / variance)
+    return ExactIndices(first / variance, (first + np.array([together, 0.0, together])) / variance)
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class IshigamiWithChoice:
         """x1, x2 and the choice."""
         levels = tuple("abcdefghij"[: len(self.slopes)])
         choice = Categorical("choice", levels, (("slope", self.slopes), ("shift", self.shifts)))
-        return (*ISHIGAMI_INPUTS[:2], choice)
+        return ISHIGAMI_INPUTS[0], ISHIGAMI_INPUTS[1], choice
 
     def __call__(self, x1: np.ndarray, x2: np.ndarray, slope: np.ndarray, shift: np.ndarray) -> np.ndarray:
         """The function, with the numbers that the choice sets."""
@@ -69,7 +69,7 @@ class IshigamiWithChoice:
         first = np.array([0.5 * (1.0 + slope.mean()) ** 2, self.a**2 / 8.0, shift.var()])
         together = 0.5 * slope.var()
         variance = first.sum() + together
-        return ExactIndices(first / variance, (first + [together, 0.0, together]) / variance)
+        return ExactIndices(first / variance, (first + np.array([together, 0.0, together])) / variance)
 
 
 def sobol_g(x: np.ndarray, a: Sequence[float]) -> np.ndarray:

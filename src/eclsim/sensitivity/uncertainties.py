@@ -37,7 +37,8 @@ DEFAULTS: MappingProxyType[str, Uncertainty] = MappingProxyType(
         "PF": Uncertainty(relative=0.05),
     }
 )
-"""Assumed, for want of the paper's: fluid-filled catheters (transducer, damping, levelling), thermodilution, and an
+"""Assumed, for want of the paper's: fluid-filled catheters (transducer, damping, levelling), thermodilution,
+and an
 ultrasonic flow meter. Give your own devices' where you know them."""
 
 
@@ -63,7 +64,11 @@ def uncertainties_of(outputs: Sequence[str], given: Mapping[str, Uncertainty]) -
     """The uncertainty of each output: the one given, else the default."""
     wrong = [f"uncertainty of {name}: not among the measurements" for name in given if name not in outputs]
     known = {**DEFAULTS, **given}
-    wrong += [f"uncertainty of {name}: no default; give one, such as {name}=5%" for name in outputs if name not in known]
+    wrong += [
+        f"uncertainty of {name}: no default; give one, such as {name}=5%"
+        for name in outputs
+        if name not in known
+    ]
     if wrong:
         raise InputError(wrong)
     return {name: known[name] for name in outputs}

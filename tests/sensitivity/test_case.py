@@ -1,0 +1,231 @@
+"""The simulator under a small design: inputs of a case, states, failures, files, the command line."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from eclsim.cli import main
+from eclsim.patients import read_case
+from eclsim.sensitivity.analysis import analyse, plan_analysis
+from eclsim.sensitivity.case_inputs import CARDIOVASCULAR, SCHEMES, InputError
+from eclsim.sensitivity.evaluation import evaluate_block
+from eclsim.sensitivity.inputs import Categorical
+from eclsim.sensitivity.states import TARGETS, state_values
+
+CASE = """
+format = 1
+[patient]
+id = "P"
+sex = "female"
+age_years = 70
+height_cm = 165
+weight_kg = 60
+heart_rate_bpm = 120
+[ecmo]
+mode = "VA"
+pump = "Rotaflow"
+speed_rpm = 3425
+oxygenator = "Quadrox-i Adult"
+"""
+CRRT = """
+[crrt]
+flow_ml_min = 200
+access_site = "post_oxy"
+return_site = "pre_oxy"
+"""
+
+
+@pytest.fixture
+def case_file(tmp_path):
+    path = tmp_path / "case.toml"
+    path.write_text(CASE)
+    return path
+
+
+@pytest.fixture
+def case(case_file):
+    return read_case(case_file).case
+
+
+@pytest.fixture
+def crrt_case(tmp_path):
+    path = tmp_path / "crrt.toml"
+    path.write_text(CASE + CRRT)
+    return read_case(path).case
+
+
+def run_command(*arguments) -> int:
+    with pytest.raises(SystemExit) as stop:
+        main([str(a) for a in arguments])
+    return stop.value.code or 0
+
+
+def test_the_default_inputs_are_the_papers(case):
+    plan = plan_analysis(case, samples=2048)
+    assert plan.design.factors == CARDIOVASCULAR
+    assert plan.design.evaluations == 102_400
+    rmc = next(i for i in plan.design.inputs if i.name == "Rmc")
+    assert (rmc.low, rmc.high) == (0.375, 0.625)
+
+
+def test_groups_and_inputs_of_the_devices(crrt_case):
+    include = ("ecmo.speed_rpm", "ecmo.return_fr", "crrt.flow_ml_min", "crrt.scheme")
+    design = plan_analysis(crrt_case, samples=8, groups=("R", "C", "L", "E"), include=include).design
+    assert design.factors == ("R", "C", "L", "E", *include)
+    sizes = next(i for i in design.inputs if i.name == "ecmo.return_fr")
+    assert isinstance(sizes, Categorical)
+    assert sizes.levels == ("15 Fr", "17 Fr", "19 Fr", "21 Fr")
+
+
+def test_each_scheme_in_a_batch_is_that_scheme_alone(crrt_case):
+    from eclsim.haemodynamics.dataset import simulate
+    from eclsim.solver.model import model_of
+
+    plan = plan_analysis(
+        crrt_case, parameters=(), include=("crrt.scheme",), samples=8, outputs=("MAP", "crrt_access_pressure")
+    )
+    unit = (np.arange(9)[:, None] + 0.5) / 9
+    found = plan.evaluator(plan.design.settings(unit), 9)
+    for k, (access, back) in enumerate(SCHEMES.values()):
+        crrt = crrt_case.crrt.model_copy(update={"access_site": access, "return_site": back})
+        alone = simulate(model_of(crrt_case.model_copy(update={"crrt": crrt})))
+        wanted = [float(alone["MAP"]), float(alone["crrt_access_pressure"])]
+        np.testing.assert_allclose(found.values[k], wanted, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"parameters": ("Rmcc",)}, "did you mean Rmc"),
+        ({"include": ("crrt.scheme",)}, r"needs the sections \[ecmo\] and \[crrt\]"),
+        ({"groups": ("X",)}, "group X"),
+        ({"perturbation_percent": 100.0}, "below 100"),
+        ({"outputs": ("MAPP",)}, "did you mean MAP"),
+        (
+            {"include": ("ecmo.speed_rpm",), "perturbation_percent": 60.0},
+            "ecmo.speed_rpm: the perturbation reaches",
+        ),
+    ],
+)
+def test_impossible_inputs_are_named(case, options, said):
+    with pytest.raises(InputError, match=said):
+        plan_analysis(case, samples=8, **options)
+
+
+def test_the_paper_s_parameters_lead(case):
+    names = ("Rmc", "Emaxlv", "Rpmc", "Emaxrv", "Lpas")
+    result = analyse(case, parameters=names, samples=32, second_order=False).indices
+    assert result.failed == ()
+    assert list(result.sums)[:3] == ["Rmc", "Emaxlv", "Rpmc"]
+    assert result.sums["Rmc"] > 2.5
+    assert result.sums["Lpas"] < 0.01
+    assert result.ranking("MPAP")[0] == "Rpmc"
+    assert "Lpas" not in result.union()
+
+
+def test_states_have_their_pressure(case):
+    from eclsim.haemodynamics.dataset import simulate
+    from eclsim.solver.model import model_of
+
+    model = model_of(case)
+    values = {state: state_values(model, state) for state in TARGETS}
+    for state, target in TARGETS.items():
+        assert float(simulate(model.with_values(values[state]))["MAP"]) == pytest.approx(target, abs=1e-3)
+    assert values["hypotensive"]["Rmc"] < values["normal"]["Rmc"] < values["hypertensive"]["Rmc"]
+
+
+def test_a_heart_that_stops_ejecting_is_named_and_its_rows_left_out(case):
+    plan = plan_analysis(case, samples=16, parameters=("Emaxlv", "Rmc"), perturbation_percent=20.0)
+    found = evaluate_block(plan.design, plan.evaluator, 0)
+    assert (found.status == 0).all()
+    hopeless = plan.evaluator({"Emaxlv": np.array([1.8, -5.0]), "Rmc": np.array([0.5, np.nan])}, 2)
+    assert hopeless.status[0] == 0
+    assert hopeless.status[1] != 0
+
+
+def test_the_command_writes_json_tables_figures_and_samples(case_file, tmp_path, capsys):
+    out, file = tmp_path / "out", tmp_path / "result.json"
+    options = ("--samples", 8, "--parameters", "Rmc,Emaxlv", "--outputs", "MAP,CO", "--out", out)
+    assert run_command("sensitivity", case_file, *options, "--json", file, "--second-order") == 0
+    content = json.loads(file.read_text())
+    assert content["samples"] == 8
+    assert content["evaluations"] == 8 * 6
+    assert content["failed"] == 0
+    assert set(content["outputs"]["MAP"]) == {"S1", "S1_conf", "ST", "ST_conf", "S2", "S2_conf"}
+    assert set(content["outputs"]["CO"]["ST"]) == {"Rmc", "Emaxlv"}
+    assert set(content["selected"]) == {"MAP", "CO"}
+    assert set(content["union"]) <= {"Rmc", "Emaxlv"}
+    total = sum(content["outputs"][o]["ST"]["Rmc"] for o in ("MAP", "CO"))
+    assert content["sum_ST"]["Rmc"] == pytest.approx(total)
+    rows = list(csv.DictReader((out / "indices.csv").read_text().splitlines()))
+    assert {(r["output"], r["factor"]) for r in rows} == {
+        (o, f) for o in ("MAP", "CO") for f in ("Rmc", "Emaxlv")
+    }
+    drawn = {"bars", "convergence", "distributions", "pairs", "sums", "total_less_first_order", "total_order"}
+    assert {p.stem for p in (out / "figures").glob("*.svg")} >= drawn - {"convergence"}
+    assert "union" in capsys.readouterr().out
+    # What stands is not overwritten, unless asked.
+    assert run_command("sensitivity", case_file, *options) == 2
+    assert "--resume" in capsys.readouterr().err
+    assert run_command("sensitivity", case_file, *options, "--resume", "--no-figures") == 0
+
+
+def test_shards_from_the_command_line_merge_to_the_same_samples(case_file, tmp_path, capsys):
+    common = (
+        "--samples",
+        256,
+        "--parameters",
+        "Rmc",
+        "--outputs",
+        "MAP",
+        "--no-second-order",
+        "--no-figures",
+    )
+    for shard in ("2/2", "1/2"):
+        assert run_command("sensitivity", case_file, *common, "--out", tmp_path / "a", "--shard", shard) == 0
+    assert run_command("sensitivity", "merge", "--out", tmp_path / "a", "--no-figures") == 0
+    assert run_command("sensitivity", case_file, *common, "--out", tmp_path / "b") == 0
+    assert (tmp_path / "a/samples.parquet").read_bytes() == (tmp_path / "b/samples.parquet").read_bytes()
+    capsys.readouterr()
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--samples", 100), "power of two"),
+        (("--shard", "3/2", "--out", "x"), "--shard 3/2"),
+        (("--resume",), "--out DIR"),
+        (("--parameters", "Rmcc,Emaxlvv"), "Emaxlvv"),
+        (("--states", "happy"), "hypotensive"),
+    ],
+)
+def test_wrong_options_end_with_status_2(case_file, capsys, monkeypatch, tmp_path, options, said):
+    monkeypatch.chdir(tmp_path)
+    assert run_command("sensitivity", case_file, *options) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_the_command_says_what_can_be_identified(case_file, tmp_path, capsys):
+    out = tmp_path / "out"
+    options = ("--parameters", "Rmc,Rsart,Emaxlv,Csart,Lpas", "--out", out)
+    assert run_command("identifiability", case_file, *options) == 0
+    content = json.loads((out / "identifiability.json").read_text())
+    # Both resistances stand in series: nothing tells them apart.
+    assert content["orthogonality"]["Rmc"]["Rsart"] < 1e-3
+    assert "Rmc" in content["proposed"]
+    assert "Rmc" in content["excluded"]["Rsart"]
+    assert "too little effect" in content["excluded"]["Lpas"]
+    assert (out / "figures/collinearity.png").exists()
+    assert "Rsart" in capsys.readouterr().out
+    assert run_command("identifiability", case_file, "--uncertainty", "SP=abc") == 2
+
+
+def test_only_what_was_measured_counts(case_file):
+    from eclsim.sensitivity.case_identifiability import analyse_identifiability
+
+    raw_case = read_case(case_file, ["measurements.MAP=80", "measurements.CO=4"]).case
+    found = analyse_identifiability(raw_case, parameters=("Rmc", "Emaxlv", "Csart"))
+    assert found.scaled.outputs == ("MAP", "CO")
+    assert len(found.proposal.chosen) <= 2

@@ -1,0 +1,126 @@
+import numpy as np
+import pytest
+
+from eclsim.sensitivity.case_inputs import InputError
+from eclsim.sensitivity.identifiability import (
+    ScaledSensitivities,
+    all_subsets,
+    fisher_information,
+    relative_errors,
+)
+from eclsim.sensitivity.proposal import propose
+from eclsim.sensitivity.uncertainties import Uncertainty, read_uncertainties, uncertainties_of
+
+
+def scaled(columns: dict[str, list[float]]) -> ScaledSensitivities:
+    matrix = np.array(list(columns.values())).T
+    return ScaledSensitivities(tuple("xyz"[: len(matrix)]), tuple(columns), matrix)
+
+
+def test_scaling_is_relative_to_parameter_and_uncertainty():
+    found = ScaledSensitivities.of(
+        ["x"], ["p", "q"], np.array([[2.0, -3.0]]), np.array([5.0, 1.0]), np.array([4.0])
+    )
+    np.testing.assert_allclose(found.matrix, [[2.5, -0.75]])
+
+
+def test_collinearity_of_two_follows_from_their_angle():
+    angle = np.deg2rad(12.0)
+    found = scaled({"p": [3.0, 0.0, 0.0], "q": [5 * np.cos(angle), 5 * np.sin(angle), 0.0]})
+    # Brun et al. 2001: smallest eigenvalue of two unit columns is 1 - cosine.
+    assert found.collinearity(["p", "q"]) == pytest.approx(1.0 / np.sqrt(1.0 - np.cos(angle)), rel=1e-9)
+    assert found.orthogonality[0, 1] == pytest.approx(np.sin(angle), rel=1e-9)
+
+
+def test_orthogonal_columns_have_index_one_and_the_same_column_infinity():
+    found = scaled({"p": [1.0, 0, 0], "q": [0, 2.0, 0], "r": [0, 4.0, 0]})
+    assert found.collinearity(["p", "q"]) == pytest.approx(1.0)
+    assert found.collinearity(["q", "r"]) == np.inf
+    assert found.collinearity(["p", "q", "r"]) == np.inf
+
+
+def test_all_subsets_are_what_each_gives_alone():
+    random = np.random.default_rng(2)
+    found = ScaledSensitivities(tuple("vwxyz"), tuple("abcdef"), random.normal(size=(5, 6)))
+    sizes = all_subsets(found, limit=3.0)
+    assert [s.size for s in sizes] == [2, 3, 4, 5]
+    assert [s.count for s in sizes] == [15, 20, 15, 6]
+    for s in sizes:
+        assert found.collinearity(s.best) == pytest.approx(s.smallest)
+    # An index cannot fall when a parameter joins.
+    assert np.all(np.diff([s.smallest for s in sizes]) > 0)
+
+
+def test_more_parameters_than_measurements_cannot_be_told_apart():
+    found = scaled({"p": [1.0, 0], "q": [0, 1.0], "r": [1.0, 1.0]})
+    assert found.collinearity(["p", "q", "r"]) == np.inf
+    assert max(s.size for s in all_subsets(found, 10.0)) == 2
+    assert relative_errors(found, ["p", "q", "r"])["p"] == np.inf
+
+
+def test_fisher_information_is_that_of_a_linear_fit():
+    random = np.random.default_rng(3)
+    found = ScaledSensitivities(tuple("wxyz"), tuple("abc"), random.normal(size=(4, 3)))
+    fisher = fisher_information(found)
+    rebuilt = fisher.eigenvectors @ np.diag(fisher.eigenvalues) @ fisher.eigenvectors.T
+    np.testing.assert_allclose(rebuilt, fisher.matrix, atol=1e-12)
+    errors = relative_errors(found, ["a", "b", "c"])
+    np.testing.assert_allclose(list(errors.values()), np.sqrt(np.diag(np.linalg.inv(fisher.matrix))))
+    noisy = np.linalg.lstsq(found.matrix, random.normal(size=(4, 20_000)), rcond=None)[0]
+    np.testing.assert_allclose(noisy.std(axis=1), list(errors.values()), rtol=0.03)
+
+
+def test_the_proposal_gives_a_reason_for_each_parameter_left_out():
+    columns = {
+        "strong": [10.0, 1.0, 0.0],
+        "twin": [9.0, 0.9, 0.0],
+        "other": [0.0, 4.0, 0.0],
+        "third": [0.0, 0.1, 3.0],
+        "fourth": [1.0, 2.0, 2.0],
+        "weak": [0.3, 0.0, 0.0],
+        "none": [0.0, 0.0, 0.0],
+    }
+    found = propose(scaled(columns))
+    assert found.chosen == ("strong", "other", "third")
+    assert found.collinearity < 10
+    assert "strong" in found.excluded["twin"]
+    assert "as many parameters as measurements (3)" in found.excluded["fourth"]
+    assert "too little effect" in found.excluded["weak"]
+    assert found.excluded["none"] == "no effect on any measurement"
+    assert found.excluded.keys() == {"twin", "fourth", "weak", "none"}
+
+
+def test_a_set_that_cannot_be_told_apart_is_not_proposed():
+    near = {"p": [10.0, 0.0, 0.0], "q": [100.0, 5.0, 0.0], "r": [0.0, 0.0, 5.0]}
+    loose, strict = propose(scaled(near), limit=50.0), propose(scaled(near), limit=5.0)
+    assert set(loose.chosen) == {"p", "q", "r"} - ({"p"} if "p" in loose.excluded else set())
+    assert set(strict.chosen) == {"q", "r"}
+    assert "cannot be told from q" in strict.excluded["p"]
+
+
+def test_better_measurements_identify_more():
+    matrix = {"p": [2.0, 0.0, 0.1], "q": [0.0, 0.5, 0.2]}
+    assert propose(scaled(matrix)).chosen == ("p",)
+    sharper = {name: [10 * x for x in column] for name, column in matrix.items()}
+    assert propose(scaled(sharper)).chosen == ("p", "q")
+
+
+def test_uncertainties_are_absolute_or_relative():
+    given = read_uncertainties("SP=5, CO=8%")
+    chosen = uncertainties_of(["SP", "CO", "MAP"], given)
+    assert chosen["SP"].at(110) == 5
+    assert chosen["CO"].at(5.0) == pytest.approx(0.4)
+    assert chosen["MAP"] == Uncertainty(3.0)
+
+
+@pytest.mark.parametrize("text", ["SP", "SP=", "SP=abc", "SP=-1", "CO=0%", "CO=inf"])
+def test_wrong_uncertainties_say_what_is_allowed(text):
+    with pytest.raises(InputError, match="CO=10%"):
+        read_uncertainties(text)
+
+
+def test_uncertainties_of_what_is_not_measured_are_refused():
+    with pytest.raises(InputError, match="uncertainty of SP"):
+        uncertainties_of(["MAP"], {"SP": Uncertainty(1.0)})
+    with pytest.raises(InputError, match="EDVLV=5%"):
+        uncertainties_of(["EDVLV"], {})
