@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 from eclsim.report.files import whole_file
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from eclsim.studies.crrt_study import CrrtStudy
 
 FILES = ("report.html", "study.json", "study.nc")
@@ -60,14 +62,33 @@ def write_json(study: CrrtStudy, destination: Path | str) -> None:
 
 
 def write_netcdf(study: CrrtStudy, path: Path) -> None:
-    """Write NetCDF with the groups means, without_crrt, waveforms, summary, limits and uptake."""
+    """Write NetCDF with the groups means, without_crrt, waveforms, limits and uptake.
+
+    Of the means, pressures and the quantities of the JSON object are written: each variable takes time.
+    """
     groups = {
-        "means": study.means,
-        "without_crrt": study.without_crrt,
+        "means": study.means[_written(study.means)],
+        "without_crrt": study.without_crrt[_written(study.without_crrt)],
         "waveforms": study.waveforms,
-        "summary": study.summary,
         "limits": study.limits,
     } | ({} if study.uptake is None else {"uptake": study.uptake})
     with whole_file(path) as partial:
         for index, (name, data) in enumerate(groups.items()):
             data.to_netcdf(partial, mode="w" if index == 0 else "a", group=name, engine="h5netcdf")
+
+
+def _written(data: xr.Dataset) -> list[str]:
+    """Names of the variables of the means that go to NetCDF."""
+    from eclsim.report.crrt_json import MEANS
+
+    names = [str(name) for name in data.data_vars]
+    more = (
+        *MEANS,
+        "patient_volume",
+        "ecmo_volume",
+        "crrt_volume",
+        "patient_volume_change",
+        "converged",
+        "beats",
+    )
+    return [name for name in names if name in more or (name[0] == "P" and "Q" + name[1:] in names)]

@@ -33,7 +33,10 @@ def study_object(study: CrrtStudy) -> dict[str, Any]:
 
 
 def _policy(study: CrrtStudy, policy: str) -> dict[str, Any]:
-    own, means = study.case_speed, study.means.sel(policy=policy)
+    own, means = (
+        study.case_speed,
+        study.means[[*MEANS, "patient_volume_change", "converged"]].sel(policy=policy),
+    )
     schemes = {}
     for scheme in study.schemes:
         one = means.sel(scheme=scheme.letter, speed=own)
@@ -54,7 +57,7 @@ def _policy(study: CrrtStudy, policy: str) -> dict[str, Any]:
         "schemes": schemes,
         "without_crrt": {name: number(alone[name]) for name in MEANS if name in alone},
         "summary": _summary(study.summary.sel(policy=policy, speed=own)),
-        "speeds": [_at_speed(study, policy, float(speed)) for speed in study.means["speed"].values],
+        "speeds": _at_speeds(study, policy),
         "limits": _limits(study, policy),
         "ranking": [asdict(r) | {"reasons": list(r.reasons)} | _finite(r) for r in study.ranking[policy]],
     }
@@ -73,17 +76,21 @@ def _summary(summary: xr.Dataset) -> dict[str, Any]:
     }
 
 
-def _at_speed(study: CrrtStudy, policy: str, speed: float) -> dict[str, Any]:
-    means = study.means.sel(policy=policy, speed=speed)
-    schemes = {}
-    for letter in means["scheme"].values.astype(str):
-        one = means.sel(scheme=letter)
-        schemes[letter] = {"converged": bool(one["converged"])} | {name: number(one[name]) for name in MEANS}
-    return {
-        "speed_rpm": speed,
-        "schemes": schemes,
-        "summary": _summary(study.summary.sel(policy=policy, speed=speed)),
-    }
+def _at_speeds(study: CrrtStudy, policy: str) -> list[dict[str, Any]]:
+    """All schemes at every speed; read from plain arrays, as there are thousands of numbers."""
+    means = study.means.sel(policy=policy)
+    letters = means["scheme"].values.astype(str)
+    values = {name: means[name].transpose("scheme", "speed").values for name in MEANS}
+    settled = means["converged"].transpose("scheme", "speed").values
+    found = []
+    for k, speed in enumerate(means["speed"].values):
+        schemes = {
+            letter: {"converged": bool(settled[s, k])} | {name: number(values[name][s, k]) for name in MEANS}
+            for s, letter in enumerate(letters)
+        }
+        summary = _summary(study.summary.sel(policy=policy, speed=speed))
+        found.append({"speed_rpm": float(speed), "schemes": schemes, "summary": summary})
+    return found
 
 
 def _limits(study: CrrtStudy, policy: str) -> dict[str, Any]:

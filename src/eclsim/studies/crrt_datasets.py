@@ -88,14 +88,14 @@ def waveforms(bench: Bench, runs: Sequence[BeatRecords], policies: Sequence[str]
 def _variables(
     records: Sequence[BeatRecords], dims: tuple[str, ...], shape: tuple[int, ...]
 ) -> dict[str, Any]:
-    """Means of all waveforms, all outputs, volumes by group, and how each beat was found."""
+    """Means of all pressures and flows, all outputs, volumes by group, and how each beat was found."""
     first = records[0]
 
     def stacked(rows: list[np.ndarray]) -> np.ndarray:
         return np.stack([np.asarray(row).reshape(shape) for row in rows])
 
     data: dict[str, Any] = {}
-    for signal in first.signals:
+    for signal in (s for s in first.signals if s[0] in "PQ"):
         labels = _labels(signal) | {"cell_methods": "phase: mean"}
         data[signal] = (dims, stacked([r.mean(signal) for r in records]), labels)
     for name in first.names:

@@ -76,9 +76,10 @@ def largest_flows(means: xr.Dataset, case_speed: float) -> xr.Dataset:
     shape = (means.sizes["policy"], means.sizes["scheme"], len(keys))
     found = {name: np.full(shape, np.nan) for name in ("largest_flow", "largest_speed", "margin")}
     throughout = np.zeros(shape, dtype=bool)
+    few = means[[*dict.fromkeys(limit.quantity for limit in LIMITS), "PF", "converged"]]
     at_case = int(np.flatnonzero(means["speed"].values == case_speed)[0])
     for p, s in np.ndindex(shape[:2]):
-        one = means.isel(policy=p, scheme=s)
+        one = few.isel(policy=p, scheme=s)
         margins = _margins(one)
         for k, name in enumerate(keys):
             found["margin"][p, s, k] = margins[name][at_case]
