@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from eclsim.report.files import _whole
+from eclsim.report.files import whole_file
 
 
 def write_plain(data: Any, destination: Path | str) -> None:
@@ -17,5 +17,5 @@ def write_plain(data: Any, destination: Path | str) -> None:
         sys.stdout.write(text)
         sys.stdout.flush()
         return
-    with _whole(Path(destination)) as partial:
+    with whole_file(Path(destination)) as partial:
         partial.write_text(text, encoding="utf-8")

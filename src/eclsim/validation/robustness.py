@@ -95,7 +95,8 @@ def sobol_points(count: int) -> dict[str, np.ndarray]:
     from scipy.stats import qmc
 
     exponent = int(np.ceil(np.log2(count)))
-    unit = qmc.Sobol(d=len(BOUNDS), scramble=True, seed=SEED).random_base2(exponent)[:count]
+    sequence = qmc.Sobol(d=len(BOUNDS), scramble=True, seed=SEED)  # pyright: ignore[reportCallIssue]  # old name
+    unit = sequence.random_base2(exponent)[:count]
     lower, upper = (np.log([getattr(b, end) for b in BOUNDS.values()]) for end in ("lower", "upper"))
     return dict(zip(BOUNDS, np.exp(lower + unit * (upper - lower)).T, strict=True))
 

@@ -55,19 +55,29 @@ class Row:
         return abs(self.got - middle) / abs(room) if room else (0.0 if self.got == middle else math.inf)
 
 
-def near(name: str, expected: float, got: float, tolerance: float, unit: str = "1", **more: str) -> Row:
+def near(
+    name: str,
+    expected: float,
+    got: float,
+    tolerance: float,
+    unit: str = "1",
+    *,
+    explanation: str = "",
+    source: str = "",
+) -> Row:
     """A row that holds within a tolerance of the expected number."""
-    return Row(name, float(got), expected - tolerance, expected + tolerance, unit, float(expected), **more)
+    low, high = expected - tolerance, expected + tolerance
+    return Row(name, float(got), low, high, unit, float(expected), explanation, source)
 
 
-def at_most(name: str, got: float, limit: float, unit: str = "1", **more: str) -> Row:
+def at_most(name: str, got: float, limit: float, unit: str = "1") -> Row:
     """A row that holds from zero up to a limit."""
-    return Row(name, float(got), 0.0, limit, unit, **more)
+    return Row(name, float(got), 0.0, limit, unit)
 
 
-def at_least(name: str, got: float, limit: float, unit: str = "1", **more: str) -> Row:
+def at_least(name: str, got: float, limit: float, unit: str = "1") -> Row:
     """A row that holds from a limit on."""
-    return Row(name, float(got), limit, math.inf, unit, **more)
+    return Row(name, float(got), limit, math.inf, unit)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,93 @@
+import json
+
+import pytest
+
+from eclsim.validation.rows import Check, at_most, near
+
+
+@pytest.fixture
+def checks(monkeypatch):
+    """Instant checks in place of the real ones; the effort that was asked for is collected."""
+    good = Check(
+        "good", "Good things", "1 %", (near("a", 100.0, 100.5, 1.0, "mmHg"), at_most("b", 1e-9, 1e-8))
+    )
+    bad = Check("bad", "Bad things", "1 %", (near("c", 100.0, 102.0, 1.0, "mL", explanation="the moon"),))
+    shown = Check("shown", "Measurements", "none", (near("d", 1.0, 2.0, 0.1),), required=False)
+    asked = []
+
+    def run(effort, parts):
+        asked.append((effort, list(parts)))
+        yield from ([good, shown, bad] if "gradients" in parts else [good, shown])
+
+    monkeypatch.setattr("eclsim.validation.suite.run", run)
+    return asked
+
+
+def test_rows_are_shown_with_error_and_verdict(shell, checks):
+    done = shell.run("validate")
+    assert done.exit_code == 0
+    lines = [line.split() for line in done.stdout.splitlines()]
+    assert ["a", "100", "100.5", "mmHg", "+0.50", "%", "ok"] in lines
+    assert ["d", "1", "2", "1", "+100.00", "%", "MISS"] in lines
+    assert "All bars hold." in done.stdout
+
+
+def test_a_missed_bar_is_named_and_ends_with_status_1(shell, checks):
+    done = shell.run("validate", "--only", "gradients")
+    assert done.exit_code == 1
+    assert "bar missed: Bad things: c" in done.stdout
+    assert "explained: the moon" in done.stdout
+    assert "1 miss (1 of them explained)" in done.stdout
+
+
+def test_json_holds_every_row_and_nothing_else_is_written(shell, checks):
+    done = shell.run("validate", "--only", "gradients", "--json", "-")
+    assert done.exit_code == 1
+    found = json.loads(done.stdout)
+    assert found["all_bars_hold"] is False
+    assert [check["key"] for check in found["checks"]] == ["good", "shown", "bad"]
+    (row,) = found["checks"][2]["rows"]
+    assert (row["expected"], row["got"], row["holds"], row["explanation"]) == (
+        100.0,
+        102.0,
+        False,
+        "the moon",
+    )
+    assert {"date", "processor", "eclsim"} <= set(found["machine"])
+
+
+@pytest.mark.parametrize(("option", "points", "quick"), [("--quick", 64, True), ("--full", 10_000, False)])
+def test_effort(shell, checks, option, points, quick):
+    shell.run("validate", option)
+    ((effort, _),) = checks
+    assert (effort.points, effort.quick) == (points, quick)
+
+
+def test_an_unknown_part_is_named_with_the_nearest(shell, checks):
+    done = shell.run("validate", "--only", "gradient")
+    assert done.exit_code == 2
+    assert "--only 'gradient': no such part" in done.stderr
+    assert "did you mean gradients?" in done.stderr
+    assert checks == []
+
+
+def test_quick_and_full_exclude_each_other(shell, checks):
+    assert shell.run("validate", "--quick", "--full").exit_code == 2
+    assert checks == []
+
+
+def test_parts_of_the_help_are_those_of_the_suite():
+    from eclsim.cli.validate import PARTS
+    from eclsim.validation import suite
+
+    assert PARTS.split() == list(suite.PARTS)
+
+
+@pytest.mark.parametrize("command", ["validate", "benchmark"])
+def test_a_file_that_exists_is_not_overwritten(shell, checks, command):
+    target = shell.folder / "old.json"
+    target.write_text("mine")
+    done = shell.run(command, "--json", target)
+    assert done.exit_code == 2
+    assert "--force overwrites it" in done.stderr
+    assert target.read_text() == "mine"

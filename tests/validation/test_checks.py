@@ -1,0 +1,101 @@
+"""The comparisons of `eclsim validate`: bars hold, and each of them can fail."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eclsim.validation import cross_solver, devices, effects, gradients, healthy, robustness, shi_hose
+from eclsim.validation.cases import reference_model
+
+
+def names(rows):
+    return [row.name for row in rows]
+
+
+def test_shi_hose_scalars():
+    (check,) = shi_hose.checks()
+    assert len(check.rows) == 42
+    # The peaks of valve flows and the smallest pressure of the ventricle are the hardest on the grid.
+    assert all(row.used < 5.0 for row in check.rows)
+    assert sum(row.holds for row in check.rows) >= 39
+
+
+def test_derivatives_agree_with_the_published_code():
+    default, finer, own = gradients.checks()
+    assert len(default.rows) == len(finer.rows) == len(own.rows) == 98
+    assert max(row.used for row in default.rows) < 1.5
+    assert finer.missed == ()
+    assert own.missed == ()
+
+
+def test_periodicity_and_volume_hold_for_one_case_of_each_kind():
+    assert cross_solver.periodicity_check(quick=True).missed == ()
+    error = cross_solver.volume_error(reference_model("s4_crrt_g_3425"), beats=50)
+    assert 0.0 < error < 1e-12
+
+
+def test_the_robustness_points_fill_the_bounds():
+    points = robustness.sobol_points(256)
+    for name, bounds in robustness.BOUNDS.items():
+        logs = np.log(points[name] / bounds.lower) / np.log(bounds.upper / bounds.lower)
+        assert logs.min() >= 0.0
+        assert logs.max() <= 1.0
+        assert np.histogram(logs, bins=8, range=(0.0, 1.0))[0].min() >= 28
+
+
+def test_all_configurations_have_their_devices():
+    groups = {
+        name: {c.group for c in robustness.configuration_model(name).circuit.connections}
+        for name in robustness.CONFIGURATIONS
+    }
+    assert groups == {
+        "no device": {"patient"},
+        "V-A": {"patient", "ecmo"},
+        "V-V": {"patient", "ecmo"},
+        "V-A + CRRT g": {"patient", "ecmo", "crrt"},
+        "LVAD": {"patient", "lvad"},
+        "LVAD + V-A": {"patient", "lvad", "ecmo"},
+    }
+
+
+@pytest.mark.slow
+def test_a_sweep_finds_every_ejecting_heart_and_names_the_others():
+    found = robustness.sweep("V-A", 64)
+    assert (found.ejecting & ~found.converged).sum() == 0
+    assert not found.false_converged.any()
+    assert not found.silent_nan.any()
+    assert robustness._named(found).all()
+
+
+def test_a_false_steady_beat_and_a_silent_nan_are_seen():
+    one = np.ones(1)
+    good = robustness.Sweep("V-A", {}, np.zeros(1, dtype=int), one, one, one, 1e-9 * one)
+    assert not good.false_converged.any()
+    assert replace(good, moved=1e-3 * one).false_converged.all()
+    assert replace(good, moved=np.nan * one).false_converged.all()
+    assert replace(good, output=np.nan * one).silent_nan.all()
+
+
+def test_devices_show_what_misses():
+    (check,) = devices.checks()
+    assert not check.required
+    heads = [row for row in check.rows if row.name.startswith("HM3")]
+    assert len(heads) == 37
+    assert sum(row.holds for row in heads) >= 35
+    assert "Rotaflow head, 3000 rpm 4.2 L/min" in names(check.missed)
+
+
+def test_healthy_adult_is_mostly_within_the_norms():
+    (check,) = healthy.checks()
+    assert check.share > 0.85
+    assert "native cardiac output" in names(check.missed)
+
+
+@pytest.mark.slow
+def test_published_effects_have_mostly_the_right_sign():
+    rows = [row for check in effects.checks() for row in check.rows if row.name.endswith("sign")]
+    wrong = [row.name for row in rows if not row.holds]
+    assert len(rows) >= 15
+    assert len(wrong) <= 4
+    assert all(row.explanation for row in rows if not row.holds)

@@ -1,0 +1,48 @@
+import math
+
+import pytest
+
+from eclsim.validation.rows import Check, Row, at_least, at_most, near, worst
+
+
+def test_a_row_holds_up_to_its_tolerance_on_both_sides():
+    assert near("a", 10.0, 10.5, 0.5).holds
+    assert near("a", 10.0, 9.5, 0.5).holds
+    assert not near("a", 10.0, 10.51, 0.5).holds
+
+
+@pytest.mark.parametrize(
+    "row", [near("a", 1.0, math.nan, 9.0), at_most("a", math.nan, 1.0), at_least("a", math.nan, 0.0)]
+)
+def test_a_number_that_is_none_never_holds(row: Row):
+    assert not row.holds
+    assert row.used == math.inf
+
+
+def test_error_is_in_percent_of_the_size_of_the_expected_number():
+    assert near("a", -50.0, -51.0, 2.0).percent == pytest.approx(-2.0)
+    assert near("a", 0.0, 1.0, 2.0).percent is None
+
+
+def test_worst_row_takes_most_of_its_own_tolerance():
+    small, large = near("small", 1.0, 1.09, 0.1), near("large", 100.0, 105.0, 50.0)
+    assert worst([large, small]) is small
+
+
+def test_an_explained_miss_is_a_miss_and_excused_only_where_the_bar_allows():
+    rows = (near("good", 1.0, 1.0, 0.1), near("bad", 1.0, 2.0, 0.1, explanation="known"))
+    strict = Check("k", "t", "b", rows)
+    allowed = Check("k", "t", "b", rows, explained_pass=True)
+    assert [row.name for row in strict.missed] == [row.name for row in allowed.missed] == ["bad"]
+    assert strict.share == 0.5
+    assert not strict.holds
+    assert allowed.holds
+
+
+def test_an_unexplained_miss_is_never_excused():
+    rows = (near("bad", 1.0, 2.0, 0.1), near("known", 1.0, 2.0, 0.1, explanation="known"))
+    assert not Check("k", "t", "b", rows, explained_pass=True).holds
+
+
+def test_a_check_without_rows_does_not_hold():
+    assert not Check("k", "t", "b", ()).holds
