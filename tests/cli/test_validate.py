@@ -91,3 +91,20 @@ def test_a_file_that_exists_is_not_overwritten(shell, checks, command):
     assert done.exit_code == 2
     assert "--force overwrites it" in done.stderr
     assert target.read_text() == "mine"
+
+
+def test_markdown_holds_the_summary_and_every_miss(shell, checks):
+    target = shell.folder / "validation.md"
+    done = shell.run("validate", "--only", "gradients", "--markdown", target)
+    assert done.exit_code == 1
+    lines = target.read_text().splitlines()
+    assert "| Good things | 1 % | 2 of 2 | a: +0.5 % |" in lines
+    assert "| bad | c | 100 mL | 102 mL | +2 % |" in lines
+    assert "| shown | d | 1 | 2 | +1e+02 % |" in lines
+
+
+def test_two_outputs_need_two_files(shell, checks):
+    done = shell.run("validate", "--json", shell.folder / "a", "--markdown", shell.folder / "a")
+    assert done.exit_code == 2
+    assert "name the same file" in done.stderr
+    assert checks == []

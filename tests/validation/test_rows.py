@@ -24,6 +24,25 @@ def test_error_is_in_percent_of_the_size_of_the_expected_number():
     assert near("a", 0.0, 1.0, 2.0).percent is None
 
 
+@pytest.mark.parametrize(
+    ("row", "used"),
+    [
+        (near("a", 10.0, 10.1, 0.4), 0.25),
+        (near("a", 10.0, 10.0, 0.0), 0.0),
+        (at_most("a", 2e-9, 1e-8), 0.2),
+        (at_most("a", 0.0, 0.0), 0.0),
+        (at_most("a", 1.0, 0.0), math.inf),
+        (at_least("a", 1.0, 0.999), 0.999),
+        (at_least("a", 0.5, 0.999), 1.998),
+        (Row("a", 20.0, 15.0, 25.0), 0.0),
+        (Row("a", 30.0, 15.0, 25.0), 2.0),
+    ],
+)
+def test_a_row_uses_a_share_of_its_tolerance(row: Row, used: float):
+    assert row.used == pytest.approx(used)
+    assert row.holds == (row.used <= 1.0)
+
+
 def test_worst_row_takes_most_of_its_own_tolerance():
     small, large = near("small", 1.0, 1.09, 0.1), near("large", 100.0, 105.0, 50.0)
     assert worst([large, small]) is small

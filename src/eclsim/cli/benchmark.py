@@ -23,10 +23,10 @@ def benchmark(
 
     Takes one to two minutes. Exit status: 0 all bars hold, 1 a bar is missed, 2 bad input.
     """
-    from eclsim.cli.json_option import json_destination
     from eclsim.cli.messages import SOME_DID_NOT_CONVERGE, say
+    from eclsim.cli.output_option import destination
 
-    target = json_destination(json_file, force)
+    target = destination("--json", json_file, force)
     from eclsim.validation import timing
     from eclsim.validation.machine import machine
 

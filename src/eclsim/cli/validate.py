@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from eclsim.validation.rows import Check, Row
     from eclsim.validation.suite import Effort
 
@@ -35,6 +37,10 @@ def validate(
         str | None,
         typer.Option("--json", metavar="FILE", help="Write every row as JSON; - writes to standard output."),
     ] = None,
+    markdown: Annotated[
+        str | None,
+        typer.Option("--markdown", metavar="FILE", help="Write a summary and all misses as Markdown."),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite a file that exists.")] = False,
 ) -> None:
     """Hold eclsim against the published code, other solvers, bench data and patients.
@@ -42,8 +48,8 @@ def validate(
     Rows that miss are shown, also where it is known why. Exit status: 0 all bars hold, 1 a row misses its
     bar, 2 bad input. Comparisons with measurements of devices and patients are shown and fail nothing.
     """
-    from eclsim.cli.json_option import json_destination
     from eclsim.cli.messages import SOME_DID_NOT_CONVERGE, fail
+    from eclsim.cli.output_option import destination
     from eclsim.parameters import did_you_mean
 
     wrong = [name for name in only or [] if name not in PARTS.split()]
@@ -55,18 +61,29 @@ def validate(
         )
     if quick and full:
         fail("--quick and --full exclude each other")
-    target = json_destination(json_file, force)
-    checks = _run(_effort(quick, full), only or [], every_row, quiet=target == "-")
-    if target is not None:
-        from eclsim.report.plain_json import write_plain
-        from eclsim.report.validation_json import validation_object
-
-        write_plain(validation_object(checks), target)
+    target = destination("--json", json_file, force)
+    page = destination("--markdown", markdown, force)
+    if target is not None and target == page:
+        fail(f"--json and --markdown name the same file: {target}")
+    quiet = "-" in (target, page)
+    checks = _run(_effort(quick, full), only or [], every_row, quiet)
+    _write(checks, target, page)
     missed = [check for check in checks if check.required and not check.holds]
-    if target != "-":
+    if not quiet:
         typer.echo("\n" + _verdict(checks, missed))
     if missed:
         raise typer.Exit(SOME_DID_NOT_CONVERGE)
+
+
+def _write(checks: list[Check], target: Path | str | None, page: Path | str | None) -> None:
+    from eclsim.report.plain_json import write_plain, write_text
+    from eclsim.report.validation_json import validation_object
+    from eclsim.report.validation_markdown import validation_markdown
+
+    if target is not None:
+        write_plain(validation_object(checks), target)
+    if page is not None:
+        write_text(validation_markdown(checks), page)
 
 
 def _effort(quick: bool, full: bool) -> Effort:

@@ -1,4 +1,4 @@
-"""Plain data as JSON, to a file that appears whole or not at all, or to standard output."""
+"""Plain data as JSON, and text, to a file that appears whole or not at all, or to standard output."""
 
 from __future__ import annotations
 
@@ -12,7 +12,11 @@ from eclsim.report.files import whole_file
 
 def write_plain(data: Any, destination: Path | str) -> None:
     """Write numbers, texts, lists and dictionaries; "-" is standard output."""
-    text = json.dumps(data, indent=1, allow_nan=False) + "\n"
+    write_text(json.dumps(data, indent=1, allow_nan=False) + "\n", destination)
+
+
+def write_text(text: str, destination: Path | str) -> None:
+    """Write a text; "-" is standard output."""
     if destination == "-":
         sys.stdout.write(text)
         sys.stdout.flush()

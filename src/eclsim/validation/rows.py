@@ -48,11 +48,15 @@ class Row:
         """Share of the tolerance that the error takes; 1 at the limit."""
         if not math.isfinite(self.got):
             return math.inf
-        middle = 0.5 * (self.low + self.high) if self.expected is None else self.expected
-        if not math.isfinite(middle):
-            return 0.0 if self.holds else math.inf
-        room = (self.high if self.got >= middle else self.low) - middle
-        return abs(self.got - middle) / abs(room) if room else (0.0 if self.got == middle else math.inf)
+        if self.expected is not None:
+            room = self.high - self.expected if self.got >= self.expected else self.expected - self.low
+            distance = abs(self.got - self.expected)
+        elif self.low == 0.0 or math.isinf(self.high):
+            room, distance = (self.high, self.got) if self.low == 0.0 else (self.got, self.low)
+        else:
+            middle = 0.5 * (self.low + self.high)
+            room, distance = self.high - middle, abs(self.got - middle)
+        return distance / room if room > 0.0 else (0.0 if distance == 0.0 else math.inf)
 
 
 def near(

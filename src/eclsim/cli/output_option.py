@@ -1,0 +1,26 @@
+"""Options such as `--json FILE|-` of commands that write nothing else."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from eclsim.cli.messages import fail
+
+
+def destination(option: str, written: str | None, force: bool) -> Path | str | None:
+    """Checked before anything is computed: a file to write, "-" for standard output, or None."""
+    if written is None or written == "-":
+        return written
+    path = Path(written)
+    if not written.strip():
+        fail(f"{option}: an empty name")
+    if path.is_dir():
+        fail(f"{option} {path}: a folder; a file name belongs here")
+    if not path.parent.is_dir():
+        fail(f"{option} {path}: the folder {path.parent} does not exist")
+    if path.exists() and not force:
+        fail(f"{option} {path}: exists already; --force overwrites it")
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        fail(f"{option} {path}: no permission to write to the folder {path.parent}")
+    return path
