@@ -129,7 +129,11 @@ class Store:
             inputs = {i.name: i.table_column(unit[:, k]) for k, i in enumerate(self.design.inputs)}
             outputs = {name: found.values[:, k] for k, name in enumerate(self.outputs)}
             self._write(self.folder / SAMPLES, inputs | outputs | _columns_about(found), rows)
-        for path in [*self._blocks.glob("block-*.parquet"), *self._blocks.glob(".eclsim-*")]:
+        for path in [
+            *self._blocks.glob("block-*.parquet"),
+            *self._blocks.glob(".eclsim-*"),
+            *self.folder.glob(".eclsim-*"),
+        ]:
             path.unlink(missing_ok=True)
         if self._blocks.is_dir() and not any(self._blocks.iterdir()):
             self._blocks.rmdir()
