@@ -63,6 +63,13 @@ def crrt_study(
             "and the patient keeps the stressed volume; both: side by side.",
         ),
     ] = "both",
+    posterior: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE.csv",
+            help="Samples of the patient's parameters, a column each: tells how surely limits are kept.",
+        ),
+    ] = None,
     out: Annotated[
         str | None,
         typer.Option(
@@ -85,7 +92,7 @@ def crrt_study(
     from eclsim.cli.messages import SOME_DID_NOT_CONVERGE, warn
 
     case = cases.read_all([case_file], settings or [])[0].case
-    _check(case, schemes, scheme_h, speeds, crrt_flow)
+    samples = _check(case, schemes, scheme_h, speeds, crrt_flow, posterior)
     planned, folder = _plan(case_file, case, out, json_file, force)
     study = _compute(
         case,
@@ -94,6 +101,7 @@ def crrt_study(
         speeds=speeds,
         crrt_flow_ml_min=crrt_flow,
         volume_policy=volume_policy,
+        samples=samples,
     )
     _write(study, planned, folder)
     if not study.converged:
@@ -101,14 +109,17 @@ def crrt_study(
         raise typer.Exit(SOME_DID_NOT_CONVERGE)
 
 
-def _check(case: Case, schemes: str, scheme_h: str, speeds: str, flow: float | None) -> None:
-    """Everything that can be wrong, told at once and before anything is computed."""
+def _check(
+    case: Case, schemes: str, scheme_h: str, speeds: str, flow: float | None, posterior: str | None
+) -> dict[str, list[float]] | None:
+    """Everything that can be wrong, told at once and before anything is computed; the samples if any."""
     from eclsim.cli.messages import fail
     from eclsim.studies.crrt_schemes import select_schemes
     from eclsim.studies.crrt_settings import case_speed, crrt_flow
+    from eclsim.studies.posterior_samples import read_samples
     from eclsim.studies.speed_range import parse_speeds
 
-    wrong = []
+    wrong, samples = [], None
     checks = (
         ("--schemes ", lambda: select_schemes(schemes, scheme_h)),
         ("--speeds ", lambda: parse_speeds(speeds)),
@@ -120,8 +131,13 @@ def _check(case: Case, schemes: str, scheme_h: str, speeds: str, flow: float | N
             check()
         except ValueError as error:
             wrong.append(f"{option}{error}")
+    try:
+        samples = None if posterior is None else read_samples(posterior)
+    except ValueError as error:
+        wrong.append(f"--posterior {error}")
     if wrong:
         fail(*wrong)
+    return samples
 
 
 def _plan(

@@ -75,6 +75,7 @@ def _pieces(study: CrrtStudy, drawings: Mapping[str, str]) -> Iterator[str]:
         drawings["limits"], f"ECMO flow at which each limit is reached; {POLICY_WORDS[main]}.", "limits"
     )
     yield _limits_table(study)
+    yield from _uncertainty(study)
     yield from _volume(study, drawings)
     yield heading("What was assumed")
     yield bullets(_assumptions(study))
@@ -199,6 +200,32 @@ def _limits_table(study: CrrtStudy) -> str:
         "Largest ECMO flow [L/min] that keeps each limit; +: kept up to the largest flow studied."
     )
     return said + table([h.replace("-", "−") for h in head], rows, numeric=range(1, len(head)))
+
+
+def _uncertainty(study: CrrtStudy) -> Iterator[str]:
+    found = study.uncertainty
+    if found is None:
+        return
+    rows = []
+    for ranked in study.ranking[study.policies[0]]:
+        one = found.sel(scheme=ranked.letter)
+        spread = []
+        for name in ("Psart", "Pcrrttuin", "Pcrrttuout"):
+            low, middle, high = (number(v, 0) for v in one[f"{name}_quantiles"].values)
+            spread.append(f"{middle} ({low} to {high})")
+        kept = [
+            f"{number(100.0 * one['probability_kept'].sel(limit=k).item(), 0)} %"
+            for k in ("access_alarm", "return_alarm", "access_190", "crrt")
+        ]
+        rows.append([ranked.letter, *spread, *kept])
+    yield heading("How sure this is")
+    yield paragraph(
+        f"{found.attrs['samples']} samples of the patient's parameters at {study.case_speed:.0f} rpm: median "
+        "and 5th to 95th percentile of the means, and the share of the samples in which each limit is kept."
+    )
+    head = ["Scheme", "Arterial [mmHg]", "Access [mmHg]", "Return [mmHg]"]
+    head += ["Access alarms kept", "Return alarms kept", "Access ≤ 190 mmHg", "All of the CRRT lines"]
+    yield table(head, rows, numeric=range(1, len(head)))
 
 
 def _volume(study: CrrtStudy, drawings: Mapping[str, str]) -> Iterator[str]:

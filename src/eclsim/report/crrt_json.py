@@ -29,7 +29,7 @@ def study_object(study: CrrtStudy) -> dict[str, Any]:
         "converged": study.converged,
         "crrt_flow_ml_min": study.crrt_flow_ml_min,
         "policies": {policy: _policy(study, policy) for policy in study.policies},
-    }
+    } | ({} if study.uncertainty is None else {"uncertainty": _uncertainty(study.uncertainty)})
 
 
 def _policy(study: CrrtStudy, policy: str) -> dict[str, Any]:
@@ -116,6 +116,21 @@ def _limits(study: CrrtStudy, policy: str) -> dict[str, Any]:
                 "margin_mmhg": number(one["margin"]),
             }
     return {"definitions": definitions, "schemes": schemes}
+
+
+def _uncertainty(found: xr.Dataset) -> dict[str, Any]:
+    names = [str(name) for name in found.data_vars if str(name).endswith("_quantiles")]
+    schemes = {}
+    for letter in found["scheme"].values.astype(str):
+        one = found.sel(scheme=letter)
+        kept = {str(k): number(one["probability_kept"].sel(limit=k)) for k in found["limit"].values}
+        spread = {n.removesuffix("_quantiles"): [number(v) for v in one[n].values] for n in names}
+        schemes[letter] = {"probability_kept": kept, "quantiles": spread, "settled": number(one["settled"])}
+    return {
+        **{str(k): v for k, v in found.attrs.items()},
+        "quantiles": [float(q) for q in found["quantile"].values],
+        "schemes": schemes,
+    }
 
 
 def _split(one: xr.Dataset) -> dict[str, Any]:

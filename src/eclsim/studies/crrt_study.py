@@ -5,7 +5,7 @@ Section 3.3 of Thiel et al. 2025 for any patient on ECMO with a rotary pump, und
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -41,6 +41,7 @@ class CrrtStudy:
         uptake: differences at the case's speed, split into blood taken up and flow; None unless the published
             policy was studied.
         ranking: schemes from best to worst, by policy.
+        uncertainty: how surely each scheme keeps its limits; None unless samples were given.
     """
 
     case: Case
@@ -54,6 +55,7 @@ class CrrtStudy:
     limits: xr.Dataset
     uptake: xr.Dataset | None
     ranking: dict[str, tuple[Ranked, ...]]
+    uncertainty: xr.Dataset | None = None
 
     @property
     def policies(self) -> tuple[str, ...]:
@@ -74,6 +76,7 @@ def crrt_study(
     crrt_flow_ml_min: float | None = None,
     volume_policy: str = BOTH,
     scheme_h: str = PUBLISHED,
+    samples: Mapping[str, Sequence[float]] | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> CrrtStudy:
     """Run the study for one case.
@@ -85,6 +88,8 @@ def crrt_study(
         crrt_flow_ml_min: blood flow of the CRRT; left out, the case's own, else 200 mL/min.
         volume_policy: "as_published", "patient_held" or "both".
         scheme_h: "published" or "figure", see `SCHEME_H`.
+        samples: values by parameter, one per sample of the patient's posterior; the limits are then held
+            against each, at the case's speed and the first policy.
         progress: is told what is being computed.
 
     Raises:
@@ -97,6 +102,7 @@ def crrt_study(
     from eclsim.studies.crrt_limits import largest_flows
     from eclsim.studies.crrt_ranking import rank
     from eclsim.studies.crrt_statistics import summarise
+    from eclsim.studies.crrt_uncertainty import uncertainty
     from eclsim.studies.crrt_uptake import split_differences
 
     chosen, policies = select_schemes(schemes, scheme_h), policies_of(volume_policy)
@@ -116,6 +122,10 @@ def crrt_study(
         uptake = split_differences(
             bench, runs[first], bench.run_without(np.array([own]), AS_PUBLISHED), at, own
         )
+    doubt = None
+    if samples:
+        progress("samples of the patient's parameters")
+        doubt = uncertainty(bench, own, policies[0], samples)
     progress("limits and ranking")
     means = crrt_datasets.means(bench, runs, alone, policies, rpm)
     limits = largest_flows(means, own)
@@ -125,5 +135,5 @@ def crrt_study(
     }
     return CrrtStudy(
         case, chosen, own, flow, means, crrt_datasets.without(alone, policies, rpm),
-        crrt_datasets.waveforms(bench, runs, policies), summarise(means), limits, uptake, ranking,
+        crrt_datasets.waveforms(bench, runs, policies), summarise(means), limits, uptake, ranking, doubt,
     )  # fmt: skip
