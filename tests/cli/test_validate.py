@@ -15,8 +15,9 @@ def checks(monkeypatch):
     shown = Check("shown", "Measurements", "none", (near("d", 1.0, 2.0, 0.1),), required=False)
     asked = []
 
-    def run(effort, parts):
+    def run(effort, parts, announce):
         asked.append((effort, list(parts)))
+        announce("this part")
         yield from ([good, shown, bad] if "gradients" in parts else [good, shown])
 
     monkeypatch.setattr("eclsim.validation.suite.run", run)
@@ -30,6 +31,7 @@ def test_rows_are_shown_with_error_and_verdict(shell, checks):
     assert ["a", "100", "100.5", "mmHg", "+0.50", "%", "ok"] in lines
     assert ["d", "1", "2", "1", "+100.00", "%", "MISS"] in lines
     assert "All bars hold." in done.stdout
+    assert done.stderr == "running: this part\n"
 
 
 def test_a_missed_bar_is_named_and_ends_with_status_1(shell, checks):

@@ -93,10 +93,11 @@ def _effort(quick: bool, full: bool) -> Effort:
 
 
 def _run(effort: Effort, parts: list[str], every_row: bool, quiet: bool) -> list[Check]:
+    from eclsim.cli.messages import say
     from eclsim.validation import suite
 
     checks = []
-    for check in suite.run(effort, parts):
+    for check in suite.run(effort, parts, lambda part: say(f"running: {part}")):
         checks.append(check)
         if not quiet:
             typer.echo(table(check, every_row))

@@ -90,9 +90,18 @@ PARTS: dict[str, Callable[[Effort], list[Check]]] = {
 """Parts of the validation by the name that `--only` takes."""
 
 
-def run(effort: Effort, parts: Sequence[str] = ()) -> Iterator[Check]:
-    """The checks of some parts, or of all, each as soon as it is done."""
+def run(
+    effort: Effort, parts: Sequence[str] = (), announce: Callable[[str], None] = lambda _: None
+) -> Iterator[Check]:
+    """The checks of some parts, or of all, each as soon as it is done.
+
+    Args:
+        effort: how much to compute.
+        parts: names of `PARTS`; left out, all.
+        announce: is told the name of each part before it starts.
+    """
     for name in parts or PARTS:
+        announce(name)
         start = time.perf_counter()
         found = PARTS[name](effort)
         share = (time.perf_counter() - start) / max(len(found), 1)
