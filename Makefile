@@ -43,8 +43,9 @@ setup: $(STAMPS)/dev $(STAMPS)/docs  ## install everything a developer needs int
 
 # --- what it is for -----------------------------------------------------------------------------
 
-demo: $(STAMPS)/core  ## simulate the built-in ECMO + CRRT patient, write figures to demo-output/
+demo: $(STAMPS)/core  ## the paper's ECMO + CRRT patient and the nine CRRT schemes, into demo-output/
 	$(BIN)/eclsim demo --out $(OUT)
+	$(BIN)/eclsim crrt-study $(OUT)/s4_crrt_g_3425.toml --volume-policy both --out $(OUT)/crrt-study --force
 
 # --- checks -------------------------------------------------------------------------------------
 
