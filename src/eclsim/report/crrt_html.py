@@ -159,7 +159,8 @@ def _means_table(study: CrrtStudy, policy: str) -> str:
 def _summary_table(study: CrrtStudy, policy: str) -> str:
     """Medians and variations over the schemes at a handful of speeds."""
     speeds = study.means["speed"].values
-    shown = speeds if len(speeds) <= 9 else speeds[:: math.ceil(len(speeds) / 8)]
+    step = math.ceil(len(speeds) / 8)
+    shown = sorted({*speeds[::step], speeds[-1]})
     names = ("PF", "Psart", "Ppart", "Psvn", "Pecmodrain", "Pcrrttuin", "Pcrrttuout")
     words = {n: w for n, w, _ in MEAN_COLUMNS}
     rows = []
