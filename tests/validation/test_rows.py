@@ -1,5 +1,7 @@
+import json
 import math
 
+import numpy as np
 import pytest
 
 from eclsim.validation.rows import Check, Row, at_least, at_most, near, worst
@@ -17,6 +19,19 @@ def test_a_row_holds_up_to_its_tolerance_on_both_sides():
 def test_a_number_that_is_none_never_holds(row: Row):
     assert not row.holds
     assert row.used == math.inf
+
+
+def test_rows_of_array_numbers_are_plain_data():
+    from eclsim.report.validation_json import validation_object
+
+    rows = (
+        near("a", np.float64(1.0), np.float64(1.0), np.float64(0.1)),
+        at_most("b", np.float64(0.0), 1.0),
+        at_least("c", np.float64(1.0), 0.5),
+    )
+    plain = json.loads(json.dumps(validation_object([Check("k", "t", "b", rows)]), allow_nan=False))
+    assert [row["holds"] for row in plain["checks"][0]["rows"]] == [True, True, True]
+    assert plain["checks"][0]["rows"][2]["high"] is None
 
 
 def test_error_is_in_percent_of_the_size_of_the_expected_number():

@@ -193,11 +193,17 @@ def _rows(found: Sweep) -> list[Row]:
 
 
 def _named(found: Sweep) -> np.ndarray:
-    """Whether `simulate` calls the first few points without ejection and steady beat what they are."""
+    """Whether `simulate` calls the first few points without ejection and steady beat what they are.
+
+    Where next to nothing flows the equation is all but singular, and one may be solved alone that was not solved
+    in the batch, whose program rounds differently.
+    """
     still = np.flatnonzero(~found.converged & ~found.ejecting)[:NAMED]
     model = configuration_model(found.name)
     results = (simulate(model.with_values({n: float(v[k]) for n, v in found.values.items()})) for k in still)
-    return np.array([result.attrs["status"] == "no_ejection" for result in results], dtype=bool)
+    return np.array(
+        [result.attrs["status"] in ("no_ejection", "converged") for result in results], dtype=bool
+    )
 
 
 def _remarks(found: Sweep) -> list[str]:

@@ -70,7 +70,7 @@ def near(
     source: str = "",
 ) -> Row:
     """A row that holds within a tolerance of the expected number."""
-    low, high = expected - tolerance, expected + tolerance
+    low, high = float(expected - tolerance), float(expected + tolerance)
     return Row(name, float(got), low, high, unit, float(expected), explanation, source)
 
 
