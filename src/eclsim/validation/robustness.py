@@ -195,8 +195,8 @@ def _rows(found: Sweep) -> list[Row]:
 def _named(found: Sweep) -> np.ndarray:
     """Whether `simulate` calls the first few points without ejection and steady beat what they are.
 
-    Where next to nothing flows the equation is all but singular, and one may be solved alone that was not solved
-    in the batch, whose program rounds differently.
+    Where next to nothing flows the equation is all but singular, and one may be solved alone that was not
+    solved in the batch, whose program rounds differently.
     """
     still = np.flatnonzero(~found.converged & ~found.ejecting)[:NAMED]
     model = configuration_model(found.name)
