@@ -22,8 +22,8 @@ ecmo = { mode = "VA", pump = "Rotaflow", speed_rpm = 3425, oxygenator = "Quadrox
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # of Dask's own clean-up, whose sockets and loops close late
 def test_dask_gives_the_identical_file(tmp_path, plan, open_store):
-    pytest.importorskip("distributed")
-    from distributed import LocalCluster
+    pytest.importorskip("dask.distributed")
+    from dask.distributed import LocalCluster
 
     run_analysis(plan, open_store(tmp_path / "here"))
     # Threads of this process: workers in processes of their own could not import this test's function.
@@ -36,7 +36,7 @@ def test_dask_gives_the_identical_file(tmp_path, plan, open_store):
 
 @pytest.mark.slow
 def test_killed_or_stopped_processes_lose_nothing(tmp_path):
-    """The real command, ended by Ctrl-C, SIGTERM and kill -9 at random moments, on one processor and on two."""
+    """The real command, ended by Ctrl-C, SIGTERM and kill -9 at random moments, on one and on two threads."""
     case = tmp_path / "case.toml"
     case.write_text(CASE)
 

@@ -28,7 +28,7 @@ def on_dask(address: str) -> Executor:
             machine.
     """
     try:
-        from distributed import Client, LocalCluster, as_completed
+        from dask.distributed import Client, LocalCluster, as_completed
     except ImportError as error:
         raise MissingDaskError from error
 
