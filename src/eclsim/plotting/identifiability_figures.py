@@ -26,21 +26,21 @@ def write_identifiability_figures(
 
 
 def plot_scaled(found: Any) -> Figure:
-    """Change of each measurement, in standard uncertainties, for a change of a parameter by 1 %."""
+    """Change of each measurement, in standard uncertainties, for a change of a parameter by 10 %."""
     order = np.argsort(-found.scaled.effect, kind="stable")
-    shown = 0.01 * found.scaled.matrix[:, order]
+    shown = 0.1 * found.scaled.matrix[:, order]
     with figure_style():
         fig = new_figure(height_mm=22 + 8.5 * len(found.scaled.outputs) + 12)
         axes = fig.add_subplot()
         top = float(np.abs(shown).max())
         image = axes.imshow(shown, cmap="PuOr", vmin=-top, vmax=top, aspect="auto")
         for (i, j), value in np.ndenumerate(shown):
-            if abs(value) >= 0.005:
-                text = f"{value:+.2f}".replace("0.", ".")
+            if abs(value) >= 0.05:
+                text = f"{value:+.1f}"
                 colour = "white" if abs(value) > 0.6 * top else "black"
                 axes.text(j, i, text, ha="center", va="center", fontsize=5, color=colour)
         _ticks(axes, [found.scaled.parameters[k] for k in order], found.scaled.outputs)
-        fig.colorbar(image, ax=axes, label="uncertainties per 1 %", fraction=0.05, pad=0.01)
+        fig.colorbar(image, ax=axes, label="uncertainties per 10 %", fraction=0.05, pad=0.01)
     return fig
 
 
@@ -114,7 +114,7 @@ def plot_fisher(found: Any) -> Figure:
             if abs(value) >= 0.1:
                 colour = "white" if abs(value) > 0.6 else "black"
                 axes.text(j, i, f"{value:+.2f}", ha="center", va="center", fontsize=6, color=colour)
-        labels = [f"{k + 1}: ± {e:.2g} %" if e < 1e4 else f"{k + 1}: unknown" for k, e in enumerate(errors)]
+        labels = [f"{k + 1}: ± {e:.0f} %" if e < 1e4 else f"{k + 1}: unknown" for k, e in enumerate(errors)]
         _ticks(axes, names, labels)
         axes.set_ylabel("combination: standard error")
         fig.colorbar(image, ax=axes, label="share of the parameter", fraction=0.05, pad=0.01)
