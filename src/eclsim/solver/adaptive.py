@@ -7,6 +7,7 @@ Source of the method: Prince and Dormand 1981, doi 10.1016/0771-050X(81)90010-3,
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -26,6 +27,7 @@ from eclsim.solver.steady import start_state
 
 MOST_STEPS = 100_000
 """Steps of one stretch of a beat; a healthy beat takes about a thousand."""
+WINDOW = 20
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,9 @@ class AdaptiveOptions:
     Args:
         tolerance: relative and absolute tolerance of a step [mL, mL/s].
         change: the beat is steady once no state changes by more than this, relative to max(|state|, 1), over
-            two beats in a row; at a tolerance of 1e-8 the beat map repeats to about 1e-7.
+            two beats in a row; at a tolerance of 1e-8 the beat map repeats to about 1e-7. Where valves hang
+            half open it repeats to 1e-5 only; then the means of `WINDOW` beats must agree as well as they
+            would if each beat changed by half of this.
         seconds: simulated time to wait for it at most [s].
     """
 
@@ -146,7 +150,10 @@ class AdaptiveBeats:
         """States at increasing phases, the first of them where `state` stands; shape (phases, states)."""
         found = [np.asarray(state)]
         for start, end in pairwise(phases):
-            found.append(np.asarray(self.program.advance(found[-1], self.packed, start, end)))
+            # A state that is no number any more would cost the most steps and stay so.
+            lost = not np.isfinite(found[-1]).all()
+            after = found[-1] if lost else self.program.advance(found[-1], self.packed, start, end)
+            found.append(np.asarray(after))
         return np.stack(found)
 
     def record(
@@ -167,7 +174,7 @@ class AdaptiveBeats:
         own = np.array([c.group == "patient" for c in self.model.circuit.compartments])
         state = start_state(self.model)
         held = state[: len(own)][own].sum()
-        change, drift, calm = np.inf, np.inf, 0
+        change, drift, calm, last = np.inf, np.inf, 0, deque([state], maxlen=2 * WINDOW)
         most = int(np.ceil(self.options.seconds * self.model.values[HEART_RATE] / 60.0))
         for count in range(1, most + 1):
             after = self.beat(state).copy()
@@ -176,7 +183,18 @@ class AdaptiveBeats:
             change = float(np.max(np.abs(after - state) / np.maximum(np.abs(state), 1.0)))
             drift = float(np.max(np.abs(after - state)[: len(own)]))
             state = after
+            last.append(state)
             calm = calm + 1 if change <= self.options.change else 0
-            if calm == 2 or not np.isfinite(change):
-                return Waited(state, count, change, drift, calm == 2)
+            steady = calm == 2 or _hovers(last, 0.5 * self.options.change)
+            if steady or not np.isfinite(change):
+                return Waited(state, count, change, drift, steady)
         return Waited(state, most, change, drift, False)
+
+
+def _hovers(last: deque[np.ndarray], change: float) -> bool:
+    """Whether the states of the last beats move about a mean that itself stays."""
+    if len(last) < 2 * WINDOW:
+        return False
+    states = np.stack(last)
+    before, after = states[:WINDOW].mean(axis=0), states[WINDOW:].mean(axis=0)
+    return bool(np.max(np.abs(after - before) / np.maximum(np.abs(after), 1.0)) <= WINDOW * change)
