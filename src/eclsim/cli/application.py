@@ -18,6 +18,7 @@ from eclsim.cli import (
     demo,
     devices,
     identifiability,
+    identify,
     parameters,
     reproduce,
     sensitivity,
@@ -52,6 +53,7 @@ app.command("sensitivity", short_help="Sobol indices: what the outputs of a case
 app.command("identifiability", short_help="Which parameters measurements can tell apart.")(
     identifiability.identifiability
 )
+app.command("identify", short_help="Fit a patient's own model to what was measured.")(identify.identify)
 app.add_typer(parameters.app, name="parameters", short_help="List, explain and export parameters.")
 app.command("devices", short_help="List devices and their ranges, or explain one.")(devices.devices)
 app.command("demo", short_help="Simulate the paper's patient, with figures and its numbers.")(demo.demo)

@@ -1,0 +1,84 @@
+"""`eclsim identify`: fit a patient's own model, or a cohort's, to what was measured."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import typer
+
+VolumePolicy = Literal["as_published", "patient_held"]
+Weights = Literal["relative", "uncertainty"]
+
+
+def identify(
+    file: Annotated[
+        str,
+        typer.Argument(metavar="CASE.toml|COHORT.csv", help="A case with measurements, or a table of them."),
+    ],
+    out: Annotated[
+        str,
+        typer.Option("--out", metavar="DIR", help="Write fitted case files, tables, JSON and figures here."),
+    ],
+    parameters: Annotated[
+        str | None,
+        typer.Option(
+            "--parameters",
+            "--free",
+            metavar="NAMES",
+            help="Free parameters; left out, the paper's Csart,Edla,Emaxlv,Emaxrv,Rmc,Rpmc,Rsvn.",
+        ),
+    ] = None,
+    bounds: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME=LOWER:UPPER,...",
+            help="Bounds in the parameter's unit; equal ones fix it. Default: the start value / 10 to * 10.",
+        ),
+    ] = None,
+    weights: Annotated[
+        Weights,
+        typer.Option(
+            help="What a difference is divided by: the measured value (as in the paper), or its uncertainty."
+        ),
+    ] = "relative",
+    uncertainty: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME=VALUE,...",
+            help="Standard uncertainties: SP=4,CO=10% [mmHg, L/min or %]. They give the intervals and, "
+            "if chosen, the weights. Defaults: SP=4,DP=4,MAP=3,MPAP=2,PCWP=2 mmHg, CO=10 %, PF=5 %.",
+        ),
+    ] = None,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Of the explored points; the same seed, the same result.")
+    ] = 0,
+    json_file: Annotated[
+        str | None,
+        typer.Option("--json", metavar="FILE", help="Write the JSON here too; - for standard output."),
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="KEY=VALUE", help="Value that wins over the case file. May be repeated."
+        ),
+    ] = None,
+    volume_policy: Annotated[
+        VolumePolicy, typer.Option(help="Who fills the circuits, see `eclsim simulate --help`.")
+    ] = "as_published",
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with a cohort that was stopped.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")] = False,
+) -> None:
+    """Fit parameters to measurements: multi-start least squares with exact derivatives.
+
+    Explores 1,000 sets of parameters for each free one, refines the best until the optimum has been found
+    again ten times, and says how far each parameter can be relied on. A cohort has a row for each data
+    point; a bad row stops no other. Exit status: 0 all fitted, 1 some were not, 2 bad input.
+    """  # fmt: skip
+    from eclsim.cli.identify_run import Request, run
+
+    run(
+        Request(
+            file, out, parameters, bounds, weights, uncertainty, seed, json_file, tuple(settings or ()),
+            volume_policy, resume, force,
+        )
+    )  # fmt: skip

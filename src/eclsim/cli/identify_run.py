@@ -1,0 +1,245 @@
+"""What `eclsim identify` does with its options."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import typer
+
+from eclsim.cli.messages import SOME_DID_NOT_CONVERGE, fail, say, warn
+
+if TYPE_CHECKING:
+    from eclsim.studies.fit_settings import FitSettings
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """The options of the command, as they were written."""
+
+    file: str
+    out: str
+    parameters: str | None
+    bounds: str | None
+    weights: Literal["relative", "uncertainty"]
+    uncertainty: str | None
+    seed: int
+    json: str | None
+    settings: tuple[str, ...]
+    policy: str
+    resume: bool
+    force: bool
+
+
+def run(request: Request) -> None:
+    """Fit, write, show."""
+    cohort = Path(request.file).suffix.lower() in (".csv", ".tsv")
+    _check_destinations(request, cohort)
+    _one_cohort(request) if cohort else _one_case(request)
+
+
+def _check_destinations(request: Request, cohort: bool) -> None:
+    from eclsim.cli.output_option import destination
+
+    destination("--json", request.json, request.force)
+    folder = Path(request.out)
+    if not request.out.strip():
+        fail("--out: an empty name")
+    if folder.exists() and not folder.is_dir():
+        fail(f"--out {folder}: a file; a folder belongs here")
+    if not folder.exists() and not folder.absolute().parent.is_dir():
+        fail(f"--out {folder}: the folder {folder.parent} does not exist")
+    if (folder / "identification.json").exists() and not (request.force or request.resume):
+        fail(f"--out {folder}: holds identification.json; --force overwrites it")
+    if cohort and request.settings:
+        fail("--set: for case files; change the table of a cohort instead")
+    if not cohort and request.resume:
+        fail("--resume: for cohorts; a case is fitted in one go")
+
+
+def _settings(request: Request) -> FitSettings:
+    from eclsim.identification.multi_start import MultiStart
+    from eclsim.parameters.identification import BOUNDS
+    from eclsim.sensitivity.case_inputs import InputError
+    from eclsim.sensitivity.uncertainties import DEFAULTS, read_uncertainties
+    from eclsim.studies.fit_settings import FitSettings, parameter_names, read_bounds
+
+    wrong: list[str] = []
+    uncertainties, bounds = {}, {}
+    try:
+        uncertainties = read_uncertainties(request.uncertainty or "")
+    except InputError as error:
+        wrong += error.mistakes
+    allowed = ", ".join(DEFAULTS)
+    wrong += [
+        f"--uncertainty {n}: no measurement; allowed: {allowed}" for n in uncertainties if n not in DEFAULTS
+    ]
+    try:
+        bounds = read_bounds(request.bounds or "")
+    except ValueError as error:
+        wrong += str(error).splitlines()
+    names = tuple(BOUNDS) if request.parameters is None else tuple(parameter_names(request.parameters))
+    if not names:
+        wrong.append("--parameters: no names")
+    if wrong:
+        fail(*wrong)
+    search = MultiStart(seed=request.seed)
+    return FitSettings(names, bounds, request.weights, uncertainties, search, request.policy)
+
+
+def _one_case(request: Request) -> None:
+    from eclsim.cli.cases import read_all
+    from eclsim.studies.fit_settings import checked_fit
+
+    (reading,) = read_all([request.file], request.settings)
+    settings = _settings(request)
+    checked = checked_fit(reading.case, settings)
+    if checked.mistakes:
+        fail(*(m.at(request.file, None) for m in checked.mistakes))
+    warn(checked.warnings)
+    warn([note for note in checked.notes if note.key in checked.fixed], "note")
+
+    from eclsim.report.identification_files import (
+        fits_object,
+        write_fit_figures,
+        write_fits,
+        write_fitted_case,
+    )
+    from eclsim.studies.identification import fit_case
+
+    fit = fit_case(reading.case, settings, _progress())
+    content = fits_object([fit.as_object()], settings.as_object())
+    folder = Path(request.out)
+    folder.mkdir(exist_ok=True)
+    (folder / "cases").mkdir(exist_ok=True)
+    if fit.parameters and fit.simulated:
+        path = write_fitted_case(folder / "cases", fit)
+        write_fit_figures(folder / "figures", fit)
+        say(f"fitted case: {path}")
+    write_fits(folder, content)
+    _hand_out(request, content)
+    _leave(content["points"], ())
+
+
+def _one_cohort(request: Request) -> None:
+    from eclsim.patients.cohort import read_cohort
+    from eclsim.patients.cohort_table import digest_of
+    from eclsim.patients.mistakes import CaseError
+
+    try:
+        reading = read_cohort(request.file)
+    except CaseError as error:
+        fail(*error.mistakes)
+    settings = _settings(request)
+    for mistake in reading.refused:
+        say(f"refused: {mistake}")
+    warn(reading.warnings)
+    warn(reading.notes, "note")
+    if not reading.points:
+        fail(f"{request.file}: no row can be used")
+    _check_points(reading.points, settings, request.file)
+
+    from eclsim.report.identification_files import fits_object, write_cohort_figures, write_fits
+    from eclsim.studies.cohort_fit import FitStore, StoreError, fit_cohort
+
+    store = FitStore(Path(request.out), reading.digest, settings)
+    try:
+        store.open(request.resume, request.force)
+        results = fit_cohort(reading.points, settings, store, _progress())
+    except StoreError as error:
+        fail(error)
+    content = fits_object(results, settings.as_object(), reading.refused)
+    write_fits(Path(request.out), content)
+    write_cohort_figures(Path(request.out) / "figures", content)
+    _hand_out(request, content)
+    changed = digest_of(request.file) != reading.digest
+    if changed:
+        say(f"error: {request.file}: changed or deleted meanwhile; these are results of the file as it was")
+    _leave(content["points"], [*reading.refused, *([request.file] if changed else [])])
+
+
+def _check_points(points: Sequence[Any], settings: FitSettings, file: str) -> None:
+    """Bounds and free parameters are the same for all points, so a mistake in them stops the run."""
+    from eclsim.studies.fit_settings import checked_fit
+
+    said: dict[str, None] = {}
+    for point in points:
+        checked = checked_fit(point.case, settings)
+        if checked.mistakes:
+            fail(*checked.mistakes)
+        said |= dict.fromkeys(str(w.at(file, point.line)) for w in checked.warnings)
+    warn(said)
+
+
+def _progress() -> Any:
+    """Says on a terminal what is being done."""
+    if not sys.stderr.isatty():
+        return None
+    return lambda text: sys.stderr.write(f"\r\x1b[K{text}")
+
+
+def _hand_out(request: Request, content: Mapping[str, Any]) -> None:
+    from eclsim.report.plain_json import write_plain
+
+    if sys.stderr.isatty():
+        sys.stderr.write("\r\x1b[K")
+    if request.json == "-":
+        write_plain(content, "-")
+        return
+    if request.json is not None:
+        write_plain(content, Path(request.json))
+    points = content["points"]
+    typer.echo(_one_table(points[0]) if len(points) == 1 else _many_table(points))
+    for kind, value in content["r2"].items():
+        if value is not None and len(points) > 1:
+            typer.echo(f"R2 of {kind}: {value:.4f}")
+
+
+def _one_table(point: Mapping[str, Any]) -> str:
+    from eclsim.cli.tables import columns
+    from eclsim.parameters import thiel2025
+
+    outputs = [(n, _text(c["measured"]), _text(c["simulated"])) for n, c in point["outputs"].items()]
+    rows = [
+        (n, _text(p["value"]), _text(p["lower"]), _text(p["upper"]), thiel2025.PARAMETERS[n].unit,
+         "yes" if p["identifiable"] else "no: " + p["reason"])
+        for n, p in point["parameters"].items()
+    ]  # fmt: skip
+    head = ("parameter", "value", "5 %", "95 %", "unit", "determined by the measurements")
+    share = f"{point['starts_agreeing']} of {point['starts_refined']} starts agree"
+    return "\n".join(
+        (
+            f"{point['id']}: {point['message']} ({share}, {point['seconds']:.1f} s)",
+            f"Sum of squared residuals: {_text(point['cost'])}",
+            columns(("output", "measured", "fitted"), outputs, numeric=(1, 2)),
+            "",
+            columns(head, rows, numeric=(1, 2, 3)),
+        )
+    )
+
+
+def _many_table(points: Sequence[Mapping[str, Any]]) -> str:
+    from eclsim.cli.tables import columns
+
+    names = list(dict.fromkeys(n for p in points for n in p["parameters"]))
+    rows = []
+    for p in points:
+        values = [
+            _text(p["parameters"][n]["value"]) + ("*" if p["parameters"][n]["at_bound"] else "")
+            for n in names
+        ]
+        rows.append((p["id"], _text(p["cost"]), *values, str(p["starts_agreeing"]), p["status"]))
+    head = ("id", "cost", *names, "agree", "status")
+    return columns(head, rows, numeric=range(1, len(head) - 1)) + "\n* at a bound"
+
+
+def _text(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4g}"
+
+
+def _leave(points: Sequence[Mapping[str, Any]], refused: Sequence[object]) -> None:
+    if refused or any(p["status"] != "fitted" for p in points):
+        raise SystemExit(SOME_DID_NOT_CONVERGE)

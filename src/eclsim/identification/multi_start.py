@@ -1,0 +1,259 @@
+"""TikTak multi-start: explore widely, refine the best, mix each start with the best found so far.
+
+Arnoud, Guvenen and Kleineberg 2019, Benchmarking global optimizers, doi 10.3386/w26340. Starts are refined
+in rounds side by side, so "the best so far" is that of the rounds before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+
+from eclsim.identification.least_squares import EXACT, Ending, Refined, refine
+from eclsim.identification.objective import Box, Objective
+from eclsim.solver.orbit import OrbitOptions
+
+EXPLORING = OrbitOptions(tolerance=1e-3, error_tolerance=1e-2, newton_iterations=0)
+"""Enough to rank points: outputs differ from those of the exact orbit by 1e-7 (median)."""
+SAME_COST = 1e-3
+SAME_FIT = 1e-3
+NEXT_TO_NOTHING = 1e-8
+"""Sum of squares below which a fit is perfect."""
+LARGEST_WEIGHT = 0.995
+
+
+class FitStatus(StrEnum):
+    """How a fit ended."""
+
+    FITTED = "fitted"
+    NOT_SETTLED = "not_settled"
+    NO_STEADY_BEAT = "no_steady_beat"
+
+    @property
+    def message(self) -> str:
+        """What it means and what to do."""
+        return _MESSAGES[self]
+
+
+_MESSAGES = {
+    FitStatus.FITTED: "optimum found",
+    FitStatus.NOT_SETTLED: "the best start was still improving; take it as a lower bound of what is possible",
+    FitStatus.NO_STEADY_BEAT: (
+        "no explored set of parameters has a steady heartbeat: check heart rate, devices and fixed parameters"
+    ),
+}
+
+
+@dataclass(frozen=True)
+class MultiStart:
+    """How widely to look.
+
+    Args:
+        points_per_parameter: explored points for each free parameter.
+        refined_share: share of them that is refined at most.
+        round_size: starts refined side by side.
+        rediscoveries: enough if the best optimum has been found so many times again.
+        seed: of the Sobol sequence.
+    """
+
+    points_per_parameter: int = 1000
+    refined_share: float = 0.01
+    round_size: int = 10
+    rediscoveries: int = 10
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Starts:
+    """Every start that was refined, in order, shape (starts, ...).
+
+    Args:
+        begin: logarithms of the parameters where it began.
+        end: and where it ended.
+        first_costs: sum of squares where it began.
+        last_costs: and where it ended.
+        agreeing: whether it ended in the best optimum.
+    """
+
+    begin: np.ndarray
+    end: np.ndarray
+    first_costs: np.ndarray
+    last_costs: np.ndarray
+    agreeing: np.ndarray
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """The best fit of one data point.
+
+    Args:
+        x: logarithms of the parameters; NaN if there is none.
+        outputs: of the model, in the order of the objective.
+        cost: sum of squared residuals.
+        jacobian: d output / d log parameter, shape (outputs, parameters).
+        starts: all that were refined.
+        explored: points explored.
+        dropped: of these without a steady beat.
+        status: how it ended.
+    """
+
+    x: np.ndarray
+    outputs: np.ndarray
+    cost: float
+    jacobian: np.ndarray
+    starts: Starts
+    explored: int
+    dropped: int
+    status: FitStatus
+
+    @property
+    def agreeing(self) -> int:
+        """Number of starts that ended here."""
+        return int(self.starts.agreeing.sum())
+
+
+@dataclass
+class _Candidates:
+    """Starts of one data point, best first, and what became of those refined."""
+
+    x: np.ndarray
+    costs: np.ndarray
+    explored: int
+    dropped: int
+    begin: list[np.ndarray] = field(default_factory=list)
+    first_costs: list[float] = field(default_factory=list)
+    refined: list[Refined] = field(default_factory=list)
+
+    def so_far(self) -> Refined:
+        """All refined starts."""
+        names = vars(self.refined[0])
+        return Refined(**{n: np.concatenate([getattr(r, n) for r in self.refined]) for n in names})
+
+
+def identify(
+    objective: Objective,
+    box: Box,
+    settings: MultiStart | None = None,
+    report: Callable[[str], None] | None = None,
+) -> list[Optimum]:
+    """Fit every data point of an objective; points do not influence each other.
+
+    Args:
+        objective: data points that share a circuit.
+        box: free parameters and bounds.
+        settings: how widely to look.
+        report: called with what is being done.
+    """
+    settings = settings or MultiStart()
+    points = sobol(box, settings)
+    say = report or (lambda _: None)
+    found = []
+    for k in range(len(objective.targets)):
+        say(f"exploring {len(points)} sets of parameters (point {k + 1} of {len(objective.targets)})")
+        found.append(explore(objective, k, points, settings))
+    _refine_all(objective, box, found, settings, say)
+    return [_best(objective, box, k, candidates) for k, candidates in enumerate(found)]
+
+
+def sobol(box: Box, settings: MultiStart) -> np.ndarray:
+    """The start values and points of a scrambled Sobol sequence in the box, shape (points, parameters)."""
+    from scipy.stats import qmc
+
+    size = len(box.names)
+    count = max(settings.points_per_parameter * size - 1, 1)
+    sequence = qmc.Sobol(size, rng=np.random.default_rng(settings.seed))
+    unit = sequence.random_base2(int(np.ceil(np.log2(count + 1))))[:count]
+    return np.vstack([box.start, box.lower + unit * (box.upper - box.lower)])
+
+
+def explore(objective: Objective, target: int, points: np.ndarray, settings: MultiStart) -> _Candidates:
+    """Rank points of one target by their cost and keep the best share that has a steady beat."""
+    costs = objective.evaluate(np.full(len(points), target), points, EXPLORING).costs
+    kept = max(round(settings.refined_share * len(points)), 2)
+    order = np.argsort(costs, kind="stable")[:kept]
+    order = order[np.isfinite(costs[order])]
+    return _Candidates(points[order], costs[order], len(points), int((~np.isfinite(costs)).sum()))
+
+
+def mixing_weight(number: int, total: int) -> float:
+    """Weight of the best so far in start `number` (counted from 0) of `total`."""
+    return min(max(0.1, np.sqrt(number / total)), LARGEST_WEIGHT)
+
+
+def _refine_all(
+    objective: Objective,
+    box: Box,
+    found: list[_Candidates],
+    settings: MultiStart,
+    say: Callable[[str], None],
+) -> None:
+    first = 0
+    while jobs := [k for k, c in enumerate(found) if first < len(c.x) and not _enough(c, settings)]:
+        starts = {k: _mixed(found[k], first, settings) for k in jobs}
+        which = np.concatenate([np.full(len(starts[k]), k) for k in jobs])
+        say(f"refining starts {first + 1} to {first + settings.round_size} of {len(jobs)} data points")
+        refined = refine(objective, which, np.concatenate([starts[k] for k in jobs]), box)
+        for k in jobs:
+            found[k].begin.append(starts[k])
+            found[k].first_costs += found[k].costs[first : first + settings.round_size].tolist()
+            found[k].refined.append(refined.take(which == k))
+        first += settings.round_size
+
+
+def _mixed(candidates: _Candidates, first: int, settings: MultiStart) -> np.ndarray:
+    """The next starts of a point, each mixed with the best so far; the first ones as they are."""
+    own = candidates.x[first : first + settings.round_size]
+    if not candidates.refined:
+        return own
+    ended = candidates.so_far()
+    if not np.isfinite(ended.costs).any():
+        return own
+    best = ended.x[np.argmin(ended.costs)]
+    weights = [mixing_weight(first + i, len(candidates.x)) for i in range(len(own))]
+    return np.stack([w * best + (1.0 - w) * x for w, x in zip(weights, own, strict=True)])
+
+
+def _enough(candidates: _Candidates, settings: MultiStart) -> bool:
+    return bool(candidates.refined) and agreeing(candidates.so_far()).sum() > settings.rediscoveries
+
+
+def agreeing(ended: Refined) -> np.ndarray:
+    """Which starts ended in the best optimum: the same cost, and the same outputs.
+
+    Parameters are not compared: where measurements cannot tell two sets of them apart, both are the optimum.
+    """
+    if not np.isfinite(ended.costs).any():
+        return np.zeros(len(ended.costs), dtype=bool)
+    best = int(np.nanargmin(ended.costs))
+    same_cost = ended.costs <= ended.costs[best] * (1.0 + SAME_COST) + NEXT_TO_NOTHING
+    reference = np.maximum(np.abs(ended.outputs[best]), 1e-3)
+    with np.errstate(invalid="ignore"):
+        near = np.max(np.abs(ended.outputs - ended.outputs[best]) / reference, axis=1) <= SAME_FIT
+    return same_cost & near
+
+
+def _best(objective: Objective, box: Box, target: int, candidates: _Candidates) -> Optimum:
+    """Refine the best start to the end."""
+    size, count = len(box.names), len(objective.outputs)
+    if not candidates.refined or not np.isfinite(candidates.so_far().costs).any():
+        none, flat = np.zeros((0, size)), np.zeros(0)
+        nothing = Starts(none, none, flat, flat, np.zeros(0, dtype=bool))
+        return Optimum(
+            np.full(size, np.nan), np.full(count, np.nan), np.inf, np.full((count, size), np.nan), nothing,
+            candidates.explored, candidates.dropped, FitStatus.NO_STEADY_BEAT,
+        )  # fmt: skip
+    ended = candidates.so_far()
+    best = ended.x[[np.argmin(ended.costs)]]
+    last = refine(objective, np.array([target]), best, box, EXACT)
+    starts = Starts(
+        np.concatenate(candidates.begin), ended.x, np.array(candidates.first_costs), ended.costs,
+        agreeing(ended),
+    )  # fmt: skip
+    settled = last.endings[0] == Ending.SETTLED
+    return Optimum(
+        last.x[0], last.outputs[0], float(last.costs[0]), last.jacobians[0], starts, candidates.explored,
+        candidates.dropped, FitStatus.FITTED if settled else FitStatus.NOT_SETTLED,
+    )  # fmt: skip

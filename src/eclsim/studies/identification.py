@@ -1,0 +1,235 @@
+"""Fitting cases: a patient's own model from the measurements, and how far it can be relied on."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from eclsim.identification.multi_start import FitStatus, Optimum, identify
+from eclsim.identification.objective import OUTPUTS, Box, Objective, Target
+from eclsim.identification.precision import correlation, covariance, in_unit, interval, prior_deviations
+from eclsim.patients.mistakes import CaseError, Mistake
+from eclsim.sensitivity.identifiability import ScaledSensitivities
+from eclsim.sensitivity.proposal import propose
+from eclsim.sensitivity.uncertainties import DEFAULTS
+from eclsim.studies.fit_settings import FitSettings, checked_fit
+
+if TYPE_CHECKING:
+    from eclsim.patients.case import Case
+
+AT_BOUND = 1e-6
+LEARNT = 0.5
+"""Largest standard error of a parameter that counts as determined, as a share of what the bounds leave."""
+SAME_PARAMETER = 0.05
+"""Fits that agree but differ in a parameter by more than this share show that it is not determined."""
+
+
+@dataclass(frozen=True)
+class FittedParameter:
+    """A parameter with its 90 % interval, in its unit.
+
+    Args:
+        value: the estimate.
+        lower: of the interval, which ends at the bounds.
+        upper: likewise.
+        at_bound: whether the estimate sits at a bound.
+        identifiable: whether the measurements tell it from the others.
+        reason: why they do not; empty where they do.
+    """
+
+    value: float
+    lower: float
+    upper: float
+    at_bound: bool
+    identifiable: bool
+    reason: str
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What was found for one data point.
+
+    Args:
+        name: of the point.
+        case: with the fitted parameters; as it was if nothing was found.
+        measured: what was fitted to [mmHg, L/min].
+        scales: what differences were divided by.
+        simulated: all outputs of the fitted model.
+        parameters: free parameters.
+        correlation: of their estimates, shape (parameters, parameters).
+        objective: what was minimised.
+        box: bounds.
+        optimum: where and how it was found.
+        seconds: wall time; points fitted side by side share theirs evenly.
+    """
+
+    name: str
+    case: Case
+    measured: Mapping[str, float]
+    scales: Mapping[str, float]
+    simulated: Mapping[str, float]
+    parameters: Mapping[str, FittedParameter]
+    correlation: np.ndarray
+    objective: Objective
+    box: Box
+    optimum: Optimum
+    seconds: float
+
+    @property
+    def status(self) -> FitStatus:
+        """How it ended."""
+        return self.optimum.status
+
+    def as_object(self) -> dict[str, Any]:
+        """As plain data for JSON; null for what is not known."""
+        finite = _finite
+        names = dict.fromkeys([*self.measured, *self.simulated])
+        return {
+            "id": self.name,
+            "cost": finite(self.optimum.cost),
+            "outputs": {
+                n: {"measured": self.measured.get(n), "simulated": finite(self.simulated.get(n))}
+                for n in names
+            },
+            "parameters": {
+                n: {
+                    "value": finite(p.value), "lower": finite(p.lower), "upper": finite(p.upper),
+                    "at_bound": p.at_bound, "identifiable": p.identifiable, "reason": p.reason,
+                }
+                for n, p in self.parameters.items()
+            },
+            "correlation": {
+                a: dict(zip(self.parameters, map(finite, row), strict=True))
+                for a, row in zip(self.parameters, self.correlation.tolist(), strict=True)
+            },
+            "starts_agreeing": self.optimum.agreeing,
+            "starts_refined": len(self.optimum.starts.agreeing),
+            "explored": self.optimum.explored,
+            "explored_without_steady_beat": self.optimum.dropped,
+            "seconds": round(self.seconds, 3),
+            "status": str(self.status),
+            "message": self.status.message,
+        }  # fmt: skip
+
+
+def fit_cases(
+    cases: Sequence[tuple[str, Case]],
+    settings: FitSettings | None = None,
+    report: Callable[[str], None] | None = None,
+) -> list[Fit]:
+    """Fit cases that have the same circuit, side by side.
+
+    Args:
+        cases: name and case of each data point.
+        settings: what is free, how it is weighted, how widely to look.
+        report: called with what is being done.
+
+    Raises:
+        CaseError: A case without measurements, or bounds that cannot be.
+    """
+    settings = settings or FitSettings()
+    started = time.perf_counter()
+    targets, box = [], None
+    for _, case in cases:
+        checked = checked_fit(case, settings)
+        if checked.mistakes:
+            raise CaseError(checked.mistakes)
+        targets.append(_target(case, checked.targets, checked.fixed, settings))
+        box = box or Box.of(checked.free)
+    if box is None:
+        return []
+    objective = Objective(targets, box.names, settings.policy)
+    found = identify(objective, box, settings.multi_start, report)
+    seconds = (time.perf_counter() - started) / len(cases)
+    return [
+        _fit(name, case, objective, k, box, optimum, settings, seconds)
+        for k, ((name, case), optimum) in enumerate(zip(cases, found, strict=True))
+    ]
+
+
+def fit_case(
+    case: Case, settings: FitSettings | None = None, report: Callable[[str], None] | None = None
+) -> Fit:
+    """Fit one case."""
+    return fit_cases([(case.patient.id, case)], settings, report)[0]
+
+
+def fit_notes(case: Case, settings: FitSettings) -> tuple[list[Mistake], list[Mistake]]:
+    """Warnings and notes about a fit before it is made."""
+    checked = checked_fit(case, settings)
+    return checked.warnings, checked.notes
+
+
+def _target(
+    case: Case, measured: Mapping[str, float], fixed: Mapping[str, float], settings: FitSettings
+) -> Target:
+    from eclsim.solver.model import model_of
+
+    errors = _uncertainties(measured, settings)
+    scales = {
+        n: abs(v) if settings.weights == "relative" and v != 0.0 else errors[n] for n, v in measured.items()
+    }
+    return Target(model_of(case).with_values(dict(fixed)), dict(measured), scales)
+
+
+def _uncertainties(measured: Mapping[str, float], settings: FitSettings) -> dict[str, float]:
+    """Standard uncertainty of each measurement; of a flow of 0 that of 0.1 L/min."""
+    known = {**DEFAULTS, **settings.uncertainties}
+    return {n: known[n].at(v) or known[n].at(0.1) for n, v in measured.items()}
+
+
+def _fit(
+    name: str, case: Case, objective: Objective, number: int, box: Box, optimum: Optimum,
+    settings: FitSettings, seconds: float,
+) -> Fit:  # fmt: skip
+    target = objective.targets[number]
+    if optimum.status is FitStatus.NO_STEADY_BEAT:
+        nothing = FittedParameter(np.nan, np.nan, np.nan, False, False, optimum.status.message)
+        return Fit(
+            name, case, target.measured, target.scales, {}, dict.fromkeys(box.names, nothing),
+            np.full((len(box.names),) * 2, np.nan), objective, box, optimum, seconds,
+        )  # fmt: skip
+    rows = [objective.outputs.index(o) for o in target.measured]
+    errors = np.array(list(_uncertainties(target.measured, settings).values()))
+    scaled = ScaledSensitivities(tuple(target.measured), box.names, optimum.jacobian[rows] / errors[:, None])
+    spread = covariance(scaled.matrix, prior_deviations(box.lower, box.upper))
+    parameters = _parameters(optimum, box, scaled, np.sqrt(np.diag(spread)))
+    fitted = {n: p.value for n, p in parameters.items()}
+    fixed = {n: target.model.values[n] for n in settings.parameters if n not in fitted}
+    changed = case.model_copy(update={"parameters": {**case.parameters, **fixed, **fitted}})
+    simulated = dict(zip(objective.outputs, optimum.outputs.tolist(), strict=True))
+    return Fit(
+        name, changed, target.measured, target.scales, {o: simulated[o] for o in OUTPUTS if o in simulated},
+        parameters, correlation(spread), objective, box, optimum, seconds,
+    )  # fmt: skip
+
+
+def _parameters(
+    optimum: Optimum, box: Box, scaled: ScaledSensitivities, errors: np.ndarray
+) -> dict[str, FittedParameter]:
+    """Values, intervals and what the measurements tell apart."""
+    low, high = optimum.x <= box.lower + AT_BOUND, optimum.x >= box.upper - AT_BOUND
+    excluded = propose(scaled).excluded
+    differ = np.expm1(np.ptp(optimum.starts.end[optimum.starts.agreeing], axis=0))
+    before = prior_deviations(box.lower, box.upper)
+    found = {}
+    for k, name in enumerate(box.names):
+        reason = excluded.get(name, "")
+        if low[k] or high[k]:
+            reason = f"at its {'lower' if low[k] else 'upper'} bound"
+        elif not reason and differ[k] > SAME_PARAMETER:
+            reason = f"starts that fit equally well differ by {100 * differ[k]:.0f} %"
+        elif not reason and errors[k] > LEARNT * before[k]:
+            reason = f"fitted with the others, its standard error is a factor of {np.exp(errors[k]):.2g}"
+        lower, upper = interval(optimum.x[k], errors[k], box.lower[k], box.upper[k])
+        value = in_unit(optimum.x[k])
+        found[name] = FittedParameter(value, lower, upper, bool(low[k] or high[k]), not reason, reason)
+    return found
+
+
+def _finite(value: float | None) -> float | None:
+    return float(value) if value is not None and np.isfinite(value) else None

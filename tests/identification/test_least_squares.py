@@ -1,0 +1,140 @@
+"""Bounded least squares on problems whose optimum is known, without a simulation."""
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares, lsq_linear
+
+from eclsim.identification.least_squares import EXACT, Ending, bounded_step, refine
+from eclsim.identification.multi_start import MultiStart, agreeing, identify, mixing_weight, sobol
+from eclsim.identification.objective import Box
+from function_objective import FunctionObjective
+
+
+def rosenbrock(x: np.ndarray) -> np.ndarray:
+    return np.stack([10.0 * (x[:, 1] - x[:, 0] ** 2), 1.0 - x[:, 0]], axis=1)
+
+
+def box(lower: float, upper: float, size: int = 2) -> Box:
+    names = tuple(f"p{k}" for k in range(size))
+    return Box(names, np.zeros(size), np.full(size, lower), np.full(size, upper))
+
+
+def test_a_curved_valley_is_followed_to_its_end():
+    starts = np.array([[-1.2, 1.0], [2.0, -1.0], [0.0, 2.0]])
+    found = refine(FunctionObjective(rosenbrock), np.zeros(3, dtype=int), starts, box(-3, 3), EXACT)
+    np.testing.assert_allclose(found.x, 1.0, atol=1e-8)
+    assert set(found.endings) == {Ending.SETTLED}
+
+
+@pytest.mark.parametrize("upper", [0.5, 0.2, -0.4])
+def test_the_optimum_at_a_bound_is_that_of_scipys_trust_region(upper: float):
+    found = refine(
+        FunctionObjective(rosenbrock), np.zeros(1, dtype=int), np.array([[-1.0, -1.0]]), box(-2, upper), EXACT
+    )
+    scipys = least_squares(
+        lambda x: rosenbrock(x[None])[0], [-1.0, -1.0], bounds=(-2, upper), xtol=1e-14, ftol=1e-14, gtol=1e-14
+    )
+    assert found.costs[0] <= 2.0 * scipys.cost * (1 + 1e-6)
+    np.testing.assert_allclose(found.x[0], scipys.x, atol=1e-4)
+
+
+def test_starts_without_a_steady_beat_are_named_and_do_not_stop_the_others():
+    def undefined_on_the_left(x: np.ndarray) -> np.ndarray:
+        return np.where(x[:, :1] < -1.5, np.nan, rosenbrock(x))
+
+    starts = np.array([[-2.0, 0.0], [0.5, 0.5]])
+    found = refine(
+        FunctionObjective(undefined_on_the_left), np.zeros(2, dtype=int), starts, box(-3, 3), EXACT
+    )
+    assert found.endings[0] == Ending.NO_STEADY_BEAT
+    assert np.isinf(found.costs[0])
+    np.testing.assert_allclose(found.x[1], 1.0, atol=1e-8)
+
+
+def test_a_start_does_not_depend_on_the_others():
+    objective, starts = FunctionObjective(rosenbrock), np.array([[-1.2, 1.0], [2.0, -1.0]])
+    together = refine(objective, np.zeros(2, dtype=int), starts, box(-3, 3))
+    alone = refine(objective, np.zeros(1, dtype=int), starts[1:], box(-3, 3))
+    np.testing.assert_array_equal(together.x[1], alone.x[0])
+
+
+def test_a_step_stays_inside_and_promises_what_a_linear_model_gives():
+    generator = np.random.default_rng(3)
+    for _ in range(30):
+        jacobian, residuals = generator.normal(size=(5, 3)), generator.normal(size=5)
+        x, space = generator.uniform(-0.9, 0.9, 3), box(-1, 1, 3)
+        step, promised = bounded_step(jacobian, residuals, x, space, 1e-12)
+        assert np.all(np.abs(x + step) <= 1.0 + 1e-12)
+        after = residuals + jacobian @ step
+        assert promised == pytest.approx(residuals @ residuals - after @ after)
+        best = lsq_linear(jacobian, -residuals, (-1.0 - x, 1.0 - x))
+        if best.active_mask.any() or np.abs(best.x).max() > 1.5:
+            continue
+        np.testing.assert_allclose(step, best.x, atol=1e-6)
+
+
+def test_explored_points_fill_the_box_the_same_way_for_a_seed():
+    space, settings = box(-1, 3), MultiStart(points_per_parameter=64, seed=7)
+    points = sobol(space, settings)
+    assert points.shape == (128, 2)
+    np.testing.assert_array_equal(points[0], space.start)
+    np.testing.assert_array_equal(points, sobol(space, settings))
+    assert not np.array_equal(points, sobol(space, MultiStart(points_per_parameter=64, seed=8)))
+    filled = np.histogram2d(*points[1:].T, bins=4, range=[(-1, 3), (-1, 3)])[0]
+    assert filled.min() >= 7
+    assert filled.max() <= 8
+
+
+def test_weight_of_the_best_grows_with_the_starts():
+    weights = [mixing_weight(k, 70) for k in range(70)]
+    assert weights[0] == 0.1
+    assert weights == sorted(weights)
+    assert weights[-1] == pytest.approx(np.sqrt(69 / 70))
+
+
+def many_valleys(x: np.ndarray) -> np.ndarray:
+    """Local optima at x = -2, -1, ... 2; the deepest one at 0."""
+    return np.concatenate([np.sin(np.pi * x), 0.1 * x], axis=1)
+
+
+def test_multi_start_finds_the_deepest_valley_and_stops_when_it_is_found_again():
+    settings = MultiStart(points_per_parameter=200, refined_share=0.2)
+    (found,) = identify(FunctionObjective(many_valleys), box(-2.4, 2.4), settings)
+    np.testing.assert_allclose(found.x, 0.0, atol=1e-8)
+    assert found.agreeing > settings.rediscoveries
+    assert len(found.starts.agreeing) < 80
+    assert found.status == "fitted"
+
+
+def test_the_same_seed_gives_the_same_fit():
+    settings = MultiStart(points_per_parameter=50, refined_share=0.2, seed=3)
+    one, other = (identify(FunctionObjective(many_valleys), box(-2.4, 2.4), settings)[0] for _ in range(2))
+    np.testing.assert_array_equal(one.x, other.x)
+    np.testing.assert_array_equal(one.starts.end, other.starts.end)
+
+
+def test_points_are_fitted_as_if_alone():
+    settings = MultiStart(points_per_parameter=50, refined_share=0.2)
+    shifts = np.array([0.0, 0.7])
+    both = identify(FunctionObjective(rosenbrock, shifts), box(-3, 3), settings)
+    alone = identify(FunctionObjective(rosenbrock, shifts[1:]), box(-3, 3), settings)
+    np.testing.assert_allclose(both[0].x, 1.0, atol=1e-7)
+    np.testing.assert_allclose(both[1].x, 1.7, atol=1e-7)
+    np.testing.assert_array_equal(both[1].x, alone[0].x)
+
+
+def test_nothing_to_start_from_is_a_status():
+    (found,) = identify(FunctionObjective(lambda x: np.full_like(x, np.nan)), box(-1, 1), MultiStart(20))
+    assert found.status == "no_steady_beat"
+    assert found.dropped == found.explored == 40
+    assert "steady heartbeat" in found.status.message
+
+
+def test_the_same_cost_with_other_outputs_is_another_optimum():
+    def mirror(x: np.ndarray) -> np.ndarray:
+        return np.stack([x[:, 0] ** 2 - 1.0, 0.001 * x[:, 0], 0.1 + 0.0 * x[:, 0]], axis=1)
+
+    starts = np.array([[0.9, 0.0], [1.2, 0.0], [-0.8, 0.0]])
+    ended = refine(FunctionObjective(mirror), np.zeros(3, dtype=int), starts, box(-2, 2), EXACT)
+    np.testing.assert_allclose(ended.costs, ended.costs[0], rtol=1e-6)
+    assert agreeing(ended).sum() in (1, 2)
