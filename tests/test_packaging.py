@@ -25,7 +25,7 @@ def distribution(requirement: str) -> str:
 
 def requirements() -> set[str]:
     groups = [PROJECT["dependencies"], *PROJECT["optional-dependencies"].values()]
-    return {distribution(requirement) for group in groups for requirement in group}
+    return {distribution(requirement) for group in groups for requirement in group} - {PROJECT["name"]}
 
 
 def distributions_imported() -> dict[str, set[str]]:
