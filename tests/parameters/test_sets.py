@@ -7,7 +7,8 @@ EVERY_PARAMETER = [*thiel2025.PARAMETERS.values(), *shi_hose2009.PARAMETERS.valu
 TABLE_S1 = [
     *("etaB", "rhoB", "Rao", "Rsart", "Rmc", "Rsvn", "Rpas", "Rpart", "Rpmc", "Rpvn"),
     *("Cao", "Csart", "Csvn", "Cpas", "Cpart", "Cpvn", "Lao", "Lsart", "Lpas", "Lpart"),
-    *("CQtri", "CQpa", "CQmi", "CQao", "Emaxra", "Edra", "Emaxrv", "RV_Pd_beta", "RV_Pd_kappa", "RV_Pd_alpha"),
+    *("CQtri", "CQpa", "CQmi", "CQao", "Emaxra", "Edra", "Emaxrv", "RV_Pd_beta"),
+    *("RV_Pd_kappa", "RV_Pd_alpha"),
     *("Emaxla", "Edla", "Emaxlv", "LV_Pd_beta", "LV_Pd_kappa", "LV_Pd_alpha"),
 ]
 
