@@ -42,7 +42,7 @@ WU_SOURCE = "Wu et al., as cited by Thiel et al., section 4; ECMO flows 3.1 and 
 
 def checks() -> list[Check]:
     """V-A ECMO on the failing heart, CRRT pressures, LVAD ramps."""
-    bar = "sign; size within 1 standard deviation; compared, not required"
+    bar = "sign, and size within 1 standard deviation; compared, not required"
     parts = (
         ("ecmo-effects", "V-A ECMO, 1 to 5 L/min, on a failing heart, against pigs", ecmo_rows()),
         ("crrt-effects", "CRRT pressures against patients", crrt_rows()),
