@@ -64,11 +64,11 @@ def test_the_area_of_a_loop_is_positive_for_work_done_on_the_blood():
     assert backwards.loop_area("p", "v") == pytest.approx(-np.pi * 1500.0, rel=1e-3)
 
 
-def test_ratio_and_value_at_another_ones_peak():
+def test_ratio_and_value_at_the_start():
     pressure, volume = 60.0 + 50.0 * np.sin(TURN), 100.0 + 30.0 * np.cos(TURN)
     found = measures(p=pressure, v=volume)
     assert found.largest_ratio("p", "v") == pytest.approx(np.max(pressure / volume), rel=1e-12)
-    assert found.at_maximum("p", "v") == pytest.approx(60.0, abs=1e-9)
+    assert found.at_start("p") == pytest.approx(60.0, abs=1e-9)
 
 
 def test_a_batch_is_measured_like_each_alone():
@@ -80,9 +80,9 @@ def test_a_batch_is_measured_like_each_alone():
     together = Measures({"p": np.stack(waves, axis=1), "v": np.stack(waves[::-1], axis=1)}, PHASES)
     for k in range(6):
         alone = Measures({"p": waves[k], "v": waves[5 - k]}, PHASES)
-        for ask in ("mean", "maximum", "minimum"):
+        for ask in ("mean", "maximum", "minimum", "at_start"):
             assert getattr(together, ask)("p")[k] == pytest.approx(getattr(alone, ask)("p"), rel=1e-13)
-        for ask in ("loop_area", "largest_ratio", "at_maximum"):
+        for ask in ("loop_area", "largest_ratio"):
             assert getattr(together, ask)("p", "v")[k] == pytest.approx(
                 getattr(alone, ask)("p", "v"), rel=1e-10
             )

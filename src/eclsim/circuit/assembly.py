@@ -78,7 +78,7 @@ class Assembly:
             if end.parameter is not None:
                 chosen = values[end.parameter]
                 weights[end.parameter] = tuple(
-                    (abs(chosen - k) < 0.5).astype(float) for k in range(len(end.positions))
+                    (abs(chosen - k) < 0.5) * 1.0 for k in range(len(end.positions))
                 )
         return Constants(storages, paths, weights)
 

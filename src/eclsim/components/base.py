@@ -105,11 +105,18 @@ class Path:
         return _newton_flow(self, pressure_difference, load, constants)
 
 
-def _newton_flow(path: Path, pressure_difference: Any, load: Any, constants: Any, iterations: int = 8) -> Any:
-    """Newton's method on a monotone drop; slopes are kept positive, so a flat start cannot divide by 0."""
-    flow = jnp.zeros_like(pressure_difference + load)
-    one = jnp.ones_like(flow)
-    for _ in range(iterations):
-        drop, slope = jax.jvp(lambda q: path.pressure_drop(q, constants), (flow,), (one,))
-        flow = flow + (pressure_difference - drop - load * flow) / jnp.maximum(load + slope, 1e-9)
-    return flow
+def _newton_flow(
+    path: Path, pressure_difference: Any, load: Any, constants: Any, iterations: int = 40
+) -> Any:
+    """Newton's method on a monotone drop; slopes are kept positive, so a flat start cannot divide by 0.
+
+    The last step alone is differentiated, which gives the exact derivative of the root.
+    """
+
+    def improved(flow: Any) -> Any:
+        drop, slope = jax.jvp(lambda q: path.pressure_drop(q, constants), (flow,), (jnp.ones_like(flow),))
+        return flow + (pressure_difference - drop - load * flow) / jnp.maximum(load + slope, 1e-9)
+
+    start = jnp.zeros_like(pressure_difference + load)
+    root = jax.lax.fori_loop(0, iterations, lambda _, flow: improved(flow), start)
+    return improved(jax.lax.stop_gradient(root))

@@ -130,7 +130,8 @@ def outcome(steady: SteadyBeats, outputs: dict[str, float]) -> tuple[Status, str
     if not all(np.isfinite(v) for v in outputs.values()):
         status = Status.NOT_FINITE
     drift = f"residual {steady.orbits.residual[0]:.1e}, drift {steady.orbits.drift[0]:.2g} mL a beat"
-    native = outputs.get("aortic_valve_flow", np.inf) + outputs.get("lvad_flow", 0.0)
+    left = outputs.get("aortic_valve_flow", np.inf) + outputs.get("lvad_flow", 0.0)
+    native = max(left, outputs.get("CO", left))
     if status is Status.NOT_CONVERGED and native < NO_EJECTION_L_MIN:
         return Status.NO_EJECTION, f"{Status.NO_EJECTION.message} (native output {native:.3g} L/min, {drift})"
     return status, status.message if status is Status.CONVERGED else f"{status.message} ({drift})"

@@ -58,9 +58,9 @@ class Measures:
         index = np.argmax(ratio, axis=0)
         return self._sum([(above, index, 1.0)]) / self._sum([(below, index, 1.0)])
 
-    def at_maximum(self, name: str, of: str) -> Any:
-        """Value of one waveform where another is largest."""
-        return self._sum([(name, np.argmax(self.waveforms[of], axis=0), 1.0)])
+    def at_start(self, name: str) -> Any:
+        """Value at phase 0, where the ventricles begin to contract."""
+        return self._sum([(name, np.zeros(self.waveforms[name].shape[1:], dtype=int), 1.0)])
 
     def loop_area(self, pressure: str, volume: str) -> Any:
         """Work [mmHg mL] that a chamber does on its blood in a beat, -(loop integral of P dV)."""

@@ -120,7 +120,7 @@ def _ventricle(place: str) -> tuple[Output, ...]:
         ),
         Output(
             f"end_diastolic_pressure_{place}", f"end-diastolic pressure of the {words}", "mmHg",
-            f"{p} where {v} is largest", needs, lambda m: m.at_maximum(p, v),
+            f"{p} at phase 0, where the ventricles begin to contract", (p,), lambda m: m.at_start(p),
         ),
         _max(f"peak_pressure_{place}", f"peak pressure of the {words}", p),
     )  # fmt: skip

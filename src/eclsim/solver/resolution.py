@@ -29,7 +29,8 @@ def fastest_oscillation(assembly: Assembly, values: Mapping[str, Any]) -> Any:
         source, target = assembly.ends[j]
         stiff = max_stiffness(source.positions, stiffness) + max_stiffness(target.positions, stiffness)
         inertance = assembly.circuit.connections[j].component.inertance(constants.paths[j])
-        fastest = np.maximum(fastest, np.sqrt(stiff / inertance))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            fastest = np.maximum(fastest, np.sqrt(stiff / inertance))
     return fastest
 
 
