@@ -1,4 +1,5 @@
 import json
+import sys
 
 import pytest
 
@@ -41,6 +42,18 @@ def test_times_are_medians_of_what_was_run():
     assert len(calls) == 7
     assert 0.0 < wall < 100.0
     assert processor >= 0.0
+
+
+def test_memory_is_that_of_the_process_and_not_of_the_one_that_started_it():
+    import numpy as np
+
+    from eclsim.validation.timing import _process
+
+    held = np.ones(30_000_000)  # 240 MB here
+    report = "from eclsim.validation.timing import _largest_memory_mb; print(_largest_memory_mb())"
+    found = float(_process([sys.executable, "-c", report], {})[2])
+    assert held.nbytes > 200e6
+    assert 5.0 < found < 200.0
 
 
 def test_demo_writes_case_results_and_figures_and_shows_the_papers_numbers(shell):

@@ -17,6 +17,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 from eclsim.validation.cases import DATA, PAPER_PATIENT, reference_model
 
@@ -188,6 +189,10 @@ def _medians(function: Callable[[], object], repeats: int = REPEATS) -> tuple[fl
 
 
 def _largest_memory_mb() -> float:
-    """Largest resident memory of this process so far."""
-    largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return largest / (1e6 if sys.platform == "darwin" else 1e3)
+    """Largest resident memory of this process so far; Linux's `ru_maxrss` counts the parent's before exec."""
+    try:
+        lines = Path("/proc/self/status").read_text(encoding="ascii", errors="replace").splitlines()
+        return next(float(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1e3
+    except (OSError, StopIteration):
+        largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        return largest / (1e6 if sys.platform == "darwin" else 1e3)
