@@ -40,10 +40,10 @@ class Precision:
         iterations: at most so many steps are tried.
     """
 
-    cost: float = 1e-5
-    floor: float = 1e-10
-    step: float = 1e-6
-    iterations: int = 40
+    cost: float = 1e-4
+    floor: float = 1e-9
+    step: float = 1e-5
+    iterations: int = 30
 
 
 EXACT = Precision(1e-12, 1e-24, 1e-10, 60)

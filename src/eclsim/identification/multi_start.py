@@ -16,7 +16,7 @@ from eclsim.identification.least_squares import EXACT, Ending, Refined, refine
 from eclsim.identification.objective import Box, Objective
 from eclsim.solver.orbit import OrbitOptions
 
-EXPLORING = OrbitOptions(tolerance=1e-3, error_tolerance=1e-2, newton_iterations=0)
+EXPLORING = OrbitOptions(tolerance=1e-4, error_tolerance=1e-3, newton_iterations=0)
 """Enough to rank points: outputs differ from those of the exact orbit by 1e-7 (median)."""
 SAME_COST = 1e-3
 SAME_FIT = 1e-3

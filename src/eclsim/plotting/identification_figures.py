@@ -75,6 +75,7 @@ def plot_starts(starts: Any, names: Sequence[str], lower: np.ndarray, upper: np.
                     number[chosen], starts.last_costs[chosen], mark, color=colour, markersize=4, label=label
                 )
         left.set_yscale("log")
+        left.xaxis.get_major_locator().set_params(integer=True)
         left.set_xlabel("start")
         left.set_ylabel("sum of squared residuals")
         left.legend(loc="best", frameon=True, framealpha=0.9)

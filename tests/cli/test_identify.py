@@ -1,0 +1,118 @@
+"""`eclsim identify`: what it refuses, what it writes, and that other commands take the result."""
+
+import json
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from eclsim.identification import multi_start
+
+MEASURED = """[measurements]
+SP = 110
+DP = 75
+MAP = 88
+CO = 4.0
+"""
+NO_DEVICE = ",,,,"
+HEAD = (
+    "patient_id,measurement,sex,age_years,height_cm,weight_kg,heart_rate_bpm,SP,DP,MAP,MPAP,PCWP,CO,PF,"
+    "ecmo_pump,ecmo_speed_rpm,oxygenator,drainage_fr,return_fr"
+)
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Explores few points, so that only what is around the search is tested at length."""
+    small = partial(
+        multi_start.MultiStart, points_per_parameter=10, refined_share=0.2, round_size=4, rediscoveries=2
+    )
+    monkeypatch.setattr(multi_start, "MultiStart", small)
+
+
+def cohort(folder: Path, *rows: str) -> Path:
+    path = folder / "cohort.csv"
+    path.write_text("\n".join((HEAD, *rows)) + "\n")
+    return path
+
+
+def row(number: int, pressure: str = "110") -> str:
+    return f"P01,{number},male,42,187,73,83,{pressure},75,88,,,4.0,{NO_DEVICE},"
+
+
+def test_a_case_is_fitted_and_simulate_takes_the_result(shell, quick, tmp_path):
+    case, out = shell.case(more=MEASURED), tmp_path / "fit"
+    done = shell.run("identify", case, "--parameters", "Rmc,Emaxlv", "--out", str(out), "--json", "-")
+    assert done.exit_code == 0, done.stderr
+    (point,) = json.loads(done.stdout)["points"]
+    assert point["id"] == "P01"
+    assert set(point["parameters"]) == {"Rmc", "Emaxlv"}
+    assert json.loads((out / "identification.json").read_text())["points"] == [point]
+    assert {p.name for p in (out / "figures").glob("*.png")} == {"slices.png", "starts.png"}
+
+    again = shell.run("simulate", str(out / "cases" / "P01.toml"), "--json", "-")
+    outputs = json.loads(again.stdout)["cases"][0]["outputs"]
+    assert outputs["MAP"] == pytest.approx(point["outputs"]["MAP"]["simulated"], rel=1e-5)
+    assert outputs["CO"] == pytest.approx(point["outputs"]["CO"]["simulated"], rel=1e-5)
+
+
+def test_a_cohort_with_a_bad_row_is_partial_and_can_be_gone_on_with(shell, quick, tmp_path):
+    file, out = cohort(tmp_path, row(1), row(2, "high"), row(3, "118")), tmp_path / "fits"
+    arguments = ("identify", str(file), "--parameters", "Rmc,Emaxlv", "--out", str(out))
+    done = shell.run(*arguments, "--json", "-")
+    assert done.exit_code == 1, done.stderr
+    assert f"{file}:3: SP" in done.stderr
+    found = json.loads(done.stdout)
+    assert [p["id"] for p in found["points"]] == ["P01/1", "P01/3"]
+    assert [(r["line"], r["column"]) for r in found["refused"]] == [(3, "SP")]
+    assert set(found["r2"]) == {"pressures", "flows"}
+    assert {p.name for p in (out / "cases").iterdir()} == {"P01_1.toml", "P01_3.toml"}
+    assert {p.name for p in (out / "figures").glob("*.png")} == {"scatter.png", "boxes.png"}
+
+    refused = shell.run(*arguments)
+    assert refused.exit_code == 2
+    assert "--force" in refused.stderr
+    resumed = shell.run(*arguments, "--resume")
+    assert resumed.exit_code == 1, resumed.stderr
+    assert "P01/3" in resumed.stdout
+    other = shell.run(*arguments, "--resume", "--seed", "5")
+    assert other.exit_code == 2
+    assert "seed was 0 and is 5" in other.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--parameters", "Rmcc"), "did you mean Rmc"),
+        (("--bounds", "Rmc=2:0.1"), "lower bound above upper bound"),
+        (("--bounds", "Rmc=5"), "NAME=LOWER:UPPER"),
+        (("--uncertainty", "XY=3"), "no measurement"),
+        (("--resume",), "for cohorts"),
+    ],
+)
+def test_bad_options_end_before_anything_is_computed(shell, tmp_path, arguments, words):
+    done = shell.run("identify", shell.case(more=MEASURED), "--out", str(tmp_path / "fit"), *arguments)
+    assert done.exit_code == 2
+    assert words in done.stderr
+    assert not (tmp_path / "fit").exists()
+
+
+def test_a_case_without_measurements_has_nothing_to_fit(shell, tmp_path):
+    done = shell.run("identify", shell.case(), "--out", str(tmp_path / "fit"))
+    assert done.exit_code == 2
+    assert "nothing to fit" in done.stderr
+
+
+def test_a_table_without_a_usable_row_is_bad_input(shell, tmp_path):
+    done = shell.run("identify", str(cohort(tmp_path, row(1, "x"))), "--out", str(tmp_path / "fits"))
+    assert done.exit_code == 2
+    assert "no row can be used" in done.stderr
+
+
+def test_where_it_would_write_is_checked_first(shell, tmp_path):
+    case = shell.case(more=MEASURED)
+    missing = shell.run("identify", case, "--out", str(tmp_path / "no" / "where"))
+    assert missing.exit_code == 2
+    assert "does not exist" in missing.stderr
+    (tmp_path / "file").write_text("")
+    assert shell.run("identify", case, "--out", str(tmp_path / "file")).exit_code == 2

@@ -1,0 +1,188 @@
+"""Fits of cases and cohorts with few free parameters, their files, and going on with them."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eclsim.haemodynamics.dataset import simulate
+from eclsim.identification.multi_start import MultiStart
+from eclsim.patients import CaseError, read_case
+from eclsim.patients.cohort import CohortPoint
+from eclsim.report.identification_files import fits_object, write_fits, write_fitted_case
+from eclsim.sensitivity.uncertainties import Uncertainty
+from eclsim.solver.model import model_of
+from eclsim.studies.cohort_fit import FitStore, StoreError, fit_cohort, r_squared, stem
+from eclsim.studies.fit_settings import FitSettings, checked_fit, read_bounds
+from eclsim.studies.identification import fit_case
+
+QUICK = FitSettings(("Rmc", "Emaxlv"), multi_start=MultiStart(10, 0.2, round_size=4, rediscoveries=2))
+TRUTH = {"Rmc": 0.85, "Emaxlv": 1.3}
+
+
+@pytest.fixture(scope="session")
+def fit(twin):
+    return fit_case(twin, QUICK)
+
+
+def test_a_twin_gives_back_its_parameters(fit):
+    assert fit.status == "fitted"
+    for name, value in TRUTH.items():
+        found = fit.parameters[name]
+        assert found.value == pytest.approx(value, rel=1e-4)
+        assert found.lower < value < found.upper
+        assert found.identifiable
+        assert not found.at_bound
+
+
+def test_the_written_case_gives_the_fitted_outputs(fit, tmp_path: Path):
+    reading = read_case(write_fitted_case(tmp_path, fit))
+    beat = simulate(model_of(reading.case))
+    for name, value in fit.simulated.items():
+        assert float(beat[name]) == pytest.approx(value, rel=1e-5)
+
+
+def test_the_object_is_that_of_the_documentation(fit):
+    point = json.loads(json.dumps(fit.as_object(), allow_nan=False))
+    assert point["id"] == "T01"
+    assert point["cost"] < 1e-8
+    assert set(point["outputs"]["MAP"]) == {"measured", "simulated"}
+    assert {"value", "lower", "upper", "at_bound", "identifiable"} <= set(point["parameters"]["Rmc"])
+    assert point["starts_agreeing"] >= 2
+    assert point["seconds"] > 0
+    assert point["correlation"]["Rmc"]["Rmc"] == pytest.approx(1.0)
+
+
+def test_the_same_seed_gives_the_same_numbers(twin, fit):
+    again = fit_case(twin, QUICK).as_object()
+    assert {**again, "seconds": 0} == {**fit.as_object(), "seconds": 0}
+
+
+def test_an_optimum_outside_the_bounds_is_found_at_the_bound(twin):
+    narrow = replace(QUICK, bounds={"Rmc": (0.1, 0.7)})
+    found = fit_case(twin, narrow).parameters["Rmc"]
+    assert found.value == 0.7
+    assert found.at_bound
+    assert not found.identifiable
+    assert found.reason == "at its upper bound"
+
+
+def test_weights_by_uncertainty_favour_what_is_known_well(twin):
+    wrong = twin.measurements.model_copy(update={"MAP": twin.measurements.MAP * 1.08, "SP": None, "DP": None})
+    case = twin.model_copy(update={"measurements": wrong})
+    only_rmc = replace(QUICK, parameters=("Rmc",), weights="uncertainty")
+    trusted = fit_case(case, replace(only_rmc, uncertainties={"MAP": Uncertainty(0.1)}))
+    doubted = fit_case(case, replace(only_rmc, uncertainties={"MAP": Uncertainty(50.0)}))
+    assert abs(trusted.simulated["MAP"] / wrong.MAP - 1) < 0.01
+    assert abs(doubted.simulated["MAP"] / wrong.MAP - 1) > 0.02
+
+
+def test_equal_bounds_fix_a_parameter_in_the_written_case(twin):
+    fixed = replace(QUICK, parameters=("Rmc", "Rpmc"), bounds={"Rpmc": (0.08, 0.08)})
+    found = fit_case(twin, fixed)
+    assert set(found.parameters) == {"Rmc"}
+    assert found.case.parameters["Rpmc"] == 0.08
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"parameters": ("Rmcc",)}, "did you mean Rmc"),
+        ({"bounds": {"Rmc": (2.0, 0.1)}}, "lower bound above upper bound"),
+        ({"bounds": {"Rsvn": (0.001, 0.1)}}, "not free"),
+        ({"parameters": ("Recmooxy",)}, "not read by the circuit"),
+        ({"bounds": {"Rmc": (0.6, 0.6), "Emaxlv": (1.0, 1.0)}}, "none is free"),
+    ],
+)
+def test_what_cannot_be_fitted_is_said_before_anything_is_computed(twin, changes, words):
+    checked = checked_fit(twin, replace(QUICK, **changes))
+    assert any(words in str(m) for m in checked.mistakes), checked.mistakes
+    with pytest.raises(CaseError):
+        fit_case(twin, replace(QUICK, **changes))
+
+
+def test_bounds_as_text():
+    assert read_bounds("Rmc=0.1:2, Csart=0.5:5") == {"Rmc": (0.1, 2.0), "Csart": (0.5, 5.0)}
+    with pytest.raises(ValueError, match="NAME=LOWER:UPPER"):
+        read_bounds("Rmc=0.1")
+
+
+@pytest.fixture
+def points(twin) -> list[CohortPoint]:
+    lower = twin.measurements.model_copy(
+        update={n: getattr(twin.measurements, n) * 0.97 for n in ("SP", "DP")}
+    )
+    other = twin.model_copy(update={"measurements": lower.model_copy(update={"CO": None})})
+    return [CohortPoint("T01", "1", 2, twin), CohortPoint("T01", "2", 3, other)]
+
+
+def test_a_cohort_is_kept_point_by_point_and_gone_on_with(points, tmp_path, monkeypatch):
+    store = FitStore(tmp_path, "abc", QUICK)
+    store.open(resume=False, force=False)
+    first = fit_cohort(points[:1], QUICK, store, group=1)
+    assert (tmp_path / "cases" / "T01_1.toml").exists()
+    store = FitStore(tmp_path, "abc", QUICK)
+    store.open(resume=True, force=False)
+    both = fit_cohort(points, QUICK, store)
+    assert both[0] == first[0]
+    assert both[1]["outputs"]["CO"]["measured"] is None
+    assert both[1]["line"] == 3
+
+    monkeypatch.setattr("eclsim.studies.cohort_fit.fit_cases", lambda *_: pytest.fail("fitted again"))
+    assert fit_cohort(points, QUICK, store) == both
+
+
+def test_results_made_of_something_else_are_not_gone_on_with(points, tmp_path):
+    FitStore(tmp_path, "abc", QUICK).open(resume=False, force=False)
+    with pytest.raises(StoreError, match="--resume goes on"):
+        FitStore(tmp_path, "abc", QUICK).open(resume=False, force=False)
+    with pytest.raises(StoreError, match="cohort's file has changed"):
+        FitStore(tmp_path, "xyz", QUICK).open(resume=True, force=False)
+    with pytest.raises(StoreError, match="weights was 'relative'"):
+        FitStore(tmp_path, "abc", replace(QUICK, weights="uncertainty")).open(resume=True, force=False)
+    (tmp_path / "settings.json").write_text("{")
+    with pytest.raises(StoreError, match="cannot be read"):
+        FitStore(tmp_path, "abc", QUICK).open(resume=True, force=False)
+
+
+@pytest.mark.parametrize("text", ["", '{"sha256": "0", "result": {"id": "T01/1"}}', "[]"])
+def test_an_edited_point_is_named_not_used(points, tmp_path, text):
+    store = FitStore(tmp_path, "abc", QUICK)
+    store.open(resume=False, force=False)
+    (tmp_path / "points" / "T01_1.json").write_text(text)
+    with pytest.raises(StoreError, match=r"T01_1.json: truncated or edited"):
+        store.finished(["T01/1"])
+
+
+def test_names_of_files_differ_for_names_that_differ():
+    names = ["P01/1", "P01_1", "P01/1 ", "a/b/c", "ä/1", "ö/1", "../x", "x" * 100 + "/1"]
+    stems = {stem(n) for n in names}
+    assert len(stems) == len(names)
+    assert all("/" not in s and len(s) < 80 and not s.startswith(".") for s in stems)
+    assert stem("P01/1") == "P01_1"
+
+
+def test_r_squared_is_one_minus_the_share_left_over():
+    def point(**values):
+        return {"outputs": {n: {"measured": m, "simulated": s} for n, (m, s) in values.items()}}
+
+    results = [
+        point(SP=(100.0, 98.0), DP=(60.0, 61.0), CO=(4.0, None)),
+        point(SP=(80.0, 80.0), CO=(5.0, 5.0)),
+    ]
+    found = r_squared(results)
+    measured = np.array([100.0, 60.0, 80.0])
+    assert found["pressures"] == pytest.approx(1 - 5.0 / np.sum((measured - measured.mean()) ** 2))
+    assert found["flows"] is None
+
+
+def test_tables_and_json_of_a_fit(fit, tmp_path):
+    content = fits_object([fit.as_object()], QUICK.as_object())
+    write_fits(tmp_path, content)
+    assert json.loads((tmp_path / "identification.json").read_text())["points"][0]["id"] == "T01"
+    lines = (tmp_path / "parameters.csv").read_text().splitlines()
+    assert lines[0].startswith("id,parameter,value,lower,upper")
+    assert len(lines) == 3
+    assert len((tmp_path / "outputs.csv").read_text().splitlines()) == 1 + len(fit.simulated)
