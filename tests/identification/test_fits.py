@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from eclsim.haemodynamics.dataset import simulate
-from eclsim.identification.multi_start import MultiStart
+from eclsim.identification.multi_start import FitStatus, MultiStart, Optimum, Starts
 from eclsim.patients import CaseError, read_case
 from eclsim.patients.cohort import CohortPoint
 from eclsim.report.identification_files import fits_object, write_fits, write_fitted_case
@@ -154,6 +154,25 @@ def test_an_edited_point_is_named_not_used(points, tmp_path, text):
     (tmp_path / "points" / "T01_1.json").write_text(text)
     with pytest.raises(StoreError, match=r"T01_1.json: truncated or edited"):
         store.finished(["T01/1"])
+
+
+def test_a_point_without_any_steady_beat_is_kept_as_such(points, tmp_path, monkeypatch):
+    none, flat = np.zeros((0, 2)), np.zeros(0)
+    nothing = Optimum(
+        np.full(2, np.nan), np.full(6, np.nan), np.inf, np.full((6, 2), np.nan),
+        Starts(none, none, flat, flat, flat > 0), 20, 20, FitStatus.NO_STEADY_BEAT,
+    )  # fmt: skip
+    monkeypatch.setattr("eclsim.studies.identification.identify", lambda *_: [nothing])
+    store = FitStore(tmp_path, "abc", QUICK)
+    store.open(resume=False, force=False)
+    (result,) = fit_cohort(points[:1], QUICK, store)
+    assert result["status"] == "no_steady_beat"
+    assert result["cost"] is None
+    assert result["parameters"]["Rmc"]["value"] is None
+    assert result["outputs"]["MAP"]["simulated"] is None
+    assert list((tmp_path / "cases").iterdir()) == []
+    assert r_squared([result]) == {"pressures": None, "flows": None}
+    write_fits(tmp_path, fits_object([result], QUICK.as_object()))
 
 
 def test_names_of_files_differ_for_names_that_differ():

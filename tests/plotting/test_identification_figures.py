@@ -32,7 +32,7 @@ def test_boxes_stand_in_pairs():
     pressures, flows = plot_boxes(RESULTS).axes
     assert [t.get_text() for t in pressures.get_xticklabels()] == ["SP"]
     assert len(pressures.patches) == 2
-    assert flows.get_ylabel() == "[L/min]"
+    assert flows.get_ylabel() == "flow [L/min]"
 
 
 @pytest.mark.parametrize("draw", [lambda: plot_scatter([], {}), lambda: plot_boxes([])])

@@ -128,9 +128,12 @@ def plot_boxes(results: Sequence[Mapping[str, Any]]) -> Figure:
     with figure_style():
         fig = new_figure(height_mm=75)
         axes = fig.subplots(1, 2, width_ratios=(5, 2))
-        for ax, names, unit in zip(axes, (PRESSURES, FLOWS), ("mmHg", "L/min"), strict=True):
+        for ax, names, label in zip(
+            axes, (PRESSURES, FLOWS), ("pressure [mmHg]", "flow [L/min]"), strict=True
+        ):
+            ax.set_ylabel(label)
             shown = {n: values for n in names if len(values := _pairs(results, n))}
-            for side, label, colour in ((0, "measured", "sky blue"), (1, "simulated", "orange")):
+            for side, whose, colour in ((0, "measured", "sky blue"), (1, "simulated", "orange")):
                 if shown:
                     drawn = ax.boxplot(
                         [values[:, side] for values in shown.values()],
@@ -140,10 +143,9 @@ def plot_boxes(results: Sequence[Mapping[str, Any]]) -> Figure:
                         boxprops={"facecolor": OKABE_ITO[colour], "linewidth": 0.7,
                                   "hatch": ("", "////")[side], "edgecolor": "black"},
                     )  # fmt: skip
-                    drawn["boxes"][0].set_label(label)
+                    drawn["boxes"][0].set_label(whose)
             ax.set_xticks(range(len(shown)), list(shown))
             ax.set_ylim(bottom=0.0)
-            ax.set_ylabel(f"[{unit}]")
             if shown and names is PRESSURES:
                 ax.legend(loc="upper right")
     return fig

@@ -105,8 +105,9 @@ class FitStore:
         return found
 
     def save(self, fit: Fit, labels: Mapping[str, Any]) -> dict[str, Any]:
-        """Keep a fit: its case file, then its numbers."""
-        write_case(named(fit.case, fit.name), self.folder / _CASES / f"{stem(fit.name)}.toml")
+        """Keep a fit: its case file, if anything was found, then its numbers."""
+        if fit.simulated:
+            write_case(named(fit.case, fit.name), self.folder / _CASES / f"{stem(fit.name)}.toml")
         result = {**fit.as_object(), **labels}
         _write_json(
             self.folder / _POINTS / f"{stem(fit.name)}.json", {"sha256": _digest(result), "result": result}

@@ -12,7 +12,7 @@ import numpy as np
 from eclsim.identification.multi_start import FitStatus, Optimum, identify
 from eclsim.identification.objective import OUTPUTS, Box, Objective, Target
 from eclsim.identification.precision import correlation, covariance, in_unit, interval, prior_deviations
-from eclsim.patients.mistakes import CaseError, Mistake
+from eclsim.patients.mistakes import CaseError
 from eclsim.sensitivity.identifiability import ScaledSensitivities
 from eclsim.sensitivity.proposal import propose
 from eclsim.sensitivity.uncertainties import DEFAULTS
@@ -156,12 +156,6 @@ def fit_case(
 ) -> Fit:
     """Fit one case."""
     return fit_cases([(case.patient.id, case)], settings, report)[0]
-
-
-def fit_notes(case: Case, settings: FitSettings) -> tuple[list[Mistake], list[Mistake]]:
-    """Warnings and notes about a fit before it is made."""
-    checked = checked_fit(case, settings)
-    return checked.warnings, checked.notes
 
 
 def _target(
