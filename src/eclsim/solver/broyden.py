@@ -10,39 +10,40 @@ import numpy as np
 
 
 class InverseJacobian:
-    """Approximate inverse Jacobians of systems of size n, shape (n, systems) for a vector of each."""
+    """Approximate inverse Jacobians of systems of size n, shape (n, systems) for a vector of each.
 
-    def __init__(self, common: np.ndarray, systems: int):
+    Args:
+        common: inverse that all start from, shape (n, n).
+        systems: how many systems.
+        terms: largest number of rank-one terms, one for each call of `learn`.
+    """
+
+    def __init__(self, common: np.ndarray, systems: int, terms: int):
         self._common = common
-        self._left: list[np.ndarray] = []
-        self._right: list[np.ndarray] = []
-        self._systems = systems
+        self._left = np.empty((terms, len(common), systems))
+        self._right = np.empty_like(self._left)
+        self._count = 0
 
     def times(self, vectors: np.ndarray) -> np.ndarray:
         """Inverse times one vector of each system."""
-        found = self._common @ vectors
-        for left, right in zip(self._left, self._right, strict=True):
-            found += left * np.einsum("ij,ij->j", right, vectors)
-        return found
+        return self._common @ vectors + self._terms(self._left, self._right, vectors)
 
-    def _transposed_times(self, vectors: np.ndarray) -> np.ndarray:
-        found = self._common.T @ vectors
-        for left, right in zip(self._left, self._right, strict=True):
-            found += right * np.einsum("ij,ij->j", left, vectors)
-        return found
+    def _terms(self, left: np.ndarray, right: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+        """Sum of left (right . vector) over the rank-one terms."""
+        shares = (right[: self._count] * vectors).sum(axis=1)
+        return (left[: self._count] * shares[:, None]).sum(axis=0)
 
     def learn(self, step: np.ndarray, change: np.ndarray) -> None:
         """Make the inverse map the observed change of the residual to the step that caused it."""
         image = self.times(change)
-        right = self._transposed_times(step)
-        scale = np.einsum("ij,ij->j", right, change)
-        size = np.einsum("ij,ij->j", step, step)
-        usable = np.abs(scale) > 1e-6 * size
-        left = np.where(usable, (step - image) / np.where(usable, scale, 1.0), 0.0)
-        self._left.append(left)
-        self._right.append(right)
+        right = self._common.T @ step + self._terms(self._right, self._left, step)
+        scale = (right * change).sum(axis=0)
+        usable = np.abs(scale) > 1e-6 * (step * step).sum(axis=0)
+        self._left[self._count] = np.where(usable, (step - image) / np.where(usable, scale, 1.0), 0.0)
+        self._right[self._count] = right
+        self._count += 1
 
     def keep(self, chosen: np.ndarray) -> None:
         """Drop the systems that are not chosen (boolean mask or positions)."""
-        self._left = [left[:, chosen] for left in self._left]
-        self._right = [right[:, chosen] for right in self._right]
+        self._left = self._left[:, :, chosen]
+        self._right = self._right[:, :, chosen]

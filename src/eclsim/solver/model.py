@@ -5,6 +5,8 @@ from __future__ import annotations
 import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from eclsim.circuit.network import Choice, Circuit
@@ -85,7 +87,8 @@ def circuit_of(case: Case) -> Circuit:
     return circuit
 
 
-def nominal_values(circuit: Circuit) -> dict[str, float] | None:
+@lru_cache(maxsize=256)
+def nominal_values(circuit: Circuit) -> Mapping[str, float] | None:
     """The paper's parameters and usual devices for a circuit; None if it reads a parameter of its own.
 
     The orbit at these values is where the search for a patient's orbit starts, whoever was solved before.
@@ -108,4 +111,4 @@ def nominal_values(circuit: Circuit) -> dict[str, float] | None:
     ends = (site for c in circuit.connections for site in (c.source, c.target))
     known |= {site.parameter: 0.0 for site in ends if isinstance(site, Choice)}
     names = (HEART_RATE, *circuit.parameter_names())
-    return {n: float(known[n]) for n in names} if all(n in known for n in names) else None
+    return MappingProxyType({n: float(known[n]) for n in names}) if all(n in known for n in names) else None

@@ -144,7 +144,7 @@ def _quasi_newton(problem: OrbitProblem, anchor: Anchor, options: OrbitOptions) 
     found = _empty(problem, count)
     where = np.arange(count)
     states = np.repeat(anchor.state[:, None], count, axis=1)
-    inverse = InverseJacobian(anchor.inverse, count)
+    inverse = InverseJacobian(anchor.inverse, count, options.quasi_newton_beats)
     step, residual = None, None
     for beat in range(1, options.quasi_newton_beats + 1):
         after = problem.beat(states)

@@ -47,10 +47,10 @@ class Batch:
 
     def packed(self, program: BeatProgram) -> np.ndarray:
         """Parameters in the order of a program, shape (names, patients)."""
-        rows = (
-            np.broadcast_to(np.asarray(self.values[n], dtype=float), (self.count,)) for n in program.names
-        )
-        return np.stack(list(rows))
+        packed = np.empty((len(program.names), self.count))
+        for row, name in zip(packed, program.names, strict=True):
+            row[:] = self.values[name]
+        return packed
 
     def volume(self) -> Volume:
         """The blood volume condition of the policy."""
