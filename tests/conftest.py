@@ -1,0 +1,31 @@
+"""What all tests share: compiled programs are dropped when a worker has gathered too many."""
+
+import ctypes
+import gc
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+LARGEST_MB = 2000
+
+
+def resident_mb() -> int:
+    """Memory of this process [MB]; 0 where the system does not tell."""
+    try:
+        lines = Path("/proc/self/status").read_text().splitlines()
+    except OSError:
+        return 0
+    return next(int(line.split()[1]) // 1024 for line in lines if line.startswith("VmRSS"))
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _compiled_programs_are_dropped() -> Iterator[None]:
+    """Compiled programs and the compiler's memory go back; the cache on disk makes them cheap to have again."""
+    yield
+    if "jax" in sys.modules and resident_mb() > LARGEST_MB:
+        sys.modules["jax"].clear_caches()
+        gc.collect()
+        if sys.platform == "linux":
+            ctypes.CDLL(None).malloc_trim(0)
