@@ -22,7 +22,7 @@ def resident_mb() -> int:
 
 @pytest.fixture(autouse=True, scope="module")
 def _compiled_programs_are_dropped() -> Iterator[None]:
-    """Compiled programs and the compiler's memory go back; the cache on disk makes them cheap to have again."""
+    """Compiled programs and the compiler's memory go back; the cache on disk keeps them cheap."""
     yield
     if "jax" in sys.modules and resident_mb() > LARGEST_MB:
         sys.modules["jax"].clear_caches()
