@@ -54,8 +54,7 @@ class Sweep:
         values: the seven parameters of every point, by name.
         status: `Status` of every point.
         output: what the left heart and an LVAD give to the arteries [L/min]; without a steady beat, that of
-        the
-            last of `SETTLING_BEATS` plain beats.
+            the last of `SETTLING_BEATS` plain beats.
         drift: largest change of a volume over a beat [mL], likewise.
         beats: beats that the solver computed.
         moved: largest relative change of a state over ten more beats; NaN where there is no steady beat.

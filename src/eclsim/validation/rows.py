@@ -95,8 +95,7 @@ class Check:
         rows: the comparison.
         explained_pass: whether rows that miss and are explained do not count against the bar.
         required: whether missing the bar fails the validation. Measurements of patients and devices say how
-        far
-            the model can be trusted; they are compared and shown, and fail nothing.
+            far the model can be trusted; they are compared and shown, and fail nothing.
         remarks: sentences to print below the table.
         seconds: time it took.
     """
