@@ -6,14 +6,15 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from eclsim.components.base import Key, Path, Values, names_in, value_of
+from eclsim.components.base import Key, Values, names_in, value_of
+from eclsim.components.vessels import InertialResistance
 from eclsim.units import PA_PER_MMHG
 
 CUBIC_METRE_PER_ML = 1e-6
 
 
 @dataclass(frozen=True)
-class Tube(Path):
+class Tube(InertialResistance):
     """Laminar flow through a straight tube.
 
         source o===[ R ]===( L )===o target      L dQ/dt = dp - R Q
@@ -34,16 +35,6 @@ class Tube(Path):
     viscosity: Key = "etaB"
     density: Key = "rhoB"
 
-    @property
-    def inertial(self) -> bool:
-        """The flow is a state."""
-        return True
-
-    @property
-    def linear(self) -> bool:
-        """The drop is R Q."""
-        return True
-
     def parameter_names(self) -> tuple[str, ...]:
         """Geometry and blood."""
         return sum((names_in(k) for k in (self.length, self.diameter, self.viscosity, self.density)), ())
@@ -56,19 +47,3 @@ class Tube(Path):
         resistance = 128.0 * value_of(values, self.viscosity) * metres / (math.pi * bore**4) * to_mmhg_ml
         density = value_of(values, self.density) / CUBIC_METRE_PER_ML
         return resistance, density * metres / (math.pi / 4.0 * bore**2) * to_mmhg_ml
-
-    def inertance(self, constants: Any) -> Any:
-        """L [mmHg s^2/mL]."""
-        return constants[1]
-
-    def resistance(self, constants: Any) -> Any:
-        """R [mmHg s/mL]."""
-        return constants[0]
-
-    def pressure_drop(self, flow: Any, constants: Any) -> Any:
-        """R Q [mmHg]."""
-        return constants[0] * flow
-
-    def flow(self, pressure_difference: Any, load: Any, constants: Any) -> Any:
-        """dp / (R + load) [mL/s]."""
-        return pressure_difference / (constants[0] + load)

@@ -84,20 +84,8 @@ class Resistance(Path):
 
 
 @dataclass(frozen=True)
-class Artery(Path):
-    """Flow through a vessel with friction and inertia.
-
-        source o---[ R ]---( L )---o target      L dQ/dt = dp - R Q
-
-    Args:
-        ohmic: R [mmHg s/mL]; several names are summed.
-        inertia: L [mmHg s^2/mL].
-
-    Source: Thiel et al., Table S-1; the systemic microcirculation is in series: R = Rsart + Rmc, L = Lsart.
-    """
-
-    ohmic: Key
-    inertia: Key
+class InertialResistance(Path):
+    """Friction and inertia in series, L dQ/dt = dp - R Q; `constants` are R [mmHg s/mL], L [mmHg s^2/mL]."""
 
     @property
     def inertial(self) -> bool:
@@ -108,14 +96,6 @@ class Artery(Path):
     def linear(self) -> bool:
         """The drop is R Q."""
         return True
-
-    def parameter_names(self) -> tuple[str, ...]:
-        """Resistances and inertance."""
-        return names_in(self.ohmic) + names_in(self.inertia)
-
-    def constants(self, values: Values) -> Any:
-        """R [mmHg s/mL] and L [mmHg s^2/mL]."""
-        return value_of(values, self.ohmic), value_of(values, self.inertia)
 
     def inertance(self, constants: Any) -> Any:
         """L [mmHg s^2/mL]."""
@@ -132,3 +112,28 @@ class Artery(Path):
     def flow(self, pressure_difference: Any, load: Any, constants: Any) -> Any:
         """dp / (R + load) [mL/s]; the load carries the inertia of the step."""
         return pressure_difference / (constants[0] + load)
+
+
+@dataclass(frozen=True)
+class Artery(InertialResistance):
+    """Flow through a vessel with friction and inertia.
+
+        source o---[ R ]---( L )---o target      L dQ/dt = dp - R Q
+
+    Args:
+        ohmic: R [mmHg s/mL]; several names are summed.
+        inertia: L [mmHg s^2/mL].
+
+    Source: Thiel et al., Table S-1; the systemic microcirculation is in series: R = Rsart + Rmc, L = Lsart.
+    """
+
+    ohmic: Key
+    inertia: Key
+
+    def parameter_names(self) -> tuple[str, ...]:
+        """Resistances and inertance."""
+        return names_in(self.ohmic) + names_in(self.inertia)
+
+    def constants(self, values: Values) -> Any:
+        """R [mmHg s/mL] and L [mmHg s^2/mL]."""
+        return value_of(values, self.ohmic), value_of(values, self.inertia)
