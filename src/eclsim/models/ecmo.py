@@ -11,16 +11,10 @@ from __future__ import annotations
 from eclsim.circuit.network import Circuit, Compartment, Connection, Site
 from eclsim.components import Cannula, ElasticVessel, Path, Resistance, RollerPump, RotaryPump, Tube
 from eclsim.parameters.devices import CANNULAE
+from eclsim.parameters.positions import ECMO_POSITIONS
 
 GROUP = "ecmo"
-POSITIONS = {
-    "post_dc": "ecmodrain",
-    "pre_pump": "ecmotudp",
-    "post_pump": "ecmotupo",
-    "pre_oxy": "ecmooxy",
-    "post_oxy": "ecmotuor",
-    "pre_rc": "ecmoreturn",
-}
+POSITIONS = ECMO_POSITIONS
 """Positions of a CRRT line in the ECMO circuit, in flow direction, and the compartment that stands there."""
 
 

@@ -9,6 +9,7 @@ from typing import Literal
 
 from eclsim.parameters.anthropometry import MAXIMUM_AGE_YEARS, MINIMUM_AGE_YEARS
 from eclsim.parameters.devices import CANNULAE, OXYGENATORS, PUMP_ALIASES, pumps_for
+from eclsim.parameters.positions import ECMO_POSITIONS
 
 PATIENT_SITES: MappingProxyType[str, str] = MappingProxyType(
     {
@@ -28,18 +29,6 @@ PATIENT_SITES: MappingProxyType[str, str] = MappingProxyType(
 
 ARTERIAL_SITES = ("ao", "sart")
 VENOUS_SITES = ("svn", "ra")
-
-ECMO_POSITIONS: MappingProxyType[str, str] = MappingProxyType(
-    {
-        "post_dc": "ecmodrain",
-        "pre_pump": "ecmotudp",
-        "post_pump": "ecmotupo",
-        "pre_oxy": "ecmooxy",
-        "post_oxy": "ecmotuor",
-        "pre_rc": "ecmoreturn",
-    }
-)
-"""Positions in the ECMO circuit, in flow direction, and the compartment each one is."""
 
 _NODE_ALIASES = MappingProxyType({node: position for position, node in ECMO_POSITIONS.items()})
 

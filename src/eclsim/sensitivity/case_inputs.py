@@ -10,6 +10,7 @@ from eclsim.circuit.network import Choice, Circuit
 from eclsim.models import POSITIONS, crrt
 from eclsim.parameters import did_you_mean, thiel2025
 from eclsim.parameters.devices import CANNULAE, PUMPS
+from eclsim.parameters.positions import CRRT_SCHEMES
 from eclsim.sensitivity.inputs import Categorical, Continuous, Input
 
 if TYPE_CHECKING:
@@ -25,17 +26,7 @@ CARDIOVASCULAR = (
 GROUPS = {"R": "resistances", "C": "compliances", "L": "inertances", "E": "elastances"}
 OUTPUTS = ("SP", "DP", "MAP", "MPAP", "PCWP", "CO", "PF")
 
-SCHEMES = {
-    "a": ("post_pump", "pre_oxy"),
-    "b": ("pre_oxy", "pre_pump"),
-    "c": ("post_oxy", "pre_pump"),
-    "d": ("post_oxy", "pre_rc"),
-    "e": ("pre_oxy", "pre_rc"),
-    "f": ("pre_oxy", "post_oxy"),
-    "g": ("post_oxy", "pre_oxy"),
-    "h": ("pre_pump", "post_dc"),
-    "i": ("post_pump", "pre_pump"),
-}
+SCHEMES = dict(CRRT_SCHEMES)
 """Access and return position of the paper's nine connection schemes (Figure 2)."""
 
 SCHEME, ACCESS, RETURN = "crrt.scheme", "crrt.access_site", "crrt.return_site"

@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from eclsim.parameters import did_you_mean
-from eclsim.patients.fields import ECMO_POSITIONS, PATIENT_SITES
+from eclsim.parameters.positions import CRRT_SCHEMES, ECMO_POSITIONS
+from eclsim.patients.fields import PATIENT_SITES
 
 POSITION_WORDS = {
     "post_dc": "post drainage cannula",
@@ -58,20 +59,7 @@ def site_words(site: str) -> str:
     return POSITION_WORDS.get(site) or f"patient's {PATIENT_SITES[site]}"
 
 
-FIGURE_2 = {
-    scheme.letter: scheme
-    for scheme in (
-        Scheme("a", "post_pump", "pre_oxy"),
-        Scheme("b", "pre_oxy", "pre_pump"),
-        Scheme("c", "post_oxy", "pre_pump"),
-        Scheme("d", "post_oxy", "pre_rc"),
-        Scheme("e", "pre_oxy", "pre_rc"),
-        Scheme("f", "pre_oxy", "post_oxy"),
-        Scheme("g", "post_oxy", "pre_oxy"),
-        Scheme("h", "pre_pump", "post_dc"),
-        Scheme("i", "post_pump", "pre_pump"),
-    )
-}
+FIGURE_2 = {letter: Scheme(letter, *sites) for letter, sites in CRRT_SCHEMES.items()}
 """The nine schemes as Figure 2 of Thiel et al. 2025 draws them."""
 
 PUBLISHED = "published"
