@@ -13,6 +13,9 @@ import typer
 
 from eclsim._version import __version__
 from eclsim.cli import (
+    app as bedside,
+)
+from eclsim.cli import (
     benchmark,
     crrt_study,
     demo,
@@ -58,6 +61,7 @@ app.add_typer(parameters.app, name="parameters", short_help="List, explain and e
 app.command("devices", short_help="List devices and their ranges, or explain one.")(devices.devices)
 app.command("demo", short_help="Simulate the paper's patient, with figures and its numbers.")(demo.demo)
 app.command("validate", short_help="Hold eclsim against published results.")(validate.validate)
+app.command("app", short_help="Open the bedside page in a browser.")(bedside.app)
 app.command("benchmark", short_help="Measure speed and memory on this machine.")(benchmark.benchmark)
 
 

@@ -1,0 +1,106 @@
+"""Beats off the event loop: two threads, circuits compiled once, the presets' ahead of the first visitor."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import threading
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from eclsim.app.state import PageState
+
+if TYPE_CHECKING:
+    from eclsim.app.beat import Beat
+
+log = logging.getLogger("eclsim.app")
+T = TypeVar("T")
+SLOW_RATE_BPM = 60.0
+"""A heart rate at which the finer grid of slow hearts is needed."""
+
+
+class Engine:
+    """Computes beats for all sessions.
+
+    Args:
+        workers: threads for beats; one more does everything that takes longer.
+    """
+
+    def __init__(self, workers: int | None = None):
+        count = workers or min(4, os.cpu_count() or 1)
+        self._beats = ThreadPoolExecutor(count, thread_name_prefix="beat")
+        self._studies = ThreadPoolExecutor(max(1, count - 1), thread_name_prefix="study")
+        self._known: set[Any] = set()
+        self._stopped = threading.Event()
+
+    async def beat(self, state: PageState, near: Mapping[str, float] | None = None) -> Beat:
+        """The steady beat of a state."""
+        return await self._in(self._beats, lambda: self._beat(state, near))
+
+    async def study(self, work: Callable[[], T]) -> T:
+        """Anything longer, beside the beats."""
+        return await self._in(self._studies, work)
+
+    def knows(self, state: PageState) -> bool:
+        """Whether the circuit of a state is compiled, so that its beat is there at once."""
+        return _program_key(state) in self._known
+
+    def warm(self) -> None:
+        """Compile the circuits of the presets, most wanted first; returns at once."""
+        self._studies.submit(self._warm_all)
+
+    def stop(self) -> None:
+        """Take no more work, and do not wait for what runs."""
+        self._stopped.set()
+        for pool in (self._beats, self._studies):
+            pool.shutdown(wait=False, cancel_futures=True)
+
+    def _beat(self, state: PageState, near: Mapping[str, float] | None) -> Beat:
+        from eclsim.app.beat import compute_beat
+
+        found = compute_beat(state, near)
+        self._known.add(_program_key(state))
+        return found
+
+    def _warm_all(self) -> None:
+        for state in _warm_states():
+            if self._stopped.is_set():
+                return
+            try:
+                self._beat(state, None)
+            except Exception:  # one circuit that cannot be compiled must not keep the others from it
+                log.exception("warming a preset failed")
+
+    @staticmethod
+    async def _in(pool: ThreadPoolExecutor, work: Callable[[], T]) -> T:
+        return await asyncio.get_running_loop().run_in_executor(pool, work)
+
+
+def _program_key(state: PageState) -> tuple[Any, int]:
+    """Circuit and grid: what a compiled program depends on."""
+    from eclsim.app.circuits import page_circuit
+    from eclsim.circuit.assembly import assemble
+    from eclsim.solver.resolution import needed_resolution
+
+    circuit, values = page_circuit(state.case)
+    return circuit, int(needed_resolution(assemble(circuit), values))
+
+
+def _warm_states() -> list[PageState]:
+    """The presets, those with ECMO also with CRRT, then all of them with a slow heart."""
+    from eclsim.app.knobs import connect, turn
+    from eclsim.patients.presets import PRESETS
+
+    states = [PageState(preset.case(), origin=key) for key, preset in PRESETS.items()]
+    more = [
+        PageState(connect(state.case, "crrt"))
+        for state in states
+        if state.case.ecmo is not None and state.case.crrt is None
+    ]
+    more += [PageState(connect(s.case, "crrt")) for s in states if s.origin == "paper"]
+    more += [PageState(connect(s.case, "ecmo")) for s in states if s.origin == "lvad"]
+    usual = [*states, *more]
+    slow = [s.with_case(turn(s.case, "patient.heart_rate_bpm", SLOW_RATE_BPM)) for s in usual]
+    return [*usual, *slow]

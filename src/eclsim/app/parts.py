@@ -1,0 +1,38 @@
+"""The page's own components: each is one file in web/, told through the bridge what to show."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from nicegui.element import Element
+
+_WEB = Path(__file__).parent / "web"
+
+
+class Bridge(Element, component=_WEB / "bridge.js", esm={"eclsim-page": str(_WEB / "lib")}):
+    """The line between session and browser, and the status beside the brand."""
+
+    def __init__(self, words: dict[str, str]):
+        super().__init__()
+        self._props["words"] = words
+
+    def publish(self, topic: str, data: Any) -> None:
+        """Hand data to every view that listens."""
+        self.run_method("publish", topic, data)
+
+
+class Knobs(Element, component=_WEB / "knobs.js"):
+    """The panel of knobs."""
+
+
+class Keys(Element, component=_WEB / "keys.js"):
+    """The numbers that are always in sight."""
+
+
+class Monitor(Element, component=_WEB / "monitor.js"):
+    """Sweeping waveforms."""
+
+
+class Schematic(Element, component=_WEB / "schematic.js"):
+    """The circuit."""

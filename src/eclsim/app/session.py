@@ -1,0 +1,272 @@
+"""One browser tab: its state, its beats, and what it is told. Nothing here is shared between tabs."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from eclsim.app.knobs import Knob, connect, controls, turn, value_of
+from eclsim.app.state import MOST_SAVED, POLICIES, History, PageState
+from eclsim.app.texts import text
+from eclsim.parameters import default
+from eclsim.patients.mistakes import CaseError, Mistake
+
+if TYPE_CHECKING:
+    from eclsim.app.beat import Beat
+    from eclsim.app.engine import Engine
+
+log = logging.getLogger("eclsim.app")
+WAVES = (
+    "Pao", "Ppas", "Pra", "Plv", "Prv", "Vlv", "Vrv", "Qecmopump", "Qlvadpump", "Pcrrttuin", "Pcrrttuout",
+    "Pecmodrain",
+)  # fmt: skip
+"""Waveforms that the browser draws."""
+Send = Callable[[str, Any], None]
+Follower = Callable[["Session"], None]
+
+
+class Session:
+    """What one tab shows.
+
+    Args:
+        engine: where beats are computed.
+        state: what to start with.
+        send: hands a topic and plain data to the browser.
+    """
+
+    def __init__(self, engine: Engine, state: PageState, send: Send):
+        self.engine = engine
+        self.send = send
+        self.history = History(state)
+        self.beat: Beat | None = None
+        self.pinned: tuple[PageState, Beat] | None = None
+        self.saved: list[tuple[str, PageState, Beat]] = []
+        self.started: Beat | None = None
+        self.followers: list[Follower] = []
+        self.view = "monitor"
+        self.closed = False
+        self._wanted: tuple[PageState, int] = (state, 0)
+        self._running = False
+        self._near: tuple[Any, Mapping[str, float]] | None = None
+        self._drawn: Any = None
+        self._panel: Any = None
+
+    @property
+    def state(self) -> PageState:
+        """What is shown, or being computed."""
+        return self.history.now
+
+    def start(self) -> None:
+        """Tell the browser everything, and compute the first beat."""
+        self._panel = self._drawn = None
+        self.show_state()
+        self._want(0)
+
+    def turn(self, key: str, value: Any, seq: int = 0) -> bool:
+        """Turn a knob or set a picker; a value that cannot be is told beside the knob."""
+        return self._try(key, lambda: self.state.with_case(turn(self.state.case, key, value)), seq)
+
+    def connect(self, device: str) -> bool:
+        """Connect or disconnect a device."""
+        return self._try(device, lambda: self.state.with_case(connect(self.state.case, device)), 0)
+
+    def set_policy(self, policy: str) -> None:
+        """Choose who fills the circuits."""
+        if policy in POLICIES:
+            self._change(replace(self.state, policy=policy), "policy", 0)
+
+    def load(self, state: PageState) -> None:
+        """Show another patient."""
+        self.history.load(state, time.monotonic())
+        self._near, self.started = None, None
+        self.show_state()
+        self._want(0)
+
+    def undo(self) -> None:
+        """One change back."""
+        if self.history.undo():
+            self.show_state()
+            self._want(0)
+
+    def redo(self) -> None:
+        """One change forward."""
+        if self.history.redo():
+            self.show_state()
+            self._want(0)
+
+    def reset(self) -> None:
+        """Back to the patient as loaded."""
+        self._change(self.history.start, "", 0)
+
+    def pin(self) -> None:
+        """Keep the beat as a shadow, or let it go."""
+        from eclsim.app.beat import plain
+
+        if self.pinned is not None:
+            self.pinned = None
+        elif self.beat is not None:
+            self.pinned = (self.state, self.beat)
+        self.send("pinned", plain(self.pinned[1], WAVES) if self.pinned else None)
+        self.show_state()
+
+    def save(self, name: str) -> bool:
+        """Keep the state for the comparison; False if there are too many."""
+        if self.beat is None or len(self.saved) >= MOST_SAVED:
+            return False
+        self.saved.append((name, self.state, self.beat))
+        self._follow()
+        return True
+
+    def follow(self, follower: Follower) -> None:
+        """Call after every beat."""
+        self.followers.append(follower)
+
+    def open_view(self, view: str) -> None:
+        """Another view is seen; those that compute do so only while they are seen."""
+        self.view = view
+        self._follow()
+
+    def close(self) -> None:
+        """The tab is gone: start nothing more."""
+        self.closed = True
+        self.followers.clear()
+
+    def _try(self, key: str, make: Callable[[], PageState], seq: int) -> bool:
+        try:
+            state = make()
+        except CaseError as error:
+            self.send("error", {"key": key, "messages": [_beside(m) for m in error.mistakes], "seq": seq})
+            return False
+        self._change(state, key, seq)
+        return True
+
+    def _change(self, state: PageState, key: str, seq: int) -> None:
+        self.history.change(state, key, time.monotonic())
+        self.show_state(key)
+        self._want(seq)
+
+    def _want(self, seq: int) -> None:
+        """Compute the beat of the state; while one is being computed only the newest is kept."""
+        self._wanted = (self.state, seq or self._wanted[1])
+        if not self._running and not self.closed:
+            self._running = True
+            task = asyncio.get_running_loop().create_task(self._run())
+            task.add_done_callback(_report)
+
+    async def _run(self) -> None:
+        try:
+            done: Any = None
+            while done is not self._wanted and not self.closed:
+                done = wanted = self._wanted
+                state, seq = wanted
+                if not self.engine.knows(state):
+                    self.send("busy", text("compiling"))
+                try:
+                    beat = await self.engine.beat(state, self._near_values(state))
+                except Exception:  # a beat that fails must not end the page; what failed is in the log
+                    log.exception("a beat failed")
+                    self.send("failed", text("failed"))
+                    continue
+                if not self.closed:
+                    self._show(state, beat, seq)
+        finally:
+            self._running = False
+
+    def _show(self, state: PageState, beat: Beat, seq: int) -> None:
+        from eclsim.app.beat import plain
+        from eclsim.app.ranges import levels
+
+        self.beat = beat
+        if beat.converged:
+            self._near = (
+                self._near if self._near and self._near[0] is beat.circuit else (beat.circuit, beat.values)
+            )
+        if self.started is None or state == self.history.start:
+            self.started = beat
+        self.send("beat", {**plain(beat, WAVES), "levels": levels(dict(beat.means)), "seq": seq})
+        self._follow()
+
+    def _near_values(self, state: PageState) -> Mapping[str, float] | None:
+        from eclsim.app.circuits import page_circuit
+
+        if self._near is None or page_circuit(state.case)[0] is not self._near[0]:
+            return None
+        return self._near[1]
+
+    def _follow(self) -> None:
+        for follower in list(self.followers):
+            follower(self)
+
+    def show_state(self, key: str = "") -> None:
+        """Tell the browser where knobs stand, and, where the circuit changed, how it is drawn."""
+        from eclsim.app.drawing import drawing_of
+
+        case = self.state.case
+        found = controls(case)
+        panel = [_described(control) for control in found]
+        if panel != self._panel:
+            self._panel = panel
+            self.send("panel", panel)
+        shape = (
+            case.ecmo is not None and case.ecmo.model_dump_json(exclude=_SIZES),
+            _lines(case),
+            _assist(case),
+        )
+        if shape != self._drawn:
+            self._drawn = shape
+            self.send("drawing", drawing_of(case))
+        self.send("state", {
+            "values": {control.key: value_of(case, control.key) for control in found},
+            "devices": {d: getattr(case, d) is not None for d in ("ecmo", "crrt", "lvad")},
+            "policy": self.state.policy, "key": key, "name": case.patient.id, "origin": self.state.origin,
+            "undo": bool(self.history.past), "redo": bool(self.history.future),
+            "changed": self.state != self.history.start, "pinned": self.pinned is not None,
+        })  # fmt: skip
+
+
+_SIZES = {"speed_rpm", "drainage_fr", "return_fr", "oxygenator"}
+
+
+def _lines(case: Any) -> Any:
+    return case.crrt and (case.crrt.access_site, case.crrt.return_site)
+
+
+def _assist(case: Any) -> Any:
+    return case.lvad and (case.lvad.inlet_site, case.lvad.outlet_site)
+
+
+def _described(control: Any) -> dict[str, Any]:
+    """A knob or picker as plain data."""
+    section, _, name = control.key.partition(".")
+    hint = f"{name}: {default(name).description}" if section == "parameters" else ""
+    common = {"key": control.key, "group": control.group, "label": text(control.key), "hint": hint}
+    if isinstance(control, Knob):
+        return common | {
+            "unit": control.unit, "low": control.low, "high": control.high, "step": control.step,
+            "log": control.logarithmic,
+        }  # fmt: skip
+    return common | {"options": [[name, option_words(name)] for name in control.options]}
+
+
+def option_words(name: str) -> str:
+    """A name of a picker in words."""
+    from eclsim.patients.fields import PATIENT_SITES
+    from eclsim.studies.crrt_schemes import POSITION_WORDS
+
+    if name in ("VA", "VV"):
+        return text(name)
+    return POSITION_WORDS.get(name) or PATIENT_SITES.get(name) or name
+
+
+def _beside(mistake: Mistake) -> str:
+    """A mistake as it stands beside its knob: without the key."""
+    return str(Mistake("", mistake.message, mistake.value, mistake.allowed, mistake.suggestion))
+
+
+def _report(task: asyncio.Task[None]) -> None:
+    if not task.cancelled() and task.exception() is not None:
+        log.error("a session failed", exc_info=task.exception())
