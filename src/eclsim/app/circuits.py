@@ -50,10 +50,10 @@ def _circuit(drawn: Any, lines: Any, assist: Any) -> Circuit:
     circuit = circulation()
     if drawn is not None:
         circuit += ecmo(*drawn)
-    if lines == "switched":
-        circuit += crrt(Choice(NODES, ACCESS), Choice(NODES, RETURN))
-    elif lines is not None:
+    if lines is not None and lines != "switched":
         circuit += crrt(*(POSITIONS.get(site, site) for site in lines))
     if assist is not None:
         circuit += lvad(*assist)
+    if lines == "switched":  # last, as in the CRRT study, so that both share one compiled circuit
+        circuit += crrt(Choice(NODES, ACCESS), Choice(NODES, RETURN))
     return circuit

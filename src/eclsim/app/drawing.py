@@ -59,7 +59,8 @@ def _boxes(circuit: Circuit, page: Layout) -> list[dict[str, Any]]:
         place = NODES.get(compartment.name)
         found.append({
             "name": compartment.name, "group": compartment.group,
-            "position": positions.get(compartment.name, ""), "words": place.words if place else compartment.name,
+            "position": positions.get(compartment.name, ""),
+            "words": place.words if place else compartment.name,
             "x": left, "y": -top, "w": right - left, "h": top - bottom,
         })  # fmt: skip
     return found

@@ -6,6 +6,7 @@ import asyncio
 import logging
 import os
 import threading
+import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -17,6 +18,10 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("eclsim.app")
 T = TypeVar("T")
+GRACE_S = 4.0
+"""After the start only the first patient's circuit is compiled for so long: the first page comes first."""
+QUIET_S = 1.5
+"""Presets are compiled only when no beat was asked for during this time."""
 SLOW_RATE_BPM = 60.0
 """A heart rate at which the finer grid of slow hearts is needed."""
 
@@ -34,9 +39,11 @@ class Engine:
         self._studies = ThreadPoolExecutor(max(1, count - 1), thread_name_prefix="study")
         self._known: set[Any] = set()
         self._stopped = threading.Event()
+        self._wanted_at = float("-inf")
 
     async def beat(self, state: PageState, near: Mapping[str, float] | None = None) -> Beat:
         """The steady beat of a state."""
+        self._wanted_at = time.monotonic()
         return await self._in(self._beats, lambda: self._beat(state, near))
 
     async def study(self, work: Callable[[], T]) -> T:
@@ -47,9 +54,12 @@ class Engine:
         """Whether the circuit of a state is compiled, so that its beat is there at once."""
         return _program_key(state) in self._known
 
-    def warm(self) -> None:
-        """Compile the circuits of the presets, most wanted first; returns at once."""
-        self._studies.submit(self._warm_all)
+    def warm(self, first: PageState) -> None:
+        """Compile the circuit of the first patient now and those of the presets when nobody turns a knob.
+
+        Returns at once: it happens in a thread of its own.
+        """
+        threading.Thread(target=self._warm_all, args=(first,), name="warm", daemon=True).start()
 
     def stop(self) -> None:
         """Take no more work, and do not wait for what runs."""
@@ -64,14 +74,24 @@ class Engine:
         self._known.add(_program_key(state))
         return found
 
-    def _warm_all(self) -> None:
+    def _warm_all(self, first: PageState) -> None:
+        self._warm_one(first)
+        if self._stopped.wait(GRACE_S):
+            return
         for state in _warm_states():
+            while time.monotonic() - self._wanted_at < QUIET_S:
+                if self._stopped.wait(0.2):
+                    return
             if self._stopped.is_set():
                 return
-            try:
-                self._beat(state, None)
-            except Exception:  # one circuit that cannot be compiled must not keep the others from it
-                log.exception("warming a preset failed")
+            if not self.knows(state):
+                self._warm_one(state)
+
+    def _warm_one(self, state: PageState) -> None:
+        try:
+            self._beat(state, None)
+        except Exception:  # one circuit that cannot be compiled must not keep the others from it
+            log.exception("warming a circuit failed")
 
     @staticmethod
     async def _in(pool: ThreadPoolExecutor, work: Callable[[], T]) -> T:

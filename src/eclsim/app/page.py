@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
 
-from eclsim.app.parts import Bridge, Keys, Knobs, Monitor, Schematic
+from eclsim.app.background import Background
+from eclsim.app.parts import Bridge, Keys, Knobs, Loops, Monitor, Outputs, Ramp, Schematic, Schemes
+from eclsim.app.ranges import output_specs
 from eclsim.app.session import Session
 from eclsim.app.state import PageState, state_of
 from eclsim.app.texts import ENGLISH, text
@@ -32,6 +34,7 @@ class BedsidePage:
     """
 
     def __init__(self, engine: Engine, state: PageState):
+        self.engine = engine
         self.bridge: Bridge
         self.buttons: dict[str, Button] = {}
         self.session = Session(engine, state, self._send)
@@ -92,9 +95,20 @@ class BedsidePage:
                 ui.tab(name, label=text(name))
         self.tabs.props(f'aria-label="{text("views")}"')
         self.tabs.on_value_change(lambda e: self.session.open_view(str(e.value)))
-        with ui.tab_panels(self.tabs, value="monitor", animated=False, keep_alive=True).classes("ecl-views"):
+        panels = ui.tab_panels(self.tabs, value="monitor", animated=False, keep_alive=True)
+        with panels.classes("ecl-views"):
             with ui.tab_panel("monitor"):
                 Monitor()
+            with ui.tab_panel("loops"):
+                Loops()
+            with ui.tab_panel("ramp"):
+                Ramp()
+            with ui.tab_panel("schemes"):
+                Schemes().on("use", lambda e: self._use_scheme(e.args))
+            with ui.tab_panel("outputs"):
+                Outputs(output_specs())
+        self.session.follow(Background(self.engine, "ramp"))
+        self.session.follow(Background(self.engine, "schemes"))
 
     def _hello(self, args: Any) -> None:
         """The browser is there; a link it was opened with wins over the first patient."""
@@ -109,6 +123,9 @@ class BedsidePage:
     def _move(self, args: Any) -> None:
         line = "access" if args.get("line") == "access" else "return"
         self.session.turn(f"crrt.{line}_site", str(args.get("site")))
+
+    def _use_scheme(self, args: Any) -> None:
+        self.session.use_scheme(str(args.get("access")), str(args.get("giving")))
 
     def _preset(self, key: Any) -> None:
         if key in PRESETS and key != self.session.state.origin:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import nicegui.elements.plotly  # noqa: F401  (puts the Plotly that comes with NiceGUI within reach)
 from nicegui.element import Element
 
 _WEB = Path(__file__).parent / "web"
@@ -36,3 +37,23 @@ class Monitor(Element, component=_WEB / "monitor.js"):
 
 class Schematic(Element, component=_WEB / "schematic.js"):
     """The circuit."""
+
+
+class Loops(Element, component=_WEB / "loops.js"):
+    """Pressure-volume loops."""
+
+
+class Ramp(Element, component=_WEB / "ramp.js"):
+    """Outputs over the pump's speed."""
+
+
+class Schemes(Element, component=_WEB / "schemes.js"):
+    """The nine CRRT schemes."""
+
+
+class Outputs(Element, component=_WEB / "outputs.js"):
+    """The table of outputs."""
+
+    def __init__(self, specs: dict[str, dict[str, Any]]):
+        super().__init__()
+        self._props["specs"] = specs

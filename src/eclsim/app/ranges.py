@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from eclsim.haemodynamics.alarms import COLLAPSE_MMHG, SANSOM_ACCESS_MMHG, SUCTION_MMHG
+from eclsim.haemodynamics.outputs import REGISTRY
 from eclsim.parameters.devices import CRRT_ALARMS_MMHG
 
 _CATHETER = "practical table of right heart catheterisation, European Respiratory Society"
@@ -71,8 +73,8 @@ NODE_LIMITS: dict[str, Limits] = {
 }  # fmt: skip
 """Limits of mean pressures by compartment.
 
-Mean arterial pressure 65 mmHg is the usual target in shock; 300 mmHg after the pump is the usual limit of ECMO
-circuits; those of CRRT lines are machine alarms and Sansom et al. 2023.
+Mean arterial pressure 65 mmHg is the usual target in shock; 300 mmHg after the pump is the usual limit of
+ECMO circuits; those of CRRT lines are machine alarms and Sansom et al. 2023.
 """
 
 
@@ -81,3 +83,16 @@ def levels(means: dict[str, float]) -> dict[str, str]:
     return {
         name: limits.level(means["P" + name]) for name, limits in NODE_LIMITS.items() if "P" + name in means
     }
+
+
+def output_specs() -> dict[str, dict[str, Any]]:
+    """Words, unit, definition and reference range of every output, as plain data."""
+    found: dict[str, dict[str, Any]] = {}
+    for name, entry in REGISTRY.items():
+        found[name] = {"words": entry.long_name, "unit": entry.unit, "definition": entry.definition}
+        if name in REFERENCE:
+            found[name]["range"] = list(REFERENCE[name])
+    found["crrt_recirculated_fraction"] = {
+        "words": "recirculated share of the CRRT flow", "unit": "1", "definition": "steady mixing",
+    }  # fmt: skip
+    return found

@@ -43,7 +43,7 @@ def application(options: Options, engine: Engine) -> FastAPI:
         page = BedsidePage(engine, options.state)
         ui.context.client.on_delete(page.session.close)
 
-    nicegui_app.on_startup(engine.warm)
+    nicegui_app.on_startup(lambda: engine.warm(options.state))
     nicegui_app.on_shutdown(engine.stop)
     outer = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     ui.run_with(

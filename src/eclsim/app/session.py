@@ -63,6 +63,7 @@ class Session:
     def start(self) -> None:
         """Tell the browser everything, and compute the first beat."""
         self._panel = self._drawn = None
+        self.send("view", self.view)
         self.show_state()
         self._want(0)
 
@@ -73,6 +74,17 @@ class Session:
     def connect(self, device: str) -> bool:
         """Connect or disconnect a device."""
         return self._try(device, lambda: self.state.with_case(connect(self.state.case, device)), 0)
+
+    def use_scheme(self, access: str, giving: str) -> bool:
+        """Connect the CRRT at two positions of the ECMO circuit; without CRRT, connect one first."""
+
+        def changed() -> PageState:
+            case = self.state.case if self.state.case.crrt else connect(self.state.case, "crrt")
+            for key, site in (("crrt.access_site", access), ("crrt.return_site", giving)):
+                case = turn(case, key, site)
+            return self.state.with_case(case)
+
+        return self._try("crrt.access_site", changed, 0)
 
     def set_policy(self, policy: str) -> None:
         """Choose who fills the circuits."""
@@ -128,6 +140,7 @@ class Session:
     def open_view(self, view: str) -> None:
         """Another view is seen; those that compute do so only while they are seen."""
         self.view = view
+        self.send("view", view)
         self._follow()
 
     def close(self) -> None:
@@ -187,6 +200,7 @@ class Session:
             )
         if self.started is None or state == self.history.start:
             self.started = beat
+            self.send("base", {"outputs": plain(beat, ())["outputs"]})
         self.send("beat", {**plain(beat, WAVES), "levels": levels(dict(beat.means)), "seq": seq})
         self._follow()
 

@@ -122,8 +122,8 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "legend_warning": "! look",
         "legend_alarm": "▲ limit broken",
         "frame_patient": "Patient",
-        "frame_ecmo": "ECMO circuit",
-        "frame_crrt": "CRRT circuit",
+        "frame_ecmo": "ECMO",
+        "frame_crrt": "CRRT",
         # loops
         "left_ventricle": "Left ventricle",
         "right_ventricle": "Right ventricle",
@@ -142,6 +142,9 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         # schemes
         "schemes_none": "The nine schemes need an ECMO circuit with a rotary pump. Connect ECMO first.",
         "schemes_flow": "The lines carry {flow} mL/min. Choose a scheme to connect it.",
+        "scheme_access": "access",
+        "scheme_return": "return",
+        "scheme_limits": "alarm limits",
         "scheme_use": "Connect the CRRT as in scheme {letter}: {name}",
         "scheme_h": "h: both lines at pre pump, as in the published code.",
         "study_run": "CRRT study: report",
@@ -190,8 +193,8 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "exporting": "Preparing the file …",
         # opening
         "open_title": "Open a case or a cohort",
-        "open_text": "A case file (TOML) or a cohort (CSV, one row a data point), up to {size}. It is checked "
-        "on the machine that runs this page and kept there only while the page is open.",
+        "open_text": "A case file (TOML) or a cohort (CSV, one row a data point), up to {size}. It is "
+        "checked on the machine that runs this page and kept there only while the page is open.",
         "open_drop": "Choose a file, or drop it here",
         "open_rows": "Data point",
         "open_use": "Use",
@@ -210,8 +213,8 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "wrong_password": "This is not the password.",
         "too_many": "Too many attempts. Wait a minute.",
         "help_text": "Drag a knob or type a number; everything follows at once. Tab moves between knobs, "
-        "arrow keys turn them. Ctrl+Z undoes, Ctrl+Y redoes, Alt+P pins, Alt+S saves, Alt+R resets, Alt+1 to Alt+7 "
-        "open the views.",
+        "arrow keys turn them. Ctrl+Z undoes, Ctrl+Y redoes, Alt+P pins, Alt+S saves, Alt+R resets, "
+        "Alt+1 to Alt+7 open the views.",
     }
 )
 

@@ -18,8 +18,8 @@ export default {
   <dl class="ecl-keys">
     <div v-for="k in seen" :key="k.key" :class="k.level">
       <dt>{{ words['key_' + k.key] }}</dt>
-      <dd><b>{{ k.sign }}{{ k.text }}</b> <small>{{ k.unit }}</small></dd>
-      <dd class="more">{{ k.change || k.more }}</dd>
+      <dd><b>{{ k.sign }}{{ k.text }}</b></dd>
+      <dd class="more">{{ k.unit }} <em>{{ k.change || k.more }}</em></dd>
     </div>
   </dl>`,
   data: () => ({ words, seen: [] }),

@@ -92,7 +92,7 @@ export default {
     },
     written(c) {
       const value = this.values[c.key];
-      return typeof value === "number" ? String(Number(value.toPrecision(5))) : value;
+      return typeof value === "number" ? String(Number(value.toPrecision(4))) : value;
     },
     slide(c, event) {
       this.active = c.key;

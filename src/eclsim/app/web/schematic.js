@@ -108,7 +108,10 @@ export default {
       return words["line_" + l.moves].replace("{site}", this.drawing.boxes.find((b) => b.name === l.site)?.words ?? l.site);
     },
     spot(l) {
-      return this.drag?.line === l.moves ? [this.drag.x, this.drag.y] : l.end;
+      if (this.drag?.line === l.moves) return [this.drag.x, this.drag.y];
+      const path = l.moves === "return" ? [...l.path].reverse() : l.path; // from the site
+      const [dx, dy] = [Math.sign(path[1][0] - path[0][0]), Math.sign(path[1][1] - path[0][1])];
+      return [l.end[0] + 2.6 * dx, l.end[1] + 2.6 * dy];
     },
     place(event) {
       const p = new DOMPoint(event.clientX, event.clientY).matrixTransform(this.$refs.svg.getScreenCTM().inverse());

@@ -1,0 +1,102 @@
+"""What views compute beyond one beat: the speed ramp and the nine CRRT schemes, each one batch."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from eclsim.app.circuits import page_circuit
+from eclsim.app.ranges import NODE_LIMITS
+from eclsim.circuit.assembly import assemble
+from eclsim.parameters.devices import CRRT_ALARMS_MMHG, PUMPS
+from eclsim.parameters.positions import ECMO_POSITIONS
+from eclsim.solver.resolution import needed_resolution
+from eclsim.solver.steady import Batch, steady_beats
+from eclsim.studies.beat_records import record
+
+if TYPE_CHECKING:
+    from eclsim.app.state import PageState
+
+SPEEDS = 15
+WAVE_POINTS = 60
+RAMP_OUTPUTS = (
+    "MAP", "MPAP", "PCWP", "right_atrial_pressure", "CO", "PF", "lvad_flow", "crrt_access_pressure",
+    "crrt_return_pressure", "drainage_pressure",
+)  # fmt: skip
+LINES = {"access": "crrttuin", "return": "crrttuout"}
+
+
+def ramp(state: PageState) -> dict[str, Any] | None:
+    """Outputs over the speeds of the state's pump; None without a rotary pump."""
+    found = _speed(state)
+    if found is None:
+        return None
+    key, own, (low, high) = found
+    circuit, values = page_circuit(state.case)
+    speeds = np.unique([*np.linspace(low, high, SPEEDS), own])
+    members = values | {key: speeds}
+    resolution = int(np.max(needed_resolution(assemble(circuit), members)))
+    batch = Batch(circuit, members, len(speeds), state.policy)
+    records = record(steady_beats(batch, near=values, resolution=resolution))
+    shown = [name for name in RAMP_OUTPUTS if name in records.names]
+    return {
+        "key": key, "own": own, "speeds": speeds.tolist(),
+        "outputs": {n: _curve(np.where(records.converged, records.output(n), np.nan)) for n in shown},
+        "limits": {line: list(CRRT_ALARMS_MMHG[line]) for line in LINES},
+    }  # fmt: skip
+
+
+def _speed(state: PageState) -> tuple[str, float, tuple[float, float]] | None:
+    """Key, own speed and usual range of the ECMO pump, else of the LVAD."""
+    ecmo, assist = state.case.ecmo, state.case.lvad
+    if ecmo is not None and isinstance(ecmo.pump, str):
+        return "ecmo.speed_rpm", float(ecmo.speed_rpm or 0.0), PUMPS[ecmo.pump].speed_range_rpm
+    if assist is not None:
+        return "lvad.speed_rpm", assist.speed_rpm, PUMPS[assist.pump].speed_range_rpm
+    return None
+
+
+def schemes(state: PageState) -> dict[str, Any] | None:
+    """Line pressures of the nine schemes at the state's own speed; None without a rotary ECMO pump."""
+    from eclsim.studies.crrt_batches import bench_of
+    from eclsim.studies.crrt_schemes import nine_schemes
+
+    ecmo = state.case.ecmo
+    if ecmo is None or not isinstance(ecmo.pump, str):
+        return None
+    chosen = tuple(nine_schemes().values())
+    flow = state.case.crrt.flow_ml_min if state.case.crrt is not None else 200.0
+    bench = bench_of(state.case, chosen, flow)
+    records = bench.run(np.array([float(ecmo.speed_rpm or 0.0)]), state.policy, keep=range(len(chosen)))
+    even = np.linspace(0.0, 1.0, WAVE_POINTS)
+    found = []
+    for k, scheme in enumerate(chosen):
+        cell: dict[str, Any] = {
+            "letter": scheme.letter, "name": scheme.name, "access_site": scheme.access_site,
+            "return_site": scheme.return_site, "converged": bool(records.converged[k]),
+            "MAP": _number(records.output("MAP")[k]), "PF": _number(records.output("PF")[k]),
+        }  # fmt: skip
+        for line, node in LINES.items():
+            signal = records.signals.index("P" + node)
+            mean = float(records.means[signal, k])
+            cell[line] = {
+                "mean": _number(mean),
+                "level": NODE_LIMITS[node].level(mean),
+                "wave": _curve(np.interp(even, records.phases, records.waveforms[:, signal, k])),
+            }
+        found.append(cell)
+    return {"cells": found, "flow": flow, "limits": {line: list(CRRT_ALARMS_MMHG[line]) for line in LINES}}
+
+
+def scheme_sites(access: str, giving: str) -> tuple[str, str] | None:
+    """The two sites, if both are positions of the ECMO circuit."""
+    return (access, giving) if access in ECMO_POSITIONS and giving in ECMO_POSITIONS else None
+
+
+def _curve(values: np.ndarray) -> list[float | None]:
+    return [_number(v) for v in values.tolist()]
+
+
+def _number(value: float) -> float | None:
+    return float(f"{float(value):.5g}") if np.isfinite(value) else None

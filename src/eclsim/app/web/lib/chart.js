@@ -1,0 +1,67 @@
+// Charts by Plotly, which comes with the page; drawn only while their view is seen.
+import { bus } from "eclsim-page";
+
+let loading;
+const plotly = () => (loading ??= import("nicegui-plotly").then((m) => m.Plotly));
+bus.on("beat", () => {
+  if (!loading) setTimeout(plotly, 2500);
+});
+
+export const axis = (title, more = {}) => ({
+  title: { text: title, standoff: 6, font: { size: 12 } }, zeroline: false, gridcolor: "#E6EAEE", linecolor: "#9AA5B1",
+  showline: true, ticks: "outside", ticklen: 3, tickcolor: "#9AA5B1", tickfont: { size: 11 }, automargin: true, ...more,
+});
+const LAYOUT = {
+  font: { family: 'system-ui, "Segoe UI", Roboto, sans-serif', color: "#17202A" }, paper_bgcolor: "#fff", plot_bgcolor: "#fff",
+  margin: { l: 52, r: 14, t: 28, b: 42 }, showlegend: true, hovermode: "closest",
+  legend: { orientation: "h", x: 0, y: -0.16, font: { size: 11.5 } },
+};
+const CONFIG = { displaylogo: false, responsive: false, modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d"], scrollZoom: false };
+
+export class Chart {
+  constructor(element, view) {
+    this.element = element;
+    this.view = view;
+    this.seen = bus.last("view") === view;
+    this.observer = new ResizeObserver(() => this.resize());
+    this.observer.observe(element);
+    this.stops = [
+      bus.on("view", (now) => {
+        this.seen = now === view;
+        if (this.seen && this.waiting) this.paint();
+      }),
+      bus.on("export", (wanted) => wanted.view === view && this.save(wanted.format)),
+    ];
+  }
+  draw(traces, layout) {
+    this.waiting = [traces, layout];
+    if (this.seen) this.paint();
+  }
+  async paint() {
+    const Plotly = await plotly();
+    if (!this.waiting || !this.element.clientWidth) return;
+    const [traces, layout] = this.waiting;
+    this.waiting = undefined;
+    const size = { width: this.element.clientWidth, height: this.element.clientHeight };
+    await Plotly.react(this.element, traces, { ...LAYOUT, ...layout, ...size, uirevision: "same" }, CONFIG);
+    this.drawn = [traces, layout];
+  }
+  resize() {
+    if (this.drawn && !this.waiting) this.draw(...this.drawn);
+    else if (this.seen) this.paint();
+  }
+  async save(format) {
+    const Plotly = await plotly();
+    if (this.waiting) await this.paint();
+    await Plotly.downloadImage(this.element, { format, filename: `eclsim-${this.view}`, width: 1100, height: 720, scale: format === "png" ? 2 : 1 });
+  }
+  close() {
+    this.observer.disconnect();
+    for (const stop of this.stops) stop();
+  }
+}
+
+// A curve; `more` may hold further settings of the trace and of its line.
+export const line = (x, y, name, colour, { line: stroke = {}, ...more } = {}) => ({
+  type: "scatter", mode: "lines", x, y, name, line: { color: colour, width: 2.2, ...stroke }, ...more,
+});

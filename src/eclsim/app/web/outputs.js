@@ -1,0 +1,57 @@
+// All outputs with unit, adult reference range and change.
+import { bus, compact, words } from "eclsim-page";
+
+export default {
+  template: `
+  <div class="ecl-outputs">
+    <label class="filter">{{ words.filter }} <input type="search" v-model="filter" autocomplete="off" /></label>
+    <div class="scroll"><table>
+      <caption class="ecl-hidden">{{ words.outputs }}</caption>
+      <thead><tr><th scope="col">{{ words.output }}</th><th scope="col" class="n">{{ words.value }}</th><th scope="col">{{ words.unit }}</th><th scope="col" class="n">{{ pinned ? words.change : words.change_start }}</th><th scope="col">{{ words.reference }}</th></tr></thead>
+      <tbody>
+        <tr v-for="r in rows" :key="r.name" :class="r.level">
+          <th scope="row" :title="r.definition"><b v-if="r.short">{{ r.name }}</b> {{ r.words }}</th>
+          <td class="n value">{{ r.value }}</td><td>{{ r.unit }}</td><td class="n">{{ r.change }}</td>
+          <td :title="r.source"><template v-if="r.range">{{ r.range }} <em v-if="r.side">{{ r.side }}</em></template></td>
+        </tr>
+      </tbody>
+    </table></div>
+  </div>`,
+  props: { specs: Object },
+  data: () => ({ words, filter: "", beat: null, pinned: null, base: null }),
+  computed: {
+    rows() {
+      if (!this.beat) return [];
+      const wanted = this.filter.trim().toLowerCase();
+      return Object.entries(this.beat.outputs).filter(([name]) => this.specs[name]).map(([name, value]) => {
+        const spec = this.specs[name];
+        const old = (this.pinned ?? this.base)?.outputs[name];
+        const [low, high, source] = spec.range ?? [];
+        const side = value === null || !spec.range ? "" : value < low ? "▼ " + words.below : value > high ? "▲ " + words.above : "";
+        const change = old === null || old === undefined || value === null ? "" : this.signed(value - old, value);
+        return { name, short: name === name.toUpperCase(), words: spec.words, unit: spec.unit, definition: spec.definition, value: compact(value), change, range: spec.range ? `${low} – ${high}`.replaceAll("-", "−") : "", source, side, level: side ? "out" : "" };
+      }).filter((r) => !wanted || `${r.name} ${r.words}`.toLowerCase().includes(wanted));
+    },
+  },
+  mounted() {
+    this.words = words;
+    this.stops = [
+      bus.on("pinned", (beat) => (this.pinned = beat)),
+      bus.on("base", (beat) => (this.base = beat)),
+      bus.on("beat", (beat) => (this.seen ? (this.beat = beat) : (this.waiting = beat))),
+      bus.on("view", (view) => {
+        this.seen = view === "outputs";
+        if (this.seen && this.waiting) [this.beat, this.waiting] = [this.waiting, null];
+      }),
+    ];
+  },
+  unmounted() {
+    for (const stop of this.stops) stop();
+  },
+  methods: {
+    signed(change, value) {
+      if (Math.abs(change) < 1e-3 * Math.max(Math.abs(value), 0.01)) return "0";
+      return (change > 0 ? "+" : "") + compact(change);
+    },
+  },
+};
