@@ -4,13 +4,15 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import pytest
 
-from eclsim.sensitivity.analysis import run_analysis
-from eclsim.sensitivity.distributed import on_dask
-from eclsim.sensitivity.store import SAMPLES
+from eclsim.patients.reading import read_mapping
+from eclsim.sensitivity.analysis import plan_analysis, run_analysis
+from eclsim.sensitivity.distributed import UnreachableError, on_dask
+from eclsim.sensitivity.store import SAMPLES, Store
 
 CASE = """
 format = 1
@@ -27,11 +29,38 @@ def test_dask_gives_the_identical_file(tmp_path, plan, open_store):
 
     run_analysis(plan, open_store(tmp_path / "here"))
     # Threads of this process: workers in processes of their own could not import this test's function.
-    with LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None) as cluster:
-        execute = on_dask(cluster.scheduler_address)
+    threads = LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None)
+    with threads as cluster, on_dask(cluster.scheduler_address) as execute:
         run_analysis(plan, open_store(tmp_path / "there"), execute=execute)
     os.environ.pop("ECLSIM_THREADS", None)  # what a worker sets in its own process
     assert (tmp_path / "there" / SAMPLES).read_bytes() == (tmp_path / "here" / SAMPLES).read_bytes()
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # likewise
+def test_local_dask_workers_give_the_identical_file(tmp_path, monkeypatch):
+    pytest.importorskip("dask.distributed")
+    # two blocks
+    plan = plan_analysis(read_mapping(tomllib.loads(CASE)).case, samples=512, parameters=("Rmc", "Emaxlv"))
+    monkeypatch.setenv("ECLSIM_THREADS", "2")
+    run_analysis(plan, opened(plan, tmp_path / "here"))
+    with on_dask("local") as execute:
+        run_analysis(plan, opened(plan, tmp_path / "there"), execute=execute)
+    assert (tmp_path / "there" / SAMPLES).read_bytes() == (tmp_path / "here" / SAMPLES).read_bytes()
+
+
+def opened(plan, folder: Path) -> Store:
+    """A store in a folder that holds nothing yet."""
+    folder.mkdir()
+    store = Store.of(folder, plan.design, plan.evaluator)
+    store.open(resume=False)
+    return store
+
+
+def test_an_address_without_a_scheduler_says_what_is_allowed(tmp_path, plan, open_store):
+    pytest.importorskip("dask.distributed")
+    with on_dask("nonsense") as execute, pytest.raises(UnreachableError, match="allowed: local, tcp://"):
+        run_analysis(plan, open_store(tmp_path), execute=execute)
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -51,15 +51,15 @@ def run(request: Request) -> int:
 
     _check(request)
     (reading,) = read_all([request.case_file], request.settings)
-    plans = {state: _plan(request, reading.case, state) for state in request.states or ("",)}
     results: dict[str, Indices] = {}
-    for state, plan in plans.items():
-        if state:
-            say(f"{state}: {_around(plan)}")
-        finished = _run_one(request, plan, state)
-        if finished is None:
-            continue
-        results[state] = finished.indices
+    with _executor(request) as execute:
+        plans = {state: _plan(request, reading.case, state) for state in request.states or ("",)}
+        for state, plan in plans.items():
+            if state:
+                say(f"{state}: {_around(plan)}")
+            finished = _run_one(request, plan, state, execute)
+            if finished is not None:
+                results[state] = finished.indices
     if not results:
         return 0
     wanted = bool(request.second_order)
@@ -163,10 +163,10 @@ def _around(plan: Analysis) -> str:
     return f"around {ADJUSTED} = {getattr(plan.evaluator, 'base')[ADJUSTED]:.4g} mmHg s/mL"  # noqa: B009  # Evaluator
 
 
-def _run_one(request: Request, plan: Analysis, state: str) -> Finished | None:
+def _run_one(request: Request, plan: Analysis, state: str, execute: Executor | None) -> Finished | None:
     """One analysis; None for a shard, which has no indices of its own."""
     from eclsim.sensitivity.analysis import run_analysis
-    from eclsim.sensitivity.distributed import MissingDaskError
+    from eclsim.sensitivity.distributed import UnreachableError
     from eclsim.sensitivity.runner import run_blocks
     from eclsim.sensitivity.store import Store, StoreError
 
@@ -176,26 +176,31 @@ def _run_one(request: Request, plan: Analysis, state: str) -> Finished | None:
             store = Store.of(folder, plan.design, plan.evaluator)
             store.open(request.resume or shard is not None, request.force and shard is None)
             if shard is not None:
-                run_blocks(store, plan.evaluator, store.shard(*shard), _executor(request), report)
+                run_blocks(store, plan.evaluator, store.shard(*shard), execute, report)
                 return None
-            finished = run_analysis(
-                plan, store, until=request.until, execute=_executor(request), report=report
-            )
+            finished = run_analysis(plan, store, until=request.until, execute=execute, report=report)
             if request.out is not None:
                 _write_files(request, folder, finished)
             return finished
-    except (StoreError, MissingDaskError, ValueError) as error:
+    except (StoreError, UnreachableError, ValueError) as error:
         fail(error)
     except OSError as error:
         fail(f"{error.filename or request.out}: {error.strerror or error}")
 
 
-def _executor(request: Request) -> Executor | None:
+@contextmanager
+def _executor(request: Request) -> Iterator[Executor | None]:
     if request.dask is None:
-        return None
-    from eclsim.sensitivity.distributed import on_dask
+        yield None
+        return
+    from eclsim.sensitivity.distributed import MissingDaskError, on_dask
 
-    return on_dask(request.dask)
+    with ExitStack() as stack:
+        try:
+            execute = stack.enter_context(on_dask(request.dask))
+        except MissingDaskError as error:
+            fail(error)
+        yield execute
 
 
 @contextmanager

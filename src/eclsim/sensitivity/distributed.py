@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
-from collections.abc import Generator
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager
+from functools import lru_cache, partial
 from typing import Any
 
 from eclsim.sensitivity.design import Design
@@ -20,55 +23,85 @@ class MissingDaskError(RuntimeError):
         super().__init__("--dask needs Dask: pip install 'eclsim[dask]'")
 
 
-def on_dask(address: str) -> Executor:
+class UnreachableError(RuntimeError):
+    """No scheduler answers at the address."""
+
+    def __init__(self, address: str, error: Exception) -> None:
+        said = str(error).splitlines()[0] if str(error) else type(error).__name__
+        super().__init__(f"--dask {address}: no scheduler answers ({said}); allowed: local, tcp://HOST:PORT")
+
+
+@contextmanager
+def on_dask(address: str) -> Iterator[Executor]:
     """An executor that sends blocks to the workers of a cluster.
+
+    Enter it before the analysis is planned: local workers start meanwhile.
 
     Args:
         address: of the scheduler (`tcp://host:8786`), or "local" for one worker per processor of this
-            machine.
+            machine (`ECLSIM_THREADS`).
+
+    Raises:
+        MissingDaskError: Dask is not installed.
     """
+    if importlib.util.find_spec("distributed") is None:
+        raise MissingDaskError
+    if address == LOCAL:
+        from eclsim.sensitivity.local_workers import local_workers
+
+        with local_workers() as cluster:
+            yield partial(_execute, cluster)
+    else:
+        yield partial(_execute, lambda: address)
+
+
+def _execute(
+    cluster: Callable[[], Any], design: Design, evaluator: Evaluator, blocks: list[int]
+) -> Generator[tuple[int, Evaluated]]:
+    if not blocks:
+        return
+    from dask.distributed import Client, as_completed
+
+    with _client(Client, cluster()) as client:
+        shared = client.scatter((design, evaluator), broadcast=True)
+        # In order of number: stopped early, the blocks done are the first ones.
+        futures = [
+            client.submit(_on_worker, shared, b, key=f"block-{b}", pure=False, priority=-b) for b in blocks
+        ]
+        try:
+            for _, result in as_completed(futures, with_results=True):  # pyright: ignore[reportGeneralTypeIssues]
+                yield result
+        finally:
+            client.cancel(futures, force=True)
+
+
+def _client(client: Any, cluster: Any) -> Any:
     try:
-        from dask.distributed import Client, LocalCluster, as_completed
-    except ImportError as error:
-        raise MissingDaskError from error
-
-    def execute(design: Design, evaluator: Evaluator, blocks: list[int]) -> Generator[tuple[int, Evaluated]]:
-        if not blocks:
-            return
-        with _cluster(LocalCluster, address) as cluster, Client(cluster) as client:
-            shared = client.scatter((design, evaluator), broadcast=True)
-            futures = [client.submit(_on_worker, shared, b, key=f"block-{b}", pure=False) for b in blocks]
-            try:
-                for _, result in as_completed(futures, with_results=True):  # pyright: ignore[reportGeneralTypeIssues]
-                    yield result
-            finally:
-                client.cancel(futures, force=True)
-
-    return execute
-
-
-class _Address:
-    """A cluster that somebody else started, as a context like one of our own."""
-
-    def __init__(self, address: str):
-        self.address = address
-
-    def __enter__(self) -> str:
-        return self.address
-
-    def __exit__(self, *error: object) -> None:
-        return None
-
-
-def _cluster(local_cluster: Any, address: str) -> Any:
-    if address != LOCAL:
-        return _Address(address)
-    from eclsim.solver.lanes import threads
-
-    return local_cluster(n_workers=threads(), threads_per_worker=1, dashboard_address=None)
+        return client(cluster)
+    except (OSError, ValueError) as error:
+        raise UnreachableError(str(cluster), error) from error
 
 
 def _on_worker(shared: tuple[Design, Evaluator], block: int) -> tuple[int, Evaluated]:
     """Runs on the worker: each block in one thread, so that it gives the same bits as here."""
     os.environ["ECLSIM_THREADS"] = "1"
+    keep_freed_memory()
     return block, evaluate_block(*shared, block)
+
+
+@lru_cache(maxsize=1)
+def keep_freed_memory() -> None:
+    """Let the process keep the memory of a beat for the next one.
+
+    Dask has its workers return freed memory to the system at once (`MALLOC_TRIM_THRESHOLD_`); fetching it
+    back, page by page, for every beat costs a sixth of the processor time.
+    """
+    import ctypes
+
+    trim_threshold, mmap_threshold = -1, -3
+    try:
+        library = ctypes.CDLL(None)
+        library.mallopt(trim_threshold, 512 * 2**20)
+        library.mallopt(mmap_threshold, 32 * 2**20)  # the largest that it takes
+    except (AttributeError, OSError, TypeError):  # another C library than the GNU one
+        return
