@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
 
+from eclsim.app import parts
 from eclsim.app.background import Background
-from eclsim.app.parts import Bridge, Keys, Knobs, Loops, Monitor, Outputs, Ramp, Schematic, Schemes
+from eclsim.app.dialogs import notify
+from eclsim.app.header import Header
+from eclsim.app.identify import Identification, fields
 from eclsim.app.ranges import output_specs
 from eclsim.app.session import Session
-from eclsim.app.state import PageState, state_of
+from eclsim.app.state import History, PageState, state_of
 from eclsim.app.texts import ENGLISH, text
 from eclsim.patients.mistakes import CaseError
-from eclsim.patients.presets import PRESETS
 
 if TYPE_CHECKING:
-    from nicegui.elements.button import Button
-
     from eclsim.app.engine import Engine
 
 STYLE = Path(__file__).parent / "web" / "page.css"
@@ -35,14 +35,19 @@ class BedsidePage:
 
     def __init__(self, engine: Engine, state: PageState):
         self.engine = engine
-        self.bridge: Bridge
-        self.buttons: dict[str, Button] = {}
+        self.header: Header | None = None
         self.session = Session(engine, state, self._send)
+        self.identification = Identification(self.session, self._send)
         self._build()
 
+    def close(self) -> None:
+        """The tab is gone."""
+        self.identification.cancel()
+        self.session.close()
+
     def _send(self, topic: str, data: Any) -> None:
-        if topic == "state":
-            self._show_buttons(data)
+        if topic == "state" and self.header is not None:
+            self.header.show(data)
         self.bridge.publish(topic, data)
 
     def _build(self) -> None:
@@ -50,74 +55,74 @@ class BedsidePage:
         ui.link(text("skip"), "#knobs").classes("ecl-skip")
         with ui.element("div").classes("ecl-page"):
             with ui.element("header").classes("ecl-header"):
-                self._header()
+                ui.label(text("brand")).classes("ecl-brand")
+                self.bridge = parts.Bridge(dict(ENGLISH))
+                self.header = Header(self.session, self.bridge)
             with ui.element("aside").classes("ecl-left"):
-                knobs = Knobs()
-                knobs.on("turn", lambda e: self.session.turn(*_turned(e.args)))
-                knobs.on("connect", lambda e: self.session.connect(str(e.args.get("device"))))
-                knobs.on("policy", lambda e: self.session.set_policy(str(e.args.get("policy"))))
+                self._knobs()
             with ui.element("section").classes("ecl-middle"):
-                Schematic().on("move", lambda e: self._move(e.args))
+                parts.Schematic().on("move", lambda e: self._move(e.args))
             with ui.element("main").classes("ecl-right"):
-                Keys()
+                parts.Keys()
                 self._views()
             with ui.element("footer").classes("ecl-notice").props("role=note"):
                 ui.label(text("notice"))
-
-    def _header(self) -> None:
-        ui.label(text("brand")).classes("ecl-brand")
-        self.bridge = Bridge(dict(ENGLISH))
         self.bridge.on("hello", lambda e: self._hello(e.args))
         self.bridge.on("shortcut", lambda e: self._shortcut(e.args))
-        options = {key: preset.name for key, preset in PRESETS.items()}
-        self.patient = ui.select(
-            options, label=text("patient"), value=None, on_change=lambda e: self._preset(e.value)
-        )
-        self.patient.props("dense outlined options-dense").classes("ecl-patient")
-        self.patient_words = ui.label().classes("ecl-patient-words")
-        ui.element("div").classes("ecl-space")
-        for name, icon, action in (
-            ("undo", "undo", self.session.undo), ("redo", "redo", self.session.redo),
-            ("reset", "restart_alt", self.session.reset), ("pin", "push_pin", self.session.pin),
-            ("save", "bookmark_add", self._save), ("link", "link", self._link),
-        ):  # fmt: skip
-            button = ui.button(icon=icon, on_click=action).props(f'flat dense aria-label="{text(name)}"')
-            button.tooltip(text(f"{name}_hint"))
-            self.buttons[name] = button
+
+    def _knobs(self) -> None:
+        knobs = parts.Knobs()
+        knobs.on("turn", lambda e: self.session.turn(*_turned(e.args)))
+        knobs.on("connect", lambda e: self.session.connect(str(e.args.get("device"))))
+        knobs.on("policy", lambda e: self.session.set_policy(str(e.args.get("policy"))))
 
     def _views(self) -> None:
-        with (
-            ui.tabs()
-            .props("dense no-caps inline-label align=left outside-arrows")
-            .classes("ecl-tabs") as self.tabs
-        ):
+        self.tabs = ui.tabs().props("dense no-caps inline-label align=left outside-arrows")
+        with self.tabs.classes("ecl-tabs").props(f'aria-label="{text("views")}"'):
             for name in VIEWS:
                 ui.tab(name, label=text(name))
-        self.tabs.props(f'aria-label="{text("views")}"')
         self.tabs.on_value_change(lambda e: self.session.open_view(str(e.value)))
         panels = ui.tab_panels(self.tabs, value="monitor", animated=False, keep_alive=True)
         with panels.classes("ecl-views"):
             with ui.tab_panel("monitor"):
-                Monitor()
+                parts.Monitor()
             with ui.tab_panel("loops"):
-                Loops()
+                parts.Loops()
             with ui.tab_panel("ramp"):
-                Ramp()
+                parts.Ramp()
             with ui.tab_panel("schemes"):
-                Schemes().on("use", lambda e: self._use_scheme(e.args))
+                parts.Schemes().on("use", lambda e: self._use_scheme(e.args))
             with ui.tab_panel("outputs"):
-                Outputs(output_specs())
-        self.session.follow(Background(self.engine, "ramp"))
-        self.session.follow(Background(self.engine, "schemes"))
+                parts.Outputs(output_specs())
+            with ui.tab_panel("identify"):
+                self._identify()
+            with ui.tab_panel("compare"):
+                compare = parts.Compare(output_specs())
+                compare.on("show", lambda e: self.session.show_saved(_number(e.args)))
+                compare.on("remove", lambda e: self.session.remove_saved(_number(e.args)))
+        for view in ("ramp", "schemes"):
+            self.session.follow(Background(self.engine, view))
+
+    def _identify(self) -> None:
+        form = parts.Identify(fields())
+        form.on("fill", self.identification.fill)
+        form.on("check", lambda e: self.identification.check(_typed(e.args)))
+        form.on("fit", lambda e: self.identification.start(_typed(e.args)))
+        form.on("cancel", self.identification.cancel)
+        form.on("use", self._use_fit)
+
+    def _use_fit(self) -> None:
+        if self.identification.use():
+            notify(text("fit_used"))
 
     def _hello(self, args: Any) -> None:
         """The browser is there; a link it was opened with wins over the first patient."""
         link = str(args.get("link") or "")
         if link:
             try:
-                self.session.history.now = self.session.history.start = state_of(link)
+                self.session.history = History(state_of(link))
             except CaseError as error:
-                ui.notify(str(error), type="negative", multi_line=True)
+                notify(error, "negative")
         self.session.start()
 
     def _move(self, args: Any) -> None:
@@ -127,10 +132,6 @@ class BedsidePage:
     def _use_scheme(self, args: Any) -> None:
         self.session.use_scheme(str(args.get("access")), str(args.get("giving")))
 
-    def _preset(self, key: Any) -> None:
-        if key in PRESETS and key != self.session.state.origin:
-            self.session.load(PageState(PRESETS[key].case(), self.session.state.policy, key))
-
     def _shortcut(self, args: Any) -> None:
         action = args.get("action")
         if action == "view":
@@ -139,39 +140,23 @@ class BedsidePage:
                 self.tabs.set_value(VIEWS[number - 1])
         elif action in ("undo", "redo", "reset", "pin"):
             getattr(self.session, action)()
-        elif action == "save":
-            self._save()
-
-    def _save(self) -> None:
-        case = self.session.state.case
-        saved = self.session.save(f"{len(self.session.saved) + 1}: {case.patient.id}")
-        if saved:
-            ui.notify(text("state_saved"), type="positive")
-
-    async def _link(self) -> None:
-        from eclsim.app.state import link_of
-
-        found = await self.bridge.run_method("copyLink", link_of(self.session.state), timeout=5)
-        if found and found.get("copied"):
-            ui.notify(text("link_copied"), type="positive")
-        elif found:
-            with ui.dialog(value=True), ui.card():
-                ui.label(text("link_shown"))
-                ui.textarea(value=found["url"]).props("readonly outlined").classes("ecl-link")
-
-    def _show_buttons(self, data: Any) -> None:
-        for name, on in (("undo", data["undo"]), ("redo", data["redo"]), ("reset", data["changed"])):
-            self.buttons[name].set_enabled(on)
-        self.buttons["pin"].props(f"aria-pressed={str(data['pinned']).lower()}")
-        self.buttons["pin"].props("color=accent" if data["pinned"] else "color=primary")
-        self.patient.set_value(data["origin"] if data["origin"] in PRESETS else None)
-        self.patient_words.set_text("" if data["origin"] in PRESETS else data["name"])
+        elif action == "save" and self.header is not None:
+            self.header.save()
 
 
 def _turned(args: Any) -> tuple[str, Any, int]:
     """Key, value and number of a turn, as far as they can be trusted."""
     seq = args.get("seq")
     value = args.get("value")
-    if not isinstance(value, (int, float, str)):
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         value = ""
     return str(args.get("key")), value, seq if isinstance(seq, int) else 0
+
+
+def _typed(args: Any) -> dict[str, Any]:
+    return dict(args) if isinstance(args, dict) else {}
+
+
+def _number(args: Any) -> int:
+    number = args.get("number")
+    return number if isinstance(number, int) else -1

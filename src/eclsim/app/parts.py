@@ -57,3 +57,19 @@ class Outputs(Element, component=_WEB / "outputs.js"):
     def __init__(self, specs: dict[str, dict[str, Any]]):
         super().__init__()
         self._props["specs"] = specs
+
+
+class Identify(Element, component=_WEB / "identify.js"):
+    """The form of measurements."""
+
+    def __init__(self, fields: list[dict[str, Any]]):
+        super().__init__()
+        self._props["fields"] = fields
+
+
+class Compare(Element, component=_WEB / "compare.js"):
+    """Saved states side by side."""
+
+    def __init__(self, specs: dict[str, dict[str, Any]]):
+        super().__init__()
+        self._props["specs"] = specs

@@ -42,9 +42,9 @@ class Session:
         self.engine = engine
         self.send = send
         self.history = History(state)
-        self.beat: Beat | None = None
+        self.shown: tuple[PageState, Beat] | None = None
         self.pinned: tuple[PageState, Beat] | None = None
-        self.saved: list[tuple[str, PageState, Beat]] = []
+        self.saved: list[tuple[PageState, Beat]] = []
         self.started: Beat | None = None
         self.followers: list[Follower] = []
         self.view = "monitor"
@@ -59,6 +59,11 @@ class Session:
     def state(self) -> PageState:
         """What is shown, or being computed."""
         return self.history.now
+
+    @property
+    def beat(self) -> Beat | None:
+        """The beat that is shown; that of an older state while a newer one is computed."""
+        return self.shown[1] if self.shown else None
 
     def start(self) -> None:
         """Tell the browser everything, and compute the first beat."""
@@ -120,18 +125,41 @@ class Session:
 
         if self.pinned is not None:
             self.pinned = None
-        elif self.beat is not None:
-            self.pinned = (self.state, self.beat)
+        elif self.shown is not None:
+            self.pinned = self.shown
         self.send("pinned", plain(self.pinned[1], WAVES) if self.pinned else None)
         self.show_state()
 
-    def save(self, name: str) -> bool:
+    def save(self) -> bool:
         """Keep the state for the comparison; False if there are too many."""
-        if self.beat is None or len(self.saved) >= MOST_SAVED:
+        if self.shown is None or len(self.saved) >= MOST_SAVED:
             return False
-        self.saved.append((name, self.state, self.beat))
-        self._follow()
+        self.saved.append(self.shown)
+        self._tell_saved()
         return True
+
+    def show_saved(self, number: int) -> None:
+        """Show a saved state again."""
+        if 0 <= number < len(self.saved):
+            self._change(self.saved[number][0], "", 0)
+
+    def remove_saved(self, number: int) -> None:
+        """Let go of a saved state."""
+        if 0 <= number < len(self.saved):
+            del self.saved[number]
+            self._tell_saved()
+
+    def _tell_saved(self) -> None:
+        from eclsim.app.beat import plain
+
+        self.send("saved", [
+            {
+                "name": state.case.patient.id,
+                "values": {c.key: value_of(state.case, c.key) for c in controls(state.case)},
+                "beat": plain(beat, WAVES),
+            }
+            for state, beat in self.saved
+        ])  # fmt: skip
 
     def follow(self, follower: Follower) -> None:
         """Call after every beat."""
@@ -193,7 +221,7 @@ class Session:
         from eclsim.app.beat import plain
         from eclsim.app.ranges import levels
 
-        self.beat = beat
+        self.shown = (state, beat)
         if beat.converged:
             self._near = (
                 self._near if self._near and self._near[0] is beat.circuit else (beat.circuit, beat.values)

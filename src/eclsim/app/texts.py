@@ -129,6 +129,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "right_ventricle": "Right ventricle",
         "volume_axis": "Volume [mL]",
         "pressure_axis": "Pressure [mmHg]",
+        "time_axis": "Time [s]",
         "now": "now",
         "pinned": "pinned",
         # ramp
@@ -174,6 +175,9 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "fit_identifiable": "Identifiable",
         "fit_yes": "yes",
         "fit_no": "no: {reason}",
+        "fit_difference": "difference",
+        "fit_bounds": "within its bounds",
+        "fit_summary": "{count} of {all} parameters are identifiable",
         "fit_parameter": "Parameter",
         "fit_from_case": "Fill in what the model gives now",
         "fit_clear": "Empty the form",
@@ -203,6 +207,8 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "wrong_type": "{name}: not a case file (.toml) or cohort (.csv)",
         "too_large": "{name}: larger than {size}",
         "empty_file": "{name}: the file is empty",
+        "rejected": "Choose one file that ends in .toml or .csv and is not larger than {size}.",
+        "unknown": "unexpected error",
         "refused": "This cannot be used:",
         "warnings": "Please check:",
         # sessions and sign-in
@@ -212,6 +218,8 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "password": "Password",
         "wrong_password": "This is not the password.",
         "too_many": "Too many attempts. Wait a minute.",
+        "help_model": "What is shown is the steady beat of a lumped model of the circulation (Thiel et "
+        "al. 2025): no reflexes, no gas exchange, no time course. Pressures are in mmHg.",
         "help_text": "Drag a knob or type a number; everything follows at once. Tab moves between knobs, "
         "arrow keys turn them. Ctrl+Z undoes, Ctrl+Y redoes, Alt+P pins, Alt+S saves, Alt+R resets, "
         "Alt+1 to Alt+7 open the views.",

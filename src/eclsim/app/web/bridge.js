@@ -61,8 +61,5 @@ export default {
         return { copied: false, url };
       }
     },
-    exportView(view, format) {
-      bus.publish("export", { view, format });
-    },
   },
 };

@@ -19,7 +19,7 @@ export default {
     <div v-for="k in seen" :key="k.key" :class="k.level">
       <dt>{{ words['key_' + k.key] }}</dt>
       <dd><b>{{ k.sign }}{{ k.text }}</b></dd>
-      <dd class="more">{{ k.unit }} <em>{{ k.change || k.more }}</em></dd>
+      <dd class="more">{{ k.more && !k.change ? '' : k.unit }} <em>{{ k.change || k.more }}</em></dd>
     </div>
   </dl>`,
   data: () => ({ words, seen: [] }),

@@ -16,7 +16,7 @@ const LAYOUT = {
   margin: { l: 52, r: 14, t: 28, b: 42 }, showlegend: true, hovermode: "closest",
   legend: { orientation: "h", x: 0, y: -0.16, font: { size: 11.5 } },
 };
-const CONFIG = { displaylogo: false, responsive: false, modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d"], scrollZoom: false };
+const CONFIG = { displaylogo: false, toImageButtonOptions: { format: "svg", filename: "eclsim" }, responsive: false, modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d"], scrollZoom: false };
 
 export class Chart {
   constructor(element, view) {
@@ -30,7 +30,6 @@ export class Chart {
         this.seen = now === view;
         if (this.seen && this.waiting) this.paint();
       }),
-      bus.on("export", (wanted) => wanted.view === view && this.save(wanted.format)),
     ];
   }
   draw(traces, layout) {
@@ -49,11 +48,6 @@ export class Chart {
   resize() {
     if (this.drawn && !this.waiting) this.draw(...this.drawn);
     else if (this.seen) this.paint();
-  }
-  async save(format) {
-    const Plotly = await plotly();
-    if (this.waiting) await this.paint();
-    await Plotly.downloadImage(this.element, { format, filename: `eclsim-${this.view}`, width: 1100, height: 720, scale: format === "png" ? 2 : 1 });
   }
   close() {
     this.observer.disconnect();

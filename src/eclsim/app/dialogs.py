@@ -1,0 +1,103 @@
+"""Dialogs: opening a file, help, what was refused. All texts are shown as text, never as HTML."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from nicegui import events, ui
+
+from eclsim.app.opening import LARGEST_FILE, SIZE, Opened, brief, open_file
+from eclsim.app.texts import text
+from eclsim.patients.mistakes import CaseError
+
+if TYPE_CHECKING:
+    from eclsim.app.engine import Engine
+    from eclsim.patients.case import Case
+
+
+def notify(words: object, kind: str = "positive") -> None:
+    """A short note at the top, so that the notice at the bottom stays in sight."""
+    ui.notify(str(words), type=kind, position="top", multi_line=len(str(words)) > 80, timeout=4000)  # pyright: ignore[reportArgumentType]  # one of its kinds
+
+
+Use = Callable[[str, "Case"], None]
+
+
+class OpenDialog:
+    """Choose a file; of a cohort, choose a row.
+
+    Args:
+        engine: reads files beside the event loop.
+        use: takes the name of the file and the case.
+    """
+
+    def __init__(self, engine: Engine, use: Use):
+        self.engine, self.use = engine, use
+        self.opened: Opened | None = None
+        with ui.dialog() as self.dialog, ui.card().classes("ecl-dialog"):
+            ui.label(text("open_title")).classes("ecl-dialog-title")
+            ui.label(text("open_text", size=SIZE))
+            upload = ui.upload(
+                label=text("open_drop"), auto_upload=True, max_file_size=LARGEST_FILE, max_files=1,
+                on_upload=self._read, on_rejected=self._rejected,
+            )  # fmt: skip
+            self.upload = upload.props('accept=".toml,.csv" flat bordered').classes("ecl-upload")
+            self.said = ui.column().classes("ecl-said")
+            self.rows = ui.select({}, label=text("open_rows")).props("dense outlined").classes("ecl-rows")
+            with ui.row().classes("ecl-dialog-actions"):
+                self.take = ui.button(text("open_use"), on_click=self._use).props("no-caps unelevated")
+                ui.button(text("close"), on_click=self.dialog.close).props("no-caps flat")
+        self._show(None, [])
+
+    def open(self) -> None:
+        """Show it, empty."""
+        self.upload.reset()
+        self._show(None, [])
+        self.dialog.open()
+
+    async def _read(self, event: events.UploadEventArguments) -> None:
+        name, content = event.file.name, await event.file.read()
+        try:
+            opened = await self.engine.study(lambda: open_file(name, content))
+        except CaseError as error:
+            self._show(None, [text("refused"), *brief([str(m) for m in error.mistakes])])
+            return
+        said = [text("warnings"), *brief(opened.said)] if opened.said else []
+        self._show(opened, said)
+        if len(opened.cases) == 1 and not said:
+            self._use()
+
+    def _rejected(self) -> None:
+        self._show(None, [text("refused"), text("rejected", size=SIZE)])
+
+    def _show(self, opened: Opened | None, said: list[str]) -> None:
+        self.opened = opened
+        self.said.clear()
+        with self.said:
+            for line in said:
+                ui.label(line)
+        many = opened is not None and len(opened.cases) > 1
+        self.rows.set_visibility(many)
+        if opened is not None and many:
+            names = {k: name for k, (name, _) in enumerate(opened.cases)}
+            self.rows.set_options(names, value=0)
+        self.take.set_enabled(opened is not None)
+
+    def _use(self) -> None:
+        if self.opened is None:
+            return
+        chosen = self.rows.value if len(self.opened.cases) > 1 else 0
+        name, case = self.opened.cases[chosen if isinstance(chosen, int) else 0]
+        self.use(self.opened.name, case)
+        notify(text("opened", name=name))
+        self.dialog.close()
+
+
+def show_help() -> None:
+    """How the page is used."""
+    with ui.dialog(value=True), ui.card().classes("ecl-dialog"):
+        ui.label(text("help")).classes("ecl-dialog-title")
+        ui.label(text("help_text"))
+        ui.label(text("help_model"))
+        ui.label(text("notice")).classes("ecl-strong")

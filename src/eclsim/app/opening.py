@@ -1,0 +1,86 @@
+"""Opening a case file or a cohort that somebody chose in the browser."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from eclsim.app.texts import text
+from eclsim.patients.mistakes import CaseError, Mistake
+from eclsim.patients.reading import read_case
+
+if TYPE_CHECKING:
+    from eclsim.patients.case import Case
+
+LARGEST_FILE = 5_000_000
+SIZE = "5 MB"
+MOST_SAID = 12
+MOST_ROWS = 2000
+
+
+@dataclass(frozen=True)
+class Opened:
+    """What a file held.
+
+    Args:
+        name: of the file.
+        cases: name and case of each data point; one of a case file.
+        said: doubts and refused rows.
+    """
+
+    name: str
+    cases: tuple[tuple[str, Case], ...]
+    said: tuple[str, ...]
+
+
+def open_file(name: str, content: bytes) -> Opened:
+    """Read a case file or a cohort.
+
+    Raises:
+        CaseError: With everything that is wrong, the place called by the file's own name.
+    """
+    shown = Path(name.replace("\\", "/")).name[:80] or "file"
+    suffix = Path(shown).suffix.lower()
+    if suffix not in (".toml", ".csv"):
+        raise _refused(text("wrong_type", name=shown))
+    if not content:
+        raise _refused(text("empty_file", name=shown))
+    if len(content) > LARGEST_FILE:
+        raise _refused(text("too_large", name=shown, size=SIZE))
+    with tempfile.TemporaryDirectory(prefix="eclsim-") as folder:
+        path = Path(folder) / f"upload{suffix}"
+        path.write_bytes(content)
+        try:
+            return _case(path, shown) if suffix == ".toml" else _cohort(path, shown)
+        except CaseError as error:
+            raise CaseError([replace(m, file=shown) for m in error.mistakes]) from None
+
+
+def _case(path: Path, shown: str) -> Opened:
+    reading = read_case(path)
+    said = [str(replace(m, file=shown)) for m in reading.warnings]
+    return Opened(shown, ((reading.case.patient.id, reading.case),), tuple(said))
+
+
+def _cohort(path: Path, shown: str) -> Opened:
+    from eclsim.patients.cohort import read_cohort
+
+    reading = read_cohort(path)
+    said = [str(replace(m, file=shown)) for m in (*reading.refused, *reading.warnings)]
+    if not reading.points:
+        raise CaseError(reading.refused or [Mistake("", "no data points")])
+    points = tuple((point.name, point.case) for point in reading.points[:MOST_ROWS])
+    return Opened(shown, points, tuple(said))
+
+
+def _refused(why: str) -> CaseError:
+    return CaseError([Mistake("", why)])
+
+
+def brief(lines: tuple[str, ...] | list[str]) -> list[str]:
+    """The first lines, and how many more there are."""
+    if len(lines) <= MOST_SAID:
+        return list(lines)
+    return [*lines[:MOST_SAID], f"… {len(lines) - MOST_SAID} more"]

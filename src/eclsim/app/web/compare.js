@@ -1,0 +1,87 @@
+// Saved states side by side: what differs in the knobs, the main outputs, arterial pressure and loops.
+import { bus, compact, words } from "eclsim-page";
+import { Chart, axis, line } from "eclsim-page/chart.js";
+
+const OUTPUTS = ["SP", "DP", "MAP", "MPAP", "PCWP", "right_atrial_pressure", "CO", "PF", "lvad_flow", "ejection_fraction_lv", "EDVLV", "stroke_work_lv", "crrt_access_pressure", "crrt_return_pressure", "lowest_drainage_pressure"];
+const STROKES = [["#17202A", "solid"], ["#D55E00", "dash"], ["#0072B2", "dashdot"], ["#009E73", "dot"], ["#E69F00", "longdash"], ["#CC79A7", "longdashdot"], ["#56B4E9", "solid"]];
+
+export default {
+  template: `
+  <div class="ecl-compare">
+    <p v-if="!saved.length" class="ecl-empty">{{ words.compare_none }}</p>
+    <template v-else>
+      <div class="ecl-table"><table>
+        <thead><tr><th scope="col"></th><th v-for="(s, k) in columns" :key="k" scope="col" class="n"><svg viewBox="0 0 30 6" width="30" height="6" aria-hidden="true"><line x1="0" x2="30" y1="3" y2="3" :stroke="strokes[k][0]" stroke-width="2.4" :stroke-dasharray="k % 2 ? '5 3' : ''" /></svg> {{ k ? k : words.compare_now }}
+          <template v-if="k"><br /><button type="button" @click="$emit('show', { number: k - 1 })" :aria-label="words.compare_show + ' ' + k">{{ words.compare_show }}</button><button type="button" @click="$emit('remove', { number: k - 1 })" :aria-label="words.compare_remove + ' ' + k">✕</button></template></th></tr></thead>
+        <tbody>
+          <tr><th scope="row">{{ words.patient }}</th><td v-for="(s, k) in columns" :key="k" class="n name">{{ s.name }}</td></tr>
+          <tr v-for="r in rows" :key="r.key" :class="r.kind"><th scope="row">{{ r.label }} <small>{{ r.unit }}</small></th><td v-for="(v, k) in r.cells" :key="k" class="n">{{ v }}</td></tr>
+        </tbody>
+      </table></div>
+      <div class="ecl-chart" ref="chart" role="img" :aria-label="words.compare"></div>
+    </template>
+  </div>`,
+  props: { specs: Object },
+  data: () => ({ words, saved: [], beat: null, state: null, panel: [], strokes: STROKES }),
+  computed: {
+    columns() {
+      return [{ name: this.state?.name, values: this.state?.values ?? {}, beat: this.beat }, ...this.saved].filter((s) => s.beat);
+    },
+    rows() {
+      const show = (v) => (typeof v === "number" ? compact(v) : v ?? "–");
+      const keys = [...new Set(this.columns.flatMap((s) => Object.keys(s.values)))];
+      const knobs = keys.map((key) => ({ key, label: words[key], unit: this.panel.find((c) => c.key === key)?.unit ?? "", cells: this.columns.map((s) => show(s.values[key])), kind: "knob" }));
+      const outputs = OUTPUTS.filter((key) => this.columns.some((s) => key in s.beat.outputs)).map((key) => ({ key, label: key === key.toUpperCase() ? key : this.specs[key].words, unit: this.specs[key].unit, cells: this.columns.map((s) => show(s.beat.outputs[key])), kind: "output" }));
+      return [...knobs.filter((r) => new Set(r.cells).size > 1), ...outputs];
+    },
+  },
+  mounted() {
+    this.words = words;
+    this.stops = [
+      bus.on("saved", (saved) => {
+        this.saved = saved;
+        this.$nextTick(() => this.show());
+      }),
+      bus.on("panel", (panel) => (this.panel = panel)),
+      bus.on("state", (state) => (this.state = state)),
+      bus.on("view", (view) => {
+        this.seen = view === "compare";
+        this.$nextTick(() => this.show());
+      }),
+      bus.on("beat", (beat) => {
+        this.last = beat;
+        this.show();
+      }),
+    ];
+  },
+  unmounted() {
+    this.chart?.close();
+    for (const stop of this.stops) stop();
+  },
+  methods: {
+    show() {
+      if (!this.seen || !this.last) return;
+      this.beat = this.last;
+      if (!this.$refs.chart) return;
+      if (this.chart?.element !== this.$refs.chart) {
+        this.chart?.close();
+        this.chart = new Chart(this.$refs.chart, "compare");
+      }
+      const traces = this.columns.flatMap((s, k) => {
+        const stroke = { line: { dash: STROKES[k][1], width: k ? 1.8 : 2.4 }, showlegend: false };
+        const name = k ? String(k) : words.compare_now;
+        const wave = s.beat.waves.Pao;
+        const loop = (kind) => [...s.beat.waves[kind], s.beat.waves[kind][0]];
+        return [
+          line(wave.map((_, i) => (i / wave.length) * s.beat.period), wave, name, STROKES[k][0], stroke),
+          line(loop("Vlv"), loop("Plv"), name, STROKES[k][0], { ...stroke, xaxis: "x2", yaxis: "y2" }),
+        ];
+      });
+      this.chart.draw(traces, {
+        showlegend: false, margin: { l: 50, r: 12, t: 12, b: 42 },
+        xaxis: axis(words.time_axis, { domain: [0, 0.45] }), yaxis: axis(`${words.Pao} [mmHg]`),
+        xaxis2: axis(`${words.left_ventricle} [mL]`, { domain: [0.57, 1] }), yaxis2: axis(words.pressure_axis, { anchor: "x2" }),
+      });
+    },
+  },
+};

@@ -1,0 +1,108 @@
+// The form of measurements, the fit's progress and what it found.
+import { bus, compact, words } from "eclsim-page";
+
+const POSITION = (value, [low, high]) => 100 * Math.min(Math.max(Math.log(value / low) / Math.log(high / low), 0), 1);
+
+export default {
+  template: `
+  <div class="ecl-identify">
+    <form @submit.prevent="fit" novalidate autocomplete="off">
+      <p class="intro">{{ words.identify_intro }}</p>
+      <div class="fields">
+        <div v-for="f in fields" :key="f.key" :class="{ bad: mistakes[f.key], doubt: warnings[f.key] }">
+          <label :for="id(f)"><b v-if="f.short">{{ f.short }}</b> {{ f.label }}</label>
+          <span>
+            <select v-if="f.kind === 'name'" :id="id(f)" v-model="typed[f.key]" @change="check"><option v-for="n in f.names" :key="n">{{ n }}</option></select>
+            <input v-else :id="id(f)" type="text" :inputmode="f.kind === 'number' ? 'decimal' : 'text'" maxlength="80" v-model="typed[f.key]" @input="check"
+              :aria-invalid="!!mistakes[f.key]" :aria-describedby="id(f) + '-said'" />
+            <small>{{ f.unit }}</small>
+          </span>
+          <p :id="id(f) + '-said'" aria-live="polite">{{ mistakes[f.key] || warnings[f.key] || '' }}</p>
+        </div>
+      </div>
+      <p v-for="(text, key) in others" :key="key" class="other" role="alert">{{ key }}: {{ text }}</p>
+      <div class="actions">
+        <button v-if="!running" type="submit" class="primary" :disabled="!ready">{{ words.fit }}</button>
+        <button v-else type="button" class="primary" @click="$emit('cancel')">{{ words.cancel }}</button>
+        <button type="button" @click="$emit('fill')">{{ words.fit_from_case }}</button>
+        <button type="button" @click="empty">{{ words.fit_clear }}</button>
+        <span v-if="running" class="progress" role="progressbar" :aria-valuenow="Math.round(100 * share)" aria-valuemin="0" aria-valuemax="100" :aria-valuetext="said"><i :style="{ width: 100 * share + '%' }"></i></span>
+        <span class="said" role="status">{{ said }}</span>
+      </div>
+    </form>
+    <section v-if="found" class="found" :aria-label="words.fit_fitted">
+      <p class="verdict"><b>{{ found.message }}</b> · {{ found.seconds }} s · {{ summary }}
+        <button v-if="found.usable" type="button" class="primary" @click="$emit('use')">{{ words.fit_use }}</button></p>
+      <div class="ecl-table"><table>
+        <thead><tr><th scope="col">{{ words.output }}</th><th scope="col" class="n">{{ words.fit_measured }}</th><th scope="col" class="n">{{ words.fit_fitted }}</th><th scope="col" class="n">{{ words.fit_difference }}</th></tr></thead>
+        <tbody><tr v-for="(o, name) in found.outputs" :key="name"><th scope="row"><b>{{ name }}</b></th><td class="n">{{ show(o.measured) }}</td><td class="n"><b>{{ show(o.simulated) }}</b></td><td class="n">{{ difference(o) }}</td></tr></tbody>
+      </table></div>
+      <div class="ecl-table"><table>
+        <thead><tr><th scope="col">{{ words.fit_parameter }}</th><th scope="col" class="n">{{ words.fit_fitted }}</th><th scope="col" class="n">{{ words.fit_interval }}</th><th scope="col" class="range">{{ words.fit_bounds }}</th><th scope="col">{{ words.fit_identifiable }}</th></tr></thead>
+        <tbody><tr v-for="(p, name) in found.parameters" :key="name" :class="{ vague: !p.identifiable }">
+          <th scope="row" :title="p.words"><b>{{ name }}</b> <small>{{ p.unit }}</small></th><td class="n"><b>{{ show(p.value) }}</b></td><td class="n">{{ show(p.lower) }} – {{ show(p.upper) }}</td>
+          <td class="range"><svg v-if="p.bounds" viewBox="0 0 100 10" preserveAspectRatio="none" aria-hidden="true"><rect x="0" y="4.4" width="100" height="1.2" fill="#cfd7de" /><rect :x="at(p.lower, p)" y="2.6" :width="Math.max(at(p.upper, p) - at(p.lower, p), 1)" height="4.8" :fill="p.identifiable ? '#0072B2' : '#E69F00'" opacity="0.55" /><rect :x="at(p.value, p) - 0.8" y="0.5" width="1.6" height="9" fill="#17202A" /></svg></td>
+          <td>{{ p.identifiable ? '✓ ' + words.fit_yes : '✗ ' + words.fit_no.replace('{reason}', p.reason) }}</td>
+        </tr></tbody>
+      </table></div>
+    </section>
+  </div>`,
+  props: { fields: Array },
+  data: () => ({ words, typed: {}, mistakes: {}, warnings: {}, ready: false, running: false, share: 0, said: "", found: null }),
+  computed: {
+    others() {
+      const own = new Set(this.fields.map((f) => f.key));
+      return Object.fromEntries(Object.entries(this.mistakes).filter(([key]) => !own.has(key)));
+    },
+    summary() {
+      const count = Object.values(this.found.parameters).filter((p) => p.identifiable).length;
+      return words.fit_summary.replace("{count}", count).replace("{all}", Object.keys(this.found.parameters).length);
+    },
+  },
+  mounted() {
+    this.words = words;
+    this.stops = [
+      bus.on("form", (values) => {
+        this.typed = values;
+        this.check();
+      }),
+      bus.on("form_check", (found) => Object.assign(this, found)),
+      bus.on("fit_progress", ({ share, seconds, words: said }) => Object.assign(this, { running: true, share, said: `${said} (${seconds.toFixed(0)} s)` })),
+      bus.on("fit_ended", ({ message, fit }) => {
+        this.running = false;
+        this.said = message ?? "";
+        if (fit) this.found = fit;
+      }),
+      bus.on("view", (view) => {
+        if (view === "identify" && !Object.keys(this.typed).length) this.$emit("fill");
+      }),
+    ];
+  },
+  unmounted() {
+    clearTimeout(this.timer);
+    for (const stop of this.stops) stop();
+  },
+  methods: {
+    id: (f) => "form-" + f.key.replace(/\W/g, "-"),
+    show: compact,
+    at: (value, p) => POSITION(value, p.bounds),
+    difference(o) {
+      if (o.measured === null || o.measured === undefined || o.simulated === null) return "";
+      const change = o.simulated - o.measured;
+      return (change > 0 ? "+" : "") + compact(change);
+    },
+    check() {
+      clearTimeout(this.timer);
+      this.timer = setTimeout(() => this.$emit("check", { ...this.typed }), 120);
+    },
+    empty() {
+      for (const f of this.fields) if (f.short) this.typed[f.key] = "";
+      this.check();
+    },
+    fit() {
+      if (this.running) return;
+      this.said = "";
+      this.$emit("fit", { ...this.typed });
+    },
+  },
+};
