@@ -1,21 +1,29 @@
-"""The server: NiceGUI in a FastAPI application of our own, behind the guard."""
+"""The server: NiceGUI in an application of our own, behind the guard."""
 
 from __future__ import annotations
 
+import asyncio
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import uvicorn
 from fastapi import FastAPI
 from nicegui import app as nicegui_app
-from nicegui import ui
+from nicegui import core, ui
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from eclsim.app.engine import Engine
+from eclsim.app.guard import App, Guard, Rules
 from eclsim.app.page import BedsidePage
+from eclsim.app.password import SignIns
 from eclsim.app.state import PageState
 from eclsim.app.texts import text
 
 log = logging.getLogger("eclsim.app")
+SLOWEST_HEADERS_S = 15.0
+LARGEST_MESSAGE = 1_000_000
+MOST_CONNECTIONS = 400
 
 
 @dataclass(frozen=True)
@@ -27,38 +35,70 @@ class Options:
         host: address to listen on.
         port: port to listen on.
         root_path: path under which a proxy serves the page, such as "/eclsim".
+        hosts: names by which it may be called.
+        password: to be typed before anything is shown; None without one.
+        most_sessions: tabs that may be open at a time.
     """
 
     state: PageState
     host: str = "127.0.0.1"
     port: int = 8080
     root_path: str = ""
+    hosts: frozenset[str] = field(default_factory=lambda: frozenset({"127.0.0.1", "localhost", "[::1]"}))
+    password: str | None = None
+    most_sessions: int = 40
 
 
-def application(options: Options, engine: Engine) -> FastAPI:
-    """The ASGI application."""
+class ImpatientProtocol(H11Protocol):
+    """Closes connections whose first request does not arrive in time."""
+
+    def connection_made(self, transport: Any) -> None:
+        """Start the clock."""
+        super().connection_made(transport)
+        self.loop.call_later(SLOWEST_HEADERS_S, self._close_if_silent, transport)
+
+    def _close_if_silent(self, transport: asyncio.Transport) -> None:
+        if transport.get_protocol() is self and self.cycle is None and not transport.is_closing():
+            transport.close()
+
+
+def application(options: Options, engine: Engine) -> App:
+    """The ASGI application behind its guard."""
+    pages: set[BedsidePage] = set()
 
     @ui.page("/", title=text("title"))
     async def page() -> None:
+        if len(pages) >= options.most_sessions:
+            ui.label(text("full", most=options.most_sessions)).props("role=alert")
+            return
         page = BedsidePage(engine, options.state)
-        ui.context.client.on_delete(page.session.close)
+        pages.add(page)
+
+        def gone() -> None:
+            pages.discard(page)
+            page.close()
+
+        ui.context.client.on_delete(gone)
 
     nicegui_app.on_startup(lambda: engine.warm(options.state))
     nicegui_app.on_shutdown(engine.stop)
     outer = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     ui.run_with(
-        outer, title=text("title"), tailwind=False, show_welcome_message=False, reconnect_timeout=10.0,
-        message_history_length=100, binding_refresh_interval=None, language="en-US",
+        outer, title=text("title"), tailwind=False, show_welcome_message=False, reconnect_timeout=8.0,
+        message_history_length=60, binding_refresh_interval=None, language="en-US",
     )  # fmt: skip
-    return outer
+    core.sio.eio.max_http_buffer_size = LARGEST_MESSAGE
+    signed_in = SignIns(options.password) if options.password is not None else None
+    return Guard(outer, Rules(options.hosts, options.root_path, signed_in))  # pyright: ignore[reportArgumentType]  # an ASGI application
 
 
 def serve(options: Options) -> None:
     """Serve until stopped."""
     engine = Engine()
-    served = application(options, engine)
     config = uvicorn.Config(
-        served, host=options.host, port=options.port, root_path=options.root_path, log_level="warning",
-        access_log=False, ws_max_size=2_000_000, timeout_graceful_shutdown=2,
+        application(options, engine),  # pyright: ignore[reportArgumentType]  # likewise
+        host=options.host, port=options.port, http=ImpatientProtocol, lifespan="on", log_level="warning",
+        access_log=False, ws_max_size=LARGEST_MESSAGE, timeout_graceful_shutdown=2, timeout_keep_alive=15,
+        limit_concurrency=MOST_CONNECTIONS, server_header=False,
     )  # fmt: skip
     uvicorn.Server(config).run()

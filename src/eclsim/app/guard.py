@@ -1,0 +1,245 @@
+"""What stands before the page: hosts, origins, password, sizes and times of requests, and headers.
+
+A plain ASGI wrapper, so that it sees websockets as well and nothing of the page runs before it has agreed.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, MutableMapping
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import urlsplit
+
+from eclsim.app.password import SignIns, sign_in_page
+
+Scope = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
+Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
+App = Callable[[Scope, Receive, Send], Awaitable[None]]
+
+LARGEST_BODY = 6_000_000
+SLOWEST_BODY_S = 20.0
+COOKIE = "eclsim_session"
+SIGN_IN = "/sign-in"
+OPEN_PATHS = ("/", "/favicon.ico", SIGN_IN)
+OPEN_PREFIX = "/_nicegui"
+HEADERS = (
+    (b"x-content-type-options", b"nosniff"),
+    (b"x-frame-options", b"DENY"),
+    (b"referrer-policy", b"no-referrer"),
+    (
+        b"content-security-policy",
+        b"default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; "
+        b"style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' ws: wss:; object-src 'none'; "
+        b"base-uri 'none'; form-action 'self'; frame-ancestors 'none'",
+    ),
+)
+
+
+class _TooLargeError(Exception):
+    """The body of a request is larger than allowed."""
+
+
+class _TooSlowError(Exception):
+    """The body of a request did not come."""
+
+
+@dataclass(frozen=True)
+class Rules:
+    """Who may come in, and how.
+
+    Args:
+        hosts: names by which the page may be called (the Host header, without the port).
+        root_path: path under which a proxy serves the page; "" without one.
+        signed_in: passwords and sessions; None where no password is asked for.
+    """
+
+    hosts: frozenset[str]
+    root_path: str = ""
+    signed_in: SignIns | None = None
+
+
+class Guard:
+    """Wraps an application.
+
+    Args:
+        app: what is protected.
+        rules: who may come in.
+    """
+
+    def __init__(self, app: App, rules: Rules):
+        self.app, self.rules = app, rules
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request, or hand it on."""
+        if scope["type"] not in ("http", "websocket"):
+            await self.app(scope, receive, send)
+            return
+        headers = {k.decode("latin-1").lower(): v.decode("latin-1") for k, v in scope["headers"]}
+        path = self._rooted(scope)
+        refusal = self._refusal(scope, headers, path)
+        if refusal is not None:
+            await _refuse(scope, receive, send, *refusal)
+        elif path == SIGN_IN:
+            await self._sign_in(scope, receive, send, headers)
+        elif self._must_sign_in(headers):
+            await self._ask(scope, receive, send, path)
+        elif scope["type"] == "http":
+            await self._http(scope, receive, send)
+        else:
+            await self.app(scope, receive, send)
+
+    def _rooted(self, scope: Scope) -> str:
+        """Put the root path where Starlette looks for it, whether the proxy took it off or not."""
+        root, path = self.rules.root_path, scope["path"]
+        inner = path[len(root) :] if root and (path == root or path.startswith(root + "/")) else path
+        scope["root_path"] = root
+        scope["path"] = root + (inner or "/")
+        scope["raw_path"] = scope["path"].encode()
+        return inner or "/"
+
+    def _refusal(self, scope: Scope, headers: dict[str, str], path: str) -> tuple[int, str] | None:
+        host = _host_name(headers.get("host", ""))
+        if host not in self.rules.hosts:
+            return 400, "unknown host name; see --allow-host"
+        origin = headers.get("origin")
+        writes = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")
+        if writes and origin is not None and _host_name(urlsplit(origin).netloc) not in self.rules.hosts:
+            return 403, "another site may not use this page"
+        if writes and headers.get("sec-fetch-site") in ("cross-site", "same-site"):
+            return 403, "another site may not use this page"
+        if path not in OPEN_PATHS and not path.startswith(OPEN_PREFIX):
+            return 404, "not found"
+        if ".." in path.split("/"):
+            return 404, "not found"
+        if scope["type"] == "http" and scope["method"] not in ("GET", "HEAD", "POST", "OPTIONS"):
+            return 405, "not allowed"
+        size = headers.get("content-length", "0")
+        if not size.isdigit() or int(size) > LARGEST_BODY:
+            return 413, f"too large: up to {LARGEST_BODY // 1_000_000} MB"
+        return None
+
+    def _must_sign_in(self, headers: dict[str, str]) -> bool:
+        signed_in = self.rules.signed_in
+        return signed_in is not None and not signed_in.knows(_cookie(headers.get("cookie", "")))
+
+    async def _ask(self, scope: Scope, receive: Receive, send: Send, path: str) -> None:
+        if scope["type"] == "http" and path == "/":
+            await _redirect(send, self.rules.root_path + SIGN_IN)
+        else:
+            await _refuse(scope, receive, send, 401, "sign in first")
+
+    async def _http(self, scope: Scope, receive: Receive, send: Send) -> None:
+        started = False
+
+        async def sent(message: MutableMapping[str, Any]) -> None:
+            nonlocal started
+            if message["type"] == "http.response.start":
+                started = True
+                message = {**message, "headers": [*message.get("headers", ()), *HEADERS]}
+            await send(message)
+
+        try:
+            await self.app(scope, _limited(receive), sent)
+        except _TooLargeError:
+            if not started:
+                await _answer(send, 413, f"too large: up to {LARGEST_BODY // 1_000_000} MB")
+        except _TooSlowError:
+            if not started:
+                await _answer(send, 408, "the request did not come in time")
+
+    async def _sign_in(self, scope: Scope, receive: Receive, send: Send, headers: dict[str, str]) -> None:
+        signed_in = self.rules.signed_in
+        root = self.rules.root_path
+        if scope["type"] != "http" or signed_in is None:
+            await _refuse(scope, receive, send, 404, "not found")
+            return
+        if scope["method"] != "POST":
+            await _answer(send, 200, sign_in_page(root + SIGN_IN), "text/html")
+            return
+        try:
+            body = await _body(_limited(receive, 4096))
+        except (_TooLargeError, _TooSlowError):
+            await _answer(send, 413, "too large or too slow")
+            return
+        token, status, said = signed_in.try_body(body)
+        if token is None:
+            await _answer(send, status, sign_in_page(root + SIGN_IN, said), "text/html")
+            return
+        https = scope.get("scheme") == "https" or headers.get("x-forwarded-proto") == "https"
+        cookie = f"{COOKIE}={token}; Path={root or '/'}; HttpOnly; SameSite=Strict" + "; Secure" * https
+        await _redirect(send, (root or "") + "/", ((b"set-cookie", cookie.encode()),))
+
+
+def _limited(receive: Receive, largest: int = LARGEST_BODY) -> Receive:
+    """The same with a limit on the size of the body and on the time it takes."""
+    size, ends, complete = 0, asyncio.get_running_loop().time() + SLOWEST_BODY_S, False
+
+    async def limited() -> MutableMapping[str, Any]:
+        nonlocal size, complete
+        if complete:
+            return await receive()
+        try:
+            async with asyncio.timeout_at(ends):
+                message = await receive()
+        except TimeoutError:
+            raise _TooSlowError from None
+        size += len(message.get("body", b""))
+        if size > largest:
+            raise _TooLargeError
+        complete = not message.get("more_body", False)
+        return message
+
+    return limited
+
+
+async def _body(receive: Receive) -> bytes:
+    found = b""
+    while True:
+        message = await receive()
+        found += message.get("body", b"")
+        if not message.get("more_body", False):
+            return found
+
+
+def _host_name(host: str) -> str:
+    """A host without its port, in small letters."""
+    host = host.strip().lower()
+    if host.startswith("["):
+        return host.partition("]")[0] + "]"
+    return host.rpartition(":")[0] if host.count(":") == 1 else host
+
+
+def _cookie(header: str) -> str:
+    for part in header.split(";"):
+        name, _, value = part.strip().partition("=")
+        if name == COOKIE:
+            return value
+    return ""
+
+
+async def _refuse(scope: Scope, receive: Receive, send: Send, status: int, said: str) -> None:
+    if scope["type"] == "websocket":
+        await receive()
+        await send({"type": "websocket.close", "code": 1008, "reason": said})
+        return
+    await _answer(send, status, said)
+
+
+async def _redirect(send: Send, to: str, more: tuple[tuple[bytes, bytes], ...] = ()) -> None:
+    await _answer(send, 303, "", more=((b"location", to.encode()), *more))
+
+
+async def _answer(
+    send: Send, status: int, text: str, kind: str = "text/plain", more: tuple[tuple[bytes, bytes], ...] = ()
+) -> None:
+    body = text.encode()
+    about = [
+        (b"content-type", f"{kind}; charset=utf-8".encode()),
+        (b"content-length", str(len(body)).encode()),
+    ]
+    closing = [(b"connection", b"close")] if status in (408, 413) else []
+    headers = [*about, (b"cache-control", b"no-store"), *HEADERS, *closing, *more]
+    await send({"type": "http.response.start", "status": status, "headers": headers})
+    await send({"type": "http.response.body", "body": body})
