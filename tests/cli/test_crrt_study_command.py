@@ -59,3 +59,19 @@ def test_the_whole_command_writes_json_to_standard_output_alone(shell):
     found = json.loads(result.stdout)
     assert list(found["policies"]) == ["as_published"]
     assert list(found["policies"]["as_published"]["schemes"]) == ["g"]
+
+
+def test_reproduce_tells_all_wrong_options_at_once(shell):
+    result = shell.run("reproduce", shell.folder / "paper", "--parts", "cohrt", "--samples", "100")
+    assert result.exit_code == 2
+    assert "did you mean cohort?" in result.stderr
+    assert "--samples 100: allowed: a power of two" in result.stderr
+    assert not (shell.folder / "paper").exists()
+
+
+def test_reproduce_refuses_a_cohort_that_cannot_be_read(shell):
+    table = shell.folder / "cohort.csv"
+    table.write_text("patient_id,SP\nP01,100\n")
+    result = shell.run("reproduce", shell.folder / "paper", "--cohort", table)
+    assert result.exit_code == 2
+    assert "missing" in result.stderr

@@ -21,6 +21,7 @@ body { font: 10.5pt/1.45 "Segoe UI", "Helvetica Neue", Arial, sans-serif; color:
 h1 { font-size: 18pt; line-height: 1.2; margin: 0 0 2mm; }
 h2 { font-size: 13pt; margin: 9mm 0 2mm; border-bottom: 1px solid #bbb; padding-bottom: 1mm;
   break-after: avoid; }
+h3 { font-size: 10.5pt; margin: 5mm 0 1mm; break-after: avoid; }
 p, ul, ol { margin: 0 0 3mm; }
 li { margin-bottom: 0.8mm; }
 .lead { color: #444; }
