@@ -23,11 +23,14 @@ class FunctionObjective:
         self.outputs = tuple(f"r{k}" for k in range(size))
         self.weights = np.ones((len(self.shifts), size))
 
-    def evaluate(self, which: np.ndarray, x: np.ndarray, options=None) -> Evaluation:
+    def evaluate(self, which: np.ndarray, x: np.ndarray, options=None, resolution=None) -> Evaluation:
         found = self.function(x - self.shifts[which][:, None])
         evaluation = Evaluation(None, found, found)  # type: ignore[arg-type]  # no orbits here
         object.__setattr__(evaluation, "which", which)
         return evaluation
+
+    def resolutions(self, which: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return np.ones(len(which), dtype=int)
 
     def jacobians(self, evaluation: Evaluation, members: list[int], x: np.ndarray) -> np.ndarray:
         which = evaluation.which[members]  # type: ignore[attr-defined]  # kept above

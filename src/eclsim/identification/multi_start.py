@@ -7,17 +7,21 @@ in rounds side by side, so "the best so far" is that of the rounds before.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
 
-from eclsim.identification.least_squares import EXACT, Ending, Refined, refine
+from eclsim.identification.least_squares import EXACT, Ending, Precision, Refined, refine
 from eclsim.identification.objective import Box, Objective
+from eclsim.identification.polishing import polish
 from eclsim.solver.orbit import OrbitOptions
 
-EXPLORING = OrbitOptions(tolerance=1e-4, error_tolerance=1e-3, newton_iterations=0)
-"""Enough to rank points: outputs differ from those of the exact orbit by 1e-7 (median)."""
+EXPLORING = OrbitOptions(tolerance=3e-2, error_tolerance=1e-1, newton_iterations=0)
+"""Enough to rank points: outputs differ from those of the exact orbit by 1e-4 (median), 1 % (99 % of all)."""
+COARSE = 1
+"""Grid of explored points and of starts; only the optimum is refined on the grid that it needs."""
+REFINING = Precision(2e-4, orbits=OrbitOptions(1e-6, 1e-5, newton_iterations=0), resolution=COARSE)
 SAME_COST = 1e-3
 SAME_FIT = 1e-3
 NEXT_TO_NOTHING = 1e-8
@@ -61,7 +65,7 @@ class MultiStart:
 
     points_per_parameter: int = 1000
     refined_share: float = 0.01
-    round_size: int = 10
+    round_size: int = 12
     rediscoveries: int = 10
     seed: int = 0
 
@@ -171,7 +175,7 @@ def sobol(box: Box, settings: MultiStart) -> np.ndarray:
 
 def explore(objective: Objective, target: int, points: np.ndarray, settings: MultiStart) -> _Candidates:
     """Rank points of one target by their cost and keep the best share that has a steady beat."""
-    costs = objective.evaluate(np.full(len(points), target), points, EXPLORING).costs
+    costs = objective.evaluate(np.full(len(points), target), points, EXPLORING, COARSE).costs
     kept = max(round(settings.refined_share * len(points)), 2)
     order = np.argsort(costs, kind="stable")[:kept]
     order = order[np.isfinite(costs[order])]
@@ -195,7 +199,7 @@ def _refine_all(
         starts = {k: _mixed(found[k], first, settings) for k in jobs}
         which = np.concatenate([np.full(len(starts[k]), k) for k in jobs])
         say(f"refining starts {first + 1} to {first + settings.round_size} of {len(jobs)} data points")
-        refined = refine(objective, which, np.concatenate([starts[k] for k in jobs]), box)
+        refined = refine(objective, which, np.concatenate([starts[k] for k in jobs]), box, REFINING)
         for k in jobs:
             found[k].begin.append(starts[k])
             found[k].first_costs += found[k].costs[first : first + settings.round_size].tolist()
@@ -247,7 +251,7 @@ def _best(objective: Objective, box: Box, target: int, candidates: _Candidates) 
         )  # fmt: skip
     ended = candidates.so_far()
     best = ended.x[[np.argmin(ended.costs)]]
-    last = refine(objective, np.array([target]), best, box, EXACT)
+    last = _to_the_end(objective, target, best, box)
     starts = Starts(
         np.concatenate(candidates.begin), ended.x, np.array(candidates.first_costs), ended.costs,
         agreeing(ended),
@@ -257,3 +261,17 @@ def _best(objective: Objective, box: Box, target: int, candidates: _Candidates) 
         last.x[0], last.outputs[0], float(last.costs[0]), last.jacobians[0], starts, candidates.explored,
         candidates.dropped, FitStatus.FITTED if settled else FitStatus.NOT_SETTLED,
     )  # fmt: skip
+
+
+def _to_the_end(objective: Objective, target: int, best: np.ndarray, box: Box) -> Refined:
+    """Refine on the grid that the optimum needs, which is the same for all steps: else outputs would jump."""
+    which = np.array([target])
+    level, last = 0, None
+    while (needed := int(objective.resolutions(which, best)[0])) > level:
+        level = needed
+        exact = replace(EXACT, resolution=level)
+        last = refine(objective, which, best, box, exact)
+        last = polish(objective, target, last, box, exact)
+        best = last.x
+    assert last is not None
+    return last

@@ -12,18 +12,23 @@ from functools import cached_property
 
 import numpy as np
 
+from eclsim.circuit.assembly import assemble
 from eclsim.haemodynamics.derivatives import member_derivatives
 from eclsim.haemodynamics.evaluation import batch_outputs, output_names
-from eclsim.solver.lanes import FEW, map_parallel
+from eclsim.solver.beat import beat_program
+from eclsim.solver.lanes import FEW, LANES, map_parallel, threads
 from eclsim.solver.model import AS_PUBLISHED, Model
-from eclsim.solver.orbit import OrbitOptions
+from eclsim.solver.orbit import OrbitOptions, OrbitProblem, Orbits, solve_orbits
+from eclsim.solver.resolution import needed_resolution
 from eclsim.solver.status import Status
-from eclsim.solver.steady import Batch, SteadyBeats, steady_beats
+from eclsim.solver.steady import Batch, SteadyBeats, anchor, steady_beats
 
 OUTPUTS = ("SP", "DP", "MAP", "MPAP", "PCWP", "CO", "PF")
 """What can be fitted."""
 WORTH_FILLING = 50
 """From so many members on the program for many is quicker than the one for one, even if it is filled up."""
+WORTH_LANES = 16
+"""From so many members on one chunk of lanes is quicker than one member after the other."""
 
 
 @dataclass(frozen=True)
@@ -119,15 +124,38 @@ class Objective:
                     self.measured[k, j] = target.measured[name]
                     self.weights[k, j] = 1.0 / target.scales[name]
 
-    def evaluate(self, which: np.ndarray, x: np.ndarray, options: OrbitOptions | None = None) -> Evaluation:
-        """The model at points x (members, parameters), for the data point `which` (members,) of each."""
+    def evaluate(
+        self,
+        which: np.ndarray,
+        x: np.ndarray,
+        options: OrbitOptions | None = None,
+        resolution: int | None = None,
+    ) -> Evaluation:
+        """The model at some points.
+
+        Args:
+            which: data point of each member, shape (members,).
+            x: logarithms of the parameters, shape (members, parameters).
+            options: accuracy and effort of the orbit solver.
+            resolution: of the grid of a beat; left out, each member gets what it needs, so that outputs jump
+                by a thousandth where the need changes.
+        """
         count = len(which)
-        filled = np.arange(max(count, FEW + 1) if count >= WORTH_FILLING else count) % max(count, 1)
+        full = FEW + 1 if count >= WORTH_FILLING and resolution is None else 0
+        filled = np.arange(max(count, full)) % max(count, 1)
         batch = self._batch(which[filled], x[filled])
-        steady = steady_beats(batch, options)
+        if resolution is not None and WORTH_LANES <= count <= FEW:
+            steady = _in_lanes(batch, options or OrbitOptions(), resolution)
+        else:
+            steady = steady_beats(batch, options, resolution=resolution)
         found = batch_outputs(steady, self.outputs).T[:count].copy()
         found[steady.orbits.status[:count] != Status.CONVERGED] = np.nan
         return Evaluation(steady, found, (found - self.measured[which]) * self.weights[which])
+
+    def resolutions(self, which: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Resolution of the grid that each member needs, shape (members,)."""
+        batch = self._batch(which, x)
+        return np.broadcast_to(needed_resolution(assemble(self.circuit), batch.values), (len(which),))
 
     def jacobians(self, evaluation: Evaluation, members: Sequence[int], x: np.ndarray) -> np.ndarray:
         """d output / d log parameter of some members, shape (members, outputs, parameters).
@@ -148,3 +176,14 @@ class Objective:
         values = {n: np.array([t.model.values[n] for t in self.targets])[which] for n in names}
         values |= {n: np.exp(x[:, k]) for k, n in enumerate(self.names)}
         return Batch(self.circuit, values, len(which), self.policy)
+
+
+def _in_lanes(batch: Batch, options: OrbitOptions, resolution: int) -> SteadyBeats:
+    """Steady beats of some dozens of members on one grid, with the program for many."""
+    program = beat_program(batch.circuit, resolution)
+    problem = OrbitProblem(program, batch.packed(program), batch.volume(), wide=True)
+    start = anchor(batch, resolution)
+    parts = np.array_split(np.arange(batch.count), max(1, min(threads(), batch.count // LANES)))
+    solved = map_parallel(lambda part: solve_orbits(problem.take(part), start, options), list(parts))
+    joined = {n: np.concatenate([getattr(o, n) for o in solved], axis=-1) for n in vars(solved[0])}
+    return SteadyBeats(batch, Orbits(**joined), np.full(batch.count, resolution))

@@ -1,0 +1,65 @@
+"""The last bit of the way to an optimum: where an extreme passes a grid point, outputs have kinks.
+
+Diastolic pressure is read off a beat on a fixed grid; its slope changes by a tenth and more where the moment
+of the aortic valve's opening passes from one grid cell to the next. A method that follows slopes stops at such
+a kink. A cloud of points around it, shaped by the curvature, shows whether there is a way on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from eclsim.identification.least_squares import Precision, Refined, refine
+from eclsim.identification.objective import Box, Objective
+
+CLOUD = 63
+"""Points of a cloud: a chunk of lanes."""
+SIZES = (-4.0, -1.0)
+"""Decimal logarithms of the smallest and largest cloud: share of its residuals by which a point moves."""
+WORTH_WHILE = 1e-6
+"""Share by which a cloud must lower the cost for another one."""
+MOST_CLOUDS = 8
+PERFECT = 1e-12
+"""Sum of squares below which there is nothing left to gain."""
+
+
+def polish(
+    objective: Objective, target: int, refined: Refined, box: Box, precision: Precision, seed: int = 0
+) -> Refined:
+    """Go on from a settled optimum as long as a cloud around it holds a better point.
+
+    Args:
+        objective: data points.
+        target: which data point.
+        refined: one refinement of it.
+        box: bounds.
+        precision: of the refinements between clouds.
+        seed: of the clouds.
+    """
+    generator, which = np.random.default_rng(seed), np.full(CLOUD, target)
+    for _ in range(MOST_CLOUDS):
+        before = refined.costs[0]
+        if not before > PERFECT:
+            break
+        points = box.clip(refined.x + cloud(objective, target, refined, generator))
+        costs = objective.evaluate(which, points, precision.orbits, precision.resolution).costs
+        if costs.min() < before:
+            better = refine(objective, which[:1], points[[costs.argmin()]], box, precision)
+            iterations = refined.iterations + better.iterations
+            refined = replace(better, iterations=iterations) if better.costs[0] < before else refined
+        if refined.costs[0] >= before * (1.0 - WORTH_WHILE):
+            break
+    return refined
+
+
+def cloud(objective: Objective, target: int, refined: Refined, generator: np.random.Generator) -> np.ndarray:
+    """Steps of many sizes, each as long in every direction as the residuals allow, (points, parameters)."""
+    weighted = refined.jacobians[0] * objective.weights[target][:, None]
+    _, singular, directions = np.linalg.svd(weighted, full_matrices=True)
+    slopes = np.zeros(len(directions))
+    slopes[: len(singular)] = singular
+    sizes = 10.0 ** generator.uniform(*SIZES, size=(CLOUD, 1)) * np.sqrt(refined.costs[0])
+    lengths = sizes / np.maximum(slopes, 1e-300)
+    return generator.standard_normal((CLOUD, len(directions))) * np.minimum(lengths, 0.3) @ directions
