@@ -165,7 +165,9 @@ def test_the_command_writes_json_tables_figures_and_samples(case_file, tmp_path,
     }
     drawn = {"bars", "convergence", "distributions", "pairs", "sums", "total_less_first_order", "total_order"}
     assert {p.stem for p in (out / "figures").glob("*.svg")} >= drawn - {"convergence"}
-    assert "union" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "union" in shown
+    assert "econd order" in shown
     # What stands is not overwritten, unless asked.
     assert run_command("sensitivity", case_file, *options) == 2
     assert "--resume" in capsys.readouterr().err

@@ -182,6 +182,10 @@ def _run_one(request: Request, plan: Analysis, state: str, execute: Executor | N
             if request.out is not None:
                 _write_files(request, folder, finished)
             return finished
+    except KeyboardInterrupt:
+        if request.out is not None:
+            say(f"{request.out}: finished blocks are kept; the same command with --resume goes on")
+        raise
     except (StoreError, UnreachableError, ValueError) as error:
         fail(error)
     except OSError as error:
@@ -270,7 +274,7 @@ def _hand_over(request: Request, content: dict[str, Any], results: dict[str, Ind
     if request.json == "-":
         sys.stdout.write(json.dumps(content, indent=1, allow_nan=False) + "\n")
         return
-    from eclsim.cli.sensitivity_tables import show
+    from eclsim.cli.sensitivity_tables import show, show_pairs
 
     if request.json is not None:
         from eclsim.sensitivity.tables import write_json
@@ -278,6 +282,8 @@ def _hand_over(request: Request, content: dict[str, Any], results: dict[str, Ind
         write_json(Path(request.json), content)
     for state, indices in results.items():
         show(indices, state)
+        if request.second_order:
+            show_pairs(indices)
 
 
 def _about_failures(indices: Indices, state: str) -> list[str]:

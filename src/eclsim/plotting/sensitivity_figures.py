@@ -4,17 +4,17 @@ Layouts follow the paper where it has the figure: total orders of all outputs (3
 (S-3, S-7), sums stacked by output (S-4, S-5), sample sizes (S-1), distributions of the outputs (S-6).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from eclsim.plotting.sensitivity_heat_map import FEW_FACTORS, by_sum, plot_heat_map
 from eclsim.plotting.sensitivity_network import plot_pairs
 from eclsim.plotting.style import CURVES, GREY, OKABE_ITO, curve_style, figure_style, new_figure, save_figure
 
-FEW_FACTORS = 12
 UNITS = {
     "SP": "mmHg",
     "DP": "mmHg",
@@ -24,7 +24,7 @@ UNITS = {
     "CO": "L/min",
     "PF": "L/min",
 }
-HEAT = "Blues"
+LEADING = 7
 
 
 class SobolResult(Protocol):
@@ -59,7 +59,9 @@ def write_sensitivity_figures(
     """
     figures: dict[str, Callable[[], Figure]] = {
         "total_order": lambda: plot_heat_map(result, "ST"),
+        "total_order_as_in_paper": lambda: plot_heat_map(result, "ST", "paper"),
         "total_less_first_order": lambda: plot_heat_map(result, "ST-S1"),
+        "total_less_first_order_as_in_paper": lambda: plot_heat_map(result, "ST-S1", "paper"),
         "bars": lambda: plot_bars(result),
         "sums": lambda: plot_sums(result),
         "distributions": lambda: plot_distributions(result, values),
@@ -72,33 +74,6 @@ def write_sensitivity_figures(
     for name, draw in figures.items():
         written += save_figure(draw(), folder / name, formats)
     return written
-
-
-def plot_heat_map(result: SobolResult, index: str = "ST") -> Figure:
-    """Indices of every output (rows) and factor (columns, by their sums)."""
-    e = result.estimates
-    numbers = {"ST": e.ST, "S1": e.S1, "ST-S1": e.ST - e.S1}[index]
-    label = {"ST": "total order $S_T$", "S1": "first order $S_1$", "ST-S1": "interactions $S_T - S_1$"}[index]
-    order = _by_sum(result)
-    shown = np.clip(numbers[:, order], 0.0, None)
-    names = [result.factors[k] for k in order]
-    with figure_style():
-        fig = new_figure(height_mm=22 + 8.5 * len(result.outputs) + 12)
-        axes = fig.add_subplot()
-        top = max(float(shown.max()), 0.05)
-        image = axes.imshow(shown, cmap=HEAT, vmin=0.0, vmax=top, aspect="auto")
-        for (i, j), value in np.ndenumerate(shown):
-            if value >= 0.01:
-                colour = "white" if value > 0.5 * top else "black"
-                axes.text(
-                    j, i, f"{value:.2f}".lstrip("0"), ha="center", va="center", color=colour, fontsize=6
-                )
-        axes.set_xticks(range(len(names)), names, rotation=90 if len(names) > FEW_FACTORS else 0)
-        axes.set_yticks(range(len(result.outputs)), result.outputs)
-        axes.tick_params(length=0)
-        axes.spines[:].set_visible(False)
-        fig.colorbar(image, ax=axes, label=label, fraction=0.05, pad=0.01, shrink=0.9)
-    return fig
 
 
 def plot_bars(result: SobolResult) -> Figure:
@@ -127,9 +102,14 @@ def plot_bars(result: SobolResult) -> Figure:
     return fig
 
 
-def plot_sums(result: SobolResult) -> Figure:
-    """Total orders of each factor stacked over the outputs; those selected for any output are in bold."""
-    order = _by_sum(result)
+def plot_sums(result: SobolResult, published: Mapping[str, float] | None = None) -> Figure:
+    """Total orders of each factor stacked over the outputs; those selected for any output are in bold.
+
+    Args:
+        result: the indices.
+        published: sums to compare with, by factor (the paper's Table 2).
+    """
+    order = by_sum(result)
     union = {name for names in result.selected().values() for name in names}
     with figure_style():
         fig = new_figure(height_mm=80)
@@ -143,11 +123,8 @@ def plot_sums(result: SobolResult) -> Figure:
             edge["facecolor"], edge["hatch"] = colours[k % len(colours)], ("", "///", "...", "xxx")[k % 4]
             axes.bar(range(len(order)), heights, 0.75, bottom=bottom, label=output, **edge)
             bottom += heights
-        for x, height in enumerate(bottom):
-            if height < 0.005:
-                continue
-            axes.text(x, height + 0.01 * bottom.max(), f"{height:.2f}", ha="center", va="bottom", fontsize=6)
         names = [result.factors[k] for k in order]
+        _label_sums(axes, names, bottom, published or {})
         axes.set_xticks(range(len(names)), names, rotation=90 if len(names) > FEW_FACTORS else 0)
         for label in axes.get_xticklabels():
             label.set_fontweight("bold" if label.get_text() in union else "normal")
@@ -156,14 +133,29 @@ def plot_sums(result: SobolResult) -> Figure:
     return fig
 
 
+def _label_sums(axes: Any, names: Sequence[str], sums: np.ndarray, published: Mapping[str, float]) -> None:
+    """The sums in figures above the bars, and the published ones as diamonds."""
+    known = [x for x, name in enumerate(names) if name in published]
+    marks = [published[names[x]] for x in known]
+    if known:
+        look = {"marker": "D", "s": 22, "facecolor": "white", "edgecolor": "black", "linewidth": 1.0}
+        axes.scatter(known, marks, zorder=3, label="paper", **look)
+    tops = dict(zip(known, marks, strict=True))
+    room = 0.01 * float(sums.max())
+    for x, height in enumerate(sums):
+        if height >= 0.005:
+            place = max(height, tops[x] + 2.5 * room if x in tops else 0.0) + room
+            axes.text(x, place, f"{height:.2f}", ha="center", va="bottom", fontsize=6)
+
+
 def plot_convergence(settled: Any) -> Figure:
-    """Total orders of the five leading factors of each output against the number of rows."""
+    """Total orders of the seven leading factors against the number of rows."""
     with figure_style():
         fig, panels = _panels(len(settled.outputs), height_mm=42)
         leading = [settled.factors[j] for j in np.argsort(-settled.mean["ST"][-1].sum(axis=0))]
-        look = {name: curve_style(k) for k, name in enumerate(leading[:7])}
+        look = {name: curve_style(k) for k, name in enumerate(leading[:LEADING])}
         for k, (output, axes) in enumerate(zip(settled.outputs, panels, strict=True)):
-            for name in leading[:5]:
+            for name in leading[:LEADING]:
                 j = settled.factors.index(name)
                 mean, spread = settled.mean["ST"][:, k, j], settled.spread["ST"][:, k, j]
                 width = settled.width["ST"][:, k, j]
@@ -205,10 +197,6 @@ def plot_distributions(result: SobolResult, values: np.ndarray) -> Figure:
     return fig
 
 
-def _by_sum(result: SobolResult) -> list[int]:
-    return [result.factors.index(name) for name in result.sums]
-
-
 def _panels(count: int, height_mm: float, columns: int = 4) -> tuple[Figure, list[Any]]:
     """Panels in rows of four; there is always one place more than panels, for the legend."""
     columns = min(columns, count + 1)
@@ -223,5 +211,5 @@ def _panels(count: int, height_mm: float, columns: int = 4) -> tuple[Figure, lis
 def _legend(fig: Figure, panels: list[Any], count: int, note: str) -> None:
     """Legend of the first panel in the place after the last one."""
     place = fig.axes[count]
-    place.legend(*panels[0].get_legend_handles_labels(), loc="upper left")
+    place.legend(*panels[0].get_legend_handles_labels(), loc="upper left", labelspacing=0.15)
     place.text(0.05, -0.3, note, transform=place.transAxes, va="bottom", fontsize=7, color=GREY)

@@ -24,38 +24,55 @@ def plot_pairs(result: Any) -> Figure:
     with figure_style():
         columns = min(4, len(result.outputs) + 1)
         rows = -(-(len(result.outputs) + 1) // columns)
-        fig = new_figure(height_mm=44 * rows)
+        fig = new_figure(height_mm=46 * rows)
         grid = fig.subplots(rows, columns, squeeze=False)
+        right = 2.6 if any("." in result.factors[i] for i in leading) else 1.95
         for axes in grid.flat:
             axes.set_axis_off()
             axes.set_aspect("equal")
-            axes.set(xlim=(-1.8, 1.8), ylim=(-1.45, 1.55))
+            axes.set(xlim=(-1.95, right), ylim=(-1.55, 1.55))
+        drawn = 0
         for k, output in enumerate(result.outputs):
-            _draw(grid.flat[k], result, k, leading, place)
+            drawn += _draw(grid.flat[k], result, k, leading, place)
             grid.flat[k].set_title(output)
-        _explain(grid.flat[len(result.outputs)])
+        _explain(grid.flat[len(result.outputs)], drawn)
     return fig
 
 
-def _draw(axes: Any, result: Any, k: int, leading: list[int], place: np.ndarray) -> None:
+def _draw(axes: Any, result: Any, k: int, leading: list[int], place: np.ndarray) -> int:
+    """One output; returns the number of pairs drawn."""
     e = result.estimates
+    drawn = 0
     for a, i in enumerate(leading):
         for b, j in enumerate(leading[a + 1 :], a + 1):
             index, width = e.S2[k, i, j], e.S2_conf[k, i, j]
             if index > max(width, FAINTEST):
-                ends = place[[a, b]].T
-                axes.plot(
-                    *ends,
-                    color=OKABE_ITO["vermillion"],
-                    linewidth=_line(index),
-                    solid_capstyle="round",
-                    zorder=1,
-                )
+                look = {"color": OKABE_ITO["vermillion"], "linewidth": _line(index)}
+                axes.plot(*place[[a, b]].T, solid_capstyle="round", zorder=1, **look)
+                drawn += 1
     for a, i in enumerate(leading):
-        axes.scatter(*place[a], s=_area(e.S1[k, i]), color=OKABE_ITO["blue"], zorder=2)
-        across = {-1: "right", 0: "center", 1: "left"}[int(np.sign(np.round(place[a, 0], 2)))]
-        away = 1.12 + 0.012 * np.sqrt(_area(e.S1[k, i]))
-        axes.text(*(away * place[a]), result.factors[i], ha=across, va="center", fontsize=6)
+        area = _area(e.S1[k, i])
+        axes.scatter(*place[a], s=area, color=OKABE_ITO["blue"], zorder=2)
+        _label(axes, result.factors[i], place[a], 0.5 * np.sqrt(area) + 2.0)
+    return drawn
+
+
+def _label(axes: Any, name: str, place: np.ndarray, away: float) -> None:
+    """The factor's name outside its circle, `away` points from its centre."""
+    across, up = (int(np.sign(np.round(x, 2))) * (abs(x) > 0.3) for x in place)
+    align = {"ha": ("center", "left", "right")[across], "va": ("center", "bottom", "top")[up]}
+    if across:
+        align["va"] = "center"
+    # Text makes no room for itself: the panels of all outputs have the same size.
+    text = axes.annotate(
+        name.replace(".", ".\n", 1),
+        place,
+        xytext=away * place,
+        textcoords="offset points",
+        fontsize=6,
+        **align,
+    )
+    text.set_in_layout(False)
 
 
 def _line(index: float) -> float:
@@ -66,11 +83,12 @@ def _area(index: float) -> float:
     return 4.0 + 260.0 * max(index, 0.0)
 
 
-def _explain(axes: Any) -> None:
-    for height, index in zip((1.2, 0.75, 0.4), (0.5, 0.1, 0.0), strict=True):
-        axes.scatter(-1.3, height, s=_area(index), color=OKABE_ITO["blue"])
-        axes.text(-0.8, height, f"$S_1$ = {index:g}", va="center", fontsize=7)
-    for height, index in zip((-0.1, -0.4, -0.7), (0.1, 0.05, 0.01), strict=True):
-        axes.plot((-1.6, -1.0), (height, height), color=OKABE_ITO["vermillion"], linewidth=_line(index))
-        axes.text(-0.8, height, f"$S_2$ = {index:g}", va="center", fontsize=7)
-    axes.text(-1.6, -1.5, "pairs beyond their\n95 % half width", va="bottom", fontsize=7, color=GREY)
+def _explain(axes: Any, drawn: int) -> None:
+    for height, index in zip((1.3, 0.8, 0.45), (0.5, 0.1, 0.0), strict=True):
+        axes.scatter(-1.4, height, s=_area(index), color=OKABE_ITO["blue"])
+        axes.text(-0.9, height, f"$S_1$ = {index:g}", va="center", fontsize=7)
+    for height, index in zip((0.05, -0.3, -0.65), (0.1, 0.05, 0.01), strict=True):
+        axes.plot((-1.7, -1.1), (height, height), color=OKABE_ITO["vermillion"], linewidth=_line(index))
+        axes.text(-0.9, height, f"$S_2$ = {index:g}", va="center", fontsize=7)
+    said = "lines: pairs beyond\ntheir 95 % half width" if drawn else "no pair is beyond its\n95 % half width"
+    axes.text(-1.7, -0.95, said, va="top", fontsize=7, color=GREY)
