@@ -36,3 +36,10 @@ def test_nothing_is_said_within_the_limits():
 def test_an_empty_chamber_and_an_impossible_vein_collapse():
     found = findings({}, {"Vra": (-1.0, 10.0), "Psvn": (-400.0, 5.0), "Vao": (-5.0, 5.0)})
     assert {finding.quantity for finding in found if finding.kind == "collapse"} == {"Vra", "pressure in svn"}
+
+
+def test_an_assist_pump_may_carry_the_output_past_a_closed_valve():
+    (carried,) = findings({"aortic_valve_flow": 0.0, "lvad_flow": 4.2}, {})
+    assert "the LVAD carries the left ventricle's output (4.20 L/min)" in carried.sentence
+    (stopped,) = findings({"aortic_valve_flow": 0.0, "lvad_flow": 0.0}, {})
+    assert "does not eject" in stopped.sentence

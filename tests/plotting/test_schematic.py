@@ -224,6 +224,19 @@ def test_a_site_chosen_per_patient_is_named_and_not_drawn():
     assert overlapping_texts(figure) == []
 
 
+def test_a_chosen_site_is_drawn_as_if_it_were_fixed():
+    sites = tuple(POSITIONS.values())
+    choice = VA + crrt(Choice(sites, "crrt.access"), Choice(sites, "crrt.return"))
+    values = {"crrt.access": 4.0, "crrt.return": 1.0}
+    figures = draw_circuit(choice, values=values), draw_circuit(VA + crrt(sites[4], sites[1]))
+    texts, lines = (
+        [[read(artist) for artist in getattr(f.axes[0], kind)] for f in figures]
+        for kind, read in (("texts", lambda t: t.get_text()), ("lines", lambda c: c.get_xydata().tolist()))
+    )
+    assert texts[0] == texts[1]
+    assert lines[0] == lines[1]
+
+
 def test_text_shrinks_with_the_axes_given():
     page = Figure(figsize=(6, 8))
     ax = page.add_subplot(2, 2, 1)

@@ -6,7 +6,8 @@ hashed like any value; nothing in it computes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 from eclsim.components.base import Key, Path, Storage, names_in
 
@@ -106,6 +107,17 @@ class Circuit:
                 if isinstance(site, Choice):
                     names[site.parameter] = None
         return tuple(names)
+
+    def with_chosen_sites(self, values: Mapping[str, float]) -> Circuit:
+        """The circuit of one patient: a fixed site wherever the value of a parameter chooses it."""
+
+        def site(of: Site) -> Site:
+            if isinstance(of, str) or of.parameter not in values:
+                return of
+            return of.sites[round(float(values[of.parameter]))]
+
+        paths = (replace(c, source=site(c.source), target=site(c.target)) for c in self.connections)
+        return Circuit(self.compartments, tuple(paths))
 
     def compartment(self, name: str) -> Compartment:
         """The compartment of that name."""

@@ -111,7 +111,7 @@ def simulate(
     planned = destinations.plan(wanted, case_files, [case.patient.id for case in read])
     options = Options(solver, volume_policy, transient, check_grid)
     results = _compute_all(read, options)
-    courses = [_compute_course(case, options) for case in read] if transient else []
+    courses = [_compute_course(case, options, names) for case in read] if transient else []
     _write(planned, read, results, courses, names)
     _say_doubts(readings, results)
     if any(not bool(result.attrs["converged"]) for result in results):
@@ -128,11 +128,12 @@ def _compute(case: Case, options: Options) -> xr.Dataset:
     )
 
 
-def _compute_course(case: Case, options: Options) -> xr.Dataset:
+def _compute_course(case: Case, options: Options, names: list[str] | None) -> xr.Dataset:
     from eclsim.studies.simulation import simulate_transient
 
+    policy = options.volume_policy
     return simulate_transient(
-        case, options.transient_s, volume_policy=options.volume_policy, solver=options.solver
+        case, options.transient_s, volume_policy=policy, solver=options.solver, names=names
     )
 
 

@@ -14,6 +14,9 @@ SUCTION_MMHG = -100.0
 COLLAPSE_MMHG = -300.0
 """Pressure that no vein withstands: the vessel has collapsed and the computed flow is not to be had."""
 
+CLOSED_L_MIN = 0.02
+"""Mean flow below which a valve counts as closed all beat."""
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -49,11 +52,20 @@ def findings(outputs: Mapping[str, float], extremes: Mapping[str, tuple[float, f
             found.append(
                 _below("collapse", f"pressure in {name[1:]}", smallest, COLLAPSE_MMHG, "the vessel collapses")
             )
-    aortic = outputs.get("aortic_valve_flow")
-    if aortic is not None and aortic < 0.02:
-        text = f"aortic valve flow {aortic:.3f} L/min: the left ventricle does not eject"
-        found.append(Finding("warning", "aortic_valve_flow", aortic, 0.02, text))
-    return found
+    return found + _aortic_valve(outputs)
+
+
+def _aortic_valve(outputs: Mapping[str, float]) -> list[Finding]:
+    """A valve that stays closed: the heart's failure, or an assist pump at work."""
+    aortic, pump = outputs.get("aortic_valve_flow"), outputs.get("lvad_flow", 0.0)
+    if aortic is None or aortic >= CLOSED_L_MIN:
+        return []
+    text = f"aortic valve flow {aortic:.3f} L/min: "
+    if pump >= CLOSED_L_MIN:
+        text += f"the valve stays closed, the LVAD carries the left ventricle's output ({pump:.2f} L/min)"
+    else:
+        text += "the left ventricle does not eject"
+    return [Finding("warning", "aortic_valve_flow", aortic, CLOSED_L_MIN, text)]
 
 
 def _crrt(outputs: Mapping[str, float]) -> list[Finding]:

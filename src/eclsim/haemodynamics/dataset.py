@@ -96,7 +96,7 @@ def labelled(
         labels = {"units": entry.unit, "long_name": entry.long_name, "definition": entry.definition}
         data[name] = ((), value, labels)
     result = xr.Dataset(data, coords={"phase": phase, "time": time}, attrs=attributes)
-    _add_recirculation(result, model.circuit)
+    _add_recirculation(result, model.circuit.with_chosen_sites(model.values))
     extremes = {n: (float(v.min()), float(v.max())) for n, v in series.items()}
     result.attrs["warnings"] = [f.sentence for f in findings(outputs, extremes)]
     return result

@@ -53,6 +53,7 @@ def draw_circuit(
     circuit: "Circuit",
     result: "xr.Dataset | None" = None,
     *,
+    values: Mapping[str, float] | None = None,
     ax: Axes | None = None,
     title: str | None = None,
 ) -> Figure:
@@ -63,12 +64,15 @@ def draw_circuit(
             connections without one are drawn as arcs.
         result: the simulated case; its mean pressures [mmHg] and flows [L/min, CRRT mL/min] are written at
             the compartments and connections. Without it names alone are drawn.
+        values: of the parameters that choose sites (`Choice`), such as `model.values`: the chosen sites are
+            drawn. Without them a note names the connections whose site is not known.
         ax: axes to draw into, whose size then sets the size of the text; a new A4-sized figure if left out.
         title: heading; the id of the case if left out.
 
     Returns:
         The figure that was drawn into.
     """
+    circuit = circuit.with_chosen_sites(values or {})
     names = [compartment.name for compartment in circuit.compartments]
     attachments = attachments_of(circuit.connections, names)
     devices = [
@@ -255,6 +259,6 @@ def _draw_others(pen: Pen, page: Layout, labels: Labels, connections: "Sequence[
 def _note_undrawn(pen: Pen, page: Layout, connections: "Sequence[Connection]") -> None:
     if connections:
         names = ", ".join(plain_text(c.name, 18) for c in connections)
-        note = plain_text(f"Not drawn, site chosen per patient: {names}", 120)
+        note = plain_text(f"Not drawn, site chosen by a parameter: {names}", 120)
         left = pen.ax.get_xlim()[0] + 3.0
         pen.text(left, -page.height - 2.0, note, size=6.5, ha="left", color=GREY)
