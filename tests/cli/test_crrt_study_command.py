@@ -75,3 +75,28 @@ def test_reproduce_refuses_a_cohort_that_cannot_be_read(shell):
     result = shell.run("reproduce", shell.folder / "paper", "--cohort", table)
     assert result.exit_code == 2
     assert "missing" in result.stderr
+
+
+def test_a_cohort_is_checked_before_anything_is_computed(shell):
+    table = shell.folder / "cohort.csv"
+    table.write_text("patient_id,SP\nP01,100\n")
+    result = shell.run("crrt-study", table, "--set", "ecmo.speed_rpm=3000", "--schemes", "q", "--resume")
+    assert result.exit_code == 2
+    for said in ("--set: for a case file", "--schemes 'q' is no scheme", "--resume needs --out"):
+        assert said in result.stderr
+    result = shell.run("crrt-study", table)
+    assert result.exit_code == 2
+    assert "missing" in result.stderr
+
+
+def test_a_folder_of_cases_is_a_cohort(shell):
+    folder = shell.folder / "cases"
+    folder.mkdir()
+    assert "holds no case file" in shell.run("crrt-study", folder).stderr
+    shell.case("cases/one.toml", more=shell.ecmo)
+    options = ("--schemes", "g,h", "--speeds", "3000", "--volume-policy", "as_published")
+    result = shell.run("crrt-study", folder, *options, "--out", shell.folder / "out")
+    assert result.exit_code == 0, result.stderr
+    assert "is first in all 1 data points" in result.stdout
+    assert (shell.folder / "out" / "report.html").exists()
+    assert "--force" in shell.run("crrt-study", folder, *options, "--out", shell.folder / "out").stderr

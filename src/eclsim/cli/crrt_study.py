@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from eclsim.studies.reproduction_settings import USUAL_EXPLORE
+
 if TYPE_CHECKING:
     from eclsim.cli.destinations import Destinations
     from eclsim.patients import Case
@@ -17,7 +19,14 @@ SchemeH = Literal["published", "figure"]
 
 
 def crrt_study(
-    case_file: Annotated[str, typer.Argument(metavar="CASE.toml", help="Case file of a patient on ECMO.")],
+    case_file: Annotated[
+        str,
+        typer.Argument(
+            metavar="CASE.toml|COHORT.csv|DIR",
+            help="Case file of a patient on ECMO; or a table of measurements, whose data points are fitted "
+            "first; or a folder of case files, such as fitted ones: does one scheme win for all?",
+        ),
+    ],
     settings: Annotated[
         list[str] | None,
         typer.Option(
@@ -82,15 +91,36 @@ def crrt_study(
             "--json", metavar="FILE", help="Write results as JSON; - writes them to standard output."
         ),
     ] = None,
+    explore: Annotated[
+        int,
+        typer.Option(
+            min=2,
+            help="Explored sets of parameters for each free one in the fits of COHORT.csv; `eclsim identify` "
+            "takes 1000.",
+        ),
+    ] = USUAL_EXPLORE,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Take over the fits of COHORT.csv that --out holds already.")
+    ] = False,
     force: Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")] = False,
 ) -> None:
     """Compare the ways of connecting CRRT to the ECMO circuit: pressures [mmHg], flows [L/min], limits.
 
     Exit status: 0 all converged, 1 some did not, 2 bad input (nothing computed).
     """
-    from eclsim.cli import cases
-    from eclsim.cli.messages import SOME_DID_NOT_CONVERGE, warn
+    from eclsim.cli import cases, crrt_cohort
+    from eclsim.cli.messages import SOME_DID_NOT_CONVERGE, fail, warn
 
+    if crrt_cohort.is_cohort(case_file):
+        crrt_cohort.run(
+            crrt_cohort.Request(
+                case_file, tuple(settings or ()), schemes, scheme_h, speeds, crrt_flow, volume_policy,
+                posterior, out, json_file, explore, resume, force,
+            )
+        )  # fmt: skip
+        return
+    if resume:
+        fail("--resume: for a cohort's table; the study of one case is done in one go")
     case = cases.read_all([case_file], settings or [])[0].case
     samples = _check(case, schemes, scheme_h, speeds, crrt_flow, posterior)
     planned, folder = _plan(case_file, case, out, json_file, force)

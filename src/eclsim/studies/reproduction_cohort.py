@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.objective import Box, Objective, Target
 from eclsim.identification.slices import Slices, slices
 from eclsim.patients.cohort import read_cohort
 from eclsim.solver.model import model_of
+from eclsim.studies.cohort_cases import quick_search
 from eclsim.studies.cohort_fit import FitStore, fit_cohort, pairs, r_squared
 from eclsim.studies.fit_settings import FitSettings, checked_fit
 from eclsim.studies.reproduction_rows import Row, statement
@@ -89,13 +89,6 @@ def reproduce_cohort(
     found = _slices(reading.points[chosen], results[chosen], settings)
     rows = (*_table_1(reading, cohort is None), *_fit_rows(reading, results, r2, cohort is None))
     return CohortPart(rows, tuple(results), r2, found, reading.points[chosen].name, cohort is None, explore)
-
-
-def quick_search(explore: int) -> MultiStart:
-    """A modest search: of the explored sets up to four are refined, until one optimum is found twice."""
-    if explore >= MultiStart.points_per_parameter:
-        return MultiStart(points_per_parameter=explore)
-    return MultiStart(points_per_parameter=explore, refined_share=0.02, round_size=2, rediscoveries=1)
 
 
 def _table_1(reading: CohortReading, synthetic: bool) -> list[Row]:

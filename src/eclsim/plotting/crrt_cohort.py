@@ -1,0 +1,68 @@
+"""Figure of the CRRT study of a cohort: the place of every scheme in every data point."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from eclsim.plotting.style import GREY, OKABE_ITO, PAGE_WIDTH_MM, figure_style, new_figure, plain_text
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+MOST_NAMED = 60
+
+
+@figure_style()
+def plot_cohort_ranks(
+    ranks: np.ndarray,
+    letters: Sequence[str],
+    names: Sequence[str],
+    flows: Sequence[float],
+    limits: np.ndarray,
+) -> Figure:
+    """Places of the schemes by data point, sorted by ECMO flow; beside it the flow that each scheme keeps.
+
+    Args:
+        ranks: place of each scheme (columns) in each data point (rows), 1 is best.
+        letters: of the schemes.
+        names: of the data points.
+        flows: ECMO flow of each data point [L/min].
+        limits: flow up to which each scheme keeps all limits of its lines [L/min], shape of the ranks.
+    """
+    order = np.argsort(flows, kind="stable")
+    height = 34 + min(4.2 * len(names), 190.0)
+    fig = new_figure(PAGE_WIDTH_MM, height)
+    left, right = fig.subplots(1, 2, width_ratios=(1.25, 1.0))
+    image = left.imshow(ranks[order], cmap="Blues_r", aspect="auto", vmin=1, vmax=max(len(letters), 2) + 2)
+    image.set_rasterized(True)
+    if len(names) <= MOST_NAMED:
+        for (row, column), place in np.ndenumerate(ranks[order]):
+            colour = "white" if place <= 0.4 * len(letters) else "black"
+            weight = "bold" if place == 1 else "normal"
+            left.text(
+                column, row, str(place), ha="center", va="center", fontsize=6, color=colour, fontweight=weight
+            )
+        labels = [f"{plain_text(names[k], 18)}  {flows[k]:.1f}" for k in order]
+        left.set_yticks(range(len(names)), labels, fontsize=6.5)
+    left.set_xticks(range(len(letters)), [plain_text(letter, 12) for letter in letters])
+    left.tick_params(length=0)
+    left.set_xlabel("Scheme")
+    left.set_ylabel("Data point and its ECMO flow [L/min]")
+    left.set_title("a) Place of each scheme", loc="left")
+    columns = np.arange(len(letters))
+    right.plot(columns, limits.T, "o", color=OKABE_ITO["blue"], markersize=3, alpha=0.45, markeredgewidth=0.0)
+    right.plot(columns, np.median(limits, axis=0), "_", color="black", markersize=13, markeredgewidth=1.6)
+    right.axhspan(min(flows), max(flows), color=GREY, alpha=0.15, linewidth=0)
+    right.annotate(
+        "flows of the data points", (0.985, min(flows)), xycoords=("axes fraction", "data"), ha="right",
+        va="bottom", xytext=(0, 2), textcoords="offset points", fontsize=7, color=GREY,
+    )  # fmt: skip
+    right.set_xticks(columns, [plain_text(letter, 12) for letter in letters])
+    right.set_ylim(bottom=0.0)
+    right.set_xlabel("Scheme")
+    right.set_ylabel("Limits of the lines kept up to [L/min]")
+    right.set_title("b) ECMO flow kept (dash: median)", loc="left")
+    return fig
