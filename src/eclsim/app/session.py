@@ -9,10 +9,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from eclsim.app.knobs import Knob, connect, controls, turn, value_of
+from eclsim.app.knobs import connect, controls, turn, value_of
+from eclsim.app.panel import described, shape_of
 from eclsim.app.state import MOST_SAVED, POLICIES, History, PageState
 from eclsim.app.texts import text
-from eclsim.parameters import default
 from eclsim.patients.mistakes import CaseError, Mistake
 
 if TYPE_CHECKING:
@@ -249,15 +249,11 @@ class Session:
 
         case = self.state.case
         found = controls(case)
-        panel = [_described(control) for control in found]
+        panel = [described(control) for control in found]
         if panel != self._panel:
             self._panel = panel
             self.send("panel", panel)
-        shape = (
-            case.ecmo is not None and case.ecmo.model_dump_json(exclude=_SIZES),
-            _lines(case),
-            _assist(case),
-        )
+        shape = shape_of(case)
         if shape != self._drawn:
             self._drawn = shape
             self.send("drawing", drawing_of(case))
@@ -268,40 +264,6 @@ class Session:
             "undo": bool(self.history.past), "redo": bool(self.history.future),
             "changed": self.state != self.history.start, "pinned": self.pinned is not None,
         })  # fmt: skip
-
-
-_SIZES = {"speed_rpm", "drainage_fr", "return_fr", "oxygenator"}
-
-
-def _lines(case: Any) -> Any:
-    return case.crrt and (case.crrt.access_site, case.crrt.return_site)
-
-
-def _assist(case: Any) -> Any:
-    return case.lvad and (case.lvad.inlet_site, case.lvad.outlet_site)
-
-
-def _described(control: Any) -> dict[str, Any]:
-    """A knob or picker as plain data."""
-    section, _, name = control.key.partition(".")
-    hint = f"{name}: {default(name).description}" if section == "parameters" else ""
-    common = {"key": control.key, "group": control.group, "label": text(control.key), "hint": hint}
-    if isinstance(control, Knob):
-        return common | {
-            "unit": control.unit, "low": control.low, "high": control.high, "step": control.step,
-            "log": control.logarithmic,
-        }  # fmt: skip
-    return common | {"options": [[name, option_words(name)] for name in control.options]}
-
-
-def option_words(name: str) -> str:
-    """A name of a picker in words."""
-    from eclsim.patients.fields import PATIENT_SITES
-    from eclsim.studies.crrt_schemes import POSITION_WORDS
-
-    if name in ("VA", "VV"):
-        return text(name)
-    return POSITION_WORDS.get(name) or PATIENT_SITES.get(name) or name
 
 
 def _beside(mistake: Mistake) -> str:

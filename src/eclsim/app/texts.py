@@ -18,7 +18,6 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "redo": "Redo",
         "reset": "Reset",
         "pin": "Pin",
-        "unpin": "Unpin",
         "save": "Save state",
         "link": "Copy link",
         "export": "Export",
@@ -112,7 +111,6 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "compiling": "Preparing this circuit (a few seconds, once) …",
         "not_converged": "No steady beat",
         "failed": "This beat could not be computed. Undo the last change.",
-        "disconnected": "Connection lost",
         # schematic
         "schematic": "Circuit with mean pressures [mmHg] and flows",
         "schematic_hint": "Drag the round end of a CRRT line to another position, or choose it under CRRT.",
@@ -148,8 +146,6 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "scheme_limits": "alarm limits",
         "scheme_use": "Connect the CRRT as in scheme {letter}: {name}",
         "scheme_h": "h: both lines at pre pump, as in the published code.",
-        "study_run": "CRRT study: report",
-        "study_running": "Computing all schemes at all speeds …",
         # outputs
         "output": "Output",
         "value": "Now",

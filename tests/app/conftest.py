@@ -1,0 +1,100 @@
+"""The page in a browser: skipped with a reason where there is none."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+pytest.importorskip("nicegui", reason="the page needs the extra `app`")
+
+
+@dataclass(frozen=True)
+class Served:
+    """A page that is being served."""
+
+    url: str
+    process: subprocess.Popen[bytes]
+
+
+def free_port() -> int:
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        return found.getsockname()[1]
+
+
+def serve(*options: str, path: str = "/favicon.ico") -> Served:
+    port = free_port()
+    command = [sys.executable, "-m", "eclsim.cli", "app", *options, "--port", str(port)]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    url = f"http://127.0.0.1:{port}"
+    for _ in range(300):
+        try:
+            urllib.request.urlopen(url + path, timeout=2).close()
+            break
+        except urllib.error.HTTPError:
+            break
+        except OSError:
+            if process.poll() is not None:
+                pytest.fail(f"the server ended: {process.stderr.read().decode()[-2000:]}")  # type: ignore[union-attr]
+            time.sleep(0.1)
+    return Served(url, process)
+
+
+def stop(served: Served) -> None:
+    served.process.terminate()
+    served.process.wait(20)
+    served.process.stderr.close()  # type: ignore[union-attr]
+
+
+@pytest.fixture(scope="session")
+def serving() -> Iterator[Callable[..., Served]]:
+    """Starts servers and stops them at the end."""
+    started: list[Served] = []
+
+    def start(*options: str) -> Served:
+        started.append(serve(*options))
+        return started[-1]
+
+    yield start
+    for one in started:
+        stop(one)
+
+
+@pytest.fixture(scope="session")
+def served(serving: Callable[..., Served]) -> Served:
+    return serving()
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[object]:
+    api = pytest.importorskip("playwright.sync_api", reason="tests of the page in a browser need playwright")
+    path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    if path is None:
+        pytest.skip(f"no browser: none of {', '.join(BROWSERS)} is on the PATH")
+    with api.sync_playwright() as player:
+        arguments = ["--no-sandbox"] if os.geteuid() == 0 else []
+        found = player.chromium.launch(executable_path=path, args=arguments)
+        yield found
+        found.close()
+
+
+@pytest.fixture(scope="session")
+def shots() -> Path | None:
+    """Where screenshots go, if somebody wants to look at them (ECLSIM_SCREENSHOTS)."""
+    wanted = os.environ.get("ECLSIM_SCREENSHOTS")
+    if not wanted:
+        return None
+    folder = Path(wanted)
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder

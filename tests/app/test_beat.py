@@ -1,0 +1,55 @@
+"""The page's lean beat is the same as that of `eclsim simulate`."""
+
+import numpy as np
+import pytest
+
+from eclsim.app.beat import POINTS, compute_beat, plain
+from eclsim.app.circuits import page_circuit
+from eclsim.app.knobs import turn
+from eclsim.app.state import PageState
+from eclsim.patients.presets import PRESETS
+from eclsim.studies.simulation import simulate_case
+
+
+@pytest.fixture(scope="module")
+def paper() -> PageState:
+    return PageState(PRESETS["paper"].case())
+
+
+def test_outputs_and_waveforms_are_those_of_simulate(paper):
+    beat, reference = compute_beat(paper), simulate_case(paper.case)
+    assert beat.converged
+    for name, value in beat.outputs.items():
+        assert value == pytest.approx(float(reference[name]), rel=1e-5, abs=1e-4), name
+    for name in ("Pao", "Vlv", "Qecmopump", "Pcrrttuin", "Vsvn"):
+        phases = np.arange(POINTS) / POINTS
+        expected = np.interp(phases, reference["phase"].values, reference[name].values)
+        assert beat.waves[name] == pytest.approx(expected, rel=1e-4, abs=2e-3), name
+
+
+def test_moving_a_crrt_line_keeps_the_compiled_circuit(paper):
+    moved = turn(paper.case, "crrt.access_site", "pre_pump")
+    assert page_circuit(moved)[0] is page_circuit(paper.case)[0]
+    beat = compute_beat(paper.with_case(moved))
+    reference = simulate_case(moved)
+    assert beat.outputs["crrt_access_pressure"] == pytest.approx(
+        float(reference["crrt_access_pressure"]), abs=0.01
+    )
+
+
+def test_starting_from_a_neighbour_changes_nothing(paper):
+    far = paper.with_case(turn(paper.case, "ecmo.speed_rpm", 4500))
+    near = compute_beat(far, compute_beat(paper).values)
+    assert near.outputs["MAP"] == pytest.approx(compute_beat(far).outputs["MAP"], rel=1e-5)
+
+
+def test_the_browser_gets_numbers_or_null(paper):
+    data = plain(compute_beat(paper), ("Pao", "Qlvadpump"))
+    assert list(data["waves"]) == ["Pao"]
+    assert len(data["waves"]["Pao"]) == POINTS
+    assert data["outputs"]["MAP"] == pytest.approx(70.4, abs=0.1)
+
+
+def test_a_broken_limit_is_said(paper):
+    fast = compute_beat(paper.with_case(turn(paper.case, "ecmo.speed_rpm", 4800)))
+    assert any(kind == "alarm" and "CRRT return" in said for kind, said in fast.notes)

@@ -1,0 +1,223 @@
+"""The guard: hosts, origins, sizes, times, paths, password. Plain ASGI, no server needed."""
+
+import asyncio
+
+import pytest
+
+from eclsim.app import guard
+from eclsim.app.guard import LARGEST_BODY, Guard, Rules
+from eclsim.app.password import LASTS_S, MOST_FAILURES, PasswordFileError, SignIns, read_password
+
+HOSTS = frozenset({"127.0.0.1", "localhost", "[::1]"})
+
+
+async def inner(scope, receive, send):
+    """Reads everything and tells the path and the size."""
+    if scope["type"] == "websocket":
+        await send({"type": "websocket.accept"})
+        return
+    size, more = 0, True
+    while more:
+        message = await receive()
+        size += len(message.get("body", b""))
+        more = message.get("more_body", False)
+    await send({"type": "http.response.start", "status": 200, "headers": []})
+    await send(
+        {"type": "http.response.body", "body": f"{scope['root_path']} {scope['path']} {size}".encode()}
+    )
+
+
+class Answer:
+    def __init__(self, messages):
+        start = next((m for m in messages if m["type"] == "http.response.start"), {})
+        self.kinds = [m["type"] for m in messages]
+        self.status = start.get("status")
+        self.headers = {k.decode(): v.decode() for k, v in start.get("headers", ())}
+        self.text = b"".join(
+            m.get("body", b"") for m in messages if m["type"] == "http.response.body"
+        ).decode()
+
+
+def ask(rules=None, method="GET", path="/", headers=(), body=(b"",), kind="http", wait=0.0):
+    """One request; `body` in pieces, `wait` seconds before each."""
+    pieces = list(body)
+
+    async def run():
+        sent = []
+
+        async def receive():
+            await asyncio.sleep(wait)
+            if kind == "websocket":
+                return {"type": "websocket.connect"}
+            piece = pieces.pop(0) if pieces else b""
+            return {"type": "http.request", "body": piece, "more_body": bool(pieces)}
+
+        async def send(message):
+            sent.append(message)
+
+        found = {"host": "127.0.0.1:8080", **dict(headers)}
+        raw = [(k.encode(), v.encode()) for k, v in found.items()]
+        scope = {"type": kind, "method": method, "path": path, "headers": raw, "scheme": "http"}
+        await Guard(inner, rules or Rules(HOSTS))(scope, receive, send)
+        return Answer(sent)
+
+    return asyncio.run(run())
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.1:8080", "LOCALHOST:1", "[::1]:8080"])
+def test_own_names_are_let_in(host):
+    assert ask(headers={"host": host}).status == 200
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "127.0.0.1.evil.example", "", "localhost@evil.example", "[::2]:8080"]
+)
+def test_other_names_are_refused(host):
+    assert ask(headers={"host": host}).status == 400
+
+
+def test_another_site_can_neither_post_nor_open_a_socket():
+    foreign = {"origin": "https://evil.example"}
+    assert ask(method="POST", path="/_nicegui/x", headers=foreign).status == 403
+    assert ask(kind="websocket", path="/_nicegui_ws/", headers=foreign).kinds == ["websocket.close"]
+    assert ask(method="POST", path="/_nicegui/x", headers={"sec-fetch-site": "cross-site"}).status == 403
+
+
+def test_the_page_itself_can():
+    own = {"origin": "http://127.0.0.1:8080", "sec-fetch-site": "same-origin"}
+    assert ask(method="POST", path="/_nicegui/x", headers=own).status == 200
+    assert ask(kind="websocket", path="/_nicegui_ws/", headers=own).kinds == ["websocket.accept"]
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/static/../../etc/passwd",
+        "/_nicegui/../../etc/passwd",
+        "/docs",
+        "/openapi.json",
+        "/x",
+        "//evil.example",
+    ],
+)
+def test_other_paths_are_not_found(path):
+    assert ask(path=path).status == 404
+
+
+def test_unusual_methods_are_refused():
+    assert ask(method="DELETE").status == 405
+
+
+def test_a_body_that_says_it_is_too_large_is_refused_unread():
+    answer = ask(method="POST", path="/_nicegui/x", headers={"content-length": str(LARGEST_BODY + 1)})
+    assert answer.status == 413
+    assert answer.headers["connection"] == "close"
+    assert ask(method="POST", path="/_nicegui/x", headers={"content-length": "-1"}).status == 413
+
+
+def test_a_body_that_grows_too_large_is_refused():
+    pieces = [b"x" * 1_000_000] * 7
+    assert ask(method="POST", path="/_nicegui/x", body=pieces).status == 413
+    assert ask(method="POST", path="/_nicegui/x", body=pieces[:5]).text.endswith("5000000")
+
+
+def test_a_body_that_does_not_come_is_given_up(monkeypatch):
+    monkeypatch.setattr(guard, "SLOWEST_BODY_S", 0.05)
+    assert ask(method="POST", path="/_nicegui/x", body=[b"a"] * 9, wait=0.02).status == 408
+
+
+def test_answers_forbid_frames_and_other_sites():
+    headers = ask().headers
+    assert headers["x-frame-options"] == "DENY"
+    assert "default-src 'self'" in headers["content-security-policy"]
+    assert "http" not in headers["content-security-policy"]
+
+
+@pytest.mark.parametrize("path", ["/", "/eclsim", "/eclsim/"])
+def test_behind_a_proxy_the_root_path_may_be_there_or_not(path):
+    answer = ask(Rules(HOSTS, "/eclsim"), path=path)
+    assert answer.text == "/eclsim /eclsim/ 0"
+
+
+def test_a_path_that_only_begins_like_the_root_path_is_not_it():
+    assert ask(Rules(HOSTS, "/eclsim"), path="/eclsimulator").status == 404
+
+
+# --- password ----------------------------------------------------------------------------------
+
+PASSWORD = "correct horse battery"
+
+
+def sign_in(rules, password):
+    body = ("password=" + password.replace(" ", "+")).encode()
+    return ask(rules, "POST", "/sign-in", body=(body,))
+
+
+@pytest.fixture
+def locked():
+    return Rules(HOSTS, "", SignIns(PASSWORD))
+
+
+def test_without_the_password_nothing_is_shown(locked):
+    assert ask(locked).headers["location"] == "/sign-in"
+    assert ask(locked, path="/_nicegui/x").status == 401
+    assert ask(locked, kind="websocket", path="/_nicegui_ws/").kinds == ["websocket.close"]
+    assert ask(locked, headers={"cookie": "eclsim_session=guessed"}).status == 303
+    assert "password" in ask(locked, path="/sign-in").text
+
+
+def test_with_it_a_cookie_lets_in(locked):
+    answer = sign_in(locked, PASSWORD)
+    cookie = answer.headers["set-cookie"]
+    assert answer.status == 303
+    assert {"HttpOnly", "SameSite=Strict"} <= set(cookie.split("; "))
+    pair = {"cookie": cookie.split(";")[0]}
+    assert ask(locked, headers=pair).status == 200
+    assert ask(locked, kind="websocket", path="/_nicegui_ws/", headers=pair).kinds == ["websocket.accept"]
+
+
+def test_behind_https_the_cookie_is_for_https_alone(locked):
+    body = b"password=" + PASSWORD.replace(" ", "+").encode()
+    answer = ask(locked, "POST", "/sign-in", headers={"x-forwarded-proto": "https"}, body=(body,))
+    assert "Secure" in answer.headers["set-cookie"]
+
+
+def test_guessing_is_slowed_down():
+    now = [0.0]
+    rules = Rules(HOSTS, "", SignIns(PASSWORD, lambda: now[0]))
+    for _ in range(MOST_FAILURES):
+        assert sign_in(rules, "wrong").status == 401
+    assert sign_in(rules, PASSWORD).status == 429
+    now[0] = 61.0
+    assert sign_in(rules, PASSWORD).status == 303
+
+
+def test_a_session_ends():
+    now = [0.0]
+    signed_in = SignIns(PASSWORD, lambda: now[0])
+    token, _, _ = signed_in.try_body(b"password=" + PASSWORD.replace(" ", "+").encode())
+    assert token is not None
+    assert signed_in.knows(token)
+    now[0] = LASTS_S + 1
+    assert not signed_in.knows(token)
+
+
+@pytest.mark.parametrize("body", [b"", b"\xff\xfe", b"password", b"a=b&" * 100, b"password=" + b"x" * 5000])
+def test_nonsense_at_the_door_is_refused(locked, body):
+    assert ask(locked, "POST", "/sign-in", body=(body,)).status in (401, 413)
+
+
+def test_password_files(tmp_path):
+    file = tmp_path / "password"
+    file.write_text(PASSWORD + "\n")
+    file.chmod(0o600)
+    assert read_password(str(file)) == PASSWORD
+    file.chmod(0o644)
+    with pytest.raises(PasswordFileError, match="chmod 600"):
+        read_password(str(file))
+    file.chmod(0o600)
+    file.write_text("short\n")
+    with pytest.raises(PasswordFileError, match="10 characters"):
+        read_password(str(file))
+    with pytest.raises(PasswordFileError, match="cannot be read"):
+        read_password(str(tmp_path / "none"))

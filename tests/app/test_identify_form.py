@@ -1,0 +1,140 @@
+"""The form of measurements, and a fit that can be cancelled and never runs twice."""
+
+import asyncio
+import threading
+import time
+from types import SimpleNamespace
+
+import pytest
+
+from eclsim.app import identify
+from eclsim.app.identify import Identification, checked_form, fields, values_of
+from eclsim.app.state import PageState
+from eclsim.patients.presets import PRESETS
+
+CASE = PRESETS["paper"].case()
+MEASURED = {"SP": "83", "DP": "76", "MAP": "80", "MPAP": "11", "CO": "1.4", "PF": "3.5"}
+
+
+def form(**changes: object) -> dict[str, object]:
+    typed = values_of(CASE) | {f"measurements.{k}": v for k, v in MEASURED.items()}
+    return typed | {k.replace("__", "."): v for k, v in changes.items()}
+
+
+def test_the_form_has_a_value_for_every_field():
+    assert {f["key"] for f in fields()} == set(values_of(CASE))
+
+
+def test_a_good_form_is_a_case_with_the_devices_of_the_page():
+    checked = checked_form(CASE, form())
+    assert not checked.mistakes
+    assert checked.values["measurements"]["SP"] == 83
+    assert checked.values["ecmo"]["speed_rpm"] == 3425
+
+
+@pytest.mark.parametrize(
+    ("changes", "key", "said"),
+    [
+        ({"measurements__SP": "70"}, "measurements.SP", "below diastolic"),
+        ({"measurements__SP": "83,5"}, "measurements.SP", "decimal comma"),
+        ({"measurements__SP": "120/80"}, "measurements.SP", "two pressures"),
+        ({"measurements__CO": "3400"}, "measurements.CO", "mL/min"),
+        ({"measurements__MAP": "15 cmH2O"}, "measurements.MAP", "mmHg"),
+        ({"measurements__MAP": "300"}, "measurements.MAP", "range"),
+        ({"patient__heart_rate_bpm": "1.2"}, "patient.heart_rate_bpm", "range"),
+        ({"patient__heart_rate_bpm": ""}, "patient.heart_rate_bpm", "missing"),
+        ({"patient__age_years": "70 y"}, "patient.age_years", ""),
+        ({"patient__age_years": "3"}, "patient.age_years", "range"),
+        ({"patient__id": ""}, "patient.id", ""),
+        ({"measurements__SP": "1e400"}, "measurements.SP", "too large"),
+        ({"measurements__SP": ["a"], "patient__sex": "other"}, "patient.sex", ""),
+    ],
+)
+def test_bad_values_are_said_at_their_field(changes, key, said):
+    mistakes = checked_form(CASE, form(**changes)).mistakes
+    assert any(m.key == key and said in str(m) for m in mistakes), [str(m) for m in mistakes]
+
+
+def test_doubts_do_not_stop_a_fit():
+    checked = checked_form(CASE, form(patient__id="Meier, Hans"))
+    assert not checked.mistakes
+    assert any(m.key == "patient.id" for m in checked.warnings)
+
+
+def test_missing_values_are_left_out_and_an_empty_form_is_refused():
+    some = checked_form(CASE, form(measurements__PCWP="n/a", measurements__CO=""))
+    assert "PCWP" not in some.values["measurements"]
+    none = checked_form(CASE, {k: v for k, v in form().items() if not k.startswith("measurements")})
+    assert any("nothing to fit" in str(m) for m in none.mistakes)
+
+
+class StubSession:
+    def __init__(self):
+        self.state = PageState(CASE)
+        self.beat = None
+        self.loaded = []
+
+    def load(self, state):
+        self.loaded.append(state)
+
+
+@pytest.fixture
+def slow(monkeypatch):
+    """A fit that goes on until it may end."""
+    may_end, running = threading.Event(), []
+
+    def work(self, case, stop):
+        running.append(case)
+        may_end.wait(5)
+        return SimpleNamespace(case=case, optimum=SimpleNamespace(status=SimpleNamespace(value="fitted")))
+
+    monkeypatch.setattr(Identification, "_work", work)
+    monkeypatch.setattr(Identification, "_plain", staticmethod(lambda fit, seconds: {"seconds": seconds}))
+    return SimpleNamespace(may_end=may_end, running=running)
+
+
+def told_by(action) -> list:
+    told: list = []
+    one = Identification(StubSession(), lambda topic, data: told.append((topic, data)))  # type: ignore[arg-type]
+    asyncio.run(action(one, told))
+    return told
+
+
+def test_a_double_press_is_one_fit_and_it_can_be_used(slow):
+    async def action(one, told):
+        first = asyncio.create_task(one.start(form()))
+        await asyncio.sleep(0.05)
+        await one.start(form())
+        slow.may_end.set()
+        await first
+        assert one.use()
+        assert one.session.loaded[0].origin == "fit"
+
+    told = told_by(action)
+    assert len(slow.running) == 1
+    assert [t for t, _ in told].count("fit_ended") == 1
+    assert any(t == "fit_progress" for t, _ in told)
+
+
+def test_cancel_frees_the_page_at_once(slow):
+    async def action(one, told):
+        fit = asyncio.create_task(one.start(form()))
+        await asyncio.sleep(0.05)
+        began = time.monotonic()
+        one.cancel()
+        await fit
+        assert time.monotonic() - began < 1.0
+        assert not one.running
+        assert not one.use()
+        slow.may_end.set()
+
+    told = told_by(action)
+    assert told[-1] == ("fit_ended", {"message": identify.text("fit_cancelled")})
+
+
+def test_a_form_with_mistakes_is_not_fitted(slow):
+    async def action(one, told):
+        await one.start(form(measurements__SP="x"))
+
+    told_by(action)
+    assert slow.running == []

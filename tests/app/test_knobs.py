@@ -1,0 +1,100 @@
+"""Every knob of every preset turns, and says why a value cannot be."""
+
+import pytest
+
+from eclsim.app.knobs import DEVICES, ROLLER, VOLUME, Knob, Picker, connect, controls, turn, value_of
+from eclsim.app.texts import ENGLISH
+from eclsim.patients.mistakes import CaseError
+from eclsim.patients.presets import PRESETS
+from eclsim.solver.model import model_of
+from eclsim.solver.steady import Batch
+
+CASES = {key: preset.case() for key, preset in PRESETS.items()}
+EVERY = [(key, control) for key, case in CASES.items() for control in controls(case)]
+
+
+@pytest.mark.parametrize(("key", "control"), EVERY, ids=lambda v: getattr(v, "key", v))
+def test_every_control_turns_and_is_read_back(key, control):
+    case = CASES[key]
+    wanted = [control.low, control.high] if isinstance(control, Knob) else control.options
+    for value in wanted:
+        shown = value_of(turn(case, control.key, value), control.key)
+        assert shown == (pytest.approx(value, abs=1e-3) if isinstance(control, Knob) else value)
+
+
+@pytest.mark.parametrize(("key", "control"), EVERY, ids=lambda v: getattr(v, "key", v))
+def test_every_control_has_words_and_shows_a_value_it_can_take(key, control):
+    assert control.key in ENGLISH
+    shown = value_of(CASES[key], control.key)
+    if isinstance(control, Picker):
+        assert shown in control.options
+    else:
+        assert control.low <= float(shown) <= control.high
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        ("3,5", "decimal comma"),
+        ("120/80", "two"),
+        ("fast", "not a number"),
+        ("", "needed"),
+        ("1e400", "too large"),
+        ("-3", "outside"),
+        ("nan", "needed"),
+        ("3000 rpm", "did you mean 3000"),
+        ("<script>alert(1)</script>", "not a number"),
+    ],
+)
+def test_typed_values_that_cannot_be_say_why(typed, said):
+    with pytest.raises(CaseError, match=said):
+        turn(CASES["paper"], "ecmo.speed_rpm", typed)
+
+
+def test_typed_digits_count_as_a_number():
+    assert turn(CASES["paper"], "ecmo.speed_rpm", " 3050 ").ecmo.speed_rpm == 3050
+
+
+@pytest.mark.parametrize("key", ["patient.id", "parameters.Rao", "lvad.speed_rpm", "__class__", ""])
+def test_what_is_no_knob_of_the_case_cannot_be_turned(key):
+    with pytest.raises(CaseError, match="cannot be turned"):
+        turn(CASES["paper"], key, 1.0)
+
+
+@pytest.mark.parametrize("given", [-150.0, 0.0, 80.0, 500.0])
+def test_blood_that_is_given_is_in_the_patient(given):
+    case = CASES["healthy"]
+
+    def stressed_ml(one):
+        model = model_of(one)
+        return float(Batch(model.circuit, model.values, 1, "patient_held").volume().target[0])
+
+    none = stressed_ml(turn(case, VOLUME, 0.0))
+    assert stressed_ml(turn(case, VOLUME, given)) - none == pytest.approx(given, abs=1e-3)
+
+
+@pytest.mark.parametrize("key", CASES)
+@pytest.mark.parametrize("device", DEVICES)
+def test_devices_are_connected_and_taken_away(key, device):
+    case = CASES[key]
+    there = getattr(case, device) is not None
+    changed = connect(case, device)
+    assert (getattr(changed, device) is not None) is not there
+
+
+def test_crrt_moves_to_the_patient_when_ecmo_goes():
+    alone = connect(CASES["paper"], "ecmo")
+    assert (alone.crrt.access_site, alone.crrt.return_site) == ("svn", "ra")
+
+
+def test_a_new_pump_starts_inside_its_own_speeds():
+    case = turn(turn(CASES["paper"], "ecmo.pump", ROLLER), "ecmo.pump", "DP3")
+    assert 4000 <= case.ecmo.speed_rpm <= 8000
+
+
+def test_the_oxygenator_wins_over_an_older_resistance_of_its_own():
+    raw = CASES["paper"].as_mapping()
+    raw["parameters"]["Recmooxy"] = 2.0
+    case = type(CASES["paper"]).model_validate(raw)
+    other = turn(case, "ecmo.oxygenator", "Nautilus MC3")
+    assert model_of(other).values["Recmooxy"] == pytest.approx(0.6312)

@@ -1,0 +1,110 @@
+"""The server as a whole: root path, password, sessions, what a stranger can do."""
+
+from __future__ import annotations
+
+import socket
+import time
+import urllib.error
+import urllib.parse
+import urllib.request
+
+import pytest
+
+pytestmark = pytest.mark.slow
+
+
+def status(url: str, **options: object) -> int:
+    try:
+        with urllib.request.urlopen(urllib.request.Request(url, **options), timeout=20) as answer:  # type: ignore[arg-type]
+            return answer.status
+    except urllib.error.HTTPError as error:
+        return error.code
+
+
+def test_behind_a_proxy_with_a_root_path(browser, serving):
+    served = serving("--root-path", "/bed/side")
+    page = browser.new_page()
+    for address in ("/bed/side/", "/"):
+        page.goto(served.url + address)
+        page.wait_for_function("window.eclsim?.bus.last('beat')", timeout=60_000)
+        paths = page.evaluate("performance.getEntriesByType('resource').map((e) => new URL(e.name).pathname)")
+        assert paths
+        assert all(path.startswith("/bed/side/") for path in paths)
+    page.close()
+
+
+def test_with_a_password(browser, serving, tmp_path):
+    file = tmp_path / "password"
+    file.write_text("correct horse battery\n")
+    file.chmod(0o600)
+    served = serving("--password-file", str(file))
+    assert status(served.url + "/_nicegui/anything") == 401
+    context = browser.new_context()
+    page = context.new_page()
+    page.goto(served.url)
+    page.get_by_label("Password").fill("wrong password")
+    page.get_by_role("button").click()
+    page.get_by_role("alert").wait_for()
+    page.get_by_label("Password").fill("correct horse battery")
+    page.get_by_role("button").click()
+    page.wait_for_function("window.eclsim?.bus.last('beat')", timeout=60_000)
+    (cookie,) = context.cookies()
+    assert cookie["httpOnly"]
+    context.close()
+
+
+def test_another_address_needs_a_password(tmp_path):
+    from typer.testing import CliRunner
+
+    from eclsim.cli.application import app
+
+    result = CliRunner().invoke(app, ["app", "--host", "0.0.0.0"])
+    assert result.exit_code == 2
+    assert "--password-file" in result.output
+
+
+def test_no_more_sessions_than_allowed(browser, serving):
+    served = serving("--max-sessions", "1")
+    first, second = browser.new_page(), browser.new_page()
+    first.goto(served.url)
+    first.wait_for_function("window.eclsim?.bus.last('beat')", timeout=60_000)
+    second.goto(served.url)
+    second.get_by_text("open 1 times already").wait_for()
+    first.close()
+    for _ in range(60):
+        second.reload()
+        if second.evaluate("!!document.querySelector('.ecl-page')"):
+            break
+        time.sleep(1)
+    second.wait_for_function("window.eclsim?.bus.last('beat')", timeout=60_000)
+    second.close()
+
+
+def test_what_a_stranger_tries(served):
+    assert status(served.url + "/static/..%2f..%2fetc/passwd") == 404
+    assert status(served.url, headers={"Host": "evil.example"}) == 400
+    assert status(served.url + "/_nicegui/client/guessed/upload/1", data=b"x") == 404
+    assert (
+        status(
+            served.url + "/_nicegui/client/x/upload/1", data=b"x", headers={"Origin": "http://evil.example"}
+        )
+        == 403
+    )
+    assert (
+        status(
+            served.url + "/_nicegui/client/x/upload/1", data=b"x" * 10, headers={"Content-Length": "99999999"}
+        )
+        == 413
+    )
+    assert status(served.url + "/favicon.ico") == 200
+
+
+def test_a_slow_visitor_is_let_go(served):
+    address = urllib.parse.urlsplit(served.url)
+    with socket.create_connection((address.hostname, address.port)) as slow:
+        slow.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: ")
+        slow.settimeout(30)
+        began = time.monotonic()
+        assert slow.recv(100) == b""
+        assert time.monotonic() - began < 20
+    assert status(served.url + "/favicon.ico") == 200

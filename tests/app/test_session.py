@@ -1,0 +1,180 @@
+"""A session computes the newest state only, tells mistakes beside the knob, and shares nothing."""
+
+import asyncio
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from eclsim.app.beat import Beat
+from eclsim.app.circuits import page_circuit
+from eclsim.app.session import Session
+from eclsim.app.state import MOST_SAVED, PageState
+from eclsim.patients.presets import PRESETS
+from eclsim.solver.status import Status
+
+
+@dataclass
+class StubEngine:
+    """Answers with the speed of the pump as the mean pressure, after a while."""
+
+    delay: float = 0.01
+    computed: list[float] = field(default_factory=list)
+    fail: bool = False
+
+    def knows(self, state: PageState) -> bool:
+        return True
+
+    async def beat(self, state: PageState, near: object) -> Beat:
+        await asyncio.sleep(self.delay)
+        if self.fail:
+            raise RuntimeError("no")
+        self.computed.append(state.case.patient.heart_rate_bpm)
+        circuit, values = page_circuit(state.case)
+        outputs = {"MAP": state.case.patient.heart_rate_bpm}
+        return Beat(
+            circuit, values, 1.0, {"Pao": np.zeros(4)}, {"Pao": 80.0}, outputs, (), Status.CONVERGED, ""
+        )
+
+
+def session(engine: StubEngine, told: list) -> Session:
+    state = PageState(PRESETS["healthy"].case(), origin="healthy")
+    return Session(engine, state, lambda topic, data: told.append((topic, data)))  # type: ignore[arg-type]
+
+
+def beats(told: list) -> list:
+    return [data for topic, data in told if topic == "beat"]
+
+
+def test_of_many_turns_only_the_newest_is_computed():
+    engine, told = StubEngine(), []
+
+    async def turns():
+        one = session(engine, told)
+        one.start()
+        for rate in range(60, 100):
+            one.turn("patient.heart_rate_bpm", float(rate), rate)
+        await asyncio.sleep(0.2)
+
+    asyncio.run(turns())
+    assert len(engine.computed) <= 3
+    assert engine.computed[-1] == 99
+    assert beats(told)[-1]["seq"] == 99
+
+
+def test_a_value_that_cannot_be_is_told_and_changes_nothing():
+    engine, told = StubEngine(), []
+
+    async def turns():
+        one = session(engine, told)
+        assert not one.turn("patient.heart_rate_bpm", "1,2", 7)
+        assert one.state.case.patient.heart_rate_bpm == 70
+
+    asyncio.run(turns())
+    (error,) = [data for topic, data in told if topic == "error"]
+    assert error["key"] == "patient.heart_rate_bpm"
+    assert "decimal comma" in error["messages"][0]
+
+
+def test_a_beat_that_fails_is_told_and_the_next_one_comes():
+    engine, told = StubEngine(fail=True), []
+
+    async def turns():
+        one = session(engine, told)
+        one.start()
+        await asyncio.sleep(0.1)
+        engine.fail = False
+        one.turn("patient.heart_rate_bpm", 88.0, 1)
+        await asyncio.sleep(0.1)
+
+    asyncio.run(turns())
+    assert any(topic == "failed" for topic, _ in told)
+    assert beats(told)[-1]["outputs"]["MAP"] == 88
+
+
+def test_sessions_share_nothing():
+    engine = StubEngine()
+    heard: list[list] = [[], []]
+
+    async def turns():
+        first, second = (session(engine, told) for told in heard)
+        for one in (first, second):
+            one.start()
+        first.turn("patient.heart_rate_bpm", 61.0, 1)
+        second.turn("patient.heart_rate_bpm", 99.0, 1)
+        await asyncio.sleep(0.2)
+        first.undo()
+        await asyncio.sleep(0.1)
+        assert second.state.case.patient.heart_rate_bpm == 99
+
+    asyncio.run(turns())
+    assert {b["outputs"]["MAP"] for b in beats(heard[0])} <= {70, 61}
+    assert {b["outputs"]["MAP"] for b in beats(heard[1])} <= {70, 99}
+
+
+def test_a_closed_session_says_nothing_more():
+    engine, told = StubEngine(delay=0.05), []
+
+    async def turns():
+        one = session(engine, told)
+        one.start()
+        one.close()
+        count = len(told)
+        await asyncio.sleep(0.15)
+        assert len(told) == count
+
+    asyncio.run(turns())
+
+
+def test_pin_and_save_keep_the_beat_with_its_own_state():
+    engine, told = StubEngine(delay=0.05), []
+
+    async def turns():
+        one = session(engine, told)
+        one.start()
+        await asyncio.sleep(0.1)
+        one.turn("patient.heart_rate_bpm", 95.0, 1)
+        one.pin()
+        assert one.save()
+        state, beat = one.saved[0]
+        assert state.case.patient.heart_rate_bpm == beat.outputs["MAP"] == 70
+        assert one.pinned == (state, beat)
+        await asyncio.sleep(0.1)
+        while one.save():
+            pass
+        assert len(one.saved) == MOST_SAVED
+        one.remove_saved(0)
+        one.remove_saved(99)
+        assert len(one.saved) == MOST_SAVED - 1
+        one.pin()
+        assert one.pinned is None
+
+    asyncio.run(turns())
+    assert told[-2:][0][0] == "pinned"
+
+
+@pytest.mark.parametrize("policy", ["patient_held", "nonsense"])
+def test_only_known_volume_policies_are_taken(policy):
+    engine, told = StubEngine(), []
+
+    async def turns():
+        one = session(engine, told)
+        one.set_policy(policy)
+        await asyncio.sleep(0.05)
+        return one.state.policy
+
+    assert asyncio.run(turns()) == ("patient_held" if policy == "patient_held" else "as_published")
+
+
+def test_a_scheme_connects_the_crrt_where_there_is_none():
+    engine, told = StubEngine(), []
+
+    async def turns():
+        one = session(engine, told)
+        one.load(PageState(PRESETS["vv-ecmo"].case()))
+        assert one.use_scheme("post_oxy", "pre_pump")
+        lines = one.state.case.crrt
+        assert (lines.access_site, lines.return_site) == ("post_oxy", "pre_pump")
+        await asyncio.sleep(0.05)
+
+    asyncio.run(turns())

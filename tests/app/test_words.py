@@ -1,0 +1,45 @@
+"""All words stand in one place; none is missing, none is left over."""
+
+import re
+from pathlib import Path
+
+import eclsim.app
+from eclsim.app.exports import KINDS
+from eclsim.app.page import VIEWS
+from eclsim.app.texts import ENGLISH
+
+HERE = Path(eclsim.app.__file__).parent
+SCRIPTS = "\n".join(p.read_text(encoding="utf-8") for p in HERE.rglob("*.js"))
+MODULES = "\n".join(p.read_text(encoding="utf-8") for p in HERE.glob("*.py") if p.name != "texts.py")
+PREFIXES = ("group_", "key_", "line_", "frame_", "export_", "legend_")
+SUFFIXES = ("_hint", "_long")
+
+
+def test_scripts_use_words_that_exist():
+    used = set(re.findall(r"\bwords\.(\w+)", SCRIPTS))
+    assert used <= set(ENGLISH)
+
+
+def test_modules_use_words_that_exist():
+    used = set(re.findall(r"\btext\(\s*\"([\w.]+)\"", MODULES))
+    assert used <= set(ENGLISH)
+    assert set(VIEWS) <= set(ENGLISH)
+    assert {f"export_{kind}" for kind in KINDS} <= set(ENGLISH)
+
+
+def test_no_words_are_left_over():
+    everything = SCRIPTS + MODULES
+    composed = lambda key: key.startswith(PREFIXES) or key.endswith(SUFFIXES) or "." in key  # noqa: E731
+    left = [key for key in ENGLISH if not composed(key) and not re.search(rf"\b{key}\b", everything)]
+    assert left == []
+
+
+def test_scripts_hold_no_sentence_of_their_own():
+    """Anything with two words in quotes or between tags belongs into the texts."""
+    shown = re.findall(r">\s*([A-Z][a-z]+ [a-z]+[^<{]*)<", SCRIPTS)
+    assert shown == []
+
+
+def test_nothing_is_fetched_from_elsewhere():
+    addresses = re.findall(r"(?:https?:)?//[\w.-]+\.\w+/", SCRIPTS + (HERE / "web" / "page.css").read_text())
+    assert addresses == []
