@@ -88,7 +88,12 @@ class Refined:
 
 
 def refine(
-    objective: Objective, which: np.ndarray, starts: np.ndarray, box: Box, precision: Precision | None = None
+    objective: Objective,
+    which: np.ndarray,
+    starts: np.ndarray,
+    box: Box,
+    precision: Precision | None = None,
+    held: np.ndarray | None = None,
 ) -> Refined:
     """Minimise from every start.
 
@@ -98,8 +103,10 @@ def refine(
         starts: logarithms of the parameters, shape (starts, parameters).
         box: bounds.
         precision: when to stop.
+        held: parameters that a start keeps, shape (starts, parameters); left out, none.
     """
-    return _Search(objective, np.asarray(which), box.clip(starts), box, precision or Precision()).run()
+    search = _Search(objective, np.asarray(which), box.clip(starts), box, precision or Precision(), held)
+    return search.run()
 
 
 @dataclass(frozen=True)
@@ -114,10 +121,17 @@ class _Tried:
 
 class _Search:
     def __init__(
-        self, objective: Objective, which: np.ndarray, x: np.ndarray, box: Box, precision: Precision
+        self,
+        objective: Objective,
+        which: np.ndarray,
+        x: np.ndarray,
+        box: Box,
+        precision: Precision,
+        held: np.ndarray | None,
     ):
         self.objective, self.which, self.box, self.precision = objective, which, box, precision
         self.x = x
+        self.moves = np.ones(x.shape) if held is None else np.where(held, 0.0, 1.0)
         first = self.evaluate(np.arange(len(which)), x)
         self.outputs, self.residuals, self.costs = first.outputs, first.residuals, first.costs.copy()
         self.jacobians = np.full((len(which), len(objective.outputs), x.shape[1]), np.nan)
@@ -146,8 +160,8 @@ class _Search:
             self.jacobians[rows] = self.objective.jacobians(found, members.tolist(), self.x[rows])
 
     def weighted(self, row: int) -> np.ndarray:
-        """d residual / d log parameter."""
-        return self.jacobians[row] * self.objective.weights[self.which[row]][:, None]
+        """d residual / d log parameter; 0 for what is held, so that no step moves it."""
+        return self.jacobians[row] * self.objective.weights[self.which[row]][:, None] * self.moves[row]
 
     def above_floor(self, active: np.ndarray) -> np.ndarray:
         low = self.costs[active] <= self.precision.floor
@@ -194,7 +208,8 @@ class _Search:
         for row in np.unique(rows):
             own = rows == row
             jacobian = self.weighted(row)
-            steps[own] = bounded_steps(jacobian, residuals[own], self.x[row], self.box, dampings[own])
+            found = bounded_steps(jacobian, residuals[own], self.x[row], self.box, dampings[own])
+            steps[own] = found * self.moves[row]
         return _Tried(rows, dampings, steps, self.evaluate(rows, self.x[rows] + steps))
 
     def better(self, active: np.ndarray, straight: _Tried, bent: _Tried) -> np.ndarray:

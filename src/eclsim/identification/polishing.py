@@ -1,8 +1,8 @@
 """The last bit of the way to an optimum: where an extreme passes a grid point, outputs have kinks.
 
 Diastolic pressure is read off a beat on a fixed grid; its slope changes by a tenth and more where the moment
-of the aortic valve's opening passes from one grid cell to the next. A method that follows slopes stops at such
-a kink. A cloud of points around it, shaped by the curvature, shows whether there is a way on.
+of the aortic valve's opening passes from one grid cell to the next. A method that follows slopes stops at
+such a kink. A cloud of points around it, shaped by the curvature, shows whether there is a way on.
 """
 
 from __future__ import annotations

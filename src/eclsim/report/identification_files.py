@@ -67,7 +67,7 @@ def write_fit_figures(folder: Path, fit: Fit) -> list[Path]:
     if not len(fit.optimum.starts.agreeing):
         return []
     units = {n: thiel2025.PARAMETERS[n].unit for n in fit.box.names}
-    drawn = slices(fit.objective, fit.box, fit.optimum.x)
+    drawn = slices(fit.objective, fit.box, fit.optimum.x, fit.number)
     return [
         *save_figure(plot_slices(drawn, units), folder / "slices"),
         *save_figure(

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from eclsim.identification.alternatives import alternatives
 from eclsim.identification.multi_start import FitStatus, Optimum, identify
 from eclsim.identification.objective import OUTPUTS, Box, Objective, Target
 from eclsim.identification.precision import correlation, covariance, in_unit, interval, prior_deviations
@@ -64,6 +65,7 @@ class Fit:
         objective: what was minimised.
         box: bounds.
         optimum: where and how it was found.
+        number: of the data point in the objective.
         seconds: wall time; points fitted side by side share theirs evenly.
     """
 
@@ -77,7 +79,8 @@ class Fit:
     objective: Objective
     box: Box
     optimum: Optimum
-    seconds: float
+    number: int
+    seconds: float = 0.0
 
     @property
     def status(self) -> FitStatus:
@@ -144,11 +147,13 @@ def fit_cases(
         return []
     objective = Objective(targets, box.names, settings.policy)
     found = identify(objective, box, settings.multi_start, report)
-    seconds = (time.perf_counter() - started) / len(cases)
-    return [
-        _fit(name, case, objective, k, box, optimum, settings, seconds)
+    fits = [
+        _fit(name, case, objective, k, box, optimum, settings)
         for k, ((name, case), optimum) in enumerate(zip(cases, found, strict=True))
     ]
+    fits = _doubted(fits, objective, box)
+    seconds = (time.perf_counter() - started) / len(cases)
+    return [replace(fit, seconds=seconds) for fit in fits]
 
 
 def fit_case(
@@ -178,14 +183,14 @@ def _uncertainties(measured: Mapping[str, float], settings: FitSettings) -> dict
 
 def _fit(
     name: str, case: Case, objective: Objective, number: int, box: Box, optimum: Optimum,
-    settings: FitSettings, seconds: float,
+    settings: FitSettings,
 ) -> Fit:  # fmt: skip
     target = objective.targets[number]
     if optimum.status is FitStatus.NO_STEADY_BEAT:
         nothing = FittedParameter(np.nan, np.nan, np.nan, False, False, optimum.status.message)
         return Fit(
             name, case, target.measured, target.scales, {}, dict.fromkeys(box.names, nothing),
-            np.full((len(box.names),) * 2, np.nan), objective, box, optimum, seconds,
+            np.full((len(box.names),) * 2, np.nan), objective, box, optimum, number,
         )  # fmt: skip
     rows = [objective.outputs.index(o) for o in target.measured]
     errors = np.array(list(_uncertainties(target.measured, settings).values()))
@@ -198,7 +203,7 @@ def _fit(
     simulated = dict(zip(objective.outputs, optimum.outputs.tolist(), strict=True))
     return Fit(
         name, changed, target.measured, target.scales, {o: simulated[o] for o in OUTPUTS if o in simulated},
-        parameters, correlation(spread), objective, box, optimum, seconds,
+        parameters, correlation(spread), objective, box, optimum, number,
     )  # fmt: skip
 
 
@@ -222,6 +227,28 @@ def _parameters(
         lower, upper = interval(optimum.x[k], errors[k], box.lower[k], box.upper[k])
         value = in_unit(optimum.x[k])
         found[name] = FittedParameter(value, lower, upper, bool(low[k] or high[k]), not reason, reason)
+    return found
+
+
+def _doubted(fits: Sequence[Fit], objective: Objective, box: Box) -> list[Fit]:
+    """The fits with parameters that follow undetermined ones named as not determined themselves."""
+    open_ones = [
+        [k for k, p in enumerate(f.parameters.values()) if not p.identifiable] if f.simulated else []
+        for f in fits
+    ]
+    others = alternatives(objective, box, [f.optimum.x for f in fits], open_ones)
+    found = []
+    for fit, other in zip(fits, others, strict=True):
+        moved, followed = other.followers(fit.optimum.x)
+        parameters = dict(fit.parameters)
+        for k, (name, p) in enumerate(fit.parameters.items()):
+            if p.identifiable and moved[k] > np.log1p(SAME_PARAMETER):
+                reason = (
+                    f"follows {box.names[followed[k]]}, which the measurements do not determine: with it "
+                    f"elsewhere, {100.0 * np.expm1(moved[k]):.0f} % apart at the same outputs"
+                )
+                parameters[name] = replace(p, identifiable=False, reason=reason)
+        found.append(replace(fit, parameters=parameters))
     return found
 
 
