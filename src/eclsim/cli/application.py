@@ -26,6 +26,7 @@ from eclsim.cli import (
     reproduce,
     sensitivity,
     simulate,
+    track,
     validate,
 )
 from eclsim.cli.messages import fail, say
@@ -57,6 +58,7 @@ app.command("identifiability", short_help="Which parameters measurements can tel
     identifiability.identifiability
 )
 app.command("identify", short_help="Fit a patient's own model to what was measured.")(identify.identify)
+app.command("track", short_help="Follow a patient's parameters from measurement to measurement.")(track.track)
 app.add_typer(parameters.app, name="parameters", short_help="List, explain and export parameters.")
 app.command("devices", short_help="List devices and their ranges, or explain one.")(devices.devices)
 app.command("demo", short_help="Simulate the paper's patient, with figures and its numbers.")(demo.demo)

@@ -8,6 +8,8 @@ import typer
 
 VolumePolicy = Literal["as_published", "patient_held"]
 Weights = Literal["relative", "uncertainty"]
+Method = Literal["nuts", "importance"]
+Prior = Literal["log-uniform", "log-normal"]
 
 
 def identify(
@@ -49,6 +51,34 @@ def identify(
             "if chosen, the weights. Defaults: SP=4,DP=4,MAP=3,MPAP=2,PCWP=2 mmHg, CO=10 %, PF=5 %.",
         ),
     ] = None,
+    posterior: Annotated[
+        bool,
+        typer.Option(
+            "--posterior",
+            help="Sample the full posterior with NUTS as well (minutes; needs the extra `bayes`).",
+        ),
+    ] = False,
+    posterior_method: Annotated[
+        Method,
+        typer.Option(
+            help="nuts: chains on exact derivatives; importance: weighted draws, in seconds. For --posterior."
+        ),
+    ] = "nuts",
+    predict: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--predict",
+            metavar="KEY=VALUE,...",
+            help="Predict the outputs at other settings with 90 % intervals, such as ecmo.speed_rpm=4000. "
+            "Without --posterior by the Gaussian approximation. May be repeated.",
+        ),
+    ] = None,
+    prior: Annotated[
+        Prior, typer.Option(help="Of --posterior and --predict: what is known before any measurement.")
+    ] = "log-uniform",
+    chains: Annotated[int, typer.Option(min=2, max=64, help="Chains of --posterior.")] = 4,
+    warmup: Annotated[int, typer.Option(min=50, help="Draws of each chain that are thrown away.")] = 1000,
+    draws: Annotated[int, typer.Option(min=50, help="Draws of each chain that are kept.")] = 1000,
     seed: Annotated[
         int, typer.Option(min=0, help="Of the explored points; the same seed, the same result.")
     ] = 0,
@@ -75,10 +105,12 @@ def identify(
     point; a bad row stops no other. Exit status: 0 all fitted, 1 some were not, 2 bad input.
     """  # fmt: skip
     from eclsim.cli.identify_run import Request, run
+    from eclsim.cli.posterior_run import PosteriorRequest
 
+    wanted = PosteriorRequest(posterior, posterior_method, tuple(predict or ()), prior, chains, warmup, draws)
     run(
         Request(
             file, out, parameters, bounds, weights, uncertainty, seed, json_file, tuple(settings or ()),
-            volume_policy, resume, force,
+            volume_policy, resume, force, wanted,
         )
     )  # fmt: skip

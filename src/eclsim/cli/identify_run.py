@@ -13,6 +13,7 @@ import typer
 from eclsim.cli.messages import SOME_DID_NOT_CONVERGE, fail, say, warn
 
 if TYPE_CHECKING:
+    from eclsim.cli.posterior_run import PosteriorRequest
     from eclsim.studies.fit_settings import FitSettings
 
 
@@ -32,6 +33,7 @@ class Request:
     policy: str
     resume: bool
     force: bool
+    posterior: PosteriorRequest
 
 
 def run(request: Request) -> None:
@@ -56,38 +58,19 @@ def _check_destinations(request: Request, cohort: bool) -> None:
         fail(f"--out {folder}: holds identification.json; --force overwrites it")
     if cohort and request.settings:
         fail("--set: for case files; change the table of a cohort instead")
+    if cohort and request.posterior.wanted:
+        fail("--posterior, --predict: for case files; `eclsim identify` of a cohort gives intervals")
     if not cohort and request.resume:
         fail("--resume: for cohorts; a case is fitted in one go")
 
 
 def _settings(request: Request) -> FitSettings:
-    from eclsim.identification.multi_start import MultiStart
-    from eclsim.parameters.identification import BOUNDS
-    from eclsim.sensitivity.case_inputs import InputError
-    from eclsim.sensitivity.uncertainties import DEFAULTS, read_uncertainties
-    from eclsim.studies.fit_settings import FitSettings, parameter_names, read_bounds
+    from eclsim.cli.fit_options import fit_settings
 
-    wrong: list[str] = []
-    uncertainties, bounds = {}, {}
-    try:
-        uncertainties = read_uncertainties(request.uncertainty or "")
-    except InputError as error:
-        wrong += error.mistakes
-    allowed = ", ".join(DEFAULTS)
-    wrong += [
-        f"--uncertainty {n}: no measurement; allowed: {allowed}" for n in uncertainties if n not in DEFAULTS
-    ]
-    try:
-        bounds = read_bounds(request.bounds or "")
-    except ValueError as error:
-        wrong += str(error).splitlines()
-    names = tuple(BOUNDS) if request.parameters is None else tuple(parameter_names(request.parameters))
-    if not names:
-        wrong.append("--parameters: no names")
-    if wrong:
-        fail(*wrong)
-    search = MultiStart(seed=request.seed)
-    return FitSettings(names, bounds, request.weights, uncertainties, search, request.policy)
+    return fit_settings(
+        request.parameters, request.bounds, request.uncertainty,
+        weights=request.weights, policy=request.policy, seed=request.seed,
+    )  # fmt: skip
 
 
 def _one_case(request: Request) -> None:
@@ -96,6 +79,7 @@ def _one_case(request: Request) -> None:
 
     (reading,) = read_all([request.file], request.settings)
     settings = _settings(request)
+    predictions = request.posterior.cases(request.file, request.settings)
     checked = checked_fit(reading.case, settings)
     if checked.mistakes:
         fail(*(m.at(request.file, None) for m in checked.mistakes))
@@ -119,6 +103,12 @@ def _one_case(request: Request) -> None:
         path = write_fitted_case(folder / "cases", fit)
         write_fit_figures(folder / "figures", fit)
         say(f"fitted case: {path}")
+    if request.posterior.wanted and fit.simulated:
+        from eclsim.cli.posterior_run import add_posterior
+
+        content["posterior"] = add_posterior(
+            request.posterior, fit, predictions, settings, folder, _progress()
+        )
     write_fits(folder, content)
     _hand_out(request, content)
     _leave(content["points"], ())
@@ -193,6 +183,10 @@ def _hand_out(request: Request, content: Mapping[str, Any]) -> None:
         write_plain(content, Path(request.json))
     points = content["points"]
     typer.echo(_one_table(points[0]) if len(points) == 1 else _many_table(points))
+    if "posterior" in content:
+        from eclsim.cli.posterior_run import posterior_table
+
+        typer.echo(posterior_table(content["posterior"]))
     for kind, value in content["r2"].items():
         if value is not None and len(points) > 1:
             typer.echo(f"R2 of {kind}: {value:.4f}")

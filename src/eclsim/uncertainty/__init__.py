@@ -1,0 +1,1 @@
+"""How far a patient's model can be relied on: prior, posterior by NUTS, predictions with intervals."""

@@ -1,0 +1,160 @@
+"""Whether draws can be trusted: R-hat, effective sample sizes, divergences.
+
+Rank-normalised split R-hat, bulk and tail effective sample size after Vehtari, Gelman, Simpson, Carpenter and
+Bürkner 2021, Bayesian Analysis 16, 667-718, doi 10.1214/20-BA1221; the limits are theirs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtri
+from scipy.stats import rankdata
+
+LARGEST_R_HAT = 1.01
+FEWEST_EFFECTIVE = 400
+LARGEST_DIVERGENT_SHARE = 0.01
+LARGEST_TRUNCATED_SHARE = 0.05
+"""Of draws whose trajectory reached the deepest tree: not wrong, but slow to mix."""
+
+
+@dataclass(frozen=True)
+class Diagnostics:
+    """How well chains agree and mix, by parameter.
+
+    Args:
+        names: of the parameters.
+        r_hat: shape (parameters,).
+        effective_bulk: effective number of draws for the centre.
+        effective_tail: and for the 5 % and 95 % quantiles.
+        divergent: draws whose trajectory left the energy.
+        truncated: draws whose trajectory reached the deepest tree.
+        draws: all draws.
+    """
+
+    names: tuple[str, ...]
+    r_hat: np.ndarray
+    effective_bulk: np.ndarray
+    effective_tail: np.ndarray
+    divergent: int
+    truncated: int
+    draws: int
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Why the draws are not to be trusted; empty where they are."""
+        found = []
+        worst = int(np.argmax(np.nan_to_num(self.r_hat, nan=np.inf)))
+        if not self.r_hat[worst] < LARGEST_R_HAT:
+            found.append(
+                f"R-hat of {self.names[worst]} is {self.r_hat[worst]:.3f} (below {LARGEST_R_HAT}): the "
+                "chains disagree; sample longer"
+            )
+        fewest = np.minimum(self.effective_bulk, self.effective_tail)
+        worst = int(np.argmin(np.nan_to_num(fewest, nan=-1.0)))
+        if not fewest[worst] >= FEWEST_EFFECTIVE:
+            found.append(
+                f"effective sample size of {self.names[worst]} is {fewest[worst]:.0f} (at least "
+                f"{FEWEST_EFFECTIVE}): sample longer"
+            )
+        if self.divergent > LARGEST_DIVERGENT_SHARE * self.draws:
+            found.append(
+                f"{self.divergent} of {self.draws} draws diverged (at most {LARGEST_DIVERGENT_SHARE:.0%}): "
+                "raise --target-accept, and doubt the intervals"
+            )
+        if self.truncated > LARGEST_TRUNCATED_SHARE * self.draws:
+            found.append(f"{self.truncated} of {self.draws} trajectories were cut off: sample longer")
+        return tuple(found)
+
+    @property
+    def trusted(self) -> bool:
+        """Whether every limit is kept."""
+        return not self.doubts
+
+
+def diagnose(
+    names: Sequence[str], draws: np.ndarray, diverging: np.ndarray, steps: np.ndarray, deepest: int
+) -> Diagnostics:
+    """Diagnostics of draws.
+
+    Args:
+        names: of the parameters.
+        draws: shape (chains, draws, parameters).
+        diverging: whether each diverged, shape (chains, draws).
+        steps: leapfrog steps of each.
+        deepest: depth at which trees were cut off.
+    """
+    each = [draws[:, :, k] for k in range(draws.shape[2])]
+    return Diagnostics(
+        tuple(names),
+        np.array([r_hat(d) for d in each]),
+        np.array([effective_bulk(d) for d in each]),
+        np.array([effective_tail(d) for d in each]),
+        int(diverging.sum()),
+        int((steps >= 2**deepest - 1).sum()),
+        int(diverging.size),
+    )
+
+
+def r_hat(draws: np.ndarray) -> float:
+    """Rank-normalised split R-hat of one quantity, the larger of centre and spread; draws (chains, draws)."""
+    halves = _halves(draws)
+    folded = np.abs(halves - np.median(halves))
+    return max(_r_hat(_normal_ranks(halves)), _r_hat(_normal_ranks(folded)))
+
+
+def effective_bulk(draws: np.ndarray) -> float:
+    """Effective number of draws for the centre of the distribution."""
+    return _effective(_normal_ranks(_halves(draws)))
+
+
+def effective_tail(draws: np.ndarray) -> float:
+    """The smaller effective number of draws for the 5 % and the 95 % quantile."""
+    limits = np.quantile(draws, (0.05, 0.95))
+    return min(_effective(_halves((draws <= limit).astype(float))) for limit in limits)
+
+
+def _halves(draws: np.ndarray) -> np.ndarray:
+    half = draws.shape[1] // 2
+    return np.concatenate([draws[:, :half], draws[:, draws.shape[1] - half :]])
+
+
+def _normal_ranks(draws: np.ndarray) -> np.ndarray:
+    ranks = rankdata(draws, method="average").reshape(draws.shape)
+    return ndtri((ranks - 0.375) / (draws.size + 0.25))
+
+
+def _r_hat(draws: np.ndarray) -> float:
+    count = draws.shape[1]
+    within = np.mean(np.var(draws, axis=1, ddof=1))
+    between = count * np.var(np.mean(draws, axis=1), ddof=1)
+    if not within > 0.0:
+        return 1.0 if between == 0.0 else np.inf
+    return float(np.sqrt((between / within + count - 1) / count))
+
+
+def _effective(draws: np.ndarray) -> float:
+    """Geyer's initial monotone sequence over all chains."""
+    chains, count = draws.shape
+    if np.ptp(draws) == 0.0:
+        return float(draws.size)
+    covariance = np.stack([_autocovariance(d) for d in draws])
+    within = np.mean(covariance[:, 0]) * count / (count - 1)
+    variance = within * (count - 1) / count
+    if chains > 1:
+        variance += np.var(np.mean(draws, axis=1), ddof=1)
+    correlation = 1.0 - (within - np.mean(covariance, axis=0) * count / (count - 1)) / variance
+    correlation[0] = 1.0
+    pairs = correlation[: count // 2 * 2].reshape(-1, 2).sum(axis=1)
+    negative = np.flatnonzero(pairs < 0.0)
+    pairs = np.minimum.accumulate(pairs[: negative[0] if len(negative) else len(pairs)])
+    time = max(-1.0 + 2.0 * pairs.sum(), 1.0 / np.log10(draws.size))
+    return float(draws.size / time)
+
+
+def _autocovariance(draws: np.ndarray) -> np.ndarray:
+    count = len(draws)
+    spectrum = np.fft.rfft(draws - draws.mean(), 2 * count)
+    return np.fft.irfft(spectrum * np.conj(spectrum))[:count] / count

@@ -1,0 +1,63 @@
+"""What a posterior says of outputs: at the settings of the measurements, and at others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from eclsim.solver.model import AS_PUBLISHED, Model
+from eclsim.uncertainty.importance import weighted_quantile
+from eclsim.uncertainty.members import simulate_members
+
+CENTRAL_90 = np.array([0.05, 0.5, 0.95])
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """Outputs of draws of a posterior at some settings.
+
+    Args:
+        settings: what differs from the measured settings, as written; empty for those themselves.
+        outputs: names.
+        values: shape (draws, outputs); NaN where a draw has no steady beat.
+        intervals: 5 %, 50 % and 95 % quantile of each output, shape (outputs, 3).
+        lost: share of the draws without a steady beat; the intervals speak of the others.
+    """
+
+    settings: str
+    outputs: tuple[str, ...]
+    values: np.ndarray
+    intervals: np.ndarray
+    lost: float
+
+
+def predict(
+    model: Model,
+    parameters: Mapping[str, np.ndarray],
+    outputs: tuple[str, ...],
+    settings: str = "",
+    policy: str = AS_PUBLISHED,
+) -> Predicted:
+    """Simulate draws of the parameters with a model's other values.
+
+    Args:
+        model: circuit and values, with the settings asked for.
+        parameters: draws of each free parameter, in its unit, shape (draws,).
+        outputs: names of the registry.
+        settings: what to call it.
+        policy: blood volume policy.
+    """
+    count = len(next(iter(parameters.values())))
+    middle = {n: float(np.median(v)) for n, v in parameters.items()}
+    values = simulate_members(
+        model, {**model.values, **parameters}, count, outputs, policy, {**model.values, **middle}
+    )
+    found = np.isfinite(values).all(axis=1)
+    weights = np.ones(int(found.sum()))
+    intervals = np.full((len(outputs), 3), np.nan)
+    if found.any():
+        each = [weighted_quantile(values[found, k], weights, CENTRAL_90) for k in range(len(outputs))]
+        intervals = np.stack(each)
+    return Predicted(settings, outputs, values, intervals, float(1.0 - found.mean()))

@@ -1,0 +1,126 @@
+"""Made-up patients on ECMO whose true parameters are known: what intervals and forecasts are held against."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from eclsim.haemodynamics.evaluation import batch_outputs
+from eclsim.identification.objective import OUTPUTS
+from eclsim.parameters.identification import BOUNDS
+from eclsim.patients.case import Case, Ecmo, Measurements, Patient
+from eclsim.sensitivity.uncertainties import DEFAULTS
+from eclsim.solver.model import model_of
+from eclsim.solver.status import Status
+from eclsim.solver.steady import Batch, steady_beats
+
+NAMES = tuple(BOUNDS)
+LIKELY = {"MAP": (45.0, 120.0), "MPAP": (8.0, 40.0), "PCWP": (3.0, 25.0), "CO": (0.8, 9.0), "PF": (0.5, 6.0)}
+"""Patients outside are drawn again: nobody would be measured there."""
+SPREAD = 0.8
+"""Of the hidden variable of a parameter of a patient, a little narrower than the prior's 1."""
+LARGEST_DRIFT = 0.9
+"""Largest change of a logarithm over a series."""
+TRIES = 200
+
+
+@dataclass(frozen=True)
+class SimulatedPoint:
+    """A patient at one time.
+
+    Args:
+        case: with measurements as they would be taken.
+        truth: parameters, in their units.
+        outputs: of the model, without noise.
+    """
+
+    case: Case
+    truth: Mapping[str, float]
+    outputs: Mapping[str, float]
+
+
+def simulated_patient(seed: int) -> SimulatedPoint:
+    """One patient, measured once."""
+    return simulated_series(seed, 1)[0]
+
+
+def simulated_series(seed: int, points: int, drifting: int = 3) -> list[SimulatedPoint]:
+    """One patient over time: some parameters drift steadily, the pump speed and the heart rate change.
+
+    Args:
+        seed: of the patient.
+        points: measurements.
+        drifting: parameters that drift.
+    """
+    random = np.random.default_rng([2024, seed])
+    table = np.log(np.array([tuple(b) for b in BOUNDS.values()]))
+    for _ in range(TRIES):
+        z = SPREAD * random.standard_normal(len(NAMES))
+        change = np.zeros(len(NAMES))
+        which = random.choice(len(NAMES), drifting, replace=False)
+        change[which] = LARGEST_DRIFT * random.uniform(-1.0, 1.0, drifting)
+        devices = _devices(random)
+        start = table[:, 1] + (table[:, 2] - table[:, 1]) * _share(z)
+        x = start + np.linspace(0.0, 1.0, points)[:, None] * change
+        x = np.clip(x, table[:, 1], table[:, 2])
+        cases = [_case(random, seed, k, devices) for k in range(points)]
+        found = _outputs(cases, x)
+        if found is not None and all(_likely(o) for o in found):
+            return [_measured(random, c, row, o) for c, row, o in zip(cases, x, found, strict=True)]
+    raise RuntimeError(f"no likely patient in {TRIES} tries")
+
+
+def _share(z: np.ndarray) -> np.ndarray:
+    from scipy.special import ndtr
+
+    return ndtr(z)
+
+
+def _devices(random: np.random.Generator) -> Ecmo:
+    return Ecmo(
+        pump="Rotaflow", speed_rpm=float(round(random.uniform(2200, 3600))), oxygenator="Quadrox-i Adult",
+        drainage_site="ra", drainage_cannula="venous", drainage_fr=float(random.choice([21, 23, 25])),
+        return_site="ao", return_cannula="arterial", return_fr=float(random.choice([15, 17, 19])), mode="VA",
+    )  # fmt: skip
+
+
+def _case(random: np.random.Generator, seed: int, number: int, ecmo: Ecmo) -> Case:
+    first = np.random.default_rng([2025, seed])
+    sex = "female" if first.random() < 0.5 else "male"
+    age, height, weight = first.uniform(30, 75), first.uniform(155, 188), first.uniform(55, 95)
+    rate = first.uniform(65, 115) + random.uniform(-6, 6)
+    speed = float(round((ecmo.speed_rpm or 3000.0) * random.uniform(0.92, 1.08)))
+    return Case(
+        patient=Patient(id=f"S{seed:03d}", sex=sex, age_years=round(age), height_cm=round(height),
+                        weight_kg=round(weight), heart_rate_bpm=round(rate)),
+        ecmo=ecmo.model_copy(update={"speed_rpm": speed if number else ecmo.speed_rpm}),
+    )  # fmt: skip
+
+
+def _outputs(cases: list[Case], x: np.ndarray) -> list[dict[str, float]] | None:
+    models = [model_of(c) for c in cases]
+    names = models[0].values
+    values = {n: np.array([m.values[n] for m in models]) for n in names}
+    values |= {n: np.exp(x[:, k]) for k, n in enumerate(NAMES)}
+    steady = steady_beats(Batch(models[0].circuit, values, len(cases)))
+    if (steady.orbits.status != Status.CONVERGED).any():
+        return None
+    found = batch_outputs(steady, OUTPUTS)
+    return [dict(zip(OUTPUTS, column.tolist(), strict=True)) for column in found.T]
+
+
+def _likely(outputs: Mapping[str, float]) -> bool:
+    return all(low <= outputs[n] <= high for n, (low, high) in LIKELY.items())
+
+
+def _measured(
+    random: np.random.Generator, case: Case, x: np.ndarray, outputs: Mapping[str, float]
+) -> SimulatedPoint:
+    noisy = {n: v + DEFAULTS[n].at(v) * random.standard_normal() for n, v in outputs.items()}
+    noisy = {n: max(v, 0.2) for n, v in noisy.items()}
+    return SimulatedPoint(
+        case.model_copy(update={"measurements": Measurements(**noisy)}),
+        dict(zip(NAMES, np.exp(x).tolist(), strict=True)), dict(outputs),
+    )  # fmt: skip
