@@ -91,4 +91,5 @@ def explain_colours(ax: Axes, highest: str, lowest: str, mark: str | None = None
         texts.append(mark)
     figure = ax.get_figure(root=True)
     if figure is not None:
-        figure.legend(handles, texts, loc="outside lower center", ncols=3 if len(texts) == 3 else 2)
+        columns = 3 if len(texts) == 3 else 2
+        figure.legend(handles, texts, loc="lower center", bbox_to_anchor=(0.5, 0.0), ncols=columns)

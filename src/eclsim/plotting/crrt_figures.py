@@ -5,7 +5,7 @@ In the manner of Figures 5 and 6 of Thiel et al. 2025.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from eclsim.haemodynamics.alarms import SANSOM_ACCESS_MMHG, SUCTION_MMHG
 from eclsim.parameters.devices import CRRT_ALARMS_MMHG
-from eclsim.plotting.crrt_curves import explain_colours, label_ends, limit_line, style_of
+from eclsim.plotting.crrt_curves import MOST_LABELS, explain_colours, label_ends, limit_line, style_of
 from eclsim.plotting.style import GREY, OKABE_ITO, PAGE_WIDTH_MM, figure_style, new_figure, plain_text
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def plot_crrt_beat(waveforms: xr.Dataset, means: xr.Dataset) -> Figure:
         means: cycle means over `scheme` at the same speed.
     """
     highest, lowest = extremes(means)
-    fig, grid = _four_panels()
+    fig, grid = _four_panels(_room(means, highest, lowest))
     _draw_vessels(grid[0, 0], waveforms, highest, lowest)
     _draw_loops(grid[0, 1], waveforms, highest, lowest)
     for ax, line, title in (
@@ -51,11 +51,24 @@ def plot_crrt_beat(waveforms: xr.Dataset, means: xr.Dataset) -> Figure:
     return fig
 
 
-def _four_panels() -> tuple[Figure, Any]:
-    """Two rows of two axes, with room for labels at their right."""
+def _room(means: xr.Dataset, highest: str, lowest: str) -> int:
+    """Characters of the longest label beside a curve."""
+    return 9 if means.sizes["scheme"] <= MOST_LABELS else len(f"{highest} {lowest}")
+
+
+def _four_panels(characters: int) -> tuple[Figure, np.ndarray]:
+    """Two rows of two axes at fixed places: arranging them by trial takes longer than drawing them.
+
+    Args:
+        characters: room at the right of each.
+    """
     fig = new_figure(PAGE_WIDTH_MM, 150)
-    fig.set_layout_engine("constrained", wspace=0.1, rect=(0.0, 0.0, 0.96, 1.0))
-    return fig, fig.subplots(2, 2)
+    fig.set_layout_engine(None)
+    left, room = 0.09, min(0.008 + 0.0088 * characters, 0.2)
+    width = 0.5 - left - room
+    places = [[(left + 0.5 * column, bottom, width, 0.35) for column in (0, 1)] for bottom in (0.605, 0.15)]
+    grid = np.array([[fig.add_axes(place) for place in row] for row in places])
+    return fig, grid
 
 
 def two_beats(waveforms: xr.Dataset, name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -97,9 +110,10 @@ def _name_vessel(ax: Axes, name: str, words: str, lowest: float, highest: float)
 
 
 def _draw_loops(ax: Axes, waveforms: xr.Dataset, highest: str, lowest: str) -> None:
-    for letter in waveforms["scheme"].values.astype(str):
-        one = waveforms.sel(scheme=letter)
-        ax.plot(one["Vrv"].values, one["Prv"].values, **style_of(letter, highest, lowest))  # pyright: ignore[reportArgumentType] - keywords of a line
+    volumes, pressures = (waveforms[n].transpose("scheme", "phase").values for n in ("Vrv", "Prv"))
+    letters = waveforms["scheme"].values.astype(str)
+    for letter, volume, pressure in zip(letters, volumes, pressures, strict=True):
+        ax.plot(volume, pressure, **style_of(letter, highest, lowest))  # pyright: ignore[reportArgumentType] - keywords of a line
     ax.set_xlabel("Right-ventricular volume [mL]")
     ax.set_ylabel("Right-ventricular pressure [mmHg]")
     ax.set_title("b) Right ventricle", loc="left")
@@ -135,7 +149,7 @@ def plot_crrt_speeds(means: xr.Dataset, case_speed: float) -> Figure:
         case_speed: speed [rpm] that is marked; it also decides which schemes stand out.
     """
     highest, lowest = extremes(means.sel(speed=case_speed))
-    fig, grid = _four_panels()
+    fig, grid = _four_panels(_room(means, highest, lowest))
     for name, words in VESSELS:
         _over_flow(grid[0, 0], means, name, highest, lowest)
         start = means[name].isel(speed=0)
@@ -167,10 +181,10 @@ def _over_flow(
     ax: Axes, means: xr.Dataset, name: str, highest: str, lowest: str
 ) -> dict[str, tuple[float, float]]:
     ends = {}
-    for letter in means["scheme"].values.astype(str):
-        one = means.sel(scheme=letter)
-        known = one["converged"].values.astype(bool) & np.isfinite(one[name].values)
-        flow, values = one["PF"].values[known], one[name].values[known]
+    every = {n: means[n].transpose("scheme", "speed").values for n in (name, "PF", "converged")}
+    for k, letter in enumerate(means["scheme"].values.astype(str)):
+        known = every["converged"][k].astype(bool) & np.isfinite(every[name][k])
+        flow, values = every["PF"][k][known], every[name][k][known]
         ax.plot(flow, values, **style_of(letter, highest, lowest))  # pyright: ignore[reportArgumentType] - keywords of a line
         if len(flow):
             ends[letter] = (float(flow[-1]), float(values[-1]))

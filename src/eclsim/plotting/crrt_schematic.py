@@ -54,13 +54,17 @@ def draw_schemes(schemes: Sequence[Drawable], ranks: dict[str, int] | None = Non
     """Small drawings of schemes, three in a row.
 
     Args:
-        schemes: up to 18 are drawn.
+        schemes: up to 18 are drawn; of more, the 18 that rank best.
         ranks: rank of each by letter, written in the title.
     """
-    shown = list(schemes)[:MOST_DRAWN]
+    shown = list(schemes)
+    if len(shown) > MOST_DRAWN:
+        shown = sorted(shown, key=lambda scheme: (ranks or {}).get(scheme.letter, 0))[:MOST_DRAWN]
     rows = -(-len(shown) // COLUMNS)
     fig = new_figure(PAGE_WIDTH_MM, 4 + 31 * rows)
-    grid = fig.subplots(rows, COLUMNS, squeeze=False)
+    fig.set_layout_engine(None)
+    edges = {"left": 0.005, "right": 0.995, "bottom": 0.005, "top": 0.995, "wspace": 0.03, "hspace": 0.03}
+    grid = fig.subplots(rows, COLUMNS, squeeze=False, gridspec_kw=edges)
     for index, ax in enumerate(grid.flat):
         ax.set_axis_off()
         if index < len(shown):
@@ -74,8 +78,8 @@ def draw_scheme(ax: Axes, scheme: Drawable, rank: int | None = None) -> None:
     ax.set_ylim(-3.7, 2.2)
     ax.set_aspect("equal")
     title = f"{plain_text(scheme.letter, 20)})" + (f"  rank {rank}" if rank else "")
-    ax.text(-0.3, 1.75, title, fontsize=8.5, fontweight="bold", va="center")
-    ax.text(-0.3, 1.05, plain_text(scheme.name, 46), fontsize=6.4, va="center", color="black")
+    ax.text(-0.3, 1.85, title, fontsize=8.5, fontweight="bold", va="center")
+    ax.text(-0.3, 1.2, plain_text(scheme.name, 46), fontsize=6.4, va="center", color="black")
     ax.annotate(
         "", (9.9, 0), (-0.3, 0), arrowprops={"arrowstyle": "->", "color": ECMO_COLOUR, "linewidth": 1.6}
     )
@@ -85,7 +89,7 @@ def draw_scheme(ax: Axes, scheme: Drawable, rank: int | None = None) -> None:
     ax.add_patch(box)
     ax.text(OXYGENATOR, 0, "Oxy", ha="center", va="center", fontsize=6, zorder=4)
     for x, text in ((0.1, "DC"), (9.4, "RC")):
-        ax.text(x, 0.42, text, ha="center", fontsize=6, color=ECMO_COLOUR)
+        ax.text(x, 0.3, text, ha="center", fontsize=6, color=ECMO_COLOUR)
     _draw_crrt(ax, scheme)
 
 

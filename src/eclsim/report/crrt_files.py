@@ -7,11 +7,10 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from eclsim.report.crrt_netcdf import write_netcdf
 from eclsim.report.files import whole_file
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from eclsim.studies.crrt_study import CrrtStudy
 
 FILES = ("report.html", "study.json", "study.nc")
@@ -59,36 +58,3 @@ def write_json(study: CrrtStudy, destination: Path | str) -> None:
         return
     with whole_file(Path(destination)) as partial:
         partial.write_text(content, encoding="utf-8")
-
-
-def write_netcdf(study: CrrtStudy, path: Path) -> None:
-    """Write NetCDF with the groups means, without_crrt, waveforms, limits and uptake.
-
-    Of the means, pressures and the quantities of the JSON object are written: each variable takes time.
-    """
-    groups = {
-        "means": study.means[_written(study.means)],
-        "without_crrt": study.without_crrt[_written(study.without_crrt)],
-        "waveforms": study.waveforms,
-        "limits": study.limits,
-    } | ({} if study.uptake is None else {"uptake": study.uptake})
-    with whole_file(path) as partial:
-        for index, (name, data) in enumerate(groups.items()):
-            data.to_netcdf(partial, mode="w" if index == 0 else "a", group=name, engine="h5netcdf")
-
-
-def _written(data: xr.Dataset) -> list[str]:
-    """Names of the variables of the means that go to NetCDF."""
-    from eclsim.report.crrt_json import MEANS
-
-    names = [str(name) for name in data.data_vars]
-    more = (
-        *MEANS,
-        "patient_volume",
-        "ecmo_volume",
-        "crrt_volume",
-        "patient_volume_change",
-        "converged",
-        "beats",
-    )
-    return [name for name in names if name in more or (name[0] == "P" and "Q" + name[1:] in names)]

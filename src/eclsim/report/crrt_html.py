@@ -46,6 +46,8 @@ def study_page(study: CrrtStudy, drawings: Mapping[str, str]) -> str:
 
 
 def _pieces(study: CrrtStudy, drawings: Mapping[str, str]) -> Iterator[str]:
+    from eclsim.plotting.crrt_schematic import MOST_DRAWN
+
     main = study.policies[0]
     yield heading(f"Connecting CRRT to the ECMO circuit: {study.case.patient.id}", 1)
     yield paragraph(_who(study), "lead")
@@ -58,7 +60,8 @@ def _pieces(study: CrrtStudy, drawings: Mapping[str, str]) -> Iterator[str]:
         drawings["schemes"],
         "The schemes. Blood flows from the drainage cannula (DC) through pump (P) and oxygenator (Oxy) "
         "to the return "
-        "cannula (RC); access line solid with a dot, return line dashed with a square.",
+        "cannula (RC); access line solid with a dot, return line dashed with a square."
+        + (f" The {MOST_DRAWN} that rank best are drawn." if len(study.schemes) > MOST_DRAWN else ""),
         "schemes",
     )
     yield from _notes(study)

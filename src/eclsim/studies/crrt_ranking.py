@@ -103,13 +103,13 @@ def _judge(one: xr.Dataset, limits: xr.Dataset, scheme: Scheme) -> Ranked:
 
 def _sentences(one: Ranked, means: xr.Dataset) -> list[str]:
     access, giving = float(means["Pcrrttuin"]), float(means["Pcrrttuout"])
-    said = [f"access {access:.0f} mmHg, return {giving:.0f} mmHg"]
+    said = [f"access {_whole(access)} mmHg, return {_whole(giving)} mmHg"]
     if not one.alarms_kept:
         said.append("breaks a pressure alarm of the machine")
     if not one.access_190_kept:
         said.append("access pressure above 190 mmHg: early failure of the CRRT circuit is more likely")
     if one.lowest_site_pressure < 0.0:
-        said.append(f"a line attaches at {one.lowest_site_pressure:.0f} mmHg: a leak there draws in air")
+        said.append(f"a line attaches at {_whole(one.lowest_site_pressure)} mmHg: a leak there draws in air")
     if np.isnan(one.largest_flow):
         said.append("keeps its limits at no speed studied")
     elif one.throughout:
@@ -121,3 +121,8 @@ def _sentences(one: Ranked, means: xr.Dataset) -> list[str]:
             f"{100.0 * one.recirculated:.0f} % of the access flow comes straight from the return line"
         )
     return said
+
+
+def _whole(value: float) -> str:
+    """A whole number with a real minus sign."""
+    return f"{value:.0f}".replace("-", "−")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+import warnings
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,32 +29,36 @@ def summarise(means: xr.Dataset) -> xr.Dataset:
     """
     import xarray as xr
 
-    found = {}
+    found: dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, str]]] = {}
+    letters = means["scheme"].values.astype(str)
+    dims = tuple(str(d) for d in means[SUMMARISED[0]].dims if d != "scheme")
     for name in SUMMARISED:
-        data = means[name]
-        units = {"units": data.attrs.get("units", "")}
-        median = data.median("scheme", skipna=True)
-        variation = data.max("scheme") - data.min("scheme")
-        percent = 100.0 * variation / abs(median).where(median != 0.0)
-        found[f"{name}_median"] = median.assign_attrs(units, long_name=f"median of {name} over the schemes")
-        found[f"{name}_variation"] = variation.assign_attrs(units, long_name=f"largest less smallest {name}")
-        found[f"{name}_variation_percent"] = percent.assign_attrs(
-            units="%", long_name=f"variation of {name} relative to the median"
-        )
+        values = means[name].transpose("scheme", *dims).values
+        units = {"units": means[name].attrs.get("units", "")}
+        median, variation = _median(values), _variation(values)
+        percent = 100.0 * variation / np.where(median == 0.0, np.nan, np.abs(median))
+        about = units | {"long_name": f"median of {name} over the schemes"}
+        found[f"{name}_median"] = (dims, median, about)
+        about = units | {"long_name": f"largest less smallest {name}"}
+        found[f"{name}_variation"] = (dims, variation, about)
+        about = {"units": "%", "long_name": f"variation of {name} relative to the median"}
+        found[f"{name}_variation_percent"] = (dims, percent, about)
+        known = np.isfinite(values).all(axis=0)
         for word, choose in (("highest", np.argmax), ("lowest", np.argmin)):
-            found[f"{name}_{word}"] = _letters(data, choose).assign_attrs(
-                long_name=f"scheme with the {word} {name}"
-            )
-    return xr.Dataset(found)
+            named = np.where(known, letters[choose(np.nan_to_num(values), axis=0)], "")
+            found[f"{name}_{word}"] = (dims, named, {"long_name": f"scheme with the {word} {name}"})
+    return xr.Dataset(found, {d: means[d] for d in dims})
 
 
-def _letters(data: xr.DataArray, choose: Callable[..., Any]) -> xr.DataArray:
-    """Letter of the scheme where a quantity is highest or lowest; empty where it is not known for all."""
-    import xarray as xr
+def _median(values: np.ndarray) -> np.ndarray:
+    """Median over the schemes that are known; NaN where none is."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="All-NaN slice encountered")
+        return np.nanmedian(values, axis=0)
 
-    letters = data["scheme"].values.astype(str)
-    known = data.notnull().all("scheme")
-    filled = data.fillna(0.0)
-    index = xr.apply_ufunc(choose, filled, input_core_dims=[["scheme"]], kwargs={"axis": -1})
-    named = xr.apply_ufunc(lambda k: letters[k], index)
-    return named.where(known, "")
+
+def _variation(values: np.ndarray) -> np.ndarray:
+    """Largest less smallest of the schemes that are known; NaN where none is."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="All-NaN slice encountered")
+        return np.nanmax(values, axis=0) - np.nanmin(values, axis=0)
