@@ -12,8 +12,13 @@ import urllib.request
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
+
+from eclsim.app.state import PageState, link_of
+from eclsim.patients.presets import PRESETS
+from page_in_browser import LAPTOP
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 pytest.importorskip("nicegui", reason="the page needs the extra `app`")
@@ -87,6 +92,30 @@ def browser() -> Iterator[object]:
         found = player.chromium.launch(executable_path=path, args=arguments)
         yield found
         found.close()
+
+
+@pytest.fixture
+def open_page(browser, served) -> Iterator[Callable[..., Any]]:
+    """Opens pages and fails if one asked for anything elsewhere or had an error."""
+    contexts, foreign, errors = [], [], []
+
+    def start(preset: str = "paper", viewport: dict[str, int] = LAPTOP, url: str | None = None):
+        context = browser.new_context(viewport=viewport, reduced_motion="reduce", accept_downloads=True)
+        contexts.append(context)
+        page = context.new_page()
+        own = (served.url, "data:", "blob:")
+        page.on("request", lambda r: None if r.url.startswith(own) else foreign.append(r.url))
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.set_default_timeout(60_000)
+        page.goto(url or f"{served.url}/#{link_of(PageState(PRESETS[preset].case(), origin=preset))}")
+        page.wait_for_function("window.eclsim?.bus.last('beat')")
+        return page
+
+    yield start
+    for context in contexts:
+        context.close()
+    assert foreign == []
+    assert errors == []
 
 
 @pytest.fixture(scope="session")

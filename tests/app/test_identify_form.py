@@ -3,11 +3,11 @@
 import asyncio
 import threading
 import time
-from types import SimpleNamespace
 
 import pytest
 
 from eclsim.app import identify
+from eclsim.app.fitting import FitError
 from eclsim.app.identify import Identification, checked_form, fields, values_of
 from eclsim.app.state import PageState
 from eclsim.patients.presets import PRESETS
@@ -78,25 +78,32 @@ class StubSession:
         self.loaded.append(state)
 
 
-@pytest.fixture
-def slow(monkeypatch):
+class StubFitter:
     """A fit that goes on until it may end."""
-    may_end, running = threading.Event(), []
 
-    def work(self, case, stop):
-        running.append(case)
-        may_end.wait(5)
-        return SimpleNamespace(case=case, optimum=SimpleNamespace(status=SimpleNamespace(value="fitted")))
+    def __init__(self):
+        self.may_end, self.running, self.answer = threading.Event(), [], {"usable": True}
 
-    monkeypatch.setattr(Identification, "_work", work)
-    monkeypatch.setattr(Identification, "_plain", staticmethod(lambda fit, seconds: {"seconds": seconds}))
-    return SimpleNamespace(may_end=may_end, running=running)
+    def prepare(self):
+        pass
+
+    def fit(self, case, policy, said, stop):
+        self.running.append(case)
+        self.may_end.wait(5)
+        if isinstance(self.answer, Exception):
+            raise self.answer
+        return self.answer | {"case": case}
 
 
-def told_by(action) -> list:
+@pytest.fixture
+def slow() -> StubFitter:
+    return StubFitter()
+
+
+def told_by(fitter, action) -> list:
     told: list = []
-    one = Identification(StubSession(), lambda topic, data: told.append((topic, data)))  # type: ignore[arg-type]
-    asyncio.run(action(one, told))
+    tell = lambda topic, data: told.append((topic, data))  # noqa: E731
+    asyncio.run(action(Identification(StubSession(), tell, fitter), told))  # type: ignore[arg-type]
     return told
 
 
@@ -110,7 +117,7 @@ def test_a_double_press_is_one_fit_and_it_can_be_used(slow):
         assert one.use()
         assert one.session.loaded[0].origin == "fit"
 
-    told = told_by(action)
+    told = told_by(slow, action)
     assert len(slow.running) == 1
     assert [t for t, _ in told].count("fit_ended") == 1
     assert any(t == "fit_progress" for t, _ in told)
@@ -128,13 +135,25 @@ def test_cancel_frees_the_page_at_once(slow):
         assert not one.use()
         slow.may_end.set()
 
-    told = told_by(action)
+    told = told_by(slow, action)
     assert told[-1] == ("fit_ended", {"message": identify.text("fit_cancelled")})
+
+
+def test_a_fit_that_fails_says_why_and_leaves_the_page_usable(slow):
+    slow.answer = FitError("no heartbeat")
+    slow.may_end.set()
+
+    async def action(one, told):
+        await one.start(form())
+        assert not one.running
+        assert not one.use()
+
+    assert told_by(slow, action)[-1] == ("fit_ended", {"message": "no heartbeat"})
 
 
 def test_a_form_with_mistakes_is_not_fitted(slow):
     async def action(one, told):
         await one.start(form(measurements__SP="x"))
 
-    told_by(action)
+    told_by(slow, action)
     assert slow.running == []

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from eclsim.app.fitting import Fitter
 from eclsim.app.state import PageState
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ class Engine:
         count = workers or min(4, os.cpu_count() or 1)
         self._beats = ThreadPoolExecutor(count, thread_name_prefix="beat")
         self._studies = ThreadPoolExecutor(max(1, count - 1), thread_name_prefix="study")
+        self.fits = Fitter()
         self._known: set[Any] = set()
         self._stopped = threading.Event()
         self._wanted_at = float("-inf")
@@ -64,6 +66,7 @@ class Engine:
     def stop(self) -> None:
         """Take no more work, and do not wait for what runs."""
         self._stopped.set()
+        self.fits.stop()
         for pool in (self._beats, self._studies):
             pool.shutdown(wait=False, cancel_futures=True)
 
@@ -78,7 +81,9 @@ class Engine:
         self._warm_one(first)
         if self._stopped.wait(GRACE_S):
             return
-        for state in _warm_states():
+        for k, state in enumerate(states := _warm_states()):
+            if k == len(states) // 2:
+                self.fits.prepare()
             while time.monotonic() - self._wanted_at < QUIET_S:
                 if self._stopped.wait(0.2):
                     return

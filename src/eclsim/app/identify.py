@@ -3,37 +3,28 @@
 from __future__ import annotations
 
 import asyncio
-import logging
-import math
 import threading
 import time
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from eclsim.app.fitting import CancelledError, FitError
 from eclsim.app.knobs import as_written
 from eclsim.app.texts import text
 from eclsim.patients.checking import Checked, check_case
 from eclsim.patients.fields import SECTIONS
-from eclsim.patients.mistakes import CaseError, Mistake
+from eclsim.patients.mistakes import Mistake
+from eclsim.patients.reading import read_mapping
 
 if TYPE_CHECKING:
+    from eclsim.app.fitting import Fitter
     from eclsim.app.session import Session
     from eclsim.patients.case import Case
-    from eclsim.studies.identification import Fit
 
-log = logging.getLogger("eclsim.app")
-LOOKING = {"points_per_parameter": 120, "round_size": 4, "rediscoveries": 2}
-"""A narrower search than that of `eclsim identify` (1000 points, 10 rediscoveries), to answer in seconds."""
 EXPECTED_S = 10.0
 """Usual time of a fit [s]; the bar moves by it between the reports of the fit."""
 PATIENT = ("id", "sex", "age_years", "height_cm", "weight_kg", "heart_rate_bpm")
-_fits = ThreadPoolExecutor(1, thread_name_prefix="fit")
-
-
-class _CancelledError(Exception):
-    """Somebody does not want the fit any more."""
 
 
 def fields() -> list[dict[str, Any]]:
@@ -79,11 +70,12 @@ class Identification:
     Args:
         session: whose patient is fitted.
         tell: hands a topic and plain data to the browser.
+        fitter: where fits run.
     """
 
-    def __init__(self, session: Session, tell: Callable[[str, Any], None]):
-        self.session, self.tell = session, tell
-        self.fit: Fit | None = None
+    def __init__(self, session: Session, tell: Callable[[str, Any], None], fitter: Fitter):
+        self.session, self.tell, self.fitter = session, tell, fitter
+        self.fitted: Case | None = None
         self._stop: threading.Event | None = None
         self._said = ""
 
@@ -94,6 +86,7 @@ class Identification:
 
     def fill(self) -> None:
         """Show the session's patient, with what was measured or else what the model gives now."""
+        self.fitter.prepare()
         values = values_of(self.session.state.case)
         beat = self.session.beat
         if beat is not None and self.session.state.case.measurements is None:
@@ -115,73 +108,54 @@ class Identification:
         """Fit; a second press while one runs does nothing."""
         if self.running or not self.check(typed):
             return
-        from eclsim.patients.case import Case
-
-        case = Case.model_validate(checked_form(self.session.state.case, typed).values)
+        raw = checked_form(self.session.state.case, typed).values | {"format": 1}
         self._stop = stop = threading.Event()
-        self._said, started = text("fit_running"), time.monotonic()
-        work = asyncio.get_running_loop().run_in_executor(_fits, lambda: self._work(case, stop))
+        self._said = text("fit_running")
+        work = asyncio.ensure_future(
+            asyncio.to_thread(self.fitter.fit, raw, self.session.state.policy, self._say, stop)
+        )
+        work.add_done_callback(lambda done: done.cancelled() or done.exception())
         try:
-            while not stop.is_set() and not work.done():
-                spent = time.monotonic() - started
-                share = 0.95 * (1.0 - 2.0 ** (-2.0 * spent / EXPECTED_S))
-                self.tell("fit_progress", {"share": share, "seconds": spent, "words": self._said})
-                await asyncio.wait({work}, timeout=0.25)
-            if stop.is_set():
-                self.tell("fit_ended", {"message": text("fit_cancelled")})
-                return
-            self.fit = await work
-            self.tell("fit_ended", {"fit": self._plain(self.fit, time.monotonic() - started)})
-        except CaseError as error:
-            self.tell("fit_ended", {"message": str(error)})
-        except Exception:  # a fit that fails must not end the page
-            log.exception("a fit failed")
-            self.tell("fit_ended", {"message": text("failed")})
+            self.tell("fit_ended", await self._outcome(work, stop))
         finally:
             if self._stop is stop:
                 self._stop = None
 
     def cancel(self) -> None:
-        """Let go of the fit that runs: its thread ends at its next report."""
+        """Let go of the fit that runs: it ends by itself at its next step."""
         if self._stop is not None:
             self._stop.set()
             self._stop = None
 
     def use(self) -> bool:
         """Show the fitted patient in all views."""
-        if self.fit is None or self.fit.optimum.status.value == "no_steady_beat":
+        if self.fitted is None:
             return False
-        self.session.load(replace(self.session.state, case=self.fit.case, origin="fit"))
+        self.session.load(replace(self.session.state, case=self.fitted, origin="fit"))
         return True
 
-    def _work(self, case: Case, stop: threading.Event) -> Fit:
-        from eclsim.identification.multi_start import MultiStart
-        from eclsim.studies.fit_settings import FitSettings
-        from eclsim.studies.identification import fit_case
+    async def _outcome(self, work: asyncio.Future[dict[str, Any]], stop: threading.Event) -> dict[str, Any]:
+        """Tell how far it is until it ends; then what was found, or why nothing was."""
+        started = time.monotonic()
+        while not stop.is_set() and not work.done():
+            spent = time.monotonic() - started
+            share = 0.95 * (1.0 - 2.0 ** (-2.0 * spent / EXPECTED_S))
+            self.tell("fit_progress", {"share": share, "seconds": spent, "words": self._said})
+            await asyncio.wait({work}, timeout=0.25)
+        if stop.is_set():
+            return {"message": text("fit_cancelled")}
+        try:
+            found = await work
+        except FitError as error:
+            return {"message": str(error)}
+        except CancelledError:
+            return {"message": text("fit_cancelled")}
+        case = found.pop("case")
+        self.fitted = read_mapping(case).case if found["usable"] else None
+        return {"fit": found | {"seconds": round(time.monotonic() - started, 1)}}
 
-        def report(words: str) -> None:
-            self._said = words
-            if stop.is_set():
-                raise _CancelledError
-
-        report(text("fit_running"))
-        looking = MultiStart(**LOOKING)
-        settings = FitSettings(multi_start=looking, policy=self.session.state.policy)
-        return fit_case(case, settings, report)
-
-    @staticmethod
-    def _plain(fit: Fit, seconds: float) -> dict[str, Any]:
-        from eclsim.parameters import default
-
-        usable = fit.status.value != "no_steady_beat"
-        found = fit.as_object() | {"seconds": round(seconds, 1), "usable": usable}
-        for name, parameter in found["parameters"].items():
-            known = default(name)
-            parameter |= {"unit": known.unit, "words": known.description}
-            if name in fit.box.names:
-                k = fit.box.names.index(name)
-                parameter["bounds"] = [math.exp(fit.box.lower[k]), math.exp(fit.box.upper[k])]
-        return found
+    def _say(self, words: str) -> None:
+        self._said = words
 
 
 def _by_field(mistakes: list[Mistake]) -> dict[str, str]:

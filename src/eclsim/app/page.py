@@ -37,7 +37,7 @@ class BedsidePage:
         self.engine = engine
         self.header: Header | None = None
         self.session = Session(engine, state, self._send)
-        self.identification = Identification(self.session, self._send)
+        self.identification = Identification(self.session, self._send, engine.fits)
         self._build()
 
     def close(self) -> None:

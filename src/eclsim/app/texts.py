@@ -162,6 +162,8 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "fit": "Fit",
         "cancel": "Cancel",
         "fit_running": "Fitting …",
+        "fit_waiting": "Waiting for another fit …",
+        "fit_failed": "The fit failed. Check the measurements, or change the circuit and try again.",
         "fit_cancelled": "Cancelled.",
         "fit_use": "Use this patient",
         "fit_used": "The fitted patient is in all views now.",

@@ -1,5 +1,5 @@
 // The form of measurements, the fit's progress and what it found.
-import { bus, compact, words } from "eclsim-page";
+import { bus, compact, fixed, words } from "eclsim-page";
 
 const POSITION = (value, [low, high]) => 100 * Math.min(Math.max(Math.log(value / low) / Math.log(high / low), 0), 1);
 
@@ -89,7 +89,7 @@ export default {
     difference(o) {
       if (o.measured === null || o.measured === undefined || o.simulated === null) return "";
       const change = o.simulated - o.measured;
-      return (change > 0 ? "+" : "") + compact(change);
+      return (change > 0 ? "+" : "") + fixed(change, 2);
     },
     check() {
       clearTimeout(this.timer);

@@ -16,10 +16,10 @@ const SIGNS = { ok: "", warning: "!", alarm: "▲" };
 export default {
   template: `
   <dl class="ecl-keys">
-    <div v-for="k in seen" :key="k.key" :class="k.level">
+    <div v-for="k in seen" :key="k.key" :class="k.level" :title="k.unit">
       <dt>{{ words['key_' + k.key] }}</dt>
       <dd><b>{{ k.sign }}{{ k.text }}</b></dd>
-      <dd class="more">{{ k.more && !k.change ? '' : k.unit }} <em>{{ k.change || k.more }}</em></dd>
+      <dd class="more"><em v-if="k.change || k.more">{{ k.change ? 'Δ ' + k.change : k.more }}</em><template v-else>{{ k.unit }}</template></dd>
     </div>
   </dl>`,
   data: () => ({ words, seen: [] }),

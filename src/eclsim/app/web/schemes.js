@@ -10,7 +10,7 @@ export default {
   <div class="ecl-schemes">
     <p v-if="empty" class="ecl-empty">{{ words.schemes_none }}</p>
     <template v-else>
-      <p class="head">{{ head }} <span class="access">━ {{ words.scheme_access }}</span> <span class="return">╌ {{ words.scheme_return }}</span> <span class="limit">┄ {{ words.scheme_limits }}</span><br />{{ words.scheme_h }}</p>
+      <p class="head">{{ head }}<br /><span class="access">━ {{ words.scheme_access }}</span> <span class="return">╌ {{ words.scheme_return }}</span> <span class="limit">┄ {{ words.scheme_limits }}</span> · {{ words.scheme_h }}</p>
       <div class="grid">
         <button v-for="c in cells" :key="c.letter" type="button" :class="{ own: c.own }" :aria-pressed="c.own" :aria-label="say(c)" :title="say(c)" @click="$emit('use', { access: c.access_site, giving: c.return_site })">
           <span class="title"><b>{{ c.letter }}</b> {{ c.name }}</span>

@@ -1,0 +1,197 @@
+"""Fits in a process of their own: they take both processors for seconds, and beats must not wait for them."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import multiprocessing
+import os
+import threading
+import time
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from eclsim.app.texts import text
+from eclsim.patients.reading import read_mapping
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+
+    from eclsim.studies.identification import Fit
+
+LOOKING = {"points_per_parameter": 36, "round_size": 4, "rediscoveries": 2}
+"""A narrower search than that of `eclsim identify` (1000 points, 10 rediscoveries), to answer in seconds."""
+PREPARING = {"points_per_parameter": 2, "round_size": 1, "rediscoveries": 0}
+PATIENCE_S = 20.0
+"""A fit that was cancelled and has not stopped by itself after so long is ended with its process."""
+NICENESS = 5
+
+
+class FitError(RuntimeError):
+    """Why there is no fit, in words."""
+
+
+class CancelledError(Exception):
+    """Nobody wants the fit any more."""
+
+
+class Fitter:
+    """The process that fits; it is started when it is first wanted, and again if it has ended."""
+
+    def __init__(self) -> None:
+        self._spawn = multiprocessing.get_context("spawn")
+        self._turn = threading.Lock()
+        self._process: Any = None
+        self._pipe: Connection | None = None
+        self._quit: Any = None
+
+    def prepare(self) -> None:
+        """Start the process, which compiles what fits need; returns at once."""
+        if self._turn.acquire(blocking=False):
+            try:
+                self._started()
+            finally:
+                self._turn.release()
+
+    def fit(
+        self, case: Mapping[str, Any], policy: str, said: Callable[[str], None], stop: threading.Event
+    ) -> dict[str, Any]:
+        """Fit a case; blocks. One fit runs at a time, others wait for their turn.
+
+        Args:
+            case: as a case file holds it, with measurements.
+            policy: blood volume policy.
+            said: called with what is being done.
+            stop: set when nobody wants the fit any more.
+
+        Returns:
+            The fit as plain data, with the fitted case under `case`.
+
+        Raises:
+            CancelledError: After `stop`.
+            FitError: If there is no fit.
+        """
+        while not self._turn.acquire(timeout=0.2):
+            said(text("fit_waiting"))
+            if stop.is_set():
+                raise CancelledError
+        try:
+            return self._exchange(case, policy, said, stop)
+        finally:
+            self._turn.release()
+
+    def stop(self) -> None:
+        """End the process."""
+        if self._process is not None and self._process.is_alive():
+            self._process.terminate()
+        self._process = None
+
+    def _started(self) -> Connection:
+        if self._process is None or not self._process.is_alive() or self._pipe is None:
+            self._pipe, far = self._spawn.Pipe()
+            self._quit = self._spawn.Event()
+            self._process = self._spawn.Process(target=_serve, args=(far, self._quit), daemon=True)
+            self._process.start()
+            far.close()
+        return self._pipe
+
+    def _exchange(
+        self, case: Mapping[str, Any], policy: str, said: Callable[[str], None], stop: threading.Event
+    ) -> dict[str, Any]:
+        pipe = self._started()
+        self._quit.clear()
+        cancelled_at = math.inf
+        try:
+            pipe.send((dict(case), policy))
+            while True:
+                if stop.is_set() and cancelled_at == math.inf:
+                    cancelled_at = time.monotonic()
+                    self._quit.set()
+                if time.monotonic() - cancelled_at > PATIENCE_S:
+                    self.stop()
+                    raise CancelledError
+                if pipe.poll(0.1):
+                    kind, content = pipe.recv()
+                    if kind == "said":
+                        said(content)
+                    else:
+                        return _answered(kind, content)
+        except (EOFError, OSError):
+            self._process = None
+            raise FitError(text("fit_failed")) from None
+
+
+def _answered(kind: str, content: Any) -> dict[str, Any]:
+    if kind == "cancelled":
+        raise CancelledError
+    if kind == "failed":
+        raise FitError(content)
+    return content
+
+
+def _serve(pipe: Connection, quit_now: Any) -> None:
+    """The process: prepare, then fit what comes through the pipe, until its other end is closed."""
+    with contextlib.suppress(OSError, AttributeError):
+        os.nice(NICENESS)
+    with contextlib.suppress(Exception):  # what cannot be prepared is told when it is fitted
+        _prepare()
+    while True:
+        try:
+            case, policy = pipe.recv()
+            pipe.send(_fitted(case, policy, lambda words: _report(pipe, quit_now, words)))
+        except (EOFError, OSError):
+            return
+
+
+def _report(pipe: Connection, quit_now: Any, words: str) -> None:
+    if quit_now.is_set():
+        raise CancelledError
+    pipe.send(("said", words))
+
+
+def _prepare() -> None:
+    from eclsim.patients.presets import PRESETS
+
+    raw = PRESETS["paper"].case().as_mapping()
+    raw["measurements"] = {"SP": 83.0, "DP": 76.0, "MAP": 80.0, "MPAP": 11.0, "CO": 1.4, "PF": 3.5}
+    for sections in (raw, {k: v for k, v in raw.items() if k != "crrt"}):
+        _fit(sections, "as_published", PREPARING, lambda _: None)
+
+
+def _fit(
+    raw: Mapping[str, Any], policy: str, looking: Mapping[str, int], report: Callable[[str], None]
+) -> Fit:
+    from eclsim.identification.multi_start import MultiStart
+    from eclsim.studies.fit_settings import FitSettings
+    from eclsim.studies.identification import fit_case
+
+    settings = FitSettings(multi_start=MultiStart(**looking), policy=policy)
+    return fit_case(read_mapping(raw).case, settings, report)
+
+
+def _fitted(raw: Mapping[str, Any], policy: str, report: Callable[[str], None]) -> tuple[str, Any]:
+    from eclsim.patients.mistakes import CaseError
+
+    try:
+        return "done", plain_fit(_fit(raw, policy, LOOKING, report))
+    except CancelledError:
+        return "cancelled", None
+    except CaseError as error:
+        return "failed", str(error)
+    except Exception as error:  # whatever it is, the page must hear of it; no values of the patient in it
+        return "failed", f"{text('fit_failed')} ({type(error).__name__})"
+
+
+def plain_fit(fit: Fit) -> dict[str, Any]:
+    """A fit as plain data: what `eclsim identify` writes, with units, bounds and the fitted case."""
+    from eclsim.parameters import default
+
+    usable = fit.status.value != "no_steady_beat"
+    found = fit.as_object() | {"usable": usable, "case": fit.case.as_mapping()}
+    for name, parameter in found["parameters"].items():
+        known = default(name)
+        parameter |= {"unit": known.unit, "words": known.description}
+        if name in fit.box.names:
+            k = fit.box.names.index(name)
+            parameter["bounds"] = [math.exp(fit.box.lower[k]), math.exp(fit.box.upper[k])]
+    return found

@@ -1,0 +1,123 @@
+"""Files, links, tabs and layout of the page in Chromium."""
+
+from __future__ import annotations
+
+import re
+import urllib.parse
+from pathlib import Path
+
+import pytest
+
+from eclsim.app.texts import text
+from eclsim.patients.presets import PRESETS
+from eclsim.patients.writing import case_text
+from page_in_browser import LAPTOP, TABLET, beat, picture, show, wait_for
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.mark.parametrize(
+    ("kind", "ending", "holds"),
+    [("case", ".toml", b"speed_rpm"), ("outputs", ".csv", b"MAP [mmHg]"), ("study", ".html", b"<svg")],
+)
+def test_files_are_exported(open_page, kind, ending, holds):
+    page = open_page()
+    page.get_by_role("button", name="Export").click()
+    with page.expect_download(timeout=120_000) as started:
+        page.get_by_text(text(f"export_{kind}"), exact=True).click()
+    assert started.value.suggested_filename.endswith(ending)
+    assert holds in Path(started.value.path()).read_bytes()
+
+
+def test_files_are_opened_and_bad_ones_refused(open_page, tmp_path, shots):
+    page = open_page("healthy")
+    page.get_by_role("button", name="Open case").click()
+    wrong = tmp_path / "wrong.toml"
+    wrong.write_text(case_text(PRESETS["lvad"].case()).replace("80", "-80"))
+    page.locator(".ecl-upload input[type=file]").set_input_files(wrong)
+    page.get_by_text("wrong.toml:").first.wait_for()
+    picture(page, shots, "open_refused")
+    assert beat(page)["period"] == pytest.approx(60 / 70, abs=1e-4)
+    page.get_by_role("button", name="Close").click()
+    page.get_by_role("button", name="Open case").click()
+    marked = tmp_path / "right.toml"
+    marked.write_text(case_text(PRESETS["lvad"].case()).replace('"LVAD"', '"<img src=x onerror=alert(1)>"'))
+    page.locator(".ecl-upload input[type=file]").set_input_files(marked)
+    wait_for(page, "'Qlvadpump' in beat.waves")
+    assert page.get_by_text("<img src=x onerror=alert(1)>").count() >= 1
+    assert page.locator("img[src=x]").count() == 0
+
+
+def test_a_link_restores_the_state_and_leaves_no_trace_in_the_address(open_page, served):
+    page = open_page()
+    page.locator("#knob-ecmo-speed_rpm").fill("2750")
+    page.locator("#knob-ecmo-speed_rpm").press("Enter")
+    wait_for(page, "beat.outputs.PF < 3")
+    page.evaluate("navigator.clipboard.writeText = async (link) => { window.copied = link; }")
+    page.get_by_role("button", name="Copy link").click()
+    page.get_by_text(text("link_copied")).wait_for()
+    link = page.evaluate("window.copied")
+    other = open_page(url=link)
+    wait_for(other, "beat.outputs.PF < 3")
+    assert other.locator("#knob-ecmo-speed_rpm").input_value() == "2750"
+    assert urllib.parse.urlsplit(other.url).fragment == ""
+
+
+def test_where_the_clipboard_is_closed_the_link_is_shown(open_page, served):
+    page = open_page("healthy")
+    page.evaluate("navigator.clipboard.writeText = () => Promise.reject()")
+    page.get_by_role("button", name="Copy link").click()
+    shown = page.locator(".ecl-link textarea")
+    shown.wait_for()
+    assert shown.input_value().startswith(f"{served.url}/#")
+
+
+def test_a_damaged_link_is_refused_and_the_page_works(open_page, served):
+    page = open_page(url=f"{served.url}/#nonsense")
+    page.get_by_text("the link is").wait_for()
+    assert beat(page)["converged"]
+
+
+def test_two_tabs_do_not_share_a_patient(open_page):
+    first, second = open_page("paper"), open_page("lvad")
+    first.locator("#knob-patient-heart_rate_bpm").fill("99")
+    first.locator("#knob-patient-heart_rate_bpm").press("Enter")
+    wait_for(first, "Math.abs(beat.period - 60 / 99) < 1e-3")
+    second.wait_for_timeout(500)
+    assert beat(second)["period"] == pytest.approx(0.75)
+
+
+def test_devices_are_connected_with_the_keyboard(open_page):
+    page = open_page("healthy")
+    switch = page.get_by_role("switch", name="Connect ECMO")
+    switch.focus()
+    page.keyboard.press("Space")
+    wait_for(page, "beat.outputs.PF > 2")
+    page.get_by_role("switch", name="Connect CRRT").click()
+    wait_for(page, "'Pcrrttuin' in beat.waves")
+
+
+@pytest.mark.parametrize("viewport", [LAPTOP, TABLET], ids=["laptop", "tablet"])
+def test_nothing_is_wider_than_the_screen(open_page, shots, viewport):
+    page = open_page(viewport=viewport)
+    for view in ("monitor", "loops", "ramp", "schemes", "outputs", "identify", "compare"):
+        show(page, view)
+        assert page.evaluate("document.documentElement.scrollWidth") <= viewport["width"], view
+    show(page, "monitor")
+    picture(page, shots, "tablet" if viewport is TABLET else "laptop")
+
+
+def test_everything_that_can_be_used_has_a_name(open_page):
+    page = open_page()
+    nameless = page.evaluate(
+        """() => [...document.querySelectorAll('button, input, select, [role=tab], [role=slider]')]
+        .filter((e) => e.offsetParent !== null && !e.ariaLabel && !e.textContent.trim() && !e.labels?.length)
+        .map((e) => e.outerHTML.slice(0, 120))"""
+    )
+    assert nameless == []
+
+
+def test_every_page_has_one_language_and_a_title(open_page):
+    page = open_page("healthy")
+    assert page.title() == text("title")
+    assert re.match("en", page.locator("html").get_attribute("lang"))
