@@ -63,12 +63,14 @@ def _named(finished: Finished) -> Finished:
 
 def _sobol_figure(name: str, finished: Finished) -> Callable[[], Figure]:
     from eclsim.plotting import sensitivity_figures as figures
+    from eclsim.plotting.sensitivity_heat_map import plot_heat_map
     from eclsim.sensitivity.convergence import convergence
+    from eclsim.studies.reproduction_sensitivity import TABLE_2
 
     return {
-        "total": lambda: figures.plot_heat_map(finished.indices, "ST"),
-        "difference": lambda: figures.plot_heat_map(finished.indices, "ST-S1"),
-        "sums": lambda: figures.plot_sums(finished.indices),
+        "total": lambda: plot_heat_map(finished.indices, "ST", "paper"),
+        "difference": lambda: plot_heat_map(finished.indices, "ST-S1"),
+        "sums": lambda: figures.plot_sums(finished.indices, TABLE_2),
         "distributions": lambda: figures.plot_distributions(finished.indices, finished.values),
         "convergence": lambda: figures.plot_convergence(convergence(finished)),
     }[name]
