@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from eclsim.haemodynamics.alarms import SANSOM_ACCESS_MMHG, SUCTION_MMHG
+from eclsim.models import POSITIONS
 from eclsim.parameters.devices import CRRT_ALARMS_MMHG
 from eclsim.report.html import box, bullets, figure, heading, page, paragraph, table
 from eclsim.solver.model import AS_PUBLISHED
@@ -270,6 +271,8 @@ def _assumptions(study: CrrtStudy) -> list[str]:
         "of the ECMO circuit.",
         *(f"Blood volume, {words}." for policy, words in POLICY_WORDS.items() if policy in study.policies),
     ]
+    if any(node not in POSITIONS.values() for scheme in study.schemes for node in scheme.nodes):
+        lines.append("Lines on the patient attach without a catheter: its resistance is not in the pressures.")
     patient = study.case.patient
     if patient.height_cm is None or patient.weight_kg is None:
         lines.append("Height and weight were not given: means for sex and age set the blood volume.")
