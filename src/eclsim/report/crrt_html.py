@@ -272,7 +272,7 @@ def _assumptions(study: CrrtStudy) -> list[str]:
         *(f"Blood volume, {words}." for policy, words in POLICY_WORDS.items() if policy in study.policies),
     ]
     if any(node not in POSITIONS.values() for scheme in study.schemes for node in scheme.nodes):
-        lines.append("Lines on the patient attach without a catheter: its resistance is not in the pressures.")
+        lines.append("Lines on the patient attach without a catheter and its resistance.")
     patient = study.case.patient
     if patient.height_cm is None or patient.weight_kg is None:
         lines.append("Height and weight were not given: means for sex and age set the blood volume.")
