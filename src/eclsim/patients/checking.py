@@ -203,8 +203,9 @@ def _complete_ecmo(raw: Mapping[str, Any], fields: Mapping[str, Field], checked:
 
 def _no_table(section: str, raw: Any) -> Mistake:
     if isinstance(raw, (list, tuple)):
+        said = f"given {len(raw)} times" if len(raw) != 1 else "written as one of a list"
         return Mistake(
-            section, f"given {len(raw)} times; a case has one at most", allowed=f"one [{section}] section"
+            section, f"{said}; a case has one at most", allowed=f"one [{section}] section, in single brackets"
         )
     return Mistake(
         section, "a section belongs here", shown(raw), allowed=f"[{section}] and its keys on lines below"

@@ -14,6 +14,7 @@ from eclsim.units import ML_S_PER_L_MIN
 
 # Beyond this share of the highest speed in use a pump curve says nothing any more.
 _SPEED_LIMIT = 1.25
+_LEFT_HEART = ("pvn", "la", "lv")
 
 
 def check_devices(
@@ -53,10 +54,9 @@ def _check_sites(
     if taken_from == given_to:
         message = f"the same as {names[0]}: the device would pump in a circle"
         mistakes.append(Mistake(key, message, shown(given_to), "another compartment than " + names[0]))
-    elif taken_from in ARTERIAL_SITES and given_to in VENOUS_SITES:
-        message = (
-            f"drains {PATIENT_SITES[taken_from]} into {PATIENT_SITES[given_to]}: an arterio-venous shunt"
-        )
+    elif taken_from in ARTERIAL_SITES and given_to in (*VENOUS_SITES, *_LEFT_HEART):
+        why = "against the heart's own flow" if given_to in _LEFT_HEART else "an arterio-venous shunt"
+        message = f"drains {PATIENT_SITES[taken_from]} into {PATIENT_SITES[given_to]}: {why}"
         hint = f"{names[0]} = {shown(given_to)} and {names[1]} = {shown(taken_from)} (reversed)"
         warnings.append(Mistake(key, message, shown(given_to), suggestion=hint))
 

@@ -90,10 +90,10 @@ def _digits(value: Any) -> bool:
 def _number_in_text(text: str, field: Field) -> float:
     if is_missing(text):
         raise NotANumberError("not given, and this value is needed", field.allowed)
-    if found := _WITH_UNIT.fullmatch(text):
-        return _number_with_unit(text, float(found[1]), found[5], field)
     if _NUMBER.fullmatch(text.strip()):
         raise NotANumberError("text in quotes where a number belongs", field.allowed, text.strip())
+    if found := _WITH_UNIT.fullmatch(text):
+        return _number_with_unit(text, float(found[1]), found[5], field)
     raise NotANumberError(*_why_no_number(text, field))
 
 

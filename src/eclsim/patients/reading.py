@@ -144,6 +144,10 @@ def _parse(text: str, file: str) -> dict[str, Any]:
 def _syntax_mistake(said: str, text: str, file: str) -> Mistake:
     """A TOML error with its line and, for the usual slips, what was meant."""
     place = re.search(r"\(at (?:line (\d+), column \d+|(end of document))\)", said)
+    if "integer string conversion" in said:
+        return Mistake(
+            "", "a whole number of thousands of digits: no quantity of a case has so many", file=file
+        )
     message = f"no valid TOML: {re.sub(r' *[(]at .*[)]$', '', said)}"
     if place is None or place[1] is None:
         return Mistake("", message, file=file, line=text.count("\n") + 1 if place else None)
