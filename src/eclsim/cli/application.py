@@ -22,6 +22,7 @@ from eclsim.cli import (
     devices,
     identifiability,
     identify,
+    importing,
     parameters,
     reproduce,
     sensitivity,
@@ -58,6 +59,7 @@ app.command("identifiability", short_help="Which parameters measurements can tel
     identifiability.identifiability
 )
 app.command("identify", short_help="Fit a patient's own model to what was measured.")(identify.identify)
+app.command("import", short_help="Turn clinical data into a cohort to identify.")(importing.import_data)
 app.command("track", short_help="Follow a patient's parameters from measurement to measurement.")(track.track)
 app.add_typer(parameters.app, name="parameters", short_help="List, explain and export parameters.")
 app.command("devices", short_help="List devices and their ranges, or explain one.")(devices.devices)

@@ -1,0 +1,82 @@
+"""Codes of measurements in clinical data, and the units that they come in.
+
+LOINC and SNOMED CT codes are those of public FHIR profiles (HL7 vital signs; the intensive care module of
+the German Medical Informatics Initiative for PCWP and for the flow of an extracorporeal gas exchange, which
+has no LOINC code).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from eclsim.units import convert, known_unit, quantity_of
+
+LOINC, SNOMED = "http://loinc.org", "http://snomed.info/sct"
+
+
+@dataclass(frozen=True, slots=True)
+class Measurable:
+    """A column of a cohort that clinical data may hold.
+
+    Attributes:
+        column: Name of the column.
+        unit: Unit of the column.
+        loinc: LOINC code, or empty.
+        snomed: SNOMED CT code, or empty.
+    """
+
+    column: str
+    unit: str
+    loinc: str = ""
+    snomed: str = ""
+
+
+MEASURABLES = (
+    Measurable("heart_rate_bpm", "bpm", "8867-4"),
+    Measurable("SP", "mmHg", "8480-6"),
+    Measurable("DP", "mmHg", "8462-4"),
+    Measurable("MAP", "mmHg", "8478-0"),
+    Measurable("MPAP", "mmHg", "8414-5"),
+    Measurable("PCWP", "mmHg", "75994-4"),
+    Measurable("CO", "L/min", "8741-1"),
+    Measurable("PF", "L/min", "", "251288004"),
+    Measurable("height_cm", "cm", "8302-2"),
+    Measurable("weight_kg", "kg", "29463-7"),
+    Measurable("ecmo_speed_rpm", "rpm"),
+)
+"""What is read; the pump's speed has no code and goes by its name."""
+BY_CODE: MappingProxyType[str, Measurable] = MappingProxyType(
+    {m.loinc: m for m in MEASURABLES if m.loinc}
+    | {m.snomed: m for m in MEASURABLES if m.snomed}
+    | {m.column: m for m in MEASURABLES}
+)
+_UCUM = {
+    "mm[Hg]": "mmHg", "cm[H2O]": "cmH2O", "{beats}/min": "bpm", "{Beats}/min": "bpm", "/min": "bpm",
+    "1/min": "bpm", "[lb_av]": "lb", "[in_i]": "in", "{rpm}": "rpm", "{rev}/min": "rpm", "m[H2O]": "",
+    "l/min": "L/min",
+}  # fmt: skip
+
+
+class UnitError(ValueError):
+    """A unit that is missing, unknown or measures something else."""
+
+
+def in_unit_of(value: float, unit: str, what: Measurable) -> tuple[float, str]:
+    """A value in the unit of its column, and what was converted; empty if nothing was.
+
+    Raises:
+        UnitError: With what is allowed.
+    """
+    wanted = quantity_of(what.unit)
+    if not unit.strip():
+        raise UnitError(f"no unit; {what.column} needs one, such as {what.unit}")
+    if wanted in ("rate", "speed") and unit.strip() in ("/min", "1/min"):
+        return value, ""
+    known = known_unit(_UCUM.get(unit.strip(), unit))
+    if known is None or quantity_of(known) != wanted:
+        raise UnitError(f"unit {unit!r} is no unit of a {wanted}; {what.column} is in {what.unit}")
+    if known == what.unit:
+        return value, ""
+    converted = float(f"{convert(value, known, what.unit):.6g}")
+    return converted, f"{value:g} {known} = {converted:g} {what.unit}"
