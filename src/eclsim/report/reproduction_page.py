@@ -141,8 +141,8 @@ def _assumptions(result: Reproduction) -> list[str]:
 
 def _drawn(item: Item, svgs: Sequence[str]) -> Iterator[str]:
     yield f'<div id="{item.key}">'
-    for k, svg in enumerate(svgs):
-        part = f" ({'abcdefgh'[k]})" if len(svgs) > 1 else ""
+    for k, (svg, name) in enumerate(zip(svgs, item.drawings, strict=True)):
+        part = f" ({'abcdefgh'[k]}, {name})" if len(svgs) > 1 else ""
         yield figure(svg, f"{item.title}{part}: {item.words}.", f"{item.key}{k}")
     yield "</div>"
 
