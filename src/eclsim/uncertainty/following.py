@@ -1,7 +1,8 @@
 """One chain's steady beat, followed from point to point with exact derivatives.
 
 A sampler moves in small steps, so the beat at the next point is foreseen from the last one and its
-derivatives, and two or three more beats settle it.
+derivatives, and two or three more beats settle it. All points share a grid in phase, so that the density is
+smooth.
 """
 
 from __future__ import annotations
@@ -11,17 +12,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from eclsim.circuit.assembly import assemble
-from eclsim.solver.beat import beat_program
-from eclsim.solver.orbit import Anchor, OrbitProblem, Volume, solve_orbits
+from eclsim.solver.beat import BeatProgram, beat_program
+from eclsim.solver.orbit import Anchor, OrbitOptions, OrbitProblem, Volume, solve_orbits
 from eclsim.solver.resolution import needed_resolution
 from eclsim.solver.status import Status
 from eclsim.solver.steady import Batch, anchor
 from eclsim.uncertainty.density import Posterior
-from eclsim.uncertainty.members import SETTLED
 from eclsim.uncertainty.tangents import Linearised, linearise
 
+FOLLOWED = OrbitOptions(tolerance=1e-4, error_tolerance=3e-4, newton_iterations=4)
+"""Enough for a density: the state handed back is one step further on, and the potential right to 1e-3."""
 STEP = 1e-4
-"""Of a logarithm, for the derivative of the blood volume, which is a sum of products."""
+"""Relative, for the derivative of the blood volume, which is a sum of products."""
 FARTHEST_FORESEEN = 1.0
 """Largest change of a logarithm over which the last derivatives are trusted."""
 
@@ -36,33 +38,80 @@ class Place:
     inverse: np.ndarray
 
 
+class BloodVolume:
+    """The blood volume of a patient as a function of the free parameters.
+
+    Args:
+        posterior: gives the model and the free parameters.
+        x: logarithms of the parameters at the centre.
+    """
+
+    def __init__(self, posterior: Posterior, x: np.ndarray):
+        self.posterior = posterior
+        self.middle = np.exp(x)
+        size = len(x)
+        shifts = STEP * np.vstack([np.zeros(size), np.eye(size), -np.eye(size)])
+        found = self._exact(self.middle * (1.0 + shifts))
+        self.weights, self.target = found.weights, float(found.target[0])
+        difference = found.target[1 : 1 + size] - found.target[1 + size :]
+        self.slopes = difference / (2.0 * STEP * self.middle)
+        elsewhere = self.middle * np.linspace(0.5, 2.0, size)
+        exact = self._exact(elsewhere[None]).target[0]
+        self.straight = bool(np.isclose(self._straight(elsewhere), exact, rtol=1e-7))
+
+    def at(self, parameters: np.ndarray) -> tuple[Volume, np.ndarray]:
+        """Condition of the orbit and d volume / d parameter [mL per unit], shape (parameters,)."""
+        if self.straight:
+            return Volume(self.weights, np.array([self._straight(parameters)])), self.slopes
+        here = BloodVolume(self.posterior, np.log(parameters))
+        return Volume(here.weights, np.array([here.target])), here.slopes
+
+    def _straight(self, parameters: np.ndarray) -> float:
+        return self.target + float(self.slopes @ (parameters - self.middle))
+
+    def _exact(self, parameters: np.ndarray) -> Volume:
+        model, policy = self.posterior.model, self.posterior.policy
+        return Batch(
+            model.circuit, self.posterior.values(np.log(parameters)), len(parameters), policy
+        ).volume()
+
+
 class Follower:
     """Evaluates a posterior and its gradient along a path.
 
     Args:
         posterior: density.
         centre: hidden variables near which the path stays; where nothing better is known, searches start
-            from the orbit there.
+            from the orbit there, and all points have the grid that is needed there.
     """
 
     def __init__(self, posterior: Posterior, centre: np.ndarray):
         self.posterior = posterior
-        self.centre = posterior.values(posterior.prior.x_of(centre))
-        self.assembly = assemble(posterior.model.circuit)
+        x = posterior.prior.x_of(centre)
+        circuit, values = posterior.model.circuit, posterior.values(x)
+        level = int(np.ravel(needed_resolution(assemble(circuit), values))[0])
+        self.program: BeatProgram = beat_program(circuit, level)
+        batch = Batch(circuit, values, 1, posterior.policy)
+        self.near = anchor(batch, level, {k: float(v) for k, v in values.items()})
+        self.packed = batch.packed(self.program)
+        self.rows = [self.program.names.index(n) for n in posterior.prior.names]
+        self.volume = BloodVolume(posterior, x)
         self.last: Place | None = None
 
     def linear(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         """Outputs, shape (outputs,), and d output / dz (outputs, parameters); None without a steady beat."""
         posterior = self.posterior
         x = posterior.prior.x_of(z)
-        problem, volume_slopes, level = self._problem(x)
-        state = self._settle(problem, x, level)
+        in_unit = np.exp(x)
+        volume, volume_slopes = self.volume.at(in_unit)
+        packed = self.packed.copy()
+        packed[self.rows, 0] = in_unit
+        problem = OrbitProblem(self.program, packed, volume)
+        state = self._settle(problem, x)
         if state is None:
             return None
-        in_unit = np.exp(x)
-        names = posterior.prior.names
         try:
-            found = linearise(problem, state, posterior.outputs, names, volume_slopes / in_unit)
+            found = linearise(problem, state, posterior.outputs, posterior.prior.names, volume_slopes)
         except np.linalg.LinAlgError:  # two orbits meet here, and none has derivatives
             return None
         if not np.isfinite(found.slopes).all():
@@ -79,29 +128,14 @@ class Follower:
         misfit = (outputs - self.posterior.target) / self.posterior.scale
         return 0.5 * float(misfit @ misfit + z @ z), slopes.T @ (misfit / self.posterior.scale) + z
 
-    def _problem(self, x: np.ndarray) -> tuple[OrbitProblem, np.ndarray, int]:
-        """The orbit to find, d blood volume / d log parameter, and the resolution of the grid."""
-        posterior, size = self.posterior, len(x)
-        shifts = STEP * np.vstack([np.zeros(size), np.eye(size), -np.eye(size)])
-        batch = Batch(posterior.model.circuit, posterior.values(x + shifts), len(shifts), posterior.policy)
-        volume = batch.volume()
-        level = int(np.ravel(needed_resolution(self.assembly, posterior.values(x)))[0])
-        program = beat_program(batch.circuit, level)
-        first = Batch(batch.circuit, posterior.values(x), 1, posterior.policy)
-        problem = OrbitProblem(program, first.packed(program), Volume(volume.weights, volume.target[:1]))
-        slopes = (volume.target[1 : 1 + size] - volume.target[1 + size :]) / (2.0 * STEP)
-        return problem, slopes, level
-
-    def _settle(self, problem: OrbitProblem, x: np.ndarray, level: int) -> np.ndarray | None:
+    def _settle(self, problem: OrbitProblem, x: np.ndarray) -> np.ndarray | None:
         """State of the orbit at phase 0: from the last place, else from the centre."""
-        starts = []
+        starts = [self.near]
         if self.last is not None and np.abs(x - self.last.x).max() < FARTHEST_FORESEEN:
             foreseen = self.last.state + self.last.slopes @ (x - self.last.x)
-            starts.append(Anchor(foreseen, self.last.inverse))
-        posterior = self.posterior
-        batch = Batch(posterior.model.circuit, posterior.values(x), 1, posterior.policy)
-        for start in (*starts, None):
-            orbits = solve_orbits(problem, start or anchor(batch, level, self.centre), SETTLED)
+            starts.insert(0, Anchor(foreseen, self.last.inverse))
+        for start in starts:
+            orbits = solve_orbits(problem, start, FOLLOWED)
             if orbits.status[0] == Status.CONVERGED:
                 return orbits.states[:, 0]
         return None

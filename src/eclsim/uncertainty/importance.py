@@ -133,7 +133,7 @@ def pareto_fit(above: np.ndarray) -> tuple[float, float]:
     b = 1.0 / above[-1] + (1.0 - np.sqrt(len(grid) / (grid - 0.5))) / (3.0 * above[int(count / 4 + 0.5) - 1])
     k = np.mean(np.log1p(-b[:, None] * above), axis=1)
     likelihood = count * (np.log(-b / k) - k - 1.0)
-    share = 1.0 / np.sum(np.exp(likelihood - likelihood[:, None]), axis=1)
+    share = np.exp(likelihood - logsumexp(likelihood))
     best = float(share @ b)
     shape = float(np.mean(np.log1p(-best * above)))
     return (shape * count + 0.5 * 10.0) / (count + 10.0), -shape / best

@@ -47,7 +47,7 @@ class Sampling:
     warmup: int = 1000
     draws: int = 1000
     seed: int = 0
-    target_accept: float = 0.8
+    target_accept: float = 0.7
     deepest: int = 7
 
 

@@ -1,0 +1,121 @@
+"""Do 90 % intervals hold the truth nine times in ten? Made-up patients, measured once with noise.
+
+    python benchmarks/posterior_coverage.py --patients 100 --out coverage.jsonl --seconds 280
+
+Intervals of the parameters, of the outputs without noise, and of the outputs at another pump speed; by
+weighted draws of the posterior (`--method importance`), by chains (`nuts`, minutes a patient), beside either
+by the Gaussian approximation. Every patient is a line of the output file; a run that was stopped, or that ran
+out of its seconds, goes on where it ended.
+"""
+
+import argparse
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+
+from eclsim.haemodynamics.evaluation import batch_outputs
+from eclsim.identification.objective import OUTPUTS
+from eclsim.parameters.identification import BOUNDS
+from eclsim.solver.model import model_of
+from eclsim.solver.steady import Batch, steady_beats
+from eclsim.studies.measurement_errors import measurement_errors
+from eclsim.uncertainty.density import Posterior
+from eclsim.uncertainty.diagnostics import diagnose
+from eclsim.uncertainty.gaussian import approximate
+from eclsim.uncertainty.importance import weigh
+from eclsim.uncertainty.nuts import Sampling, sample
+from eclsim.uncertainty.prediction import predict
+from eclsim.uncertainty.prior import Prior
+from eclsim.validation.simulated_patients import NAMES, simulated_patient
+
+PREDICTED = 400
+SHORT = Sampling(chains=4, warmup=300, draws=250)
+
+
+def prior_of() -> Prior:
+    table = np.log(np.array([tuple(b) for b in BOUNDS.values()]))
+    return Prior(NAMES, table[:, 1], table[:, 2], table[:, 0])
+
+
+def starts(posterior: Posterior, seed: int) -> np.ndarray:
+    """Best of some random points; the truth plays no part."""
+    z = np.random.default_rng(seed).uniform(-1.8, 1.8, (400, len(NAMES)))
+    levels = posterior.potential(z, posterior.simulate(z))
+    return posterior.prior.x_of(z[np.argsort(levels)[:4]])
+
+
+def one_patient(seed: int, method: str) -> dict:
+    started = time.perf_counter()
+    point = simulated_patient(seed)
+    prior, model = prior_of(), model_of(point.case)
+    measured = {n: getattr(point.case.measurements, n) for n in OUTPUTS}
+    posterior = Posterior(model, measured, measurement_errors(measured), prior)
+    gaussian = approximate(posterior, starts(posterior, seed))
+    weighted = weigh(posterior, gaussian, seed=seed)
+    doubts = weighted.doubts
+    z = weighted.z[weighted.resample(PREDICTED, seed)]
+    if method == "nuts":
+        chains = sample(posterior, weighted.transport, SHORT)
+        found = diagnose(NAMES, chains.z, chains.statistics["diverging"], chains.statistics["num_steps"], 7)
+        doubts = found.doubts
+        z = chains.z.reshape(-1, len(NAMES))
+        z = z[:: max(1, len(z) // PREDICTED)]
+    faster = model.with_values({"ecmo.speed_rpm": 1.15 * model.values["ecmo.speed_rpm"]})
+    truth = {n: point.truth[n] for n in NAMES}
+    there = steady_beats(Batch(faster.circuit, {**faster.values, **truth}, 1))
+    at_speed = batch_outputs(there, OUTPUTS)[:, 0]
+    record = {"seed": seed, "doubts": list(doubts), "shape": weighted.shape, "effective": weighted.effective}
+    for kind, draws in (("posterior", z), ("gaussian", gaussian.draws(PREDICTED, seed))):
+        parameters = dict(zip(NAMES, np.exp(prior.x_of(draws)).T, strict=True))
+        here, there_now = (predict(m, parameters, OUTPUTS) for m in (model, faster))
+        limits = np.quantile(np.stack(list(parameters.values()), axis=1), (0.05, 0.95), axis=0)
+        values = np.array([point.truth[n] for n in NAMES])
+        outputs = np.array([point.outputs[n] for n in OUTPUTS])
+        record[kind] = {
+            "parameters": _inside(limits[0], values, limits[1]),
+            "outputs": _inside(here.intervals[:, 0], outputs, here.intervals[:, 2]),
+            "predictions": _inside(there_now.intervals[:, 0], at_speed, there_now.intervals[:, 2]),
+        }
+    return record | {"seconds": time.perf_counter() - started}
+
+
+def _inside(lower, value, upper) -> list[bool]:
+    return [bool(a <= v <= b) for a, v, b in zip(lower, value, upper, strict=True)]
+
+
+def summary(lines: list[dict]) -> dict:
+    found = {"patients": len(lines), "doubted": sum(bool(o["doubts"]) for o in lines)}
+    for kind in ("posterior", "gaussian"):
+        for what, names in (("parameters", NAMES), ("outputs", OUTPUTS), ("predictions", OUTPUTS)):
+            inside = np.array([o[kind][what] for o in lines], dtype=float)
+            found[f"{kind} {what}"] = {
+                "all": round(float(inside.mean()), 4),
+                **dict(zip(names, inside.mean(axis=0).round(3).tolist(), strict=True)),
+            }
+    found["seconds a patient"] = round(float(np.median([o["seconds"] for o in lines])), 1)
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--patients", type=int, default=100)
+    parser.add_argument("--method", choices=("importance", "nuts"), default="importance")
+    parser.add_argument("--seconds", type=float, default=280.0)
+    parser.add_argument("--out", type=Path, required=True)
+    chosen = parser.parse_args()
+    started = time.monotonic()
+    lines = [json.loads(line) for line in chosen.out.read_text().splitlines()] if chosen.out.exists() else []
+    done = {o["seed"] for o in lines}
+    for seed in range(1000, 1000 + chosen.patients):
+        if seed in done or time.monotonic() - started > chosen.seconds:
+            continue
+        lines.append(one_patient(seed, chosen.method))
+        with chosen.out.open("a") as file:
+            file.write(json.dumps(lines[-1]) + "\n")
+    print(json.dumps(summary(lines), indent=1))
+
+
+if __name__ == "__main__":
+    main()

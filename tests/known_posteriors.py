@@ -1,0 +1,54 @@
+"""Posteriors whose answer is known on paper."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from eclsim.uncertainty.prior import Prior
+
+
+@dataclass
+class CurvedPosterior:
+    """Two outputs of two hidden variables: y = (10 z1, z2 + bend z1^2); the likelihood is Gaussian."""
+
+    bend: float = 0.0
+    target: np.ndarray = field(default_factory=lambda: np.array([5.0, 1.0]))
+    scale: np.ndarray = field(default_factory=lambda: np.array([4.0, 0.5]))
+    outputs: tuple = ("first", "second")
+    calls: int = 0
+
+    @property
+    def prior(self):
+        return Prior(("a", "b"), np.log([0.1, 0.1]), np.log([10.0, 10.0]), np.zeros(2))
+
+    def simulate(self, z, near=None):
+        self.calls += len(z)
+        return np.stack([10.0 * z[..., 0], z[..., 1] + self.bend * z[..., 0] ** 2], axis=-1)
+
+    def potential(self, z, outputs, temper=1.0):
+        misfit = np.sum(((outputs - self.target) / self.scale) ** 2, axis=-1)
+        return 0.5 * temper * misfit + 0.5 * np.sum(z**2, axis=-1)
+
+    def jacobian(self, z):
+        return np.array([[10.0, 0.0], [2.0 * self.bend * z[0], 1.0]])
+
+    def moments(self):
+        """Mean and covariance of z by quadrature."""
+        axis = np.linspace(-5.0, 5.0, 401)
+        z = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
+        weights = np.exp(-self.potential(z, self.simulate(z)))
+        weights /= weights.sum()
+        mean = weights @ z
+        return mean, ((z - mean).T * weights) @ (z - mean)
+
+
+class AnalyticFollower:
+    """Stands for a `Follower`: the potential and its gradient of a `CurvedPosterior`."""
+
+    def __init__(self, posterior, centre):
+        self.posterior = posterior
+
+    def potential(self, z):
+        p = self.posterior
+        misfit = (p.simulate(z) - p.target) / p.scale
+        return 0.5 * float(misfit @ misfit + z @ z), p.jacobian(z).T @ (misfit / p.scale) + z

@@ -1,0 +1,52 @@
+"""The sampler against quadrature."""
+
+import numpy as np
+import pytest
+
+from eclsim.uncertainty import nuts
+from eclsim.uncertainty.diagnostics import diagnose
+from eclsim.uncertainty.transport import Transport
+
+pytest.importorskip("numpyro")
+
+
+@pytest.fixture
+def analytic(monkeypatch):
+    from known_posteriors import AnalyticFollower
+
+    monkeypatch.setattr(nuts, "Follower", AnalyticFollower)
+
+
+SHORT = nuts.Sampling(chains=4, warmup=200, draws=500, seed=3)
+
+
+def test_moments_of_a_curved_posterior(curved, analytic):
+    mean, covariance = curved.moments()
+    said = []
+    found = nuts.sample(
+        curved, Transport.straight(mean, covariance), SHORT, lambda done, of: said.append((done, of))
+    )
+    flat = found.z.reshape(-1, 2)
+    assert found.z.shape == (4, 500, 2)
+    assert flat.mean(axis=0) == pytest.approx(mean, abs=0.05)
+    assert np.cov(flat.T) == pytest.approx(covariance, abs=0.06)
+    statistics = found.statistics
+    report = diagnose(("a", "b"), found.z, statistics["diverging"], statistics["num_steps"], SHORT.deepest)
+    assert report.r_hat.max() < 1.02
+    assert said[-1] == (2800, 2800)
+
+
+def test_the_same_seed_gives_the_same_draws(curved, analytic):
+    start = Transport.straight(*curved.moments())
+    short = nuts.Sampling(chains=2, warmup=60, draws=20, seed=5)
+    first, again = (nuts.sample(curved, start, short).z for _ in range(2))
+    assert first.tolist() == again.tolist()
+    assert first[0].tolist() != first[1].tolist()
+
+
+def test_without_numpyro_it_says_what_to_install(curved, analytic, monkeypatch):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "numpyro.infer.hmc", None)
+    with pytest.raises(nuts.MissingPackageError, match=r"eclsim\[bayes\]"):
+        nuts.sample(curved, Transport.straight(*curved.moments()), SHORT)
