@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from eclsim.plotting.style import GREY, OKABE_ITO, PAGE_WIDTH_MM, figure_style, new_figure, plain_text
@@ -36,33 +37,39 @@ def plot_cohort_ranks(
     height = 34 + min(4.2 * len(names), 190.0)
     fig = new_figure(PAGE_WIDTH_MM, height)
     left, right = fig.subplots(1, 2, width_ratios=(1.25, 1.0))
-    image = left.imshow(ranks[order], cmap="Blues_r", aspect="auto", vmin=1, vmax=max(len(letters), 2) + 2)
+    _draw_places(left, ranks[order], letters, [f"{plain_text(names[k], 18)}  {flows[k]:.1f}" for k in order])
+    _draw_flows(right, limits, letters, flows)
+    return fig
+
+
+def _draw_places(ax: Axes, ranks: np.ndarray, letters: Sequence[str], labels: Sequence[str]) -> None:
+    image = ax.imshow(ranks, cmap="Blues_r", aspect="auto", vmin=1, vmax=max(len(letters), 2) + 2)
     image.set_rasterized(True)
-    if len(names) <= MOST_NAMED:
-        for (row, column), place in np.ndenumerate(ranks[order]):
+    if len(labels) <= MOST_NAMED:
+        for (row, column), place in np.ndenumerate(ranks):
             colour = "white" if place <= 0.4 * len(letters) else "black"
             weight = "bold" if place == 1 else "normal"
-            left.text(
-                column, row, str(place), ha="center", va="center", fontsize=6, color=colour, fontweight=weight
-            )
-        labels = [f"{plain_text(names[k], 18)}  {flows[k]:.1f}" for k in order]
-        left.set_yticks(range(len(names)), labels, fontsize=6.5)
-    left.set_xticks(range(len(letters)), [plain_text(letter, 12) for letter in letters])
-    left.tick_params(length=0)
-    left.set_xlabel("Scheme")
-    left.set_ylabel("Data point and its ECMO flow [L/min]")
-    left.set_title("a) Place of each scheme", loc="left")
+            look = {"ha": "center", "va": "center", "fontsize": 6, "color": colour, "fontweight": weight}
+            ax.text(column, row, str(place), fontdict=look)
+        ax.set_yticks(range(len(labels)), labels, fontsize=6.5)
+    ax.set_xticks(range(len(letters)), [plain_text(letter, 12) for letter in letters])
+    ax.tick_params(length=0)
+    ax.set_xlabel("Scheme")
+    ax.set_ylabel("Data point and its ECMO flow [L/min]")
+    ax.set_title("a) Place of each scheme", loc="left")
+
+
+def _draw_flows(ax: Axes, limits: np.ndarray, letters: Sequence[str], flows: Sequence[float]) -> None:
     columns = np.arange(len(letters))
-    right.plot(columns, limits.T, "o", color=OKABE_ITO["blue"], markersize=3, alpha=0.45, markeredgewidth=0.0)
-    right.plot(columns, np.median(limits, axis=0), "_", color="black", markersize=13, markeredgewidth=1.6)
-    right.axhspan(min(flows), max(flows), color=GREY, alpha=0.15, linewidth=0)
-    right.annotate(
+    ax.plot(columns, limits.T, "o", color=OKABE_ITO["blue"], markersize=3, alpha=0.45, markeredgewidth=0.0)
+    ax.plot(columns, np.median(limits, axis=0), "_", color="black", markersize=13, markeredgewidth=1.6)
+    ax.axhspan(min(flows), max(flows), color=GREY, alpha=0.15, linewidth=0)
+    ax.annotate(
         "flows of the data points", (0.985, min(flows)), xycoords=("axes fraction", "data"), ha="right",
         va="bottom", xytext=(0, 2), textcoords="offset points", fontsize=7, color=GREY,
     )  # fmt: skip
-    right.set_xticks(columns, [plain_text(letter, 12) for letter in letters])
-    right.set_ylim(bottom=0.0)
-    right.set_xlabel("Scheme")
-    right.set_ylabel("Limits of the lines kept up to [L/min]")
-    right.set_title("b) ECMO flow kept (dash: median)", loc="left")
-    return fig
+    ax.set_xticks(columns, [plain_text(letter, 12) for letter in letters])
+    ax.set_ylim(bottom=0.0)
+    ax.set_xlabel("Scheme")
+    ax.set_ylabel("Limits of the lines kept up to [L/min]")
+    ax.set_title("b) ECMO flow kept (dash: median)", loc="left")
