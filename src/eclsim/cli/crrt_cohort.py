@@ -55,7 +55,7 @@ def run(request: Request) -> None:
     unsettled = [point for point in study.points if point.unsettled]
     if study.lost or unsettled:
         warn([f"{name}: {why}" for name, why in study.lost.items()])
-        warn([f"{point.name}: {point.unsettled} steady beats were not found" for point in unsettled])
+        warn([f"{point.name}: steady beats that were not found: {point.unsettled}" for point in unsettled])
         raise SystemExit(SOME_DID_NOT_CONVERGE)
 
 

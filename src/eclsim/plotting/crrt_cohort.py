@@ -34,7 +34,7 @@ def plot_cohort_ranks(
         limits: flow up to which each scheme keeps all limits of its lines [L/min], shape of the ranks.
     """
     order = np.argsort(flows, kind="stable")
-    height = 34 + min(4.2 * len(names), 190.0)
+    height = max(34 + min(4.2 * len(names), 190.0), 85.0)
     fig = new_figure(PAGE_WIDTH_MM, height)
     left, right = fig.subplots(1, 2, width_ratios=(1.25, 1.0))
     _draw_places(left, ranks[order], letters, [f"{plain_text(names[k], 18)}  {flows[k]:.1f}" for k in order])
