@@ -62,7 +62,7 @@ def stop(served: Served) -> None:
     served.process.stderr.close()  # type: ignore[union-attr]
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture
 def serving() -> Iterator[Callable[..., Served]]:
     """Starts servers and stops them at the end."""
     started: list[Served] = []
@@ -77,8 +77,10 @@ def serving() -> Iterator[Callable[..., Served]]:
 
 
 @pytest.fixture(scope="session")
-def served(serving: Callable[..., Served]) -> Served:
-    return serving()
+def served() -> Iterator[Served]:
+    one = serve()
+    yield one
+    stop(one)
 
 
 @pytest.fixture(scope="session")

@@ -53,7 +53,7 @@ def test_a_link_restores_the_state_and_leaves_no_trace_in_the_address(open_page,
     page.locator("#knob-ecmo-speed_rpm").fill("2750")
     page.locator("#knob-ecmo-speed_rpm").press("Enter")
     wait_for(page, "beat.outputs.PF < 3")
-    page.evaluate("navigator.clipboard.writeText = async (link) => { window.copied = link; }")
+    page.evaluate("void (navigator.clipboard.writeText = async (link) => { window.copied = link; })")
     page.get_by_role("button", name="Copy link").click()
     page.get_by_text(text("link_copied")).wait_for()
     link = page.evaluate("window.copied")
@@ -65,7 +65,7 @@ def test_a_link_restores_the_state_and_leaves_no_trace_in_the_address(open_page,
 
 def test_where_the_clipboard_is_closed_the_link_is_shown(open_page, served):
     page = open_page("healthy")
-    page.evaluate("navigator.clipboard.writeText = () => Promise.reject()")
+    page.evaluate("void (navigator.clipboard.writeText = () => Promise.reject())")
     page.get_by_role("button", name="Copy link").click()
     shown = page.locator(".ecl-link textarea")
     shown.wait_for()

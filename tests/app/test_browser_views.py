@@ -84,7 +84,7 @@ def test_a_fit_runs_with_progress_and_is_used(open_page, shots):
     page.get_by_role("button", name="Cancel").click()
     page.get_by_text(text("fit_cancelled")).wait_for(timeout=3000)
     fit.click()
-    page.locator(".ecl-identify .found").wait_for(timeout=120_000)
+    page.locator(".ecl-identify .found").wait_for(timeout=240_000)
     picture(page, shots, "identify_found")
     assert page.locator(".ecl-identify .found").get_by_text("identifiable").first.is_visible()
     page.get_by_role("button", name=text("fit_use")).click()

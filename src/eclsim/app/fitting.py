@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from eclsim.studies.identification import Fit
 
-LOOKING = {"points_per_parameter": 36, "round_size": 4, "rediscoveries": 2}
+LOOKING = {"points_per_parameter": 36, "round_size": 2, "rediscoveries": 1}
 """A narrower search than that of `eclsim identify` (1000 points, 10 rediscoveries), to answer in seconds."""
 PREPARING = {"points_per_parameter": 2, "round_size": 1, "rediscoveries": 0}
 PATIENCE_S = 20.0

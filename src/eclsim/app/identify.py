@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from eclsim.app.session import Session
     from eclsim.patients.case import Case
 
-EXPECTED_S = 10.0
+EXPECTED_S = 15.0
 """Usual time of a fit [s]; the bar moves by it between the reports of the fit."""
 PATIENT = ("id", "sex", "age_years", "height_cm", "weight_kg", "heart_rate_bpm")
 

@@ -187,7 +187,7 @@ class Session:
 
     def _change(self, state: PageState, key: str, seq: int) -> None:
         self.history.change(state, key, time.monotonic())
-        self.show_state(key)
+        self.show_state(key, seq)
         self._want(seq)
 
     def _want(self, seq: int) -> None:
@@ -243,7 +243,7 @@ class Session:
         for follower in list(self.followers):
             follower(self)
 
-    def show_state(self, key: str = "") -> None:
+    def show_state(self, key: str = "", seq: int = 0) -> None:
         """Tell the browser where knobs stand, and, where the circuit changed, how it is drawn."""
         from eclsim.app.drawing import drawing_of
 
@@ -260,7 +260,8 @@ class Session:
         self.send("state", {
             "values": {control.key: value_of(case, control.key) for control in found},
             "devices": {d: getattr(case, d) is not None for d in ("ecmo", "crrt", "lvad")},
-            "policy": self.state.policy, "key": key, "name": case.patient.id, "origin": self.state.origin,
+            "policy": self.state.policy, "key": key, "seq": seq, "name": case.patient.id,
+            "origin": self.state.origin,
             "undo": bool(self.history.past), "redo": bool(self.history.future),
             "changed": self.state != self.history.start, "pinned": self.pinned is not None,
         })  # fmt: skip

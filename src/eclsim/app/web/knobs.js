@@ -32,7 +32,7 @@ export default {
           </span>
           <input type="range" :min="0" :max="positions(c)" step="1" :value="place(c)" :aria-label="c.label"
             :aria-valuetext="written(c) + ' ' + c.unit" :style="{ '--at': 100 * place(c) / positions(c) + '%' }"
-            @input="slide(c, $event)" @change="active = ''" />
+            @input="slide(c, $event)" />
           <p v-if="errors[c.key]" :id="id(c) + '-error'" role="alert">{{ errors[c.key] }}</p>
         </div>
       </template>
@@ -49,7 +49,7 @@ export default {
     </section>
   </div>`,
   data: () => ({
-    words, panel: [], values: {}, errors: {}, devices: {}, policy: "as_published", active: "",
+    words, panel: [], values: {}, errors: {}, devices: {}, policy: "as_published",
     groups: ["heart", "vessels", "ecmo", "crrt", "lvad"],
   }),
   mounted() {
@@ -57,14 +57,15 @@ export default {
     this.stops = [
       bus.on("panel", (panel) => (this.panel = panel)),
       bus.on("state", (state) => {
-        const own = this.active && this.active in state.values ? { [this.active]: this.values[this.active] } : {};
-        this.values = { ...state.values, ...own };
+        const held = this.held && state.seq < this.held.seq && this.held.key in state.values;
+        this.values = { ...state.values, ...(held ? { [this.held.key]: this.values[this.held.key] } : {}) };
         this.devices = state.devices;
         this.policy = state.policy;
-        if (!this.active || state.key === this.active) this.errors = {};
+        this.errors = {};
       }),
       bus.on("error", (error) => this.refuse(error)),
       bus.on("beat", (beat) => this.arrived(beat.seq)),
+      bus.on("failed", () => this.arrived(Infinity)),
     ];
   },
   unmounted() {
@@ -95,24 +96,22 @@ export default {
       return typeof value === "number" ? String(Number(value.toPrecision(4))) : value;
     },
     slide(c, event) {
-      this.active = c.key;
-      this.values[c.key] = this.at(c, Number(event.target.value));
-      this.send(c.key, this.values[c.key]);
-      clearTimeout(this.idle);
-      this.idle = setTimeout(() => (this.active = ""), 800);
+      this.move(c, Number(event.target.value));
     },
     type(c, event) {
-      this.active = "";
-      this.typed = { key: c.key, field: event.target };
       this.send(c.key, event.target.value);
     },
     arrow(c, event) {
       const way = { ArrowUp: 1, ArrowDown: -1, PageUp: 10, PageDown: -10 }[event.key];
       if (!way) return;
       event.preventDefault();
-      const place = Math.min(Math.max(this.place(c) + way, 0), this.positions(c));
+      this.move(c, Math.min(Math.max(this.place(c) + way, 0), this.positions(c)));
+    },
+    // What is turned here stays as it is until the server has caught up with it.
+    move(c, place) {
       this.values[c.key] = this.at(c, place);
       this.send(c.key, this.values[c.key]);
+      this.held = { key: c.key, seq };
     },
     pick(c, value) {
       this.send(c.key, value);
@@ -135,11 +134,12 @@ export default {
     },
     arrived(drawn) {
       if (this.away && drawn >= this.away.seq) this.away = undefined;
+      if (this.held && drawn >= this.held.seq) this.held = undefined;
       if (!this.away) this.flush();
     },
     refuse(error) {
       this.errors = { ...this.errors, [error.key]: error.messages.join(" ") };
-      this.away = undefined;
+      this.away = this.held = undefined;
       this.flush();
     },
   },
