@@ -58,7 +58,7 @@ def one_patient(seed: int, method: str) -> dict:
     z = weighted.z[weighted.resample(PREDICTED, seed)]
     if method == "nuts":
         chains = sample(posterior, weighted.transport, SHORT)
-        found = diagnose(NAMES, chains.z, chains.statistics["diverging"], chains.statistics["num_steps"], 7)
+        found = diagnose(NAMES, chains.z, chains.statistics["diverging"])
         doubts = found.doubts
         z = chains.z.reshape(-1, len(NAMES))
         z = z[:: max(1, len(z) // PREDICTED)]

@@ -43,7 +43,7 @@ def test_as_arviz(draws):
 def diagnosed(draws, diverging=0):
     flags = np.zeros(draws.shape, dtype=bool)
     flags[0, :diverging] = True
-    return diagnose(("a",), draws[:, :, None], flags, np.full(draws.shape, 7), 7)
+    return diagnose(("a",), draws[:, :, None], flags)
 
 
 def test_good_chains_are_trusted():
@@ -62,12 +62,6 @@ def test_bad_chains_are_not(draws, diverging, word):
     found = diagnosed(draws, diverging)
     assert not found.trusted
     assert any(word in doubt for doubt in found.doubts)
-
-
-def test_trajectories_that_were_cut_off():
-    draws = chains()
-    found = diagnose(("a",), draws[:, :, None], np.zeros(draws.shape), np.full(draws.shape, 127), 7)
-    assert any("cut off" in doubt for doubt in found.doubts)
 
 
 def test_a_chain_that_never_moved_is_not_trusted():

@@ -31,7 +31,7 @@ def test_moments_of_a_curved_posterior(curved, analytic):
     assert flat.mean(axis=0) == pytest.approx(mean, abs=0.05)
     assert np.cov(flat.T) == pytest.approx(covariance, abs=0.06)
     statistics = found.statistics
-    report = diagnose(("a", "b"), found.z, statistics["diverging"], statistics["num_steps"], SHORT.deepest)
+    report = diagnose(("a", "b"), found.z, statistics["diverging"])
     assert report.r_hat.max() < 1.02
     assert said[-1] == (2800, 2800)
 

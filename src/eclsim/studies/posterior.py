@@ -150,10 +150,7 @@ def sample_posterior(
             posterior, weighted.transport, settings.sampling, lambda n, of: say(f"draw {n} of {of}")
         )
         statistics = chains.statistics
-        diagnostics = diagnose(
-            posterior.prior.names, chains.z, statistics["diverging"], statistics["num_steps"],
-            settings.sampling.deepest,
-        )  # fmt: skip
+        diagnostics = diagnose(posterior.prior.names, chains.z, statistics["diverging"])
         z, doubts = chains.z, diagnostics.doubts
     draws = np.exp(posterior.prior.x_of(z))
     say("predictions")

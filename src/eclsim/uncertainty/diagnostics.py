@@ -16,8 +16,6 @@ from scipy.stats import rankdata
 LARGEST_R_HAT = 1.01
 FEWEST_EFFECTIVE = 400
 LARGEST_DIVERGENT_SHARE = 0.01
-LARGEST_TRUNCATED_SHARE = 0.05
-"""Of draws whose trajectory reached the deepest tree: not wrong, but slow to mix."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +28,6 @@ class Diagnostics:
         effective_bulk: effective number of draws for the centre.
         effective_tail: and for the 5 % and 95 % quantiles.
         divergent: draws whose trajectory left the energy.
-        truncated: draws whose trajectory reached the deepest tree.
         draws: all draws.
     """
 
@@ -39,7 +36,6 @@ class Diagnostics:
     effective_bulk: np.ndarray
     effective_tail: np.ndarray
     divergent: int
-    truncated: int
     draws: int
 
     @property
@@ -64,8 +60,6 @@ class Diagnostics:
                 f"{self.divergent} of {self.draws} draws diverged (at most {LARGEST_DIVERGENT_SHARE:.0%}): "
                 "raise --target-accept, and doubt the intervals"
             )
-        if self.truncated > LARGEST_TRUNCATED_SHARE * self.draws:
-            found.append(f"{self.truncated} of {self.draws} trajectories were cut off: sample longer")
         return tuple(found)
 
     @property
@@ -74,17 +68,13 @@ class Diagnostics:
         return not self.doubts
 
 
-def diagnose(
-    names: Sequence[str], draws: np.ndarray, diverging: np.ndarray, steps: np.ndarray, deepest: int
-) -> Diagnostics:
+def diagnose(names: Sequence[str], draws: np.ndarray, diverging: np.ndarray) -> Diagnostics:
     """Diagnostics of draws.
 
     Args:
         names: of the parameters.
         draws: shape (chains, draws, parameters).
         diverging: whether each diverged, shape (chains, draws).
-        steps: leapfrog steps of each.
-        deepest: depth at which trees were cut off.
     """
     each = [draws[:, :, k] for k in range(draws.shape[2])]
     return Diagnostics(
@@ -93,7 +83,6 @@ def diagnose(
         np.array([effective_bulk(d) for d in each]),
         np.array([effective_tail(d) for d in each]),
         int(diverging.sum()),
-        int((steps >= 2**deepest - 1).sum()),
         int(diverging.size),
     )
 

@@ -32,7 +32,7 @@ DRIFTS = (0.02, 0.06, 0.15, 0.35)
 """Standard deviation q of the change of a hidden variable over one interval. Near the middle of bounds a
 factor of 100 apart, 0.1 is about 18 % of the parameter."""
 ITERATIONS = 3
-SMALL_CHANGE = 0.05
+SMALL_CHANGE = 0.3
 """The estimate is not linearised again once it has moved by less, in its own standard deviations."""
 PULLS = (0.5, 0.2, 0.05)
 """A sigma point without a steady beat is drawn in to these shares of its distance."""

@@ -1,7 +1,8 @@
 """One chain's steady beat, followed from point to point with exact derivatives.
 
 A sampler moves in small steps, so the beat at the next point is foreseen from the last one and its
-derivatives, and two or three more beats settle it. All points share a grid in phase, so that the density is
+derivatives. A step or two with the last inverse Jacobian and one of Newton's method, with the Jacobian that
+the derivatives need anyway, bring it onto the orbit. All points share a grid in phase, so that the density is
 smooth.
 """
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from eclsim.circuit.assembly import assemble
 from eclsim.solver.beat import BeatProgram, beat_program
-from eclsim.solver.orbit import Anchor, OrbitOptions, OrbitProblem, Volume, solve_orbits
+from eclsim.solver.orbit import OrbitOptions, OrbitProblem, Volume, solve_orbits
 from eclsim.solver.resolution import needed_resolution
 from eclsim.solver.status import Status
 from eclsim.solver.steady import Batch, anchor
@@ -21,11 +22,16 @@ from eclsim.uncertainty.density import Posterior
 from eclsim.uncertainty.tangents import Linearised, linearise
 
 FOLLOWED = OrbitOptions(tolerance=1e-4, error_tolerance=3e-4, newton_iterations=4)
-"""Enough for a density: the state handed back is one step further on, and the potential right to 1e-3."""
+"""Enough to begin with: a step of Newton's method follows."""
 STEP = 1e-4
 """Relative, for the derivative of the blood volume, which is a sum of products."""
 FARTHEST_FORESEEN = 1.0
 """Largest change of a logarithm over which the last derivatives are trusted."""
+MOST_BEATS = 3
+NEAR_ENOUGH = 3e-3
+"""A relative step with the last inverse Jacobian after which the state is right to about a tenth of it."""
+FARTHEST_NEWTON = 1e-3
+"""Largest relative change in the step of Newton's method: its error is about the square."""
 
 
 @dataclass(frozen=True)
@@ -107,17 +113,13 @@ class Follower:
         packed = self.packed.copy()
         packed[self.rows, 0] = in_unit
         problem = OrbitProblem(self.program, packed, volume)
-        state = self._settle(problem, x)
-        if state is None:
-            return None
-        try:
-            found = linearise(problem, state, posterior.outputs, posterior.prior.names, volume_slopes)
-        except np.linalg.LinAlgError:  # two orbits meet here, and none has derivatives
-            return None
-        if not np.isfinite(found.slopes).all():
-            return None
-        self._remember(x, state, found)
-        return found.outputs, found.slopes * in_unit * posterior.prior.slopes(z)
+        for search in (self._foreseen, self._settled):
+            state = search(problem, x)
+            found = None if state is None else self._linearised(problem, state, volume_slopes)
+            if found is not None:
+                self.last = Place(x, found.state, found.states * in_unit, found.inverse)
+                return found.outputs, found.slopes * in_unit * posterior.prior.slopes(z)
+        return None
 
     def potential(self, z: np.ndarray) -> tuple[float, np.ndarray]:
         """U and dU/dz; infinite and zero without a steady beat."""
@@ -128,17 +130,35 @@ class Follower:
         misfit = (outputs - self.posterior.target) / self.posterior.scale
         return 0.5 * float(misfit @ misfit + z @ z), slopes.T @ (misfit / self.posterior.scale) + z
 
-    def _settle(self, problem: OrbitProblem, x: np.ndarray) -> np.ndarray | None:
-        """State of the orbit at phase 0: from the last place, else from the centre."""
-        starts = [self.near]
-        if self.last is not None and np.abs(x - self.last.x).max() < FARTHEST_FORESEEN:
-            foreseen = self.last.state + self.last.slopes @ (x - self.last.x)
-            starts.insert(0, Anchor(foreseen, self.last.inverse))
-        for start in starts:
-            orbits = solve_orbits(problem, start, FOLLOWED)
-            if orbits.status[0] == Status.CONVERGED:
-                return orbits.states[:, 0]
-        return None
+    def _linearised(
+        self, problem: OrbitProblem, state: np.ndarray, volume_slopes: np.ndarray
+    ) -> Linearised | None:
+        """Outputs and derivatives; None if the state is too far from the orbit or has none."""
+        names = self.posterior.prior.names
+        try:
+            found = linearise(problem, state, self.posterior.outputs, names, volume_slopes)
+        except np.linalg.LinAlgError:  # two orbits meet here, and none has derivatives
+            return None
+        near = np.isfinite(found.slopes).all() and found.moved < FARTHEST_NEWTON
+        return found if near else None
 
-    def _remember(self, x: np.ndarray, state: np.ndarray, found: Linearised) -> None:
-        self.last = Place(x, state, found.states * np.exp(x), found.inverse)
+    def _foreseen(self, problem: OrbitProblem, x: np.ndarray) -> np.ndarray | None:
+        """State at phase 0 from the last place, if that is near enough."""
+        last = self.last
+        if last is None or np.abs(x - last.x).max() > FARTHEST_FORESEEN:
+            return None
+        states = (last.state + last.slopes @ (x - last.x))[:, None]
+        for _ in range(MOST_BEATS):
+            residual = problem.residual(states, problem.beat(states))
+            if not np.isfinite(residual).all():
+                return None
+            step = (last.inverse @ residual) * problem.scale
+            states = states - step
+            if np.max(np.abs(step) / np.maximum(np.abs(states), 1.0)) < NEAR_ENOUGH:
+                break
+        return states[:, 0]
+
+    def _settled(self, problem: OrbitProblem, x: np.ndarray) -> np.ndarray | None:
+        """State of the orbit at phase 0, searched for from the centre."""
+        orbits = solve_orbits(problem, self.near, FOLLOWED)
+        return orbits.states[:, 0] if orbits.status[0] == Status.CONVERGED else None

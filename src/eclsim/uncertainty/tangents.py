@@ -35,12 +35,16 @@ class Linearised:
         slopes: d output / d parameter, shape (outputs, parameters).
         states: d state / d parameter, shape (states, parameters).
         inverse: of dF/dy, as an `Anchor` wants it.
+        state: one step of Newton's method from the given one, shape (states,); the outputs are moved along.
+        moved: largest relative change of a state in that step.
     """
 
     outputs: np.ndarray
     slopes: np.ndarray
     states: np.ndarray
     inverse: np.ndarray
+    state: np.ndarray
+    moved: float
 
 
 def linearise(
@@ -54,14 +58,15 @@ def linearise(
 
     Args:
         problem: of one patient.
-        state: on the orbit, shape (states,).
+        state: close to the orbit, shape (states,).
         outputs: names of the registry.
         parameters: names that the circuit reads.
         volume_slopes: d blood volume / d parameter [mL per unit], shape (parameters,).
     """
     program, packed = problem.program, problem.packed[:, 0]
     signals = needed_signals(program.assembly.circuit, tuple(outputs))
-    recorded = whole_beat(np.asarray(program.trace(signals)(state, packed)[1]))
+    after, recorded = (np.asarray(v) for v in program.trace(signals)(state, packed))
+    recorded = whole_beat(recorded)
     measures = LinearMeasures({n: recorded[:, k] for k, n in enumerate(signals)}, program.grid.phases)
     found = [output(name).compute(measures) for name in outputs]
     keys = list(measures.sums)
@@ -79,11 +84,15 @@ def linearise(
         for key, slope in number.slopes.items():
             row[place[key]] = slope
     scale = problem.scale[:, 0]
+    excess = float(problem.volume.weights @ state - problem.volume.target[0])
+    step = -inverse @ (state - after + spread * excess)
     return Linearised(
-        np.array([float(d.value) for d in found]),
+        np.array([float(d.value) for d in found]) + slopes @ (sums[:, :n] @ step),
         slopes @ (sums[:, n:] + sums[:, :n] @ states),
         states,
         inverse * scale / scale[:, None],
+        state + step,
+        float(np.max(np.abs(step) / np.maximum(np.abs(state), 1.0))),
     )
 
 

@@ -1,0 +1,122 @@
+"""`eclsim track` and `eclsim identify --predict`, as typed."""
+
+import csv
+import json
+
+import pytest
+
+HEAD = (
+    "patient_id,measurement,sex,age_years,height_cm,weight_kg,heart_rate_bpm,SP,DP,MAP,MPAP,PCWP,CO,PF,"
+    "ecmo_pump,ecmo_speed_rpm,oxygenator,drainage_fr,return_fr\n"
+)
+ROWS = (
+    "=A,1,female,60,165,60,80,112,74,88,,,4.0,,,,,,\n"
+    "=A,2,female,60,165,60,82,108,71,85,,,4.1,,,,,,\n"
+    "=A,3,female,60,165,60,85,104,70,82,,,8.9,,,,,,\n"
+)
+FEW = ("--parameters", "Rmc,Emaxlv")
+
+
+@pytest.fixture
+def table(shell):
+    file = shell.folder / "series.csv"
+    file.write_text(HEAD + ROWS)
+    return file
+
+
+def test_a_table_is_followed(shell, table):
+    out = shell.folder / "out"
+    result = shell.run("track", table, "--out", out, *FEW)
+    assert result.exit_code == 0, result.output
+    assert "CO does not fit" in result.stdout
+    content = json.loads((out / "track.json").read_text())
+    (series,) = content["series"]
+    assert [p["id"] for p in series["points"]] == ["1", "2", "3"]
+    assert series["points"][2]["measurements"]["CO"]["unusual"]
+    assert not series["points"][2]["measurements"]["CO"]["used"]
+    with (out / "outputs.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert rows[0]["patient"] == "'=A"
+    assert float(rows[-1]["expected_lower"]) < float(rows[-1]["expected_upper"])
+    assert len(list((out / "figures").glob("*.png"))) == 2
+
+
+def test_case_files_are_followed_in_their_order(shell):
+    files = [
+        shell.case(f"{k}.toml", more=f"[measurements]\nMAP = {80 - k}\nCO = 4.0\nSP = 100\n")
+        for k in range(2)
+    ]
+    out = shell.folder / "out"
+    result = shell.run("track", *files, "--out", out, *FEW, "--json", "-", "--drift", "0.1")
+    assert result.exit_code == 0, result.output
+    content = json.loads(result.stdout)
+    assert [p["id"] for p in content["series"][0]["points"]] == ["0", "1"]
+    assert content["series"][0]["points"][1]["drift"] == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--parameters", "Rmd"), "Rmd"),
+        (("--uncertainty", "XX=3"), "--uncertainty XX"),
+        (("--bounds", "Rmc=2:1"), "lower bound above upper bound"),
+    ],
+)
+def test_mistakes_are_told_before_anything_is_computed(shell, table, arguments, said):
+    result = shell.run("track", table, "--out", shell.folder / "out", *arguments)
+    assert result.exit_code == 2
+    assert said in result.stderr
+    assert not (shell.folder / "out").exists()
+
+
+def test_results_are_not_overwritten(shell, table):
+    out = shell.folder / "out"
+    out.mkdir()
+    (out / "track.json").write_text("{}")
+    result = shell.run("track", table, "--out", out)
+    assert result.exit_code == 2
+    assert "--force" in result.stderr
+
+
+def test_tables_and_case_files_do_not_mix(shell, table):
+    result = shell.run("track", table, shell.case(), "--out", shell.folder / "out")
+    assert result.exit_code == 2
+    assert "one table alone" in result.stderr
+
+
+MEASURED = "[measurements]\nSP = 110\nDP = 75\nMAP = 88\nCO = 4.0\n"
+
+
+def test_predictions_at_other_settings(shell):
+    case, out = shell.case(more=MEASURED), shell.folder / "out"
+    result = shell.run(
+        "identify", case, "--out", out, *FEW, "--predict", "patient.heart_rate_bpm=90", "--json", "-"
+    )
+    assert result.exit_code == 0, result.output
+    posterior = json.loads(result.stdout)["posterior"]
+    assert posterior["method"] == "gaussian"
+    there = posterior["predictions"][1]
+    assert there["settings"] == "patient.heart_rate_bpm=90"
+    assert there["outputs"]["CO"]["lower"] < there["outputs"]["CO"]["upper"]
+    assert (out / "posterior" / "posterior.nc").exists()
+    assert (out / "posterior" / "figures" / "predictive.png").exists()
+
+
+def test_a_misspelt_prediction_is_told_at_once(shell):
+    result = shell.run(
+        "identify",
+        shell.case(more=MEASURED),
+        "--out",
+        shell.folder / "out",
+        "--predict",
+        "ecmo.sped_rpm=4000",
+    )
+    assert result.exit_code == 2
+    assert "--predict" in result.stderr
+    assert not (shell.folder / "out").exists()
+
+
+def test_a_cohort_has_no_posterior(shell, table):
+    result = shell.run("identify", table, "--out", shell.folder / "out", "--posterior")
+    assert result.exit_code == 2
+    assert "for case files" in result.stderr
