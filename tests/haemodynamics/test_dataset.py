@@ -73,3 +73,12 @@ def test_the_long_course_shows_the_steady_beat():
     last = course.isel(time=slice(-len(beat["phase"]), None))
     for name in ("Pao", "Vlv", "Vsvn"):
         np.testing.assert_allclose(last[name], beat[name], rtol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["none", "V-A, CRRT g"])
+def test_every_valve_moves_in_a_beat_what_the_circulation_needs(name):
+    """In a steady beat what a valve lets through is what its neighbours pass on: no blood is lost."""
+    beat = simulate(model(name))
+    flows = [float(beat[f"{valve}_valve_flow"]) for valve in ("tricuspid", "pulmonary", "mitral", "aortic")]
+    assert flows == pytest.approx([flows[0]] * 4, rel=1e-8)
+    assert flows[0] == pytest.approx(float(beat["CO"]), rel=1e-4)

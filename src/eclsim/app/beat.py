@@ -19,7 +19,7 @@ from eclsim.haemodynamics.signals import unstressed_volume, whole_beat
 from eclsim.parameters.devices import OXYGENATORS
 from eclsim.solver.beat import beat_program
 from eclsim.solver.model import circuit_of
-from eclsim.solver.recording import RATE
+from eclsim.solver.recording import MEAN, RATE
 from eclsim.solver.status import Status
 from eclsim.solver.steady import Batch, steady_beats
 
@@ -78,7 +78,7 @@ def compute_beat(state: PageState, near: Mapping[str, float] | None = None) -> B
     series = dict(zip(signals, whole_beat(np.asarray(recorded)).T, strict=True))
     measures = Measures(series, program.grid.phases)
     outputs = {n: float(output(n).compute(measures)) for n in output_names(circuit)}
-    shown = {name: values_ for name, values_ in series.items() if not name.endswith(RATE)}
+    shown = {name: values_ for name, values_ in series.items() if not name.endswith((RATE, MEAN))}
     means = {n: float(measures.mean(n)) for n in shown if n[0] in "PQ"}
     _add_recirculation(state, means, outputs)
     status, message = outcome(steady, outputs)

@@ -17,7 +17,7 @@ from eclsim.haemodynamics.signals import unstressed_volume, whole_beat
 from eclsim.solver.beat import beat_program
 from eclsim.solver.model import AS_PUBLISHED, Model
 from eclsim.solver.orbit import OrbitOptions
-from eclsim.solver.recording import RATE
+from eclsim.solver.recording import MEAN, RATE
 from eclsim.solver.status import Status
 from eclsim.solver.steady import Batch, SteadyBeats, steady_beats
 
@@ -84,7 +84,7 @@ def labelled(
     time = ("phase", phases * period, {"units": "s", "long_name": "time"})
     data: dict[str, Any] = {}
     for name, values in series.items():
-        if name.endswith(RATE):
+        if name.endswith((RATE, MEAN)):
             continue
         words = (
             f"{WORDS[name[0]]} {name[1:]}" if "pump" not in name or name[0] != "P" else f"head of {name[1:]}"

@@ -10,7 +10,7 @@ from eclsim.haemodynamics.outputs import available, output
 from eclsim.haemodynamics.signals import whole_beat
 from eclsim.solver.beat import BeatProgram, beat_program
 from eclsim.solver.lanes import FEW, LANES, map_parallel
-from eclsim.solver.recording import RATE, all_signals, has_rate
+from eclsim.solver.recording import MEAN, RATE, all_signals, has_mean, has_rate
 from eclsim.solver.steady import SteadyBeats
 
 
@@ -24,7 +24,8 @@ def needed_signals(circuit: Circuit, names: tuple[str, ...]) -> tuple[str, ...]:
     entries = [output(name) for name in names]
     signals = {signal for entry in entries for signal in entry.needs}
     rates = {signal + RATE for entry in entries for signal in entry.extremes if has_rate(circuit, signal)}
-    return tuple(sorted(signals | rates))
+    means = {signal + MEAN for signal in signals if has_mean(circuit, signal)}
+    return tuple(sorted(signals | rates | means))
 
 
 def batch_outputs(steady: SteadyBeats, names: tuple[str, ...]) -> np.ndarray:

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from eclsim.solver.recording import RATE
+from eclsim.solver.recording import MEAN, RATE
 
 SMALLEST_VOLUME = 1e-6
 """Divisor [mL] in place of a volume that is zero or less."""
@@ -41,7 +41,9 @@ class Measures:
         self._found: dict[tuple[str, ...], Any] = {}
 
     def mean(self, name: str) -> Any:
-        """Mean over the beat (trapezoidal rule)."""
+        """Mean over the beat: of what moved in each step where that is known, else trapezoidal rule."""
+        if name + MEAN in self.waveforms:
+            return self._kept(("mean", name), lambda: self._whole({name + MEAN: np.r_[0.0, self._widths]}))
         return self._kept(("mean", name), lambda: self._whole({name: self._trapezoid}))
 
     def maximum(self, name: str) -> Any:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eclsim.haemodynamics.outputs import VALVES
 from eclsim.plotting.style import plain_text
 from eclsim.units import convert, quantity_of
 
@@ -19,7 +20,13 @@ MINUS = "\N{MINUS SIGN}"
 
 
 def beat_mean(result: "xr.Dataset", name: str) -> float:
-    """Mean of a waveform over the beat, in the waveform's unit, by the trapezoidal rule on the phase grid."""
+    """Mean of a waveform over the beat, in the waveform's unit.
+
+    Of a valve's flow the output, which counts what moved; else by the trapezoidal rule on the phase grid.
+    """
+    moved = scalar(result, f"{VALVES.get(name[1:])}_valve_flow") if name[0] == "Q" else None
+    if moved is not None:
+        return convert(moved, "L/min", "mL/s")
     phase = np.asarray(result["phase"].values, dtype=float)
     values = np.asarray(result[name].values, dtype=float)
     return float(np.trapezoid(values, phase) / (phase[-1] - phase[0]))

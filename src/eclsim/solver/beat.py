@@ -26,7 +26,7 @@ from eclsim.circuit.assembly import Assembly, Constants, assemble
 from eclsim.circuit.network import Circuit
 from eclsim.solver.grid import STEPS_PER_BLOCK, PhaseGrid
 from eclsim.solver.kernel import as_single_kernel
-from eclsim.solver.recording import Recorder, all_signals, with_rates
+from eclsim.solver.recording import Recorder, all_signals, with_means, with_rates
 
 GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
 HEART_RATE = "heart_rate_bpm"
@@ -67,7 +67,8 @@ class BeatProgram:
     @cached_property
     def signals(self) -> tuple[str, ...]:
         """All signals of the circuit, with the rates that exist."""
-        return with_rates(self.assembly.circuit, all_signals(self.assembly))
+        circuit = self.assembly.circuit
+        return with_means(circuit, with_rates(circuit, all_signals(self.assembly)))
 
     def trace(self, signals: tuple[str, ...]) -> Any:
         """Compiled map (state, parameters) -> state after one beat, signals at the end of every step.
@@ -93,8 +94,8 @@ class BeatProgram:
 
             def step(carry: Any, now: Any) -> Any:
                 start, total = carry
-                volumes, flows = self._step(start, now[0], steps, constants)
-                picked = recorder.pick(volumes, flows, now[0][1], constants, period)
+                volumes, flows, means = self._step(start, now[0], steps, constants)
+                picked = recorder.pick(volumes, flows, now[0][1], constants, period, means)
                 if weights is None:
                     return ((volumes, flows), total), picked
                 return ((volumes, flows), [t + now[1][k] * picked[k] for k, t in enumerate(total)]), None
@@ -164,14 +165,18 @@ class BeatProgram:
 
     def _step(
         self, carry: Any, activations: Any, steps: StepConstants, constants: Constants
-    ) -> tuple[list[Any], list[Any]]:
-        """One step: stage 1 at gamma h from the start, stage 2 at h from start + (1 - gamma) h f(stage 1)."""
+    ) -> tuple[list[Any], list[Any], list[Any]]:
+        """One step, and the mean flows over it.
+
+        Stage 1 at gamma h from the start, stage 2 at h from start + (1 - gamma) h f(stage 1).
+        """
         volumes, flows = carry
         middle_v, middle_q = self._stage(volumes, flows, flows, activations[0], steps, constants)
         ratio = (1.0 - GAMMA) / GAMMA
         base_v = [a + ratio * (b - a) for a, b in zip(volumes, middle_v, strict=True)]
         base_q = [a + ratio * (b - a) for a, b in zip(flows, middle_q, strict=True)]
-        return self._stage(base_v, base_q, middle_q, activations[1], steps, constants)
+        end_v, end_q = self._stage(base_v, base_q, middle_q, activations[1], steps, constants)
+        return end_v, end_q, [(1.0 - GAMMA) * a + GAMMA * b for a, b in zip(middle_q, end_q, strict=True)]
 
     def _stage(
         self,

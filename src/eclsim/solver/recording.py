@@ -9,9 +9,12 @@ import jax.numpy as jnp
 
 from eclsim.circuit.assembly import Assembly, Constants
 from eclsim.circuit.network import Circuit
+from eclsim.components import HeartValve
 
 RATE = "'"
 """Suffix of a signal's change per unit of phase."""
+MEAN = "~"
+"""Suffix of a flow's mean over the step that ends here: what moved, whatever a valve did meanwhile."""
 
 
 class UnknownSignalError(KeyError):
@@ -42,6 +45,17 @@ def has_rate(circuit: Circuit, signal: str) -> bool:
     )
 
 
+def has_mean(circuit: Circuit, signal: str) -> bool:
+    """Whether a signal is a flow that opens and shuts, so that its values at the steps' ends do not do."""
+    laws = {c.name: c.component for c in circuit.connections}
+    return signal[0] == "Q" and isinstance(laws.get(signal[1:]), HeartValve)
+
+
+def with_means(circuit: Circuit, signals: tuple[str, ...]) -> tuple[str, ...]:
+    """Signals, followed by the means of those that have one."""
+    return signals + tuple(s + MEAN for s in signals if has_mean(circuit, s))
+
+
 def with_rates(circuit: Circuit, signals: tuple[str, ...]) -> tuple[str, ...]:
     """Signals, followed by the rates of those that have one."""
     return signals + tuple(s + RATE for s in signals if has_rate(circuit, s))
@@ -59,22 +73,36 @@ class Recorder:
         self.signals = signals
         known = all_signals(assembly)
         for signal in signals:
-            plain = signal.removesuffix(RATE)
-            if plain not in known or (plain != signal and not has_rate(assembly.circuit, plain)):
+            plain = signal.removesuffix(RATE).removesuffix(MEAN)
+            exists = {RATE: has_rate, MEAN: has_mean}.get(signal[-1])
+            if plain not in known or (exists is not None and not exists(assembly.circuit, plain)):
                 near = difflib.get_close_matches(signal, known, n=3)
                 hint = f"; did you mean {', '.join(near)}?" if near else ""
                 raise UnknownSignalError(
                     f"'{signal}' is no signal of this circuit; allowed: {', '.join(known)}{hint}"
                 )
 
-    def pick(self, volumes: Any, flows: Any, activations: Any, constants: Constants, period: Any) -> Any:
-        """The signals of one moment, stacked; shape (signals[, patients]). `period` of the beat in s."""
+    def pick(
+        self,
+        volumes: Any,
+        flows: Any,
+        activations: Any,
+        constants: Constants,
+        period: Any,
+        means: Any = None,
+    ) -> Any:
+        """The signals of one moment, stacked; shape (signals[, patients]).
+
+        `period` of the beat in s; `means` of the flows over the step that ends here.
+        """
         pressures, stiffness = self.assembly.pressures(volumes, activations, constants)
         zero = jnp.zeros_like(volumes[0])
         found = []
         for signal in self.signals:
             if signal.endswith(RATE):
                 value = self._rate(signal.removesuffix(RATE), flows, stiffness, constants) * period
+            elif signal.endswith(MEAN):
+                value = self._one(signal.removesuffix(MEAN), volumes, means, pressures, constants)
             else:
                 value = self._one(signal, volumes, flows, pressures, constants)
             found.append(value + zero)

@@ -13,7 +13,7 @@ from eclsim.haemodynamics.outputs import output
 from eclsim.haemodynamics.signals import whole_beat
 from eclsim.solver.beat import beat_program
 from eclsim.solver.lanes import FEW, LANES, map_parallel
-from eclsim.solver.recording import all_signals, with_rates
+from eclsim.solver.recording import all_signals, with_means, with_rates
 from eclsim.solver.status import Status
 from eclsim.solver.steady import SteadyBeats
 
@@ -71,7 +71,7 @@ def record(steady: SteadyBeats, keep: Sequence[int] = ()) -> BeatRecords:
         )
     program = beat_program(steady.batch.circuit, int(levels[0]))
     signals, names = all_signals(program.assembly), output_names(steady.batch.circuit)
-    recorded = with_rates(steady.batch.circuit, signals)
+    recorded = with_means(steady.batch.circuit, with_rates(steady.batch.circuit, signals))
     packed = steady.batch.packed(program)
     blocks = [np.arange(k, min(k + LANES, steady.batch.count)) for k in range(0, steady.batch.count, LANES)]
     wide = steady.batch.count > FEW
