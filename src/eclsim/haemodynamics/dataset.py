@@ -80,8 +80,8 @@ def labelled(
 ) -> xr.Dataset:
     """Waveforms and outputs with names, units and definitions."""
     period = 60.0 / model.values["heart_rate_bpm"]
-    phase = xr.DataArray(phases, dims="phase", attrs={"units": "1", "long_name": "phase of the beat"})
-    time = ("phase", phases * period, {"units": "s", "long_name": "time"})
+    phase = _variable("phase", phases, units="1", long_name="phase of the beat")
+    time = _variable("phase", phases * period, units="s", long_name="time")
     data: dict[str, Any] = {}
     for name, values in series.items():
         if name.endswith((RATE, MEAN)):
@@ -90,11 +90,12 @@ def labelled(
             f"{WORDS[name[0]]} {name[1:]}" if "pump" not in name or name[0] != "P" else f"head of {name[1:]}"
         )
         shift = unstressed_volume(model.circuit, name[1:], model.values) if name[0] == "V" else 0.0
-        data[name] = ("phase", values + shift, {"units": UNITS[name[0]], "long_name": words})
+        data[name] = _variable("phase", values + shift, units=UNITS[name[0]], long_name=words)
     for name, value in outputs.items():
         entry = output(name)
-        labels = {"units": entry.unit, "long_name": entry.long_name, "definition": entry.definition}
-        data[name] = ((), value, labels)
+        data[name] = _variable(
+            (), value, units=entry.unit, long_name=entry.long_name, definition=entry.definition
+        )
     result = xr.Dataset(data, coords={"phase": phase, "time": time}, attrs=attributes)
     _add_recirculation(result, model.circuit.with_chosen_sites(model.values))
     extremes = {n: (float(v.min()), float(v.max())) for n, v in series.items()}
@@ -112,12 +113,17 @@ def _add_recirculation(result: xr.Dataset, circuit: Circuit) -> None:
     definition = (
         "share of the access flow that left the return line and did not pass the patient (steady mixing)"
     )
-    result["crrt_recirculated_fraction"] = ((), fraction, {
-        "units": "1", "long_name": "recirculated share of the CRRT flow", "definition": definition,
-    })  # fmt: skip
-    result["crrt_recirculated_flow"] = ((), flow, {
-        "units": "L/min", "long_name": "recirculated CRRT flow", "definition": definition,
-    })  # fmt: skip
+    result["crrt_recirculated_fraction"] = _variable(
+        (), fraction, units="1", long_name="recirculated share of the CRRT flow", definition=definition
+    )
+    result["crrt_recirculated_flow"] = _variable(
+        (), flow, units="L/min", long_name="recirculated CRRT flow", definition=definition
+    )
+
+
+def _variable(dims: str | tuple[str, ...], values: Any, **labels: str) -> xr.Variable:
+    """A labelled array; xarray's short way to it does not import dask, which takes half a second."""
+    return xr.Variable(dims, np.asarray(values), labels, fastpath=True)
 
 
 def _mean(result: xr.Dataset, name: str) -> float:

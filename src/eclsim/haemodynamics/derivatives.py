@@ -98,14 +98,14 @@ def member_derivatives(
     signals = program.signals
     packed = steady.batch.packed(program)[:, member]
     _, recorded = program.trace(signals)(steady.orbits.states[:, member], packed)
-    series = whole_beat(np.asarray(recorded))
-    measures = LinearMeasures({name: series[:, k] for k, name in enumerate(signals)}, program.grid.phases)
+    series = np.ascontiguousarray(whole_beat(np.asarray(recorded)).T)
+    measures = LinearMeasures(dict(zip(signals, series, strict=True)), program.grid.phases)
     found = [output(name).compute(measures) for name in outputs]
     keys = sorted(measures.sums)
-    weights = np.stack([measures.sums[key] for key in keys], axis=1)
-    per_step = weights[1:].copy()
-    per_step[-1] += weights[0]
-    tangents = orbit_tangents(steady, parameters, tuple(name for name, _ in keys), per_step, member)
+    weights = np.array([measures.sums[key] for key in keys])
+    weights[:, -1] += weights[:, 0]
+    summed = tuple(name for name, _ in keys)
+    tangents = orbit_tangents(steady, parameters, summed, weights[:, 1:].T, member)
     place = {key: k for k, key in enumerate(keys)}
     slopes = np.zeros((len(found), len(keys)))
     for row, number in zip(slopes, found, strict=True):

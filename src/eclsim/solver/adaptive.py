@@ -21,7 +21,7 @@ import numpy as np
 from eclsim.circuit.network import Circuit
 from eclsim.solver.beat import HEART_RATE
 from eclsim.solver.explicit import ExplicitCircuit, explicit_circuit
-from eclsim.solver.kernel import as_single_kernel
+from eclsim.solver.kernel import compiled
 from eclsim.solver.model import AS_PUBLISHED, PATIENT_HELD, Model
 from eclsim.solver.steady import start_state
 
@@ -88,7 +88,7 @@ class AdaptiveProgram:
     @cached_property
     def advance(self) -> Any:
         """Compiled map (state, packed, from phase, to phase) -> state; NaN if it took too many steps."""
-        return jax.jit(as_single_kernel(self._advance))
+        return compiled(self._advance)
 
     def signals(self, names: tuple[str, ...]) -> Any:
         """Compiled map (states, phases, packed) -> signals, shape (points, signals)."""

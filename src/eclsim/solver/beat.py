@@ -25,7 +25,7 @@ import numpy as np
 from eclsim.circuit.assembly import Assembly, Constants, assemble
 from eclsim.circuit.network import Circuit
 from eclsim.solver.grid import STEPS_PER_BLOCK, PhaseGrid
-from eclsim.solver.kernel import as_single_kernel
+from eclsim.solver.kernel import compiled
 from eclsim.solver.recording import Recorder, all_signals, with_means, with_rates
 
 GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
@@ -62,7 +62,26 @@ class BeatProgram:
     @cached_property
     def beat(self) -> Any:
         """Compiled map (state, parameters) -> state after one beat."""
-        return jax.jit(as_single_kernel(lambda state, packed: self.run(state, packed)[0]))
+        return compiled(lambda state, packed: self.run(state, packed)[0])
+
+    def alone(self) -> Any:
+        """Compiled map (state, parameters) -> state after one beat, for one patient at a time.
+
+        The first search of a process takes the program that records, which its result needs anyway. Later
+        ones are worth the compilation of one that does not record and is a third faster.
+        """
+        if self._searches[0] > 1:
+            return self.beat
+        recorded = self.trace(self.signals)
+        return lambda state, packed: recorded(state, packed)[0]
+
+    def count_search(self) -> None:
+        """Note that one more search for an orbit begins."""
+        self._searches[0] += 1
+
+    @cached_property
+    def _searches(self) -> list[int]:
+        return [0]
 
     @cached_property
     def signals(self) -> tuple[str, ...]:
@@ -260,4 +279,4 @@ def beat_program(circuit: Circuit, resolution: int = 1) -> BeatProgram:
 
 @lru_cache(maxsize=256)
 def _trace(program: BeatProgram, signals: tuple[str, ...]) -> Any:
-    return jax.jit(as_single_kernel(lambda state, packed: program.run(state, packed, signals)))
+    return compiled(lambda state, packed: program.run(state, packed, signals))

@@ -26,7 +26,8 @@ class InverseJacobian:
 
     def times(self, vectors: np.ndarray) -> np.ndarray:
         """Inverse times one vector of each system."""
-        return self._common @ vectors + self._terms(self._left, self._right, vectors)
+        found = self._common @ vectors
+        return found + self._terms(self._left, self._right, vectors) if self._count else found
 
     def _terms(self, left: np.ndarray, right: np.ndarray, vectors: np.ndarray) -> np.ndarray:
         """Sum of left (right . vector) over the rank-one terms."""
@@ -45,5 +46,11 @@ class InverseJacobian:
 
     def keep(self, chosen: np.ndarray) -> None:
         """Drop the systems that are not chosen (boolean mask or positions)."""
-        self._left = self._left[:, :, chosen]
-        self._right = self._right[:, :, chosen]
+        self._left, self._right = (self._of(terms, chosen) for terms in (self._left, self._right))
+
+    def _of(self, terms: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+        """The chosen systems' share of the terms there are, with room for those to come."""
+        used = terms[: self._count, :, chosen]
+        found = np.empty((*terms.shape[:2], used.shape[2]))
+        found[: self._count] = used
+        return found

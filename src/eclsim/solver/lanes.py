@@ -10,9 +10,10 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
+import jax
 import numpy as np
 
 LANES = 64
@@ -42,15 +43,36 @@ def map_parallel(function: Callable[[Any], Any], jobs: list[Any]) -> list[Any]:
     return list(_pool(threads()).map(function, jobs))
 
 
-def run_lanes(program: Any, states: np.ndarray, packed: np.ndarray, wide: bool) -> np.ndarray:
-    """One beat of every patient, shape (states, patients); `wide` takes the program for many."""
-    count = states.shape[1]
-    if not wide or count <= HANDFUL:
-        step = program.trace(program.signals)
-        single = [np.asarray(step(states[:, i], packed[:, i])[0]) for i in range(count)]
-        return np.stack(single, axis=1) if single else states.copy()
-    parts = []
-    for first in range(0, count, LANES):
-        lanes = np.arange(first, first + LANES).clip(max=count - 1)
-        parts.append(np.asarray(program.beat(states[:, lanes], packed[:, lanes]))[:, : count - first])
-    return np.concatenate(parts, axis=1)
+class Lanes:
+    """One beat of many patients, by the program for one or by the one for many.
+
+    Args:
+        program: beat of their circuit.
+        packed: their parameters, shape (names, patients).
+        wide: True takes the program for many.
+    """
+
+    def __init__(self, program: Any, packed: np.ndarray, wide: bool):
+        self.program = program
+        self.packed = packed
+        self.alone = not wide or packed.shape[1] <= HANDFUL
+
+    @cached_property
+    def _each(self) -> list[Any]:
+        """Parameters of each patient where the program runs: they stay the same from beat to beat."""
+        return [jax.device_put(column) for column in np.ascontiguousarray(self.packed.T)]
+
+    def beat(self, states: np.ndarray) -> np.ndarray:
+        """State of every patient after one beat, shape (states, patients)."""
+        if self.alone:
+            step = self.program.alone()
+            after = np.empty_like(states)
+            for patient, packed in enumerate(self._each):
+                after[:, patient] = step(states[:, patient], packed)
+            return after
+        parts, count = [], states.shape[1]
+        for first in range(0, count, LANES):
+            lanes = np.arange(first, first + LANES).clip(max=count - 1)
+            after = np.asarray(self.program.beat(states[:, lanes], self.packed[:, lanes]))
+            parts.append(after[:, : count - first])
+        return np.concatenate(parts, axis=1)

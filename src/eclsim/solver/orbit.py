@@ -16,7 +16,7 @@ import numpy as np
 
 from eclsim.solver.beat import BeatProgram
 from eclsim.solver.broyden import InverseJacobian
-from eclsim.solver.lanes import run_lanes
+from eclsim.solver.lanes import Lanes
 from eclsim.solver.status import Status
 
 PASSING_BEATS = 30
@@ -94,6 +94,29 @@ def scales(program: BeatProgram) -> np.ndarray:
     return np.r_[np.ones(assembly.n_volumes), np.full(len(assembly.inertial), FLOW_SCALE)]
 
 
+@dataclass(frozen=True)
+class Trial:
+    """States and where a beat takes them, patients last.
+
+    Args:
+        states: states at phase 0, shape (states, patients).
+        moved: states minus states a beat later.
+        size: max(|states|, 1).
+        residual: F in scaled states; 0 where it is not finite.
+        change: largest change of a state over the beat, relative to its size; shape (patients,).
+        drift: largest change of a volume over the beat [mL].
+        finite: whether the beat went well.
+    """
+
+    states: np.ndarray
+    moved: np.ndarray
+    size: np.ndarray
+    residual: np.ndarray
+    change: np.ndarray
+    drift: np.ndarray
+    finite: np.ndarray
+
+
 class OrbitProblem:
     """F and its norms for the patients of a batch; `wide` runs them with the program for many patients."""
 
@@ -105,6 +128,7 @@ class OrbitProblem:
         self.scale = scales(program)[:, None]
         spread = np.r_[np.ones(program.assembly.n_volumes), np.zeros(len(program.assembly.inertial))]
         self.spread = (spread / spread.sum())[:, None]
+        self._lanes = Lanes(program, packed, wide)
 
     def take(self, chosen: Any) -> OrbitProblem:
         """The same problem for some of the patients."""
@@ -113,20 +137,23 @@ class OrbitProblem:
 
     def beat(self, states: np.ndarray) -> np.ndarray:
         """State after one beat, shape (states, patients)."""
-        return run_lanes(self.program, states, self.packed, self.wide)
+        return self._lanes.beat(states)
 
-    def residual(self, states: np.ndarray, after: np.ndarray) -> np.ndarray:
-        """F in scaled states."""
+    def trial(self, states: np.ndarray, after: np.ndarray | None = None) -> Trial:
+        """One beat from some states, or what is known of it if the states `after` it are."""
+        moved = states - (self.beat(states) if after is None else after)
         excess = self.volume.weights @ states - self.volume.target
-        return (states - after + self.spread * excess) / self.scale
-
-    def relative_change(self, states: np.ndarray, after: np.ndarray) -> np.ndarray:
-        """Largest change of a state over a beat, relative to max(|state|, 1); shape (patients,)."""
-        excess = np.abs(self.volume.weights @ states - self.volume.target) / np.maximum(
-            self.volume.target, 1.0
+        size = np.maximum(np.abs(states), 1.0)
+        distance = np.abs(moved)
+        drift = distance[: self.program.assembly.n_volumes].max(axis=0, initial=0.0)
+        change = np.maximum(
+            (distance / size).max(axis=0), np.abs(excess) / np.maximum(self.volume.target, 1.0)
         )
-        change = np.max(np.abs(states - after) / np.maximum(np.abs(states), 1.0), axis=0)
-        return np.maximum(change, excess)
+        finite = np.isfinite(change)
+        residual = (moved + self.spread * excess) / self.scale
+        if not finite.all():
+            residual = np.where(finite, residual, 0.0)
+        return Trial(states, moved, size, residual, change, drift, finite)
 
 
 def solve_orbits(problem: OrbitProblem, anchor: Anchor, options: OrbitOptions) -> Orbits:
@@ -147,31 +174,33 @@ def _quasi_newton(problem: OrbitProblem, anchor: Anchor, options: OrbitOptions) 
     inverse = InverseJacobian(anchor.inverse, count, options.quasi_newton_beats)
     step, residual = None, None
     for beat in range(1, options.quasi_newton_beats + 1):
-        after = problem.beat(states)
-        previous, residual = residual, problem.residual(states, after)
-        finite = np.isfinite(residual).all(axis=0)
-        residual = np.where(finite, residual, 0.0)
+        trial = problem.trial(states)
+        previous, residual = residual, trial.residual
         if step is not None and previous is not None:
             inverse.learn(step, residual - previous)
         step = -inverse.times(residual)
-        change = problem.relative_change(states, after)
-        error = np.max(np.abs(step * problem.scale) / np.maximum(np.abs(states), 1.0), axis=0)
-        done = finite & (change <= options.tolerance) & (error <= options.error_tolerance)
-        better = finite & (change < found.residual[where])
-        _store(found, where, better | done, states, change, np.abs(states - after), problem)
-        found.states[:, where[done]] = (states + step * problem.scale)[:, done]
+        moves = step * problem.scale
+        done = _settled(trial, moves, options)
+        _store(found, where, done | (trial.finite & (trial.change < found.residual[where])), trial)
         found.beats[where] = beat
-        found.status[where[done]] = Status.CONVERGED
-        rest = finite & ~done
-        if not rest.any():
-            break
-        step = _limited(step, states, problem.scale)
+        rest = trial.finite & ~done
         if not rest.all():
+            found.states[:, where[done]] = (states + moves)[:, done]
+            found.status[where[done]] = Status.CONVERGED
+            if not rest.any():
+                break
             where, problem = where[rest], problem.take(rest)
-            states, step, residual = states[:, rest], step[:, rest], residual[:, rest]
+            states, step, moves, residual = (x[:, rest] for x in (states, step, moves, residual))
             inverse.keep(rest)
-        states = states + step * problem.scale
+        share = _affordable(moves, states, problem.scale)
+        step, states = step * share, states + moves * share
     return found
+
+
+def _settled(trial: Trial, moves: np.ndarray, options: OrbitOptions) -> np.ndarray:
+    """Whether neither the beat nor the step to the orbit changes anything; shape (patients,)."""
+    error = (np.abs(moves) / trial.size).max(axis=0)
+    return trial.finite & (trial.change <= options.tolerance) & (error <= options.error_tolerance)
 
 
 def _newton(problem: OrbitProblem, start: np.ndarray, anchor: Anchor, options: OrbitOptions) -> Orbits:
@@ -180,20 +209,19 @@ def _newton(problem: OrbitProblem, start: np.ndarray, anchor: Anchor, options: O
     states = start if np.isfinite(start).all() else anchor.state[:, None]
     after = problem.beat(states)
     for _ in range(options.newton_iterations):
-        change = problem.relative_change(states, after)
-        residual = problem.residual(states, after)
-        if not np.isfinite(residual).all():
+        trial = problem.trial(states, after)
+        if not trial.finite.all():
             found.status[:] = Status.NOT_FINITE
             return found
-        step = -np.linalg.lstsq(jacobian(problem, states), residual, rcond=1e-13)[0]
-        error = np.max(np.abs(step * problem.scale) / np.maximum(np.abs(states), 1.0), axis=0)
-        _store(found, np.arange(1), change <= found.residual, states, change, np.abs(states - after), problem)
+        step = -np.linalg.lstsq(jacobian(problem, states), trial.residual, rcond=1e-13)[0]
+        moves = step * problem.scale
+        _store(found, np.arange(1), trial.change <= found.residual, trial)
         found.beats[:] += 1 + len(states)
-        if (change <= options.tolerance)[0] and (error <= options.error_tolerance)[0]:
-            found.states[:] = states + step * problem.scale
+        if _settled(trial, moves, options)[0]:
+            found.states[:] = states + moves
             found.status[:] = Status.CONVERGED
             return found
-        states, after = _line_search(problem, states, after, _limited(step, states, problem.scale), residual)
+        states, after = _line_search(problem, trial, moves * _affordable(moves, states, problem.scale))
         found.beats[:] += 1
     return _in_passing(problem, found, after)
 
@@ -206,23 +234,21 @@ def _in_passing(problem: OrbitProblem, found: Orbits, states: np.ndarray) -> Orb
     if not np.isfinite(states).all():
         found.status[:] = Status.NOT_FINITE
         return found
-    change = problem.relative_change(before, states)
-    _store(found, np.arange(1), np.array([True]), before, change, np.abs(before - states), problem)
+    _store(found, np.arange(1), np.array([True]), problem.trial(before, states))
     found.beats[:] += PASSING_BEATS
     return found
 
 
-def _line_search(
-    problem: OrbitProblem, states: np.ndarray, after: np.ndarray, step: np.ndarray, residual: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _line_search(problem: OrbitProblem, trial: Trial, moves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Halve the step until the residual falls; settle for plain beats where it does not."""
-    size = np.linalg.norm(residual)
+    size = np.linalg.norm(trial.residual)
     for fraction in (1.0, 0.5, 0.25, 0.1):
-        trial = states + fraction * step * problem.scale
-        trial_after = problem.beat(trial)
-        trial_size = np.linalg.norm(problem.residual(trial, trial_after))
-        if np.isfinite(trial_size) and trial_size < (1.0 - 0.1 * fraction) * size:
-            return trial, trial_after
+        states = trial.states + fraction * moves
+        after = problem.beat(states)
+        nearer = problem.trial(states, after)
+        if nearer.finite[0] and np.linalg.norm(nearer.residual) < (1.0 - 0.1 * fraction) * size:
+            return states, after
+    states, after = trial.states, trial.states - trial.moved
     for _ in range(5):
         states, after = after, problem.beat(after)
     return states, after
@@ -234,15 +260,14 @@ def jacobian(problem: OrbitProblem, states: np.ndarray) -> np.ndarray:
     shift = 1e-4 * np.maximum(np.abs(states[:, 0]), problem.scale[:, 0])
     points = np.concatenate([states + np.diag(shift), states - np.diag(shift)], axis=1)
     wide = problem.take(np.zeros(2 * n, dtype=int))
-    values = wide.residual(points, wide.beat(points))
+    values = wide.trial(points).residual
     return (values[:, :n] - values[:, n:]) / (2.0 * shift) * problem.scale[:, 0]
 
 
-def _limited(step: np.ndarray, states: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Shorten a scaled step that would move any state by more than half its size plus 50 scales."""
-    allowed = 0.5 * np.abs(states) / scale + 50.0
-    factor = np.min(np.minimum(1.0, allowed / np.maximum(np.abs(step), 1e-300)), axis=0)
-    return step * factor
+def _affordable(moves: np.ndarray, states: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Share of a step that moves no state by more than half its size plus 50 scales; shape (patients,)."""
+    allowed = 0.5 * np.abs(states) + 50.0 * scale
+    return 1.0 / np.maximum((np.abs(moves) / allowed).max(axis=0), 1.0)
 
 
 def _empty(problem: OrbitProblem, count: int) -> Orbits:
@@ -256,13 +281,12 @@ def _empty(problem: OrbitProblem, count: int) -> Orbits:
     )
 
 
-def _store(
-    found: Orbits, where: Any, chosen: Any, states: Any, change: Any, moved: Any, problem: OrbitProblem
-) -> None:
+def _store(found: Orbits, where: np.ndarray, chosen: np.ndarray, trial: Trial) -> None:
+    """Keep the chosen patients' trial as the best so far."""
     place = where[chosen]
-    found.states[:, place] = states[:, chosen]
-    found.residual[place] = change[chosen]
-    found.drift[place] = moved[: problem.program.assembly.n_volumes, chosen].max(axis=0, initial=0.0)
+    found.states[:, place] = trial.states[:, chosen]
+    found.residual[place] = trial.change[chosen]
+    found.drift[place] = trial.drift[chosen]
 
 
 def _replace(found: Orbits, patient: int, single: Orbits) -> None:

@@ -71,6 +71,9 @@ class Recorder:
     def __init__(self, assembly: Assembly, signals: tuple[str, ...]):
         self.assembly = assembly
         self.signals = signals
+        self._stores = [c.name for c in assembly.circuit.compartments]
+        self._paths = [c.name for c in assembly.circuit.connections]
+        self._wants_rates = any(signal.endswith(RATE) for signal in signals)
         known = all_signals(assembly)
         for signal in signals:
             plain = signal.removesuffix(RATE).removesuffix(MEAN)
@@ -97,10 +100,12 @@ class Recorder:
         """
         pressures, stiffness = self.assembly.pressures(volumes, activations, constants)
         zero = jnp.zeros_like(volumes[0])
+        rates = self._volume_rates(flows, constants) if self._wants_rates else []
         found = []
         for signal in self.signals:
             if signal.endswith(RATE):
-                value = self._rate(signal.removesuffix(RATE), flows, stiffness, constants) * period
+                position = self._stores.index(signal[1:].removesuffix(RATE))
+                value = rates[position] * period * (stiffness[position] if signal[0] == "P" else 1.0)
             elif signal.endswith(MEAN):
                 value = self._one(signal.removesuffix(MEAN), volumes, means, pressures, constants)
             else:
@@ -108,22 +113,19 @@ class Recorder:
             found.append(value + zero)
         return jnp.stack(found) if found else jnp.zeros((0, *zero.shape))
 
-    def _rate(self, signal: str, flows: Any, stiffness: Any, constants: Constants) -> Any:
-        """Change of a volume [mL/s], or of the pressure of a passive compartment [mmHg/s]."""
-        position = [c.name for c in self.assembly.circuit.compartments].index(signal[1:])
-        rates = [jnp.zeros_like(flows[0]) for _ in self.assembly.circuit.compartments]
+    def _volume_rates(self, flows: Any, constants: Constants) -> list[Any]:
+        """Change of every compartment's volume [mL/s]."""
+        rates = [jnp.zeros_like(flows[0]) for _ in self._stores]
         for flow, (source, target) in zip(flows, self.assembly.ends, strict=True):
             self.assembly.add_at(source, rates, -flow, constants)
             self.assembly.add_at(target, rates, flow, constants)
-        return rates[position] * (stiffness[position] if signal[0] == "P" else 1.0)
+        return rates
 
     def _one(self, signal: str, volumes: Any, flows: Any, pressures: Any, constants: Constants) -> Any:
         kind, name = signal[0], signal[1:]
-        stores = [c.name for c in self.assembly.circuit.compartments]
-        paths = [c.name for c in self.assembly.circuit.connections]
         if kind == "Q":
-            return flows[paths.index(name)]
-        if name in stores:
-            return (volumes if kind == "V" else pressures)[stores.index(name)]
-        source, target = self.assembly.ends[paths.index(name)]
+            return flows[self._paths.index(name)]
+        if name in self._stores:
+            return (volumes if kind == "V" else pressures)[self._stores.index(name)]
+        source, target = self.assembly.ends[self._paths.index(name)]
         return self.assembly.at(target, pressures, constants) - self.assembly.at(source, pressures, constants)

@@ -19,15 +19,14 @@ import numpy as np
 
 from eclsim.circuit.assembly import assemble
 from eclsim.solver.beat import BeatProgram, beat_program
-from eclsim.solver.kernel import as_single_kernel
+from eclsim.solver.kernel import compiled
 from eclsim.solver.model import AS_PUBLISHED
 from eclsim.solver.orbit import OrbitProblem
 from eclsim.solver.steady import Batch, SteadyBeats
 
 COMPLEX_STEP = 1e-30
-LANES = 16
+LANES = 8
 """Directions are padded to a multiple, so that vector loops have no remainder."""
-QUICK_TO_COMPILE = {"xla_backend_optimization_level": 1}
 
 
 @dataclass(frozen=True)
@@ -37,12 +36,18 @@ class OrbitTangents:
     Args:
         states: d state / d parameter, shape (states, parameters).
         sums: d sum / d parameter for each weighted sum of signals, shape (sums, parameters).
-        multipliers: eigenvalues of dbeat/dy (Floquet multipliers), largest first, shape (states,).
+        monodromy: dbeat/dy, shape (states, states).
     """
 
     states: np.ndarray
     sums: np.ndarray
-    multipliers: np.ndarray
+    monodromy: np.ndarray
+
+    @property
+    def multipliers(self) -> np.ndarray:
+        """Eigenvalues of dbeat/dy (Floquet multipliers), largest first, shape (states,)."""
+        found = np.linalg.eigvals(self.monodromy)
+        return found[np.argsort(-np.abs(found))]
 
 
 def orbit_tangents(
@@ -81,9 +86,7 @@ def orbit_tangents(
     values = dict(zip(program.names, packed, strict=True))
     right = end[:, n:] + np.outer(spread, _volume_gradient(batch, values, parameters))
     states = np.linalg.solve(system, right)
-    multipliers = np.linalg.eigvals(end[:, :n])
-    order = np.argsort(-np.abs(multipliers))
-    return OrbitTangents(states, sums[:, n:] + sums[:, :n] @ states, multipliers[order])
+    return OrbitTangents(states, sums[:, n:] + sums[:, :n] @ states, end[:, :n])
 
 
 @lru_cache(maxsize=64)
@@ -96,7 +99,7 @@ def _tangents(program: BeatProgram, signals: tuple[str, ...]) -> Any:
 
         return jax.vmap(one)(state_directions, packed_directions)
 
-    return jax.jit(as_single_kernel(run), compiler_options=QUICK_TO_COMPILE)
+    return compiled(run)
 
 
 def _volume_gradient(batch: Batch, values: dict[str, float], parameters: tuple[str, ...]) -> np.ndarray:

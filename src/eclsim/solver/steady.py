@@ -110,6 +110,7 @@ def _solve_level(
     wide = len(members) > FEW
     problem = OrbitProblem(program, batch.packed(program), batch.volume(), wide)
     start = anchor(batch, level, near)
+    program.count_search()
     parts = np.array_split(members, max(1, min(threads(), len(members) // (LANES if wide else 4))))
     solved = map_parallel(lambda part: solve_orbits(problem.take(part), start, options), list(parts))
     for part, orbits in zip(parts, solved, strict=True):

@@ -12,7 +12,7 @@ import numpy as np
 from eclsim.circuit.assembly import assemble
 from eclsim.haemodynamics.outputs import CONTRACT
 from eclsim.solver.beat import beat_program
-from eclsim.solver.lanes import run_lanes
+from eclsim.solver.lanes import Lanes
 from eclsim.solver.steady import Batch, start_state, steady_beats
 from eclsim.validation.cases import case_names, reference_model
 from eclsim.validation.reference_cases import QUICK, reference_result
@@ -73,7 +73,7 @@ def periodicity_check(quick: bool = False) -> Check:
         steady = steady_beats(Batch(model.circuit, model.values, 1))
         before = steady.orbits.states[:, 0]
         program = beat_program(model.circuit, int(steady.resolution[0]))
-        after = run_lanes(program, before[:, None], steady.batch.packed(program), False)[:, 0]
+        after = Lanes(program, steady.batch.packed(program), False).beat(before[:, None])[:, 0]
         change = np.max(np.abs(after - before) / np.maximum(np.abs(before), 1.0))
         rows.append(at_most(f"{name} change over a beat", float(change), PERIODICITY))
     return Check("periodicity", "Periodicity of the solved orbits", "1e-8 of each state", tuple(rows))
@@ -97,7 +97,8 @@ def volume_error(model: Model, beats: int) -> float:
     packed = Batch(model.circuit, model.values, 1).packed(program)
     state, volumes = start_state(model)[:, None], assemble(model.circuit).n_volumes
     start, error = state[:volumes].sum(), 0.0
+    lanes = Lanes(program, packed, False)
     for _ in range(beats):
-        state = run_lanes(program, state, packed, False)
+        state = lanes.beat(state)
         error = max(error, abs(state[:volumes].sum() / start - 1.0))
     return float(error)

@@ -15,7 +15,7 @@ from eclsim.haemodynamics.dataset import simulate
 from eclsim.haemodynamics.evaluation import batch_outputs
 from eclsim.parameters.identification import BOUNDS
 from eclsim.solver.beat import beat_program
-from eclsim.solver.lanes import run_lanes
+from eclsim.solver.lanes import HANDFUL, Lanes
 from eclsim.solver.model import Model
 from eclsim.solver.status import Status
 from eclsim.solver.steady import Batch, SteadyBeats, start_state, steady_beats
@@ -144,8 +144,9 @@ def _followed(
         program = beat_program(steady.batch.circuit, int(level))
         own = steady.resolution[members] == level
         packed, states = steady.batch.packed(program)[:, members[own]], start[:, own]
+        lanes = Lanes(program, packed, bool(own.sum() > HANDFUL))
         for _ in range(beats):
-            states = run_lanes(program, states, packed, own.sum() > 8)
+            states = lanes.beat(states)
         last[:, own] = states
     change = np.abs(last - start) / np.maximum(np.abs(start), 1.0)
     return last, change.max(axis=0, initial=0.0)
