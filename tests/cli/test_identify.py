@@ -48,7 +48,9 @@ def test_a_case_is_fitted_and_simulate_takes_the_result(shell, quick, tmp_path):
     assert point["id"] == "P01"
     assert set(point["parameters"]) == {"Rmc", "Emaxlv"}
     assert json.loads((out / "identification.json").read_text())["points"] == [point]
-    assert {p.name for p in (out / "figures").glob("*.png")} == {"slices.png", "starts.png"}
+    assert {p.name for p in (out / "figures").glob("*.png")} == {
+        "slices.png", "profiles.png", "starts.png", "residuals.png", "correlation.png",
+    }  # fmt: skip
 
     again = shell.run("simulate", str(out / "cases" / "P01.toml"), "--json", "-")
     outputs = json.loads(again.stdout)["cases"][0]["outputs"]

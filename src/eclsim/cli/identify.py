@@ -79,6 +79,13 @@ def identify(
     chains: Annotated[int, typer.Option(min=2, max=64, help="Chains of --posterior.")] = 4,
     warmup: Annotated[int, typer.Option(min=50, help="Draws of each chain that are thrown away.")] = 1000,
     draws: Annotated[int, typer.Option(min=50, help="Draws of each chain that are kept.")] = 1000,
+    shared: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAMES",
+            help="For cohorts: free parameters that all data points of a patient have in common, as Csvn.",
+        ),
+    ] = None,
     seed: Annotated[
         int, typer.Option(min=0, help="Of the explored points; the same seed, the same result.")
     ] = 0,
@@ -111,6 +118,6 @@ def identify(
     run(
         Request(
             file, out, parameters, bounds, weights, uncertainty, seed, json_file, tuple(settings or ()),
-            volume_policy, resume, force, wanted,
+            volume_policy, resume, force, wanted, shared,
         )
     )  # fmt: skip

@@ -34,6 +34,7 @@ class Request:
     resume: bool
     force: bool
     posterior: PosteriorRequest
+    shared: str | None = None
 
 
 def run(request: Request) -> None:
@@ -60,17 +61,23 @@ def _check_destinations(request: Request, cohort: bool) -> None:
         fail("--set: for case files; change the table of a cohort instead")
     if cohort and request.posterior.wanted:
         fail("--posterior, --predict: for case files; `eclsim identify` of a cohort gives intervals")
+    if not cohort and request.shared is not None:
+        fail("--shared: for cohorts; a case is one data point")
     if not cohort and request.resume:
         fail("--resume: for cohorts; a case is fitted in one go")
 
 
 def _settings(request: Request) -> FitSettings:
-    from eclsim.cli.fit_options import fit_settings
+    from dataclasses import replace
 
-    return fit_settings(
+    from eclsim.cli.fit_options import fit_settings
+    from eclsim.studies.fit_settings import parameter_names
+
+    settings = fit_settings(
         request.parameters, request.bounds, request.uncertainty,
         weights=request.weights, policy=request.policy, seed=request.seed,
     )  # fmt: skip
+    return replace(settings, shared=tuple(parameter_names(request.shared or "")))
 
 
 def _one_case(request: Request) -> None:

@@ -58,7 +58,7 @@ class Precision:
     resolution: int | None = None
 
 
-EXACT = Precision(1e-8, 1e-14, 1e-10, 100, OrbitOptions(newton_iterations=3))
+EXACT = Precision(1e-8, 1e-14, 1e-10, 60, OrbitOptions(newton_iterations=3))
 """For the optimum itself."""
 
 

@@ -6,7 +6,7 @@ in rounds side by side, so "the best so far" is that of the rounds before.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
@@ -21,11 +21,11 @@ EXPLORING = OrbitOptions(tolerance=3e-2, error_tolerance=1e-1, newton_iterations
 """Enough to rank points: outputs differ from those of the exact orbit by 1e-4 (median), 1 % (99 % of all)."""
 COARSE = 1
 """Grid of explored points and of starts; only the optimum is refined on the grid that it needs."""
-REFINING = Precision(2e-4, orbits=OrbitOptions(1e-6, 1e-5, newton_iterations=0), resolution=COARSE)
+REFINING = Precision(2e-4, 1e-7, orbits=OrbitOptions(1e-6, 1e-5, newton_iterations=0), resolution=COARSE)
 SAME_COST = 1e-3
 SAME_FIT = 1e-3
-NEXT_TO_NOTHING = 1e-8
-"""Sum of squares below which a fit is perfect."""
+NEXT_TO_NOTHING = 1e-6
+"""Sum of squares below which a fit is perfect: outputs within 0.1 %."""
 LARGEST_WEIGHT = 0.995
 
 
@@ -90,6 +90,19 @@ class Starts:
 
 
 @dataclass(frozen=True)
+class Joint:
+    """What a fit of several data points together says of one of them.
+
+    Args:
+        covariance: of the logarithms of its parameters, shape (parameters, parameters).
+        excluded: reason for each of its parameters that all measurements together do not determine.
+    """
+
+    covariance: np.ndarray
+    excluded: Mapping[str, str]
+
+
+@dataclass(frozen=True)
 class Optimum:
     """The best fit of one data point.
 
@@ -102,6 +115,7 @@ class Optimum:
         explored: points explored.
         dropped: of these without a steady beat.
         status: how it ended.
+        joint: of a fit together with other data points; None where it was fitted alone.
     """
 
     x: np.ndarray
@@ -112,6 +126,7 @@ class Optimum:
     explored: int
     dropped: int
     status: FitStatus
+    joint: Joint | None = None
 
     @property
     def agreeing(self) -> int:

@@ -7,7 +7,7 @@ value) are symmetric and a step means the same change for all of them.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -148,7 +148,8 @@ class Objective:
             steady = _in_lanes(batch, options or OrbitOptions(), resolution)
         else:
             steady = steady_beats(batch, options, resolution=resolution)
-        found = batch_outputs(steady, self.outputs).T[:count].copy()
+        wide = steady if len(filled) > FEW or count < WORTH_LANES else _repeated(steady)
+        found = batch_outputs(wide, self.outputs).T[:count].copy()
         found[steady.orbits.status[:count] != Status.CONVERGED] = np.nan
         return Evaluation(steady, found, (found - self.measured[which]) * self.weights[which])
 
@@ -187,3 +188,12 @@ def _in_lanes(batch: Batch, options: OrbitOptions, resolution: int) -> SteadyBea
     solved = map_parallel(lambda part: solve_orbits(problem.take(part), start, options), list(parts))
     joined = {n: np.concatenate([getattr(o, n) for o in solved], axis=-1) for n in vars(solved[0])}
     return SteadyBeats(batch, Orbits(**joined), np.full(batch.count, resolution))
+
+
+def _repeated(steady: SteadyBeats) -> SteadyBeats:
+    """The same beats over and over, so many that their outputs are read off with the program for many."""
+    batch, orbits = steady.batch, steady.orbits
+    filled = np.arange(FEW + 1) % batch.count
+    values = {n: v[filled] if np.ndim(v) else v for n, v in batch.values.items()}
+    more = Orbits(**{n: v[..., filled] for n, v in vars(orbits).items()})
+    return SteadyBeats(replace(batch, values=values, count=FEW + 1), more, steady.resolution[filled])

@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from eclsim.patients.writing import write_case
 from eclsim.report.files import whole_file
 from eclsim.report.plain_json import write_plain
@@ -58,22 +60,35 @@ def write_fitted_case(folder: Path, fit: Fit) -> Path:
 
 
 def write_fit_figures(folder: Path, fit: Fit) -> list[Path]:
-    """Slices through the objective and convergence of the starts."""
+    """Slices, profiles, convergence of the starts, residuals and correlation of one fit."""
+    from eclsim.identification.profiles import profiles
     from eclsim.identification.slices import slices
     from eclsim.parameters import thiel2025
+    from eclsim.plotting.fit_figures import plot_correlation, plot_profiles, plot_residuals
     from eclsim.plotting.identification_figures import plot_slices, plot_starts
     from eclsim.plotting.style import save_figure
 
     if not len(fit.optimum.starts.agreeing):
         return []
     units = {n: thiel2025.PARAMETERS[n].unit for n in fit.box.names}
-    drawn = slices(fit.objective, fit.box, fit.optimum.x, fit.number)
-    return [
-        *save_figure(plot_slices(drawn, units), folder / "slices"),
-        *save_figure(
-            plot_starts(fit.optimum.starts, fit.box.names, fit.box.lower, fit.box.upper), folder / "starts"
-        ),
+    along = slices(fit.objective, fit.box, fit.optimum.x, fit.number)
+    profiled = profiles(fit.objective, fit.box, fit.optimum.x, fit.number)
+    figures = {
+        "slices": plot_slices(along, units),
+        "profiles": plot_profiles(profiled, along, units),
+        "starts": plot_starts(fit.optimum.starts, fit.box.names, fit.box.lower, fit.box.upper),
+        "residuals": plot_residuals(fit.as_object()["outputs"], fit.uncertainties),
+        "correlation": plot_correlation(fit.box.names, fit.correlation),
+    }
+    written = [path for name, figure in figures.items() for path in save_figure(figure, folder / name)]
+    table = folder / "profiles.csv"
+    rows = [
+        (name, value, cost if np.isfinite(cost) else None)
+        for name, values, costs in zip(profiled.names, profiled.values, profiled.costs, strict=True)
+        for value, cost in zip(values.tolist(), costs.tolist(), strict=True)
     ]
+    _write(table, ("parameter", "value", "cost"), rows)
+    return [*written, table]
 
 
 def write_cohort_figures(folder: Path, content: Mapping[str, Any]) -> list[Path]:

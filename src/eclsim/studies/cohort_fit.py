@@ -148,7 +148,10 @@ def fit_cohort(
     done = store.finished(p.name for p in points)
     before = len(done)
     waiting = [p for p in points if p.name not in done]
-    for chosen in _groups(waiting, group):
+    if settings.shared:  # a patient's points are fitted together, or not at all
+        open_patients = {p.patient_id for p in waiting}
+        waiting = [p for p in points if p.patient_id in open_patients]
+    for chosen in _groups(waiting, group, bool(settings.shared)):
         if report is not None:
             report(f"{len(done)} of {len(points)} data points done ({before} of them by an earlier run)")
         for point, fit in zip(chosen, fit_cases([(p.name, p.case) for p in chosen], settings), strict=True):
@@ -157,12 +160,16 @@ def fit_cohort(
     return [done[p.name] for p in points]
 
 
-def _groups(points: Sequence[CohortPoint], size: int) -> list[list[CohortPoint]]:
+def _groups(points: Sequence[CohortPoint], size: int, by_patient: bool) -> list[list[CohortPoint]]:
+    """Points with the same circuit, some at a time, or all of a patient."""
     from eclsim.solver.model import circuit_of
 
     by_circuit: dict[Any, list[CohortPoint]] = {}
     for point in points:
-        by_circuit.setdefault(circuit_of(point.case), []).append(point)
+        key = (circuit_of(point.case), point.patient_id if by_patient else "")
+        by_circuit.setdefault(key, []).append(point)
+    if by_patient:
+        return list(by_circuit.values())
     return [same[k : k + size] for same in by_circuit.values() for k in range(0, len(same), size)]
 
 

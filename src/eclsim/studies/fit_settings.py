@@ -32,6 +32,7 @@ class FitSettings:
         uncertainties: standard uncertainties of measurements that differ from the defaults.
         multi_start: how widely to look.
         policy: blood volume policy.
+        shared: free parameters that all data points of a patient of a cohort have in common.
     """
 
     parameters: tuple[str, ...] = tuple(BOUNDS)
@@ -40,6 +41,12 @@ class FitSettings:
     uncertainties: Mapping[str, Uncertainty] = field(default_factory=dict)
     multi_start: MultiStart = field(default_factory=MultiStart)
     policy: str = "as_published"
+    shared: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All free parameters: what is shared is free as well."""
+        return tuple(dict.fromkeys([*self.parameters, *self.shared]))
 
     def as_object(self) -> dict[str, Any]:
         """As plain data; two fits with the same object give the same numbers."""
@@ -55,6 +62,7 @@ class FitSettings:
             "rediscoveries": m.rediscoveries,
             "seed": m.seed,
             "blood_volume_policy": self.policy,
+            "shared": list(self.shared),
         }
 
 
@@ -62,7 +70,7 @@ def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
     """Targets and bounds of a case, checked, with everything there is to say."""
     from eclsim.solver.model import circuit_of
 
-    wanted = {name: _bounds(name, case, settings.bounds) for name in settings.parameters}
+    wanted = {name: _bounds(name, case, settings.bounds) for name in settings.names}
     checked = check_fit(case, wanted)
     read = ("heart_rate_bpm", *circuit_of(case).parameter_names())
     for name in [*checked.free, *checked.fixed]:
@@ -75,9 +83,9 @@ def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
                 Mistake(name, "is sought on a logarithmic scale: its lower bound must be above 0")
             )
     for name in settings.bounds:
-        if name not in settings.parameters:
-            hint = did_you_mean(name, settings.parameters) or ""
-            allowed = ", ".join(settings.parameters)
+        if name not in settings.names:
+            hint = did_you_mean(name, settings.names) or ""
+            allowed = ", ".join(settings.names)
             checked.mistakes.append(
                 Mistake(name, "bounds of a parameter that is not free", "", allowed, hint)
             )

@@ -18,6 +18,7 @@ from eclsim.sensitivity.identifiability import ScaledSensitivities
 from eclsim.sensitivity.proposal import propose
 from eclsim.sensitivity.uncertainties import DEFAULTS
 from eclsim.studies.fit_settings import FitSettings, checked_fit
+from eclsim.studies.shared_fit import together
 
 if TYPE_CHECKING:
     from eclsim.patients.case import Case
@@ -66,6 +67,7 @@ class Fit:
         box: bounds.
         optimum: where and how it was found.
         number: of the data point in the objective.
+        uncertainties: standard uncertainty of each measurement [mmHg, L/min].
         seconds: wall time; points fitted side by side share theirs evenly.
     """
 
@@ -80,6 +82,7 @@ class Fit:
     box: Box
     optimum: Optimum
     number: int
+    uncertainties: Mapping[str, float]
     seconds: float = 0.0
 
     @property
@@ -147,6 +150,8 @@ def fit_cases(
         return []
     objective = Objective(targets, box.names, settings.policy)
     found = identify(objective, box, settings.multi_start, report)
+    if settings.shared and len(cases) > 1:
+        found = together(objective, box, found, [_errors(t, settings) for t in objective.targets], settings)
     fits = [
         _fit(name, case, objective, k, box, optimum, settings)
         for k, ((name, case), optimum) in enumerate(zip(cases, found, strict=True))
@@ -181,6 +186,11 @@ def _uncertainties(measured: Mapping[str, float], settings: FitSettings) -> dict
     return {n: known[n].at(v) or known[n].at(0.1) for n, v in measured.items()}
 
 
+def _errors(target: Target, settings: FitSettings) -> np.ndarray:
+    """Standard uncertainties of what was measured, shape (measured,)."""
+    return np.array(list(_uncertainties(target.measured, settings).values()))
+
+
 def _fit(
     name: str, case: Case, objective: Objective, number: int, box: Box, optimum: Optimum,
     settings: FitSettings,
@@ -191,19 +201,23 @@ def _fit(
         return Fit(
             name, case, target.measured, target.scales, {}, dict.fromkeys(box.names, nothing),
             np.full((len(box.names),) * 2, np.nan), objective, box, optimum, number,
+            _uncertainties(target.measured, settings),
         )  # fmt: skip
     rows = [objective.outputs.index(o) for o in target.measured]
-    errors = np.array(list(_uncertainties(target.measured, settings).values()))
+    errors = _errors(target, settings)
     scaled = ScaledSensitivities(tuple(target.measured), box.names, optimum.jacobian[rows] / errors[:, None])
     spread = covariance(scaled.matrix, prior_deviations(box.lower, box.upper))
+    if optimum.joint is not None:
+        spread = optimum.joint.covariance
     parameters = _parameters(optimum, box, scaled, np.sqrt(np.diag(spread)))
     fitted = {n: p.value for n, p in parameters.items()}
-    fixed = {n: target.model.values[n] for n in settings.parameters if n not in fitted}
+    fixed = {n: target.model.values[n] for n in settings.names if n not in fitted}
     changed = case.model_copy(update={"parameters": {**case.parameters, **fixed, **fitted}})
     simulated = dict(zip(objective.outputs, optimum.outputs.tolist(), strict=True))
     return Fit(
         name, changed, target.measured, target.scales, {o: simulated[o] for o in OUTPUTS if o in simulated},
         parameters, correlation(spread), objective, box, optimum, number,
+        _uncertainties(target.measured, settings),
     )  # fmt: skip
 
 
@@ -212,7 +226,7 @@ def _parameters(
 ) -> dict[str, FittedParameter]:
     """Values, intervals and what the measurements tell apart."""
     low, high = optimum.x <= box.lower + AT_BOUND, optimum.x >= box.upper - AT_BOUND
-    excluded = propose(scaled).excluded
+    excluded = propose(scaled).excluded if optimum.joint is None else optimum.joint.excluded
     differ = np.expm1(np.ptp(optimum.starts.end[optimum.starts.agreeing], axis=0))
     before = prior_deviations(box.lower, box.upper)
     found = {}
@@ -233,7 +247,9 @@ def _parameters(
 def _doubted(fits: Sequence[Fit], objective: Objective, box: Box) -> list[Fit]:
     """The fits with parameters that follow undetermined ones named as not determined themselves."""
     open_ones = [
-        [k for k, p in enumerate(f.parameters.values()) if not p.identifiable] if f.simulated else []
+        [k for k, p in enumerate(f.parameters.values()) if not p.identifiable]
+        if f.simulated and f.optimum.joint is None
+        else []
         for f in fits
     ]
     others = alternatives(objective, box, [f.optimum.x for f in fits], open_ones)

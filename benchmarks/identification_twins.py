@@ -1,0 +1,110 @@
+"""Noise-free twins: are outputs reproduced, and are the parameters that are called identifiable right?
+
+Fits the patients of data/identification_twins.csv, whose outputs come from the adaptive path and whose
+parameters are known (identification_twins_data.py makes them), and counts
+
+- twins all of whose outputs are reproduced to 1 %,
+- parameters called identifiable that are within 5 % of the truth,
+- for each parameter, how many are called identifiable, and the error of those and of the others.
+
+    python benchmarks/identification_twins.py OUT [--first 200] [--points 1000] [--minutes 60]
+
+OUT keeps each twin as soon as it is done; run it again to go on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eclsim.identification.multi_start import MultiStart
+from eclsim.patients.cohort import read_cohort
+from eclsim.studies.cohort_fit import FitStore, fit_cohort
+from eclsim.studies.fit_settings import FitSettings
+
+DATA = Path(__file__).parent / "data"
+SAME_OUTPUT, SAME_PARAMETER = 0.01, 0.05
+GROUP = 8
+
+
+def main() -> None:
+    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    options.add_argument("out", type=Path)
+    options.add_argument("--first", type=int, default=200, help="how many twins")
+    options.add_argument("--points", type=int, default=1000, help="explored points per parameter")
+    options.add_argument("--minutes", type=float, default=60.0, help="stop after so many")
+    asked = options.parse_args()
+    reading = read_cohort(DATA / "identification_twins.csv")
+    points = reading.points[: asked.first]
+    search = MultiStart(points_per_parameter=asked.points, refined_share=0.01 * 1000 / asked.points)
+    settings = FitSettings(multi_start=search)
+    store = FitStore(asked.out, reading.digest, settings)
+    asked.out.mkdir(parents=True, exist_ok=True)
+    store.open(resume=(asked.out / "settings.json").exists(), force=False)
+    begun, results = time.monotonic(), []
+    for k in range(0, len(points), GROUP):
+        if time.monotonic() - begun > 60.0 * asked.minutes:
+            break
+        results += fit_cohort(points[k : k + GROUP], settings, store)
+    print(json.dumps(summary(results, truth()), indent=1))
+
+
+def truth() -> dict[str, dict[str, float]]:
+    """True parameters by name of the data point."""
+    with (DATA / "identification_twins_truth.csv").open(encoding="utf-8", newline="") as file:
+        return {
+            f"{row['patient_id']}/{row['measurement']}": {
+                n: float(v) for n, v in row.items() if n not in ("patient_id", "measurement", "of")
+            }
+            for row in csv.DictReader(file)
+        }
+
+
+def summary(results: list[dict[str, Any]], known: dict[str, dict[str, float]]) -> dict[str, Any]:
+    """What was reached, over all twins."""
+    worst = [
+        max(abs(o["simulated"] / o["measured"] - 1.0) for o in r["outputs"].values() if o["simulated"])
+        if r["cost"] is not None
+        else np.inf
+        for r in results
+    ]
+    errors = {
+        (r["id"], n): (abs(p["value"] / known[r["id"]][n] - 1.0), p["identifiable"])
+        for r in results
+        if r["cost"] is not None
+        for n, p in r["parameters"].items()
+    }
+    called = np.array([e for e, identifiable in errors.values() if identifiable])
+    wrong = [f"{i} {n}: {100 * e:.1f} %" for (i, n), (e, ok) in errors.items() if ok and e > SAME_PARAMETER]
+    by_name = {}
+    for name in next(iter(known.values())):
+        own = [v for (_, n), v in errors.items() if n == name]
+        yes, no = ([e for e, ok in own if ok is which] for which in (True, False))
+        by_name[name] = {
+            "called_identifiable": len(yes),
+            "median_error_if_so": float(np.median(yes)) if yes else None,
+            "largest_error_if_so": max(yes, default=None),
+            "median_error_if_not": float(np.median(no)) if no else None,
+            "within_5_percent_though_not": sum(e <= SAME_PARAMETER for e in no),
+        }
+    return {
+        "twins": len(results),
+        "fitted": sum(r["status"] == "fitted" for r in results),
+        "outputs_within_1_percent": float(np.mean(np.array(worst) <= SAME_OUTPUT)) if worst else None,
+        "largest_output_error": float(max(worst, default=np.nan)),
+        "identifiable_within_5_percent": float(np.mean(called <= SAME_PARAMETER)) if len(called) else None,
+        "identifiable_but_wrong": wrong,
+        "parameters": by_name,
+        "median_starts_agreeing": float(np.median([r["starts_agreeing"] for r in results])),
+        "median_seconds": float(np.median([r["seconds"] for r in results])),
+    }
+
+
+if __name__ == "__main__":
+    main()

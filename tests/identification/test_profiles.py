@@ -1,0 +1,66 @@
+"""Profiles and alternatives on problems that are known, and polishing where a slope has a kink."""
+
+import numpy as np
+
+from eclsim.identification.alternatives import alternatives
+from eclsim.identification.least_squares import EXACT, refine
+from eclsim.identification.objective import Box
+from eclsim.identification.polishing import polish
+from eclsim.identification.profiles import elsewhere, profiles
+from function_objective import FunctionObjective
+
+BOX = Box(("a", "b"), np.zeros(2), np.full(2, -2.0), np.full(2, 2.0))
+
+
+def only_their_sum(x: np.ndarray) -> np.ndarray:
+    return np.stack([x[:, 0] + x[:, 1] - 0.5, 3.0 + 0.0 * x[:, 0]], axis=1)
+
+
+def both(x: np.ndarray) -> np.ndarray:
+    return np.stack([x[:, 0] + x[:, 1] - 0.5, x[:, 0] - x[:, 1] + 0.1], axis=1)
+
+
+def test_a_profile_is_flat_where_another_parameter_makes_up():
+    flat = profiles(FunctionObjective(only_their_sum), BOX, np.array([0.3, 0.2]), steps=7)
+    inside = np.abs(np.log(flat.values)) <= 1.5
+    np.testing.assert_allclose(flat.costs[inside], 9.0, rtol=1e-6)
+    steep = profiles(FunctionObjective(both), BOX, np.array([0.2, 0.3]), steps=7)
+    expected = 2.0 * (np.log(steep.values) - np.log(steep.optimum)[:, None]) ** 2
+    near = np.abs(np.log(steep.values)) <= 1.4
+    np.testing.assert_allclose(steep.costs[near], expected[near], atol=1e-3)
+
+
+def test_what_is_held_stays():
+    mask = np.array([[True, False], [False, True]])
+    starts = np.array([[1.0, 0.0], [0.0, -1.0]])
+    found = refine(FunctionObjective(both), np.zeros(2, dtype=int), starts, BOX, EXACT, mask)
+    assert found.x[0, 0] == 1.0
+    assert found.x[1, 1] == -1.0
+    np.testing.assert_allclose(found.x[0, 1], 0.3, atol=1e-4)
+
+
+def test_a_follower_of_an_undetermined_parameter_is_seen():
+    (found,) = alternatives(FunctionObjective(only_their_sum), BOX, [np.array([0.3, 0.2])], [[0]])
+    moved, followed = found.followers(np.array([0.3, 0.2]))
+    assert moved[1] > 0.8
+    assert followed[1] == 0
+    (found,) = alternatives(FunctionObjective(both), BOX, [np.array([0.2, 0.3])], [[0]])
+    assert found.followers(np.array([0.2, 0.3]))[0][1] == 0.0
+
+
+def test_nothing_undetermined_needs_no_fit():
+    (found,) = alternatives(FunctionObjective(both), BOX, [np.zeros(2)], [[]])
+    assert len(found.held) == 0
+    held, values = elsewhere(np.zeros(2), BOX, [1])
+    assert set(held) == {1}
+    assert np.all(np.abs(values) > 0.5)
+
+
+def test_polishing_leaves_a_kink_behind():
+    def kinked(x: np.ndarray) -> np.ndarray:
+        slope = np.where(x[:, 0] > 0.4, 1.0, 8.0)
+        return np.stack([slope * (x[:, 0] - 0.4) + 0.3, 1.0 + 0.9 * (x[:, 0] - x[:, 1])], axis=1)
+
+    objective = FunctionObjective(kinked)
+    stopped = refine(objective, np.zeros(1, dtype=int), np.array([[1.5, 1.0]]), BOX, EXACT)
+    assert polish(objective, 0, stopped, BOX, EXACT).costs[0] <= stopped.costs[0]

@@ -1,0 +1,84 @@
+"""Data points of one patient with parameters in common: the joint search, and what it says of each point."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eclsim.haemodynamics.dataset import simulate
+from eclsim.identification.multi_start import MultiStart
+from eclsim.identification.objective import Box, Objective, Target
+from eclsim.identification.shared import JointObjective, fit_together
+from eclsim.parameters.identification import BOUNDS
+from eclsim.patients.case import Case, Measurements, Patient
+from eclsim.patients.cohort import CohortPoint
+from eclsim.solver.model import model_of
+from eclsim.studies.cohort_fit import FitStore, fit_cohort
+from eclsim.studies.fit_settings import FitSettings
+
+MEASURED = ("SP", "DP", "MAP", "MPAP", "CO")
+TRUTH = ({"Csart": 1.4, "Rmc": 0.8}, {"Csart": 1.4, "Rmc": 0.5})
+
+
+@pytest.fixture(scope="module")
+def cases() -> list[Case]:
+    """Two measurements of one patient whose resistance has changed and whose compliance has not."""
+    made = []
+    for rate, true in zip((80, 95), TRUTH, strict=True):
+        patient = Patient(id="T", sex="male", age_years=50, heart_rate_bpm=rate)
+        beat = simulate(model_of(Case(patient=patient, parameters=true)))
+        made.append(Case(patient=patient, measurements=Measurements(**{n: float(beat[n]) for n in MEASURED})))
+    return made
+
+
+@pytest.fixture(scope="module")
+def objective(cases: list[Case]) -> Objective:
+    targets = []
+    for case in cases:
+        assert case.measurements is not None
+        measured = {n: getattr(case.measurements, n) for n in MEASURED}
+        targets.append(Target(model_of(case), measured, measured))
+    return Objective(targets, ("Csart", "Rmc"))
+
+
+@pytest.fixture(scope="module")
+def box() -> Box:
+    return Box.of({n: BOUNDS[n] for n in ("Csart", "Rmc")})
+
+
+def test_joint_residuals_and_derivatives_are_those_of_the_points(objective: Objective, box: Box):
+    joint = JointObjective(objective, [0])
+    x = np.log([[1.2, 0.7, 0.6]])
+    assert joint.box(box).names == ("Csart", "Rmc of point 1", "Rmc of point 2")
+    found = joint.evaluate(np.zeros(1, dtype=int), x)
+    single = objective.evaluate(np.arange(2), np.log([[1.2, 0.7], [1.2, 0.6]]))
+    np.testing.assert_allclose(found.residuals.ravel(), single.residuals.ravel())
+    jacobian = joint.jacobians(found, [0], x)[0]
+    step = np.array([[1e-4, 0.0, 0.0]])
+    ends = [joint.evaluate(np.zeros(1, dtype=int), x + s).outputs[0] for s in (step, -step)]
+    np.testing.assert_allclose(jacobian[:, 0], (ends[0] - ends[1]) / 2e-4, atol=0.5)
+    height = len(objective.outputs)
+    assert np.all(jacobian[:height, 2] == 0.0)
+    assert np.all(jacobian[height:, 1] == 0.0)
+
+
+def test_what_is_shared_is_found_together(objective: Objective, box: Box):
+    own = np.log([[1.1, 0.8], [1.9, 0.5]])
+    joint, found = fit_together(objective, box, [0], own)
+    np.testing.assert_allclose(np.exp(joint.rows(found.x)), [[1.4, 0.8], [1.4, 0.5]], rtol=2e-3)
+
+
+def test_a_cohort_shares_within_a_patient_only(cases: list[Case], tmp_path):
+    points = [CohortPoint(who, str(k), k, c) for who in "AB" for k, c in enumerate(cases)]
+    quick = MultiStart(points_per_parameter=10, refined_share=0.2, round_size=4, rediscoveries=2)
+    settings = FitSettings(("Rmc",), multi_start=quick, shared=("Csart",))
+    store = FitStore(tmp_path, "abc", settings)
+    store.open(resume=False, force=False)
+    results = fit_cohort(points, settings, store)
+    assert [r["id"] for r in results] == ["A/0", "A/1", "B/0", "B/1"]
+    values = [r["parameters"]["Csart"]["value"] for r in results]
+    assert values[0] == values[1]
+    assert values[0] == pytest.approx(1.4, rel=5e-3)
+    assert results[0]["parameters"]["Rmc"]["value"] != results[1]["parameters"]["Rmc"]["value"]
+    alone = replace(settings, shared=())
+    assert alone.as_object() != settings.as_object()
