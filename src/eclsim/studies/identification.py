@@ -227,7 +227,8 @@ def _parameters(
     """Values, intervals and what the measurements tell apart."""
     low, high = optimum.x <= box.lower + AT_BOUND, optimum.x >= box.upper - AT_BOUND
     excluded = propose(scaled).excluded if optimum.joint is None else optimum.joint.excluded
-    differ = np.expm1(np.ptp(optimum.starts.end[optimum.starts.agreeing], axis=0))
+    agreed = optimum.starts.end[optimum.starts.agreeing]
+    differ = np.expm1(np.ptp(agreed, axis=0)) if len(agreed) else np.zeros(len(box.names))
     before = prior_deviations(box.lower, box.upper)
     found = {}
     for k, name in enumerate(box.names):
