@@ -47,11 +47,15 @@ def main() -> None:
                 print(f"{scheme.letter} {speed:.0f}: no steady beat ({exact.attrs['status']})")
                 continue
             count += 1
+            differences = {}
             for name in OUTPUTS:
                 there = float(exact[name])
-                difference = abs(float(ours[name]) - there) / max(abs(there), SMALL.get(name, 5.0))
-                if difference > worst.get(name, -1.0):
-                    worst[name], where[name] = difference, f"{scheme.letter}, {speed:.0f} rpm"
+                differences[name] = abs(float(ours[name]) - there) / max(abs(there), SMALL.get(name, 5.0))
+                if differences[name] > worst.get(name, -1.0):
+                    worst[name], where[name] = differences[name], f"{scheme.letter}, {speed:.0f} rpm"
+            largest = 100.0 * max(differences.values())
+            waited = f"{exact.attrs['beats']} beats waited for, {time.perf_counter() - started:.0f} s"
+            print(f"{scheme.letter} {speed:.0f}: largest {largest:.4f} %, {waited}", flush=True)
     for name in OUTPUTS:
         print(f"{name:22} {100.0 * worst[name]:8.4f} %   {where[name]}")
     seconds = time.perf_counter() - started
