@@ -58,7 +58,7 @@ class Diagnostics:
         if self.divergent > LARGEST_DIVERGENT_SHARE * self.draws:
             found.append(
                 f"{self.divergent} of {self.draws} draws diverged (at most {LARGEST_DIVERGENT_SHARE:.0%}): "
-                "raise --target-accept, and doubt the intervals"
+                "doubt the intervals, and narrow --bounds to what is possible"
             )
         return tuple(found)
 

@@ -149,10 +149,10 @@ class Follower:
             return None
         states = (last.state + last.slopes @ (x - last.x))[:, None]
         for _ in range(MOST_BEATS):
-            residual = problem.residual(states, problem.beat(states))
-            if not np.isfinite(residual).all():
+            trial = problem.trial(states)
+            if not trial.finite.all():
                 return None
-            step = (last.inverse @ residual) * problem.scale
+            step = (last.inverse @ trial.residual) * problem.scale
             states = states - step
             if np.max(np.abs(step) / np.maximum(np.abs(states), 1.0)) < NEAR_ENOUGH:
                 break

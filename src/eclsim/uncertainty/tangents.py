@@ -1,7 +1,8 @@
 """One patient's beat with tangents in all states and in some parameters, compiled for many calls.
 
-What `eclsim.solver.sensitivities` does once, a sampler does ten thousand times: so this program is optimised
-in full, and it hands back the inverse that the search for the next orbit starts with.
+What `eclsim.solver.sensitivities` does once, a sampler does ten thousand times: so this records what the
+outputs need and no more, moves them along a step of Newton's method, and hands back the inverse Jacobian that
+the search for the next orbit starts with.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from eclsim.haemodynamics.evaluation import needed_signals
 from eclsim.haemodynamics.outputs import output
 from eclsim.haemodynamics.signals import whole_beat
 from eclsim.solver.beat import BeatProgram
-from eclsim.solver.kernel import as_single_kernel
+from eclsim.solver.kernel import compiled
 from eclsim.solver.orbit import OrbitProblem
 
 LANES = 8
@@ -69,7 +70,7 @@ def linearise(
     recorded = whole_beat(recorded)
     measures = LinearMeasures({n: recorded[:, k] for k, n in enumerate(signals)}, program.grid.phases)
     found = [output(name).compute(measures) for name in outputs]
-    keys = list(measures.sums)
+    keys = sorted(measures.sums)
     weights = np.stack([measures.sums[key] for key in keys], axis=1)
     weights[-1] += weights[0]
     n, m = len(state), len(parameters)
@@ -112,4 +113,4 @@ def _program(program: BeatProgram, signals: tuple[str, ...], parameters: tuple[s
 
         return jax.vmap(one)(of_state, of_packed)
 
-    return jax.jit(as_single_kernel(run))
+    return compiled(run)
