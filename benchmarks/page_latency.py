@@ -129,7 +129,8 @@ def soak(browser: Browser, url: str, options: argparse.Namespace, pid: int) -> d
     while time.monotonic() - begun < options.seconds:
         pages[0].wait_for_timeout(5000)
         memory.append((round(time.monotonic() - begun), _resident_mb(pid)))
-    found = [page.evaluate("({...window.soak, timer: 0})") for page in pages]
+    lost = {"beats": 0, "foreign": 0, "errors": 1}  # the page was loaded again: its connection was lost
+    found = [page.evaluate("window.soak ? {...window.soak, timer: 0} : null") or lost for page in pages]
     context.close()
     minute = next((m for at, m in memory if at >= 60), memory[-1][1])
     return {

@@ -72,6 +72,16 @@ def test_where_the_clipboard_is_closed_the_link_is_shown(open_page, served):
     assert shown.input_value().startswith(f"{served.url}/#")
 
 
+def test_a_tab_that_is_loaded_again_goes_on_where_it_was(open_page):
+    page = open_page()
+    page.locator("#knob-ecmo-speed_rpm").fill("2650")
+    page.locator("#knob-ecmo-speed_rpm").press("Enter")
+    wait_for(page, "beat.outputs.PF < 2.8")
+    page.reload()
+    page.wait_for_function("window.eclsim?.bus.last('beat')?.outputs.PF < 2.8")
+    assert page.locator("#knob-ecmo-speed_rpm").input_value() == "2650"
+
+
 def test_a_damaged_link_is_refused_and_the_page_works(open_page, served):
     page = open_page(url=f"{served.url}/#nonsense")
     page.get_by_text("the link is").wait_for()

@@ -110,7 +110,7 @@ class Identification:
             return
         raw = checked_form(self.session.state.case, typed).values | {"format": 1}
         self._stop = stop = threading.Event()
-        self._said = text("fit_running")
+        self._said = text("fit_preparing")
         work = asyncio.ensure_future(
             asyncio.to_thread(self.fitter.fit, raw, self.session.state.policy, self._say, stop)
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,8 @@ import nicegui.elements.plotly  # noqa: F401  (puts the Plotly that comes with N
 from nicegui.element import Element
 
 _WEB = Path(__file__).parent / "web"
+_SERVED = secrets.token_hex(8)
+"""Names this run of the server: a tab that is loaded again goes on where it was, but not after a restart."""
 
 
 class Bridge(Element, component=_WEB / "bridge.js", esm={"eclsim-page": str(_WEB / "lib")}):
@@ -17,6 +20,7 @@ class Bridge(Element, component=_WEB / "bridge.js", esm={"eclsim-page": str(_WEB
     def __init__(self, words: dict[str, str]):
         super().__init__()
         self._props["words"] = words
+        self._props["served"] = _SERVED
 
     def publish(self, topic: str, data: Any) -> None:
         """Hand data to every view that listens."""

@@ -84,7 +84,7 @@ def application(options: Options, engine: Engine) -> App:
     nicegui_app.on_shutdown(engine.stop)
     outer = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     ui.run_with(
-        outer, title=text("title"), tailwind=False, show_welcome_message=False, reconnect_timeout=8.0,
+        outer, title=text("title"), tailwind=False, show_welcome_message=False, reconnect_timeout=30.0,
         message_history_length=60, binding_refresh_interval=None, language="en-US",
     )  # fmt: skip
     core.sio.eio.max_http_buffer_size = LARGEST_MESSAGE

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from eclsim.app.knobs import connect, controls, turn, value_of
 from eclsim.app.panel import described, shape_of
-from eclsim.app.state import MOST_SAVED, POLICIES, History, PageState
+from eclsim.app.state import MOST_SAVED, POLICIES, History, PageState, link_of
 from eclsim.app.texts import text
 from eclsim.patients.mistakes import CaseError, Mistake
 
@@ -261,7 +261,7 @@ class Session:
             "values": {control.key: value_of(case, control.key) for control in found},
             "devices": {d: getattr(case, d) is not None for d in ("ecmo", "crrt", "lvad")},
             "policy": self.state.policy, "key": key, "seq": seq, "name": case.patient.id,
-            "origin": self.state.origin,
+            "origin": self.state.origin, "link": link_of(self.state),
             "undo": bool(self.history.past), "redo": bool(self.history.future),
             "changed": self.state != self.history.start, "pinned": self.pinned is not None,
         })  # fmt: skip

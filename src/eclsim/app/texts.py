@@ -161,7 +161,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "paper are fitted to it.",
         "fit": "Fit",
         "cancel": "Cancel",
-        "fit_running": "Fitting …",
+        "fit_preparing": "Preparing the fit (takes longer once for each circuit) …",
         "fit_waiting": "Waiting for another fit …",
         "fit_failed": "The fit failed. Check the measurements, or change the circuit and try again.",
         "fit_cancelled": "Cancelled.",

@@ -71,7 +71,7 @@ def _checked_root(path: str) -> str:
     from eclsim.cli.messages import fail
 
     bare = path.strip("/")
-    if bare and not re.fullmatch(r"[\w.~-]+(/[\w.~-]+)*", bare):
+    if bare and not re.fullmatch(r"\w[\w.~-]*(/\w[\w.~-]*)*", bare):
         fail(f"--root-path {path}: allowed: letters, digits, - and _ between slashes, such as /eclsim")
     return f"/{bare}" if bare else ""
 

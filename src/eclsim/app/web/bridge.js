@@ -7,7 +7,7 @@ const SHORTCUTS = [
 
 export default {
   template: `<div class="ecl-status" role="status" aria-live="polite" :class="kind"><span class="dot"></span>{{ shown }}</div>`,
-  props: { words: Object },
+  props: { words: Object, served: String },
   data: () => ({ shown: "", kind: "busy" }),
   created() {
     setWords(this.words);
@@ -24,7 +24,10 @@ export default {
     ];
     this.pressed = (event) => this.key(event);
     window.addEventListener("keydown", this.pressed);
-    this.$emit("hello", { link: location.hash.slice(1, 9000) });
+    // A tab that is loaded again, or lost its connection for long, goes on where it was.
+    const kept = JSON.parse(sessionStorage.getItem("eclsim") ?? "{}");
+    this.$emit("hello", { link: location.hash.slice(1, 9000) || (kept.served === this.served ? kept.link : "") });
+    this.stops.push(bus.on("state", ({ link }) => sessionStorage.setItem("eclsim", JSON.stringify({ served: this.served, link }))));
     if (location.hash) history.replaceState(null, "", location.pathname + location.search);
   },
   unmounted() {
