@@ -26,6 +26,10 @@ TEMPERS = (0.15, 0.4, 1.0, 1.0, 1.0)
 """How much the measurements count in each round."""
 LARGEST_SHAPE = 0.7
 FEWEST_EFFECTIVE = 400
+GOOD_SHAPE = 0.6
+GOOD_EFFECTIVE = 600
+MOST_MORE_ROUNDS = 6
+"""Rounds are added until the weights are good, at most so many."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +97,10 @@ def weigh(
     proposals = [Transport.straight(gaussian.centre, flat)]
     z, outputs = np.empty((0, len(gaussian.centre))), np.empty((0, len(posterior.outputs)))
     weights, shape = np.empty(0), np.inf
-    for temper in (*tempers[1:], 1.0):
+    for number in range(len(tempers) + MOST_MORE_ROUNDS):
+        if number >= len(tempers) and shape < GOOD_SHAPE and 1.0 / np.sum(weights**2) > GOOD_EFFECTIVE:
+            break
+        temper = tempers[number + 1] if number + 1 < len(tempers) else 1.0
         new, _ = proposals[-1].z_of(_student(random, count, z.shape[1]))
         z, outputs = (
             np.concatenate([z, new]),
