@@ -52,7 +52,7 @@ def track(
             min=0.001,
             max=0.9,
             help="How far parameters drift from one measurement to the next: 0.1 is about 18 %. Left out, "
-            "the measurements decide among four rates.",
+            "the measurements decide among three rates.",
         ),
     ] = None,
     json_file: Annotated[

@@ -28,7 +28,7 @@ from eclsim.uncertainty.transport import Transport
 
 Simulate = Callable[[np.ndarray], np.ndarray]
 """Outputs (members, outputs) of hidden variables (members, parameters); NaN without a steady beat."""
-DRIFTS = (0.02, 0.06, 0.15, 0.35)
+DRIFTS = (0.05, 0.12, 0.3)
 """Standard deviation q of the change of a hidden variable over one interval. Near the middle of bounds a
 factor of 100 apart, 0.1 is about 18 % of the parameter."""
 ITERATIONS = 3
