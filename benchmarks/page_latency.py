@@ -27,12 +27,12 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 VIEWS = ("Monitor", "PV loops", "Outputs")
 # Turns one knob of a session again and again, and watches that every beat is one of its own.
 SOAK = """([mine, pause]) => {
-  const sent = new Set(mine.map((rate) => (60 / rate).toFixed(4)));
+  const own = (period) => mine.some((rate) => Math.abs(period - 60 / rate) < 1e-4);
   const found = (window.soak = { beats: 0, foreign: 0, errors: 0 });
   eclsim.bus.on("beat", (beat) => {
     if (!window.soak.started) return;
     found.beats += 1;
-    if (!sent.has(beat.period.toFixed(4))) found.foreign += 1;
+    if (!own(beat.period)) found.foreign += 1;
     if (!beat.converged) found.errors += 1;
   });
   eclsim.bus.on("failed", () => (found.errors += 1));
@@ -141,6 +141,7 @@ def soak(browser: Browser, url: str, options: argparse.Namespace, pid: int) -> d
         "errors": sum(f["errors"] for f in found) + len(problems),
         "memory_after_a_minute_mb": minute,
         "memory_at_the_end_mb": memory[-1][1],
+        "memory_samples": len(memory),
         "growth_percent": round(100 * (memory[-1][1] / minute - 1), 1),
     }
 

@@ -146,6 +146,9 @@ class Guard:
         except _TooLargeError:
             if not started:
                 await _answer(send, 413, f"too large: up to {LARGEST_BODY // 1_000_000} MB")
+        except RuntimeError as error:
+            if str(error) != "No response returned.":  # said by Starlette when the visitor has gone meanwhile
+                raise
         except _TooSlowError:
             if not started:
                 await _answer(send, 408, "the request did not come in time")
