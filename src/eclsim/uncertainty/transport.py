@@ -80,9 +80,12 @@ class Transport:
         standard = (away / found.spread)[:, found.order]
         middles, scales = np.zeros_like(found.middles), np.zeros_like(found.scales)
         shapes = np.zeros((z.shape[1], 4))
-        for k in range(z.shape[1]):
-            rest = _fit_one(k, standard, weights, middles[k], scales[k])
-            shapes[k] = _fit_shape(rest, weights)
+        try:
+            for k in range(z.shape[1]):
+                rest = _fit_one(k, standard, weights, middles[k], scales[k])
+                shapes[k] = _fit_shape(rest, weights)
+        except np.linalg.LinAlgError:  # draws in a plane: nothing to fit a curve to
+            return found
         return cls(found.order, centre, found.spread, middles, scales, shapes)
 
     def z_of(self, u: Any, xp: Any = np) -> tuple[Any, Any]:
