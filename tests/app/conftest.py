@@ -20,6 +20,8 @@ from eclsim.app.state import PageState, link_of
 from eclsim.patients.presets import PRESETS
 from page_in_browser import LAPTOP
 
+START_SECONDS = 180
+"""Patience with a server that starts beside other tests on a small machine."""
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 pytest.importorskip("nicegui", reason="the page needs the extra `app`")
 
@@ -43,17 +45,19 @@ def serve(*options: str, path: str = "/favicon.ico") -> Served:
     command = [sys.executable, "-m", "eclsim.cli", "app", *options, "--port", str(port)]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     url = f"http://127.0.0.1:{port}"
-    for _ in range(300):
+    until = time.monotonic() + START_SECONDS
+    while time.monotonic() < until:
         try:
             urllib.request.urlopen(url + path, timeout=2).close()
-            break
+            return Served(url, process)
         except urllib.error.HTTPError:
-            break
+            return Served(url, process)
         except OSError:
             if process.poll() is not None:
                 pytest.fail(f"the server ended: {process.stderr.read().decode()[-2000:]}")  # type: ignore[union-attr]
             time.sleep(0.1)
-    return Served(url, process)
+    process.kill()
+    pytest.fail(f"the server did not answer within {START_SECONDS} s")
 
 
 def stop(served: Served) -> None:
