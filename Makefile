@@ -50,10 +50,10 @@ demo: $(STAMPS)/core  ## the paper's ECMO + CRRT patient and the nine CRRT schem
 # --- checks -------------------------------------------------------------------------------------
 
 test: $(STAMPS)/dev  ## run all tests
-	$(BIN)/python -m pytest -n $(WORKERS)
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup
 
 quick: $(STAMPS)/dev  ## run the tests without the slow ones
-	$(BIN)/python -m pytest -n $(WORKERS) -m 'not slow'
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup -m 'not slow'
 
 lint: $(STAMPS)/dev  ## check style and formatting
 	$(BIN)/ruff check .

@@ -112,7 +112,7 @@ def open_page(browser, served) -> Iterator[Callable[..., Any]]:
         own = (served.url, "data:", "blob:")
         page.on("request", lambda r: None if r.url.startswith(own) else foreign.append(r.url))
         page.on("pageerror", lambda error: errors.append(str(error)))
-        page.set_default_timeout(60_000)
+        page.set_default_timeout(150_000)
         page.goto(url or f"{served.url}/#{link_of(PageState(PRESETS[preset].case(), origin=preset))}")
         page.wait_for_function("window.eclsim?.bus.last('beat')")
         return page

@@ -7,7 +7,7 @@ import pytest
 from eclsim.app.texts import text
 from page_in_browser import LAPTOP, beat, picture, show, wait_for
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
 
 
 def test_a_knob_moves_everything(open_page, shots):

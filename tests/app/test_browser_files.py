@@ -13,7 +13,7 @@ from eclsim.patients.presets import PRESETS
 from eclsim.patients.writing import case_text
 from page_in_browser import LAPTOP, TABLET, beat, picture, show, wait_for
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from eclsim.app.texts import text
 from eclsim.patients.presets import PRESETS
 from page_in_browser import beat, picture, show, wait_for
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
 
 
 @pytest.mark.parametrize("preset", PRESETS)
@@ -82,9 +82,9 @@ def test_a_fit_runs_with_progress_and_is_used(open_page, shots):
     page.get_by_role("progressbar").wait_for()
     picture(page, shots, "identify_running")
     page.get_by_role("button", name="Cancel").click()
-    page.get_by_text(text("fit_cancelled")).wait_for(timeout=3000)
+    page.get_by_text(text("fit_cancelled")).wait_for(timeout=20_000)
     fit.click()
-    page.locator(".ecl-identify .found").wait_for(timeout=240_000)
+    page.locator(".ecl-identify .found").wait_for(timeout=480_000)
     picture(page, shots, "identify_found")
     assert page.locator(".ecl-identify .found").get_by_text("identifiable").first.is_visible()
     page.get_by_role("button", name=text("fit_use")).click()

@@ -10,7 +10,7 @@ import urllib.request
 
 import pytest
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
 
 
 def status(url: str, **options: object) -> int:
@@ -26,7 +26,7 @@ def test_behind_a_proxy_with_a_root_path(browser, serving):
     page = browser.new_page()
     for address in ("/bed/side/", "/"):
         page.goto(served.url + address)
-        page.wait_for_function("window.eclsim?.bus.last('beat')", timeout=60_000)
+        page.wait_for_function("window.eclsim?.bus.last('beat')", timeout=150_000)
         paths = page.evaluate("performance.getEntriesByType('resource').map((e) => new URL(e.name).pathname)")
         assert paths
         assert all(path.startswith("/bed/side/") for path in paths)
@@ -47,7 +47,7 @@ def test_with_a_password(browser, serving, tmp_path):
     page.get_by_role("alert").wait_for()
     page.get_by_label("Password").fill("correct horse battery")
     page.get_by_role("button").click()
-    page.wait_for_function("window.eclsim?.bus.last('beat')", timeout=60_000)
+    page.wait_for_function("window.eclsim?.bus.last('beat')", timeout=150_000)
     (cookie,) = context.cookies()
     assert cookie["httpOnly"]
     context.close()
@@ -67,7 +67,7 @@ def test_no_more_sessions_than_allowed(browser, serving):
     served = serving("--max-sessions", "1")
     first, second = browser.new_page(), browser.new_page()
     first.goto(served.url)
-    first.wait_for_function("window.eclsim?.bus.last('beat')", timeout=60_000)
+    first.wait_for_function("window.eclsim?.bus.last('beat')", timeout=150_000)
     second.goto(served.url)
     second.get_by_text("open 1 times already").wait_for()
     first.close()
@@ -76,7 +76,7 @@ def test_no_more_sessions_than_allowed(browser, serving):
         if second.evaluate("!!document.querySelector('.ecl-page')"):
             break
         time.sleep(1)
-    second.wait_for_function("window.eclsim?.bus.last('beat')", timeout=60_000)
+    second.wait_for_function("window.eclsim?.bus.last('beat')", timeout=150_000)
     second.close()
 
 
