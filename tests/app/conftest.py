@@ -87,7 +87,7 @@ def served() -> Iterator[Served]:
     stop(one)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")  # while it is open an event loop runs, and other tests start one of their own
 def browser() -> Iterator[object]:
     api = pytest.importorskip("playwright.sync_api", reason="tests of the page in a browser need playwright")
     path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
