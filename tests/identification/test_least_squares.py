@@ -138,3 +138,21 @@ def test_the_same_cost_with_other_outputs_is_another_optimum():
     ended = refine(FunctionObjective(mirror), np.zeros(3, dtype=int), starts, box(-2, 2), EXACT)
     np.testing.assert_allclose(ended.costs, ended.costs[0], rtol=1e-6)
     assert agreeing(ended).sum() in (1, 2)
+
+
+def test_a_place_without_derivatives_is_left_aside():
+    class Shut(FunctionObjective):
+        """Has no derivatives beyond 0.5, where its outputs are lower."""
+
+        def jacobians(self, evaluation, members, x):
+            found = super().jacobians(evaluation, members, x)
+            found[x[:, 0] > 0.5] = np.nan
+            return found
+
+    objective = Shut(lambda x: np.stack([x[:, 0] - 1.0, x[:, 1] + 0.2], axis=1))
+    starts = np.array([[0.0, 0.0], [0.8, 0.0]])
+    found = refine(objective, np.zeros(2, dtype=int), starts, box(-2, 2))
+    assert found.endings[1] == Ending.NO_STEADY_BEAT
+    assert np.isinf(found.costs[1])
+    assert 0.3 < found.x[0, 0] <= 0.5
+    assert np.isfinite(found.jacobians[0]).all()

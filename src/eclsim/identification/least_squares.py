@@ -140,6 +140,8 @@ class _Search:
         self.damping = np.full(len(which), FIRST_DAMPING)
         alive = np.flatnonzero(np.isfinite(self.costs))
         self.differentiate(first, alive, alive)
+        without = alive[~np.isfinite(self.jacobians[alive]).all(axis=(1, 2))]
+        self.costs[without], self.endings[without] = np.inf, Ending.NO_STEADY_BEAT
 
     def run(self) -> Refined:
         active = self.above_floor(np.flatnonzero(np.isfinite(self.costs)))
@@ -180,7 +182,7 @@ class _Search:
         moved = np.abs(self.x[active] - place).max(axis=1)
         gained = before - self.costs[active]
         done = np.where(
-            better == -1,
+            (better == -1) | (moved == 0.0),
             self.damping[active] > LARGEST_DAMPING,
             (gained <= self.precision.cost * before) | (moved <= self.precision.step),
         )
@@ -225,12 +227,18 @@ class _Search:
         return best
 
     def move(self, wave: _Tried, rows: np.ndarray, chosen: np.ndarray) -> None:
-        """Take steps of a wave."""
+        """Take steps of a wave, but for those to where there are no derivatives to go on with."""
+        before = [v[rows].copy() for v in (self.x, self.outputs, self.residuals, self.costs, self.jacobians)]
         self.x[rows] += wave.steps[chosen]
         self.outputs[rows], self.residuals[rows] = wave.found.outputs[chosen], wave.found.residuals[chosen]
         self.costs[rows] = wave.found.costs[chosen]
         self.damping[rows] = wave.dampings[chosen]
         self.differentiate(wave.found, chosen, rows)
+        stuck = ~np.isfinite(self.jacobians[rows]).all(axis=(1, 2))
+        kept = (self.x, self.outputs, self.residuals, self.costs, self.jacobians)
+        for values, old in zip(kept, before, strict=True):
+            values[rows[stuck]] = old[stuck]
+        self.damping[rows[stuck]] *= NEXT_LADDER
 
 
 def bounded_steps(

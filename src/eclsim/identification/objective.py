@@ -161,6 +161,8 @@ class Objective:
     def jacobians(self, evaluation: Evaluation, members: Sequence[int], x: np.ndarray) -> np.ndarray:
         """d output / d log parameter of some members, shape (members, outputs, parameters).
 
+        NaN where an orbit has no derivatives: with a valve that never opens, blood is shut in behind it.
+
         Args:
             evaluation: of the points.
             members: which of its members.
@@ -168,7 +170,10 @@ class Objective:
         """
 
         def one(member: int) -> np.ndarray:
-            return member_derivatives(evaluation.steady, self.outputs, self.names, member)[1]
+            try:
+                return member_derivatives(evaluation.steady, self.outputs, self.names, member)[1]
+            except np.linalg.LinAlgError:
+                return np.full((len(self.outputs), len(self.names)), np.nan)
 
         return np.stack(map_parallel(one, [int(m) for m in members])) * np.exp(x)[:, None, :]
 
