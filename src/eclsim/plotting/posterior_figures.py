@@ -24,7 +24,7 @@ def plot_traces(result: Any) -> Figure:
     """
     names, draws = result.names, result.draws
     with figure_style():
-        fig = new_figure(height_mm=14 + 21 * len(names))
+        fig = new_figure(height_mm=16 + 30 * len(names))
         fig.suptitle(_title(result, "chains"))
         for k, name in enumerate(names):
             left = fig.add_subplot(len(names), 2, 2 * k + 1)
@@ -38,10 +38,12 @@ def plot_traces(result: Any) -> Figure:
             left.set_yscale("log")
             right.set_xscale("log")
             left.set_ylabel(_axis(name))
-            right.set_xlabel(_axis(name))
             right.set_yticks([])
+            for axis in (left.yaxis, right.xaxis):
+                _few_ticks(axis)
             if result.diagnostics is not None:
-                right.set_title(f"R-hat {result.diagnostics.r_hat[k]:.3f}", fontsize=7, fontweight="normal")
+                right.text(0.99, 0.97, f"R-hat {result.diagnostics.r_hat[k]:.3f}", fontsize=7,
+                           transform=right.transAxes, ha="right", va="top")  # fmt: skip
             if k == len(names) - 1:
                 left.set_xlabel("draw")
             else:
@@ -97,8 +99,11 @@ def plot_predictive(result: Any) -> Figure:
             ax = fig.add_subplot(down, across, k + 1)
             _intervals(ax, result, name)
             ax.set_yticks(range(rows))
-            labels = [plain_text(p.settings or "as measured", 26) for p in result.predictions]
-            ax.set_yticklabels(labels if k % across == 0 else [])
+            labels = [
+                plain_text(p.settings or "as measured", 40).replace("=", "=\n").replace(",", ",\n")
+                for p in result.predictions
+            ]
+            ax.set_yticklabels(labels if k % across == 0 else [], fontsize=6)
             ax.set_ylim(rows - 0.4, -0.6)
             ax.set_xlabel(f"{name} [{'L/min' if name in ('CO', 'PF') else 'mmHg'}]")
         handles, labels = fig.axes[0].get_legend_handles_labels()
@@ -154,21 +159,27 @@ def _ellipse(ax: Axes, result: Any, j: int, i: int) -> None:
 
 def _sparse(ax: Axes, names: Any, i: int, j: int, size: int) -> None:
     """Names on the outer axes; two numbers on each."""
-    from matplotlib.ticker import LogLocator, NullFormatter, NullLocator, ScalarFormatter
-
     for axis, shown in ((ax.xaxis, i == size - 1), (ax.yaxis, j == 0 and i > 0)):
         if axis is ax.yaxis and i == j:
             continue
-        axis.set_major_locator(LogLocator(base=10.0, subs=(1.0, 3.0), numticks=4))
-        axis.set_minor_locator(NullLocator())
-        formatter = ScalarFormatter()
-        formatter.set_scientific(False)
-        axis.set_major_formatter(formatter if shown else NullFormatter())
+        _few_ticks(axis, shown)
+    ax.tick_params(axis="x", labelrotation=60)
     ax.tick_params(labelsize=6)
     if i == size - 1:
         ax.set_xlabel(_axis(names[j]), fontsize=6.5)
     if j == 0 and i > 0:
         ax.set_ylabel(_axis(names[i]), fontsize=6.5)
+
+
+def _few_ticks(axis: Any, shown: bool = True) -> None:
+    """Three or four plain numbers on a logarithmic axis."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
+
+    low, high = axis.get_view_interval()
+    places = np.geomspace(max(low, 1e-300), high, 5)[1:4]
+    axis.set_major_locator(FixedLocator([float(f"{place:.1g}") for place in places]))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.3g}") if shown else NullFormatter())
 
 
 def _axis(name: str) -> str:

@@ -75,8 +75,8 @@ def _band(ax: Axes, intervals: list[Any], colour: str, label: str) -> None:
     ax.vlines(
         at, low, high, color=OKABE_ITO[colour], linewidth=width, alpha=0.55 if single else 1.0, label=label
     )
-    ax.plot(at, middle, "-" if not single else "", color=OKABE_ITO[colour], linewidth=0.8)
-    ax.plot(at, middle, "o" if not single else "", color=OKABE_ITO[colour], markersize=3)
+    if not single:
+        ax.plot(at, middle, "-o", color=OKABE_ITO[colour], linewidth=0.8, markersize=3)
 
 
 def _measured(ax: Axes, held: list[Any]) -> None:
