@@ -103,7 +103,7 @@ def test_files_are_written_and_hold_what_was_asked_for(shell, instant):
 
 def test_the_course_in_time_is_stored_beside_the_beat(shell, instant, monkeypatch):
     course = xr.Dataset({"Pao": ("time", [80.0, 81.0])}, coords={"time": [0.0, 0.1]})
-    monkeypatch.setattr("eclsim.cli.simulate._compute_course", lambda case, options: course)
+    monkeypatch.setattr("eclsim.cli.simulate._compute_course", lambda case, options, names: course)
     out = shell.folder / "o.nc"
     done = shell.run("simulate", shell.case(), "--transient", "5", "--out", out, "--csv", shell.folder / "t")
     assert done.exit_code == 0
