@@ -38,9 +38,7 @@ class PosteriorRequest:
         from eclsim.patients import CaseError, read_case
 
         if self.sample and self.method == "nuts" and find_spec("numpyro") is None:
-            fail(
-                "--posterior: needs NumPyro: pip install 'eclsim[bayes]', or --posterior-method importance"
-            )
+            fail("--posterior: needs NumPyro: pip install 'eclsim[bayes]', or --posterior-method importance")
         found, wrong = [], []
         for written in self.predict:
             changes = [part.strip() for part in written.split(",") if part.strip()]

@@ -10,10 +10,10 @@ first is put there, and the step of the others is computed again.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from enum import IntEnum
 
 import numpy as np
 
+from eclsim.identification.ending import Ending
 from eclsim.identification.objective import Box, Evaluation, Objective
 from eclsim.solver.orbit import OrbitOptions
 
@@ -27,14 +27,6 @@ NEXT_LADDER = 1e4
 """Factor of the damping if none of a ladder was good."""
 LONGEST_STEP = 1.5
 """Largest change of a logarithm in one step: a factor of 4.5."""
-
-
-class Ending(IntEnum):
-    """Why a refinement ended."""
-
-    SETTLED = 0
-    OUT_OF_ITERATIONS = 1
-    NO_STEADY_BEAT = 2
 
 
 @dataclass(frozen=True)
