@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import socket
 import subprocess
 import sys
@@ -19,10 +18,10 @@ import pytest
 from eclsim.app.state import PageState, link_of
 from eclsim.patients.presets import PRESETS
 from page_in_browser import LAPTOP
+from system_browser import system_browser
 
 START_SECONDS = 180
 """Patience with a server that starts beside other tests on a small machine."""
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 pytest.importorskip("nicegui", reason="the page needs the extra `app`")
 
 
@@ -89,15 +88,7 @@ def served() -> Iterator[Served]:
 
 @pytest.fixture(scope="module")  # while it is open an event loop runs, and other tests start one of their own
 def browser() -> Iterator[object]:
-    api = pytest.importorskip("playwright.sync_api", reason="tests of the page in a browser need playwright")
-    path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
-    if path is None:
-        pytest.skip(f"no browser: none of {', '.join(BROWSERS)} is on the PATH")
-    with api.sync_playwright() as player:
-        arguments = ["--no-sandbox"] if os.geteuid() == 0 else []
-        found = player.chromium.launch(executable_path=path, args=arguments)
-        yield found
-        found.close()
+    yield from system_browser()
 
 
 @pytest.fixture

@@ -1,8 +1,6 @@
 """The reports in a real browser: they ask nothing of the network, fit on A4 and can be read there."""
 
-import os
 import re
-import shutil
 from collections.abc import Iterator
 
 import numpy as np
@@ -15,23 +13,15 @@ from eclsim.studies.paper_patient import Unstated
 from eclsim.studies.reproduction import Reproduction
 from eclsim.studies.reproduction_crrt import CrrtPart, table_rows
 from eclsim.studies.reproduction_rows import Row, statement
+from system_browser import system_browser
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 A4_TEXT_WIDTH_PX = 680  # 180 mm
 SMALLEST_TEXT_PX = 6.0
 
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[object]:
-    api = pytest.importorskip("playwright.sync_api", reason="needs playwright")
-    path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
-    if path is None:
-        pytest.skip(f"no browser: none of {', '.join(BROWSERS)} is on the PATH")
-    with api.sync_playwright() as player:
-        arguments = ["--no-sandbox"] if os.geteuid() == 0 else []
-        found = player.chromium.launch(executable_path=path, args=arguments)
-        yield found
-        found.close()
+    yield from system_browser()
 
 
 @pytest.fixture(scope="module")

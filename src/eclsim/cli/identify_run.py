@@ -45,18 +45,10 @@ def run(request: Request) -> None:
 
 
 def _check_destinations(request: Request, cohort: bool) -> None:
-    from eclsim.cli.output_option import destination
+    from eclsim.cli.output_option import destination, output_folder
 
     destination("--json", request.json, request.force)
-    folder = Path(request.out)
-    if not request.out.strip():
-        fail("--out: an empty name")
-    if folder.exists() and not folder.is_dir():
-        fail(f"--out {folder}: a file; a folder belongs here")
-    if not folder.exists() and not folder.absolute().parent.is_dir():
-        fail(f"--out {folder}: the folder {folder.parent} does not exist")
-    if (folder / "identification.json").exists() and not (request.force or request.resume):
-        fail(f"--out {folder}: holds identification.json; --force overwrites it")
+    output_folder(request.out, None if request.force or request.resume else "identification.json")
     if cohort and request.settings:
         fail("--set: for case files; change the table of a cohort instead")
     if cohort and request.posterior.wanted:

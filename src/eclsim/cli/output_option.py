@@ -24,3 +24,17 @@ def destination(option: str, written: str | None, force: bool) -> Path | str | N
     if not os.access(path.parent, os.W_OK | os.X_OK):
         fail(f"{option} {path}: no permission to write to the folder {path.parent}")
     return path
+
+
+def output_folder(written: str, holds: str | None = None) -> Path:
+    """The folder of `--out`, checked: none there, or one that does not yet hold a file of that name."""
+    folder = Path(written)
+    if not written.strip():
+        fail("--out: an empty name")
+    if folder.exists() and not folder.is_dir():
+        fail(f"--out {folder}: a file; a folder belongs here")
+    if not folder.exists() and not folder.absolute().parent.is_dir():
+        fail(f"--out {folder}: the folder {folder.parent} does not exist")
+    if holds is not None and (folder / holds).exists():
+        fail(f"--out {folder}: holds {holds}; --force overwrites it")
+    return folder

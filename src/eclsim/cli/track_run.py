@@ -55,19 +55,11 @@ def run(request: Request) -> None:
 
 
 def _check_destinations(request: Request) -> None:
-    from eclsim.cli.output_option import destination
+    from eclsim.cli.output_option import destination, output_folder
     from eclsim.report.track_files import SUMMARY
 
     destination("--json", request.json, request.force)
-    folder = Path(request.out)
-    if not request.out.strip():
-        fail("--out: an empty name")
-    if folder.exists() and not folder.is_dir():
-        fail(f"--out {folder}: a file; a folder belongs here")
-    if not folder.exists() and not folder.absolute().parent.is_dir():
-        fail(f"--out {folder}: the folder {folder.parent} does not exist")
-    if (folder / SUMMARY).exists() and not request.force:
-        fail(f"--out {folder}: holds {SUMMARY}; --force overwrites it")
+    output_folder(request.out, None if request.force else SUMMARY)
 
 
 def _series(request: Request) -> tuple[Series, list[str]]:

@@ -1,0 +1,25 @@
+"""The system's browser, for tests that look at pages; they are skipped with a reason where there is none."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+
+
+def system_browser() -> Iterator[Any]:
+    """To be yielded from by a fixture of a module: while it is open an event loop runs in this thread."""
+    api = pytest.importorskip("playwright.sync_api", reason="tests in a browser need playwright")
+    path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    if path is None:
+        pytest.skip(f"no browser: none of {', '.join(BROWSERS)} is on the PATH")
+    with api.sync_playwright() as player:
+        arguments = ["--no-sandbox"] if os.geteuid() == 0 else []
+        found = player.chromium.launch(executable_path=path, args=arguments)
+        yield found
+        found.close()
