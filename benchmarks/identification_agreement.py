@@ -61,7 +61,7 @@ def functions(objective: Objective, level: int) -> tuple[Any, Any]:
 
     def jacobian(x: np.ndarray) -> np.ndarray:
         found = objective.evaluate(HERE, x[None], EXACT.orbits, level)
-        return objective.jacobians(found, [0], x[None])[0] * objective.weights[0][:, None]
+        return objective.linearise(found, [0], x[None])[0][0] * objective.weights[0][:, None]
 
     return residuals, jacobian
 

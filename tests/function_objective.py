@@ -23,7 +23,7 @@ class FunctionObjective:
         self.outputs = tuple(f"r{k}" for k in range(size))
         self.weights = np.ones((len(self.shifts), size))
 
-    def evaluate(self, which: np.ndarray, x: np.ndarray, options=None, resolution=None) -> Evaluation:
+    def evaluate(self, which, x: np.ndarray, options=None, resolution=None, near=None) -> Evaluation:
         found = self.function(x - self.shifts[which][:, None])
         evaluation = Evaluation(None, found, found)  # type: ignore[arg-type]  # no orbits here
         object.__setattr__(evaluation, "which", which)
@@ -32,11 +32,11 @@ class FunctionObjective:
     def resolutions(self, which: np.ndarray, x: np.ndarray) -> np.ndarray:
         return np.ones(len(which), dtype=int)
 
-    def jacobians(self, evaluation: Evaluation, members: list[int], x: np.ndarray) -> np.ndarray:
+    def linearise(self, evaluation: Evaluation, members: list[int], x: np.ndarray) -> tuple:
         which = evaluation.which[members]  # type: ignore[attr-defined]  # kept above
         columns = []
         for k in range(x.shape[1]):
             step = 1e-6 * (np.arange(x.shape[1]) == k)
             shift = self.shifts[which][:, None]
             columns.append((self.function(x + step - shift) - self.function(x - step - shift)) / 2e-6)
-        return np.stack(columns, axis=2)
+        return np.stack(columns, axis=2), [None] * len(which)

@@ -144,10 +144,10 @@ def test_a_place_without_derivatives_is_left_aside():
     class Shut(FunctionObjective):
         """Has no derivatives beyond 0.5, where its outputs are lower."""
 
-        def jacobians(self, evaluation, members, x):
-            found = super().jacobians(evaluation, members, x)
+        def linearise(self, evaluation, members, x):
+            found, near = super().linearise(evaluation, members, x)
             found[x[:, 0] > 0.5] = np.nan
-            return found
+            return found, near
 
     objective = Shut(lambda x: np.stack([x[:, 0] - 1.0, x[:, 1] + 0.2], axis=1))
     starts = np.array([[0.0, 0.0], [0.8, 0.0]])

@@ -35,7 +35,7 @@ def test_an_unmeasured_output_has_no_residual(objective: Objective):
 
 def test_derivatives_are_those_of_central_differences(objective: Objective):
     x = TRUE_X + np.array([[0.15, -0.1]])
-    exact = objective.jacobians(objective.evaluate(HERE, x), [0], x)[0]
+    exact = objective.linearise(objective.evaluate(HERE, x), [0], x)[0][0]
     for k in range(2):
         step = 1e-4 * (np.arange(2) == k)
         ends = objective.evaluate(np.zeros(2, dtype=int), np.concatenate([x + step, x - step])).outputs
@@ -55,7 +55,7 @@ def test_the_optimum_is_scipys_from_the_same_start(objective: Objective, box: Bo
 
     def jacobian(x: np.ndarray) -> np.ndarray:
         found = noisy_objective.evaluate(HERE, x[None])
-        return noisy_objective.jacobians(found, [0], x[None])[0] * noisy_objective.weights[0][:, None]
+        return noisy_objective.linearise(found, [0], x[None])[0][0] * noisy_objective.weights[0][:, None]
 
     scipys = least_squares(
         residuals, start[0], jacobian, bounds=(box.lower, box.upper), xtol=1e-12, ftol=1e-12, gtol=1e-12

@@ -53,7 +53,7 @@ def test_joint_residuals_and_derivatives_are_those_of_the_points(objective: Obje
     found = joint.evaluate(np.zeros(1, dtype=int), x)
     single = objective.evaluate(np.arange(2), np.log([[1.2, 0.7], [1.2, 0.6]]))
     np.testing.assert_allclose(found.residuals.ravel(), single.residuals.ravel())
-    jacobian = joint.jacobians(found, [0], x)[0]
+    jacobian = joint.linearise(found, [0], x)[0][0]
     step = np.array([[1e-4, 0.0, 0.0]])
     ends = [joint.evaluate(np.zeros(1, dtype=int), x + s).outputs[0] for s in (step, -step)]
     np.testing.assert_allclose(jacobian[:, 0], (ends[0] - ends[1]) / 2e-4, atol=0.5)

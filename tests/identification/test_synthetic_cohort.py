@@ -87,7 +87,7 @@ def test_seven_parameters_end_where_scipys_trust_region_does_or_lower(name: str)
 
     def jacobian(x: np.ndarray) -> np.ndarray:
         found = objective.evaluate(here, x[None], exact.orbits, 1)
-        return objective.jacobians(found, [0], x[None])[0] * objective.weights[0][:, None]
+        return objective.linearise(found, [0], x[None])[0][0] * objective.weights[0][:, None]
 
     theirs = least_squares(
         residuals, box.start, jacobian, bounds=(box.lower, box.upper), xtol=1e-12, ftol=1e-12, gtol=1e-12,

@@ -18,7 +18,7 @@ from eclsim.haemodynamics.outputs import output
 from eclsim.haemodynamics.signals import whole_beat
 from eclsim.solver.beat import beat_program
 from eclsim.solver.model import AS_PUBLISHED, Model
-from eclsim.solver.sensitivities import orbit_tangents
+from eclsim.solver.sensitivities import OrbitTangents, orbit_tangents
 from eclsim.solver.steady import Batch, SteadyBeats, steady_beats
 
 Sum = tuple[str, int]
@@ -94,6 +94,13 @@ def member_derivatives(
     steady: SteadyBeats, outputs: tuple[str, ...], parameters: tuple[str, ...], member: int = 0
 ) -> tuple[np.ndarray, np.ndarray]:
     """Outputs of one patient of a batch, shape (outputs,), and their derivatives (outputs, parameters)."""
+    return member_tangents(steady, outputs, parameters, member)[:2]
+
+
+def member_tangents(
+    steady: SteadyBeats, outputs: tuple[str, ...], parameters: tuple[str, ...], member: int = 0
+) -> tuple[np.ndarray, np.ndarray, OrbitTangents]:
+    """As `member_derivatives`, and the derivatives of the beat itself."""
     program = beat_program(steady.batch.circuit, int(steady.resolution[member]))
     signals = program.signals
     packed = steady.batch.packed(program)[:, member]
@@ -111,4 +118,4 @@ def member_derivatives(
     for row, number in zip(slopes, found, strict=True):
         for key, slope in number.slopes.items():
             row[place[key]] = slope
-    return np.array([float(d.value) for d in found]), slopes @ tangents.sums
+    return np.array([float(d.value) for d in found]), slopes @ tangents.sums, tangents

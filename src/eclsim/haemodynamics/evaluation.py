@@ -28,19 +28,25 @@ def needed_signals(circuit: Circuit, names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(sorted(signals | rates | means))
 
 
-def batch_outputs(steady: SteadyBeats, names: tuple[str, ...]) -> np.ndarray:
-    """Outputs of every patient of a batch, shape (outputs, patients); NaN where there is no state."""
+def batch_outputs(steady: SteadyBeats, names: tuple[str, ...], wide: bool | None = None) -> np.ndarray:
+    """Outputs of every patient of a batch, shape (outputs, patients); NaN where there is no state.
+
+    Args:
+        steady: solved orbits.
+        names: of the registry.
+        wide: whether to take the program for many; left out, with more than `FEW` patients.
+    """
     found = np.full((len(names), steady.batch.count), np.nan)
     for level in np.unique(steady.resolution):
         members = np.flatnonzero(steady.resolution == level)
-        wide = len(members) > FEW
-        size = LANES if wide else 1
+        lanes = len(members) > FEW if wide is None else wide
+        size = LANES if lanes else 1
         parts = [members[k : k + size] for k in range(0, len(members), size)]
         program = beat_program(steady.batch.circuit, int(level))
         packed = steady.batch.packed(program)
         states = steady.orbits.states
 
-        jobs = [(program, names, states[:, part], packed[:, part], wide) for part in parts]
+        jobs = [(program, names, states[:, part], packed[:, part], lanes) for part in parts]
         for part, values in zip(parts, map_parallel(lambda job: _measure(*job), jobs), strict=True):
             found[:, part] = values
     return found

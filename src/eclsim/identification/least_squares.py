@@ -124,6 +124,7 @@ class _Search:
         self.objective, self.which, self.box, self.precision = objective, which, box, precision
         self.x = x
         self.moves = np.ones(x.shape) if held is None else np.where(held, 0.0, 1.0)
+        self.near = np.full(len(which), None, dtype=object)
         first = self.evaluate(np.arange(len(which)), x)
         self.outputs, self.residuals, self.costs = first.outputs, first.residuals, first.costs.copy()
         self.jacobians = np.full((len(which), len(objective.outputs), x.shape[1]), np.nan)
@@ -146,12 +147,14 @@ class _Search:
 
     def evaluate(self, rows: np.ndarray, x: np.ndarray) -> Evaluation:
         p = self.precision
-        return self.objective.evaluate(self.which[rows], x, p.orbits, p.resolution)
+        near = None if any(known is None for known in self.near[rows]) else list(self.near[rows])
+        return self.objective.evaluate(self.which[rows], x, p.orbits, p.resolution, near)
 
     def differentiate(self, found: Evaluation, members: np.ndarray, rows: np.ndarray) -> None:
         """Derivatives of some starts from the members of an evaluation that they stand at."""
         if len(members):
-            self.jacobians[rows] = self.objective.jacobians(found, members.tolist(), self.x[rows])
+            self.jacobians[rows], near = self.objective.linearise(found, members.tolist(), self.x[rows])
+            self.near[rows] = np.fromiter(near, dtype=object)
 
     def weighted(self, row: int) -> np.ndarray:
         """d residual / d log parameter; 0 for what is held, so that no step moves it."""
@@ -220,14 +223,14 @@ class _Search:
 
     def move(self, wave: _Tried, rows: np.ndarray, chosen: np.ndarray) -> None:
         """Take steps of a wave, but for those to where there are no derivatives to go on with."""
-        before = [v[rows].copy() for v in (self.x, self.outputs, self.residuals, self.costs, self.jacobians)]
+        kept = (self.x, self.outputs, self.residuals, self.costs, self.jacobians, self.near)
+        before = [values[rows].copy() for values in kept]
         self.x[rows] += wave.steps[chosen]
         self.outputs[rows], self.residuals[rows] = wave.found.outputs[chosen], wave.found.residuals[chosen]
         self.costs[rows] = wave.found.costs[chosen]
         self.damping[rows] = wave.dampings[chosen]
         self.differentiate(wave.found, chosen, rows)
         stuck = ~np.isfinite(self.jacobians[rows]).all(axis=(1, 2))
-        kept = (self.x, self.outputs, self.residuals, self.costs, self.jacobians)
         for values, old in zip(kept, before, strict=True):
             values[rows[stuck]] = old[stuck]
         self.damping[rows[stuck]] *= NEXT_LADDER

@@ -7,28 +7,24 @@ value) are symmetric and a step means the same change for all of them.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from eclsim.circuit.assembly import assemble
-from eclsim.haemodynamics.derivatives import member_derivatives
+from eclsim.haemodynamics.derivatives import member_tangents
 from eclsim.haemodynamics.evaluation import batch_outputs, output_names
-from eclsim.solver.beat import beat_program
-from eclsim.solver.lanes import FEW, LANES, map_parallel, threads
+from eclsim.solver.lanes import WORTH_LANES, map_parallel
 from eclsim.solver.model import AS_PUBLISHED, Model
-from eclsim.solver.orbit import OrbitOptions, OrbitProblem, Orbits, solve_orbits
+from eclsim.solver.orbit import Anchor, OrbitOptions
 from eclsim.solver.resolution import needed_resolution
 from eclsim.solver.status import Status
-from eclsim.solver.steady import Batch, SteadyBeats, anchor, steady_beats
+from eclsim.solver.steady import Batch, SteadyBeats, steady_beats
 
 OUTPUTS = ("SP", "DP", "MAP", "MPAP", "PCWP", "CO", "PF")
 """What can be fitted."""
-WORTH_FILLING = 50
-"""From so many members on the program for many is quicker than the one for one, even if it is filled up."""
-WORTH_LANES = 16
-"""From so many members on one chunk of lanes is quicker than one member after the other."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +67,33 @@ class Box:
     def clip(self, x: np.ndarray) -> np.ndarray:
         """The nearest point inside."""
         return np.clip(x, self.lower, self.upper)
+
+
+@dataclass(frozen=True)
+class Tangent:
+    """A steady beat to first order in the parameters.
+
+    Args:
+        x: logarithms of the parameters, shape (parameters,).
+        anchor: the beat and its inverse Jacobian.
+        states: d state / d log parameter, shape (states, parameters).
+    """
+
+    x: np.ndarray
+    anchor: Anchor
+    states: np.ndarray
+
+    def state(self, x: np.ndarray) -> np.ndarray:
+        """State at other parameters; no part of it changes by more than half its size and 50 mL."""
+        change = self.states @ (x - self.x)
+        allowed = 0.5 * np.abs(self.anchor.state) + 50.0
+        return self.anchor.state + change / max(float(np.max(np.abs(change) / allowed)), 1.0)
+
+
+def foreseen(near: Sequence[Tangent], x: np.ndarray) -> Anchor:
+    """Where to start the search for the beats of some members from one solved beat close to each."""
+    states = [tangent.state(own) for tangent, own in zip(near, x, strict=True)]
+    return Anchor(np.stack(states, axis=1), np.stack([t.anchor.inverse for t in near], axis=2))
 
 
 @dataclass(frozen=True)
@@ -130,6 +153,7 @@ class Objective:
         x: np.ndarray,
         options: OrbitOptions | None = None,
         resolution: int | None = None,
+        near: Sequence[Tangent] | None = None,
     ) -> Evaluation:
         """The model at some points.
 
@@ -139,18 +163,13 @@ class Objective:
             options: accuracy and effort of the orbit solver.
             resolution: of the grid of a beat; left out, each member gets what it needs, so that outputs jump
                 by a thousandth where the need changes.
+            near: a solved beat close to each member, from where the search for its own starts.
         """
-        count = len(which)
-        full = FEW + 1 if count >= WORTH_FILLING and resolution is None else 0
-        filled = np.arange(max(count, full)) % max(count, 1)
-        batch = self._batch(which[filled], x[filled])
-        if resolution is not None and WORTH_LANES <= count <= FEW:
-            steady = _in_lanes(batch, options or OrbitOptions(), resolution)
-        else:
-            steady = steady_beats(batch, options, resolution=resolution)
-        wide = steady if len(filled) > FEW or count < WORTH_LANES else _repeated(steady)
-        found = batch_outputs(wide, self.outputs).T[:count].copy()
-        found[steady.orbits.status[:count] != Status.CONVERGED] = np.nan
+        batch, wide = self._batch(which, x), len(which) >= WORTH_LANES
+        start = None if near is None else foreseen(near, x)
+        steady = steady_beats(batch, options, resolution=resolution, start=start, wide=wide)
+        found = batch_outputs(steady, self.outputs, wide).T.copy()
+        found[steady.orbits.status != Status.CONVERGED] = np.nan
         return Evaluation(steady, found, (found - self.measured[which]) * self.weights[which])
 
     def resolutions(self, which: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -158,8 +177,10 @@ class Objective:
         batch = self._batch(which, x)
         return np.broadcast_to(needed_resolution(assemble(self.circuit), batch.values), (len(which),))
 
-    def jacobians(self, evaluation: Evaluation, members: Sequence[int], x: np.ndarray) -> np.ndarray:
-        """d output / d log parameter of some members, shape (members, outputs, parameters).
+    def linearise(
+        self, evaluation: Evaluation, members: Sequence[int], x: np.ndarray
+    ) -> tuple[np.ndarray, list[Any]]:
+        """d output / d log parameter of some members, shape (members, outputs, parameters), and their beats.
 
         NaN where an orbit has no derivatives: with a valve that never opens, blood is shut in behind it.
 
@@ -167,38 +188,26 @@ class Objective:
             evaluation: of the points.
             members: which of its members.
             x: their parameters, shape (members, parameters).
+
+        Returns:
+            The derivatives, and for each member what `near` of `evaluate` takes.
         """
 
-        def one(member: int) -> np.ndarray:
+        def one(k: int) -> tuple[np.ndarray, Tangent | None]:
             try:
-                return member_derivatives(evaluation.steady, self.outputs, self.names, member)[1]
+                _, slopes, tangents = member_tangents(
+                    evaluation.steady, self.outputs, self.names, int(members[k])
+                )
             except np.linalg.LinAlgError:
-                return np.full((len(self.outputs), len(self.names)), np.nan)
+                return np.full((len(self.outputs), len(self.names)), np.nan), None
+            unit = np.exp(x[k])
+            return slopes * unit, Tangent(x[k], tangents.anchor, tangents.states * unit)
 
-        return np.stack(map_parallel(one, [int(m) for m in members])) * np.exp(x)[:, None, :]
+        slopes, near = zip(*map_parallel(one, list(range(len(members)))), strict=True)
+        return np.stack(slopes), list(near)
 
     def _batch(self, which: np.ndarray, x: np.ndarray) -> Batch:
         names = self.targets[0].model.values
         values = {n: np.array([t.model.values[n] for t in self.targets])[which] for n in names}
         values |= {n: np.exp(x[:, k]) for k, n in enumerate(self.names)}
         return Batch(self.circuit, values, len(which), self.policy)
-
-
-def _in_lanes(batch: Batch, options: OrbitOptions, resolution: int) -> SteadyBeats:
-    """Steady beats of some dozens of members on one grid, with the program for many."""
-    program = beat_program(batch.circuit, resolution)
-    problem = OrbitProblem(program, batch.packed(program), batch.volume(), wide=True)
-    start = anchor(batch, resolution)
-    parts = np.array_split(np.arange(batch.count), max(1, min(threads(), batch.count // LANES)))
-    solved = map_parallel(lambda part: solve_orbits(problem.take(part), start, options), list(parts))
-    joined = {n: np.concatenate([getattr(o, n) for o in solved], axis=-1) for n in vars(solved[0])}
-    return SteadyBeats(batch, Orbits(**joined), np.full(batch.count, resolution))
-
-
-def _repeated(steady: SteadyBeats) -> SteadyBeats:
-    """The same beats over and over, so many that their outputs are read off with the program for many."""
-    batch, orbits = steady.batch, steady.orbits
-    filled = np.arange(FEW + 1) % batch.count
-    values = {n: v[filled] if np.ndim(v) else v for n, v in batch.values.items()}
-    more = Orbits(**{n: v[..., filled] for n, v in vars(orbits).items()})
-    return SteadyBeats(replace(batch, values=values, count=FEW + 1), more, steady.resolution[filled])

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from eclsim.identification.least_squares import EXACT, Precision, Refined, refine
-from eclsim.identification.objective import Box, Evaluation, Objective
+from eclsim.identification.objective import Box, Evaluation, Objective, Tangent
 from eclsim.solver.orbit import OrbitOptions
 
 SHARES = (0.2, 0.5, 0.8)
@@ -51,24 +52,33 @@ class JointObjective:
         x: np.ndarray,
         options: OrbitOptions | None = None,
         resolution: int | None = None,
+        near: Sequence[Sequence[Tangent]] | None = None,
     ) -> Evaluation:
         """All points at some joint parameters (members, joint parameters)."""
         points = np.tile(np.arange(self.count), len(which))
-        found = self.single.evaluate(points, self.rows(x), options, resolution)
+        beats = None if near is None else [beat for of_member in near for beat in of_member]
+        found = self.single.evaluate(points, self.rows(x), options, resolution, beats)
         shape = (len(which), len(self.outputs))
         return _Expanded(found.steady, found.outputs.reshape(shape), found.residuals.reshape(shape), found)
 
-    def jacobians(self, evaluation: Evaluation, members: Sequence[int], x: np.ndarray) -> np.ndarray:
-        """d output / d log parameter of some members, shape (members, all outputs, joint parameters)."""
+    def linearise(
+        self, evaluation: Evaluation, members: Sequence[int], x: np.ndarray
+    ) -> tuple[np.ndarray, list[Any]]:
+        """d output / d log parameter of some members, shape (members, all outputs, joint parameters).
+
+        And for each member what `near` of `evaluate` takes.
+        """
         assert isinstance(evaluation, _Expanded)
         rows = [m * self.count + point for m in members for point in range(self.count)]
-        blocks = self.single.jacobians(evaluation.single, rows, self.rows(x))
+        blocks, beats = self.single.linearise(evaluation.single, rows, self.rows(x))
         height = len(self.single.outputs)
         found = np.zeros((len(members), self.count, height, self.size))
         for k, block in enumerate(blocks):
             member, point = divmod(k, self.count)
             found[member, point][:, self.places[point]] = block
-        return found.reshape(len(members), -1, self.size)
+        near = [beats[k : k + self.count] for k in range(0, len(beats), self.count)]
+        whole = [None if any(beat is None for beat in of_member) else of_member for of_member in near]
+        return found.reshape(len(members), -1, self.size), whole
 
     def resolutions(self, which: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Resolution that the most demanding point of each member needs."""

@@ -88,7 +88,7 @@ class AdaptiveProgram:
     @cached_property
     def advance(self) -> Any:
         """Compiled map (state, packed, from phase, to phase) -> state; NaN if it took too many steps."""
-        return compiled(self._advance)
+        return compiled(self._advance, ("adaptive", self))
 
     def signals(self, names: tuple[str, ...]) -> Any:
         """Compiled map (states, phases, packed) -> signals, shape (points, signals)."""

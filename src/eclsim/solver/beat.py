@@ -62,7 +62,7 @@ class BeatProgram:
     @cached_property
     def beat(self) -> Any:
         """Compiled map (state, parameters) -> state after one beat."""
-        return compiled(lambda state, packed: self.run(state, packed)[0])
+        return compiled(lambda state, packed: self.run(state, packed)[0], ("beat", self))
 
     def alone(self) -> Any:
         """Compiled map (state, parameters) -> state after one beat, for one patient at a time.
@@ -279,4 +279,4 @@ def beat_program(circuit: Circuit, resolution: int = 1) -> BeatProgram:
 
 @lru_cache(maxsize=256)
 def _trace(program: BeatProgram, signals: tuple[str, ...]) -> Any:
-    return compiled(lambda state, packed: program.run(state, packed, signals))
+    return compiled(lambda state, packed: program.run(state, packed, signals), ("trace", program, signals))

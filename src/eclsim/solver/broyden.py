@@ -1,7 +1,7 @@
 """Broyden's method for many small systems at once, each with its own inverse Jacobian.
 
-The inverse is a common matrix plus one rank-one term per iteration and system ("good Broyden",
-Broyden 1965, doi 10.1090/S0025-5718-1965-0198670-6; Kelley 1995, chapter 7).
+The inverse is the one that the search starts with plus a rank-one term per iteration and system ("good
+Broyden", Broyden 1965, doi 10.1090/S0025-5718-1965-0198670-6; Kelley 1995, chapter 7).
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ class InverseJacobian:
     """Approximate inverse Jacobians of systems of size n, shape (n, systems) for a vector of each.
 
     Args:
-        common: inverse that all start from, shape (n, n).
+        first: inverse that all start from, shape (n, n), or that each starts from, shape (n, n, systems).
         systems: how many systems.
         terms: largest number of rank-one terms, one for each call of `learn`.
     """
 
-    def __init__(self, common: np.ndarray, systems: int, terms: int):
-        self._common = common
-        self._left = np.empty((terms, len(common), systems))
+    def __init__(self, first: np.ndarray, systems: int, terms: int):
+        self._first = first
+        self._left = np.empty((terms, len(first), systems))
         self._right = np.empty_like(self._left)
         self._count = 0
 
     def times(self, vectors: np.ndarray) -> np.ndarray:
         """Inverse times one vector of each system."""
-        found = self._common @ vectors
+        found = _product(self._first, vectors)
         return found + self._terms(self._left, self._right, vectors) if self._count else found
 
     def _terms(self, left: np.ndarray, right: np.ndarray, vectors: np.ndarray) -> np.ndarray:
@@ -37,7 +37,7 @@ class InverseJacobian:
     def learn(self, step: np.ndarray, change: np.ndarray) -> None:
         """Make the inverse map the observed change of the residual to the step that caused it."""
         image = self.times(change)
-        right = self._common.T @ step + self._terms(self._right, self._left, step)
+        right = _product(self._first.swapaxes(0, 1), step) + self._terms(self._right, self._left, step)
         scale = (right * change).sum(axis=0)
         usable = np.abs(scale) > 1e-6 * (step * step).sum(axis=0)
         self._left[self._count] = np.where(usable, (step - image) / np.where(usable, scale, 1.0), 0.0)
@@ -47,6 +47,8 @@ class InverseJacobian:
     def keep(self, chosen: np.ndarray) -> None:
         """Drop the systems that are not chosen (boolean mask or positions)."""
         self._left, self._right = (self._of(terms, chosen) for terms in (self._left, self._right))
+        if self._first.ndim == 3:
+            self._first = self._first[:, :, chosen]
 
     def _of(self, terms: np.ndarray, chosen: np.ndarray) -> np.ndarray:
         """The chosen systems' share of the terms there are, with room for those to come."""
@@ -54,3 +56,8 @@ class InverseJacobian:
         found = np.empty((*terms.shape[:2], used.shape[2]))
         found[: self._count] = used
         return found
+
+
+def _product(matrix: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """One matrix, or one for each system, times one vector of each system."""
+    return matrix @ vectors if matrix.ndim == 2 else np.einsum("ijs,js->is", matrix, vectors)

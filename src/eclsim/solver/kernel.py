@@ -16,12 +16,18 @@ import jax
 from jax.experimental.xla_metadata import set_xla_metadata
 
 from eclsim import runtime as _runtime  # noqa: F401  (double precision before the first array)
+from eclsim.solver.stored import StoredProgram
 
 COMPILER_OPTIONS = {"xla_backend_optimization_level": 1, "xla_cpu_prefer_vector_width": 512}
 
 
-def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function, compiled on first use: as one kernel on the CPU and as usual elsewhere."""
+def compiled(function: Callable[..., Any], key: tuple[Any, ...] | None = None) -> Callable[..., Any]:
+    """The function, compiled on first use: as one kernel on the CPU and as usual elsewhere.
+
+    Args:
+        function: of arrays.
+        key: what tells it from all other functions, for the store on disk (see `StoredProgram`).
+    """
     inner = jax.jit(function)
     if jax.default_backend() != "cpu":
         return inner
@@ -30,4 +36,4 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
         found = inner(*arguments)
         return set_xla_metadata(found, inlineable="false", xla_cpu_small_call="true")
 
-    return jax.jit(call, compiler_options=COMPILER_OPTIONS)
+    return StoredProgram(jax.jit(call, compiler_options=COMPILER_OPTIONS), key)

@@ -16,10 +16,12 @@ from typing import Any
 import jax
 import numpy as np
 
-LANES = 64
+LANES = 32
 FEW = 256
 """Up to so many patients the program for one is quicker: the one for many takes seconds to compile."""
-HANDFUL = 6
+WORTH_LANES = 8
+"""From so many patients the program for many is quicker, half empty or not, once it is compiled."""
+HANDFUL = 3
 """Below so many patients one after the other is quicker than half-empty lanes."""
 
 

@@ -21,7 +21,7 @@ from eclsim.circuit.assembly import assemble
 from eclsim.solver.beat import BeatProgram, beat_program
 from eclsim.solver.kernel import compiled
 from eclsim.solver.model import AS_PUBLISHED
-from eclsim.solver.orbit import OrbitProblem
+from eclsim.solver.orbit import Anchor, OrbitProblem
 from eclsim.solver.steady import Batch, SteadyBeats
 
 COMPLEX_STEP = 1e-30
@@ -37,11 +37,13 @@ class OrbitTangents:
         states: d state / d parameter, shape (states, parameters).
         sums: d sum / d parameter for each weighted sum of signals, shape (sums, parameters).
         monodromy: dbeat/dy, shape (states, states).
+        anchor: where the search for an orbit close by may start.
     """
 
     states: np.ndarray
     sums: np.ndarray
     monodromy: np.ndarray
+    anchor: Anchor
 
     @property
     def multipliers(self) -> np.ndarray:
@@ -85,8 +87,10 @@ def orbit_tangents(
     system = np.eye(n) - end[:, :n] + np.outer(spread, problem.volume.weights)
     values = dict(zip(program.names, packed, strict=True))
     right = end[:, n:] + np.outer(spread, _volume_gradient(batch, values, parameters))
-    states = np.linalg.solve(system, right)
-    return OrbitTangents(states, sums[:, n:] + sums[:, :n] @ states, end[:, :n])
+    inverse = np.linalg.inv(system)
+    states = inverse @ right
+    anchor = Anchor(state, inverse * problem.scale[:, 0] / problem.scale)
+    return OrbitTangents(states, sums[:, n:] + sums[:, :n] @ states, end[:, :n], anchor)
 
 
 @lru_cache(maxsize=64)
@@ -99,7 +103,7 @@ def _tangents(program: BeatProgram, signals: tuple[str, ...]) -> Any:
 
         return jax.vmap(one)(state_directions, packed_directions)
 
-    return compiled(run)
+    return compiled(run, ("tangents", program, signals))
 
 
 def _volume_gradient(batch: Batch, values: dict[str, float], parameters: tuple[str, ...]) -> np.ndarray:

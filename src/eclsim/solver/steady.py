@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -20,10 +20,10 @@ from eclsim.solver.orbit import (
     OrbitProblem,
     Orbits,
     Volume,
-    jacobian,
-    solve_orbits,
 )
 from eclsim.solver.resolution import needed_resolution
+from eclsim.solver.search import jacobian, solve_orbits
+from eclsim.solver.status import Status
 
 SETTLING_BEATS = 20
 Values = Mapping[str, Any]
@@ -78,6 +78,9 @@ def steady_beats(
     options: OrbitOptions | None = None,
     near: Values | None = None,
     resolution: int | None = None,
+    *,
+    start: Anchor | None = None,
+    wide: bool | None = None,
 ) -> SteadyBeats:
     """Solve for the steady beat of every patient of a batch.
 
@@ -87,6 +90,8 @@ def steady_beats(
         near: parameter values of a patient that all of the batch are close to; the search then starts from
             that patient's orbit. Left out, it starts from the circuit's nominal orbit.
         resolution: of the grid; left out, each patient gets what its own time constants need.
+        start: where to start each patient instead; those who find nothing from there start as the others.
+        wide: whether to take the program for many; left out, with more than `FEW` patients.
     """
     options = options or OrbitOptions()
     assembly = assemble(batch.circuit)
@@ -99,24 +104,38 @@ def steady_beats(
         np.full(batch.count, np.inf), np.full(batch.count, np.inf),
     )  # fmt: skip
     for level in np.unique(wanted):
-        _solve_level(batch, int(level), np.flatnonzero(wanted == level), options, near, found)
+        members = np.flatnonzero(wanted == level)
+        search = _Level(batch, int(level), len(members) > FEW if wide is None else wide, found)
+        beat_program(batch.circuit, int(level)).count_search()
+        if start is not None:
+            search.solve(members, start.take(members), replace(options, newton_iterations=0))
+            members = members[found.status[members] != Status.CONVERGED]
+        if len(members):
+            search.solve(members, anchor(batch, int(level), near), options)
     return SteadyBeats(batch, found, np.array(wanted))
 
 
-def _solve_level(
-    batch: Batch, level: int, members: np.ndarray, options: OrbitOptions, near: Values | None, found: Orbits
-) -> None:
-    program = beat_program(batch.circuit, level)
-    wide = len(members) > FEW
-    problem = OrbitProblem(program, batch.packed(program), batch.volume(), wide)
-    start = anchor(batch, level, near)
-    program.count_search()
-    parts = np.array_split(members, max(1, min(threads(), len(members) // (LANES if wide else 4))))
-    solved = map_parallel(lambda part: solve_orbits(problem.take(part), start, options), list(parts))
-    for part, orbits in zip(parts, solved, strict=True):
-        found.states[:, part] = orbits.states
-        for name in ("status", "beats", "residual", "drift"):
-            getattr(found, name)[part] = getattr(orbits, name)
+@dataclass(frozen=True)
+class _Level:
+    """The search for steady beats on one grid, which writes down what it finds."""
+
+    batch: Batch
+    level: int
+    wide: bool
+    found: Orbits
+
+    def solve(self, members: np.ndarray, start: Anchor, options: OrbitOptions) -> None:
+        """Solve some members of the batch."""
+        program = beat_program(self.batch.circuit, self.level)
+        problem = OrbitProblem(program, self.batch.packed(program), self.batch.volume(), self.wide)
+        chunks = -(-len(members) // LANES) if self.wide else len(members) // 4
+        parts = np.array_split(np.arange(len(members)), max(1, min(threads(), chunks)))
+        solved = map_parallel(
+            lambda part: solve_orbits(problem.take(members[part]), start.take(part), options), list(parts)
+        )
+        for part, orbits in zip(parts, solved, strict=True):
+            for name in vars(orbits):
+                getattr(self.found, name)[..., members[part]] = getattr(orbits, name)
 
 
 def anchor(batch: Batch, level: int, near: Values | None = None) -> Anchor:

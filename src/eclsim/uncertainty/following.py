@@ -14,8 +14,9 @@ import numpy as np
 
 from eclsim.circuit.assembly import assemble
 from eclsim.solver.beat import BeatProgram, beat_program
-from eclsim.solver.orbit import OrbitOptions, OrbitProblem, Volume, solve_orbits
+from eclsim.solver.orbit import OrbitOptions, OrbitProblem, Volume
 from eclsim.solver.resolution import needed_resolution
+from eclsim.solver.search import solve_orbits
 from eclsim.solver.status import Status
 from eclsim.solver.steady import Batch, anchor
 from eclsim.uncertainty.density import Posterior

@@ -113,4 +113,4 @@ def _program(program: BeatProgram, signals: tuple[str, ...], parameters: tuple[s
 
         return jax.vmap(one)(of_state, of_packed)
 
-    return compiled(run)
+    return compiled(run, ("linearised", program, signals, parameters))
