@@ -3,6 +3,7 @@
 import asyncio
 import threading
 import time
+from dataclasses import replace
 
 import pytest
 
@@ -10,6 +11,7 @@ from eclsim.app import identify
 from eclsim.app.fitting import FitError
 from eclsim.app.identify import Identification, checked_form, fields, values_of
 from eclsim.app.state import PageState
+from eclsim.app.uncertain import Uncertain
 from eclsim.patients.presets import PRESETS
 
 CASE = PRESETS["paper"].case()
@@ -73,9 +75,15 @@ class StubSession:
         self.state = PageState(CASE)
         self.beat = None
         self.loaded = []
+        self.shown = None
+        self.closed = False
+        self.view = "identify"
 
     def load(self, state):
         self.loaded.append(state)
+
+    def send(self, topic, data):
+        pass
 
 
 class StubFitter:
@@ -94,6 +102,12 @@ class StubFitter:
             raise self.answer
         return self.answer | {"case": case}
 
+    def posterior(self, case, policy, said, stop):
+        self.running.append(case)
+        said("draws")
+        self.may_end.wait(5)
+        return {"names": ["Rmc"], "members": [[0.8], [1.0]], "method": "importance", "doubts": [], "draws": 2}
+
 
 @pytest.fixture
 def slow() -> StubFitter:
@@ -103,7 +117,9 @@ def slow() -> StubFitter:
 def told_by(fitter, action) -> list:
     told: list = []
     tell = lambda topic, data: told.append((topic, data))  # noqa: E731
-    asyncio.run(action(Identification(StubSession(), tell, fitter), told))  # type: ignore[arg-type]
+    session = StubSession()
+    uncertain = Uncertain(None, session)  # type: ignore[arg-type]
+    asyncio.run(action(Identification(session, tell, fitter, uncertain), told))  # type: ignore[arg-type]
     return told
 
 
@@ -121,6 +137,40 @@ def test_a_double_press_is_one_fit_and_it_can_be_used(slow):
     assert len(slow.running) == 1
     assert [t for t, _ in told].count("fit_ended") == 1
     assert any(t == "fit_progress" for t, _ in told)
+
+
+def test_the_posterior_belongs_to_the_fitted_patient(slow):
+    slow.may_end.set()
+
+    async def action(one, told):
+        await one.find_posterior()
+        assert slow.running == []  # nothing is fitted yet
+        typed = form()
+        await one.start(typed)
+        one.fitted = replace(one.fitted, case=one.fitted.case.model_copy(update={"parameters": {"Rmc": 0.9}}))
+        await one.find_posterior()
+        assert one.use()
+        key = one.session.loaded[0].posterior
+        assert one.uncertain.members(key).base == {"Rmc": 0.9}
+
+    topics = told_by(slow, action)
+    assert topics[-1][0] == "posterior_ended"
+    assert topics[-1][1]["posterior"]["trusted"]
+
+
+def test_a_posterior_can_be_cancelled(slow):
+    async def action(one, told):
+        slow.may_end.set()
+        await one.start(form())
+        slow.may_end.clear()
+        search = asyncio.create_task(one.find_posterior())
+        await asyncio.sleep(0.05)
+        one.cancel()
+        await search
+        assert not one.running
+        slow.may_end.set()
+
+    assert told_by(slow, action)[-1] == ("posterior_ended", {"message": identify.text("fit_cancelled")})
 
 
 def test_cancel_frees_the_page_at_once(slow):

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 
 from nicegui import events, ui
 
-from eclsim.app.opening import LARGEST_FILE, SIZE, Opened, brief, open_file
+from eclsim.app.opening import LARGEST_FILE, SIZE, Opened, brief, open_file, open_posterior
 from eclsim.app.texts import text
 from eclsim.patients.mistakes import CaseError
 
 if TYPE_CHECKING:
     from eclsim.app.engine import Engine
+    from eclsim.app.members import Members
     from eclsim.patients.case import Case
 
 
@@ -30,10 +31,11 @@ class OpenDialog:
     Args:
         engine: reads files beside the event loop.
         use: takes the name of the file and the case.
+        use_members: takes the members of a posterior.
     """
 
-    def __init__(self, engine: Engine, use: Use):
-        self.engine, self.use = engine, use
+    def __init__(self, engine: Engine, use: Use, use_members: Callable[[Members], None]):
+        self.engine, self.use, self.use_members = engine, use, use_members
         self.opened: Opened | None = None
         with ui.dialog() as self.dialog, ui.card().classes("ecl-dialog"):
             ui.label(text("open_title")).classes("ecl-dialog-title")
@@ -42,7 +44,7 @@ class OpenDialog:
                 label=text("open_drop"), auto_upload=True, max_file_size=LARGEST_FILE, max_files=1,
                 on_upload=self._read, on_rejected=self._rejected,
             )  # fmt: skip
-            self.upload = upload.props('accept=".toml,.csv" flat bordered').classes("ecl-upload")
+            self.upload = upload.props('accept=".toml,.csv,.nc" flat bordered').classes("ecl-upload")
             self.said = ui.column().classes("ecl-said")
             self.rows = ui.select({}, label=text("open_rows")).props("dense outlined").classes("ecl-rows")
             with ui.row().classes("ecl-dialog-actions"):
@@ -59,6 +61,11 @@ class OpenDialog:
     async def _read(self, event: events.UploadEventArguments) -> None:
         name, content = event.file.name, await event.file.read()
         try:
+            if name.lower().endswith(".nc"):
+                self.use_members(await self.engine.study(lambda: open_posterior(name, content)))
+                notify(text("posterior_opened"))
+                self.dialog.close()
+                return
             opened = await self.engine.study(lambda: open_file(name, content))
         except CaseError as error:
             self._show(None, [text("refused"), *brief([str(m) for m in error.mistakes])])

@@ -1,4 +1,4 @@
-"""Fits in a process of their own: they take both processors for seconds, and beats must not wait for them."""
+"""Fits and posteriors in a process of their own: they take seconds, and beats must not wait for them."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ PREPARING = {"points_per_parameter": 2, "round_size": 1, "rediscoveries": 0}
 PATIENCE_S = 20.0
 """A fit that was cancelled and has not stopped by itself after so long is ended with its process."""
 NICENESS = 5
+FAILED = {"fit": "fit_failed", "posterior": "posterior_failed"}
 
 
 class FitError(RuntimeError):
@@ -56,27 +57,41 @@ class Fitter:
     def fit(
         self, case: Mapping[str, Any], policy: str, said: Callable[[str], None], stop: threading.Event
     ) -> dict[str, Any]:
-        """Fit a case; blocks. One fit runs at a time, others wait for their turn.
+        """Fit a case; see `run`. The fitted case is under `case`."""
+        return self.run("fit", case, policy, said, stop)
+
+    def posterior(
+        self, case: Mapping[str, Any], policy: str, said: Callable[[str], None], stop: threading.Event
+    ) -> dict[str, Any]:
+        """The posterior of a fitted case; see `run`."""
+        return self.run("posterior", case, policy, said, stop)
+
+    def run(
+        self, job: str, case: Mapping[str, Any], policy: str, said: Callable[[str], None],
+        stop: threading.Event,
+    ) -> dict[str, Any]:  # fmt: skip
+        """Have the process do a job; blocks. One runs at a time, others wait for their turn.
 
         Args:
+            job: "fit" or "posterior".
             case: as a case file holds it, with measurements.
             policy: blood volume policy.
             said: called with what is being done.
-            stop: set when nobody wants the fit any more.
+            stop: set when nobody wants it any more.
 
         Returns:
-            The fit as plain data, with the fitted case under `case`.
+            What was found, as plain data.
 
         Raises:
             CancelledError: After `stop`.
-            FitError: If there is no fit.
+            FitError: If nothing was found.
         """
         while not self._turn.acquire(timeout=0.2):
             said(text("fit_waiting"))
             if stop.is_set():
                 raise CancelledError
         try:
-            return self._exchange(case, policy, said, stop)
+            return self._exchange((job, dict(case), policy), said, stop)
         finally:
             self._turn.release()
 
@@ -96,13 +111,13 @@ class Fitter:
         return self._pipe
 
     def _exchange(
-        self, case: Mapping[str, Any], policy: str, said: Callable[[str], None], stop: threading.Event
+        self, order: tuple[str, dict[str, Any], str], said: Callable[[str], None], stop: threading.Event
     ) -> dict[str, Any]:
         pipe = self._started()
         self._quit.clear()
         cancelled_at = math.inf
         try:
-            pipe.send((dict(case), policy))
+            pipe.send(order)
             while True:
                 if stop.is_set() and cancelled_at == math.inf:
                     cancelled_at = time.monotonic()
@@ -137,8 +152,8 @@ def _serve(pipe: Connection, quit_now: Any) -> None:
         _prepare()
     while True:
         try:
-            case, policy = pipe.recv()
-            pipe.send(_fitted(case, policy, lambda words: _report(pipe, quit_now, words)))
+            job, case, policy = pipe.recv()
+            pipe.send(_done(job, case, policy, lambda words: _report(pipe, quit_now, words)))
         except (EOFError, OSError):
             return
 
@@ -169,17 +184,20 @@ def _fit(
     return fit_case(read_mapping(raw).case, settings, report)
 
 
-def _fitted(raw: Mapping[str, Any], policy: str, report: Callable[[str], None]) -> tuple[str, Any]:
+def _done(job: str, raw: Mapping[str, Any], policy: str, report: Callable[[str], None]) -> tuple[str, Any]:
+    from eclsim.app.posterior import plain_posterior
     from eclsim.patients.mistakes import CaseError
 
     try:
+        if job == "posterior":
+            return "done", plain_posterior(raw, policy, report)
         return "done", plain_fit(_fit(raw, policy, LOOKING, report))
     except CancelledError:
         return "cancelled", None
     except CaseError as error:
         return "failed", str(error)
     except Exception as error:  # whatever it is, the page must hear of it; no values of the patient in it
-        return "failed", f"{text('fit_failed')} ({type(error).__name__})"
+        return "failed", f"{text(FAILED[job])} ({type(error).__name__})"
 
 
 def plain_fit(fit: Fit) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +17,7 @@ from eclsim.patients.presets import PRESETS
 if TYPE_CHECKING:
     from nicegui.elements.button import Button
 
+    from eclsim.app.identify import Identification
     from eclsim.app.parts import Bridge
     from eclsim.app.session import Session
     from eclsim.patients.case import Case
@@ -31,12 +31,13 @@ class Header:
     Args:
         session: what they act on.
         bridge: the line to the browser, made here so that the status stands beside the brand.
+        identification: takes a posterior that is opened.
     """
 
-    def __init__(self, session: Session, bridge: Bridge):
+    def __init__(self, session: Session, bridge: Bridge, identification: Identification):
         self.session, self.bridge = session, bridge
         self.buttons: dict[str, Button] = {}
-        self.opening = OpenDialog(session.engine, self._use)
+        self.opening = OpenDialog(session.engine, self._use, identification.use_members)
         options = {key: preset.name for key, preset in PRESETS.items()}
         self.patient = ui.select(options, label=text("patient"), on_change=lambda e: self._preset(e.value))
         self.patient.props("dense outlined options-dense").classes("ecl-patient")
@@ -84,7 +85,7 @@ class Header:
             self.session.load(PageState(PRESETS[key].case(), self.session.state.policy, key))
 
     def _use(self, _name: str, case: Case) -> None:
-        self.session.load(replace(self.session.state, case=case, origin="file"))
+        self.session.load(PageState(case, self.session.state.policy, "file"))
 
     async def _link(self) -> None:
         found = await self.bridge.run_method("copyLink", link_of(self.session.state), timeout=5)

@@ -1,4 +1,4 @@
-"""The form of measurements: checked as it is typed, fitted in a thread of its own, cancelled at once."""
+"""The form of measurements: checked as it is typed, fitted beside the page, cancelled at once."""
 
 from __future__ import annotations
 
@@ -9,8 +9,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from eclsim.app.fitting import CancelledError, FitError
 from eclsim.app.knobs import as_written
+from eclsim.app.members import Members
+from eclsim.app.state import PageState
 from eclsim.app.texts import text
 from eclsim.patients.checking import Checked, check_case
 from eclsim.patients.fields import SECTIONS
@@ -20,10 +24,12 @@ from eclsim.patients.reading import read_mapping
 if TYPE_CHECKING:
     from eclsim.app.fitting import Fitter
     from eclsim.app.session import Session
+    from eclsim.app.uncertain import Uncertain
     from eclsim.patients.case import Case
 
-EXPECTED_S = 15.0
-"""Usual time of a fit [s]; the bar moves by it between the reports of the fit."""
+EXPECTED_S, POSTERIOR_EXPECTED_S = 15.0, 12.0
+"""Usual time of a fit and of a posterior [s]; the bar moves by it between their reports."""
+PREPARING = {"fit": "fit_preparing", "posterior": "posterior_preparing"}
 PATIENT = ("id", "sex", "age_years", "height_cm", "weight_kg", "heart_rate_bpm")
 
 
@@ -65,23 +71,26 @@ def checked_form(case: Case, typed: Mapping[str, Any]) -> Checked:
 
 
 class Identification:
-    """Fits of one session; at most one runs.
+    """Fits and posteriors of one session; at most one of them runs.
 
     Args:
         session: whose patient is fitted.
         tell: hands a topic and plain data to the browser.
         fitter: where fits run.
+        uncertain: keeps what posteriors were found.
     """
 
-    def __init__(self, session: Session, tell: Callable[[str, Any], None], fitter: Fitter):
-        self.session, self.tell, self.fitter = session, tell, fitter
-        self.fitted: Case | None = None
+    def __init__(
+        self, session: Session, tell: Callable[[str, Any], None], fitter: Fitter, uncertain: Uncertain
+    ):
+        self.session, self.tell, self.fitter, self.uncertain = session, tell, fitter, uncertain
+        self.fitted: PageState | None = None
         self._stop: threading.Event | None = None
         self._said = ""
 
     @property
     def running(self) -> bool:
-        """Whether a fit runs that somebody still wants."""
+        """Whether something runs that somebody still wants."""
         return self._stop is not None
 
     def fill(self) -> None:
@@ -109,20 +118,36 @@ class Identification:
         if self.running or not self.check(typed):
             return
         raw = checked_form(self.session.state.case, typed).values | {"format": 1}
-        self._stop = stop = threading.Event()
-        self._said = text("fit_preparing")
-        work = asyncio.ensure_future(
-            asyncio.to_thread(self.fitter.fit, raw, self.session.state.policy, self._say, stop)
-        )
-        work.add_done_callback(lambda done: done.cancelled() or done.exception())
-        try:
-            self.tell("fit_ended", await self._outcome(work, stop))
-        finally:
-            if self._stop is stop:
-                self._stop = None
+        policy = self.session.state.policy
+        ended = await self._run("fit", raw, policy, EXPECTED_S)
+        found = ended.pop("found", None)
+        if found is not None:
+            case = found.pop("case")
+            fitted = read_mapping(case).case if found["usable"] else None
+            key = self.uncertain.new_key()
+            self.fitted = fitted and PageState(fitted, policy, "fit", key)
+            ended = {"fit": found | {"seconds": ended["seconds"]}}
+        self.tell("fit_ended", ended)
+
+    async def find_posterior(self) -> None:
+        """The posterior of the fitted patient; its bands are there as soon as that patient is in use."""
+        if self.running or self.fitted is None:
+            return
+        fitted = self.fitted
+        case = fitted.case
+        ended = await self._run("posterior", case.as_mapping(), fitted.policy, POSTERIOR_EXPECTED_S)
+        found = ended.pop("found", None)
+        if found is not None:
+            members = Members(
+                tuple(found["names"]), np.array(found.pop("members")), {}, found["method"],
+                tuple(found["doubts"]),
+            ).of(case)  # fmt: skip
+            self.uncertain.add(fitted.posterior, members)
+            ended = {"posterior": found | members.as_object() | {"seconds": ended["seconds"]}}
+        self.tell("posterior_ended", ended)
 
     def cancel(self) -> None:
-        """Let go of the fit that runs: it ends by itself at its next step."""
+        """Let go of what runs: it ends by itself at its next step."""
         if self._stop is not None:
             self._stop.set()
             self._stop = None
@@ -131,28 +156,43 @@ class Identification:
         """Show the fitted patient in all views."""
         if self.fitted is None:
             return False
-        self.session.load(replace(self.session.state, case=self.fitted, origin="fit"))
+        self.session.load(self.fitted)
         return True
 
-    async def _outcome(self, work: asyncio.Future[dict[str, Any]], stop: threading.Event) -> dict[str, Any]:
-        """Tell how far it is until it ends; then what was found, or why nothing was."""
+    def use_members(self, members: Members) -> None:
+        """Show the patient around a posterior that was loaded: its parameters become the central ones."""
+        state = self.session.state
+        raw = state.case.as_mapping()
+        raw["parameters"] = {**raw.get("parameters", {}), **members.base}
+        key = self.uncertain.new_key()
+        self.uncertain.add(key, members)
+        self.session.load(replace(state, case=read_mapping(raw).case, origin="posterior", posterior=key))
+
+    async def _run(self, job: str, raw: dict[str, Any], policy: str, expected_s: float) -> dict[str, Any]:
+        """Run a job of the fitter, with its progress told; what was found, or why nothing was."""
+        self._stop = stop = threading.Event()
+        self._said = text(PREPARING[job])
         started = time.monotonic()
-        while not stop.is_set() and not work.done():
-            spent = time.monotonic() - started
-            share = 0.95 * (1.0 - 2.0 ** (-2.0 * spent / EXPECTED_S))
-            self.tell("fit_progress", {"share": share, "seconds": spent, "words": self._said})
-            await asyncio.wait({work}, timeout=0.25)
-        if stop.is_set():
-            return {"message": text("fit_cancelled")}
+        work = asyncio.ensure_future(
+            asyncio.to_thread(getattr(self.fitter, job), raw, policy, self._say, stop)
+        )
+        work.add_done_callback(lambda done: done.cancelled() or done.exception())
         try:
-            found = await work
+            while not stop.is_set() and not work.done():
+                spent = time.monotonic() - started
+                share = 0.95 * (1.0 - 2.0 ** (-2.0 * spent / expected_s))
+                self.tell(f"{job}_progress", {"share": share, "seconds": spent, "words": self._said})
+                await asyncio.wait({work}, timeout=0.25)
+            if stop.is_set():
+                return {"message": text("fit_cancelled")}
+            return {"found": await work, "seconds": round(time.monotonic() - started, 1)}
         except FitError as error:
             return {"message": str(error)}
         except CancelledError:
             return {"message": text("fit_cancelled")}
-        case = found.pop("case")
-        self.fitted = read_mapping(case).case if found["usable"] else None
-        return {"fit": found | {"seconds": round(time.monotonic() - started, 1)}}
+        finally:
+            if self._stop is stop:
+                self._stop = None
 
     def _say(self, words: str) -> None:
         self._said = words

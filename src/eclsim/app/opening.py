@@ -12,6 +12,7 @@ from eclsim.patients.mistakes import CaseError, Mistake
 from eclsim.patients.reading import read_case
 
 if TYPE_CHECKING:
+    from eclsim.app.members import Members
     from eclsim.patients.case import Case
 
 LARGEST_FILE = 5_000_000
@@ -41,14 +42,7 @@ def open_file(name: str, content: bytes) -> Opened:
     Raises:
         CaseError: With everything that is wrong, the place called by the file's own name.
     """
-    shown = Path(name.replace("\\", "/")).name[:80] or "file"
-    suffix = Path(shown).suffix.lower()
-    if suffix not in (".toml", ".csv"):
-        raise _refused(text("wrong_type", name=shown))
-    if not content:
-        raise _refused(text("empty_file", name=shown))
-    if len(content) > LARGEST_FILE:
-        raise _refused(text("too_large", name=shown, size=SIZE))
+    shown, suffix = _checked_name(name, content, (".toml", ".csv"))
     with tempfile.TemporaryDirectory(prefix="eclsim-") as folder:
         path = Path(folder) / f"upload{suffix}"
         path.write_bytes(content)
@@ -56,6 +50,31 @@ def open_file(name: str, content: bytes) -> Opened:
             return _case(path, shown) if suffix == ".toml" else _cohort(path, shown)
         except CaseError as error:
             raise CaseError([replace(m, file=shown) for m in error.mistakes]) from None
+
+
+def open_posterior(name: str, content: bytes) -> Members:
+    """Read a `posterior.nc`.
+
+    Raises:
+        CaseError: If it is none.
+    """
+    from eclsim.app.members import read_members
+
+    shown, _ = _checked_name(name, content, (".nc",))
+    return read_members(shown, content)
+
+
+def _checked_name(name: str, content: bytes, suffixes: tuple[str, ...]) -> tuple[str, str]:
+    """The file's own name and suffix."""
+    shown = Path(name.replace("\\", "/")).name[:80] or "file"
+    suffix = Path(shown).suffix.lower()
+    if suffix not in suffixes:
+        raise _refused(text("wrong_type", name=shown))
+    if not content:
+        raise _refused(text("empty_file", name=shown))
+    if len(content) > LARGEST_FILE:
+        raise _refused(text("too_large", name=shown, size=SIZE))
+    return shown, suffix
 
 
 def _case(path: Path, shown: str) -> Opened:

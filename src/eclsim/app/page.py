@@ -16,6 +16,7 @@ from eclsim.app.ranges import output_specs
 from eclsim.app.session import Session
 from eclsim.app.state import History, PageState, state_of
 from eclsim.app.texts import ENGLISH, text
+from eclsim.app.uncertain import Uncertain
 from eclsim.patients.mistakes import CaseError
 
 if TYPE_CHECKING:
@@ -37,7 +38,8 @@ class BedsidePage:
         self.engine = engine
         self.header: Header | None = None
         self.session = Session(engine, state, self._send)
-        self.identification = Identification(self.session, self._send, engine.fits)
+        self.uncertain = Uncertain(engine, self.session)
+        self.identification = Identification(self.session, self._send, engine.fits, self.uncertain)
         self._build()
 
     def close(self) -> None:
@@ -57,7 +59,7 @@ class BedsidePage:
             with ui.element("header").classes("ecl-header"):
                 ui.label(text("brand")).classes("ecl-brand")
                 self.bridge = parts.Bridge(dict(ENGLISH))
-                self.header = Header(self.session, self.bridge)
+                self.header = Header(self.session, self.bridge, self.identification)
             with ui.element("aside").classes("ecl-left"):
                 self._knobs()
             with ui.element("section").classes("ecl-middle"):
@@ -82,6 +84,7 @@ class BedsidePage:
             for name in VIEWS:
                 ui.tab(name, label=text(name))
         self.tabs.on_value_change(lambda e: self.session.open_view(str(e.value)))
+        parts.Bands().on("show", lambda e: self.uncertain.show(e.args.get("on") is True))
         panels = ui.tab_panels(self.tabs, value="monitor", animated=False, keep_alive=True)
         with panels.classes("ecl-views"):
             with ui.tab_panel("monitor"):
@@ -102,6 +105,7 @@ class BedsidePage:
                 compare.on("remove", lambda e: self.session.remove_saved(_number(e.args)))
         for view in ("ramp", "schemes"):
             self.session.follow(Background(self.engine, view))
+        self.session.follow(self.uncertain)
 
     def _identify(self) -> None:
         form = parts.Identify(fields())
@@ -109,6 +113,7 @@ class BedsidePage:
         form.on("check", lambda e: self.identification.check(_typed(e.args)))
         form.on("fit", lambda e: self.identification.start(_typed(e.args)))
         form.on("cancel", self.identification.cancel)
+        form.on("posterior", self.identification.find_posterior)
         form.on("use", self._use_fit)
 
     def _use_fit(self) -> None:

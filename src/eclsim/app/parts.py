@@ -35,6 +35,10 @@ class Keys(Element, component=_WEB / "keys.js"):
     """The numbers that are always in sight."""
 
 
+class Bands(Element, component=_WEB / "bands.js"):
+    """What the bands of the views are, and whether they are to be trusted."""
+
+
 class Monitor(Element, component=_WEB / "monitor.js"):
     """Sweeping waveforms."""
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from eclsim.app.knobs import connect, controls, turn, value_of
 from eclsim.app.panel import described, shape_of
-from eclsim.app.state import MOST_SAVED, POLICIES, History, PageState, link_of
+from eclsim.app.state import MOST_SAVED, POLICIES, History, PageState, key_of, link_of
 from eclsim.app.texts import text
 from eclsim.patients.mistakes import CaseError, Mistake
 
@@ -229,7 +229,8 @@ class Session:
         if self.started is None or state == self.history.start:
             self.started = beat
             self.send("base", {"outputs": plain(beat, ())["outputs"]})
-        self.send("beat", {**plain(beat, WAVES), "levels": levels(dict(beat.means)), "seq": seq})
+        told = {"levels": levels(dict(beat.means)), "seq": seq, "of": key_of(state)}
+        self.send("beat", {**plain(beat, WAVES), **told})
         self._follow()
 
     def _near_values(self, state: PageState) -> Mapping[str, float] | None:

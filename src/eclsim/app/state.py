@@ -29,11 +29,13 @@ class PageState:
         case: patient, devices and parameters; knobs change it.
         policy: blood volume policy.
         origin: key of the preset, or name of the file, that it started from.
+        posterior: which of the session's posteriors speaks of this patient; not part of a link.
     """
 
     case: Case
     policy: str = POLICIES[0]
     origin: str = ""
+    posterior: str = ""
 
     def with_case(self, case: Case) -> PageState:
         """The same page with another case."""
@@ -48,6 +50,11 @@ def link_of(state: PageState) -> str:
     """A state as the text behind # in a link: it stays in the browser and reaches no log of a server."""
     plain = json.dumps(state.as_object(), separators=(",", ":")).encode()
     return base64.urlsafe_b64encode(zlib.compress(plain, 9)).decode().rstrip("=")
+
+
+def key_of(state: PageState) -> str:
+    """Tells results of one state from those of another."""
+    return f"{zlib.crc32(repr((state.case, state.policy)).encode()):08x}"
 
 
 def state_of(link: str) -> PageState:

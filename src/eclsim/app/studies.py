@@ -8,6 +8,7 @@ import numpy as np
 
 from eclsim.app.circuits import page_circuit
 from eclsim.app.ranges import NODE_LIMITS
+from eclsim.app.state import key_of
 from eclsim.circuit.assembly import assemble
 from eclsim.parameters.devices import CRRT_ALARMS_MMHG, PUMPS
 from eclsim.parameters.positions import ECMO_POSITIONS
@@ -29,7 +30,7 @@ LINES = {"access": "crrttuin", "return": "crrttuout"}
 
 def ramp(state: PageState) -> dict[str, Any] | None:
     """Outputs over the speeds of the state's pump; None without a rotary pump."""
-    found = _speed(state)
+    found = speed_range(state)
     if found is None:
         return None
     key, own, (low, high) = found
@@ -41,13 +42,13 @@ def ramp(state: PageState) -> dict[str, Any] | None:
     records = record(steady_beats(batch, near=values, resolution=resolution))
     shown = [name for name in RAMP_OUTPUTS if name in records.names]
     return {
-        "key": key, "own": own, "speeds": speeds.tolist(),
-        "outputs": {n: _curve(np.where(records.converged, records.output(n), np.nan)) for n in shown},
+        "of": key_of(state), "key": key, "own": own, "speeds": speeds.tolist(),
+        "outputs": {n: plain_curve(np.where(records.converged, records.output(n), np.nan)) for n in shown},
         "limits": {line: list(CRRT_ALARMS_MMHG[line]) for line in LINES},
     }  # fmt: skip
 
 
-def _speed(state: PageState) -> tuple[str, float, tuple[float, float]] | None:
+def speed_range(state: PageState) -> tuple[str, float, tuple[float, float]] | None:
     """Key, own speed and usual range of the ECMO pump, else of the LVAD."""
     ecmo, assist = state.case.ecmo, state.case.lvad
     if ecmo is not None and isinstance(ecmo.pump, str):
@@ -83,7 +84,7 @@ def schemes(state: PageState) -> dict[str, Any] | None:
             cell[line] = {
                 "mean": _number(mean),
                 "level": NODE_LIMITS[node].level(mean),
-                "wave": _curve(np.interp(even, records.phases, records.waveforms[:, signal, k])),
+                "wave": plain_curve(np.interp(even, records.phases, records.waveforms[:, signal, k])),
             }
         found.append(cell)
     return {"cells": found, "flow": flow, "limits": {line: list(CRRT_ALARMS_MMHG[line]) for line in LINES}}
@@ -94,7 +95,8 @@ def scheme_sites(access: str, giving: str) -> tuple[str, str] | None:
     return (access, giving) if access in ECMO_POSITIONS and giving in ECMO_POSITIONS else None
 
 
-def _curve(values: np.ndarray) -> list[float | None]:
+def plain_curve(values: np.ndarray) -> list[float | None]:
+    """Rounded numbers for the browser; null for what is not finite."""
     return [_number(v) for v in values.tolist()]
 
 

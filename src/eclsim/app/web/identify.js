@@ -22,17 +22,26 @@ export default {
       </div>
       <p v-for="(text, key) in others" :key="key" class="other" role="alert">{{ key }}: {{ text }}</p>
       <div class="actions">
-        <button v-if="!running" type="submit" class="primary" :disabled="!ready">{{ words.fit }}</button>
+        <button v-if="!running || asked" type="submit" class="primary" :disabled="!ready || running">{{ words.fit }}</button>
         <button v-else type="button" class="primary" @click="$emit('cancel')">{{ words.cancel }}</button>
         <button type="button" @click="$emit('fill')">{{ words.fit_from_case }}</button>
         <button type="button" @click="empty">{{ words.fit_clear }}</button>
-        <span v-if="running" class="progress" role="progressbar" :aria-valuenow="Math.round(100 * share)" aria-valuemin="0" aria-valuemax="100" :aria-valuetext="said"><i :style="{ width: 100 * share + '%' }"></i></span>
-        <span class="said" role="status">{{ said }}</span>
+        <span v-if="running && !asked" class="progress" role="progressbar" :aria-valuenow="Math.round(100 * share)" aria-valuemin="0" aria-valuemax="100" :aria-valuetext="said"><i :style="{ width: 100 * share + '%' }"></i></span>
+        <span v-if="!asked" class="said" role="status">{{ said }}</span>
       </div>
     </form>
     <section v-if="found" class="found" :aria-label="words.fit_fitted">
       <p class="verdict"><b>{{ found.message }}</b> · {{ found.seconds }} s · {{ summary }}
         <button v-if="found.usable" type="button" class="primary" @click="$emit('use')">{{ words.fit_use }}</button></p>
+      <p v-if="found.usable" class="actions">
+        <button v-if="running && asked" type="button" class="primary" @click="$emit('cancel')">{{ words.cancel }}</button>
+        <button v-else type="button" :disabled="running" :title="words.posterior_hint" @click="uncertainty">{{ words.posterior_find }}</button>
+        <span v-if="running && asked" class="progress" role="progressbar" :aria-label="words.posterior_find" :aria-valuenow="Math.round(100 * share)" aria-valuemin="0" aria-valuemax="100" :aria-valuetext="said"><i :style="{ width: 100 * share + '%' }"></i></span>
+        <span v-if="asked && said" class="said" role="status">{{ said }}</span>
+        <template v-else-if="posterior"><span :class="['trust', { bad: !posterior.trusted }]">{{ posterior.trusted ? '✓ ' + words.posterior_trusted : words.posterior_doubted + ': ' + posterior.doubts.join('; ') }}</span>
+          <span class="said">{{ verdict }}</span></template>
+        <span v-else class="said">{{ words.posterior_hint }}</span>
+      </p>
       <div class="ecl-table"><table>
         <thead><tr><th scope="col">{{ words.output }}</th><th scope="col" class="n">{{ words.fit_measured }}</th><th scope="col" class="n">{{ words.fit_fitted }}</th><th scope="col" class="n">{{ words.fit_difference }}</th></tr></thead>
         <tbody><tr v-for="(o, name) in found.outputs" :key="name"><th scope="row"><b>{{ name }}</b></th><td class="n">{{ show(o.measured) }}</td><td class="n"><b>{{ show(o.simulated) }}</b></td><td class="n">{{ difference(o) }}</td></tr></tbody>
@@ -40,19 +49,23 @@ export default {
       <div class="ecl-table"><table>
         <thead><tr><th scope="col">{{ words.fit_parameter }}</th><th scope="col" class="n">{{ words.fit_fitted }}</th><th scope="col" class="n">{{ words.fit_interval }}</th><th scope="col" class="range">{{ words.fit_bounds }}</th><th scope="col">{{ words.fit_identifiable }}</th></tr></thead>
         <tbody><tr v-for="(p, name) in found.parameters" :key="name" :class="{ vague: !p.identifiable }">
-          <th scope="row" :title="p.words"><b>{{ name }}</b> <small>{{ p.unit }}</small></th><td class="n"><b>{{ show(p.value) }}</b></td><td class="n">{{ show(p.lower) }} – {{ show(p.upper) }}</td>
-          <td class="range"><svg v-if="p.bounds" viewBox="0 0 100 10" preserveAspectRatio="none" aria-hidden="true"><rect x="0" y="4.4" width="100" height="1.2" fill="#cfd7de" /><rect :x="at(p.lower, p)" y="2.6" :width="Math.max(at(p.upper, p) - at(p.lower, p), 1)" height="4.8" :fill="p.identifiable ? '#0072B2' : '#E69F00'" opacity="0.55" /><rect :x="at(p.value, p) - 0.8" y="0.5" width="1.6" height="9" fill="#17202A" /></svg></td>
+          <th scope="row" :title="p.words"><b>{{ name }}</b> <small>{{ p.unit }}</small></th><td class="n"><b>{{ show(p.value) }}</b></td><td class="n">{{ show(p.lower) }} – {{ show(p.upper) }}<template v-if="posterior"><br /><small>{{ words.posterior_interval }}</small> {{ show(after(name).lower) }} – {{ show(after(name).upper) }}</template></td>
+          <td class="range"><svg v-if="p.bounds" viewBox="0 0 100 10" preserveAspectRatio="none" aria-hidden="true"><rect x="0" y="4.4" width="100" height="1.2" fill="#cfd7de" /><rect :x="at(p.lower, p)" y="2.6" :width="Math.max(at(p.upper, p) - at(p.lower, p), 1)" height="4.8" :fill="p.identifiable ? '#0072B2' : '#E69F00'" opacity="0.55" /><rect :x="at(p.value, p) - 0.8" y="0.5" width="1.6" height="9" fill="#17202A" /><rect v-if="posterior && p.bounds" :x="at(after(name).lower, p)" y="8.4" :width="Math.max(at(after(name).upper, p) - at(after(name).lower, p), 1)" height="1.6" fill="#17202A" opacity="0.7" /></svg></td>
           <td>{{ p.identifiable ? '✓ ' + words.fit_yes : '✗ ' + words.fit_no.replace('{reason}', p.reason) }}</td>
         </tr></tbody>
       </table></div>
     </section>
   </div>`,
   props: { fields: Array },
-  data: () => ({ words, typed: {}, mistakes: {}, warnings: {}, ready: false, running: false, share: 0, said: "", found: null }),
+  data: () => ({ words, typed: {}, mistakes: {}, warnings: {}, ready: false, running: false, share: 0, said: "", found: null, asked: false, posterior: null }),
   computed: {
     others() {
       const own = new Set(this.fields.map((f) => f.key));
       return Object.fromEntries(Object.entries(this.mistakes).filter(([key]) => !own.has(key)));
+    },
+    verdict() {
+      const { method, draws, effective, shape, seconds } = this.posterior;
+      return `${words.posterior_found.replace("{method}", method).replace("{draws}", draws).replace("{effective}", effective.toFixed(0)).replace("{shape}", fixed(shape, 2))} ${seconds} s. ${words.posterior_use}`;
     },
     summary() {
       const count = Object.values(this.found.parameters).filter((p) => p.identifiable).length;
@@ -71,7 +84,13 @@ export default {
       bus.on("fit_ended", ({ message, fit }) => {
         this.running = false;
         this.said = message ?? "";
-        if (fit) this.found = fit;
+        if (fit) [this.found, this.posterior] = [fit, null];
+      }),
+      bus.on("posterior_progress", ({ share, seconds, words: said }) => Object.assign(this, { running: true, asked: true, share, said: `${said} (${seconds.toFixed(0)} s)` })),
+      bus.on("posterior_ended", ({ message, posterior }) => {
+        this.running = false;
+        this.said = message ?? "";
+        if (posterior) this.posterior = posterior;
       }),
       bus.on("view", (view) => {
         if (view === "identify" && !Object.keys(this.typed).length) this.$emit("fill");
@@ -85,6 +104,9 @@ export default {
   methods: {
     id: (f) => "form-" + f.key.replace(/\W/g, "-"),
     show: compact,
+    after(name) {
+      return this.posterior.parameters[name] ?? {};
+    },
     at: (value, p) => POSITION(value, p.bounds),
     difference(o) {
       if (o.measured === null || o.measured === undefined || o.simulated === null) return "";
@@ -99,9 +121,15 @@ export default {
       for (const f of this.fields) if (f.short) this.typed[f.key] = "";
       this.check();
     },
+    uncertainty() {
+      this.said = "";
+      this.asked = true;
+      this.$emit("posterior");
+    },
     fit() {
       if (this.running) return;
       this.said = "";
+      this.asked = false;
       this.$emit("fit", { ...this.typed });
     },
   },

@@ -1,5 +1,5 @@
 // Pressure-volume loops of both ventricles.
-import { bus, niceRange, words } from "eclsim-page";
+import { bandsOf, bus, niceRange, words } from "eclsim-page";
 import { Chart, axis, line } from "eclsim-page/chart.js";
 
 const SIDES = [
@@ -17,6 +17,9 @@ export default {
         this.pinned = beat;
         if (this.beat) this.show();
       }),
+      bus.on("bands", () => {
+        if (this.beat) this.show();
+      }),
       bus.on("beat", (beat) => {
         this.beat = beat;
         this.show();
@@ -29,7 +32,12 @@ export default {
   },
   methods: {
     show() {
-      const traces = [];
+      const bands = bandsOf(this.beat);
+      const pale = (side) => bands?.loops[side.place] ?? [];
+      // One trace for all, with gaps: the curves of the members of the posterior.
+      const traces = SIDES.map((side) => line(pale(side).flatMap(([v]) => [...v, null]), pale(side).flatMap(([, p]) => [...p, null]), words.bands_column, side.colour, {
+        xaxis: side.axes[0], yaxis: side.axes[1], showlegend: false, hoverinfo: "skip", opacity: 0.3, line: { width: 1 },
+      })).filter((t) => t.x.length);
       for (const [beat, shadow] of [[this.pinned, true], [this.beat, false]]) {
         if (!beat) continue;
         for (const side of SIDES) {
@@ -43,7 +51,8 @@ export default {
       const o = this.beat.outputs;
       this.label = `${words.loops}: EDV LV ${o.EDVLV?.toFixed(0)} mL, ESV LV ${o.ESVLV?.toFixed(0)} mL, EDV RV ${o.EDVRV?.toFixed(0)} mL, ESV RV ${o.ESVRV?.toFixed(0)} mL`;
       const top = (kind, place) => {
-        const all = [this.beat, this.pinned].filter(Boolean).flatMap((b) => b.waves[kind + place]).filter(Number.isFinite);
+        const members = (bands?.loops[place] ?? []).flatMap((loop) => loop["VP".indexOf(kind)]);
+        const all = [this.beat, this.pinned].filter(Boolean).flatMap((b) => b.waves[kind + place]).concat(members).filter(Number.isFinite);
         return ((this.tops ??= {})[kind + place] = niceRange(0, Math.max(...all), this.tops?.[kind + place]));
       };
       const head = (text, x) => ({ text: `<b>${text}</b>`, xref: "paper", yref: "paper", x, y: 1.02, xanchor: "center", yanchor: "bottom", showarrow: false, font: { size: 13 } });

@@ -1,14 +1,14 @@
 // Waveforms as on a bedside monitor: they sweep in real time, and are repainted at once when the beat changes.
-import { bus, fixed, latency, niceRange, words } from "eclsim-page";
+import { bandsOf, bus, fixed, latency, niceRange, words } from "eclsim-page";
 
 const LANES = [
-  { wave: "Pao", colour: "#FF8A70", digits: 0, kind: "pressure" },
-  { wave: "Ppas", colour: "#F0E442", digits: 0, kind: "pressure" },
-  { wave: "Pra", colour: "#6CC3F5", digits: 0, kind: "mean" },
-  { wave: "Qecmopump", colour: "#3BD3A5", digits: 2, kind: "flow" },
-  { wave: "Qlvadpump", colour: "#E7A6CC", digits: 2, kind: "flow" },
-  { wave: "Pcrrttuin", colour: "#FFB733", digits: 0, kind: "mean" },
-  { wave: "Pcrrttuout", colour: "#E4E7EC", digits: 0, kind: "mean" },
+  { wave: "Pao", colour: "#FF8A70", digits: 0, kind: "pressure", outputs: ["SP", "DP"] },
+  { wave: "Ppas", colour: "#F0E442", digits: 0, kind: "pressure", outputs: ["SPAP", "DPAP"] },
+  { wave: "Pra", colour: "#6CC3F5", digits: 0, kind: "mean", outputs: ["right_atrial_pressure"] },
+  { wave: "Qecmopump", colour: "#3BD3A5", digits: 2, kind: "flow", outputs: ["PF"] },
+  { wave: "Qlvadpump", colour: "#E7A6CC", digits: 2, kind: "flow", outputs: ["lvad_flow"] },
+  { wave: "Pcrrttuin", colour: "#FFB733", digits: 0, kind: "mean", outputs: ["crrt_access_pressure"] },
+  { wave: "Pcrrttuout", colour: "#E4E7EC", digits: 0, kind: "mean", outputs: ["crrt_return_pressure"] },
 ];
 const SECONDS = 6;
 const GAP = 16;
@@ -25,6 +25,7 @@ export default {
           <span class="name">{{ words[lane.wave] }} <em>{{ lane.unit }}</em></span>
           <span class="big">{{ lane.big }}</span>
           <span class="small">{{ lane.small }}</span>
+          <span v-if="lane.band" class="band" :title="words.bands_column">{{ lane.band }}</span>
           <span v-if="lane.pinned" class="pinned">{{ words.pinned }} {{ lane.pinned }}</span>
         </div>
       </div>
@@ -48,6 +49,9 @@ export default {
         this.pinned = beat;
         if (this.beat) this.show(this.beat);
       }),
+      bus.on("bands", () => {
+        if (this.beat) this.show(this.beat);
+      }),
       bus.on("beat", (beat) => {
         this.show(beat);
         latency.drawn(beat.seq);
@@ -67,13 +71,15 @@ export default {
   methods: {
     show(beat) {
       this.beat = beat;
+      this.bands = bandsOf(beat);
       this.notes = beat.notes;
       const seen = LANES.filter((lane) => beat.waves[lane.wave]);
-      this.lanes = seen.map((lane) => ({ ...lane, ...this.read(lane, beat), pinned: this.shadow(lane) }));
+      this.lanes = seen.map((lane) => ({ ...lane, ...this.read(lane, beat), pinned: this.shadow(lane), band: this.interval(lane) }));
       this.spoken = this.lanes.map((l) => `${words[l.wave]} ${l.big} ${l.small}`).join(", ");
       for (const lane of seen) {
         const all = [beat, this.pinned].filter((b) => b?.waves[lane.wave]).flatMap((b) => this.values(lane, b));
-        const finite = all.filter(Number.isFinite);
+        const band = this.bands?.waves[lane.wave]?.flat().map((v) => (lane.kind === "flow" ? v * TO_L_MIN : v)) ?? [];
+        const finite = [...all, ...band].filter(Number.isFinite);
         let [low, high] = [Math.min(...finite), Math.max(...finite)];
         const least = lane.kind === "flow" ? 1 : 6;
         if (high - low < least) [low, high] = [0.5 * (low + high - least), 0.5 * (low + high + least)];
@@ -93,6 +99,10 @@ export default {
       if (!this.pinned?.waves[lane.wave]) return "";
       const { big, small } = this.read(lane, this.pinned);
       return `${big} ${small}`;
+    },
+    interval(lane) {
+      const found = lane.outputs.map((name) => this.bands?.outputs[name]).filter(Boolean);
+      return found.map(([low, high]) => `${fixed(low, lane.digits)}–${fixed(high, lane.digits)}`).join(" / ");
     },
     resize() {
       const canvas = this.$refs.canvas;
@@ -143,6 +153,7 @@ export default {
         pen.lineWidth = 1;
         for (const v of [low, high]) this.path([[Math.max(from, LEFT), y(v)], [to, y(v)]]);
         if (this.pinned?.waves[lane.wave]) this.trace(lane, this.pinned, y, from, to, "#7C8896", 1.2);
+        if (this.bands?.waves[lane.wave]) this.band(lane, this.bands.waves[lane.wave], y, from, to);
         this.trace(lane, this.beat, y, from, to, lane.colour, 1.8);
       });
       pen.restore();
@@ -161,9 +172,21 @@ export default {
       }
     },
     trace(lane, beat, y, from, to, colour, width) {
-      const wave = beat.waves[lane.wave];
+      this.pen.strokeStyle = colour;
+      this.pen.lineWidth = width;
+      this.pen.lineJoin = "round";
+      this.path(this.points(lane, beat.waves[lane.wave], beat.period, y, from, to));
+    },
+    band(lane, [low, high], y, from, to) {
+      const [under, over] = [low, high].map((wave) => this.points(lane, wave, this.beat.period, y, from, to));
+      this.pen.beginPath();
+      [...under, ...over.reverse()].forEach(([x, v], k) => (k ? this.pen.lineTo(x, v) : this.pen.moveTo(x, v)));
+      this.pen.fillStyle = lane.colour + "48";
+      this.pen.fill();
+    },
+    points(lane, wave, period, y, from, to) {
       const scale = lane.kind === "flow" ? TO_L_MIN : 1;
-      const perPixel = SECONDS / (this.width - LEFT) / beat.period;
+      const perPixel = SECONDS / (this.width - LEFT) / period;
       const points = [];
       const n = wave.length;
       for (let x = Math.max(from, LEFT) - 1; x <= to + 1; x += 1) {
@@ -172,10 +195,7 @@ export default {
         const v = wave[i] + (at - Math.floor(at)) * (wave[(i + 1) % n] - wave[i]);
         if (Number.isFinite(v)) points.push([Math.max(x, LEFT), y(v * scale)]);
       }
-      this.pen.strokeStyle = colour;
-      this.pen.lineWidth = width;
-      this.pen.lineJoin = "round";
-      this.path(points);
+      return points;
     },
     path(points) {
       this.pen.beginPath();

@@ -1,5 +1,5 @@
 // All outputs with unit, adult reference range and change.
-import { bus, compact, words } from "eclsim-page";
+import { bandsOf, bus, compact, words } from "eclsim-page";
 
 export default {
   template: `
@@ -7,19 +7,22 @@ export default {
     <label class="filter">{{ words.filter }} <input type="search" v-model="filter" autocomplete="off" /></label>
     <div class="scroll"><table>
       <caption class="ecl-hidden">{{ words.outputs }}</caption>
-      <thead><tr><th scope="col">{{ words.output }}</th><th scope="col" class="n">{{ words.value }}</th><th scope="col">{{ words.unit }}</th><th scope="col" class="n">{{ pinned ? words.change : words.change_start }}</th><th scope="col">{{ words.reference }}</th></tr></thead>
+      <thead><tr><th scope="col">{{ words.output }}</th><th scope="col" class="n">{{ bands ? words.bands_value : words.value }}</th><th scope="col">{{ words.unit }}</th><th scope="col" class="n">{{ pinned ? words.change : words.change_start }}</th><th scope="col">{{ words.reference }}</th></tr></thead>
       <tbody>
         <tr v-for="r in rows" :key="r.name" :class="r.level">
           <th scope="row" :title="r.definition"><b v-if="r.short">{{ r.name }}</b> {{ r.words }}</th>
-          <td class="n value">{{ r.value }}</td><td>{{ r.unit }}</td><td class="n">{{ r.change }}</td>
+          <td class="n"><span class="value">{{ r.value }}</span><template v-if="r.band"><br /><small class="band">{{ r.band }}</small></template></td><td>{{ r.unit }}</td><td class="n">{{ r.change }}</td>
           <td :title="r.source"><template v-if="r.range">{{ r.range }} <em v-if="r.side">{{ r.side }}</em></template></td>
         </tr>
       </tbody>
     </table></div>
   </div>`,
   props: { specs: Object },
-  data: () => ({ words, filter: "", beat: null, pinned: null, base: null }),
+  data: () => ({ words, filter: "", beat: null, pinned: null, base: null, found: null }),
   computed: {
+    bands() {
+      return this.found && bandsOf(this.beat);
+    },
     rows() {
       if (!this.beat) return [];
       const wanted = this.filter.trim().toLowerCase();
@@ -29,7 +32,7 @@ export default {
         const [low, high, source] = spec.range ?? [];
         const side = value === null || !spec.range ? "" : value < low ? "▼ " + words.below : value > high ? "▲ " + words.above : "";
         const change = old === null || old === undefined || value === null ? "" : this.signed(value - old, value);
-        return { name, short: name === name.toUpperCase(), words: spec.words, unit: spec.unit, definition: spec.definition, value: compact(value), change, range: spec.range ? `${low} – ${high}`.replaceAll("-", "−") : "", source, side, level: side ? "out" : "" };
+        return { name, short: name === name.toUpperCase(), words: spec.words, unit: spec.unit, definition: spec.definition, value: compact(value), band: (this.bands?.outputs[name] ?? []).map(compact).join(" – "), change, range: spec.range ? `${low} – ${high}`.replaceAll("-", "−") : "", source, side, level: side ? "out" : "" };
       }).filter((r) => !wanted || `${r.name} ${r.words}`.toLowerCase().includes(wanted));
     },
   },
@@ -37,6 +40,7 @@ export default {
     this.words = words;
     this.stops = [
       bus.on("pinned", (beat) => (this.pinned = beat)),
+      bus.on("bands", (found) => (this.found = found)),
       bus.on("base", (beat) => (this.base = beat)),
       bus.on("beat", (beat) => (this.seen ? (this.beat = beat) : (this.waiting = beat))),
       bus.on("view", (view) => {

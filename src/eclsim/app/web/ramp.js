@@ -1,5 +1,5 @@
 // What the pump's speed does: pressures, flows, CRRT lines and drainage over the whole range.
-import { bus, words } from "eclsim-page";
+import { bandsOf, bus, words } from "eclsim-page";
 import { Chart, axis, line } from "eclsim-page/chart.js";
 
 const CURVES = [
@@ -21,6 +21,9 @@ export default {
         this.old = beat ? this.found : undefined;
         if (this.found) this.show(this.found);
       }),
+      bus.on("ramp_bands", () => {
+        if (this.found) this.show(this.found);
+      }),
       bus.on("ramp", (found) => this.show(found)),
     ];
   },
@@ -36,8 +39,11 @@ export default {
       const old = this.old && this.old.key === found.key ? this.old : undefined;
       const last = found.outputs.crrt_access_pressure || found.outputs.drainage_pressure ? 3 : 2;
       const traces = [];
+      const bands = bandsOf(found, "ramp_bands");
       for (const [name, label, colour, dash, panel] of CURVES) {
         const where = { xaxis: "x", yaxis: panel === 1 ? "y" : "y" + panel, hovertemplate: "%{x:.0f} rpm: %{y:.2f}" };
+        const band = bands?.outputs[name];
+        if (band) band.forEach((side, k) => traces.push(line(bands.speeds, side, "", colour, { ...where, hovertemplate: undefined, hoverinfo: "skip", showlegend: false, line: { width: 0 }, ...(k ? { fill: "tonexty", fillcolor: colour + "26" } : {}) })));
         if (old?.outputs[name]) traces.push(line(old.speeds, old.outputs[name], words.pinned, "#B4BBC3", { ...where, showlegend: false, line: { width: 1.4, dash } }));
         if (found.outputs[name]) traces.push(line(found.speeds, found.outputs[name], words[label], colour, { ...where, line: { dash } }));
       }

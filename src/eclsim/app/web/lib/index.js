@@ -17,6 +17,12 @@ export const bus = {
   last: (topic) => last.get(topic),
 };
 
+// The bands of the posterior that belong to a beat or a ramp, if they are there.
+export function bandsOf(shown, topic = "bands") {
+  const found = last.get(topic);
+  return found?.count && shown && found.of === shown.of ? found : undefined;
+}
+
 export let words = {};
 export function setWords(found) {
   words = found;

@@ -1,0 +1,181 @@
+"""What a posterior leaves open about a beat: 90 % bands of waveforms, loops, outputs and the speed ramp.
+
+All members are solved side by side in the lanes of one program, one lane block after the other in one thread,
+so that a processor is left for the knobs; between blocks somebody may say that nobody wants them any more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from eclsim.app.circuits import page_circuit
+from eclsim.app.session import WAVES
+from eclsim.app.state import key_of
+from eclsim.app.studies import RAMP_OUTPUTS, SPEEDS, plain_curve, speed_range
+from eclsim.circuit.assembly import assemble
+from eclsim.haemodynamics.evaluation import needed_signals, output_names
+from eclsim.haemodynamics.measures import Measures
+from eclsim.haemodynamics.outputs import output
+from eclsim.haemodynamics.signals import whole_beat
+from eclsim.solver.beat import beat_program
+from eclsim.solver.lanes import LANES
+from eclsim.solver.resolution import needed_resolution
+from eclsim.solver.status import Status
+from eclsim.solver.steady import Batch, steady_beats
+from eclsim.uncertainty.members import SETTLED
+
+if TYPE_CHECKING:
+    from eclsim.app.members import Members
+    from eclsim.app.state import PageState
+    from eclsim.circuit import Circuit
+
+CENTRAL_90 = (0.05, 0.95)
+POINTS = 100
+RAMP_MEMBERS = 64
+LOOP_POINTS = 60
+LOOPS = 24
+"""Loops drawn of a ventricle: a band has no meaning where a curve closes on itself."""
+FEWEST = 10
+"""Below so many members with a steady beat there is no band."""
+VENTRICLES = ("lv", "rv")
+LOOP_WAVES = frozenset(kind + place for place in VENTRICLES for kind in "VP")
+Wanted = Callable[[], bool]
+
+
+@dataclass(frozen=True)
+class Solved:
+    """Members with a steady beat, last.
+
+    Args:
+        phases: grid of the beat.
+        waves: by name, shape (points, members).
+        outputs: by name, shape (members,).
+        lost: members without a steady beat.
+    """
+
+    phases: np.ndarray
+    waves: Mapping[str, np.ndarray]
+    outputs: Mapping[str, np.ndarray]
+    lost: int
+
+    @property
+    def count(self) -> int:
+        """Members with a steady beat."""
+        return len(next(iter(self.outputs.values())))
+
+
+def beat_bands(state: PageState, members: Members, wanted: Wanted) -> dict[str, Any] | None:
+    """Bands of the waveforms and outputs of a state, and loops of members; None if nobody wants them."""
+    circuit, values = page_circuit(state.case)
+    count = len(members.draws)
+    signals = tuple(n for n in WAVES if n in beat_program(circuit).signals)
+    solved = solve(
+        circuit, members.values(values, count), count, state.policy, values,
+        (output_names(circuit), signals), wanted,
+    )  # fmt: skip
+    if solved is None:
+        return None
+    found = {
+        "of": key_of(state),
+        "count": count,
+        "lost": solved.lost,
+        "outputs": {},
+        "waves": {},
+        "loops": {},
+    }
+    if solved.count < FEWEST:
+        return found
+    even = np.linspace(0.0, 1.0, POINTS, endpoint=False)
+    found["outputs"] = {n: plain_curve(np.quantile(v, CENTRAL_90)) for n, v in solved.outputs.items()}
+    found["waves"] = {
+        n: [plain_curve(np.interp(even, solved.phases, q)) for q in np.quantile(w, CENTRAL_90, axis=1)]
+        for n, w in solved.waves.items()
+        if n not in LOOP_WAVES
+    }
+    found["loops"] = {p: _loops(solved, p) for p in VENTRICLES}
+    return found
+
+
+def ramp_bands(state: PageState, members: Members, wanted: Wanted) -> dict[str, Any] | None:
+    """Bands of outputs over the speeds of the state's pump; None without one, or if nobody wants them."""
+    found = speed_range(state)
+    if found is None:
+        return None
+    key, _, (low, high) = found
+    circuit, values = page_circuit(state.case)
+    names = tuple(n for n in RAMP_OUTPUTS if n in output_names(circuit))
+    count = min(RAMP_MEMBERS, len(members.draws))
+    speeds = np.linspace(low, high, (SPEEDS + 1) // 2)
+    bands: dict[str, list[Any]] = {n: [] for n in names}
+    lost = 0
+    for speed in speeds:
+        own = {**values, key: float(speed)}
+        solved = solve(circuit, members.values(own, count), count, state.policy, values, (names, ()), wanted)
+        if solved is None:
+            return None
+        lost = max(lost, solved.lost)
+        for n in names:
+            enough = solved.count >= FEWEST
+            bands[n].append(np.quantile(solved.outputs[n], CENTRAL_90) if enough else (np.nan, np.nan))
+    curves = {n: [plain_curve(side) for side in np.array(b).T] for n, b in bands.items()}
+    return {"of": key_of(state), "speeds": speeds.tolist(), "count": count, "lost": lost, "outputs": curves}
+
+
+def solve(
+    circuit: Circuit, values: Mapping[str, Any], count: int, policy: str, near: Mapping[str, float],
+    shown: tuple[tuple[str, ...], tuple[str, ...]], wanted: Wanted,
+) -> Solved | None:  # fmt: skip
+    """Steady beats of members side by side.
+
+    Args:
+        circuit: that all share.
+        values: a number or an array (members,) for every parameter.
+        count: members.
+        policy: blood volume policy.
+        near: values that all are close to.
+        shown: names of outputs and of waveforms.
+        wanted: whether anybody still wants them; asked before each block.
+    """
+    names, signals = shown
+    level = int(np.max(needed_resolution(assemble(circuit), values)))
+    program = beat_program(circuit, level)
+    recorded = tuple(sorted({*needed_signals(circuit, names), *signals}))
+    waves, outputs, lost = [], [], 0
+    for first in range(0, count, LANES):
+        if not wanted():
+            return None
+        part = slice(first, min(first + LANES, count))
+        size = part.stop - first
+        own = {n: v[part] if np.ndim(v) else v for n, v in values.items()}
+        batch = Batch(circuit, own, size, policy)
+        orbits = steady_beats(batch, SETTLED, near, level, wide=True).orbits
+        lanes = np.resize(np.arange(size), LANES)
+        series = program.trace(recorded)(orbits.states[:, lanes], batch.packed(program)[:, lanes])[1]
+        good = np.flatnonzero(orbits.status == Status.CONVERGED)
+        series = whole_beat(np.asarray(series))[..., good]
+        measures = Measures({n: series[:, k] for k, n in enumerate(recorded)}, program.grid.phases)
+        outputs.append({n: np.broadcast_to(output(n).compute(measures), good.shape) for n in names})
+        waves.append({n: series[:, recorded.index(n)] for n in signals})
+        lost += size - len(good)
+    return Solved(
+        program.grid.phases,
+        {n: np.concatenate([w[n] for w in waves], axis=-1) for n in signals},
+        {n: np.concatenate([o[n] for o in outputs]) for n in names}, lost,
+    )  # fmt: skip
+
+
+def _loops(solved: Solved, place: str) -> list[list[list[float | None]]]:
+    """Loops of some of the 90 % of members that stay nearest to the median loop."""
+    sides = [solved.waves[kind + place] for kind in "VP"]
+    away = np.zeros(solved.count)
+    for wave in sides:
+        middle = np.median(wave, axis=1, keepdims=True)
+        spread = np.maximum(np.median(np.abs(wave - middle), axis=1, keepdims=True), 1e-3)
+        away = np.maximum(away, (np.abs(wave - middle) / spread).max(axis=0))
+    central = np.flatnonzero(away <= np.quantile(away, 0.9))[:LOOPS]
+    even = np.linspace(0.0, 1.0, LOOP_POINTS)
+    return [[plain_curve(np.interp(even, solved.phases, wave[:, m])) for wave in sides] for m in central]

@@ -1,0 +1,124 @@
+"""The posteriors of one tab, and the bands they give to the beat that is shown; after it, never before it."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from typing import TYPE_CHECKING, Any
+
+from eclsim.app.state import key_of
+
+if TYPE_CHECKING:
+    from eclsim.app.beat import Beat
+    from eclsim.app.engine import Engine
+    from eclsim.app.members import Members
+    from eclsim.app.session import Session
+    from eclsim.app.state import PageState
+
+log = logging.getLogger("eclsim.app")
+PAUSE_S = 0.3
+"""Bands are computed when no knob was turned for so long: a beat must not wait for them."""
+MOST_KEPT = 6
+BANDS = {"monitor": "bands", "loops": "bands", "outputs": "bands", "ramp": "ramp_bands"}
+"""Views that show bands, and the topic under which these are sent."""
+
+
+class Uncertain:
+    """Follows the beats of a session and sends bands for those whose patient has a posterior.
+
+    Args:
+        engine: where bands are computed.
+        session: whose beats.
+    """
+
+    def __init__(self, engine: Engine, session: Session):
+        self.engine, self.session = engine, session
+        self.on = True
+        self._posteriors: dict[str, Members] = {}
+        self._keys = 0
+        self._done: dict[str, tuple[Any, Members]] = {}
+        self._told: Members | None = None
+        self._task: asyncio.Task[None] | None = None
+
+    def new_key(self) -> str:
+        """What a patient's state calls its posterior, whether it is there yet or not."""
+        self._keys += 1
+        return str(self._keys)
+
+    def add(self, key: str, members: Members) -> None:
+        """A posterior was found, or loaded."""
+        self._posteriors[key] = members
+        for old in list(self._posteriors)[:-MOST_KEPT]:
+            del self._posteriors[old]
+        self()
+
+    def members(self, key: str) -> Members | None:
+        """The posterior of this key, if it is there."""
+        return self._posteriors.get(key)
+
+    def show(self, on: bool) -> None:
+        """Show bands, or hide them."""
+        self.on = on
+        self._done.clear()
+        for topic in set(BANDS.values()):
+            self.session.send(topic, None)
+        self()
+
+    def __call__(self, _: Session | None = None) -> None:
+        """The session has a new beat, another view or another posterior."""
+        members = self._members()
+        if members is not self._told:
+            self._told = members
+            self.session.send("posterior", members.as_object() if members else None)
+        waiting = self._task is not None and not self._task.done()
+        if self._job() is not None and not waiting:
+            self._task = asyncio.get_running_loop().create_task(self._run())
+
+    def _members(self) -> Members | None:
+        shown = self.session.shown
+        return self.members(shown[0].posterior) if shown else None
+
+    def _job(self) -> tuple[tuple[PageState, Beat], Members, str] | None:
+        """What is shown without the bands that it could have."""
+        shown, members, topic = self.session.shown, self._members(), BANDS.get(self.session.view)
+        if shown is None or members is None or topic is None or not self.on or self.session.closed:
+            return None
+        done = self._done.get(topic)
+        if not shown[1].converged or (done and done[0] is shown and done[1] is members):
+            return None
+        return shown, members, topic
+
+    async def _run(self) -> None:
+        while self._job() is not None:
+            before = self.session.shown
+            await asyncio.sleep(PAUSE_S)
+            job = self._job()
+            if job is None or job[0] is not before:
+                continue
+            shown, members, topic = job
+            if not self._newest(shown):
+                return  # the beat that is on its way calls again
+            self._done[topic] = shown, members
+            found = await self._bands(shown, members, topic)
+            if self.on and self._newest(shown):
+                self.session.send(topic, found or {"of": key_of(shown[0])})
+
+    def _newest(self, shown: tuple[PageState, Beat]) -> bool:
+        """Whether a beat is still the one that is seen, and no knob was turned since."""
+        one = self.session
+        return not one.closed and one.shown is shown and one.state == shown[0]
+
+    async def _bands(
+        self, shown: tuple[PageState, Beat], members: Members, topic: str
+    ) -> dict[str, Any] | None:
+        def work() -> dict[str, Any] | None:
+            from eclsim.app import bands
+
+            compute = bands.ramp_bands if topic == "ramp_bands" else bands.beat_bands
+            return compute(shown[0], members, lambda: self._newest(shown))
+
+        try:
+            return await self.engine.study(work)
+        except Exception:  # there are no bands; the page goes on
+            log.exception("bands failed")
+            return None

@@ -1,0 +1,257 @@
+"""Bands follow the beat they belong to, and say nothing of another patient."""
+
+import asyncio
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from eclsim.app import bands, uncertain
+from eclsim.app.beat import compute_beat
+from eclsim.app.knobs import turn
+from eclsim.app.members import MEMBERS, Members, read_members
+from eclsim.app.opening import open_posterior
+from eclsim.app.state import PageState, key_of, link_of, state_of
+from eclsim.app.uncertain import Uncertain
+from eclsim.patients.mistakes import CaseError
+from eclsim.patients.presets import PRESETS
+
+CASE = PRESETS["paper"].case()
+STATE = PageState(CASE, origin="fit", posterior="1")
+RMC = CASE.parameters["Rmc"]
+SPREAD = np.exp(np.random.default_rng(3).normal(0.0, 0.1, 48))
+MADE_UP = Members(("Rmc",), RMC * SPREAD[:, None], {"Rmc": RMC}, "importance", ())
+
+
+@dataclass
+class StubBeat:
+    converged: bool = True
+
+
+class StubSession:
+    """A session that shows a state and keeps what it is told."""
+
+    def __init__(self, state: PageState):
+        self.view, self.closed, self.told = "monitor", False, []
+        self.turned(state)
+
+    def turned(self, state: PageState) -> None:
+        self.state, self.shown = state, (state, StubBeat())
+
+    def send(self, topic, data):
+        self.told.append((topic, data))
+
+    def bands(self) -> list:
+        return [data["of"] for topic, data in self.told if topic in ("bands", "ramp_bands") and data]
+
+
+class StubEngine:
+    """Computes in a thread."""
+
+    async def study(self, work):
+        return await asyncio.to_thread(work)
+
+
+@pytest.fixture
+def quick(monkeypatch) -> list:
+    """Bands that cost nothing; what they were computed for."""
+    asked: list = []
+
+    def computed(state, members, wanted):
+        asked.append(state)
+        return {"of": key_of(state)} if wanted() else None
+
+    monkeypatch.setattr(uncertain, "PAUSE_S", 0.02)
+    monkeypatch.setattr(bands, "beat_bands", computed)
+    monkeypatch.setattr(bands, "ramp_bands", computed)
+    return asked
+
+
+def follow(action) -> StubSession:
+    session = StubSession(STATE)
+
+    async def run():
+        await action(Uncertain(StubEngine(), session), session)  # type: ignore[arg-type]
+
+    asyncio.run(run())
+    return session
+
+
+def faster(rpm: float) -> PageState:
+    return STATE.with_case(turn(CASE, "ecmo.speed_rpm", rpm))
+
+
+def test_bands_come_after_the_beat_and_only_once(quick):
+    async def action(one, session):
+        one()
+        await asyncio.sleep(0.06)
+        assert quick == []
+        one.add("1", MADE_UP)
+        one()
+        await asyncio.sleep(0.1)
+        one()
+        await asyncio.sleep(0.06)
+
+    session = follow(action)
+    assert session.bands() == [key_of(STATE)]
+    assert ("posterior", MADE_UP.as_object()) in session.told
+
+
+def test_while_a_knob_is_turned_no_bands_are_computed(quick):
+    async def action(one, session):
+        one.add("1", MADE_UP)
+        for rpm in range(3000, 3020):
+            session.turned(faster(rpm))
+            one()
+            await asyncio.sleep(0.005)
+        await asyncio.sleep(0.1)
+
+    session = follow(action)
+    assert len(quick) <= 2
+    assert session.bands()[-1] == key_of(faster(3019))
+
+
+def test_bands_of_a_beat_that_is_no_longer_seen_are_dropped(quick, monkeypatch):
+    async def action(one, session):
+        began, go_on = asyncio.Event(), asyncio.Event()
+        loop = asyncio.get_running_loop()
+
+        def slow(state, members, wanted):
+            loop.call_soon_threadsafe(began.set)
+            asyncio.run_coroutine_threadsafe(go_on.wait(), loop).result(5)
+            return {"of": key_of(state)}
+
+        monkeypatch.setattr(bands, "beat_bands", slow)
+        one.add("1", MADE_UP)
+        await began.wait()
+        session.state = faster(3100)  # turned, its beat still on its way
+        go_on.set()
+        await asyncio.sleep(0.06)
+
+    assert follow(action).bands() == []
+
+
+def test_another_patient_has_no_bands(quick):
+    async def action(one, session):
+        one.add("1", MADE_UP)
+        await asyncio.sleep(0.06)
+        session.turned(PageState(PRESETS["healthy"].case(), origin="healthy"))
+        one()
+        await asyncio.sleep(0.06)
+
+    session = follow(action)
+    assert session.bands() == [key_of(STATE)]
+    assert session.told[-1] == ("posterior", None)
+
+
+def test_hidden_bands_are_taken_away_and_not_computed(quick):
+    async def action(one, session):
+        one.show(False)
+        one.add("1", MADE_UP)
+        await asyncio.sleep(0.06)
+        assert quick == []
+        one.show(True)
+        await asyncio.sleep(0.06)
+
+    session = follow(action)
+    assert ("bands", None) in session.told
+    assert session.bands() == [key_of(STATE)]
+
+
+def test_bands_that_fail_leave_the_page_as_it_was(monkeypatch):
+    monkeypatch.setattr(uncertain, "PAUSE_S", 0.01)
+    monkeypatch.setattr(bands, "beat_bands", lambda *_: 1 / 0)
+
+    async def action(one, session):
+        one.add("1", MADE_UP)
+        await asyncio.sleep(0.1)
+
+    assert follow(action).told[-1] == ("bands", {"of": key_of(STATE)})
+
+
+def test_a_link_names_no_posterior():
+    assert state_of(link_of(STATE)).posterior == ""
+
+
+def test_a_knob_turns_a_fitted_parameter_in_all_members():
+    values = MADE_UP.values({"Rmc": 2.0 * RMC, "Rpmc": 0.1}, 10)
+    assert values["Rmc"] == pytest.approx(2.0 * RMC * SPREAD[:10])
+    assert values["Rpmc"] == 0.1
+
+
+@pytest.mark.slow
+def test_bands_of_a_beat_are_quantiles_of_its_members():
+    found = bands.beat_bands(STATE, MADE_UP, lambda: True)
+    assert found is not None
+    single = [
+        compute_beat(STATE.with_case(turn(CASE, "parameters.Rmc", RMC * s))).outputs["MAP"] for s in SPREAD
+    ]
+    assert found["outputs"]["MAP"] == pytest.approx(np.quantile(single, (0.05, 0.95)), rel=1e-3)
+    own = compute_beat(STATE)
+    low, high = (np.array(side) for side in found["waves"]["Pao"])
+    middle = own.waves["Pao"][::2]
+    assert ((low < middle) & (middle < high)).all()
+    assert found["lost"] == 0
+    assert len(found["loops"]["lv"]) == bands.LOOPS
+    assert bands.beat_bands(STATE, MADE_UP, lambda: False) is None
+
+
+@pytest.mark.slow
+def test_the_ramp_has_bands_at_its_own_speed_range():
+    found = bands.ramp_bands(STATE, MADE_UP, lambda: True)
+    assert found is not None
+    low, high = found["outputs"]["PF"]
+    assert all(a < b for a, b in zip(low, high, strict=True))
+    assert low == sorted(low)
+    assert bands.ramp_bands(PageState(PRESETS["healthy"].case()), MADE_UP, lambda: True) is None
+
+
+def written(folder: Path, name: str = "Rmc", values=SPREAD, **attributes) -> bytes:
+    data = xr.Dataset({name: (("chain", "draw"), values.reshape(2, -1))}, attrs=attributes)
+    data.to_netcdf(folder / "posterior.nc", group="posterior", engine="h5netcdf")
+    return (folder / "posterior.nc").read_bytes()
+
+
+def test_a_posterior_of_the_command_line_is_read(tmp_path):
+    found = open_posterior("a/posterior.NC", written(tmp_path, sampler="nuts", trusted=1, doubts=""))
+    assert sorted(found.draws[:, 0]) == pytest.approx(sorted(SPREAD))
+    assert found.base["Rmc"] == pytest.approx(np.median(SPREAD), rel=0.05)
+    assert found.as_object() | {"method": ""} == {
+        "method": "", "trusted": True, "checked": True, "doubts": [], "count": 48,
+    }  # fmt: skip
+
+
+def test_of_many_draws_some_are_taken(tmp_path):
+    many = np.tile(SPREAD, 50)
+    assert len(read_members("p.nc", written(tmp_path, values=many)).draws) == MEMBERS
+
+
+@pytest.mark.parametrize("attributes", [{"trusted": 0, "doubts": "R-hat 1.2"}, {"trusted": 0}, {}])
+def test_doubts_of_the_file_are_kept(tmp_path, attributes):
+    assert not read_members("p.nc", written(tmp_path, **attributes)).as_object()["trusted"]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"name": "Rxyz"}, "not a posterior"),
+        ({"values": -SPREAD}, "Rmc has values outside"),
+        ({"values": SPREAD * np.nan}, "Rmc has values outside"),
+    ],
+)
+def test_what_is_no_posterior_is_refused(tmp_path, change, said):
+    with pytest.raises(CaseError, match=said):
+        read_members("p.nc", written(tmp_path, **change))
+
+
+@pytest.mark.parametrize("content", [b"nonsense", b"\x89HDF\r\n\x1a\n" + b"\0" * 200, b""])
+def test_a_damaged_file_is_refused(content):
+    with pytest.raises(CaseError):
+        open_posterior("posterior.nc", content)
+
+
+def test_members_keep_around_another_case():
+    case = CASE.model_copy(update={"parameters": {**CASE.parameters, "Rmc": 1.5}})
+    assert replace(MADE_UP, base={}).of(case).base == {"Rmc": 1.5}
