@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from eclsim.parameters import thiel2025
 from eclsim.parameters.devices import CANNULAE, OXYGENATORS, PUMPS, pumps_for
-from eclsim.patients.fields import ECMO_POSITIONS, PATIENT_SITES, Field
+from eclsim.patients.fields import ARTERIAL_SITES, ECMO_POSITIONS, PATIENT_SITES, VENOUS_SITES, Field
 from eclsim.patients.mistakes import CaseError, Mistake, NumberAsWritten, shown
 from eclsim.patients.numbers import NotANumberError, read_number
 from eclsim.patients.reading import read_mapping
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from eclsim.patients.case import Case
 
 ROLLER = "Roller pump"
+OTHER_MODE = "other_mode"
 VOLUME = "volume_ml"
 _DIGITS = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _FILLED = ("svn", "pvn")
@@ -95,8 +96,22 @@ def _ecmo(case: Case) -> list[Knob | Picker]:
         sizes = CANNULAE[kind].sizes_fr
         found.append(Knob(f"ecmo.{line}_fr", "ecmo", "Fr", sizes[0], sizes[-1], 1))
     found.append(Picker("ecmo.oxygenator", "ecmo", tuple(OXYGENATORS)))
-    found.append(Picker("ecmo.mode", "ecmo", ("VA", "VV")))
+    mode = _mode(ecmo)
+    found.append(
+        Picker("ecmo.mode", "ecmo", ("VA", "VV") if mode != OTHER_MODE else ("VA", "VV", OTHER_MODE))
+    )
+    for key, other in (("drainage", ecmo.return_site), ("return", ecmo.drainage_site)):
+        found.append(Picker(f"ecmo.{key}_site", "ecmo", tuple(s for s in PATIENT_SITES if s != other)))
     return found
+
+
+def _mode(ecmo: Any) -> str:
+    """The usual name of an ECMO circuit's sites."""
+    if ecmo.drainage_site not in VENOUS_SITES:
+        return OTHER_MODE
+    if ecmo.return_site in ARTERIAL_SITES:
+        return "VA"
+    return "VV" if ecmo.return_site in VENOUS_SITES else OTHER_MODE
 
 
 def _crrt(case: Case) -> list[Knob | Picker]:
@@ -133,7 +148,7 @@ def value_of(case: Case, key: str) -> float | str:
     if key == "ecmo.roller_l_min":
         return device.pump.roller_l_min
     if key == "ecmo.mode":
-        return "VV" if device.return_site in ("svn", "ra") else "VA"
+        return _mode(device)
     return getattr(device, name)
 
 
@@ -159,12 +174,16 @@ def turn(case: Case, key: str, value: Any) -> Case:
         raw["ecmo"] = _with_pump(raw["ecmo"], value)
     elif key == "ecmo.roller_l_min":
         raw["ecmo"]["pump"] = {"roller_l_min": value}
+    elif key == "ecmo.mode" and value == OTHER_MODE:
+        return case
     elif key == "ecmo.mode":
         raw["ecmo"] = {k: raw["ecmo"][k] for k in ("pump", "speed_rpm", "oxygenator") if k in raw["ecmo"]}
         raw["ecmo"]["mode"] = value
     else:
         section, _, name = key.partition(".")
         raw[section][name] = value
+    if key in ("ecmo.drainage_site", "ecmo.return_site"):
+        raw["ecmo"].pop("mode", None)  # the sites count
     if key == "ecmo.oxygenator":
         raw["parameters"].pop("Recmooxy", None)
     if key == "lvad.pump" and value in PUMPS:

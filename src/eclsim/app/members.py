@@ -66,8 +66,9 @@ class Members:
     def as_object(self) -> dict[str, Any]:
         """What the page says of them."""
         return {
-            "method": text(METHODS[self.method]) if self.method in METHODS else self.method, "trusted": not self.doubts,
-            "checked": self.method != "gaussian", "doubts": list(self.doubts), "count": len(self.draws),
+            "method": text(METHODS[self.method]) if self.method in METHODS else self.method,
+            "trusted": not self.doubts, "doubts": list(self.doubts), "checked": self.method != "gaussian",
+            "count": len(self.draws),
         }  # fmt: skip
 
     def central(self) -> dict[str, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from eclsim.app.knobs import Knob, Picker
+from eclsim.app.knobs import OTHER_MODE, Knob, Picker
 from eclsim.app.texts import text
 from eclsim.parameters import default
 
@@ -39,6 +39,6 @@ def option_words(name: str) -> str:
     from eclsim.patients.fields import PATIENT_SITES
     from eclsim.studies.crrt_schemes import POSITION_WORDS
 
-    if name in ("VA", "VV"):
+    if name in ("VA", "VV", OTHER_MODE):
         return text(name)
     return POSITION_WORDS.get(name) or PATIENT_SITES.get(name) or name

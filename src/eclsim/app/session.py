@@ -121,13 +121,11 @@ class Session:
 
     def pin(self) -> None:
         """Keep the beat as a shadow, or let it go."""
-        from eclsim.app.beat import plain
-
         if self.pinned is not None:
             self.pinned = None
         elif self.shown is not None:
             self.pinned = self.shown
-        self.send("pinned", plain(self.pinned[1], WAVES) if self.pinned else None)
+        self.send("pinned", _kept(*self.pinned) if self.pinned else None)
         self.show_state()
 
     def save(self) -> bool:
@@ -150,16 +148,7 @@ class Session:
             self._tell_saved()
 
     def _tell_saved(self) -> None:
-        from eclsim.app.beat import plain
-
-        self.send("saved", [
-            {
-                "name": state.case.patient.id,
-                "values": {c.key: value_of(state.case, c.key) for c in controls(state.case)},
-                "beat": plain(beat, WAVES),
-            }
-            for state, beat in self.saved
-        ])  # fmt: skip
+        self.send("saved", [_kept(*one) for one in self.saved])
 
     def follow(self, follower: Follower) -> None:
         """Call after every beat."""
@@ -266,6 +255,14 @@ class Session:
             "undo": bool(self.history.past), "redo": bool(self.history.future),
             "changed": self.state != self.history.start, "pinned": self.pinned is not None,
         })  # fmt: skip
+
+
+def _kept(state: PageState, beat: Beat) -> dict[str, Any]:
+    """A beat with the name and the knobs of its state, as plain data."""
+    from eclsim.app.beat import plain
+
+    knobs = {c.key: value_of(state.case, c.key) for c in controls(state.case)}
+    return {**plain(beat, WAVES), "name": state.case.patient.id, "values": knobs}
 
 
 def _beside(mistake: Mistake) -> str:

@@ -14,6 +14,7 @@ import pickle
 import threading
 from collections.abc import Callable, Iterator
 from functools import lru_cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -99,7 +100,7 @@ def _file(key: tuple[Any, ...] | None, shapes: Any) -> Path | None:
 @lru_cache(maxsize=1)
 def _sources() -> str:
     """Fingerprint of the code that makes programs, and of what compiles it."""
-    found = hashlib.sha256(f"{jax.__version__} {jax.lib.__version__} {jax.config.jax_enable_x64}".encode())
+    found = hashlib.sha256(f"{version('jax')} {version('jaxlib')}".encode())
     for package in SOURCES:
         for file in sorted((PACKAGE / package).glob("*.py")):
             found.update(file.name.encode() + file.read_bytes())

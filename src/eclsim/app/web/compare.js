@@ -4,15 +4,16 @@ import { Chart, axis, line } from "eclsim-page/chart.js";
 
 const OUTPUTS = ["SP", "DP", "MAP", "MPAP", "PCWP", "right_atrial_pressure", "CO", "PF", "lvad_flow", "ejection_fraction_lv", "EDVLV", "stroke_work_lv", "crrt_access_pressure", "crrt_return_pressure", "lowest_drainage_pressure"];
 const STROKES = [["#17202A", "solid"], ["#D55E00", "dash"], ["#0072B2", "dashdot"], ["#009E73", "dot"], ["#E69F00", "longdash"], ["#CC79A7", "longdashdot"], ["#56B4E9", "solid"]];
+const SHADOW = ["#A3ABB4", "solid"];
 
 export default {
   template: `
   <div class="ecl-compare">
-    <p v-if="!saved.length" class="ecl-empty">{{ words.compare_none }}</p>
+    <p v-if="!saved.length && !pinned" class="ecl-empty">{{ words.compare_none }}</p>
     <template v-else>
       <div class="ecl-table"><table>
-        <thead><tr><th scope="col"></th><th v-for="(s, k) in columns" :key="k" scope="col" class="n"><svg viewBox="0 0 30 6" width="30" height="6" aria-hidden="true"><line x1="0" x2="30" y1="3" y2="3" :stroke="strokes[k][0]" stroke-width="2.4" :stroke-dasharray="k % 2 ? '5 3' : ''" /></svg> {{ k ? k : words.compare_now }}
-          <template v-if="k"><br /><button type="button" @click="$emit('show', { number: k - 1 })" :aria-label="words.compare_show + ' ' + k">{{ words.compare_show }}</button><button type="button" @click="$emit('remove', { number: k - 1 })" :aria-label="words.compare_remove + ' ' + k">✕</button></template></th></tr></thead>
+        <thead><tr><th scope="col"></th><th v-for="(s, k) in columns" :key="k" scope="col" class="n"><svg viewBox="0 0 30 6" width="30" height="6" aria-hidden="true"><line x1="0" x2="30" y1="3" y2="3" :stroke="s.stroke[0]" stroke-width="2.4" :stroke-dasharray="s.number % 2 ? '5 3' : ''" /></svg> {{ s.label }}
+          <template v-if="s.number"><br /><button type="button" @click="$emit('show', { number: s.number - 1 })" :aria-label="words.compare_show + ' ' + s.number">{{ words.compare_show }}</button><button type="button" @click="$emit('remove', { number: s.number - 1 })" :aria-label="words.compare_remove + ' ' + s.number">✕</button></template></th></tr></thead>
         <tbody>
           <tr><th scope="row">{{ words.patient }}</th><td v-for="(s, k) in columns" :key="k" class="n name">{{ s.name }}</td></tr>
           <tr v-for="r in rows" :key="r.key" :class="r.kind"><th scope="row">{{ r.label }} <small>{{ r.unit }}</small></th><td v-for="(v, k) in r.cells" :key="k" class="n">{{ v }}</td></tr>
@@ -22,10 +23,13 @@ export default {
     </template>
   </div>`,
   props: { specs: Object },
-  data: () => ({ words, saved: [], beat: null, state: null, panel: [], strokes: STROKES }),
+  data: () => ({ words, saved: [], pinned: null, beat: null, state: null, panel: [] }),
   computed: {
     columns() {
-      return [{ name: this.state?.name, values: this.state?.values ?? {}, beat: this.beat }, ...this.saved].filter((s) => s.beat);
+      const now = { name: this.state?.name, values: this.state?.values ?? {}, beat: this.beat, label: words.compare_now, stroke: STROKES[0] };
+      const pinned = this.pinned && { ...this.pinned, beat: this.pinned, label: words.pinned, stroke: SHADOW };
+      const saved = this.saved.map((s, k) => ({ ...s, beat: s, label: String(k + 1), number: k + 1, stroke: STROKES[k + 1] }));
+      return [now, pinned, ...saved].filter((s) => s?.beat);
     },
     rows() {
       const show = (v) => (typeof v === "number" ? compact(v) : v ?? "–");
@@ -40,6 +44,10 @@ export default {
     this.stops = [
       bus.on("saved", (saved) => {
         this.saved = saved;
+        this.$nextTick(() => this.show());
+      }),
+      bus.on("pinned", (beat) => {
+        this.pinned = beat;
         this.$nextTick(() => this.show());
       }),
       bus.on("panel", (panel) => (this.panel = panel)),
@@ -67,14 +75,15 @@ export default {
         this.chart?.close();
         this.chart = new Chart(this.$refs.chart, "compare");
       }
-      const traces = this.columns.flatMap((s, k) => {
-        const stroke = { line: { dash: STROKES[k][1], width: k ? 1.8 : 2.4 }, showlegend: false };
-        const name = k ? String(k) : words.compare_now;
+      const traces = [...this.columns].reverse().flatMap((s) => {
+        const [colour, dash] = s.stroke;
+        const stroke = { line: { dash, width: s.number || s.label === words.pinned ? 1.8 : 2.4 }, showlegend: false };
+        const name = s.label;
         const wave = s.beat.waves.Pao;
         const loop = (kind) => [...s.beat.waves[kind], s.beat.waves[kind][0]];
         return [
-          line(wave.map((_, i) => (i / wave.length) * s.beat.period), wave, name, STROKES[k][0], stroke),
-          line(loop("Vlv"), loop("Plv"), name, STROKES[k][0], { ...stroke, xaxis: "x2", yaxis: "y2" }),
+          line(wave.map((_, i) => (i / wave.length) * s.beat.period), wave, name, colour, stroke),
+          line(loop("Vlv"), loop("Plv"), name, colour, { ...stroke, xaxis: "x2", yaxis: "y2" }),
         ];
       });
       this.chart.draw(traces, {

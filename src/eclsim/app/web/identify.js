@@ -43,8 +43,8 @@ export default {
         <span v-else class="said">{{ words.posterior_hint }}</span>
       </p>
       <div class="ecl-table"><table>
-        <thead><tr><th scope="col">{{ words.output }}</th><th scope="col" class="n">{{ words.fit_measured }}</th><th scope="col" class="n">{{ words.fit_fitted }}</th><th scope="col" class="n">{{ words.fit_difference }}</th></tr></thead>
-        <tbody><tr v-for="(o, name) in found.outputs" :key="name"><th scope="row"><b>{{ name }}</b></th><td class="n">{{ show(o.measured) }}</td><td class="n"><b>{{ show(o.simulated) }}</b></td><td class="n">{{ difference(o) }}</td></tr></tbody>
+        <thead><tr><th scope="col">{{ words.output }}</th><th scope="col" class="n">{{ words.fit_measured }}</th><th scope="col" class="n">{{ words.fit_fitted }}</th><th scope="col" class="n">{{ words.fit_difference }}</th><th v-if="pinned" scope="col" class="n pinned">{{ words.pinned }}</th></tr></thead>
+        <tbody><tr v-for="(o, name) in found.outputs" :key="name"><th scope="row"><b>{{ name }}</b></th><td class="n">{{ show(o.measured) }}</td><td class="n"><b>{{ show(o.simulated) }}</b></td><td class="n">{{ difference(o) }}</td><td v-if="pinned" class="n pinned">{{ show(pinned.outputs[name]) }}</td></tr></tbody>
       </table></div>
       <div class="ecl-table"><table>
         <thead><tr><th scope="col">{{ words.fit_parameter }}</th><th scope="col" class="n">{{ words.fit_fitted }}</th><th scope="col" class="n">{{ words.fit_interval }}</th><th scope="col" class="range">{{ words.fit_bounds }}</th><th scope="col">{{ words.fit_identifiable }}</th></tr></thead>
@@ -57,7 +57,7 @@ export default {
     </section>
   </div>`,
   props: { fields: Array },
-  data: () => ({ words, typed: {}, mistakes: {}, warnings: {}, ready: false, running: false, share: 0, said: "", found: null, asked: false, posterior: null }),
+  data: () => ({ words, typed: {}, mistakes: {}, warnings: {}, ready: false, running: false, share: 0, said: "", found: null, asked: false, posterior: null, pinned: null }),
   computed: {
     others() {
       const own = new Set(this.fields.map((f) => f.key));
@@ -79,6 +79,7 @@ export default {
         this.typed = values;
         this.check();
       }),
+      bus.on("pinned", (beat) => (this.pinned = beat)),
       bus.on("form_check", (found) => Object.assign(this, found)),
       bus.on("fit_progress", ({ share, seconds, words: said }) => Object.assign(this, { running: true, share, said: `${said} (${seconds.toFixed(0)} s)` })),
       bus.on("fit_ended", ({ message, fit }) => {
