@@ -67,17 +67,20 @@ class BeatProgram:
     def alone(self) -> Any:
         """Compiled map (state, parameters) -> state after one beat, for one patient at a time.
 
-        The first search of a process takes the program that records, which its result needs anyway. Later
-        ones are worth the compilation of one that does not record and is a third faster.
+        The program that records is taken, which a patient's result needs anyway: one more is not worth its
+        compilation.
         """
-        if self._searches[0] > 1:
-            return self.beat
         recorded = self.trace(self.signals)
         return lambda state, packed: recorded(state, packed)[0]
 
     def count_search(self) -> None:
         """Note that one more search for an orbit begins."""
         self._searches[0] += 1
+
+    @property
+    def searched_before(self) -> bool:
+        """Whether this is not the first search of the process: then a program for the whole search pays."""
+        return self._searches[0] > 1
 
     @cached_property
     def _searches(self) -> list[int]:

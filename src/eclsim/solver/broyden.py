@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
+WORTH_LEARNING = 1e-6
+"""Smallest image of a change along its step, as a share of the step's square, that is learnt from."""
+
 
 class InverseJacobian:
     """Approximate inverse Jacobians of systems of size n, shape (n, systems) for a vector of each.
@@ -39,7 +42,7 @@ class InverseJacobian:
         image = self.times(change)
         right = _product(self._first.swapaxes(0, 1), step) + self._terms(self._right, self._left, step)
         scale = (right * change).sum(axis=0)
-        usable = np.abs(scale) > 1e-6 * (step * step).sum(axis=0)
+        usable = np.abs(scale) > WORTH_LEARNING * (step * step).sum(axis=0)
         self._left[self._count] = np.where(usable, (step - image) / np.where(usable, scale, 1.0), 0.0)
         self._right[self._count] = right
         self._count += 1

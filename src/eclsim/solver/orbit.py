@@ -7,6 +7,7 @@ stressed volume at phase 0, u: the same amount in every compartment).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -86,10 +87,21 @@ class Orbits:
     drift: np.ndarray
 
 
+def joined(parts: Sequence[Orbits]) -> Orbits:
+    """Orbits of several batches as one."""
+    names = vars(parts[0])
+    return Orbits(**{n: np.concatenate([getattr(p, n) for p in parts], axis=-1) for n in names})
+
+
 def scales(program: BeatProgram) -> np.ndarray:
     """Scale of each state: 1 mL for volumes, `FLOW_SCALE` for flows; shape (states,)."""
     assembly = program.assembly
     return np.r_[np.ones(assembly.n_volumes), np.full(len(assembly.inertial), FLOW_SCALE)]
+
+
+def allowed_moves(states: Any, scale: Any) -> Any:
+    """Largest change of each state in one step of a search: half its size plus 50 scales."""
+    return 0.5 * abs(states) + 50.0 * scale
 
 
 @dataclass(frozen=True)
@@ -127,6 +139,11 @@ class OrbitProblem:
         spread = np.r_[np.ones(program.assembly.n_volumes), np.zeros(len(program.assembly.inertial))]
         self.spread = (spread / spread.sum())[:, None]
         self._lanes = Lanes(program, packed, wide)
+
+    @property
+    def lone(self) -> bool:
+        """Whether each patient is searched for alone, and often enough to be worth a program for that."""
+        return not self.wide and self.program.searched_before
 
     def take(self, chosen: Any) -> OrbitProblem:
         """The same problem for some of the patients."""

@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from eclsim.solver.broyden import InverseJacobian
-from eclsim.solver.orbit import Anchor, OrbitOptions, OrbitProblem, Orbits, Trial
+from eclsim.solver.lone import TERMS, solve_alone
+from eclsim.solver.orbit import Anchor, OrbitOptions, OrbitProblem, Orbits, Trial, allowed_moves, joined
 from eclsim.solver.status import Status
 
 PASSING_BEATS = 30
@@ -19,7 +20,11 @@ PASSING_BEATS = 30
 
 def solve_orbits(problem: OrbitProblem, anchor: Anchor, options: OrbitOptions) -> Orbits:
     """Steady states of all patients of a problem."""
-    found = _quasi_newton(problem, anchor, options)
+    if problem.lone and options.quasi_newton_beats <= TERMS:
+        count = problem.packed.shape[1]
+        found = joined([solve_alone(problem.take([k]), anchor.take([k]), options) for k in range(count)])
+    else:
+        found = _quasi_newton(problem, anchor, options)
     for patient in map(int, np.flatnonzero(found.status != Status.CONVERGED)):
         if options.newton_iterations:
             chosen = [patient]
@@ -130,9 +135,8 @@ def jacobian(problem: OrbitProblem, states: np.ndarray) -> np.ndarray:
 
 
 def _affordable(moves: np.ndarray, states: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Share of a step that moves no state by more than half its size plus 50 scales; shape (patients,)."""
-    allowed = 0.5 * np.abs(states) + 50.0 * scale
-    return 1.0 / np.maximum((np.abs(moves) / allowed).max(axis=0), 1.0)
+    """Share of a step that moves no state further than is allowed; shape (patients,)."""
+    return 1.0 / np.maximum((np.abs(moves) / allowed_moves(states, scale)).max(axis=0), 1.0)
 
 
 def _empty(problem: OrbitProblem, count: int) -> Orbits:
