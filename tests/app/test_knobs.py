@@ -2,7 +2,19 @@
 
 import pytest
 
-from eclsim.app.knobs import DEVICES, ROLLER, VOLUME, Knob, Picker, connect, controls, turn, value_of
+from eclsim.app.drawing import drawing_of
+from eclsim.app.knobs import (
+    DEVICES,
+    OTHER_MODE,
+    ROLLER,
+    VOLUME,
+    Knob,
+    Picker,
+    connect,
+    controls,
+    turn,
+    value_of,
+)
 from eclsim.app.texts import ENGLISH
 from eclsim.patients.mistakes import CaseError
 from eclsim.patients.presets import PRESETS
@@ -98,3 +110,22 @@ def test_the_oxygenator_wins_over_an_older_resistance_of_its_own():
     case = type(CASES["paper"]).model_validate(raw)
     other = turn(case, "ecmo.oxygenator", "Nautilus MC3")
     assert model_of(other).values["Recmooxy"] == pytest.approx(0.6312)
+
+
+@pytest.mark.parametrize(
+    ("drained", "returned", "mode"),
+    [("svn", "sart", "VA"), ("ra", "svn", "VV"), ("lv", "pas", OTHER_MODE), ("part", "ao", OTHER_MODE)],
+)
+def test_ecmo_takes_any_two_compartments_and_draws_them(drained, returned, mode):
+    case = CASES["paper"]
+    for key, site in (("ecmo.drainage_site", drained), ("ecmo.return_site", returned)):
+        case = turn(case, key, site)
+    assert value_of(case, "ecmo.mode") == mode
+    ends = {line["name"]: line["site"] for line in drawing_of(case)["lines"]}
+    assert (ends["ecmodrain"], ends["ecmoreturn"]) == (drained, returned)
+    assert value_of(turn(case, "ecmo.mode", "VV"), "ecmo.return_site") == "ra"
+
+
+def test_a_pump_cannot_run_in_a_circle():
+    with pytest.raises(CaseError, match="in a circle"):
+        turn(CASES["paper"], "ecmo.return_site", CASES["paper"].ecmo.drainage_site)

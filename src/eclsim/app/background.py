@@ -1,4 +1,7 @@
-"""Views that compute more than the beat: they follow it, the newest state first, while they are seen."""
+"""Views that compute more than the beat: they follow it, the newest state first, while they are seen.
+
+The pinned state is computed likewise, after the one that is shown, for its grey shadow.
+"""
 
 from __future__ import annotations
 
@@ -24,22 +27,32 @@ class Background:
 
     def __init__(self, engine: Engine, view: str):
         self.engine, self.view = engine, view
-        self._done: PageState | None = None
+        self._done: dict[str, PageState] = {}
         self._task: asyncio.Task[None] | None = None
 
     def __call__(self, session: Session) -> None:
-        """The session has a new beat, or another view is open."""
+        """The session has a new beat, another view is open, or a state is pinned."""
         waiting = self._task is not None and not self._task.done()
-        if session.view == self.view and session.state != self._done and not waiting:
+        if self._next(session) is not None and not waiting:
             self._task = asyncio.get_running_loop().create_task(self._run(session))
 
     async def _run(self, session: Session) -> None:
-        while session.view == self.view and session.state != self._done and not session.closed:
-            state = session.state
-            self._done = state
+        while (job := self._next(session)) is not None:
+            topic, state = job
+            self._done[topic] = state
             found = await self._study(state)
             if not session.closed:
-                session.send(self.view, found)
+                session.send(topic, found)
+
+    def _next(self, session: Session) -> tuple[str, PageState] | None:
+        """Topic and state of what is still to be computed."""
+        if session.view != self.view or session.closed:
+            return None
+        pinned = session.pinned[0] if session.pinned else None
+        for topic, state in ((self.view, session.state), (f"{self.view}_pinned", pinned)):
+            if state is not None and state != self._done.get(topic):
+                return topic, state
+        return None
 
     async def _study(self, state: PageState) -> Any:
         def work() -> Any:

@@ -96,12 +96,10 @@ def _ecmo(case: Case) -> list[Knob | Picker]:
         sizes = CANNULAE[kind].sizes_fr
         found.append(Knob(f"ecmo.{line}_fr", "ecmo", "Fr", sizes[0], sizes[-1], 1))
     found.append(Picker("ecmo.oxygenator", "ecmo", tuple(OXYGENATORS)))
-    mode = _mode(ecmo)
-    found.append(
-        Picker("ecmo.mode", "ecmo", ("VA", "VV") if mode != OTHER_MODE else ("VA", "VV", OTHER_MODE))
-    )
-    for key, other in (("drainage", ecmo.return_site), ("return", ecmo.drainage_site)):
-        found.append(Picker(f"ecmo.{key}_site", "ecmo", tuple(s for s in PATIENT_SITES if s != other)))
+    other = (OTHER_MODE,) if _mode(ecmo) == OTHER_MODE else ()
+    found.append(Picker("ecmo.mode", "ecmo", ("VA", "VV", *other)))
+    for line, taken in (("drainage", ecmo.return_site), ("return", ecmo.drainage_site)):
+        found.append(Picker(f"ecmo.{line}_site", "ecmo", tuple(s for s in PATIENT_SITES if s != taken)))
     return found
 
 

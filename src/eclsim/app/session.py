@@ -127,6 +127,7 @@ class Session:
             self.pinned = self.shown
         self.send("pinned", _kept(*self.pinned) if self.pinned else None)
         self.show_state()
+        self._follow()
 
     def save(self) -> bool:
         """Keep the state for the comparison; False if there are too many."""
@@ -151,7 +152,7 @@ class Session:
         self.send("saved", [_kept(*one) for one in self.saved])
 
     def follow(self, follower: Follower) -> None:
-        """Call after every beat."""
+        """Call after every beat, and when another view is open or a state is pinned."""
         self.followers.append(follower)
 
     def open_view(self, view: str) -> None:
@@ -262,7 +263,7 @@ def _kept(state: PageState, beat: Beat) -> dict[str, Any]:
     from eclsim.app.beat import plain
 
     knobs = {c.key: value_of(state.case, c.key) for c in controls(state.case)}
-    return {**plain(beat, WAVES), "name": state.case.patient.id, "values": knobs}
+    return {**plain(beat, WAVES), "of": key_of(state), "name": state.case.patient.id, "values": knobs}
 
 
 def _beside(mistake: Mistake) -> str:

@@ -87,7 +87,12 @@ def schemes(state: PageState) -> dict[str, Any] | None:
                 "wave": plain_curve(np.interp(even, records.phases, records.waveforms[:, signal, k])),
             }
         found.append(cell)
-    return {"cells": found, "flow": flow, "limits": {line: list(CRRT_ALARMS_MMHG[line]) for line in LINES}}
+    return {
+        "of": key_of(state),
+        "cells": found,
+        "flow": flow,
+        "limits": {line: list(CRRT_ALARMS_MMHG[line]) for line in LINES},
+    }
 
 
 def scheme_sites(access: str, giving: str) -> tuple[str, str] | None:

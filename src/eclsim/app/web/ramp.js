@@ -18,7 +18,10 @@ export default {
     this.chart = new Chart(this.$refs.chart, "ramp");
     this.stops = [
       bus.on("pinned", (beat) => {
-        this.old = beat ? this.found : undefined;
+        this.pinned = beat;
+        if (this.found) this.show(this.found);
+      }),
+      bus.on("ramp_pinned", () => {
         if (this.found) this.show(this.found);
       }),
       bus.on("ramp_bands", () => {
@@ -36,7 +39,8 @@ export default {
       this.found = found;
       this.empty = !found;
       if (!found) return;
-      const old = this.old && this.old.key === found.key ? this.old : undefined;
+      const kept = bus.last("ramp_pinned");
+      const old = kept && kept.of === this.pinned?.of && kept.key === found.key ? kept : undefined;
       const last = found.outputs.crrt_access_pressure || found.outputs.drainage_pressure ? 3 : 2;
       const traces = [];
       const bands = bandsOf(found, "ramp_bands");

@@ -29,7 +29,10 @@ export default {
     this.words = words;
     this.stops = [
       bus.on("pinned", (beat) => {
-        this.old = beat ? this.found : undefined;
+        this.pinned = beat;
+        if (this.found) this.show(this.found);
+      }),
+      bus.on("schemes_pinned", () => {
         if (this.found) this.show(this.found);
       }),
       bus.on("schemes", (found) => this.show(found)),
@@ -56,6 +59,8 @@ export default {
       this.found = found;
       this.empty = !found;
       if (!found) return;
+      const kept = bus.last("schemes_pinned");
+      const old = kept && kept.of === this.pinned?.of ? kept : undefined;
       this.head = words.schemes_flow.replace("{flow}", fixed(found.flow, 0));
       const all = found.cells.flatMap((c) => [...c.access.wave, ...c.return.wave]).filter(Number.isFinite);
       this.range = niceRange(Math.min(...all), Math.max(...all), this.range);
@@ -67,7 +72,7 @@ export default {
       this.cells = found.cells.map((c, k) => ({
         ...c, own: false, ticks: marks, limits,
         paths: [
-          ...(this.old ? [{ name: "shadow", d: path(this.old.cells[k].access.wave) }, { name: "shadow2", d: path(this.old.cells[k].return.wave) }] : []),
+          ...(old ? [{ name: "shadow", d: path(old.cells[k].access.wave) }, { name: "shadow2", d: path(old.cells[k].return.wave) }] : []),
           { name: "access", d: path(c.access.wave) }, { name: "return", d: path(c.return.wave) },
         ],
       }));

@@ -1,0 +1,59 @@
+"""Views that compute more follow the state that is shown, and the pinned one for its shadow."""
+
+import asyncio
+
+import pytest
+
+from eclsim.app import studies
+from eclsim.app.background import Background
+from eclsim.app.knobs import turn
+from eclsim.app.state import PageState, key_of
+from eclsim.patients.presets import PRESETS
+
+STATE = PageState(PRESETS["paper"].case())
+OTHER = STATE.with_case(turn(STATE.case, "ecmo.speed_rpm", 3000))
+
+
+class StubSession:
+    def __init__(self):
+        self.view, self.closed, self.state, self.pinned, self.told = "ramp", False, STATE, None, []
+
+    def send(self, topic, data):
+        self.told.append((topic, data))
+
+
+class StubEngine:
+    async def study(self, work):
+        await asyncio.sleep(0)
+        return work()
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch):
+    monkeypatch.setattr(studies, "ramp", key_of)
+
+
+def told(*steps) -> list:
+    session = StubSession()
+
+    async def run():
+        follower = Background(StubEngine(), "ramp")  # type: ignore[arg-type]
+        for step in steps:
+            step(session)
+            follower(session)  # type: ignore[arg-type]
+            await asyncio.sleep(0.01)
+
+    asyncio.run(run())
+    return session.told
+
+
+def test_the_pinned_state_is_computed_once_after_the_one_that_is_shown():
+    pin = lambda s: setattr(s, "pinned", (STATE, None))  # noqa: E731
+    turned = lambda s: setattr(s, "state", OTHER)  # noqa: E731
+    assert told(lambda _: None, turned, pin, pin) == [
+        ("ramp", key_of(STATE)), ("ramp", key_of(OTHER)), ("ramp_pinned", key_of(STATE)),
+    ]  # fmt: skip
+
+
+def test_nothing_is_computed_for_a_view_that_is_not_seen():
+    assert told(lambda s: setattr(s, "view", "monitor")) == []
