@@ -87,8 +87,20 @@ def test_a_fit_runs_with_progress_and_is_used(open_page, shots):
     page.locator(".ecl-identify .found").wait_for(timeout=480_000)
     picture(page, shots, "identify_found")
     assert page.locator(".ecl-identify .found").get_by_text("identifiable").first.is_visible()
+    find = page.get_by_role("button", name=text("posterior_find"))
+    find.click()
+    page.get_by_role("progressbar", name=text("posterior_find")).wait_for()
+    page.get_by_role("button", name="Cancel").click()
+    page.get_by_text(text("fit_cancelled")).wait_for(timeout=30_000)
+    find.click()
+    page.locator(".ecl-identify .found .trust").wait_for(timeout=480_000)
+    page.locator(".ecl-identify .found").scroll_into_view_if_needed()
+    picture(page, shots, "identify_posterior")
     page.get_by_role("button", name=text("fit_use")).click()
     wait_for(page, "Math.abs(beat.outputs.SP - 83) < 4")
+    show(page, "monitor")
+    page.wait_for_function("eclsim.bus.last('bands')?.of === eclsim.bus.last('beat').of")
+    assert page.get_by_role("group", name=text("bands_label")).is_visible()
 
 
 def test_states_are_compared(open_page, shots):
