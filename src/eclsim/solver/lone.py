@@ -16,7 +16,7 @@ import numpy as np
 from eclsim.solver.beat import BeatProgram
 from eclsim.solver.broyden import WORTH_LEARNING
 from eclsim.solver.kernel import compiled
-from eclsim.solver.orbit import Anchor, OrbitOptions, OrbitProblem, Orbits, allowed_moves, scales
+from eclsim.solver.orbit import Anchor, OrbitOptions, OrbitProblem, Orbits, allowed_moves, scales, spread
 from eclsim.solver.status import Status
 
 TERMS = OrbitOptions.quasi_newton_beats
@@ -57,8 +57,7 @@ def solve_alone(problem: OrbitProblem, anchor: Anchor, options: OrbitOptions) ->
 @lru_cache(maxsize=64)
 def _program(program: BeatProgram) -> Any:
     """Compiled search: (state, done, beats, change, drift) in one array."""
-    volumes, flows = program.assembly.n_volumes, len(program.assembly.inertial)
-    scale, spread = scales(program), np.r_[np.full(volumes, 1.0 / volumes), np.zeros(flows)]
+    volumes, scale, shares = program.assembly.n_volumes, scales(program), spread(program)
 
     def run(state: Any, inverse: Any, packed: Any, weights: Any, target: Any, effort: Any) -> Any:
         def times(terms: _Carry, vector: Any) -> Any:
@@ -81,7 +80,7 @@ def _program(program: BeatProgram) -> Any:
             size, distance = jnp.maximum(jnp.abs(now.state), 1.0), jnp.abs(moved)
             change = jnp.maximum(jnp.max(distance / size), jnp.abs(excess) / jnp.maximum(target, 1.0))
             finite = jnp.isfinite(change)
-            residual = jnp.where(finite, (moved + spread * excess) / scale, 0.0)
+            residual = jnp.where(finite, (moved + shares * excess) / scale, 0.0)
             now = learnt(now, residual - now.residual)
             step = -times(now, residual)
             moves = step * scale

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -93,6 +94,7 @@ def joined(parts: Sequence[Orbits]) -> Orbits:
     return Orbits(**{n: np.concatenate([getattr(p, n) for p in parts], axis=-1) for n in names})
 
 
+@lru_cache(maxsize=64)
 def scales(program: BeatProgram) -> np.ndarray:
     """Scale of each state: 1 mL for volumes, `FLOW_SCALE` for flows; shape (states,)."""
     assembly = program.assembly
@@ -102,6 +104,13 @@ def scales(program: BeatProgram) -> np.ndarray:
 def allowed_moves(states: Any, scale: Any) -> Any:
     """Largest change of each state in one step of a search: half its size plus 50 scales."""
     return 0.5 * abs(states) + 50.0 * scale
+
+
+@lru_cache(maxsize=64)
+def spread(program: BeatProgram) -> np.ndarray:
+    """The same amount in every compartment, 1 mL in all; shape (states,)."""
+    volumes, flows = program.assembly.n_volumes, len(program.assembly.inertial)
+    return np.r_[np.full(volumes, 1.0 / volumes), np.zeros(flows)]
 
 
 @dataclass(frozen=True)
@@ -136,8 +145,7 @@ class OrbitProblem:
         self.packed = packed
         self.volume = volume
         self.scale = scales(program)[:, None]
-        spread = np.r_[np.ones(program.assembly.n_volumes), np.zeros(len(program.assembly.inertial))]
-        self.spread = (spread / spread.sum())[:, None]
+        self.spread = spread(program)[:, None]
         self._lanes = Lanes(program, packed, wide)
 
     @property

@@ -21,8 +21,7 @@ PASSING_BEATS = 30
 def solve_orbits(problem: OrbitProblem, anchor: Anchor, options: OrbitOptions) -> Orbits:
     """Steady states of all patients of a problem."""
     if problem.lone and options.quasi_newton_beats <= TERMS:
-        count = problem.packed.shape[1]
-        found = joined([solve_alone(problem.take([k]), anchor.take([k]), options) for k in range(count)])
+        found = _one_by_one(problem, anchor, options)
     else:
         found = _quasi_newton(problem, anchor, options)
     for patient in map(int, np.flatnonzero(found.status != Status.CONVERGED)):
@@ -34,6 +33,13 @@ def solve_orbits(problem: OrbitProblem, anchor: Anchor, options: OrbitOptions) -
                 _newton(problem.take(chosen), found.states[:, chosen], anchor.take(chosen), options),
             )
     return found
+
+
+def _one_by_one(problem: OrbitProblem, anchor: Anchor, options: OrbitOptions) -> Orbits:
+    count = problem.packed.shape[1]
+    if count == 1:
+        return solve_alone(problem, anchor, options)
+    return joined([solve_alone(problem.take([k]), anchor.take([k]), options) for k in range(count)])
 
 
 def _quasi_newton(problem: OrbitProblem, anchor: Anchor, options: OrbitOptions) -> Orbits:

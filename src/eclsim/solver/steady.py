@@ -130,9 +130,12 @@ class _Level:
         problem = OrbitProblem(program, self.batch.packed(program), self.batch.volume(), self.wide)
         chunks = -(-len(members) // LANES) if self.wide else len(members) // 4
         parts = np.array_split(np.arange(len(members)), max(1, min(threads(), chunks)))
-        solved = map_parallel(
-            lambda part: solve_orbits(problem.take(members[part]), start.take(part), options), list(parts)
-        )
+
+        def solve(part: np.ndarray) -> Orbits:
+            whole = len(part) == self.batch.count
+            return solve_orbits(problem if whole else problem.take(members[part]), start.take(part), options)
+
+        solved = map_parallel(solve, list(parts))
         for part, orbits in zip(parts, solved, strict=True):
             for name in vars(orbits):
                 getattr(self.found, name)[..., members[part]] = getattr(orbits, name)
