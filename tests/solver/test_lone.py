@@ -7,7 +7,7 @@ from eclsim.solver.lone import solve_alone
 from eclsim.solver.orbit import OrbitOptions, OrbitProblem
 from eclsim.solver.search import solve_orbits
 from eclsim.solver.status import Status
-from eclsim.solver.steady import Batch, anchor, beat_program
+from eclsim.solver.steady import Batch, anchor, beat_program, steady_beats
 from eclsim.validation.cases import reference_model
 
 CASES = ("s4_crrt_g_3425", "va_ecmo_default", "cvs_failure_90bpm")
@@ -38,3 +38,12 @@ def test_what_is_not_found_is_said_so():
     assert found.status[0] == Status.NOT_CONVERGED
     assert found.beats[0] == 5
     assert np.isfinite(found.states).all()
+
+
+def test_what_is_not_found_is_handed_to_newtons_method():
+    model = reference_model(CASES[0])
+    batch = Batch(model.circuit, model.values, 1)
+    steady_beats(batch)
+    found = steady_beats(batch, OrbitOptions(quasi_newton_beats=5)).orbits
+    assert found.status[0] == Status.CONVERGED
+    np.testing.assert_allclose(found.states, steady_beats(batch).orbits.states, rtol=1e-6, atol=1e-5)

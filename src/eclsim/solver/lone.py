@@ -46,7 +46,7 @@ def solve_alone(problem: OrbitProblem, anchor: Anchor, options: OrbitOptions) ->
     effort = np.array([options.tolerance, options.error_tolerance, min(options.quasi_newton_beats, TERMS)])
     volume = problem.volume
     run = _program(problem.program)
-    found = np.asarray(run(state, inverse, problem.packed[:, 0], volume.weights, volume.target[0], effort))
+    found = np.array(run(state, inverse, problem.packed[:, 0], volume.weights, volume.target[0], effort))
     done, beats, change, drift = found[n:]
     status = Status.CONVERGED if done else Status.NOT_CONVERGED
     return Orbits(
