@@ -20,8 +20,8 @@ def both(name, parameters, outputs, policy=AS_PUBLISHED):
     values, count = dict(patient.values), 4 * len(parameters)
     shifts = {}
     for k, key in enumerate(parameters):
-        # Fourth order: differences at one and at two steps.
-        step = 2e-4 * abs(values[key])
+        # Fourth order: differences at one and at two steps, too small to push a valve over a grid point.
+        step = 2e-5 * abs(values[key])
         column = np.full(count, values[key])
         column[4 * k : 4 * k + 4] += step * np.array([1.0, -1.0, 2.0, -2.0])
         shifts[key] = (step, column)

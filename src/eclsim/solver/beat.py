@@ -151,7 +151,7 @@ class BeatProgram:
         zero = jnp.zeros_like(volumes[0])
         activations = [float(a.at(np.array(0.0), np)) for a in assembly.activations]
         pressures, stiffness = assembly.pressures(volumes, activations, constants)
-        weight = GAMMA * period * self.grid.finest_step
+        weight = GAMMA * period * self.grid.systolic_step
         flows = []
         for j, (connection, (source, target)) in enumerate(
             zip(assembly.circuit.connections, assembly.ends, strict=True)

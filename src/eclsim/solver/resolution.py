@@ -12,7 +12,7 @@ from eclsim.circuit.assembly import Assembly
 from eclsim.solver.beat import HEART_RATE
 from eclsim.solver.grid import PhaseGrid
 
-LARGEST_ANGLE = 0.7
+LARGEST_ANGLE = 0.75
 """Largest step times angular frequency: outputs are within 0.1 % of the converged ones (docs, Numerics)."""
 RESOLUTIONS = (1, 2, 3, 4, 6, 8)
 
@@ -44,7 +44,7 @@ def max_stiffness(positions: tuple[int, ...], stiffness: list[Any]) -> Any:
 
 def needed_resolution(assembly: Assembly, values: Mapping[str, Any]) -> np.ndarray:
     """Resolution of the grid for each patient; an integer array shaped like the parameters."""
-    step = PhaseGrid(1).finest_step * 60.0 / np.asarray(values[HEART_RATE], dtype=float)
+    step = PhaseGrid(1).systolic_step * 60.0 / np.asarray(values[HEART_RATE], dtype=float)
     angle = step * fastest_oscillation(assembly, values)
     wanted = np.ceil(np.nan_to_num(angle / LARGEST_ANGLE, nan=1.0, posinf=math.inf))
     allowed = np.array(RESOLUTIONS)
