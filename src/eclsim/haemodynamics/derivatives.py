@@ -70,7 +70,7 @@ def output_derivatives(
         parameters: names that the circuit reads, or `heart_rate_bpm`.
         policy: blood volume policy.
         resolution: of the phase grid; left out, what the circuit's time constants need. The derivatives are
-            exact for the grid; twice the resolution brings them from 1 % to 0.3 % of the continuous ones.
+            exact for the grid; twice the resolution brings them from 0.6 % to 0.4 % of the continuous ones.
 
     Returns:
         Array with dimensions (output, parameter); coordinates `value` and `parameter_value` hold the point.

@@ -25,8 +25,8 @@ from jax.experimental.compilation_cache import compilation_cache
 from eclsim.runtime import cache_folder
 
 PACKAGE = Path(__file__).parents[1]
-SOURCES = ("components", "circuit", "models", "solver", "uncertainty")
-"""Sub-packages whose code ends up in a compiled program."""
+SOURCES = ("circuit/*.py", "components/*.py", "solver/*.py", "uncertainty/tangents.py")
+"""Files whose code ends up in a compiled program."""
 
 
 class StoredProgram:
@@ -101,8 +101,8 @@ def _file(key: tuple[Any, ...] | None, shapes: Any) -> Path | None:
 def _sources() -> str:
     """Fingerprint of the code that makes programs, and of what compiles it."""
     found = hashlib.sha256(f"{version('jax')} {version('jaxlib')}".encode())
-    for package in SOURCES:
-        for file in sorted((PACKAGE / package).glob("*.py")):
+    for pattern in SOURCES:
+        for file in sorted(PACKAGE.glob(pattern)):
             found.update(file.name.encode() + file.read_bytes())
     return found.hexdigest()
 

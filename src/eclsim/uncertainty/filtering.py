@@ -66,11 +66,7 @@ class Belief:
     def quantiles(self, shares: Sequence[float]) -> np.ndarray:
         """Of each component by itself, shape (shares, size)."""
         spreads = np.sqrt(np.einsum("fii->fi", self.covariances))
-        found = [
-            [_quantile(share, self.weights, self.means[:, k], spreads[:, k]) for k in range(len(self.mean))]
-            for share in shares
-        ]
-        return np.array(found)
+        return np.stack([_quantiles(share, self.weights, self.means, spreads) for share in shares])
 
     def moved_on(self, drifts: np.ndarray, transport: Transport) -> Belief:
         """After one interval without measurement, the drift of z taken to u at each mean."""
@@ -211,14 +207,12 @@ def _reweighted(
     return np.exp(log - logsumexp(log)).clip(min=1e-12)
 
 
-def _quantile(share: float, weights: np.ndarray, means: np.ndarray, spreads: np.ndarray) -> float:
-    """Of a mixture of normal distributions, by bisection."""
+def _quantiles(share: float, weights: np.ndarray, means: np.ndarray, spreads: np.ndarray) -> np.ndarray:
+    """Of mixtures of normal distributions, by bisection; means and spreads (normals, size)."""
     each = means + spreads * ndtri(share)
-    low, high = each.min(), each.max()
+    low, high = each.min(axis=0), each.max(axis=0)
     for _ in range(60):
         middle = 0.5 * (low + high)
-        if weights @ ndtr((middle - means) / spreads) < share * weights.sum():
-            low = middle
-        else:
-            high = middle
-    return float(0.5 * (low + high))
+        below = weights @ ndtr((middle - means) / spreads) < share * weights.sum()
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return 0.5 * (low + high)

@@ -33,7 +33,7 @@ stay between two of them, or it measures the kinks.
 """
 FINER = 2
 """Resolution of the grid with half the step."""
-GRID = "exact for the default grid, whose own error this is; with half the step (`resolution=2`) all hold"
+GRID = "exact for the default grid, whose own error this is"
 TIGHT = OrbitOptions(tolerance=1e-12, error_tolerance=1e-11, quasi_newton_beats=60)
 
 
