@@ -12,7 +12,7 @@ from eclsim.circuit.assembly import Assembly
 from eclsim.solver.beat import HEART_RATE
 from eclsim.solver.grid import PhaseGrid
 
-LARGEST_ANGLE = 0.75
+LARGEST_ANGLE = 0.7
 """Largest step times angular frequency: outputs are within 0.1 % of the converged ones (docs, Numerics)."""
 RESOLUTIONS = (1, 2, 3, 4, 6, 8)
 

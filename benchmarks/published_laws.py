@@ -1,0 +1,128 @@
+"""Why peaks of valve flows differ from the published code: eclsim's circuit with that code's two numerical laws.
+
+    python benchmarks/published_laws.py "s4_crrt_g_1500 Qla max" ...
+
+The published code rounds its valves off, Q = CQ sqrt|dp| (1 + tanh(dp / 0.01 mmHg)) / 2, and its chamber
+pressures follow their volumes with a time constant of 0.08 ms. Here the circuit is integrated with both
+(Dopri8) from eclsim's steady beat on, and the statistics asked for are taken from the last beat. Without
+arguments it does so for all statistics that miss; the lines it prints are those of
+src/eclsim/validation/data/published_laws.csv.
+"""
+
+import sys
+from functools import lru_cache
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from eclsim.circuit.assembly import Constants
+from eclsim.components import HeartValve
+from eclsim.solver.explicit import ExplicitCircuit, explicit_circuit
+from eclsim.solver.steady import Batch, steady_beats
+from eclsim.validation.cases import case_names, reference_model
+from eclsim.validation.reference_cases import waveform_rows
+
+ROUNDING_MMHG = 0.01
+LAG_S = 8e-5
+BEATS = 120
+POINTS = 8001
+TOLERANCE = 1e-8
+
+
+class Published:
+    """The published code's rates: volumes and inertial flows, then the pressures of the chambers."""
+
+    def __init__(self, explicit: ExplicitCircuit, constants: Constants, period: float):
+        self.explicit, self.constants, self.period = explicit, constants, period
+        self.assembly = explicit.assembly
+        stores = self.assembly.circuit.compartments
+        self.chambers = [k for k, c in enumerate(stores) if c.component.activation is not None]
+
+    def parts(self, state):
+        n = self.assembly.n_states
+        pressures = self.explicit._pressures(state[:n], self.phase(state), self.constants)
+        return pressures
+
+    def rates(self, time, state, _):
+        assembly, n = self.assembly, self.assembly.n_states
+        phase = time / self.period % 1.0
+        at_rest = self.explicit._pressures(state[:n], phase, self.constants)
+        pressures = list(at_rest)
+        for place, k in enumerate(self.chambers):
+            pressures[k] = state[n + place]
+        flows = self.flows(state, pressures)
+        changes = [0.0] * assembly.n_volumes
+        for flow, (source, target) in zip(flows, assembly.ends, strict=True):
+            assembly.add_at(source, changes, -flow, self.constants)
+            assembly.add_at(target, changes, flow, self.constants)
+        for j in assembly.inertial:
+            law, own = assembly.circuit.connections[j].component, self.constants.paths[j]
+            push = self.explicit._push(j, pressures, self.constants)
+            changes.append((push - law.pressure_drop(flows[j], own)) / law.inertance(own))
+        changes += [(at_rest[k] - pressures[k]) / LAG_S for k in self.chambers]
+        return jnp.stack([c + 0.0 * state[0] for c in changes])
+
+    def flows(self, state, pressures):
+        found = self.explicit.flows(state[: self.assembly.n_states], pressures, self.constants)
+        for j, connection in enumerate(self.assembly.circuit.connections):
+            if isinstance(connection.component, HeartValve):
+                drop = self.explicit._push(j, pressures, self.constants)
+                full = 2.0 * jnp.sqrt(jnp.abs(drop) / self.constants.paths[j])
+                found[j] = full * 0.5 * (1.0 + jnp.tanh(drop / ROUNDING_MMHG))
+        return found
+
+
+@lru_cache(maxsize=1)
+def last_beat(case: str) -> dict[str, np.ndarray]:
+    """Flows over the last beat, each of shape (points,)."""
+    model = reference_model(case)
+    period = 60.0 / model.values["heart_rate_bpm"]
+    explicit = explicit_circuit(model.circuit)
+    law = Published(explicit, explicit.assembly.constants(model.values), period)
+    start = jnp.asarray(steady_beats(Batch(model.circuit, model.values, 1)).orbits.states[:, 0])
+    pressures = explicit._pressures(start, 0.0, law.constants)
+    state = jnp.concatenate([start, jnp.stack([pressures[k] + 0.0 * start[0] for k in law.chambers])])
+
+    def run(state, save):
+        found = diffrax.diffeqsolve(
+            diffrax.ODETerm(law.rates), diffrax.Dopri8(), 0.0, period, 1e-5, state, saveat=save,
+            stepsize_controller=diffrax.PIDController(TOLERANCE, TOLERANCE, pcoeff=0.3, icoeff=0.4),
+            max_steps=200_000,
+        )  # fmt: skip
+        return found.ys
+
+    beat = jax.jit(lambda s: run(s, diffrax.SaveAt(t1=True))[-1])
+    for _ in range(BEATS):
+        state = beat(state)
+    times = jnp.linspace(0.0, period, POINTS)
+    states = jax.jit(lambda s: run(s, diffrax.SaveAt(ts=times)))(state)
+
+    def all_flows(state):
+        pressures = [0.0] * explicit.assembly.n_volumes
+        at_rest = explicit._pressures(state[: explicit.assembly.n_states], 0.0, law.constants)
+        pressures = list(at_rest)
+        for place, k in enumerate(law.chambers):
+            pressures[k] = state[explicit.assembly.n_states + place]
+        return jnp.stack(law.flows(state, pressures))
+
+    flows = np.asarray(jax.jit(jax.vmap(all_flows))(states)).T
+    names = [c.name for c in explicit.assembly.circuit.connections]
+    return {"Q" + name: row for name, row in zip(names, flows, strict=True)}
+
+
+def main(wanted: list[str]) -> None:
+    """Print the statistics asked for, or all that miss."""
+    if not wanted:
+        rows = (row for case in case_names() for row in waveform_rows(case) if not row.holds)
+        wanted = [row.name for row in rows]
+    print("statistic,value,unit")
+    for statistic in wanted:
+        case, signal, kind = statistic.split()
+        series = last_beat(case)[signal]
+        print(f"{statistic},{ {'max': np.max, 'min': np.min}[kind](series):.6g},mL/s", flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
