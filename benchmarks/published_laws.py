@@ -26,7 +26,7 @@ from eclsim.validation.reference_cases import waveform_rows
 
 ROUNDING_MMHG = 0.01
 LAG_S = 8e-5
-BEATS = 120
+BEATS = 40
 POINTS = 8001
 TOLERANCE = 1e-8
 
@@ -39,11 +39,6 @@ class Published:
         self.assembly = explicit.assembly
         stores = self.assembly.circuit.compartments
         self.chambers = [k for k, c in enumerate(stores) if c.component.activation is not None]
-
-    def parts(self, state):
-        n = self.assembly.n_states
-        pressures = self.explicit._pressures(state[:n], self.phase(state), self.constants)
-        return pressures
 
     def rates(self, time, state, _):
         assembly, n = self.assembly, self.assembly.n_states
@@ -100,9 +95,7 @@ def last_beat(case: str) -> dict[str, np.ndarray]:
     states = jax.jit(lambda s: run(s, diffrax.SaveAt(ts=times)))(state)
 
     def all_flows(state):
-        pressures = [0.0] * explicit.assembly.n_volumes
-        at_rest = explicit._pressures(state[: explicit.assembly.n_states], 0.0, law.constants)
-        pressures = list(at_rest)
+        pressures = list(explicit._pressures(state[: explicit.assembly.n_states], 0.0, law.constants))
         for place, k in enumerate(law.chambers):
             pressures[k] = state[explicit.assembly.n_states + place]
         return jnp.stack(law.flows(state, pressures))

@@ -67,8 +67,8 @@ def test_inertia_makes_two_vessels_ring(resistance, solver):
     frequency = np.sqrt(complex(1.0 / (inertance * SERIES) - damping**2))
     wave = np.real(np.exp(-damping * course.time) * np.sin(frequency * course.time) / frequency)
     expected = 100.0 / inertance * wave
-    # After three periods the fixed grid lags by a thousandth of a period.
-    allowed = 1e-2 if solver == SEMI_IMPLICIT else ACCURACY[solver]
+    # After three periods the fixed grid lags by a thousandth of a period and more where its steps are long.
+    allowed = 1.5e-2 if solver == SEMI_IMPLICIT else ACCURACY[solver]
     assert np.abs(course.signals[:, 0] - expected).max() <= allowed * np.abs(expected).max()
 
 

@@ -20,7 +20,9 @@ SIZES = (-4.0, -1.0)
 """Decimal logarithms of the smallest and largest cloud: share of its residuals by which a point moves."""
 WORTH_WHILE = 1e-6
 """Share by which a cloud must lower the cost for another one."""
-MOST_CLOUDS = 8
+IDLE_CLOUDS = 6
+"""So many clouds without a better point end the search."""
+MOST_CLOUDS = 24
 PERFECT = 1e-12
 """Sum of squares below which there is nothing left to gain."""
 
@@ -39,6 +41,7 @@ def polish(
         seed: of the clouds.
     """
     generator, which = np.random.default_rng(seed), np.full(CLOUD, target)
+    idle = 0
     for _ in range(MOST_CLOUDS):
         before = refined.costs[0]
         if not before > PERFECT:
@@ -49,7 +52,8 @@ def polish(
             better = refine(objective, which[:1], points[[costs.argmin()]], box, precision)
             iterations = refined.iterations + better.iterations
             refined = replace(better, iterations=iterations) if better.costs[0] < before else refined
-        if refined.costs[0] >= before * (1.0 - WORTH_WHILE):
+        idle = idle + 1 if refined.costs[0] >= before * (1.0 - WORTH_WHILE) else 0
+        if idle == IDLE_CLOUDS:
             break
     return refined
 

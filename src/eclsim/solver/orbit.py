@@ -137,26 +137,32 @@ class Trial:
 
 
 class OrbitProblem:
-    """F and its norms for the patients of a batch; `wide` runs them with the program for many patients."""
+    """F and its norms for the patients of a batch.
 
-    def __init__(self, program: BeatProgram, packed: np.ndarray, volume: Volume, wide: bool = False):
+    Args:
+        program: a beat of their circuit.
+        packed: their parameters, shape (names, patients).
+        volume: the blood volume condition.
+        wide: whether to run them with the program for many patients.
+        lone: whether to search for each with the compiled search for one.
+    """
+
+    def __init__(
+        self, program: BeatProgram, packed: np.ndarray, volume: Volume, wide: bool = False, lone: bool = False
+    ):
         self.program = program
         self.wide = wide
+        self.lone = lone and not wide
         self.packed = packed
         self.volume = volume
         self.scale = scales(program)[:, None]
         self.spread = spread(program)[:, None]
         self._lanes = Lanes(program, packed, wide)
 
-    @property
-    def lone(self) -> bool:
-        """Whether each patient is searched for alone, and often enough to be worth a program for that."""
-        return not self.wide and self.program.searched_before
-
     def take(self, chosen: Any) -> OrbitProblem:
         """The same problem for some of the patients."""
         volume = Volume(self.volume.weights, self.volume.target[chosen])
-        return OrbitProblem(self.program, self.packed[:, chosen], volume, self.wide)
+        return OrbitProblem(self.program, self.packed[:, chosen], volume, self.wide, self.lone)
 
     def beat(self, states: np.ndarray) -> np.ndarray:
         """State after one beat, shape (states, patients)."""

@@ -127,7 +127,10 @@ class _Level:
     def solve(self, members: np.ndarray, start: Anchor, options: OrbitOptions) -> None:
         """Solve some members of the batch."""
         program = beat_program(self.batch.circuit, self.level)
-        problem = OrbitProblem(program, self.batch.packed(program), self.batch.volume(), self.wide)
+        lone = (
+            self.batch.count > 1 or program.searched_before
+        )  # in a batch always: identical whatever ran before
+        problem = OrbitProblem(program, self.batch.packed(program), self.batch.volume(), self.wide, lone)
         chunks = -(-len(members) // LANES) if self.wide else len(members) // 4
         parts = np.array_split(np.arange(len(members)), max(1, min(threads(), chunks)))
 
