@@ -1,4 +1,4 @@
-"""Why peaks of valve flows differ from the published code: eclsim's circuit with that code's two numerical laws.
+"""Why peaks of valve flows differ from the published code: its two numerical laws in eclsim's circuit.
 
     python benchmarks/published_laws.py "s4_crrt_g_1500 Qla max" ...
 
