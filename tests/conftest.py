@@ -1,4 +1,4 @@
-"""What all tests share: compiled programs are dropped when a worker has gathered too many."""
+"""What all tests share: short names; compiled programs are dropped when a worker has gathered too many."""
 
 import ctypes
 import gc
@@ -9,6 +9,14 @@ from pathlib import Path
 import pytest
 
 LARGEST_MB = 2000
+LONGEST_ID = 60
+
+
+def pytest_make_parametrize_id(config: pytest.Config, val: object, argname: str) -> str | None:
+    """Names a long text or file by its length, so that lists of tests stay readable."""
+    if isinstance(val, (str, bytes)) and len(val) > LONGEST_ID:
+        return f"{argname} of {len(val)} characters"
+    return None
 
 
 def resident_mb() -> int:
