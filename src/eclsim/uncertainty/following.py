@@ -1,20 +1,20 @@
 """One chain's steady beat, followed from point to point with exact derivatives.
 
 A sampler moves in small steps, so the beat at the next point is foreseen from the last one and its
-derivatives. A step or two with the last inverse Jacobian and one of Newton's method, with the Jacobian that
-the derivatives need anyway, bring it onto the orbit. All points share a grid in phase, so that the density is
-smooth.
+derivatives. A short search that starts there with the last inverse Jacobian and one step of Newton's method,
+with the Jacobian that the derivatives need anyway, bring it onto the orbit. All points share a grid in phase,
+so that the density is smooth.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from eclsim.circuit.assembly import assemble
 from eclsim.solver.beat import BeatProgram, beat_program
-from eclsim.solver.orbit import OrbitOptions, OrbitProblem, Volume
+from eclsim.solver.orbit import Anchor, OrbitOptions, OrbitProblem, Volume, allowed_moves
 from eclsim.solver.resolution import needed_resolution
 from eclsim.solver.search import solve_orbits
 from eclsim.solver.status import Status
@@ -22,16 +22,13 @@ from eclsim.solver.steady import Batch, anchor
 from eclsim.uncertainty.density import Posterior
 from eclsim.uncertainty.tangents import Linearised, linearise
 
-FOLLOWED = OrbitOptions(tolerance=1e-4, error_tolerance=3e-4, newton_iterations=4)
+FOLLOWED = OrbitOptions(tolerance=3e-4, error_tolerance=1e-3, newton_iterations=4)
 """Enough to begin with: a step of Newton's method follows."""
 STEP = 1e-4
 """Relative, for the derivative of the blood volume, which is a sum of products."""
-FARTHEST_FORESEEN = 1.0
-"""Largest change of a logarithm over which the last derivatives are trusted."""
-MOST_BEATS = 3
-NEAR_ENOUGH = 3e-3
-"""A relative step with the last inverse Jacobian after which the state is right to about a tenth of it."""
-FARTHEST_NEWTON = 1e-3
+QUICK = replace(FOLLOWED, quasi_newton_beats=10, newton_iterations=0)
+"""From the last place; if this does not settle, it is searched for from the centre."""
+FARTHEST_NEWTON = 2e-3
 """Largest relative change in the step of Newton's method: its error is about the square."""
 
 
@@ -113,7 +110,7 @@ class Follower:
         volume, volume_slopes = self.volume.at(in_unit)
         packed = self.packed.copy()
         packed[self.rows, 0] = in_unit
-        problem = OrbitProblem(self.program, packed, volume)
+        problem = OrbitProblem(self.program, packed, volume, lone=True)
         for search in (self._foreseen, self._settled):
             state = search(problem, x)
             found = None if state is None else self._linearised(problem, state, volume_slopes)
@@ -144,22 +141,19 @@ class Follower:
         return found if near else None
 
     def _foreseen(self, problem: OrbitProblem, x: np.ndarray) -> np.ndarray | None:
-        """State at phase 0 from the last place, if that is near enough."""
+        """State of the orbit at phase 0, searched for from where the last place foresees it."""
         last = self.last
-        if last is None or np.abs(x - last.x).max() > FARTHEST_FORESEEN:
+        if last is None:
             return None
-        states = (last.state + last.slopes @ (x - last.x))[:, None]
-        for _ in range(MOST_BEATS):
-            trial = problem.trial(states)
-            if not trial.finite.all():
-                return None
-            step = (last.inverse @ trial.residual) * problem.scale
-            states = states - step
-            if np.max(np.abs(step) / np.maximum(np.abs(states), 1.0)) < NEAR_ENOUGH:
-                break
-        return states[:, 0]
+        moves = last.slopes @ (x - last.x)
+        share = max(np.max(np.abs(moves) / allowed_moves(last.state, problem.scale[:, 0])), 1.0)
+        return _found(problem, Anchor(last.state + moves / share, last.inverse), QUICK)
 
     def _settled(self, problem: OrbitProblem, x: np.ndarray) -> np.ndarray | None:
         """State of the orbit at phase 0, searched for from the centre."""
-        orbits = solve_orbits(problem, self.near, FOLLOWED)
-        return orbits.states[:, 0] if orbits.status[0] == Status.CONVERGED else None
+        return _found(problem, self.near, FOLLOWED)
+
+
+def _found(problem: OrbitProblem, start: Anchor, options: OrbitOptions) -> np.ndarray | None:
+    orbits = solve_orbits(problem, start, options)
+    return orbits.states[:, 0] if orbits.status[0] == Status.CONVERGED else None

@@ -42,14 +42,16 @@ class Sampling:
         target_accept: mean acceptance probability that the step size is tuned for.
         deepest: largest depth of a trajectory's tree: at most 2^deepest - 1 steps for a draw. Seven steps are
             about half way round a standard normal distribution, fifteen all the way.
+        deepest_warmup: the same for the draws that are thrown away.
     """
 
     chains: int = 4
     warmup: int = 1000
     draws: int = 1000
     seed: int = 0
-    target_accept: float = 0.7
-    deepest: int = 4
+    target_accept: float = 0.65
+    deepest: int = 3
+    deepest_warmup: int = 2
 
 
 @dataclass(frozen=True)
@@ -155,7 +157,7 @@ class _Sampler:
                 step_size=FIRST_STEP,
                 dense_mass=True,
                 target_accept_prob=settings.target_accept,
-                max_tree_depth=settings.deepest,
+                max_tree_depth=(settings.deepest_warmup, settings.deepest),
                 find_heuristic_step_size=False,
                 model_args=(chain,),
                 model_kwargs={},
