@@ -57,7 +57,7 @@ def one_patient(seed: int, method: str) -> dict:
     doubts = weighted.doubts
     z = weighted.z[weighted.resample(PREDICTED, seed)]
     if method == "nuts":
-        chains = sample(posterior, weighted.transport, SHORT)
+        chains = sample(posterior, weighted.proposals, SHORT)
         found = diagnose(NAMES, chains.z, chains.statistics["diverging"])
         doubts = found.doubts
         z = chains.z.reshape(-1, len(NAMES))

@@ -42,8 +42,25 @@ class CurvedPosterior:
         return mean, ((z - mean).T * weights) @ (z - mean)
 
 
+@dataclass
+class TwoArms(CurvedPosterior):
+    """One output, z2 - (3 z1)^2, far from 0: the posterior is two arms with hardly anything between."""
+
+    target: np.ndarray = field(default_factory=lambda: np.array([4.0]))
+    scale: np.ndarray = field(default_factory=lambda: np.array([0.5]))
+    outputs: tuple = ("first",)
+
+    def simulate(self, z, near=None):
+        return (9.0 * z[..., 0] ** 2 - z[..., 1])[..., None]
+
+    def jacobian(self, z):
+        return np.array([[18.0 * z[0], -1.0]])
+
+
 class AnalyticFollower:
     """Stands for a `Follower`: the potential and its gradient of a `CurvedPosterior`."""
+
+    last = None
 
     def __init__(self, posterior, centre):
         self.posterior = posterior

@@ -5,16 +5,20 @@ import pytest
 
 from eclsim.uncertainty import nuts
 from eclsim.uncertainty.diagnostics import diagnose
+from eclsim.uncertainty.mixture import Mixture
 from eclsim.uncertainty.transport import Transport
+from known_posteriors import AnalyticFollower, TwoArms
 
 pytest.importorskip("numpyro")
 
 
 @pytest.fixture
 def analytic(monkeypatch):
-    from known_posteriors import AnalyticFollower
-
     monkeypatch.setattr(nuts, "Follower", AnalyticFollower)
+
+
+def straight(mean, covariance):
+    return Mixture((Transport.straight(mean, covariance),))
 
 
 SHORT = nuts.Sampling(chains=4, warmup=200, draws=500, seed=3)
@@ -23,9 +27,7 @@ SHORT = nuts.Sampling(chains=4, warmup=200, draws=500, seed=3)
 def test_moments_of_a_curved_posterior(curved, analytic):
     mean, covariance = curved.moments()
     said = []
-    found = nuts.sample(
-        curved, Transport.straight(mean, covariance), SHORT, lambda done, of: said.append((done, of))
-    )
+    found = nuts.sample(curved, straight(mean, covariance), SHORT, lambda done, of: said.append((done, of)))
     flat = found.z.reshape(-1, 2)
     assert found.z.shape == (4, 500, 2)
     assert flat.mean(axis=0) == pytest.approx(mean, abs=0.05)
@@ -37,11 +39,20 @@ def test_moments_of_a_curved_posterior(curved, analytic):
 
 
 def test_the_same_seed_gives_the_same_draws(curved, analytic):
-    start = Transport.straight(*curved.moments())
+    start = straight(*curved.moments())
     short = nuts.Sampling(chains=2, warmup=60, draws=20, seed=5)
     first, again = (nuts.sample(curved, start, short).z for _ in range(2))
     assert first.tolist() == again.tolist()
     assert first[0].tolist() != first[1].tolist()
+
+
+def test_chains_jump_between_arms(analytic):
+    arms = TwoArms()
+    mean, covariance = arms.moments()
+    found = nuts.sample(arms, straight(mean, covariance), SHORT)
+    right = (found.z[..., 0] > 0.0).mean(axis=1)
+    assert right == pytest.approx(0.5, abs=0.4)  # without jumps 0 or 1
+    assert right.mean() == pytest.approx(0.5, abs=0.2)
 
 
 def test_without_numpyro_it_says_what_to_install(curved, analytic, monkeypatch):
@@ -49,4 +60,4 @@ def test_without_numpyro_it_says_what_to_install(curved, analytic, monkeypatch):
 
     monkeypatch.setitem(sys.modules, "numpyro.infer.hmc", None)
     with pytest.raises(nuts.MissingPackageError, match=r"eclsim\[bayes\]"):
-        nuts.sample(curved, Transport.straight(*curved.moments()), SHORT)
+        nuts.sample(curved, straight(*curved.moments()), SHORT)

@@ -147,7 +147,7 @@ def sample_posterior(
         z = weighted.z[weighted.resample(4 * PREDICTED_DRAWS, seed)][None]
     if settings.method == "nuts" and weighted is not None:
         chains = sample(
-            posterior, weighted.transport, settings.sampling, lambda n, of: say(f"draw {n} of {of}")
+            posterior, weighted.proposals, settings.sampling, lambda n, of: say(f"draw {n} of {of}")
         )
         statistics = chains.statistics
         diagnostics = diagnose(posterior.prior.names, chains.z, statistics["diverging"])

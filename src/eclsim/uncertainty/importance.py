@@ -14,15 +14,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import gammaln, logsumexp
+from scipy.special import logsumexp
 
 from eclsim.uncertainty.density import Posterior
 from eclsim.uncertainty.gaussian import Gaussian
+from eclsim.uncertainty.mixture import Mixture
 from eclsim.uncertainty.transport import Transport
 
-DEGREES = 5.0
-"""Of freedom of the proposals: their tails are longer than those of a posterior."""
-TEMPERS = (0.15, 0.4, 1.0, 1.0, 1.0)
+TEMPERS = (0.02, 0.08, 0.25, 0.6, 1.0, 1.0, 1.0)
 """How much the measurements count in each round."""
 LARGEST_SHAPE = 0.7
 FEWEST_EFFECTIVE = 400
@@ -41,14 +40,19 @@ class Weighted:
         outputs: of the model there, shape (draws, outputs).
         weights: sum to 1, shape (draws,).
         shape: Pareto k of the largest weights.
-        transport: the map fitted to the draws.
+        proposals: what they were drawn from, and at last what was fitted to all of them.
     """
 
     z: np.ndarray
     outputs: np.ndarray
     weights: np.ndarray
     shape: float
-    transport: Transport
+    proposals: Mixture
+
+    @property
+    def transport(self) -> Transport:
+        """The map fitted to the draws."""
+        return self.proposals.transports[-1]
 
     @property
     def effective(self) -> float:
@@ -78,7 +82,7 @@ class Weighted:
 def weigh(
     posterior: Posterior,
     gaussian: Gaussian,
-    count: int = 768,
+    count: int = 1024,
     seed: int = 0,
     tempers: tuple[float, ...] = TEMPERS,
 ) -> Weighted:
@@ -101,15 +105,15 @@ def weigh(
         if number >= len(tempers) and shape < GOOD_SHAPE and 1.0 / np.sum(weights**2) > GOOD_EFFECTIVE:
             break
         temper = tempers[number + 1] if number + 1 < len(tempers) else 1.0
-        new, _ = proposals[-1].z_of(_student(random, count, z.shape[1]))
+        new = Mixture((proposals[-1],)).draws(random, count)
         z, outputs = (
             np.concatenate([z, new]),
             np.concatenate([outputs, posterior.simulate(new, gaussian.centre)]),
         )
-        mixture = logsumexp([_log_density(z, p) for p in proposals], axis=0)
-        weights, shape = smoothed(-posterior.potential(z, outputs, temper) - mixture)
+        density = Mixture(tuple(proposals)).log_density(z)
+        weights, shape = smoothed(-posterior.potential(z, outputs, temper) - density)
         proposals.append(Transport.fitted(z, weights))
-    return Weighted(z, outputs, weights, shape, proposals[-1])
+    return Weighted(z, outputs, weights, shape, Mixture(tuple(proposals)))
 
 
 def smoothed(log_weights: np.ndarray) -> tuple[np.ndarray, float]:
@@ -151,15 +155,3 @@ def weighted_quantile(values: np.ndarray, weights: np.ndarray, shares: np.ndarra
     order = np.argsort(values)
     total = np.cumsum(weights[order]) - 0.5 * weights[order]
     return np.interp(shares, total / weights.sum(), values[order])
-
-
-def _student(random: np.random.Generator, count: int, size: int) -> np.ndarray:
-    normal = random.standard_normal((count, size))
-    return normal / np.sqrt(random.chisquare(DEGREES, count) / DEGREES)[:, None]
-
-
-def _log_density(z: np.ndarray, proposal: Transport) -> np.ndarray:
-    u, log_slope = proposal.u_of(z)
-    size = z.shape[1]
-    constant = gammaln(0.5 * (DEGREES + size)) - gammaln(0.5 * DEGREES) - 0.5 * size * np.log(DEGREES * np.pi)
-    return constant - log_slope - 0.5 * (DEGREES + size) * np.log1p(np.sum(u**2, axis=1) / DEGREES)

@@ -2,7 +2,8 @@
 
 The sampler moves in the coordinates of a `Transport`, in which the posterior is nearly standard normal: its
 mass matrix is nearly right from the first step, and goes on learning. Each leapfrog step asks the host for
-the potential and its exact gradient. Chains run side by side, one thread each.
+the potential and its exact gradient. After each draw a chain may jump (see `Jumps`). Chains run side by side,
+one thread each.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ import numpy as np
 from eclsim.solver.lanes import map_parallel
 from eclsim.uncertainty.density import Posterior
 from eclsim.uncertainty.following import Follower
-from eclsim.uncertainty.transport import Transport
+from eclsim.uncertainty.jumps import jumps
+from eclsim.uncertainty.mixture import Mixture
 
 STATISTICS = ("diverging", "num_steps", "accept_prob", "potential_energy", "energy", "step_size")
 OVERDISPERSION = 1.5
@@ -49,7 +51,7 @@ class Sampling:
     warmup: int = 1000
     draws: int = 1000
     seed: int = 0
-    target_accept: float = 0.65
+    target_accept: float = 0.7
     deepest: int = 3
     deepest_warmup: int = 2
 
@@ -71,7 +73,7 @@ class Chains:
 
 def sample(
     posterior: Posterior,
-    transport: Transport,
+    proposals: Mixture,
     settings: Sampling | None = None,
     report: Callable[[int, int], None] | None = None,
 ) -> Chains:
@@ -79,7 +81,8 @@ def sample(
 
     Args:
         posterior: density.
-        transport: coordinates in which it is nearly standard normal.
+        proposals: distributions close to it; the sampler moves in the coordinates of the last, and jumps to
+            draws from all.
         settings: how long and how carefully.
         report: called with the number of draws done, of all chains, and of all there are.
 
@@ -87,23 +90,25 @@ def sample(
         MissingPackageError: NumPyro is not installed.
     """
     settings = settings or Sampling()
-    return _Sampler(posterior, transport, settings, report).run()
+    return _Sampler(posterior, proposals, settings, report).run()
 
 
 class _Sampler:
     def __init__(
         self,
         posterior: Posterior,
-        transport: Transport,
+        proposals: Mixture,
         settings: Sampling,
         report: Callable[[int, int], None] | None,
     ):
-        self.transport, self.settings, self.report = transport, settings, report
-        self.followers = [Follower(posterior, transport.centre) for _ in range(settings.chains)]
+        self.transport, self.settings, self.report = proposals.transports[-1], settings, report
+        self.followers = [Follower(posterior, self.transport.centre) for _ in range(settings.chains)]
         self.evaluations = [0] * settings.chains
         self.done = 0
         self.lock = threading.Lock()
-        self.init, self.advance = self._compile()
+        draws = settings.warmup + settings.draws
+        self.jumps = jumps(posterior, proposals, settings.chains, draws, settings.seed)
+        self.init, self.advance, self.energy = self._compile()
 
     def run(self) -> Chains:
         found = map_parallel(self._chain, list(range(self.settings.chains)))
@@ -120,14 +125,15 @@ class _Sampler:
     def _z(self, u: np.ndarray) -> np.ndarray:
         return self.transport.z_of(u)[0]
 
-    def _compile(self) -> tuple[Any, Any]:
+    def _compile(self) -> tuple[Any, Any, Any]:
         import jax
 
         hmc = _numpyro_hmc()
         init, advance = hmc(
             potential_fn_gen=lambda chain: lambda u: self._moved_potential(chain, u), algo="NUTS"
         )
-        return init, jax.jit(lambda state, chain: advance(state, (chain,), {}))
+        energy = jax.value_and_grad(lambda u, chain: self._moved_potential(chain, u))
+        return init, jax.jit(lambda state, chain: advance(state, (chain,), {})), jax.jit(energy)
 
     def _moved_potential(self, chain: Any, u: Any) -> Any:
         """Of the sampler's coordinates, for JAX to differentiate."""
@@ -165,13 +171,29 @@ class _Sampler:
             )
         draws, kept = [], {name: [] for name in STATISTICS}
         for k in range(settings.warmup + settings.draws):
-            state = self.advance(state, chain)
+            state = self._jumped(self.advance(state, chain), chain, k)
             if k >= settings.warmup:
                 draws.append(self._z(np.asarray(state.z)))
                 for name, values in kept.items():
                     values.append(np.asarray(_statistic(state, name)))
             self._say()
         return np.stack(draws), {name: np.array(values) for name, values in kept.items()}
+
+    def _jumped(self, state: Any, chain: int, draw: int) -> Any:
+        """The state after a proposed jump, taken or not."""
+        import jax
+
+        z, log_slope = self.transport.z_of(np.asarray(state.z))
+        level = self.jumps.level(z, float(state.potential_energy + log_slope))
+        if self.jumps.hopeless(chain, draw, level):
+            return state
+        place = self.followers[chain].last
+        u, log_slope = self.transport.u_of(self.jumps.z[chain, draw])
+        potential, gradient = self.energy(u, chain)
+        if self.jumps.refused(chain, draw, level, float(potential + log_slope)):
+            self.followers[chain].last = place
+            return state
+        return state._replace(z=jax.numpy.asarray(u), potential_energy=potential, z_grad=gradient)
 
     def _say(self) -> None:
         with self.lock:
