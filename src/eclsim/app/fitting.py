@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 LOOKING = {"points_per_parameter": 36, "round_size": 2, "rediscoveries": 1}
 """A narrower search than that of `eclsim identify` (1000 points, 10 rediscoveries), to answer in seconds."""
-PREPARING = {"points_per_parameter": 2, "round_size": 1, "rediscoveries": 0}
+PREPARING = {"points_per_parameter": 2, "round_size": 1, "rediscoveries": 0, "polishing": 0}
 PATIENCE_S = 20.0
 """A fit that was cancelled and has not stopped by itself after so long is ended with its process."""
 NICENESS = 5
@@ -149,7 +149,7 @@ def _serve(pipe: Connection, quit_now: Any) -> None:
     with contextlib.suppress(OSError, AttributeError):
         os.nice(NICENESS)
     with contextlib.suppress(Exception):  # what cannot be prepared is told when it is fitted
-        _prepare()
+        _prepare(pipe)
     while True:
         try:
             job, case, policy = pipe.recv()
@@ -164,13 +164,19 @@ def _report(pipe: Connection, quit_now: Any, words: str) -> None:
     pipe.send(("said", words))
 
 
-def _prepare() -> None:
+def _prepare(pipe: Connection) -> None:
+    """Compile what fits need, until somebody wants one."""
     from eclsim.patients.presets import PRESETS
 
     raw = PRESETS["paper"].case().as_mapping()
     raw["measurements"] = {"SP": 83.0, "DP": 76.0, "MAP": 80.0, "MPAP": 11.0, "CO": 1.4, "PF": 3.5}
     for sections in (raw, {k: v for k, v in raw.items() if k != "crrt"}):
-        _fit(sections, "as_published", PREPARING, lambda _: None)
+        _fit(sections, "as_published", PREPARING, lambda _: _give_way(pipe))
+
+
+def _give_way(pipe: Connection) -> None:
+    if pipe.poll():
+        raise CancelledError
 
 
 def _fit(

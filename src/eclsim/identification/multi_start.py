@@ -14,7 +14,7 @@ import numpy as np
 
 from eclsim.identification.least_squares import EXACT, Ending, Precision, Refined, refine
 from eclsim.identification.objective import Box, Objective
-from eclsim.identification.polishing import polish
+from eclsim.identification.polishing import MOST_ITERATIONS, polish
 from eclsim.solver.orbit import OrbitOptions
 
 EXPLORING = OrbitOptions(tolerance=3e-2, error_tolerance=1e-1, newton_iterations=0)
@@ -61,6 +61,7 @@ class MultiStart:
         round_size: starts refined side by side.
         rediscoveries: enough if the best optimum has been found so many times again.
         seed: of the Sobol sequence.
+        polishing: most iterations that go into the last bit of the way (see `polish`).
     """
 
     points_per_parameter: int = 1000
@@ -68,6 +69,7 @@ class MultiStart:
     round_size: int = 12
     rediscoveries: int = 10
     seed: int = 0
+    polishing: int = MOST_ITERATIONS
 
 
 @dataclass(frozen=True)
@@ -174,7 +176,7 @@ def identify(
         say(f"exploring {len(points)} sets of parameters (point {k + 1} of {len(objective.targets)})")
         found.append(explore(objective, k, points, settings))
     _refine_all(objective, box, found, settings, say)
-    return [_best(objective, box, k, candidates) for k, candidates in enumerate(found)]
+    return [_best(objective, box, k, candidates, settings) for k, candidates in enumerate(found)]
 
 
 def sobol(box: Box, settings: MultiStart) -> np.ndarray:
@@ -254,7 +256,9 @@ def agreeing(ended: Refined) -> np.ndarray:
     return same_cost & near
 
 
-def _best(objective: Objective, box: Box, target: int, candidates: _Candidates) -> Optimum:
+def _best(
+    objective: Objective, box: Box, target: int, candidates: _Candidates, settings: MultiStart
+) -> Optimum:
     """Refine the best start to the end."""
     size, count = len(box.names), len(objective.outputs)
     if not candidates.refined or not np.isfinite(candidates.so_far().costs).any():
@@ -266,7 +270,7 @@ def _best(objective: Objective, box: Box, target: int, candidates: _Candidates) 
         )  # fmt: skip
     ended = candidates.so_far()
     best = ended.x[[np.argmin(ended.costs)]]
-    last = _to_the_end(objective, target, best, box)
+    last = _to_the_end(objective, target, best, box, settings.polishing)
     starts = Starts(
         np.concatenate(candidates.begin), ended.x, np.array(candidates.first_costs), ended.costs,
         agreeing(ended),
@@ -278,7 +282,7 @@ def _best(objective: Objective, box: Box, target: int, candidates: _Candidates) 
     )  # fmt: skip
 
 
-def _to_the_end(objective: Objective, target: int, best: np.ndarray, box: Box) -> Refined:
+def _to_the_end(objective: Objective, target: int, best: np.ndarray, box: Box, polishing: int) -> Refined:
     """Refine on the grid that the optimum needs, which is the same for all steps: else outputs would jump."""
     which = np.array([target])
     level, last = 0, None
@@ -286,7 +290,7 @@ def _to_the_end(objective: Objective, target: int, best: np.ndarray, box: Box) -
         level = needed
         exact = replace(EXACT, resolution=level)
         last = refine(objective, which, best, box, exact)
-        last = polish(objective, target, last, box, exact)
+        last = polish(objective, target, last, box, exact, most_iterations=polishing)
         best = last.x
     assert last is not None
     return last

@@ -23,12 +23,20 @@ WORTH_WHILE = 1e-6
 IDLE_CLOUDS = 6
 """So many clouds without a better point end the search."""
 MOST_CLOUDS = 24
+MOST_ITERATIONS = 80
+"""Of all refinements between clouds together: some seconds."""
 PERFECT = 1e-12
 """Sum of squares below which there is nothing left to gain."""
 
 
 def polish(
-    objective: Objective, target: int, refined: Refined, box: Box, precision: Precision, seed: int = 0
+    objective: Objective,
+    target: int,
+    refined: Refined,
+    box: Box,
+    precision: Precision,
+    seed: int = 0,
+    most_iterations: int = MOST_ITERATIONS,
 ) -> Refined:
     """Go on from a settled optimum as long as a cloud around it holds a better point.
 
@@ -39,12 +47,13 @@ def polish(
         box: bounds.
         precision: of the refinements between clouds.
         seed: of the clouds.
+        most_iterations: of the refinements between clouds, all together; 0 for no cloud at all.
     """
     generator, which = np.random.default_rng(seed), np.full(CLOUD, target)
-    idle = 0
+    idle, most = 0, refined.iterations[0] + most_iterations
     for _ in range(MOST_CLOUDS):
         before = refined.costs[0]
-        if not before > PERFECT:
+        if not before > PERFECT or refined.iterations[0] >= most:
             break
         points = box.clip(refined.x + cloud(objective, target, refined, generator))
         costs = objective.evaluate(which, points, precision.orbits, precision.resolution).costs
