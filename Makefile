@@ -27,7 +27,7 @@ $(STAMPS)/venv:
 	@mkdir -p $(STAMPS) && touch $@
 
 $(STAMPS)/core: $(STAMPS)/venv $(INPUTS)
-	@echo "Installing eclsim into $(VENV) (about 0.5 GB; once) ..."
+	@echo "Installing eclsim into $(VENV) (about 1.1 GB; once) ..."
 	$(INSTALL) --editable .
 	@touch $@
 

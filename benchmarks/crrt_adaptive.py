@@ -11,11 +11,11 @@ import time
 
 import numpy as np
 
-from eclsim.haemodynamics.adaptive import simulate_adaptive
-from eclsim.patients import read_case
-from eclsim.patients.case import Crrt
-from eclsim.solver.model import model_of
-from eclsim.studies.crrt_study import crrt_study
+from eclsim.cases import read_case
+from eclsim.cases.case import Crrt
+from eclsim.crrt_study.study import crrt_study
+from eclsim.orbit.model import model_of
+from eclsim.outputs.independent import simulate_adaptive
 
 OUTPUTS = (
     "SP", "DP", "MAP", "MPAP", "PCWP", "CO", "PF", "EDVRV", "ESVRV", "crrt_access_pressure",

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 
 from eclsim import model_of, read_case, simulate
-from eclsim.haemodynamics.outputs import CONTRACT
+from eclsim.outputs.registry import CONTRACT
 
 
 def main(paths: list[str]) -> None:

@@ -19,13 +19,13 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
+from eclsim.cases.cohort import read_cohort
 from eclsim.identification.least_squares import EXACT, refine
 from eclsim.identification.multi_start import MultiStart, identify, sobol
 from eclsim.identification.objective import Box, Objective, Target
 from eclsim.identification.polishing import polish
-from eclsim.patients.cohort import read_cohort
-from eclsim.solver.model import model_of
-from eclsim.studies.fit_settings import FitSettings, checked_fit
+from eclsim.identification.settings import FitSettings, checked_fit
+from eclsim.orbit.model import model_of
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 HERE = np.zeros(1, dtype=int)

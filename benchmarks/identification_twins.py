@@ -23,10 +23,10 @@ from typing import Any
 
 import numpy as np
 
+from eclsim.cases.cohort import read_cohort
+from eclsim.identification.cohort_fit import FitStore, fit_cohort
 from eclsim.identification.multi_start import MultiStart
-from eclsim.patients.cohort import read_cohort
-from eclsim.studies.cohort_fit import FitStore, fit_cohort
-from eclsim.studies.fit_settings import FitSettings
+from eclsim.identification.settings import FitSettings
 
 DATA = Path(__file__).parent / "data"
 SAME_OUTPUT, SAME_PARAMETER = 0.01, 0.05

@@ -18,12 +18,12 @@ from pathlib import Path
 
 import numpy as np
 
-from eclsim.haemodynamics.adaptive import simulate_adaptive
+from eclsim.cases.case import Case
+from eclsim.cases.cohort import read_cohort
+from eclsim.cases.fitting import TARGETS
+from eclsim.orbit.model import model_of
+from eclsim.outputs.independent import simulate_adaptive
 from eclsim.parameters.identification import BOUNDS
-from eclsim.patients.case import Case
-from eclsim.patients.cohort import read_cohort
-from eclsim.patients.fitting import TARGETS
-from eclsim.solver.model import model_of
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent / "examples"

@@ -15,19 +15,19 @@ from pathlib import Path
 
 import numpy as np
 
-from eclsim.haemodynamics.evaluation import batch_outputs
+from eclsim.identification.density import Posterior
+from eclsim.identification.diagnostics import diagnose
+from eclsim.identification.gaussian import approximate
+from eclsim.identification.importance import weigh
+from eclsim.identification.measurement_errors import measurement_errors
+from eclsim.identification.nuts import Sampling, sample
 from eclsim.identification.objective import OUTPUTS
+from eclsim.identification.prediction import predict
+from eclsim.identification.prior import Prior
+from eclsim.orbit.model import model_of
+from eclsim.orbit.steady import Batch, steady_beats
+from eclsim.outputs.evaluation import batch_outputs
 from eclsim.parameters.identification import BOUNDS
-from eclsim.solver.model import model_of
-from eclsim.solver.steady import Batch, steady_beats
-from eclsim.studies.measurement_errors import measurement_errors
-from eclsim.uncertainty.density import Posterior
-from eclsim.uncertainty.diagnostics import diagnose
-from eclsim.uncertainty.gaussian import approximate
-from eclsim.uncertainty.importance import weigh
-from eclsim.uncertainty.nuts import Sampling, sample
-from eclsim.uncertainty.prediction import predict
-from eclsim.uncertainty.prior import Prior
 from eclsim.validation.simulated_patients import NAMES, simulated_patient
 
 PREDICTED = 400
@@ -58,7 +58,9 @@ def one_patient(seed: int, method: str) -> dict:
     z = weighted.z[weighted.resample(PREDICTED, seed)]
     if method == "nuts":
         chains = sample(posterior, weighted.proposals, SHORT)
-        found = diagnose(NAMES, chains.z, chains.statistics["diverging"])
+        found = diagnose(
+            NAMES, chains.z, *(chains.statistics[n] for n in ("diverging", "energy", "saturated"))
+        )
         doubts = found.doubts
         z = chains.z.reshape(-1, len(NAMES))
         z = z[:: max(1, len(z) // PREDICTED)]

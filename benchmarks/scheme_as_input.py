@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eclsim.patients import read_case
+from eclsim.cases import read_case
 from eclsim.sensitivity.analysis import conclude, plan_analysis
 from eclsim.sensitivity.case_inputs import ACCESS, RETURN, SCHEME
 from eclsim.sensitivity.evaluation import Evaluated, evaluate_block

@@ -35,12 +35,12 @@ def measured(chosen: argparse.Namespace, execute: object) -> dict[str, object]:
     """Run the analysis with the clock beside it."""
     import jax
 
-    from eclsim.patients import read_case
+    from eclsim.beat.vectorisation import threads
+    from eclsim.cases import read_case
     from eclsim.sensitivity.analysis import conclude, plan_analysis, run_analysis
     from eclsim.sensitivity.evaluation import evaluate_block
     from eclsim.sensitivity.store import SAMPLES, Store
     from eclsim.sensitivity.tables import write_results
-    from eclsim.solver.lanes import threads
 
     plan = plan_analysis(read_case(chosen.case).case, samples=chosen.samples)
     clock = [time.perf_counter()]

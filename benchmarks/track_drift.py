@@ -13,14 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
+from eclsim.identification.density import Posterior
+from eclsim.identification.gaussian import approximate
 from eclsim.identification.least_squares import refine
+from eclsim.identification.measurement_errors import measurement_errors
 from eclsim.identification.objective import OUTPUTS, Box, Objective, Target
+from eclsim.identification.track import Tracker
+from eclsim.orbit.model import model_of
 from eclsim.parameters.identification import BOUNDS
-from eclsim.solver.model import model_of
-from eclsim.studies.measurement_errors import measurement_errors
-from eclsim.studies.track import Tracker
-from eclsim.uncertainty.density import Posterior
-from eclsim.uncertainty.gaussian import approximate
 from eclsim.validation.simulated_patients import NAMES, simulated_series
 
 

@@ -9,30 +9,22 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-# What each layer may import besides itself. `eclsim` itself re-exports names of all of them.
-MODEL = {"units", "components", "circuit", "parameters"}
-RUN = MODEL | {"models", "patients", "solver", "haemodynamics"}
-ANALYSES = {"plotting", "sensitivity", "identification", "uncertainty"}
-USES = {"studies", "validation"}
-ALLOWED = {
-    "units": set(),
-    "components": {"units"},
-    "circuit": {"units", "components"},
+# Rooms in order: each may import those before it. `eclsim` itself re-exports names of all of them.
+ROOMS = (
+    "units", "components", "circuit", "parameters", "patient", "devices", "cases", "beat", "orbit", "outputs",
+    "reporting", "simulation", "sensitivity", "identification", "crrt_study", "validation", "paper", "app",
+    "cli",
+)  # fmt: skip
+PHYSICS = {"units", "components", "circuit"}
+ALLOWED = {room: set(ROOMS[:place]) for place, room in enumerate(ROOMS)} | {
     "parameters": {"units", "components"},
-    "models": MODEL,
-    "patients": {"units", "parameters"},
-    "solver": MODEL | {"models", "patients"},
-    "haemodynamics": MODEL | {"models", "patients", "solver"},
-    **dict.fromkeys(ANALYSES, RUN),
-    **dict.fromkeys(USES, RUN | ANALYSES),
-    "report": RUN | ANALYSES | USES,
-    "app": RUN | ANALYSES | USES | {"report"},
-    "cli": RUN | ANALYSES | USES | {"report", "app"},  # the command that starts the web page
+    "cases": {"units", "parameters", "patient", "devices"},
+    "beat": PHYSICS,
 }
-ANY_LAYER_MAY_IMPORT = {"_version", "runtime"}
+ANY_LAYER_MAY_IMPORT = {"_version", "atomic", "runtime"}
 
 # Imported before the first line of `eclsim --help` or of an input error is printed.
-LIGHT = ("eclsim", "eclsim.cli", "eclsim.units", "eclsim.parameters", "eclsim.patients")
+LIGHT = ("eclsim", "eclsim.cli", "eclsim.units", "eclsim.parameters", "eclsim.cases")
 HEAVY = {
     "jax",
     "equinox",

@@ -16,7 +16,7 @@ from eclsim.components import (
     Tube,
     Ventricle,
 )
-from eclsim.parameters.devices import CANNULAE, PUMPS
+from eclsim.devices.constants import CANNULAE, PUMPS
 
 # Twice the default load of a patient, where flows are; [mL/s], forwards and backwards.
 FLOWS = (-150.0, 250.0)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from eclsim.uncertainty.prior import Prior
+from eclsim.identification.prior import Prior
 
 
 @dataclass
@@ -27,6 +27,7 @@ class CurvedPosterior:
 
     def potential(self, z, outputs, temper=1.0):
         misfit = np.sum(((outputs - self.target) / self.scale) ** 2, axis=-1)
+        misfit = np.where(np.isfinite(misfit), misfit, np.inf)
         return 0.5 * temper * misfit + 0.5 * np.sum(z**2, axis=-1)
 
     def jacobian(self, z):
@@ -57,12 +58,22 @@ class TwoArms(CurvedPosterior):
         return np.array([[18.0 * z[0], -1.0]])
 
 
+class HalfBlind(TwoArms):
+    """Many members side by side find no beat in the right arm, where one by one all is well."""
+
+    def simulate(self, z, near=None):
+        found = super().simulate(z)
+        if z.ndim > 1:
+            found[z[:, 0] > 0.0] = np.nan
+        return found
+
+
 class AnalyticFollower:
     """Stands for a `Follower`: the potential and its gradient of a `CurvedPosterior`."""
 
     last = None
 
-    def __init__(self, posterior, centre):
+    def __init__(self, posterior, centre, by_point=False):
         self.posterior = posterior
 
     def potential(self, z):

@@ -1,9 +1,12 @@
 """Models of every configuration, at the values of the paper's patient."""
 
 from eclsim.circuit import Choice, Circuit
-from eclsim.models import POSITIONS, circulation, crrt, ecmo, lvad
+from eclsim.devices.crrt import crrt
+from eclsim.devices.ecmo import POSITIONS, ecmo
+from eclsim.devices.lvad import lvad
+from eclsim.orbit.model import Model, nominal_values
 from eclsim.parameters.thiel2025 import TABLE_S4
-from eclsim.solver.model import Model, nominal_values
+from eclsim.patient.circulation import circulation
 
 PLACES = tuple(POSITIONS.values())
 SCHEMES = {

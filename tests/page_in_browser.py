@@ -26,3 +26,22 @@ def picture(page, shots: Path | None, name: str) -> None:
     if shots is not None:
         page.wait_for_timeout(700)
         page.screenshot(path=shots / f"{name}.png")
+
+
+def turn(page, key: str, value: str) -> None:
+    """Type a value beside a knob."""
+    field = page.locator("#knob-" + key.replace(".", "-"))
+    field.fill(value)
+    field.press("Enter")
+
+
+def choose(page, preset: str) -> None:
+    """Open a preset by its name."""
+    page.get_by_label("Patient").first.click()
+    page.get_by_role("option", name=preset, exact=True).click()
+
+
+def open_file(page, path) -> None:
+    """Open a case, a cohort or a posterior."""
+    page.get_by_role("button", name=text("open")).click()
+    page.locator(".ecl-upload input[type=file]").set_input_files(path)

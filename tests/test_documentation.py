@@ -1,6 +1,7 @@
 """The documentation's examples run, and its links lead somewhere."""
 
 import re
+import shlex
 from pathlib import Path
 
 import pytest
@@ -26,3 +27,37 @@ def test_python_examples_run(page: Path, tmp_path: Path, monkeypatch: pytest.Mon
 def test_relative_links_lead_to_files(page: Path):
     links = LINK.findall(page.read_text(encoding="utf-8"))
     assert [link for link in links if not (page.parent / link).exists()] == []
+
+
+def commands_of(page: str) -> list[str]:
+    """What the page tells the reader to type, comments left out, in its order; simulations alone."""
+    shell = "\n".join(re.findall(r"^```sh\n(.*?)^```$", page, re.MULTILINE | re.DOTALL))
+    lines = [line.partition("#")[0].strip() for line in shell.splitlines()]
+    lines += re.findall(r"^\|[^|]*\| `(eclsim [^`]*)`", page, re.MULTILINE)
+    return [line for line in lines if line.startswith("eclsim simulate ")]
+
+
+@pytest.mark.slow
+def test_the_commands_of_getting_started_work_one_after_the_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    from typer.testing import CliRunner
+
+    from eclsim.cli.application import app
+
+    page = (REPOSITORY / "docs" / "getting-started.md").read_text(encoding="utf-8")
+    (case,) = re.findall(r"^```toml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    (shown,) = re.findall(r"^```text\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    Path("patient.toml").write_text(case, encoding="utf-8")
+    commands = commands_of(page)
+    assert len(commands) >= 8
+    assert any("--sweep" in command for command in commands)
+    outputs = []
+    for command in commands:
+        done = CliRunner().invoke(app, shlex.split(command)[1:], catch_exceptions=False)
+        assert done.exit_code == 0, f"{command}\n{done.stderr}"
+        outputs.append(" ".join((done.stderr + done.stdout).split()))
+    for line in shown.splitlines():
+        assert " ".join(line.split()) in outputs[0] or line == "...", line
+    assert Path("figures", "first_circuit.png").exists()

@@ -2,50 +2,98 @@
 
 Names listed in ``_EXPORTS`` are imported from their module on first use, so that
 ``import eclsim`` and ``eclsim --help`` stay fast: importing JAX alone takes over a second.
+Type checkers do not run that; they read the imports under ``TYPE_CHECKING``, which say the same.
 """
 
 from importlib import import_module
+from typing import TYPE_CHECKING
 
 from eclsim._version import __version__
 
+if TYPE_CHECKING:
+    from eclsim.cases.reading import read_case
+    from eclsim.circuit import Choice, Circuit, Compartment, Connection, StartPressure, StartVolume
+    from eclsim.devices.crrt import crrt
+    from eclsim.devices.ecmo import ecmo
+    from eclsim.devices.lvad import lvad
+    from eclsim.orbit.equation import OrbitOptions
+    from eclsim.orbit.model import Model, model_of
+    from eclsim.orbit.status import Status
+    from eclsim.orbit.steady import Batch, steady_beats
+    from eclsim.outputs.dataset import simulate
+    from eclsim.outputs.derivatives import output_derivatives
+    from eclsim.outputs.evaluation import batch_outputs
+    from eclsim.outputs.variants import simulate_many
+    from eclsim.patient.circulation import circulation
+    from eclsim.reporting.schematic import draw_circuit
+    from eclsim.simulation.pressure_volume import plot_pressure_volume
+    from eclsim.simulation.waveforms import plot_waveforms
+
 _EXPORTS: dict[str, str] = {
     # public name: module that defines it
-    "Batch": "eclsim.solver.steady",
+    "Batch": "eclsim.orbit.steady",
     "Choice": "eclsim.circuit",
     "Circuit": "eclsim.circuit",
     "Compartment": "eclsim.circuit",
     "Connection": "eclsim.circuit",
-    "Model": "eclsim.solver.model",
-    "OrbitOptions": "eclsim.solver.orbit",
+    "Model": "eclsim.orbit.model",
+    "OrbitOptions": "eclsim.orbit.equation",
     "StartPressure": "eclsim.circuit",
     "StartVolume": "eclsim.circuit",
-    "Status": "eclsim.solver.status",
-    "batch_outputs": "eclsim.haemodynamics.evaluation",
-    "circulation": "eclsim.models",
-    "crrt": "eclsim.models",
-    "draw_circuit": "eclsim.plotting",
-    "ecmo": "eclsim.models",
-    "lvad": "eclsim.models",
-    "model_of": "eclsim.solver.model",
-    "output_derivatives": "eclsim.haemodynamics.derivatives",
-    "plot_pressure_volume": "eclsim.plotting",
-    "plot_waveforms": "eclsim.plotting",
-    "read_case": "eclsim.patients.reading",
-    "simulate": "eclsim.haemodynamics.dataset",
-    "simulate_many": "eclsim.haemodynamics.many",
-    "steady_beats": "eclsim.solver.steady",
+    "Status": "eclsim.orbit.status",
+    "batch_outputs": "eclsim.outputs.evaluation",
+    "circulation": "eclsim.patient.circulation",
+    "crrt": "eclsim.devices.crrt",
+    "draw_circuit": "eclsim.reporting.schematic",
+    "ecmo": "eclsim.devices.ecmo",
+    "lvad": "eclsim.devices.lvad",
+    "model_of": "eclsim.orbit.model",
+    "output_derivatives": "eclsim.outputs.derivatives",
+    "plot_pressure_volume": "eclsim.simulation.pressure_volume",
+    "plot_waveforms": "eclsim.simulation.waveforms",
+    "read_case": "eclsim.cases.reading",
+    "simulate": "eclsim.outputs.dataset",
+    "simulate_many": "eclsim.outputs.variants",
+    "steady_beats": "eclsim.orbit.steady",
 }
 
-__all__ = ["__version__", *_EXPORTS]  # pyright: ignore[reportUnsupportedDunderAll] - names come from the table
+__all__ = [
+    "Batch",
+    "Choice",
+    "Circuit",
+    "Compartment",
+    "Connection",
+    "Model",
+    "OrbitOptions",
+    "StartPressure",
+    "StartVolume",
+    "Status",
+    "__version__",
+    "batch_outputs",
+    "circulation",
+    "crrt",
+    "draw_circuit",
+    "ecmo",
+    "lvad",
+    "model_of",
+    "output_derivatives",
+    "plot_pressure_volume",
+    "plot_waveforms",
+    "read_case",
+    "simulate",
+    "simulate_many",
+    "steady_beats",
+]
 
+if not TYPE_CHECKING:  # a checker would take any name for an object, and a misspelt one for right
 
-def __getattr__(name: str) -> object:
-    """Import a public name on first use (PEP 562)."""
-    if name not in _EXPORTS:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(_EXPORTS[name]), name)
-    globals()[name] = value
-    return value
+    def __getattr__(name: str) -> object:
+        """Import a public name on first use (PEP 562)."""
+        if name not in _EXPORTS:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        value = getattr(import_module(_EXPORTS[name]), name)
+        globals()[name] = value
+        return value
 
 
 def __dir__() -> list[str]:

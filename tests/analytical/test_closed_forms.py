@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from eclsim.beat.heartbeat import beat_program
 from eclsim.circuit import Circuit, Compartment, Connection, StartPressure, StartVolume
 from eclsim.components import Artery, ElasticVessel, Resistance, RotaryPump, Tube
-from eclsim.parameters.devices import PUMPS
-from eclsim.solver.beat import beat_program
-from eclsim.solver.model import Model
-from eclsim.solver.transient import ADAPTIVE, SEMI_IMPLICIT, follow
+from eclsim.devices.constants import PUMPS
+from eclsim.orbit.model import Model
+from eclsim.orbit.transient import ADAPTIVE, SEMI_IMPLICIT, follow
 from user_components import PressureSource
 
 # Largest error relative to the largest value: of the fixed grid, and of the tight tolerance.

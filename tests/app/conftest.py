@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from eclsim.app.state import PageState, link_of
-from eclsim.patients.presets import PRESETS
+from eclsim.cases.presets import PRESETS
 from page_in_browser import LAPTOP
 from system_browser import system_browser
 
@@ -39,8 +39,8 @@ def free_port() -> int:
         return found.getsockname()[1]
 
 
-def serve(*options: str, path: str = "/favicon.ico") -> Served:
-    port = free_port()
+def serve(*options: str, path: str = "/favicon.ico", port: int | None = None) -> Served:
+    port = port or free_port()
     command = [sys.executable, "-m", "eclsim.cli", "app", *options, "--port", str(port)]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     url = f"http://127.0.0.1:{port}"
@@ -70,8 +70,8 @@ def serving() -> Iterator[Callable[..., Served]]:
     """Starts servers and stops them at the end."""
     started: list[Served] = []
 
-    def start(*options: str) -> Served:
-        started.append(serve(*options))
+    def start(*options: str, port: int | None = None) -> Served:
+        started.append(serve(*options, port=port))
         return started[-1]
 
     yield start
@@ -96,8 +96,12 @@ def open_page(browser, served) -> Iterator[Callable[..., Any]]:
     """Opens pages and fails if one asked for anything elsewhere or had an error."""
     contexts, foreign, errors = [], [], []
 
-    def start(preset: str = "paper", viewport: dict[str, int] = LAPTOP, url: str | None = None):
-        context = browser.new_context(viewport=viewport, reduced_motion="reduce", accept_downloads=True)
+    def start(
+        preset: str = "paper", viewport: dict[str, int] = LAPTOP, url: str | None = None, **options: Any
+    ):
+        context = browser.new_context(
+            viewport=viewport, reduced_motion="reduce", accept_downloads=True, **options
+        )
         contexts.append(context)
         page = context.new_page()
         own = (served.url, "data:", "blob:")

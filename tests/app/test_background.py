@@ -8,7 +8,7 @@ from eclsim.app import studies
 from eclsim.app.background import Background
 from eclsim.app.knobs import turn
 from eclsim.app.state import PageState, key_of
-from eclsim.patients.presets import PRESETS
+from eclsim.cases.presets import PRESETS
 
 STATE = PageState(PRESETS["paper"].case())
 OTHER = STATE.with_case(turn(STATE.case, "ecmo.speed_rpm", 3000))

@@ -6,9 +6,10 @@ import pytest
 from eclsim.app.beat import POINTS, compute_beat, plain
 from eclsim.app.circuits import page_circuit
 from eclsim.app.knobs import turn
+from eclsim.app.ranges import output_specs
 from eclsim.app.state import PageState
-from eclsim.patients.presets import PRESETS
-from eclsim.studies.simulation import simulate_case
+from eclsim.cases.presets import PRESETS
+from eclsim.simulation.single import simulate_case
 
 
 @pytest.fixture(scope="module")
@@ -52,4 +53,33 @@ def test_the_browser_gets_numbers_or_null(paper):
 
 def test_a_broken_limit_is_said(paper):
     fast = compute_beat(paper.with_case(turn(paper.case, "ecmo.speed_rpm", 4800)))
-    assert any(kind == "alarm" and "CRRT return" in said for kind, said in fast.notes)
+    assert any(f.kind == "alarm" and f.quantity == "crrt_return_pressure" for f in fast.findings)
+    assert fast.place_levels()["crrttuout"] == fast.levels()["crrt_return_pressure"] == "alarm"
+
+
+def test_drainage_pressure_above_zero_breaks_no_limit(paper):
+    slow = compute_beat(paper.with_case(turn(paper.case, "ecmo.speed_rpm", 1000)))
+    assert slow.outputs["lowest_drainage_pressure"] > 0
+    assert slow.levels()["lowest_drainage_pressure"] == "ok"
+    assert "range" not in output_specs()["lowest_drainage_pressure"]
+
+
+def test_what_no_patient_can_have_is_marked_at_its_place(paper):
+    dry = turn(turn(paper.case, "ecmo.speed_rpm", 5000), "volume_ml", -200)
+    beat = compute_beat(paper.with_case(dry))
+    assert beat.converged
+    assert not beat.possible
+    assert beat.waves["Vra"].min() < 0
+    assert beat.place_levels()["ra"] == beat.place_levels()["rv"] == "collapse"
+    assert plain(beat, ())["possible"] is False
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_strip_tiles_and_schematic_agree(preset):
+    beat = compute_beat(PageState(PRESETS[preset].case()))
+    told = {f.quantity: f.kind for f in beat.findings if f.kind != "caution"}
+    marked = {name for name, level in beat.levels().items() if level != "ok"}
+    assert bool(marked) <= bool(told)
+    assert {name: kind for name, kind in told.items() if beat.levels().get(name, "ok") != "ok"} == {
+        name: beat.levels()[name] for name in told if name in marked
+    }

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from eclsim.app.texts import text
-from eclsim.patients.presets import PRESETS
-from eclsim.patients.writing import case_text
+from eclsim.cases.presets import PRESETS
+from eclsim.cases.writing import case_text
 from page_in_browser import LAPTOP, TABLET, beat, picture, show, wait_for
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser

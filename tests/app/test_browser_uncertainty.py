@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from eclsim.app.texts import text
-from eclsim.patients.presets import PRESETS
+from eclsim.cases.presets import PRESETS
 from page_in_browser import beat, picture, show, wait_for
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
@@ -99,7 +99,7 @@ def test_ecmo_is_drawn_between_the_sites_that_are_chosen(open_page, shots):
     wait_for(page, "beat.converged && Math.abs(beat.means.Qecmodrain - beat.means.Qecmoreturn) < 1")
     assert page.locator("#knob-ecmo-mode").input_value() == "other_mode"
     picture(page, shots, "sites")
-    page.get_by_label("Mode").select_option("VV")
+    page.get_by_label("Mode", exact=True).select_option("VV")
     page.wait_for_function("document.querySelector('#knob-ecmo-return_site').value === 'ra'")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from eclsim.app.texts import text
-from eclsim.patients.presets import PRESETS
+from eclsim.cases.presets import PRESETS
 from page_in_browser import beat, picture, show, wait_for
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
@@ -65,7 +65,7 @@ def test_a_fit_runs_with_progress_and_is_used(open_page, shots):
     page = open_page()
     show(page, "identify")
     page.locator("#form-measurements-SP").wait_for()
-    page.wait_for_function("document.querySelector('#form-measurements-SP').value !== ''")
+    page.locator("#form-patient-id").fill("P01")
     page.locator("#form-measurements-SP").fill("70")
     page.locator("#form-measurements-DP").fill("83")
     page.get_by_text("below diastolic").wait_for()

@@ -2,30 +2,20 @@
 
 import csv
 import io
+import re
 import zipfile
 
 import pytest
 
 from eclsim.app.exports import ExportError, export, file_stem
-from eclsim.app.opening import LARGEST_FILE, MOST_SAID, brief, open_file
-from eclsim.app.state import PageState
-from eclsim.patients.cohort import COLUMNS, MEASUREMENT
-from eclsim.patients.mistakes import CaseError
-from eclsim.patients.presets import PRESETS
-from eclsim.patients.writing import case_text
-
-HEADER = ["patient_id", MEASUREMENT, *(c for c in COLUMNS if c != "patient_id")]
-
-
-def cohort(*rows: dict[str, str]) -> bytes:
-    usual = {
-        "patient_id": "P01", MEASUREMENT: "1", "sex": "female", "age_years": "70", "heart_rate_bpm": "90",
-        "SP": "100", "DP": "60", "MAP": "75", "CO": "3", "ecmo_pump": "Rotaflow", "ecmo_speed_rpm": "3000",
-        "oxygenator": "Quadrox-i Adult", "drainage_fr": "21", "return_fr": "17",
-    }  # fmt: skip
-    lines = [",".join(HEADER)]
-    lines += [",".join((usual | row).get(name, "") for name in HEADER) for row in rows]
-    return "\n".join(lines).encode()
+from eclsim.app.knobs import turn
+from eclsim.app.opening import LARGEST_FILE, MOST_SAID, brief, open_file, with_speeds
+from eclsim.app.state import PageState, preset_state
+from eclsim.cases.mistakes import CaseError
+from eclsim.cases.presets import PRESETS
+from eclsim.cases.writing import case_text
+from eclsim.crrt_study.settings import StudyError
+from small_cohort import HEADER, cohort
 
 
 @pytest.mark.parametrize("key", PRESETS)
@@ -34,6 +24,18 @@ def test_a_case_file_comes_back_as_it_was(key):
     name, content = export(state, "case")
     opened = open_file(name, content)
     assert opened.cases[0][1] == state.case
+
+
+def test_a_file_with_a_pump_flow_opens_at_the_speed_that_gives_it():
+    name, content = export(PageState(PRESETS["paper"].case()), "case")
+    text = re.sub(r"(?m)^speed_rpm = .*$", "flow_l_min = {}", content.decode())
+    opened = with_speeds(open_file(name, text.format(3.0).encode()))
+    ((_, case),) = opened.cases
+    assert case.ecmo is not None
+    assert (case.ecmo.flow_l_min, 2000 < (case.ecmo.speed_rpm or 0) < 4500) == (None, True)
+    assert any("ecmo.flow_l_min = 3 needs" in line for line in opened.said)
+    with pytest.raises(CaseError, match="highest flow reached"):
+        with_speeds(open_file(name, text.format(9.0).encode()))
 
 
 @pytest.mark.parametrize(
@@ -96,6 +98,21 @@ def test_tables_have_units_and_the_values_of_the_page():
     assert "Pcrrttuin [mmHg]" in content.decode().splitlines()[0]
 
 
+def test_the_exported_case_and_study_keep_the_policy_of_the_page(monkeypatch):
+    asked = {}
+
+    def study(case, **options):
+        asked.update(options)
+        raise StudyError("not here")
+
+    monkeypatch.setattr("eclsim.crrt_study.study.crrt_study", study)
+    state = PageState(PRESETS["paper"].case(), "patient_held", "paper")
+    assert 'blood_volume_policy = "patient_held"' in export(state, "case")[1].decode()
+    with pytest.raises(ExportError, match="not here"):
+        export(state, "study")
+    assert asked == {"volume_policy": "patient_held"}
+
+
 def test_figures_come_as_an_archive():
     name, content = export(PageState(PRESETS["healthy"].case()), "svg")
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
@@ -111,3 +128,15 @@ def test_the_crrt_study_needs_ecmo_and_says_so():
         export(PageState(PRESETS["healthy"].case()), "study")
     with pytest.raises(ExportError, match="no such file"):
         export(PageState(PRESETS["healthy"].case()), "../x")
+
+
+def test_what_was_changed_by_hand_is_called_so_in_every_file():
+    state = preset_state("paper")
+    turned = state.with_case(turn(state.case, "ecmo.speed_rpm", 3000))
+    name, content = export(turned, "case")
+    assert name == "Thiel_2025_section_3_3_changed.toml"
+    ((_, case),) = open_file(name, content).cases
+    assert case.patient.id == "Thiel 2025, section 3.3 (changed)"
+    again = PageState(case, origin="file").with_case(turn(case, "ecmo.speed_rpm", 2000))
+    assert b"(changed) (changed)" not in export(again, "case")[1]
+    assert export(state, "case")[0] == "Thiel_2025_section_3_3.toml"

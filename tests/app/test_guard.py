@@ -221,3 +221,59 @@ def test_password_files(tmp_path):
         read_password(str(file))
     with pytest.raises(PasswordFileError, match="cannot be read"):
         read_password(str(tmp_path / "none"))
+
+
+OWN = "http://127.0.0.1:8080"
+
+
+@pytest.mark.parametrize(
+    ("origin", "more", "status"),
+    [
+        (OWN, {}, 200),
+        ("http://127.0.0.1:3000", {}, 403),
+        ("http://127.0.0.1", {}, 403),
+        ("https://127.0.0.1:8080", {}, 403),
+        ("http://localhost:8080", {}, 403),
+        ("null", {}, 403),
+        ("http://127.0.0.1:99999", {}, 403),
+        ("https://localhost", {"host": "localhost"}, 200),
+        ("https://localhost:8443", {"host": "localhost"}, 403),
+        ("https://localhost", {"host": "localhost", "x-forwarded-proto": "https"}, 200),
+        ("http://localhost", {"host": "localhost", "x-forwarded-proto": "https"}, 403),
+        ("https://localhost:8443", {"host": "localhost:8443", "x-forwarded-proto": "https"}, 200),
+    ],
+)
+def test_an_origin_is_the_pages_own_with_scheme_and_port_or_it_is_foreign(origin, more, status):
+    headers = {"origin": origin, **more}
+    assert ask(method="POST", path="/_nicegui/x", headers=headers).status == status
+    opened = ask(kind="websocket", path="/_nicegui_ws/socket.io", headers=headers).kinds
+    assert opened == ["websocket.accept" if status == 200 else "websocket.close"]
+
+
+def test_another_site_can_not_poll_the_socket_either():
+    polling = "/_nicegui_ws/socket.io/"
+    assert ask(path=polling, headers={"origin": "https://evil.example"}).status == 403
+    assert ask(path=polling, headers={"sec-fetch-site": "cross-site"}).status == 403
+    assert ask(path=polling, headers={"origin": OWN, "sec-fetch-site": "same-origin"}).status == 200
+
+
+def test_another_site_can_link_to_the_page_but_not_load_it_unseen():
+    foreign = {"sec-fetch-site": "cross-site"}
+    assert ask(headers={**foreign, "sec-fetch-mode": "navigate"}).status == 200
+    for mode in ("no-cors", "cors", "same-origin"):
+        assert ask(headers={**foreign, "sec-fetch-mode": mode}).status == 403
+
+
+def test_who_tries_passwords_keeps_nobody_else_out():
+    signed_in = SignIns("a long password", clock=lambda: 0.0)
+    for _ in range(MOST_FAILURES):
+        assert signed_in.try_body(b"password=wrong", "10.0.0.1")[1] == 401
+    assert signed_in.try_body(b"password=a+long+password", "10.0.0.1")[1] == 429
+    assert signed_in.try_body(b"password=a+long+password", "10.0.0.2")[1] == 303
+
+
+def test_failures_of_many_addresses_take_little_memory():
+    signed_in = SignIns("a long password", clock=lambda: 0.0)
+    for k in range(1100):
+        signed_in._remember_failure(f"10.0.{k // 250}.{k % 250}", 0.0)
+    assert len(signed_in._failures) == 1000

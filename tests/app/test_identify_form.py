@@ -8,23 +8,47 @@ from dataclasses import replace
 import pytest
 
 from eclsim.app import identify
-from eclsim.app.fitting import FitError
+from eclsim.app.fitting import FitError, judged, on_the_page
 from eclsim.app.identify import Identification, checked_form, fields, values_of
-from eclsim.app.state import PageState
+from eclsim.app.knobs import turn
+from eclsim.app.state import PageState, link_of, preset_state, state_of, subject_of
 from eclsim.app.uncertain import Uncertain
-from eclsim.patients.presets import PRESETS
+from eclsim.cases.case import Measurements
+from eclsim.cases.presets import PRESETS
+from eclsim.identification.verdict import (
+    Aspect,
+    FitVerdict,
+    Goodness,
+    Level,
+    Reason,
+    agreement,
+    interval_agreement,
+)
 
 CASE = PRESETS["paper"].case()
 MEASURED = {"SP": "83", "DP": "76", "MAP": "80", "MPAP": "11", "CO": "1.4", "PF": "3.5"}
 
 
 def form(**changes: object) -> dict[str, object]:
-    typed = values_of(CASE) | {f"measurements.{k}": v for k, v in MEASURED.items()}
+    typed = values_of(PageState(CASE)) | {f"measurements.{k}": v for k, v in MEASURED.items()}
     return typed | {k.replace("__", "."): v for k, v in changes.items()}
 
 
 def test_the_form_has_a_value_for_every_field():
-    assert {f["key"] for f in fields()} == set(values_of(CASE))
+    assert {f["key"] for f in fields()} == set(values_of(PageState(CASE)))
+
+
+def test_only_what_was_measured_is_filled_in():
+    """What the model gives is no measurement, and a preset is nobody who was measured."""
+    values = values_of(preset_state("paper"))
+    assert values["patient.id"] == ""
+    assert values["patient.age_years"] == 70
+    assert {v for k, v in values.items() if k.startswith("measurements")} == {""}
+    measured = CASE.model_copy(update={"measurements": Measurements(MAP=71.0)})
+    filled = values_of(PageState(measured, origin="file"))
+    assert filled["measurements.MAP"] == 71.0
+    assert filled["measurements.SP"] == ""
+    assert filled["patient.id"] == CASE.patient.id
 
 
 def test_a_good_form_is_a_case_with_the_devices_of_the_page():
@@ -38,7 +62,7 @@ def test_a_good_form_is_a_case_with_the_devices_of_the_page():
     ("changes", "key", "said"),
     [
         ({"measurements__SP": "70"}, "measurements.SP", "below diastolic"),
-        ({"measurements__SP": "83,5"}, "measurements.SP", "decimal comma"),
+        ({"measurements__SP": "1,200"}, "measurements.SP", "1,200 may be 1.200 or 1200"),
         ({"measurements__SP": "120/80"}, "measurements.SP", "two pressures"),
         ({"measurements__CO": "3400"}, "measurements.CO", "mL/min"),
         ({"measurements__MAP": "15 cmH2O"}, "measurements.MAP", "mmHg"),
@@ -55,6 +79,12 @@ def test_a_good_form_is_a_case_with_the_devices_of_the_page():
 def test_bad_values_are_said_at_their_field(changes, key, said):
     mistakes = checked_form(CASE, form(**changes)).mistakes
     assert any(m.key == key and said in str(m) for m in mistakes), [str(m) for m in mistakes]
+
+
+def test_a_decimal_comma_is_read_as_a_point():
+    checked = checked_form(CASE, form(measurements__CO="1,4", measurements__SP="83,5"))
+    assert not checked.mistakes
+    assert (checked.values["measurements"]["CO"], checked.values["measurements"]["SP"]) == (1.4, 83.5)
 
 
 def test_doubts_do_not_stop_a_fit():
@@ -85,6 +115,9 @@ class StubSession:
     def send(self, topic, data):
         pass
 
+    def judge(self, old, new):
+        self.judged = old, new
+
 
 class StubFitter:
     """A fit that goes on until it may end."""
@@ -106,7 +139,10 @@ class StubFitter:
         self.running.append(case)
         said("draws")
         self.may_end.wait(5)
-        return {"names": ["Rmc"], "members": [[0.8], [1.0]], "method": "importance", "doubts": [], "draws": 2}
+        return {
+            "names": ["Rmc"], "members": [[0.8], [1.0]], "method": "importance", "doubts": [], "draws": 2,
+            "parameters": {"Rmc": {"lower": 0.74, "median": 0.8, "upper": 0.92}},
+        }  # fmt: skip
 
 
 @pytest.fixture
@@ -123,6 +159,83 @@ def told_by(fitter, action) -> list:
     return told
 
 
+def ended_with(told) -> tuple[str, str]:
+    topic, data = told[-1]
+    assert data["subject"] == subject_of(PageState(CASE))
+    return topic, data["message"]
+
+
+def test_another_patient_has_another_form_no_results_and_no_fit_that_runs(slow):
+    async def action(one, told):
+        one.fill()
+        fit = asyncio.create_task(one.start(form()))
+        await asyncio.sleep(0.05)
+        first, other = one.session.state, PageState(PRESETS["lvad"].case())
+        one.session.state = other
+        one.follow()
+        assert not one.running
+        await fit
+        assert not one.use()
+        one.session.state = other.with_case(turn(other.case, "patient.heart_rate_bpm", 77))
+        one.follow()  # the same patient: the form stays
+        one.session.state = first
+        one.follow()
+        slow.may_end.set()
+
+    told = told_by(slow, action)
+    forms = [data for topic, data in told if topic == "form"]
+    assert [f["values"]["patient.id"] for f in forms] == [CASE.patient.id, "LVAD", CASE.patient.id]
+    assert len({f["subject"] for f in forms}) == 2
+
+
+def test_a_fit_that_the_browser_kept_is_used_by_a_server_that_does_not_know_it(slow):
+    slow.may_end.set()
+    fit = {}
+
+    async def first(one, told):
+        await one.start(form())
+        fit.update(next(data["fit"] for topic, data in told if topic == "fit_ended"))
+
+    async def second(one, told):
+        assert not one.use("")
+        assert not one.use("nonsense")
+        assert not one.use(link_of(PageState(PRESETS["lvad"].case(), origin="fit")))  # another patient's
+        assert one.use(fit["link"])
+        assert one.session.loaded[0].case == state_of(fit["link"]).case
+
+    told_by(slow, first)
+    told_by(slow, second)
+    assert "3425 rpm" in fit["of"]
+    assert CASE.patient.id in fit["of"]
+
+
+def test_a_posterior_that_excludes_the_interval_of_the_fit_makes_it_a_poor_one(slow):
+    """Gaussian 0.46 to 0.66 beside a posterior of 0.74 to 0.92 must not pass without a word."""
+    slow.may_end.set()
+    known = {"value": 0.55, "lower": 0.46, "upper": 0.66, "identifiable": True, "reason": ""}
+    verdict = FitVerdict(None, ()).as_object()
+    slow.answer = {"usable": True, "parameters": {"Rmc": known}, "verdict": verdict}
+
+    async def action(one, told):
+        await one.start(form())
+        assert one.use()
+        fitted = one.session.state = one.session.loaded[0].with_case(
+            CASE.model_copy(update={"parameters": {"Rmc": 0.55}})
+        )
+        one._fitted = {subject_of(fitted): fitted}
+        assert fitted.verdict == "good"
+        await one.find_posterior()
+        old, new = one.session.judged
+        assert (old.verdict, new.verdict) == ("good", "poor")
+        assert one._fitted[subject_of(fitted)].verdict == "poor"
+
+    topic, data = told_by(slow, action)[-1]
+    assert topic == "posterior_ended"
+    assert data["judged"]["verdict"]["level"] == "poor"
+    assert "POOR FIT" in data["judged"]["headline"]
+    assert not data["judged"]["parameters"]["Rmc"]["identifiable"]
+
+
 def test_a_double_press_is_one_fit_and_it_can_be_used(slow):
     async def action(one, told):
         first = asyncio.create_task(one.start(form()))
@@ -131,7 +244,9 @@ def test_a_double_press_is_one_fit_and_it_can_be_used(slow):
         slow.may_end.set()
         await first
         assert one.use()
-        assert one.session.loaded[0].origin == "fit"
+        (fitted,) = one.session.loaded
+        assert fitted.origin == "fit"
+        assert subject_of(fitted) == subject_of(one.session.state)  # whose measurements they were
 
     told = told_by(slow, action)
     assert len(slow.running) == 1
@@ -147,7 +262,8 @@ def test_the_posterior_belongs_to_the_fitted_patient(slow):
         assert slow.running == []  # nothing is fitted yet
         typed = form()
         await one.start(typed)
-        one.fitted = replace(one.fitted, case=one.fitted.case.model_copy(update={"parameters": {"Rmc": 0.9}}))
+        (subject, fit) = next(iter(one._fitted.items()))
+        one._fitted[subject] = replace(fit, case=fit.case.model_copy(update={"parameters": {"Rmc": 0.9}}))
         await one.find_posterior()
         assert one.use()
         key = one.session.loaded[0].posterior
@@ -170,7 +286,7 @@ def test_a_posterior_can_be_cancelled(slow):
         assert not one.running
         slow.may_end.set()
 
-    assert told_by(slow, action)[-1] == ("posterior_ended", {"message": identify.text("fit_cancelled")})
+    assert ended_with(told_by(slow, action)) == ("posterior_ended", identify.text("fit_cancelled"))
 
 
 def test_cancel_frees_the_page_at_once(slow):
@@ -186,7 +302,7 @@ def test_cancel_frees_the_page_at_once(slow):
         slow.may_end.set()
 
     told = told_by(slow, action)
-    assert told[-1] == ("fit_ended", {"message": identify.text("fit_cancelled")})
+    assert ended_with(told) == ("fit_ended", identify.text("fit_cancelled"))
 
 
 def test_a_fit_that_fails_says_why_and_leaves_the_page_usable(slow):
@@ -198,7 +314,7 @@ def test_a_fit_that_fails_says_why_and_leaves_the_page_usable(slow):
         assert not one.running
         assert not one.use()
 
-    assert told_by(slow, action)[-1] == ("fit_ended", {"message": "no heartbeat"})
+    assert ended_with(told_by(slow, action)) == ("fit_ended", "no heartbeat")
 
 
 def test_a_form_with_mistakes_is_not_fitted(slow):
@@ -207,3 +323,26 @@ def test_a_form_with_mistakes_is_not_fitted(slow):
 
     told_by(slow, action)
     assert slow.running == []
+
+
+def test_the_reasons_of_a_verdict_name_no_option_that_the_page_has_not():
+    goodness = Goodness({"SP": 6.0, "MAP": 0.1}, 36.0, 3.0, 1e-7)
+    measured, simulated = {"SP": 120.0, "MAP": 70.0}, {"SP": 80.0, "MAP": 71.0}
+    own = {"Rmc": {"value": 1.0, "lower": 0.9, "upper": 1.1, "identifiable": True, "reason": ""}}
+    other = {"Rmc": {"lower": 2.0, "upper": 3.0}}
+    reasons = [
+        *agreement(measured, simulated, goodness, "relative"),
+        *interval_agreement(own, other, "posterior"),
+        Reason(Aspect.AGREEMENT, Level.DOUBTFUL, "Csart", "Csart at its bound; with wider --bounds it fits"),
+        Reason(Aspect.AGREEMENT, Level.DOUBTFUL, "", "something else (--seed 3) may help"),
+        Reason(Aspect.AGREEMENT, Level.DOUBTFUL, "", "ask for --another-option now"),
+    ]
+    assert sum("--" in reason.sentence for reason in reasons) == 5
+    said = [on_the_page({"sentence": reason.sentence})["sentence"] for reason in reasons]
+    assert not any("--" in sentence for sentence in said), said
+    assert any("this page weighs each difference by the measured value" in sentence for sentence in said)
+    found = judged(
+        {"parameters": own, "verdict": FitVerdict(goodness, tuple(reasons[:1])).as_object()}, other
+    )
+    assert "--" not in str(found["verdict"]["reasons"])
+    assert "--" not in found["parameters"]["Rmc"]["reason"]

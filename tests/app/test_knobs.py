@@ -16,10 +16,10 @@ from eclsim.app.knobs import (
     value_of,
 )
 from eclsim.app.texts import ENGLISH
-from eclsim.patients.mistakes import CaseError
-from eclsim.patients.presets import PRESETS
-from eclsim.solver.model import model_of
-from eclsim.solver.steady import Batch
+from eclsim.cases.mistakes import CaseError
+from eclsim.cases.presets import PRESETS
+from eclsim.orbit.model import model_of
+from eclsim.orbit.steady import Batch
 
 CASES = {key: preset.case() for key, preset in PRESETS.items()}
 EVERY = [(key, control) for key, case in CASES.items() for control in controls(case)]
@@ -47,7 +47,9 @@ def test_every_control_has_words_and_shows_a_value_it_can_take(key, control):
 @pytest.mark.parametrize(
     ("typed", "said"),
     [
-        ("3,5", "decimal comma"),
+        ("3,425", "3,425 may be 3.425 or 3425: write one of the two"),
+        ("1.234,5", "decimal point"),
+        ("1,234,500", "thousands separator"),
         ("120/80", "two"),
         ("fast", "not a number"),
         ("", "needed"),
@@ -61,6 +63,13 @@ def test_every_control_has_words_and_shows_a_value_it_can_take(key, control):
 def test_typed_values_that_cannot_be_say_why(typed, said):
     with pytest.raises(CaseError, match=said):
         turn(CASES["paper"], "ecmo.speed_rpm", typed)
+
+
+@pytest.mark.parametrize(
+    ("typed", "read"), [("0,76", 0.76), ("1,5", 1.5), ("0,125", 0.125), ("1,2345", 1.2345), (" 1,25 ", 1.25)]
+)
+def test_a_decimal_comma_that_can_be_nothing_else_is_a_point(typed, read):
+    assert turn(CASES["paper"], "parameters.Rmc", typed).parameters["Rmc"] == read
 
 
 def test_typed_digits_count_as_a_number():

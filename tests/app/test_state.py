@@ -1,26 +1,43 @@
 """Links and history: what is restored is what was shown, and nothing else gets in."""
 
 import base64
-import json
 import zlib
 
 import pytest
 
 from eclsim.app.knobs import turn
-from eclsim.app.state import LARGEST_STATE, History, PageState, link_of, state_of
-from eclsim.patients.mistakes import CaseError
-from eclsim.patients.presets import PRESETS
+from eclsim.app.state import (
+    LARGEST_STATE,
+    History,
+    PageState,
+    link_of,
+    packed,
+    preset_state,
+    state_of,
+    subject_of,
+)
+from eclsim.cases.mistakes import CaseError
+from eclsim.cases.presets import PRESETS
 
 
-def packed(content: object) -> str:
-    plain = content if isinstance(content, bytes) else json.dumps(content).encode()
-    return base64.urlsafe_b64encode(zlib.compress(plain)).decode().rstrip("=")
+def zipped(content: bytes) -> str:
+    return base64.urlsafe_b64encode(zlib.compress(content)).decode().rstrip("=")
 
 
 @pytest.mark.parametrize("key", PRESETS)
 def test_link_restores_the_state(key):
-    state = PageState(PRESETS[key].case(), "patient_held", key)
+    state = preset_state(key).with_policy("patient_held")
     assert state_of(link_of(state)) == state
+    opened = PageState(PRESETS[key].case(), origin="file", source="mine.toml")
+    changed = opened.with_case(turn(opened.case, "patient.heart_rate_bpm", 77))
+    assert state_of(link_of(changed)) == changed
+    assert state_of(link_of(changed)).start == opened
+
+
+def test_a_link_cannot_call_another_case_a_preset():
+    state = PageState(PRESETS["lvad"].case(), origin="healthy")
+    assert state_of(link_of(state)).changed
+    assert state_of(packed({"v": 1, **state.as_object()})).start == preset_state("healthy")
 
 
 def test_link_is_short_enough_for_a_message():
@@ -34,13 +51,16 @@ def test_link_is_short_enough_for_a_message():
         "abc",
         "!!!",
         link_of(PageState(PRESETS["paper"].case()))[:-20],
-        packed(b"\xff\xfe"),
+        zipped(b"\xff\xfe"),
         packed([]),
+        packed({"v": 3}),
         packed({"v": 2}),
+        packed({"v": 2, "state": {**PageState(PRESETS["paper"].case()).as_object(), "verdict": "perfect"}}),
+        packed({"v": 2, "state": {**PageState(PRESETS["paper"].case()).as_object(), "opened": 3}}),
         packed({"v": 1, "policy": "as_published", "case": {}}),
         packed({"v": 1, "policy": "as_published", "case": "no"}),
         packed({"v": 1, "policy": "other", "case": PRESETS["paper"].case().as_mapping()}),
-        packed(b"[" * 100_000),
+        zipped(b"[" * 100_000),
         "A" * 9000,
     ],
 )
@@ -50,7 +70,7 @@ def test_what_is_no_link_is_refused(link):
 
 
 def test_link_that_unpacks_to_too_much_is_refused():
-    bomb = packed(b" " * (50 * LARGEST_STATE))
+    bomb = zipped(b" " * (50 * LARGEST_STATE))
     assert len(bomb) < 20_000
     with pytest.raises(CaseError, match="too l"):
         state_of(bomb[:7999] if len(bomb) > 8000 else bomb)
@@ -60,6 +80,14 @@ def test_link_with_an_impossible_value_names_it():
     case = PRESETS["paper"].case().as_mapping()
     case["ecmo"]["speed_rpm"] = -5
     with pytest.raises(CaseError, match=r"ecmo\.speed_rpm"):
+        state_of(packed({"v": 1, "policy": "as_published", "case": case}))
+
+
+def test_link_with_a_flow_that_no_speed_was_solved_for_is_refused():
+    case = PRESETS["paper"].case().as_mapping()
+    case["ecmo"]["flow_l_min"] = 3.0
+    del case["ecmo"]["speed_rpm"]
+    with pytest.raises(CaseError, match="pump flow in place of a speed"):
         state_of(packed({"v": 1, "policy": "as_published", "case": case}))
 
 
@@ -91,10 +119,26 @@ def test_a_change_after_undo_forgets_what_was_undone():
     assert not history.redo()
 
 
-def test_another_patient_is_where_reset_leads():
-    history = History(PageState(PRESETS["paper"].case()))
-    other = PageState(PRESETS["lvad"].case())
-    history.load(other, 0.0)
-    assert history.start == other
+def test_reset_leads_to_the_patient_that_is_shown_also_after_undo():
+    first, other = PageState(PRESETS["paper"].case()), PageState(PRESETS["lvad"].case())
+    history = History(first)
+    history.change(at_speed(first, 3000), "ecmo.speed_rpm", 0.0)
+    history.change(other, "", 5.0)
+    assert history.now.start == other
     assert history.undo()
-    assert history.now != other
+    assert history.now.start == first
+    assert history.now.changed
+
+
+def test_a_knob_that_is_turned_back_changes_nothing():
+    first = PageState(PRESETS["paper"].case())
+    back = at_speed(at_speed(first, 3000), first.case.ecmo.speed_rpm)
+    assert back == first
+    assert not back.changed
+
+
+def test_the_patient_is_the_same_turned_fitted_or_not_and_another_one_is_not():
+    first, other = PageState(PRESETS["paper"].case()), PageState(PRESETS["lvad"].case())
+    assert subject_of(at_speed(first, 3000)) == subject_of(first) != subject_of(other)
+    fitted = PageState(at_speed(first, 3000).case, origin="fit", subject=subject_of(first))
+    assert subject_of(at_speed(fitted, 2500)) == subject_of(first)

@@ -11,7 +11,10 @@ from eclsim.app.texts import ENGLISH
 HERE = Path(eclsim.app.__file__).parent
 SCRIPTS = "\n".join(p.read_text(encoding="utf-8") for p in HERE.rglob("*.js"))
 MODULES = "\n".join(p.read_text(encoding="utf-8") for p in HERE.glob("*.py") if p.name != "texts.py")
-PREFIXES = ("group_", "key_", "line_", "frame_", "export_", "legend_")
+PREFIXES = (
+    "group_", "key_", "line_", "frame_", "export_", "legend_", "whose_", "badge_", "verdict_", "box_",
+    "wire_", "kind_", "limit_", "scheme_",
+)  # fmt: skip
 SUFFIXES = ("_hint", "_long")
 
 

@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
 
-from eclsim.haemodynamics.evaluation import batch_outputs
-from eclsim.solver.steady import Batch, steady_beats
+from eclsim.orbit.steady import Batch, steady_beats
+from eclsim.outputs.dataset import simulate
+from eclsim.outputs.evaluation import batch_outputs
+from eclsim.outputs.variants import simulate_many
 from model_catalogue import SCHEMES, model, scheme_sites
 
 OUTPUTS = ("SP", "DP", "MAP", "MPAP", "PCWP", "CO", "PF", "crrt_access_pressure", "crrt_return_pressure")
@@ -29,3 +31,25 @@ def test_schemes_differ(anywhere):
     assert len(pressures) == len(SCHEMES)
     # Access at the highest pressure of the circuit and at the lowest.
     assert anywhere["a"][-2] > 150.0 > 0.0 > anywhere["h"][-2]
+
+
+@pytest.mark.parametrize("site", [0.5, -1.0, 7.0, np.nan, np.inf])
+def test_a_number_that_is_no_site_is_refused(site):
+    patient = model("V-A, CRRT anywhere", **scheme_sites("g")).with_values({"crrt.access_site": site})
+    result = simulate(patient)
+    assert result.attrs["status"] == "invalid_input"
+    assert np.isnan(float(result["MAP"]))
+    assert f"crrt.access_site = {site:g}: no site of this circuit" in result.attrs["message"]
+    assert "allowed: 0 (ecmodrain), 1 (ecmotudp), 2 (ecmotupo)" in result.attrs["message"]
+    with pytest.raises(ValueError, match="no site of this circuit; allowed: 0 \\(ecmodrain\\)"):
+        patient.circuit.with_chosen_sites(patient.values)
+
+
+def test_in_a_batch_only_the_member_without_a_site_fails():
+    patient = model("V-A, CRRT anywhere", **scheme_sites("g"))
+    sites = [patient.values["crrt.access_site"], 0.5, np.nan, 3.0]
+    found = simulate_many(patient, {"crrt.access_site": sites}, ("MAP", "crrt_access_pressure"))
+    assert list(found["status"].values) == ["converged", "invalid_input", "invalid_input", "converged"]
+    assert list(np.isnan(found["MAP"].values)) == [False, True, True, False]
+    assert "crrt.access_site = 0.5: no site" in str(found["message"].values[1])
+    assert "steady beat found" in str(found["message"].values[0])

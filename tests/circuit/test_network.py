@@ -3,7 +3,8 @@ import pytest
 from eclsim.circuit import Choice, Circuit, CircuitError, Compartment, Connection, StartPressure, StartVolume
 from eclsim.circuit.assembly import assemble
 from eclsim.components import Artery, ElasticVessel, Resistance
-from eclsim.models import circulation, ecmo
+from eclsim.devices.ecmo import ecmo
+from eclsim.patient.circulation import circulation
 from model_catalogue import CIRCUITS
 from user_components import PressureSource
 

@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -71,12 +70,16 @@ def test_mistakes_are_one_line_each_without_a_traceback(tmp_path):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals and pipes of POSIX")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signals_stop_without_a_traceback(tmp_path, number):
-    pipe = tmp_path / "pipe.toml"
-    os.mkfifo(pipe)
-    process = subprocess.Popen([*ECLSIM, "simulate", pipe], stderr=subprocess.PIPE, text=True)
-    with open(pipe, "w"):  # opens once the command reads: it is running and waits for the case
-        time.sleep(0.1)
+def test_signals_stop_without_a_traceback(number):
+    code = (
+        "import time\nfrom eclsim.cli import application, cases\n"
+        "def read_all(*_):\n    print('running', flush=True)\n    time.sleep(60)\n"
+        "cases.read_all = read_all\napplication.run(['simulate', 'case.toml'])\n"
+    )
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen([sys.executable, "-c", code], **pipes) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "running\n"
         process.send_signal(number)
         _, said = process.communicate(timeout=20)
     assert process.returncode == 128 + number
@@ -111,3 +114,29 @@ def test_text_that_the_terminal_cannot_show_is_no_error():
     assert done.returncode == 0
     assert b"Rotaflow" in done.stdout
     assert done.stderr == b""
+
+
+def test_a_full_disk_under_a_folder_of_results_is_not_blamed_on_standard_output(tmp_path):
+    """The writer of every command's files names the file, and the command says it."""
+    program = (
+        "import errno, pathlib\n"
+        "from eclsim.reporting import plain_json\n"
+        "def full(*_, **__): raise OSError(errno.ENOSPC, 'No space left on device')\n"
+        "pathlib.Path.write_text = full\n"
+        "from eclsim.cli import application, devices\n"
+        f"devices_file = pathlib.Path({str(tmp_path)!r}) / 'identification.json'\n"
+        "application.app = lambda **_: plain_json.write_plain({}, devices_file)\n"
+        "application.run([])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr == f"error: {tmp_path / 'identification.json'}: No space left on device\n"
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
+@pytest.mark.parametrize("arguments", [("devices",), ("parameters", "export", "--format", "json")])
+def test_a_full_standard_output_is_named_as_such(arguments):
+    with open("/dev/full", "w") as full:
+        done = subprocess.run([*ECLSIM, *arguments], stdout=full, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 2
+    assert "standard output" in done.stderr or "cannot write" in done.stderr

@@ -39,13 +39,56 @@ def test_results_that_stand_are_kept_without_force(shell):
     assert (folder / "report.html").read_text() == "mine"
 
 
+@pytest.mark.parametrize("wrong", ["file", "missing/out"])
+def test_a_folder_that_cannot_be_written_is_named_with_its_own_option(shell, wrong):
+    case = shell.case(more=shell.ecmo)
+    (shell.folder / "file").write_text("mine")
+    result = run(shell, case, "--out", shell.folder / wrong)
+    assert result.exit_code == 2
+    assert f"--out {shell.folder / wrong}: " in result.stderr
+    assert "--figures" not in result.stderr
+
+
+def test_beats_that_are_not_found_are_named_and_the_exit_status_says_so(shell):
+    """A right heart so weak that there is no steady beat at 7000 rpm, with or without CRRT."""
+    import json
+
+    from eclsim.cases.writing import write_case
+    from eclsim.paper.patient import paper_case
+
+    case = shell.folder / "weak.toml"
+    write_case(paper_case(), case)
+    result = run(
+        shell, case, "--schemes", "d,g", "--speeds", "3000,7000", "--volume-policy", "as_published",
+        "--set", "parameters.Emaxrv=0.05", "--json", "-",
+    )  # fmt: skip
+    assert result.exit_code == 1
+    assert "no steady beat at 7000 rpm (the native heart ejects next to nothing)" in result.stderr
+    found = json.loads(result.stdout)
+    assert not found["converged"]
+    assert {one["status"] for one in found["not_known"]} == {"no_ejection"}
+    limits = found["policies"]["as_published"]["limits"]["schemes"]["d"]["suction"]
+    assert not limits["kept_throughout"]
+
+
 def test_reproduce_keeps_results_that_stand(shell):
     folder = shell.folder / "paper"
     folder.mkdir()
     (folder / "reproduction.csv").write_text("mine")
-    result = shell.run("reproduce", folder)
+    for arguments in ((folder,), ("--out", folder)):
+        result = shell.run("reproduce", *arguments)
+        assert result.exit_code == 2
+        assert "--force" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [((), "no folder to write to"), (("paper", "--out", "other"), "two folders; one of them")],
+)
+def test_reproduce_needs_one_folder(shell, arguments, words):
+    result = shell.run("reproduce", *arguments)
     assert result.exit_code == 2
-    assert "--force" in result.stderr
+    assert words in result.stderr
 
 
 def test_the_whole_command_writes_json_to_standard_output_alone(shell):
@@ -100,3 +143,9 @@ def test_a_folder_of_cases_is_a_cohort(shell):
     assert "is first in all 1 data points" in result.stdout
     assert (shell.folder / "out" / "report.html").exists()
     assert "--force" in shell.run("crrt-study", folder, *options, "--out", shell.folder / "out").stderr
+
+
+def test_a_flow_in_l_min_is_refused_as_in_a_case_file(shell):
+    result = run(shell, shell.case(more=shell.ecmo), "--crrt-flow", "0.2")
+    assert result.exit_code == 2
+    assert "--crrt-flow: CRRT flow 0.2 mL/min; allowed: 10 to 600; did you mean 0.2 L/min" in result.stderr

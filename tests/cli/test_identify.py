@@ -52,10 +52,50 @@ def test_a_case_is_fitted_and_simulate_takes_the_result(shell, quick, tmp_path):
         "slices.png", "profiles.png", "starts.png", "residuals.png", "correlation.png",
     }  # fmt: skip
 
+    report = (out / "report.html").read_text()
+    assert point["verdict"]["level"].upper() + " FIT" in report
+    assert report.count("<svg") == 5
+    assert "verdict" in (out / "verdicts.csv").read_text()
+
     again = shell.run("simulate", str(out / "cases" / "P01.toml"), "--json", "-")
     outputs = json.loads(again.stdout)["cases"][0]["outputs"]
     assert outputs["MAP"] == pytest.approx(point["outputs"]["MAP"]["simulated"], rel=1e-5)
     assert outputs["CO"] == pytest.approx(point["outputs"]["CO"]["simulated"], rel=1e-5)
+
+
+def test_a_poor_fit_is_said_and_ends_with_status_1(shell, quick, tmp_path):
+    case = shell.case(more=MEASURED.replace("SP = 110", "SP = 110\nMPAP = 45"))
+    done = shell.run("identify", case, "--parameters", "Rmc,Emaxlv", "--out", str(tmp_path / "fit"))
+    assert done.exit_code == 1, done.stderr
+    head, first, *rest = done.stdout.splitlines()
+    assert head.startswith("P01: POOR FIT, not to be used")
+    assert "fitted against 45 measured" in first
+    assert "optimum found" in done.stdout
+    assert not [line for line in rest if line.startswith(("Rmc", "Emaxlv")) and "  yes" in line]
+
+
+@pytest.mark.parametrize(("trusted", "level", "status"), [(True, "poor", 1), (False, "good", 0)])
+def test_a_posterior_that_excludes_the_fit_changes_its_verdict(
+    shell, quick, tmp_path, monkeypatch, trusted, level, status
+):
+    far = {"median": 4.0, "lower": 3.9, "upper": 4.1}
+    other = {
+        "method": "importance", "kind": "posterior (weighted draws)", "trusted": trusted, "verdict": "",
+        "doubts": [], "prior": "log-uniform", "parameters": {"Rmc": far}, "predictions": [],
+    }  # fmt: skip
+    monkeypatch.setattr("eclsim.cli.posterior_run.add_posterior", lambda *_: other)
+    out = tmp_path / "fit"
+    done = shell.run(
+        "identify", shell.case(more=MEASURED), "--parameters", "Rmc,Emaxlv", "--out", str(out), "--posterior",
+        "--posterior-method", "importance", "--json", "-",
+    )  # fmt: skip
+    assert done.exit_code == status, done.stderr
+    (point,) = json.loads(done.stdout)["points"]
+    assert point["verdict"]["level"] == level
+    assert point["parameters"]["Rmc"]["identifiable"] == (not trusted)
+    assert (
+        "3.9 to 4.1 by the posterior: they exclude each other" in (out / "report.html").read_text()
+    ) == trusted
 
 
 def test_a_cohort_with_a_bad_row_is_partial_and_can_be_gone_on_with(shell, quick, tmp_path):
@@ -70,6 +110,10 @@ def test_a_cohort_with_a_bad_row_is_partial_and_can_be_gone_on_with(shell, quick
     assert set(found["r2"]) == {"pressures", "flows"}
     assert {p.name for p in (out / "cases").iterdir()} == {"P01_1.toml", "P01_3.toml"}
     assert {p.name for p in (out / "figures").glob("*.png")} == {"scatter.png", "boxes.png"}
+    report = (out / "report.html").read_text()
+    assert "Fits of 2 data points" in report
+    assert "1 rows were refused" in report
+    assert report.count("<svg") == 2
 
     refused = shell.run(*arguments)
     assert refused.exit_code == 2
@@ -90,6 +134,13 @@ def test_a_cohort_with_a_bad_row_is_partial_and_can_be_gone_on_with(shell, quick
         (("--bounds", "Rmc=5"), "NAME=LOWER:UPPER"),
         (("--uncertainty", "XY=3"), "no measurement"),
         (("--resume",), "for cohorts"),
+        (("--draws", "60"), "--chains, --warmup, --draws: of --posterior"),
+        (("--prior", "log-normal"), "--prior: of --posterior and --predict"),
+        (("--predict-with", "gaussian"), "--predict-with: of --predict"),
+        (("--posterior-method", "importance"), "without --posterior"),
+        (("--predict", "Rmc=0.4"), "Rmc is free, so every draw has its own"),
+        (("--predict", "ecmo.rpm=4000"), "--predict: ecmo.rpm = "),
+        (("--bounds", "Rmc=0.1:1,Rmc=0.2:2"), "Rmc is given twice"),
     ],
 )
 def test_bad_options_end_before_anything_is_computed(shell, tmp_path, arguments, words):
@@ -109,6 +160,23 @@ def test_a_table_without_a_usable_row_is_bad_input(shell, tmp_path):
     done = shell.run("identify", str(cohort(tmp_path, row(1, "x"))), "--out", str(tmp_path / "fits"))
     assert done.exit_code == 2
     assert "no row can be used" in done.stderr
+
+
+@pytest.mark.parametrize("command", ["identify", "identifiability", "sensitivity", "track"])
+def test_no_command_writes_over_what_it_reads(shell, tmp_path, command):
+    case = shell.case(more=MEASURED)
+    before = Path(case).read_bytes()
+    out = ("--out", str(tmp_path / "out"))
+    done = shell.run(command, case, *out, "--json", case, "--force")
+    assert (done.exit_code, Path(case).read_bytes()) == (2, before)
+    assert "an input of this command; it would be overwritten" in done.stderr
+
+
+def test_limits_that_are_no_numbers_are_refused(shell, tmp_path):
+    case = shell.case(more=MEASURED)
+    assert "infinite" in shell.run("identifiability", case, "--threshold", "inf").stderr
+    done = shell.run("sensitivity", case, "--samples", "64", "--until", "nan")
+    assert (done.exit_code, "--until nan: allowed: above 0" in done.stderr) == (2, True)
 
 
 def test_where_it_would_write_is_checked_first(shell, tmp_path):

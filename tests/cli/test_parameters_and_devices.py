@@ -5,9 +5,9 @@ import tomllib
 
 import pytest
 
+from eclsim.cases import read_mapping
+from eclsim.devices.constants import CANNULAE, OXYGENATORS, PUMPS
 from eclsim.parameters import all_parameters, shi_hose2009
-from eclsim.parameters.devices import CANNULAE, OXYGENATORS, PUMPS
-from eclsim.patients import read_mapping
 
 
 def test_listing_shows_every_parameter(shell):

@@ -64,10 +64,11 @@ def test_exit_status_1_if_one_did_not_converge(shell, instant):
 def test_settings_and_options_reach_the_computation(shell, instant):
     arguments = ["--set", "ecmo.speed_rpm=3000", "--set", "Rmc=0.8", "--solver", "adaptive"]
     done = shell.run("simulate", shell.case(more=shell.ecmo), *arguments, "--volume-policy", "patient_held")
+    assert "wins over" not in done.stderr.partition("--volume-policy")[2]
     ((case, options),) = instant
     assert case.ecmo.speed_rpm == 3000
     assert case.parameters == {"Rmc": 0.8}
-    assert (options.solver, options.volume_policy) == ("adaptive", "patient_held")
+    assert (options.solver, case.volume_policy) == ("adaptive", "patient_held")
     assert "note: --set: ecmo.speed_rpm = 3000: wins over 3425 of" in done.stderr
 
 
@@ -186,7 +187,15 @@ def test_ids_that_look_the_same_are_a_warning(shell, instant):
     files = [shell.case("a.toml", "P01"), shell.case("b.toml", "p 01")]
     done = shell.run("simulate", *files, "--json", "-")
     assert done.exit_code == 0
-    assert "b.toml: patient.id is the same as in" in done.stderr
+    assert "b.toml: patient.id 'p 01' differs from 'P01' in" in done.stderr
+
+
+def test_the_same_id_twice_is_no_collision(shell, instant):
+    """Such as a patient before and after a change."""
+    files = [shell.case("a.toml", "P01"), shell.case("b.toml", "P01")]
+    done = shell.run("simulate", *files, "--json", "-")
+    assert done.exit_code == 0
+    assert "patient.id" not in done.stderr
 
 
 def test_warnings_name_the_oxygenators_label(shell, instant):

@@ -39,6 +39,12 @@ def test_a_table_is_followed(shell, table):
     assert rows[0]["patient"] == "'=A"
     assert float(rows[-1]["expected_lower"]) < float(rows[-1]["expected_upper"])
     assert len(list((out / "figures").glob("*.png"))) == 2
+    page = (out / "report.html").read_text()
+    assert page.count("<svg") == 2
+    assert "http" not in page.replace("http-equiv", "")
+    assert "CO does not fit the forecast" in page
+    assert "24 h from one to the next are assumed" in page
+    assert max(map(len, result.stdout.splitlines())) < 120
 
 
 def test_case_files_are_followed_in_their_order(shell):
@@ -52,6 +58,40 @@ def test_case_files_are_followed_in_their_order(shell):
     content = json.loads(result.stdout)
     assert [p["id"] for p in content["series"][0]["points"]] == ["0", "1"]
     assert content["series"][0]["points"][1]["drift"] == pytest.approx(0.1)
+    assert content["series"][0]["points"][1]["hours_since_last"] == 24.0
+    assert content["series"][0]["assumed_interval_hours"] == 24.0
+    assert "24 h after the one before (--interval)" in result.stderr
+    assert "differs from" not in result.stderr
+
+
+VALUES = "[measurements]\nMAP = 80\nCO = 4.0\nSP = 100\n"
+
+
+def test_files_of_different_patients_are_refused(shell):
+    files = [shell.case(f"{n}.toml", n, VALUES) for n in ("P01", "P02")]
+    result = shell.run("track", *files, "--out", shell.folder / "out", *FEW)
+    assert result.exit_code == 2
+    assert "files of 2 patients: 'P01' in" in result.stderr
+    assert "P02.toml" in result.stderr
+    assert not (shell.folder / "out").exists()
+
+
+def test_the_collision_warning_is_for_ids_that_differ(shell):
+    """Refused for the other reason, so that nothing is computed."""
+    same = [shell.case(f"{k}.toml", "P01", VALUES) for k in range(2)]
+    alike = [same[0], shell.case("alike.toml", "p01", VALUES)]
+    for files, warned in ((same, False), (alike, True)):
+        result = shell.run("track", *files, "--out", shell.folder / "out", "--parameters", "Rmd")
+        assert result.exit_code == 2
+        assert ("in case, spaces or Unicode form alone" in result.stderr) == warned
+        assert "files of 2 patients" not in result.stderr
+
+
+def test_times_that_run_back_are_refused(shell):
+    files = [shell.case(f"2024-03-0{k}.toml", "P01", VALUES) for k in (2, 1)]
+    result = shell.run("track", *files, "--out", shell.folder / "out", *FEW)
+    assert result.exit_code == 2
+    assert "earlier than" in result.stderr
 
 
 @pytest.mark.parametrize(
@@ -67,6 +107,13 @@ def test_mistakes_are_told_before_anything_is_computed(shell, table, arguments, 
     assert result.exit_code == 2
     assert said in result.stderr
     assert not (shell.folder / "out").exists()
+
+
+def test_the_same_file_is_no_second_measurement(shell):
+    case = shell.case(more=MEASURED)
+    result = shell.run("track", case, case, "--out", shell.folder / "out")
+    assert result.exit_code == 2
+    assert "given 2 times; a measurement counts once" in result.stderr
 
 
 def test_results_are_not_overwritten(shell, table):
@@ -94,12 +141,29 @@ def test_predictions_at_other_settings(shell):
     )
     assert result.exit_code == 0, result.output
     posterior = json.loads(result.stdout)["posterior"]
-    assert posterior["method"] == "gaussian"
+    assert posterior["method"] == "importance"
+    assert posterior["checked"]
+    assert posterior["pareto_k"] < 0.7
+    assert posterior["effective_draws"] > 400
     there = posterior["predictions"][1]
     assert there["settings"] == "patient.heart_rate_bpm=90"
     assert there["outputs"]["CO"]["lower"] < there["outputs"]["CO"]["upper"]
     assert (out / "posterior" / "posterior.nc").exists()
     assert (out / "posterior" / "figures" / "predictive.png").exists()
+
+
+def test_gaussian_predictions_are_called_that_and_unchecked(shell):
+    case, out = shell.case(more=MEASURED), shell.folder / "out"
+    result = shell.run(
+        "identify", case, "--out", out, *FEW, "--predict", "patient.heart_rate_bpm=90",
+        "--predict-with", "gaussian",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    assert "patient.heart_rate_bpm=90: Gaussian approximation" in result.stdout
+    assert result.stdout.count("NOT CHECKED") == 3
+    posterior = json.loads((out / "posterior" / "posterior.json").read_text())
+    assert not posterior["trusted"]
+    assert not posterior["checked"]
 
 
 def test_a_misspelt_prediction_is_told_at_once(shell):

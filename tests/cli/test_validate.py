@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from eclsim.validation.rows import Check, at_most, near
+from eclsim.validation.rows import Check, Explanation, at_most, near
 
 
 @pytest.fixture
@@ -11,7 +11,13 @@ def checks(monkeypatch):
     good = Check(
         "good", "Good things", "1 %", (near("a", 100.0, 100.5, 1.0, "mmHg"), at_most("b", 1e-9, 1e-8))
     )
-    bad = Check("bad", "Bad things", "1 %", (near("c", 100.0, 102.0, 1.0, "mL", explanation="the moon"),))
+    moon = Explanation("the moon", (near("without the moon", 100.0, 100.1, 1.0, "mL"),))
+    tide = Explanation("the tide", (near("without the tide", 100.0, 102.0, 1.0, "mL"),))
+    rows = (
+        near("c", 100.0, 102.0, 1.0, "mL", explanation=moon),
+        near("e", 100.0, 103.0, 1.0, "mL", explanation=tide),
+    )
+    bad = Check("bad", "Bad things", "1 %", rows)
     shown = Check("shown", "Measurements", "none", (near("d", 1.0, 2.0, 0.1),), required=False)
     asked = []
 
@@ -39,7 +45,8 @@ def test_a_missed_bar_is_named_and_ends_with_status_1(shell, checks):
     assert done.exit_code == 1
     assert "bar missed: Bad things: c" in done.stdout
     assert "explained: the moon" in done.stdout
-    assert "1 miss (1 of them explained)" in done.stdout
+    assert "the tide" not in done.stdout
+    assert "2 miss (1 of them explained)" in done.stdout
 
 
 def test_json_holds_every_row_and_nothing_else_is_written(shell, checks):
@@ -48,7 +55,9 @@ def test_json_holds_every_row_and_nothing_else_is_written(shell, checks):
     found = json.loads(done.stdout)
     assert found["all_bars_hold"] is False
     assert [check["key"] for check in found["checks"]] == ["good", "shown", "bad"]
-    (row,) = found["checks"][2]["rows"]
+    row, regressed = found["checks"][2]["rows"]
+    assert row["evidence"][0]["got"] == 100.1
+    assert (regressed["holds"], regressed["explanation"]) == (False, "")
     assert (row["expected"], row["got"], row["holds"], row["explanation"]) == (
         100.0,
         102.0,

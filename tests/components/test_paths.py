@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from component_catalogue import FLOWS, GIVEN_FLOW, ONE_WAY, PATHS, ROTARY_PUMPS
-from eclsim.components import all_paths
-from eclsim.parameters.devices import CANNULAE, PUMPS
+from eclsim.components import RollerPump, all_paths
+from eclsim.devices.constants import CANNULAE, PUMPS
 
 with_a_drop = [name for name in PATHS if name not in GIVEN_FLOW]
 LOADS = (0.0, 1e-3, 0.05, 2.0)
@@ -79,18 +79,43 @@ def test_derivatives_of_the_flow_match_finite_differences(name):
         assert float(exact) == pytest.approx((forward - back) / (2 * step), rel=1e-5, abs=1e-7)
 
 
-@pytest.mark.parametrize("name", PATHS)
-def test_derivatives_with_respect_to_parameters_match_finite_differences(name):
+PRESSURES = (-450.0, -200.0, -12.0, 30.0)
+"""Pumps against little and against more than they can, other paths forwards and backwards [mmHg]."""
+
+
+def quantities(law, values):
+    """Flows at some pressures, and the inertance of a path that has one."""
+    own = law.constants(values)
+    found = [law.flow(pressure, 0.05, own) for pressure in PRESSURES]
+    return jnp.stack([*found, law.inertance(own)] if law.inertial else found)
+
+
+@pytest.mark.parametrize(
+    ("name", "key"), [(name, key) for name, (law, _) in PATHS.items() for key in law.parameter_names()]
+)
+def test_derivatives_with_respect_to_parameters_match_finite_differences(name, key):
+    """As elasticities: the relative change for a relative change of the parameter, which must act."""
     law, values = PATHS[name]
+    here, step = np.asarray(quantities(law, values)), 1e-6
+    exact = jax.jacfwd(lambda factor: quantities(law, {**values, key: values[key] * factor}))(1.0)
+    high, low = (quantities(law, {**values, key: values[key] * (1.0 + s)}) for s in (step, -step))
+    size = np.maximum(np.abs(here), 1e-9)
+    elasticity, numeric = np.asarray(exact) / size, np.asarray(high - low) / (2 * step) / size
+    assert np.abs(elasticity).max() > 1e-4, "the parameter does nothing at any of these points"
+    np.testing.assert_allclose(elasticity, numeric, rtol=1e-5, atol=1e-7)
 
-    def flow(key, value):
-        return law.flow(30.0, 0.05, law.constants({**values, key: value}))
 
-    for key in law.parameter_names():
-        exact = float(jax.grad(flow, argnums=1)(key, values[key]))
-        step = 1e-5 * max(abs(values[key]), 1e-6)
-        numeric = float(flow(key, values[key] + step) - flow(key, values[key] - step)) / (2 * step)
-        assert exact == pytest.approx(numeric, rel=1e-4, abs=1e-6 * abs(float(flow(key, values[key]))) / step)
+@pytest.mark.parametrize("unit", ["mL/min", "ml/min", "L/min", "l/min", "mL/s", "L/h"])
+def test_a_roller_pump_honours_its_unit(unit):
+    per_ml_s = {"ml/min": 60.0, "l/min": 0.06, "ml/s": 1.0, "l/h": 3.6}[unit.lower()]
+    law = RollerPump("rate", unit)
+    assert float(law.flow(0.0, 0.0, law.constants({"rate": 7.0}))) == pytest.approx(7.0 / per_ml_s)
+
+
+@pytest.mark.parametrize("unit", ["rpm", "mL", "furlongs", ""])
+def test_a_roller_pump_refuses_what_is_no_unit_of_a_flow(unit):
+    with pytest.raises(ValueError, match=f"unit '{unit}' is no unit of a flow; allowed: mL/s, L/min, mL/min"):
+        RollerPump("rate", unit)
 
 
 @pytest.mark.parametrize("name", PATHS)

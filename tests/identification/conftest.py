@@ -2,11 +2,11 @@
 
 import pytest
 
-from eclsim.haemodynamics.dataset import simulate
+from eclsim.cases.case import Case, Measurements, Patient
 from eclsim.identification.objective import Box, Objective, Target
+from eclsim.orbit.model import model_of
+from eclsim.outputs.dataset import simulate
 from eclsim.parameters.identification import BOUNDS
-from eclsim.patients.case import Case, Measurements, Patient
-from eclsim.solver.model import model_of
 
 TRUTH = {"Rmc": 0.85, "Emaxlv": 1.3}
 MEASURED = ("SP", "DP", "MAP", "MPAP", "PCWP", "CO")

@@ -7,16 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eclsim.haemodynamics.dataset import simulate
+from eclsim.cases import CaseError, read_case
+from eclsim.cases.cohort import CohortPoint
+from eclsim.identification.cohort_fit import FitStore, StoreError, fit_cohort, r_squared, stem
+from eclsim.identification.files import fits_object, write_fits, write_fitted_case
+from eclsim.identification.fit import fit_case
+from eclsim.identification.fit_profiles import with_profiles
 from eclsim.identification.multi_start import FitStatus, MultiStart, Optimum, Starts
-from eclsim.patients import CaseError, read_case
-from eclsim.patients.cohort import CohortPoint
-from eclsim.report.identification_files import fits_object, write_fits, write_fitted_case
+from eclsim.identification.settings import FitSettings, checked_fit, read_bounds
+from eclsim.identification.verdict import interval_agreement
+from eclsim.orbit.model import model_of
+from eclsim.outputs.dataset import simulate
 from eclsim.sensitivity.uncertainties import Uncertainty
-from eclsim.solver.model import model_of
-from eclsim.studies.cohort_fit import FitStore, StoreError, fit_cohort, r_squared, stem
-from eclsim.studies.fit_settings import FitSettings, checked_fit, read_bounds
-from eclsim.studies.identification import fit_case
 
 QUICK = FitSettings(("Rmc", "Emaxlv"), multi_start=MultiStart(10, 0.2, round_size=4, rediscoveries=2))
 TRUTH = {"Rmc": 0.85, "Emaxlv": 1.3}
@@ -49,6 +51,9 @@ def test_the_object_is_that_of_the_documentation(fit):
     assert point["id"] == "T01"
     assert point["cost"] < 1e-8
     assert set(point["outputs"]["MAP"]) == {"measured", "simulated"}
+    assert point["verdict"]["level"] == "good"
+    assert set(point["verdict"]["goodness"]["differences"]) == set(fit.measured)
+    assert point["implied"]["EDVRV"]["healthy"] == [78.0, 218.0]
     assert {"value", "lower", "upper", "at_bound", "identifiable"} <= set(point["parameters"]["Rmc"])
     assert point["starts_agreeing"] >= 2
     assert point["seconds"] > 0
@@ -66,7 +71,51 @@ def test_an_optimum_outside_the_bounds_is_found_at_the_bound(twin):
     assert found.value == 0.7
     assert found.at_bound
     assert not found.identifiable
-    assert found.reason == "at its upper bound"
+    assert found.reason.startswith("at its upper bound: the measurements ask for a larger value")
+    assert found.reason.endswith("take it as lower limit")
+
+
+def test_a_lower_bound_gives_an_upper_limit(twin):
+    found = fit_case(twin, replace(QUICK, bounds={"Rmc": (1.5, 2.0)}))
+    assert found.parameters["Rmc"].reason.endswith("a smaller value, so take it as upper limit")
+    held_back = [r for r in found.verdict.doubts if r.about == "Rmc"]
+    assert "--bounds" in held_back[0].sentence
+
+
+def test_the_profile_interval_is_the_gaussian_one_where_the_measurements_determine(fit):
+    judged, profiled = with_profiles(fit)
+    assert judged.verdict.level == "good"
+    for name, p in judged.parameters.items():
+        assert p.identifiable
+        lower, upper = profiled.intervals[name]
+        assert np.log(lower) == pytest.approx(np.log(p.lower), abs=0.15 * np.log(p.upper / p.lower))
+        assert np.log(upper) == pytest.approx(np.log(p.upper), abs=0.15 * np.log(p.upper / p.lower))
+        assert judged.as_object()["parameters"][name]["profile"] == [lower, upper]
+
+
+def test_a_twin_is_a_good_fit_and_a_contradictory_patient_a_poor_one(twin, fit):
+    assert fit.verdict.level == "good"
+    assert {"EDVLV", "EDVRV", "right_atrial_pressure"} <= set(fit.implied)
+    high = twin.measurements.model_copy(update={"MPAP": twin.measurements.MPAP + 14.0})
+    poor = fit_case(twin.model_copy(update={"measurements": high}), QUICK)
+    assert poor.status == "fitted"
+    assert poor.verdict.level == "poor"
+    assert poor.verdict.reasons[0].about == "MPAP"
+    assert not any(p.identifiable for p in poor.parameters.values())
+    assert poor.parameters["Rmc"].reason.startswith("the fit is poor")
+
+
+def test_intervals_that_exclude_each_other_end_a_good_fit(fit):
+    value = fit.parameters["Rmc"].upper
+    other = {"Rmc": {"lower": 1.2 * value, "upper": 1.5 * value}}
+    doubted = fit.judged(interval_agreement(fit.as_object()["parameters"], other, "posterior"))
+    assert doubted.verdict.level == "poor"
+    assert not doubted.parameters["Rmc"].identifiable
+    wide = {"Rmc": {"lower": 0.1, "upper": 5.0}}
+    wider = fit.judged(interval_agreement(fit.as_object()["parameters"], wide, "posterior"))
+    assert wider.verdict.level == "doubtful"
+    assert "take the wider" in wider.parameters["Rmc"].reason
+    assert wider.parameters["Emaxlv"].identifiable
 
 
 def test_weights_by_uncertainty_favour_what_is_known_well(twin):
@@ -90,6 +139,7 @@ def test_equal_bounds_fix_a_parameter_in_the_written_case(twin):
     ("changes", "words"),
     [
         ({"parameters": ("Rmcc",)}, "did you mean Rmc"),
+        ({"parameters": ("ecmo.speed_rpm",)}, "ecmo.speed_rpm: unknown parameter; allowed: names"),
         ({"bounds": {"Rmc": (2.0, 0.1)}}, "lower bound above upper bound"),
         ({"bounds": {"Rsvn": (0.001, 0.1)}}, "not free"),
         ({"parameters": ("Recmooxy",)}, "not read by the circuit"),
@@ -107,6 +157,18 @@ def test_bounds_as_text():
     assert read_bounds("Rmc=0.1:2, Csart=0.5:5") == {"Rmc": (0.1, 2.0), "Csart": (0.5, 5.0)}
     with pytest.raises(ValueError, match="NAME=LOWER:UPPER"):
         read_bounds("Rmc=0.1")
+    with pytest.raises(ValueError, match="Rmc is given twice"):
+        read_bounds("Rmc=0.1:1,Rmc=0.2:2")
+
+
+def test_the_points_of_a_group_are_told_one_by_one(points, tmp_path):
+    said: list[str] = []
+    store = FitStore(tmp_path / "fits", "digest", QUICK)
+    store.open(False, False)
+    fit_cohort(points, QUICK, store, said.append)
+    assert all(text.startswith("0 of 2 data points done; ") for text in said)
+    assert [text for text in said if "point 2 of 2" in text and "exploring" in text]
+    assert said[-1].endswith("refining the best start to the end (point 2 of 2)")
 
 
 @pytest.fixture
@@ -130,7 +192,7 @@ def test_a_cohort_is_kept_point_by_point_and_gone_on_with(points, tmp_path, monk
     assert both[1]["outputs"]["CO"]["measured"] is None
     assert both[1]["line"] == 3
 
-    monkeypatch.setattr("eclsim.studies.cohort_fit.fit_cases", lambda *_: pytest.fail("fitted again"))
+    monkeypatch.setattr("eclsim.identification.cohort_fit.fit_cases", lambda *_: pytest.fail("fitted again"))
     assert fit_cohort(points, QUICK, store) == both
 
 
@@ -162,7 +224,7 @@ def test_a_point_without_any_steady_beat_is_kept_as_such(points, tmp_path, monke
         np.full(2, np.nan), np.full(6, np.nan), np.inf, np.full((6, 2), np.nan),
         Starts(none, none, flat, flat, flat > 0), 20, 20, FitStatus.NO_STEADY_BEAT,
     )  # fmt: skip
-    monkeypatch.setattr("eclsim.studies.identification.identify", lambda *_: [nothing])
+    monkeypatch.setattr("eclsim.identification.fit.identify", lambda *_: [nothing])
     store = FitStore(tmp_path, "abc", QUICK)
     store.open(resume=False, force=False)
     (result,) = fit_cohort(points[:1], QUICK, store)

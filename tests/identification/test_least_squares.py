@@ -58,19 +58,32 @@ def test_a_start_does_not_depend_on_the_others():
     np.testing.assert_array_equal(together.x[1], alone.x[0])
 
 
-def test_a_step_stays_inside_and_promises_what_a_linear_model_gives():
+def random_steps(count: int):
+    """Steps of random linear problems beside the best there are inside the bounds (SciPy's lsq_linear)."""
     generator = np.random.default_rng(3)
-    for _ in range(30):
-        jacobian, residuals = generator.normal(size=(5, 3)), generator.normal(size=5)
-        x, space = generator.uniform(-0.9, 0.9, 3), box(-1, 1, 3)
+    for _ in range(count):
+        jacobian, residuals = generator.normal(size=(5, 3)), 0.7 * generator.normal(size=5)
+        # No way across this box is longer than a step may be.
+        x, space = generator.uniform(-0.05, 0.05, 3), box(-0.8, 0.8, 3)
         step, promised = bounded_step(jacobian, residuals, x, space, 1e-12)
-        assert np.all(np.abs(x + step) <= 1.0 + 1e-12)
+        assert np.all(np.abs(x + step) <= 0.8 + 1e-12)
         after = residuals + jacobian @ step
         assert promised == pytest.approx(residuals @ residuals - after @ after)
-        best = lsq_linear(jacobian, -residuals, (-1.0 - x, 1.0 - x))
-        if best.active_mask.any() or np.abs(best.x).max() > 1.5:
-            continue
-        np.testing.assert_allclose(step, best.x, atol=1e-6)
+        best = lsq_linear(jacobian, -residuals, (-0.8 - x, 0.8 - x), tol=1e-12)
+        yield step, promised, best, float(residuals @ residuals - 2.0 * best.cost)
+
+
+def test_a_step_inside_the_bounds_is_the_best_there_is():
+    inside = [(step, best.x) for step, _, best, _ in random_steps(200) if not best.active_mask.any()]
+    assert len(inside) > 80
+    for step, best in inside:
+        np.testing.assert_allclose(step, best, atol=1e-6)
+
+
+def test_a_step_against_the_bounds_gains_as_much_as_the_best():
+    gains = [promised / ideal for _, promised, best, ideal in random_steps(200) if best.active_mask.any()]
+    assert len(gains) > 40
+    np.testing.assert_allclose(gains, 1.0, rtol=1e-9)
 
 
 def test_explored_points_fill_the_box_the_same_way_for_a_seed():

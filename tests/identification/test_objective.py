@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from eclsim.devices.ecmo import ecmo
 from eclsim.identification.least_squares import EXACT, refine
 from eclsim.identification.objective import Box, Objective, Target
 from eclsim.identification.polishing import polish
 from eclsim.identification.slices import slices
-from eclsim.models import circulation, ecmo
-from eclsim.solver.model import Model, model_of, nominal_values
+from eclsim.orbit.model import Model, model_of, nominal_values
+from eclsim.patient.circulation import circulation
 
 HERE = np.zeros(1, dtype=int)
 TRUE_X = np.log([[0.85, 1.3]])

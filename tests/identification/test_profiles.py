@@ -1,10 +1,11 @@
-"""Profiles and alternatives on problems that are known, and polishing where a slope has a kink."""
+"""Profiles and alternatives on problems that are known, and polishing where slopes have a crease."""
 
 import numpy as np
 
 from eclsim.identification.alternatives import alternatives
 from eclsim.identification.least_squares import EXACT, refine
 from eclsim.identification.objective import Box
+from eclsim.identification.outcome import Ending
 from eclsim.identification.polishing import polish
 from eclsim.identification.profiles import elsewhere, profiles
 from function_objective import FunctionObjective
@@ -56,11 +57,23 @@ def test_nothing_undetermined_needs_no_fit():
     assert np.all(np.abs(values) > 0.5)
 
 
-def test_polishing_leaves_a_kink_behind():
-    def kinked(x: np.ndarray) -> np.ndarray:
-        slope = np.where(x[:, 0] > 0.4, 1.0, 8.0)
-        return np.stack([slope * (x[:, 0] - 0.4) + 0.3, 1.0 + 0.9 * (x[:, 0] - x[:, 1])], axis=1)
+def along_a_crease(x: np.ndarray) -> np.ndarray:
+    """Least, 1, at (-0.5, -0.5), down a crease that no slope on either side of it points along."""
+    return np.stack([1.0 + 3.0 * np.abs(x[:, 0] - x[:, 1]), 0.5 * (x[:, 0] + x[:, 1] + 1.0)], axis=1)
 
-    objective = FunctionObjective(kinked)
-    stopped = refine(objective, np.zeros(1, dtype=int), np.array([[1.5, 1.0]]), BOX, EXACT)
-    assert polish(objective, 0, stopped, BOX, EXACT).costs[0] <= stopped.costs[0]
+
+def test_polishing_goes_on_where_a_crease_has_stopped_the_slopes():
+    objective, start = FunctionObjective(along_a_crease), np.array([[-1.0, 0.5]])
+    stopped = refine(objective, np.zeros(1, dtype=int), start, BOX, EXACT)
+    assert stopped.endings[0] == Ending.SETTLED
+    assert stopped.costs[0] > 1.02
+    polished = polish(objective, 0, stopped, BOX, EXACT)
+    assert 1.0 <= polished.costs[0] < 1.0 + 0.5 * (stopped.costs[0] - 1.0)
+    np.testing.assert_allclose(objective.evaluate(np.zeros(1, dtype=int), polished.x).costs, polished.costs)
+
+
+def test_polishing_without_iterations_stays():
+    objective, start = FunctionObjective(along_a_crease), np.array([[-1.0, 0.5]])
+    stopped = refine(objective, np.zeros(1, dtype=int), start, BOX, EXACT)
+    same = polish(objective, 0, stopped, BOX, EXACT, most_iterations=0)
+    np.testing.assert_array_equal(same.x, stopped.x)

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eclsim.haemodynamics.dataset import simulate
+from eclsim.cases.case import Case, Measurements, Patient
+from eclsim.cases.cohort import CohortPoint
+from eclsim.identification.cohort_fit import FitStore, fit_cohort
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.objective import Box, Objective, Target
+from eclsim.identification.settings import FitSettings
 from eclsim.identification.shared import JointObjective, fit_together
+from eclsim.orbit.model import model_of
+from eclsim.outputs.dataset import simulate
 from eclsim.parameters.identification import BOUNDS
-from eclsim.patients.case import Case, Measurements, Patient
-from eclsim.patients.cohort import CohortPoint
-from eclsim.solver.model import model_of
-from eclsim.studies.cohort_fit import FitStore, fit_cohort
-from eclsim.studies.fit_settings import FitSettings
 
 MEASURED = ("SP", "DP", "MAP", "MPAP", "CO")
 TRUTH = ({"Csart": 1.4, "Rmc": 0.8}, {"Csart": 1.4, "Rmc": 0.5})

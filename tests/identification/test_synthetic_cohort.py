@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from eclsim.cases.cohort import read_cohort
+from eclsim.identification.fit import fit_cases
 from eclsim.identification.least_squares import EXACT, refine
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.objective import Box, Objective, Target
 from eclsim.identification.polishing import polish
-from eclsim.patients.cohort import read_cohort
-from eclsim.solver.model import model_of
-from eclsim.studies.fit_settings import FitSettings, checked_fit
-from eclsim.studies.identification import fit_cases
+from eclsim.identification.settings import FitSettings, checked_fit
+from eclsim.orbit.model import model_of
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 TWINS = Path(__file__).parents[2] / "benchmarks" / "data"

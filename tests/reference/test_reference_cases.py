@@ -20,4 +20,4 @@ def test_outputs_and_volumes_are_those_of_the_published_code(name: str):
 def test_waveforms_are_those_of_the_published_code_or_the_difference_is_explained(name: str):
     rows = waveform_rows(name)
     assert len(rows) >= 90
-    assert [(r.name, r.expected, r.got) for r in rows if not r.holds and not r.explanation] == []
+    assert [(r.name, r.expected, r.got) for r in rows if not r.holds and not r.explained] == []

@@ -2,17 +2,21 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from eclsim.cases import read_case
 from eclsim.cli import main
-from eclsim.patients import read_case
-from eclsim.sensitivity.analysis import analyse, plan_analysis
-from eclsim.sensitivity.case_inputs import CARDIOVASCULAR, SCHEMES, InputError
+from eclsim.orbit.status import Status
+from eclsim.sensitivity.analysis import analyse, conclude, plan_analysis
+from eclsim.sensitivity.case_inputs import CARDIOVASCULAR, SCHEMES, InputError, varied
 from eclsim.sensitivity.evaluation import evaluate_block
 from eclsim.sensitivity.inputs import Categorical
-from eclsim.sensitivity.states import TARGETS, state_values
+from eclsim.sensitivity.states import TARGETS, StateError, state_values
+from eclsim.sensitivity.uncertainties import Uncertainty
+from eclsim.validation.cases import DATA
 
 CASE = """
 format = 1
@@ -79,9 +83,27 @@ def test_groups_and_inputs_of_the_devices(crrt_case):
     assert sizes.levels == ("15 Fr", "17 Fr", "19 Fr", "21 Fr")
 
 
+def test_a_group_holds_what_its_unit_measures_and_nothing_by_its_first_letter(case):
+    names = ("Rmc", "RV_Pd_kappa", "Csart", "CQao", "Lao", "LV_Pd_alpha", "Emaxlv", "etaB")
+    design = plan_analysis(case, samples=8, parameters=names, groups=("R", "C", "L", "E")).design
+    assert design.groups == ("R", "RV_Pd_kappa", "C", "CQao", "L", "LV_Pd_alpha", "E", "etaB")
+    with pytest.raises(InputError, match="group C: none of the parameters varied is one of the compliances"):
+        plan_analysis(case, samples=8, parameters=("Rmc", "CQao"), groups=("R", "C"))
+
+
+@pytest.mark.parametrize(
+    ("value", "said"), [(-1.0, "P0svn: the perturbation reaches -1.25 to -0.75"), (0.0, "vary")]
+)
+def test_a_negative_value_is_varied_like_any_other(case, value, said):
+    """It is outside of its range, or not; a percentage of it varies it all the same."""
+    base = {"P0svn": value}
+    with pytest.raises(InputError, match=said):
+        varied(case, base, ("P0svn",))
+
+
 def test_each_scheme_in_a_batch_is_that_scheme_alone(crrt_case):
-    from eclsim.haemodynamics.dataset import simulate
-    from eclsim.solver.model import model_of
+    from eclsim.orbit.model import model_of
+    from eclsim.outputs.dataset import simulate
 
     plan = plan_analysis(
         crrt_case, parameters=(), include=("crrt.scheme",), samples=8, outputs=("MAP", "crrt_access_pressure")
@@ -125,9 +147,17 @@ def test_the_paper_s_parameters_lead(case):
     assert "Lpas" not in result.union()
 
 
+def test_no_state_is_solved_from_beats_that_were_not_found(case):
+    weak = {"Csart": 1.97, "Edla": 1.14, "Emaxlv": 1.57, "Emaxrv": 0.0228, "Rmc": 6.7, "Rpmc": 0.428}
+    from eclsim.orbit.model import model_of
+
+    with pytest.raises(StateError, match=r"at Rmc = .* no steady beat \((no_ejection|not_converged)\)"):
+        state_values(model_of(case).with_values(weak), "normal")
+
+
 def test_states_have_their_pressure(case):
-    from eclsim.haemodynamics.dataset import simulate
-    from eclsim.solver.model import model_of
+    from eclsim.orbit.model import model_of
+    from eclsim.outputs.dataset import simulate
 
     model = model_of(case)
     values = {state: state_values(model, state) for state in TARGETS}
@@ -136,13 +166,29 @@ def test_states_have_their_pressure(case):
     assert values["hypotensive"]["Rmc"] < values["normal"]["Rmc"] < values["hypertensive"]["Rmc"]
 
 
-def test_a_heart_that_stops_ejecting_is_named_and_its_rows_left_out(case):
-    plan = plan_analysis(case, samples=16, parameters=("Emaxlv", "Rmc"), perturbation_percent=20.0)
+def test_a_heart_that_stops_ejecting_is_named_and_its_rows_left_out(tmp_path):
+    weak = "\n[parameters]\nEmaxlv = 0.12\nEmaxrv = 0.1\n"
+    file = tmp_path / "weak.toml"
+    file.write_text(CASE.replace("3425", "4500") + weak)
+    plan = plan_analysis(
+        read_case(file).case, samples=8, parameters=("Emaxrv", "Rmc"), perturbation_percent=60.0
+    )
     found = evaluate_block(plan.design, plan.evaluator, 0)
-    assert (found.status == 0).all()
-    hopeless = plan.evaluator({"Emaxlv": np.array([1.8, -5.0]), "Rmc": np.array([0.5, np.nan])}, 2)
-    assert hopeless.status[0] == 0
-    assert hopeless.status[1] != 0
+    stopped = found.status == Status.NO_EJECTION
+    rows = stopped.reshape(8, -1).any(axis=1)
+    assert 2 <= (~rows).sum() < 8
+    indices = conclude(plan.design, plan.evaluator.outputs, found).indices
+    assert {run.run for run in indices.failed} == set(np.flatnonzero(found.status))
+    assert {run.status for run in indices.failed} >= {"no_ejection"}
+    assert indices.rows_used == (found.status == 0).reshape(8, -1).all(axis=1).sum()
+    # What a failed run computed changes nothing: its row is left out of every estimate.
+    absurd = replace(found, values=np.where(found.status[:, None] == 0, found.values, 1e6))
+    again = conclude(plan.design, plan.evaluator.outputs, absurd).indices
+    np.testing.assert_array_equal(again.estimates.ST, indices.estimates.ST)
+    kept = replace(found, status=np.zeros_like(found.status), values=absurd.values)
+    assert not np.array_equal(
+        conclude(plan.design, plan.evaluator.outputs, kept).indices.estimates.ST, indices.estimates.ST
+    )
 
 
 def test_the_command_writes_json_tables_figures_and_samples(case_file, tmp_path, capsys):
@@ -166,7 +212,7 @@ def test_the_command_writes_json_tables_figures_and_samples(case_file, tmp_path,
     drawn = {"bars", "convergence", "distributions", "pairs", "sums", "total_less_first_order", "total_order"}
     assert {p.stem for p in (out / "figures").glob("*.svg")} >= drawn - {"convergence"}
     shown = capsys.readouterr().out
-    assert "union" in shown
+    assert "marked * for at least one output: Rmc, Emaxlv" in shown
     assert "econd order" in shown
     # What stands is not overwritten, unless asked.
     assert run_command("sensitivity", case_file, *options) == 2
@@ -231,3 +277,51 @@ def test_only_what_was_measured_counts(case_file):
     found = analyse_identifiability(raw_case, parameters=("Rmc", "Emaxlv", "Csart"))
     assert found.scaled.outputs == ("MAP", "CO")
     assert len(found.proposal.chosen) <= 2
+
+
+def test_percentages_are_those_of_what_was_measured(case_file, capsys):
+    from eclsim.sensitivity.case_identifiability import analyse_identifiability
+
+    settings = ["measurements.CO=1.4", "measurements.MAP=80"]
+    case = read_case(case_file, settings).case
+    found = analyse_identifiability(case, parameters=("Rmc", "Emaxlv"))
+    assert found.uncertainties == {"MAP": 3.0, "CO": pytest.approx(0.14)}
+    assert found.simulated["CO"] > 3.0
+    assert found.far_off["CO"] == pytest.approx((found.simulated["CO"] - 1.4) / 0.14)
+    # The scaled sensitivity is in these uncertainties.
+    wide = {"CO": Uncertainty(1.4)}
+    wider = analyse_identifiability(case, parameters=("Rmc", "Emaxlv"), uncertainties=wide)
+    np.testing.assert_allclose(found.scaled.matrix[1], 10.0 * wider.scaled.matrix[1])
+    # Nothing measured: of what the model gives.
+    free = analyse_identifiability(
+        read_case(case_file, []).case, parameters=("Rmc", "Emaxlv"), outputs=("CO",)
+    )
+    assert free.measured == {}
+    assert free.uncertainties["CO"] == pytest.approx(0.1 * free.simulated["CO"])
+    options = [word for setting in settings for word in ("--set", setting)]
+    assert run_command("identifiability", case_file, "--parameters", "Rmc,Emaxlv", *options) == 0
+    assert "fit the case first" in capsys.readouterr().out
+
+
+def test_a_flow_measured_as_0_has_an_uncertainty(case_file):
+    from eclsim.sensitivity.case_identifiability import analyse_identifiability
+
+    case = read_case(case_file, ["measurements.CO=0", "measurements.MAP=80"]).case
+    found = analyse_identifiability(case, parameters=("Rmc", "Emaxlv"))
+    assert found.uncertainties["CO"] == pytest.approx(0.01)
+    assert np.isfinite(found.scaled.matrix).all()
+
+
+def test_a_patient_without_a_steady_beat_is_not_ranked(tmp_path, capsys):
+    file = DATA / "cases" / "va_ecmo_default.toml"
+    still = [v for s in ("Emaxlv=0.05", "Emaxrv=0.02", "ecmo.speed_rpm=4500") for v in ("--set", s)]
+    assert run_command("identifiability", file, *still, "--out", tmp_path / "out", "--json", "-") == 1
+    said = capsys.readouterr()
+    found = json.loads(said.out)
+    assert found["id"] == "va_ecmo_default"
+    assert found["status"] in ("singular", "no_ejection")
+    assert found.keys() == {"id", "status", "message"}
+    assert "nothing is ranked, because there are no derivatives" in found["message"]
+    assert found["message"] in said.err
+    assert json.loads((tmp_path / "out" / "identifiability.json").read_text()) == found
+    assert not (tmp_path / "out" / "figures").exists()

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from SALib.sample import sobol as salib_sampler
 
+from eclsim.sensitivity import analysis
 from eclsim.sensitivity.design import Design, DesignError
 from eclsim.sensitivity.inputs import Categorical, Continuous
 
@@ -70,3 +71,11 @@ def test_a_choice_follows_its_own_coordinate():
 def test_impossible_designs_say_what_is_allowed(change, said):
     with pytest.raises(DesignError, match=said):
         Design(**({"inputs": INPUTS, "samples": 8} | change))
+
+
+def test_a_design_that_does_not_fit_into_memory_is_refused_with_what_does(monkeypatch):
+    monkeypatch.setattr(analysis, "_memory_bytes", lambda: 1e9)
+    inputs = tuple(Continuous(f"x{k}", 0.0, 1.0) for k in range(24))
+    analysis.check_memory(Design(inputs, 8192), 7)
+    with pytest.raises(DesignError, match=r"up to 8192 rows"):
+        analysis.check_memory(Design(inputs, 4194304), 7)

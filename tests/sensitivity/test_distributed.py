@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from eclsim.patients.reading import read_mapping
+from eclsim.cases.reading import read_mapping
 from eclsim.sensitivity.analysis import plan_analysis, run_analysis
 from eclsim.sensitivity.distributed import UnreachableError, on_dask
 from eclsim.sensitivity.store import SAMPLES, Store
@@ -27,12 +27,13 @@ def test_dask_gives_the_identical_file(tmp_path, plan, open_store):
     pytest.importorskip("dask.distributed")
     from dask.distributed import LocalCluster
 
+    before = dict(os.environ)
     run_analysis(plan, open_store(tmp_path / "here"))
     # Threads of this process: workers in processes of their own could not import this test's function.
     threads = LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None)
     with threads as cluster, on_dask(cluster.scheduler_address) as execute:
         run_analysis(plan, open_store(tmp_path / "there"), execute=execute)
-    os.environ.pop("ECLSIM_THREADS", None)  # what a worker sets in its own process
+    assert dict(os.environ) == before, "a worker leaves the environment as it is"
     assert (tmp_path / "there" / SAMPLES).read_bytes() == (tmp_path / "here" / SAMPLES).read_bytes()
 
 

@@ -92,10 +92,21 @@ def test_the_proposal_gives_a_reason_for_each_parameter_left_out():
 
 def test_a_set_that_cannot_be_told_apart_is_not_proposed():
     near = {"p": [10.0, 0.0, 0.0], "q": [100.0, 5.0, 0.0], "r": [0.0, 0.0, 5.0]}
-    loose, strict = propose(scaled(near), limit=50.0), propose(scaled(near), limit=5.0)
-    assert set(loose.chosen) == {"p", "q", "r"} - ({"p"} if "p" in loose.excluded else set())
+    # The index of p and q is 28; half an uncertainty of p's effect is its own.
+    loose, strict = (propose(scaled(near), limit=limit, threshold=0.1) for limit in (50.0, 5.0))
+    assert set(loose.chosen) == {"p", "q", "r"}
+    assert loose.excluded == {}
     assert set(strict.chosen) == {"q", "r"}
     assert "cannot be told from q" in strict.excluded["p"]
+
+
+def test_a_parameter_with_next_to_no_effect_of_its_own_is_not_proposed():
+    near = {"p": [10.0, 0.0, 0.0], "q": [100.0, 5.0, 0.0], "r": [0.0, 0.0, 5.0]}
+    found = propose(scaled(near), limit=50.0, threshold=1.0)
+    assert set(found.chosen) == {"q", "r"}
+    assert found.excluded["p"] == (
+        "nearly all its effect is that of q: 0.5 uncertainties are its own (needed 1)"
+    )
 
 
 def test_better_measurements_identify_more():
@@ -116,6 +127,12 @@ def test_uncertainties_are_absolute_or_relative():
 @pytest.mark.parametrize("text", ["SP", "SP=", "SP=abc", "SP=-1", "CO=0%", "CO=inf"])
 def test_wrong_uncertainties_say_what_is_allowed(text):
     with pytest.raises(InputError, match="CO=10%"):
+        read_uncertainties(text)
+
+
+@pytest.mark.parametrize(("text", "words"), [("SP=4,SP=5", "given twice"), ("CO=400%", "says nothing")])
+def test_contradictory_uncertainties_are_refused(text, words):
+    with pytest.raises(InputError, match=words):
         read_uncertainties(text)
 
 

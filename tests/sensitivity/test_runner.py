@@ -1,3 +1,4 @@
+import os
 import random
 from dataclasses import replace
 
@@ -7,9 +8,10 @@ import pytest
 
 import eclsim.sensitivity.store as store_module
 from eclsim.sensitivity.analysis import conclude, run_analysis
-from eclsim.sensitivity.evaluation import evaluate_block
-from eclsim.sensitivity.runner import run_blocks
+from eclsim.sensitivity.evaluation import SteadyBeatEvaluator, evaluate_block
+from eclsim.sensitivity.runner import in_threads, run_blocks
 from eclsim.sensitivity.store import SAMPLES, Store, StoreError
+from eclsim.validation.cases import reference_model
 
 MOMENTS = 50
 
@@ -185,3 +187,34 @@ def test_when_every_row_has_failed_it_says_so(plan):
     broken = replace(found, status=np.ones_like(found.status))
     with pytest.raises(ValueError, match="256 of 256 rows have a failed run"):
         conclude(replace(plan.design, samples=256), plan.evaluator.outputs, broken)
+
+
+@pytest.mark.parametrize("chosen", [None, "2"])
+def test_blocks_run_in_one_thread_each_and_leave_the_environment_alone(plan, chosen, monkeypatch):
+    """Also while the results are read one by one, and for what runs beside them."""
+    monkeypatch.delenv("ECLSIM_THREADS", raising=False)
+    if chosen:
+        monkeypatch.setenv("ECLSIM_THREADS", chosen)
+    before = dict(os.environ)
+    results = in_threads(plan.design, plan.evaluator, list(range(plan.design.blocks)))
+    for _ in results:
+        assert dict(os.environ) == before
+        break
+    results.close()
+    assert dict(os.environ) == before
+
+
+def test_a_steady_beat_of_a_design_takes_one_thread(monkeypatch):
+    asked = []
+
+    def spied(function, jobs, parallel=None):
+        asked.append(parallel)
+        return [function(job) for job in jobs]
+
+    monkeypatch.setattr("eclsim.orbit.steady.map_parallel", spied)
+    monkeypatch.setattr("eclsim.outputs.evaluation.map_parallel", spied)
+    patient = reference_model("cvs_healthy_75bpm")
+    evaluator = SteadyBeatEvaluator(patient.circuit, patient.values, ("MAP",), "as_published", 1)
+    found = evaluator({"Rmc": np.linspace(0.4, 0.6, 8)}, 8)
+    assert np.isfinite(found.values).all()
+    assert asked == [1, 1]

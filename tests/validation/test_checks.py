@@ -5,7 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eclsim.validation import cross_solver, devices, effects, gradients, healthy, robustness, shi_hose
+from eclsim.validation import (
+    cross_solver,
+    devices,
+    effects,
+    gradients,
+    healthy,
+    paper,
+    robustness,
+    shi_hose,
+)
 from eclsim.validation.cases import reference_model
 
 
@@ -16,15 +25,13 @@ def names(rows):
 def test_shi_hose_scalars():
     (check,) = shi_hose.checks()
     assert len(check.rows) == 42
-    # The peaks of valve flows and the smallest pressure of the ventricle are the hardest on the grid.
-    assert all(row.used < 5.0 for row in check.rows)
-    assert sum(row.holds for row in check.rows) >= 39
+    assert check.missed == ()
 
 
 def test_derivatives_agree_with_the_published_code():
     default, finer, own = gradients.checks()
     assert len(default.rows) == len(finer.rows) == len(own.rows) == 98
-    assert max(row.used for row in default.rows) < 1.5
+    assert default.missed == ()
     assert finer.missed == ()
     assert own.missed == ()
 
@@ -80,22 +87,49 @@ def test_a_false_steady_beat_and_a_silent_nan_are_seen():
 def test_devices_show_what_misses():
     (check,) = devices.checks()
     assert not check.required
-    heads = [row for row in check.rows if row.name.startswith("HM3")]
-    assert len(heads) == 37
-    assert sum(row.holds for row in heads) >= 35
-    assert "Rotaflow head, 3000 rpm 4.2 L/min" in names(check.missed)
+    assert len(check.rows) == 51
+    assert sorted(names(check.missed)) == [
+        "HM3 head, 6000 rpm 7.4 L/min",
+        "HM3 head, 8000 rpm 10 L/min",
+        "HMII head, 10000 rpm 3.93 L/min",
+        "HMII head, 10000 rpm 6.63 L/min",
+        "HMII head, 8000 rpm 4.64 L/min",
+        "HMII head, 9000 rpm 4.32 L/min",
+        "HMII head, 9000 rpm 7.21 L/min",
+        "Rotaflow head, 3000 rpm 4.2 L/min",
+        "arterial flow, 19 Fr 200 mmHg (Biomedicus)",
+    ]
 
 
-def test_healthy_adult_is_mostly_within_the_norms():
+def test_healthy_adult_is_within_the_norms_but_for_three():
     (check,) = healthy.checks()
-    assert check.share > 0.85
-    assert "native cardiac output" in names(check.missed)
+    assert len(check.rows) == 23
+    assert names(check.missed) == [
+        "RV systolic pressure",
+        "systolic pulmonary artery pressure",
+        "native cardiac output",
+    ]
 
 
 @pytest.mark.slow
-def test_published_effects_have_mostly_the_right_sign():
-    rows = [row for check in effects.checks() for row in check.rows if row.name.endswith("sign")]
-    wrong = [row.name for row in rows if not row.holds]
-    assert len(rows) >= 15
-    assert len(wrong) <= 4
-    assert all(row.explanation for row in rows if not row.holds)
+def test_signs_of_published_effects_that_are_wrong_are_those_of_the_left_ventricle_on_ecmo():
+    checks = effects.checks()
+    rows = [row for check in checks for row in check.rows if row.name.endswith("sign")]
+    assert len(rows) == 18
+    assert [row.name for row in rows if not row.holds] == [
+        "Ostadal 2015: stroke work of the left ventricle: sign",
+        "Hala 2020: end-diastolic pressure of the left ventricle: sign",
+        "Hala 2020: end-diastolic volume of the left ventricle: sign",
+        "Hala 2020: stroke work of the left ventricle: sign",
+    ]
+    assert not any(row.explained for check in checks for row in check.rows)
+    assert checks[0].remarks
+
+
+@pytest.mark.slow
+def test_what_differs_from_the_text_of_the_paper_is_explained_by_its_patients_blood_volume_but_once():
+    (check,) = paper.checks()
+    assert len(check.rows) == 34
+    assert len(check.missed) == 8
+    unexplained = [row.name for row in check.missed if not row.explained]
+    assert unexplained == ["CRRT return pressure, 3425 rpm, of scheme c"]

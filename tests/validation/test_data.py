@@ -6,9 +6,15 @@ import json
 import numpy as np
 import pytest
 
-from eclsim.parameters.devices import CANNULAE, PUMPS
+from eclsim.devices.constants import CANNULAE, PUMPS
 from eclsim.validation.cases import DATA, PAPER_PATIENT, case_names, reference_case
-from eclsim.validation.reference_cases import QUICK, expected_results, explained
+from eclsim.validation.reference_cases import (
+    OF_RANGE,
+    QUICK,
+    WAVEFORM_ABSOLUTE,
+    expected_results,
+    explanation,
+)
 
 TABLES = sorted(path.name for path in DATA.glob("*.csv"))
 
@@ -68,8 +74,28 @@ def test_every_file_is_described():
     assert [name for name in names if f"`{name}`" not in readme] == []
 
 
-def test_an_exception_counts_only_if_the_published_laws_give_the_published_number():
-    label = "s4_crrt_g_5000 Qpas max"
-    assert explained(label, expected=5.449248, tolerance=2.0)
-    assert not explained(label, expected=8.0, tolerance=2.0)
-    assert not explained("s4_crrt_g_5000 Qpas min", expected=5.449248, tolerance=2.0)
+def tolerance(statistic: str) -> tuple[float, float]:
+    """Expected number of a statistic of a waveform, and its tolerance."""
+    case, signal, kind = statistic.split()
+    numbers = expected_results()[case]["waveforms"][signal]
+    return numbers[kind], max(OF_RANGE * (numbers["max"] - numbers["min"]), WAVEFORM_ABSOLUTE[signal[0]])
+
+
+@pytest.mark.parametrize("row", table("published_laws.csv"), ids=lambda row: row["statistic"])
+def test_an_exception_counts_only_for_the_number_it_was_shown_for(row: dict[str, str]):
+    statistic, own = row["statistic"], float(row["eclsim"])
+    expected, allowed = tolerance(statistic)
+    shown = explanation(statistic, expected, own, allowed)
+    assert shown is not None
+    assert shown.holds
+    for got in (own + 0.5 * allowed, own - 0.5 * allowed, own - 50.0, float("nan")):
+        regressed = explanation(statistic, expected, got, allowed)
+        assert regressed is not None
+        assert not regressed.holds
+    other = explanation(statistic, expected + allowed, own, allowed)
+    assert other is not None
+    assert not other.holds
+
+
+def test_a_statistic_that_the_published_laws_were_not_tried_for_has_no_explanation():
+    assert explanation("s4_crrt_g_5000 Qpas min", 0.0, 1.0, 2.0) is None

@@ -4,7 +4,10 @@ import math
 import numpy as np
 import pytest
 
-from eclsim.validation.rows import Check, Row, at_least, at_most, near, worst
+from eclsim.validation.rows import Check, Explanation, Row, at_least, at_most, near, worst
+
+SHOWN = Explanation("known", (near("with the reason taken away", 1.0, 1.05, 0.1),))
+NO_LONGER_SHOWN = Explanation("known", (near("with the reason taken away", 1.0, 1.5, 0.1),))
 
 
 def test_a_row_holds_up_to_its_tolerance_on_both_sides():
@@ -22,7 +25,7 @@ def test_a_number_that_is_none_never_holds(row: Row):
 
 
 def test_rows_of_array_numbers_are_plain_data():
-    from eclsim.report.validation_json import validation_object
+    from eclsim.validation.json_object import validation_object
 
     rows = (
         near("a", np.float64(1.0), np.float64(1.0), np.float64(0.1)),
@@ -64,7 +67,7 @@ def test_worst_row_takes_most_of_its_own_tolerance():
 
 
 def test_an_explained_miss_is_a_miss_and_excused_only_where_the_bar_allows():
-    rows = (near("good", 1.0, 1.0, 0.1), near("bad", 1.0, 2.0, 0.1, explanation="known"))
+    rows = (near("good", 1.0, 1.0, 0.1), near("bad", 1.0, 2.0, 0.1, explanation=SHOWN))
     strict = Check("k", "t", "b", rows)
     allowed = Check("k", "t", "b", rows, explained_pass=True)
     assert [row.name for row in strict.missed] == [row.name for row in allowed.missed] == ["bad"]
@@ -74,8 +77,17 @@ def test_an_explained_miss_is_a_miss_and_excused_only_where_the_bar_allows():
 
 
 def test_an_unexplained_miss_is_never_excused():
-    rows = (near("bad", 1.0, 2.0, 0.1), near("known", 1.0, 2.0, 0.1, explanation="known"))
+    rows = (near("bad", 1.0, 2.0, 0.1), near("known", 1.0, 2.0, 0.1, explanation=SHOWN))
     assert not Check("k", "t", "b", rows, explained_pass=True).holds
+
+
+@pytest.mark.parametrize("explanation", [NO_LONGER_SHOWN, Explanation("claimed", ()), None])
+def test_an_explanation_counts_only_while_its_evidence_holds(explanation: Explanation | None):
+    row = near("bad", 1.0, 2.0, 0.1, explanation=explanation)
+    assert row.explained == ""
+    assert not Check("k", "t", "b", (row,), explained_pass=True).holds
+    assert near("bad", 1.0, 2.0, 0.1, explanation=SHOWN).explained == "known"
+    assert near("good", 1.0, 1.0, 0.1, explanation=SHOWN).explained == ""
 
 
 def test_a_check_without_rows_does_not_hold():

@@ -16,17 +16,17 @@ from eclsim.app.circuits import page_circuit
 from eclsim.app.session import WAVES
 from eclsim.app.state import key_of
 from eclsim.app.studies import RAMP_OUTPUTS, SPEEDS, plain_curve, speed_range
+from eclsim.beat.heartbeat import beat_program
+from eclsim.beat.resolution import needed_resolution
+from eclsim.beat.vectorisation import LANES
 from eclsim.circuit.assembly import assemble
-from eclsim.haemodynamics.evaluation import needed_signals, output_names
-from eclsim.haemodynamics.measures import Measures
-from eclsim.haemodynamics.outputs import output
-from eclsim.haemodynamics.signals import whole_beat
-from eclsim.solver.beat import beat_program
-from eclsim.solver.lanes import LANES
-from eclsim.solver.resolution import needed_resolution
-from eclsim.solver.status import Status
-from eclsim.solver.steady import Batch, steady_beats
-from eclsim.uncertainty.members import SETTLED
+from eclsim.identification.batch_outputs import SETTLED
+from eclsim.orbit.status import Status
+from eclsim.orbit.steady import Batch, steady_beats
+from eclsim.outputs.evaluation import needed_signals, output_names
+from eclsim.outputs.measures import Measures
+from eclsim.outputs.registry import output
+from eclsim.outputs.signals import whole_beat
 
 if TYPE_CHECKING:
     from eclsim.app.members import Members

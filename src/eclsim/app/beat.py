@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from eclsim.app.circuits import page_circuit
-from eclsim.haemodynamics.alarms import findings
-from eclsim.haemodynamics.dataset import outcome
-from eclsim.haemodynamics.evaluation import output_names
-from eclsim.haemodynamics.measures import Measures
-from eclsim.haemodynamics.outputs import output
-from eclsim.haemodynamics.recirculation import recirculated_fraction
-from eclsim.haemodynamics.signals import unstressed_volume, whole_beat
-from eclsim.parameters.devices import OXYGENATORS
-from eclsim.solver.beat import beat_program
-from eclsim.solver.model import circuit_of
-from eclsim.solver.recording import MEAN, RATE
-from eclsim.solver.status import Status
-from eclsim.solver.steady import Batch, steady_beats
+from eclsim.beat.heartbeat import beat_program
+from eclsim.beat.recording import MEAN, RATE
+from eclsim.devices.constants import OXYGENATORS
+from eclsim.orbit.model import circuit_of
+from eclsim.orbit.status import Status
+from eclsim.orbit.steady import Batch, steady_beats
+from eclsim.outputs.alarms import CAUTION, Finding, findings, impossible
+from eclsim.outputs.dataset import outcome
+from eclsim.outputs.evaluation import output_names
+from eclsim.outputs.limits import PLACES, level, place_level
+from eclsim.outputs.measures import Measures
+from eclsim.outputs.recirculation import recirculated_fraction
+from eclsim.outputs.registry import output
+from eclsim.outputs.signals import unstressed_volume, whole_beat
 
 if TYPE_CHECKING:
     from eclsim.app.state import PageState
@@ -42,7 +43,7 @@ class Beat:
         waves: waveforms at `POINTS` even phases; pressures [mmHg], flows [mL/s], volumes [mL].
         means: means of all pressures and flows.
         outputs: scalar outputs by name.
-        notes: limits that are broken, as (kind, sentence).
+        findings: limits that are broken and how numbers are to be read, the gravest first.
         status: how the search for the beat ended.
         message: in words.
     """
@@ -53,7 +54,7 @@ class Beat:
     waves: Mapping[str, np.ndarray]
     means: Mapping[str, float]
     outputs: Mapping[str, float]
-    notes: tuple[tuple[str, str], ...]
+    findings: tuple[Finding, ...]
     status: Status
     message: str
 
@@ -61,6 +62,23 @@ class Beat:
     def converged(self) -> bool:
         """Whether there is a steady beat."""
         return self.status is Status.CONVERGED
+
+    @property
+    def possible(self) -> bool:
+        """Whether it can be the beat of a patient: no chamber without blood, no vessel sucked shut."""
+        return not impossible(self.findings)
+
+    def levels(self) -> dict[str, str]:
+        """How each output stands to its limits: "ok", "warning", "alarm" or "collapse"."""
+        return {name: level(name, value, self.outputs) for name, value in self.outputs.items()}
+
+    def place_levels(self) -> dict[str, str]:
+        """The same for each compartment; one that has collapsed is marked whatever its mean pressure."""
+        found = {name: place_level(name, self.outputs) for name in PLACES}
+        for finding in self.findings:
+            if finding.kind == "collapse" and finding.quantity[1:] in found:
+                found[finding.quantity[1:]] = "collapse"
+        return found
 
 
 def compute_beat(state: PageState, near: Mapping[str, float] | None = None) -> Beat:
@@ -71,7 +89,7 @@ def compute_beat(state: PageState, near: Mapping[str, float] | None = None) -> B
         near: parameter values of the same circuit to start the search from.
     """
     circuit, values = page_circuit(state.case)
-    steady = steady_beats(Batch(circuit, values, 1, state.policy), near=near)
+    steady = steady_beats(Batch(circuit, values, 1, state.policy), near=near, lone=True)
     program = beat_program(circuit, int(steady.resolution[0]))
     signals = program.signals
     _, recorded = program.trace(signals)(steady.orbits.states[:, 0], steady.batch.packed(program)[:, 0])
@@ -83,10 +101,12 @@ def compute_beat(state: PageState, near: Mapping[str, float] | None = None) -> B
     _add_recirculation(state, means, outputs)
     status, message = outcome(steady, outputs)
     extremes = {n: (float(s.min()), float(s.max())) for n, s in shown.items()}
-    notes = [(f.kind, f.sentence) for f in findings(outputs, extremes)] + _label_notes(state, outputs)
+    said = [*findings(outputs, extremes, circuit_of(state.case)), *_label(state, outputs)]
+    if doubt := steady.grid_doubt():
+        said.append(Finding("warning", "grid", float("nan"), float("nan"), doubt))
     return Beat(
         circuit, values, 60.0 / values["heart_rate_bpm"],
-        _resampled(circuit, values, shown, program.grid.phases), means, outputs, tuple(notes), status,
+        _resampled(circuit, values, shown, program.grid.phases), means, outputs, tuple(said), status,
         message,
     )  # fmt: skip
 
@@ -113,11 +133,13 @@ def _add_recirculation(state: PageState, means: Mapping[str, float], outputs: di
             outputs["crrt_recirculated_fraction"] = fraction
 
 
-def _label_notes(state: PageState, outputs: Mapping[str, float]) -> list[tuple[str, str]]:
-    if state.case.ecmo is None or "PF" not in outputs:
+def _label(state: PageState, outputs: Mapping[str, float]) -> list[Finding]:
+    """A flow outside of what the oxygenator is labelled for."""
+    if state.case.ecmo is None or not outputs.get("PF", -1.0) >= 0.0:  # backwards is an alarm of its own
         return []
     said = OXYGENATORS[state.case.ecmo.oxygenator].label_warning(outputs["PF"])
-    return [("warning", f"ECMO flow of {said}")] if said else []
+    text = f"ECMO flow of {said}"
+    return [Finding("warning", "PF", outputs["PF"], float("nan"), text, concerns=("PF",))] if said else []
 
 
 def plain(beat: Beat, waves: tuple[str, ...]) -> dict[str, Any]:
@@ -127,11 +149,24 @@ def plain(beat: Beat, waves: tuple[str, ...]) -> dict[str, Any]:
         "waves": {n: _rounded(beat.waves[n]) for n in waves if n in beat.waves},
         "means": {n: _finite(v) for n, v in beat.means.items()},
         "outputs": {n: _finite(v) for n, v in beat.outputs.items()},
-        "notes": [list(note) for note in beat.notes],
+        "notes": [[f.kind, f.sentence] for f in beat.findings],
+        "cautions": _cautions(beat.findings),
+        "levels": beat.levels(),
+        "places": beat.place_levels(),
+        "possible": beat.possible,
         "converged": beat.converged,
         "status": beat.status.name.lower(),
         "message": beat.message,
     }
+
+
+def _cautions(said: Iterable[Finding]) -> dict[str, str]:
+    """How each number is to be read, where there is something to say."""
+    found: dict[str, list[str]] = {}
+    for finding in said:
+        for name in finding.concerns if finding.kind == CAUTION else ():
+            found.setdefault(name, []).append(finding.sentence)
+    return {name: "; ".join(sentences) for name, sentences in found.items()}
 
 
 def _rounded(wave: np.ndarray) -> list[float | None]:

@@ -5,12 +5,15 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
+from eclsim.cases.resolve import resolve_parameters
 from eclsim.circuit import Choice, Circuit
-from eclsim.models import POSITIONS, circulation, crrt, ecmo, lvad
-from eclsim.patients.resolve import resolve_parameters
+from eclsim.devices.crrt import crrt
+from eclsim.devices.ecmo import POSITIONS, ecmo
+from eclsim.devices.lvad import lvad
+from eclsim.patient.circulation import circulation
 
 if TYPE_CHECKING:
-    from eclsim.patients.case import Case
+    from eclsim.cases.case import Case
 
 ACCESS, RETURN = "crrt.access_site", "crrt.return_site"
 NODES = tuple(POSITIONS.values())

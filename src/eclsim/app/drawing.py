@@ -1,20 +1,33 @@
-"""Geometry of the schematic: the printed figure's layout, as plain data for the browser."""
+"""Geometry of the schematic: the printed figure's layout with room for larger letters, as plain data."""
 
 from __future__ import annotations
 
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from eclsim.parameters.positions import ECMO_POSITIONS
-from eclsim.solver.model import circuit_of
+from eclsim.app.texts import ENGLISH
+from eclsim.devices.positions import ECMO_POSITIONS
+from eclsim.orbit.model import circuit_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from eclsim.cases.case import Case
     from eclsim.circuit import Circuit
     from eclsim.circuit.network import Connection
-    from eclsim.patients.case import Case
-    from eclsim.plotting.schematic_layout import Layout
+    from eclsim.reporting.schematic_layout import Layout
+
+WIDER_MM = 1.5
+"""Boxes are wider by this on either side than those of the printed figure."""
+TALLNESS = 1.35
+"""Height over width that the page's pane has: with few devices the rows move apart until it is filled."""
+MOST_STRETCH = 1.7
+NARROWER = 0.75
+"""Without lines of devices the patient's ring is drawn narrower, and so larger."""
+_ROOM: dict[str, tuple[float, float]] = {
+    "crrt": (2.5, 0.0), "ecmo_upper": (3.0, 0.0), "lungs": (2.5, 0.0), "body": (0.0, 3.5),
+}  # fmt: skip
+"""Space [mm] above and below a row that larger letters take beyond the printed figure's."""
 
 
 def drawing_of(case: Case) -> dict[str, Any]:
@@ -24,33 +37,64 @@ def drawing_of(case: Case) -> dict[str, Any]:
 
 @lru_cache(maxsize=512)
 def _drawing(circuit: Circuit) -> dict[str, Any]:
-    from eclsim.plotting.schematic_layout import FRAME, TITLE_HEIGHT, arrange
-    from eclsim.plotting.schematic_routes import attachments_of, lanes_needed, route
+    from eclsim.reporting.schematic_layout import MIDDLE, TITLE_HEIGHT
+    from eclsim.reporting.schematic_routes import attachments_of, lanes_needed, route
 
     names = [c.name for c in circuit.compartments]
     attachments = attachments_of(circuit.connections, names)
     bands = [b for b, node in (("below_crrt", "crrttuin"), ("below_ecmo", "ecmodrain")) if node in names]
-    page = arrange(names, lanes_needed(attachments, bands))
+    page, sides = _page(names, lanes_needed(attachments, bands), bool(attachments or _pumps(circuit)))
     paths = route(attachments, page)
     reach = [x for path in paths.values() for x, _ in path]
-    left, right = min([FRAME[0], *reach]) - 3.0, max([FRAME[1], *reach]) + 3.0
+    left, right = min([sides[0], *reach]) - 2.0, max([sides[1], *reach]) + 2.0
     top = TITLE_HEIGHT - 2.0
     groups = {c.name: c.group for c in circuit.connections}
     return {
         "view": [left, top, right - left, page.height - top + 1.0],
         "frames": [
-            {"group": g, "x": FRAME[0], "y": -y1 + 1.0, "w": FRAME[1] - FRAME[0], "h": y1 - y0 - 2.0}
+            {"group": g, "x": sides[0], "y": -y1 + 1.0, "w": sides[1] - sides[0], "h": y1 - y0 - 2.0,
+             "title": [MIDDLE, _title_height(page, g)]}
             for g, (y0, y1) in page.frames.items()
         ],
         "boxes": _boxes(circuit, page),
         "wires": _wires(circuit.connections, page),
         "lines": [_line(a, groups[a.name], paths[a.name], page) for a in attachments]
         + _assist(circuit, page),
-    }
+    }  # fmt: skip
+
+
+def _page(names: Sequence[str], lanes: dict[str, int], wide: bool) -> tuple[Layout, tuple[float, float]]:
+    """The page, stretched to fill the pane, and the left and right side of its frames."""
+    from eclsim.reporting.schematic_layout import BOX_WIDTH, FRAME, MIDDLE, ROWS, arrange
+
+    extra = {row: _ROOM.get(row, (0.0, 0.0)) for row in ROWS}
+    rows = {row: (above + extra[row][0], below + extra[row][1]) for row, (above, below) in ROWS.items()}
+    page, sides = arrange(names, lanes, rows), FRAME
+    if not wide and "spare" not in page.frames:
+        half = NARROWER * (MIDDLE - 30.0) + 0.5 * BOX_WIDTH + WIDER_MM + 2.0
+        sides = (MIDDLE - half, MIDDLE + half)
+    stretch = min(max(TALLNESS * (sides[1] - sides[0]) / page.height, 1.0), MOST_STRETCH)
+    page = arrange(names, lanes, {row: (stretch * up, stretch * down) for row, (up, down) in rows.items()})
+    if sides is not FRAME:
+        page.places = {n: (MIDDLE + NARROWER * (x - MIDDLE), y) for n, (x, y) in page.places.items()}
+    return page, sides
+
+
+def _title_height(page: Layout, group: str) -> float:
+    """Where a frame's title stands: in the middle, where there is neither label nor line."""
+    places = {"crrt": ("crrt", 10.5), "ecmo": ("ecmo_upper", 13.0), "patient": ("heart_upper", -1.0)}
+    if group not in places:
+        return -page.frames[group][1] + 4.6
+    row, below = places[group]
+    return -page.rows[row] + below
+
+
+def _pumps(circuit: Circuit) -> bool:
+    return any(c.name == "lvadpump" for c in circuit.connections)
 
 
 def _boxes(circuit: Circuit, page: Layout) -> list[dict[str, Any]]:
-    from eclsim.plotting.schematic_layout import NODES
+    from eclsim.reporting.schematic_layout import NODES
 
     positions = {node: position for position, node in ECMO_POSITIONS.items()}
     found = []
@@ -61,7 +105,8 @@ def _boxes(circuit: Circuit, page: Layout) -> list[dict[str, Any]]:
             "name": compartment.name, "group": compartment.group,
             "position": positions.get(compartment.name, ""),
             "words": place.words if place else compartment.name,
-            "x": left, "y": -top, "w": right - left, "h": top - bottom,
+            "short": ENGLISH.get(f"box_{compartment.name}", place.words if place else compartment.name),
+            "x": left - WIDER_MM, "y": -top, "w": right - left + 2 * WIDER_MM, "h": top - bottom,
         })  # fmt: skip
     return found
 
@@ -69,7 +114,7 @@ def _boxes(circuit: Circuit, page: Layout) -> list[dict[str, Any]]:
 def _wires(connections: Sequence[Connection], page: Layout) -> list[dict[str, Any]]:
     """Lines between neighbours."""
     from eclsim.components import RollerPump
-    from eclsim.plotting.schematic_layout import MIDDLE, NODES, WIRES
+    from eclsim.reporting.schematic_layout import MIDDLE, NODES, WIRES
 
     found = []
     for connection in connections:
@@ -81,11 +126,12 @@ def _wires(connections: Sequence[Connection], page: Layout) -> list[dict[str, An
         row = NODES[wire.source].row
         x, y = 0.5 * (start[0] + stop[0]), -0.5 * (start[1] + stop[1])
         if level:
-            label = (x, y + 8.4 if row == "body" else y - 11.6, "middle")
+            label = (x, y + 10.2 if row == "body" else y - 11.8, "middle")
         else:
             label = (x + (5.0 if x < MIDDLE else -5.0), y - 1.0, "start" if x < MIDDLE else "end")
         found.append({
-            "name": connection.name, "group": connection.group, "words": wire.words,
+            "name": connection.name, "group": connection.group,
+            "words": ENGLISH.get(f"wire_{connection.name}", wire.words),
             "symbol": "roller" if isinstance(connection.component, RollerPump) else wire.symbol,
             "path": [_down(start), _down(stop)], "at": [x, y], "label": label,
         })  # fmt: skip
@@ -94,8 +140,8 @@ def _wires(connections: Sequence[Connection], page: Layout) -> list[dict[str, An
 
 def _line(attachment: Any, group: str, path: Any, page: Layout) -> dict[str, Any]:
     """A device's line to its site, in the direction of flow; `site` is the end that can be moved."""
-    from eclsim.plotting.schematic_layout import MIDDLE
-    from eclsim.plotting.schematic_routes import stub_middle
+    from eclsim.reporting.schematic_layout import MIDDLE
+    from eclsim.reporting.schematic_routes import stub_middle
 
     port = attachment.port
     points = [_down(p) for p in (path if port.into_device else path[::-1])]
@@ -111,8 +157,8 @@ def _line(attachment: Any, group: str, path: Any, page: Layout) -> dict[str, Any
 
 def _assist(circuit: Circuit, page: Layout) -> list[dict[str, Any]]:
     """The LVAD inside the ring of the patient."""
-    from eclsim.plotting.schematic_layout import MIDDLE
-    from eclsim.plotting.schematic_routes import PUMP_RADIUS, pump_paths
+    from eclsim.reporting.schematic_layout import MIDDLE
+    from eclsim.reporting.schematic_routes import PUMP_RADIUS, pump_paths
 
     pump = next((c for c in circuit.connections if c.name == "lvadpump"), None)
     if pump is None or not isinstance(pump.source, str) or not isinstance(pump.target, str):

@@ -31,13 +31,15 @@ class Engine:
     """Computes beats for all sessions.
 
     Args:
-        workers: threads for beats; one more does everything that takes longer.
+        workers: threads for beats; at least two more do everything that takes longer, so that one visitor's
+            study does not keep another's waiting, and two read files.
     """
 
     def __init__(self, workers: int | None = None):
         count = workers or min(4, os.cpu_count() or 1)
         self._beats = ThreadPoolExecutor(count, thread_name_prefix="beat")
-        self._studies = ThreadPoolExecutor(max(1, count - 1), thread_name_prefix="study")
+        self._studies = ThreadPoolExecutor(max(2, count - 1), thread_name_prefix="study")
+        self._files = ThreadPoolExecutor(2, thread_name_prefix="file")
         self.fits = Fitter()
         self._known: set[Any] = set()
         self._stopped = threading.Event()
@@ -51,6 +53,10 @@ class Engine:
     async def study(self, work: Callable[[], T]) -> T:
         """Anything longer, beside the beats."""
         return await self._in(self._studies, work)
+
+    async def read(self, work: Callable[[], T]) -> T:
+        """Reading a file that somebody chose."""
+        return await self._in(self._files, work)
 
     def knows(self, state: PageState) -> bool:
         """Whether the circuit of a state is compiled, so that its beat is there at once."""
@@ -67,7 +73,7 @@ class Engine:
         """Take no more work, and do not wait for what runs."""
         self._stopped.set()
         self.fits.stop()
-        for pool in (self._beats, self._studies):
+        for pool in (self._beats, self._studies, self._files):
             pool.shutdown(wait=False, cancel_futures=True)
 
     def _beat(self, state: PageState, near: Mapping[str, float] | None) -> Beat:
@@ -106,8 +112,8 @@ class Engine:
 def _program_key(state: PageState) -> tuple[Any, int]:
     """Circuit and grid: what a compiled program depends on."""
     from eclsim.app.circuits import page_circuit
+    from eclsim.beat.resolution import needed_resolution
     from eclsim.circuit.assembly import assemble
-    from eclsim.solver.resolution import needed_resolution
 
     circuit, values = page_circuit(state.case)
     return circuit, int(needed_resolution(assemble(circuit), values))
@@ -116,7 +122,7 @@ def _program_key(state: PageState) -> tuple[Any, int]:
 def _warm_states() -> list[PageState]:
     """The presets, those with ECMO also with CRRT, then all of them with a slow heart."""
     from eclsim.app.knobs import connect, turn
-    from eclsim.patients.presets import PRESETS
+    from eclsim.cases.presets import PRESETS
 
     states = [PageState(preset.case(), origin=key) for key, preset in PRESETS.items()]
     more = [

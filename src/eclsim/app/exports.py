@@ -5,15 +5,21 @@ from __future__ import annotations
 import re
 import tempfile
 import zipfile
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from eclsim.cases.checking import MAXIMUM_ID_LENGTH
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from eclsim.app.state import PageState
+    from eclsim.cases.case import Case
 
+CHANGED = " (changed)"
+"""Behind the id of a patient whose case was changed by hand on the page."""
 KINDS = ("case", "outputs", "waveforms", "svg", "png", "study")
 
 
@@ -31,9 +37,10 @@ def export(state: PageState, kind: str) -> tuple[str, bytes]:
     Raises:
         ExportError: If there is nothing of this kind for the state.
     """
+    state = replace(state, case=_as_shown(state))
     stem = file_stem(state.case.patient.id)
     if kind == "case":
-        from eclsim.patients.writing import case_text
+        from eclsim.cases.writing import case_text
 
         return f"{stem}.toml", case_text(state.case).encode()
     if kind in ("outputs", "waveforms"):
@@ -45,13 +52,24 @@ def export(state: PageState, kind: str) -> tuple[str, bytes]:
     raise ExportError(f"no such file: {kind[:20]}")
 
 
+def _as_shown(state: PageState) -> Case:
+    """The case with the policy of its beat; one that was changed by hand says so in its id."""
+    case = state.case
+    if case.volume_policy != state.policy:
+        case = case.with_volume_policy(state.policy)
+    if not state.changed or case.patient.id.endswith(CHANGED):
+        return case
+    name = case.patient.id[: MAXIMUM_ID_LENGTH - len(CHANGED)] + CHANGED
+    return case.model_copy(update={"patient": case.patient.model_copy(update={"id": name})})
+
+
 def file_stem(name: str) -> str:
     """An id as the stem of a file name: letters, digits, - and _."""
     return re.sub(r"[^\w-]+", "_", name).strip("_")[:60] or "eclsim"
 
 
 def _table(state: PageState, kind: str, stem: str) -> tuple[str, bytes]:
-    from eclsim.report.files import write_csv
+    from eclsim.simulation.files import write_csv
 
     with tempfile.TemporaryDirectory(prefix="eclsim-") as folder:
         write_csv([_simulated(state)], [], Path(folder), [stem], None)
@@ -60,7 +78,7 @@ def _table(state: PageState, kind: str, stem: str) -> tuple[str, bytes]:
 
 
 def _figures(state: PageState, kind: str, stem: str) -> tuple[str, bytes]:
-    from eclsim.report.files import write_figures
+    from eclsim.simulation.files import write_figures
 
     with tempfile.TemporaryDirectory(prefix="eclsim-") as folder:
         write_figures([state.case], [_simulated(state)], Path(folder), [stem])
@@ -72,19 +90,19 @@ def _figures(state: PageState, kind: str, stem: str) -> tuple[str, bytes]:
 
 
 def _study(state: PageState, stem: str) -> tuple[str, bytes]:
-    from eclsim.report.crrt_drawings import drawings
-    from eclsim.report.crrt_html import study_page
-    from eclsim.studies.crrt_settings import StudyError
-    from eclsim.studies.crrt_study import crrt_study
+    from eclsim.crrt_study.drawings import drawings
+    from eclsim.crrt_study.page import study_page
+    from eclsim.crrt_study.settings import StudyError
+    from eclsim.crrt_study.study import crrt_study
 
     try:
-        study = crrt_study(state.case)
+        study = crrt_study(state.case, volume_policy=state.policy)
     except StudyError as error:
         raise ExportError(str(error)) from None
     return f"{stem}_crrt_study.html", study_page(study, drawings(study)).encode()
 
 
 def _simulated(state: PageState) -> xr.Dataset:
-    from eclsim.studies.simulation import simulate_case
+    from eclsim.simulation.single import simulate_case
 
     return simulate_case(state.case, volume_policy=state.policy)

@@ -6,19 +6,24 @@ import contextlib
 import math
 import multiprocessing
 import os
+import re
 import threading
 import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from eclsim.app.texts import text
-from eclsim.patients.reading import read_mapping
+from eclsim.cases.reading import read_mapping
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
-    from eclsim.studies.identification import Fit
+    from eclsim.identification.fit import Fit
 
+_OPTIONS = (("; or weigh them by uncertainty (--weights uncertainty)", "fit_weigh"),
+    (" (--weights uncertainty)", "fit_weighted"), ("--bounds", "fit_bounds_elsewhere"))  # fmt: skip
+"""Options of `eclsim identify` in the reasons of a verdict, and the page's words for them."""
+_OPTION = re.compile(r"(?<!\S)\(?--[a-z][\w-]*( [a-z]+\))?")
 LOOKING = {"points_per_parameter": 36, "round_size": 2, "rediscoveries": 1}
 """A narrower search than that of `eclsim identify` (1000 points, 10 rediscoveries), to answer in seconds."""
 PREPARING = {"points_per_parameter": 2, "round_size": 1, "rediscoveries": 0, "polishing": 0}
@@ -166,7 +171,7 @@ def _report(pipe: Connection, quit_now: Any, words: str) -> None:
 
 def _prepare(pipe: Connection) -> None:
     """Compile what fits need, until somebody wants one."""
-    from eclsim.patients.presets import PRESETS
+    from eclsim.cases.presets import PRESETS
 
     raw = PRESETS["paper"].case().as_mapping()
     raw["measurements"] = {"SP": 83.0, "DP": 76.0, "MAP": 80.0, "MPAP": 11.0, "CO": 1.4, "PF": 3.5}
@@ -182,9 +187,9 @@ def _give_way(pipe: Connection) -> None:
 def _fit(
     raw: Mapping[str, Any], policy: str, looking: Mapping[str, int], report: Callable[[str], None]
 ) -> Fit:
+    from eclsim.identification.fit import fit_case
     from eclsim.identification.multi_start import MultiStart
-    from eclsim.studies.fit_settings import FitSettings
-    from eclsim.studies.identification import fit_case
+    from eclsim.identification.settings import FitSettings
 
     settings = FitSettings(multi_start=MultiStart(**looking), policy=policy)
     return fit_case(read_mapping(raw).case, settings, report)
@@ -192,7 +197,7 @@ def _fit(
 
 def _done(job: str, raw: Mapping[str, Any], policy: str, report: Callable[[str], None]) -> tuple[str, Any]:
     from eclsim.app.posterior import plain_posterior
-    from eclsim.patients.mistakes import CaseError
+    from eclsim.cases.mistakes import CaseError
 
     try:
         if job == "posterior":
@@ -208,10 +213,13 @@ def _done(job: str, raw: Mapping[str, Any], policy: str, report: Callable[[str],
 
 def plain_fit(fit: Fit) -> dict[str, Any]:
     """A fit as plain data: what `eclsim identify` writes, with units, bounds and the fitted case."""
+    from eclsim.identification.verdict import headline
     from eclsim.parameters import default
 
     usable = fit.status.value != "no_steady_beat"
     found = fit.as_object() | {"usable": usable, "case": fit.case.as_mapping()}
+    found["headline"] = headline(found["verdict"])
+    found["verdict"]["reasons"] = [on_the_page(reason) for reason in found["verdict"]["reasons"]]
     for name, parameter in found["parameters"].items():
         known = default(name)
         parameter |= {"unit": known.unit, "words": known.description}
@@ -219,3 +227,38 @@ def plain_fit(fit: Fit) -> dict[str, Any]:
             k = fit.box.names.index(name)
             parameter["bounds"] = [math.exp(fit.box.lower[k]), math.exp(fit.box.upper[k])]
     return found
+
+
+def on_the_page(reason: Mapping[str, Any]) -> dict[str, Any]:
+    """A reason of a verdict in the words of the page, which has none of the command line's options."""
+    sentence = reason["sentence"]
+    for option, key in _OPTIONS:
+        sentence = sentence.replace(option, text(key))
+    return {**reason, "sentence": _OPTION.sub(text("fit_option_elsewhere"), sentence)}
+
+
+def judged(found: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:
+    """The verdict on a fit when the posterior's intervals are known.
+
+    Args:
+        found: "parameters" and "verdict" of `plain_fit`.
+        others: the posterior's intervals of the parameters, with "lower" and "upper".
+
+    Returns:
+        "verdict" and its "headline", and under "parameters" those that are no longer called determined.
+    """
+    from eclsim.identification.verdict import Level, headline, interval_agreement
+
+    more = interval_agreement(found["parameters"], others, "posterior")
+    reasons = [
+        on_the_page(
+            {"aspect": str(r.aspect), "level": str(r.level), "about": r.about, "sentence": r.sentence}
+        )
+        for r in more
+    ]
+    order = [str(level) for level in Level]
+    every = sorted([*reasons, *found["verdict"]["reasons"]], key=lambda r: -order.index(r["level"]))
+    level = max([found["verdict"]["level"], *(r["level"] for r in reasons)], key=order.index)
+    verdict = {**found["verdict"], "level": level, "reasons": every}
+    doubted = {r["about"]: {"identifiable": False, "reason": r["sentence"]} for r in reasons}
+    return {"verdict": verdict, "headline": headline(verdict), "parameters": doubted}

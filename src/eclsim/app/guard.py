@@ -24,6 +24,8 @@ COOKIE = "eclsim_session"
 SIGN_IN = "/sign-in"
 OPEN_PATHS = ("/", "/favicon.ico", SIGN_IN)
 OPEN_PREFIX = "/_nicegui"
+SOCKET_PREFIX = "/_nicegui_ws"
+PORTS = {"http": 80, "https": 443}
 HEADERS = (
     (b"x-content-type-options", b"nosniff"),
     (b"x-frame-options", b"DENY"),
@@ -104,11 +106,7 @@ class Guard:
         host = _host_name(headers.get("host", ""))
         if host not in self.rules.hosts:
             return 400, "unknown host name; see --allow-host"
-        origin = headers.get("origin")
-        writes = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")
-        if writes and origin is not None and _host_name(urlsplit(origin).netloc) not in self.rules.hosts:
-            return 403, "another site may not use this page"
-        if writes and headers.get("sec-fetch-site") in ("cross-site", "same-site"):
+        if self._foreign(scope, headers, path):
             return 403, "another site may not use this page"
         if path not in OPEN_PATHS and not path.startswith(OPEN_PREFIX):
             return 404, "not found"
@@ -120,6 +118,34 @@ class Guard:
         if not size.isdigit() or int(size) > LARGEST_BODY:
             return 413, f"too large: up to {LARGEST_BODY // 1_000_000} MB"
         return None
+
+    def _foreign(self, scope: Scope, headers: dict[str, str], path: str) -> bool:
+        """Whether the request comes from a page of another site, and is no link that somebody followed."""
+        socket = scope["type"] == "websocket" or path.startswith(SOCKET_PREFIX)
+        writes = socket or scope["method"] not in ("GET", "HEAD")
+        origin = headers.get("origin")
+        if writes and origin is not None and not self._own(origin, scope, headers):
+            return True
+        if headers.get("sec-fetch-site") not in ("cross-site", "same-site"):
+            return False
+        return writes or headers.get("sec-fetch-mode", "navigate") != "navigate"
+
+    def _own(self, origin: str, scope: Scope, headers: dict[str, str]) -> bool:
+        """Whether an origin is that of the page itself: host, port, and scheme where it is known."""
+        try:
+            parts = urlsplit(origin)
+            port, own_port = parts.port, urlsplit(f"//{headers.get('host', '')}").port
+        except ValueError:
+            return False
+        if _host_name(parts.netloc) not in self.rules.hosts or _host_name(parts.netloc) != _host_name(
+            headers.get("host", "")
+        ):
+            return False
+        forwarded = headers.get("x-forwarded-proto", "").partition(",")[0].strip()
+        if forwarded or own_port is not None:
+            known = forwarded or scope.get("scheme", "http").replace("ws", "http")
+            return parts.scheme == known and (port or PORTS.get(known)) == (own_port or PORTS.get(known))
+        return parts.scheme in PORTS and port in (None, PORTS[parts.scheme])
 
     def _must_sign_in(self, headers: dict[str, str]) -> bool:
         signed_in = self.rules.signed_in
@@ -167,7 +193,8 @@ class Guard:
         except (_TooLargeError, _TooSlowError):
             await _answer(send, 413, "too large or too slow")
             return
-        token, status, said = signed_in.try_body(body)
+        address = (scope.get("client") or ("",))[0]
+        token, status, said = signed_in.try_body(body, address)
         if token is None:
             await _answer(send, status, sign_in_page(root + SIGN_IN, said), "text/html")
             return

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 from nicegui import ui
 
-from eclsim.app.dialogs import OpenDialog, notify, show_help
+from eclsim.app.dialogs import OpenDialog, labelled, notify, show_help
 from eclsim.app.exports import KINDS, ExportError, export
-from eclsim.app.state import MOST_SAVED, PageState, link_of
+from eclsim.app.state import MOST_SAVED, PageState, link_of, preset_state
 from eclsim.app.texts import ENGLISH, text
-from eclsim.patients.presets import PRESETS
+from eclsim.cases.presets import PRESETS
 
 if TYPE_CHECKING:
     from nicegui.elements.button import Button
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from eclsim.app.identify import Identification
     from eclsim.app.parts import Bridge
     from eclsim.app.session import Session
-    from eclsim.patients.case import Case
+    from eclsim.cases.case import Case
 
 log = logging.getLogger("eclsim.app")
 
@@ -41,7 +41,6 @@ class Header:
         options = {key: preset.name for key, preset in PRESETS.items()}
         self.patient = ui.select(options, label=text("patient"), on_change=lambda e: self._preset(e.value))
         self.patient.props("dense outlined options-dense").classes("ecl-patient")
-        self.words = ui.label().classes("ecl-patient-words")
         self._button("open", "folder_open", self.opening.open)
         ui.element("div").classes("ecl-space")
         self._button("undo", "undo", session.undo)
@@ -50,9 +49,10 @@ class Header:
         self._button("pin", "push_pin", session.pin)
         self._button("save", "bookmark_add", self.save)
         self._button("link", "link", self._link)
-        with self._button("export", "download", lambda: None), ui.menu():
+        with self._button("export", "download", lambda: None), labelled(ui.menu(), text("export")):
             for kind in KINDS:
-                ui.menu_item(text(f"export_{kind}"), on_click=partial(self._export, kind))
+                item = ui.menu_item(text(f"export_{kind}"), on_click=partial(self._export, kind))
+                item.props("role=menuitem")
         self._button("help", "help_outline", show_help)
 
     def _button(self, name: str, icon: str, action: Any) -> Button:
@@ -70,9 +70,8 @@ class Header:
         pinned = str(data["pinned"]).lower()
         colour = "accent" if data["pinned"] else "primary"
         self.buttons["pin"].props(f"aria-pressed={pinned} color={colour}")
-        known = data["origin"] in PRESETS
+        known = data["origin"] in PRESETS and not data["changed"]
         self.patient.set_value(data["origin"] if known else None)
-        self.words.set_text("" if known else data["name"])
 
     def save(self) -> None:
         """Keep the state for the comparison."""
@@ -81,20 +80,21 @@ class Header:
         notify(words, "positive" if saved else "warning")
 
     def _preset(self, key: Any) -> None:
-        if key in PRESETS and key != self.session.state.origin:
-            self.session.load(PageState(PRESETS[key].case(), self.session.state.policy, key))
+        if key in PRESETS and preset_state(key) != self.session.state:
+            self.session.load(preset_state(key), opened=True)
 
-    def _use(self, _name: str, case: Case) -> None:
-        self.session.load(PageState(case, self.session.state.policy, "file"))
+    def _use(self, name: str, case: Case) -> None:
+        self.session.load(PageState(case, case.volume_policy, origin="file", source=name), opened=True)
 
     async def _link(self) -> None:
         found = await self.bridge.run_method("copyLink", link_of(self.session.state), timeout=5)
         if found and found.get("copied"):
             notify(text("link_copied"))
         elif found:
-            with ui.dialog(value=True), ui.card().classes("ecl-dialog"):
+            with labelled(ui.dialog(value=True), text("link")), ui.card().classes("ecl-dialog"):
                 ui.label(text("link_shown"))
-                ui.textarea(value=found["url"]).props("readonly outlined").classes("ecl-link")
+                area = ui.textarea(value=found["url"])
+                area.props(f'readonly outlined aria-label="{text("link")}"').classes("ecl-link")
 
     async def _export(self, kind: str) -> None:
         state = self.session.state

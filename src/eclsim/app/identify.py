@@ -11,21 +11,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eclsim.app.fitting import CancelledError, FitError
-from eclsim.app.knobs import as_written
+from eclsim.app.fitting import CancelledError, FitError, judged
+from eclsim.app.knobs import ambiguous_comma, as_written
 from eclsim.app.members import Members
-from eclsim.app.state import PageState
+from eclsim.app.state import PageState, link_of, state_of, subject_of
 from eclsim.app.texts import text
-from eclsim.patients.checking import Checked, check_case
-from eclsim.patients.fields import SECTIONS
-from eclsim.patients.mistakes import Mistake
-from eclsim.patients.reading import read_mapping
+from eclsim.app.whose import circuit_words, title_of
+from eclsim.cases.checking import Checked, check_case
+from eclsim.cases.fields import SECTIONS
+from eclsim.cases.mistakes import CaseError, Mistake
+from eclsim.cases.presets import PRESETS
+from eclsim.cases.reading import read_mapping
 
 if TYPE_CHECKING:
     from eclsim.app.fitting import Fitter
     from eclsim.app.session import Session
     from eclsim.app.uncertain import Uncertain
-    from eclsim.patients.case import Case
+    from eclsim.cases.case import Case
 
 EXPECTED_S, POSTERIOR_EXPECTED_S = 15.0, 12.0
 """Usual time of a fit and of a posterior [s]; the bar moves by it between their reports."""
@@ -45,11 +47,16 @@ def fields() -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def values_of(case: Case) -> dict[str, Any]:
-    """What the form shows for a case."""
-    known = case.as_mapping()
-    found = {f"patient.{name}": known["patient"].get(name, "") for name in PATIENT}
-    measured = known.get("measurements", {})
+def values_of(state: PageState) -> dict[str, Any]:
+    """What the form shows for a patient: as opened, measurements as they were measured and no others.
+
+    A preset is nobody: who was measured has to be typed.
+    """
+    known = state.start.case.as_mapping()
+    measured, person = known.get("measurements", {}), dict(known["patient"])
+    if state.start.origin in PRESETS:
+        del person["id"]
+    found = {f"patient.{name}": person.get(name, "") for name in PATIENT}
     return found | {f"measurements.{f.name}": measured.get(f.name, "") for f in SECTIONS["measurements"]}
 
 
@@ -65,6 +72,9 @@ def checked_form(case: Case, typed: Mapping[str, Any]) -> Checked:
             if str(value).strip() != "":
                 raw[section][item.name] = as_written(value) if item.kind == "number" else str(value)[:200]
     checked = check_case(raw)
+    doubted = {key: meant for key, value in typed.items() if (meant := ambiguous_comma(value))}
+    checked.mistakes = [m for m in checked.mistakes if m.key not in doubted]
+    checked.mistakes += [Mistake(key, meant) for key, meant in doubted.items()]
     if not raw["measurements"] and not checked.mistakes:
         checked.mistakes.append(Mistake("measurements", "nothing to fit", allowed="at least one measurement"))
     return checked
@@ -84,7 +94,9 @@ class Identification:
         self, session: Session, tell: Callable[[str, Any], None], fitter: Fitter, uncertain: Uncertain
     ):
         self.session, self.tell, self.fitter, self.uncertain = session, tell, fitter, uncertain
-        self.fitted: PageState | None = None
+        self._fitted: dict[str, PageState] = {}
+        self._fits: dict[str, Mapping[str, Any]] = {}
+        self._subject = ""
         self._stop: threading.Event | None = None
         self._said = ""
 
@@ -94,15 +106,30 @@ class Identification:
         return self._stop is not None
 
     def fill(self) -> None:
-        """Show the session's patient, with what was measured or else what the model gives now."""
+        """The form is seen: have it ready, with the patient that is shown."""
         self.fitter.prepare()
-        values = values_of(self.session.state.case)
-        beat = self.session.beat
-        if beat is not None and self.session.state.case.measurements is None:
-            for item in SECTIONS["measurements"]:
-                if item.name in beat.outputs:
-                    values[f"measurements.{item.name}"] = float(f"{beat.outputs[item.name]:.3g}")
-        self.tell("form", values)
+        self._show_form()
+
+    def follow(self, opened: bool = False) -> None:
+        """Another patient is shown: another form, and no fit that still runs for the one before.
+
+        Args:
+            opened: whether a patient was opened anew: nothing typed or fitted for it before is shown.
+        """
+        subject = subject_of(self.session.state)
+        if subject == self._subject and not opened:
+            return
+        self.cancel()
+        if opened:
+            self._fitted.pop(subject, None)
+        self._show_form(opened)
+
+    def _show_form(self, opened: bool = False) -> None:
+        state = self.session.state
+        self._subject = subject_of(state)
+        name = text("fit_nobody") if state.start.origin in PRESETS else title_of(state.start)
+        form = {"subject": self._subject, "name": name, "values": values_of(state), "opened": opened}
+        self.tell("form", form)
 
     def check(self, typed: Mapping[str, Any]) -> bool:
         """Say what is wrong or doubtful, field by field; whether it can be fitted."""
@@ -117,34 +144,74 @@ class Identification:
         """Fit; a second press while one runs does nothing."""
         if self.running or not self.check(typed):
             return
-        raw = checked_form(self.session.state.case, typed).values | {"format": 1}
-        policy = self.session.state.policy
+        state = self.session.state
+        raw = checked_form(state.case, typed).values | {"format": 1}
+        subject, policy = subject_of(state), state.policy
         ended = await self._run("fit", raw, policy, EXPECTED_S)
         found = ended.pop("found", None)
         if found is not None:
             case = found.pop("case")
-            fitted = read_mapping(case).case if found["usable"] else None
-            key = self.uncertain.new_key()
-            self.fitted = fitted and PageState(fitted, policy, "fit", key)
-            ended = {"fit": found | {"seconds": ended["seconds"]}}
+            ended = {"fit": found | {"seconds": ended["seconds"], "of": _of(raw, state)}}
+            if found["usable"]:
+                ended["fit"]["link"] = self._keep_fit(case, policy, subject, found)
+        ended["subject"] = subject
         self.tell("fit_ended", ended)
 
-    async def find_posterior(self) -> None:
-        """The posterior of the fitted patient; its bands are there as soon as that patient is in use."""
-        if self.running or self.fitted is None:
+    def _keep_fit(self, raw: Mapping[str, Any], policy: str, subject: str, found: Mapping[str, Any]) -> str:
+        """Keep the fitted patient; the link that restores it where the server forgets."""
+        case = read_mapping(raw).case
+        state = PageState(
+            case, policy, "fit", self.uncertain.new_key(), verdict=verdict_of(found), subject=subject
+        )
+        self._fitted[subject], self._fits[subject] = state, found
+        return link_of(state)
+
+    def _fit_of(self, link: str) -> PageState | None:
+        """The fit of the patient that is shown: that of this session, else that of the browser's link."""
+        subject = subject_of(self.session.state)
+        if subject not in self._fitted and link:
+            try:
+                state = state_of(link)
+            except CaseError:
+                return None
+            if state.origin == "fit" and subject_of(state) == subject:
+                self._fitted[subject] = replace(state, posterior=self.uncertain.new_key())
+        return self._fitted.get(subject)
+
+    async def find_posterior(self, link: str = "", found: Any = None) -> None:
+        """The posterior of the fitted patient; its bands are there as soon as that patient is in use.
+
+        Args:
+            link: of the fit, for a session that does not know it.
+            found: "parameters" and "verdict" of the fit, likewise.
+        """
+        fitted = self._fit_of(link)
+        if self.running or fitted is None:
             return
-        fitted = self.fitted
         case = fitted.case
         ended = await self._run("posterior", case.as_mapping(), fitted.policy, POSTERIOR_EXPECTED_S)
-        found = ended.pop("found", None)
-        if found is not None:
+        posterior = ended.pop("found", None)
+        if posterior is not None:
             members = Members(
-                tuple(found["names"]), np.array(found.pop("members")), {}, found["method"],
-                tuple(found["doubts"]),
+                tuple(posterior["names"]), np.array(posterior.pop("members")), {}, posterior["method"],
+                tuple(posterior["doubts"]),
             ).of(case)  # fmt: skip
+            ended = {"posterior": posterior | members.as_object() | {"seconds": ended["seconds"]}}
+            ended |= self._judge(fitted, found, posterior["parameters"])
             self.uncertain.add(fitted.posterior, members)
-            ended = {"posterior": found | members.as_object() | {"seconds": ended["seconds"]}}
-        self.tell("posterior_ended", ended)
+        self.tell("posterior_ended", ended | {"subject": subject_of(fitted)})
+
+    def _judge(self, fitted: PageState, found: Any, others: Mapping[str, Any]) -> dict[str, Any]:
+        """The verdict on the fit now that the posterior's intervals are known; the fitted patient has it."""
+        subject = subject_of(fitted)
+        try:
+            said = judged(self._fits.get(subject) or dict(found), others)
+        except (TypeError, KeyError, ValueError, AttributeError):  # the browser kept something else
+            return {}
+        new = replace(fitted, verdict=said["verdict"]["level"])
+        self._fitted[subject] = new
+        self.session.judge(fitted, new)
+        return {"judged": said}
 
     def cancel(self) -> None:
         """Let go of what runs: it ends by itself at its next step."""
@@ -152,21 +219,23 @@ class Identification:
             self._stop.set()
             self._stop = None
 
-    def use(self) -> bool:
-        """Show the fitted patient in all views."""
-        if self.fitted is None:
+    def use(self, link: str = "") -> bool:
+        """Show the fitted patient in all views; `link` as for `find_posterior`."""
+        fitted = self._fit_of(link)
+        if fitted is None:
             return False
-        self.session.load(self.fitted)
+        self.session.load(fitted)
         return True
 
-    def use_members(self, members: Members) -> None:
-        """Show the patient around a posterior that was loaded: its parameters become the central ones."""
+    def use_members(self, source: str, members: Members) -> None:
+        """Show the patient around a posterior from a file: its parameters become the central ones."""
         state = self.session.state
         raw = state.case.as_mapping()
         raw["parameters"] = {**raw.get("parameters", {}), **members.base}
         key = self.uncertain.new_key()
         self.uncertain.add(key, members)
-        self.session.load(replace(state, case=read_mapping(raw).case, origin="posterior", posterior=key))
+        case, subject = read_mapping(raw).case, subject_of(state)
+        self.session.load(PageState(case, state.policy, "posterior", key, source=source, subject=subject))
 
     async def _run(self, job: str, raw: dict[str, Any], policy: str, expected_s: float) -> dict[str, Any]:
         """Run a job of the fitter, with its progress told; what was found, or why nothing was."""
@@ -196,6 +265,17 @@ class Identification:
 
     def _say(self, words: str) -> None:
         self._said = words
+
+
+def verdict_of(found: Mapping[str, Any]) -> str:
+    """What a fit is called: "good", "doubtful" or "poor"; empty where it has no verdict."""
+    verdict = found.get("verdict") or {}
+    return str(verdict.get("level", ""))
+
+
+def _of(raw: Mapping[str, Any], state: PageState) -> str:
+    """Whose fit it is, and with which devices."""
+    return text("fit_of", name=raw["patient"]["id"], circuit=circuit_words(state.case))
 
 
 def _by_field(mistakes: list[Mistake]) -> dict[str, str]:

@@ -6,22 +6,25 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from eclsim.app.texts import text
+from eclsim.cases.fields import ARTERIAL_SITES, ECMO_POSITIONS, PATIENT_SITES, VENOUS_SITES, Field
+from eclsim.cases.mistakes import CaseError, Mistake, NumberAsWritten, shown
+from eclsim.cases.numbers import NotANumberError, read_number
+from eclsim.cases.reading import read_mapping
+from eclsim.devices.constants import CANNULAE, OXYGENATORS, PUMPS, pumps_for
 from eclsim.parameters import thiel2025
-from eclsim.parameters.devices import CANNULAE, OXYGENATORS, PUMPS, pumps_for
-from eclsim.patients.fields import ARTERIAL_SITES, ECMO_POSITIONS, PATIENT_SITES, VENOUS_SITES, Field
-from eclsim.patients.mistakes import CaseError, Mistake, NumberAsWritten, shown
-from eclsim.patients.numbers import NotANumberError, read_number
-from eclsim.patients.reading import read_mapping
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from eclsim.patients.case import Case
+    from eclsim.cases.case import Case
 
 ROLLER = "Roller pump"
 OTHER_MODE = "other_mode"
 VOLUME = "volume_ml"
 _DIGITS = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
+_COMMA = re.compile(r"[+-]?\d+,\d+", re.ASCII)
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)
 _FILLED = ("svn", "pvn")
 """Vessels whose start pressure takes up blood that is given, in this order where blood is taken."""
 VOLUME_FIELD = Field(VOLUME, "Blood given or taken", "number", "mL", -200.0, 3000.0, 500.0)
@@ -165,6 +168,8 @@ def turn(case: Case, key: str, value: Any) -> Case:
         raise CaseError([Mistake(str(key)[:64], "cannot be turned here")])
     raw = case.as_mapping()
     raw["parameters"] = dict(raw.get("parameters", {}))
+    if meant := ambiguous_comma(value):
+        raise CaseError([Mistake(key, meant)])
     value = as_written(value)
     if key == VOLUME:
         raw["parameters"] |= _start_pressures(case, _volume(value))
@@ -206,10 +211,22 @@ def connect(case: Case, device: str) -> Case:
 
 
 def as_written(value: Any) -> Any:
-    """A number that was typed, with its digits; any other text as it is, so that the check can say why."""
-    if isinstance(value, str) and _DIGITS.fullmatch(value.strip()):
-        return NumberAsWritten(value.strip())
-    return value
+    """A number that was typed, with its digits; any other text as it is, so that the check can say why.
+
+    A decimal comma is read as a point where it can be nothing else: "3,425" may be meant as thousands.
+    """
+    typed = value.strip() if isinstance(value, str) else ""
+    if _COMMA.fullmatch(typed) and not _THOUSANDS.fullmatch(typed):
+        typed = typed.replace(",", ".")
+    return NumberAsWritten(typed) if _DIGITS.fullmatch(typed) else value
+
+
+def ambiguous_comma(value: Any) -> str:
+    """What to type in place of a number whose comma may be a decimal or a thousands comma; else empty."""
+    typed = value.strip() if isinstance(value, str) else ""
+    if not _THOUSANDS.fullmatch(typed):
+        return ""
+    return text("ambiguous_comma", typed=typed, point=typed.replace(",", "."), whole=typed.replace(",", ""))
 
 
 def _volume(value: Any) -> float:

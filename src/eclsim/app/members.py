@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.app.texts import text
+from eclsim.cases.mistakes import CaseError, Mistake
 from eclsim.parameters import thiel2025
-from eclsim.patients.mistakes import CaseError, Mistake
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from eclsim.patients.case import Case
+    from eclsim.cases.case import Case
 
 MEMBERS = 128
 """Members of a posterior that bands are made of."""

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eclsim.app.texts import text
-from eclsim.patients.mistakes import CaseError, Mistake
-from eclsim.patients.reading import read_case
+from eclsim.cases.mistakes import CaseError, Mistake
+from eclsim.cases.reading import read_case
 
 if TYPE_CHECKING:
     from eclsim.app.members import Members
-    from eclsim.patients.case import Case
+    from eclsim.cases.case import Case
 
 LARGEST_FILE = 5_000_000
 SIZE = "5 MB"
@@ -37,7 +37,16 @@ class Opened:
 
 
 def open_file(name: str, content: bytes) -> Opened:
-    """Read a case file or a cohort.
+    """Read a case file or a cohort, and solve for the speed where a case gives a flow.
+
+    Raises:
+        CaseError: With everything that is wrong, the place called by the file's own name.
+    """
+    return with_speeds(parse_file(name, content))
+
+
+def parse_file(name: str, content: bytes) -> Opened:
+    """A case file or a cohort as it stands, without computing anything.
 
     Raises:
         CaseError: With everything that is wrong, the place called by the file's own name.
@@ -64,9 +73,14 @@ def open_posterior(name: str, content: bytes) -> Members:
     return read_members(shown, content)
 
 
+def shown_name(name: str) -> str:
+    """What a file is called on the page: its name without folders."""
+    return Path(name.replace("\\", "/")).name[:80] or "file"
+
+
 def _checked_name(name: str, content: bytes, suffixes: tuple[str, ...]) -> tuple[str, str]:
     """The file's own name and suffix."""
-    shown = Path(name.replace("\\", "/")).name[:80] or "file"
+    shown = shown_name(name)
     suffix = Path(shown).suffix.lower()
     if suffix not in suffixes:
         raise _refused(text("wrong_type", name=shown))
@@ -77,6 +91,25 @@ def _checked_name(name: str, content: bytes, suffixes: tuple[str, ...]) -> tuple
     return shown, suffix
 
 
+def with_speeds(opened: Opened) -> Opened:
+    """The same with the speed of the pump where the one case gives a flow.
+
+    Raises:
+        CaseError: The flow cannot be reached.
+    """
+    from eclsim.simulation.target_flow import FlowNotReachedError, with_speed
+
+    if len(opened.cases) != 1:
+        return opened
+    ((name, case),) = opened.cases
+    try:
+        case, found = with_speed(case)
+    except FlowNotReachedError as error:
+        raise _refused(f"{opened.name}: {error}") from None
+    said = [f"{opened.name}: {found}"] if found is not None else []
+    return replace(opened, cases=((name, case),), said=(*opened.said, *said))
+
+
 def _case(path: Path, shown: str) -> Opened:
     reading = read_case(path)
     said = [str(replace(m, file=shown)) for m in reading.warnings]
@@ -84,7 +117,7 @@ def _case(path: Path, shown: str) -> Opened:
 
 
 def _cohort(path: Path, shown: str) -> Opened:
-    from eclsim.patients.cohort import read_cohort
+    from eclsim.cases.cohort import read_cohort
 
     reading = read_cohort(path)
     said = [str(replace(m, file=shown)) for m in (*reading.refused, *reading.warnings)]

@@ -12,17 +12,21 @@ from eclsim.app.background import Background
 from eclsim.app.dialogs import notify
 from eclsim.app.header import Header
 from eclsim.app.identify import Identification, fields
+from eclsim.app.keeping import Kept, read_kept
 from eclsim.app.ranges import output_specs
 from eclsim.app.session import Session
 from eclsim.app.state import History, PageState, state_of
 from eclsim.app.texts import ENGLISH, text
 from eclsim.app.uncertain import Uncertain
-from eclsim.patients.mistakes import CaseError
+from eclsim.app.whose import title_of
+from eclsim.cases.mistakes import CaseError
 
 if TYPE_CHECKING:
     from eclsim.app.engine import Engine
 
 STYLE = Path(__file__).parent / "web" / "page.css"
+SKIP = "(event) => { event.preventDefault(); document.querySelector('.ecl-knobs').focus(); }"
+"""To the knobs without a change of the address, whose part behind # is the patient of a link."""
 VIEWS = ("monitor", "loops", "ramp", "schemes", "outputs", "identify", "compare")
 
 
@@ -51,25 +55,32 @@ class BedsidePage:
         if topic == "state" and self.header is not None:
             self.header.show(data)
         self.bridge.publish(topic, data)
+        if topic == "state":
+            self.identification.follow(data["opened"])
 
     def _build(self) -> None:
         ui.add_css(STYLE)
-        ui.link(text("skip"), "#knobs").classes("ecl-skip")
+        skip = ui.link(text("skip"), "#knobs").classes("ecl-skip")
+        skip.on("click", js_handler=SKIP)
+        ui.dark_mode(None)  # as the reader prefers
         with ui.element("div").classes("ecl-page"):
             with ui.element("header").classes("ecl-header"):
-                ui.label(text("brand")).classes("ecl-brand")
+                ui.label(text("brand")).classes("ecl-brand").props("role=heading aria-level=1")
                 self.bridge = parts.Bridge(dict(ENGLISH))
                 self.header = Header(self.session, self.bridge, self.identification)
+            parts.Whose()
             with ui.element("aside").classes("ecl-left"):
                 self._knobs()
-            with ui.element("section").classes("ecl-middle"):
+            with ui.element("section").classes("ecl-middle").props(f'aria-label="{text("schematic")}"'):
                 parts.Schematic().on("move", lambda e: self._move(e.args))
-            with ui.element("main").classes("ecl-right"):
+            with ui.element("section").classes("ecl-right").props(f'aria-label="{text("views")}"'):
                 parts.Keys()
+                parts.Limits()
                 self._views()
-            with ui.element("footer").classes("ecl-notice").props("role=note"):
+            with ui.element("div").classes("ecl-notice").props("role=note"):
                 ui.label(text("notice"))
         self.bridge.on("hello", lambda e: self._hello(e.args))
+        self.bridge.on("link", lambda e: self._open_link(e.args))
         self.bridge.on("shortcut", lambda e: self._shortcut(e.args))
 
     def _knobs(self) -> None:
@@ -113,22 +124,59 @@ class BedsidePage:
         form.on("check", lambda e: self.identification.check(_typed(e.args)))
         form.on("fit", lambda e: self.identification.start(_typed(e.args)))
         form.on("cancel", self.identification.cancel)
-        form.on("posterior", self.identification.find_posterior)
-        form.on("use", self._use_fit)
+        form.on(
+            "posterior",
+            lambda e: self.identification.find_posterior(_link(e.args), _typed(e.args).get("found")),
+        )
+        form.on("use", lambda e: self._use_fit(_link(e.args)))
 
-    def _use_fit(self) -> None:
-        if self.identification.use():
+    def _use_fit(self, link: str) -> None:
+        if self.identification.use(link):
             notify(text("fit_used"))
 
     def _hello(self, args: Any) -> None:
-        """The browser is there; a link it was opened with wins over the first patient."""
-        link = str(args.get("link") or "")
-        if link:
-            try:
-                self.session.history = History(state_of(link))
-            except CaseError as error:
-                notify(error, "negative")
+        """The browser is there: its link wins over what its tab kept, and that over the first patient."""
+        link, tab, last = (str(args.get(key) or "") for key in ("link", "tab", "last"))
+        restored = bool(tab or last) and self._restore(tab, last)
+        if not restored and not link and (tab or last or args.get("again") is True):
+            notify(text("tab_lost", name=title_of(self.session.state)), "negative")
+        if link and (state := self._linked(link)) is not None:
+            if restored:
+                self.session.history.change(state, "", 0.0)
+            else:
+                self.session.history = History(state)
         self.session.start()
+
+    def _restore(self, tab: str, last: str) -> bool:
+        """Go on where the tab was; `last` is a state that it showed after it was kept."""
+        try:
+            newest = state_of(last) if last else None
+            kept = read_kept(tab) if tab else Kept(History(newest or self.session.state))
+        except CaseError:
+            return False
+        if newest is not None:
+            kept.history.change(newest, "", 0.0)
+        self.session.restore(kept)
+        steps, saved, pinned = len(kept.history.past), len(kept.saved), int(kept.pinned is not None)
+        found = text("tab_restored", name=title_of(kept.history.now), steps=steps, saved=saved, pinned=pinned)
+        notify(found, "info")
+        return True
+
+    def _linked(self, link: str) -> PageState | None:
+        """The state of a link; one that cannot be used is said and changes nothing."""
+        try:
+            return state_of(link)
+        except CaseError as error:
+            shown = title_of(self.session.state)
+            notify(text("link_refused", reason=error, name=shown), "negative")
+            return None
+
+    def _open_link(self, args: Any) -> None:
+        """A link was put into the address of the open page."""
+        state = self._linked(str(args.get("link") or ""))
+        if state is not None:
+            self.session.load(state)
+            notify(text("link_opened", name=title_of(state)), "info")
 
     def _move(self, args: Any) -> None:
         line = "access" if args.get("line") == "access" else "return"
@@ -160,6 +208,10 @@ def _turned(args: Any) -> tuple[str, Any, int]:
 
 def _typed(args: Any) -> dict[str, Any]:
     return dict(args) if isinstance(args, dict) else {}
+
+
+def _link(args: Any) -> str:
+    return str(args.get("link") or "") if isinstance(args, dict) else ""
 
 
 def _number(args: Any) -> int:

@@ -9,7 +9,7 @@ from eclsim.app.texts import text
 from eclsim.parameters import default
 
 if TYPE_CHECKING:
-    from eclsim.patients.case import Case
+    from eclsim.cases.case import Case
 
 _SIZES = {"speed_rpm", "drainage_fr", "return_fr", "oxygenator"}
 
@@ -36,8 +36,8 @@ def described(control: Knob | Picker) -> dict[str, Any]:
 
 def option_words(name: str) -> str:
     """A name of a picker in words."""
-    from eclsim.patients.fields import PATIENT_SITES
-    from eclsim.studies.crrt_schemes import POSITION_WORDS
+    from eclsim.cases.fields import PATIENT_SITES
+    from eclsim.crrt_study.schemes import POSITION_WORDS
 
     if name in ("VA", "VV", OTHER_MODE):
         return text(name)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import secrets
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +9,6 @@ import nicegui.elements.plotly  # noqa: F401  (puts the Plotly that comes with N
 from nicegui.element import Element
 
 _WEB = Path(__file__).parent / "web"
-_SERVED = secrets.token_hex(8)
-"""Names this run of the server: a tab that is loaded again goes on where it was, but not after a restart."""
 
 
 class Bridge(Element, component=_WEB / "bridge.js", esm={"eclsim-page": str(_WEB / "lib")}):
@@ -20,11 +17,14 @@ class Bridge(Element, component=_WEB / "bridge.js", esm={"eclsim-page": str(_WEB
     def __init__(self, words: dict[str, str]):
         super().__init__()
         self._props["words"] = words
-        self._props["served"] = _SERVED
 
     def publish(self, topic: str, data: Any) -> None:
         """Hand data to every view that listens."""
         self.run_method("publish", topic, data)
+
+
+class Whose(Element, component=_WEB / "whose.js"):
+    """Whose numbers the page shows."""
 
 
 class Knobs(Element, component=_WEB / "knobs.js"):
@@ -33,6 +33,10 @@ class Knobs(Element, component=_WEB / "knobs.js"):
 
 class Keys(Element, component=_WEB / "keys.js"):
     """The numbers that are always in sight."""
+
+
+class Limits(Element, component=_WEB / "limits.js"):
+    """Limits that are broken, in sight in every view."""
 
 
 class Bands(Element, component=_WEB / "bands.js"):

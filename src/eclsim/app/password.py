@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import hmac
 import html
+import os
 import secrets
 import time
 from collections import deque
@@ -18,6 +19,7 @@ SHORTEST = 10
 LASTS_S = 12 * 3600.0
 MOST_SESSIONS = 1000
 MOST_FAILURES, WITHIN_S = 10, 60.0
+MOST_ADDRESSES = 1000
 
 
 class PasswordFileError(ValueError):
@@ -37,7 +39,7 @@ def read_password(path: str) -> str:
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8"
         raise PasswordFileError(f"{path}: cannot be read: {reason}") from None
-    if mode & 0o077 and hasattr(file, "owner"):
+    if mode & 0o077 and os.name == "posix":  # elsewhere the mode says nothing about who may read
         raise PasswordFileError(f"{path}: others may read it; allowed: chmod 600")
     password = written.split("\n")[0].rstrip("\r")
     if len(password) < SHORTEST:
@@ -58,26 +60,39 @@ class SignIns:
         self._hash = self._hashed(password)
         self._clock = clock
         self._sessions: dict[str, float] = {}
-        self._failures: deque[float] = deque(maxlen=MOST_FAILURES)
+        self._failures: dict[str, deque[float]] = {}
 
     def knows(self, token: str) -> bool:
         """Whether a cookie is that of somebody who signed in and has not been away too long."""
         ends = self._sessions.get(hashlib.sha256(token.encode()).hexdigest()) if token else None
         return ends is not None and self._clock() < ends
 
-    def try_body(self, body: bytes) -> tuple[str | None, int, str]:
-        """A form that was sent: token, status and what to say; no token where it is refused."""
+    def try_body(self, body: bytes, address: str = "") -> tuple[str | None, int, str]:
+        """A form that was sent: token, status and what to say; no token where it is refused.
+
+        Args:
+            body: of the request.
+            address: where it came from; who tries too often from one keeps nobody else out.
+        """
         now = self._clock()
-        if len(self._failures) == MOST_FAILURES and now - self._failures[0] < WITHIN_S:
+        failures = self._failures.get(address, ())
+        if len(failures) == MOST_FAILURES and now - failures[0] < WITHIN_S:
             return None, 429, text("too_many")
         try:
             typed = parse_qs(body.decode(), max_num_fields=5, strict_parsing=True).get("password", [""])[0]
         except ValueError:
             typed = ""
         if not hmac.compare_digest(self._hashed(typed), self._hash):
-            self._failures.append(now)
+            self._remember_failure(address, now)
             return None, 401, text("wrong_password")
         return self._new_session(now), 303, ""
+
+    def _remember_failure(self, address: str, now: float) -> None:
+        recent = {k: times for k, times in self._failures.items() if now - times[-1] < WITHIN_S}
+        if address not in recent and len(recent) >= MOST_ADDRESSES:
+            del recent[next(iter(recent))]
+        recent.setdefault(address, deque(maxlen=MOST_FAILURES)).append(now)
+        self._failures = recent
 
     def _new_session(self, now: float) -> str:
         self._sessions = {k: ends for k, ends in self._sessions.items() if ends > now}

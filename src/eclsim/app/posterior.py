@@ -10,15 +10,15 @@ import numpy as np
 
 from eclsim.app.members import MEMBERS
 from eclsim.app.texts import text
+from eclsim.cases.reading import read_mapping
+from eclsim.identification.density import Posterior
+from eclsim.identification.gaussian import approximate
+from eclsim.identification.importance import weigh
+from eclsim.identification.measurement_errors import measurement_errors
 from eclsim.identification.objective import Box
-from eclsim.patients.reading import read_mapping
-from eclsim.solver.model import model_of
-from eclsim.studies.fit_settings import FitSettings, checked_fit
-from eclsim.studies.measurement_errors import measurement_errors
-from eclsim.uncertainty.density import Posterior
-from eclsim.uncertainty.gaussian import approximate
-from eclsim.uncertainty.importance import weigh
-from eclsim.uncertainty.prior import Prior
+from eclsim.identification.prior import Prior
+from eclsim.identification.settings import FitSettings, checked_fit
+from eclsim.orbit.model import model_of
 
 SHOWN_DRAWS = 4000
 SEED = 0

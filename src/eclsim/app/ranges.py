@@ -1,13 +1,11 @@
-"""What is usual and what is not: reference ranges of outputs, and limits that colour the schematic."""
+"""What is usual: adult reference ranges of outputs; and the limits of outputs as plain data."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
-from eclsim.haemodynamics.alarms import COLLAPSE_MMHG, SANSOM_ACCESS_MMHG, SUCTION_MMHG
-from eclsim.haemodynamics.outputs import REGISTRY
-from eclsim.parameters.devices import CRRT_ALARMS_MMHG
+from eclsim.outputs.limits import limits_of
+from eclsim.outputs.registry import REGISTRY
 
 _CATHETER = "practical table of right heart catheterisation, European Respiratory Society"
 _NURSING = "nursing reference of haemodynamic norms"
@@ -32,56 +30,25 @@ REFERENCE: dict[str, tuple[float, float, str]] = {
     "ESVRV": (38.0, 118.0, _HUDSMITH),
     "stroke_volume_lv": (50.0, 100.0, _NURSING),
     "ejection_fraction_lv": (57.0, 77.0, _KAWEL),
-    "crrt_access_pressure": (*CRRT_ALARMS_MMHG["access"], "alarm limits of CRRT machines"),
-    "crrt_return_pressure": (*CRRT_ALARMS_MMHG["return"], "alarm limits of CRRT machines"),
-    "lowest_drainage_pressure": (SUCTION_MMHG, 0.0, "convention: below, suction and haemolysis are feared"),
 }
 """Adult range of an output, in its unit, and where it comes from."""
 
 
-@dataclass(frozen=True)
-class Limits:
-    """Where a mean pressure [mmHg] is looked at (warning) and where it breaks a limit (alarm)."""
-
-    alarm_low: float = float("-inf")
-    warning_low: float = float("-inf")
-    warning_high: float = float("inf")
-    alarm_high: float = float("inf")
-
-    def level(self, value: float) -> str:
-        """How a mean pressure [mmHg] stands to them: "ok", "warning" or "alarm"."""
-        if not self.alarm_low <= value <= self.alarm_high:
-            return "alarm"
-        return "ok" if self.warning_low <= value <= self.warning_high else "warning"
+LINES = {"access": "crrt_access_pressure", "return": "crrt_return_pressure"}
 
 
-_VENOUS = Limits(warning_high=12.0, alarm_high=20.0)
-_LEFT = Limits(warning_high=15.0, alarm_high=25.0)
-_ARTERIAL = Limits(50.0, 65.0, 110.0, 130.0)
-_SUCTION = Limits(COLLAPSE_MMHG, SUCTION_MMHG)
-_POSITIVE = Limits(warning_high=300.0, alarm_high=400.0)
-_ACCESS = Limits(CRRT_ALARMS_MMHG["access"][0], -200.0, SANSOM_ACCESS_MMHG, CRRT_ALARMS_MMHG["access"][1])
-_RETURN = Limits(CRRT_ALARMS_MMHG["return"][0], 0.0, 300.0, CRRT_ALARMS_MMHG["return"][1])
-
-NODE_LIMITS: dict[str, Limits] = {
-    "ao": _ARTERIAL, "sart": _ARTERIAL, "svn": _VENOUS, "ra": _VENOUS,
-    "pas": Limits(warning_high=25.0, alarm_high=40.0), "part": Limits(warning_high=25.0, alarm_high=40.0),
-    "pvn": _LEFT, "la": _LEFT,
-    "ecmodrain": _SUCTION, "ecmotudp": _SUCTION,
-    "ecmotupo": _POSITIVE, "ecmooxy": _POSITIVE, "ecmotuor": _POSITIVE, "ecmoreturn": _POSITIVE,
-    "crrttuin": _ACCESS, "crrttuout": _RETURN,
-}  # fmt: skip
-"""Limits of mean pressures by compartment.
-
-Mean arterial pressure 65 mmHg is the usual target in shock; 300 mmHg after the pump is the usual limit of
-ECMO circuits; those of CRRT lines are machine alarms and Sansom et al. 2023.
-"""
+def bounds(quantity: str) -> list[dict[str, Any]]:
+    """The limits of an output as plain data, the gravest first."""
+    return [
+        {"kind": limit.kind, "side": limit.side, "value": limit.value, "meaning": limit.meaning}
+        for limit in limits_of(quantity)
+    ]
 
 
-def levels(means: dict[str, float]) -> dict[str, str]:
-    """How the pressure of each compartment stands to its limits."""
+def line_bounds() -> dict[str, list[float]]:
+    """Lower and upper alarm limit [mmHg] of the two CRRT lines."""
     return {
-        name: limits.level(means["P" + name]) for name, limits in NODE_LIMITS.items() if "P" + name in means
+        line: sorted(b["value"] for b in bounds(name) if b["kind"] == "alarm") for line, name in LINES.items()
     }
 
 
@@ -92,6 +59,8 @@ def output_specs() -> dict[str, dict[str, Any]]:
         found[name] = {"words": entry.long_name, "unit": entry.unit, "definition": entry.definition}
         if name in REFERENCE:
             found[name]["range"] = list(REFERENCE[name])
+        if limits := bounds(name):
+            found[name]["limits"] = limits
     found["crrt_recirculated_fraction"] = {
         "words": "recirculated share of the CRRT flow", "unit": "1", "definition": "steady mixing",
     }  # fmt: skip

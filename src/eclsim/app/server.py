@@ -9,8 +9,8 @@ from typing import Any
 
 import uvicorn
 from fastapi import FastAPI
+from nicegui import Client, core, ui
 from nicegui import app as nicegui_app
-from nicegui import core, ui
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from eclsim.app.engine import Engine
@@ -24,6 +24,8 @@ log = logging.getLogger("eclsim.app")
 SLOWEST_HEADERS_S = 15.0
 LARGEST_MESSAGE = 1_000_000
 MOST_CONNECTIONS = 400
+MOST_WAITING = 8
+"""Pages that were asked for and have not connected: one more, and the oldest is dropped."""
 
 
 @dataclass(frozen=True)
@@ -62,23 +64,56 @@ class ImpatientProtocol(H11Protocol):
             transport.close()
 
 
+class Visitors:
+    """Open pages: those that a browser shows, and those that were asked for and have never connected.
+
+    Only the first count as sessions, so that requests without a browser keep nobody out.
+
+    Args:
+        most: sessions at a time.
+    """
+
+    def __init__(self, most: int):
+        self.most = most
+        self.shown: set[Client] = set()
+        self.waiting: list[Client] = []
+
+    @property
+    def full(self) -> bool:
+        """Whether there is no place for another session."""
+        return len(self.shown) >= self.most
+
+    def welcome(self, client: Client, page: BedsidePage) -> None:
+        """Keep a page until its browser has gone, or until too many others wait that never connected."""
+
+        def connected() -> None:
+            if client in self.waiting:
+                self.waiting.remove(client)
+                self.shown.add(client)
+
+        def gone() -> None:
+            self.shown.discard(client)
+            if client in self.waiting:
+                self.waiting.remove(client)
+            page.close()
+
+        self.waiting.append(client)
+        client.on_connect(connected)
+        client.on_delete(gone)
+        while len(self.waiting) > MOST_WAITING:
+            self.waiting[0].delete()
+
+
 def application(options: Options, engine: Engine) -> App:
     """The ASGI application behind its guard."""
-    pages: set[BedsidePage] = set()
+    visitors = Visitors(options.most_sessions)
 
     @ui.page("/", title=text("title"))
     async def page() -> None:
-        if len(pages) >= options.most_sessions:
+        if visitors.full:
             ui.label(text("full", most=options.most_sessions)).props("role=alert")
             return
-        page = BedsidePage(engine, options.state)
-        pages.add(page)
-
-        def gone() -> None:
-            pages.discard(page)
-            page.close()
-
-        ui.context.client.on_delete(gone)
+        visitors.welcome(ui.context.client, BedsidePage(engine, options.state))
 
     nicegui_app.on_startup(lambda: engine.warm(options.state))
     nicegui_app.on_shutdown(engine.stop)

@@ -9,11 +9,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from eclsim.app.keeping import Kept, text_of
 from eclsim.app.knobs import connect, controls, turn, value_of
 from eclsim.app.panel import described, shape_of
-from eclsim.app.state import MOST_SAVED, POLICIES, History, PageState, key_of, link_of
+from eclsim.app.state import MOST_SAVED, POLICIES, History, PageState, key_of, link_of, subject_of
 from eclsim.app.texts import text
-from eclsim.patients.mistakes import CaseError, Mistake
+from eclsim.app.whose import title_of, whose
+from eclsim.cases.mistakes import CaseError, Mistake
 
 if TYPE_CHECKING:
     from eclsim.app.beat import Beat
@@ -25,6 +27,8 @@ WAVES = (
     "Pecmodrain",
 )  # fmt: skip
 """Waveforms that the browser draws."""
+KEEP_AFTER_S = 0.5
+"""The browser is told what to keep when nothing was changed for so long."""
 Send = Callable[[str, Any], None]
 Follower = Callable[["Session"], None]
 
@@ -45,7 +49,7 @@ class Session:
         self.shown: tuple[PageState, Beat] | None = None
         self.pinned: tuple[PageState, Beat] | None = None
         self.saved: list[tuple[PageState, Beat]] = []
-        self.started: Beat | None = None
+        self.base: tuple[PageState, Beat] | None = None
         self.followers: list[Follower] = []
         self.view = "monitor"
         self.closed = False
@@ -54,6 +58,9 @@ class Session:
         self._near: tuple[Any, Mapping[str, float]] | None = None
         self._drawn: Any = None
         self._panel: Any = None
+        self._keep_timer: asyncio.TimerHandle | None = None
+        self._revived: Kept | None = None
+        self._catching: asyncio.Task[None] | None = None
 
     @property
     def state(self) -> PageState:
@@ -71,6 +78,12 @@ class Session:
         self.send("view", self.view)
         self.show_state()
         self._want(0)
+
+    def restore(self, kept: Kept) -> None:
+        """Go on where another session of the same tab ended; pinned and saved beats are computed again."""
+        self.history = kept.history
+        if kept.pinned is not None or kept.saved:
+            self._revived = kept
 
     def turn(self, key: str, value: Any, seq: int = 0) -> bool:
         """Turn a knob or set a picker; a value that cannot be is told beside the knob."""
@@ -94,14 +107,36 @@ class Session:
     def set_policy(self, policy: str) -> None:
         """Choose who fills the circuits."""
         if policy in POLICIES:
-            self._change(replace(self.state, policy=policy), "policy", 0)
+            self._change(self.state.with_policy(policy), "policy", 0)
 
-    def load(self, state: PageState) -> None:
-        """Show another patient."""
-        self.history.load(state, time.monotonic())
-        self._near, self.started = None, None
-        self.show_state()
+    def load(self, state: PageState, opened: bool = False) -> None:
+        """Show another patient; undo leads back.
+
+        Args:
+            state: the patient.
+            opened: whether it was opened anew, so that nothing typed for it before is wanted.
+        """
+        self.history.change(state, "", time.monotonic())
+        self._near = None
+        self.show_state(opened=opened)
         self._want(0)
+
+    def judge(self, old: PageState, new: PageState) -> None:
+        """More is known of a patient as opened: all states that go back to it say so."""
+
+        def told(state: PageState) -> PageState:
+            if state.start != old:
+                return state
+            return replace(state, verdict=new.verdict, opened=new) if state.opened else new
+
+        history = self.history
+        history.now = told(history.now)
+        for steps in (history.past, history.future):
+            steps[:] = [told(state) for state in steps]
+        if self.shown is not None:
+            self.shown = told(self.shown[0]), self.shown[1]
+        self._wanted = told(self._wanted[0]), self._wanted[1]
+        self.show_state()
 
     def undo(self) -> None:
         """One change back."""
@@ -117,7 +152,7 @@ class Session:
 
     def reset(self) -> None:
         """Back to the patient as loaded."""
-        self._change(self.history.start, "", 0)
+        self._change(self.state.start, "", 0)
 
     def pin(self) -> None:
         """Keep the beat as a shadow, or let it go."""
@@ -125,7 +160,7 @@ class Session:
             self.pinned = None
         elif self.shown is not None:
             self.pinned = self.shown
-        self.send("pinned", _kept(*self.pinned) if self.pinned else None)
+        self._tell_pinned()
         self.show_state()
         self._follow()
 
@@ -150,6 +185,10 @@ class Session:
 
     def _tell_saved(self) -> None:
         self.send("saved", [_kept(*one) for one in self.saved])
+        self._keep_soon()
+
+    def _tell_pinned(self) -> None:
+        self.send("pinned", _kept(*self.pinned) if self.pinned else None)
 
     def follow(self, follower: Follower) -> None:
         """Call after every beat, and when another view is open or a state is pinned."""
@@ -165,6 +204,8 @@ class Session:
         """The tab is gone: start nothing more."""
         self.closed = True
         self.followers.clear()
+        if self._keep_timer is not None:
+            self._keep_timer.cancel()
 
     def _try(self, key: str, make: Callable[[], PageState], seq: int) -> bool:
         try:
@@ -209,19 +250,57 @@ class Session:
 
     def _show(self, state: PageState, beat: Beat, seq: int) -> None:
         from eclsim.app.beat import plain
-        from eclsim.app.ranges import levels
 
         self.shown = (state, beat)
         if beat.converged:
             self._near = (
                 self._near if self._near and self._near[0] is beat.circuit else (beat.circuit, beat.values)
             )
-        if self.started is None or state == self.history.start:
-            self.started = beat
-            self.send("base", {"outputs": plain(beat, ())["outputs"]})
-        told = {"levels": levels(dict(beat.means)), "seq": seq, "of": key_of(state)}
+        if not state.changed and (self.base is None or self.base[0] != state):
+            self._set_base(state, beat)
+        told = {"seq": seq, "of": key_of(state), "values": _values(state)}
         self.send("beat", {**plain(beat, WAVES), **told})
+        self._catch_up_soon()
         self._follow()
+
+    def _catch_up_soon(self) -> None:
+        """Compute what the page lacks beside the beat: see `_catch_up`."""
+        if self._catching is None and not self.closed and self._lacks():
+            self._catching = asyncio.get_running_loop().create_task(self._catch_up())
+            self._catching.add_done_callback(_report)
+
+    def _lacks(self) -> bool:
+        return self._revived is not None or self.base is None or self.base[0] != self.state.start
+
+    async def _catch_up(self) -> None:
+        """Beats that were pinned and saved before a reload, and the one that changes are measured from."""
+        try:
+            while self._lacks() and not self.closed:
+                if self._revived is not None:
+                    await self._revive(self._revived)
+                else:
+                    start = self.state.start
+                    self._set_base(start, await self.engine.beat(start, None))
+        finally:
+            self._catching = self._revived = None
+
+    async def _revive(self, kept: Kept) -> None:
+        saved = [(state, await self.engine.beat(state, None)) for state in kept.saved]
+        if kept.pinned is not None and self.pinned is None:
+            self.pinned = kept.pinned, await self.engine.beat(kept.pinned, None)
+        self._revived = None
+        self.saved = [*saved, *self.saved][:MOST_SAVED]
+        self._tell_pinned()
+        self._tell_saved()
+        self.show_state()
+        self._follow()
+
+    def _set_base(self, start: PageState, beat: Beat) -> None:
+        from eclsim.app.beat import plain
+
+        self.base = start, beat
+        if not self.closed:
+            self.send("base", {"of": subject_of(start), "outputs": plain(beat, ())["outputs"]})
 
     def _near_values(self, state: PageState) -> Mapping[str, float] | None:
         from eclsim.app.circuits import page_circuit
@@ -234,11 +313,11 @@ class Session:
         for follower in list(self.followers):
             follower(self)
 
-    def show_state(self, key: str = "", seq: int = 0) -> None:
+    def show_state(self, key: str = "", seq: int = 0, opened: bool = False) -> None:
         """Tell the browser where knobs stand, and, where the circuit changed, how it is drawn."""
         from eclsim.app.drawing import drawing_of
 
-        case = self.state.case
+        state, case = self.state, self.state.case
         found = controls(case)
         panel = [described(control) for control in found]
         if panel != self._panel:
@@ -249,21 +328,40 @@ class Session:
             self._drawn = shape
             self.send("drawing", drawing_of(case))
         self.send("state", {
-            "values": {control.key: value_of(case, control.key) for control in found},
+            "values": _values(state), "of": key_of(state), "subject": subject_of(state),
+            "whose": whose(state),
             "devices": {d: getattr(case, d) is not None for d in ("ecmo", "crrt", "lvad")},
-            "policy": self.state.policy, "key": key, "seq": seq, "name": case.patient.id,
-            "origin": self.state.origin, "link": link_of(self.state),
+            "policy": state.policy, "key": key, "seq": seq, "opened": opened, "name": title_of(state),
+            "origin": state.origin, "link": link_of(state),
             "undo": bool(self.history.past), "redo": bool(self.history.future),
-            "changed": self.state != self.history.start, "pinned": self.pinned is not None,
+            "changed": state.changed, "pinned": self.pinned is not None,
         })  # fmt: skip
+        self._keep_soon()
+
+    def _keep_soon(self) -> None:
+        """Have the browser keep this tab, when nothing is changed for a while."""
+        if self._keep_timer is not None:
+            self._keep_timer.cancel()
+        if self._revived is None and not self.closed:
+            self._keep_timer = asyncio.get_running_loop().call_later(KEEP_AFTER_S, self._keep)
+
+    def _keep(self) -> None:
+        pinned = self.pinned[0] if self.pinned else None
+        kept = Kept(self.history, pinned, tuple(state for state, _ in self.saved))
+        self.send("keep", {"tab": text_of(kept), "of": key_of(self.state)})
+
+
+def _values(state: PageState) -> dict[str, Any]:
+    """Where the knobs of a state stand."""
+    return {control.key: value_of(state.case, control.key) for control in controls(state.case)}
 
 
 def _kept(state: PageState, beat: Beat) -> dict[str, Any]:
     """A beat with the name and the knobs of its state, as plain data."""
     from eclsim.app.beat import plain
 
-    knobs = {c.key: value_of(state.case, c.key) for c in controls(state.case)}
-    return {**plain(beat, WAVES), "of": key_of(state), "name": state.case.patient.id, "values": knobs}
+    named = {"of": key_of(state), "name": title_of(state), "values": _values(state)}
+    return {**plain(beat, WAVES), **named}
 
 
 def _beside(mistake: Mistake) -> str:

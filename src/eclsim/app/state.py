@@ -8,53 +8,104 @@ import zlib
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from eclsim.patients.mistakes import CaseError, Mistake
-from eclsim.patients.reading import read_mapping
+from eclsim.cases.mistakes import CaseError, Mistake
+from eclsim.cases.presets import PRESETS
+from eclsim.cases.reading import read_mapping
 
 if TYPE_CHECKING:
-    from eclsim.patients.case import Case
+    from eclsim.cases.case import Case
 
+VERSION = 2
 LONGEST_LINK = 8_000
+LONGEST_NAME = 80
 LARGEST_STATE = 200_000
 LONGEST_HISTORY = 100
 MOST_SAVED = 6
+VERDICTS = ("", "good", "doubtful", "poor")
 POLICIES = ("as_published", "patient_held")
 
 
 @dataclass(frozen=True)
 class PageState:
-    """Everything that a beat is computed from.
+    """Everything that a beat is computed from, and whose numbers they are.
 
     Args:
         case: patient, devices and parameters; knobs change it.
         policy: blood volume policy.
-        origin: key of the preset, or name of the file, that it started from.
+        origin: key of a preset; else "file" or "cohort", "fit", "posterior".
         posterior: which of the session's posteriors speaks of this patient; not part of a link.
+        source: name of the file that the patient was read from.
+        verdict: of the fit, where the parameters were fitted: "good", "doubtful" or "poor".
+        subject: whose measurements these are, where not those of the patient as opened: a fitted patient
+            is the one that it was fitted to.
+        opened: the patient as opened, before any knob was turned; None where this is that state.
     """
 
     case: Case
     policy: str = POLICIES[0]
     origin: str = ""
     posterior: str = ""
+    source: str = ""
+    verdict: str = ""
+    subject: str = ""
+    opened: PageState | None = None
+
+    @property
+    def start(self) -> PageState:
+        """The patient as opened: where reset leads."""
+        return self.opened or self
+
+    @property
+    def changed(self) -> bool:
+        """Whether a knob, device or policy is another one than in the patient as opened."""
+        return self.opened is not None
 
     def with_case(self, case: Case) -> PageState:
-        """The same page with another case."""
-        return replace(self, case=case)
+        """The same patient with a case that was changed."""
+        return self._changed(case, self.policy)
+
+    def with_policy(self, policy: str) -> PageState:
+        """The same patient under another blood volume policy."""
+        return self._changed(self.case, policy)
+
+    def _changed(self, case: Case, policy: str) -> PageState:
+        start = self.start
+        if (case, policy) == (start.case, start.policy):
+            return start
+        return replace(self, case=case, policy=policy, opened=start)
 
     def as_object(self) -> dict[str, Any]:
         """As plain data."""
-        return {"v": 1, "case": self.case.as_mapping(), "policy": self.policy, "origin": self.origin}
+        found = {"case": self.case.as_mapping(), "policy": self.policy}
+        found |= {name: getattr(self, name) for name in _NAMES if getattr(self, name)}
+        if self.opened is None or self.origin in PRESETS:  # presets are known without
+            return found
+        return found | {"opened": self.opened.as_object()}
 
 
-def link_of(state: PageState) -> str:
-    """A state as the text behind # in a link: it stays in the browser and reaches no log of a server."""
-    plain = json.dumps(state.as_object(), separators=(",", ":")).encode()
-    return base64.urlsafe_b64encode(zlib.compress(plain, 9)).decode().rstrip("=")
+_NAMES = ("origin", "source", "verdict", "subject")
+"""What a state says of itself in words."""
+
+
+def preset_state(key: str) -> PageState:
+    """A preset as it is opened."""
+    return PageState(PRESETS[key].case(), origin=key)
+
+
+def subject_of(state: PageState) -> str:
+    """Tells whose measurements are typed: the same for a patient as opened, turned and fitted."""
+    start = state.start
+    return start.subject or f"{zlib.crc32(repr((start.case, start.origin, start.source)).encode()):08x}"
 
 
 def key_of(state: PageState) -> str:
     """Tells results of one state from those of another."""
     return f"{zlib.crc32(repr((state.case, state.policy)).encode()):08x}"
+
+
+def link_of(state: PageState) -> str:
+    """A state as the text behind # in a link: it stays in the browser and reaches no log of a server."""
+    return packed({"v": VERSION, "state": state.as_object()})
 
 
 def state_of(link: str) -> PageState:
@@ -63,28 +114,78 @@ def state_of(link: str) -> PageState:
     Raises:
         CaseError: If it is no link of this page, or its case cannot be used.
     """
-    if len(link) > LONGEST_LINK:
-        raise _no_link("too long")
+    found = unpacked(link, LONGEST_LINK, LARGEST_STATE)
+    if found.get("v") == 1:  # links of earlier versions knew no patient as opened
+        return read_state(found)
+    if found.get("v") != VERSION:
+        raise refused_link("of another version")
+    return read_state(found.get("state"))
+
+
+def read_state(found: Any) -> PageState:
+    """A state from plain data of a link.
+
+    Raises:
+        CaseError: If it is none, or its case cannot be used.
+    """
+    if not isinstance(found, dict):
+        raise refused_link("damaged")
+    if found.get("policy") not in POLICIES:
+        raise refused_link("with an unknown blood volume policy")
+    case = read_mapping(found.get("case"), "link").case
+    if case.ecmo is not None and case.ecmo.flow_l_min is not None:  # the page writes speeds alone
+        raise refused_link("with a pump flow in place of a speed")
+    names = {name: str(found.get(name) or "")[:LONGEST_NAME] for name in _NAMES}
+    if names["verdict"] not in VERDICTS:
+        raise refused_link("damaged")
+    state = replace(PageState(case, found["policy"]), **names)
+    if state.origin in PRESETS:
+        return preset_state(state.origin)._changed(case, state.policy)
+    opened = found.get("opened")
+    if opened is None:
+        return state
+    if not isinstance(opened, dict) or opened.get("opened") is not None:
+        raise refused_link("damaged")
+    return replace(state, opened=read_state(opened))
+
+
+def packed(content: Any) -> str:
+    """Plain data as a text for links and for the browser's storage."""
+    plain = json.dumps(content, separators=(",", ":")).encode()
+    return base64.urlsafe_b64encode(zlib.compress(plain, 9)).decode().rstrip("=")
+
+
+def unpacked(text: str, longest: int, largest: int) -> dict[str, Any]:
+    """The plain data of such a text.
+
+    Args:
+        text: from a browser.
+        longest: characters it may have.
+        largest: bytes it may unpack to.
+
+    Raises:
+        CaseError: If it is damaged or too long.
+    """
+    if len(text) > longest:
+        raise refused_link("too long")
     try:
-        packed = base64.urlsafe_b64decode(link + "=" * (-len(link) % 4))
+        zipped = base64.urlsafe_b64decode(text + "=" * (-len(text) % 4))
         unpack = zlib.decompressobj()
-        plain = unpack.decompress(packed, LARGEST_STATE)
+        plain = unpack.decompress(zipped, largest)
         if not unpack.eof:
-            raise _no_link("too large, or cut off")
+            raise refused_link("too large, or cut off")
         found = json.loads(plain)
     except (ValueError, zlib.error, RecursionError) as error:
         if isinstance(error, CaseError):
             raise
-        raise _no_link("damaged") from None
-    if not isinstance(found, dict) or found.get("v") != 1:
-        raise _no_link("of another version")
-    if found.get("policy") not in POLICIES:
-        raise _no_link("with an unknown blood volume policy")
-    case = read_mapping(found.get("case"), "link").case
-    return PageState(case, found["policy"], str(found.get("origin", ""))[:64])
+        raise refused_link("damaged") from None
+    if not isinstance(found, dict):
+        raise refused_link("damaged")
+    return found
 
 
-def _no_link(why: str) -> CaseError:
+def refused_link(why: str) -> CaseError:
+    """What is said of a link that cannot be used."""
     return CaseError([Mistake("", f"the link is {why}", allowed="a link copied from this page", file="link")])
 
 
@@ -99,12 +200,8 @@ class History:
     now: PageState
     past: list[PageState] = field(default_factory=list)
     future: list[PageState] = field(default_factory=list)
-    start: PageState = field(init=False)
     merge_s: float = 1.5
     _last: tuple[str, float] = ("", float("-inf"))
-
-    def __post_init__(self) -> None:
-        self.start = self.now
 
     def change(self, state: PageState, key: str, at: float) -> None:
         """Show another state; `key` names what was changed, `at` is the time [s]."""
@@ -116,11 +213,6 @@ class History:
             del self.past[:-LONGEST_HISTORY]
         self.future.clear()
         self.now = state
-
-    def load(self, state: PageState, at: float) -> None:
-        """Start from another patient; undo leads back."""
-        self.change(state, "", at)
-        self.start = state
 
     def undo(self) -> bool:
         """One step back; whether there was one."""

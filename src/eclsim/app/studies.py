@@ -7,25 +7,26 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.app.circuits import page_circuit
-from eclsim.app.ranges import NODE_LIMITS
+from eclsim.app.ranges import LINES, bounds, line_bounds
 from eclsim.app.state import key_of
+from eclsim.beat.resolution import needed_resolution
 from eclsim.circuit.assembly import assemble
-from eclsim.parameters.devices import CRRT_ALARMS_MMHG, PUMPS
-from eclsim.parameters.positions import ECMO_POSITIONS
-from eclsim.solver.resolution import needed_resolution
-from eclsim.solver.steady import Batch, steady_beats
-from eclsim.studies.beat_records import record
+from eclsim.devices.constants import PUMPS
+from eclsim.devices.positions import ECMO_POSITIONS
+from eclsim.orbit.steady import Batch, steady_beats
+from eclsim.outputs.limits import level
+from eclsim.outputs.records import record
 
 if TYPE_CHECKING:
     from eclsim.app.state import PageState
 
+NODES = {"access": "crrttuin", "return": "crrttuout"}
 SPEEDS = 15
 WAVE_POINTS = 60
 RAMP_OUTPUTS = (
     "MAP", "MPAP", "PCWP", "right_atrial_pressure", "CO", "PF", "lvad_flow", "crrt_access_pressure",
     "crrt_return_pressure", "drainage_pressure",
 )  # fmt: skip
-LINES = {"access": "crrttuin", "return": "crrttuout"}
 
 
 def ramp(state: PageState) -> dict[str, Any] | None:
@@ -44,7 +45,8 @@ def ramp(state: PageState) -> dict[str, Any] | None:
     return {
         "of": key_of(state), "key": key, "own": own, "speeds": speeds.tolist(),
         "outputs": {n: plain_curve(np.where(records.converged, records.output(n), np.nan)) for n in shown},
-        "limits": {line: list(CRRT_ALARMS_MMHG[line]) for line in LINES},
+        "limits": {name: bounds(name) for name in (*shown, "lowest_drainage_pressure")},
+        "lost": speeds[~np.asarray(records.converged)].tolist(),
     }  # fmt: skip
 
 
@@ -60,8 +62,8 @@ def speed_range(state: PageState) -> tuple[str, float, tuple[float, float]] | No
 
 def schemes(state: PageState) -> dict[str, Any] | None:
     """Line pressures of the nine schemes at the state's own speed; None without a rotary ECMO pump."""
-    from eclsim.studies.crrt_batches import bench_of
-    from eclsim.studies.crrt_schemes import nine_schemes
+    from eclsim.crrt_study.batches import bench_of
+    from eclsim.crrt_study.schemes import nine_schemes
 
     ecmo = state.case.ecmo
     if ecmo is None or not isinstance(ecmo.pump, str):
@@ -76,22 +78,23 @@ def schemes(state: PageState) -> dict[str, Any] | None:
         cell: dict[str, Any] = {
             "letter": scheme.letter, "name": scheme.name, "access_site": scheme.access_site,
             "return_site": scheme.return_site, "converged": bool(records.converged[k]),
-            "MAP": _number(records.output("MAP")[k]), "PF": _number(records.output("PF")[k]),
+            "MAP": _number(records.output("MAP")[k]) if records.converged[k] else None,
         }  # fmt: skip
-        for line, node in LINES.items():
-            signal = records.signals.index("P" + node)
-            mean = float(records.means[signal, k])
+        for line, name in LINES.items():
+            signal = records.signals.index("P" + NODES[line])
+            mean = float(records.means[signal, k]) if records.converged[k] else np.nan
+            wave = np.interp(even, records.phases, records.waveforms[:, signal, k])
             cell[line] = {
                 "mean": _number(mean),
-                "level": NODE_LIMITS[node].level(mean),
-                "wave": plain_curve(np.interp(even, records.phases, records.waveforms[:, signal, k])),
+                "level": level(name, mean),
+                "wave": plain_curve(wave) if records.converged[k] else [],
             }
         found.append(cell)
     return {
         "of": key_of(state),
         "cells": found,
         "flow": flow,
-        "limits": {line: list(CRRT_ALARMS_MMHG[line]) for line in LINES},
+        "limits": line_bounds(),
     }
 
 

@@ -11,7 +11,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+from eclsim.circuit.filling import filled_to
 from eclsim.circuit.network import Choice, Circuit, Site, StartPressure
+from eclsim.circuit.sweep import sweep_order
 from eclsim.circuit.validation import validate
 from eclsim.components.activation import Activation
 from eclsim.components.base import Values, value_of
@@ -36,12 +38,21 @@ class Constants:
 
 @dataclass(frozen=True)
 class Assembly:
-    """A circuit with its states numbered."""
+    """A circuit with its states numbered.
+
+    Args:
+        circuit: both tables.
+        ends: of each connection.
+        inertial: positions of the connections whose flow is a state.
+        activations: curves that drive its chambers.
+        sweep: positions of all connections in the order in which they are solved (`sweep_order`).
+    """
 
     circuit: Circuit
     ends: tuple[tuple[End, End], ...]
     inertial: tuple[int, ...]
     activations: tuple[Activation, ...]
+    sweep: tuple[int, ...]
 
     @property
     def n_volumes(self) -> int:
@@ -117,6 +128,8 @@ def _start_volume(compartment: Any, values: Values) -> Any:
     start = compartment.start
     if isinstance(start, StartPressure):
         pressure = value_of(values, start.pressure)
+        if not compartment.component.constant_stiffness:
+            return filled_to(compartment.component, pressure, values)
         at_rest, stiffness = compartment.component.pressure(0.0, 0.0, compartment.component.constants(values))
         return (pressure - at_rest) / stiffness
     volume = value_of(values, start.volume)
@@ -131,7 +144,7 @@ def assemble(circuit: Circuit) -> Assembly:
     ends = tuple((_end(c.source, position), _end(c.target, position)) for c in circuit.connections)
     inertial = tuple(j for j, c in enumerate(circuit.connections) if c.component.inertial)
     curves = dict.fromkeys(c.component.activation for c in circuit.compartments if c.component.activation)
-    return Assembly(circuit, ends, inertial, tuple(curves))
+    return Assembly(circuit, ends, inertial, tuple(curves), sweep_order(circuit))
 
 
 def _end(site: Site, position: dict[str, int]) -> End:

@@ -54,6 +54,13 @@ class Choice:
     sites: tuple[str, ...]
     parameter: str
 
+    def site(self, value: float) -> str:
+        """The site at a position; `ValueError` where the value is none."""
+        if value not in range(len(self.sites)):
+            allowed = ", ".join(f"{k} ({name})" for k, name in enumerate(self.sites))
+            raise ValueError(f"{self.parameter} = {value:g}: no site of this circuit; allowed: {allowed}")
+        return self.sites[int(value)]
+
 
 Site = str | Choice
 
@@ -114,7 +121,7 @@ class Circuit:
         def site(of: Site) -> Site:
             if isinstance(of, str) or of.parameter not in values:
                 return of
-            return of.sites[round(float(values[of.parameter]))]
+            return of.site(float(values[of.parameter]))
 
         paths = (replace(c, source=site(c.source), target=site(c.target)) for c in self.connections)
         return Circuit(self.compartments, tuple(paths))

@@ -42,11 +42,11 @@ def app(
     The page is served on this machine alone unless --host says otherwise; no data leaves it.
     Research use only.
     """
-    from eclsim.cli.cases import read_all
+    from eclsim.cli.cases import read_all, with_speeds
     from eclsim.cli.messages import fail
 
     root_path = _checked_root(root_path)
-    reading = read_all([case_file], [])[0] if case_file else None
+    reading = with_speeds(read_all([case_file], []))[0] if case_file else None
     password = _password(password_file)
     if host not in _THIS_MACHINE and password is None:
         fail(f"--host {host}: others can reach the page then; give --password-file too")
@@ -54,11 +54,14 @@ def app(
         from eclsim.app.server import Options, serve
     except ModuleNotFoundError as error:
         fail(f'the page needs {error.name}: pip install "eclsim[app]"')
-    from eclsim.app.state import PageState
-    from eclsim.patients.presets import PRESETS
+    from eclsim.app.opening import shown_name
+    from eclsim.app.state import PageState, preset_state
 
-    first = PRESETS["healthy"]
-    state = PageState(reading.case, origin="file") if reading else PageState(first.case(), origin=first.key)
+    state = preset_state("healthy")
+    if reading:
+        state = PageState(
+            reading.case, reading.case.volume_policy, origin="file", source=shown_name(reading.file)
+        )
     names = {*_THIS_MACHINE, host.lower(), *(name.lower() for name in allow_host or ())}
     typer.echo(f"eclsim: http://{host}:{port}{root_path}/  (Ctrl-C stops it)")
     serve(Options(state, host, port, root_path, frozenset(names), password, max_sessions))

@@ -30,6 +30,7 @@ from eclsim.cli import (
     track,
     validate,
 )
+from eclsim.cli.folder_lock import holding
 from eclsim.cli.messages import fail, say
 
 _HELP = """Simulate a patient's circulation on ECMO, CRRT and LVAD.
@@ -49,18 +50,24 @@ app = typer.Typer(
 )
 app.command("simulate", short_help="Simulate the steady heartbeat of each case.")(simulate.simulate)
 app.command("crrt-study", short_help="Compare all ways of connecting CRRT to a patient's ECMO circuit.")(
-    crrt_study.crrt_study
+    holding(crrt_study.crrt_study)
 )
-app.command("reproduce", short_help="Recompute the numbers of the paper.")(reproduce.reproduce)
+app.command("reproduce", short_help="Recompute the numbers of the paper.")(
+    holding(reproduce.reproduce, "folder")
+)
 app.command("sensitivity", short_help="Sobol indices: what the outputs of a case depend on.")(
-    sensitivity.sensitivity
+    holding(sensitivity.sensitivity)
 )
 app.command("identifiability", short_help="Which parameters measurements can tell apart.")(
     identifiability.identifiability
 )
-app.command("identify", short_help="Fit a patient's own model to what was measured.")(identify.identify)
+app.command("identify", short_help="Fit a patient's own model to what was measured.")(
+    holding(identify.identify)
+)
 app.command("import", short_help="Turn clinical data into a cohort to identify.")(importing.import_data)
-app.command("track", short_help="Follow a patient's parameters from measurement to measurement.")(track.track)
+app.command("track", short_help="Follow a patient's parameters from measurement to measurement.")(
+    holding(track.track)
+)
 app.add_typer(parameters.app, name="parameters", short_help="List, explain and export parameters.")
 app.command("devices", short_help="List devices and their ranges, or explain one.")(devices.devices)
 app.command("demo", short_help="Simulate the paper's patient, with figures and its numbers.")(demo.demo)

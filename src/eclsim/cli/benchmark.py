@@ -36,7 +36,7 @@ def benchmark(
         say(f"measured: {measurement.name}")
     about = machine()
     if target is not None:
-        from eclsim.report.plain_json import write_plain
+        from eclsim.reporting.plain_json import write_plain
 
         write_plain({"machine": about, "measurements": [_plain(one) for one in found]}, target)
     if target != "-":

@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from eclsim.cli.messages import BAD_INPUT, fail, say, warn
 
 if TYPE_CHECKING:
-    from eclsim.patients import Case, CaseReading, Mistake
+    from eclsim.cases import Case, CaseReading, Mistake
 
 
-def read_all(files: Sequence[str], settings: Sequence[str]) -> list[CaseReading]:
-    """Read every case; with any mistake in any of them say all and leave with exit status 2."""
-    from eclsim.patients import CaseError, read_case
+def read_all(
+    files: Sequence[str], settings: Sequence[str], volume_policy: str | None = None
+) -> list[CaseReading]:
+    """Read every case; with any mistake in any of them say all and leave with exit status 2.
 
-    readings: list[CaseReading] = []
-    mistakes: list[Mistake] = []
-    for file in files:
-        try:
-            readings.append(read_case(file, settings))
-        except CaseError as error:
-            mistakes += error.mistakes
-    if mistakes:
-        for mistake in dict.fromkeys(mistakes):
-            say(mistake)
-        raise SystemExit(BAD_INPUT)
+    `settings` and `volume_policy` win over the files, and a note says so.
+    """
+    readings = read_each([(file, settings, volume_policy) for file in files])
     for reading in readings:
         warn(reading.warnings)
         warn(reading.notes, "note")
@@ -33,24 +26,79 @@ def read_all(files: Sequence[str], settings: Sequence[str]) -> list[CaseReading]
     return readings
 
 
+def read_each(
+    wanted: Iterable[tuple[str, Sequence[str], str | None]],
+    renamed: Callable[[Mistake], Mistake] = lambda mistake: mistake,
+) -> list[CaseReading]:
+    """Read cases, each a file with settings and a policy; what warnings and notes say is left to the caller.
+
+    Args:
+        wanted: files, settings and blood volume policies, as `read_case` takes them.
+        renamed: what a mistake is said as.
+    """
+    from eclsim.cases import CaseError, read_case
+
+    readings: list[CaseReading] = []
+    mistakes: list[Mistake] = []
+    for file, settings, policy in wanted:
+        try:
+            readings.append(read_case(file, settings, policy))
+        except CaseError as error:
+            mistakes += [renamed(mistake) for mistake in error.mistakes]
+    if mistakes:
+        for mistake in dict.fromkeys(mistakes):
+            say(mistake)
+        raise SystemExit(BAD_INPUT)
+    return readings
+
+
+def with_speeds(readings: Sequence[CaseReading], policy: str | None = None) -> list[CaseReading]:
+    """The cases with the pump speed that gives their target flow, where they name one; a note says it.
+
+    The flow is that under `policy`, or else under the policy of each case. With a flow that cannot be reached
+    leave with exit status 2.
+    """
+    if not any(reading.case.ecmo and reading.case.ecmo.flow_l_min is not None for reading in readings):
+        return list(readings)
+    from dataclasses import replace
+
+    from eclsim.simulation.target_flow import FlowNotReachedError, with_speed
+
+    solved, wrong = [], []
+    for reading in readings:
+        try:
+            case, found = with_speed(reading.case, policy)
+        except FlowNotReachedError as error:
+            wrong.append(f"{reading.file}: {error}")
+            continue
+        solved.append(replace(reading, case=case))
+        if found is not None:
+            warn([f"{reading.file}: {found} ({policy or case.volume_policy}); this speed is held"], "note")
+    if wrong:
+        fail(*wrong)
+    return solved
+
+
 def _id_collisions(readings: Iterable[CaseReading]) -> list[str]:
-    """Cases that a reader would take for the same: ids equal but for case and spaces."""
-    import unicodedata
+    """Ids that differ, but that a reader would take for the same."""
+    from eclsim.cases.ids import plain_id
 
     first: dict[str, CaseReading] = {}
     said = []
     for reading in readings:
         name = reading.case.patient.id
-        same = unicodedata.normalize("NFKC", "".join(name.split())).casefold()
-        if same in first:
-            said.append(f"{reading.file}: patient.id is the same as in {first[same].file}")
-        first.setdefault(same, reading)
+        known = first.setdefault(plain_id(name), reading)
+        if known.case.patient.id != name:
+            said.append(
+                f"{reading.file}: patient.id '{name}' differs from '{known.case.patient.id}' in {known.file} "
+                "in case, spaces or Unicode form alone"
+            )
     return said
 
 
 def waveforms_of(case: Case) -> list[str]:
     """Names of the waveforms that a case has: P, Q or V and compartment or connection."""
-    from eclsim.patients.fields import ECMO_POSITIONS, PATIENT_SITES
+    from eclsim.cases.fields import ECMO_POSITIONS, PATIENT_SITES
 
     nodes, pumps = list(PATIENT_SITES), []
     if case.ecmo is not None:

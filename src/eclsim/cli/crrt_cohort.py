@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -10,12 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eclsim.cli.messages import SOME_DID_NOT_CONVERGE, fail, say, warn
+from eclsim.cli.messages import SOME_DID_NOT_CONVERGE, Progress, fail, resumable, say, warn
 
 if TYPE_CHECKING:
-    from eclsim.patients.cohort import CohortReading
-    from eclsim.studies.cohort_cases import FittedCases
-    from eclsim.studies.crrt_cohort import CohortStudy
+    from eclsim.cases.cohort import CohortReading
+    from eclsim.crrt_study.cohort import CohortStudy
+    from eclsim.identification.fitted_cohort import FittedCases
 
 _TABLES = (".csv", ".tsv")
 
@@ -30,7 +29,7 @@ class Request:
     scheme_h: str
     speeds: str
     crrt_flow: float | None
-    policy: str
+    policy: str | None
     posterior: str | None
     out: str | None
     json: str | None
@@ -48,22 +47,22 @@ def run(request: Request) -> None:
     """Fit or read the cases, study them, write, show."""
     _check(request)
     reading = _reading(request)
-    with _progress() as progress, _fits(request) as fits:
+    with resumable(request.out), _progress() as progress, _fits(request) as fits:
         fitted = _from_folder(request) if reading is None else _fitted(request, reading, fits, progress)
         study = _study(request, fitted, progress)
     _write(request, study)
-    unsettled = [point for point in study.points if point.unsettled]
-    if study.lost or unsettled:
+    if study.lost or study.unsettled:
         warn([f"{name}: {why}" for name, why in study.lost.items()])
-        warn([f"{point.name}: steady beats that were not found: {point.unsettled}" for point in unsettled])
+        warn([f"{point.name}: {line}" for point in study.unsettled for line in point.unsettled])
         raise SystemExit(SOME_DID_NOT_CONVERGE)
 
 
 def _check(request: Request) -> None:
     from eclsim.cli.output_option import destination
-    from eclsim.report.crrt_cohort_names import FILES, FITS
-    from eclsim.studies.crrt_schemes import select_schemes
-    from eclsim.studies.speed_range import parse_speeds
+    from eclsim.crrt_study.cohort_names import FILES, FITS
+    from eclsim.crrt_study.schemes import select_schemes
+    from eclsim.crrt_study.settings import check_flow
+    from eclsim.simulation.value_ranges import parse_speeds
 
     wrong = []
     if request.settings:
@@ -74,11 +73,10 @@ def _check(request: Request) -> None:
         wrong.append("--resume keeps the fits that are there and --force throws them away: one of them")
     if request.resume and request.out is None:
         wrong.append("--resume needs --out DIR")
-    if request.crrt_flow is not None and not 0.0 < request.crrt_flow <= 1000.0:
-        wrong.append(f"--crrt-flow {request.crrt_flow:g} mL/min; allowed: above 0, up to 1000")
     for option, check in (
         ("--schemes", lambda: select_schemes(request.schemes, request.scheme_h)),
         ("--speeds", lambda: parse_speeds(request.speeds)),
+        ("--crrt-flow:", lambda: None if request.crrt_flow is None else check_flow(request.crrt_flow)),
     ):
         try:
             check()
@@ -86,7 +84,7 @@ def _check(request: Request) -> None:
             wrong.append(f"{option} {error}")
     if wrong:
         fail(*wrong)
-    destination("--json", request.json, request.force)
+    destination("--json", request.json, request.force, (request.file,))
     if request.out is None:
         return
     folder = Path(request.out)
@@ -103,8 +101,8 @@ def _reading(request: Request) -> CohortReading | None:
     """The table, checked; None for a folder of case files."""
     if Path(request.file).is_dir():
         return None
-    from eclsim.patients.cohort import read_cohort
-    from eclsim.patients.mistakes import CaseError
+    from eclsim.cases.cohort import read_cohort
+    from eclsim.cases.mistakes import CaseError
 
     try:
         reading = read_cohort(request.file)
@@ -118,24 +116,31 @@ def _reading(request: Request) -> CohortReading | None:
 
 
 def _from_folder(request: Request) -> FittedCases:
-    from eclsim.cli.cases import read_all
-    from eclsim.studies.cohort_cases import as_they_are
+    from eclsim.cli.cases import read_all, with_speeds
+    from eclsim.crrt_study.settings import policies_of
+    from eclsim.identification.fitted_cohort import as_they_are
 
     files = sorted(str(path) for path in Path(request.file).glob("*.toml"))
     if not files:
         fail(f"{request.file}: holds no case file (*.toml)")
-    return as_they_are([reading.case for reading in read_all(files, [])], "case files")
+    readings = with_speeds(read_all(files, []), request.policy and policies_of(request.policy)[0])
+    return as_they_are([reading.case for reading in readings], "case files")
 
 
 def _fitted(
     request: Request, reading: CohortReading, folder: Path, progress: Callable[[str], None]
 ) -> FittedCases:
-    from eclsim.studies.cohort_cases import fit_points
-    from eclsim.studies.cohort_fit import StoreError
+    from eclsim.identification.cohort_fit import StoreError
+    from eclsim.identification.fitted_cohort import fit_points
 
     try:
         return fit_points(
-            reading, folder, request.explore, request.resume, lambda text: progress(f"fits: {text}")
+            reading,
+            folder,
+            request.explore,
+            request.resume,
+            lambda text: progress(f"fits: {text}"),
+            policy="patient_held" if request.policy == "patient_held" else "as_published",
         )
     except StoreError as error:
         fail(error)
@@ -146,7 +151,7 @@ def _fitted(
 @contextmanager
 def _fits(request: Request) -> Iterator[Path]:
     """Folder that keeps the fits: in --out, else one that goes."""
-    from eclsim.report.crrt_cohort_names import FITS
+    from eclsim.crrt_study.cohort_names import FITS
 
     if request.out is not None:
         folder = Path(request.out)
@@ -159,18 +164,16 @@ def _fits(request: Request) -> Iterator[Path]:
 
 @contextmanager
 def _progress() -> Iterator[Callable[[str], None]]:
-    if not sys.stderr.isatty():
-        yield lambda _: None
-        return
-    from rich.console import Console
-
-    with Console(stderr=True).status("computing ...") as status:
-        yield status.update
+    progress = Progress()
+    try:
+        yield progress
+    finally:
+        progress.end()
 
 
 def _study(request: Request, fitted: FittedCases, progress: Callable[[str], None]) -> CohortStudy:
-    from eclsim.studies.crrt_cohort import crrt_cohort
-    from eclsim.studies.crrt_settings import StudyError
+    from eclsim.crrt_study.cohort import crrt_cohort
+    from eclsim.crrt_study.settings import StudyError
 
     try:
         return crrt_cohort(
@@ -182,7 +185,7 @@ def _study(request: Request, fitted: FittedCases, progress: Callable[[str], None
 
 
 def _write(request: Request, study: CohortStudy) -> None:
-    from eclsim.report import crrt_cohort
+    from eclsim.crrt_study import cohort_files as crrt_cohort
 
     try:
         if request.out is not None:

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from eclsim.studies.reproduction_settings import USUAL_EXPLORE
+from eclsim.paper.settings import USUAL_EXPLORE
 
 if TYPE_CHECKING:
+    from eclsim.cases import Case
     from eclsim.cli.destinations import Destinations
-    from eclsim.patients import Case
-    from eclsim.studies.crrt_study import CrrtStudy
+    from eclsim.crrt_study.study import CrrtStudy
 
 Policies = Literal["as_published", "patient_held", "both"]
 SchemeH = Literal["published", "figure"]
@@ -65,13 +65,13 @@ def crrt_study(
         ),
     ] = None,
     volume_policy: Annotated[
-        Policies,
+        Policies | None,
         typer.Option(
             help="as_published: the patient's blood fills the circuits; patient_held: the circuits are "
-            "primed "
-            "and the patient keeps the stressed volume; both: side by side.",
+            "primed and the patient keeps the stressed volume; both: side by side. Left out, what the case "
+            "file says, else both.",
         ),
-    ] = "both",
+    ] = None,
     posterior: Annotated[
         str | None,
         typer.Option(
@@ -110,6 +110,7 @@ def crrt_study(
     """
     from eclsim.cli import cases, crrt_cohort
     from eclsim.cli.messages import SOME_DID_NOT_CONVERGE, fail, warn
+    from eclsim.crrt_study.settings import BOTH, policies_of
 
     if crrt_cohort.is_cohort(case_file):
         crrt_cohort.run(
@@ -121,7 +122,9 @@ def crrt_study(
         return
     if resume:
         fail("--resume: for a cohort's table; the study of one case is done in one go")
-    case = cases.read_all([case_file], settings or [])[0].case
+    wins = None if volume_policy == BOTH else volume_policy
+    readings = cases.read_all([case_file], settings or [], wins)
+    case = cases.with_speeds(readings, volume_policy and policies_of(volume_policy)[0])[0].case
     samples = _check(case, schemes, scheme_h, speeds, crrt_flow, posterior)
     planned, folder = _plan(case_file, case, out, json_file, force)
     study = _compute(
@@ -135,7 +138,9 @@ def crrt_study(
     )
     _write(study, planned, folder)
     if not study.converged:
-        warn(["some steady beats were not found; the report and the JSON object say which"])
+        from eclsim.crrt_study.words import not_known
+
+        warn(not_known(study))
         raise typer.Exit(SOME_DID_NOT_CONVERGE)
 
 
@@ -144,10 +149,10 @@ def _check(
 ) -> dict[str, list[float]] | None:
     """Everything that can be wrong, told at once and before anything is computed; the samples if any."""
     from eclsim.cli.messages import fail
-    from eclsim.studies.crrt_schemes import select_schemes
-    from eclsim.studies.crrt_settings import case_speed, crrt_flow
-    from eclsim.studies.posterior_samples import read_samples
-    from eclsim.studies.speed_range import parse_speeds
+    from eclsim.crrt_study.schemes import select_schemes
+    from eclsim.crrt_study.settings import case_speed, crrt_flow
+    from eclsim.identification.posterior_samples import read_samples
+    from eclsim.simulation.value_ranges import parse_speeds
 
     wrong, samples = [], None
     checks = (
@@ -175,12 +180,13 @@ def _plan(
 ) -> tuple[Destinations, Path | None]:
     from eclsim.cli import destinations
     from eclsim.cli.messages import fail
+    from eclsim.cli.output_option import output_folder
 
-    request = destinations.Request(json_file, None, out, None, force, 0.0)
+    request = destinations.Request(json_file, None, None, None, force, 0.0)
     planned = destinations.plan(request, [case_file], [case.patient.id])
-    folder = planned.figures
+    folder = None if out is None else output_folder(out)
     if folder is not None and folder.is_dir() and not force:
-        from eclsim.report.crrt_files import file_names
+        from eclsim.crrt_study.files import file_names
 
         standing = [name for name in file_names() if (folder / name).exists()]
         if standing:
@@ -189,22 +195,20 @@ def _plan(
 
 
 def _compute(case: Case, **options: object) -> CrrtStudy:
-    import sys
+    from eclsim.cli.messages import Progress
+    from eclsim.crrt_study.study import crrt_study
 
-    from eclsim.studies.crrt_study import crrt_study
-
-    if not sys.stderr.isatty():
-        return crrt_study(case, **options)  # pyright: ignore[reportArgumentType] - the options were checked
-    from rich.console import Console
-
-    console = Console(stderr=True)
-    with console.status("computing ...") as status:
-        return crrt_study(case, progress=status.update, **options)  # pyright: ignore[reportArgumentType] - likewise
+    progress = Progress()
+    try:
+        return crrt_study(case, progress=progress, **options)  # pyright: ignore[reportArgumentType] - the options were checked
+    finally:
+        progress.end()
 
 
 def _write(study: CrrtStudy, planned: Destinations, folder: Path | None) -> None:
     from eclsim.cli.messages import fail, say
-    from eclsim.report import crrt_files, crrt_summary
+    from eclsim.crrt_study import files as crrt_files
+    from eclsim.crrt_study import summary as crrt_summary
 
     try:
         if folder is not None:

@@ -25,9 +25,9 @@ def demo(
     results (NetCDF, JSON) and figures. Files of an earlier demo are replaced.
     """
     folder = _folder(out)
-    from eclsim.haemodynamics.dataset import simulate
-    from eclsim.plotting.figures import write_case_figures
-    from eclsim.report import files
+    from eclsim.outputs.dataset import simulate
+    from eclsim.simulation import files
+    from eclsim.simulation.figures import write_case_figures
     from eclsim.validation.cases import DATA, PAPER_PATIENT
     from eclsim.validation.demonstration import demo_model, demo_rows
 

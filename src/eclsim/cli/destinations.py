@@ -36,8 +36,17 @@ class Destinations:
     stems: tuple[str, ...]
 
 
-def plan(request: Request, inputs: Sequence[str], ids: Sequence[str]) -> Destinations:
-    """Check that everything can be written; otherwise say all that is wrong and leave with exit status 2."""
+def plan(
+    request: Request, inputs: Sequence[str], ids: Sequence[str], tables: Sequence[str] = ("outputs",)
+) -> Destinations:
+    """Check that everything can be written; otherwise say all that is wrong and leave with exit status 2.
+
+    Args:
+        request: what the command line names.
+        inputs: files that are read, and so must not be overwritten.
+        ids: of the cases; file names begin with them.
+        tables: names of CSV tables beside those of the cases.
+    """
     wrong: list[str] = []
     stems = file_stems(ids)
     json_path = request.json if request.json in (None, "-") else _file("--json", request.json, request, wrong)
@@ -45,7 +54,7 @@ def plan(request: Request, inputs: Sequence[str], ids: Sequence[str]) -> Destina
     if out is not None and out.suffix.lower() not in (".nc", ".nc4", ".h5", ".netcdf"):
         wrong.append(f"--out {out}: NetCDF is written; allowed: a name that ends in .nc")
     figures = _folder("--figures", request.figures, stems, request, wrong)
-    csv = _folder("--csv", request.csv, [*stems, "outputs"], request, wrong)
+    csv = _folder("--csv", request.csv, [*stems, *tables], request, wrong)
     _refuse_inputs((json_path, out), inputs, wrong)
     if isinstance(json_path, Path) and out is not None and _same(json_path, out):
         wrong.append(f"--json and --out name the same file: {out}")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from eclsim.parameters.devices import CannulaType, Dialyzer, Oxygenator, RotaryPump
+    from eclsim.devices.constants import CannulaType, Dialyzer, Oxygenator, RotaryPump
 
     Device = RotaryPump | CannulaType | Oxygenator | Dialyzer
 
@@ -24,7 +24,7 @@ def devices(
 
 def _overview() -> Iterator[str]:
     from eclsim.cli.tables import columns
-    from eclsim.parameters.devices import CANNULAE, DIALYZERS, OXYGENATORS, PUMPS
+    from eclsim.devices.constants import CANNULAE, DIALYZERS, OXYGENATORS, PUMPS
 
     pumps = [(p.key, p.name, p.use, _range(p.speed_range_rpm), _short(p.evidence)) for p in PUMPS.values()]
     yield "Pumps"
@@ -49,8 +49,8 @@ def _overview() -> Iterator[str]:
 
 def _details(name: str) -> Iterator[str]:
     from eclsim.cli.messages import fail
+    from eclsim.devices.constants import CANNULAE, DIALYZERS, OXYGENATORS, PUMP_ALIASES, PUMPS
     from eclsim.parameters import did_you_mean
-    from eclsim.parameters.devices import CANNULAE, DIALYZERS, OXYGENATORS, PUMP_ALIASES, PUMPS
 
     known: dict[str, Device] = {**PUMPS, **CANNULAE, **OXYGENATORS, **DIALYZERS}
     by_lower_case = {key.lower(): key for key in known} | {k.lower(): v for k, v in PUMP_ALIASES.items()}
@@ -69,7 +69,7 @@ def _details(name: str) -> Iterator[str]:
 
 
 def _numbers(device: Device) -> Iterator[str]:
-    from eclsim.parameters.devices import CannulaType, Oxygenator, RotaryPump
+    from eclsim.devices.constants import CannulaType, Oxygenator, RotaryPump
 
     if isinstance(device, RotaryPump):
         yield f"  use                {device.use}"

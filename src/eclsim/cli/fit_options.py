@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 from eclsim.cli.messages import fail
 
 if TYPE_CHECKING:
-    from eclsim.studies.fit_settings import FitSettings
+    from eclsim.identification.settings import FitSettings
 
 
 def fit_settings(
@@ -16,15 +16,15 @@ def fit_settings(
     uncertainty: str | None,
     *,
     weights: Literal["relative", "uncertainty"] = "relative",
-    policy: str = "as_published",
+    policy: str | None = None,
     seed: int = 0,
 ) -> FitSettings:
     """Settings from options as they were written; with any mistake say all and leave with exit status 2."""
     from eclsim.identification.multi_start import MultiStart
+    from eclsim.identification.settings import FitSettings, parameter_names, read_bounds
     from eclsim.parameters.identification import BOUNDS
     from eclsim.sensitivity.case_inputs import InputError
     from eclsim.sensitivity.uncertainties import DEFAULTS, read_uncertainties
-    from eclsim.studies.fit_settings import FitSettings, parameter_names, read_bounds
 
     wrong: list[str] = []
     uncertainties, limits = {}, {}

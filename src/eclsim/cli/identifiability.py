@@ -52,8 +52,9 @@ def identifiability(
         ),
     ] = None,
     volume_policy: Annotated[
-        VolumePolicy, typer.Option(help="Who fills the circuits, see `eclsim simulate --help`.")
-    ] = "as_published",
+        VolumePolicy | None,
+        typer.Option(help="Who fills the circuits, see `eclsim simulate --help`; left out, the case file's."),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")] = False,
 ) -> None:
     """Which parameters the measurements of a case can tell apart, from exact derivatives of the steady beat.

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
-from eclsim.cli.messages import fail
+from eclsim.cli.messages import SOME_DID_NOT_CONVERGE, fail, warn
 
 if TYPE_CHECKING:
+    from eclsim.orbit.status import NoDerivativesError
     from eclsim.sensitivity.case_identifiability import Identifiability
 
 
@@ -28,19 +29,20 @@ class Request:
     json: str | None
     out: str | None
     settings: tuple[str, ...]
-    policy: str
+    policy: str | None
     force: bool
 
 
 def run(request: Request) -> None:
     """Analyse the case, write files, show the proposal."""
-    from eclsim.cli.cases import read_all
+    from eclsim.cli.cases import read_all, with_speeds
+    from eclsim.orbit.status import NoDerivativesError
     from eclsim.sensitivity.case_identifiability import analyse_identifiability
     from eclsim.sensitivity.case_inputs import InputError
     from eclsim.sensitivity.uncertainties import read_uncertainties
 
     _check(request)
-    (reading,) = read_all([request.case_file], request.settings)
+    (reading,) = with_speeds(read_all([request.case_file], request.settings, request.policy))
     try:
         found = analyse_identifiability(
             reading.case,
@@ -49,13 +51,26 @@ def run(request: Request) -> None:
             uncertainties=read_uncertainties(request.uncertainty or ""),
             limit=request.limit,
             threshold=request.threshold,
-            policy=request.policy,
         )
     except InputError as error:
         fail(*error.mistakes)
+    except NoDerivativesError as error:
+        _say_unknown(request, reading.file, error)
     _write(request, found)
     if request.json != "-":
         _show(found, request)
+
+
+def _say_unknown(request: Request, file: str, error: NoDerivativesError) -> NoReturn:
+    """Nothing is ranked: say why, on standard error and in the JSON, and leave with status 1."""
+    said = f"nothing is ranked, because there are no derivatives ({error.word}): {error.reason}"
+    content = {"id": error.name, "status": error.word, "message": said}
+    try:
+        _write_json(request, content)
+    except OSError as problem:
+        fail(f"{problem.filename or 'output'}: cannot be written: {problem.strerror or problem}")
+    warn([f"{file}: {said}"])
+    raise typer.Exit(SOME_DID_NOT_CONVERGE)
 
 
 def _names(text: str | None) -> tuple[str, ...] | None:
@@ -63,7 +78,11 @@ def _names(text: str | None) -> tuple[str, ...] | None:
 
 
 def _check(request: Request) -> None:
-    wrong = []
+    from eclsim.cli.output_option import over_input
+
+    wrong = over_input("--json", request.json, (request.case_file,))
+    if not math.isfinite(request.limit) or not math.isfinite(request.threshold):
+        wrong.append("--limit, --threshold: infinite; allowed: numbers such as 10 and 1")
     if request.json not in (None, "-"):
         path = Path(request.json)
         if path.exists() and not request.force:
@@ -81,25 +100,29 @@ def _check(request: Request) -> None:
 
 
 def _write(request: Request, found: Identifiability) -> None:
+    try:
+        _write_json(request, finite(found.as_object()))
+        if request.out is not None:
+            from eclsim.sensitivity.identifiability_figures import write_identifiability_figures
+
+            write_identifiability_figures(found, Path(request.out) / "figures")
+    except OSError as error:
+        fail(f"{error.filename or 'output'}: cannot be written: {error.strerror or error}")
+
+
+def _write_json(request: Request, content: dict[str, Any]) -> None:
     import json
     import sys
 
     from eclsim.sensitivity.tables import write_json
 
-    content = finite(found.as_object())
-    try:
-        if request.out is not None:
-            from eclsim.plotting.identifiability_figures import write_identifiability_figures
-
-            Path(request.out).mkdir(parents=True, exist_ok=True)
-            write_json(Path(request.out) / "identifiability.json", content)
-            write_identifiability_figures(found, Path(request.out) / "figures")
-        if request.json == "-":
-            sys.stdout.write(json.dumps(content, indent=1, allow_nan=False) + "\n")
-        elif request.json is not None:
-            write_json(Path(request.json), content)
-    except OSError as error:
-        fail(f"{error.filename or 'output'}: cannot be written: {error.strerror or error}")
+    if request.out is not None:
+        Path(request.out).mkdir(parents=True, exist_ok=True)
+        write_json(Path(request.out) / "identifiability.json", content)
+    if request.json == "-":
+        sys.stdout.write(json.dumps(content, indent=1, allow_nan=False) + "\n")
+    elif request.json is not None:
+        write_json(Path(request.json), content)
 
 
 def finite(value: Any) -> Any:
@@ -114,8 +137,23 @@ def finite(value: Any) -> Any:
 def _show(found: Identifiability, request: Request) -> None:
     from eclsim.cli.tables import columns
 
-    measured = ", ".join(f"{o} ±{u:.3g}" for o, u in found.uncertainties.items())
-    typer.echo(f"Measurements (standard uncertainty): {measured}")
+    typer.echo("Measurements and their standard uncertainties (a percentage is one of the measured value)")
+    rows = [
+        (
+            o,
+            f"{found.measured[o]:.4g}" if o in found.measured else "-",
+            f"{found.simulated[o]:.4g}",
+            f"±{u:.3g}",
+        )
+        for o, u in found.uncertainties.items()
+    ]
+    typer.echo(columns(("output", "measured", "simulated", "uncertainty"), rows, numeric=(1, 2, 3)))
+    if found.far_off:
+        off = ", ".join(f"{o} by {abs(d):.0f}" for o, d in found.far_off.items())
+        typer.echo(
+            f"The model misses these measurements, in standard uncertainties: {off}. What follows holds near "
+            "the model's values: fit the case first (eclsim identify) and analyse the fitted one."
+        )
     typer.echo("\nCollinearity index of all sets of a size (above the limit: cannot be told apart)")
     rows = [
         (

@@ -9,6 +9,7 @@ import typer
 VolumePolicy = Literal["as_published", "patient_held"]
 Weights = Literal["relative", "uncertainty"]
 Method = Literal["nuts", "importance"]
+PredictWith = Literal["importance", "gaussian"]
 Prior = Literal["log-uniform", "log-normal"]
 
 
@@ -70,15 +71,22 @@ def identify(
             "--predict",
             metavar="KEY=VALUE,...",
             help="Predict the outputs at other settings with 90 % intervals, such as ecmo.speed_rpm=4000. "
-            "Without --posterior by the Gaussian approximation. May be repeated.",
+            "Without --posterior by --predict-with. May be repeated.",
         ),
     ] = None,
+    predict_with: Annotated[
+        PredictWith,
+        typer.Option(
+            help="importance: draws weighted by the exact posterior, with a check of the weights (seconds); "
+            "gaussian: the Gaussian approximation, unchecked. For --predict without --posterior."
+        ),
+    ] = "importance",
     prior: Annotated[
         Prior, typer.Option(help="Of --posterior and --predict: what is known before any measurement.")
     ] = "log-uniform",
     chains: Annotated[int, typer.Option(min=2, max=64, help="Chains of --posterior.")] = 4,
-    warmup: Annotated[int, typer.Option(min=50, help="Draws of each chain that are thrown away.")] = 1000,
-    draws: Annotated[int, typer.Option(min=50, help="Draws of each chain that are kept.")] = 1000,
+    warmup: Annotated[int, typer.Option(min=50, help="Draws of each chain that are thrown away.")] = 600,
+    draws: Annotated[int, typer.Option(min=50, help="Draws of each chain that are kept.")] = 1500,
     shared: Annotated[
         str | None,
         typer.Option(
@@ -100,21 +108,25 @@ def identify(
         ),
     ] = None,
     volume_policy: Annotated[
-        VolumePolicy, typer.Option(help="Who fills the circuits, see `eclsim simulate --help`.")
-    ] = "as_published",
+        VolumePolicy | None,
+        typer.Option(help="Who fills the circuits, see `eclsim simulate --help`; left out, the case file's."),
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a cohort that was stopped.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")] = False,
 ) -> None:
     """Fit parameters to measurements: multi-start least squares with exact derivatives.
 
     Explores 1,000 sets of parameters for each free one, refines the best until the optimum has been found
-    again ten times, and says how far each parameter can be relied on. A cohort has a row for each data
-    point; a bad row stops no other. Exit status: 0 all fitted, 1 some were not, 2 bad input.
+    again ten times, says whether the fit is good, doubtful or poor, and how far each parameter can be relied
+    on. A cohort has a row for each data point; a bad row stops no other. Exit status: 0 all fitted (look at
+    the verdict: doubtful ones count as fitted), 1 some were not or are poor, 2 bad input.
     """  # fmt: skip
     from eclsim.cli.identify_run import Request, run
     from eclsim.cli.posterior_run import PosteriorRequest
 
-    wanted = PosteriorRequest(posterior, posterior_method, tuple(predict or ()), prior, chains, warmup, draws)
+    wanted = PosteriorRequest(
+        posterior, posterior_method, tuple(predict or ()), predict_with, prior, chains, warmup, draws
+    )
     run(
         Request(
             file, out, parameters, bounds, weights, uncertainty, seed, json_file, tuple(settings or ()),

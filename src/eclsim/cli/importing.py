@@ -38,13 +38,13 @@ def import_data(
     from datetime import timedelta
     from pathlib import Path
 
+    from eclsim.cases.importing import as_table, import_cohort
+    from eclsim.cases.mistakes import CaseError
+    from eclsim.cases.reading import read_case
     from eclsim.cli.messages import fail, say, warn
     from eclsim.cli.output_option import destination
-    from eclsim.patients.importing import as_table, import_cohort
-    from eclsim.patients.mistakes import CaseError
-    from eclsim.patients.reading import read_case
 
-    destination("--out", out, force)
+    destination("--out", out, force, (file, base))
     try:
         case = read_case(base).case if base is not None else None
         found = import_cohort(file, case, timedelta(minutes=within))
@@ -56,7 +56,7 @@ def import_data(
     if out == "-":
         typer.echo(text, nl=False)
         return
-    from eclsim.report.files import whole_file
+    from eclsim.atomic import whole_file
 
     with whole_file(Path(out)) as partial:
         partial.write_text(text, encoding="utf-8")

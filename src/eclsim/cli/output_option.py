@@ -3,13 +3,33 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 from eclsim.cli.messages import fail
 
 
-def destination(option: str, written: str | None, force: bool) -> Path | str | None:
+def over_input(option: str, written: str | None, inputs: Sequence[str | None]) -> list[str]:
+    """What is wrong with writing to a file that the command reads, in whichever way it is spelt."""
+    if written is None or written == "-":
+        return []
+    same = (file for file in inputs if file is not None and _same(written, file))
+    return [f"{option} {written}: an input of this command; it would be overwritten" for _ in list(same)[:1]]
+
+
+def _same(one: str, other: str) -> bool:
+    try:
+        return os.path.samefile(one, other)
+    except (OSError, ValueError):
+        return False
+
+
+def destination(
+    option: str, written: str | None, force: bool, inputs: Sequence[str | None] = ()
+) -> Path | str | None:
     """Checked before anything is computed: a file to write, "-" for standard output, or None."""
+    if wrong := over_input(option, written, inputs):
+        fail(*wrong)
     if written is None or written == "-":
         return written
     path = Path(written)

@@ -9,16 +9,21 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from eclsim.studies.reproduction_settings import PARTS, USUAL_EXPLORE, USUAL_SAMPLES, ReproductionSettings
+from eclsim.paper.settings import PARTS, USUAL_EXPLORE, USUAL_SAMPLES, ReproductionSettings
 
 if TYPE_CHECKING:
-    from eclsim.studies.reproduction import Reproduction
+    from eclsim.paper.reproduction import Reproduction
+    from eclsim.paper.rows import Row
 
 
 def reproduce(
     folder: Annotated[
-        str, typer.Argument(metavar="DIR", help="Folder to write to; made if it does not exist.")
-    ],
+        str | None, typer.Argument(metavar="DIR", help="The same as --out DIR.", show_default=False)
+    ] = None,
+    out: Annotated[
+        str | None,
+        typer.Option("--out", metavar="DIR", help="Folder to write to; made if it does not exist."),
+    ] = None,
     parts: Annotated[
         str,
         typer.Option(
@@ -57,11 +62,13 @@ def reproduce(
 
     Exit status: 0 done, 2 bad input.
     """  # fmt: skip
+    from eclsim.cli.messages import resumable
+
     chosen = _parts(parts, samples)
     settings = ReproductionSettings(samples, explore, None if cohort is None else Path(cohort), resume)
-    target = _folder(folder, resume, force)
+    target = _folder(_named(folder, out), resume, force)
     _check_cohort(settings)
-    with _progress() as progress:
+    with resumable(target), _progress() as progress:
         result = _compute(target, settings, chosen, progress)
         _write(result, target, progress)
     _show(result, target)
@@ -87,10 +94,22 @@ def _parts(written: str, samples: int) -> tuple[str, ...]:
     return names
 
 
+def _named(folder: str | None, out: str | None) -> str:
+    """The one folder that the command line names."""
+    from eclsim.cli.messages import fail
+
+    if folder is not None and out is not None:
+        fail(f"{folder} and --out {out}: two folders; one of them")
+    written = out if out is not None else folder
+    if written is None:
+        fail("no folder to write to; give one, such as --out reproduction")
+    return written
+
+
 def _folder(written: str, resume: bool, force: bool) -> Path:
     from eclsim.cli import destinations
     from eclsim.cli.messages import fail
-    from eclsim.report.reproduction_names import RUNS, file_names
+    from eclsim.paper.names import RUNS, file_names
 
     if resume and force:
         fail("--resume keeps what is there and --force throws it away: one of them")
@@ -107,9 +126,9 @@ def _folder(written: str, resume: bool, force: bool) -> Path:
 def _check_cohort(settings: ReproductionSettings) -> None:
     if settings.cohort is None:
         return
+    from eclsim.cases.cohort import read_cohort
+    from eclsim.cases.mistakes import CaseError
     from eclsim.cli.messages import fail, warn
-    from eclsim.patients.cohort import read_cohort
-    from eclsim.patients.mistakes import CaseError
 
     try:
         reading = read_cohort(settings.cohort)
@@ -148,10 +167,10 @@ def _compute(
     folder: Path, settings: ReproductionSettings, parts: Sequence[str], progress: Callable[[str], None]
 ) -> Reproduction:
     from eclsim.cli.messages import fail
-    from eclsim.report.reproduction_names import RUNS
+    from eclsim.identification.cohort_fit import StoreError as FitStoreError
+    from eclsim.paper.names import RUNS
+    from eclsim.paper.reproduction import reproduce as compute
     from eclsim.sensitivity.store import StoreError
-    from eclsim.studies.cohort_fit import StoreError as FitStoreError
-    from eclsim.studies.reproduction import reproduce as compute
 
     try:
         folder.mkdir(exist_ok=True)
@@ -164,7 +183,7 @@ def _compute(
 
 def _write(result: Reproduction, folder: Path, progress: Callable[[str], None]) -> None:
     from eclsim.cli.messages import fail
-    from eclsim.report.reproduction_files import write_reproduction
+    from eclsim.paper.files import write_reproduction
 
     try:
         write_reproduction(result, folder, progress)
@@ -172,18 +191,24 @@ def _write(result: Reproduction, folder: Path, progress: Callable[[str], None]) 
         fail(f"{error.filename or folder}: cannot be written: {error.strerror or error}")
 
 
+def _ours(row: Row) -> str:
+    """The paper's number and ours with their unit; a claim of the text is met or not."""
+    from eclsim.paper.rows import YES_NO
+
+    if row.unit == YES_NO:
+        return "ours: no"
+    unit = "" if row.unit == "1" else f" {row.unit}"
+    return f"paper {row.paper:g}{unit}, ours {row.ours:.4g}{unit}"
+
+
 def _show(result: Reproduction, folder: Path) -> None:
     from eclsim.cli.messages import say
-    from eclsim.report.reproduction_names import INDEX
-    from eclsim.report.reproduction_page import counts
-    from eclsim.studies.reproduction_rows import YES_NO, Verdict
+    from eclsim.paper.names import INDEX
+    from eclsim.paper.page import counts
+    from eclsim.paper.rows import Verdict
 
     typer.echo(counts(result.rows))
     for row in result.rows:
         if row.verdict is Verdict.DIFFERS:
-            yes_no = row.unit == YES_NO
-            ours = (
-                "ours: no" if yes_no else f"paper {row.paper:g}, ours {row.ours:.4g} {row.unit}".rstrip(" 1")
-            )
-            typer.echo(f"  {row.section}: {row.quantity}: {ours}; {row.why}")
+            typer.echo(f"  {row.section}: {row.quantity}: {_ours(row)}; {row.why}")
     say(f"all figures and tables: {folder / INDEX}")

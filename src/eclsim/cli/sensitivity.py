@@ -79,8 +79,9 @@ def sensitivity(
         ),
     ] = None,
     volume_policy: Annotated[
-        VolumePolicy, typer.Option(help="Who fills the circuits, see `eclsim simulate --help`.")
-    ] = "as_published",
+        VolumePolicy | None,
+        typer.Option(help="Who fills the circuits, see `eclsim simulate --help`; left out, the case file's."),
+    ] = None,
     settings: Annotated[
         list[str] | None,
         typer.Option(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -9,10 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eclsim.cli.messages import fail, say, warn
+from eclsim.cli.messages import fail, resumable, say, warn
 
 if TYPE_CHECKING:
-    from eclsim.patients import Case
+    from eclsim.cases import Case
     from eclsim.sensitivity.analysis import Analysis, Finished
     from eclsim.sensitivity.indices import Indices
     from eclsim.sensitivity.runner import Executor
@@ -35,7 +36,7 @@ class Request:
     seed: int
     states: tuple[str, ...]
     until: float | None
-    policy: str
+    policy: str | None
     settings: tuple[str, ...]
     shard: str | None
     dask: str | None
@@ -46,11 +47,11 @@ class Request:
 
 def run(request: Request) -> int:
     """Run the analysis, or one around each state; returns the number of failed runs."""
-    from eclsim.cli.cases import read_all
+    from eclsim.cli.cases import read_all, with_speeds
     from eclsim.sensitivity.states import union_over
 
     _check(request)
-    (reading,) = read_all([request.case_file], request.settings)
+    (reading,) = with_speeds(read_all([request.case_file], request.settings, request.policy))
     results: dict[str, Indices] = {}
     with _executor(request) as execute:
         plans = {state: _plan(request, reading.case, state) for state in request.states or ("",)}
@@ -86,9 +87,10 @@ def merge(request: Request) -> int:
             shown = ", ".join(map(str, missing[:10])) + (" ..." if len(missing) > 10 else "")
             said = f"{len(missing)} of {store.design.blocks} blocks are missing ({shown})"
             fail(f"{request.out}: {said}; run their shards, or --resume without --shard")
-        found = store.load(range(store.design.blocks))
-        finished = conclude(store.design, store.outputs, found)
-        store.finish(found)
+        with resumable(request.out):
+            found = store.load(range(store.design.blocks))
+            finished = conclude(store.design, store.outputs, found)
+            store.finish(found)
     except (StoreError, ValueError) as error:
         fail(error)
     _write_files(request, Path(request.out), finished)
@@ -97,7 +99,9 @@ def merge(request: Request) -> int:
 
 
 def _check(request: Request) -> None:
-    wrong = []
+    from eclsim.cli.output_option import over_input
+
+    wrong = over_input("--json", request.json, (request.case_file,))
     if request.out is None and (request.resume or request.shard):
         wrong.append("--resume and --shard need --out DIR")
     if request.out is not None and Path(request.out).exists() and not Path(request.out).is_dir():
@@ -106,7 +110,7 @@ def _check(request: Request) -> None:
         wrong.append("--shard: without --until and --states, which look at all runs")
     if request.resume and request.force:
         wrong.append("--resume keeps what is there and --force throws it away: one of them")
-    if request.until is not None and request.until <= 0:
+    if request.until is not None and not 0.0 < request.until < math.inf:
         wrong.append(f"--until {request.until:g}: allowed: above 0, such as 0.02")
     if (
         request.json not in (None, "-")
@@ -124,20 +128,20 @@ def _check(request: Request) -> None:
 
 def _shard(text: str) -> tuple[int, int] | None:
     number, _, count = text.partition("/")
-    if not (number.isdigit() and count.isdigit() and 1 <= int(number) <= int(count)):
+    if not (text.isascii() and number.isdigit() and count.isdigit() and 1 <= int(number) <= int(count)):
         return None
     return int(number), int(count)
 
 
 def _plan(request: Request, case: Case, state: str) -> Analysis:
+    from eclsim.orbit.model import model_of
     from eclsim.sensitivity.analysis import plan_analysis
     from eclsim.sensitivity.case_inputs import CARDIOVASCULAR, InputError
     from eclsim.sensitivity.design import DesignError
     from eclsim.sensitivity.states import StateError, state_values
-    from eclsim.solver.model import model_of
 
     try:
-        values = state_values(model_of(case), state, request.policy) if state else None
+        values = state_values(model_of(case), state, case.volume_policy) if state else None
         return plan_analysis(
             case,
             samples=request.samples,
@@ -148,7 +152,6 @@ def _plan(request: Request, case: Case, state: str) -> Analysis:
             outputs=request.outputs,
             seed=request.seed,
             second_order=request.second_order is not False,
-            policy=request.policy,
             values=values,
         )
     except InputError as error:
@@ -172,7 +175,7 @@ def _run_one(request: Request, plan: Analysis, state: str, execute: Executor | N
 
     shard = _shard(request.shard) if request.shard else None
     try:
-        with _folder(request, state) as folder, _progress() as report:
+        with resumable(request.out), _folder(request, state) as folder, _progress() as report:
             store = Store.of(folder, plan.design, plan.evaluator)
             store.open(request.resume or shard is not None, request.force and shard is None)
             if shard is not None:
@@ -182,10 +185,6 @@ def _run_one(request: Request, plan: Analysis, state: str, execute: Executor | N
             if request.out is not None:
                 _write_files(request, folder, finished)
             return finished
-    except KeyboardInterrupt:
-        if request.out is not None:
-            say(f"{request.out}: finished blocks are kept; the same command with --resume goes on")
-        raise
     except (StoreError, UnreachableError, ValueError) as error:
         fail(error)
     except OSError as error:
@@ -260,7 +259,7 @@ def _write_files(request: Request, folder: Path, finished: Finished) -> None:
     settled = convergence(finished)
     write_results(folder, finished.indices, settled)
     if request.figures:
-        from eclsim.plotting.sensitivity_figures import write_sensitivity_figures
+        from eclsim.sensitivity.figures import write_sensitivity_figures
 
         write_sensitivity_figures(finished.indices, folder / "figures", finished.values, settled)
 

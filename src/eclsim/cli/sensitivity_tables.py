@@ -20,7 +20,8 @@ def show(indices: Indices, state: str = "") -> None:
 
     title = "Total order indices" + (f", {state} state" if state else "")
     runs = f"{indices.samples} rows, {indices.evaluations} runs in {indices.seconds:.0f} s"
-    typer.echo(f"{title} ({runs}; * among those that make up 90 %)")
+    typer.echo(f"{title} ({runs})")
+    typer.echo("* the largest, which together make up 90 % of the sum of the total orders of that output")
     selected, e = indices.selected(), indices.estimates
     rows = []
     for name, total in indices.sums.items():
@@ -32,7 +33,7 @@ def show(indices: Indices, state: str = "") -> None:
         rows.append((name, *cells, f"{total:.2f}"))
     head = ("factor", *indices.outputs, "sum")
     typer.echo(columns(head, rows, numeric=range(1, len(head))))
-    typer.echo(f"union: {', '.join(indices.union())}")
+    typer.echo(f"marked * for at least one output: {', '.join(indices.union())}")
 
 
 def show_pairs(indices: Indices) -> None:

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import xarray as xr
 
-    from eclsim.cli.destinations import Destinations
-    from eclsim.patients import Case, CaseReading
+    from eclsim.cases import Case, CaseReading
+    from eclsim.cli.destinations import Destinations, Request
 
 Solver = Literal["semi-implicit", "adaptive"]
 VolumePolicy = Literal["as_published", "patient_held"]
@@ -21,10 +23,9 @@ _MODEL = "Model"
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How to compute: solver, blood volume policy, seconds of the course in time (0: none), grid check."""
+    """How to compute: solver, seconds of the course in time (0: none), grid check."""
 
     solver: Solver
-    volume_policy: VolumePolicy
     transient_s: float
     check_grid: bool = False
 
@@ -42,6 +43,23 @@ def simulate(
             "patient.heart_rate_bpm=90 or Rmc=0.8 [mmHg s/mL]. May be repeated.",
         ),
     ] = None,
+    sweep: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--sweep",
+            metavar="KEY=FIRST:LAST:STEP",
+            help="Vary one key that --set takes, a steady beat for each value: ecmo.speed_rpm=2000:4500:250 "
+            "[rpm], ecmo.flow_l_min=2:5:0.5 [L/min], or a list, Rmc=0.6,0.8,1.0; one case file.",
+        ),
+    ] = None,
+    compare: Annotated[
+        bool,
+        typer.Option(
+            "--compare",
+            help="Show the case as its file has it beside the case with --set, or two case files, and the "
+            "change.",
+        ),
+    ] = False,
     json_file: Annotated[
         str | None,
         typer.Option(
@@ -84,12 +102,13 @@ def simulate(
         ),
     ] = None,
     volume_policy: Annotated[
-        VolumePolicy,
+        VolumePolicy | None,
         typer.Option(
             help="as_published: the patient's blood fills the circuits; patient_held: the circuits are "
-            "primed and the patient keeps the stressed volume."
+            "primed and the patient keeps the stressed volume. Left out, what the case file says, "
+            "else as_published.",
         ),
-    ] = "as_published",
+    ] = None,
     check_grid: Annotated[
         bool,
         typer.Option(
@@ -103,38 +122,87 @@ def simulate(
     Exit status: 0 all converged, 1 some did not, 2 bad input (nothing computed).
     """
     from eclsim.cli import cases, destinations
+    from eclsim.cli.messages import fail
 
-    readings = cases.read_all(case_files, settings or [])
+    options = Options(solver, transient, check_grid)
+    _check_modes(case_files, sweep or [], compare, options, save)
+    request = destinations.Request(json_file, out, figures, csv, force, transient)
+    if sweep:
+        _sweep(case_files[0], settings or [], sweep[0], request, volume_policy)
+        return
+    labels = None
+    if compare:
+        from eclsim.cli.compare import read as read_both
+
+        readings, labels = read_both(case_files, settings or [], volume_policy)
+    else:
+        readings = cases.read_all(case_files, settings or [], volume_policy)
     read = [reading.case for reading in readings]
     names = cases.waveforms_to_save(save, read)
-    wanted = destinations.Request(json_file, out, figures, csv, force, transient)
-    planned = destinations.plan(wanted, case_files, [case.patient.id for case in read])
-    options = Options(solver, volume_policy, transient, check_grid)
+    if save is not None and out is None and csv is None:
+        fail("--save: without --out or --csv no waveform is written; give one of them")
+    planned = destinations.plan(request, case_files, [case.patient.id for case in read])
     results = _compute_all(read, options)
-    courses = [_compute_course(case, options, names) for case in read] if transient else []
-    _write(planned, read, results, courses, names)
+    courses = [
+        _compute_course(case, options, names) if "phase" in result.dims else None
+        for case, result in zip(read, results, strict=True)
+        if transient
+    ]
+    _write(planned, read, results, courses, names, labels)
     _say_doubts(readings, results)
+    _leave(results)
+
+
+def _leave(results: Sequence[xr.Dataset]) -> None:
     if any(not bool(result.attrs["converged"]) for result in results):
         from eclsim.cli.messages import SOME_DID_NOT_CONVERGE
 
         raise typer.Exit(SOME_DID_NOT_CONVERGE)
 
 
-def _compute(case: Case, options: Options) -> xr.Dataset:
-    from eclsim.studies.simulation import simulate_case
+def _check_modes(
+    files: list[str], sweeps: list[str], compare: bool, options: Options, save: str | None
+) -> None:
+    """A sweep is of one key of one case, and has a beat for each value and nothing else."""
+    from eclsim.cli.messages import fail
 
-    return simulate_case(
-        case, volume_policy=options.volume_policy, solver=options.solver, check_grid=options.check_grid
-    )
+    wrong = []
+    if sweeps and compare:
+        wrong.append("--sweep and --compare: one of them")
+    if len(sweeps) > 1:
+        wrong.append(f"--sweep: given {len(sweeps)} times; one key is varied at a time")
+    if sweeps and len(files) > 1:
+        wrong.append(f"--sweep: {len(files)} case files; one case is swept at a time")
+    if sweeps and (options.solver != "semi-implicit" or options.transient_s or options.check_grid or save):
+        wrong.append("--sweep: without --solver, --transient, --check-grid and --save, which are of one beat")
+    if wrong:
+        fail(*wrong)
+
+
+def _sweep(file: str, settings: list[str], text: str, request: Request, policy: VolumePolicy | None) -> None:
+    from eclsim.cli import destinations, sweep
+
+    readings = sweep.read(file, settings, text, policy)
+    name = next(iter(readings.cases.values())).patient.id
+    planned = destinations.plan(request, [file], [f"{name}_sweep"], tables=())
+    found = sweep.run_sweep(readings)
+    sweep.write(found, planned)
+    if planned.json != "-":
+        sweep.show(found)
+    sweep.say_doubts(found, file)
+    _leave(found.results)
+
+
+def _compute(case: Case, options: Options) -> xr.Dataset:
+    from eclsim.simulation.single import simulate_case
+
+    return simulate_case(case, solver=options.solver, check_grid=options.check_grid)
 
 
 def _compute_course(case: Case, options: Options, names: list[str] | None) -> xr.Dataset:
-    from eclsim.studies.simulation import simulate_transient
+    from eclsim.simulation.single import simulate_transient
 
-    policy = options.volume_policy
-    return simulate_transient(
-        case, options.transient_s, volume_policy=policy, solver=options.solver, names=names
-    )
+    return simulate_transient(case, options.transient_s, solver=options.solver, names=names)
 
 
 def _compute_all(cases: list[Case], options: Options) -> list[xr.Dataset]:
@@ -153,11 +221,13 @@ def _write(
     planned: Destinations,
     cases: list[Case],
     results: list[xr.Dataset],
-    courses: list[xr.Dataset],
+    courses: list[xr.Dataset | None],
     names: list[str] | None,
+    labels: list[str] | None,
 ) -> None:
+    from eclsim.cli import compare
     from eclsim.cli.messages import fail
-    from eclsim.report import files, summary
+    from eclsim.simulation import files, summary
 
     try:
         if planned.out is not None:
@@ -166,25 +236,40 @@ def _write(
             files.write_csv(results, courses, planned.csv, planned.stems, names)
         if planned.figures is not None:
             files.write_figures(cases, results, planned.figures, planned.stems)
-        if planned.json is not None:
+        if labels is not None:
+            compare.write(results, labels, planned)
+        elif planned.json is not None:
             files.write_json(results, planned.json)
     except BrokenPipeError:
         raise
     except OSError as error:
         fail(f"{error.filename or 'output'}: cannot be written: {error.strerror or error}")
-    if planned.json != "-":
+    if planned.json != "-" and labels is None:
         summary.show(results)
+
+
+def _say_speed(reading: CaseReading, result: xr.Dataset) -> None:
+    from eclsim.cli.messages import warn
+    from eclsim.simulation.single import FLOW_WANTED, SPEED_FOUND
+    from eclsim.simulation.target_flow import SpeedFound
+
+    if SPEED_FOUND in result.attrs:
+        found = SpeedFound(result.attrs[FLOW_WANTED], result.attrs[SPEED_FOUND])
+        warn([f"{reading.file}: {found}"], "note")
 
 
 def _say_doubts(readings: list[CaseReading], results: list[xr.Dataset]) -> None:
     """What did not converge, limits that a beat breaks, and flows outside the oxygenator's label."""
     from eclsim.cli.messages import warn
-    from eclsim.parameters.devices import OXYGENATORS
+    from eclsim.devices.constants import OXYGENATORS
+    from eclsim.simulation.single import NOT_REACHED
 
     for reading, result in zip(readings, results, strict=True):
+        _say_speed(reading, result)
         said = [*result.attrs.get("warnings", ())]
         if not result.attrs["converged"]:
-            said.insert(0, f"not converged: {result.attrs.get('message', '')}")
+            unsettled = "" if result.attrs.get("status") == NOT_REACHED else "not converged: "
+            said.insert(0, f"{unsettled}{result.attrs.get('message', '')}")
         if reading.case.ecmo is not None and "PF" in result:
             label = OXYGENATORS[reading.case.ecmo.oxygenator].label_warning(float(result["PF"]))
             said += [f"ECMO flow of {label}"] if label else []

@@ -15,7 +15,8 @@ def track(
         list[str],
         typer.Argument(
             metavar="SERIES.csv|CASE.toml...",
-            help="A table with a row for each time, or case files of one patient in order of time.",
+            help="A table with a row for each time, or case files of one patient in order of time. Names "
+            "such as 2024-03-01T08:00 (files: 2024-03-01T08-00.toml) say how much time lies between them.",
         ),
     ],
     out: Annotated[str, typer.Option("--out", metavar="DIR", help="Write JSON, tables and figures here.")],
@@ -51,17 +52,27 @@ def track(
         typer.Option(
             min=0.001,
             max=0.9,
-            help="How far parameters drift from one measurement to the next: 0.1 is about 18 %. Left out, "
-            "the measurements decide among three rates.",
+            help="How far parameters drift in a day: 0.1 is about 18 %. Left out, the measurements decide "
+            "among three rates.",
         ),
     ] = None,
+    interval: Annotated[
+        float,
+        typer.Option(
+            min=0.01,
+            max=8760.0,
+            metavar="HOURS",
+            help="Time from one measurement to the next where their names are no times [h].",
+        ),
+    ] = 24.0,
     json_file: Annotated[
         str | None,
         typer.Option("--json", metavar="FILE", help="Write the JSON here too; - for standard output."),
     ] = None,
     volume_policy: Annotated[
-        VolumePolicy, typer.Option(help="Who fills the circuits, see `eclsim simulate --help`.")
-    ] = "as_published",
+        VolumePolicy | None,
+        typer.Option(help="Who fills the circuits, see `eclsim simulate --help`; left out, the case file's."),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")] = False,
 ) -> None:
     """Follow a patient's parameters through time, forecast the next outputs, flag what does not fit.
@@ -74,6 +85,16 @@ def track(
 
     run(
         Request(
-            tuple(files), out, parameters, bounds, uncertainty, prior, drift, json_file, volume_policy, force
+            tuple(files),
+            out,
+            parameters,
+            bounds,
+            uncertainty,
+            prior,
+            drift,
+            interval,
+            json_file,
+            volume_policy,
+            force,
         )
     )

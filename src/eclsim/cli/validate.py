@@ -76,9 +76,9 @@ def validate(
 
 
 def _write(checks: list[Check], target: Path | str | None, page: Path | str | None) -> None:
-    from eclsim.report.plain_json import write_plain, write_text
-    from eclsim.report.validation_json import validation_object
-    from eclsim.report.validation_markdown import validation_markdown
+    from eclsim.reporting.plain_json import write_plain, write_text
+    from eclsim.validation.json_object import validation_object
+    from eclsim.validation.markdown import validation_markdown
 
     if target is not None:
         write_plain(validation_object(checks), target)
@@ -114,7 +114,7 @@ def table(check: Check, every_row: bool = False) -> str:
     lines = [f"\n{check.title}", f"bar: {check.bar}", columns(head, body, numeric=(1, 2, 4))]
     if len(rows) < len(check.rows):
         lines.append(f"... and {len(check.rows) - len(rows)} rows within the bar (--all shows them)")
-    for text in dict.fromkeys(row.explanation for row in check.missed if row.explanation):
+    for text in dict.fromkeys(row.explained for row in check.missed if row.explained):
         lines.append(f"explained: {text}")
     lines += [f"note: {remark}" for remark in check.remarks]
     held = len(check.rows) - len(check.missed)
@@ -132,7 +132,7 @@ def _chosen(check: Check, every_row: bool) -> list[Row]:
 def _verdict(checks: list[Check], missed: list[Check]) -> str:
     rows = sum(len(check.rows) for check in checks if check.required)
     off = sum(len(check.missed) for check in checks if check.required)
-    explained = sum(1 for check in checks if check.required for row in check.missed if row.explanation)
+    explained = sum(1 for check in checks if check.required for row in check.missed if row.explained)
     line = (
         f"{rows - off} of {rows} required rows within their bars, {off} miss ({explained} of them explained)."
     )
@@ -164,4 +164,4 @@ def _percent(row: Row) -> str:
 def _word(row: Row) -> str:
     if row.holds:
         return "ok"
-    return "miss, explained" if row.explanation else "MISS"
+    return "miss, explained" if row.explained else "MISS"

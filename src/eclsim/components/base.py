@@ -49,6 +49,16 @@ class Storage:
         """True if dP/dV depends on neither volume nor phase, so that it can be computed once a beat."""
         return False
 
+    @property
+    def above_zero(self) -> tuple[Key, ...]:
+        """Parameters without which the law makes no sense at zero or below, such as a compliance."""
+        return ()
+
+    @property
+    def not_negative(self) -> tuple[Key, ...]:
+        """Parameters without which the law makes no sense below zero, such as a resistance."""
+        return ()
+
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters that the law reads."""
         raise NotImplementedError
@@ -79,6 +89,16 @@ class Path:
     def linear(self) -> bool:
         """True if the drop is resistance * flow with a resistance that is constant over the beat."""
         return False
+
+    @property
+    def above_zero(self) -> tuple[Key, ...]:
+        """Parameters without which the law makes no sense at zero or below, such as a compliance."""
+        return ()
+
+    @property
+    def not_negative(self) -> tuple[Key, ...]:
+        """Parameters without which the law makes no sense below zero, such as a resistance."""
+        return ()
 
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters that the law reads."""

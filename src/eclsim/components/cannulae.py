@@ -31,6 +31,11 @@ class Cannula(Path):
     french: Key
     coefficients: tuple[float, float, float, float]
 
+    @property
+    def above_zero(self) -> tuple[Key, ...]:
+        """The size."""
+        return (self.french,)
+
     def parameter_names(self) -> tuple[str, ...]:
         """The size."""
         return names_in(self.french)

@@ -44,6 +44,11 @@ class Atrium(Storage):
         """Timing of the contraction."""
         return self.timing
 
+    @property
+    def not_negative(self) -> tuple[Key, ...]:
+        """Both elastances."""
+        return (self.diastolic, self.systolic)
+
     def parameter_names(self) -> tuple[str, ...]:
         """Both elastances."""
         return names_in(self.diastolic) + names_in(self.systolic)
@@ -86,6 +91,11 @@ class Ventricle(Storage):
     def activation(self) -> Activation:
         """Timing of the contraction."""
         return self.timing
+
+    @property
+    def not_negative(self) -> tuple[Key, ...]:
+        """Peak elastance, scale and steepness of the passive curve."""
+        return (self.systolic, self.alpha, self.kappa)
 
     def parameter_names(self) -> tuple[str, ...]:
         """Peak elastance and the three coefficients of the passive curve."""
@@ -130,6 +140,11 @@ class LinearChamber(Storage):
     def activation(self) -> Activation:
         """Timing of the contraction."""
         return self.timing
+
+    @property
+    def not_negative(self) -> tuple[Key, ...]:
+        """Both elastances."""
+        return (self.minimum, self.maximum)
 
     def parameter_names(self) -> tuple[str, ...]:
         """Both elastances, rest volume and rest pressure."""

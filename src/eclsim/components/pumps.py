@@ -8,7 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 
 from eclsim.components.base import Key, Path, Values, names_in, value_of
-from eclsim.units import ML_S_PER_L_MIN, ML_S_PER_ML_MIN
+from eclsim.units import ML_S_PER_L_MIN, convert, quantity_of, units_of
 
 CURVE = ("a", "R1", "R2", "Rrec", "kinf")
 PERIPHERY = ("L", "Rper", "Lper")
@@ -44,6 +44,11 @@ class RotaryPump(Path):
     def inertial(self) -> bool:
         """With periphery the flow is a state."""
         return self.periphery
+
+    @property
+    def not_negative(self) -> tuple[Key, ...]:
+        """The speed."""
+        return (self.speed,)
 
     def parameter_names(self) -> tuple[str, ...]:
         """Speed and constants of the curve."""
@@ -99,11 +104,19 @@ class RollerPump(Path):
 
     Args:
         rate: the flow, in `unit`.
-        unit: "ml/min" (CRRT) or "l/min" (ECMO).
+        unit: any unit of a flow, such as "mL/min" (CRRT) or "L/min" (ECMO).
+
+    Raises:
+        ValueError: a unit that measures no flow.
     """
 
     rate: Key
     unit: str = "ml/min"
+
+    def __post_init__(self) -> None:
+        if quantity_of(self.unit) != "flow":
+            allowed = ", ".join(units_of("flow"))
+            raise ValueError(f"roller pump: unit '{self.unit}' is no unit of a flow; allowed: {allowed}")
 
     def parameter_names(self) -> tuple[str, ...]:
         """The flow."""
@@ -111,8 +124,7 @@ class RollerPump(Path):
 
     def constants(self, values: Values) -> Any:
         """Flow [mL/s]."""
-        rate = value_of(values, self.rate)
-        return rate * (ML_S_PER_ML_MIN if self.unit == "ml/min" else ML_S_PER_L_MIN)
+        return value_of(values, self.rate) * convert(1.0, self.unit, "mL/s")
 
     def flow(self, pressure_difference: Any, load: Any, constants: Any) -> Any:
         """The given flow [mL/s]."""

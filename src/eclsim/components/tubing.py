@@ -35,6 +35,11 @@ class Tube(InertialResistance):
     viscosity: Key = "etaB"
     density: Key = "rhoB"
 
+    @property
+    def above_zero(self) -> tuple[Key, ...]:
+        """Geometry and blood."""
+        return (self.length, self.diameter, self.viscosity, self.density)
+
     def parameter_names(self) -> tuple[str, ...]:
         """Geometry and blood."""
         return sum((names_in(k) for k in (self.length, self.diameter, self.viscosity, self.density)), ())

@@ -30,6 +30,11 @@ class HeartValve(Path):
     coefficient: Key
     smoothing: float = 1e-3
 
+    @property
+    def above_zero(self) -> tuple[Key, ...]:
+        """The flow coefficient."""
+        return (self.coefficient,)
+
     def parameter_names(self) -> tuple[str, ...]:
         """The flow coefficient."""
         return names_in(self.coefficient)

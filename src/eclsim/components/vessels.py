@@ -30,6 +30,11 @@ class ElasticVessel(Storage):
         """1 / C does not change over the beat."""
         return True
 
+    @property
+    def above_zero(self) -> tuple[Key, ...]:
+        """The compliance."""
+        return (self.compliance,)
+
     def parameter_names(self) -> tuple[str, ...]:
         """The compliance."""
         return names_in(self.compliance)
@@ -61,6 +66,11 @@ class Resistance(Path):
     def linear(self) -> bool:
         """The drop is R Q."""
         return True
+
+    @property
+    def not_negative(self) -> tuple[Key, ...]:
+        """The resistances."""
+        return (self.ohmic,)
 
     def parameter_names(self) -> tuple[str, ...]:
         """The resistances."""
@@ -129,6 +139,11 @@ class Artery(InertialResistance):
 
     ohmic: Key
     inertia: Key
+
+    @property
+    def not_negative(self) -> tuple[Key, ...]:
+        """Resistances and inertance."""
+        return (self.ohmic, self.inertia)
 
     def parameter_names(self) -> tuple[str, ...]:
         """Resistances and inertance."""

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eclsim.identification.ending import Ending
 from eclsim.identification.objective import Box, Evaluation, Objective
-from eclsim.solver.orbit import OrbitOptions
+from eclsim.identification.outcome import Ending
+from eclsim.orbit.equation import OrbitOptions
 
 FIRST_DAMPING = 1e-3
 """As a share of the largest curvature, as all dampings."""

@@ -15,7 +15,7 @@ import numpy as np
 from eclsim.identification.least_squares import EXACT, Ending, Precision, Refined, refine
 from eclsim.identification.objective import Box, Objective
 from eclsim.identification.polishing import MOST_ITERATIONS, polish
-from eclsim.solver.orbit import OrbitOptions
+from eclsim.orbit.equation import OrbitOptions
 
 EXPLORING = OrbitOptions(tolerance=3e-2, error_tolerance=1e-1, newton_iterations=0)
 """Enough to rank points: outputs differ from those of the exact orbit by 1e-4 (median), 1 % (99 % of all)."""
@@ -44,7 +44,10 @@ class FitStatus(StrEnum):
 
 _MESSAGES = {
     FitStatus.FITTED: "optimum found",
-    FitStatus.NOT_SETTLED: "the best start was still improving; take it as a lower bound of what is possible",
+    FitStatus.NOT_SETTLED: (
+        "the search ended while the best start was still improving: a better fit may exist, so the sum of "
+        "squares is an upper limit of the smallest one; try another --seed or fewer free parameters"
+    ),
     FitStatus.NO_STEADY_BEAT: (
         "no explored set of parameters has a steady heartbeat: check heart rate, devices and fixed parameters"
     ),
@@ -176,7 +179,11 @@ def identify(
         say(f"exploring {len(points)} sets of parameters (point {k + 1} of {len(objective.targets)})")
         found.append(explore(objective, k, points, settings))
     _refine_all(objective, box, found, settings, say)
-    return [_best(objective, box, k, candidates, settings) for k, candidates in enumerate(found)]
+    best = []
+    for k, candidates in enumerate(found):
+        say(f"refining the best start to the end (point {k + 1} of {len(found)})")
+        best.append(_best(objective, box, k, candidates, settings))
+    return best
 
 
 def sobol(box: Box, settings: MultiStart) -> np.ndarray:
@@ -215,7 +222,8 @@ def _refine_all(
     while jobs := [k for k, c in enumerate(found) if first < len(c.x) and not _enough(c, settings)]:
         starts = {k: _mixed(found[k], first, settings) for k in jobs}
         which = np.concatenate([np.full(len(starts[k]), k) for k in jobs])
-        say(f"refining starts {first + 1} to {first + settings.round_size} of {len(jobs)} data points")
+        last = min(first + settings.round_size, max(len(found[k].x) for k in jobs))
+        say(f"refining starts {first + 1} to {last} of each of {len(jobs)} data points")
         refined = refine(objective, which, np.concatenate([starts[k] for k in jobs]), box, REFINING)
         for k in jobs:
             found[k].begin.append(starts[k])

@@ -13,15 +13,15 @@ from typing import Any
 
 import numpy as np
 
+from eclsim.beat.resolution import needed_resolution
+from eclsim.beat.vectorisation import WORTH_LANES, map_parallel
 from eclsim.circuit.assembly import assemble
-from eclsim.haemodynamics.derivatives import member_tangents
-from eclsim.haemodynamics.evaluation import batch_outputs, output_names
-from eclsim.solver.lanes import WORTH_LANES, map_parallel
-from eclsim.solver.model import AS_PUBLISHED, Model
-from eclsim.solver.orbit import Anchor, OrbitOptions
-from eclsim.solver.resolution import needed_resolution
-from eclsim.solver.status import Status
-from eclsim.solver.steady import Batch, SteadyBeats, steady_beats
+from eclsim.orbit.equation import Anchor, OrbitOptions
+from eclsim.orbit.model import AS_PUBLISHED, Model
+from eclsim.orbit.status import NoDerivativesError, Status
+from eclsim.orbit.steady import Batch, SteadyBeats, steady_beats
+from eclsim.outputs.derivatives import member_tangents
+from eclsim.outputs.evaluation import batch_outputs, output_names
 
 OUTPUTS = ("SP", "DP", "MAP", "MPAP", "PCWP", "CO", "PF")
 """What can be fitted."""
@@ -167,7 +167,7 @@ class Objective:
         """
         batch, wide = self._batch(which, x), len(which) >= WORTH_LANES
         start = None if near is None else foreseen(near, x)
-        steady = steady_beats(batch, options, resolution=resolution, start=start, wide=wide)
+        steady = steady_beats(batch, options, resolution=resolution, start=start, wide=wide, lone=True)
         found = batch_outputs(steady, self.outputs, wide).T.copy()
         found[steady.orbits.status != Status.CONVERGED] = np.nan
         return Evaluation(steady, found, (found - self.measured[which]) * self.weights[which])
@@ -182,7 +182,8 @@ class Objective:
     ) -> tuple[np.ndarray, list[Any]]:
         """d output / d log parameter of some members, shape (members, outputs, parameters), and their beats.
 
-        NaN where an orbit has no derivatives: with a valve that never opens, blood is shut in behind it.
+        NaN where a member has no derivatives: no steady beat was found, or a valve never opens and blood is
+        shut in behind it.
 
         Args:
             evaluation: of the points.
@@ -198,7 +199,7 @@ class Objective:
                 _, slopes, tangents = member_tangents(
                     evaluation.steady, self.outputs, self.names, int(members[k])
                 )
-            except np.linalg.LinAlgError:
+            except NoDerivativesError:
                 return np.full((len(self.outputs), len(self.names)), np.nan), None
             unit = np.exp(x[k])
             return slopes * unit, Tangent(x[k], tangents.anchor, tangents.states * unit)

@@ -70,6 +70,8 @@ def polish(
 def cloud(objective: Objective, target: int, refined: Refined, generator: np.random.Generator) -> np.ndarray:
     """Steps of many sizes, each as long in every direction as the residuals allow, (points, parameters)."""
     weighted = refined.jacobians[0] * objective.weights[target][:, None]
+    if not np.isfinite(weighted).all():  # a beat without derivatives: all directions alike
+        weighted = np.zeros_like(weighted)
     _, singular, directions = np.linalg.svd(weighted, full_matrices=True)
     slopes = np.zeros(len(directions))
     slopes[: len(singular)] = singular

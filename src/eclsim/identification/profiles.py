@@ -13,7 +13,7 @@ import numpy as np
 
 from eclsim.identification.least_squares import Precision, Refined, refine
 from eclsim.identification.objective import Box, Objective
-from eclsim.solver.orbit import OrbitOptions
+from eclsim.orbit.equation import OrbitOptions
 
 REFITTING = Precision(1e-3, iterations=12, orbits=OrbitOptions(1e-6, 1e-5, newton_iterations=0))
 
@@ -42,7 +42,13 @@ class Profiles:
 
 
 def profiles(
-    objective: Objective, box: Box, x: np.ndarray, target: int = 0, steps: int = 12, resolution: int = 1
+    objective: Objective,
+    box: Box,
+    x: np.ndarray,
+    target: int = 0,
+    steps: int = 12,
+    resolution: int = 1,
+    near: np.ndarray | None = None,
 ) -> Profiles:
     """Hold one parameter after the other at values from bound to bound.
 
@@ -53,9 +59,13 @@ def profiles(
         target: which data point.
         steps: values of each parameter, besides the optimum's own.
         resolution: of the grid of the beats.
+        near: further logarithms of each parameter, cut at its bounds, shape (parameters, further).
     """
     size = len(box.names)
     along = box.lower[:, None] + np.linspace(0.0, 1.0, steps) * (box.upper - box.lower)[:, None]
+    if near is not None:
+        along = np.column_stack([along, np.clip(near, box.lower[:, None], box.upper[:, None])])
+    steps = along.shape[1]
     held = np.repeat(np.arange(size), steps)
     which = np.full(len(held), target)
     found = held_fits(objective, which, box, np.tile(x, (len(held), 1)), held, along.ravel(), resolution)

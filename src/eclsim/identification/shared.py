@@ -10,7 +10,7 @@ import numpy as np
 
 from eclsim.identification.least_squares import EXACT, Precision, Refined, refine
 from eclsim.identification.objective import Box, Evaluation, Objective, Tangent
-from eclsim.solver.orbit import OrbitOptions
+from eclsim.orbit.equation import OrbitOptions
 
 SHARES = (0.2, 0.5, 0.8)
 """Further starts of the common parameters: shares of the way between their bounds."""

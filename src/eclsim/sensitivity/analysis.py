@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -12,14 +13,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eclsim.sensitivity.case_inputs import CARDIOVASCULAR, OUTPUTS, InputError, varied
-from eclsim.sensitivity.design import Design
+from eclsim.sensitivity.design import Design, DesignError
 from eclsim.sensitivity.evaluation import Evaluated, Evaluator, SteadyBeatEvaluator, design_resolution
 from eclsim.sensitivity.indices import Indices, indices_of
 from eclsim.sensitivity.runner import Executor, Progress, run_blocks
 from eclsim.sensitivity.store import Store
 
 if TYPE_CHECKING:
-    from eclsim.patients.case import Case
+    from eclsim.cases.case import Case
+
+
+COPIES = 6
+"""How often the points of a design and its results are held at a time, at most."""
+SHARE_OF_MEMORY = 0.8
 
 
 @dataclass(frozen=True)
@@ -56,7 +62,7 @@ def plan_analysis(
     outputs: Sequence[str] | None = None,
     seed: int = 1,
     second_order: bool = True,
-    policy: str = "as_published",
+    policy: str | None = None,
     values: Mapping[str, float] | None = None,
 ) -> Analysis:
     """Inputs and design of an analysis, checked; nothing is run.
@@ -72,11 +78,11 @@ def plan_analysis(
         outputs: names of outputs; left out, the paper's seven, as far as the case has them.
         seed: of the design.
         second_order: N (2 F + 2) runs, else N (F + 2).
-        policy: blood volume policy.
+        policy: blood volume policy; left out, the case's.
         values: start values in place of the case's own.
     """
-    from eclsim.haemodynamics.evaluation import output_names
-    from eclsim.solver.model import model_of
+    from eclsim.orbit.model import model_of
+    from eclsim.outputs.evaluation import output_names
 
     base = {**model_of(case).values, **(values or {})}
     chosen = varied(case, base, parameters, include, groups, perturbation_percent)
@@ -84,9 +90,38 @@ def plan_analysis(
     names = tuple(o for o in OUTPUTS if o in available) if outputs is None else tuple(dict.fromkeys(outputs))
     _check_outputs(names, available)
     design = Design(chosen.inputs, samples, seed, chosen.groups, second_order)
+    check_memory(design, len(names))
     resolution = design_resolution(chosen.circuit, chosen.base, design)
-    evaluator = SteadyBeatEvaluator(chosen.circuit, chosen.base, names, policy, resolution, case.patient.id)
+    evaluator = SteadyBeatEvaluator(
+        chosen.circuit, chosen.base, names, policy or case.volume_policy, resolution, case.patient.id
+    )
     return Analysis(design, evaluator)
+
+
+def check_memory(design: Design, outputs: int) -> None:
+    """Refuse a design whose points and results do not fit into this machine's memory.
+
+    Raises:
+        DesignError: With the largest number of rows that fits.
+    """
+    available = _memory_bytes()
+    row = 8 * COPIES * (len(design.inputs) + outputs) * design.runs_per_row
+    if available is None or row * design.samples <= SHARE_OF_MEMORY * available:
+        return
+    largest = 1 << max(int(SHARE_OF_MEMORY * available // row).bit_length() - 1, 1)
+    raise DesignError(
+        f"samples = {design.samples}: {design.evaluations:,} runs take about "
+        f"{row * design.samples / 1e9:.0f} GB of memory, this machine has {available / 1e9:.0f} GB; "
+        f"allowed here: up to {largest} rows"
+    )
+
+
+def _memory_bytes() -> float | None:
+    """Memory of this machine; None where the system does not tell."""
+    try:
+        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    except (AttributeError, OSError, ValueError):
+        return None
 
 
 def _check_outputs(names: Sequence[str], available: Sequence[str]) -> None:

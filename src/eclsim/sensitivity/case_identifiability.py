@@ -17,10 +17,13 @@ from eclsim.sensitivity.identifiability import (
     fisher_information,
 )
 from eclsim.sensitivity.proposal import Proposal, propose
-from eclsim.sensitivity.uncertainties import Uncertainty, uncertainties_of
+from eclsim.sensitivity.uncertainties import Uncertainty, standard_uncertainties, uncertainties_of
 
 if TYPE_CHECKING:
-    from eclsim.patients.case import Case
+    from eclsim.cases.case import Case
+
+FAR_OFF = 2.0
+"""Standard uncertainties."""
 
 
 @dataclass(frozen=True)
@@ -29,8 +32,9 @@ class Identifiability:
 
     Args:
         name: of the case.
-        values: outputs of the model at the case's parameters.
-        uncertainties: standard uncertainty of each, in its unit.
+        simulated: outputs of the model at the case's parameters.
+        measured: measured values; empty where the case has none.
+        uncertainties: standard uncertainty of each measurement, in its unit.
         scaled: scaled sensitivities.
         subsets: collinearity indices of all sets, by size.
         fisher: Fisher information.
@@ -38,12 +42,22 @@ class Identifiability:
     """
 
     name: str
-    values: dict[str, float]
+    simulated: dict[str, float]
+    measured: dict[str, float]
     uncertainties: dict[str, float]
     scaled: ScaledSensitivities
     subsets: list[SubsetIndices]
     fisher: FisherInformation
     proposal: Proposal
+
+    @property
+    def far_off(self) -> dict[str, float]:
+        """Measurements that the model misses by more than two uncertainties, and by how many of them.
+
+        The analysis is local: it then speaks of another patient than the one that was measured.
+        """
+        off = {n: (self.simulated[n] - value) / self.uncertainties[n] for n, value in self.measured.items()}
+        return {n: d for n, d in off.items() if abs(d) > FAR_OFF}
 
     def as_object(self) -> dict[str, Any]:
         """As plain data for JSON."""
@@ -53,7 +67,9 @@ class Identifiability:
         angles = (dict(zip(names, row.tolist(), strict=True)) for row in s.orthogonality)
         return {
             "id": self.name,
-            "measurements": self.values,
+            "status": "converged",
+            "simulated": self.simulated,
+            "measured": self.measured,
             "uncertainties": self.uncertainties,
             "scaled_sensitivity": dict(zip(s.outputs, rows, strict=True)),
             "effect": dict(zip(names, s.effect.tolist(), strict=True)),
@@ -82,21 +98,26 @@ def analyse_identifiability(
     uncertainties: Mapping[str, Uncertainty] | None = None,
     limit: float = 10.0,
     threshold: float = 1.0,
-    policy: str = "as_published",
+    policy: str | None = None,
 ) -> Identifiability:
     """Which parameters the measurements of a case can tell apart.
 
     Args:
-        case: patient and devices; its measurements name what is measured, their values do not matter.
+        case: patient and devices, best with fitted parameters; uncertainties in percent are those of its
+            measurements, and of the model's own outputs where it has none.
         parameters: in question; left out, the paper's 24.
         outputs: what is measured; left out, the case's measurements, or all seven that it has.
         uncertainties: standard uncertainties that differ from the defaults.
         limit: largest collinearity index of a set that can be told apart.
         threshold: smallest effect that counts, in uncertainties for a change of 100 %.
-        policy: blood volume policy.
+        policy: blood volume policy; left out, the case's.
+
+    Raises:
+        InputError: names that the case does not have.
+        NoDerivativesError: the case has no steady beat, or none with derivatives: nothing can be ranked.
     """
-    from eclsim.haemodynamics.derivatives import output_derivatives
-    from eclsim.solver.model import model_of
+    from eclsim.orbit.model import model_of
+    from eclsim.outputs.derivatives import output_derivatives
 
     model = model_of(case)
     names = tuple(dict.fromkeys(CARDIOVASCULAR if parameters is None else parameters))
@@ -105,14 +126,13 @@ def analyse_identifiability(
     chosen = uncertainties_of(measured, uncertainties or {})
     found = output_derivatives(model, measured, names, policy)
     values = dict(zip(measured, np.asarray(found["value"]).tolist(), strict=True))
-    if not np.isfinite(found.values).all():
-        raise InputError([f"{case.patient.id}: no steady beat to take derivatives of; see `eclsim simulate`"])
-    sizes = {o: chosen[o].at(values[o]) for o in measured}
+    taken = {o: v for o in measured if (v := getattr(case.measurements, o, None)) is not None}
+    sizes = standard_uncertainties({**values, **taken}, chosen)
     scaled = ScaledSensitivities.of(
         measured, names, found.values, np.asarray(found["parameter_value"]), np.array(list(sizes.values()))
     )
     return Identifiability(
-        case.patient.id, values, sizes, scaled, all_subsets(scaled, limit), fisher_information(scaled),
+        case.patient.id, values, taken, sizes, scaled, all_subsets(scaled, limit), fisher_information(scaled),
         propose(scaled, limit, threshold),
     )  # fmt: skip
 
@@ -125,7 +145,7 @@ def _measured(case: Case) -> tuple[str, ...]:
 
 
 def _check_names(parameters: Sequence[str], outputs: Sequence[str], model: Any) -> None:
-    from eclsim.haemodynamics.evaluation import output_names
+    from eclsim.outputs.evaluation import output_names
     from eclsim.parameters import did_you_mean
 
     kinds = (

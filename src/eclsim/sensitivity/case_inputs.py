@@ -7,14 +7,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from eclsim.circuit.network import Choice, Circuit
-from eclsim.models import POSITIONS, crrt
+from eclsim.devices.constants import CANNULAE, PUMPS
+from eclsim.devices.crrt import crrt
+from eclsim.devices.ecmo import POSITIONS
+from eclsim.devices.positions import CRRT_SCHEMES
 from eclsim.parameters import did_you_mean, thiel2025
-from eclsim.parameters.devices import CANNULAE, PUMPS
-from eclsim.parameters.positions import CRRT_SCHEMES
 from eclsim.sensitivity.inputs import Categorical, Continuous, Input
 
 if TYPE_CHECKING:
-    from eclsim.patients.case import Case
+    from eclsim.cases.case import Case
 
 CARDIOVASCULAR = (
     "Rao", "Rsart", "Rmc", "Rsvn", "Rpas", "Rpart", "Rpmc", "Rpvn",
@@ -24,6 +25,11 @@ CARDIOVASCULAR = (
 """The parameters of the paper's global sensitivity analysis (Figure 3)."""
 
 GROUPS = {"R": "resistances", "C": "compliances", "L": "inertances", "E": "elastances"}
+QUANTITIES = {
+    "resistances": "resistance", "compliances": "compliance", "inertances": "inertance",
+    "elastances": "elastance",
+}  # fmt: skip
+"""What the unit of a parameter of each kind measures."""
 OUTPUTS = ("SP", "DP", "MAP", "MPAP", "PCWP", "CO", "PF")
 
 SCHEMES = dict(CRRT_SCHEMES)
@@ -73,7 +79,7 @@ def varied(
         base: values of all parameters, around which the inputs vary.
         parameters: names of parameters, uniform within the perturbation.
         include: further inputs: parameters, device settings, `crrt.scheme`, `crrt.access_site`, ...
-        groups: first letters (R, C, L, E) whose parameters are one factor together.
+        groups: kinds (R, C, L, E, see `GROUPS`) whose parameters are one factor together.
         perturbation_percent: half width of the range of each number.
     """
     circuit = _circuit(case, include)
@@ -93,12 +99,13 @@ def varied(
     names = [*dict.fromkeys([*parameters, *include])]
     inputs = tuple(_input(name, case, base, perturbation_percent / 100.0) for name in names)
     _check_ranges(inputs, case)
-    labels = tuple(n[0] if n in parameters and n[0] in groups else n for n in names) if groups else ()
+    kinds = {n: letter_of(n) for n in parameters}
+    labels = tuple(kinds[n] if kinds.get(n) in groups else n for n in names) if groups else ()
     return Varied(circuit, base, inputs, labels)
 
 
 def _circuit(case: Case, include: Sequence[str]) -> Circuit:
-    from eclsim.solver.model import circuit_of
+    from eclsim.orbit.model import circuit_of
 
     if not {SCHEME, ACCESS, RETURN} & set(include):
         return circuit_of(case)
@@ -120,12 +127,21 @@ def _wrong_names(names: Sequence[str], known: Sequence[str]) -> list[str]:
     return wrong
 
 
+def letter_of(name: str) -> str:
+    """Group of a parameter by what its unit measures; empty where it belongs to none."""
+    parameter = thiel2025.PARAMETERS.get(name)
+    measured = None if parameter is None else parameter.quantity
+    return next((letter for letter, kind in GROUPS.items() if QUANTITIES[kind] == measured), "")
+
+
 def _wrong_groups(groups: Sequence[str], parameters: Sequence[str]) -> list[str]:
-    first_letters = {p[0] for p in parameters}
+    kinds = {letter_of(p) for p in parameters}
     allowed = ", ".join(f"{k} ({v})" for k, v in GROUPS.items())
     wrong = [f"group {g}: allowed: {allowed}" for g in groups if g not in GROUPS]
     return wrong + [
-        f"group {g}: no input begins with {g}" for g in groups if g in GROUPS and g not in first_letters
+        f"group {g}: none of the parameters varied is one of the {GROUPS[g]}"
+        for g in groups
+        if g in GROUPS and g not in kinds
     ]
 
 
@@ -143,7 +159,7 @@ def _input(name: str, case: Case, base: Mapping[str, float], share: float) -> In
         return Categorical(name, _PLACES, ((name, tuple(float(k) for k in range(len(_PLACES)))),))
     if name in ("ecmo.drainage_fr", "ecmo.return_fr"):
         return _cannula_sizes(name, case, base[name], share)
-    return Continuous(name, base[name] * (1.0 - share), base[name] * (1.0 + share))
+    return Continuous(name, *sorted((base[name] * (1.0 - share), base[name] * (1.0 + share))))
 
 
 def _cannula_sizes(name: str, case: Case, size: float, share: float) -> Categorical:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import os
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from functools import lru_cache, partial
@@ -83,8 +82,7 @@ def _client(client: Any, cluster: Any) -> Any:
 
 
 def _on_worker(shared: tuple[Design, Evaluator], block: int) -> tuple[int, Evaluated]:
-    """Runs on the worker: each block in one thread, so that it gives the same bits as here."""
-    os.environ["ECLSIM_THREADS"] = "1"
+    """Runs on the worker."""
     keep_freed_memory()
     return block, evaluate_block(*shared, block)
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -59,6 +57,8 @@ class Evaluator(Protocol):
 class SteadyBeatEvaluator:
     """The steady beat of a circuit around base values.
 
+    It runs in one thread, as blocks run side by side: the same bits however many processors there are.
+
     Args:
         circuit: the circuit; sites that are inputs are choices in it.
         base: a number for every parameter.
@@ -78,13 +78,13 @@ class SteadyBeatEvaluator:
 
     def __call__(self, settings: Mapping[str, np.ndarray], count: int) -> Evaluated:
         """Run some points."""
-        from eclsim.haemodynamics.evaluation import batch_outputs
-        from eclsim.solver.status import Status
-        from eclsim.solver.steady import Batch, steady_beats
+        from eclsim.orbit.status import Status
+        from eclsim.orbit.steady import Batch, steady_beats
+        from eclsim.outputs.evaluation import batch_outputs
 
         batch = Batch(self.circuit, {**self.base, **settings}, count, self.policy)
-        steady = steady_beats(batch, near=self.base, resolution=self.resolution)
-        values = batch_outputs(steady, self.outputs).T
+        steady = steady_beats(batch, near=self.base, resolution=self.resolution, threads=1)
+        values = batch_outputs(steady, self.outputs, threads=1).T
         orbits = steady.orbits
         lost = ~np.isfinite(values).all(axis=1) & (orbits.status == Status.CONVERGED)
         status = np.where(lost, Status.NOT_FINITE, orbits.status)
@@ -104,8 +104,8 @@ class SteadyBeatEvaluator:
 
 def design_resolution(circuit: Circuit, base: Mapping[str, float], design: Design) -> int:
     """Resolution of the grid that the most demanding run of a design needs."""
+    from eclsim.beat.resolution import needed_resolution
     from eclsim.circuit.assembly import assemble
-    from eclsim.solver.resolution import needed_resolution
 
     values = {**base, **design.settings(design.unit())}
     return int(np.max(needed_resolution(assemble(circuit), values)))
@@ -115,17 +115,3 @@ def evaluate_block(design: Design, evaluator: Evaluator, block: int) -> Evaluate
     """Run one block of a design."""
     unit = design.unit(*design.block_rows(block))
     return evaluator(design.settings(unit), len(unit))
-
-
-@contextmanager
-def one_thread_each() -> Iterator[None]:
-    """Blocks run side by side, each in one thread: the same bits however many processors there are."""
-    before = os.environ.get("ECLSIM_THREADS")
-    os.environ["ECLSIM_THREADS"] = "1"
-    try:
-        yield
-    finally:
-        if before is None:
-            os.environ.pop("ECLSIM_THREADS", None)
-        else:
-            os.environ["ECLSIM_THREADS"] = before

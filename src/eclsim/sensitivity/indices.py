@@ -141,7 +141,7 @@ def indices_of(
 
 
 def _failed_run(design: Design, run: int, status: int) -> FailedRun:
-    from eclsim.solver.status import Status
+    from eclsim.orbit.status import Status
 
     row, position = divmod(run, design.runs_per_row)
     unit = design.unit(row, row + 1)[position : position + 1]

@@ -12,14 +12,14 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any
 
-PRELOAD = ("distributed", "scipy.stats", "eclsim.haemodynamics.evaluation", "eclsim.sensitivity.evaluation")
+PRELOAD = ("distributed", "scipy.stats", "eclsim.outputs.evaluation", "eclsim.sensitivity.evaluation")
 """What a worker needs before its first block."""
 
 
 @contextmanager
 def local_workers() -> Iterator[Callable[[], Any]]:
     """Start one worker per processor (`ECLSIM_THREADS`); the function waits for their cluster."""
-    from eclsim.solver.lanes import threads
+    from eclsim.beat.vectorisation import threads
 
     method = _start_fork_server()
     with ThreadPoolExecutor(1, thread_name_prefix="dask") as starter:

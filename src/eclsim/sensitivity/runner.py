@@ -10,7 +10,7 @@ from contextlib import closing
 from dataclasses import dataclass
 
 from eclsim.sensitivity.design import Design
-from eclsim.sensitivity.evaluation import Evaluated, Evaluator, evaluate_block, one_thread_each
+from eclsim.sensitivity.evaluation import Evaluated, Evaluator, evaluate_block
 from eclsim.sensitivity.store import Store
 
 Executor = Callable[[Design, Evaluator, "list[int]"], "Generator[tuple[int, Evaluated]]"]
@@ -66,15 +66,14 @@ def run_blocks(
 
 def in_threads(design: Design, evaluator: Evaluator, blocks: list[int]) -> Generator[tuple[int, Evaluated]]:
     """Blocks side by side, one thread each; closing the iterator starts no more."""
-    from eclsim.solver.lanes import threads
+    from eclsim.beat.vectorisation import threads
 
     count = min(threads(), len(blocks))
-    with one_thread_each():
-        # The first block compiles; the others would wait for it or compile the same once more.
-        for block in blocks[:1]:
-            yield block, evaluate_block(design, evaluator, block)
-        if len(blocks) > 1:
-            yield from _pooled(design, evaluator, blocks[1:], count)
+    # The first block compiles; the others would wait for it or compile the same once more.
+    for block in blocks[:1]:
+        yield block, evaluate_block(design, evaluator, block)
+    if len(blocks) > 1:
+        yield from _pooled(design, evaluator, blocks[1:], count)
 
 
 def _pooled(

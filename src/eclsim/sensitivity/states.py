@@ -11,7 +11,8 @@ import math
 from collections.abc import Sequence
 from types import MappingProxyType
 
-from eclsim.solver.model import AS_PUBLISHED, Model
+from eclsim.orbit.model import AS_PUBLISHED, Model
+from eclsim.orbit.status import Status
 
 TARGETS: MappingProxyType[str, float] = MappingProxyType(
     {"normal": 79.0, "hypertensive": 102.0, "hypotensive": 60.0}
@@ -24,7 +25,7 @@ _WIDEST = 32.0
 
 
 class StateError(ValueError):
-    """A state that the case cannot reach."""
+    """A state that the case cannot reach, or whose search met a patient without a steady beat."""
 
 
 def state_values(model: Model, state: str, policy: str = AS_PUBLISHED) -> dict[str, float]:
@@ -37,12 +38,17 @@ def state_values(model: Model, state: str, policy: str = AS_PUBLISHED) -> dict[s
 def solve_for_pressure(
     model: Model, mean_pressure_mmhg: float, adjusted: str = ADJUSTED, policy: str = AS_PUBLISHED
 ) -> float:
-    """Value of a parameter at which the mean arterial pressure is as wanted, to 0.001 mmHg."""
+    """Value of a parameter at which the mean arterial pressure is as wanted, to 0.001 mmHg.
+
+    Raises:
+        StateError: the pressure is not reached, or a beat on the way to it did not settle.
+    """
     from scipy.optimize import brentq
 
     def excess(log_factor: float) -> float:
         value = model.values[adjusted] * math.exp(log_factor)
-        return _mean_arterial_pressure(model.with_values({adjusted: value}), policy) - mean_pressure_mmhg
+        tried = model.with_values({adjusted: value})
+        return _mean_arterial_pressure(tried, policy, adjusted) - mean_pressure_mmhg
 
     low, high = _bracket(excess)
     if low is None or high is None:
@@ -62,20 +68,27 @@ def _bracket(excess) -> tuple[float | None, float | None]:
     while abs(log_factor) < math.log(_WIDEST):
         following = log_factor + direction * step
         there = excess(following)
-        if not math.isfinite(there):
-            break
         if here * there <= 0.0:
             return min(log_factor, following), max(log_factor, following)
         log_factor, here = following, there
     return None, None
 
 
-def _mean_arterial_pressure(model: Model, policy: str) -> float:
-    from eclsim.haemodynamics.evaluation import batch_outputs
-    from eclsim.solver.steady import Batch, steady_beats
+def _mean_arterial_pressure(model: Model, policy: str, adjusted: str) -> float:
+    """Of the steady beat; `StateError` where there is none."""
+    from eclsim.orbit.steady import Batch, steady_beats
+    from eclsim.outputs.dataset import outcome
+    from eclsim.outputs.evaluation import batch_outputs
 
     steady = steady_beats(Batch(model.circuit, model.values, 1, policy), near=None)
-    return float(batch_outputs(steady, ("MAP",))[0, 0])
+    pressure = float(batch_outputs(steady, ("MAP",))[0, 0])
+    status, message = outcome(steady, {"MAP": pressure})
+    if status is not Status.CONVERGED:
+        raise StateError(
+            f"at {adjusted} = {model.values[adjusted]:.4g}, on the way to the mean arterial pressure wanted, "
+            f"there is no steady beat ({status.name.lower()}): {message}"
+        )
+    return pressure
 
 
 def union_over(unions: Sequence[Sequence[str]]) -> list[str]:

@@ -12,8 +12,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -21,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from eclsim._version import __version__
+from eclsim.atomic import whole_file
 from eclsim.sensitivity.design import Design
 from eclsim.sensitivity.evaluation import Evaluated, Evaluator
 
@@ -188,16 +187,8 @@ class Store:
 
 def write_whole(path: Path, write: Callable[[Path], object]) -> None:
     """Write beside the target, then rename: the file is whole or absent."""
-    handle, name = tempfile.mkstemp(prefix=".eclsim-", suffix=path.suffix, dir=path.parent)
-    os.close(handle)
-    partial = Path(name)
-    try:
+    with whole_file(path) as partial:
         write(partial)
-        partial.chmod(0o644)
-        partial.replace(path)
-    except BaseException:
-        partial.unlink(missing_ok=True)
-        raise
 
 
 def _columns_about(found: Evaluated) -> dict[str, np.ndarray]:

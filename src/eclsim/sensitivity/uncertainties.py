@@ -38,8 +38,20 @@ DEFAULTS: MappingProxyType[str, Uncertainty] = MappingProxyType(
     }
 )
 """Assumed, for want of the paper's: fluid-filled catheters (transducer, damping, levelling), thermodilution,
-and an
-ultrasonic flow meter. Give your own devices' where you know them."""
+and an ultrasonic flow meter. A percentage is one of the measured value. Give your own devices' where you know
+them."""
+LEAST_FLOW = 0.1
+"""A flow measured as 0 has the uncertainty of this one [L/min]."""
+
+
+def standard_uncertainties(values: Mapping[str, float], known: Mapping[str, Uncertainty]) -> dict[str, float]:
+    """Standard uncertainty of each measured value, in its unit.
+
+    Args:
+        values: measured [mmHg, L/min].
+        known: uncertainty of each, at least.
+    """
+    return {n: known[n].at(v) or known[n].at(LEAST_FLOW) for n, v in values.items()}
 
 
 def read_uncertainties(text: str) -> dict[str, Uncertainty]:
@@ -52,7 +64,16 @@ def read_uncertainties(text: str) -> dict[str, Uncertainty]:
         except ValueError:
             value = 0.0
         if not value > 0.0 or value == float("inf"):
-            wrong.append(f"uncertainty {part}: allowed: NAME=VALUE or NAME=PERCENT%, above 0, such as CO=10%")
+            wrong.append(
+                f"--uncertainty {part}: allowed: NAME=VALUE or NAME=PERCENT%, above 0, such as CO=10%"
+            )
+        elif name in found:
+            wrong.append(f"--uncertainty {part}: {name} is given twice; leave one of them out")
+        elif number.endswith("%") and value > 100.0:
+            wrong.append(
+                f"--uncertainty {part}: a value as uncertain as this says nothing; allowed: up to 100%, "
+                "or leave the measurement out"
+            )
         else:
             found[name] = Uncertainty(relative=value / 100.0) if number.endswith("%") else Uncertainty(value)
     if wrong:

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from eclsim.patients.case import Case
-    from eclsim.solver.model import Model
+    from eclsim.cases.case import Case
+    from eclsim.orbit.model import Model
 
 DATA = Path(str(files("eclsim.validation") / "data"))
 """Folder of the embedded data."""
@@ -24,13 +24,13 @@ def case_names() -> tuple[str, ...]:
 
 def reference_case(name: str) -> Case:
     """A reference case, without the warnings of reading it (some are unusual on purpose)."""
-    from eclsim.patients.reading import read_case
+    from eclsim.cases.reading import read_case
 
     return read_case(DATA / "cases" / f"{name}.toml").case
 
 
 def reference_model(name: str) -> Model:
     """Circuit and values of a reference case."""
-    from eclsim.solver.model import model_of
+    from eclsim.orbit.model import model_of
 
     return model_of(reference_case(name))

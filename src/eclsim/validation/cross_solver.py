@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eclsim.beat.heartbeat import beat_program
+from eclsim.beat.vectorisation import Lanes
 from eclsim.circuit.assembly import assemble
-from eclsim.haemodynamics.outputs import CONTRACT
-from eclsim.solver.beat import beat_program
-from eclsim.solver.lanes import Lanes
-from eclsim.solver.steady import Batch, start_state, steady_beats
+from eclsim.orbit.steady import Batch, start_state, steady_beats
+from eclsim.outputs.registry import CONTRACT
 from eclsim.validation.cases import case_names, reference_model
 from eclsim.validation.reference_cases import QUICK, reference_result
 from eclsim.validation.robustness import CONFIGURATIONS, configuration_model
@@ -22,7 +22,7 @@ from eclsim.validation.rows import Check, Row, at_most, near
 if TYPE_CHECKING:
     import xarray as xr
 
-    from eclsim.solver.model import Model
+    from eclsim.orbit.model import Model
 
 RELATIVE = 0.001
 ABSOLUTE = {"mmHg": 0.01, "L/min": 0.002, "mL": 0.05}
@@ -60,7 +60,7 @@ def _both(name: str) -> list[Row]:
 
 def adaptive_result(name: str) -> xr.Dataset:
     """The steady beat of a reference case by the independent path."""
-    from eclsim.haemodynamics.adaptive import simulate_adaptive
+    from eclsim.outputs.independent import simulate_adaptive
 
     return simulate_adaptive(reference_model(name))
 

@@ -12,7 +12,7 @@ from eclsim.validation.rows import Row, near
 if TYPE_CHECKING:
     import xarray as xr
 
-    from eclsim.solver.model import Model
+    from eclsim.orbit.model import Model
 
 RELATIVE = 0.02
 NEAR_THE_MEDIAN = ("PF", "Psart", "Psvn")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import math
 
-from eclsim.parameters.devices import CANNULAE, PUMPS
+from eclsim.devices.constants import CANNULAE, PUMPS
 from eclsim.validation.cases import DATA
 from eclsim.validation.rows import Check, Row, near
 

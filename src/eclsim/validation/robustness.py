@@ -11,14 +11,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from eclsim.haemodynamics.dataset import simulate
-from eclsim.haemodynamics.evaluation import batch_outputs
+from eclsim.beat.heartbeat import beat_program
+from eclsim.beat.vectorisation import HANDFUL, Lanes
+from eclsim.orbit.model import Model
+from eclsim.orbit.status import Status
+from eclsim.orbit.steady import Batch, SteadyBeats, start_state, steady_beats
+from eclsim.outputs.dataset import simulate
+from eclsim.outputs.evaluation import batch_outputs
 from eclsim.parameters.identification import BOUNDS
-from eclsim.solver.beat import beat_program
-from eclsim.solver.lanes import HANDFUL, Lanes
-from eclsim.solver.model import Model
-from eclsim.solver.status import Status
-from eclsim.solver.steady import Batch, SteadyBeats, start_state, steady_beats
 from eclsim.validation.cases import reference_model
 from eclsim.validation.rows import Check, Row, at_least, at_most
 
@@ -102,7 +102,7 @@ def sobol_points(count: int) -> dict[str, np.ndarray]:
 
 def configuration_model(name: str) -> Model:
     """Circuit and values of a configuration; the fitted parameters are replaced later."""
-    from eclsim.solver.model import model_of
+    from eclsim.orbit.model import model_of
     from eclsim.validation.cases import reference_case
 
     first, _, second = CONFIGURATIONS[name].partition(" + ")

@@ -8,6 +8,25 @@ from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True)
+class Explanation:
+    """Why a row misses, with what shows it. It counts only while all of its evidence holds.
+
+    Args:
+        text: the reason.
+        evidence: rows that hold if the reason is the right one: what eclsim gives where the reason is taken
+            away, or the very number that the reason was shown to account for.
+    """
+
+    text: str
+    evidence: tuple[Row, ...]
+
+    @property
+    def holds(self) -> bool:
+        """Whether there is evidence, and all of it holds."""
+        return bool(self.evidence) and all(row.holds for row in self.evidence)
+
+
+@dataclass(frozen=True)
 class Row:
     """One number held against another.
 
@@ -18,7 +37,7 @@ class Row:
         high: largest number that passes.
         unit: unit of all of them.
         expected: the number compared with; None where only a limit or a range is given.
-        explanation: why it misses, where that is known; it stays a miss.
+        explanation: why it misses, where that is known and shown; it stays a miss.
         source: where the expected number comes from.
     """
 
@@ -28,13 +47,20 @@ class Row:
     high: float
     unit: str = "1"
     expected: float | None = None
-    explanation: str = ""
+    explanation: Explanation | None = None
     source: str = ""
 
     @property
     def holds(self) -> bool:
         """Whether the number is within the bar; NaN is not."""
         return self.low <= self.got <= self.high
+
+    @property
+    def explained(self) -> str:
+        """Why it misses; empty where it holds, and where the evidence for the reason no longer does."""
+        if self.holds or self.explanation is None or not self.explanation.holds:
+            return ""
+        return self.explanation.text
 
     @property
     def percent(self) -> float | None:
@@ -66,7 +92,7 @@ def near(
     tolerance: float,
     unit: str = "1",
     *,
-    explanation: str = "",
+    explanation: Explanation | None = None,
     source: str = "",
 ) -> Row:
     """A row that holds within a tolerance of the expected number."""
@@ -122,10 +148,8 @@ class Check:
     @property
     def holds(self) -> bool:
         """Whether the bar is reached."""
-        excused = (
-            self.missed if not self.explained_pass else [row for row in self.missed if not row.explanation]
-        )
-        return bool(self.rows) and not excused
+        failing = [row for row in self.missed if not (self.explained_pass and row.explained)]
+        return bool(self.rows) and not failing
 
 
 def worst(rows: Iterable[Row]) -> Row:

@@ -14,10 +14,10 @@ from functools import lru_cache
 import numpy as np
 import xarray as xr
 
-from eclsim.haemodynamics.dataset import simulate
-from eclsim.models import shi_hose_circulation
+from eclsim.orbit.model import Model
+from eclsim.outputs.dataset import simulate
 from eclsim.parameters import shi_hose2009
-from eclsim.solver.model import Model
+from eclsim.patient.circulation import shi_hose_circulation
 from eclsim.validation.cases import DATA
 from eclsim.validation.rows import Check, near
 

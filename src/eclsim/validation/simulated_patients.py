@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eclsim.haemodynamics.evaluation import batch_outputs
+from eclsim.cases.case import Case, Ecmo, Measurements, Patient
 from eclsim.identification.objective import OUTPUTS
+from eclsim.orbit.model import model_of
+from eclsim.orbit.status import Status
+from eclsim.orbit.steady import Batch, steady_beats
+from eclsim.outputs.evaluation import batch_outputs
 from eclsim.parameters.identification import BOUNDS
-from eclsim.patients.case import Case, Ecmo, Measurements, Patient
 from eclsim.sensitivity.uncertainties import DEFAULTS
-from eclsim.solver.model import model_of
-from eclsim.solver.status import Status
-from eclsim.solver.steady import Batch, steady_beats
 
 NAMES = tuple(BOUNDS)
 LIKELY = {"MAP": (45.0, 120.0), "MPAP": (8.0, 40.0), "PCWP": (3.0, 25.0), "CO": (0.8, 9.0), "PF": (0.5, 6.0)}

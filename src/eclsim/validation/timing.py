@@ -8,8 +8,8 @@ with two.
 from __future__ import annotations
 
 import json
+import math
 import os
-import resource
 import statistics
 import subprocess
 import sys
@@ -85,7 +85,7 @@ def first_results() -> Iterator[Measurement]:
     names = ("first result of a new process, empty cache", "first result of a new process, filled cache")
     for name, found, bar, published in zip(names, (cold, warm), (6.0, 3.5), (7.2, None), strict=True):
         wall, cpu = (statistics.median(column) for column in zip(*found, strict=True))
-        yield Measurement(name, wall, "s", bar, cpu, published, remark)
+        yield Measurement(name, wall, "s", bar, cpu if math.isfinite(cpu) else None, published, remark)
 
 
 def _command_seconds(cache: str) -> tuple[float, float]:
@@ -96,30 +96,30 @@ def _command_seconds(cache: str) -> tuple[float, float]:
 
 
 def _process(command: list[str], environment: dict[str, str]) -> tuple[float, float, str]:
-    before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    before, start = os.times(), time.perf_counter()
     done = subprocess.run(command, env=os.environ | environment, capture_output=True, text=True, check=True)
-    wall, after = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
-    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return wall, cpu, done.stdout
+    wall, after = time.perf_counter() - start, os.times()
+    cpu = after.children_user + after.children_system - before.children_user - before.children_system
+    return wall, cpu if os.name == "posix" else math.nan, done.stdout  # Windows counts no children
 
 
 def warm_orbit() -> Measurement:
     """One steady beat, everything compiled."""
-    from eclsim.solver.steady import Batch, steady_beats
+    from eclsim.orbit.steady import Batch, steady_beats
 
     model = reference_model(PAPER_PATIENT)
     one = Batch(model.circuit, model.values, 1)
-    wall, cpu = _medians(lambda: steady_beats(one))
-    beats = int(steady_beats(one).orbits.beats[0])
+    wall, cpu = _medians(lambda: steady_beats(one, lone=True))
+    beats = int(steady_beats(one, lone=True).orbits.beats[0])
     remark = f"{beats} beats from the circuit's nominal orbit; median of {REPEATS}"
     return Measurement("one steady beat, warm", wall, "ms", 10.0, cpu, 1740.0, remark)
 
 
 def warm_derivatives() -> Measurement:
     """Derivatives of all outputs with respect to 24 parameters, everything compiled."""
-    from eclsim.haemodynamics.derivatives import member_derivatives
-    from eclsim.haemodynamics.evaluation import output_names
-    from eclsim.solver.steady import Batch, steady_beats
+    from eclsim.orbit.steady import Batch, steady_beats
+    from eclsim.outputs.derivatives import member_derivatives
+    from eclsim.outputs.evaluation import output_names
 
     model = reference_model(PAPER_PATIENT)
     steady = steady_beats(Batch(model.circuit, model.values, 1))
@@ -155,7 +155,7 @@ def print_batch() -> None:
     """Measure the batch in this process and print the figures as JSON."""
     import numpy as np
 
-    from eclsim.solver.steady import Batch, steady_beats
+    from eclsim.orbit.steady import Batch, steady_beats
 
     model, random = reference_model(PAPER_PATIENT), np.random.default_rng(1)
     factors = {name: random.uniform(1.0 - SPREAD, 1.0 + SPREAD, MEMBERS) for name in PARAMETERS}
@@ -194,5 +194,9 @@ def _largest_memory_mb() -> float:
         lines = Path("/proc/self/status").read_text(encoding="ascii", errors="replace").splitlines()
         return next(float(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1e3
     except (OSError, StopIteration):
+        if sys.platform == "win32":
+            return math.nan
+        import resource
+
         largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         return largest / (1e6 if sys.platform == "darwin" else 1e3)

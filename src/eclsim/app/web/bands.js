@@ -18,7 +18,7 @@ export default {
     },
     trust() {
       if (!this.posterior.trusted) return `${words.posterior_doubted}: ${this.posterior.doubts.join("; ")}`;
-      return this.posterior.checked ? `✓ ${words.posterior_trusted}` : words.posterior_without;
+      return this.posterior.checked ? words.posterior_trusted : words.posterior_without;
     },
     what() {
       if (!this.on) return "";

@@ -7,17 +7,18 @@ let seq = 0;
 
 export default {
   template: `
-  <div class="ecl-knobs" id="knobs" tabindex="-1" role="group" :aria-label="words.knobs">
+  <div class="ecl-knobs" tabindex="-1" role="group" :aria-label="words.knobs">
+    <span id="knobs" tabindex="-1"></span>
     <section v-for="group in groups" :key="group" :class="'group-' + group" :aria-label="words['group_' + group]">
       <header>
         <h2>{{ words['group_' + group] }}</h2>
-        <button v-if="group in devices" type="button" class="ecl-switch" role="switch" :aria-checked="devices[group]"
-          :aria-label="label(group)" :title="label(group)" @click="$emit('connect', { device: group })"><i></i></button>
+        <button v-if="group in devices" type="button" class="ecl-switch" role="switch" :disabled="!connected" :aria-checked="devices[group]"
+          :aria-label="label(group)" :title="label(group)" @click="tell('connect', { device: group })"><i></i></button>
       </header>
       <template v-for="c in of(group)" :key="c.key">
         <div v-if="c.options" class="ecl-pick" :class="{ bad: errors[c.key] }">
           <label :for="id(c)">{{ c.label }}</label>
-          <select :id="id(c)" :value="values[c.key]" @change="pick(c, $event.target.value)">
+          <select :id="id(c)" :value="values[c.key]" :disabled="!connected" @change="pick(c, $event.target.value)">
             <option v-for="[name, text] in c.options" :key="name" :value="name">{{ text }}</option>
           </select>
           <p v-if="errors[c.key]" role="alert">{{ errors[c.key] }}</p>
@@ -27,12 +28,12 @@ export default {
           <span class="typed">
             <input :id="id(c)" type="text" inputmode="decimal" autocomplete="off" maxlength="40" :value="written(c)"
               :aria-invalid="!!errors[c.key]" :aria-describedby="errors[c.key] ? id(c) + '-error' : null"
-              @change="type(c, $event)" @keydown="arrow(c, $event)" @focus="$event.target.select()" />
+              :disabled="!connected" @change="type(c, $event)" @keydown="arrow(c, $event)" @focus="$event.target.select()" />
             <small>{{ c.unit }}</small>
           </span>
           <input type="range" :min="0" :max="positions(c)" step="1" :value="place(c)" :aria-label="c.label"
             :aria-valuetext="written(c) + ' ' + c.unit" :style="{ '--at': 100 * place(c) / positions(c) + '%' }"
-            @input="slide(c, $event)" />
+            :disabled="!connected" @input="slide(c, $event)" />
           <p v-if="errors[c.key]" :id="id(c) + '-error'" role="alert">{{ errors[c.key] }}</p>
         </div>
       </template>
@@ -41,7 +42,7 @@ export default {
       <header><h2>{{ words.group_model }}</h2></header>
       <div class="ecl-pick">
         <label for="knob-policy">{{ words.policy }}</label>
-        <select id="knob-policy" :value="policy" @change="$emit('policy', { policy: $event.target.value })">
+        <select id="knob-policy" :value="policy" :disabled="!connected" @change="tell('policy', { policy: $event.target.value })">
           <option value="as_published">{{ words.as_published }}</option>
           <option value="patient_held">{{ words.patient_held }}</option>
         </select>
@@ -50,7 +51,7 @@ export default {
   </div>`,
   data: () => ({
     words, panel: [], values: {}, errors: {}, devices: {}, policy: "as_published",
-    groups: ["heart", "vessels", "ecmo", "crrt", "lvad"],
+    connected: true, groups: ["heart", "vessels", "ecmo", "crrt", "lvad"],
   }),
   mounted() {
     this.words = words;
@@ -65,6 +66,7 @@ export default {
       }),
       bus.on("error", (error) => this.refuse(error)),
       bus.on("beat", (beat) => this.arrived(beat.seq)),
+      bus.on("connected", (on) => this.connect(on)),
       bus.on("failed", () => this.arrived(Infinity)),
     ];
   },
@@ -129,13 +131,30 @@ export default {
       this.timer = undefined;
       if (!this.next) return;
       this.away = { seq: this.next.seq, since: performance.now() };
-      this.$emit("turn", this.next);
+      this.tell("turn", this.next);
       this.next = undefined;
     },
     arrived(drawn) {
       if (this.away && drawn >= this.away.seq) this.away = undefined;
       if (this.held && drawn >= this.held.seq) this.held = undefined;
       if (!this.away) this.flush();
+    },
+    // Without a connection the knobs stand where the numbers that are shown belong, and cannot be turned.
+    connect(on) {
+      this.connected = on;
+      const now = on ? bus.last("state") : bus.last("beat");
+      if (!now) return;
+      clearTimeout(this.timer);
+      this.timer = this.next = this.away = this.held = undefined;
+      this.values = { ...now.values };
+      for (const c of this.panel) {
+        const field = document.getElementById(this.id(c));
+        if (field) field.value = c.options ? this.values[c.key] : this.written(c);
+      }
+    },
+    tell(event, data) {
+      bus.publish("turned", { key: data.key ?? event });
+      this.$emit(event, data);
     },
     refuse(error) {
       this.errors = { ...this.errors, [error.key]: error.messages.join(" ") };

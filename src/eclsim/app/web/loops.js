@@ -1,15 +1,15 @@
 // Pressure-volume loops of both ventricles.
-import { bandsOf, bus, niceRange, words } from "eclsim-page";
+import { bandsOf, bus, ink, niceRange, words } from "eclsim-page";
 import { Chart, axis, line } from "eclsim-page/chart.js";
 
 const SIDES = [
-  { place: "lv", title: "left_ventricle", colour: "#D55E00", axes: ["x", "y"] },
-  { place: "rv", title: "right_ventricle", colour: "#0072B2", axes: ["x2", "y2"] },
+  { place: "lv", title: "left_ventricle", ink: "ecmo", axes: ["x", "y"] },
+  { place: "rv", title: "right_ventricle", ink: "patient", axes: ["x2", "y2"] },
 ];
 
 export default {
-  template: `<div class="ecl-chart" ref="chart" role="img" :aria-label="label"></div>`,
-  data: () => ({ label: "" }),
+  template: `<div class="ecl-looped"><p v-if="caution" class="ecl-caution">† {{ caution }}</p><div class="ecl-chart" ref="chart" role="group" :aria-label="label"></div></div>`,
+  data: () => ({ label: "", caution: "" }),
   mounted() {
     this.chart = new Chart(this.$refs.chart, "loops");
     this.stops = [
@@ -35,25 +35,26 @@ export default {
       const bands = bandsOf(this.beat);
       const pale = (side) => bands?.loops[side.place] ?? [];
       // One trace for all, with gaps: the curves of the members of the posterior.
-      const traces = SIDES.map((side) => line(pale(side).flatMap(([v]) => [...v, null]), pale(side).flatMap(([, p]) => [...p, null]), words.bands_column, side.colour, {
+      const traces = SIDES.map((side) => line(pale(side).flatMap(([v]) => [...v, null]), pale(side).flatMap(([, p]) => [...p, null]), words.bands_column, ink(side.ink), {
         xaxis: side.axes[0], yaxis: side.axes[1], showlegend: false, hoverinfo: "skip", opacity: 0.3, line: { width: 1 },
       })).filter((t) => t.x.length);
       for (const [beat, shadow] of [[this.pinned, true], [this.beat, false]]) {
         if (!beat) continue;
         for (const side of SIDES) {
           const close = (wave) => [...wave, wave[0]];
-          traces.push(line(close(beat.waves["V" + side.place]), close(beat.waves["P" + side.place]), shadow ? words.pinned : words[side.title], shadow ? "#A3ABB4" : side.colour, {
+          traces.push(line(close(beat.waves["V" + side.place]), close(beat.waves["P" + side.place]), shadow ? words.pinned : words[side.title], shadow ? ink("edge") : ink(side.ink), {
             xaxis: side.axes[0], yaxis: side.axes[1], showlegend: false, hovertemplate: "%{x:.0f} mL, %{y:.1f} mmHg<extra></extra>",
             line: { width: shadow ? 1.6 : 2.4 },
           }));
         }
       }
+      this.caution = this.beat.cautions.EDVLV ?? "";
       const o = this.beat.outputs;
       this.label = `${words.loops}: EDV LV ${o.EDVLV?.toFixed(0)} mL, ESV LV ${o.ESVLV?.toFixed(0)} mL, EDV RV ${o.EDVRV?.toFixed(0)} mL, ESV RV ${o.ESVRV?.toFixed(0)} mL`;
       const top = (kind, place) => {
         const members = (bands?.loops[place] ?? []).flatMap((loop) => loop["VP".indexOf(kind)]);
         const all = [this.beat, this.pinned].filter(Boolean).flatMap((b) => b.waves[kind + place]).concat(members).filter(Number.isFinite);
-        return ((this.tops ??= {})[kind + place] = niceRange(0, Math.max(...all), this.tops?.[kind + place]));
+        return ((this.tops ??= {})[kind + place] = niceRange(Math.min(0, ...all), Math.max(...all), this.tops?.[kind + place]));
       };
       const head = (text, x) => ({ text: `<b>${text}</b>`, xref: "paper", yref: "paper", x, y: 1.02, xanchor: "center", yanchor: "bottom", showarrow: false, font: { size: 13 } });
       this.chart.draw(traces, {

@@ -1,29 +1,35 @@
 // The circuit, live: mean pressures coloured by limits, mean flows, CRRT lines that can be moved.
-import { bus, colours, fixed, words } from "eclsim-page";
+import { bus, fixed, words } from "eclsim-page";
 
 const TO = { crrt: [60, 0, "mL/min"], ecmo: [0.06, 2, "L/min"], patient: [0.06, 2, "L/min"], lvad: [0.06, 2, "L/min"] };
+const LETTERING = 'system-ui, "Segoe UI", Roboto, sans-serif';
+const LETTERS = 4.05; // mm, as in the style sheet
+const LEAST_SCALE = 11 / LETTERS; // px a mm: no letter is smaller than 11 px
+const PUMPS = { ecmopump: "PF", lvadpump: "lvad_flow" };
+const SIGNS = { ok: "", warning: "! ", alarm: "▲ ", collapse: "✕ " };
 const REACH = 14; // mm around a position in which a line is dropped on it
 
 export default {
   template: `
   <figure class="ecl-schematic" :aria-label="words.schematic">
-    <svg ref="svg" :viewBox="drawing.view.join(' ')" role="group" :aria-label="words.schematic" @pointermove="move" @pointerup="drop" @pointercancel="drag = null">
+    <div class="sheet"><svg ref="svg" :style="least" :viewBox="drawing.view.join(' ')" role="group" :aria-label="words.schematic" @pointermove="move" @pointerup="drop" @pointercancel="drag = null">
       <g v-for="f in drawing.frames" :key="f.group" class="frame">
-        <rect :x="f.x" :y="f.y" :width="f.w" :height="f.h" rx="3" :stroke="colours[f.group]" />
-        <text :x="f.group === 'ecmo' ? 90 : f.x + 2.5" :y="f.group === 'ecmo' ? f.y + f.h - 20 : f.y + 4.6" :text-anchor="f.group === 'ecmo' ? 'middle' : 'start'" :fill="colours[f.group]">{{ words['frame_' + f.group] }}</text>
+        <rect :x="f.x" :y="f.y" :width="f.w" :height="f.h" rx="3" :style="ink(f.group)" />
+        <text :x="f.title[0]" :y="f.title[1]" :style="ink(f.group)">{{ words['frame_' + f.group] ?? f.group }}<tspan class="unit" :x="f.title[0]" dy="4.7">{{ flows(f) }}</tspan></text>
       </g>
       <g v-for="w in wires" :key="w.name">
-        <polyline :points="points(w.path)" :stroke="colours[w.group]" class="wire" />
-        <polyline v-if="w.more" :points="points(w.more)" :stroke="colours[w.group]" class="wire" />
-        <g :transform="turned(w)" :stroke="colours[w.group]" class="symbol" v-html="symbol(w.symbol)"></g>
+        <polyline :points="points(w.path)" :style="ink(w.group)" class="wire" />
+        <polyline v-if="w.more" :points="points(w.more)" :style="ink(w.group)" class="wire" />
+        <g :transform="turned(w)" :style="ink(w.group)" class="symbol" v-html="symbol(w.symbol)"></g>
         <text :x="w.label[0]" :y="w.label[1]" :text-anchor="w.label[2]" class="words">{{ w.words }}</text>
-        <text :x="w.label[0]" :y="w.label[1] + 4.4" :text-anchor="w.label[2]" class="flow">{{ flow(w) }}</text>
+        <text :x="w.label[0]" :y="w.label[1] + 4.4" :text-anchor="w.label[2]" class="flow" :class="pumped(w)">{{ signs[pumped(w)] }}{{ flow(w) }}</text>
+        <title>{{ w.words }}: {{ flow(w) }} {{ unit(w.group) }}</title>
       </g>
       <g v-for="b in drawing.boxes" :key="b.name" class="box" :class="[level(b), { target: drag && b.position, near: drag?.near === b.name }]" :data-node="b.name">
         <title>{{ b.words }}: {{ pressure(b) }} mmHg</title>
-        <rect :x="b.x" :y="b.y" :width="b.w" :height="b.h" rx="1.6" :stroke="colours[b.group]" />
-        <text :x="b.x + b.w / 2" :y="b.y + 4.5" class="name">{{ b.words }}</text>
-        <text :x="b.x + b.w / 2" :y="b.y + 10.2" class="pressure">{{ sign(b) }}{{ pressure(b) }}</text>
+        <rect :x="b.x" :y="b.y" :width="b.w" :height="b.h" rx="1.6" :style="ink(b.group)" />
+        <text :x="b.x + b.w / 2" :y="b.y + 4.6" class="name" :textLength="squeezed(b)" lengthAdjust="spacingAndGlyphs">{{ b.short }}</text>
+        <text :x="b.x + b.w / 2" :y="b.y + 10.5" class="pressure">{{ sign(b) }}{{ pressure(b) }}</text>
       </g>
       <g v-for="l in movable" :key="l.moves" class="handle" tabindex="0" role="slider" :data-line="l.moves" :aria-label="say(l)"
          :aria-valuetext="l.site" :aria-valuenow="order.indexOf(l.site)" aria-valuemin="0" :aria-valuemax="order.length - 1"
@@ -33,16 +39,20 @@ export default {
         <circle :cx="spot(l)[0]" :cy="spot(l)[1]" r="3" class="knob" />
         <text :x="spot(l)[0]" :y="spot(l)[1] + 1.3" class="letter">{{ l.moves === 'access' ? 'A' : 'R' }}</text>
       </g>
-    </svg>
-    <figcaption><span class="key ok">{{ words.legend_ok }}</span><span class="key warning">{{ words.legend_warning }}</span><span class="key alarm">{{ words.legend_alarm }}</span><span v-if="movable.length" class="hint">{{ words.schematic_hint }}</span></figcaption>
+    </svg></div>
+    <figcaption><span class="key warning">{{ words.legend_warning }}</span><span class="key alarm">{{ words.legend_alarm }}</span><span class="key collapse">{{ words.legend_collapse }}</span><span v-if="movable.length" class="hint" :title="words.schematic_hint">{{ words.schematic_drag }}</span></figcaption>
   </figure>`,
-  data: () => ({ words, colours, drawing: { view: [0, 0, 180, 120], frames: [], boxes: [], wires: [], lines: [] }, means: {}, levels: {}, drag: null }),
+  data: () => ({ words, drawing: { view: [0, 0, 180, 120], frames: [], boxes: [], wires: [], lines: [] }, means: {}, levels: {}, outputLevels: {}, signs: SIGNS, drag: null }),
   computed: {
     wires() {
       return [...this.drawing.wires, ...this.drawing.lines];
     },
     movable() {
       return this.drawing.lines.filter((l) => l.moves);
+    },
+    least() {
+      const [, , width, height] = this.drawing.view;
+      return { minWidth: `${Math.ceil(LEAST_SCALE * width)}px`, minHeight: `${Math.ceil(LEAST_SCALE * height)}px` };
     },
     order() {
       return this.drawing.boxes.filter((b) => b.position).map((b) => b.name);
@@ -54,7 +64,8 @@ export default {
       bus.on("drawing", (drawing) => (this.drawing = drawing)),
       bus.on("beat", (beat) => {
         this.means = beat.means;
-        this.levels = beat.levels;
+        this.levels = beat.places;
+        this.outputLevels = beat.levels;
       }),
     ];
   },
@@ -63,6 +74,18 @@ export default {
   },
   methods: {
     points: (path) => path.map((p) => p.join(",")).join(" "),
+    ink: (group) => `--ink-of: var(--${group}, var(--soft))`,
+    unit: (group) => (TO[group] ?? TO.patient)[2],
+    flows(f) {
+      return f.group === "spare" ? "" : words.frame_flows.replace("{unit}", this.unit(f.group));
+    },
+    // Where the letters of this browser are wide, a name is drawn narrower: it stays in its box.
+    squeezed(b) {
+      this.pen ??= document.createElement("canvas").getContext("2d");
+      this.pen.font = `100px ${LETTERING}`;
+      const wide = (this.pen.measureText(b.short).width * LETTERS) / 100;
+      return wide > b.w - 2 ? b.w - 2 : null;
+    },
     pressure(b) {
       return fixed(this.means["P" + b.name], 0);
     },
@@ -70,12 +93,16 @@ export default {
       return this.levels[b.name] ?? "ok";
     },
     sign(b) {
-      return { warning: "! ", alarm: "▲ " }[this.level(b)] ?? "";
+      return SIGNS[this.level(b)];
+    },
+    // How the flow of a pump stands to its limits: backwards is an alarm.
+    pumped(w) {
+      return this.outputLevels[PUMPS[w.name]] ?? "ok";
     },
     flow(w) {
-      const [factor, digits, unit] = TO[w.group] ?? TO.patient;
+      const [factor, digits] = TO[w.group] ?? TO.patient;
       const mean = this.means["Q" + w.name];
-      return mean === undefined ? "" : `${fixed(mean * factor, digits)} ${unit}`;
+      return mean === undefined ? "" : fixed(mean * factor, digits);
     },
     turned(w) {
       const path = w.more ?? w.path;
@@ -97,7 +124,7 @@ export default {
       return {
         valve: '<path d="M-2.4-2.2 2.4 0-2.4 2.2Z"/><path d="M2.4-2.2V2.2"/>',
         pump: '<circle r="3.4"/><path d="M-1.7-2.9 3.4 0-1.7 2.9Z"/>',
-        roller: '<circle r="3.4"/><path d="M0-2V2"/><circle cy="-2" r="1" fill="currentColor"/><circle cy="2" r="1"/>',
+        roller: '<circle r="3.4"/><path d="M0-2V2"/><circle cy="-2" r="1" class="full"/><circle cy="2" r="1"/>',
         exchanger: '<rect x="-3.3" y="-3" width="6.6" height="6"/><path d="M-3.3-3 3.3 3"/>',
         cannula: '<path d="M-2.8-1.6 2.8-.7 2.8.7-2.8 1.6Z"/>',
         resistance: '<rect x="-3.3" y="-1.3" width="6.6" height="2.6"/>',

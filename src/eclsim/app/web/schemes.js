@@ -1,9 +1,8 @@
 // The nine schemes of the paper as small multiples; one press connects the CRRT that way.
 import { bus, fixed, niceRange, ticks, words } from "eclsim-page";
 
-const W = 164, H = 112, L = 26, R = 4, T = 4, B = 6;
-const COLOURS = { access: "#C77800", return: "#007A5A" };
-const SIGNS = { ok: "", warning: "! ", alarm: "▲ " };
+const W = 164, H = 112, L = 40, R = 4, T = 9, B = 7;
+const SIGNS = { ok: "", warning: "! ", alarm: "▲ ", collapse: "✕ " };
 
 export default {
   template: `
@@ -12,14 +11,18 @@ export default {
     <template v-else>
       <p class="head">{{ head }}<br /><span class="access">━ {{ words.scheme_access }}</span> <span class="return">╌ {{ words.scheme_return }}</span> <span class="limit">┄ {{ words.scheme_limits }}</span> · {{ words.scheme_h }}</p>
       <div class="grid">
-        <button v-for="c in cells" :key="c.letter" type="button" :class="{ own: c.own }" :aria-pressed="c.own" :aria-label="say(c)" :title="say(c)" @click="$emit('use', { access: c.access_site, giving: c.return_site })">
-          <span class="title"><b>{{ c.letter }}</b> {{ c.name }}</span>
+        <button v-for="c in cells" :key="c.letter" type="button" :class="{ own: c.own }" :aria-pressed="c.own" :title="say(c)" @click="$emit('use', { access: c.access_site, giving: c.return_site })">
+          <span class="title"><b>{{ c.letter }}</b> {{ c.name }}<span class="unit">mmHg</span></span>
           <svg viewBox="0 0 ${W} ${H}" aria-hidden="true">
-            <g v-for="t in c.ticks" :key="t.v"><line x1="${L}" x2="${W - R}" :y1="t.y" :y2="t.y" class="tick" /><text x="${L - 3}" :y="t.y + 3">{{ t.text }}</text></g>
+            <g v-for="t in c.ticks" :key="t.v"><line x1="${L}" x2="${W - R}" :y1="t.y" :y2="t.y" class="tick" /><text x="${L - 3}" :y="t.y + 4">{{ t.text }}</text></g>
             <line v-for="y in c.limits" :key="y" x1="${L}" x2="${W - R}" :y1="y" :y2="y" class="limit" />
             <path v-for="p in c.paths" :key="p.name" :d="p.d" :class="p.name" />
           </svg>
-          <span class="values"><span :class="['access', c.access.level]">{{ value(c.access) }}</span><span :class="['return', c.return.level]">{{ value(c.return) }}</span><span>MAP {{ number(c.MAP, 1) }}</span></span>
+          <span v-if="c.converged" class="values">
+            <span v-for="line in ['access', 'return']" :key="line" :class="[line, c[line].level]">{{ words['scheme_' + line] }} <b>{{ value(c[line]) }}</b> mmHg</span>
+            <span>MAP <b>{{ number(c.MAP, 0) }}</b> mmHg</span>
+          </span>
+          <span v-else class="values"><span class="alarm">{{ words.not_converged }}</span></span>
         </button>
       </div>
     </template>
@@ -50,7 +53,7 @@ export default {
     value: (line) => `${SIGNS[line.level]}${fixed(line.mean, 0)}`,
     say(c) {
       const text = words.scheme_use.replace("{letter}", c.letter).replace("{name}", c.name);
-      return `${text}. ${words.ramp_access} ${fixed(c.access.mean, 0)}, ${words.ramp_return} ${fixed(c.return.mean, 0)} mmHg, MAP ${fixed(c.MAP, 1)} mmHg`;
+      return text;
     },
     mark() {
       for (const c of this.cells) c.own = [c.access_site, c.return_site].join() === this.own;

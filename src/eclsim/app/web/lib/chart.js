@@ -1,5 +1,5 @@
 // Charts by Plotly, which comes with the page; drawn only while their view is seen.
-import { bus } from "eclsim-page";
+import { bus, dark, ink } from "eclsim-page";
 
 let loading;
 const plotly = () => (loading ??= import("nicegui-plotly").then((m) => m.Plotly));
@@ -8,14 +8,19 @@ bus.on("beat", () => {
 });
 
 export const axis = (title, more = {}) => ({
-  title: { text: title, standoff: 6, font: { size: 12 } }, zeroline: false, gridcolor: "#E6EAEE", linecolor: "#9AA5B1",
-  showline: true, ticks: "outside", ticklen: 3, tickcolor: "#9AA5B1", tickfont: { size: 11 }, automargin: true, ...more,
+  title: { text: title, standoff: 6, font: { size: 12 } }, zeroline: false, gridcolor: ink("line"), linecolor: ink("edge"),
+  showline: true, ticks: "outside", ticklen: 3, tickcolor: ink("edge"), tickfont: { size: 11 }, automargin: true, ...more,
 });
-const LAYOUT = {
-  font: { family: 'system-ui, "Segoe UI", Roboto, sans-serif', color: "#17202A" }, paper_bgcolor: "#fff", plot_bgcolor: "#fff",
+const layoutOf = () => ({
+  font: { family: 'system-ui, "Segoe UI", Roboto, sans-serif', color: ink("ink") }, paper_bgcolor: ink("card"), plot_bgcolor: ink("card"),
+  hoverlabel: { bgcolor: ink("card"), font: { color: ink("ink") } },
   margin: { l: 52, r: 14, t: 28, b: 42 }, showlegend: true, hovermode: "closest",
   legend: { orientation: "h", x: 0, y: -0.16, font: { size: 11.5 } },
-};
+});
+// Another preference of the reader draws the charts anew.
+dark.addEventListener("change", () => {
+  for (const topic of ["beat", "ramp"]) if (bus.last(topic) !== undefined) bus.publish(topic, bus.last(topic));
+});
 const CONFIG = { displaylogo: false, toImageButtonOptions: { format: "svg", filename: "eclsim" }, responsive: false, modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d"], scrollZoom: false };
 
 export class Chart {
@@ -42,7 +47,7 @@ export class Chart {
     const [traces, layout] = this.waiting;
     this.waiting = undefined;
     const size = { width: this.element.clientWidth, height: this.element.clientHeight };
-    await Plotly.react(this.element, traces, { ...LAYOUT, ...layout, ...size, uirevision: "same" }, CONFIG);
+    await Plotly.react(this.element, traces, { ...layoutOf(), ...layout, ...size, uirevision: "same" }, CONFIG);
     this.drawn = [traces, layout];
   }
   resize() {

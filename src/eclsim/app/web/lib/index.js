@@ -23,6 +23,24 @@ export function bandsOf(shown, topic = "bands") {
   return found?.count && shown && found.of === shown.of ? found : undefined;
 }
 
+// What this tab keeps in its browser until it is closed; nothing where storage is blocked.
+export const tab = {
+  read(name) {
+    try {
+      return JSON.parse(sessionStorage.getItem("eclsim-" + name) ?? "null");
+    } catch {
+      return null;
+    }
+  },
+  keep(name, data) {
+    try {
+      sessionStorage.setItem("eclsim-" + name, JSON.stringify(data));
+    } catch {
+      // a full or blocked storage: the page goes on without
+    }
+  },
+};
+
 export let words = {};
 export function setWords(found) {
   words = found;
@@ -41,10 +59,20 @@ export function compact(value) {
   return fixed(value, size >= 100 ? 0 : size >= 10 ? 1 : size >= 1 ? 2 : 3);
 }
 
-// Okabe and Ito (2008), told apart by people with colour-blindness.
-export const colours = {
-  patient: "#0072B2", ecmo: "#D55E00", crrt: "#009E73", lvad: "#A3528A", grey: "#8A9099", ink: "#17202A",
+// A colour of the style sheet, light or dark as the reader prefers.
+export const ink = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
+export const dark = window.matchMedia("(prefers-color-scheme: dark)");
+// Curves on a light and on a dark ground, and dashes: no two alike in either.
+const CURVES = [
+  ["#17202a", "#e6ebf0", "solid"], ["#c24f00", "#ff9a5c", "dash"], ["#0072b2", "#6cb8ea", "dot"], ["#007a5a", "#3bd3a5", "dashdot"], ["#9a4a80", "#e29cca", "longdash"],
+  ["#8a5300", "#f0b040", "longdashdot"], ["#6f4a9b", "#bfa0ee", "12px,3px,2px,3px,2px,3px"], ["#4d6b00", "#b5d334", "16px,3px"], ["#00708a", "#58cfe6", "6px,5px"], ["#b0006a", "#ff7ab8", "2px,6px"],
+];
+export const stroke = (k) => {
+  const [light, pale, dash] = CURVES[k % CURVES.length];
+  return { colour: dark.matches ? pale : light, dash };
 };
+// The dash of an SVG line that looks like that of a chart.
+export const svgDash = (dash) => ({ solid: "", dash: "9 9", dot: "3 3", dashdot: "9 3 3 3", longdash: "15 6", longdashdot: "15 4 3 4" })[dash] ?? dash.replaceAll("px", "").replaceAll(",", " ");
 
 // From the turn of a knob to the repainted page.
 export const latency = {

@@ -1,0 +1,98 @@
+"""Whose numbers the page shows: what was read, what is simulated, fitted, or changed by hand; in words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from eclsim.app.knobs import DEVICES, controls, value_of
+from eclsim.app.texts import text
+from eclsim.cases.presets import PRESETS
+
+if TYPE_CHECKING:
+    from eclsim.app.state import PageState
+    from eclsim.cases.case import Case
+
+MOST_NAMED = 4
+"""Knobs that are named when they were changed; of more there is a count."""
+
+
+def title_of(state: PageState) -> str:
+    """The name that the numbers of a state go by: never that of a patient or preset that was changed."""
+    name = _name(state)
+    return text("whose_title_changed", name=name) if state.changed else name
+
+
+def whose(state: PageState) -> dict[str, Any]:
+    """Whose numbers these are, as plain data.
+
+    Returns:
+        `title`, a `badge` of one or two words, a `level` ("ok" or "warning"), a sentence as `text`, and
+        what was `measured` in this patient [mmHg, L/min].
+    """
+    kind = kind_of(state)
+    badge = kind
+    said = [text(f"whose_{kind}", source=state.source or text("whose_no_file"))]
+    if state.changed:
+        said.append(text("whose_changed", what=", ".join(changes(state))))
+    if kind == "fit" and state.verdict:
+        badge = f"fit_{state.verdict}"
+        said[0] += " " + text("whose_verdict", verdict=text(f"verdict_{state.verdict}"))
+    doubted = kind in ("unfitted", "posterior") or (kind == "fit" and state.verdict != "good")
+    measured = state.start.case.measurements
+    return {
+        "title": title_of(state), "badge": text("badge_changed" if state.changed else f"badge_{badge}"),
+        "level": "warning" if doubted or state.changed else "ok", "text": " ".join(said),
+        "measured": measured.model_dump(exclude_none=True) if measured else {},
+        "circuit": circuit_words(state.case),
+    }  # fmt: skip
+
+
+def kind_of(state: PageState) -> str:
+    """Where the parameters come from: "preset", "paper", "fit", "posterior", "parameters" or "unfitted"."""
+    start = state.start
+    if start.origin in PRESETS:
+        return "paper" if start.origin == "paper" else "preset"
+    if start.origin in ("fit", "posterior"):
+        return start.origin
+    return "parameters" if start.case.parameters else "unfitted"
+
+
+def circuit_words(case: Case) -> str:
+    """The devices of a case with their speeds and flows, on one line."""
+    found = []
+    if case.ecmo is not None:
+        pump = case.ecmo.pump
+        if isinstance(pump, str):
+            found.append(f"ECMO {pump} {case.ecmo.speed_rpm:g} rpm")
+        else:
+            found.append(f"ECMO {pump.roller_l_min:g} L/min")
+    if case.crrt is not None:
+        found.append(f"CRRT {case.crrt.flow_ml_min:g} mL/min")
+    if case.lvad is not None:
+        found.append(f"LVAD {case.lvad.pump} {case.lvad.speed_rpm:g} rpm")
+    return ", ".join(found) or text("whose_no_device")
+
+
+def changes(state: PageState) -> list[str]:
+    """What was changed since the patient was opened: names of knobs and devices."""
+    start, found = state.start, []
+    for device in DEVICES:
+        before, now = getattr(start.case, device), getattr(state.case, device)
+        if (before is None) != (now is None):
+            found.append(text("whose_connected" if now else "whose_removed", device=text(f"group_{device}")))
+    shared = {c.key for c in controls(start.case)}
+    for key in (c.key for c in controls(state.case) if c.key in shared):
+        if value_of(start.case, key) != value_of(state.case, key):
+            section = key.partition(".")[0]
+            device = f"{text(f'group_{section}')} " if section in DEVICES else ""
+            found.append(device + text(key))
+    if start.policy != state.policy:
+        found.append(text("group_model"))
+    if len(found) > MOST_NAMED:
+        return [*found[:MOST_NAMED], text("whose_more", count=len(found) - MOST_NAMED)]
+    return found
+
+
+def _name(state: PageState) -> str:
+    origin = state.start.origin
+    return PRESETS[origin].name if origin in PRESETS else state.case.patient.id

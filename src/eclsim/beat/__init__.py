@@ -1,0 +1,1 @@
+"""One heartbeat as a map from its beginning to its end: grid, step, recording, compiled programs."""

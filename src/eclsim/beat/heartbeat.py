@@ -1,0 +1,272 @@
+"""One heartbeat: the map from the state at phase 0 to the state at phase 1, semi-implicitly stepped.
+
+Each step is the two-stage, second-order, L-stable SDIRK method (gamma = 1 - 1/sqrt 2; the implicit half of
+ARS(2,2,2), Ascher, Ruuth and Spiteri 1997, doi 10.1016/S0168-9274(97)00056-1). In a stage with weight
+k = gamma h every flow solves its own law together with the response of the two compartments it joins,
+
+    dp* = (k (S_up + S_down) + L / k) Q + drop(Q),      S = dP/dV,
+
+which each component does in closed form. One Gauss-Seidel sweep runs over all connections in the direction
+of flow (`eclsim.circuit.sweep`), a second one over those that end at a heart chamber. Volumes change by the
+flows alone, so blood is conserved to rounding.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from eclsim.beat.compilation import compiled
+from eclsim.beat.grid import STEPS_PER_BLOCK, PhaseGrid
+from eclsim.beat.recording import Recorder, all_signals, with_means, with_rates
+from eclsim.circuit.assembly import Assembly, Constants, assemble
+from eclsim.circuit.network import Circuit
+
+GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
+HEART_RATE = "heart_rate_bpm"
+
+
+@dataclass(frozen=True)
+class StepConstants:
+    """What is constant while the step size is: one entry per compartment or connection."""
+
+    weight: Any
+    compliance_load: tuple[Any, ...]
+    inertia_load: tuple[Any, ...]
+    fixed_load: tuple[Any, ...]
+    conductance: tuple[Any, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class BeatProgram:
+    """Compiled beats of one circuit on one grid.
+
+    States are arrays of shape (states,) for one patient or (states, patients); parameters (names,) or
+    (names, patients) in the order of `names`.
+    """
+
+    assembly: Assembly
+    grid: PhaseGrid
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Order of the packed parameters: the heart rate, then the circuit's own."""
+        return (HEART_RATE, *self.assembly.circuit.parameter_names())
+
+    @cached_property
+    def beat(self) -> Any:
+        """Compiled map (state, parameters) -> state after one beat."""
+        return compiled(lambda state, packed: self.run(state, packed)[0], ("beat", self))
+
+    def alone(self) -> Any:
+        """Compiled map (state, parameters) -> state after one beat, for one patient at a time.
+
+        The program that records is taken, which a patient's result needs anyway: one more is not worth its
+        compilation.
+        """
+        recorded = self.trace(self.signals)
+        return lambda state, packed: recorded(state, packed)[0]
+
+    @cached_property
+    def signals(self) -> tuple[str, ...]:
+        """All signals of the circuit, with the rates that exist."""
+        circuit = self.assembly.circuit
+        return with_means(circuit, with_rates(circuit, all_signals(self.assembly)))
+
+    def trace(self, signals: tuple[str, ...]) -> Any:
+        """Compiled map (state, parameters) -> state after one beat, signals at the end of every step.
+
+        Signals are named as in `Recorder`; their array has shape (steps, signals[, patients]).
+        """
+        return _trace(self, signals)
+
+    def run(self, state: Any, packed: Any, signals: tuple[str, ...] = (), weights: Any = None) -> Any:
+        """Uncompiled beat, for use inside other compiled functions: state after it, signals.
+
+        With weights (steps, signals) the signals are not handed back one by one but summed with them, shape
+        (signals[, patients]): any mean, and to first order any extreme, is such a sum.
+        """
+        values = dict(zip(self.names, packed, strict=True))
+        constants = self.assembly.constants(values)
+        period = 60.0 / values[HEART_RATE]
+        recorder = Recorder(self.assembly, signals)
+
+        def block(carry: Any, inputs: Any) -> Any:
+            length, *tables = inputs
+            steps = self._step_constants(GAMMA * period * length, constants)
+
+            def step(carry: Any, now: Any) -> Any:
+                start, total = carry
+                volumes, flows, means = self._step(start, now[0], steps, constants)
+                picked = recorder.pick(volumes, flows, now[0][1], constants, period, means)
+                if weights is None:
+                    return ((volumes, flows), total), picked
+                return ((volumes, flows), [t + now[1][k] * picked[k] for k, t in enumerate(total)]), None
+
+            return jax.lax.scan(step, carry, tuple(tables))
+
+        tables = [jnp.asarray(self.grid.block_steps), jnp.asarray(self._activation_table())]
+        begin, total = self._start(state, constants, period), []
+        if weights is not None:
+            tables.append(weights.reshape(len(self.grid.block_steps), STEPS_PER_BLOCK, len(signals)))
+            total = [jnp.zeros_like(begin[0][0]) for _ in signals]
+        ((volumes, flows), total), recorded = jax.lax.scan(block, (begin, total), tuple(tables))
+        end = jnp.stack([*volumes, *(flows[j] for j in self.assembly.inertial)])
+        if weights is not None:
+            return end, jnp.stack(total) if total else jnp.zeros((0, *end.shape[1:]))
+        return end, recorded.reshape(self.grid.n_steps, *recorded.shape[2:])
+
+    def _activation_table(self) -> np.ndarray:
+        """Activations at both stages of every step, shape (blocks, steps, 2, curves)."""
+        nodes = self.grid.phases
+        width = np.diff(nodes)
+        stages = np.stack([nodes[:-1] + GAMMA * width, nodes[1:]], axis=1)
+        curves = [a.at(stages, np) for a in self.assembly.activations]
+        table = np.stack(curves, axis=-1) if curves else np.zeros((*stages.shape, 0))
+        return table.reshape(len(self.grid.block_steps), STEPS_PER_BLOCK, 2, len(curves))
+
+    def _start(self, state: Any, constants: Constants, period: Any) -> tuple[list[Any], list[Any]]:
+        """Volumes, and flows of all connections, at phase 0."""
+        assembly = self.assembly
+        volumes = [state[i] for i in range(assembly.n_volumes)]
+        zero = jnp.zeros_like(volumes[0])
+        activations = [float(a.at(np.array(0.0), np)) for a in assembly.activations]
+        pressures, stiffness = assembly.pressures(volumes, activations, constants)
+        weight = GAMMA * period * self.grid.systolic_step
+        flows = []
+        for j, (connection, (source, target)) in enumerate(
+            zip(assembly.circuit.connections, assembly.ends, strict=True)
+        ):
+            if j in assembly.inertial:
+                flows.append(state[assembly.n_volumes + assembly.inertial.index(j)])
+                continue
+            drop = assembly.at(source, pressures, constants) - assembly.at(target, pressures, constants)
+            load = assembly.at(source, stiffness, constants) + assembly.at(target, stiffness, constants)
+            flows.append(connection.component.flow(drop, weight * load, constants.paths[j]) + zero)
+        return volumes, flows
+
+    def _step_constants(self, weight: Any, constants: Constants) -> StepConstants:
+        assembly = self.assembly
+        loads: list[Any] = []
+        for compartment, law in zip(assembly.circuit.compartments, constants.storages, strict=True):
+            fixed = compartment.component.constant_stiffness
+            loads.append(weight * compartment.component.pressure(0.0, None, law)[1] if fixed else None)
+        inertia, fixed_load, conductance = [], [], []
+        for j, connection in enumerate(assembly.circuit.connections):
+            law, path = connection.component, constants.paths[j]
+            inertia.append(law.inertance(path) / weight if law.inertial else None)
+            if assembly.touches_chamber(j):
+                fixed_load.append(None)
+                conductance.append(None)
+                continue
+            source, target = assembly.ends[j]
+            load = assembly.at(source, loads, constants) + assembly.at(target, loads, constants)
+            total = load if inertia[j] is None else load + inertia[j]
+            fixed_load.append(load)
+            conductance.append(1.0 / (total + law.resistance(path)) if law.linear else None)
+        return StepConstants(weight, tuple(loads), tuple(inertia), tuple(fixed_load), tuple(conductance))
+
+    def _step(
+        self, carry: Any, activations: Any, steps: StepConstants, constants: Constants
+    ) -> tuple[list[Any], list[Any], list[Any]]:
+        """One step, and the mean flows over it.
+
+        Stage 1 at gamma h from the start, stage 2 at h from start + (1 - gamma) h f(stage 1).
+        """
+        volumes, flows = carry
+        middle_v, middle_q = self._stage(volumes, flows, flows, activations[0], steps, constants)
+        ratio = (1.0 - GAMMA) / GAMMA
+        base_v = [a + ratio * (b - a) for a, b in zip(volumes, middle_v, strict=True)]
+        base_q = [a + ratio * (b - a) for a, b in zip(flows, middle_q, strict=True)]
+        end_v, end_q = self._stage(base_v, base_q, middle_q, activations[1], steps, constants)
+        return end_v, end_q, [(1.0 - GAMMA) * a + GAMMA * b for a, b in zip(middle_q, end_q, strict=True)]
+
+    def _stage(
+        self,
+        base_v: Any,
+        base_q: Any,
+        guess: Any,
+        activations: Any,
+        steps: StepConstants,
+        constants: Constants,
+    ) -> tuple[list[Any], list[Any]]:
+        """Solve V = base_v + k dV/dt, Q = base_q + k dQ/dt for volumes and flows."""
+        assembly = self.assembly
+        flows = list(guess)
+        volumes = self._moved(base_v, flows, steps, constants)
+        pressures, stiffness = self._loads(volumes, activations, steps, constants)
+        for j in assembly.sweep:
+            self._solve(j, flows, pressures, stiffness, base_q, steps, constants)
+        volumes = self._moved(base_v, flows, steps, constants)
+        again, stiffness = self._loads(volumes, activations, steps, constants)
+        fixed = (c.component.constant_stiffness for c in assembly.circuit.compartments)
+        pressures = [old if keep else new for old, new, keep in zip(pressures, again, fixed, strict=True)]
+        for j in assembly.sweep:
+            if assembly.touches_chamber(j):
+                self._solve(j, flows, pressures, stiffness, base_q, steps, constants)
+        return self._moved(base_v, flows, steps, constants), flows
+
+    def _solve(
+        self,
+        j: int,
+        flows: Any,
+        pressures: Any,
+        loads: Any,
+        base_q: Any,
+        steps: StepConstants,
+        constants: Constants,
+    ) -> None:
+        """Solve one connection for its flow, and let both ends feel the change."""
+        assembly = self.assembly
+        source, target = assembly.ends[j]
+        law = assembly.circuit.connections[j].component
+        load = steps.fixed_load[j]
+        if load is None:
+            load = assembly.at(source, loads, constants) + assembly.at(target, loads, constants)
+        push = assembly.at(source, pressures, constants) - assembly.at(target, pressures, constants)
+        push = push + load * flows[j]
+        if steps.inertia_load[j] is not None:
+            push = push + steps.inertia_load[j] * base_q[j]
+        if steps.conductance[j] is not None:
+            flow = push * steps.conductance[j]
+        else:
+            total = load if steps.inertia_load[j] is None else load + steps.inertia_load[j]
+            flow = law.flow(push, total, constants.paths[j])
+        change = flow - flows[j]
+        flows[j] = flow
+        assembly.add_at(source, pressures, -assembly.at(source, loads, constants) * change, constants)
+        assembly.add_at(target, pressures, assembly.at(target, loads, constants) * change, constants)
+
+    def _loads(self, volumes: Any, activations: Any, steps: StepConstants, constants: Constants) -> Any:
+        """Pressures, and stiffness times the stage's weight."""
+        pressures, stiffness = self.assembly.pressures(volumes, activations, constants)
+        return pressures, [
+            steps.weight * s if fixed is None else fixed
+            for s, fixed in zip(stiffness, steps.compliance_load, strict=True)
+        ]
+
+    def _moved(self, base: Any, flows: Any, steps: StepConstants, constants: Constants) -> list[Any]:
+        """Volumes after the flows have run for the stage's weight."""
+        volumes = list(base)
+        for flow, (source, target) in zip(flows, self.assembly.ends, strict=True):
+            amount = steps.weight * flow
+            self.assembly.add_at(source, volumes, -amount, constants)
+            self.assembly.add_at(target, volumes, amount, constants)
+        return volumes
+
+
+@lru_cache(maxsize=64)
+def beat_program(circuit: Circuit, resolution: int = 1) -> BeatProgram:
+    """The beat of a circuit on the grid of that resolution; compiled on first use and kept."""
+    return BeatProgram(assemble(circuit), PhaseGrid(resolution))
+
+
+@lru_cache(maxsize=256)
+def _trace(program: BeatProgram, signals: tuple[str, ...]) -> Any:
+    return compiled(lambda state, packed: program.run(state, packed, signals), ("trace", program, signals))

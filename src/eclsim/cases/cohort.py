@@ -1,0 +1,273 @@
+"""Cohorts: a CSV table with a row for each data point, read row by row into checked cases.
+
+A mistake in a row refuses that row and no other; a mistake in the header refuses the file.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import unicodedata
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from eclsim.cases.checking import MAXIMUM_ID_LENGTH
+from eclsim.cases.cohort_rows import across_rows, expected_unit, in_order_of_time, is_units_row, when
+from eclsim.cases.cohort_table import Table, read_table
+from eclsim.cases.csv_cells import unguarded
+from eclsim.cases.fields import SECTIONS
+from eclsim.cases.mistakes import CaseError, Mistake, NumberAsWritten, shown
+from eclsim.cases.plausibility import looks_identifiable
+from eclsim.cases.reading import read_mapping
+from eclsim.parameters import did_you_mean
+
+if TYPE_CHECKING:
+    from eclsim.cases.case import Case
+
+ID, MEASUREMENT = "patient_id", "measurement"
+_ABOUT_PATIENT = ("sex", "age_years", "height_cm", "weight_kg", "heart_rate_bpm")
+MEASURED = tuple(item.name for item in SECTIONS["measurements"])
+COLUMNS: MappingProxyType[str, str] = MappingProxyType(
+    {
+        ID: "patient.id",
+        **{name: f"patient.{name}" for name in _ABOUT_PATIENT},
+        **{name: f"measurements.{name}" for name in MEASURED},
+        "ecmo_pump": "ecmo.pump",
+        "ecmo_speed_rpm": "ecmo.speed_rpm",
+        "oxygenator": "ecmo.oxygenator",
+        "drainage_fr": "ecmo.drainage_fr",
+        "return_fr": "ecmo.return_fr",
+    }
+)  # fmt: skip
+"""Columns that a cohort has, besides `measurement`, and the key of a case file that each one is."""
+OPTIONAL: MappingProxyType[str, str] = MappingProxyType(
+    {
+        "ecmo_mode": "ecmo.mode",
+        "drainage_site": "ecmo.drainage_site",
+        "drainage_cannula": "ecmo.drainage_cannula",
+        "return_site": "ecmo.return_site",
+        "return_cannula": "ecmo.return_cannula",
+    }
+)
+"""Columns that a cohort may have; without them ECMO is V-A with its usual sites and cannulae."""
+_NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
+_SPREADSHEET_ERROR = re.compile(r"#(REF!|DIV/0!|VALUE!|NAME\?|NUM!|NULL!|SPILL!|CALC!)", re.IGNORECASE)
+_TEXT_COLUMNS = {ID, "sex", "ecmo_pump", "oxygenator", *OPTIONAL}
+
+
+@dataclass(frozen=True, slots=True)
+class CohortPoint:
+    """One row: a patient at one time.
+
+    Attributes:
+        patient_id: Pseudonym, as written but for spaces around it.
+        measurement: Which of the patient's measurements, as written.
+        line: Line in the file.
+        case: The checked case.
+    """
+
+    patient_id: str
+    measurement: str
+    line: int
+    case: Case
+
+    @property
+    def name(self) -> str:
+        """Patient and measurement, such as "P01/2"."""
+        return f"{self.patient_id}/{self.measurement}"
+
+
+@dataclass(frozen=True, slots=True)
+class CohortReading:
+    """A cohort and what there was to say about its file.
+
+    Attributes:
+        points: Rows that can be used.
+        refused: Why other rows cannot, each with line and column.
+        warnings: Doubts about values that were kept.
+        notes: How the table was read, what was left out.
+        file: Where it was read.
+        digest: SHA-256 of the file as it was read.
+    """
+
+    points: tuple[CohortPoint, ...]
+    refused: tuple[Mistake, ...]
+    warnings: tuple[Mistake, ...]
+    notes: tuple[Mistake, ...]
+    file: str
+    digest: str
+
+
+def read_cohort(path: str | os.PathLike[str]) -> CohortReading:
+    """Read a cohort; every row is checked like a case file of its own.
+
+    Args:
+        path: A CSV file with the columns `COLUMNS` and `measurement`; cells of what was not measured are
+            empty.
+
+    Raises:
+        CaseError: Where the file as a whole cannot be used.
+    """
+    table = read_table(path)
+    found = _Rows(table)
+    found.check_header()
+    cells = found.cells()
+    refused_lines, doubts = across_rows(cells)
+    found.refused += doubts.mistakes
+    found.warnings += doubts.warnings
+    points = [p for line, row in cells.items() if line not in refused_lines and (p := found.point(line, row))]
+    ordered, notes = in_order_of_time(points)
+    found.notes += notes
+    found.refused += table.mistakes
+
+    def placed(said: Sequence[Mistake]) -> tuple[Mistake, ...]:
+        put = (m.at(table.file, m.line) for m in said)
+        return tuple(sorted(dict.fromkeys(put), key=lambda m: m.line or 0))
+
+    return CohortReading(
+        tuple(ordered), placed(found.refused), placed(found.warnings),
+        placed([*table.notes, *found.notes]), table.file, table.digest,
+    )  # fmt: skip
+
+
+class _Rows:
+    """Checks the rows of one table and collects what there is to say."""
+
+    def __init__(self, table: Table):
+        self.table = table
+        self.refused: list[Mistake] = []
+        self.warnings: list[Mistake] = []
+        self.notes: list[Mistake] = []
+
+    def check_header(self) -> None:
+        """All mistakes of the header at once."""
+        header, known = self.table.header, (*COLUMNS, MEASUREMENT, *OPTIONAL)
+        extra = [name for name in dict.fromkeys(header) if name not in known]
+        wrong = [
+            Mistake(name or "(no name)", "more than one column of this name")
+            for name in dict.fromkeys(header)
+            if header.count(name) > 1
+        ]
+        if not any(name in known for name in header):
+            found = ", ".join(header)
+            shortened = found if len(found) <= 60 else found[:57] + "..."
+            message = f"its first line names no column of a cohort: {shortened}"
+            allowed = f"a header such as {ID},{MEASUREMENT},sex,age_years,..."
+            raise CaseError([Mistake("", message, allowed=allowed, file=self.table.file)])
+        for name in (ID, MEASUREMENT, *(c for c in COLUMNS if c != ID)):
+            if name not in header:
+                with_unit = [n for n in extra if re.fullmatch(rf"{name}\s*[(\[].*[)\]]", n)]
+                near = f"{name} for {with_unit[0]}" if with_unit else ""
+                near = near or did_you_mean(name, [n for n in extra if n]) or ""
+                allowed = "the column, with empty cells where nothing was measured"
+                wrong.append(Mistake(name, "this column is missing", allowed=allowed, suggestion=near))
+        if wrong:
+            raise CaseError([m.at(self.table.file, None) for m in wrong])
+        for name in extra:
+            self._say_extra(name)
+
+    def _say_extra(self, name: str) -> None:
+        place = self.table.header.index(name)
+        cells = (row[place] for _, row in self.table.rows[:50] if place < len(row))
+        private = any(looks_identifiable(cell) for cell in cells)
+        message = "an extra column; it is not read" + (
+            "; it looks like names, birth dates or record numbers: take it out" if private else ""
+        )
+        self.warnings.append(Mistake(name[:60] or "(no name)", message))
+
+    def cells(self) -> dict[int, dict[str, str]]:
+        """Cells by column of every row that has as many as the header, by line."""
+        found: dict[int, dict[str, str]] = {}
+        for line, row in self.table.rows:
+            if len(row) != len(self.table.header):
+                message = f"{len(row)} cells where the header has {len(self.table.header)}"
+                hint = "a comma inside a number or a text (put quotes around it)"
+                more = hint if len(row) > len(self.table.header) else ""
+                self.refused.append(Mistake("", message, suggestion=more, line=line))
+                continue
+            named = {k: unguarded(v.strip()) for k, v in zip(self.table.header, row, strict=True)}
+            if row == self.table.header or all(k == v for k, v in named.items()):
+                self.refused.append(Mistake("", "the header again, in the middle of the table", line=line))
+                continue
+            if is_units_row(named):
+                self._check_units(named, line)
+                continue
+            found[line] = named
+        return found
+
+    def _check_units(self, row: dict[str, str], line: int) -> None:
+        wrong = {k: v for k, v in row.items() if (unit := expected_unit(k, v)) and unit[0] != unit[1]}
+        if wrong:
+            said = ", ".join(f"{k} in {v}" for k, v in wrong.items())
+            wanted = ", ".join(f"{k} in {(expected_unit(k, v) or ('',))[0]}" for k, v in wrong.items())
+            message = f"a row of units says {said}"
+            raise CaseError([Mistake("", message, allowed=wanted, file=self.table.file, line=line)])
+        self.notes.append(Mistake("", "a row of units, the usual ones; no patient", line=line))
+
+    def point(self, line: int, row: dict[str, str]) -> CohortPoint | None:
+        """The data point of a row, or None, with the reasons kept."""
+        raw, wrong = _as_mapping(row)
+        wrong += _label_mistakes(row[MEASUREMENT])
+        try:
+            reading = read_mapping(raw)
+        except CaseError as error:
+            wrong += [self._in_columns(m) for m in error.mistakes if not _said(m, wrong)]
+        else:
+            if not any(getattr(reading.case.measurements, name, None) is not None for name in MEASURED):
+                wrong.append(Mistake(", ".join(MEASURED), "nothing measured, so nothing to fit"))
+            if not wrong:
+                self.warnings += [self._in_columns(m).at("", line) for m in reading.warnings]
+                told = (m for m in reading.notes if m.key not in ("ecmo.mode", "measurements.CO"))
+                self.notes += [self._in_columns(m).at("", line) for m in told]
+                return CohortPoint(reading.case.patient.id, row[MEASUREMENT], line, reading.case)
+        self.refused += [m.at("", line) for m in wrong]
+        return None
+
+    def _in_columns(self, mistake: Mistake) -> Mistake:
+        columns = {key: name for name, key in (COLUMNS | OPTIONAL).items()}
+        column = columns.get(mistake.key, mistake.key)
+        return Mistake(column, mistake.message, mistake.value, mistake.allowed, mistake.suggestion)
+
+
+def _said(mistake: Mistake, wrong: Sequence[Mistake]) -> bool:
+    """Whether the same column was refused for a plainer reason."""
+    return any((COLUMNS | OPTIONAL).get(m.key) == mistake.key for m in wrong)
+
+
+def _as_mapping(row: dict[str, str]) -> tuple[dict[str, Any], list[Mistake]]:
+    """Sections as a case file holds them; empty cells are left out."""
+    raw: dict[str, Any] = {"format": 1, "patient": {"id": row[ID]}, "measurements": {}, "ecmo": {}}
+    wrong = []
+    for column, key in (COLUMNS | OPTIONAL).items():
+        text = row.get(column, "")
+        if not text or column == ID:
+            continue
+        if _SPREADSHEET_ERROR.fullmatch(text):
+            wrong.append(Mistake(column, "an error of the spreadsheet it comes from", shown(text)))
+            continue
+        section, _, name = key.partition(".")
+        number = column not in _TEXT_COLUMNS and _NUMBER.fullmatch(text)
+        raw[section][name] = NumberAsWritten(text) if number else text
+    if not raw["ecmo"]:
+        del raw["ecmo"]
+    elif not any(row.get(column) for column in OPTIONAL):
+        raw["ecmo"]["mode"] = "VA"
+    return raw, wrong
+
+
+def _label_mistakes(label: str) -> list[Mistake]:
+    """What is wrong with the name of a measurement."""
+    allowed = f"a number, a time such as 2024-03-01T08:00, or a text of 1 to {MAXIMUM_ID_LENGTH} characters"
+    if not label:
+        return [Mistake(MEASUREMENT, "empty", allowed=allowed)]
+    if len(label) > MAXIMUM_ID_LENGTH or not unicodedata.normalize("NFC", label).isprintable():
+        return [Mistake(MEASUREMENT, "too long, or cannot be printed", shown(label), allowed)]
+    if re.fullmatch(r"\d{4}-\d\d-\d\d([T ].*)?", label) and when(label) is None:
+        return [
+            Mistake(MEASUREMENT, "no such date or time", shown(label), "2024-03-01T08:00, or a plain name")
+        ]
+    if re.search(r"\b\d{1,2}[/.]\d{1,2}[/.]\d{2,4}\b", label) and when(label) is None:
+        return [Mistake(MEASUREMENT, "a date that can be read in two ways", shown(label), "2024-03-01T08:00")]
+    return []

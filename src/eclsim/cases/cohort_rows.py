@@ -1,0 +1,159 @@
+"""What the rows of a cohort say together: repeats, ids that look the same, other units, order in time."""
+
+from __future__ import annotations
+
+import re
+import statistics
+import unicodedata
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+from eclsim.cases.fields import SECTIONS
+from eclsim.cases.ids import plain_id
+from eclsim.cases.mistakes import Mistake, shown
+from eclsim.units import MMHG_PER_KPA, known_unit
+
+if TYPE_CHECKING:
+    from eclsim.cases.cohort import CohortPoint
+
+_PRESSURES = ("SP", "DP", "MAP", "MPAP", "PCWP")
+_ENOUGH_ROWS = 4
+_UNITS = {item.name: item.unit for section in SECTIONS.values() for item in section if item.unit}
+_UNITS |= {"ecmo_speed_rpm": "rpm"}
+_TIME = re.compile(r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d(\.\d+)?)?(Z|[+-]\d\d:?\d\d)?)?")
+
+
+@dataclass(slots=True)
+class Doubts:
+    """Errors and warnings about rows, each with its line."""
+
+    mistakes: list[Mistake] = field(default_factory=list)
+    warnings: list[Mistake] = field(default_factory=list)
+
+
+def expected_unit(column: str, text: str) -> tuple[str, str] | None:
+    """The unit of a column and the one that a text names; None if it names none."""
+    named = known_unit(text.strip("[]() "))
+    unit = _UNITS.get(column)
+    return (unit, named) if unit is not None and named is not None else None
+
+
+def is_units_row(row: Mapping[str, str]) -> bool:
+    """Whether the cells of a row are units, not values."""
+    named = [column for column, text in row.items() if expected_unit(column, text)]
+    return len(named) >= 2 and not any(_number(row.get(name, "")) is not None for name in _UNITS)
+
+
+def across_rows(rows: Mapping[int, Mapping[str, str]]) -> tuple[set[int], Doubts]:
+    """Lines that other rows make unusable, and everything there is to say."""
+    doubts = Doubts()
+    lines = _repeats(rows, doubts) | _in_kilopascal(rows, doubts)
+    _alike(rows, doubts)
+    _one_patient(rows, doubts)
+    return lines, doubts
+
+
+def when(label: str) -> datetime | None:
+    """The time that a label is, if it is one in ISO 8601."""
+    if not _TIME.fullmatch(label):
+        return None
+    try:
+        return datetime.fromisoformat(label)
+    except ValueError:
+        return None
+
+
+def in_order_of_time(points: Sequence[CohortPoint]) -> tuple[list[CohortPoint], list[Mistake]]:
+    """Points of a patient in order of time where their labels are times, in the patient's places."""
+    ordered, notes = list(points), []
+    by_patient: dict[str, list[int]] = {}
+    for k, point in enumerate(points):
+        by_patient.setdefault(point.patient_id, []).append(k)
+    for places in by_patient.values():
+        times = [when(points[k].measurement) for k in places]
+        if any(t is None for t in times) or len({t.tzinfo is None for t in times if t}) > 1:
+            continue
+        sorted_places = [k for _, k in sorted(zip(times, places, strict=True))]  # pyright: ignore[reportArgumentType]  # none is None
+        if sorted_places != places:
+            for place, k in zip(places, sorted_places, strict=True):
+                ordered[place] = points[k]
+            first = points[places[0]]
+            notes.append(
+                Mistake("measurement", f"the {len(places)} rows of this patient are put in order of time",
+                        line=first.line)
+            )  # fmt: skip
+    return ordered, notes
+
+
+def _repeats(rows: Mapping[int, Mapping[str, str]], doubts: Doubts) -> set[int]:
+    """All rows of a data point that is there twice: which one is right cannot be known."""
+    lines: dict[tuple[str, datetime | str], list[int]] = {}
+    for line, row in rows.items():
+        if row["patient_id"] and row["measurement"]:
+            key = (
+                unicodedata.normalize("NFC", row["patient_id"]),
+                when(row["measurement"]) or row["measurement"],
+            )
+            lines.setdefault(key, []).append(line)
+    repeated = {line: same for same in lines.values() if len(same) > 1 for line in same}
+    for line, same in repeated.items():
+        others = ", ".join(str(k) for k in same if k != line)
+        message = f"the same patient and measurement as in line {others}"
+        doubts.mistakes.append(Mistake("measurement", message, shown(rows[line]["measurement"]), line=line))
+    return set(repeated)
+
+
+def _alike(rows: Mapping[int, Mapping[str, str]], doubts: Doubts) -> None:
+    """Ids that a reader would take for the same."""
+    first: dict[str, tuple[str, int]] = {}
+    told = set()
+    for line, row in rows.items():
+        name = unicodedata.normalize("NFC", row["patient_id"])
+        known, where = first.setdefault(plain_id(name), (name, line))
+        if known != name and name not in told:
+            told.add(name)
+            message = f"differs from the id in line {where} in case, spaces or form alone; two patients"
+            doubts.warnings.append(Mistake("patient_id", message, shown(name[:80]), line=line))
+
+
+def _one_patient(rows: Mapping[int, Mapping[str, str]], doubts: Doubts) -> None:
+    """What does not change between the measurements of one adult, and yet does in the rows of an id."""
+    first: dict[tuple[str, str], tuple[str, int]] = {}
+    for line, row in rows.items():
+        name = unicodedata.normalize("NFC", row["patient_id"])
+        for column in ("sex", "height_cm"):
+            text = row.get(column, "").strip()
+            if not text:
+                continue
+            known, where = first.setdefault((name, column), (text, line))
+            number = _number(text)
+            if known != text and (number is None or number != _number(known)):
+                message = f"{known} in line {where}, under the same patient_id: one patient, or two?"
+                doubts.warnings.append(Mistake(column, message, text[:80], line=line))
+
+
+def _in_kilopascal(rows: Mapping[int, Mapping[str, str]], doubts: Doubts) -> set[int]:
+    """Rows whose pressures are all smaller than those of the others by the factor from mmHg to kPa."""
+    usual = {name: _median(_number(row.get(name, "")) for row in rows.values()) for name in _PRESSURES}
+    found = set()
+    for line, row in rows.items():
+        values = {name: _number(row.get(name, "")) for name in _PRESSURES}
+        ratios = {name: v / u for name, v in values.items() if v and (u := usual[name])}
+        if len(ratios) >= 2 and all(0.5 < ratio * MMHG_PER_KPA < 2.0 for ratio in ratios.values()):
+            name = next(iter(ratios))
+            message = f"about 7.5 times smaller than in the other rows, as are {', '.join(list(ratios)[1:])}"
+            hint = f"{values[name]:g} kPa = {values[name] * MMHG_PER_KPA:.4g} mmHg"  # pyright: ignore[reportOptionalOperand]  # has a ratio
+            doubts.mistakes.append(Mistake(name, message, row[name], "mmHg", hint, line=line))
+            found.add(line)
+    return found
+
+
+def _median(values: Iterable[float | None]) -> float | None:
+    known = [v for v in values if v is not None and v > 0]
+    return statistics.median(known) if len(known) >= _ENOUGH_ROWS else None
+
+
+def _number(text: str) -> float | None:
+    return float(text) if re.fullmatch(r"[+-]?[0-9]+(\.[0-9]*)?([eE][+-]?[0-9]{1,2})?", text) else None

@@ -1,0 +1,80 @@
+"""From clinical data to the table of a cohort."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from datetime import timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from eclsim.cases.cohort import COLUMNS, MEASUREMENT, OPTIONAL
+from eclsim.cases.csv_cells import guarded
+from eclsim.cases.fhir import read_bundle
+from eclsim.cases.long_table import read_long_table
+from eclsim.cases.mistakes import CaseError, Mistake
+from eclsim.cases.observations import Imported, data_points
+
+if TYPE_CHECKING:
+    from eclsim.cases.case import Case
+
+WITHIN = timedelta(minutes=5)
+_HEAD = ("patient_id", MEASUREMENT, *(c for c in COLUMNS if c != "patient_id"), *OPTIONAL)
+
+
+def import_cohort(
+    path: str | os.PathLike[str], base: Case | None = None, within: timedelta = WITHIN
+) -> Imported:
+    """Read a FHIR bundle (.json) or a long table into rows of a cohort.
+
+    Args:
+        path: The file.
+        base: Gives sex, age, size and heart rate where the file has none, and the ECMO circuit.
+        within: Values of a patient up to so long after the first of a data point belong to it.
+
+    Raises:
+        CaseError: With everything that is wrong.
+    """
+    bundle = Path(os.fsdecode(path)).suffix.lower() == ".json"
+    observations, about, found = (read_bundle if bundle else read_long_table)(path)
+    data_points(observations, about, within, found)
+    file = os.fsdecode(path)
+    if found.mistakes:
+        said = [] if found.rows else [*found.warnings, *found.notes]
+        raise CaseError([m.at(file, m.line) for m in [*said, *found.mistakes]])
+    found.warnings = [m.at(file, m.line) for m in found.warnings]
+    found.notes = [m.at(file, m.line) for m in found.notes]
+    if base is not None:
+        _fill(found, base, file)
+    return found
+
+
+def as_table(rows: list[dict[str, str]]) -> str:
+    """The rows as a cohort's CSV; columns that may be left out are, where they are empty."""
+    used = [c for c in _HEAD if c not in OPTIONAL or any(row.get(c) for row in rows)]
+    text = io.StringIO()
+    writer = csv.DictWriter(text, used, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({column: guarded(cell) for column, cell in row.items()} for row in rows)
+    return text.getvalue()
+
+
+def _fill(found: Imported, base: Case, file: str) -> None:
+    given = {f"patient.{k}": v for k, v in base.patient.model_dump(exclude_none=True).items()}
+    if base.ecmo is not None:
+        given |= {f"ecmo.{k}": v for k, v in base.ecmo.model_dump(exclude_none=True).items()}
+    for column, key in (COLUMNS | OPTIONAL).items():
+        if column == "patient_id" or not isinstance(value := given.get(key), str | float | int):
+            continue
+        text = value if isinstance(value, str) else f"{value:g}"
+        empty = [row for row in found.rows if not row.get(column)]
+        for row in empty:
+            row[column] = text
+        if empty and key.startswith("patient."):
+            message = f"{text} of the base case, in {len(empty)} of {len(found.rows)} data points"
+            found.notes.append(Mistake(column, message, file=file))
+    if base.ecmo is not None:
+        found.notes.append(
+            Mistake("ecmo", "circuit of the base case, where the file says nothing", file=file)
+        )

@@ -1,0 +1,139 @@
+"""Files that somebody gives as input: opened without waiting, never more of them than is allowed."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import stat
+from collections.abc import Iterable
+from typing import Any
+
+from eclsim.cases.mistakes import CaseError, Mistake
+
+MOST_DOTS = 16
+"""Dots outside texts on one line of TOML; the memory a dotted key takes grows with the square of them."""
+_TEXTS_AND_COMMENTS = re.compile(r'"(?:[^"\\]|\\.)*"|\'[^\']*\'|#.*')
+_KINDS = {stat.S_ISFIFO: "a named pipe", stat.S_ISSOCK: "a socket", stat.S_ISCHR: "a device",
+          stat.S_ISBLK: "a device"}  # fmt: skip
+
+
+def read_bytes(file: str, most: int, kind: str = "a file", too_large: str = "") -> bytes:
+    """The whole of a regular file.
+
+    Args:
+        file: path.
+        most: bytes allowed.
+        kind: what belongs here, for messages.
+        too_large: what to do where it is larger.
+
+    Raises:
+        CaseError: It is missing, no regular file, too large, or a symbolic link that leaves its folder.
+    """
+    try:
+        _refuse_links_elsewhere(file)
+        handle = os.open(file, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+        with os.fdopen(handle, "rb") as opened:
+            _refuse_other_kinds(os.fstat(handle).st_mode, file, kind)
+            data = opened.read(most + 1)
+    except FileNotFoundError:
+        raise refused(file, "no such file") from None
+    except IsADirectoryError:
+        raise refused(file, f"a folder, not {kind}") from None
+    except PermissionError:
+        if os.path.isdir(file):  # how Windows answers
+            raise refused(file, f"a folder, not {kind}") from None
+        raise refused(file, "no permission to read it") from None
+    except OSError as error:
+        raise refused(file, f"cannot be read: {error.strerror or error}") from None
+    except CaseError:  # a ValueError too, whose reason is said already
+        raise
+    except ValueError as error:
+        raise refused(file, f"no path: {error}") from None
+    if len(data) > most:
+        allowed = f"at most {_size(most)}" + (f"; {too_large}" if too_large else "")
+        raise refused(file, f"too large for {kind}", allowed)
+    return data
+
+
+def decoded(data: bytes, file: str, wanted: str = "text in UTF-8") -> str:
+    """Text in UTF-8, lines ended by line feeds alone.
+
+    Raises:
+        CaseError: It is in another encoding, or no text.
+    """
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        raise refused(file, "encoded as UTF-16", wanted)
+    if b"\x00" in data:
+        raise refused(file, "holds zero bytes: UTF-16, or no text at all", wanted)
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        message = f"not UTF-8: byte 0x{data[error.start]:02x} (Latin-1 or Windows-1252?)"
+        raise CaseError([Mistake("", message, allowed=wanted, file=file, line=line)]) from None
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def too_deep(text: str) -> int | None:
+    """Line of TOML on which keys are nested more deeply than any case file needs, or None."""
+    for number, line in enumerate(text.split("\n"), start=1):
+        if line.count(".") > MOST_DOTS and _TEXTS_AND_COMMENTS.sub("", line).count(".") > MOST_DOTS:
+            return number
+    return None
+
+
+def json_of(text: str, file: str) -> Any:
+    """Plain data of a JSON text.
+
+    Raises:
+        CaseError: No valid JSON, nested too deeply, or an object with one key twice.
+    """
+    try:
+        return json.loads(text, object_pairs_hook=_without_doubles)
+    except RecursionError:
+        raise refused(file, "nested too deeply") from None
+    except _DoubleKeyError as error:
+        raise refused(file, f"the key {error} stands twice in one object", "each key once") from None
+    except ValueError as error:
+        line = getattr(error, "lineno", None)
+        raise CaseError([Mistake("", f"no valid JSON: {error}", file=file, line=line)]) from None
+
+
+def refused(file: str, message: str, allowed: str = "") -> CaseError:
+    """The error for a file as a whole."""
+    shown = file if file.isprintable() else file.encode("unicode_escape").decode("ascii")
+    return CaseError([Mistake("", message, allowed=allowed, file=shown)])
+
+
+class _DoubleKeyError(Exception):
+    pass
+
+
+def _without_doubles(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in found:
+            raise _DoubleKeyError(repr(key[:40]))
+        found[key] = value
+    return found
+
+
+def _refuse_links_elsewhere(file: str) -> None:
+    if not os.path.islink(file):
+        return
+    folder, target = os.path.realpath(os.path.dirname(file) or "."), os.path.realpath(file)
+    if os.path.commonpath([folder, target]) != folder:
+        raise refused(file, f"a symbolic link out of its folder, to {target}", "the file itself: name it")
+
+
+def _refuse_other_kinds(mode: int, file: str, kind: str) -> None:
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError
+    if not stat.S_ISREG(mode):
+        what = next((words for test, words in _KINDS.items() if test(mode)), "no regular file")
+        raise refused(file, f"{what}, not {kind}", "a regular file; save what it gives to one first")
+
+
+def _size(count: int) -> str:
+    return f"{count // 1_000_000} MB" if count >= 1_000_000 else f"{count // 1000} kB"

@@ -1,0 +1,167 @@
+"""Reading one number of a case file, and saying what was meant where it is none."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+
+from eclsim.cases.fields import Field
+from eclsim.cases.mistakes import Mistake, NumberAsWritten
+from eclsim.units import convert, known_unit, quantity_of, units_of
+
+_MISSING = frozenset({"", "na", "n/a", "#n/a", "nan", "-", "--", ".", "?", "none", "null", "missing"})
+_NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
+_TWO_PRESSURES = re.compile(r"\s*(\d+(?:\.\d+)?)\s*/\s*(\d+(?:\.\d+)?)\s*")
+_COMMA = re.compile(r"[+-]?\d+,\d+")
+_GROUPED = re.compile(r"[+-]?\d{1,3}([.,' ]\d{3})+[.,]\d+")
+_DIGIT_GROUPS = re.compile("\\d{1,3}(?:[ '\u00a0\u2009\u202f]\\d{3})+")
+_ALIKE = re.compile(r"[0-9OoIl|]+(?:\.[0-9OoIl|]+)?(?<!l)")
+_AS_DIGITS = str.maketrans("OoIl|", "00111")
+_UNIT_LIKE = re.compile(r"[^\W\d_%°µ/][^\W\d_]*|[%°]|[^\W\d_]+[/*·. ].+")
+_MONTH = re.compile(r"(jan|feb|m[aä]r|apr|ma[iy]|jun|jul|aug|sep|o[ck]t|nov|de[cz])", re.IGNORECASE)
+_WITH_UNIT = re.compile(rf"\s*({_NUMBER.pattern})\s*(\D.*?)\s*")
+
+
+class NotANumberError(Exception):
+    """Why a value is refused; `mistake` says it without key and place."""
+
+    def __init__(self, message: str, allowed: str = "", suggestion: str = ""):
+        self.mistake = Mistake("", message, allowed=allowed, suggestion=suggestion)
+        super().__init__(message)
+
+
+def is_missing(value: Any) -> bool:
+    """Whether a value says that nothing was measured: nan, "NA", "n/a", "-", "." and the like."""
+    if isinstance(value, float):
+        return math.isnan(value)
+    return isinstance(value, str) and value.strip().lower() in _MISSING
+
+
+def read_number(value: Any, field: Field) -> float:
+    """The number of a field in its unit.
+
+    Raises:
+        NotANumberError: For anything else, and for a number outside the allowed range.
+    """
+    number = _finite(value, field)
+    if field.minimum <= number <= field.maximum:
+        return number
+    message = "must be above 0" if number <= 0 < field.minimum else "outside the allowed range"
+    meant = suspected_unit(number, field.unit, field.typical, (field.minimum, field.maximum))
+    raise NotANumberError(message, field.allowed, meant)
+
+
+def suspected_unit(number: float, unit: str, typical: float, allowed: tuple[float, float]) -> str:
+    """Which unit an impossible number may be in, as "800 dyn s/cm^5 = 0.6 mmHg s/mL"; else empty."""
+    quantity = quantity_of(unit)
+    best, best_distance = "", math.log(30.0)
+    for other in units_of(quantity) if quantity else ():
+        converted = convert(number, other, unit)
+        if other == unit or converted <= 0 or not allowed[0] <= converted <= allowed[1]:
+            continue
+        distance = abs(math.log(converted / typical))
+        if distance < best_distance:
+            best, best_distance = f"{number:g} {other} = {converted:.4g} {unit}", distance
+    return best
+
+
+def _finite(value: Any, field: Field) -> float:
+    if isinstance(value, bool):
+        raise NotANumberError("true and false are no numbers", field.allowed)
+    if isinstance(value, str):
+        return _number_in_text(value, field)
+    if not isinstance(value, (int, float)):
+        raise NotANumberError(f"a {_kind(value)} where a number belongs", field.allowed)
+    try:
+        number = float(value)
+    except OverflowError:
+        raise NotANumberError("too large", field.allowed) from None
+    if math.isnan(number):
+        raise NotANumberError("not a number, and this value is needed", field.allowed)
+    if math.isinf(number):
+        raise NotANumberError("infinite" if not _digits(value) else "too large", field.allowed)
+    if number == 0 and _digits(value):
+        raise NotANumberError("too small to be told from 0", field.allowed)
+    return number
+
+
+def _digits(value: Any) -> bool:
+    """Whether a number was written with a digit other than 0 in front of its exponent."""
+    written = value.text if isinstance(value, NumberAsWritten) else ""
+    return any(digit in "123456789" for digit in re.split("[eE]", written)[0])
+
+
+def _number_in_text(text: str, field: Field) -> float:
+    if is_missing(text):
+        raise NotANumberError("not given, and this value is needed", field.allowed)
+    if _NUMBER.fullmatch(text.strip()):
+        raise NotANumberError("text in quotes where a number belongs", field.allowed, text.strip())
+    if found := _WITH_UNIT.fullmatch(text):
+        return _number_with_unit(text, float(found[1]), found[5], field)
+    raise NotANumberError(*_why_no_number(text, field))
+
+
+def _number_with_unit(text: str, number: float, unit: str, field: Field) -> float:
+    if found := _TWO_PRESSURES.fullmatch(text):
+        raise NotANumberError(*_two_pressures(found, field))
+    if _COMMA.fullmatch(text.strip()) or _GROUPED.fullmatch(text.strip()):
+        raise NotANumberError(*_why_no_number(text, field))
+    known = known_unit(unit)
+    if known == field.unit == "Fr":
+        return read_number(number, field)
+    if known == field.unit:
+        raise NotANumberError(f"a text with a unit; the unit is {known} anyway", field.allowed, f"{number:g}")
+    if known is not None and quantity_of(known) == quantity_of(field.unit):
+        converted = convert(number, known, field.unit)
+        message = f"in {known}, but {field.name} is in {field.unit}"
+        raise NotANumberError(message, field.allowed, f"{number:g} {known} = {converted:.4g} {field.unit}")
+    if _DIGIT_GROUPS.fullmatch(text.strip()):
+        message = "digits in groups; write them without spaces"
+        raise NotANumberError(message, field.allowed, number_meant(text))
+    raise NotANumberError(f'not a number: "{unit.strip()}" follows it', field.allowed, number_meant(text))
+
+
+def number_meant(text: str) -> str:
+    """The number that a text with something behind its digits may mean; empty where that would be a guess.
+
+    A unit is left out, digits in groups are joined, and letters that look like digits are read as such. A
+    date or anything else gives nothing.
+    """
+    written = text.strip()
+    if _DIGIT_GROUPS.fullmatch(written):
+        return re.sub(r"\D", "", written)
+    if re.search("[0-9]", written) and _ALIKE.fullmatch(written):
+        return written.translate(_AS_DIGITS)
+    found = _WITH_UNIT.fullmatch(written)
+    if found is None or found[5] == "l" or not _UNIT_LIKE.fullmatch(found[5]) or _MONTH.match(found[5]):
+        return ""
+    return f"{float(found[1]):g}"
+
+
+def _two_pressures(found: re.Match[str], field: Field) -> tuple[str, str, str]:
+    if field.unit == "mmHg":
+        message = "two pressures in one value; give systolic and diastolic pressure on their own"
+        return message, field.allowed, f"SP = {found[1]} and DP = {found[2]}"
+    return "two numbers in one value", field.allowed, ""
+
+
+def _why_no_number(text: str, field: Field) -> tuple[str, str, str]:
+    stripped = text.strip()
+    if found := _TWO_PRESSURES.fullmatch(text):
+        return _two_pressures(found, field)
+    if _GROUPED.fullmatch(stripped):
+        return (
+            "a thousands separator and a decimal sign; write digits and a decimal point only",
+            field.allowed,
+            "",
+        )
+    if _COMMA.fullmatch(stripped):
+        return "a decimal comma; write a decimal point", field.allowed, stripped.replace(",", ".")
+    return "not a number", field.allowed, ""
+
+
+def _kind(value: Any) -> str:
+    if isinstance(value, dict):
+        return "table"
+    return "list" if isinstance(value, (list, tuple)) else f"{type(value).__name__} value"

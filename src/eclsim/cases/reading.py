@@ -1,0 +1,172 @@
+"""Reading case files: from bytes to a checked case, with the line of every mistake."""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from eclsim.cases.checking import check_case
+from eclsim.cases.fields import POLICY_FIELD
+from eclsim.cases.input_files import MOST_DOTS, decoded, read_bytes, too_deep
+from eclsim.cases.key_lines import lines_of_keys
+from eclsim.cases.mistakes import CaseError, Mistake, NumberAsWritten, shown
+from eclsim.cases.numbers import number_meant
+from eclsim.cases.settings import PLACE, merge_settings, parse_settings
+
+if TYPE_CHECKING:
+    from eclsim.cases.case import Case
+
+POLICY_PLACE = "--volume-policy"
+MAXIMUM_BYTES = 200_000
+_COMMA_VALUE = re.compile(r"=\s*([+-]?\d+),(\d+)\s*(#.*)?$")
+_SLASH_VALUE = re.compile(r"=\s*(\d+)\s*/\s*(\d+)\s*(#.*)?$")
+_UNIT_VALUE = re.compile(r"=\s*([+-]?\d[\d.]*)\s*([^\s\d#][^#]*?)\s*(#.*)?$")
+_WORD_VALUE = re.compile(r"=\s*([A-Za-z][\w .-]*?)\s*(#.*)?$")
+
+
+@dataclass(frozen=True, slots=True)
+class CaseReading:
+    """A case and what there was to say about its file.
+
+    Attributes:
+        case: The checked case.
+        warnings: Doubts about values that were kept.
+        notes: What was filled in, left out or overridden.
+        file: Where it was read.
+    """
+
+    case: Case
+    warnings: tuple[Mistake, ...]
+    notes: tuple[Mistake, ...]
+    file: str
+
+
+def read_case(
+    path: str | os.PathLike[str], settings: Iterable[str] = (), volume_policy: str | None = None
+) -> CaseReading:
+    """Read and check a case file.
+
+    Args:
+        path: A TOML file in format 1.
+        settings: Values that win over the file's, such as "ecmo.speed_rpm=3000" or "Rmc=0.8".
+        volume_policy: Blood volume policy that wins over the file's.
+
+    Raises:
+        CaseError: With everything that is wrong with file and settings, each with file and line.
+    """
+    file = os.fsdecode(path)
+    settings = list(settings)
+    text = _text_of(file)
+    raw = _parse(text, file)
+    merged, notes = merge_settings(raw, settings, file)
+    if volume_policy is not None:
+        notes += _with_policy(merged, volume_policy, file)
+    set_keys = {f"{section}.{key}" for section, key in parse_settings(settings)}
+    reading = _checked(merged, file, lines_of_keys(text), set_keys)
+    return CaseReading(reading.case, reading.warnings, (*reading.notes, *notes), file)
+
+
+def _with_policy(merged: dict[str, Any], policy: str, file: str) -> list[Mistake]:
+    """Put a policy in; a note where the file's own gives way."""
+    own = merged.get(POLICY_FIELD.name)
+    merged[POLICY_FIELD.name] = policy
+    if own in (None, policy):
+        return []
+    message = f"wins over {shown(own)} of {file}, which the case may have been fitted with"
+    return [Mistake(POLICY_FIELD.name, message, shown(policy), file=POLICY_PLACE)]
+
+
+def read_mapping(raw: Any, file: str = "") -> CaseReading:
+    """Check a case given as nested mappings, such as a form's values.
+
+    Args:
+        raw: Sections and values as a case file holds them.
+        file: What messages call the place where it came from.
+
+    Raises:
+        CaseError: With everything that is wrong.
+    """
+    return _checked(raw, file, {}, set())
+
+
+def _checked(raw: Any, file: str, lines: Mapping[str, int], set_keys: set[str]) -> CaseReading:
+    checked = check_case(raw)
+
+    def placed(found: list[Mistake]) -> tuple[Mistake, ...]:
+        put = [_placed(mistake, file, lines, set_keys) for mistake in found]
+        return tuple(sorted(put, key=lambda mistake: mistake.line or 0))
+
+    if checked.mistakes:
+        raise CaseError(placed(checked.mistakes))
+    from eclsim.cases.case import Case
+
+    return CaseReading(
+        Case.model_validate(checked.values), placed(checked.warnings), placed(checked.notes), file
+    )
+
+
+def _placed(mistake: Mistake, file: str, lines: Mapping[str, int], set_keys: set[str]) -> Mistake:
+    section = mistake.key.partition(".")[0]
+    only_set = section not in lines and any(key.startswith(f"{section}.") for key in set_keys)
+    if mistake.key in set_keys or only_set:
+        return mistake.at(PLACE, None)
+    return mistake.at(file, lines.get(mistake.key) or lines.get(section))
+
+
+def _text_of(file: str) -> str:
+    text = decoded(read_bytes(file, MAXIMUM_BYTES, "a case file"), file)
+    if line := too_deep(text):
+        message = f"more than {MOST_DOTS} dots: nested too deeply for a case file"
+        raise CaseError([Mistake("", message, file=file, line=line)])
+    return text
+
+
+def _parse(text: str, file: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text, parse_float=NumberAsWritten)
+    except RecursionError:
+        raise CaseError([Mistake("", "nested too deeply for a case file", file=file)]) from None
+    except ValueError as error:
+        raise CaseError([_syntax_mistake(str(error), text, file)]) from None
+
+
+def _syntax_mistake(said: str, text: str, file: str) -> Mistake:
+    """A TOML error with its line and, for the usual slips, what was meant."""
+    place = re.search(r"\(at (?:line (\d+), column \d+|(end of document))\)", said)
+    if "integer string conversion" in said:
+        return Mistake(
+            "", "a whole number of thousands of digits: no quantity of a case has so many", file=file
+        )
+    if "Cannot overwrite a value" in said:
+        said = said.replace(
+            "Cannot overwrite a value", "this key is there already, with another line's value"
+        )
+    message = f"no valid TOML: {re.sub(r' *[(]at .*[)]$', '', said)}"
+    if place is None or place[1] is None:
+        return Mistake("", message, file=file, line=text.count("\n") + 1 if place else None)
+    number = int(place[1])
+    lines = text.split("\n")
+    written = lines[number - 1].strip() if number <= len(lines) else ""
+    meant = _meant(written)
+    return Mistake(
+        "", message, shown(written)[1:-1] if written else "", suggestion=meant, file=file, line=number
+    )
+
+
+def _meant(written: str) -> str:
+    key = written.partition("=")[0].strip()
+    if found := _COMMA_VALUE.search(written):
+        return f"{key} = {found[1]}.{found[2]} (a decimal point)"
+    if found := _SLASH_VALUE.search(written):
+        return f"SP = {found[1]} and DP = {found[2]} on two lines"
+    if found := _UNIT_VALUE.search(written):
+        meant = number_meant(written.partition("=")[2].partition("#")[0])
+        words = "a number without a unit" if meant == found[1] else "digits alone"
+        return f"{key} = {meant} ({words})" if meant else ""
+    if found := _WORD_VALUE.search(written):
+        return f'{key} = "{found[1]}" (text in quotes)'
+    return ""

@@ -1,0 +1,115 @@
+"""Settings given beside a case file, such as --set ecmo.speed_rpm=3000."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from eclsim.cases.fields import POLICY_FIELD, SECTIONS
+from eclsim.cases.input_files import too_deep
+from eclsim.cases.mistakes import CaseError, Mistake, NumberAsWritten, shown
+from eclsim.parameters import did_you_mean, thiel2025
+
+if TYPE_CHECKING:
+    from eclsim.cases.case import Case
+
+PLACE = "--set"
+_PATHS = {
+    f"{section}.{item.name}": (section, item.name) for section in SECTIONS for item in SECTIONS[section]
+}
+_EXPECTED = "KEY=VALUE, such as ecmo.speed_rpm=3000 or Rmc=0.8"
+# Of a rotary pump's speed and flow one is given, so setting the one takes the other away.
+_IN_PLACE_OF = {("ecmo", "flow_l_min"): "speed_rpm", ("ecmo", "speed_rpm"): "flow_l_min"}
+
+
+def parse_settings(settings: Iterable[str]) -> dict[tuple[str, str], Any]:
+    """Section, key and value of each setting; a later one wins over an earlier one of the same key.
+
+    Raises:
+        CaseError: Naming every setting that is none, with the nearest right spelling.
+    """
+    return _parsed(settings)[0]
+
+
+def _parsed(settings: Iterable[str]) -> tuple[dict[tuple[str, str], Any], list[Mistake]]:
+    """What `parse_settings` gives, and a note for each setting that a later one of the same key overrules."""
+    found: dict[tuple[str, str], Any] = {}
+    mistakes, notes = [], []
+    for setting in settings:
+        name, equals, text = setting.partition("=")
+        path = _path_of(name.strip())
+        if not equals or not name.strip():
+            mistakes.append(Mistake("", "no setting", shown(setting), _EXPECTED, file=PLACE))
+        elif path is None:
+            mistakes.append(_unknown(name.strip(), text))
+        else:
+            value = _value_of(text.strip())
+            if path in found and found[path] != value:
+                message = f"given more than once: wins over the earlier {shown(found[path])}"
+                notes.append(Mistake(".".join(path), message, shown(value), file=PLACE))
+            found[path] = value
+    if mistakes:
+        raise CaseError(mistakes)
+    return found, notes
+
+
+def merge_settings(
+    raw: dict[str, Any], settings: Iterable[str], file: str = "the case"
+) -> tuple[dict[str, Any], list[Mistake]]:
+    """A case as mappings with settings put in, and a note for each value of its file that gives way."""
+    merged = {key: dict(value) if isinstance(value, dict) else value for key, value in raw.items()}
+    parsed, notes = _parsed(settings)
+    for (section, key), value in parsed.items():
+        target = merged.setdefault(section, {})
+        if not isinstance(target, dict):
+            continue
+        other = _IN_PLACE_OF.get((section, key))
+        if other in target and (section, other) not in parsed:
+            message = f"takes the place of {other} = {shown(target.pop(other))} of {file}"
+            notes.append(Mistake(f"{section}.{key}", message, shown(value), file=PLACE))
+        if key in target and target[key] != value:
+            message = f"wins over {shown(target[key])} of {file}"
+            notes.append(Mistake(f"{section}.{key}", message, shown(value), file=PLACE))
+        target[key] = value
+    return merged, notes
+
+
+def apply_settings(case: Case, settings: Iterable[str]) -> Case:
+    """A case with settings such as "ecmo.speed_rpm=3000" or "Rmc=0.8" put in, checked as a file is.
+
+    Raises:
+        CaseError: With every mistake, named "--set".
+    """
+    from eclsim.cases.reading import read_mapping
+
+    merged, _ = merge_settings(case.as_mapping(), settings)
+    return read_mapping(merged, file=PLACE).case
+
+
+def _path_of(name: str) -> tuple[str, str] | None:
+    if name in _PATHS:
+        return _PATHS[name]
+    key = name.removeprefix("parameters.")
+    key = thiel2025.ALIASES.get(key, key)
+    return ("parameters", key) if key in thiel2025.PARAMETERS else None
+
+
+def _value_of(text: str) -> Any:
+    """The value as TOML reads it; anything else is text, so that quotes may be left out."""
+    if too_deep(text):
+        return text
+    try:
+        return tomllib.loads(f"value = {text}\n", parse_float=NumberAsWritten)["value"]
+    except (ValueError, RecursionError):
+        return text
+
+
+def _unknown(name: str, text: str) -> Mistake:
+    known = (*_PATHS, *thiel2025.PARAMETERS)
+    bare = [path for path in _PATHS if path.partition(".")[2] == name]
+    hint = " or ".join(bare) or did_you_mean(name, known) or ""
+    if name == POLICY_FIELD.name:
+        hint = "the option --volume-policy"
+    allowed = "section.key of a case file, or a parameter (eclsim parameters lists them)"
+    return Mistake(name[:64], "unknown key", shown(text.strip()), allowed, hint, file=PLACE)

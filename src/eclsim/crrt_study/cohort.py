@@ -1,0 +1,249 @@
+"""The CRRT study of every patient of a cohort: does one scheme win for all?"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from eclsim.crrt_study.ranking import Ranked, first_choice
+from eclsim.crrt_study.schemes import NINE, PUBLISHED, Scheme
+from eclsim.crrt_study.study import USUAL_SPEEDS, CrrtStudy, crrt_study
+
+if TYPE_CHECKING:
+    from eclsim.identification.fitted_cohort import FittedCases
+
+
+@dataclass(frozen=True)
+class PointResult:
+    """What the study says for one data point.
+
+    Args:
+        name: of the data point.
+        flow: ECMO flow without CRRT at the point's speed [L/min]; NaN if that beat was not found.
+        pressure: mean arterial pressure without CRRT there [mmHg]; NaN likewise.
+        speed: of the pump [rpm].
+        ranking: schemes from best to worst, by blood volume policy; those without a place last.
+        variation: largest less smallest mean arterial pressure of the schemes [mmHg], by policy; NaN unless
+            the beats of all schemes were found.
+        taken_up: largest volume that a scheme takes from the patient [mL]; NaN without the published policy,
+            or unless the beats of all schemes and of the patient without CRRT were found.
+        unsettled: steady beats that were not found, a sentence for each scheme, policy and reason.
+        beats_not_found: how many they are.
+    """
+
+    name: str
+    flow: float
+    pressure: float
+    speed: float
+    ranking: dict[str, tuple[Ranked, ...]]
+    variation: dict[str, float]
+    taken_up: float
+    unsettled: tuple[str, ...]
+    beats_not_found: int
+
+    def ranked(self, policy: str, letter: str) -> Ranked:
+        """A scheme's place and the numbers behind it."""
+        return next(one for one in self.ranking[policy] if one.letter == letter)
+
+    def first(self, policy: str) -> str | None:
+        """The scheme that is first; None if what is known does not tell."""
+        best = first_choice(self.ranking[policy])
+        return None if best is None else best.letter
+
+
+@dataclass(frozen=True)
+class CohortStudy:
+    """The study of a cohort.
+
+    Args:
+        points: one for each data point, in the order of the cohort.
+        schemes: schemes compared.
+        fitted: the cases and how they were found.
+        crrt_flow_ml_min: blood flow of the CRRT; None if each case has its own.
+        lost: data points without a study, and why.
+    """
+
+    points: tuple[PointResult, ...]
+    schemes: tuple[Scheme, ...]
+    fitted: FittedCases
+    crrt_flow_ml_min: float | None
+    lost: dict[str, str]
+
+    @property
+    def policies(self) -> tuple[str, ...]:
+        """Blood volume policies that were studied."""
+        return tuple(self.points[0].ranking)
+
+    @property
+    def unsettled(self) -> tuple[PointResult, ...]:
+        """Data points with beats that were not found."""
+        return tuple(point for point in self.points if point.unsettled)
+
+    def winners(self, policy: str) -> dict[str, int]:
+        """In how many data points each scheme is first, most often first."""
+        first = [point.first(policy) for point in self.points]
+        count = {scheme.letter: first.count(scheme.letter) for scheme in self.schemes}
+        return dict(sorted(count.items(), key=lambda item: -item[1]))
+
+    def undecided(self, policy: str) -> tuple[str, ...]:
+        """Data points of which it is not known which scheme is first."""
+        return tuple(point.name for point in self.points if point.first(policy) is None)
+
+
+@dataclass(frozen=True)
+class SchemeSummary:
+    """One scheme over the cohort. What is not known of a data point has no part in a number here.
+
+    Args:
+        letter: of the scheme.
+        first: in how many data points it is first.
+        ranked: in how many its place is known.
+        median_rank: median of its places; NaN if none is known.
+        worst_rank: its worst place; None if none is known.
+        known: in how many its beat at the point's speed was found.
+        alarms_kept: in how many of these the lines stay within the machine's alarms.
+        access_190_kept: in how many of these the access pressure stays below 190 mmHg.
+        above_atmosphere: in how many of these both lines attach above atmospheric pressure.
+        flow_known: in how many it is known up to which ECMO flow all limits of the CRRT lines are kept.
+        smallest_flow: smallest of that flow over these points [L/min]; 0 if one keeps them at no speed.
+        median_flow: median of it.
+    """
+
+    letter: str
+    first: int
+    ranked: int
+    median_rank: float
+    worst_rank: int | None
+    known: int
+    alarms_kept: int
+    access_190_kept: int
+    above_atmosphere: int
+    flow_known: int
+    smallest_flow: float
+    median_flow: float
+
+
+def crrt_cohort(
+    fitted: FittedCases,
+    *,
+    schemes: str | Sequence[str] = NINE,
+    speeds: str | Sequence[float] = USUAL_SPEEDS,
+    crrt_flow_ml_min: float | None = None,
+    volume_policy: str | None = None,
+    scheme_h: str = PUBLISHED,
+    progress: Callable[[str], None] = lambda _: None,
+) -> CohortStudy:
+    """Run the study for every case, each at its own speed and over the same range of speeds.
+
+    Args:
+        fitted: the cases.
+        schemes: letters, groups and pairs, see `select_schemes`.
+        speeds: pump speeds [rpm]; each case's own is added.
+        crrt_flow_ml_min: blood flow of the CRRT; left out, each case's own, else 200 mL/min.
+        volume_policy: "as_published", "patient_held" or "both"; left out, what the cases say, else both.
+        scheme_h: "published" or "figure".
+        progress: is told what is being computed.
+
+    Raises:
+        StudyError: If no case can be studied, or the cases state different policies.
+    """
+    from eclsim.crrt_study.settings import StudyError, policy_of_cases
+
+    if volume_policy is None:
+        volume_policy = policy_of_cases(list(fitted.cases.values()))
+    points, lost, chosen = [], dict(fitted.lost), ()
+    for k, (name, case) in enumerate(fitted.cases.items()):
+        progress(f"schemes: {k + 1} of {len(fitted.cases)} data points")
+        try:
+            study = crrt_study(
+                case, schemes=schemes, speeds=speeds, crrt_flow_ml_min=crrt_flow_ml_min,
+                volume_policy=volume_policy, scheme_h=scheme_h,
+            )  # fmt: skip
+        except StudyError as error:
+            lost[name] = str(error)
+            continue
+        chosen = study.schemes
+        points.append(_point(name, study))
+    if not points:
+        raise StudyError("no data point can be studied: " + "; ".join(f"{k}: {v}" for k, v in lost.items()))
+    return CohortStudy(tuple(points), chosen, fitted, crrt_flow_ml_min, lost)
+
+
+def _point(name: str, study: CrrtStudy) -> PointResult:
+    policy, speed = study.policies[0], study.case_speed
+    alone = study.without_crrt.sel(policy=policy, speed=speed)
+    pressures = study.means["MAP"].sel(speed=speed)
+    spread = pressures.max("scheme", skipna=False) - pressures.min("scheme", skipna=False)
+    taken = np.nan if study.uptake is None else float(study.uptake["blood_taken_up"].max(skipna=False))
+    variation = {p: float(spread.sel(policy=p)) for p in study.policies}
+    missing = study.unsettled
+    return PointResult(
+        name, float(alone["PF"]), float(alone["MAP"]), speed, study.ranking, variation, taken,
+        tuple(f"{one.policy}, {one.sentence}" for one in missing), sum(len(one.speeds) for one in missing),
+    )  # fmt: skip
+
+
+def summaries(study: CohortStudy, policy: str) -> tuple[SchemeSummary, ...]:
+    """Every scheme over the cohort: most often first, then the better median place."""
+    winners = study.winners(policy)
+    found = []
+    for scheme in study.schemes:
+        ones = [point.ranked(policy, scheme.letter) for point in study.points]
+        ranks, known = [r.rank for r in ones if r.rank is not None], [r for r in ones if r.known]
+        flows = [0.0 if np.isnan(r.largest_flow) else r.largest_flow for r in ones if r.flow_known]
+        found.append(
+            SchemeSummary(
+                scheme.letter, winners[scheme.letter], len(ranks), _median(ranks), max(ranks, default=None),
+                len(known), sum(bool(r.alarms_kept) for r in known),
+                sum(bool(r.access_190_kept) for r in known),
+                sum(r.lowest_site_pressure >= 0.0 for r in known), len(flows),
+                min(flows, default=np.nan), _median(flows),
+            )
+        )  # fmt: skip
+    return tuple(sorted(found, key=_order))
+
+
+def _median(values: Sequence[float]) -> float:
+    return float(np.median(values)) if values else np.nan
+
+
+def _order(one: SchemeSummary) -> tuple[float, ...]:
+    median = np.inf if np.isnan(one.median_rank) else one.median_rank
+    return -one.first, median, np.inf if one.worst_rank is None else one.worst_rank
+
+
+def answer(study: CohortStudy, policy: str) -> str:
+    """Does one scheme win for all, in a sentence."""
+    winners = {letter: count for letter, count in study.winners(policy).items() if count}
+    total, open_ = len(study.points), len(study.undecided(policy))
+    doubt = f" In {open_} of {total} it is not known which scheme is first." if open_ else ""
+    if not winners:
+        return f"Not known: in none of the {total} data points is it known which scheme is first."
+    best, count = next(iter(winners.items()))
+    if count == total:
+        return f"Yes: scheme {best} is first in all {total} data points."
+    if count == total - open_:
+        return f"Not known: scheme {best} is first in {count} of {total} data points.{doubt}"
+    others = ", ".join(f"{letter} in {n}" for letter, n in list(winners.items())[1:])
+    said = f"No: scheme {best} is first in {count} of {total} data points, {others}.{doubt}"
+    return f"{said} {_where_not(study, policy, best)}"
+
+
+def _where_not(study: CohortStudy, policy: str, letter: str) -> str:
+    """Why the scheme that is first most often is not first in the other points."""
+    ones = [point.ranked(policy, letter) for point in study.points if point.first(policy) != letter]
+    lost = [one for one in ones if one.known and one.places is not None and one.places[0] > 1]
+    alarms = sum(not one.alarms_kept for one in lost)
+    access = sum(bool(one.alarms_kept) and not one.access_190_kept for one in lost)
+    reasons = [
+        f"breaks an alarm in {alarms}" if alarms else "",
+        f"exceeds 190 mmHg of access pressure in {access}" if access else "",
+        f"stands behind for other reasons in {len(lost) - alarms - access}"
+        if len(lost) > alarms + access
+        else "",
+    ]
+    place = f"and is placed {max(one.places[1] for one in lost if one.places)} at worst"
+    return f"Elsewhere {letter} {', '.join(filter(None, reasons))}, {place}."

@@ -1,0 +1,271 @@
+"""The CRRT study of a cohort: page, JSON, tables and figure."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from eclsim.atomic import whole_file
+from eclsim.cases.csv_cells import guarded
+from eclsim.crrt_study.cohort import answer, summaries
+from eclsim.crrt_study.json_object import number as plain
+from eclsim.crrt_study.page import number
+from eclsim.crrt_study.ranking import ORDER
+from eclsim.crrt_study.words import place
+from eclsim.orbit.model import POLICY_WORDS
+from eclsim.reporting.html import box, bullets, figure, heading, page, paragraph, svg_text, table
+
+if TYPE_CHECKING:
+    from eclsim.crrt_study.cohort import CohortStudy, PointResult
+
+_WIDTH_OF_PIPES = 140
+
+
+def write_cohort(study: CohortStudy, folder: Path) -> list[Path]:
+    """Write everything to a folder, which is made if it does not exist; returns the files."""
+    folder.mkdir(exist_ok=True)
+    drawn = svg_text(_figure(study))
+    texts = {
+        "report.html": page("CRRT on ECMO: a cohort", _pieces(study, drawn)),
+        "cohort.json": cohort_json(study),
+        "points.csv": _csv(_point_rows(study)),
+        "schemes.csv": _csv(
+            [{"policy": p, **asdict(one)} for p in study.policies for one in summaries(study, p)]
+        ),
+        "ranks.svg": drawn,
+    }
+    for name, content in texts.items():
+        with whole_file(folder / name) as partial:
+            partial.write_text(content, encoding="utf-8")
+    return [folder / name for name in texts]
+
+
+def cohort_json(study: CohortStudy) -> str:
+    """The study as JSON text."""
+    content = {
+        "policies": {
+            policy: {
+                "answer": answer(study, policy),
+                "schemes": [_finite(asdict(one)) for one in summaries(study, policy)],
+            }
+            for policy in study.policies
+        },
+        "first_not_known": {policy: list(study.undecided(policy)) for policy in study.policies},
+        "points": [_finite(row) for row in _point_rows(study)],
+        "parameters": study.fitted.words,
+        "lost": dict(study.lost),
+    }
+    return json.dumps(content, indent=1, allow_nan=False) + "\n"
+
+
+def write_json(study: CohortStudy, destination: Path | str) -> None:
+    """Write the JSON object to a file, or to standard output for "-"."""
+    if destination == "-":
+        sys.stdout.write(cohort_json(study))
+        sys.stdout.flush()
+        return
+    with whole_file(Path(destination)) as partial:
+        partial.write_text(cohort_json(study), encoding="utf-8")
+
+
+def show(study: CohortStudy) -> None:
+    """Show the schemes over the cohort, most often first, for each blood volume policy."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(width=None if sys.stdout.isatty() else _WIDTH_OF_PIPES, highlight=False)
+    for policy in study.policies:
+        shown = Table(title=POLICY_WORDS[policy], title_justify="left", box=None, pad_edge=False)
+        shown.add_column("scheme", no_wrap=True)
+        shown.add_column("access – return")
+        for head in _SHORT_HEAD:
+            shown.add_column(head, justify="right", no_wrap=True)
+        for row in _scheme_rows(study, policy):
+            shown.add_row(*map(str, row))
+        console.print(shown)
+        console.print(answer(study, policy) + "\n", markup=False)
+
+
+_HEAD = (
+    "Scheme", "Access – return", "First in", "Median place", "Worst place", "Alarms kept in",
+    "Access ≤ 190 in", "No air drawn in", "Limits kept up to [L/min], median", "smallest",
+)  # fmt: skip
+
+# In a terminal, the columns after the scheme and its positions: no head wider than two short lines.
+_SHORT_HEAD = (
+    "first\nin", "median\nplace", "worst\nplace", "alarms\nkept in", "access\n≤ 190 in", "no air\ndrawn in",
+    "limits kept to\nL/min, median", "at\nleast",
+)  # fmt: skip
+
+
+def _scheme_rows(study: CohortStudy, policy: str) -> list[list[object]]:
+    names, total = {scheme.letter: scheme.name for scheme in study.schemes}, len(study.points)
+    rows: list[list[object]] = []
+    for one in summaries(study, policy):
+        found = _of(one.known, total)
+        ranked, flows = ("" if n == total else f" (n = {n})" for n in (one.ranked, one.flow_known))
+        decided = _of(total - len(study.undecided(policy)), total)
+        worst = "–" if one.worst_rank is None else one.worst_rank
+        median = "–" if math.isnan(one.median_rank) else f"{one.median_rank:g}"
+        rows.append(
+            [
+                one.letter, names[one.letter], f"{one.first}{decided}",
+                f"{median}{ranked}", f"{worst}{ranked}", f"{one.alarms_kept}{found}",
+                f"{one.access_190_kept}{found}", f"{one.above_atmosphere}{found}",
+                f"{number(one.median_flow, 1)}{flows}", f"{number(one.smallest_flow, 1)}{flows}",
+            ]
+        )  # fmt: skip
+    return rows
+
+
+def _of(known: int, total: int) -> str:
+    """In how many data points a number is known; empty if in all."""
+    return "" if known == total else f" of {known}"
+
+
+def _point_rows(study: CohortStudy) -> list[dict[str, Any]]:
+    rows = []
+    for point in study.points:
+        row: dict[str, Any] = {
+            "id": point.name, "speed_rpm": point.speed, "ecmo_flow_l_min": point.flow,
+            "MAP_mmhg": point.pressure, "blood_taken_up_ml": point.taken_up,
+            "unsettled": point.beats_not_found, "not_known": "; ".join(point.unsettled),
+            "relative_misfit": study.fitted.misfits.get(point.name),
+        }  # fmt: skip
+        for policy in study.policies:
+            row[f"first_{policy}"] = point.first(policy)
+            row[f"order_{policy}"] = _order(point, policy)
+            row[f"MAP_variation_{policy}_mmhg"] = point.variation[policy]
+        rows.append(row)
+    return rows
+
+
+def _order(point: PointResult, policy: str) -> str:
+    """Schemes from best to worst; the place in brackets where it is not known for sure."""
+    return " ".join(
+        one.letter if one.rank is not None else f"{one.letter}({place(one)})" for one in point.ranking[policy]
+    )
+
+
+def _finite(row: dict[str, Any]) -> dict[str, Any]:
+    return {k: plain(v) if isinstance(v, float) else v for k, v in row.items()}
+
+
+def _csv(rows: Sequence[dict[str, Any]]) -> str:
+    buffer = io.StringIO()
+    writer: csv.DictWriter[str] = csv.DictWriter(buffer, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({k: _cell(v) for k, v in row.items()} for row in rows)
+    return buffer.getvalue()
+
+
+def _cell(value: Any) -> Any:
+    """Numbers to six digits; text that a spreadsheet would take for a formula behind an apostrophe."""
+    if isinstance(value, float):
+        return "" if math.isnan(value) else f"{value:.6g}"
+    return guarded(value)
+
+
+def _figure(study: CohortStudy) -> Any:
+    from eclsim.crrt_study.cohort_figure import plot_cohort_ranks
+
+    policy = study.policies[0]
+    letters = [one.letter for one in summaries(study, policy)]
+    places, limits = np.full((2, len(study.points), len(letters)), np.nan)
+    for (row, column), _ in np.ndenumerate(places):
+        one = study.points[row].ranked(policy, letters[column])
+        places[row, column] = np.nan if one.rank is None else one.rank
+        if one.flow_known:
+            limits[row, column] = 0.0 if math.isnan(one.largest_flow) else one.largest_flow
+    points = study.points
+    return plot_cohort_ranks(places, letters, [p.name for p in points], [p.flow for p in points], limits)
+
+
+def _pieces(study: CohortStudy, drawn: str) -> Iterator[str]:
+    main = study.policies[0]
+    yield heading("Connecting CRRT to the ECMO circuit: a cohort", 1)
+    yield paragraph(f"{len(study.points)} data points, {len(study.schemes)} schemes each.", "lead")
+    lines = [f"Does one scheme win for all? {answer(study, main)}"]
+    lines += [f"When the circuits are primed: {answer(study, policy)}" for policy in study.policies[1:]]
+    yield box([*lines, _differences(study)])
+    yield from _doubts(study)
+    yield heading("The schemes over the cohort")
+    for policy in study.policies:
+        text = f"Number of data points out of {len(study.points)}, {POLICY_WORDS[policy]}"
+        partly = "; of n, (n = ...): of the n data points in which it is known" if study.unsettled else ""
+        yield paragraph(f"{text}{partly}:")
+        yield table(_HEAD, _scheme_rows(study, policy), numeric=range(2, len(_HEAD)))
+    where = "in every data point, smallest ECMO flow at the top"
+    caption = f"Places of the schemes {where}; {POLICY_WORDS[main]}."
+    yield figure(drawn, caption, "ranks")
+    yield paragraph("Order of reasons; a later one counts only where the earlier ones tie:")
+    yield bullets(ORDER, numbered=True)
+    yield heading("The data points")
+    yield _points_table(study)
+    yield heading("What was assumed")
+    yield bullets(
+        [
+            f"The parameters of each patient were {study.fitted.words}.",
+            "Each data point is studied at its own pump speed; the flow that a scheme keeps is found over "
+            "the range of speeds.",
+            "Several data points of one patient are not independent: they count as so many patients here.",
+            "As in the study of one patient: a steady heartbeat without reflexes, a CRRT pump that gives "
+            "its flow whatever the pressures are.",
+        ]
+    )
+
+
+def _differences(study: CohortStudy) -> str:
+    said = []
+    for policy in study.policies:
+        found = [v for point in study.points if math.isfinite(v := point.variation[policy])]
+        words = POLICY_WORDS[policy].partition(":")[0]
+        if not found:
+            said.append(f"an amount that is not known {words}")
+            continue
+        of = "" if len(found) == len(study.points) else f", known for {len(found)} data points"
+        said.append(f"{number(np.median(found), 1)} mmHg (largest {number(max(found), 1)}{of}) {words}")
+    return f"Between schemes the mean arterial pressure differs by a median of {', '.join(said)}."
+
+
+def _doubts(study: CohortStudy) -> Iterator[str]:
+    lines = [f"{name}: {why}" for name, why in study.lost.items()]
+    for point in study.unsettled:
+        lines.append(f"{point.name}: {'; '.join(point.unsettled)}")
+    for policy in study.policies:
+        names = study.undecided(policy)
+        if names:
+            words = POLICY_WORDS[policy].partition(":")[0]
+            lines.append(f"Which scheme is first is not known, {words}: {', '.join(names[:40])}")
+    if len(lines) > 40:
+        lines = [*lines[:40], f"and {len(lines) - 40} more, see cohort.json"]
+    if lines:
+        yield box(
+            ["Not all is known; what is not has no part in places, medians and counts", *lines], warn=True
+        )
+
+
+def _points_table(study: CohortStudy) -> str:
+    head = ["Data point", "Pump [rpm]", "ECMO flow [L/min]", "MAP [mmHg]", "Blood taken up, at most [mL]"]
+    for policy in study.policies:
+        words = POLICY_WORDS[policy].partition(":")[0]
+        head += [f"Best to worst, {words}", f"MAP varies by [mmHg], {words}"]
+    ordered = sorted(study.points, key=lambda point: point.flow)
+    return table(head, [_point_cells(study, point) for point in ordered], numeric=(1, 2, 3, 4, 6, 8))
+
+
+def _point_cells(study: CohortStudy, point: PointResult) -> list[str]:
+    taken = number(point.taken_up, 0)
+    cells = [point.name, f"{point.speed:.0f}", number(point.flow, 2), number(point.pressure, 0), taken]
+    for policy in study.policies:
+        cells += [_order(point, policy), number(point.variation[policy], 1)]
+    return cells

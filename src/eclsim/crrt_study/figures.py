@@ -1,0 +1,311 @@
+"""Figures of the CRRT study: one beat of every scheme, the range of ECMO flows, limits, the split of effects.
+
+In the manner of Figures 5 and 6 of Thiel et al. 2025.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from eclsim.crrt_study.curves import (
+    MOST_LABELS,
+    explain_colours,
+    label_ends,
+    limit_line,
+    mark_gaps,
+    style_of,
+)
+from eclsim.devices.constants import CRRT_ALARMS_MMHG
+from eclsim.outputs.alarms import SANSOM_ACCESS_MMHG, SUCTION_MMHG
+from eclsim.reporting.style import GREY, OKABE_ITO, PAGE_WIDTH_MM, figure_style, new_figure, plain_text
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+VESSELS = (("Psart", "systemic artery"), ("Ppart", "pulmonary artery"), ("Psvn", "systemic vein"))
+
+
+def extremes(means: xr.Dataset) -> tuple[str, str]:
+    """Letters of the schemes with the highest and the lowest arterial pressure; empty if none is known."""
+    pressure, letters = means["Psart"].values, means["scheme"].values.astype(str)
+    if not np.isfinite(pressure).any():
+        return "", ""
+    return str(letters[np.nanargmax(pressure)]), str(letters[np.nanargmin(pressure)])
+
+
+def unknown(means: xr.Dataset) -> list[str]:
+    """Letters of the schemes whose beat was not found."""
+    return means["scheme"].values.astype(str)[~np.isfinite(means["Psart"].values)].tolist()
+
+
+@figure_style()
+def plot_crrt_beat(waveforms: xr.Dataset, means: xr.Dataset) -> Figure:
+    """Two beats of every scheme at one speed: pressures of the patient, right ventricle, access and return.
+
+    Args:
+        waveforms: over `scheme` and `phase`, with `time` [s].
+        means: cycle means over `scheme` at the same speed.
+    """
+    highest, lowest = extremes(means)
+    fig, grid = _four_panels(_room(means, highest, lowest))
+    _draw_vessels(grid[0, 0], waveforms, highest, lowest)
+    _draw_loops(grid[0, 1], waveforms, highest, lowest)
+    for ax, line, title in (
+        (grid[1, 0], "access", "c) Access line"),
+        (grid[1, 1], "return", "d) Return line"),
+    ):
+        _draw_line_pressure(ax, waveforms, line, highest, lowest)
+        ax.set_title(title, loc="left")
+    explain_colours(grid[0, 0], highest, lowest, missing=unknown(means))
+    return fig
+
+
+def _room(means: xr.Dataset, highest: str, lowest: str) -> int:
+    """Characters of the longest label beside a curve."""
+    return 9 if means.sizes["scheme"] <= MOST_LABELS else len(f"{highest} {lowest}")
+
+
+def _four_panels(characters: int, legend_rows: int = 2) -> tuple[Figure, np.ndarray]:
+    """Two rows of two axes at fixed places: arranging them by trial takes longer than drawing them.
+
+    Args:
+        characters: room at the right of each.
+        legend_rows: lines of the legend below.
+    """
+    height = 150.0 + 4.5 * (legend_rows - 2)
+    fig = new_figure(PAGE_WIDTH_MM, height)
+    fig.set_layout_engine(None)
+    left, room = 0.09, min(0.008 + 0.0088 * characters, 0.2)
+    width, tall = 0.5 - left - room, 52.5 / height
+    bottoms = [1.0 - 59.25 / height, 1.0 - 127.5 / height]
+    places = [[(left + 0.5 * column, bottom, width, tall) for column in (0, 1)] for bottom in bottoms]
+    grid = np.array([[fig.add_axes(place) for place in row] for row in places])
+    return fig, grid
+
+
+def two_beats(waveforms: xr.Dataset, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Time [s] and values, shape (schemes, points), of a waveform over two beats."""
+    time = waveforms["time"].values
+    values = waveforms[name].transpose("scheme", "phase").values
+    return np.r_[time, time[1:] + time[-1]], np.concatenate([values, values[:, 1:]], axis=1)
+
+
+def _curves(
+    ax: Axes, waveforms: xr.Dataset, name: str, highest: str, lowest: str
+) -> dict[str, tuple[float, float]]:
+    time, values = two_beats(waveforms, name)
+    letters = waveforms["scheme"].values.astype(str)
+    for letter, row in zip(letters, values, strict=True):
+        ax.plot(time, row, **style_of(letter, highest, lowest))  # pyright: ignore[reportArgumentType] - keywords of a line
+    ax.set_xlim(time[0], time[-1])
+    ax.set_xlabel("Time [s]")
+    ax.set_ylabel("Pressure [mmHg]")
+    return {letter: (float(time[-1]), float(row.mean())) for letter, row in zip(letters, values, strict=True)}
+
+
+def _draw_vessels(ax: Axes, waveforms: xr.Dataset, highest: str, lowest: str) -> None:
+    for name, words in VESSELS:
+        _curves(ax, waveforms, name, highest, lowest)
+        _, values = two_beats(waveforms, name)
+        values = values[np.isfinite(values)]
+        if len(values):
+            _name_vessel(ax, name, words, float(values.min()), float(values.max()))
+    ax.set_ylim(-9.0, 1.12 * ax.get_ylim()[1])
+    ax.set_title("a) Patient", loc="left")
+
+
+def _name_vessel(ax: Axes, name: str, words: str, lowest: float, highest: float) -> None:
+    """Name of a vessel at the left, above its curves, below for the veins at the bottom."""
+    below = name == "Psvn"
+    ax.annotate(
+        words, (0.02, lowest if below else highest), xycoords=("axes fraction", "data"), fontsize=7.5,
+        xytext=(0, -3 if below else 2), textcoords="offset points", va="top" if below else "bottom",
+    )  # fmt: skip
+
+
+def _draw_loops(ax: Axes, waveforms: xr.Dataset, highest: str, lowest: str) -> None:
+    volumes, pressures = (waveforms[n].transpose("scheme", "phase").values for n in ("Vrv", "Prv"))
+    letters = waveforms["scheme"].values.astype(str)
+    for letter, volume, pressure in zip(letters, volumes, pressures, strict=True):
+        ax.plot(volume, pressure, **style_of(letter, highest, lowest))  # pyright: ignore[reportArgumentType] - keywords of a line
+    ax.set_xlabel("Right-ventricular volume [mL]")
+    ax.set_ylabel("Right-ventricular pressure [mmHg]")
+    ax.set_title("b) Right ventricle", loc="left")
+
+
+def _draw_line_pressure(ax: Axes, waveforms: xr.Dataset, line: str, highest: str, lowest: str) -> None:
+    ends = _curves(ax, waveforms, _PRESSURES[line], highest, lowest)
+    _alarms(ax, line)
+    label_ends(ax, ends, highest, lowest)
+
+
+_PRESSURES = {"access": "Pcrrttuin", "return": "Pcrrttuout"}
+
+
+def _alarms(ax: Axes, line: str) -> None:
+    low, high = CRRT_ALARMS_MMHG[line]
+    limit_line(ax, high, f"high alarm {high:g}")
+    limit_line(ax, low, f"low alarm {low:g}".replace("-", "−"), above=False)
+    if line == "access":
+        limit_line(ax, SANSOM_ACCESS_MMHG, f"{SANSOM_ACCESS_MMHG:g} (Sansom 2023)", dotted=True)
+    bottom, top = ax.get_ylim()
+    bottom, top = min(bottom, low), max(top, high)
+    room = 0.10 * (top - bottom)
+    ax.set_ylim(bottom - room, top + room)
+
+
+@figure_style()
+def plot_crrt_speeds(means: xr.Dataset, case_speed: float) -> Figure:
+    """Cycle means of every scheme over the ECMO flow: patient, drainage cannula, access and return line.
+
+    Args:
+        means: over `scheme` and `speed`; pressures [mmHg] and `PF` [L/min].
+        case_speed: speed [rpm] that is marked; it also decides which schemes stand out.
+    """
+    highest, lowest = extremes(means.sel(speed=case_speed))
+    gaps = bool(np.isnan(means["Psart"].values).any())
+    fig, grid = _four_panels(_room(means, highest, lowest), 3 if gaps else 2)
+    for name, words in VESSELS:
+        _over_flow(grid[0, 0], means, name, highest, lowest)
+        some = means[name].dropna("speed", how="all")
+        if some.sizes["speed"]:
+            start = some.isel(speed=0)
+            highest_start = float(start.max()) if name != "Psart" else float(some.isel(speed=-1).max())
+            _name_vessel(grid[0, 0], name, words, float(start.min()), highest_start)
+    grid[0, 0].set_ylim(bottom=min(-9.0, grid[0, 0].get_ylim()[0]))
+    grid[0, 0].set_title("a) Patient", loc="left")
+    label_ends(grid[0, 1], _over_flow(grid[0, 1], means, "Pecmodrain", highest, lowest), highest, lowest)
+    limit_line(
+        grid[0, 1], SUCTION_MMHG, f"suction feared below {SUCTION_MMHG:g}".replace("-", "−"), dotted=True
+    )
+    grid[0, 1].set_title("b) ECMO drainage cannula", loc="left")
+    for ax, line, title in (
+        (grid[1, 0], "access", "c) Access line"),
+        (grid[1, 1], "return", "d) Return line"),
+    ):
+        ends = _over_flow(ax, means, _PRESSURES[line], highest, lowest)
+        _alarms(ax, line)
+        label_ends(ax, ends, highest, lowest)
+        ax.set_title(title, loc="left")
+    at = means["PF"].sel(speed=case_speed).median().item()
+    for ax in grid.flat if np.isfinite(at) else ():
+        ax.axvline(at, color=GREY, linewidth=0.6, zorder=1)
+    mark = "ECMO flow of the case" if np.isfinite(at) else None
+    explain_colours(grid[0, 0], highest, lowest, mark, unknown(means.sel(speed=case_speed)), gaps)
+    return fig
+
+
+def _over_flow(
+    ax: Axes, means: xr.Dataset, name: str, highest: str, lowest: str
+) -> dict[str, tuple[float, float]]:
+    ends = {}
+    every = {n: means[n].transpose("scheme", "speed").values for n in (name, "PF")}
+    for k, letter in enumerate(means["scheme"].values.astype(str)):
+        flow, values, look = every["PF"][k], every[name][k], style_of(letter, highest, lowest)
+        ax.plot(flow, values, **look)  # pyright: ignore[reportArgumentType] - keywords of a line
+        mark_gaps(ax, flow, values, look["color"])
+        known = np.flatnonzero(np.isfinite(flow) & np.isfinite(values))
+        if len(known):
+            ends[letter] = (float(flow[known[-1]]), float(values[known[-1]]))
+    ax.set_xlabel("ECMO flow [L/min]")
+    ax.set_ylabel("Mean pressure [mmHg]")
+    return ends
+
+
+@figure_style()
+def plot_crrt_uptake(uptake: xr.Dataset, means: xr.Dataset, without: xr.Dataset) -> Figure:
+    """Arterial pressure of every scheme under both volume policies, and what the blood taken up does to it.
+
+    Args:
+        uptake: differences to the patient without CRRT, over `scheme`, split into `_uptake` and `_flow`.
+        means: over `policy` and `scheme` at the same speed.
+        without: over `policy` at the same speed, without CRRT.
+    """
+    fig = new_figure(PAGE_WIDTH_MM, 20 + 6.5 * means.sizes["scheme"])
+    left, right = fig.subplots(1, 2, sharey=True)
+    letters = [plain_text(x, 24) for x in means["scheme"].values.astype(str)]
+    rows = np.arange(len(letters))
+    looks = {
+        "as_published": (OKABE_ITO["vermillion"], "o", "patient's blood fills the tubing (as published)"),
+        "patient_held": (OKABE_ITO["blue"], "s", "circuits primed (patient's volume held)"),
+    }
+    for policy in means["policy"].values.astype(str):
+        colour, marker, words = looks[policy]
+        left.plot(means["Psart"].sel(policy=policy), rows, marker, color=colour, markersize=5, label=words)
+        left.axvline(float(without["Psart"].sel(policy=policy)), color=colour, linewidth=0.9, linestyle=":")
+    _say_unknown(left, rows, means["Psart"].isnull().any("policy").values)
+    left.set_xlabel("Mean arterial pressure [mmHg]\n(dotted: without CRRT)")
+    left.set_title("a) Arterial pressure", loc="left")
+    parts = (("uptake", OKABE_ITO["vermillion"], "blood taken up by the tubing", -0.2),
+             ("flow", OKABE_ITO["bluish green"], "changed flow", 0.2))  # fmt: skip
+    for word, colour, words, shift in parts:
+        right.barh(rows + shift, uptake[f"Psart_{word}"], height=0.38, color=colour, label=words)
+    _say_unknown(right, rows, np.isnan(uptake["Psart_flow"].values))
+    for row, taken in zip(rows, uptake["blood_taken_up"].values, strict=True):
+        volume = f"{taken:.0f} mL".replace("-", "−") if np.isfinite(taken) else "– mL"
+        right.annotate(volume, (1.0, row), xycoords=("axes fraction", "data"),
+                       xytext=(3, 0), textcoords="offset points", va="center", fontsize=7.5)  # fmt: skip
+    right.axvline(0.0, color="black", linewidth=0.7)
+    right.set_xlabel("Difference to the patient without CRRT [mmHg]\n(right: blood taken up, as published)")
+    right.set_title("b) What makes the difference, as published", loc="left")
+    left.set_yticks(rows, letters)
+    left.invert_yaxis()
+    left.set_ylabel("Scheme")
+    fig.legend(loc="outside lower center", ncols=2)
+    return fig
+
+
+def _say_unknown(ax: Axes, rows: np.ndarray, which: np.ndarray) -> None:
+    """Words in the rows of schemes of which something is missing."""
+    for row in rows[which]:
+        ax.annotate("not known: no steady beat", (0.02, row), xycoords=("axes fraction", "data"), va="center",
+                    fontsize=6.5, color=GREY, zorder=6,
+                    bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4, "alpha": 0.8})  # fmt: skip
+
+
+@figure_style()
+def plot_crrt_limits(limits: xr.Dataset, case_flow: float, ranked: list[str]) -> Figure:
+    """Largest ECMO flow that every scheme keeps each limit up to.
+
+    Args:
+        limits: `largest_flow`, `flow_at_most` and `state` over `scheme` and `limit`.
+        case_flow: ECMO flow [L/min] of the case, marked; NaN if it is not known.
+        ranked: schemes from best to worst, top to bottom.
+    """
+    fig = new_figure(PAGE_WIDTH_MM, 22 + 6.5 * max(len(ranked), 5))  # room for label and legend
+    ax = fig.subplots()
+    rows = np.arange(len(ranked))
+    both = limits.sel(limit="crrt", scheme=ranked)
+    end = 1.04 * float(np.nanmax([1.0, case_flow, *limits["largest_flow"].values.ravel()]))
+    kept = both["largest_flow"].fillna(0.0).values
+    ax.barh(rows, kept, height=0.55, color="#C9D9E6", label="all limits of the CRRT lines kept")
+    open_ = np.isin(both["state"].values, ("not_known_above", "not_known"))
+    if open_.any():
+        further = np.minimum(both["flow_at_most"].values[open_], 0.99 * end) - kept[open_]
+        ax.barh(
+            rows[open_], further, left=kept[open_], height=0.55, facecolor="white", edgecolor=GREY,
+            linestyle=":", hatch="////", linewidth=0.6, label="not known: no steady beat found",
+        )  # fmt: skip
+    marks = {
+        "access_alarm": ("access alarm", OKABE_ITO["blue"], "<"),
+        "return_alarm": ("return alarm", OKABE_ITO["vermillion"], ">"),
+        "access_190": ("access above 190 mmHg", OKABE_ITO["bluish green"], "o"),
+        "suction": (f"drainage below {SUCTION_MMHG:g} mmHg".replace("-", "−"), "black", "|"),
+    }
+    for name, (words, colour, marker) in marks.items():
+        one = limits.sel(limit=name, scheme=ranked)
+        flows = one["largest_flow"].where(one["state"] == "broken_above")
+        ax.plot(flows, rows, marker, color=colour, markersize=6, label=f"{words} from here")
+    if np.isfinite(case_flow):
+        ax.axvline(case_flow, color="black", linewidth=0.9, linestyle="--", label="ECMO flow of the case")
+    ax.set_yticks(rows, [plain_text(letter, 24) for letter in ranked])
+    ax.invert_yaxis()
+    ax.set_xlim(0.0, end)
+    ax.set_xlabel("ECMO flow [L/min]")
+    ax.set_ylabel("Scheme, best first")
+    fig.legend(loc="outside lower center", ncols=3)
+    return fig

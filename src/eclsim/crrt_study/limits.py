@@ -1,0 +1,218 @@
+"""Limits of machine and circuit, and the largest ECMO flow at which a scheme keeps them.
+
+A speed without a steady beat has no margin (NaN): nothing is concluded from it, nor across it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from eclsim.crrt_study.unknown_beats import no_beat, speeds_in_words
+from eclsim.devices.constants import CRRT_ALARMS_MMHG
+from eclsim.outputs.alarms import SANSOM_ACCESS_MMHG, SUCTION_MMHG
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+FINE_POINTS = 4001
+
+BROKEN_ABOVE = "broken_above"
+KEPT_TO_THE_END = "kept_to_the_end"
+NOT_KNOWN_ABOVE = "not_known_above"
+NEVER = "never"
+NOT_KNOWN = "not_known"
+"""How far a limit is kept: up to a flow where it breaks; up to the largest speed studied; up to a flow above
+which beats were not found; at no speed; at no speed whose beat was found."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """A bound on a quantity of the steady beat.
+
+    Args:
+        name: key.
+        quantity: variable of the study's means.
+        low: smallest allowed value [mmHg], -inf for none.
+        high: largest allowed value [mmHg], inf for none.
+        meaning: what it is and where it comes from.
+        of_crrt: whether the CRRT scheme is judged by it.
+    """
+
+    name: str
+    quantity: str
+    low: float
+    high: float
+    meaning: str
+    of_crrt: bool = True
+
+    def margin(self, value: np.ndarray | float) -> np.ndarray:
+        """Distance to the nearer bound [mmHg]; negative where it is broken."""
+        return np.minimum(np.asarray(value) - self.low, self.high - np.asarray(value))
+
+
+LIMITS = (
+    Limit("access_alarm", "Pcrrttuin", *CRRT_ALARMS_MMHG["access"], "usual alarms of the access line"),
+    Limit("return_alarm", "Pcrrttuout", *CRRT_ALARMS_MMHG["return"], "usual alarms of the return line"),
+    Limit(
+        "access_190", "Pcrrttuin", -np.inf, SANSOM_ACCESS_MMHG,
+        "access pressure above which CRRT circuits failed early (Sansom et al. 2023)",
+    ),
+    Limit(
+        "suction", "lowest_drainage_pressure", SUCTION_MMHG, np.inf,
+        "drainage pressure below which suction and haemolysis are feared (a convention)", False,
+    ),
+)  # fmt: skip
+CRRT_LIMITS = "crrt"
+"""Key of all limits by which the scheme is judged, taken together."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """How far a limit is kept as the pump speeds up.
+
+    Args:
+        state: one of the five words above.
+        flow: largest ECMO flow known to keep it [L/min]; NaN if there is none.
+        speed: pump speed at that flow [rpm].
+        flow_at_most: flow that it may be kept up to where the state is not known further up [L/min]; inf if
+            nothing bounds it, and `flow` where that is known.
+        broken_below: lower speeds [rpm] at which it is broken.
+    """
+
+    state: str
+    flow: float
+    speed: float
+    flow_at_most: float
+    broken_below: tuple[float, ...] = ()
+
+
+def largest_flows(means: xr.Dataset, case_speed: float) -> xr.Dataset:
+    """What each scheme keeps at the case's speed, and up to which ECMO flow.
+
+    Args:
+        means: over `policy`, `scheme` and `speed`; pressures, `PF` [L/min] and `status`, NaN without a beat.
+        case_speed: speed [rpm] of the case, one of the speeds.
+
+    Returns:
+        Over `policy`, `scheme` and `limit` (the last one, "crrt", is all limits of the CRRT lines together):
+        `state`, `largest_flow` [L/min], `largest_speed` [rpm] and `flow_at_most` [L/min], see `Kept`;
+        `kept_throughout`, if the limit is kept at every speed studied; `in_words`; `margin` [mmHg] at the
+        case's speed, negative where the limit is broken, NaN where the beat was not found.
+    """
+    import xarray as xr
+
+    keys = [limit.name for limit in LIMITS] + [CRRT_LIMITS]
+    shape = (means.sizes["policy"], means.sizes["scheme"], len(keys))
+    few = means[[*dict.fromkeys(limit.quantity for limit in LIMITS), "PF", "status"]]
+    speeds = means["speed"].values
+    margin, throughout = np.full(shape, np.nan), np.zeros(shape, dtype=bool)
+    kept, said = np.empty(shape, dtype=object), np.empty(shape, dtype=object)
+    for p, s in np.ndindex(shape[:2]):
+        one = few.isel(policy=p, scheme=s)
+        flow, missing = one["PF"].values, no_beat(speeds.tolist(), one["status"].values.astype(str).tolist())
+        for k, margins in enumerate(_margins(one).values()):
+            margin[p, s, k] = margins[speeds == case_speed][0]
+            throughout[p, s, k] = bool((margins >= 0.0).all())
+            kept[p, s, k] = kept_up_to(speeds, flow, margins)
+            noun = "its limits" if keys[k] == CRRT_LIMITS else "it"
+            said[p, s, k] = in_words(kept[p, s, k], missing, noun)
+    dims = ("policy", "scheme", "limit")
+    data: dict[str, Any] = {
+        name: (dims, np.array([getattr(one, field) for one in kept.flat]).reshape(shape), about)
+        for name, (field, about) in _COLUMNS.items()
+    }
+    about = {"units": "mmHg", "long_name": "distance to the limit at the case's speed; negative: broken"}
+    data["margin"] = (dims, margin, about)
+    data["kept_throughout"] = (dims, throughout, {"long_name": "kept at every speed studied"})
+    data["in_words"] = (dims, said.astype(str), {"long_name": "up to which flow the limit is kept, in words"})
+    return xr.Dataset(data, {"policy": means["policy"], "scheme": means["scheme"], "limit": keys})
+
+
+_COLUMNS = {
+    "largest_flow": ("flow", {"units": "L/min", "long_name": "largest ECMO flow known to keep the limit"}),
+    "largest_speed": ("speed", {"units": "rpm", "long_name": "pump speed at that flow"}),
+    "flow_at_most": (
+        "flow_at_most",
+        {"units": "L/min", "long_name": "flow that may keep the limit, at most"},
+    ),
+    "state": ("state", {"long_name": "how far the limit is kept"}),
+}
+
+
+def _margins(one: xr.Dataset) -> dict[str, np.ndarray]:
+    margins = {limit.name: limit.margin(one[limit.quantity].values) for limit in LIMITS}
+    margins[CRRT_LIMITS] = np.min([margins[limit.name] for limit in LIMITS if limit.of_crrt], axis=0)
+    return margins
+
+
+def kept_up_to(speeds: np.ndarray, flows: np.ndarray, margins: np.ndarray) -> Kept:
+    """How far a limit is kept: the last speed that keeps it, and what is known above.
+
+    Between two speeds next to each other the margin is interpolated; not across a speed without a beat.
+
+    Args:
+        speeds: ascending [rpm].
+        flows: ECMO flow at each [L/min].
+        margins: distance to the limit [mmHg], negative where it is broken, NaN where it is not known.
+    """
+    known = np.isfinite(margins) & np.isfinite(flows)
+    keeping = np.flatnonzero(known & (np.where(known, margins, -1.0) >= 0.0))
+    last = int(keeping[-1]) if len(keeping) else -1
+    above = np.arange(last + 1, len(speeds))
+    broken, missing = above[known[above]], above[~known[above]]
+    if last < 0:
+        if not len(missing):
+            return Kept(NEVER, np.nan, np.nan, np.nan)
+        return Kept(NOT_KNOWN, np.nan, np.nan, _next_flow(flows, broken[broken > missing[-1]]))
+    lower = tuple(float(v) for v in speeds[:last][margins[:last] < 0.0])
+    if not len(above):
+        return Kept(KEPT_TO_THE_END, float(flows[last]), float(speeds[last]), float(flows[last]), lower)
+    if len(broken) and broken[0] == last + 1:
+        speed, flow = _crossing(speeds[known], flows[known], margins[known], float(speeds[last]))
+        return Kept(BROKEN_ABOVE, flow, speed, flow, lower)
+    at_most = max(_next_flow(flows, broken), float(flows[last]))
+    return Kept(NOT_KNOWN_ABOVE, float(flows[last]), float(speeds[last]), at_most, lower)
+
+
+def _next_flow(flows: np.ndarray, broken: np.ndarray) -> float:
+    """Flow at the first of the speeds that break a limit; inf without any."""
+    return float(flows[broken[0]]) if len(broken) else np.inf
+
+
+def _crossing(speeds: np.ndarray, flows: np.ndarray, margins: np.ndarray, last: float) -> tuple[float, float]:
+    """Speed and flow where the margin runs out for good, by monotone cubics in speed; `last` keeps it."""
+    from scipy.interpolate import PchipInterpolator
+
+    fine = np.linspace(speeds[0], speeds[-1], FINE_POINTS)
+    kept = fine[PchipInterpolator(speeds, margins)(fine) >= 0.0]
+    speed = float(max(last, kept[-1])) if len(kept) else last
+    return speed, float(PchipInterpolator(speeds, flows)(speed))
+
+
+def in_words(kept: Kept, missing: str, noun: str = "its limits") -> str:
+    """A sentence without its full stop.
+
+    Args:
+        kept: how far.
+        missing: which beats were not found, and why; empty if all were.
+        noun: what is kept.
+    """
+    doubt = f"; {missing}" if missing else ""
+    if kept.state == NEVER:
+        return f"keeps {noun} at no speed studied"
+    if kept.state == NOT_KNOWN:
+        return f"keeps {noun} at no speed whose beat was found{doubt}"
+    said = f"keeps {noun} up to {kept.flow:.1f} L/min"
+    if kept.state == NOT_KNOWN_ABOVE:
+        further = (
+            f" up to {kept.flow_at_most:.1f} L/min, where it is broken" if kept.flow_at_most < np.inf else ""
+        )
+        said += f" ({kept.speed:.0f} rpm); above that it is not known{further}: {missing}"
+    elif kept.state == KEPT_TO_THE_END:
+        said += f", the largest flow studied{doubt}"
+    else:
+        said += f" of ECMO flow{doubt}"
+    return said + (f"; broken at {speeds_in_words(kept.broken_below)}" if kept.broken_below else "")

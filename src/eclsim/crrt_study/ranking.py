@@ -1,0 +1,195 @@
+"""Which scheme to prefer, and why: a fixed order of reasons, each a number of the study.
+
+A scheme has a place only where every number that decides it is known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from eclsim.crrt_study.limits import CRRT_LIMITS, KEPT_TO_THE_END
+from eclsim.crrt_study.unknown_beats import listed, no_beat
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from eclsim.crrt_study.schemes import Scheme
+
+ORDER = (
+    "keeps the machine's pressure alarms at this speed",
+    "keeps the access pressure below 190 mmHg at this speed",
+    "draws and returns above atmospheric pressure (no air can be drawn in)",
+    "keeps its limits up to the larger ECMO flow, in steps of 0.1 L/min",
+    "recirculates less, in steps of 1 %",
+    "stands further from its nearest limit at this speed",
+)
+"""What counts, in this order."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ranked:
+    """One scheme's place and the numbers that put it there.
+
+    Args:
+        letter: of the scheme.
+        rank: 1 is best, among the schemes whose beat at the case's speed was found; None where a number that
+            decides it is not known.
+        alarms_kept: whether both lines stay within the machine's alarms at the case's speed; None where the
+            beat at that speed was not found.
+        access_190_kept: whether the access pressure stays below 190 mmHg; None likewise.
+        lowest_site_pressure: lower of the mean pressures where the lines attach [mmHg]; NaN likewise.
+        largest_flow: largest ECMO flow known to keep all limits of the CRRT lines [L/min]; NaN if none is.
+        throughout: whether it keeps them at the largest speed studied.
+        recirculated: share of the access flow that comes straight from the return line; NaN without a beat.
+        margin: distance to the nearest limit [mmHg]; NaN without a beat.
+        reasons: sentences.
+        flow_at_most: the flow that keeps the limits is not larger than this [L/min]; equals `largest_flow`
+            where that is known for sure.
+        places: best and worst place that what is known allows, among the schemes whose beat at the case's
+            speed was found; None for the others.
+        why_no_rank: what is not known; empty for a scheme with a rank.
+    """
+
+    letter: str
+    rank: int | None
+    alarms_kept: bool | None
+    access_190_kept: bool | None
+    lowest_site_pressure: float
+    largest_flow: float
+    throughout: bool
+    recirculated: float
+    margin: float
+    reasons: tuple[str, ...]
+    flow_at_most: float = np.nan
+    places: tuple[int, int] | None = None
+    why_no_rank: str = ""
+
+    @property
+    def known(self) -> bool:
+        """Whether the beat at the case's speed was found."""
+        return self.alarms_kept is not None
+
+    @property
+    def flow_known(self) -> bool:
+        """Whether it is known up to which flow the limits are kept, or that they never are."""
+        return self.flow_at_most == self.largest_flow or bool(np.isnan(self.flow_at_most))
+
+
+def rank(means: xr.Dataset, limits: xr.Dataset, schemes: tuple[Scheme, ...]) -> tuple[Ranked, ...]:
+    """Schemes from best to worst for one policy at one speed; those without a place last.
+
+    Args:
+        means: over `scheme`, at the case's speed and one policy.
+        limits: of `largest_flows`, over `scheme` and `limit`, likewise.
+        schemes: those of the study.
+    """
+    judged = [_judge(means.sel(scheme=s.letter), limits.sel(scheme=s.letter), s) for s in schemes]
+    known, unknown = [r for r in judged if r.known], [r for r in judged if not r.known]
+    placed = sorted((_placed(one, known) for one in known), key=lambda r: (r.places, _key(r)))
+    return (*placed, *unknown)
+
+
+def first_choice(ranking: Sequence[Ranked]) -> Ranked | None:
+    """The scheme that is first of all; None where that is not known, or the beat of another was not found."""
+    return best_known(ranking) if all(one.known for one in ranking) else None
+
+
+def best_known(ranking: Sequence[Ranked]) -> Ranked | None:
+    """The scheme that is first for sure of those whose beat was found; None where that is not known."""
+    return next((one for one in ranking if one.rank == 1), None)
+
+
+def candidates(ranking: Sequence[Ranked]) -> list[Ranked]:
+    """Schemes that may be first by what is known."""
+    return [one for one in ranking if one.places is not None and one.places[0] == 1]
+
+
+def _placed(one: Ranked, known: Sequence[Ranked]) -> Ranked:
+    """With the best and the worst place among the schemes that are known, and the rank where they agree."""
+    others = [other for other in known if other is not one]
+    better = sum(_before(other, one) is True for other in others)
+    open_against = [other for other in others if _before(other, one) is None]
+    places = (1 + better, 1 + better + len(open_against))
+    if not open_against:
+        return replace(one, rank=places[0], places=places)
+    named = [other.letter for other in open_against if not other.flow_known]
+    others_keep = f"scheme {named[0]} keeps its" if len(named) == 1 else f"schemes {listed(named)} keep their"
+    whose = f"{others_keep if one.flow_known else 'it keeps its'} limits"
+    why = f"place {places[0]} to {places[1]}: not known up to which ECMO flow {whose}"
+    return replace(one, places=places, why_no_rank=why)
+
+
+def _before(one: Ranked, other: Ranked) -> bool | None:
+    """Whether a scheme is better than another; None where what is known does not tell."""
+    if _until_flow(one) != _until_flow(other) or (one.flow_known and other.flow_known):
+        return bool(_key(one) < _key(other))
+    if _tenths(one.largest_flow) > _tenths(other.flow_at_most):
+        return True
+    return False if _tenths(other.largest_flow) > _tenths(one.flow_at_most) else None
+
+
+def _until_flow(one: Ranked) -> tuple[bool, ...]:
+    return not one.alarms_kept, not one.access_190_kept, one.lowest_site_pressure < 0.0
+
+
+def _key(one: Ranked) -> tuple[float, ...]:
+    return (
+        *_until_flow(one),
+        -_tenths(one.largest_flow),
+        np.round(np.nan_to_num(one.recirculated), 2),
+        -one.margin,
+    )
+
+
+def _tenths(flow: float) -> float:
+    """A flow in steps of 0.1 L/min; one that keeps the limits nowhere is the smallest."""
+    return -np.inf if np.isnan(flow) else float(np.round(flow, 1))
+
+
+def _judge(one: xr.Dataset, limits: xr.Dataset, scheme: Scheme) -> Ranked:
+    margin = {str(k): float(limits["margin"].sel(limit=k)) for k in limits["limit"].values}
+    both = limits.sel(limit=CRRT_LIMITS)
+    missing = no_beat([float(one["speed"])], [str(one["status"].item())])
+    ranked = Ranked(
+        letter=scheme.letter,
+        rank=None,
+        alarms_kept=None if missing else margin["access_alarm"] >= 0.0 and margin["return_alarm"] >= 0.0,
+        access_190_kept=None if missing else margin["access_190"] >= 0.0,
+        lowest_site_pressure=min(float(one["P" + node]) for node in scheme.nodes),
+        largest_flow=float(both["largest_flow"]),
+        throughout=both["state"].item() == KEPT_TO_THE_END,
+        recirculated=float(one["recirculated_fraction"]),
+        margin=margin[CRRT_LIMITS],
+        reasons=(),
+        flow_at_most=float(both["flow_at_most"]),
+        why_no_rank=f"no place: {missing}" if missing else "",
+    )
+    return replace(ranked, reasons=tuple(_sentences(ranked, one, both["in_words"].item())))
+
+
+def _sentences(one: Ranked, means: xr.Dataset, kept: str) -> list[str]:
+    if not one.known:
+        return [one.why_no_rank.removeprefix("no place: "), kept]
+    access, giving = float(means["Pcrrttuin"]), float(means["Pcrrttuout"])
+    said = [f"access {_whole(access)} mmHg, return {_whole(giving)} mmHg"]
+    if not one.alarms_kept:
+        said.append("breaks a pressure alarm of the machine")
+    if not one.access_190_kept:
+        said.append("access pressure above 190 mmHg: early failure of the CRRT circuit is more likely")
+    if one.lowest_site_pressure < 0.0:
+        said.append(f"a line attaches at {_whole(one.lowest_site_pressure)} mmHg: a leak there draws in air")
+    said.append(kept)
+    if one.recirculated >= 0.005:
+        said.append(
+            f"{100.0 * one.recirculated:.0f} % of the access flow comes straight from the return line"
+        )
+    return said
+
+
+def _whole(value: float) -> str:
+    """A whole number with a real minus sign."""
+    return f"{value:.0f}".replace("-", "−")

@@ -1,0 +1,161 @@
+"""How a CRRT circuit can be connected to an ECMO circuit: the nine schemes of Thiel et al., and all others.
+
+Nothing here computes, so that input errors are told at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from eclsim.cases.fields import PATIENT_SITES
+from eclsim.devices.positions import CRRT_SCHEMES, ECMO_POSITIONS
+from eclsim.parameters import did_you_mean
+
+POSITION_WORDS = {
+    "post_dc": "post drainage cannula",
+    "pre_pump": "pre pump",
+    "post_pump": "post pump",
+    "pre_oxy": "pre oxygenator",
+    "post_oxy": "post oxygenator",
+    "pre_rc": "pre return cannula",
+}
+"""Positions in flow direction, in words."""
+
+NEGATIVE_PRESSURE_POSITIONS = ("post_dc", "pre_pump")
+"""Positions between drainage cannula and pump, where the pressure falls below the atmosphere's."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scheme:
+    """Where the CRRT draws blood and where it gives it back.
+
+    Args:
+        letter: key of the scheme; a to i for those of Figure 2 of Thiel et al., else "access:return".
+        access_site: position in the ECMO circuit or compartment of the patient that blood is drawn from.
+        return_site: where it is given back.
+        note: what is special about it.
+    """
+
+    letter: str
+    access_site: str
+    return_site: str
+    note: str = ""
+
+    @property
+    def name(self) -> str:
+        """The connection in words: access, then return."""
+        return f"{site_words(self.access_site)} – {site_words(self.return_site)}"
+
+    @property
+    def nodes(self) -> tuple[str, str]:
+        """Compartments of the circuit that the two lines attach to."""
+        sites = (self.access_site, self.return_site)
+        return tuple(ECMO_POSITIONS.get(site, site) for site in sites)  # pyright: ignore[reportReturnType]
+
+
+def site_words(site: str) -> str:
+    """A site in words."""
+    return POSITION_WORDS.get(site) or f"patient's {PATIENT_SITES[site]}"
+
+
+FIGURE_2 = {letter: Scheme(letter, *sites) for letter, sites in CRRT_SCHEMES.items()}
+"""The nine schemes as Figure 2 of Thiel et al. 2025 draws them."""
+
+PUBLISHED = "published"
+AS_DRAWN = "figure"
+SCHEME_H = (PUBLISHED, AS_DRAWN)
+"""Two readings of scheme h: the published code and all numbers of the paper have both lines at pre pump; the
+figure draws the return line at post drainage cannula."""
+
+NINE = "all"
+PAIRS = "pairs"
+SEPARATE = "separate"
+GROUPS = {
+    NINE: "the nine schemes of Figure 2",
+    PAIRS: "all 36 ordered pairs of positions",
+    SEPARATE: "CRRT on the patient: svn:ra, svn:svn and ra:ra",
+}
+SEPARATE_PAIRS = (("svn", "ra"), ("svn", "svn"), ("ra", "ra"))
+
+
+class SchemeError(ValueError):
+    """A selection of schemes that cannot be read; says what is allowed."""
+
+
+def nine_schemes(scheme_h: str = PUBLISHED) -> dict[str, Scheme]:
+    """The nine schemes by letter, h as the published code ran it or as the figure draws it."""
+    if scheme_h not in SCHEME_H:
+        raise SchemeError(f"scheme h '{scheme_h}'; allowed: {', '.join(SCHEME_H)}")
+    schemes = dict(FIGURE_2)
+    if scheme_h == PUBLISHED:
+        schemes["h"] = replace(
+            FIGURE_2["h"], return_site="pre_pump",
+            note="both lines at pre pump, as in the published code; Figure 2 draws the return line at post "
+            "drainage cannula",
+        )  # fmt: skip
+    return schemes
+
+
+def select_schemes(selection: str | Sequence[str] = NINE, scheme_h: str = PUBLISHED) -> tuple[Scheme, ...]:
+    """The schemes that a selection names, each once.
+
+    Args:
+        selection: letters a to i, groups (`all`, `pairs`, `separate`) and pairs `access:return`, as one text
+            with commas or as a list.
+        scheme_h: reading of scheme h.
+
+    Raises:
+        SchemeError: Naming every word that cannot be read.
+    """
+    words = selection.split(",") if isinstance(selection, str) else list(selection)
+    words = [word.strip() for word in words if word.strip()]
+    if not words:
+        raise SchemeError(f"no schemes; allowed: {_allowed()}")
+    nine = nine_schemes(scheme_h)
+    chosen: dict[str, Scheme] = {}
+    wrong = []
+    for word in words:
+        try:
+            chosen.update({scheme.letter: scheme for scheme in _meant(word, nine)})
+        except SchemeError as error:
+            wrong.append(str(error))
+    if wrong:
+        raise SchemeError("; ".join(wrong) + f"; allowed: {_allowed()}")
+    return tuple(chosen.values())
+
+
+def _allowed() -> str:
+    groups = ", ".join(f"{name} ({words})" for name, words in GROUPS.items())
+    positions = ", ".join(ECMO_POSITIONS)
+    return f"letters a to i, {groups}, or access:return with {positions} or a patient's compartment"
+
+
+def _meant(word: str, nine: dict[str, Scheme]) -> list[Scheme]:
+    if word in nine:
+        return [nine[word]]
+    if word == NINE:
+        return list(nine.values())
+    if word == PAIRS:
+        return [_pair(access, giving, nine) for access in ECMO_POSITIONS for giving in ECMO_POSITIONS]
+    if word == SEPARATE:
+        return [_pair(access, giving, nine) for access, giving in SEPARATE_PAIRS]
+    access, colon, giving = word.partition(":")
+    if not colon:
+        raise SchemeError(_unknown(word, (*nine, *GROUPS)))
+    known = (*ECMO_POSITIONS, *PATIENT_SITES)
+    wrong = [_unknown(site, known) for site in (access, giving) if site not in known]
+    if wrong:
+        raise SchemeError("; ".join(wrong))
+    return [_pair(access, giving, nine)]
+
+
+def _pair(access: str, giving: str, nine: dict[str, Scheme]) -> Scheme:
+    """The scheme of a pair: the lettered one where there is one."""
+    same = [s for s in nine.values() if (s.access_site, s.return_site) == (access, giving)]
+    return same[0] if same else Scheme(f"{access}:{giving}", access, giving)
+
+
+def _unknown(word: str, known: Sequence[str]) -> str:
+    hint = did_you_mean(word, known)
+    return f"'{word[:40]}' is no scheme" + (f", did you mean {hint}?" if hint else "")

@@ -1,0 +1,160 @@
+"""The combined ECMO and CRRT study: every way to connect the CRRT, over the range of pump speeds.
+
+Section 3.3 of Thiel et al. 2025 for any patient on ECMO with a rotary pump, under either blood volume policy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from eclsim.crrt_study.schemes import NINE, PUBLISHED, Scheme, select_schemes
+from eclsim.crrt_study.settings import AS_PUBLISHED, BOTH, case_speed, crrt_flow, policies_of
+from eclsim.simulation.value_ranges import parse_speeds
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from eclsim.cases.case import Case
+    from eclsim.crrt_study.ranking import Ranked
+    from eclsim.crrt_study.unknown_beats import Unsettled
+
+USUAL_SPEEDS = "1000:5000:250"
+
+
+@dataclass(frozen=True)
+class CrrtStudy:
+    """Results of the study.
+
+    Args:
+        case: the case.
+        schemes: schemes compared.
+        case_speed: pump speed of the case [rpm]; one of the speeds.
+        crrt_flow_ml_min: blood flow of the CRRT.
+        means: cycle means and outputs over `policy`, `scheme` and `speed`; NaN where the beat was not found,
+            and `status` says why.
+        without_crrt: the same for the patient on ECMO alone, over `policy` and `speed`.
+        waveforms: at the case's speed, over `policy`, `scheme` and `phase`.
+        summary: median and variation over the schemes, over `policy` and `speed`.
+        limits: what each scheme keeps, over `policy`, `scheme` and `limit`.
+        uptake: differences at the case's speed, split into blood taken up and flow; None unless the published
+            policy was studied.
+        ranking: schemes from best to worst, by policy.
+        uncertainty: how surely each scheme keeps its limits; None unless samples were given.
+    """
+
+    case: Case
+    schemes: tuple[Scheme, ...]
+    case_speed: float
+    crrt_flow_ml_min: float
+    means: xr.Dataset
+    without_crrt: xr.Dataset
+    waveforms: xr.Dataset
+    summary: xr.Dataset
+    limits: xr.Dataset
+    uptake: xr.Dataset | None
+    ranking: dict[str, tuple[Ranked, ...]]
+    uncertainty: xr.Dataset | None = None
+
+    @property
+    def policies(self) -> tuple[str, ...]:
+        """Blood volume policies that were studied."""
+        return tuple(str(policy) for policy in self.means["policy"].values)
+
+    @property
+    def converged(self) -> bool:
+        """Whether every steady beat was found, those of the samples included."""
+        return not self.unsettled and not self.samples_without_a_beat
+
+    @property
+    def unsettled(self) -> tuple[Unsettled, ...]:
+        """Beats that were not found, by policy, scheme and reason."""
+        from eclsim.crrt_study.unknown_beats import unsettled
+
+        return unsettled(self)
+
+    @property
+    def samples_without_a_beat(self) -> dict[str, int]:
+        """Number of samples of the patient's parameters without a steady beat, by scheme that has any."""
+        from eclsim.crrt_study.unknown_beats import samples_without_a_beat
+
+        return {} if self.uncertainty is None else samples_without_a_beat(self.uncertainty)
+
+
+def crrt_study(
+    case: Case,
+    *,
+    schemes: str | Sequence[str] = NINE,
+    speeds: str | Sequence[float] = USUAL_SPEEDS,
+    crrt_flow_ml_min: float | None = None,
+    volume_policy: str | None = None,
+    scheme_h: str = PUBLISHED,
+    samples: Mapping[str, Sequence[float]] | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> CrrtStudy:
+    """Run the study for one case.
+
+    Args:
+        case: with an ECMO circuit and a rotary pump; its CRRT section gives the flow only.
+        schemes: letters, groups and pairs, see `select_schemes`.
+        speeds: pump speeds [rpm], see `parse_speeds`; the case's own speed is added.
+        crrt_flow_ml_min: blood flow of the CRRT; left out, the case's own, else 200 mL/min.
+        volume_policy: "as_published", "patient_held" or "both"; left out, what the case says, else both.
+        scheme_h: "published" or "figure", see `SCHEME_H`.
+        samples: values by parameter, one per sample of the patient's posterior; the limits are then held
+            against each, at the case's speed and the first policy.
+        progress: is told what is being computed.
+
+    Raises:
+        StudyError: If the case has no ECMO circuit with a rotary pump, or the policy is none.
+        SchemeError: If a scheme cannot be read.
+        SpeedError: If a speed cannot be read.
+    """
+    from eclsim.crrt_study import datasets as crrt_datasets
+    from eclsim.crrt_study.batches import bench_of
+    from eclsim.crrt_study.limits import largest_flows
+    from eclsim.crrt_study.ranking import rank
+    from eclsim.crrt_study.statistics import summarise
+    from eclsim.crrt_study.uncertainty import uncertainty
+    from eclsim.crrt_study.uptake import split_differences
+
+    chosen, policies = (
+        select_schemes(schemes, scheme_h),
+        policies_of(volume_policy or case.blood_volume_policy or BOTH),
+    )
+    own = case_speed(case)
+    rpm = np.unique([*(parse_speeds(speeds) if isinstance(speeds, str) else speeds), own]).astype(float)
+    flow = crrt_flow(case, crrt_flow_ml_min)
+    bench = bench_of(case, chosen, flow)
+    at = np.arange(len(chosen)) * len(rpm) + int(np.flatnonzero(rpm == own)[0])
+    runs, alone = [], []
+    for k, policy in enumerate(policies):
+        of = f"policy {k + 1} of {len(policies)} ({policy})"
+        progress(f"{of}: {len(chosen)} schemes at {len(rpm)} speeds")
+        runs.append(bench.run(rpm, policy, keep=at.tolist()))
+        alone.append(bench.run_without(rpm, policy))
+    uptake = None
+    if AS_PUBLISHED in policies:
+        progress("effects of the schemes split into blood volume and flow")
+        first = policies.index(AS_PUBLISHED)
+        uptake = split_differences(
+            bench, runs[first], bench.run_without(np.array([own]), AS_PUBLISHED), at, own
+        )
+    doubt = None
+    if samples:
+        progress("samples of the patient's parameters")
+        doubt = uncertainty(bench, own, policies[0], samples)
+    progress("limits and ranking")
+    means = crrt_datasets.means(bench, runs, alone, policies, rpm)
+    limits = largest_flows(means, own)
+    ranking = {
+        policy: rank(means.sel(policy=policy, speed=own), limits.sel(policy=policy), chosen)
+        for policy in policies
+    }
+    return CrrtStudy(
+        case, chosen, own, flow, means, crrt_datasets.without(alone, policies, rpm),
+        crrt_datasets.waveforms(bench, runs, policies), summarise(means), limits, uptake, ranking, doubt,
+    )  # fmt: skip

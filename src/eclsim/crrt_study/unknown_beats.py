@@ -1,0 +1,129 @@
+"""What the study does not know, in words: beats that were not found, and why.
+
+The records hold no numbers for them (`eclsim.outputs.records`); here it is said which they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from eclsim.orbit.status import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from eclsim.crrt_study.study import CrrtStudy
+
+FOUND = Status.CONVERGED.name.lower()
+WITHOUT_CRRT = "without CRRT"
+WHY = {
+    "no_ejection": "the native heart ejects next to nothing",
+    "not_converged": "the search for it did not converge",
+    "not_finite": "the pressures left the range of numbers",
+    "invalid_input": "a value is not allowed",
+}
+"""Reason by status."""
+MOST_SPEEDS_NAMED = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Unsettled:
+    """Beats of one scheme that were not found for one reason.
+
+    Args:
+        policy: blood volume policy.
+        place: "scheme a" or "without CRRT".
+        speeds: of the pump [rpm].
+        status: how the search ended, in lower case.
+        condition: what else was special about the beats.
+    """
+
+    policy: str
+    place: str
+    speeds: tuple[float, ...]
+    status: str
+    condition: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """Where there is no steady beat, and why."""
+        where = f"{self.place} {self.condition}".strip()
+        return f"{where}: {no_beat(self.speeds, [self.status] * len(self.speeds))}"
+
+    @property
+    def advice(self) -> str:
+        """What the status means and what to do."""
+        return Status[self.status.upper()].message
+
+
+def no_beat(speeds: Sequence[float], statuses: Sequence[str]) -> str:
+    """Speeds without a steady beat, and the reasons; empty where all are found.
+
+    Args:
+        speeds: of the pump [rpm].
+        statuses: one for each speed; those that were found are left out.
+    """
+    reasons = dict.fromkeys(status for status in statuses if status != FOUND)
+    said = []
+    for reason in reasons:
+        here = [v for v, status in zip(speeds, statuses, strict=True) if status == reason]
+        said.append(f"no steady beat at {speeds_in_words(here)} ({WHY[reason]})")
+    return ", ".join(said)
+
+
+def speeds_in_words(speeds: Sequence[float]) -> str:
+    """A few speeds one by one, of more the first, the last and how many."""
+    words = [f"{speed:.0f}" for speed in speeds]
+    if len(words) > MOST_SPEEDS_NAMED:
+        return f"{len(words)} speeds from {words[0]} to {words[-1]} rpm"
+    return f"{listed(words)} rpm"
+
+
+def listed(words: Sequence[str]) -> str:
+    """Words with commas and an "and" before the last."""
+    return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
+
+
+def unsettled(study: CrrtStudy) -> tuple[Unsettled, ...]:
+    """All beats that were not found, by policy, scheme and reason."""
+    found: list[Unsettled] = []
+    for policy in study.policies:
+        for letter in study.means["scheme"].values.astype(str):
+            one = study.means["status"].sel(policy=policy, scheme=letter)
+            found += _grouped(policy, f"scheme {letter}", one)
+        found += _grouped(policy, WITHOUT_CRRT, study.without_crrt["status"].sel(policy=policy))
+    return (*found, *_primed(study))
+
+
+def _grouped(policy: str, place: str, status: xr.DataArray) -> Iterator[Unsettled]:
+    """One entry for each reason."""
+    words = status.values.astype(str)
+    for reason in dict.fromkeys(word for word in words if word != FOUND):
+        yield Unsettled(policy, place, tuple(status["speed"].values[words == reason].tolist()), reason)
+
+
+def _primed(study: CrrtStudy) -> Iterator[Unsettled]:
+    """Schemes whose beat with the volume of the patient without CRRT was not found."""
+    if study.uptake is None:
+        return
+    for letter, status in zip(
+        study.uptake["scheme"].values.astype(str), study.uptake["status"].values.astype(str), strict=True
+    ):
+        if status not in (FOUND, NOT_ASKED):
+            yield Unsettled("patient_held", f"scheme {letter}", (study.case_speed,), status, PRIMED)
+
+
+PRIMED = "with the volume of the patient without CRRT"
+NOT_ASKED = "not_computed"
+"""Status of a beat that was not computed since the one it is compared with was not found."""
+
+
+def samples_without_a_beat(uncertainty: xr.Dataset) -> dict[str, int]:
+    """Number of samples without a steady beat, by scheme; only those that have any."""
+    count = np.rint((1.0 - uncertainty["settled"].values) * uncertainty.attrs["samples"]).astype(int)
+    letters = uncertainty["scheme"].values.astype(str)
+    return {str(letter): int(n) for letter, n in zip(letters, count, strict=True) if n}

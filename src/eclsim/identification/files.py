@@ -1,0 +1,135 @@
+"""The files of fits: JSON, tables, case files and figures."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from eclsim.atomic import whole_file
+from eclsim.cases.csv_cells import guarded
+from eclsim.cases.writing import write_case
+from eclsim.identification.cohort_fit import named, r_squared, stem
+from eclsim.identification.fit_profiles import RISE_90
+from eclsim.identification.verdict import DOUBTFUL_DIFFERENCE, POOR_DIFFERENCE
+from eclsim.reporting.plain_json import write_plain
+
+if TYPE_CHECKING:
+    from eclsim.cases.mistakes import Mistake
+    from eclsim.identification.fit import Fit
+    from eclsim.identification.fit_profiles import FitProfiles
+
+SUMMARY = "identification.json"
+
+
+def fits_object(
+    results: Sequence[Mapping[str, Any]], settings: Mapping[str, Any], refused: Iterable[Mistake] = ()
+) -> dict[str, Any]:
+    """All data points, R2, rows that were refused, and what the fits were asked for."""
+    return {
+        "points": list(results),
+        "r2": r_squared(results),
+        "refused": [{"line": m.line, "column": m.key, "message": str(m)} for m in refused],
+        "settings": dict(settings),
+    }
+
+
+def write_fits(folder: Path, content: Mapping[str, Any]) -> None:
+    """Write identification.json, outputs.csv, parameters.csv and verdicts.csv."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_plain(content, folder / SUMMARY)
+    head = ("id", "output", "measured", "simulated", "standard_uncertainties_off", "status")
+    _write(folder / "outputs.csv", head, (row for p in content["points"] for row in _output_rows(p)))
+    keys = ("value", "lower", "upper", "at_bound", "identifiable", "reason")
+    parameters = [
+        (p["id"], name, *(q[key] for key in keys), *(q["profile"] or (None, None)))
+        for p in content["points"]
+        for name, q in p["parameters"].items()
+    ]
+    head = ("id", "parameter", *keys, "profile_lower", "profile_upper")
+    _write(folder / "parameters.csv", head, parameters)
+    keys = ("level", "aspect", "about", "sentence")
+    reasons = [
+        (p["id"], p["verdict"]["level"], *(r[key] for key in keys))
+        for p in content["points"]
+        for r in p["verdict"]["reasons"] or [dict.fromkeys(keys, "")]
+    ]
+    _write(folder / "verdicts.csv", ("id", "verdict", *keys), reasons)
+
+
+def _output_rows(point: Mapping[str, Any]) -> list[tuple[object, ...]]:
+    goodness = point["verdict"]["goodness"]
+    off = {} if goodness is None else goodness["differences"]
+    return [
+        (point["id"], name, cell["measured"], cell["simulated"], off.get(name), point["status"])
+        for name, cell in point["outputs"].items()
+    ]
+
+
+def write_fitted_case(folder: Path, fit: Fit) -> Path:
+    """Write the fitted case; every command takes it."""
+    path = folder / f"{stem(fit.name)}.toml"
+    write_case(fit.case if fit.name == fit.case.patient.id else named(fit.case, fit.name), path)
+    return path
+
+
+def write_fit_figures(folder: Path, fit: Fit, profiled: FitProfiles) -> list[Path]:
+    """Slices, profiles, convergence of the starts, residuals and correlation of one fit."""
+    from eclsim.identification.fit_figures import plot_correlation, plot_profiles, plot_residuals
+    from eclsim.identification.search_figures import plot_slices, plot_starts
+    from eclsim.identification.slices import slices
+    from eclsim.parameters import thiel2025
+    from eclsim.reporting.style import save_figure
+
+    if not len(fit.optimum.starts.agreeing):
+        return []
+    units = {n: thiel2025.PARAMETERS[n].unit for n in fit.box.names}
+    along = slices(fit.objective, fit.box, fit.optimum.x, fit.number)
+    figures = {
+        "slices": plot_slices(along, units),
+        "profiles": plot_profiles(profiled.found, profiled.along, units, RISE_90),
+        "starts": plot_starts(fit.optimum.starts, fit.box.names, fit.box.lower, fit.box.upper),
+        "residuals": plot_residuals(
+            fit.as_object()["outputs"],
+            fit.uncertainties,
+            {"doubtful": DOUBTFUL_DIFFERENCE, "poor": POOR_DIFFERENCE},
+        ),
+        "correlation": plot_correlation(fit.box.names, fit.correlation),
+    }
+    written = [path for name, figure in figures.items() for path in save_figure(figure, folder / name)]
+    table, found = folder / "profiles.csv", profiled.found
+    rows = [
+        (name, value, cost if np.isfinite(cost) else None)
+        for name, values, costs in zip(found.names, found.values, found.costs, strict=True)
+        for value, cost in zip(values.tolist(), costs.tolist(), strict=True)
+    ]
+    _write(table, ("parameter", "value", "chi_square"), rows)
+    return [*written, table]
+
+
+def write_cohort_figures(folder: Path, content: Mapping[str, Any]) -> list[Path]:
+    """Scatter and box plots of measured and simulated values."""
+    from eclsim.identification.search_figures import plot_boxes, plot_scatter
+    from eclsim.reporting.style import save_figure
+
+    return [
+        *save_figure(plot_scatter(content["points"], content["r2"]), folder / "scatter"),
+        *save_figure(plot_boxes(content["points"]), folder / "boxes"),
+    ]
+
+
+def _write(path: Path, head: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    with whole_file(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(head)
+        writer.writerows(["" if cell is None else _cell(cell) for cell in row] for row in rows)
+
+
+def _cell(value: object) -> object:
+    """Numbers to eight digits; text that a spreadsheet would take for a formula behind an apostrophe."""
+    if isinstance(value, float):
+        return f"{value:.8g}"
+    return guarded(value)

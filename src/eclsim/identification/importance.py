@@ -1,0 +1,186 @@
+"""The posterior without a chain: draws from an approximation, weighted by the exact density.
+
+All draws of a round are one batch of steady beats, so this takes seconds where chains take minutes. The first
+rounds aim at flatter densities, in which the measurements count for less, so that no arm of the posterior is
+overlooked. Each round fits its proposal (a `Transport` of Student's t distribution) to the weighted draws of
+all rounds before, and all are weighted by the mixture of all proposals: adaptive multiple importance
+sampling, Cornuet, Marin, Mira and Robert 2012, Scandinavian Journal of Statistics 39, 798-812. The largest
+weights are smoothed with a generalised Pareto distribution, whose shape k tells whether they can be trusted:
+Vehtari, Simpson, Gelman, Yao and Gabry 2024, JMLR 25, 1-58; below 0.7 they can.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import logsumexp
+
+from eclsim.identification.density import Posterior
+from eclsim.identification.gaussian import Gaussian
+from eclsim.identification.mixture import Mixture
+from eclsim.identification.transport import Transport
+
+TEMPERS = (0.02, 0.08, 0.25, 0.6, 1.0, 1.0, 1.0)
+"""How much the measurements count in each round."""
+LARGEST_SHAPE = 0.7
+FEWEST_EFFECTIVE = 400
+GOOD_SHAPE = 0.6
+GOOD_EFFECTIVE = 600
+MOST_MORE_ROUNDS = 6
+"""Rounds are added until the weights are good, at most so many."""
+
+
+@dataclass(frozen=True)
+class Weighted:
+    """Weighted draws of a posterior.
+
+    Args:
+        z: hidden variables, shape (draws, parameters).
+        outputs: of the model there, shape (draws, outputs).
+        weights: sum to 1, shape (draws,).
+        shape: Pareto k of the largest weights.
+        proposals: what they were drawn from, and at last what was fitted to all of them.
+    """
+
+    z: np.ndarray
+    outputs: np.ndarray
+    weights: np.ndarray
+    shape: float
+    proposals: Mixture
+
+    @property
+    def transport(self) -> Transport:
+        """Coordinates fitted to all weighted draws."""
+        return self.proposals.transports[-1]
+
+    @property
+    def effective(self) -> float:
+        """Effective number of draws."""
+        return 1.0 / float(np.sum(self.weights**2))
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the draws are not to be trusted; empty where they are."""
+        found = []
+        if not self.shape < LARGEST_SHAPE:
+            found.append(f"Pareto k of the weights is {self.shape:.2f} (below {LARGEST_SHAPE})")
+        if self.effective < FEWEST_EFFECTIVE:
+            found.append(f"{self.effective:.0f} effective draws (at least {FEWEST_EFFECTIVE})")
+        return tuple(found)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """The reasons, with what to do."""
+        return tuple(f"{reason}: sample by chains" for reason in self.reasons)
+
+    @property
+    def without_beat(self) -> int:
+        """Draws at which the model has no steady beat; they have no weight."""
+        return int((~np.isfinite(self.outputs).all(axis=1)).sum())
+
+    def widened(self) -> tuple[np.ndarray, float]:
+        """Weights that can be trusted: raised to the largest power up to 1 at which no reason is left.
+
+        A smaller power takes the distribution from the posterior towards the proposals, which are wider.
+
+        Returns:
+            Weights, which sum to 1, and the power.
+        """
+
+        def raised(power: float) -> np.ndarray:
+            found = np.where(self.weights > 0.0, np.maximum(self.weights, 1e-300) ** power, 0.0)
+            return found / found.sum()
+
+        most = 1.0 if self.shape < LARGEST_SHAPE else LARGEST_SHAPE / self.shape
+        if 1.0 / np.sum(raised(most) ** 2) >= FEWEST_EFFECTIVE:
+            return (self.weights, 1.0) if most == 1.0 else (raised(most), most)
+        low = 0.0
+        for _ in range(30):
+            power = 0.5 * (low + most)
+            enough = 1.0 / np.sum(raised(power) ** 2) >= FEWEST_EFFECTIVE
+            low, most = (power, most) if enough else (low, power)
+        return raised(low), low
+
+    def resample(self, count: int, seed: int) -> np.ndarray:
+        """Numbers of equally weighted draws (systematic resampling), shape (count,)."""
+        places = (np.arange(count) + np.random.default_rng(seed).random()) / count
+        return np.searchsorted(np.cumsum(self.weights), places).clip(max=len(self.weights) - 1)
+
+
+def weigh(
+    posterior: Posterior,
+    gaussian: Gaussian,
+    count: int = 1024,
+    seed: int = 0,
+    tempers: tuple[float, ...] = TEMPERS,
+) -> Weighted:
+    """Draw in rounds, each from a proposal fitted to the rounds before.
+
+    Args:
+        posterior: density.
+        gaussian: its approximation.
+        count: draws of each round.
+        seed: the same seed, the same draws.
+        tempers: how much the measurements count in each round; the last is 1.
+    """
+    random = np.random.default_rng(seed)
+    scaled = gaussian.jacobian / posterior.scale[:, None]
+    flat = np.linalg.inv(tempers[0] * scaled.T @ scaled + np.eye(len(gaussian.centre)))
+    proposals = [Transport.straight(gaussian.centre, flat)]
+    z, outputs = np.empty((0, len(gaussian.centre))), np.empty((0, len(posterior.outputs)))
+    weights, shape = np.empty(0), np.inf
+    for number in range(len(tempers) + MOST_MORE_ROUNDS):
+        if number >= len(tempers) and shape < GOOD_SHAPE and 1.0 / np.sum(weights**2) > GOOD_EFFECTIVE:
+            break
+        temper = tempers[number + 1] if number + 1 < len(tempers) else 1.0
+        new = Mixture((proposals[-1],)).draws(random, count)
+        z, outputs = (
+            np.concatenate([z, new]),
+            np.concatenate([outputs, posterior.simulate(new, gaussian.centre)]),
+        )
+        density = Mixture(tuple(proposals)).log_density(z)
+        weights, shape = smoothed(-posterior.potential(z, outputs, temper) - density)
+        proposals.append(Transport.fitted(z, weights))
+    return Weighted(z, outputs, weights, shape, Mixture(tuple(proposals)))
+
+
+def smoothed(log_weights: np.ndarray) -> tuple[np.ndarray, float]:
+    """Pareto-smoothed weights that sum to 1, and the shape of the distribution of the largest."""
+    finite = np.isfinite(log_weights)
+    weights = np.where(finite, np.exp(log_weights - log_weights[finite].max(initial=-np.inf)), 0.0)
+    count = int(min(0.2 * finite.sum(), 3.0 * np.sqrt(finite.sum())))
+    if count < 5:
+        return weights / max(weights.sum(), 1e-300), np.inf
+    order = np.argsort(weights)
+    largest = order[-count:]
+    limit = weights[order[-count - 1]]
+    shape, scale = pareto_fit(weights[largest] - limit)
+    ranks = (np.arange(count) + 0.5) / count
+    weights[largest] = np.minimum(limit + scale * np.expm1(-shape * np.log1p(-ranks)) / shape, 1.0)
+    return weights / weights.sum(), shape
+
+
+def pareto_fit(above: np.ndarray) -> tuple[float, float]:
+    """Shape and scale of a generalised Pareto distribution: Zhang and Stephens 2009, Technometrics 51, 316.
+
+    Args:
+        above: by how much values are above the limit, rising.
+    """
+    count = len(above)
+    above = np.maximum(above, 1e-300)
+    grid = np.arange(1, 30 + int(np.sqrt(count)) + 1)
+    b = 1.0 / above[-1] + (1.0 - np.sqrt(len(grid) / (grid - 0.5))) / (3.0 * above[int(count / 4 + 0.5) - 1])
+    k = np.mean(np.log1p(-b[:, None] * above), axis=1)
+    likelihood = count * (np.log(-b / k) - k - 1.0)
+    share = np.exp(likelihood - logsumexp(likelihood))
+    best = float(share @ b)
+    shape = float(np.mean(np.log1p(-best * above)))
+    return (shape * count + 0.5 * 10.0) / (count + 10.0), -shape / best
+
+
+def weighted_quantile(values: np.ndarray, weights: np.ndarray, shares: np.ndarray) -> np.ndarray:
+    """Quantiles of weighted values."""
+    order = np.argsort(values)
+    total = np.cumsum(weights[order]) - 0.5 * weights[order]
+    return np.interp(shares, total / weights.sum(), values[order])

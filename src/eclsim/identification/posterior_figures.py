@@ -1,0 +1,192 @@
+"""Figures of a posterior: traces of the chains, pairs of parameters, predictions against measurements."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from eclsim.parameters import thiel2025
+from eclsim.reporting.style import GREY, OKABE_ITO, curve_style, figure_style, new_figure, plain_text
+from eclsim.reporting.ticks import plain_log_ticks
+
+SHOWN = 1500
+"""At most so many draws are drawn."""
+BINS = 28
+
+
+def plot_traces(result: Any) -> Figure:
+    """Draws of every parameter in order, chain by chain, and the distribution of each chain.
+
+    Args:
+        result: an `eclsim.identification.posterior.PosteriorResult` with chains.
+    """
+    names, draws = result.names, result.draws
+    with figure_style():
+        fig = new_figure(height_mm=16 + 30 * len(names))
+        fig.suptitle(_title(result, "draws of each chain, and their distributions"))
+        for k, name in enumerate(names):
+            left = fig.add_subplot(len(names), 2, 2 * k + 1)
+            right = fig.add_subplot(len(names), 2, 2 * k + 2)
+            edges = np.geomspace(draws[:, :, k].min(), draws[:, :, k].max(), BINS + 1)
+            for chain, values in enumerate(draws[:, :, k]):
+                style = curve_style(chain)
+                left.plot(values, color=style["color"], linewidth=0.35)
+                share = np.histogram(values, edges)[0] / len(values)
+                right.stairs(share, edges, color=style["color"], linestyle=style["linestyle"], linewidth=0.9)
+            left.set_yscale("log")
+            right.set_xscale("log")
+            left.set_ylabel(_axis(name))
+            right.set_yticks([])
+            for axis in (left.yaxis, right.xaxis):
+                plain_log_ticks(axis)
+            if result.diagnostics is not None:
+                right.set_title(_mixing(result.diagnostics, k), loc="right", fontsize=7, fontweight="normal")
+            if k == len(names) - 1:
+                left.set_xlabel("draw")
+            else:
+                left.set_xticklabels([])
+    return fig
+
+
+def plot_pairs(result: Any) -> Figure:
+    """Draws of every pair of parameters, with the 90 % ellipse of the Gaussian approximation.
+
+    Args:
+        result: an `eclsim.identification.posterior.PosteriorResult`.
+    """
+    names = result.names
+    size = len(names)
+    flat = result.flat[:: max(1, len(result.flat) // SHOWN)]
+    gaussian = result.gaussian_draws(4000)
+    with figure_style():
+        fig = new_figure(height_mm=175)
+        fig.suptitle(_title(result, _of_pairs(result)))
+        axes = fig.subplots(size, size, squeeze=False)
+        for i in range(size):
+            for j in range(size):
+                ax = axes[i, j]
+                if j > i:
+                    ax.set_visible(False)
+                elif i == j:
+                    _histogram(ax, flat[:, i], gaussian[:, i] if result.checked else None)
+                else:
+                    ax.plot(flat[:, j], flat[:, i], ".", color=OKABE_ITO["blue"], markersize=1.2, alpha=0.5,
+                            rasterized=True)  # fmt: skip
+                    _ellipse(ax, result, j, i)
+                    ax.set_yscale("log")
+                ax.set_xscale("log")
+                _sparse(ax, names, i, j, size)
+    return fig
+
+
+def plot_predictive(result: Any) -> Figure:
+    """What the draws say of every output, at all settings, beside what was measured.
+
+    Args:
+        result: an `eclsim.identification.posterior.PosteriorResult`.
+    """
+    outputs = list(dict.fromkeys(n for p in result.predictions for n in p.outputs))
+    across = 4
+    down = -(-len(outputs) // across)
+    rows = len(result.predictions)
+    with figure_style():
+        fig = new_figure(height_mm=22 + down * (24 + 7 * rows))
+        fig.suptitle(_title(result, "90 % intervals of the model's outputs"))
+        for k, name in enumerate(outputs):
+            ax = fig.add_subplot(down, across, k + 1)
+            _intervals(ax, result, name)
+            ax.set_yticks(range(rows))
+            labels = [
+                plain_text(p.settings or "as measured", 40).replace("=", "=\n").replace(",", ",\n")
+                for p in result.predictions
+            ]
+            ax.set_yticklabels(labels if k % across == 0 else [], fontsize=6)
+            ax.set_ylim(rows - 0.4, -0.6)
+            ax.set_xlabel(f"{name} [{'L/min' if name in ('CO', 'PF') else 'mmHg'}]")
+        handles, labels = fig.axes[0].get_legend_handles_labels()
+        fig.legend(handles, labels, loc="outside lower center", ncols=3, columnspacing=1.4, fontsize=7)
+    return fig
+
+
+def _intervals(ax: Axes, result: Any, name: str) -> None:
+    name_of_gaussian = "Gaussian approximation, unchecked" + ("" if result.checked else ": median and 90 %")
+    of_gaussian = (result.gaussian_predictions, 0.12, "vermillion", "s", name_of_gaussian)
+    styles = [(result.predictions, -0.12, "blue", "o", f"{result.kind}: median and 90 %"), of_gaussian]
+    for predictions, shift, colour, marker, label in styles if result.checked else [of_gaussian]:
+        for row, p in enumerate(predictions):
+            if name not in p.outputs:
+                continue
+            low, middle, high = p.intervals[p.outputs.index(name)]
+            ax.plot([low, high], [row + shift] * 2, color=OKABE_ITO[colour], linewidth=1.6)
+            ax.plot(
+                middle,
+                row + shift,
+                marker,
+                color=OKABE_ITO[colour],
+                markersize=3.5,
+                label=label if not row else "",
+            )
+    if name in result.posterior.outputs:
+        value, error = result.posterior.measured[name], result.posterior.errors[name]
+        ax.errorbar(value, 0.36, xerr=1.645 * error, fmt="D", color=GREY, markersize=3, linewidth=0.9,
+                    capsize=2, label="measured and its 90 %")  # fmt: skip
+
+
+def _histogram(ax: Axes, values: np.ndarray, gaussian: np.ndarray | None) -> None:
+    """Shares of draws, and of those of the Gaussian approximation as a line."""
+    both = [(values, "blue", True)] + ([] if gaussian is None else [(gaussian, "vermillion", False)])
+    every = np.concatenate([drawn for drawn, _, _ in both])
+    edges = np.geomspace(every.min(), every.max(), BINS + 1)
+    for drawn, colour, fill in both:
+        share = np.histogram(drawn, edges)[0] / len(drawn)
+        ax.stairs(share, edges, color=OKABE_ITO[colour], fill=fill, alpha=0.5 if fill else 1.0, linewidth=0.9)
+    ax.set_yticks([])
+
+
+def _ellipse(ax: Axes, result: Any, j: int, i: int) -> None:
+    """The 90 % ellipse of two hidden variables, in the parameters."""
+    gaussian, prior = result.gaussian, result.posterior.prior
+    root = np.linalg.cholesky(gaussian.covariance[np.ix_([j, i], [j, i])])
+    angle = np.linspace(0.0, 2.0 * np.pi, 90)
+    circle = np.sqrt(4.605) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    z = np.tile(gaussian.centre, (len(angle), 1))
+    z[:, [j, i]] += circle @ root.T
+    drawn = np.exp(prior.x_of(z))
+    ax.plot(drawn[:, j], drawn[:, i], color=OKABE_ITO["vermillion"], linewidth=0.9)
+
+
+def _sparse(ax: Axes, names: Any, i: int, j: int, size: int) -> None:
+    """Names on the outer axes; two numbers on each."""
+    for axis, shown in ((ax.xaxis, i == size - 1), (ax.yaxis, j == 0 and i > 0)):
+        if axis is ax.yaxis and i == j:
+            continue
+        plain_log_ticks(axis, 0.3, shown=shown)
+    ax.tick_params(axis="x", labelrotation=60)
+    ax.tick_params(labelsize=6)
+    if i == size - 1:
+        ax.set_xlabel(_axis(names[j]), fontsize=6.5)
+    if j == 0 and i > 0:
+        ax.set_ylabel(_axis(names[i]), fontsize=6.5)
+
+
+def _mixing(diagnostics: Any, k: int) -> str:
+    effective = min(diagnostics.effective_bulk[k], diagnostics.effective_tail[k])
+    return f"R-hat {diagnostics.r_hat[k]:.3f}, {effective:.0f} effective draws"
+
+
+def _axis(name: str) -> str:
+    return f"{name}\n[{thiel2025.PARAMETERS[name].unit}]"
+
+
+def _of_pairs(result: Any) -> str:
+    if not result.checked:
+        return f"{result.kind}, draws (points) and 90 % (line)"
+    return f"{result.kind}, draws (points); Gaussian approximation, 90 % (line)"
+
+
+def _title(result: Any, what: str) -> str:
+    first = plain_text(result.name) + (f": {result.verdict}" if result.verdict else "")
+    return f"{first}\n{what}"

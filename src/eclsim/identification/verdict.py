@@ -1,0 +1,331 @@
+"""Whether a fit is to be used: does it agree with what was measured, is the fitted patient plausible.
+
+One verdict for terminal, JSON, report, tables of cohorts and the bedside page. Thresholds are conventions:
+a difference of 2.5 standard uncertainties happens by chance in one measurement of 80, one of 4 in one of
+16,000.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from eclsim.identification.multi_start import FitStatus
+from eclsim.parameters.adult_ranges import AdultRange
+
+DOUBTFUL_DIFFERENCE = 2.5
+"""Largest difference from a measurement in a good fit, in standard uncertainties."""
+POOR_DIFFERENCE = 4.0
+"""Likewise in one that is not poor."""
+DOUBTFUL_PROBABILITY = 1e-2
+"""A sum of squared differences that measurement error alone reaches so rarely is doubtful."""
+POOR_PROBABILITY = 1e-4
+"""Likewise poor."""
+UNLIKE_WIDTH = 3.0
+"""Intervals of one parameter whose widths (of the logarithms) differ by more than this factor disagree."""
+
+
+class Level(StrEnum):
+    """How far a fit can be used."""
+
+    GOOD = "good"
+    DOUBTFUL = "doubtful"
+    POOR = "poor"
+
+
+_ORDER = tuple(Level)
+
+
+class Aspect(StrEnum):
+    """What a reason speaks of."""
+
+    AGREEMENT = "agreement with the measurements"
+    SEARCH = "search"
+    PLAUSIBILITY = "plausibility of the fitted patient"
+    INTERVALS = "agreement of the intervals"
+
+
+@dataclass(frozen=True, slots=True)
+class Reason:
+    """One thing to know about a fit.
+
+    Args:
+        aspect: what it speaks of.
+        level: the verdict that this alone would give; good for a remark.
+        about: name of the output or parameter; empty where it is about the fit as a whole.
+        sentence: in words, with the numbers and what to do.
+    """
+
+    aspect: Aspect
+    level: Level
+    about: str
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Goodness:
+    """Agreement with the measurements.
+
+    Args:
+        differences: (fitted - measured) / standard uncertainty of each measurement.
+        chi_square: sum of their squares.
+        degrees: of freedom: measurements less the parameters that they determine, at least 0.
+        probability: that measurement error alone gives a sum as large; None without a degree of freedom.
+    """
+
+    differences: Mapping[str, float]
+    chi_square: float
+    degrees: float
+    probability: float | None
+
+    @property
+    def largest(self) -> tuple[str, float]:
+        """Measurement with the largest difference, and that difference in standard uncertainties."""
+        name = max(self.differences, key=lambda n: abs(self.differences[n]))
+        return name, self.differences[name]
+
+
+@dataclass(frozen=True)
+class FitVerdict:
+    """Whether a fit is to be used, and why (not).
+
+    Args:
+        goodness: None where nothing was fitted.
+        reasons: the worst first.
+    """
+
+    goodness: Goodness | None
+    reasons: tuple[Reason, ...]
+
+    @property
+    def level(self) -> Level:
+        """The worst of all reasons."""
+        return max((r.level for r in self.reasons), key=_ORDER.index, default=Level.GOOD)
+
+    @property
+    def doubts(self) -> tuple[Reason, ...]:
+        """Reasons that make it worse than good."""
+        return tuple(r for r in self.reasons if r.level is not Level.GOOD)
+
+    @property
+    def remarks(self) -> tuple[Reason, ...]:
+        """What is to be known besides."""
+        return tuple(r for r in self.reasons if r.level is Level.GOOD)
+
+    @property
+    def headline(self) -> str:
+        """The verdict in one sentence."""
+        return headline(self.as_object())
+
+    def with_reasons(self, more: Iterable[Reason]) -> FitVerdict:
+        """The verdict when more is known."""
+        every = dict.fromkeys([*self.reasons, *more])
+        return replace(self, reasons=tuple(sorted(every, key=lambda r: -_ORDER.index(r.level))))
+
+    def as_object(self) -> dict[str, Any]:
+        """As plain data for JSON."""
+        g = self.goodness
+        return {
+            "level": str(self.level),
+            "reasons": [
+                {"aspect": str(r.aspect), "level": str(r.level), "about": r.about, "sentence": r.sentence}
+                for r in self.reasons
+            ],
+            "goodness": None if g is None else {
+                "differences": dict(g.differences), "chi_square": g.chi_square,
+                "degrees_of_freedom": g.degrees, "probability": g.probability,
+            },
+        }  # fmt: skip
+
+
+_HEADLINES = {
+    Level.GOOD: "GOOD FIT: {agreement}, and the fitted patient is plausible",
+    Level.DOUBTFUL: "DOUBTFUL FIT: {agreement}; look at the reasons before you use it",
+    Level.POOR: "POOR FIT, not to be used: {agreement}",
+}
+
+
+def headline(verdict: Mapping[str, Any]) -> str:
+    """The verdict in one sentence, from its plain data."""
+    goodness = verdict["goodness"]
+    if goodness is None:
+        agreement = "nothing was fitted"
+    else:
+        differences = goodness["differences"]
+        worst = max(differences, key=lambda n: abs(differences[n]))
+        agreement = (
+            f"the largest difference from a measurement is {abs(differences[worst]):.1f} standard "
+            f"uncertainties ({worst})"
+        )
+    return _HEADLINES[Level(verdict["level"])].format(agreement=agreement)
+
+
+def signed(difference: float) -> str:
+    """A difference in standard uncertainties as text: +0.0 where it rounds to nothing."""
+    return f"{round(difference, 1) + 0.0:+.1f}"
+
+
+def goodness_of(
+    measured: Mapping[str, float],
+    simulated: Mapping[str, float],
+    uncertainties: Mapping[str, float],
+    scaled: np.ndarray,
+    spread: np.ndarray,
+) -> Goodness:
+    """Agreement of a fit with its measurements.
+
+    Args:
+        measured: values by output [mmHg, L/min].
+        simulated: of the fitted model.
+        uncertainties: standard uncertainty of each measurement.
+        scaled: d output / d log parameter in standard uncertainties, shape (measured, parameters).
+        spread: covariance of the logarithms of the parameters.
+    """
+    from scipy.stats import chi2
+
+    differences = {n: (simulated[n] - value) / uncertainties[n] for n, value in measured.items()}
+    total = float(sum(d * d for d in differences.values()))
+    determined = float(np.trace(scaled @ spread @ scaled.T))
+    degrees = max(len(measured) - determined, 0.0)
+    probability = float(chi2.sf(total, degrees)) if degrees >= 1.0 else None
+    return Goodness(differences, total, degrees, probability)
+
+
+def agreement(
+    measured: Mapping[str, float], simulated: Mapping[str, float], goodness: Goodness, weights: str
+) -> list[Reason]:
+    """What the differences from the measurements say.
+
+    Args:
+        measured: values by output [mmHg, L/min].
+        simulated: of the fitted model.
+        goodness: of the fit.
+        weights: of the fit, "relative" or "uncertainty".
+    """
+    found = []
+    for name, off in goodness.differences.items():
+        if abs(off) <= DOUBTFUL_DIFFERENCE:
+            continue
+        level = Level.POOR if abs(off) > POOR_DIFFERENCE else Level.DOUBTFUL
+        sentence = (
+            f"{name} {simulated[name]:.4g} fitted against {measured[name]:.4g} measured: "
+            f"{abs(off):.1f} standard uncertainties off"
+        )
+        found.append(Reason(Aspect.AGREEMENT, level, name, sentence))
+    found.sort(key=lambda r: -abs(goodness.differences[r.about]))
+    if found:
+        advice = "; or weigh them by uncertainty (--weights uncertainty)" if weights == "relative" else ""
+        sentence = (
+            "no set of parameters was found that gives all measurements: check them for a wrong value, "
+            f"zero level or unit, and free other parameters{advice}"
+        )
+        found.append(Reason(Aspect.AGREEMENT, found[0].level, "", sentence))
+    chance = goodness.probability
+    if chance is not None and chance < DOUBTFUL_PROBABILITY:
+        level = Level.POOR if chance < POOR_PROBABILITY else Level.DOUBTFUL
+        sentence = (
+            f"all differences together (chi-square {goodness.chi_square:.1f} at {goodness.degrees:.1f} "
+            f"degrees of freedom) are larger than measurement error gives in one of {_one_of(chance)} fits"
+        )
+        found.append(Reason(Aspect.AGREEMENT, level, "", sentence))
+    if chance is None:
+        sentence = (
+            f"the {len(measured)} measurements determine about as many combinations of parameters: that they "
+            "are reproduced is no test of the model"
+        )
+        found.append(Reason(Aspect.AGREEMENT, Level.GOOD, "", sentence))
+    return found
+
+
+def _one_of(probability: float) -> str:
+    return "more than a million" if probability < 1e-6 else f"{1.0 / probability:,.0f}"
+
+
+def search(status: FitStatus) -> list[Reason]:
+    """What the end of the search says."""
+    if status is FitStatus.FITTED:
+        return []
+    level = Level.POOR if status is FitStatus.NO_STEADY_BEAT else Level.DOUBTFUL
+    return [Reason(Aspect.SEARCH, level, "", status.message)]
+
+
+def plausibility(
+    outputs: Mapping[str, float],
+    ranges: Mapping[str, AdultRange],
+    measured: Iterable[str],
+    found: Sequence[str],
+) -> list[Reason]:
+    """What the fitted patient's volumes and pressures say, those that were measured left aside.
+
+    Args:
+        outputs: of the fitted patient.
+        ranges: of adults of the patient's sex.
+        measured: names of what was measured: its agreement is judged instead.
+        found: limits that the beat breaks, as `eclsim simulate` says them.
+    """
+    skipped, reasons = set(measured), []
+    for name, span in ranges.items():
+        value = outputs.get(name)
+        if value is None or name in skipped or span.plausible[0] <= value <= span.plausible[1]:
+            continue
+        low, high = span.healthy
+        sentence = (
+            f"{span.words} {value:.3g} {span.unit}, which is implausible even in severe illness (healthy: "
+            f"{low:.3g} to {high:.3g}): do not read it, nor what follows from it, off this fit"
+        )
+        reasons.append(Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, name, sentence))
+    reasons += [Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", sentence) for sentence in found]
+    return reasons
+
+
+def interval_agreement(
+    fitted: Mapping[str, Mapping[str, Any]], other: Mapping[str, Mapping[str, Any]], whose: str
+) -> list[Reason]:
+    """Whether the fit's Gaussian 90 % intervals agree with others, for the parameters called determined.
+
+    Args:
+        fitted: "value", "lower", "upper" and "identifiable" of each parameter, as in the JSON of a fit.
+        other: "lower" and "upper" of each parameter.
+        whose: the other intervals, such as "posterior".
+    """
+    reasons = []
+    for name, own in fitted.items():
+        its = other.get(name)
+        if its is None or not own["identifiable"] or None in (its["lower"], its["upper"]):
+            continue
+        sentence = (
+            f"{name}: 90 % interval {own['lower']:.3g} to {own['upper']:.3g} by the Gaussian approximation, "
+            f"{its['lower']:.3g} to {its['upper']:.3g} by the {whose}"
+        )
+        if own["upper"] < its["lower"] or its["upper"] < own["lower"]:
+            reasons.append(
+                Reason(
+                    Aspect.INTERVALS,
+                    Level.POOR,
+                    name,
+                    f"{sentence}: they exclude each other, so take neither; the measurements contradict the "
+                    "model, or the weights decide the fit (--weights uncertainty)",
+                )
+            )
+        elif not its["lower"] <= own["value"] <= its["upper"]:
+            reasons.append(
+                Reason(
+                    Aspect.INTERVALS,
+                    Level.DOUBTFUL,
+                    name,
+                    f"{sentence}: the fitted value {own['value']:.3g} is outside of the latter",
+                )
+            )
+        elif not 1.0 / UNLIKE_WIDTH <= _width(its) / _width(own) <= UNLIKE_WIDTH:
+            reasons.append(
+                Reason(Aspect.INTERVALS, Level.DOUBTFUL, name, f"{sentence}: take the wider of the two")
+            )
+    return reasons  # fmt: skip
+
+
+def _width(interval: Mapping[str, Any]) -> float:
+    return max(float(np.log(interval["upper"] / interval["lower"])), 1e-12)

@@ -1,0 +1,200 @@
+"""The independent path: the circuit's differential equation by Dopri8, adaptive steps, the orbit waited for.
+
+It exists to check the semi-implicit beat and the orbit solver, with which it shares nothing but the laws of
+the components. Steps end at the break points of the activation curves, so that no step straddles a kink.
+Source of the method: Prince and Dormand 1981, doi 10.1016/0771-050X(81)90010-3, as implemented in Diffrax.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from itertools import pairwise
+from typing import Any
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from eclsim.beat.compilation import compiled
+from eclsim.beat.heartbeat import HEART_RATE
+from eclsim.circuit.network import Circuit
+from eclsim.orbit.explicit import ExplicitCircuit, explicit_circuit
+from eclsim.orbit.model import AS_PUBLISHED, PATIENT_HELD, Model
+from eclsim.orbit.steady import start_state
+
+MOST_STEPS = 100_000
+"""Steps of one stretch of a beat; a healthy beat takes about a thousand."""
+WINDOW = 20
+
+
+@dataclass(frozen=True)
+class AdaptiveOptions:
+    """How accurately to integrate and how long to wait.
+
+    Args:
+        tolerance: relative and absolute tolerance of a step [mL, mL/s].
+        change: the beat is steady once no state changes by more than this, relative to max(|state|, 1), over
+            two beats in a row; at a tolerance of 1e-8 the beat map repeats to about 1e-7. Where valves hang
+            half open it repeats to 1e-5 only; then the means of `WINDOW` beats must agree as well as they
+            would if each beat changed by half of this.
+        seconds: simulated time to wait for it at most [s].
+    """
+
+    tolerance: float = 1e-8
+    change: float = 2e-7
+    seconds: float = 300.0
+
+
+@dataclass(frozen=True)
+class Waited:
+    """Where waiting ended.
+
+    Args:
+        state: at phase 0, shape (states,).
+        beats: beats integrated.
+        change: largest relative change of a state over the last beat.
+        drift: largest change of a volume over the last beat [mL].
+        steady: whether the change fell below what was asked for.
+    """
+
+    state: np.ndarray
+    beats: int
+    change: float
+    drift: float
+    steady: bool
+
+
+@dataclass(frozen=True)
+class AdaptiveProgram:
+    """Compiled integration of one circuit; parameters are packed in the order of `names`."""
+
+    explicit: ExplicitCircuit
+    tolerance: float
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The heart rate, then the circuit's own parameters."""
+        return (HEART_RATE, *self.explicit.assembly.circuit.parameter_names())
+
+    @cached_property
+    def break_points(self) -> np.ndarray:
+        """Phases from 0 to 1 where steps end."""
+        inside = {p for a in self.explicit.assembly.activations for p in a.break_points if 0.0 < p < 1.0}
+        return np.array([0.0, *sorted(inside), 1.0])
+
+    @cached_property
+    def advance(self) -> Any:
+        """Compiled map (state, packed, from phase, to phase) -> state; NaN if it took too many steps."""
+        return compiled(self._advance, ("adaptive", self))
+
+    def signals(self, names: tuple[str, ...]) -> Any:
+        """Compiled map (states, phases, packed) -> signals, shape (points, signals)."""
+        return _signals(self, names)
+
+    def _advance(self, state: Any, packed: Any, start: Any, end: Any) -> Any:
+        constants = self.explicit.assembly.constants(dict(zip(self.names, packed, strict=True)))
+        period = 60.0 / packed[0]
+        solution = diffrax.diffeqsolve(
+            diffrax.ODETerm(lambda t, y, _: self.explicit.rates(y, t / period, constants)),
+            diffrax.Dopri8(),
+            start * period,
+            end * period,
+            None,
+            state,
+            stepsize_controller=diffrax.PIDController(self.tolerance, self.tolerance, pcoeff=0.3, icoeff=0.4),
+            saveat=diffrax.SaveAt(t1=True),
+            max_steps=MOST_STEPS,
+            throw=False,
+        )
+        arrived = solution.result == diffrax.RESULTS.successful
+        assert solution.ys is not None
+        return jnp.where(arrived, solution.ys[0], jnp.nan)
+
+
+@lru_cache(maxsize=32)
+def adaptive_program(circuit: Circuit, tolerance: float = AdaptiveOptions.tolerance) -> AdaptiveProgram:
+    """The integration of a circuit; compiled on first use and kept."""
+    return AdaptiveProgram(explicit_circuit(circuit), tolerance)
+
+
+@lru_cache(maxsize=64)
+def _signals(program: AdaptiveProgram, names: tuple[str, ...]) -> Any:
+    def all_points(states: Any, phases: Any, packed: Any) -> Any:
+        constants = program.explicit.assembly.constants(dict(zip(program.names, packed, strict=True)))
+
+        def one(state: Any, phase: Any) -> Any:
+            return program.explicit.signals(names, state, phase, constants, 60.0 / packed[0])
+
+        return jax.vmap(one)(states, phases)
+
+    return jax.jit(all_points)
+
+
+class AdaptiveBeats:
+    """One model, integrated beat after beat."""
+
+    def __init__(self, model: Model, options: AdaptiveOptions | None = None):
+        self.model = model
+        self.options = options or AdaptiveOptions()
+        self.program = adaptive_program(model.circuit, self.options.tolerance)
+        self.packed = np.array([float(model.values[name]) for name in self.program.names])
+
+    def beat(self, state: np.ndarray) -> np.ndarray:
+        """State after one beat."""
+        return self.along(state, self.program.break_points)[-1]
+
+    def along(self, state: np.ndarray, phases: np.ndarray) -> np.ndarray:
+        """States at increasing phases, the first of them where `state` stands; shape (phases, states)."""
+        found = [np.asarray(state)]
+        for start, end in pairwise(phases):
+            # A state that is no number any more would cost the most steps and stay so.
+            lost = not np.isfinite(found[-1]).all()
+            after = found[-1] if lost else self.program.advance(found[-1], self.packed, start, end)
+            found.append(np.asarray(after))
+        return np.stack(found)
+
+    def record(
+        self, state: np.ndarray, phases: np.ndarray, names: tuple[str, ...]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """State after one beat, and signals at the given phases of 0 to 1, shape (phases, signals)."""
+        stops = np.union1d(phases, self.program.break_points)
+        states = self.along(state, stops)
+        wanted = states[np.searchsorted(stops, phases)]
+        return states[-1], np.asarray(self.program.signals(names)(wanted, phases, self.packed))
+
+    def wait(self, policy: str = AS_PUBLISHED) -> Waited:
+        """Beat after beat from the published initial state until nothing changes any more.
+
+        With the policy "patient_held" the patient's volumes are scaled after each beat to what the patient
+        started with: what they give to the circuits is primed. On the orbit there is nothing left to scale.
+        """
+        own = np.array([c.group == "patient" for c in self.model.circuit.compartments])
+        state = start_state(self.model)
+        held = state[: len(own)][own].sum()
+        change, drift, calm, last = np.inf, np.inf, 0, deque([state], maxlen=2 * WINDOW)
+        most = int(np.ceil(self.options.seconds * self.model.values[HEART_RATE] / 60.0))
+        for count in range(1, most + 1):
+            after = self.beat(state).copy()
+            if policy == PATIENT_HELD:
+                after[: len(own)][own] *= held / after[: len(own)][own].sum()
+            change = float(np.max(np.abs(after - state) / np.maximum(np.abs(state), 1.0)))
+            drift = float(np.max(np.abs(after - state)[: len(own)]))
+            state = after
+            last.append(state)
+            calm = calm + 1 if change <= self.options.change else 0
+            steady = calm == 2 or _hovers(last, 0.5 * self.options.change)
+            if steady or not np.isfinite(change):
+                return Waited(state, count, change, drift, steady)
+        return Waited(state, most, change, drift, False)
+
+
+def _hovers(last: deque[np.ndarray], change: float) -> bool:
+    """Whether the states of the last beats move about a mean that itself stays."""
+    if len(last) < 2 * WINDOW:
+        return False
+    states = np.stack(last)
+    before, after = states[:WINDOW].mean(axis=0), states[WINDOW:].mean(axis=0)
+    return bool(np.max(np.abs(after - before) / np.maximum(np.abs(after), 1.0)) <= WINDOW * change)

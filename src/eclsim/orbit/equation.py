@@ -1,0 +1,185 @@
+"""The steady heartbeat as an equation: y = beat(y) is solved instead of waiting for it.
+
+The residual is F(y) = y - beat(y) + u (w . y - c). The last term is the blood volume: the beat conserves it,
+so y - beat(y) says nothing about it, and w . y = c fixes it (w: which compartments are counted, c: their
+stressed volume at phase 0, u: the same amount in every compartment).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from eclsim.beat.heartbeat import BeatProgram
+from eclsim.beat.vectorisation import Lanes
+
+FLOW_SCALE = 10.0
+"""Weight of a flow [mL/s] against a volume [mL] in the norms of the iteration."""
+
+
+@dataclass(frozen=True)
+class OrbitOptions:
+    """How hard to look for the steady beat.
+
+    Args:
+        tolerance: largest change of a state over a beat, relative to max(|state|, 1).
+        error_tolerance: largest estimated distance to the orbit (inverse Jacobian times residual), relative;
+            the state handed back is one step of that size further on, and so much nearer.
+        quasi_newton_beats: beats of Broyden's method before Newton's method takes over.
+        newton_iterations: iterations of Newton's method, one Jacobian each.
+    """
+
+    tolerance: float = 1e-8
+    error_tolerance: float = 1e-7
+    quasi_newton_beats: int = 25
+    newton_iterations: int = 12
+
+
+@dataclass(frozen=True)
+class Anchor:
+    """Where a search starts: a circuit's nominal orbit, or a guess for each patient.
+
+    Args:
+        state: shape (states,), or (states, patients).
+        inverse: inverse Jacobian of F there, in scaled states, shape (states, states[, patients]).
+    """
+
+    state: np.ndarray
+    inverse: np.ndarray
+
+    def take(self, chosen: Any) -> Anchor:
+        """For some of the patients."""
+        return self if self.state.ndim == 1 else Anchor(self.state[:, chosen], self.inverse[..., chosen])
+
+
+@dataclass(frozen=True)
+class Volume:
+    """The blood volume condition: weights . state = target.
+
+    Args:
+        weights: 1 for each compartment counted, 0 else, shape (states,).
+        target: their stressed volume [mL], shape (patients,).
+    """
+
+    weights: np.ndarray
+    target: np.ndarray
+
+
+@dataclass(frozen=True)
+class Orbits:
+    """Steady states of a batch, patients last.
+
+    Args:
+        states: state at phase 0, shape (states, patients).
+        status: `Status` of each, shape (patients,).
+        beats: beats computed for each.
+        residual: largest relative change of a state over a beat.
+        drift: largest change of a volume over a beat [mL].
+    """
+
+    states: np.ndarray
+    status: np.ndarray
+    beats: np.ndarray
+    residual: np.ndarray
+    drift: np.ndarray
+
+
+def joined(parts: Sequence[Orbits]) -> Orbits:
+    """Orbits of several batches as one."""
+    names = vars(parts[0])
+    return Orbits(**{n: np.concatenate([getattr(p, n) for p in parts], axis=-1) for n in names})
+
+
+@lru_cache(maxsize=64)
+def scales(program: BeatProgram) -> np.ndarray:
+    """Scale of each state: 1 mL for volumes, `FLOW_SCALE` for flows; shape (states,)."""
+    assembly = program.assembly
+    return np.r_[np.ones(assembly.n_volumes), np.full(len(assembly.inertial), FLOW_SCALE)]
+
+
+def allowed_moves(states: Any, scale: Any) -> Any:
+    """Largest change of each state in one step of a search: half its size plus 50 scales."""
+    return 0.5 * abs(states) + 50.0 * scale
+
+
+@lru_cache(maxsize=64)
+def spread(program: BeatProgram) -> np.ndarray:
+    """The same amount in every compartment, 1 mL in all; shape (states,)."""
+    volumes, flows = program.assembly.n_volumes, len(program.assembly.inertial)
+    return np.r_[np.full(volumes, 1.0 / volumes), np.zeros(flows)]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """States and where a beat takes them, patients last.
+
+    Args:
+        states: states at phase 0, shape (states, patients).
+        moved: states minus states a beat later.
+        size: max(|states|, 1).
+        residual: F in scaled states; 0 where it is not finite.
+        change: largest change of a state over the beat, relative to its size; shape (patients,).
+        drift: largest change of a volume over the beat [mL].
+        finite: whether the beat went well.
+    """
+
+    states: np.ndarray
+    moved: np.ndarray
+    size: np.ndarray
+    residual: np.ndarray
+    change: np.ndarray
+    drift: np.ndarray
+    finite: np.ndarray
+
+
+class OrbitProblem:
+    """F and its norms for the patients of a batch.
+
+    Args:
+        program: a beat of their circuit.
+        packed: their parameters, shape (names, patients).
+        volume: the blood volume condition.
+        wide: whether to run them with the program for many patients.
+        lone: whether to search for each with the compiled search for one.
+    """
+
+    def __init__(
+        self, program: BeatProgram, packed: np.ndarray, volume: Volume, wide: bool = False, lone: bool = False
+    ):
+        self.program = program
+        self.wide = wide
+        self.lone = lone and not wide
+        self.packed = packed
+        self.volume = volume
+        self.scale = scales(program)[:, None]
+        self.spread = spread(program)[:, None]
+        self._lanes = Lanes(program, packed, wide)
+
+    def take(self, chosen: Any) -> OrbitProblem:
+        """The same problem for some of the patients."""
+        volume = Volume(self.volume.weights, self.volume.target[chosen])
+        return OrbitProblem(self.program, self.packed[:, chosen], volume, self.wide, self.lone)
+
+    def beat(self, states: np.ndarray) -> np.ndarray:
+        """State after one beat, shape (states, patients)."""
+        return self._lanes.beat(states)
+
+    def trial(self, states: np.ndarray, after: np.ndarray | None = None) -> Trial:
+        """One beat from some states, or what is known of it if the states `after` it are."""
+        moved = states - (self.beat(states) if after is None else after)
+        excess = self.volume.weights @ states - self.volume.target
+        size = np.maximum(np.abs(states), 1.0)
+        distance = np.abs(moved)
+        drift = distance[: self.program.assembly.n_volumes].max(axis=0, initial=0.0)
+        change = np.maximum(
+            (distance / size).max(axis=0), np.abs(excess) / np.maximum(self.volume.target, 1.0)
+        )
+        finite = np.isfinite(change)
+        residual = (moved + self.spread * excess) / self.scale
+        if not finite.all():
+            residual = np.where(finite, residual, 0.0)
+        return Trial(states, moved, size, residual, change, drift, finite)

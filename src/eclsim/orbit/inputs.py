@@ -1,0 +1,101 @@
+"""Values that a circuit cannot be computed with, each with its key, the value and what is allowed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from eclsim.beat.heartbeat import HEART_RATE
+from eclsim.circuit.assembly import assemble
+from eclsim.circuit.network import Choice, Circuit, StartPressure, StartVolume
+from eclsim.components.base import names_in, value_of
+
+
+class InvalidInputError(ValueError):
+    """Values that a circuit cannot be computed with; `mistakes` holds one sentence each."""
+
+    def __init__(self, mistakes: list[str]):
+        self.mistakes = mistakes
+        super().__init__("\n".join(mistakes))
+
+
+@dataclass(frozen=True)
+class Allowed:
+    """What a circuit's parameters may be, besides finite numbers.
+
+    Args:
+        circuit: whose parameters.
+        names: of the parameters, in the order of the compiled programs.
+        above_zero: which must be above zero, shape (names,).
+        not_negative: which must be zero or above, shape (names,).
+        sites: sites that a parameter chooses among by their number from 0.
+    """
+
+    circuit: Circuit
+    names: tuple[str, ...]
+    above_zero: np.ndarray
+    not_negative: np.ndarray
+    sites: dict[str, tuple[str, ...]]
+
+    def refused(self, packed: np.ndarray) -> np.ndarray:
+        """Whether a value of each patient is not allowed, from their parameters (names, patients)."""
+        with np.errstate(invalid="ignore"):
+            wrong = ~np.isfinite(packed)
+            wrong |= self.above_zero[:, None] & (packed <= 0.0)
+            wrong |= self.not_negative[:, None] & (packed < 0.0)
+        found: np.ndarray = np.any(wrong, axis=0)
+        for name, sites in self.sites.items():
+            found = found | ~np.isin(packed[self.names.index(name)], np.arange(len(sites)))
+        return found
+
+    def reasons(self, values: Mapping[str, Any]) -> list[str]:
+        """One sentence for each value of one patient that is not allowed."""
+        found = [text for name in self.names if (text := self._reason(name, float(values[name])))]
+        return found or unreachable_starts(self.circuit, values)
+
+    def _reason(self, name: str, value: float) -> str:
+        k = self.names.index(name)
+        said = f"{name} = {value:g}"
+        if name in self.sites and value not in range(len(self.sites[name])):
+            numbers = ", ".join(f"{i} ({site})" for i, site in enumerate(self.sites[name]))
+            return f"{said}: no site of this circuit; allowed: {numbers}"
+        if not math.isfinite(value):
+            return f"{said}: not a number that can be computed with; allowed: a finite number"
+        if self.above_zero[k] and value <= 0.0:
+            return f"{said}: allowed: above zero"
+        if self.not_negative[k] and value < 0.0:
+            return f"{said}: allowed: zero or above"
+        return ""
+
+
+@lru_cache(maxsize=256)
+def allowed_values(circuit: Circuit) -> Allowed:
+    """What a circuit's components and sites allow."""
+    above, least = {HEART_RATE}, set[str]()
+    for part in (*circuit.compartments, *circuit.connections):
+        above.update(name for key in part.component.above_zero for name in names_in(key))
+        least.update(name for key in part.component.not_negative for name in names_in(key))
+    for compartment in circuit.compartments:
+        if isinstance(compartment.start, StartVolume):
+            least.update((*names_in(compartment.start.volume), *names_in(compartment.start.fraction_of)))
+    names = (HEART_RATE, *circuit.parameter_names())
+    ends = (site for c in circuit.connections for site in (c.source, c.target))
+    sites = {site.parameter: site.sites for site in ends if isinstance(site, Choice)}
+    above_zero, not_negative = (np.array([n in group for n in names]) for group in (above, least))
+    return Allowed(circuit, names, above_zero, not_negative, sites)
+
+
+def unreachable_starts(circuit: Circuit, values: Mapping[str, Any]) -> list[str]:
+    """One sentence for each compartment that has its start pressure at no volume."""
+    volumes = assemble(circuit).start_volumes(values)
+    return [
+        f"start pressure of compartment '{c.name}' = {value_of(values, c.start.pressure):g} mmHg: at rest it "
+        "has this pressure at no volume; allowed: a pressure that its passive curve reaches"
+        for c, volume in zip(circuit.compartments, volumes, strict=True)
+        if isinstance(c.start, StartPressure) and not np.isfinite(volume)
+    ]

@@ -1,0 +1,62 @@
+"""How a solve ended: a typed value with a sentence that says what to do."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class Status(IntEnum):
+    """Outcome of solving for the steady beat of one patient."""
+
+    CONVERGED = 0
+    NO_EJECTION = 1
+    NOT_CONVERGED = 2
+    NOT_FINITE = 3
+    INVALID_INPUT = 4
+
+    @property
+    def message(self) -> str:
+        """What it means and what to do."""
+        return _MESSAGES[self]
+
+
+_MESSAGES = {
+    Status.CONVERGED: "steady beat found",
+    Status.NO_EJECTION: (
+        "the native heart ejects next to nothing, and no steady beat that the case alone determines was "
+        "found: blood shifts towards the lungs for thousands of beats, or the valves stay shut and the "
+        "volumes settle where the start leaves them; raise Emaxlv or Emaxrv, lower the afterload or the pump "
+        "speed, or follow the course from the start with --transient: these values are one state of many"
+    ),
+    Status.NOT_CONVERGED: (
+        "no steady beat found: check the parameters against their ranges, or follow the course in time with "
+        "--transient"
+    ),
+    Status.NOT_FINITE: (
+        "the beat left the range of numbers: a parameter is far outside its physiological range; see "
+        "`eclsim parameters list`"
+    ),
+    Status.INVALID_INPUT: "a value is not allowed, so nothing was computed",
+}
+
+
+class NoDerivativesError(ValueError):
+    """A patient has no derivatives: no steady beat was found, or its equation is singular.
+
+    Attributes:
+        status: how the search for the steady beat ended; `CONVERGED` where the equation is singular.
+        name: of the patient; empty where it has none.
+        reason: why, and what to do.
+    """
+
+    def __init__(self, status: Status, reason: str, name: str = ""):
+        self.status = status
+        self.name = name
+        self.reason = reason
+        of = f"{name}: " if name else ""
+        super().__init__(f"{of}no derivatives ({self.word}): {reason}")
+
+    @property
+    def word(self) -> str:
+        """The status in lower case, or "singular" for a steady beat whose equation is."""
+        return "singular" if self.status is Status.CONVERGED else self.status.name.lower()

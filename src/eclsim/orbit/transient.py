@@ -1,0 +1,131 @@
+"""The course in time from the published initial state, beat after beat."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from eclsim.beat.grid import PhaseGrid
+from eclsim.beat.heartbeat import HEART_RATE, beat_program
+from eclsim.beat.resolution import needed_resolution
+from eclsim.circuit.assembly import assemble
+from eclsim.orbit.adaptive import AdaptiveBeats, adaptive_program
+from eclsim.orbit.inputs import InvalidInputError, allowed_values
+from eclsim.orbit.model import AS_PUBLISHED, Model
+from eclsim.orbit.steady import Batch, start_state, steady_beats
+
+SEMI_IMPLICIT = "semi-implicit"
+ADAPTIVE = "adaptive"
+SOLVERS = (SEMI_IMPLICIT, ADAPTIVE)
+
+
+@dataclass(frozen=True)
+class Course:
+    """Signals over time.
+
+    Args:
+        time: from 0, shape (points,) [s].
+        signals: shape (points, signals).
+        state: at the end of the last whole beat that was computed, shape (states,).
+        steps_per_beat: points recorded in a beat.
+    """
+
+    time: np.ndarray
+    signals: np.ndarray
+    state: np.ndarray
+    steps_per_beat: int
+
+
+Recording = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""One recorded beat: state -> state after it, signals after each step of the grid, shape (steps, signals)."""
+
+
+def follow(
+    model: Model,
+    seconds: float,
+    signals: tuple[str, ...],
+    *,
+    policy: str = AS_PUBLISHED,
+    solver: str = SEMI_IMPLICIT,
+    start: np.ndarray | None = None,
+) -> Course:
+    """Follow a model for some seconds.
+
+    Args:
+        model: circuit and values.
+        seconds: how long [s].
+        signals: what to record (see `Recorder`).
+        policy: blood volume policy; "patient_held" starts with primed circuits (`primed_start`).
+        solver: "semi-implicit" or "adaptive".
+        start: state at time 0; left out, the published initial state.
+
+    Raises:
+        InvalidInputError: a value that the circuit cannot be computed with.
+    """
+    if solver not in SOLVERS:
+        raise ValueError(f"solver '{solver}'; allowed: {', '.join(SOLVERS)}")
+    if not (math.isfinite(seconds) and seconds > 0.0):
+        raise ValueError(f"seconds = {seconds}; allowed: a positive number")
+    mistakes = allowed_values(model.circuit).reasons(model.values)
+    if mistakes:
+        raise InvalidInputError(mistakes)
+    state = primed_start(model, policy) if start is None else np.asarray(start, dtype=float)
+    grid, record = _recorder(model, signals, solver)
+    period = 60.0 / model.values[HEART_RATE]
+    beats = math.ceil(seconds / period * (1.0 - 1e-12))
+    pieces = [_at_start(model, state, signals)]
+    for _ in range(beats):
+        state, recorded = record(state)
+        pieces.append(recorded)
+    phases = np.concatenate([[0.0], *(k + grid.phases[1:] for k in range(beats))])
+    kept = phases * period <= seconds * (1.0 + 1e-12)
+    return Course(phases[kept] * period, np.concatenate(pieces)[kept], state, grid.n_steps)
+
+
+def primed_start(model: Model, policy: str = AS_PUBLISHED) -> np.ndarray:
+    """The published initial state; with "patient_held" the circuits hold what they hold in the steady beat.
+
+    So the patient's blood need not fill them, and the course ends at the steady beat of that policy.
+    """
+    state = start_state(model)
+    batch = Batch(model.circuit, model.values, 1, policy)
+    batch.volume()  # refuses an unknown policy
+    outside = np.array([c.group != "patient" for c in model.circuit.compartments])
+    if policy == AS_PUBLISHED or not outside.any():
+        return state
+    steady = steady_beats(batch).orbits.states[: len(outside), 0]
+    if np.isfinite(steady).all():
+        state[: len(outside)][outside] = steady[outside]
+    return state
+
+
+def _recorder(model: Model, signals: tuple[str, ...], solver: str) -> tuple[PhaseGrid, Recording]:
+    grid = PhaseGrid(int(needed_resolution(assemble(model.circuit), model.values)))
+    if solver == ADAPTIVE:
+        beats = AdaptiveBeats(model)
+
+        def integrate(state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            after, recorded = beats.record(state, grid.phases, signals)
+            return after, recorded[1:]
+
+        return grid, integrate
+    program = beat_program(model.circuit, grid.resolution)
+    packed = np.array([float(model.values[name]) for name in program.names])
+    trace = program.trace(signals)
+
+    def step(state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        after, recorded = trace(state, packed)
+        return np.asarray(after), np.asarray(recorded)
+
+    return grid, step
+
+
+def _at_start(model: Model, state: np.ndarray, signals: tuple[str, ...]) -> Any:
+    """Signals at time 0, where flows without inertia follow from the pressures; shape (1, signals)."""
+    program = adaptive_program(model.circuit)
+    packed = np.array([float(model.values[name]) for name in program.names])
+    return np.asarray(program.signals(signals)(state[None], np.zeros(1), packed))

@@ -1,0 +1,166 @@
+"""Means, extremes and loop areas of waveforms over one beat on a non-uniform grid.
+
+Extremes lie between grid points: diastolic pressure ends within a millisecond of the valve's opening. Where
+the rate of a waveform is known (it follows from the flows), they are read off the cubic with the right values
+and slopes, else off the parabola through three points, so that they do not jump when a parameter moves the
+peak from one grid point to the next.
+
+Every measure is a weighted sum of waveform values, exactly or, for an extreme, to first order: where it lies
+does not matter to first order. `Measures` therefore finds weights, and both the value and, for derivatives,
+the dependence on the waveforms follow from them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from eclsim.beat.recording import MEAN, RATE
+
+SMALLEST_VOLUME = 1e-6
+"""Divisor [mL] in place of a volume that is zero or less."""
+Points = list[tuple[str, Any, Any]]
+"""A sum over few points: waveform, index of the point, weight (each a number or one per patient)."""
+
+
+class Measures:
+    """The waveforms of a beat and what is measured on them.
+
+    Args:
+        waveforms: by name, arrays (points[, patients]) over a whole beat, first and last point the same
+            phase; pressures [mmHg], flows [mL/s], volumes [mL]; rates per unit of phase are name + `RATE`.
+        phases: grid points from 0 to 1, shape (points,).
+    """
+
+    def __init__(self, waveforms: Mapping[str, np.ndarray], phases: np.ndarray):
+        self.waveforms = waveforms
+        self._widths = np.diff(phases)
+        self._found: dict[tuple[str, ...], Any] = {}
+
+    def mean(self, name: str) -> Any:
+        """Mean over the beat: of what moved in each step where that is known, else trapezoidal rule."""
+        if name + MEAN in self.waveforms:
+            return self._kept(("mean", name), lambda: self._whole({name + MEAN: np.r_[0.0, self._widths]}))
+        return self._kept(("mean", name), lambda: self._whole({name: self._trapezoid}))
+
+    def maximum(self, name: str) -> Any:
+        """Largest value over the beat."""
+        return self._kept(("maximum", name), lambda: self._sum(self._extreme(name, 1.0)))
+
+    def minimum(self, name: str) -> Any:
+        """Smallest value over the beat."""
+        return self._kept(("minimum", name), lambda: self._sum(self._extreme(name, -1.0)))
+
+    def largest_ratio(self, above: str, below: str) -> Any:
+        """Largest quotient of two waveforms, such as P / V."""
+        ratio = self.waveforms[above] / np.maximum(self.waveforms[below], SMALLEST_VOLUME)
+        index = np.argmax(ratio, axis=0)
+        return self._sum([(above, index, 1.0)]) / self._sum([(below, index, 1.0)])
+
+    def at_start(self, name: str) -> Any:
+        """Value at phase 0, where the ventricles begin to contract."""
+        return self._sum([(name, np.zeros(self.waveforms[name].shape[1:], dtype=int), 1.0)])
+
+    def loop_area(self, pressure: str, volume: str) -> Any:
+        """Work [mmHg mL] that a chamber does on its blood in a beat, -(loop integral of P dV)."""
+        p, v = self.waveforms[pressure], self.waveforms[volume]
+        return self._product({pressure: _midpoint(-v), volume: _midpoint(p)})
+
+    def _kept(self, key: tuple[str, ...], measure: Any) -> Any:
+        """Measure once: several outputs share an extreme."""
+        if key not in self._found:
+            self._found[key] = measure()
+        return self._found[key]
+
+    def _product(self, weights: Mapping[str, np.ndarray]) -> Any:
+        """Value that is linear in either of two waveforms: half of each sum, but the slopes of both."""
+        return 0.5 * self._whole(weights)
+
+    def _whole(self, weights: Mapping[str, np.ndarray]) -> Any:
+        """Sum over all points with weights (points[, patients])."""
+        total: Any = 0.0
+        for name, weight in weights.items():
+            series = self.waveforms[name]
+            wide = (
+                weight.reshape(-1, *(1,) * (series.ndim - weight.ndim))
+                if weight.ndim < series.ndim
+                else weight
+            )
+            total = total + (wide * series).sum(axis=0)
+        return total
+
+    def _sum(self, points: Points) -> Any:
+        """Sum over few points."""
+        return sum(weight * _at(self.waveforms[name], index) for name, index, weight in points)
+
+    @cached_property
+    def _trapezoid(self) -> np.ndarray:
+        return 0.5 * (np.r_[self._widths, 0.0] + np.r_[0.0, self._widths])
+
+    def _extreme(self, name: str, sign: float) -> Points:
+        if name + RATE in self.waveforms:
+            return self._cubic(name, sign)
+        return self._parabola(name, sign)
+
+    def _cubic(self, name: str, sign: float) -> Points:
+        """Top of the Hermite cubic beside the largest point."""
+        values, rates = sign * self.waveforms[name], sign * self.waveforms[name + RATE]
+        points = len(values) - 1
+        top = np.argmax(values[:points], axis=0)
+        left = np.where(_at(rates, top) < 0.0, (top - 1) % points, top)
+        width = self._widths[left]
+        change = _at(values, left + 1) - _at(values, left)
+        rise, fall = _at(rates, left) * width, _at(rates, left + 1) * width
+        s = _stationary(rise, 3.0 * change - 2.0 * rise - fall, rise + fall - 2.0 * change, fall)
+        last = s * s * (3.0 - 2.0 * s)
+        return [
+            (name, left, 1.0 - last),
+            (name, left + 1, last),
+            (name + RATE, left, width * s * (1.0 - s) ** 2),
+            (name + RATE, left + 1, width * s * s * (s - 1.0)),
+        ]
+
+    def _parabola(self, name: str, sign: float) -> Points:
+        """Top of the parabola through the largest point and its two neighbours; the beat is periodic."""
+        values = sign * self.waveforms[name]
+        points = len(values) - 1
+        top = np.argmax(values[:points], axis=0)
+        before, after = self._widths[(top - 1) % points], self._widths[top]
+        left, peak, right = (_at(values, (top + k) % points) for k in (-1, 0, 1))
+        rise, fall = (peak - left) / before, (peak - right) / after
+        curvature = (rise + fall) / (before + after)
+        slope = (rise * after - fall * before) / (before + after)
+        flat = curvature <= 1e-9 * (1.0 + np.abs(peak))
+        s = np.where(flat, 0.0, 0.5 * slope / np.where(flat, 1.0, curvature))
+        return [
+            (name, (top - 1) % points, s * (s - after) / (before * (before + after))),
+            (name, top, (s + before) * (after - s) / (before * after)),
+            (name, (top + 1) % points, s * (s + before) / (after * (before + after))),
+        ]
+
+
+def _stationary(rise: Any, second: Any, third: Any, fall: Any) -> np.ndarray:
+    """Where in 0..1 a cubic that rises at 0 and falls at 1 is largest; an end where it does not."""
+    root = np.sqrt(np.maximum(second**2 - 3.0 * third * rise, 0.0))
+    divisor = root - second
+    inside = (rise > 0.0) & (fall < 0.0) & (divisor > 0.0)
+    place = np.where(inside, rise / np.where(inside, divisor, 1.0), np.where(rise > 0.0, 1.0, 0.0))
+    return np.clip(place, 0.0, 1.0)
+
+
+def _at(series: np.ndarray, index: Any) -> Any:
+    """Value of each patient at an index ([patients]) along the points."""
+    return series[index] if np.ndim(index) == 0 else np.take_along_axis(series, index[None], axis=0)[0]
+
+
+def _midpoint(series: np.ndarray) -> np.ndarray:
+    """Weights w such that sum(w x) is the sum of midpoints of x times steps of the series.
+
+    It is the area of the closed loop, and w its derivative with respect to x.
+    """
+    steps = np.diff(series, axis=0)
+    nothing = np.zeros_like(series[:1])
+    return 0.5 * (np.concatenate([steps, nothing]) + np.concatenate([nothing, steps]))

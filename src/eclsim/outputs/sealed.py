@@ -1,0 +1,110 @@
+"""Blood shut in behind valves that stay closed all beat: how much is no consequence of the case.
+
+What lies between closed valves keeps what it holds, whatever that is. The beat repeats with a little more
+blood there and as much less elsewhere, so that it is one of many, and which one depends on the start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from eclsim.circuit.network import Circuit
+from eclsim.components import HeartValve
+from eclsim.outputs.registry import CHAMBERS, REGISTRY, VALVES
+
+SHUT_L_MIN = 1e-6
+"""Mean flow of a valve that a search with its tolerance cannot tell from none: some 1e-5 mL a beat."""
+_VESSELS: dict[str, str] = {
+    **dict.fromkeys(("pas", "part", "pvn"), "pulmonary vessels"),
+    **dict.fromkeys(("ao", "sart", "svn"), "systemic vessels"),
+}
+_FILLED_BY_THE_REST = ("ra", "svn")
+
+
+@dataclass(frozen=True)
+class Sealed:
+    """Parts of a circulation that no blood enters or leaves.
+
+    Attributes:
+        parts: compartments of each, but for the largest part, which is the rest of the circulation.
+        reason: which valves stay closed, in words.
+        sentence: what that means for the numbers, and what to do.
+        concerns: outputs that are not determined by the case.
+    """
+
+    parts: tuple[tuple[str, ...], ...]
+    reason: str
+    sentence: str
+    concerns: tuple[str, ...]
+
+
+def sealed(outputs: Mapping[str, float], circuit: Circuit) -> Sealed | None:
+    """What closed valves shut in, read off one beat; None where blood passes from any part to any other.
+
+    Args:
+        outputs: scalar outputs by name; a valve whose mean flow [L/min] is not among them counts as open.
+        circuit: with fixed sites.
+    """
+    laws = {c.name: c.component for c in circuit.connections}
+    valves = tuple(name for name in shut_valves(outputs) if isinstance(laws.get(name), HeartValve))
+    parts = _parts(circuit, valves) if valves else []
+    if len(parts) < 2:
+        return None
+    rest = max(parts, key=len)
+    parts = tuple(part for part in parts if part is not rest)
+    names = _listed([VALVES[name] for name in valves])
+    reason = f"no blood passes the {names} valve{'s' * (len(valves) > 1)} all beat"
+    return Sealed(parts, reason, _sentence(parts, reason), _undetermined(outputs, circuit, parts))
+
+
+def shut_valves(outputs: Mapping[str, float]) -> tuple[str, ...]:
+    """Connections of the heart valves that carry no blood in a beat with these outputs."""
+    return tuple(n for n, valve in VALVES.items() if outputs.get(f"{valve}_valve_flow", 1.0) < SHUT_L_MIN)
+
+
+def valve_flows(circuit: Circuit) -> tuple[str, ...]:
+    """Outputs that tell which heart valves of a circuit carry blood."""
+    known = {c.name for c in circuit.connections}
+    return tuple(f"{valve}_valve_flow" for n, valve in VALVES.items() if n in known)
+
+
+def _parts(circuit: Circuit, shut: tuple[str, ...]) -> list[tuple[str, ...]]:
+    """Compartments that open connections join, in the order of the table."""
+    part_of = {c.name: c.name for c in circuit.compartments}
+    for connection in circuit.connections:
+        if connection.name in shut:
+            continue
+        joined, gone = part_of[str(connection.source)], part_of[str(connection.target)]
+        part_of = {name: joined if part == gone else part for name, part in part_of.items()}
+    return [tuple(n for n in part_of if part_of[n] == part) for part in dict.fromkeys(part_of.values())]
+
+
+def _undetermined(
+    outputs: Mapping[str, float], circuit: Circuit, parts: tuple[tuple[str, ...], ...]
+) -> tuple[str, ...]:
+    """Outputs read off what is shut in, and off the veins and atrium that have the difference."""
+    places = [name for part in parts for name in part]
+    places += [c.name for c in circuit.compartments if c.name in _FILLED_BY_THE_REST]
+    signals = {kind + place for place in places for kind in "PV"}
+    return tuple(n for n in outputs if n in REGISTRY and signals.intersection(REGISTRY[n].needs))
+
+
+def _sentence(parts: tuple[tuple[str, ...], ...], reason: str) -> str:
+    held = _listed([" with the ".join(_words(part)) for part in parts], "the ")
+    return (
+        f"{reason}: how much blood {held} hold{'s' * (len(parts) == 1)} is not determined by the case but "
+        "left over from where the computation began, and so are the volumes and pressures there and how full "
+        "veins and right atrium are; another start gives others, by tens of mL and some mmHg. Do not read "
+        "them; raise Emaxlv or Emaxrv or lower the pump speed until the valves open"
+    )
+
+
+def _words(part: tuple[str, ...]) -> list[str]:
+    return list(dict.fromkeys(CHAMBERS.get(name) or _VESSELS.get(name, name) for name in part))
+
+
+def _listed(words: list[str], article: str = "") -> str:
+    """Words as in a sentence: a, b and c."""
+    words = [article + word for word in words]
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)

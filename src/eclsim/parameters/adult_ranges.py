@@ -1,0 +1,93 @@
+"""Ranges of what a beat of an adult shows: in health, from the literature, and in the severest illness.
+
+The range of health is the source's, or mean +- 2 standard deviations. The wider one is a convention of this
+program, chosen to catch gross errors alone: a ventricle holds at least a third of the smallest and at most
+twice the largest healthy volume at the end of diastole; pressures reach those of the worst shock and of the
+worst congestion or pulmonary hypertension. Atria are left out: the model's have no volume at zero pressure,
+so they cannot be compared with imaging.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Sex = Literal["female", "male"]
+
+_HUDSMITH = "Hudsmith 2005, magnetic resonance, 63 men and 45 women, mean +- 2 SD"
+_CATHETER = "right heart catheterisation, practical table, European Respiratory Society"
+_KAWEL_BOEHM = "Kawel-Boehm 2015, magnetic resonance, mean +- 2 SD"
+_NURSING = "rnceus.com/hemo/term.htm, nursing reference"
+
+
+@dataclass(frozen=True, slots=True)
+class AdultRange:
+    """Range of one output.
+
+    Args:
+        output: name in the registry of outputs.
+        words: what it is.
+        unit: of the numbers.
+        healthy: smallest and largest value in health.
+        plausible: smallest and largest value that an ill adult can have; infinite where none is set.
+        source: of the range of health.
+    """
+
+    output: str
+    words: str
+    unit: str
+    healthy: tuple[float, float]
+    plausible: tuple[float, float]
+    source: str
+
+
+_DIASTOLIC = {
+    "EDVLV": ("end-diastolic volume of the left ventricle", {"male": (160.0, 29.0), "female": (135.0, 26.0)}),
+    "EDVRV": (
+        "end-diastolic volume of the right ventricle",
+        {"male": (190.0, 33.0), "female": (148.0, 35.0)},
+    ),
+}
+_SYSTOLIC = {
+    "ESVLV": ("end-systolic volume of the left ventricle", {"male": (50.0, 16.0), "female": (42.0, 12.0)}),
+    "ESVRV": ("end-systolic volume of the right ventricle", {"male": (78.0, 20.0), "female": (56.0, 18.0)}),
+}
+_OTHERS = (
+    AdultRange(
+        "ejection_fraction_lv", "ejection fraction of the left ventricle", "%",
+        (57.0, 77.0), (2.0, 90.0), _KAWEL_BOEHM,
+    ),
+    AdultRange("MAP", "mean arterial pressure", "mmHg", (70.0, 100.0), (20.0, 200.0), _NURSING),
+    AdultRange("CO", "flow through the lungs", "L/min", (4.0, 6.0), (0.0, 15.0), _CATHETER),
+    AdultRange(
+        "right_atrial_pressure", "mean right atrial pressure", "mmHg", (1.0, 6.0), (-5.0, 30.0), _CATHETER
+    ),
+    AdultRange("SPAP", "systolic pulmonary artery pressure", "mmHg", (15.0, 25.0), (4.0, 120.0), _CATHETER),
+    AdultRange("MPAP", "mean pulmonary artery pressure", "mmHg", (8.0, 20.0), (2.0, 90.0), _CATHETER),
+    AdultRange("PCWP", "pulmonary capillary wedge pressure", "mmHg", (4.0, 12.0), (0.0, 45.0), _CATHETER),
+    AdultRange(
+        "end_diastolic_pressure_lv", "end-diastolic pressure of the left ventricle", "mmHg",
+        (4.0, 12.0), (0.0, 50.0), f"that of the wedge pressure: {_CATHETER}",
+    ),
+    AdultRange(
+        "end_diastolic_pressure_rv", "end-diastolic pressure of the right ventricle", "mmHg",
+        (1.0, 8.0), (-3.0, 35.0), _CATHETER,
+    ),
+)  # fmt: skip
+
+
+def adult_ranges(sex: Sex) -> dict[str, AdultRange]:
+    """Ranges of a woman or a man, by output."""
+    found = []
+    for output, (words, by_sex) in _DIASTOLIC.items():
+        low, high = _two_deviations(by_sex[sex])
+        found.append(AdultRange(output, words, "mL", (low, high), (low / 3.0, 2.0 * high), _HUDSMITH))
+    for output, (words, by_sex) in _SYSTOLIC.items():
+        low, high = _two_deviations(by_sex[sex])
+        found.append(AdultRange(output, words, "mL", (low, high), (0.0, 2.0 * high), _HUDSMITH))
+    return {r.output: r for r in (*found, *_OTHERS)}
+
+
+def _two_deviations(mean_and_deviation: tuple[float, float]) -> tuple[float, float]:
+    mean, deviation = mean_and_deviation
+    return mean - 2.0 * deviation, mean + 2.0 * deviation

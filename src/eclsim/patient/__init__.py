@@ -1,0 +1,1 @@
+"""The patient: circulations as tables, size and blood volume."""

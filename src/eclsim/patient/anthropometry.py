@@ -1,0 +1,85 @@
+"""Height, weight and blood volume of an adult.
+
+Height and weight by sex and age are the means of Germany in 2021 as published with the code of
+Thiel et al. (2025); they stand in for a patient whose own are not known. Blood volume is the
+regression on age, sex, body mass index and weight that the same code uses.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+Sex = Literal["female", "male"]
+
+# age from, age to [years], height [cm], weight [kg]
+_MEAN_HEIGHT_WEIGHT: dict[str, tuple[tuple[float, float, float, float], ...]] = {
+    "female": (
+        (18, 20, 167.6, 62.6),
+        (20, 25, 167.5, 64.1),
+        (25, 30, 167.3, 66.0),
+        (30, 35, 167.2, 68.2),
+        (35, 40, 167.3, 68.3),
+        (40, 45, 167.5, 69.3),
+        (45, 50, 167.1, 70.9),
+        (50, 55, 167.1, 71.0),
+        (55, 60, 166.9, 71.5),
+        (60, 65, 165.4, 71.2),
+        (65, 70, 164.5, 70.9),
+        (70, 75, 163.9, 71.0),
+        (75, 100, 162.6, 67.9),
+    ),
+    "male": (
+        (18, 20, 181.7, 77.9),
+        (20, 25, 181.4, 80.5),
+        (25, 30, 180.4, 83.3),
+        (30, 35, 180.4, 85.6),
+        (35, 40, 180.2, 86.7),
+        (40, 45, 180.2, 88.1),
+        (45, 50, 180.2, 89.8),
+        (50, 55, 179.9, 89.0),
+        (55, 60, 179.4, 88.8),
+        (60, 65, 178.4, 87.9),
+        (65, 70, 177.4, 86.7),
+        (70, 75, 176.0, 85.3),
+        (75, 100, 174.6, 81.0),
+    ),
+}
+
+MINIMUM_AGE_YEARS = 18.0
+MAXIMUM_AGE_YEARS = 100.0
+
+
+def mean_height_weight(sex: Sex, age_years: float) -> tuple[float, float]:
+    """Mean height [cm] and weight [kg] of adults of a sex and age.
+
+    Raises:
+        ValueError: For a sex other than female or male, or an age outside 18 to 100 years.
+    """
+    if sex not in _MEAN_HEIGHT_WEIGHT:
+        raise ValueError(f"sex {sex!r}: allowed are female and male")
+    for age_from, age_to, height_cm, weight_kg in _MEAN_HEIGHT_WEIGHT[sex]:
+        if age_from <= age_years < age_to or age_years == age_to == MAXIMUM_AGE_YEARS:
+            return height_cm, weight_kg
+    raise ValueError(
+        f"age {age_years:g} years: the table covers {MINIMUM_AGE_YEARS:g} to {MAXIMUM_AGE_YEARS:g}"
+    )
+
+
+def body_mass_index(height_cm: float, weight_kg: float) -> float:
+    """Body mass index [kg/m^2] from height [cm] and weight [kg]."""
+    return weight_kg / (height_cm / 100.0) ** 2
+
+
+def body_surface(height_cm: float, weight_kg: float) -> float:
+    """Body surface [m^2] from height [cm] and weight [kg], sqrt(height weight / 3600) (Mosteller 1987)."""
+    return (height_cm * weight_kg / 3600.0) ** 0.5
+
+
+def total_blood_volume_ml(sex: Sex, age_years: float, height_cm: float, weight_kg: float) -> float:
+    """Total blood volume [mL], ((90 - 5 [female]) - 0.4 age) / sqrt(BMI / 22) * weight.
+
+    Source: published code of Thiel et al. (2025). The result scales the initial volumes of the
+    heart chambers and gives absolute volumes for plots.
+    """
+    per_kg = (85.0 if sex == "female" else 90.0) - 0.4 * age_years
+    return per_kg / (body_mass_index(height_cm, weight_kg) / 22.0) ** 0.5 * weight_kg

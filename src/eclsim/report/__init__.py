@@ -1,1 +1,0 @@
-"""Results in the forms that people and other programs read: JSON, NetCDF, CSV, tables, figures."""

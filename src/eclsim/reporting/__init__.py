@@ -1,0 +1,1 @@
+"""What all topics share to be read: figures and their style, the schematic, HTML pages, JSON."""

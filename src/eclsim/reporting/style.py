@@ -1,0 +1,136 @@
+"""One look for every figure: colours, sizes, fonts, and how a figure is saved.
+
+Colours are those of Okabe and Ito (2008), told apart by people with colour-blindness; line styles differ
+as well, so that figures can be read when printed in grey. Sizes are in millimetres and fit on A4.
+"""
+
+import unicodedata
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import matplotlib.style
+from matplotlib.figure import Figure
+
+from eclsim.atomic import whole_file
+
+MM_PER_INCH = 25.4
+PAGE_WIDTH_MM = 170.0
+DOTS_PER_INCH = 200
+
+OKABE_ITO = {
+    "black": "#000000",
+    "orange": "#E69F00",
+    "sky blue": "#56B4E9",
+    "bluish green": "#009E73",
+    "yellow": "#F0E442",
+    "blue": "#0072B2",
+    "vermillion": "#D55E00",
+    "reddish purple": "#CC79A7",
+}
+GREY = "#6B6B6B"
+
+# Yellow is left out: as a line on white it is too faint to print.
+CURVES: tuple[tuple[str, object], ...] = (
+    (OKABE_ITO["black"], "-"),
+    (OKABE_ITO["vermillion"], (0, (5, 1.6))),
+    (OKABE_ITO["blue"], (0, (6, 1.4, 1.2, 1.4))),
+    (OKABE_ITO["bluish green"], (0, (1.2, 1.2))),
+    (OKABE_ITO["orange"], (0, (9, 2))),
+    (OKABE_ITO["reddish purple"], (0, (4, 1.2, 1.2, 1.2, 1.2, 1.2))),
+    (OKABE_ITO["sky blue"], (0, (2.5, 1))),
+)
+
+_SETTINGS = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "sans-serif"],
+    "font.size": 8,
+    "axes.titlesize": 8.5,
+    "axes.titleweight": "bold",
+    "axes.labelsize": 8,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
+    "legend.fontsize": 7.5,
+    "legend.frameon": False,
+    "legend.handlelength": 2.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.7,
+    "xtick.major.width": 0.7,
+    "ytick.major.width": 0.7,
+    "lines.linewidth": 1.3,
+    "figure.constrained_layout.w_pad": 0.06,
+    "figure.constrained_layout.h_pad": 0.06,
+    "figure.titlesize": 9.5,
+    "figure.titleweight": "bold",
+    # Text stays text in SVG: it can be searched, read aloud and edited.
+    "svg.fonttype": "none",
+    "svg.hashsalt": "eclsim",
+    "savefig.dpi": DOTS_PER_INCH,
+}
+
+
+@contextmanager
+def figure_style() -> Iterator[None]:
+    """Applies the look of eclsim while a figure is made, whatever the user's own matplotlib settings are."""
+    with matplotlib.style.context(["default", _SETTINGS]):
+        yield
+
+
+def new_figure(width_mm: float = PAGE_WIDTH_MM, height_mm: float = 110.0) -> Figure:
+    """A figure of the given size [mm] that belongs to no window and no global list of figures."""
+    return Figure(figsize=(width_mm / MM_PER_INCH, height_mm / MM_PER_INCH), layout="constrained")
+
+
+def curve_style(index: int) -> dict[str, object]:
+    """Colour and line style of the curve with this index; they repeat after seven curves."""
+    colour, line = CURVES[index % len(CURVES)]
+    return {"color": colour, "linestyle": line}
+
+
+def plain_text(value: object, limit: int = 70) -> str:
+    """Text from outside (an id, a label) made safe to draw: one line, no formulas, at most `limit` long."""
+    printable = "".join(" " if unicodedata.category(char)[0] in "CZ" else char for char in str(value))
+    text = " ".join(printable.split())
+    if len(text) > limit:
+        text = text[: limit - 1] + "…"
+    return text.replace("$", r"\$")
+
+
+def save_figure(
+    fig: Figure, path_without_suffix: str | Path, formats: Sequence[str] = ("svg", "png")
+) -> list[Path]:
+    """Writes the figure once per format and returns the files written.
+
+    A file appears under its name only when it is complete. The same figure gives the same SVG, byte for byte.
+    """
+    stem = Path(path_without_suffix)
+    stem.parent.mkdir(parents=True, exist_ok=True)
+    with figure_style(), warnings.catch_warnings():
+        # A name in a script that the font lacks: PNG shows boxes there, SVG the reader's own font.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        with _layout_fixed(fig):
+            return [_write(fig, stem.with_name(f"{stem.name}.{suffix}"), suffix) for suffix in formats]
+
+
+@contextmanager
+def _layout_fixed(fig: Figure) -> Iterator[None]:
+    """Arranges the figure once, not again for each format: that is most of the time of saving."""
+    engine = fig.get_layout_engine()
+    if engine is None:
+        yield
+        return
+    fig.draw_without_rendering()
+    fig.set_layout_engine("none")
+    try:
+        yield
+    finally:
+        fig.set_layout_engine(engine)
+
+
+def _write(fig: Figure, target: Path, suffix: str) -> Path:
+    metadata = {"Date": None, "Creator": "eclsim"} if suffix == "svg" else None
+    with whole_file(target) as partial:
+        fig.savefig(partial, format=suffix, dpi=DOTS_PER_INCH, metadata=metadata)
+    return target

@@ -1,0 +1,127 @@
+"""Writing results: NetCDF, CSV, figures and JSON."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from eclsim.atomic import whole_file
+from eclsim.cases.csv_cells import guarded
+from eclsim.reporting.plain_json import write_plain
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from eclsim.cases import Case
+
+
+def write_json(results: Sequence[xr.Dataset], destination: Path | str) -> None:
+    """Write all cases as one JSON object to a file, or to standard output for "-"."""
+    from eclsim.simulation.json_object import results_object
+
+    write_plain(results_object(results), destination)
+
+
+def write_netcdf(
+    results: Sequence[xr.Dataset],
+    courses: Sequence[xr.Dataset | None],
+    path: Path,
+    names: Sequence[str] | None,
+) -> None:
+    """Write NetCDF: one case at the root, several as groups case1, case2 ...; courses in "transient"."""
+    kept = [one for one in (*results, *courses) if one is not None]
+    with whole_file(path, sum(_selected(one, names).nbytes for one in kept)) as partial:
+        for index, result in enumerate(results):
+            group = f"case{index + 1}" if len(results) > 1 else None
+            mode = "w" if index == 0 else "a"
+            _storable(_selected(result, names)).to_netcdf(partial, mode=mode, group=group, engine="h5netcdf")
+            course = courses[index] if courses else None
+            if course is not None:
+                below = f"{group}/transient" if group else "transient"
+                stored = _storable(_selected(course, names))
+                stored.to_netcdf(partial, mode="a", group=below, engine="h5netcdf")
+
+
+def write_csv(
+    results: Sequence[xr.Dataset],
+    courses: Sequence[xr.Dataset | None],
+    folder: Path,
+    stems: Sequence[str],
+    names: Sequence[str] | None,
+) -> None:
+    """Write outputs.csv, a row per case, and the waveforms and courses of each case; units in the head."""
+    folder.mkdir(exist_ok=True)
+    for index, (result, stem) in enumerate(zip(results, stems, strict=True)):
+        if "phase" not in result.dims:  # no beat, and so no waveforms: the table of outputs has its row
+            continue
+        _write_table(_waveform_table(_selected(result, names), "phase"), folder / f"{stem}_waveforms.csv")
+        course = courses[index] if courses else None
+        if course is not None:
+            table = _waveform_table(_selected(course, names), "time")
+            _write_table(table, folder / f"{stem}_transient.csv")
+    _write_table(_output_table(results), folder / "outputs.csv")
+
+
+def write_figures(
+    cases: Sequence[Case], results: Sequence[xr.Dataset], folder: Path, stems: Sequence[str]
+) -> None:
+    """Write all figures of each case; their names begin with the case's stem."""
+    from eclsim.orbit.model import circuit_of
+    from eclsim.simulation.figures import file_name, write_case_figures
+
+    folder.mkdir(exist_ok=True)
+    for case, result, stem in zip(cases, results, stems, strict=True):
+        if "phase" not in result.dims:
+            continue
+        own_stem = file_name(str(result.attrs["id"]))
+        with tempfile.TemporaryDirectory(prefix=".eclsim-", dir=folder) as scratch:
+            for path in write_case_figures(circuit_of(case), result, scratch):
+                path.replace(folder / (stem + path.name.removeprefix(own_stem)))
+
+
+def _selected(result: xr.Dataset, names: Sequence[str] | None) -> xr.Dataset:
+    """All scalars, and of the waveforms those asked for."""
+    if names is None:
+        return result
+    kept = [name for name, variable in result.data_vars.items() if variable.ndim == 0 or name in names]
+    return result[kept]
+
+
+def _storable(result: xr.Dataset) -> xr.Dataset:
+    """The same with lists of sentences as text, a line each: NetCDF holds no empty list."""
+    lists = {name: "\n".join(value) for name, value in result.attrs.items() if isinstance(value, list)}
+    return result.assign_attrs(lists)
+
+
+def _headed(result: xr.Dataset, name: str) -> str:
+    unit = result[name].attrs.get("units", "")
+    return f"{name} [{unit}]" if unit else name
+
+
+def _waveform_table(result: xr.Dataset, dimension: str) -> pd.DataFrame:
+    import pandas as pd
+
+    variables = (*result.coords, *result.data_vars)
+    names = [str(name) for name in variables if result[name].dims == (dimension,)]
+    return pd.DataFrame({_headed(result, name): result[name].to_numpy() for name in names})
+
+
+def _output_table(results: Sequence[xr.Dataset]) -> pd.DataFrame:
+    import pandas as pd
+
+    about = ("id", "converged", "beats", "residual", "blood_volume_policy", "impossible")
+    rows = []
+    for result in results:
+        row = {name: result.attrs.get(name) for name in about}
+        row["warnings"] = "; ".join(result.attrs.get("warnings", ()))
+        scalars = [str(name) for name, variable in result.data_vars.items() if variable.ndim == 0]
+        rows.append(row | {_headed(result, name): result[name].item() for name in scalars})
+    return pd.DataFrame(rows)
+
+
+def _write_table(table: pd.DataFrame, path: Path) -> None:
+    with whole_file(path) as partial:
+        table.map(guarded).to_csv(partial, index=False, lineterminator="\n")

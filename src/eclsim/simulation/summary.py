@@ -1,0 +1,197 @@
+"""The table of results that the command line shows."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from eclsim.simulation.single import SPEED_FOUND
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_FEW = 3
+_MANY = (
+    "SP", "DP", "MAP", "right_atrial_pressure", "MPAP", "PCWP", "systemic_flow", "CO", "PF",
+    "ejection_fraction_lv",
+)  # fmt: skip
+_WIDTH_OF_PIPES = 120
+_GROUPS = (
+    ("Arteries", ("SP", "DP", "MAP", "pulse_pressure")),
+    ("Flows", ("systemic_flow", "CO", "pulmonary_flow", "LVO", "PF", "lvad_flow", "crrt_flow")),
+    ("Filling", ("right_atrial_pressure", "MPAP", "SPAP", "DPAP", "PCWP", "end_diastolic_pressure_lv")),
+    (
+        "Heart",
+        (
+            "EDVLV", "ESVLV", "ejection_fraction_lv", "EDVRV", "ESVRV", "ejection_fraction_rv", "EDVLA",
+            "ESVLA", "EDVRA", "ESVRA",
+        ),
+    ),
+    (
+        "ECMO circuit",
+        (
+            "lowest_drainage_pressure", "pump_inlet_pressure", "post_pump_pressure",
+            "oxygenator_pressure_drop", "return_cannula_pressure",
+        ),
+    ),
+    ("CRRT lines", ("crrt_access_pressure", "crrt_return_pressure")),
+)  # fmt: skip
+"""What clinicians ask for, in their order; an output that no case has is left out."""
+_SYMBOLS = {
+    "pulse_pressure": "PP",
+    "right_atrial_pressure": "CVP",
+    "end_diastolic_pressure_lv": "LVEDP",
+    "ejection_fraction_lv": "EFLV",
+    "ejection_fraction_rv": "EFRV",
+    "systemic_flow": "Qs",
+}
+"""Short names in tables of outputs whose keys are words."""
+_LONG_NAMES = {
+    "right_atrial_pressure": "central venous (right atrial) pressure",
+    "CO": "native cardiac output (in the pulmonary artery)",
+    "LVO": "output of the left ventricle (aortic valve)",
+}
+_SAME_FLOW_L_MIN = 0.05
+_MARKS = {"collapse": "x", "alarm": "!", "warning": "!", "caution": "*"}
+_MEANINGS = {
+    "x": "x impossible in a patient",
+    "!": "! beyond a limit",
+    "*": "* to be read with care",
+}
+
+
+def show(results: Sequence[xr.Dataset], changes: Mapping[str, float] | None = None) -> None:
+    """Show the outputs on standard output: a column per case for a few, a row per case for many.
+
+    Args:
+        results: of the cases.
+        changes: by output, for two cases that are a state before and after; a column shows them.
+    """
+    from rich.console import Console
+
+    width = None if sys.stdout.isatty() else _WIDTH_OF_PIPES
+    console = Console(width=width, highlight=False)
+    console.print(_side_by_side(results, changes) if len(results) <= _FEW else _one_row_each(results))
+    if said := legend(results):
+        console.print(said)
+
+
+def legend(results: Sequence[xr.Dataset]) -> str:
+    """What the marks behind numbers mean; empty if there is none."""
+    said = dict.fromkeys(_mark(result, str(name)) for result in results for name in result.data_vars)
+    meanings = [meaning for mark, meaning in _MEANINGS.items() if mark in said]
+    return f"{', '.join(meanings)}: the warnings say why" if meanings else ""
+
+
+def _side_by_side(results: Sequence[xr.Dataset], changes: Mapping[str, float] | None) -> Any:
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title="Steady beat", title_justify="left", box=None, pad_edge=False)
+    table.add_column("output")
+    table.add_column("")
+    compared = changes is not None
+    heads = ("before", "after", "change") if compared else [str(result.attrs["id"]) for result in results]
+    for head in heads:
+        table.add_column(Text(head), justify="right")
+    table.add_column("unit")
+    for title, names in _GROUPS:
+        _add_group(table, title, [n for n in names if _worth_showing(n, results)], results, changes)
+    table.add_section()
+    none = [""] if compared else []
+    table.add_row("", "converged", *(_verdict(result) for result in results), *none, "")
+    if any(result.attrs.get("impossible") for result in results):
+        verdicts = ("NO" if result.attrs.get("impossible") else "yes" for result in results)
+        table.add_row("", "possible in a patient", *verdicts, *none, "")
+    policies = [str(result.attrs["blood_volume_policy"]) for result in results]
+    table.add_row("", "blood volume", *policies, *none, "")
+    if any(SPEED_FOUND in result.attrs for result in results):
+        speeds = (_speed(result) for result in results)
+        table.add_row("", "pump speed for the flow wanted", *speeds, *none, "rpm")
+    if any("grid_error_percent" in result.attrs for result in results):
+        errors = (_grid_error(result) for result in results)
+        table.add_row("", "largest change on half the step", *errors, *none, "%")
+    return table
+
+
+def _worth_showing(name: str, results: Sequence[xr.Dataset]) -> bool:
+    """Whether any case has it; the flow through the lungs only where it is another than CO."""
+    holding = [result for result in results if name in result]
+    if name != "pulmonary_flow":
+        return bool(holding)
+    return any(abs(float(result[name] - result["CO"])) > _SAME_FLOW_L_MIN for result in holding)
+
+
+def _add_group(
+    table: Any,
+    title: str,
+    names: Sequence[str],
+    results: Sequence[xr.Dataset],
+    changes: Mapping[str, float] | None,
+) -> None:
+    from rich.text import Text
+
+    if not names:
+        return
+    table.add_row(Text(title, style="bold"))
+    for name in names:
+        about = next(result[name].attrs for result in results if name in result)
+        words = _LONG_NAMES.get(name, about.get("long_name", ""))
+        symbol = _SYMBOLS.get(name, name if name.isupper() else "")
+        cells = [cell(result, name) for result in results]
+        if changes is not None:
+            digits = _digits(about)
+            cells.append(f"{changes[name]:+.{digits}f}" if name in changes else "")
+        table.add_row(f"  {symbol}", words, *cells, about.get("units", ""))
+
+
+def _one_row_each(results: Sequence[xr.Dataset]) -> Any:
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title="Steady beat", title_justify="left", box=None, pad_edge=False)
+    table.add_column("id", max_width=30)
+    names = [name for name in _MANY if any(name in result for result in results)]
+    for name in names:
+        units = [result[name].attrs.get("units", "") for result in results if name in result]
+        table.add_column(f"{_SYMBOLS.get(name, name)}\n{units[0] if units else ''}", justify="right")
+    table.add_column("converged")
+    for result in results:
+        cells = [cell(result, name) for name in names]
+        table.add_row(Text(str(result.attrs["id"])), *cells, _verdict(result))
+    return table
+
+
+def _verdict(result: xr.Dataset) -> str:
+    beats = int(result.attrs["beats"])
+    if not result.attrs["converged"]:
+        return "no"
+    return f"yes, {beats} beats" + (", one of many" if result.attrs.get("one_of_many") else "")
+
+
+def _mark(result: xr.Dataset, name: str) -> str:
+    return _MARKS.get(result[name].attrs.get("finding", ""), "")
+
+
+def _speed(result: xr.Dataset) -> str:
+    return f"{result.attrs[SPEED_FOUND]:.0f}" if SPEED_FOUND in result.attrs else "-"
+
+
+def _grid_error(result: xr.Dataset) -> str:
+    if "grid_error_percent" not in result.attrs:
+        return "-"
+    return f"{result.attrs['grid_error_percent']:.2f} ({result.attrs['grid_error_output']})"
+
+
+def _digits(about: Mapping[str, Any]) -> int:
+    return 2 if about.get("units") == "L/min" else 1
+
+
+def cell(result: xr.Dataset, name: str) -> str:
+    """The number with its mark; a space in place of none, so that the digits stay below each other."""
+    value = float(result[name]) if name in result else math.nan
+    if not math.isfinite(value):
+        return "- "
+    return f"{value:.{_digits(result[name].attrs)}f}{_mark(result, name) or ' '}"

@@ -1,0 +1,241 @@
+"""One key of a case varied over a list of values: a steady beat for each, solved as one batch."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from eclsim.cases.resolve import resolve_parameters
+from eclsim.orbit.equation import Orbits
+from eclsim.orbit.model import Model, circuit_of
+from eclsim.orbit.steady import Batch, SteadyBeats, steady_beats
+from eclsim.outputs.dataset import dataset_of
+from eclsim.simulation.single import FLOW_WANTED, SPEED_FOUND, not_reached
+from eclsim.simulation.target_flow import FlowNotReachedError, SpeedFound, with_speed
+
+if TYPE_CHECKING:
+    from eclsim.cases.case import Case
+    from eclsim.circuit import Circuit
+
+LARGEST_COUNT = 201
+"""Values of one sweep: all their waveforms are held, about 0.5 MB each."""
+
+Value = float | str
+
+
+class SweepError(ValueError):
+    """A sweep that cannot be run; says what is allowed."""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A case at each value of one key.
+
+    Args:
+        case_id: the patient.
+        key: of the case file, or a parameter.
+        unit: of the values, empty for names.
+        values: numbers, or names.
+        own: the case's own value, None where it has none.
+        results: the beat at each value, as `simulate_case` gives it.
+    """
+
+    case_id: str
+    key: str
+    unit: str
+    values: tuple[Value, ...]
+    own: Value | None
+    results: tuple[xr.Dataset, ...]
+
+    @property
+    def numeric(self) -> bool:
+        """Whether the values are numbers."""
+        return all(isinstance(value, float) for value in self.values)
+
+
+def parse_sweep(text: str) -> tuple[str, tuple[str, ...]]:
+    """Key and values of `KEY=first:last:step` or `KEY=value,value,...`, each value as text.
+
+    Raises:
+        SweepError: If it is neither.
+    """
+    key, equals, written = (part.strip() for part in text.partition("="))
+    if not (key and equals and written):
+        raise SweepError(_said(text))
+    values: dict[str, None] = {}
+    for part in written.split(","):
+        ends = part.strip().split(":")
+        if len(ends) == 1 and ends[0]:
+            values[ends[0]] = None
+        elif len(ends) == 3:
+            values |= dict.fromkeys(_steps(ends, text))
+        else:
+            raise SweepError(_said(text))
+    if len(values) > LARGEST_COUNT:
+        raise SweepError(f"'{text[:60]}': {len(values)} values; allowed: up to {LARGEST_COUNT}")
+    return key, tuple(values)
+
+
+def sweep_cases(
+    key: str, unit: str, own: Value | None, cases: Mapping[Value, Case], policy: str | None = None
+) -> Sweep:
+    """The steady beat of each of some cases that differ in one key.
+
+    Args:
+        key: what differs, as it is called in messages.
+        unit: of the values.
+        own: the value of the case as it is.
+        cases: by value, in order.
+        policy: blood volume policy; left out, that of the cases, which share it.
+
+    Raises:
+        SweepError: The values connect the circuit in different ways, or change nothing.
+    """
+    circuit = _one_circuit(key, cases)
+    policy = policy or next(iter(cases.values())).volume_policy
+    results: list[xr.Dataset | None] = []
+    values: list[Mapping[str, float]] = []
+    found: list[SpeedFound | None] = []
+    for case in cases.values():
+        try:
+            solved, speed = with_speed(case, policy)
+        except FlowNotReachedError as error:
+            results.append(not_reached(case, policy, str(error)))
+            continue
+        results.append(None)
+        values.append(resolve_parameters(solved))
+        found.append(speed)
+    _check_effect(key, circuit, values, len(cases))
+    name = next(iter(cases.values())).patient.id
+    beats = iter(_beats(circuit, values, found, name, policy))
+    filled = tuple(next(beats) if result is None else result for result in results)
+    return Sweep(name, key, unit, tuple(cases), own, filled)
+
+
+def _beats(
+    circuit: Circuit,
+    values: Sequence[Mapping[str, float]],
+    found: Sequence[SpeedFound | None],
+    name: str,
+    policy: str,
+) -> list[xr.Dataset]:
+    if not values:
+        return []
+    shared = [key for key in values[0] if all(key in one for one in values)]
+    columns = {key: np.array([one[key] for one in values]) for key in shared}
+    steady = steady_beats(Batch(circuit, columns, len(values), policy))
+    beats = []
+    for member, (own, speed) in enumerate(zip(values, found, strict=True)):
+        beat = dataset_of(Model(circuit, own, name), _alone(steady, member))
+        if speed is not None:
+            beat.attrs |= {FLOW_WANTED: speed.flow_l_min, SPEED_FOUND: speed.speed_rpm}
+        beats.append(beat)
+    return beats
+
+
+def _alone(steady: SteadyBeats, member: int) -> SteadyBeats:
+    """One member of a solved batch as a batch of one."""
+    one = slice(member, member + 1)
+    batch = Batch(steady.batch.circuit, steady.batch.member(member), 1, steady.batch.policy)
+    orbit = Orbits(**{name: array[..., one] for name, array in vars(steady.orbits).items()})
+    native = None if steady.native is None else steady.native[one]
+    return SteadyBeats(batch, orbit, steady.resolution[one], native)
+
+
+def _one_circuit(key: str, cases: Mapping[Value, Case]) -> Circuit:
+    first, *others = cases
+    circuit = circuit_of(cases[first])
+    for value in others:
+        if circuit_of(cases[value]) != circuit:
+            raise SweepError(
+                f"{key}: {value} connects the circuit in another way than {first}, which no sweep does; "
+                "simulate them side by side, a case file each"
+            )
+    return circuit
+
+
+def _check_effect(key: str, circuit: Circuit, values: Sequence[Mapping[str, float]], count: int) -> None:
+    read = ("heart_rate_bpm", *circuit.parameter_names())
+    if count > 1 and len(values) == count and all(one[n] == values[0][n] for one in values for n in read):
+        raise SweepError(f"{key}: changes nothing that the simulation reads; sweep a setting or a parameter")
+
+
+def _steps(ends: Sequence[str], text: str) -> list[str]:
+    try:
+        first, last, step = (float(end) for end in ends)
+    except ValueError:
+        raise SweepError(_said(text)) from None
+    if not all(math.isfinite(end) for end in (first, last, step)):
+        raise SweepError(_said(text))
+    if step == 0.0:
+        raise SweepError(f"'{text[:60]}': a step of 0 leads nowhere; {_ALLOWED}")
+    count = (last - first) / step
+    if count < 0.0:
+        raise SweepError(f"'{text[:60]}': the step leads away from the last value; {_ALLOWED}")
+    if count > LARGEST_COUNT:
+        raise SweepError(f"'{text[:60]}': {count + 1:.0f} values; allowed: up to {LARGEST_COUNT}")
+    return [f"{first + k * step:.12g}" for k in range(math.floor(count + 1e-9) + 1)]
+
+
+def stops_short(text: str) -> list[str]:
+    """A sentence for each range of a sweep, as `parse_sweep` takes it, whose steps miss its last value."""
+    said = []
+    for part in text.partition("=")[2].split(","):
+        ends = part.strip().split(":")
+        if len(ends) == 3 and float(_steps(ends, text)[-1]) != float(f"{float(ends[1]):.12g}"):
+            reached = _steps(ends, text)[-1]
+            said.append(
+                f"--sweep: {part.strip()} ends at {reached}: {ends[1]} is no whole number of steps away"
+            )
+    return said
+
+
+_ALLOWED = "allowed: KEY=first:last:step or KEY=value,value, such as ecmo.speed_rpm=2000:4500:250"
+
+
+def _said(text: str) -> str:
+    return f"'{text[:60]}' is no sweep; {_ALLOWED}"
+
+
+def as_table(sweep: Sweep) -> xr.Dataset:
+    """Outputs over the values, NaN where no steady beat was found, with `status` and `message` saying why.
+
+    Returns:
+        Dataset over `value`: every output that any of the beats has, `converged`, `impossible`, `warnings`
+        (a line each), and the pump speed where it was solved for a flow.
+    """
+    results = sweep.results
+    names = dict.fromkeys(str(n) for r in results for n, v in r.data_vars.items() if v.ndim == 0)
+    data: dict[str, Any] = {}
+    for name in names:
+        about = next(r[name].attrs for r in results if name in r)
+        labels = {k: about[k] for k in ("units", "long_name", "definition") if k in about}
+        data[name] = ("value", np.array([_settled(r, name) for r in results]), labels)
+    if any(SPEED_FOUND in r.attrs for r in results):
+        speeds = np.array([r.attrs.get(SPEED_FOUND, np.nan) for r in results])
+        labels = {"units": "rpm", "long_name": "pump speed that gives the flow wanted"}
+        data[SPEED_FOUND] = ("value", speeds, labels)
+    for name in ("converged", "impossible"):
+        data[name] = ("value", np.array([int(r.attrs.get(name, 0)) for r in results]))
+    for name in ("status", "message"):
+        data[name] = ("value", [str(r.attrs.get(name, "")) for r in results])
+    data["warnings"] = ("value", ["\n".join(r.attrs.get("warnings", ())) for r in results])
+    attributes = {
+        "id": sweep.case_id,
+        "key": sweep.key,
+        "own_value": "" if sweep.own is None else sweep.own,
+        "blood_volume_policy": str(results[0].attrs["blood_volume_policy"]),
+        "failed": sum(not r.attrs["converged"] for r in results),
+    }
+    labels = {"units": sweep.unit, "long_name": sweep.key}
+    return xr.Dataset(data, coords={"value": ("value", list(sweep.values), labels)}, attrs=attributes)
+
+
+def _settled(result: xr.Dataset, name: str) -> float:
+    """An output, NaN unless the beat converged."""
+    return float(result[name]) if result.attrs["converged"] and name in result else math.nan

@@ -1,1 +1,0 @@
-"""Studies: the questions asked of one model or of many, each a function with labelled results."""

@@ -1,0 +1,200 @@
+"""Whether the page can be read: letters, labels, curves, units, a dark preference, names for screen readers.
+
+The last is checked by axe-core where it is there: from the Python package axe_playwright_python, or the file
+that ECLSIM_AXE names.
+"""
+
+from __future__ import annotations
+
+import os
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from eclsim.app.knobs import connect
+from eclsim.app.state import PageState, link_of
+from eclsim.app.texts import text
+from eclsim.cases.presets import PRESETS
+from page_in_browser import LAPTOP, picture, show, wait_for
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
+
+PHONE = {"width": 390, "height": 844}
+SMALLEST_LETTER_PX = 11.0
+FAULTS_OF_THE_SCHEMATIC = """(smallest) => {
+  const svg = document.querySelector('.ecl-schematic svg');
+  const scale = svg.getScreenCTM().a;
+  const faults = [];
+  const box = (e, shrink = 0) => {
+    const { left, right, top, bottom } = e.getBoundingClientRect();
+    const by = shrink * (bottom - top);
+    return { left: left + 1, right: right - 1, top: top + by, bottom: bottom - by };
+  };
+  const meet = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
+  const within = (a, b) => a.left >= b.left && a.right <= b.right && a.top >= b.top && a.bottom <= b.bottom;
+  const texts = [...svg.querySelectorAll('text')].filter((t) => t.textContent.trim());
+  for (const t of [...texts, ...svg.querySelectorAll('tspan')]) {
+    const size = parseFloat(getComputedStyle(t).fontSize) * scale;
+    if (size < smallest - 1e-6) faults.push(`${t.textContent}: ${size.toFixed(1)} px`);
+  }
+  const boxes = [...svg.querySelectorAll('.box')].map((g) => [g, box(g.querySelector('rect'))]);
+  for (const [g, frame] of boxes)
+    for (const t of g.querySelectorAll('text'))
+      if (!within(box(t, 0.15), frame)) faults.push(`${t.textContent}: not in its box`);
+  const labels = texts.filter((t) => !t.closest('.box, .handle')).map((t) => [t, box(t, 0.2)]);
+  for (const [t, own] of labels) {
+    for (const rect of svg.querySelectorAll('.frame rect')) {
+      const frame = box(rect);
+      if (meet(own, frame) && !within(own, frame)) faults.push(`${t.textContent}: struck through by a frame`);
+    }
+    for (const [g, frame] of boxes) {
+      if (meet(own, frame)) faults.push(`${t.textContent}: over the box ${g.textContent}`);
+    }
+    for (const [other, its] of labels) {
+      if (other !== t && meet(own, its)) faults.push(`${t.textContent}: over ${other.textContent}`);
+    }
+  }
+  const pane = document.querySelector('.ecl-schematic .sheet').getBoundingClientRect();
+  const drawn = [...svg.querySelectorAll('.frame rect')].map((r) => r.getBoundingClientRect());
+  const [top, bottom] = [Math.min(...drawn.map((r) => r.top)), Math.max(...drawn.map((r) => r.bottom))];
+  const filled = (bottom - top) / pane.height;
+  return { faults, filled };
+}"""
+CONNECTED = [
+    ("paper", ()), ("paper", ("lvad",)), ("healthy", ()), ("healthy", ("crrt",)), ("lvad", ()),
+    ("vv-ecmo", ()),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("preset", "devices"), CONNECTED)
+def test_the_schematic_can_be_read(open_page, served, shots, preset, devices):
+    case = PRESETS[preset].case()
+    for device in devices:
+        case = connect(case, device)
+    page = open_page(url=f"{served.url}/#{link_of(PageState(case))}")
+    found = page.evaluate(FAULTS_OF_THE_SCHEMATIC, SMALLEST_LETTER_PX)
+    picture(page, shots, "_".join(("schematic", preset, *devices)))
+    assert found["faults"] == []
+    assert found["filled"] > 0.65
+
+
+def test_curves_of_the_ramp_differ_in_colour_and_dash_and_limits_have_names(open_page, shots):
+    page = open_page("paper")
+    show(page, "ramp")
+    page.wait_for_function("eclsim.bus.last('ramp')?.speeds.length >= 15")
+    page.locator(".ecl-chart:visible .scatterlayer .trace").first.wait_for()
+    chart = "[...document.querySelectorAll('.ecl-chart')].find((e) => e.clientHeight && e.data)"
+    strokes = page.evaluate(
+        f"{chart}.data.filter((t) => t.showlegend !== false).map((t) => [t.line.color, t.line.dash])"
+    )
+    assert len(strokes) == 9
+    assert len({colour for colour, _ in strokes}) == len({dash for _, dash in strokes}) == len(strokes)
+    lines = page.evaluate(f"{chart}.layout.shapes.filter((s) => s.yref === 'y3').map((s) => s.y0)")
+    labelled = page.evaluate(f"{chart}.layout.annotations.filter((a) => a.yref === 'y3').map((a) => a.y)")
+    assert sorted(lines) == sorted(labelled)
+    assert 350 in lines
+    picture(page, shots, "ramp_labelled")
+
+
+def test_on_a_phone_nothing_overflows_and_schemes_have_units(open_page, shots):
+    page = open_page("paper", viewport=PHONE)
+    show(page, "schemes")
+    page.wait_for_function("eclsim.bus.last('schemes')?.cells.length === 9")
+    page.locator(".ecl-schemes button").first.wait_for()
+    assert page.locator(".ecl-schemes .values").first.inner_text().count("mmHg") == 3
+    wide = page.evaluate(
+        """() => [...document.querySelectorAll('.ecl-schemes button')].flatMap((b) =>
+        [...b.querySelectorAll('span')].filter((s) => s.getBoundingClientRect().right >
+        b.getBoundingClientRect().right).map((s) => s.textContent))"""
+    )
+    assert wide == []
+    assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+    picture(page, shots, "schemes_phone")
+
+
+def test_saved_states_have_names_and_the_table_scrolls(open_page, shots):
+    page = open_page("paper")
+    for number in range(1, 5):
+        page.keyboard.press("Alt+s")
+        page.wait_for_function(f"eclsim.bus.last('saved')?.length === {number}")
+    show(page, "compare")
+    name = page.get_by_label(text("compare_name").format(number=1))
+    name.fill("before the CRRT")
+    name.press("Enter")
+    page.locator("#knob-ecmo-speed_rpm").fill("2500")
+    page.locator("#knob-ecmo-speed_rpm").press("Enter")
+    wait_for(page, "beat.outputs.PF < 2.7")
+    assert name.input_value() == "before the CRRT"
+    assert page.get_by_label(text("compare_name").format(number=2)).input_value() == "2"
+    table = page.locator(".ecl-compare .ecl-table")
+    assert table.evaluate("(t) => getComputedStyle(t).overflowX") == "auto"
+    last = page.get_by_role("button", name=f"{text('compare_remove')} 4")
+    last.scroll_into_view_if_needed()
+    edge = table.bounding_box()
+    assert last.bounding_box()["x"] + last.bounding_box()["width"] <= edge["x"] + edge["width"]
+    picture(page, shots, "compare_named")
+
+
+def test_a_dark_preference_is_followed(open_page, shots):
+    page = open_page("paper", color_scheme="dark")
+    brightness = """(selector) => getComputedStyle(document.querySelector(selector)).backgroundColor
+      .match(/[0-9]+/g).slice(0, 3).reduce((sum, v) => sum + Number(v), 0) / 3"""
+    for selector in ("body", ".ecl-header", ".ecl-limits", ".ecl-middle", ".ecl-knobs section"):
+        assert page.evaluate(brightness, selector) < 60
+    show(page, "loops")
+    page.locator(".ecl-chart:visible .scatterlayer .trace").first.wait_for()
+    chart = "[...document.querySelectorAll('.ecl-chart')].find((e) => e.clientHeight && e.data)"
+    assert page.evaluate(f"{chart}.layout.paper_bgcolor") == "#1b232b"
+    picture(page, shots, "dark")
+
+
+def axe() -> Path:
+    """The script of axe-core."""
+    named = os.environ.get("ECLSIM_AXE")
+    if named:
+        return Path(named)
+    package = find_spec("axe_playwright_python")
+    if package is None or package.origin is None:
+        pytest.skip("axe-core is not there: install axe_playwright_python, or name axe.min.js in ECLSIM_AXE")
+    return next(Path(package.origin).parent.rglob("axe.min.js"))
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing(open_page, scheme):
+    script = axe()
+    page = open_page("paper", color_scheme=scheme)
+    page.keyboard.press("Alt+s")
+    page.wait_for_function("eclsim.bus.last('saved')?.length === 1")
+    page.add_script_tag(path=script)
+    kinds = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
+    options = f"{{ runOnly: {kinds}, rules: {{ region: {{ enabled: false }} }} }}"
+    ask = f"axe.run({{ exclude: [['.q-loading-bar']] }}, {options})"
+    said = f"async () => (await {ask}).violations.map((v) => `${{v.id}}: ${{v.nodes.map((n) => n.target)}}`)"
+    still = "!document.querySelector('[class*=-enter-active], [class*=-leave-active]')"
+    found = {}
+    for view in ("monitor", "loops", "ramp", "schemes", "outputs", "identify", "compare"):
+        show(page, view)
+        page.wait_for_timeout(800)
+        page.wait_for_function(still)  # what fades in or out has no contrast of its own
+        found[view] = page.evaluate(said)
+    for name in ("export", "open", "help"):
+        page.get_by_role("button", name=text(name), exact=True).click()
+        page.wait_for_timeout(600)
+        page.wait_for_function(still)
+        found[name] = page.evaluate(said)
+        page.keyboard.press("Escape")
+        page.wait_for_timeout(400)
+    assert {where: faults for where, faults in found.items() if faults} == {}
+
+
+@pytest.mark.parametrize("viewport", [LAPTOP, PHONE], ids=["laptop", "phone"])
+def test_whatever_is_pressed_is_large_enough(open_page, viewport):
+    page = open_page("paper", viewport=viewport)
+    small = """() => {
+      const all = 'button, select, summary, input:not(.q-select__focus-target), [role=tab], [role=slider]';
+      const measured = [...document.querySelectorAll(all)].map((e) => [e, e.getBoundingClientRect()]);
+      return measured.filter(([, r]) => r.width && r.height && Math.min(r.width, r.height) < 24)
+        .map(([e, r]) => `${e.outerHTML.slice(0, 80)}: ${r.width} x ${r.height}`);
+    }"""
+    assert page.evaluate(small) == []

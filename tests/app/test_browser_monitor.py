@@ -1,0 +1,84 @@
+"""What the monitor draws: a steady beat looks steady, on scales that do not follow the pulse pressure."""
+
+from __future__ import annotations
+
+import pytest
+
+from eclsim.app.knobs import turn
+from eclsim.app.state import PageState, link_of
+from eclsim.app.texts import text
+from eclsim.cases.presets import PRESETS
+from page_in_browser import LAPTOP, beat, picture
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
+
+TOP_OF_EVERY_BEAT = """() => {
+  const canvas = document.querySelector('.ecl-monitor canvas');
+  const lanes = [...document.querySelectorAll('.ecl-monitor .lane')];
+  const [low, high] = lanes[0].dataset.scale.split(',').map(Number);
+  const ratio = canvas.width / canvas.getBoundingClientRect().width;
+  const tall = canvas.height / ratio / lanes.length;
+  const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, Math.floor(tall * ratio));
+  const left = 40, width = canvas.width / ratio - left;
+  const period = eclsim.bus.last('beat').period;
+  const edge = (x) => {  // the upper edge of the red line in a column, to a fraction of a pixel
+    let covered = 0;
+    for (let y = 0; y < Math.floor(tall * ratio); y++) {
+      const [r, , b, a] = data.slice(4 * (y * canvas.width + x), 4 * (y * canvas.width + x) + 4);
+      if (r < 200 || b > 160) { covered = 0; continue; }
+      covered += a / 255;
+      if (a > 250) return (y + 1 - covered) / ratio;
+    }
+    return Infinity;
+  };
+  const tops = [];
+  for (let k = 0; (k + 1) * period <= 6; k++) {
+    const at = (t) => Math.round((left + (t / 6) * width) * ratio);
+    const [from, to] = [at(k * period), at((k + 1) * period)];
+    let top = Infinity;
+    for (let x = from; x < to; x++) top = Math.min(top, edge(x));
+    tops.push(top);
+  }
+  const expected = (v) => tall - 7 - ((v - low) / (high - low)) * (tall - 16);
+  return { tops, scale: [low, high], systolic: expected(eclsim.bus.last('beat').outputs.SP) };
+}"""
+
+
+def link(served, preset: str, **turns: object) -> str:
+    case = PRESETS[preset].case()
+    for key, value in turns.items():
+        case = turn(case, key.replace("__", "."), value)
+    return f"{served.url}/#{link_of(PageState(case))}"
+
+
+@pytest.mark.parametrize(("viewport", "ratio"), [(LAPTOP, 1), ({"width": 640, "height": 800}, 2)])
+def test_every_beat_of_a_steady_beat_has_the_same_peak(open_page, served, shots, viewport, ratio):
+    fast = link(served, "healthy", patient__heart_rate_bpm=200)
+    page = open_page(url=fast, viewport=viewport, device_scale_factor=ratio)
+    page.wait_for_timeout(300)
+    fixed = page.evaluate(TOP_OF_EVERY_BEAT)
+    page.get_by_role("button", name=text("autoscale")).click()
+    page.wait_for_timeout(300)
+    stretched = page.evaluate(TOP_OF_EVERY_BEAT)
+    picture(page, shots, f"fast_heart_{ratio}")
+    for found in (fixed, stretched):
+        assert len(found["tops"]) >= 19
+        assert max(found["tops"]) - min(found["tops"]) < 1.0
+        assert min(found["tops"]) == pytest.approx(found["systolic"] - 0.9, abs=1.0)  # half a line above
+
+
+def test_the_scale_follows_the_level_not_the_pulse_pressure(open_page, served):
+    def scale_of(page) -> str:
+        return page.locator('.ecl-monitor [data-wave="Pao"]').get_attribute("data-scale")
+
+    weak = open_page(url=link(served, "paper", parameters__Emaxlv=0.5))
+    found = beat(weak)["outputs"]
+    assert found["SP"] - found["DP"] < 5.0
+    assert scale_of(weak) == "0,150"
+    weak.get_by_role("button", name=text("autoscale")).click()
+    weak.wait_for_function("document.querySelector('[data-wave=Pao]').dataset.scale !== '0,150'")
+    assert weak.get_by_role("button", name=text("autoscale")).get_attribute("aria-pressed") == "true"
+    strong = open_page("healthy")
+    found = beat(strong)["outputs"]
+    assert found["SP"] - found["DP"] > 30.0
+    assert scale_of(strong) == "0,150"

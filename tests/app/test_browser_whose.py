@@ -1,0 +1,182 @@
+"""Whose numbers the page shows, in Chromium: patients do not mix, and nothing old passes for new."""
+
+from __future__ import annotations
+
+import pytest
+
+from eclsim.app.texts import text
+from eclsim.cases.case import Measurements
+from eclsim.cases.presets import PRESETS
+from eclsim.cases.writing import case_text
+from eclsim.identification.verdict import FitVerdict, Goodness, agreement, headline
+from page_in_browser import beat, choose, open_file, picture, show, turn, wait_for
+from small_cohort import cohort
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
+PAPER = PRESETS["paper"].case()
+
+
+def patient(folder, name: str, pressure: float, **parameters: float):
+    """A case file of a patient with a measured mean pressure."""
+    person = PAPER.patient.model_copy(update={"id": name})
+    measured = Measurements(MAP=pressure, MPAP=15.0)
+    case = PAPER.model_copy(update={"patient": person, "measurements": measured, "parameters": parameters})
+    path = folder / f"{name}.toml"
+    path.write_text(case_text(case))
+    return path
+
+
+def whose(page) -> str:
+    return page.locator(".ecl-whose").inner_text()
+
+
+def test_the_form_follows_the_patient_and_what_was_typed_stays_with_it(open_page, tmp_path, shots):
+    page = open_page()
+    show(page, "identify")
+    field = page.locator("#form-measurements-MAP")
+    field.wait_for()
+    assert field.input_value() == ""  # what the model gives is no measurement
+    page.get_by_text("simulated 70").first.wait_for()
+    picture(page, shots, "identify_preset")
+    open_file(page, patient(tmp_path, "P01", 71))
+    page.wait_for_function("document.querySelector('#form-measurements-MAP')?.value === '71'")
+    assert page.locator("#form-patient-id").input_value() == "P01"
+    assert "Not fitted" in whose(page)
+    assert "P01" in whose(page)
+    picture(page, shots, "unfitted")
+    field.fill("72.5")
+    open_file(page, patient(tmp_path, "P02", 88))
+    page.wait_for_function("document.querySelector('#form-measurements-MAP')?.value === '88'")
+    assert page.locator("#form-patient-id").input_value() == "P02"
+    assert "P01" not in page.locator(".ecl-page").inner_text()
+    page.get_by_role("button", name="Undo").click()
+    page.wait_for_function("document.querySelector('#form-measurements-MAP')?.value === '72.5'")
+    page.reload()
+    page.wait_for_function("window.eclsim?.bus.last('beat')")
+    show(page, "identify")
+    page.wait_for_function("document.querySelector('#form-measurements-MAP')?.value === '72.5'")
+    page.get_by_text(text("fit_typed_kept")).wait_for()
+    open_file(page, tmp_path / "P01.toml")  # opened anew: as the file has it
+    page.wait_for_function("document.querySelector('#form-measurements-MAP')?.value === '71'")
+    assert page.get_by_text(text("fit_typed_kept")).count() == 0
+
+
+def test_measured_and_simulated_stand_side_by_side(open_page, tmp_path, shots):
+    page = open_page()
+    open_file(page, patient(tmp_path, "P03", 99))
+    page.get_by_text(f"{text('key_measured')} 99").wait_for()
+    show(page, "outputs")
+    heads = page.locator(".ecl-outputs thead th").all_inner_texts()
+    assert heads[1:3] == [text("value"), text("output_measured")]
+    row = page.locator(".ecl-outputs tr", has_text="MAP").first
+    assert row.locator("td").all_inner_texts()[1] == "99.0"
+    picture(page, shots, "measured")
+
+
+def test_a_turned_preset_is_called_changed_and_opens_again(open_page, shots):
+    page = open_page("healthy")
+    assert "Changed" not in whose(page)
+    turn(page, "patient.heart_rate_bpm", "84")
+    wait_for(page, "Math.abs(beat.period - 60 / 84) < 1e-3")
+    assert "Healthy adult, changed" in whose(page)
+    assert "Heart rate" in whose(page)
+    picture(page, shots, "changed")
+    choose(page, PRESETS["healthy"].name)
+    wait_for(page, "Math.abs(beat.period - 60 / 70) < 1e-3")
+    assert "changed" not in whose(page)
+
+
+def test_undo_then_reset_stays_with_the_patient(open_page):
+    page = open_page("healthy")
+    turn(page, "patient.heart_rate_bpm", "84")
+    wait_for(page, "Math.abs(beat.period - 60 / 84) < 1e-3")
+    choose(page, PRESETS["lvad"].name)
+    wait_for(page, "'Qlvadpump' in beat.waves")
+    page.get_by_role("button", name="Undo").click()
+    wait_for(page, "!('Qlvadpump' in beat.waves)")
+    page.get_by_role("button", name="Reset").click()
+    wait_for(page, "Math.abs(beat.period - 60 / 70) < 1e-3")
+    assert (
+        whose(page).split("\n")[0].strip().endswith("Healthy adult A preset, made up: nobody was measured.")
+    )
+
+
+def test_a_link_pasted_into_an_open_page_is_opened_and_a_damaged_one_changes_nothing(open_page):
+    page, other = open_page("healthy"), open_page("lvad")
+    link = other.evaluate("eclsim.bus.last('state').link")
+    page.evaluate("(link) => { location.hash = link; }", link)
+    wait_for(page, "'Qlvadpump' in beat.waves")
+    assert page.evaluate("location.hash") == ""
+    page.evaluate("() => { location.hash = 'nonsense'; }")
+    page.get_by_text("the link is").wait_for()
+    assert "LVAD" in page.get_by_text("Still shown").inner_text()
+    assert "Qlvadpump" in beat(page)["waves"]
+    page.get_by_role("button", name="Undo").click()
+    wait_for(page, "!('Qlvadpump' in beat.waves)")
+
+
+def test_the_skip_link_moves_to_the_knobs_and_leaves_address_and_patient(open_page):
+    page = open_page("lvad")
+    page.locator(".ecl-skip").focus()
+    page.keyboard.press("Enter")
+    assert page.evaluate("document.activeElement.getAttribute('aria-label')") == text("knobs")
+    assert page.evaluate("location.hash") == ""
+    page.reload()
+    page.wait_for_function("window.eclsim?.bus.last('beat')")
+    assert "Qlvadpump" in beat(page)["waves"]
+
+
+def fit_of(page, off: float) -> dict:
+    """A fit as the server tells it, with MAP so many standard uncertainties beside the measurement."""
+    scale = {"MAP": 5.5}
+    values = {"MAP": 80.0 + off * scale["MAP"]}
+    goodness = Goodness({"MAP": off}, off**2, 1.0, None)
+    verdict = FitVerdict(goodness, tuple(agreement({"MAP": 80.0}, values, goodness, "relative"))).as_object()
+    parameter = {
+        "value": 0.5,
+        "lower": 0.4,
+        "upper": 0.6,
+        "identifiable": True,
+        "reason": "",
+        "bounds": [0.1, 4],
+    }
+    return {
+        "subject": page.evaluate("eclsim.bus.last('form').subject"),
+        "fit": {
+            "of": "Fit of P01", "message": "optimum found", "seconds": 9, "usable": True, "link": "",
+            "verdict": verdict, "headline": headline(verdict), "parameters": {"Rmc": parameter},
+            "outputs": {"MAP": {"measured": 80.0, "simulated": values["MAP"]}},
+        },
+    }  # fmt: skip
+
+
+def test_a_fit_that_is_wrong_has_no_tick_and_says_why(open_page, shots):
+    page = open_page()
+    show(page, "identify")
+    page.wait_for_function("eclsim.bus.last('form')")
+    found = page.locator(".ecl-identify .found")
+    for off, ticks, level in ((0.4, 1, "good"), (3.0, 0, "doubtful"), (4.1, 0, "poor")):
+        page.evaluate("(data) => eclsim.bus.publish('fit_ended', data)", fit_of(page, off))
+        page.locator(f".judgement.{level}").wait_for()
+        assert found.inner_text().count("\u2713") == ticks
+        picture(page, shots, f"fit_{level}")
+    assert "POOR FIT, not to be used" in found.inner_text()
+    assert "MAP 102.5 fitted against 80 measured" in found.inner_text().replace("102.6", "102.5")
+    assert page.get_by_role("button", name=text("fit_use")).count() == 0
+    assert page.get_by_role("button", name=text("fit_use_poor")).is_visible()
+
+
+def test_a_row_of_a_cohort_says_which_one_it_is_and_that_it_is_not_fitted(open_page, tmp_path, shots):
+    page = open_page("healthy")
+    page.get_by_role("button", name=text("open")).click()
+    table = tmp_path / "ward.csv"
+    table.write_bytes(cohort({"CO": "", "SP": "100"}, {"measurement": "2", "CO": "", "SP": "110"}))
+    page.locator(".ecl-upload input[type=file]").set_input_files(table)
+    page.get_by_label(text("open_rows")).click()
+    page.get_by_text("P01/2", exact=True).click()
+    page.get_by_role("button", name=text("open_use"), exact=True).click()
+    wait_for(page, "beat.outputs.PF > 0")
+    assert "NOT FITTED" in whose(page)
+    assert "ward.csv, data point P01/2" in whose(page)
+    page.get_by_text(f"{text('key_measured')} 75").wait_for()
+    picture(page, shots, "cohort_row")

@@ -1,0 +1,63 @@
+"""What a browser keeps of its tab comes back as it was, and nothing else gets in."""
+
+import pytest
+
+from eclsim.app.keeping import LONGEST, MOST_UNDONE, Kept, read_kept, text_of
+from eclsim.app.knobs import turn
+from eclsim.app.state import MOST_SAVED, History, PageState, packed, preset_state
+from eclsim.cases.mistakes import CaseError
+from eclsim.cases.presets import PRESETS
+
+FIRST = PageState(PRESETS["paper"].case(), origin="file", source="mine.toml")
+
+
+def at_speed(rpm: float) -> PageState:
+    return FIRST.with_case(turn(FIRST.case, "ecmo.speed_rpm", rpm))
+
+
+def test_undo_redo_pinned_and_saved_come_back():
+    history = History(preset_state("healthy"))
+    for k, state in enumerate((FIRST, at_speed(3000), at_speed(3100))):
+        history.change(state, "", float(k))
+    history.undo()
+    kept = Kept(history, FIRST, (at_speed(2000), preset_state("lvad")))
+    found = read_kept(text_of(kept))
+    assert found.history.now == at_speed(3000)
+    assert found.history.past == [preset_state("healthy"), FIRST]
+    assert found.history.future == [at_speed(3100)]
+    assert (found.pinned, found.saved) == (kept.pinned, kept.saved)
+    assert found.history.now.start == FIRST
+
+
+def test_a_long_history_is_cut_and_stays_short():
+    history = History(FIRST)
+    for k in range(100):
+        history.change(at_speed(2000 + k), "", float(k))
+    kept = text_of(Kept(history, FIRST, tuple(at_speed(3000 + k) for k in range(MOST_SAVED))))
+    assert len(kept) < LONGEST / 10
+    assert read_kept(kept).history.past == history.past[-MOST_UNDONE:]
+
+
+STATE = FIRST.as_object()
+GOOD = {"v": 1, "states": [STATE], "now": 0, "past": [], "future": [], "pinned": None, "saved": []}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"v": 2}, {"states": 3}, {"states": []}, {"states": [STATE] * 1000}, {"now": -1}, {"now": 1},
+        {"now": True}, {"now": None}, {"past": [0] * (MOST_UNDONE + 1)}, {"past": "no"}, {"pinned": "no"},
+        {"saved": [0] * (MOST_SAVED + 1)}, {"saved": [9]}, {"states": [{**STATE, "policy": "other"}]},
+        {"states": [{**STATE, "case": {}}]}, {"states": [None]},
+    ],
+)  # fmt: skip
+def test_what_is_no_kept_tab_is_refused(change):
+    assert read_kept(packed(GOOD)).history.now == FIRST
+    with pytest.raises(CaseError):
+        read_kept(packed(GOOD | change))
+
+
+@pytest.mark.parametrize("text", ["", "abc", "!!!", "A" * (LONGEST + 1), packed([1])])
+def test_what_is_damaged_is_refused(text):
+    with pytest.raises(CaseError):
+        read_kept(text)

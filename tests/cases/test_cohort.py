@@ -1,0 +1,318 @@
+"""Cohort tables: what is accepted, what is refused, and that a bad row stops no other."""
+
+from pathlib import Path
+
+import pytest
+
+from eclsim.cases import CaseError, cohort_table
+from eclsim.cases.cohort import COLUMNS, read_cohort
+
+HEAD = (
+    "patient_id,measurement,sex,age_years,height_cm,weight_kg,heart_rate_bpm,SP,DP,MAP,MPAP,PCWP,CO,PF,"
+    "ecmo_pump,ecmo_speed_rpm,oxygenator,drainage_fr,return_fr"
+)
+ROW = "P01,1,male,42,187,73,83,101,47,70,26,9,5.8,2.2,Rotaflow,2725,Quadrox-i Adult,25,15"
+
+
+def row(number: int = 1, patient: str = "P01", **changes: str) -> str:
+    cells = dict(zip(HEAD.split(","), ROW.split(","), strict=True))
+    return ",".join((cells | {"patient_id": patient, "measurement": str(number)} | changes).values())
+
+
+@pytest.fixture
+def write(tmp_path: Path):
+    def written(*lines: str | bytes, end: bytes = b"\n") -> Path:
+        path = tmp_path / "cohort.csv"
+        path.write_bytes(end.join(x if isinstance(x, bytes) else x.encode() for x in lines))
+        return path
+
+    return written
+
+
+def said(error: pytest.ExceptionInfo[CaseError]) -> str:
+    return str(error.value)
+
+
+def test_a_row_becomes_a_case(write):
+    (point,) = read_cohort(write(HEAD, ROW)).points
+    assert (point.name, point.line) == ("P01/1", 2)
+    assert point.case.measurements is not None
+    assert (point.case.measurements.SP, point.case.measurements.PF) == (101, 2.2)
+    assert point.case.ecmo is not None
+    assert (point.case.ecmo.drainage_site, point.case.ecmo.return_site) == ("ra", "ao")
+    assert point.case.ecmo.speed_rpm == 2725
+
+
+def test_without_a_device_the_patient_has_none(write):
+    bare = row(ecmo_pump="", ecmo_speed_rpm="", oxygenator="", drainage_fr="", return_fr="", PF="")
+    (point,) = read_cohort(write(HEAD, bare)).points
+    assert point.case.ecmo is None
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "words"),
+    [
+        ("SP", "3,5", "decimal comma"),
+        ("SP", "40", "systolic"),
+        ("SP", "120/80", "two pressures"),
+        ("MAP", "#REF!", "spreadsheet"),
+        ("CO", "#DIV/0!", "spreadsheet"),
+        ("CO", "3400", "outside"),
+        ("PCWP", "inf", "not a number"),
+        ("heart_rate_bpm", "", "missing"),
+        ("sex", "M", "unknown name"),
+        ("ecmo_pump", "0", "name"),
+        ("ecmo_pump", "Rotaflo", "Rotaflow"),
+        ("measurement", "", "empty"),
+        ("measurement", "03/04/2024", "two ways"),
+        ("patient_id", "", "empty"),
+        ("patient_id", "x" * 10_000, "too long"),
+        ("measurement", "y" * 10_000, "too long"),
+        ("weight_kg", "", "missing"),
+    ],
+)
+def test_a_bad_cell_refuses_its_row_alone_with_line_and_column(write, column, value, words):
+    bad = row(2, **{column: f'"{value}"'})
+    reading = read_cohort(write(HEAD, row(1), bad, row(3)))
+    assert [p.measurement for p in reading.points] == ["1", "3"]
+    told = [m for m in reading.refused if m.key == column]
+    assert told, reading.refused
+    assert all(m.line == 3 for m in reading.refused)
+    assert words in str(told[0])
+    assert len(str(told[0])) < 600
+
+
+def test_one_bad_row_among_a_thousand(write):
+    rows = [row(k) for k in range(1000)]
+    rows[500] = row(500, SP="high")
+    reading = read_cohort(write(HEAD, *rows))
+    assert len(reading.points) == 999
+    (mistake,) = reading.refused
+    assert (mistake.key, mistake.line) == ("SP", 502)
+
+
+def test_nothing_measured_is_refused(write):
+    empty = row(2, SP="", DP="", MAP="", MPAP="", PCWP="", CO="", PF="")
+    reading = read_cohort(write(HEAD, row(1), empty))
+    assert len(reading.points) == 1
+    assert "nothing to fit" in str(reading.refused[0])
+
+
+@pytest.mark.parametrize("text", ["", "NA", "n/a", "-", ".", "nan", "#N/A"])
+def test_missing_measurements_are_left_out(write, text):
+    (point,) = read_cohort(write(HEAD, row(1, MPAP=text))).points
+    assert point.case.measurements is not None
+    assert point.case.measurements.MPAP is None
+    assert point.case.measurements.SP == 101
+
+
+@pytest.mark.parametrize("end", [b"\n", b"\r\n", b"\r"])
+def test_byte_order_mark_line_endings_and_blank_rows(write, end):
+    reading = read_cohort(write(b"\xef\xbb\xbf" + HEAD.encode(), row(1), row(2), "", ",,,", "", end=end))
+    assert [p.measurement for p in reading.points] == ["1", "2"]
+    assert reading.points[0].patient_id == "P01"
+    assert not reading.refused
+
+
+@pytest.mark.parametrize(("delimiter", "name"), [(";", "semicolons"), ("\t", "tabs")])
+def test_another_delimiter_is_found_and_stated(write, delimiter, name):
+    reading = read_cohort(write(HEAD.replace(",", delimiter), ROW.replace(",", delimiter)))
+    assert len(reading.points) == 1
+    assert any(name in str(note) for note in reading.notes)
+
+
+def test_decimal_commas_in_a_file_with_semicolons_are_refused_with_what_was_meant(write):
+    reading = read_cohort(write(HEAD.replace(",", ";"), ROW.replace(",", ";").replace("5.8", "5,8")))
+    assert reading.points == ()
+    assert "5.8" in str(reading.refused[0])
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"", "empty"),
+        (b"\n \n", "empty"),
+        (HEAD.encode(), "no patients"),
+        (f"{HEAD}\n{ROW}".encode("utf-16"), "UTF-16"),
+        (f"{HEAD}\n{ROW}".encode("utf-16-le"), "UTF-16"),
+        (f"{HEAD}\n{row(1, 'Jürgen')}".encode("latin-1"), "Latin-1"),
+    ],
+)
+def test_a_file_that_is_no_table_is_refused(write, data, words):
+    with pytest.raises(CaseError) as error:
+        read_cohort(write(data))
+    assert words in said(error)
+
+
+def test_files_too_large_are_refused_before_they_are_read_whole(write, monkeypatch):
+    monkeypatch.setattr(cohort_table, "MAXIMUM_BYTES", 1_000_000)
+    with pytest.raises(CaseError, match="at most 1 MB"):
+        read_cohort(write(HEAD, *[ROW] * 20_000))
+
+
+def test_limits_of_rows_and_columns(write, monkeypatch):
+    monkeypatch.setattr(cohort_table, "MAXIMUM_ROWS", 10)
+    with pytest.raises(CaseError, match="at most 10 rows"):
+        read_cohort(write(HEAD, *[row(k) for k in range(11)]))
+    with pytest.raises(CaseError, match="at most 200 columns"):
+        read_cohort(write(HEAD + ",x" * 300, ROW))
+
+
+@pytest.mark.parametrize("name", ["007", "1e5", "00123E4", "1_000"])
+def test_ids_stay_text(write, name):
+    (point,) = read_cohort(write(HEAD, row(1, name))).points
+    assert point.patient_id == name
+
+
+@pytest.mark.parametrize("other", ["p01", "P 01", "Ｐ01"])
+def test_ids_that_look_the_same_are_named(write, other):
+    reading = read_cohort(write(HEAD, row(1), row(1, other)))
+    assert len(reading.points) == 2
+    assert any("line 2" in str(w) and w.key == "patient_id" for w in reading.warnings)
+
+
+def test_a_repeated_point_is_refused_wherever_it_stands(write):
+    reading = read_cohort(write(HEAD, row(1), row(2), row(1, "P01 ", SP="99")))
+    assert [p.measurement for p in reading.points] == ["2"]
+    assert sorted(m.line or 0 for m in reading.refused) == [2, 4]
+
+
+@pytest.mark.parametrize("column", [*COLUMNS, "measurement"])
+def test_a_missing_column_refuses_the_file(write, column):
+    keep = [k for k, name in enumerate(HEAD.split(",")) if name != column]
+    lines = [",".join(line.split(",")[k] for k in keep) for line in (HEAD, ROW)]
+    with pytest.raises(CaseError, match=column):
+        read_cohort(write(*lines))
+
+
+def test_a_misspelt_column_is_named_with_the_one_it_is_near(write):
+    with pytest.raises(CaseError, match=r"MPAP.*did you mean MPPA"):
+        read_cohort(write(HEAD.replace("MPAP", "MPPA"), ROW))
+
+
+def test_two_columns_of_one_name_refuse_the_file(write):
+    with pytest.raises(CaseError, match="SP: more than one column"):
+        read_cohort(write(HEAD + ",SP", ROW + ",99"))
+
+
+def test_an_extra_column_is_not_read(write):
+    reading = read_cohort(write(HEAD + ",lactate", ROW + ",2.1"))
+    assert len(reading.points) == 1
+    assert [w.key for w in reading.warnings] == ["lactate"]
+
+
+def test_an_extra_column_that_tells_who_it_is_is_named_but_not_shown(write):
+    reading = read_cohort(write(HEAD + ",name", ROW + ",Erika Mustermann"))
+    (warning,) = reading.warnings
+    assert "take it out" in str(warning)
+    assert "Mustermann" not in str(warning)
+
+
+@pytest.mark.parametrize(("change", "words"), [(ROW[:-3], "18 cells"), (ROW + ",7", "20 cells")])
+def test_too_few_or_many_cells_refuse_the_row(write, change, words):
+    reading = read_cohort(write(HEAD, row(1), change, row(3)))
+    assert len(reading.points) == 2
+    (mistake,) = reading.refused
+    assert mistake.line == 3
+    assert words in str(mistake)
+
+
+def test_quoted_commas_and_line_breaks(write):
+    reading = read_cohort(write(HEAD + ",comment", ROW + ',"a, b\nc"', row(2) + ",", row(3) + ",d"))
+    assert [(p.measurement, p.line) for p in reading.points] == [("1", 2), ("2", 4), ("3", 5)]
+
+
+def test_a_quote_that_is_never_closed_is_named_and_rows_before_it_stand(write):
+    reading = read_cohort(write(HEAD, row(1), row(2, "P02").replace("male", '"male'), row(3)))
+    assert [p.measurement for p in reading.points] == ["1"]
+    (mistake,) = reading.refused
+    assert mistake.line == 3
+    assert "never closed" in str(mistake)
+
+
+def units(**changes: str) -> str:
+    usual = {"patient_id": "", "measurement": "", "sex": "", "age_years": "years", "height_cm": "cm"}
+    usual |= {"weight_kg": "kg", "heart_rate_bpm": "bpm", **dict.fromkeys(("SP", "DP", "MAP"), "mmHg")}
+    usual |= {"MPAP": "[mmHg]", "PCWP": "mmHg", "CO": "L/min", "PF": "L/min", "ecmo_speed_rpm": "rpm"}
+    usual |= changes
+    return ",".join(usual.get(name, "") for name in HEAD.split(","))
+
+
+def test_a_row_of_the_usual_units_is_no_patient(write):
+    reading = read_cohort(write(HEAD, units(), row(1)))
+    assert len(reading.points) == 1
+    assert not reading.refused
+    assert any("row of units" in str(note) for note in reading.notes)
+
+
+def test_a_row_of_other_units_refuses_the_file(write):
+    with pytest.raises(CaseError, match="SP in kPa"):
+        read_cohort(write(HEAD, units(SP="kPa"), row(1)))
+
+
+def test_rows_in_kilopascal_are_found_among_the_others(write):
+    rows = [row(k, MPAP=str(20 + k % 5), PCWP=str(8 + k % 4), SP="", DP="", MAP="") for k in range(10)]
+    rows[4] = row(4, MPAP="2.8", PCWP="1.3", SP="", DP="", MAP="")
+    reading = read_cohort(write(HEAD, *rows))
+    assert [p.measurement for p in reading.points] == [str(k) for k in range(10) if k != 4]
+    (mistake,) = reading.refused
+    assert mistake.line == 6
+    assert "2.8 kPa = 21 mmHg" in str(mistake)
+
+
+def test_times_out_of_order_are_put_in_order_and_this_is_stated(write):
+    lines = [row(1, measurement=f"2024-03-0{day}T08:00") for day in (3, 1, 2)]
+    reading = read_cohort(write(HEAD, lines[0], row(1, "P02"), *lines[1:]))
+    assert [p.measurement[8:10] for p in reading.points if p.patient_id == "P01"] == ["01", "02", "03"]
+    assert any("order of time" in str(note) for note in reading.notes)
+
+
+def test_no_such_file_and_a_folder(tmp_path):
+    with pytest.raises(CaseError, match="no such file"):
+        read_cohort(tmp_path / "none.csv")
+    with pytest.raises(CaseError, match="a folder"):
+        read_cohort(tmp_path)
+
+
+def test_a_patient_of_two_heights_or_sexes_is_doubted(write):
+    rows = (
+        row(1),
+        row(2, sex="female", height_cm="167"),
+        row(3, height_cm="187.0"),
+        row(1, "P02", sex="female"),
+    )
+    found = [
+        str(w) for w in read_cohort(write(HEAD, *rows)).warnings if "under the same patient_id" in str(w)
+    ]
+    assert [w.partition(": ")[2] for w in found] == [
+        "sex = female: male in line 2, under the same patient_id: one patient, or two?",
+        "height_cm = 167: 187 in line 2, under the same patient_id: one patient, or two?",
+    ]
+
+
+def test_a_missing_header_is_one_mistake_and_a_unit_in_a_column_name_is_understood(write):
+    with pytest.raises(CaseError) as error:
+        read_cohort(write("# my cohort", HEAD, ROW))
+    (mistake,) = error.value.mistakes
+    assert "its first line names no column of a cohort: # my cohort" in str(mistake)
+    with pytest.raises(CaseError) as error:
+        read_cohort(write(HEAD.replace(",MAP", ",MAP [mmHg]"), ROW))
+    assert said(error).endswith("did you mean MAP for MAP [mmHg]?")
+
+
+def test_the_header_again_is_one_refusal(write):
+    reading = read_cohort(write(HEAD, ROW, HEAD, row(2)))
+    assert len(reading.points) == 2
+    (refused,) = reading.refused
+    assert (refused.line, refused.message) == (3, "the header again, in the middle of the table")
+
+
+def test_a_date_that_does_not_exist_and_a_time_in_two_spellings_are_refused(write):
+    label = "2024-03-01T08:00"
+    rows = [row(1).replace("P01,1,", f"P01,{name},") for name in ("2024-02-30T08:00", label, f"{label}:00")]
+    reading = read_cohort(write(HEAD, *rows, row(4)))
+    assert [(m.line, m.message) for m in reading.refused] == [
+        (2, "no such date or time"),
+        (3, "the same patient and measurement as in line 4"),
+        (4, "the same patient and measurement as in line 3"),
+    ]

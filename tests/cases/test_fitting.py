@@ -1,0 +1,67 @@
+"""Rows 25, 26 and 55 of the list of bad inputs: targets and bounds of an identification."""
+
+import pytest
+
+from eclsim.cases import read_mapping
+from eclsim.cases.fitting import check_fit
+from eclsim.parameters.identification import BOUNDS
+
+ALL = {"SP": 101, "DP": 47, "MAP": 70, "MPAP": 26, "PCWP": 9, "CO": 5.8, "PF": 2.2}
+
+
+def case_with(measured):
+    return read_mapping(
+        {
+            "format": 1,
+            "patient": {"id": "P01", "sex": "male", "age_years": 42, "heart_rate_bpm": 83},
+            "measurements": measured,
+            "ecmo": {"pump": "Rotaflow", "speed_rpm": 2725, "oxygenator": "Quadrox-i Adult", "mode": "VA"},
+        }
+    ).case
+
+
+def test_seven_targets_for_seven_parameters_are_fine():
+    checked = check_fit(case_with(ALL), BOUNDS)
+    assert (checked.mistakes, checked.warnings, checked.notes) == ([], [], [])
+    assert checked.targets == ALL
+    assert set(checked.free) == set(BOUNDS)
+
+
+def test_25_without_targets_there_is_nothing_to_fit():
+    (mistake,) = check_fit(case_with({"SP": "NA", "MAP": "nan"}), BOUNDS).mistakes
+    assert mistake.message == "nothing to fit"
+
+
+def test_26_fewer_targets_than_free_parameters():
+    checked = check_fit(case_with({"MAP": 70, "CO": 5.8}), BOUNDS)
+    assert "2 targets for 7 free parameters" in checked.warnings[0].message
+    assert {note.key for note in checked.notes} == {
+        f"measurements.{name}" for name in set(ALL) - {"MAP", "CO"}
+    }
+
+
+@pytest.mark.parametrize(
+    ("limits", "said"),
+    [
+        ((0.5, 5.0, 0.05), "lower bound above upper bound"),
+        ((6.0, 0.05, 5.0), "start value outside"),
+        ((0.5, 0.001, 5.0), "allowed: 0.02 to 8"),
+        ((0.5, float("nan"), 5.0), "finite"),
+    ],
+)
+def test_55_bounds_that_make_no_sense(limits, said):
+    (mistake,) = check_fit(case_with(ALL), {**BOUNDS, "Rmc": limits}).mistakes
+    assert mistake.key == "Rmc"
+    assert said in str(mistake)
+
+
+def test_55_equal_bounds_fix_a_parameter_and_say_so():
+    checked = check_fit(case_with(ALL), {**BOUNDS, "Rmc": (0.6, 0.6, 0.6)})
+    assert checked.fixed == {"Rmc": 0.6}
+    assert "Rmc" not in checked.free
+    assert checked.notes[0].key == "Rmc"
+
+
+def test_unknown_parameters_get_a_suggestion():
+    (mistake,) = check_fit(case_with(ALL), {"Emaxl": (1, 0.1, 10)}).mistakes
+    assert "Emaxlv" in mistake.suggestion

@@ -1,0 +1,230 @@
+"""Clinical data into cohorts: bundles and long tables, conversions that are said, all mistakes at once."""
+
+import json
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from eclsim.cases.case import Case, Ecmo, Patient
+from eclsim.cases.clinical_codes import BY_CODE, UnitError, in_unit_of
+from eclsim.cases.cohort import read_cohort
+from eclsim.cases.importing import as_table, import_cohort
+from eclsim.cases.mistakes import CaseError
+
+LOINC = "http://loinc.org"
+NINE = "2024-03-01T09:00:00+01:00"
+
+
+def observation(code: str, value: Any, unit: str, time: str = NINE, **more: Any) -> dict[str, Any]:
+    return {
+        "resourceType": "Observation",
+        "status": "final",
+        "subject": {"reference": "Patient/P01"},
+        "effectiveDateTime": time,
+        "code": {"coding": [{"system": LOINC, "code": code}]},
+        "valueQuantity": {"value": value, "code": unit},
+        **more,
+    }
+
+
+PATIENT = {
+    "resourceType": "Patient",
+    "id": "P01",
+    "gender": "female",
+    "birthDate": "1955-04-17",
+    "name": [{"family": "Doe"}],
+}
+PANEL = {
+    "component": [
+        {
+            "code": {"coding": [{"system": LOINC, "code": "8480-6"}]},
+            "valueQuantity": {"value": 110, "code": "mm[Hg]"},
+        },
+        {
+            "code": {"coding": [{"system": LOINC, "code": "8462-4"}]},
+            "valueQuantity": {"value": 70, "code": "mm[Hg]"},
+        },
+    ]
+}
+
+
+def bundle(folder: Path, *resources: Any) -> Path:
+    path = folder / "bundle.json"
+    path.write_text(json.dumps({"resourceType": "Bundle", "entry": [{"resource": r} for r in resources]}))
+    return path
+
+
+def panel() -> dict[str, Any]:
+    whole = observation("85354-9", 0, "") | PANEL
+    del whole["valueQuantity"]
+    return whole
+
+
+def long_table(folder: Path, *rows: str) -> Path:
+    path = folder / "long.csv"
+    path.write_text("\n".join(("patient,time,code,value,unit", *rows)) + "\n")
+    return path
+
+
+def test_a_bundle_becomes_a_cohort_that_is_read(tmp_path):
+    file = bundle(
+        tmp_path,
+        PATIENT,
+        panel(),
+        observation("8867-4", 82, "/min"),
+        observation("8478-0", 11.2, "kPa"),
+        observation("8741-1", 4100, "mL/min", "2024-03-01T09:03:00+01:00"),
+        observation("8867-4", 88, "/min", "2024-03-01T12:00:00+01:00"),
+        observation("8478-0", 79, "mm[Hg]", "2024-03-01T12:00:00+01:00"),
+        observation("718-7", 12, "g/dL"),
+    )
+    found = import_cohort(file)
+    said = "\n".join(map(str, found.notes))
+    assert "11.2 kPa = 84.0069 mmHg" in said
+    assert "4100 mL/min = 4.1 L/min" in said
+    assert "5 min after the first" in said
+    assert any("718-7" in str(w) for w in found.warnings)
+    table = tmp_path / "cohort.csv"
+    table.write_text(as_table(found.rows))
+    assert "Doe" not in table.read_text()
+    assert "1955" not in table.read_text()
+    reading = read_cohort(table)
+    assert not reading.refused
+    first, second = reading.points
+    assert first.measurement == NINE
+    assert first.case.patient.sex == "female"
+    assert first.case.patient.age_years == 68
+    measured = first.case.measurements
+    assert measured is not None
+    assert (measured.SP, measured.DP, measured.CO) == (110, 70, 4.1)
+    assert pytest.approx(84.007, abs=1e-3) == measured.MAP
+    assert second.case.patient.heart_rate_bpm == 88
+
+
+def test_a_long_table_takes_codes_and_names_and_devices_of_a_base_case(tmp_path):
+    file = long_table(
+        tmp_path,
+        "A,2024-03-01T08:00,sex,male,",
+        "A,2024-03-01T08:00,age_years,61,",
+        "A,2024-03-01T08:00,8867-4,90,bpm",
+        "A,2024-03-01T08:00,MAP,100,cmH2O",
+        "A,2024-03-01T08:00,PF,3.4,L/min",
+        "A,2024-03-01T08:00,PCWP,n/a,mmHg",
+    )
+    patient = Patient(id="base", sex="female", age_years=50, heart_rate_bpm=70)
+    ecmo = Ecmo(
+        pump="Rotaflow",
+        speed_rpm=3000,
+        oxygenator="Quadrox-i Adult",
+        drainage_site="ra",
+        drainage_cannula="venous",
+        drainage_fr=23,
+        return_site="ao",
+        return_cannula="arterial",
+        return_fr=17,
+    )
+    found = import_cohort(file, Case(patient=patient, ecmo=ecmo))
+    table = tmp_path / "cohort.csv"
+    table.write_text(as_table(found.rows))
+    (point,) = read_cohort(table).points
+    assert (point.case.patient.sex, point.case.patient.age_years) == ("male", 61)
+    assert point.case.ecmo is not None
+    assert point.case.ecmo.speed_rpm == 3000
+    assert point.case.measurements is not None
+    assert pytest.approx(73.556, abs=1e-3) == point.case.measurements.MAP
+    assert any("circuit of the base case" in str(n) for n in found.notes)
+
+
+def test_all_mistakes_are_said_at_once(tmp_path):
+    file = long_table(
+        tmp_path,
+        "A,2024-03-01T08:00,MAP,80,",
+        "A,2024-03-01T08:00,SP,120,L/min",
+        "A,03/04/2024,DP,60,mmHg",
+        "A,2024-03-01T08:00,CO,4,5 L/min",
+        "A,2024-03-01T08:00,CO,high,L/min",
+        "A,2024-03-01T09:00,MPAP,20,mmHg",
+        "A,2024-03-01T09:00,MPAP,25,mmHg",
+        ",2024-03-01T09:00,MAP,80,mmHg",
+    )
+    with pytest.raises(CaseError) as caught:
+        import_cohort(file)
+    said = [str(m) for m in caught.value.mistakes]
+    for words in (
+        ":2: MAP = 80: no unit",
+        ":3: SP = 120: unit 'L/min' is no unit of a pressure",
+        ':4: DP = "03/04/2024"',
+        ':6: CO = "high": no number',
+        ":8: A 2024-03-01T09:00 MPAP = 20 and 25",
+        ":9: patient: empty",
+    ):
+        assert any(words in line for line in said), (words, said)
+
+
+@pytest.mark.parametrize(
+    ("resource", "words"),
+    [
+        (observation("8478-0", "80", "mm[Hg]"), "no number"),
+        (observation("8478-0", 80, "mg/dL"), "no unit of a pressure"),
+        (observation("8478-0", 80, "mm[Hg]", ""), "no time"),
+        (observation("8478-0", 80, "mm[Hg]", subject={}), "no subject"),
+        (
+            observation(
+                "8478-0", 80, "mm[Hg]", valueQuantity={"value": 80, "code": "mm[Hg]", "comparator": ">"}
+            ),
+            "limit",
+        ),
+        ({"resourceType": "Patient", "id": "P01", "gender": "unknown", "birthDate": "1955"}, "female, male"),
+    ],
+)
+def test_what_a_bundle_may_have_wrong(tmp_path, resource, words):
+    with pytest.raises(CaseError, match=words):
+        import_cohort(bundle(tmp_path, resource, observation("8480-6", 110, "mm[Hg]")))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("{", "no valid JSON"),
+        ("[]", "no FHIR bundle"),
+        ('{"resourceType": "Bundle"}', "with entries"),
+        ('{"resourceType": "Patient"}', "no FHIR bundle"),
+        ("[" * 100_000, "deeply"),
+    ],
+)
+def test_what_is_no_bundle(tmp_path, text, words):
+    path = tmp_path / "x.json"
+    path.write_text(text)
+    with pytest.raises(CaseError, match=words):
+        import_cohort(path)
+
+
+def test_values_that_were_withdrawn_are_left_out(tmp_path):
+    wrong = observation("8478-0", 400, "mm[Hg]", status="entered-in-error")
+    found = import_cohort(bundle(tmp_path, PATIENT, wrong, observation("8478-0", 80, "mm[Hg]")))
+    assert [row["MAP"] for row in found.rows] == ["80"]
+    assert any("entered-in-error" in str(n) for n in found.notes)
+
+
+def test_what_lies_further_apart_is_another_data_point(tmp_path):
+    rows = [f"A,2024-03-01T08:{m:02d},MAP,8{m % 10},mmHg" for m in (0, 3, 20)]
+    with pytest.raises(CaseError, match="two values of one data point"):
+        import_cohort(long_table(tmp_path, *rows))
+    assert len(import_cohort(long_table(tmp_path, *rows), within=timedelta(minutes=1)).rows) == 3
+
+
+def test_units_are_converted_or_refused_never_guessed():
+    assert in_unit_of(80.0, "mm[Hg]", BY_CODE["MAP"]) == (80.0, "")
+    assert in_unit_of(90.0, "1/min", BY_CODE["heart_rate_bpm"]) == (90.0, "")
+    assert in_unit_of(1.5, "Hz", BY_CODE["heart_rate_bpm"]) == (90.0, "1.5 Hz = 90 bpm")
+    with pytest.raises(UnitError):
+        in_unit_of(80.0, "", BY_CODE["MAP"])
+
+
+def test_where_nothing_is_left_it_is_said_what_was_left_out(tmp_path):
+    with pytest.raises(CaseError, match="status entered-in-error: not read"):
+        import_cohort(
+            bundle(tmp_path, PATIENT, observation("8478-0", 80, "mm[Hg]", status="entered-in-error"))
+        )

@@ -1,0 +1,83 @@
+"""Two commands and one folder, and what an interrupted command says."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from eclsim.cli.folder_lock import LOCK, locked
+from eclsim.cli.messages import resumable
+
+COMMANDS = {
+    "sensitivity": ("sensitivity", "{case}", "--out", "{out}"),
+    "identify": ("identify", "{case}", "--out", "{out}"),
+    "crrt-study": ("crrt-study", "{case}", "--out", "{out}"),
+    "track": ("track", "{case}", "--out", "{out}"),
+    "reproduce": ("reproduce", "{out}"),
+    "reproduce --out": ("reproduce", "--out", "{out}"),
+}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_second_command_on_one_folder_is_refused_and_told_who_has_it(shell, name):
+    out = shell.folder / "out"
+    out.mkdir()
+    words = [word.format(case=shell.case(more=shell.ecmo), out=out) for word in COMMANDS[name]]
+    with locked(out):
+        done = shell.run(*words)
+    assert done.exit_code == 2
+    assert f"--out {out}: in use by process {os.getpid()}" in done.stderr
+    assert list(out.iterdir()) == []
+
+
+def test_what_a_process_that_died_left_behind_is_taken_over(tmp_path):
+    (tmp_path / LOCK).write_text("process 1 (eclsim sensitivity, since 00:00:00)")
+    with locked(tmp_path):
+        assert str(os.getpid()) in (tmp_path / LOCK).read_text()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_lock_ends_with_its_process_however_that_ends(tmp_path):
+    code = (
+        "import os, signal, sys\nfrom eclsim.cli.folder_lock import locked\n"
+        "with locked(sys.argv[1]):\n    os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=False)
+    assert done.returncode == -signal.SIGKILL
+    assert (tmp_path / LOCK).exists()
+    with locked(tmp_path):
+        pass
+
+
+def test_shards_of_one_analysis_run_side_by_side(tmp_path):
+    with locked(tmp_path, "-1-of-4"), locked(tmp_path, "-2-of-4"):
+        pass
+    with locked(tmp_path, "-1-of-4"), pytest.raises(SystemExit), locked(tmp_path, "-1-of-4"):
+        pass
+
+
+def test_a_folder_made_for_the_lock_alone_goes_again(shell):
+    out = shell.folder / "new"
+    assert shell.run("sensitivity", shell.folder / "missing.toml", "--out", out).exit_code == 2
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_command_says_how_to_go_on(number):
+    code = (
+        "import os, sys, time\n"
+        "from eclsim.cli import application\nfrom eclsim.cli.messages import resumable\n"
+        "application._stop_cleanly_on_signals()\n"
+        "with resumable('out'):\n    os.kill(os.getpid(), int(sys.argv[1]))\n    time.sleep(20)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(int(number))], capture_output=True, text=True)
+    assert done.returncode == 128 + number
+    assert "out: what is finished is kept; the same command with --resume goes on" in done.stderr
+
+
+def test_a_command_that_ends_by_itself_says_nothing_of_going_on(capsys):
+    with pytest.raises(SystemExit), resumable("out"):
+        raise SystemExit(1)
+    assert capsys.readouterr().err == ""

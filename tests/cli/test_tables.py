@@ -1,0 +1,38 @@
+"""What the tables of the terminal say beside the numbers."""
+
+import numpy as np
+import pytest
+
+from eclsim.sensitivity.estimators import Estimates
+from eclsim.sensitivity.indices import Indices
+
+
+def test_the_sensitivity_table_says_what_its_stars_and_its_last_line_mean(capsys):
+    from eclsim.cli.sensitivity_tables import show
+
+    total = np.array([[0.7, 0.25, 0.02], [0.01, 0.02, 0.9]])
+    width = np.full_like(total, 0.001)
+    show(
+        Indices(("Rmc", "Emaxlv", "Csvn"), ("SP", "CO"), Estimates(total, width, total, width), 8, 40, (), 8)
+    )
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].startswith("* the largest, which together make up 90 %")
+    assert sorted(lines[-1].partition(": ")[2].split(", ")) == ["Csvn", "Emaxlv", "Rmc"]
+    assert lines[-1].startswith("marked * for at least one output: ")
+
+
+@pytest.mark.parametrize(
+    ("value", "words"), [(0.98, "share of the variation"), (-3.3, "below 0: the fits miss")]
+)
+def test_r2_of_a_cohort_is_explained_and_a_negative_one_is_called_bad(capsys, value: float, words: str):
+    from eclsim.cli.identify_run import Request, _hand_out
+
+    point = {"id": "P01", "cost": 1.0, "parameters": {}, "starts_agreeing": 1, "status": "fitted"}
+    point["verdict"] = {"level": "good", "reasons": []}
+    content = {"points": [point, point | {"id": "P02"}], "r2": {"pressures": None, "flows": value}}
+    request = object.__new__(Request)
+    object.__setattr__(request, "json", None)
+    _hand_out(request, content)
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("R2")]
+    assert line.startswith(f"R2 of flows: {value:.4f} (")
+    assert words in line

@@ -1,0 +1,153 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eclsim.crrt_study.cohort import CohortStudy, answer, crrt_cohort, summaries
+from eclsim.crrt_study.ranking import Ranked
+from eclsim.crrt_study.settings import StudyError
+from eclsim.identification.fitted_cohort import as_they_are, with_fitted
+from eclsim.paper.patient import paper_case
+
+
+def case(name: str, **changes):
+    made = paper_case()
+    return made.model_copy(
+        update={
+            "patient": made.patient.model_copy(update={"id": name}),
+            "ecmo": made.ecmo.model_copy(update=changes),
+        }
+    )
+
+
+@pytest.fixture(scope="module")
+def cohort() -> CohortStudy:
+    """The paper's patient at three speeds, two of them so fast that d breaks limits; one roller pump."""
+    cases = [case("slow"), case("fast", speed_rpm=4600.0), case("faster", speed_rpm=4900.0)]
+    alone = case("roller").model_copy(update={"ecmo": None})
+    return crrt_cohort(
+        as_they_are([*cases, alone], "tests"),
+        schemes="a,d,h",
+        speeds="2000:5000:1000",
+        volume_policy="as_published",
+    )
+
+
+def test_a_case_that_cannot_be_studied_is_named_and_the_others_are_studied(cohort):
+    assert [point.name for point in cohort.points] == ["slow", "fast", "faster"]
+    assert "[ecmo]" in cohort.lost["roller"]
+    with pytest.raises(StudyError, match="no data point can be studied"):
+        crrt_cohort(as_they_are([case("x").model_copy(update={"ecmo": None})], "tests"))
+
+
+def test_every_point_is_ranked_at_its_own_speed(cohort):
+    slow, fast, faster = cohort.points
+    assert (slow.speed, fast.speed) == (3425.0, 4600.0)
+    assert slow.flow < fast.flow < faster.flow
+    assert slow.first("as_published") == "d"
+    assert fast.first("as_published") == "h"
+    assert slow.variation["as_published"] > 1.0
+    assert slow.taken_up > 50.0
+
+
+def test_the_answer_says_who_wins_where_and_why_not_everywhere(cohort):
+    assert cohort.winners("as_published") == {"h": 2, "d": 1, "a": 0}
+    said = answer(cohort, "as_published")
+    assert said.startswith("No: scheme h is first in 2 of 3 data points, d in 1.")
+    assert "Elsewhere h stands behind for other reasons in 1" in said
+    alone = replace(cohort, points=cohort.points[:1])
+    assert answer(alone, "as_published") == "Yes: scheme d is first in all 1 data points."
+
+
+def test_a_broken_alarm_is_named_as_the_reason(cohort):
+    def ranked(letter: str, rank: int, kept: bool) -> Ranked:
+        return Ranked(letter, rank, kept, kept, 10.0, 4.0, False, 0.0, 1.0, (), 4.0, (rank, rank))
+
+    one, two = (ranked("d", 1, True), ranked("h", 2, True)), (ranked("h", 1, True), ranked("d", 2, False))
+    points = [replace(cohort.points[0], ranking={"as_published": r}) for r in (one, one, two)]
+    schemes = tuple(s for s in cohort.schemes if s.letter in "dh")
+    said = answer(replace(cohort, points=tuple(points), schemes=schemes), "as_published")
+    assert said.endswith("h in 1. Elsewhere d breaks an alarm in 1, and is placed 2 at worst.")
+
+
+def test_summaries_count_over_the_points(cohort):
+    found = {one.letter: one for one in summaries(cohort, "as_published")}
+    assert found["h"].first == 2
+    assert found["d"].alarms_kept < 3
+    assert found["h"].above_atmosphere == 0
+    assert found["a"].above_atmosphere == 3
+    assert found["a"].smallest_flow <= found["a"].median_flow
+
+
+def test_a_point_whose_first_scheme_is_not_known_counts_for_none(cohort):
+    """Of the last point the beat of d is missing: it may be first, or not."""
+    last = cohort.points[-1]
+    unknown = dict.fromkeys(("rank", "places", "alarms_kept", "access_190_kept"))
+    unknown |= {"largest_flow": np.nan, "flow_at_most": np.inf, "lowest_site_pressure": np.nan}
+    missing = [replace(last.ranked("as_published", "d"), **unknown)]
+    known = [one for one in last.ranking["as_published"] if one.letter != "d"]
+    point = replace(
+        last, ranking={"as_published": (*known, *missing)}, variation={"as_published": np.nan},
+        unsettled=("as_published, scheme d: no steady beat at 4900 rpm",), beats_not_found=1,
+    )  # fmt: skip
+    gone = replace(cohort, points=(*cohort.points[:-1], point))
+    assert gone.winners("as_published") == {"d": 1, "h": 1, "a": 0}
+    assert gone.undecided("as_published") == ("faster",)
+    said = answer(gone, "as_published")
+    assert "In 1 of 3 it is not known which scheme is first." in said
+    one = {one.letter: one for one in summaries(gone, "as_published")}["d"]
+    assert (one.ranked, one.known, one.flow_known) == (2, 2, 2)
+    assert one.smallest_flow > 0.0
+    alone = replace(gone, points=(gone.points[0], point))
+    assert answer(alone, "as_published").startswith("Not known: scheme d is first in 1 of 2 data points.")
+    nothing = replace(gone, points=(point,))
+    assert answer(nothing, "as_published").startswith("Not known: in none")
+    assert {one.letter: one for one in summaries(nothing, "as_published")}["d"].worst_rank is None
+
+
+def test_fitted_parameters_win_over_those_of_the_case():
+    result = {"parameters": {"Rmc": {"value": 0.4}, "Emaxlv": {"value": 2.0}}}
+    changed = with_fitted(paper_case(), result)
+    assert changed.parameters["Rmc"] == 0.4
+    assert changed.parameters["Csart"] == paper_case().parameters["Csart"]
+
+
+def test_page_tables_and_json_of_a_cohort(cohort, tmp_path):
+    import csv
+    import json
+
+    from eclsim.crrt_study.cohort_files import cohort_json, write_cohort
+    from eclsim.crrt_study.cohort_names import FILES
+
+    hostile = replace(cohort, points=(replace(cohort.points[0], name="<b>=1+1</b>"), *cohort.points[1:]))
+    written = write_cohort(hostile, tmp_path / "out")
+    assert [path.name for path in written] == list(FILES)
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "<b>" not in page
+    assert "Does one scheme win for all? No: scheme h" in page
+    assert "roller" in page
+    with (tmp_path / "out" / "points.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert rows[1]["first_as_published"] == "h"
+    missing = replace(cohort.points[0], name="gone", unsettled=("scheme d: no steady beat",), flow=np.nan,
+                      variation={"as_published": np.nan})  # fmt: skip
+    write_cohort(replace(cohort, points=(missing, *cohort.points[1:])), tmp_path / "gone")
+    page = (tmp_path / "gone" / "report.html").read_text(encoding="utf-8")
+    assert "gone: scheme d: no steady beat" in page
+    assert "known for 2 data points" in page
+    found = json.loads(cohort_json(cohort))
+    assert found["policies"]["as_published"]["schemes"][0]["letter"] == "h"
+    assert found["points"][0]["relative_misfit"] is None
+
+
+def test_the_terminal_table_keeps_a_row_for_each_scheme_at_120_columns(cohort, capsys, monkeypatch):
+    from eclsim.crrt_study import cohort_files as report
+
+    monkeypatch.setattr(report, "_WIDTH_OF_PIPES", 120)
+    report.show(cohort)
+    lines = capsys.readouterr().out.splitlines()
+    first = lines.index("") if lines[0] == "" else 0
+    _, head, units, *rows = lines[first : first + 3 + len(cohort.points[0].ranking["as_published"])]
+    assert "scheme" in head + units
+    assert sorted(row.split()[0] for row in rows) == ["a", "d", "h"]
+    assert lines[first + 6].startswith("No: scheme h")

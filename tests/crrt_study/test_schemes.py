@@ -1,0 +1,59 @@
+import pytest
+
+from eclsim.crrt_study.schemes import SchemeError, nine_schemes, select_schemes
+
+
+def sites(scheme):
+    return scheme.access_site, scheme.return_site
+
+
+def test_all_means_the_nine_schemes_of_figure_2():
+    found = {scheme.letter: sites(scheme) for scheme in select_schemes("all", "figure")}
+    assert found == {
+        "a": ("post_pump", "pre_oxy"),
+        "b": ("pre_oxy", "pre_pump"),
+        "c": ("post_oxy", "pre_pump"),
+        "d": ("post_oxy", "pre_rc"),
+        "e": ("pre_oxy", "pre_rc"),
+        "f": ("pre_oxy", "post_oxy"),
+        "g": ("post_oxy", "pre_oxy"),
+        "h": ("pre_pump", "post_dc"),
+        "i": ("post_pump", "pre_pump"),
+    }
+
+
+def test_scheme_h_of_the_published_code_differs_from_the_figure_and_says_so():
+    published, drawn = nine_schemes("published")["h"], nine_schemes("figure")["h"]
+    assert sites(published) == ("pre_pump", "pre_pump")
+    assert sites(drawn) == ("pre_pump", "post_dc")
+    assert "Figure 2" in published.note
+    assert drawn.note == ""
+
+
+def test_letters_and_pairs_can_be_mixed_and_each_scheme_comes_once():
+    found = select_schemes("g, a,post_oxy:pre_oxy,svn:ra")
+    assert [scheme.letter for scheme in found] == ["g", "a", "svn:ra"]
+    assert found[2].name == "patient's systemic vein – patient's right atrium"
+
+
+def test_pairs_are_all_36_ordered_pairs():
+    found = select_schemes("pairs", "figure")
+    assert len(found) == 36
+    assert len({sites(scheme) for scheme in found}) == 36
+    assert {"a", "h", "post_dc:pre_rc"} <= {scheme.letter for scheme in found}
+
+
+def test_all_mistakes_of_a_selection_are_told_at_once():
+    with pytest.raises(SchemeError) as error:
+        select_schemes("a,zz,post_oxi:pre_rc,seperate")
+    said = str(error.value)
+    assert "'zz'" in said
+    assert "'post_oxi' is no scheme, did you mean post_oxy" in said
+    assert "did you mean separate" in said
+    assert "allowed" in said
+
+
+@pytest.mark.parametrize("selection", ["", " , ", "j", "a:", ":pre_rc", "post_oxy-pre_rc"])
+def test_what_is_no_selection_is_refused(selection):
+    with pytest.raises(SchemeError):
+        select_schemes(selection)

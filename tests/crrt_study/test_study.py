@@ -1,0 +1,190 @@
+"""The study against the numbers that sections 3.3 and 4 of the paper print, and against itself."""
+
+import numpy as np
+import pytest
+
+from eclsim.cases.case import RollerPump
+from eclsim.crrt_study.settings import StudyError
+from eclsim.crrt_study.study import crrt_study
+from eclsim.orbit.model import model_of
+from eclsim.paper.patient import paper_case
+
+LINES = [("Pcrrttuin", 161.4, 296.6), ("Pcrrttuout", 258.2, 295.9)]
+
+
+def summary(study, name, speed=3425.0, policy="as_published"):
+    return study.summary[name].sel(policy=policy, speed=speed).item()
+
+
+def mean(study, letter, name, speed=3425.0, policy="as_published"):
+    return float(study.means[name].sel(policy=policy, speed=speed, scheme=letter))
+
+
+def test_every_steady_beat_is_found(study):
+    assert study.converged
+    assert study.means.sizes == {"policy": 2, "scheme": 9, "speed": 8}
+
+
+@pytest.mark.parametrize(("name", "median", "variation"), LINES)
+def test_line_pressures_at_3425_rpm_are_within_1_percent_of_the_paper(study, name, median, variation):
+    assert summary(study, f"{name}_median") == pytest.approx(median, rel=0.01)
+    assert summary(study, f"{name}_variation") == pytest.approx(variation, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("Psart_median", 70.3), ("Psart_variation", 5.4), ("PF_median", 3.7)],
+)
+def test_arterial_pressure_and_flow_at_3425_rpm_are_within_2_percent_of_the_paper(study, name, value):
+    assert summary(study, name) == pytest.approx(value, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("letter", "name", "value"),
+    [
+        ("g", "Pcrrttuin", 119.0),
+        ("g", "Pcrrttuout", 313.0),
+        ("c", "Pcrrttuin", 120.0),
+        ("c", "Pcrrttuout", 17.0),
+    ],
+)
+def test_methods_a_and_b_of_wu_give_the_pressures_of_the_text(study, letter, name, value):
+    assert mean(study, letter, name) == pytest.approx(value, abs=1.5)
+
+
+@pytest.mark.parametrize(
+    ("speed", "name", "value"),
+    [
+        (1750.0, "Psart_median", 49.4),
+        (1750.0, "Pcrrttuin_variation", 81.3),
+        (1750.0, "Pcrrttuout_median", 136.5),
+        (5000.0, "Psart_median", 85.2),
+        (5000.0, "Pecmodrain_median", -129.6),
+        (5000.0, "Pcrrttuin_median", 397.4),
+        (5000.0, "Pcrrttuin_variation", 624.5),
+        (5000.0, "Pcrrttuout_median", 459.5),
+        (5000.0, "Pcrrttuout_variation", 622.9),
+    ],
+)
+def test_rows_at_1_2_and_6_litres_are_within_2_percent_of_the_paper(study, speed, name, value):
+    assert summary(study, name, speed) == pytest.approx(value, rel=0.02)
+
+
+def test_schemes_a_and_h_give_the_lowest_and_the_highest_arterial_pressure(study):
+    assert summary(study, "Psart_lowest") == "a"
+    assert summary(study, "Psart_highest") == "h"
+    assert summary(study, "Psart_variation_percent") == pytest.approx(
+        100.0 * (mean(study, "h", "Psart") - mean(study, "a", "Psart")) / summary(study, "Psart_median")
+    )
+
+
+def test_the_switched_circuit_gives_what_a_circuit_of_one_scheme_gives(study):
+    from eclsim.outputs.dataset import simulate
+
+    alone = simulate(model_of(paper_case("post_pump", "pre_oxy")))
+    for name in ("MAP", "SP", "CO", "PF", "EDVRV", "crrt_access_pressure", "lowest_drainage_pressure"):
+        assert mean(study, "a", name) == pytest.approx(float(alone[name]), rel=1e-5), name
+    assert mean(study, "a", "recirculated_fraction") == pytest.approx(
+        float(alone["crrt_recirculated_fraction"]), abs=1e-6
+    )
+    one = study.waveforms.sel(policy="as_published", scheme="a")
+    np.testing.assert_allclose(one["Vlv"], alone["Vlv"], rtol=1e-4)
+
+
+def test_as_published_the_tubing_takes_24_to_89_ml_but_in_scheme_h(study):
+    taken = study.uptake["blood_taken_up"].to_series()
+    assert taken.drop("h").min() == pytest.approx(24.0, abs=0.5)
+    assert taken.drop("h").max() == pytest.approx(89.0, abs=0.5)
+    assert abs(taken["h"]) < 1.0
+    change = study.means["patient_volume_change"].sel(speed=3425.0)
+    np.testing.assert_allclose(change.sel(policy="as_published"), -taken, atol=1e-6)
+    np.testing.assert_allclose(change.sel(policy="patient_held"), 0.0, atol=1e-6)
+
+
+def test_with_the_volume_kept_the_schemes_hardly_differ(study):
+    assert summary(study, "Psart_variation") > 5.0
+    assert summary(study, "Psart_variation", policy="patient_held") < 0.7
+    kept = study.uptake["Psart_flow"].values + float(
+        study.without_crrt["Psart"].sel(policy="as_published", speed=3425.0)
+    )
+    assert kept.min() == pytest.approx(75.0, abs=0.1)
+    assert kept.max() == pytest.approx(75.5, abs=0.1)
+
+
+def test_uptake_and_flow_add_to_the_difference_to_no_crrt(study):
+    without = study.without_crrt["EDVRV"].sel(policy="as_published", speed=3425.0)
+    whole = study.means["EDVRV"].sel(policy="as_published", speed=3425.0) - without
+    np.testing.assert_allclose(study.uptake["EDVRV_difference"], whole, rtol=1e-9)
+    parts = study.uptake["EDVRV_uptake"] + study.uptake["EDVRV_flow"]
+    np.testing.assert_allclose(parts, whole, rtol=1e-9)
+
+
+def test_access_stays_below_190_mmhg_up_to_the_flows_of_the_text(study):
+    flows = study.limits["largest_flow"].sel(policy="as_published", limit="access_190")
+    assert float(flows.sel(scheme=["g", "d", "c"]).mean()) == pytest.approx(4.7, abs=0.1)
+    assert float(flows.sel(scheme="a")) == pytest.approx(4.0, abs=0.1)
+    together = study.limits["largest_flow"].sel(limit="crrt")
+    single = study.limits["largest_flow"].sel(limit=["access_alarm", "return_alarm", "access_190"])
+    np.testing.assert_allclose(together, single.min("limit"), atol=0.01)
+
+
+def test_ranking_prefers_d_and_gives_every_reason(study):
+    for policy in study.policies:
+        ranked = study.ranking[policy]
+        assert [one.rank for one in ranked] == list(range(1, 10))
+        assert ranked[0].letter == "d"
+        below = [one.letter for one in ranked if one.lowest_site_pressure < 0.0]
+        assert below == [one.letter for one in ranked[-len(below) :]], "lines before the pump come last"
+        assert sorted(below) == ["b", "c", "h", "i"]
+        assert all("draws in air" in " ".join(one.reasons) for one in ranked[-4:])
+
+
+def test_published_and_drawn_scheme_h_can_both_be_had():
+    found = crrt_study(
+        paper_case(), schemes="a,h,i", speeds="3425", volume_policy="as_published", scheme_h="figure"
+    )
+    assert found.schemes[1].return_site == "post_dc"
+    assert mean(found, "h", "Pcrrttuout") == pytest.approx(31.1, abs=0.2)
+    assert summary(found, "Pcrrttuin_variation") == pytest.approx(297.2, abs=0.1), "the paper prints 296.6"
+
+
+def test_crrt_on_the_patient_leaves_the_ecmo_circuit_alone():
+    found = crrt_study(paper_case(), schemes="separate,g", speeds="3425", volume_policy="patient_held")
+    without = found.without_crrt.sel(policy="patient_held", speed=3425.0)
+    assert mean(found, "svn:svn", "PF", policy="patient_held") == pytest.approx(
+        float(without["PF"]), rel=1e-3
+    )
+    assert mean(found, "svn:ra", "recirculated_fraction", policy="patient_held") == 0.0
+    assert found.uptake is None
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"ecmo": None}, "no \\[ecmo\\] section"),
+        ({"ecmo": {"pump": RollerPump(roller_l_min=4.0), "speed_rpm": None}}, "roller pump"),
+    ],
+)
+def test_a_case_without_a_pump_speed_is_refused(change, words):
+    case = paper_case()
+    ecmo = change["ecmo"]
+    case = case.model_copy(update={"ecmo": None if ecmo is None else case.ecmo.model_copy(update=ecmo)})
+    with pytest.raises(StudyError, match=words):
+        crrt_study(case)
+
+
+@pytest.mark.parametrize("options", [{"volume_policy": "primed"}, {"crrt_flow_ml_min": 0.0}])
+def test_options_out_of_range_are_refused(options):
+    with pytest.raises(StudyError, match="allowed"):
+        crrt_study(paper_case(), **options)
+
+
+def test_every_step_is_told():
+    said: list[str] = []
+    crrt_study(paper_case(), schemes="g", speeds="3425", progress=said.append)
+    assert said == [
+        "policy 1 of 2 (as_published): 1 schemes at 1 speeds",
+        "policy 2 of 2 (patient_held): 1 schemes at 1 speeds",
+        "effects of the schemes split into blood volume and flow",
+        "limits and ranking",
+    ]

@@ -1,0 +1,198 @@
+"""Beats that were not found: no place, limit, median or share is made from them, and it is said."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crrt_failures import ALL, forget, with_failures
+from eclsim.crrt_study import limits as crrt_limits
+from eclsim.crrt_study.batches import Bench, bench_of
+from eclsim.crrt_study.limits import (
+    BROKEN_ABOVE,
+    KEPT_TO_THE_END,
+    NEVER,
+    NOT_KNOWN,
+    NOT_KNOWN_ABOVE,
+    kept_up_to,
+)
+from eclsim.crrt_study.ranking import candidates, first_choice
+from eclsim.crrt_study.schemes import select_schemes
+from eclsim.crrt_study.study import crrt_study
+from eclsim.crrt_study.uncertainty import uncertainty
+from eclsim.orbit.status import Status
+from eclsim.paper.patient import paper_case
+
+KEPT, AT_THE_LIMIT, BROKEN, UNKNOWN = 7.3, 0.0, -4.1, np.nan
+SPEEDS = np.array([1000.0, 1777.7, 3425.0, 4100.3, 5000.0])
+FLOWS = np.array([0.3, 1.2, 3.7, 4.6, 6.0])
+PATTERNS = [
+    p for n in (1, 2, 3, 5) for p in itertools.product((KEPT, AT_THE_LIMIT, BROKEN, UNKNOWN), repeat=n)
+]
+
+
+def test_what_is_said_of_a_limit_holds_for_every_pattern_of_margins():
+    for pattern in PATTERNS:
+        margins = np.array(pattern)
+        n, known = len(margins), np.isfinite(margins)
+        found = kept_up_to(SPEEDS[:n], np.where(known, FLOWS[:n], np.nan), margins)
+        keeping = np.flatnonzero(known & (margins >= 0.0))
+        if not len(keeping):
+            assert found.state == (NEVER if known.all() else NOT_KNOWN), pattern
+            assert np.isnan(found.flow)
+            continue
+        last = keeping[-1]
+        after = margins[last + 1 :]
+        expected = (
+            KEPT_TO_THE_END if not len(after)
+            else BROKEN_ABOVE if known[last + 1]
+            else NOT_KNOWN_ABOVE
+        )  # fmt: skip
+        assert found.state == expected, pattern
+        assert FLOWS[last] <= found.flow <= (FLOWS[last + 1] if expected == BROKEN_ABOVE else FLOWS[last])
+        assert found.speed >= SPEEDS[last]
+        assert found.flow_at_most >= found.flow
+        assert found.broken_below == tuple(SPEEDS[:last][margins[:last] < 0.0])
+
+
+def test_a_limit_that_is_kept_at_one_studied_speed_alone_is_kept_up_to_it():
+    found = kept_up_to(SPEEDS, FLOWS, np.array([BROKEN, BROKEN, AT_THE_LIMIT, BROKEN, BROKEN]))
+    assert (found.state, found.speed) == (BROKEN_ABOVE, 3425.0)
+    assert found.flow == pytest.approx(3.7)
+
+
+@pytest.fixture(scope="module")
+def failing():
+    """A right heart so weak that at 7000 rpm, as published, only scheme h has a steady beat."""
+    case = paper_case()
+    case = case.model_copy(update={"parameters": case.parameters | {"Emaxrv": 0.05}})
+    return crrt_study(case, schemes="a,d,h", speeds="5000,7000")
+
+
+def test_a_beat_that_was_not_found_has_no_number_and_a_reason(failing):
+    one = failing.means.sel(policy="as_published", scheme="d", speed=7000.0)
+    assert str(one["status"].item()) == "no_ejection"
+    numbers = [name for name, values in one.data_vars.items() if values.dtype.kind == "f"]
+    assert len(numbers) > 50
+    assert not any(np.isfinite(one[name]) for name in numbers)
+    assert np.isnan(failing.without_crrt["PF"].sel(policy="as_published", speed=7000.0))
+    assert not failing.converged
+    told = {(one.policy, one.place, one.speeds, one.status) for one in failing.unsettled}
+    assert ("as_published", "scheme d", (7000.0,), "no_ejection") in told
+    assert ("as_published", "without CRRT", (7000.0,), "no_ejection") in told
+
+
+def test_medians_and_variations_are_of_the_schemes_that_are_known(failing):
+    top = failing.summary.sel(policy="as_published", speed=7000.0)
+    known = failing.means["Psart"].sel(policy="as_published", speed=7000.0).dropna("scheme")
+    assert int(top["schemes_known"]) == known.sizes["scheme"] < 3
+    assert float(top["Psart_median"]) == pytest.approx(float(known.median()))
+    assert top["Psart_highest"].item() == ""
+    assert int(failing.summary["schemes_known"].sel(policy="as_published", speed=3425.0)) == 3
+
+
+def test_limits_are_never_kept_throughout_where_the_top_speeds_failed(study):
+    gone = with_failures(study, [("as_published", "h", v) for v in (4500.0, 5000.0)])
+    one = gone.limits.sel(policy="as_published", scheme="h", limit="access_alarm")
+    assert one["state"].item() == NOT_KNOWN_ABOVE
+    assert not one["kept_throughout"]
+    assert float(one["largest_speed"]) == 4000.0
+    ranked = next(r for r in gone.ranking["as_published"] if r.letter == "h")
+    assert not ranked.throughout
+    said = "; ".join(ranked.reasons)
+    assert "(4000 rpm); above that it is not known: no steady beat at 4500 and 5000 rpm" in said
+    assert "the native heart ejects next to nothing" in said
+    whole = study.limits.sel(policy="as_published", scheme="h", limit="access_alarm")
+    assert whole["kept_throughout"]
+    assert whole["state"].item() == KEPT_TO_THE_END
+
+
+def test_a_limit_is_not_interpolated_across_a_missing_beat(study):
+    """d breaks 190 mmHg of access pressure between 4000 and 4500 rpm."""
+    gone = with_failures(study, [("as_published", "d", 4500.0)])
+    one = gone.limits.sel(policy="as_published", scheme="d", limit="access_190")
+    flows = study.means["PF"].sel(policy="as_published", scheme="d")
+    assert one["state"].item() == NOT_KNOWN_ABOVE
+    assert float(one["largest_flow"]) == float(flows.sel(speed=4000.0))
+    assert float(one["flow_at_most"]) == float(flows.sel(speed=5000.0))
+
+
+def test_a_scheme_without_a_beat_at_the_speed_of_the_case_has_no_place(study):
+    gone = with_failures(study, [("as_published", "d", 3425.0)], "not_converged")
+    ranking = gone.ranking["as_published"]
+    last = ranking[-1]
+    assert (last.letter, last.rank, last.places, last.alarms_kept) == ("d", None, None, None)
+    assert last.why_no_rank == "no place: no steady beat at 3425 rpm (the search for it did not converge)"
+    assert [one.rank for one in ranking[:-1]] == list(range(1, 9))
+    assert first_choice(ranking) is None
+    assert first_choice(gone.ranking["patient_held"]).letter == "d"
+
+
+def test_a_place_that_a_missing_beat_decides_is_a_range_and_not_a_rank(study):
+    """e, f and g follow d by the flow that keeps their limits: 4.1 L/min, near 3700 rpm."""
+    gone = with_failures(study, [("as_published", "g", v) for v in (4000.0, 4500.0, 5000.0)])
+    places = {one.letter: (one.rank, one.places) for one in gone.ranking["as_published"]}
+    assert places["g"] == (None, (1, 5))
+    assert places["d"] == (None, (1, 2))
+    assert places["h"] == (6, (6, 6)), "lines below the atmosphere come last whatever g keeps"
+    assert first_choice(gone.ranking["as_published"]) is None
+    assert {one.letter for one in candidates(gone.ranking["as_published"])} == {"d", "g"}
+    why = {one.letter: one.why_no_rank for one in gone.ranking["as_published"]}
+    assert why["g"] == "place 1 to 5: not known up to which ECMO flow it keeps its limits"
+    assert why["d"] == "place 1 to 2: not known up to which ECMO flow scheme g keeps its limits"
+
+
+def test_no_order_is_given_where_nothing_is_known(study):
+    gone = with_failures(study, [(policy, ALL, ALL) for policy in study.policies])
+    for ranking in gone.ranking.values():
+        assert {(one.rank, one.places) for one in ranking} == {(None, None)}
+    assert set(gone.limits["state"].values.ravel()) == {NOT_KNOWN}
+    assert int(gone.summary["schemes_known"].max()) == 0
+
+
+def test_the_beats_without_crrt_count_among_those_not_found(study):
+    alone = study.without_crrt.copy(deep=True)
+    alone["status"] = alone["status"].astype(object)
+    forget(alone, {"policy": "as_published", "speed": 5000.0}, "not_converged")
+    gone = replace(study, without_crrt=alone)
+    assert [one.sentence for one in gone.unsettled] == [
+        "without CRRT: no steady beat at 5000 rpm (the search for it did not converge)"
+    ]
+    assert not gone.converged
+
+
+class Losing(Bench):
+    """A bench on which the beats of the last sample are not found."""
+
+    def run_patients(self, speeds, policy, patients):
+        found = super().run_patients(speeds, policy, patients)
+        last = np.arange(len(found.status)) % 4 == 3
+        means, outputs = (np.where(last, np.nan, values) for values in (found.means, found.outputs))
+        status = np.where(last, Status.NO_EJECTION, found.status)
+        return replace(found, means=means, outputs=outputs, status=status)
+
+
+def test_the_share_of_samples_without_a_beat_is_told(study):
+    made = bench_of(paper_case(), select_schemes("g,h"), 200.0)
+    bench = Losing(made.circuit, made.without, made.values, made.nodes, made.schemes)
+    samples = {"Dcrrttuout": [0.3175, 0.3175, 0.2, 0.3175]}
+    doubt = uncertainty(bench, 3425.0, "as_published", samples)
+    one = doubt.sel(scheme="g", limit="return_alarm")
+    assert float(one["settled"]) == 0.75
+    assert float(one["probability_kept"]) == pytest.approx(2.0 / 3.0)
+    assert (float(one["probability_at_least"]), float(one["probability_at_most"])) == (0.5, 0.75)
+    whole = replace(study, uncertainty=doubt)
+    assert whole.samples_without_a_beat == {"g": 1, "h": 1}
+    assert not whole.converged
+
+
+def test_limits_named_in_words_speak_of_one_limit_or_of_all(study):
+    said = study.limits["in_words"].sel(policy="as_published", scheme="d")
+    assert str(said.sel(limit="crrt").item()).startswith("keeps its limits up to 4.6 L/min")
+    assert str(said.sel(limit="access_190").item()).startswith("keeps it up to")
+    assert crrt_limits.in_words(kept_up_to(SPEEDS, FLOWS, np.full(5, BROKEN)), "") == (
+        "keeps its limits at no speed studied"
+    )
+    lower = kept_up_to(SPEEDS, FLOWS, np.array([BROKEN, KEPT, KEPT, KEPT, KEPT]))
+    assert crrt_limits.in_words(lower, "").endswith("the largest flow studied; broken at 1000 rpm")

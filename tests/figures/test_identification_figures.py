@@ -1,0 +1,96 @@
+"""Figures of fits: what they draw, and that gaps and missing values do not stop them."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from eclsim.identification.fit_figures import plot_correlation, plot_profiles, plot_residuals
+from eclsim.identification.search_figures import plot_boxes, plot_scatter, plot_slices, plot_starts
+from eclsim.reporting.style import save_figure
+
+
+def point(**values: tuple[float | None, float | None]) -> dict:
+    return {"outputs": {n: {"measured": m, "simulated": s} for n, (m, s) in values.items()}}
+
+
+RESULTS = [point(SP=(100.0, 98.0), MAP=(None, 70.0), CO=(4.0, 4.2)), point(SP=(80.0, 81.0), CO=(5.0, None))]
+
+
+def test_scatter_draws_pairs_and_leaves_out_what_is_missing():
+    fig = plot_scatter(RESULTS, {"pressures": 0.987, "flows": None})
+    pressures, flows = fig.axes
+    drawn = {line.get_label(): line.get_xydata().tolist() for line in pressures.lines[1:]}
+    assert drawn == {"SP": [[100.0, 98.0], [80.0, 81.0]]}
+    assert [line.get_xydata().tolist() for line in flows.lines[1:]] == [[[4.0, 4.2]]]
+    assert "0.987" in pressures.get_title()
+    assert flows.get_title() == "flows"
+    assert pressures.get_xlabel() == "measured [mmHg]"
+    assert pressures.get_xlim() == pressures.get_ylim()
+
+
+def test_boxes_stand_in_pairs():
+    pressures, flows = plot_boxes(RESULTS).axes
+    assert [t.get_text() for t in pressures.get_xticklabels()] == ["SP"]
+    assert len(pressures.patches) == 2
+    assert flows.get_ylabel() == "flow [L/min]"
+
+
+@pytest.mark.parametrize("draw", [lambda: plot_scatter([], {}), lambda: plot_boxes([])])
+def test_nothing_to_draw_is_an_empty_figure(draw, tmp_path):
+    assert save_figure(draw(), tmp_path / "empty", ("png",))
+
+
+def test_slices_mark_the_optimum_and_where_there_is_no_heartbeat(tmp_path):
+    values = np.tile(np.logspace(-1, 1, 5), (4, 1))
+    costs = np.ones((4, 5))
+    costs[1, 0] = np.nan
+    found = SimpleNamespace(names=tuple("abcd"), values=values, costs=costs, optimum=np.ones(4), cost=0.5)
+    fig = plot_slices(found, {"a": "mmHg"})
+    assert len(fig.axes) == 4
+    assert fig.axes[0].get_xlabel() == "a [mmHg]"
+    assert fig.axes[0].lines[1].get_xydata().tolist() == [[1.0, 0.5]]
+    assert [len(axes.lines) for axes in fig.axes] == [2, 3, 2, 2]
+    assert not fig.axes[1].lines[2].get_clip_on()  # a cross at the edge of its axes is drawn whole
+    assert save_figure(fig, tmp_path / "slices", ("svg",))
+
+
+def test_profiles_show_the_limit_of_the_interval():
+    values = np.tile(np.logspace(-1, 1, 5), (2, 1))
+    costs = np.array([[9.0, 3.0, 2.0, 3.0, 9.0], [2.0, 2.0, 2.0, 2.0, 2.0]])
+    found = SimpleNamespace(names=("a", "b"), values=values, costs=costs, optimum=np.ones(2), cost=2.0)
+    fig = plot_profiles(found, found, {}, 2.7)
+    for axes in fig.axes:
+        (limit,) = (line for line in axes.lines if line.get_label() == "limit of the 90 % interval")
+        assert limit.get_ydata() == pytest.approx([4.7, 4.7])
+        assert axes.get_ylim()[0] < 2.0
+
+
+@pytest.mark.parametrize("size", [2, 7])
+def test_a_correlation_fills_its_page(size: int):
+    fig = plot_correlation([f"Emaxl{k}" for k in range(size)], np.eye(size))
+    fig.draw_without_rendering()
+    places = [axes.get_tightbbox().transformed(fig.transFigure.inverted()) for axes in fig.axes]
+    assert min(p.x0 for p in places) < 0.08
+    assert max(p.x1 for p in places) > 0.92
+
+
+def test_residuals_show_where_a_fit_is_doubtful_and_poor():
+    outputs = {"MAP": {"measured": 70.0, "simulated": 76.0}, "CO": {"measured": None, "simulated": 4.0}}
+    axes = plot_residuals(outputs, {"MAP": 3.0}, {"doubtful": 2.5, "poor": 4.0}).axes[0]
+    assert [t.get_text() for t in axes.get_xticklabels()] == ["MAP"]
+    assert {"doubtful beyond ±2.5", "poor beyond ±4"} <= {line.get_label() for line in axes.lines}
+    assert axes.get_ylim()[1] > 4.0
+
+
+def test_starts_are_told_apart_by_where_they_ended():
+    starts = SimpleNamespace(
+        begin=np.zeros((3, 2)), end=np.array([[0.0, 1.0], [0.0, 1.0], [-1.0, 0.5]]),
+        first_costs=np.array([3.0, 4.0, 5.0]), last_costs=np.array([0.1, 0.1, 0.4]),
+        agreeing=np.array([True, True, False]),
+    )  # fmt: skip
+    left, right = plot_starts(starts, ("a", "b"), -np.ones(2), np.ones(2)).axes
+    drawn = {line.get_label(): line.get_ydata().tolist() for line in left.lines}
+    assert drawn["refined, the optimum"] == [0.1, 0.1]
+    assert drawn["refined, elsewhere"] == [0.4]
+    assert [line.get_ydata().tolist() for line in right.lines] == [[0.0, 0.75], [0.5, 1.0], [0.5, 1.0]]

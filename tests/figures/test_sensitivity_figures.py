@@ -1,0 +1,46 @@
+import numpy as np
+import pytest
+
+from eclsim.sensitivity.case_inputs import CARDIOVASCULAR, OUTPUTS
+from eclsim.sensitivity.estimators import Estimates
+from eclsim.sensitivity.figures import plot_heat_map, plot_sums
+from eclsim.sensitivity.indices import Indices
+from eclsim.sensitivity.pair_network import plot_pairs
+
+
+@pytest.fixture
+def indices() -> Indices:
+    """The paper's factors and outputs with numbers of which each is known."""
+    shape = len(OUTPUTS), len(CARDIOVASCULAR)
+    total = np.linspace(0.0, 0.5, shape[0] * shape[1]).reshape(shape)
+    pairs = np.full((*shape, shape[1]), 0.001)
+    pairs[0, 22, 23] = 0.2  # SP: Emaxra with Emaxrv
+    estimates = Estimates(0.5 * total, 0.1 * total, total, 0.1 * total, pairs, np.full_like(pairs, 0.05))
+    return Indices(CARDIOVASCULAR, OUTPUTS, estimates, 8, 8 * 50, (), 8)
+
+
+def labels(axes) -> list[str]:
+    return [t.get_text() for t in axes.get_xticklabels()]
+
+
+def test_a_heat_map_has_the_order_of_the_sums_or_of_the_paper(indices):
+    by_sums, as_in_paper = (plot_heat_map(indices, "ST", layout).axes[0] for layout in ("sums", "paper"))
+    assert labels(by_sums) == list(indices.sums)
+    assert labels(as_in_paper) == list(CARDIOVASCULAR)
+    assert as_in_paper.images[0].get_clim() == (0.0, 1.0)
+    kinds = [t.get_text() for t in as_in_paper.texts if t.get_text().isalpha()]
+    assert kinds == ["resistances", "compliances", "inertances", "elastances"]
+    column = labels(by_sums).index("Emaxrv")
+    assert by_sums.images[0].get_array()[6, column] == pytest.approx(0.5)
+
+
+def test_published_sums_stand_beside_ours(indices):
+    axes = plot_sums(indices, {"Rmc": 3.8, "Emaxlv": 1.6}).axes[0]
+    marks = {labels(axes)[round(x)]: y for x, y in axes.collections[0].get_offsets()}
+    assert marks == {"Rmc": 3.8, "Emaxlv": 1.6}
+    assert not plot_sums(indices).axes[0].collections
+
+
+def test_only_pairs_beyond_their_interval_are_drawn(indices):
+    panels = dict(zip(OUTPUTS, plot_pairs(indices).axes, strict=False))
+    assert [len(panels[name].lines) for name in OUTPUTS] == [1, 0, 0, 0, 0, 0, 0]

@@ -1,0 +1,81 @@
+import xml.etree.ElementTree as ElementTree
+
+import matplotlib
+import pytest
+from matplotlib.figure import Figure
+from PIL import Image
+
+from eclsim.reporting.style import CURVES, curve_style, figure_style, new_figure, plain_text, save_figure
+from eclsim.simulation.waveforms import plot_overview
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance of the sRGB colour, 0 black to 1 white."""
+    channels = (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def test_curves_are_told_apart_without_colour():
+    assert len({str(line) for _, line in CURVES}) == len(CURVES)
+
+
+def test_curves_stand_out_on_paper():
+    assert all(1.05 / (luminance(colour) + 0.05) > 2.0 for colour, _ in CURVES)
+
+
+def test_more_curves_than_styles_start_again():
+    assert curve_style(len(CURVES)) == curve_style(0)
+
+
+def test_figure_is_written_in_both_formats(tmp_path, healthy):
+    svg, png = save_figure(plot_overview(healthy), tmp_path / "new" / "case 3.5")
+    assert (svg.name, png.name) == ("case 3.5.svg", "case 3.5.png")
+    assert ElementTree.parse(svg).getroot().tag.endswith("svg")
+    with Image.open(png) as picture:
+        assert picture.width == pytest.approx(170 / 25.4 * 200, abs=2)
+    assert sorted(path.name for path in svg.parent.iterdir()) == ["case 3.5.png", "case 3.5.svg"]
+
+
+def test_same_result_gives_the_same_svg(tmp_path, healthy):
+    (first,) = save_figure(plot_overview(healthy), tmp_path / "first", ["svg"])
+    (second,) = save_figure(plot_overview(healthy), tmp_path / "second", ["svg"])
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_failed_writing_leaves_the_old_file_and_nothing_else(tmp_path):
+    old = tmp_path / "a.svg"
+    old.write_text("old")
+    figure = Figure()
+    figure.text(0.5, 0.5, "$\\broken$", parse_math=True)
+    with pytest.raises(ValueError, match="broken"):
+        save_figure(figure, tmp_path / "a", ["svg"])
+    assert old.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [old]
+
+
+def test_settings_of_the_user_are_restored_and_have_no_effect():
+    with matplotlib.rc_context({"axes.labelsize": 33, "font.size": 33}):
+        with figure_style():
+            ax = new_figure().add_subplot()
+        assert matplotlib.rcParams["font.size"] == 33
+    assert ax.xaxis.label.get_fontsize() == 8
+
+
+@pytest.mark.parametrize(
+    ("given", "drawn"),
+    [
+        ("P01", "P01"),
+        ("cost $5 and $6", r"cost \$5 and \$6"),
+        ("two\nlines\tand\x00null\u202e", "two lines and null"),
+        ("x" * 100, "x" * 69 + "…"),
+    ],
+)
+def test_text_from_outside_is_drawn_as_it_is(given: str, drawn: str):
+    assert plain_text(given) == drawn
+
+
+def test_scripts_that_the_font_lacks_do_not_stop_a_figure(tmp_path, healthy):
+    named = healthy.assign_attrs(id="患者 🫀")
+    svg, _ = save_figure(plot_overview(named), tmp_path / "a")
+    assert "患者" in svg.read_text(encoding="utf-8")

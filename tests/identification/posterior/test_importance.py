@@ -1,0 +1,98 @@
+"""Weighted draws against quadrature."""
+
+import numpy as np
+import pytest
+
+from eclsim.identification.gaussian import Gaussian
+from eclsim.identification.importance import (
+    FEWEST_EFFECTIVE,
+    Weighted,
+    pareto_fit,
+    smoothed,
+    weigh,
+    weighted_quantile,
+)
+from eclsim.identification.mixture import Mixture
+from eclsim.identification.transport import Transport
+
+
+def gaussian_of(posterior):
+    z = np.array([0.4, 0.5])
+    jacobian = posterior.jacobian(z)
+    scaled = jacobian / posterior.scale[:, None]
+    covariance = np.linalg.inv(scaled.T @ scaled + np.eye(2))
+    return Gaussian(z, covariance, posterior.simulate(z), jacobian, 0.0)
+
+
+def test_moments_of_a_curved_posterior(curved):
+    found = weigh(curved, gaussian_of(curved), count=1500, seed=1)
+    mean, covariance = curved.moments()
+    weighted = found.weights @ found.z
+    away = found.z - weighted
+    assert weighted == pytest.approx(mean, abs=0.03)
+    assert (away.T * found.weights) @ away == pytest.approx(covariance, abs=0.03)
+    assert found.shape < 0.5
+    assert not found.doubts
+    chosen = found.z[found.resample(4000, 0)]
+    assert chosen.mean(axis=0) == pytest.approx(mean, abs=0.03)
+
+
+def test_a_bad_proposal_is_found_out():
+    """Weights with a tail that has no mean."""
+    random = np.random.default_rng(0)
+    _, shape = smoothed(1.5 * random.exponential(size=4000))
+    assert shape > 0.7
+
+
+def test_shape_of_a_pareto_distribution():
+    random = np.random.default_rng(5)
+    for shape in (0.2, 0.8):
+        above = 2.0 * np.expm1(-shape * np.log(random.uniform(size=3000))) / shape
+        found, scale = pareto_fit(np.sort(above))
+        assert found == pytest.approx(shape, abs=0.08)
+        assert scale == pytest.approx(2.0, rel=0.1)
+
+
+def test_members_without_a_steady_beat_have_no_weight():
+    weights, _ = smoothed(np.r_[np.random.default_rng(0).standard_normal(400), -np.inf])
+    assert weights[-1] == 0.0
+    assert weights.sum() == pytest.approx(1.0)
+
+
+def test_weighted_quantiles():
+    values = np.array([3.0, 1.0, 2.0])
+    assert weighted_quantile(values, np.ones(3), np.array([0.5])) == pytest.approx(2.0)
+    assert weighted_quantile(values, np.array([1.0, 0.0, 1.0]), np.array([0.5])) == pytest.approx(2.5)
+
+
+def doubtful(exponent, count=2000, shape=0.4):
+    """Draws of a standard normal distribution, weighted by its density to a power."""
+    z = np.random.default_rng(3).standard_normal((count, 2))
+    weights = np.exp(-0.5 * exponent * np.sum(z**2, axis=1))
+    proposal = Mixture((Transport.straight(np.zeros(2), np.eye(2)),))
+    return Weighted(z, z, weights / weights.sum(), shape, proposal)
+
+
+def test_weights_that_are_trusted_are_not_widened():
+    found = doubtful(0.5)
+    weights, power = found.widened()
+    assert power == 1.0
+    assert weights is found.weights
+
+
+@pytest.mark.parametrize("found", [doubtful(40.0), doubtful(0.5, shape=1.2)], ids=["few", "heavy tail"])
+def test_weights_in_doubt_are_widened_until_they_can_be_trusted(found):
+    assert found.reasons
+    weights, power = found.widened()
+    assert 0.0 < power < 1.0
+    assert weights.sum() == pytest.approx(1.0)
+    assert 1.0 / np.sum(weights**2) >= FEWEST_EFFECTIVE
+    assert power * found.shape <= 0.7 + 1e-9
+    assert weights @ found.z[:, 0] ** 2 > 1.1 * (found.weights @ found.z[:, 0] ** 2)
+
+
+def test_draws_without_a_steady_beat_are_counted():
+    found = doubtful(0.5)
+    outputs = found.z.copy()
+    outputs[:7] = np.nan
+    assert Weighted(found.z, outputs, found.weights, 0.4, found.proposals).without_beat == 7

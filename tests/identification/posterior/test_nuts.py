@@ -1,0 +1,99 @@
+"""The sampler against quadrature."""
+
+import numpy as np
+import pytest
+
+from eclsim.identification import nuts
+from eclsim.identification.diagnostics import diagnose
+from eclsim.identification.mixture import Mixture
+from eclsim.identification.transport import Transport
+from known_posteriors import AnalyticFollower, HalfBlind, TwoArms
+
+pytest.importorskip("numpyro")
+
+
+@pytest.fixture
+def analytic(monkeypatch):
+    monkeypatch.setattr(nuts, "Follower", AnalyticFollower)
+
+
+def straight(mean, covariance):
+    return Mixture((Transport.straight(mean, covariance),))
+
+
+SHORT = nuts.Sampling(chains=4, warmup=200, draws=500, seed=3)
+
+
+def test_moments_of_a_curved_posterior(curved, analytic):
+    mean, covariance = curved.moments()
+    said = []
+    found = nuts.sample(curved, straight(mean, covariance), SHORT, lambda done, of: said.append((done, of)))
+    flat = found.z.reshape(-1, 2)
+    assert found.z.shape == (4, 500, 2)
+    assert flat.mean(axis=0) == pytest.approx(mean, abs=0.05)
+    assert np.cov(flat.T) == pytest.approx(covariance, abs=0.06)
+    statistics = found.statistics
+    report = diagnose(("a", "b"), found.z, *(statistics[n] for n in ("diverging", "energy", "saturated")))
+    assert report.r_hat.max() < 1.02
+    assert report.energy_fraction.min() > 0.5
+    assert (statistics["saturated"] == (statistics["num_steps"] >= 7)).all()
+    assert 0.2 < statistics["jumped"].mean() < 0.9
+    assert said[-1] == (2800, 2800)
+
+
+def test_the_same_seed_gives_the_same_draws(curved, analytic):
+    start = straight(*curved.moments())
+    short = nuts.Sampling(chains=2, warmup=60, draws=20, seed=5)
+    first, again = (nuts.sample(curved, start, short).z for _ in range(2))
+    assert first.tolist() == again.tolist()
+    assert first[0].tolist() != first[1].tolist()
+
+
+def test_chains_jump_between_arms(analytic):
+    arms = TwoArms()
+    mean, covariance = arms.moments()
+    found = nuts.sample(arms, straight(mean, covariance), SHORT)
+    right = (found.z[..., 0] > 0.0).mean(axis=1)
+    assert right == pytest.approx(0.5, abs=0.4)  # without jumps 0 or 1
+    assert right.mean() == pytest.approx(0.5, abs=0.2)
+
+
+def test_an_arm_that_can_be_left_can_be_entered(analytic):
+    """The potential of the place that is left and of the one that is entered are the same function."""
+    mean, covariance = TwoArms().moments()
+    found = nuts.sample(HalfBlind(), straight(mean, covariance), SHORT)
+    assert (found.z[..., 0] > 0.0).mean() == pytest.approx(0.5, abs=0.2)
+
+
+def test_the_sampler_asks_for_a_potential_that_depends_on_the_point_alone(curved, monkeypatch):
+    asked = []
+
+    class Asked(AnalyticFollower):
+        def __init__(self, posterior, centre, by_point=False):
+            super().__init__(posterior, centre)
+            asked.append(by_point)
+
+    monkeypatch.setattr(nuts, "Follower", Asked)
+    nuts.sample(curved, straight(*curved.moments()), nuts.Sampling(chains=2, warmup=5, draws=5))
+    assert asked == [True, True]
+
+
+def test_points_without_a_steady_beat_are_counted(curved, monkeypatch):
+    class Walled(AnalyticFollower):
+        def potential(self, z):
+            return super().potential(z) if z[0] < 0.6 else (np.inf, np.zeros(2))
+
+    monkeypatch.setattr(nuts, "Follower", Walled)
+    found = nuts.sample(
+        curved, straight(*curved.moments()), nuts.Sampling(chains=2, warmup=30, draws=30, seed=1)
+    )
+    assert 0 < found.without_beat < found.evaluations
+    assert (found.z[..., 0] < 0.6).all()
+
+
+def test_without_numpyro_it_says_what_to_install(curved, analytic, monkeypatch):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "numpyro.infer.hmc", None)
+    with pytest.raises(nuts.MissingPackageError, match=r"eclsim\[bayes\]"):
+        nuts.sample(curved, straight(*curved.moments()), SHORT)

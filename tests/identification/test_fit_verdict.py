@@ -1,0 +1,157 @@
+"""The verdict on a fit: agreement, search, plausibility of the patient, agreement of intervals."""
+
+import json
+
+import numpy as np
+import pytest
+
+from eclsim.identification.multi_start import FitStatus
+from eclsim.identification.verdict import (
+    Aspect,
+    FitVerdict,
+    Goodness,
+    Level,
+    Reason,
+    agreement,
+    goodness_of,
+    headline,
+    interval_agreement,
+    plausibility,
+    search,
+)
+from eclsim.parameters.adult_ranges import adult_ranges
+
+MEASURED = {"MAP": 70.0, "MPAP": 26.0, "CO": 4.0}
+
+
+def goodness(probability: float | None = 0.5, **differences: float) -> Goodness:
+    total = sum(d * d for d in differences.values())
+    return Goodness(differences, total, 0.0 if probability is None else 2.0, probability)
+
+
+def judged(mpap: float, weights: str = "relative", **more) -> FitVerdict:
+    """The verdict on a fit that meets all but MPAP, whose standard uncertainty is 2 mmHg."""
+    found = goodness(MAP=0.0, MPAP=(mpap - 26.0) / 2.0, CO=0.0, **more)
+    simulated = {**MEASURED, "MPAP": mpap}
+    return FitVerdict(found, ()).with_reasons(agreement(MEASURED, simulated, found, weights))
+
+
+@pytest.mark.parametrize(
+    ("mpap", "level"),
+    [(26.0, Level.GOOD), (22.0, Level.GOOD), (20.0, Level.DOUBTFUL), (14.0, Level.POOR), (38.0, Level.POOR)],
+)
+def test_the_level_follows_the_largest_difference(mpap: float, level: Level):
+    assert judged(mpap).level is level
+
+
+def test_a_measurement_that_is_missed_is_named_with_its_numbers():
+    verdict = judged(14.0)
+    assert verdict.reasons[0].about == "MPAP"
+    assert "MPAP 14 fitted against 26 measured: 6.0 standard uncertainties off" in verdict.reasons[0].sentence
+    assert verdict.headline.startswith("POOR FIT, not to be used: ")
+    assert "6.0 standard uncertainties (MPAP)" in verdict.headline
+    assert any("--weights uncertainty" in r.sentence for r in verdict.reasons)
+    assert not any("--weights" in r.sentence for r in judged(14.0, "uncertainty").reasons)
+
+
+@pytest.mark.parametrize(("chance", "level"), [(0.5, "good"), (3e-3, "doubtful"), (1e-5, "poor")])
+def test_many_small_differences_count_together(chance: float, level: str):
+    found = goodness(chance, MAP=2.0, MPAP=-2.0, CO=2.0)
+    reasons = agreement(MEASURED, MEASURED, found, "relative")
+    assert FitVerdict(found, tuple(reasons)).level == level
+    assert [r.level for r in reasons if "chi-square" in r.sentence] == [level] * (level != "good")
+
+
+def test_agreement_that_cannot_fail_is_called_so():
+    found = goodness(None, MAP=0.1, MPAP=0.1, CO=0.1)
+    verdict = FitVerdict(found, ()).with_reasons(agreement(MEASURED, MEASURED, found, "relative"))
+    assert verdict.level is Level.GOOD
+    assert "no test of the model" in verdict.remarks[0].sentence
+
+
+def test_chi_square_has_the_degrees_that_the_parameters_leave():
+    scaled, spread = np.array([[10.0], [0.0], [0.0]]), np.array([[1e-2]])
+    found = goodness_of(
+        MEASURED, {**MEASURED, "MAP": 76.0}, {"MAP": 3.0, "MPAP": 2.0, "CO": 0.4}, scaled, spread
+    )
+    assert found.differences == {"MAP": 2.0, "MPAP": 0.0, "CO": 0.0}
+    assert found.chi_square == 4.0
+    assert found.degrees == pytest.approx(2.0)
+    assert found.probability == pytest.approx(np.exp(-2.0))  # chi-square with 2 degrees of freedom
+    assert found.largest == ("MAP", 2.0)
+
+
+def test_a_search_without_end_is_doubtful_and_its_cost_an_upper_limit():
+    assert search(FitStatus.FITTED) == []
+    (open_end,) = search(FitStatus.NOT_SETTLED)
+    assert open_end.level is Level.DOUBTFUL
+    assert "upper limit" in open_end.sentence
+    assert "lower bound" not in open_end.sentence
+    (nothing,) = search(FitStatus.NO_STEADY_BEAT)
+    verdict = FitVerdict(None, (nothing,))
+    assert verdict.level is Level.POOR
+    assert "nothing was fitted" in verdict.headline
+
+
+def test_a_right_ventricle_of_17_ml_is_flagged_with_the_range_of_health():
+    ranges = adult_ranges("female")
+    (small,) = plausibility({"EDVRV": 17.0, "EDVLV": 120.0, "PCWP": 60.0}, ranges, ["PCWP"], [])
+    assert small.about == "EDVRV"
+    assert "17 mL" in small.sentence
+    assert "78 to 218" in small.sentence
+    assert plausibility({"EDVRV": 60.0, "PCWP": 20.0}, ranges, [], []) == []
+    (wedge,) = plausibility({"PCWP": 60.0}, ranges, [], [])
+    assert wedge.about == "PCWP"
+    (shut,) = plausibility({}, ranges, [], ["volume of rv falls to -3.0 mL: the chamber collapses"])
+    assert shut.level is Level.DOUBTFUL
+
+
+def test_ranges_are_those_of_the_sources():
+    men, women = adult_ranges("male"), adult_ranges("female")
+    assert men["EDVRV"].healthy == (190 - 66, 190 + 66)
+    assert women["ESVLV"].healthy == (42 - 24, 42 + 24)
+    for r in (*men.values(), *women.values()):
+        assert r.plausible[0] < r.healthy[0] < r.healthy[1] < r.plausible[1], r.output
+
+
+def interval(lower: float, upper: float, value: float = 0.55, identifiable: bool = True) -> dict:
+    return {"value": value, "lower": lower, "upper": upper, "identifiable": identifiable}
+
+
+@pytest.mark.parametrize(
+    ("other", "level", "words"),
+    [
+        (
+            (0.74, 0.92),
+            Level.POOR,
+            "0.46 to 0.66 by the Gaussian approximation, 0.74 to 0.92 by the posterior",
+        ),
+        ((0.58, 0.80), Level.DOUBTFUL, "0.55 is outside"),
+        ((0.10, 3.00), Level.DOUBTFUL, "take the wider"),
+        ((0.48, 0.70), None, ""),
+    ],
+)
+def test_intervals_that_disagree_are_said(other, level, words):
+    found = interval_agreement(
+        {"Rmc": interval(0.46, 0.66)}, {"Rmc": {"lower": other[0], "upper": other[1]}}, "posterior"
+    )
+    assert [r.level for r in found] == ([] if level is None else [level])
+    assert all(words in r.sentence and r.about == "Rmc" for r in found)
+
+
+def test_intervals_of_what_is_not_determined_are_not_compared():
+    open_one = {"Rmc": interval(0.46, 0.66, identifiable=False)}
+    assert interval_agreement(open_one, {"Rmc": {"lower": 0.74, "upper": 0.92}}, "posterior") == []
+    assert interval_agreement({"Rmc": interval(0.4, 0.6)}, {}, "posterior") == []
+
+
+def test_the_worst_reason_comes_first_and_nothing_is_said_twice():
+    doubt = Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "EDVRV", "small")
+    bad = Reason(Aspect.INTERVALS, Level.POOR, "Rmc", "apart")
+    verdict = FitVerdict(goodness(MAP=0.1), (doubt,)).with_reasons([bad, doubt])
+    assert verdict.reasons == (bad, doubt)
+    assert verdict.doubts == (bad, doubt)
+    plain = json.loads(json.dumps(verdict.as_object(), allow_nan=False))
+    assert plain["level"] == "poor"
+    assert headline(plain) == verdict.headline
+    assert plain["reasons"][1]["about"] == "EDVRV"

@@ -1,0 +1,194 @@
+"""From a fit to a posterior and its files."""
+
+import json
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eclsim.cases.case import Case, Measurements, Patient
+from eclsim.cli.posterior_run import posterior_table
+from eclsim.identification.fit import fit_case
+from eclsim.identification.multi_start import MultiStart
+from eclsim.identification.posterior import PosteriorSettings, as_object, sample_posterior
+from eclsim.identification.posterior_figures import plot_pairs, plot_predictive
+from eclsim.identification.posterior_files import write_posterior
+from eclsim.identification.posterior_samples import read_samples
+from eclsim.identification.settings import FitSettings
+from eclsim.identification.verdict import Aspect, Level, Reason
+from eclsim.sensitivity.uncertainties import Uncertainty
+
+NAMES = ("Rmc", "Emaxlv")
+CASE = Case(
+    patient=Patient(id="example", sex="female", age_years=60, heart_rate_bpm=80),
+    measurements=Measurements(SP=110, DP=75, MAP=88, CO=4.0),
+)
+QUICK = FitSettings(NAMES, multi_start=MultiStart(points_per_parameter=10, refined_share=0.2))
+
+
+def faster(case):
+    patient = case.patient.model_copy(update={"heart_rate_bpm": 100})
+    return case.model_copy(update={"patient": patient})
+
+
+@pytest.fixture(scope="module")
+def fit():
+    return fit_case(CASE, QUICK)
+
+
+@pytest.fixture(scope="module")
+def result(fit):
+    settings = PosteriorSettings(method="importance")
+    return sample_posterior(fit, settings, [("patient.heart_rate_bpm=100", faster(fit.case))])
+
+
+def test_parameters_lie_in_their_bounds_around_the_fit(fit, result):
+    assert result.trusted
+    for k, name in enumerate(NAMES):
+        draws = result.flat[:, k]
+        low, high = np.quantile(draws, (0.01, 0.99))
+        assert low < fit.parameters[name].value < high
+        assert draws.min() >= np.exp(fit.box.lower[k])
+        assert draws.max() <= np.exp(fit.box.upper[k])
+
+
+def test_outputs_agree_with_the_measurements(result):
+    first = result.predictions[0]
+    for name, value in result.posterior.measured.items():
+        low, middle, high = first.intervals[first.outputs.index(name)]
+        assert low < middle < high
+        assert abs(middle - value) < 2.0 * result.posterior.errors[name]
+        assert high - low < 2 * 1.645 * 1.2 * result.posterior.errors[name]
+
+
+def test_prediction_at_another_heart_rate(fit, result):
+    from eclsim.orbit.model import model_of
+    from eclsim.outputs.dataset import simulate
+
+    there = result.predictions[1]
+    assert there.settings == "patient.heart_rate_bpm=100"
+    simulated = float(simulate(model_of(faster(fit.case)))["CO"])
+    low, _, high = there.intervals[there.outputs.index("CO")]
+    assert low < simulated < high
+    k = there.outputs.index("CO")
+    gaussian = result.gaussian_predictions[1].intervals[k]
+    assert gaussian == pytest.approx(there.intervals[k], rel=0.1)
+
+
+def test_surer_measurements_give_narrower_intervals(fit, result):
+    sure = {n: Uncertainty(relative=0.01) for n in result.posterior.measured}
+    narrow = sample_posterior(fit, PosteriorSettings(method="importance", uncertainties=sure))
+    assert (np.std(np.log(narrow.flat), axis=0) < 0.6 * np.std(np.log(result.flat), axis=0)).all()
+
+
+def labels(figure):
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_draws_are_called_what_they_are(result):
+    assert labels(plot_predictive(result))[:2] == [
+        "posterior (weighted draws): median and 90 %", "Gaussian approximation, unchecked",
+    ]  # fmt: skip
+    table = posterior_table(as_object(result))
+    assert "Gaussian" not in table
+    assert f"{result.weighted.effective:.0f} effective draws, Pareto k {result.weighted.shape:.2f}" in table
+    heads = [line.split() for line in table.splitlines() if line.startswith("output")]
+    assert heads == [["output", "median", "5", "%", "95", "%"]] * 2
+    assert "patient.heart_rate_bpm=100: posterior (weighted draws)" in table
+
+
+def test_the_gaussian_approximation_is_never_called_posterior(fit):
+    found = sample_posterior(fit, PosteriorSettings(method="gaussian"))
+    assert not found.trusted
+    assert found.verdict == "NOT CHECKED"
+    assert found.predictions is found.gaussian_predictions
+    assert labels(plot_predictive(found))[0] == "Gaussian approximation, unchecked: median and 90 %"
+    for figure in (plot_predictive(found), plot_pairs(found)):
+        assert "posterior" not in figure.get_suptitle()
+    assert "posterior" not in posterior_table(as_object(found)).replace("against the posterior", "")
+
+
+def test_doubts_stand_beside_every_prediction(result):
+    doubted = replace(result, doubts=("Pareto k of the weights is 0.83 (below 0.7): sample by chains",))
+    table = posterior_table(as_object(doubted))
+    assert table.count("NOT TO BE TRUSTED:\n  Pareto k of the weights is 0.83") == 3
+
+
+def test_draws_without_a_steady_beat_are_counted_and_doubted(result):
+    first, second = result.predictions
+    few, many = replace(second, lost=0.004), replace(second, lost=0.05)
+    assert not few.doubts
+    assert many.lost_draws == 50
+    table = posterior_table(as_object(replace(result, predictions=(first, many))))
+    assert "50 of 1000 draws have no steady heartbeat there and are not counted" in table
+    assert table.count("NOT TO BE TRUSTED") == 1
+    outputs = result.weighted.outputs.copy()
+    outputs[:3] = np.nan
+    lost = replace(result, weighted=replace(result.weighted, outputs=outputs))
+    assert f"3 of the {len(outputs)} weighted draws have no steady heartbeat" in posterior_table(
+        as_object(lost)
+    )
+
+
+def test_predictions_of_a_poor_fit_are_not_trusted(fit):
+    poor = fit.judged(
+        [Reason(Aspect.AGREEMENT, Level.POOR, "CO", "CO is 6 standard uncertainties from the measurement")]
+    )
+    found = sample_posterior(poor, PosteriorSettings(method="gaussian"))
+    assert found.verdict == "NOT TO BE TRUSTED"
+    assert any("POOR FIT" in doubt for doubt in found.doubts)
+
+
+def test_files(result, tmp_path):
+    written = write_posterior(tmp_path, result)
+    assert {p.name for p in written} >= {"posterior.nc", "samples.csv", "posterior.json", "pairs.png"}
+    content = json.loads((tmp_path / "posterior.json").read_text())
+    assert content["trusted"] is True
+    assert (
+        content["predictions"][1]["outputs"]["CO"]["lower"]
+        < content["predictions"][1]["outputs"]["CO"]["upper"]
+    )
+
+
+def test_samples_are_what_the_crrt_study_reads(result, tmp_path):
+    write_posterior(tmp_path, result)
+    samples = read_samples(tmp_path / "samples.csv")
+    assert set(samples) == set(NAMES)
+    assert len(samples["Rmc"]) == 1000
+    assert np.median(samples["Rmc"]) == pytest.approx(np.median(result.flat[:, 0]), rel=0.05)
+
+
+def test_arviz_opens_the_netcdf(result, tmp_path):
+    write_posterior(tmp_path, result)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # about a coming version
+        arviz = pytest.importorskip("arviz")
+        data = arviz.from_netcdf(tmp_path / "posterior.nc")
+        posterior = data["posterior"]
+        assert np.asarray(posterior["Rmc"]) == pytest.approx(result.draws[:, :, 0])
+        assert posterior["Rmc"].dims == ("chain", "draw")
+        assert float(np.asarray(data["observed_data"]["CO"])) == 4.0
+        assert list(np.asarray(data["predictions"]["settings"])) == [
+            "as measured",
+            "patient.heart_rate_bpm=100",
+        ]
+        summary = arviz.summary(data, var_names=list(NAMES))
+    assert set(summary.index) == set(NAMES)
+
+
+@pytest.mark.slow
+def test_chains_agree_with_weighted_draws(fit, result):
+    pytest.importorskip("numpyro")
+    from eclsim.identification.nuts import Sampling
+
+    sampled = sample_posterior(
+        fit, PosteriorSettings(sampling=Sampling(chains=4, warmup=150, draws=250, seed=1))
+    )
+    assert sampled.diagnostics is not None
+    assert sampled.diagnostics.r_hat.max() < 1.05
+    assert sampled.diagnostics.divergent <= 10
+    spread = np.std(np.log(result.flat), axis=0)
+    away = np.mean(np.log(sampled.flat), axis=0) - np.mean(np.log(result.flat), axis=0)
+    assert np.abs(away / spread).max() < 0.25
+    assert np.std(np.log(sampled.flat), axis=0) == pytest.approx(spread, rel=0.2)

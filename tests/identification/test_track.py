@@ -1,0 +1,225 @@
+"""Following a patient whose parameters drift in a known way."""
+
+import numpy as np
+import pytest
+
+from eclsim.cases.case import Case, Measurements, Patient
+from eclsim.cases.mistakes import CaseError
+from eclsim.identification import track as track_module
+from eclsim.identification.filtering import Belief
+from eclsim.identification.measurement_errors import measurement_errors
+from eclsim.identification.measurement_times import elapsed_hours
+from eclsim.identification.settings import FitSettings
+from eclsim.identification.track import Tracker, TrackSettings, track
+from eclsim.identification.track_results import Fitting
+from eclsim.orbit.model import model_of
+from eclsim.outputs.dataset import simulate
+
+NAMES = ("Rmc", "Emaxlv")
+MEASURED = ("SP", "DP", "MAP", "CO")
+SETTINGS = TrackSettings(FitSettings(NAMES))
+POINTS = 7
+
+
+def measured_at(resistance, elastance, random, noise=1.0, rate=80):
+    """A case with measurements of a patient whose parameters are known."""
+    patient = Patient(id="T", sex="female", age_years=60, heart_rate_bpm=rate)
+    beat = simulate(model_of(Case(patient=patient, parameters={"Rmc": resistance, "Emaxlv": elastance})))
+    outputs = {n: float(beat[n]) for n in MEASURED}
+    errors = measurement_errors(outputs)
+    values = {n: v + noise * errors[n] * random.standard_normal() for n, v in outputs.items()}
+    return Case(patient=patient, measurements=Measurements(**values)), outputs
+
+
+@pytest.fixture(scope="module")
+def truth():
+    """The resistance falls steadily by a third; the elastance stays."""
+    return np.stack([np.geomspace(1.0, 0.66, POINTS), np.full(POINTS, 1.4)], axis=1)
+
+
+@pytest.fixture(scope="module")
+def series(truth):
+    random = np.random.default_rng(4)
+    return [measured_at(*row, random, rate=80 + 3 * k) for k, row in enumerate(truth)]
+
+
+@pytest.fixture(scope="module")
+def tracked(series):
+    return track([(str(k), case) for k, (case, _) in enumerate(series)], SETTINGS)
+
+
+def test_follows_the_drift(tracked, truth):
+    errors = [np.log(t.parameters["Rmc"].median / row[0]) for t, row in zip(tracked, truth, strict=True)]
+    assert np.sqrt(np.mean(np.square(errors))) < 0.05
+    assert tracked[-1].parameters["Rmc"].median < 0.85 * tracked[0].parameters["Rmc"].median
+
+
+def test_learns_from_one_measurement_to_the_next(tracked):
+    def width(point, name):
+        return np.log(point.parameters[name].upper / point.parameters[name].lower)
+
+    assert width(tracked[-1], "Emaxlv") < 0.9 * width(tracked[0], "Emaxlv")
+
+
+def test_most_intervals_hold_the_truth(tracked, truth, series):
+    inside = [
+        t.parameters[n].lower <= row[k] <= t.parameters[n].upper
+        for t, row in zip(tracked, truth, strict=True)
+        for k, n in enumerate(NAMES)
+    ]
+    inside += [
+        t.forecast[n].lower <= outputs[n] <= t.forecast[n].upper
+        for t, (_, outputs) in zip(tracked[1:], series[1:], strict=True)
+        for n in MEASURED
+    ]
+    assert np.mean(inside) > 0.75
+
+
+def test_nothing_is_flagged_that_fits(tracked):
+    assert not any(t.unusual or t.failed for t in tracked)
+    assert all(i.used for t in tracked for i in t.innovations.values())
+    assert tracked[0].chi_square is None
+    assert all(0.0 < t.probability <= 1.0 for t in tracked[1:])
+
+
+def test_a_wrong_value_is_flagged_and_left_out(series, tracked):
+    tracker = Tracker(SETTINGS)
+    for k, (case, _) in enumerate(series[:5]):
+        tracker.update(str(k), case)
+    right, _ = series[5]
+    wrong = right.model_copy(
+        update={"measurements": right.measurements.model_copy(update={"CO": 2.2 * right.measurements.CO})}
+    )
+    found = tracker.update("5", wrong)
+    assert found.innovations["CO"].unusual
+    assert not found.innovations["CO"].used
+    assert found.innovations["MAP"].used
+    assert found.unusual
+    assert "CO does not fit" in found.message
+    assert found.parameters["Rmc"].median == pytest.approx(tracked[5].parameters["Rmc"].median, rel=0.12)
+
+
+def test_a_sudden_change_of_everything_is_flagged_and_followed(series):
+    tracker = Tracker(SETTINGS)
+    for k, (case, _) in enumerate(series[:4]):
+        tracker.update(str(k), case)
+    changed, _ = measured_at(2.4, 0.7, np.random.default_rng(0), noise=0.3)
+    found = tracker.update("changed", changed)
+    assert found.unusual
+    assert "sudden change" in found.message
+    for _ in range(3):
+        found = tracker.update("again", changed)
+    assert found.parameters["Rmc"].median == pytest.approx(2.4, rel=0.25)
+
+
+def test_a_measurement_may_be_missing(series):
+    tracker = Tracker(SETTINGS)
+    tracker.update("0", series[0][0])
+    case = series[1][0].model_copy(update={"measurements": Measurements(MAP=80.0)})
+    found = tracker.update("1", case)
+    assert set(found.innovations) == {"MAP"}
+    assert "CO" in found.forecast
+
+
+def test_forecast_of_what_has_not_been_measured(series):
+    tracker = Tracker(SETTINGS)
+    tracker.update("0", series[0][0])
+    forecast, expected = tracker.forecast(series[1][0])
+    assert expected["CO"].lower < forecast["CO"].lower < series[1][1]["CO"] < forecast["CO"].upper
+
+
+def test_before_the_first_measurement_there_is_no_forecast(series):
+    with pytest.raises(RuntimeError, match="no measurement"):
+        Tracker(SETTINGS).forecast(series[0][0])
+
+
+def test_a_point_without_measurements_is_refused(series):
+    bare = series[0][0].model_copy(update={"measurements": None})
+    with pytest.raises(CaseError):
+        Tracker(SETTINGS).update("0", bare)
+
+
+def width(point, name="Rmc"):
+    return np.log(point.parameters[name].upper / point.parameters[name].lower)
+
+
+def renamed(case, patient_id):
+    return case.model_copy(update={"patient": case.patient.model_copy(update={"id": patient_id})})
+
+
+def test_another_patient_is_refused(series):
+    tracker = Tracker(SETTINGS)
+    tracker.update("0", series[0][0])
+    belief = tracker.belief
+    for use in (lambda case: tracker.update("1", case), tracker.forecast):
+        with pytest.raises(CaseError, match="another patient"):
+            use(renamed(series[1][0], "U"))
+    assert tracker.belief is belief
+
+
+def test_an_id_written_otherwise_is_the_same_patient(series):
+    tracker = Tracker(SETTINGS)
+    tracker.update("0", series[0][0])
+    assert not tracker.update("1", renamed(series[1][0], " t ")).failed
+
+
+def test_the_longer_ago_the_wider_the_forecast(series):
+    tracker = Tracker(SETTINGS)
+    tracker.update("0", series[0][0])
+
+    def spread(hours):
+        found, _ = tracker.forecast(series[0][0], hours)
+        return found["CO"].upper - found["CO"].lower
+
+    assert spread(0.0) < spread(6.0) < spread(24.0) < spread(24.0 * 30)
+    assert spread(None) == spread(24.0)
+    with pytest.raises(CaseError, match="hours"):
+        spread(-1.0)
+
+
+def test_names_that_are_times_say_how_much_has_passed(series):
+    cases = [case for case, _ in series[:3]]
+    quick = ("2024-03-01T08:00", "2024-03-01T09:00", "2024-03-01T09:30")
+    slow = ("2024-03-01", "2024-03-11", "2024-03-21")
+    hourly, every_ten_days = (
+        track(list(zip(names, cases, strict=True)), SETTINGS) for names in (quick, slow)
+    )
+    assert [p.hours for p in hourly] == [None, 1.0, 0.5]
+    assert [p.hours for p in every_ten_days] == [None, 240.0, 240.0]
+    assert width(hourly[-1]) < width(every_ten_days[-1])
+
+
+def test_times_of_names():
+    assert elapsed_hours(["2024-03-01T08-00", "2024-03-02T09:30"]) == [None, 25.5]
+    assert elapsed_hours(["1", "2"]) is None
+    assert elapsed_hours(["2024-03-01", "later"]) is None
+    assert elapsed_hours(["2024-03-01T08:00Z", "2024-03-01T09:00"]) is None
+    with pytest.raises(CaseError, match="earlier than"):
+        elapsed_hours(["2024-03-02", "2024-03-01"])
+
+
+def test_a_doubtful_first_estimate_is_widened_and_said(series, tracked, monkeypatch):
+    assert tracked[0].message == ""
+    monkeypatch.setattr(track_module, "DRAWS", 24)
+    found = Tracker(SETTINGS).update("0", series[0][0])
+    assert "first estimate is uncertain" in found.message
+    assert "effective draws" in found.message
+    for name in NAMES:
+        assert width(found, name) > 1.1 * width(tracked[0], name)
+
+
+def test_what_is_being_done_is_reported(series):
+    said = []
+    track([("0", series[0][0]), ("1", series[1][0])], SETTINGS, said.append)
+    assert said[0] == "measurement 1 of 2"
+    assert "measurement 1 of 2: weighted draws" in said
+    assert said[-1] == "measurement 2 of 2"
+
+
+def test_one_output_far_from_the_forecast_is_said_though_all_together_fit():
+    outputs = Belief(np.ones(1), np.zeros((1, 7)), 0.5 * np.eye(7)[None])
+    values = np.array([3.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    found = Fitting.of(values, np.full(7, np.sqrt(0.5)), outputs, np.full(7, True))
+    assert found.probability > 0.05
+    assert found.unusual.tolist() == [True] + [False] * 6
+    assert found.message("abcdefg") == "a is far from the forecast, though all together fit: used; check it"

@@ -1,0 +1,139 @@
+"""Components written outside the package take part in every solver without touching it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eclsim.circuit import Circuit, Compartment, Connection, StartPressure
+from eclsim.components import Artery, ElasticVessel, HeartValve, Resistance
+from eclsim.orbit.equation import OrbitOptions
+from eclsim.orbit.model import Model, nominal_values
+from eclsim.orbit.steady import Batch, steady_beats
+from eclsim.outputs.dataset import simulate
+from eclsim.outputs.derivatives import member_derivatives
+from eclsim.outputs.independent import simulate_adaptive
+from eclsim.outputs.variants import simulate_many
+from model_catalogue import CIRCUITS, model
+from user_components import StenosedValve, StiffeningDevice, ValveWithInertia
+
+
+def with_aortic_valve(law) -> Circuit:
+    circuit = CIRCUITS["none"]
+    return replace(
+        circuit,
+        connections=tuple(replace(c, component=law) if c.name == "lv" else c for c in circuit.connections),
+    )
+
+
+def patient(circuit, **more) -> Model:
+    return Model(circuit, {**model("none").values, **more})
+
+
+STENOSIS = {"Rvalve": 1e-3, "CQvalve": 120.0}
+TIGHT = OrbitOptions(tolerance=1e-12, error_tolerance=1e-12)
+CLINICAL = ("SP", "DP", "MAP", "MPAP", "PCWP", "CO", "EDVLV")
+
+
+@pytest.fixture(scope="module")
+def stenosed() -> Model:
+    return patient(with_aortic_valve(StenosedValve("Rvalve", "CQvalve")), **STENOSIS)
+
+
+def test_a_law_given_by_its_drop_alone_is_inverted():
+    law = StenosedValve("Rvalve", "CQvalve")
+    flows = np.linspace(-3.0, 400.0, 60)
+    driving = 0.03 * flows + np.asarray(law.pressure_drop(flows, STENOSIS))
+    np.testing.assert_allclose(law.flow(driving, 0.03, STENOSIS), flows, rtol=1e-6, atol=1e-6)
+
+
+def test_a_stenosed_valve_costs_pressure(stenosed):
+    healthy, sick = simulate(model("none")), simulate(stenosed)
+    assert sick.attrs["converged"] == 1
+    assert (
+        float(sick["peak_pressure_lv"] - sick["SP"])
+        > float(healthy["peak_pressure_lv"] - healthy["SP"]) + 3.0
+    )
+    assert float(sick["CO"]) < float(healthy["CO"])
+
+
+def test_its_parameters_can_be_differentiated(stenosed):
+    outputs, step = ("CO", "SP"), 0.02
+    steady = steady_beats(Batch(stenosed.circuit, stenosed.values, 1), TIGHT)
+    _, exact = member_derivatives(steady, outputs, ("CQvalve",))
+    high, low = (simulate(stenosed.with_values(CQvalve=120.0 + s), options=TIGHT) for s in (step, -step))
+    for name, slope in zip(outputs, exact[:, 0], strict=True):
+        numeric = (float(high[name]) - float(low[name])) / (2 * step)
+        assert slope == pytest.approx(numeric, rel=1e-5)
+
+
+def test_a_valve_with_inertia_is_a_state_more():
+    circuit = with_aortic_valve(ValveWithInertia("Rvalve", "CQvalve"))
+    result = simulate(patient(circuit, CQvalve=350.0, Rvalve=1e-4, inertia=1e-5))
+    plain = simulate(model("none"))
+    assert result.attrs["converged"] == 1
+    assert "Qlv" in result
+    for name in ("SP", "MAP", "CO"):
+        assert float(result[name]) == pytest.approx(float(plain[name]), rel=0.05)
+
+
+def test_a_lung_kidney_device_between_artery_and_vein():
+    """The device fills, stiffens and lets blood pass; both solvers agree on it."""
+    device = Circuit(
+        (Compartment("device", StiffeningDevice("soft", "stiff"), group="device"),),
+        (
+            Connection("graft", Artery("Rgraft", "Lgraft"), "ao", "device", group="device"),
+            Connection("device", HeartValve("CQdevice"), "device", "ra", group="device"),
+        ),
+    )
+    values = {"soft": 0.4, "stiff": 1e-4, "Rgraft": 1.2, "Lgraft": 1e-3, "CQdevice": 10.0}
+    fitted = patient(CIRCUITS["none"] + device, **values)
+    result, check = simulate(fitted), simulate_adaptive(fitted)
+    assert result.attrs["converged"] == check.attrs["converged"] == 1
+    flow = float(np.trapezoid(result["Qdevice"], result["phase"]))
+    assert 5.0 < flow < 100.0
+    assert flow == pytest.approx(float(np.trapezoid(result["Qgraft"], result["phase"])), rel=2e-3)
+    for name in CLINICAL:
+        assert float(result[name]) == pytest.approx(float(check[name]), rel=2e-3)
+
+
+BAD_FIRST = {
+    "not a number": ("Rmc", np.nan, "invalid_input"),
+    "below zero": ("Rmc", -1.0, "invalid_input"),
+    "allowed and hopeless": ("LV_Pd_kappa", 50.0, "not_converged"),
+}
+
+
+@pytest.mark.parametrize(("key", "bad", "status"), BAD_FIRST.values(), ids=BAD_FIRST)
+def test_a_bad_first_member_costs_the_others_nothing(stenosed, key, bad, status):
+    """Such a circuit has no nominal values, so that a search starts from a patient's own beat."""
+    assert nominal_values(stenosed.circuit) is None
+    good = {"Rmc": [0.5, 0.7], key: [stenosed.values[key]] * 2} | {"CQvalve": [120.0, 90.0]}
+    alone = simulate_many(stenosed, good, ("MAP", "CO"))
+    beside = {k: [bad if k == key else stenosed.values[k], *v] for k, v in good.items()}
+    together = simulate_many(stenosed, beside, ("MAP", "CO"))
+    assert list(together["status"].values) == [status, "converged", "converged"]
+    for name in ("MAP", "CO"):
+        np.testing.assert_array_equal(together[name].values[1:], alone[name].values)
+
+
+def test_a_batch_without_a_good_member_says_why(stenosed):
+    found = simulate_many(stenosed, {"Rmc": [-1.0, np.nan]}, ("MAP",))
+    assert list(found["status"].values) == ["invalid_input"] * 2
+    assert "Rmc = -1: allowed: zero or above" in str(found["message"].values[0])
+
+
+def test_a_circuit_of_which_no_output_is_known_has_its_status_alone():
+    loop = Circuit(
+        (
+            Compartment("artery", ElasticVessel("Ca"), start=StartPressure(100.0)),
+            Compartment("vein", ElasticVessel("Cv"), start=StartPressure(5.0)),
+        ),
+        (
+            Connection("artery", Resistance("R"), "artery", "vein"),
+            Connection("vein", Resistance("R"), "vein", "artery"),
+        ),
+    )
+    still = Model(loop, {"Ca": 1.5, "Cv": 20.0, "R": 1.0, "heart_rate_bpm": 60.0})
+    found = simulate_many(still, {"R": np.array([1.0, np.nan])})
+    assert list(found["status"].values) == ["converged", "invalid_input"]

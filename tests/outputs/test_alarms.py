@@ -1,0 +1,139 @@
+import pytest
+
+from eclsim.devices.crrt import crrt
+from eclsim.devices.ecmo import ecmo
+from eclsim.devices.lvad import lvad
+from eclsim.outputs.alarms import findings, impossible
+from eclsim.patient.circulation import circulation
+
+LIMITS = {
+    "access alarm below -250": ({"crrt_access_pressure": -260.0}, "alarm"),
+    "access alarm above 250": ({"crrt_access_pressure": 251.0}, "alarm"),
+    "access warning above 190": ({"crrt_access_pressure": 200.0}, "warning"),
+    "return alarm below -50": ({"crrt_return_pressure": -51.0}, "alarm"),
+    "return alarm above 350": ({"crrt_return_pressure": 351.0}, "alarm"),
+    "suction": ({"lowest_drainage_pressure": -120.0}, "warning"),
+    "collapse of the drained vessel": ({"lowest_drainage_pressure": -350.0}, "collapse"),
+    "flow back through the LVAD": ({"lvad_flow": -1.06}, "alarm"),
+    "no ejection": ({"aortic_valve_flow": 0.001}, "warning"),
+}
+
+
+@pytest.mark.parametrize(("outputs", "kind"), LIMITS.values(), ids=LIMITS)
+def test_a_broken_limit_is_said_with_value_and_unit(outputs, kind):
+    (only,) = findings(outputs, {})
+    (value,) = outputs.values()
+    assert only.kind == kind
+    assert only.value == value
+    written = (f"{value:.1f} mmHg", f"{value:.2f} L/min", f"{value:.3f} L/min")
+    assert any(number in only.sentence for number in written)
+
+
+def test_nothing_is_said_within_the_limits():
+    within = {
+        "crrt_access_pressure": 189.0,
+        "crrt_return_pressure": 349.0,
+        "lowest_drainage_pressure": -99.0,
+        "aortic_valve_flow": 1.2,
+    }
+    assert findings(within, {"Vlv": (30.0, 90.0), "Psvn": (2.0, 6.0)}) == []
+
+
+def test_an_empty_chamber_and_an_impossible_vein_collapse():
+    found = findings({}, {"Vra": (-1.0, 10.0), "Psvn": (-400.0, 5.0), "Vao": (-5.0, 5.0)})
+    assert {finding.quantity for finding in found if finding.kind == "collapse"} == {"Vra", "Psvn"}
+    assert impossible(found)
+    assert {"EDVRA", "ESVRA"} == {name for finding in found for name in finding.concerns}
+
+
+def test_an_assist_pump_may_carry_the_output_past_a_closed_valve():
+    (carried,) = findings({"aortic_valve_flow": 0.0, "lvad_flow": 4.2}, {})
+    assert "the LVAD carries the left ventricle's output (4.20 L/min)" in carried.sentence
+    (stopped,) = findings({"aortic_valve_flow": 0.0, "lvad_flow": 0.0}, {})
+    assert "does not eject" in stopped.sentence
+
+
+VA = circulation() + ecmo("ra", "ao")
+
+
+def said(outputs, circuit=None):
+    return [(finding.kind, finding.sentence) for finding in findings(outputs, {}, circuit)]
+
+
+def test_mean_pressure_without_pulse_is_said_with_its_source():
+    (pulse, mean) = sorted(said({"MAP": 43.0, "pulse_pressure": 1.2}))[::-1]
+    assert mean[0] == "alarm"
+    assert "43.0 mmHg is below 55 mmHg" in mean[1]
+    assert "Walsh" in mean[1]
+    assert pulse[0] == "warning"
+    assert "1.2 mmHg is below 10 mmHg" in pulse[1]
+    assert said({"pulse_pressure": 1.2, "lvad_flow": 4.0}) == []
+    assert said({"MAP": 137.0})[0][0] == "alarm"
+
+
+def test_a_circuit_above_400_mmhg_is_an_alarm_told_once():
+    ((kind, sentence),) = said({"post_pump_pressure": 734.0, "pre_oxygenator_pressure": 720.0})
+    assert kind == "alarm"
+    assert "734.0 mmHg is above 400 mmHg" in sentence
+
+
+def test_backflow_and_impossible_ejection_are_named():
+    assert "runs backwards" in said({"PF": -0.78})[0][1]
+    kind, sentence = said({"ejection_fraction_lv": -2995.0})[0]
+    assert kind == "collapse"
+    assert "-2995.0 %" in sentence
+
+
+def test_the_left_side_on_arterial_return_is_a_caution_whether_the_ventricle_ejects_or_not():
+    outputs = {"EDVLV": 158.0, "PCWP": 11.0, "end_diastolic_pressure_lv": 14.0, "aortic_valve_flow": 2.0}
+    (caution,) = findings(outputs, {}, VA)
+    assert caution.kind == "caution"
+    assert "EDVLV, LVEDP and PCWP" in caution.sentence
+    assert caution.concerns == ("PCWP", "EDVLV", "end_diastolic_pressure_lv")
+    assert findings(outputs, {}, circulation() + ecmo("svn", "ra")) == []
+    assert findings(outputs, {}, circulation()) == []
+
+
+def test_output_of_lungs_and_ventricle_are_told_apart_where_devices_part_them():
+    ((kind, sentence),) = said({"CO": 5.8, "LVO": 0.0, "systemic_flow": 5.8})
+    assert kind == "caution"
+    assert "flow through the lungs" in sentence
+    assert "0.00 L/min (LVO)" in sentence
+    assert said({"CO": 5.8, "LVO": 5.7}) == []
+
+
+def test_a_return_behind_the_right_ventricle_tells_what_co_is():
+    behind = {"CO": 2.7, "LVO": 8.2, "pulmonary_valve_flow": 2.7, "pulmonary_flow": 8.2, "systemic_flow": 8.2}
+    ((kind, sentence),) = said(behind)
+    assert kind == "caution"
+    assert "CO 2.70 L/min is the flow through the pulmonary artery before the ECMO return" in sentence
+    assert "the left ventricle itself ejects 8.20 L/min (LVO), the lungs get 8.20 L/min" in sentence
+    ((_, sentence),) = said({"CO": 7.8, "LVO": 7.8, "pulmonary_valve_flow": 2.5, "pulmonary_flow": 7.8})
+    assert "flow through the lungs; the right ventricle itself ejects 2.50 L/min" in sentence
+
+
+def test_dialysis_above_the_flow_of_its_ecmo_is_an_alarm():
+    inside, outside = crrt("ecmooxy", "ecmotuor"), crrt("svn", "svn")
+    outputs = {"crrt_flow": 0.6, "PF": 0.4}
+    assert [kind for kind, text in said(outputs, VA + inside) if "CRRT flow 0.60" in text] == ["alarm"]
+    assert said(outputs, VA + outside) == []
+    assert said({"crrt_flow": 0.2, "PF": 0.4}, VA + inside) == []
+
+
+def test_a_collapse_names_the_device_that_drains_that_side():
+    both = VA + lvad("lv", "ao")
+    found = findings({}, {"Vra": (-1.0, 10.0), "Vlv": (-2.0, 10.0), "Prv": (-400.0, 9.0)}, both)
+    sentences = {finding.quantity: finding.sentence for finding in found}
+    assert "the LVAD drains more than flows in" in sentences["Vlv"]
+    assert "the ECMO drains more than flows in" in sentences["Vra"]
+    assert "right ventricle -400.0 mmHg" in sentences["Prv"]
+    (alone,) = findings({}, {"Vlv": (-2.0, 10.0)}, circulation())
+    assert alone.sentence.endswith("the chamber collapses")
+
+
+def test_an_ejection_fraction_is_read_with_care_where_an_lvad_empties_the_ventricle():
+    outputs = {"ejection_fraction_lv": 62.0}
+    (only,) = findings(outputs, {}, circulation() + lvad("lv", "ao"))
+    assert only.kind == "caution"
+    assert "ejection_fraction_lv" in only.concerns
+    assert findings(outputs, {}, circulation()) == []

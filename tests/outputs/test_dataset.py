@@ -1,0 +1,84 @@
+import numpy as np
+import pytest
+
+from eclsim.orbit.model import PATIENT_HELD
+from eclsim.outputs.course import simulate_course
+from eclsim.outputs.dataset import simulate
+from eclsim.outputs.registry import CONTRACT
+from model_catalogue import model
+
+
+@pytest.fixture(scope="module")
+def beat():
+    return simulate(model("V-A, CRRT g"))
+
+
+def mean(result, name):
+    return float(np.trapezoid(result[name], result["phase"]))
+
+
+def test_everything_has_a_unit_and_a_name(beat):
+    for variable in (*beat.data_vars.values(), *beat.coords.values()):
+        assert variable.attrs["units"]
+        assert variable.attrs["long_name"]
+    assert beat.attrs["converged"] == 1
+    assert beat.attrs["blood_volume_policy"] == "as_published"
+    assert all(entry.name in beat for entry in CONTRACT)
+
+
+def test_the_beat_closes(beat):
+    waves = [v for v in beat.data_vars.values() if v.ndim == 1]
+    assert len(waves) > 60
+    for wave in waves:
+        assert float(wave[0]) == pytest.approx(float(wave[-1]), abs=1e-6)
+    assert float(beat["time"][-1]) == pytest.approx(0.5)
+
+
+def test_volumes_add_up_to_the_blood_volume(beat):
+    total = sum(v.values for name, v in beat.data_vars.items() if name[0] == "V" and v.ndim == 1)
+    blood = model("V-A, CRRT g").values["total_blood_volume_ml"]
+    in_capillaries = 0.07 * blood
+    np.testing.assert_allclose(total + in_capillaries, blood, rtol=1e-9)
+
+
+def test_mean_flow_is_the_same_all_the_way_round(beat):
+    for near, far in (("ao", "sart"), ("pas", "part"), ("part", "pvn"), ("ecmooxy", "ecmotuor")):
+        missing = mean(beat, "Qcrrtpump") * ((near, far) == ("ecmooxy", "ecmotuor"))
+        assert mean(beat, "Q" + near) - missing == pytest.approx(mean(beat, "Q" + far), rel=2e-3)
+
+
+def test_the_pump_raises_the_pressure_by_its_head(beat):
+    np.testing.assert_allclose(beat["Pecmopump"], beat["Pecmotupo"] - beat["Pecmotudp"], atol=1e-9)
+
+
+def test_a_held_patient_has_more_blood_and_pressure(beat):
+    held = simulate(model("V-A, CRRT g"), PATIENT_HELD)
+    assert held.attrs["blood_volume_policy"] == "patient_held"
+    assert float(held["MAP"]) > float(beat["MAP"]) + 2.0
+
+
+def test_a_course_is_labelled_over_time():
+    course = simulate_course(model("V-A"), 1.3, names=("Pao", "Qecmopump", "Vlv", "Pecmopump"))
+    assert dict(course.sizes) == {"time": len(course["time"])}
+    assert set(course.data_vars) == {"Pao", "Qecmopump", "Vlv", "Pecmopump"}
+    units = {name: course[name].attrs["units"] for name in course.data_vars}
+    assert units == {"Pao": "mmHg", "Qecmopump": "mL/s", "Vlv": "mL", "Pecmopump": "mmHg"}
+    assert course["Pecmopump"].attrs["long_name"] == "head of ecmopump"
+    assert course.attrs["solver"] == "semi-implicit"
+
+
+def test_the_long_course_shows_the_steady_beat():
+    patient = model("none")
+    course, beat = simulate_course(patient, 60.0, names=("Pao", "Vlv", "Vsvn")), simulate(patient)
+    last = course.isel(time=slice(-len(beat["phase"]), None))
+    for name in ("Pao", "Vlv", "Vsvn"):
+        np.testing.assert_allclose(last[name], beat[name], rtol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["none", "V-A, CRRT g"])
+def test_every_valve_moves_in_a_beat_what_the_circulation_needs(name):
+    """In a steady beat what a valve lets through is what its neighbours pass on: no blood is lost."""
+    beat = simulate(model(name))
+    flows = [float(beat[f"{valve}_valve_flow"]) for valve in ("tricuspid", "pulmonary", "mitral", "aortic")]
+    assert flows == pytest.approx([flows[0]] * 4, rel=1e-8)
+    assert flows[0] == pytest.approx(float(beat["CO"]), rel=1e-4)

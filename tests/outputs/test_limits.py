@@ -1,0 +1,72 @@
+import re
+from pathlib import Path
+
+import pytest
+
+from eclsim.cases.presets import PRESETS
+from eclsim.outputs.limits import LIMITS, PLACES, broken_limits, level, limits_of, place_level, worst
+from eclsim.outputs.registry import REGISTRY
+from eclsim.simulation.single import simulate_case
+
+
+def test_every_limit_is_of_an_output_and_has_meaning_and_source():
+    for limit in LIMITS:
+        assert limit.quantity in REGISTRY
+        assert limit.meaning
+        assert limit.source
+        assert not limit.unless or limit.unless in REGISTRY
+    assert {name for names in PLACES.values() for name in names} <= {limit.quantity for limit in LIMITS}
+
+
+def test_graver_limits_lie_further_out():
+    order = ("warning", "alarm", "collapse")
+    for limit in LIMITS:
+        for other in limits_of(limit.quantity):
+            if other.side == limit.side and order.index(other.kind) > order.index(limit.kind):
+                assert other.value > limit.value if limit.side == "above" else other.value < limit.value
+
+
+@pytest.mark.parametrize(
+    ("quantity", "value", "expected"),
+    [
+        ("MAP", 80.0, "ok"),
+        ("MAP", 60.0, "warning"),
+        ("MAP", 43.0, "alarm"),
+        ("PCWP", 26.0, "alarm"),
+        ("lowest_drainage_pressure", 4.0, "ok"),
+        ("lowest_drainage_pressure", -350.0, "collapse"),
+        ("ejection_fraction_lv", -2995.0, "collapse"),
+        ("EDVLV", 1e9, "ok"),
+    ],
+)
+def test_a_value_has_the_gravest_level_it_reaches(quantity, value, expected):
+    assert level(quantity, value) == expected
+
+
+def test_of_what_says_the_same_the_gravest_is_told():
+    (one,) = broken_limits({"PCWP": 20.0, "left_atrial_pressure": 27.0})
+    assert (one.quantity, one.kind) == ("left_atrial_pressure", "alarm")
+
+
+def test_a_compartment_takes_the_worst_of_its_outputs():
+    assert place_level("ao", {"MAP": 80.0, "pulse_pressure": 2.0}) == "warning"
+    assert place_level("ao", {"MAP": 80.0, "pulse_pressure": 2.0, "lvad_flow": 4.0}) == "ok"
+    assert place_level("nowhere", {}) == "ok"
+    assert worst(["ok", "alarm", "warning"]) == "alarm"
+
+
+def test_the_healthy_adult_breaks_no_limit():
+    result = simulate_case(PRESETS["healthy"].case())
+    assert result.attrs["warnings"] == []
+    assert not result.attrs["impossible"]
+
+
+def test_the_documented_table_is_the_table():
+    page = (Path(__file__).parents[2] / "docs" / "limits.md").read_text(encoding="utf-8")
+    kinds = ("warning", "alarm", "collapse")
+    found = set()
+    for name, *cells in re.findall(r"^\| `(\w+)` \| [^|]* \|([^|]*)\|([^|]*)\|([^|]*)\|", page, re.MULTILINE):
+        for kind, cell in zip(kinds, cells, strict=True):
+            for side, value in re.findall(r"(below|above) (−?[\d.]+)", cell):
+                found.add((name, kind, side, float(value.replace("−", "-"))))
+    assert found == {(limit.quantity, limit.kind, limit.side, limit.value) for limit in LIMITS}

@@ -1,0 +1,88 @@
+"""Measures on waveforms whose values are known."""
+
+import numpy as np
+import pytest
+
+from eclsim.beat.grid import PhaseGrid
+from eclsim.beat.recording import RATE
+from eclsim.outputs.measures import Measures
+
+PHASES = PhaseGrid(1).phases
+TURN = 2.0 * np.pi * PHASES
+
+
+def measures(**waveforms):
+    return Measures({name.replace("_rate", RATE): values for name, values in waveforms.items()}, PHASES)
+
+
+def test_mean_is_weighted_with_time_on_the_uneven_grid():
+    found = measures(x=5.0 + 3.0 * np.sin(TURN), y=PHASES**2)
+    assert found.mean("x") == pytest.approx(5.0, abs=4e-4)
+    assert found.mean("y") == pytest.approx(1.0 / 3.0, abs=1e-5)
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.00031, 0.12, 0.7, 0.89, 0.9996])
+def test_extremes_lie_between_grid_points(shift):
+    wave = 80.0 + 20.0 * np.sin(TURN - 2.0 * np.pi * shift)
+    plain = measures(x=wave)
+    assert plain.maximum("x") == pytest.approx(100.0, abs=2e-5)
+    assert plain.minimum("x") == pytest.approx(60.0, abs=2e-5)
+    rated = measures(x=wave, x_rate=40.0 * np.pi * np.cos(TURN - 2.0 * np.pi * shift))
+    assert rated.maximum("x") == pytest.approx(100.0, abs=1e-6)
+    assert rated.minimum("x") == pytest.approx(60.0, abs=1e-6)
+
+
+def test_extremes_move_smoothly_as_a_peak_crosses_the_grid():
+    shifts = np.linspace(0.20, 0.21, 400)
+    peaks = [
+        measures(
+            x=np.cos(TURN - 2.0 * np.pi * s), x_rate=-2.0 * np.pi * np.sin(TURN - 2.0 * np.pi * s)
+        ).maximum("x")
+        for s in shifts
+    ]
+    assert np.ptp(peaks) < 1e-8
+
+
+def test_a_constant_is_its_own_extreme():
+    found = measures(x=np.full_like(PHASES, 7.5))
+    assert found.maximum("x") == found.minimum("x") == pytest.approx(7.5, rel=1e-14)
+
+
+def test_a_kink_is_not_overshot():
+    """A pressure that falls, then rises at once, as at the opening of the aortic valve."""
+    wave, rate = 70.0 + 30.0 * np.abs(PHASES - 0.2), 30.0 * np.sign(PHASES - 0.2)
+    found = measures(x=wave, x_rate=rate)
+    assert found.minimum("x") == pytest.approx(70.0, abs=2e-2)
+    assert found.minimum("x") >= 70.0 - 0.03
+
+
+def test_the_area_of_a_loop_is_positive_for_work_done_on_the_blood():
+    # Counter-clockwise in the P-V plane: it fills at low pressure and ejects at high.
+    pressure, volume = 60.0 + 50.0 * np.sin(TURN), 100.0 + 30.0 * np.cos(TURN)
+    assert measures(p=pressure, v=volume).loop_area("p", "v") == pytest.approx(np.pi * 50.0 * 30.0, rel=1e-3)
+    backwards = measures(p=120.0 - pressure, v=volume)
+    assert backwards.loop_area("p", "v") == pytest.approx(-np.pi * 1500.0, rel=1e-3)
+
+
+def test_ratio_and_value_at_the_start():
+    pressure, volume = 60.0 + 50.0 * np.sin(TURN), 100.0 + 30.0 * np.cos(TURN)
+    found = measures(p=pressure, v=volume)
+    assert found.largest_ratio("p", "v") == pytest.approx(np.max(pressure / volume), rel=1e-12)
+    assert found.at_start("p") == pytest.approx(60.0, abs=1e-9)
+
+
+def test_a_batch_is_measured_like_each_alone():
+    rng = np.random.default_rng(2)
+    waves = [
+        80 + 20 * np.sin(TURN + rng.uniform(0, 6)) + 5 * np.sin(2 * TURN + rng.uniform(0, 6))
+        for _ in range(6)
+    ]
+    together = Measures({"p": np.stack(waves, axis=1), "v": np.stack(waves[::-1], axis=1)}, PHASES)
+    for k in range(6):
+        alone = Measures({"p": waves[k], "v": waves[5 - k]}, PHASES)
+        for ask in ("mean", "maximum", "minimum", "at_start"):
+            assert getattr(together, ask)("p")[k] == pytest.approx(getattr(alone, ask)("p"), rel=1e-13)
+        for ask in ("loop_area", "largest_ratio"):
+            assert getattr(together, ask)("p", "v")[k] == pytest.approx(
+                getattr(alone, ask)("p", "v"), rel=1e-10
+            )

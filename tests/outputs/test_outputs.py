@@ -1,0 +1,112 @@
+"""The registry: every output is described, computed and differentiated by its own formula."""
+
+import numpy as np
+import pytest
+
+from eclsim.beat.grid import PhaseGrid
+from eclsim.beat.recording import RATE
+from eclsim.outputs.derivatives import LinearMeasures
+from eclsim.outputs.dual import Dual
+from eclsim.outputs.measures import Measures
+from eclsim.outputs.registry import CONTRACT, REGISTRY, UnknownOutputError, available, output
+
+PHASES = PhaseGrid(1).phases
+TURN = 2.0 * np.pi * PHASES
+PLACES = ("ao", "pas", "pvn", "ra", "la", "rv", "lv", "svn")
+
+
+def waveforms(amount=0.0):
+    """Smooth waveforms of every signal that an output needs, changed by an amount of another shape."""
+    rng = np.random.default_rng(8)
+    found = {}
+    for name in sorted({signal for entry in REGISTRY.values() for signal in entry.needs}):
+        height, lag, second = rng.uniform(5.0, 15.0), rng.uniform(0.0, 6.0), rng.uniform(0.0, 6.0)
+        wave = 90.0 + height * np.sin(TURN + lag) + 2.0 * np.sin(2.0 * TURN + second)
+        rate = 2.0 * np.pi * (height * np.cos(TURN + lag) + 4.0 * np.cos(2.0 * TURN + second))
+        push, bent = rng.uniform(0.5, 2.0), rng.uniform(0.0, 6.0)
+        found[name] = wave + amount * push * (1.0 + np.sin(TURN + bent))
+        found[name + RATE] = rate + amount * push * 2.0 * np.pi * np.cos(TURN + bent)
+    return found
+
+
+def test_names_are_unique_and_all_are_described():
+    assert len({entry.long_name for entry in REGISTRY.values()}) == len(REGISTRY)
+    for name, entry in REGISTRY.items():
+        assert name == entry.name
+        assert entry.unit in {"mmHg", "L/min", "mL", "%", "mmHg mL", "mL/s"}
+        assert entry.definition
+        assert entry.needs
+        assert set(entry.extremes) <= set(entry.needs)
+
+
+def test_the_contract_comes_first_in_its_order():
+    names = [entry.name for entry in CONTRACT]
+    order = "SP DP MAP MPAP PCWP CO PF SPAP DPAP EDVLV ESVLV EDVRV ESVRV EDVLA ESVLA EDVRA ESVRA"
+    assert names == order.split()
+    assert list(REGISTRY)[:17] == names
+
+
+def test_outputs_exist_where_their_waveforms_do():
+    patient = {kind + place for place in PLACES for kind in "PQV"}
+    names = {entry.name for entry in available(patient)}
+    assert {"SP", "CO", "stroke_work_lv", "aortic_valve_flow"} <= names
+    assert not {"PF", "lvad_flow", "crrt_access_pressure"} & names
+    assert "PF" in {entry.name for entry in available(patient | {"Qecmopump"})}
+
+
+def test_a_misspelt_output_names_its_neighbours():
+    with pytest.raises(UnknownOutputError, match=r"did you mean.*aortic_valve_flow"):
+        output("aortic_valv_flow")
+
+
+@pytest.mark.parametrize("name", REGISTRY)
+def test_every_output_is_differentiated_exactly(name):
+    entry, step = REGISTRY[name], 1e-5
+    base = LinearMeasures(waveforms(), PHASES)
+    found = entry.compute(base)
+    assert found.value == pytest.approx(float(entry.compute(Measures(waveforms(), PHASES))), rel=1e-12)
+    before, after = waveforms(), waveforms(1.0)
+    change = {key: after[key] - before[key] for key in before}
+    exact = sum(slope * base.sums[key] @ change[key[0]] for key, slope in found.slopes.items())
+    high, low = (float(entry.compute(Measures(waveforms(s), PHASES))) for s in (step, -step))
+    assert exact == pytest.approx((high - low) / (2 * step), rel=1e-5, abs=1e-7)
+
+
+def test_flows_are_given_in_litres_a_minute():
+    found = Measures({"Qpas": np.full_like(PHASES, 100.0)}, PHASES)
+    assert output("CO").compute(found) == pytest.approx(6.0)
+
+
+def test_work_and_fraction_follow_from_volume_and_pressure():
+    waves = {"Plv": 60.0 + 50.0 * np.sin(TURN), "Vlv": 100.0 + 30.0 * np.cos(TURN)}
+    found = {
+        name: float(output(name).compute(Measures(waves, PHASES)))
+        for name in REGISTRY
+        if name.endswith("_lv")
+    }
+    assert found["stroke_volume_lv"] == pytest.approx(60.0, rel=1e-4)
+    assert found["ejection_fraction_lv"] == pytest.approx(100.0 * 60.0 / 130.0, rel=1e-4)
+    assert found["stroke_work_lv"] == pytest.approx(np.pi * 1500.0, rel=1e-3)
+    potential = 0.5 * np.max(waves["Plv"] / waves["Vlv"]) * 70.0**2
+    assert found["pressure_volume_area_lv"] == pytest.approx(np.pi * 1500.0 + potential, rel=1e-3)
+
+
+EXPRESSIONS = {
+    "sum": lambda x, y: 3.0 + x + 2.0 * y,
+    "difference": lambda x, y: 1.0 - x - (y - 4.0),
+    "product": lambda x, y: x * y * 2.5,
+    "quotient": lambda x, y: x / y + 7.0 / x,
+    "power": lambda x, y: (x - y) ** 3,
+    "all of it": lambda x, y: -((100.0 * (x - y) / x) ** 2) + x / 4.0,
+}
+
+
+@pytest.mark.parametrize("expression", EXPRESSIONS.values(), ids=EXPRESSIONS)
+def test_dual_numbers_differentiate_arithmetic(expression):
+    x, y, step = 2.3, 0.9, 1e-6
+    found = expression(Dual(x, {"x": 1.0}), Dual(y, {"y": 1.0}))
+    assert found.value == pytest.approx(expression(x, y), rel=1e-14)
+    in_x = (expression(x + step, y) - expression(x - step, y)) / (2 * step)
+    in_y = (expression(x, y + step) - expression(x, y - step)) / (2 * step)
+    assert found.slopes.get("x", 0.0) == pytest.approx(in_x, rel=1e-6)
+    assert found.slopes.get("y", 0.0) == pytest.approx(in_y, rel=1e-6)

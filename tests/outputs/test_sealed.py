@@ -1,0 +1,107 @@
+"""A beat that closed valves make one of many is not passed off as the patient's."""
+
+import json
+
+import numpy as np
+import pytest
+
+from eclsim.app.beat import compute_beat, plain
+from eclsim.app.knobs import turn
+from eclsim.app.state import PageState
+from eclsim.beat.heartbeat import beat_program
+from eclsim.cases.presets import PRESETS
+from eclsim.devices.ecmo import ecmo
+from eclsim.orbit.equation import OrbitProblem
+from eclsim.orbit.steady import Batch, start_state, steady_beats
+from eclsim.outputs.alarms import findings
+from eclsim.outputs.dataset import simulate
+from eclsim.outputs.sealed import SHUT_L_MIN, sealed
+from eclsim.outputs.variants import simulate_many
+from eclsim.patient.circulation import circulation
+from eclsim.reporting.beat_values import case_name
+from eclsim.simulation.json_object import case_object
+from model_catalogue import model
+
+WEAK_LEFT = {"Emaxlv": 0.1, "ecmo.speed_rpm": 4500.0}
+VALVES = ("tricuspid", "pulmonary", "mitral", "aortic")
+SHUT = {f"{valve}_valve_flow": 0.0 for valve in VALVES}
+LEFT = ("EDVLV", "ESVLV", "end_diastolic_pressure_lv", "ejection_fraction_lv", "PCWP")
+
+
+@pytest.fixture(scope="module")
+def beat():
+    return simulate(model("V-A", **WEAK_LEFT))
+
+
+def test_a_steady_beat_behind_closed_valves_is_one_of_many(beat):
+    """Waiting from the published start ends at another steady beat than the search, and both stay."""
+    assert beat.attrs["converged"] == 1
+    patient = model("V-A", **WEAK_LEFT)
+    batch = Batch(patient.circuit, patient.values, 1)
+    steady = steady_beats(batch)
+    program = beat_program(patient.circuit, int(steady.resolution[0]))
+    problem = OrbitProblem(program, batch.packed(program), batch.volume())
+    waited = start_state(patient)[:, None]
+    for _ in range(400):
+        waited = problem.beat(waited)
+    names = [c.name for c in patient.circuit.compartments]
+    for states in (waited, steady.orbits.states):
+        assert np.abs(problem.beat(states) - states).max() < 1e-5
+    apart = (waited - steady.orbits.states)[[names.index(n) for n in ("lv", "pvn", "svn")], 0]
+    assert np.abs(apart).min() > 10.0
+
+
+def test_simulate_says_that_it_is_and_marks_the_numbers(beat):
+    (said,) = [w for w in beat.attrs["warnings"] if "not determined by the case" in w]
+    assert "no blood passes the tricuspid, pulmonary, mitral and aortic valves all beat" in said
+    assert "the right ventricle, the pulmonary vessels with the left atrium and the left ventricle" in said
+    assert "one of many" in beat.attrs["message"]
+    assert case_object(beat)["one_of_many"] is True
+    assert case_name(beat) == "V-A (VALVES SHUT: VOLUMES NOT DETERMINED)"
+    for name in (*LEFT, "EDVRV", "MPAP"):
+        assert beat[name].attrs["finding"]
+    assert "finding" not in beat["systemic_flow"].attrs
+
+
+def test_a_batch_says_so_of_each_member_whatever_its_outputs():
+    found = simulate_many(model("V-A"), {"Emaxlv": [1.5, 0.1], "ecmo.speed_rpm": [3425.0, 4500.0]}, ("MAP",))
+    assert list(found.data_vars) == ["MAP", "status", "message", "beats", "residual"]
+    assert list(found["status"].values) == ["converged", "converged"]
+    ejecting, shut = found["message"].values
+    assert "one of many" not in ejecting
+    assert "one of many: no blood passes the tricuspid" in shut
+
+
+def test_the_page_gets_it_beside_what_else_is_to_be_said_of_a_number():
+    state = PageState(PRESETS["paper"].case())
+    for key, value in (("parameters.Emaxlv", 0.1), ("parameters.Emaxrv", 0.1), ("ecmo.speed_rpm", 4500)):
+        state = state.with_case(turn(state.case, key, value))
+    data = json.loads(json.dumps(plain(compute_beat(state), ())))
+    assert [kind for kind, text in data["notes"] if "not determined by the case" in text] == ["caution"]
+    assert "not determined by the case" in data["cautions"]["EDVLV"]
+    assert "distension or unloading" in data["cautions"]["EDVLV"]
+    assert "not determined by the case" in data["cautions"]["EDVRV"]
+
+
+VPA = circulation() + ecmo("ra", "pas")
+BARE = circulation()
+
+
+def test_only_what_the_closed_valves_part_is_named():
+    right = {name: 0.0 if name[0] in "tp" else 5.0 for name in SHUT}
+    only = sealed(right | {"EDVRV": 90.0, "EDVLV": 90.0, "MAP": 70.0}, VPA)
+    assert only is not None
+    assert only.parts == (("rv",),)
+    assert only.concerns == ("EDVRV",)
+    assert "how much blood the right ventricle holds is not determined" in only.sentence
+    still = sealed(SHUT, BARE)
+    assert still is not None
+    assert still.parts == (("rv",), ("pas", "part", "pvn", "la"), ("lv",))
+
+
+def test_one_closed_valve_shuts_nothing_in():
+    for name in SHUT:
+        assert sealed(dict.fromkeys(SHUT, 5.0) | {name: 0.0}, BARE) is None
+    assert sealed(dict.fromkeys(SHUT, 2.0 * SHUT_L_MIN), BARE) is None
+    assert sealed({}, BARE) is None
+    assert [f.quantity for f in findings(SHUT, {}, BARE)] == ["aortic_valve_flow", "Vrv"]

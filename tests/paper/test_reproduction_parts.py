@@ -1,0 +1,154 @@
+"""Sensitivity, positions and cohort: what is said of them, and that long parts can be gone on with."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eclsim.paper.cohort import SYNTHETIC, reproduce_cohort
+from eclsim.paper.names import ITEMS, file_names
+from eclsim.paper.positions import DrawnOver
+from eclsim.paper.rows import Verdict
+from eclsim.paper.sensitivity import (
+    CARDIOVASCULAR,
+    TABLE_2,
+    _claims,
+    _table_2,
+    healthy_parameters_case,
+    reproduce_sensitivity,
+)
+from eclsim.sensitivity.estimators import Estimates
+from eclsim.sensitivity.evaluation import Evaluated, evaluate_block
+from eclsim.sensitivity.indices import Indices
+from eclsim.sensitivity.inputs import Categorical, Continuous
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def test_every_numbered_figure_and_table_of_the_paper_is_there():
+    titles = [item.title for item in ITEMS]
+    figures = [*map(str, range(1, 8)), *(f"S-{k}" for k in range(1, 8))]
+    tables = ["1", "2", *(f"S-{k}" for k in range(1, 5))]
+    assert titles == [f"Figure {n}" for n in figures] + [f"Table {n}" for n in tables]
+    assert len(set(file_names())) == len(file_names())
+
+
+def test_the_embedded_cohort_is_the_one_of_the_examples():
+    assert SYNTHETIC.read_bytes() == (EXAMPLES / "synthetic_cohort.csv").read_bytes()
+
+
+def test_the_average_man_has_more_blood_than_the_assumed_woman():
+    from eclsim.cases.resolve import blood_volume_ml
+
+    woman, man = (healthy_parameters_case(average) for average in (False, True))
+    assert blood_volume_ml(man.patient) > blood_volume_ml(woman.patient) + 500.0
+    assert man.crrt is None
+    assert man.parameters == {}
+
+
+class Doubles:
+    """An evaluator that gives its inputs back."""
+
+    outputs = ("x", "site")
+
+    def __call__(self, settings, count):
+        return Evaluated.of(np.stack([settings["x"], settings["site"]], axis=1))
+
+    def description(self):
+        return {}
+
+
+def test_positions_drawn_over_the_design_differ_within_a_row_and_are_the_same_again():
+    from eclsim.sensitivity.design import Design
+
+    site = Categorical("site", tuple("abcdef"), (("site", tuple(map(float, range(6)))),))
+    design = Design((Continuous("x", 1.0, 2.0), site), 64)
+    drawn = DrawnOver(Doubles(), (site,))
+    once, again, plain = (evaluate_block(design, e, 0).values for e in (drawn, drawn, Doubles()))
+    np.testing.assert_array_equal(once, again)
+    np.testing.assert_array_equal(once[:, 0], plain[:, 0])
+    rows = plain.reshape(64, -1, 2)
+    assert (rows[:, 0, 1] == rows[:, 1, 1]).all()  # AB of x shares the site with A: what estimators rely on
+    rows = once.reshape(64, -1, 2)
+    assert (rows[:, 0, 1] != rows[:, 1, 1]).mean() > 0.6
+    assert set(once[:, 1]) == set(range(6))
+
+
+def indices(sums: dict[str, float]) -> Indices:
+    total = np.zeros((7, len(CARDIOVASCULAR)))
+    for name, value in sums.items():
+        total[:, CARDIOVASCULAR.index(name)] = value / 7.0
+    width = np.full_like(total, 0.001)
+    estimates = Estimates(total, width, total, width)
+    outputs = ("SP", "DP", "MAP", "MPAP", "PCWP", "CO", "PF")
+    return Indices(CARDIOVASCULAR, outputs, estimates, 64, 64 * 26, (), 64)
+
+
+def test_table_2_is_compared_within_the_interval_of_ours():
+    rows = _table_2(indices({**TABLE_2, "Rmc": 3.79, "Csart": 0.4}), indices(TABLE_2))
+    verdicts = {row.quantity.rpartition(" ")[2]: row.verdict for row in rows}
+    assert verdicts == {
+        **dict.fromkeys(TABLE_2, Verdict.AS_PRINTED),
+        "Csart": Verdict.EXPLAINED,
+    }
+
+
+def test_statements_about_the_sensitivity_are_read_off_the_indices():
+    from types import SimpleNamespace
+
+    flat = SimpleNamespace(indices=indices(TABLE_2))
+    rows = {row.quantity: row for row in _claims(flat, flat, {"normal": flat})}  # pyright: ignore
+    assert rows["the seven of Table 2 have the largest sums, in its order"].ours == 1.0
+    assert rows["Edla acts on PCWP alone (others below 0.1)"].ours == 0.0
+    assert rows["runs at N = 2048 for 24 parameters"].as_printed
+    lacking = rows["Rmc and Emaxlv are among those that make up 90 % of every output"]
+    assert lacking.as_printed
+    turned = SimpleNamespace(indices=indices({"Rmc": 7.0}))
+    rows = {row.quantity: row for row in _claims(turned, flat, {"normal": turned})}  # pyright: ignore
+    lacking = rows[lacking.quantity]
+    assert lacking.verdict is Verdict.EXPLAINED
+    assert "Emaxlv of SP" in lacking.why
+
+
+@pytest.mark.slow
+def test_a_stopped_analysis_is_gone_on_with(tmp_path):
+    said = []
+    first = reproduce_sensitivity(tmp_path, 8, False, said.append)
+    assert len(first.rows) == len(TABLE_2) + 12
+    (kept,) = (tmp_path / "assumed").glob("samples.parquet")
+    before = kept.stat().st_mtime_ns
+    again = reproduce_sensitivity(tmp_path, 8, True)
+    assert kept.stat().st_mtime_ns == before
+    assert [row.ours for row in again.rows] == [row.ours for row in first.rows]
+
+
+@pytest.mark.slow
+def test_a_cohort_of_two_points_is_fitted_compared_and_kept(tmp_path):
+    lines = SYNTHETIC.read_text().splitlines()
+    table = tmp_path / "two.csv"
+    table.write_text("\n".join([lines[0], *lines[1:3]]) + "\n")
+    found = reproduce_cohort(tmp_path / "fits", table, 8, False)
+    assert not found.synthetic
+    assert found.sliced == "P01/1"
+    assert np.nanmin(found.slices.costs) >= 0.99 * found.slices.cost
+    rows = {(row.section, row.quantity): row for row in found.rows}
+    assert rows["Table 1", "SP, median"].ours == 101.0
+    assert rows["2.1", "number of data points"].ours == 2
+    assert rows["3.2", "R² of pressures"].ours > 0.95
+    said: list[str] = []
+    again = reproduce_cohort(tmp_path / "fits", table, 8, True, said.append)
+    assert again.results == found.results
+    assert said == []
+    assert replace(again, slices=found.slices) == replace(found, slices=found.slices)
+
+
+@pytest.mark.parametrize(
+    ("unit", "ours", "said"),
+    [("1", 0.21, "paper 0.2, ours 0.21"), ("mmHg", 71.0, "paper 0.2 mmHg, ours 71 mmHg")],
+)
+def test_a_row_of_the_terminal_keeps_all_digits_of_our_number(unit: str, ours: float, said: str):
+    from eclsim.cli.reproduce import _ours
+    from eclsim.paper.rows import Row
+
+    assert _ours(Row("3.1", "a share", unit, 0.2, ours, None, 1, 0.05)) == said

@@ -1,0 +1,115 @@
+"""The page of a fit: verdict first, nothing from outside, nothing unescaped, gaps said."""
+
+import copy
+import re
+
+import pytest
+
+from eclsim.identification.files import fits_object
+from eclsim.identification.page import cohort_page, fit_page, write_fit_page
+from eclsim.identification.settings import FitSettings
+from eclsim.paper.patient import paper_case
+from system_browser import system_browser
+
+SVG = '<svg xmlns="http://www.w3.org/2000/svg" width="400pt"><text id="t">{}</text></svg>'
+
+
+def words(html: str) -> str:
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", html))
+
+
+def content(*points: dict) -> dict:
+    return fits_object(points, FitSettings(policy="patient_held").as_object())
+
+
+def test_the_verdict_comes_first_then_measured_against_fitted(fitted_point):
+    html = fit_page(content(fitted_point), paper_case(), {})
+    shown = words(html)
+    order = [
+        "DOUBTFUL FIT: the largest difference from a measurement is 1.5", "right ventricle of 17 mL",
+        "no test of the model", "70 ± 3", "69.88", "Rmc: ", "0.7 to 0.9", "0.69 to 0.91",
+        "Edla: too little effect", "Edla and Rmc move together (correlation -0.95)",
+        "78 to 218", "implausible",
+        "3 of 12 refined starts agree", "circuits are primed (patient_held)", "A research model",
+    ]  # fmt: skip
+    places = [shown.index(word) for word in order]
+    assert places == sorted(places)
+    assert "+0.0" in shown
+    assert "-0.0" not in shown
+    assert "not measured" in shown
+    assert 'class="box warn"' in html
+    assert "<script" not in html
+
+
+def test_fits_by_the_policy_of_each_case_say_so(fitted_point):
+    every = fits_object([fitted_point], FitSettings().as_object())
+    assert every["settings"]["blood_volume_policy"] is None
+    assert "Blood volume: that of each case." in words(cohort_page(every, {}))
+
+
+def test_a_good_fit_is_no_warning_and_a_poor_one_reads_no_parameter(fitted_point):
+    good = copy.deepcopy(fitted_point)
+    good["verdict"] |= {"level": "good", "reasons": []}
+    assert 'class="box"' in fit_page(content(good), paper_case(), {})
+    poor = copy.deepcopy(fitted_point)
+    poor["verdict"]["level"] = "poor"
+    assert "one of many that fit as well" in fit_page(content(good), paper_case(), {})
+    assert "one of many that fit as well" not in fit_page(content(poor), paper_case(), {})
+
+
+def test_predictions_that_are_not_trusted_say_so(fitted_point):
+    interval = {"median": 70.0, "lower": 65.0, "upper": 75.0}
+    posterior = {
+        "kind": "weighted draws", "prior": "log-uniform", "verdict": "NOT TO BE TRUSTED",
+        "doubts": ["few draws count"],
+        "parameters": {"Rmc": {"median": 0.8, "lower": 0.71, "upper": 0.88}},
+        "predictions": [
+            {
+                "settings": "ecmo.speed_rpm=4000", "outputs": {"MAP": interval}, "without_steady_beat": 0.031,
+                "doubts": ["few draws count", "the pump is fast"],
+            }
+        ],
+    }  # fmt: skip
+    shown = words(fit_page({**content(fitted_point), "posterior": posterior}, paper_case(), {}))
+    for expected in (
+        "NOT TO BE TRUSTED", "intervals: weighted draws, prior", "65 to 75", "0.71 to 0.88",
+        "3.1 % of the draws", "the pump is fast",
+    ):  # fmt: skip
+        assert expected in shown
+    assert shown.count("few draws count") == 1
+
+
+def test_a_point_without_a_steady_beat_has_a_row(fitted_point):
+    lost = copy.deepcopy(fitted_point)
+    lost["id"], lost["status"], lost["implied"], lost["cost"] = "P02", "no_steady_beat", {}, None
+    reason = {"aspect": "search", "level": "poor", "about": "", "sentence": "no steady heartbeat"}
+    lost["verdict"] = {"level": "poor", "goodness": None, "reasons": [reason]}
+    lost["outputs"] = {"MAP": {"measured": 70.0, "simulated": None}}
+    for parameter in lost["parameters"].values():
+        parameter |= {"value": None, "lower": None, "upper": None, "profile": None, "identifiable": False}
+    shown = words(cohort_page(content(fitted_point, lost), {}))
+    assert "0 good, 1 doubtful, 1 poor." in shown
+    assert "P02 poor no steady heartbeat" in shown
+    assert "nothing was fitted" in words(fit_page(content(lost), paper_case(), {}))
+
+
+@pytest.fixture(scope="module")
+def browser():
+    yield from system_browser()
+
+
+def test_the_page_asks_nothing_of_the_network_and_fits_on_a4(browser, fitted_point, tmp_path):
+    drawings = tmp_path / "figures"
+    drawings.mkdir()
+    (drawings / "residuals.svg").write_text(SVG.format("drawn"), encoding="utf-8")
+    path = write_fit_page(tmp_path, content(fitted_point), paper_case(), drawings)
+    page = browser.new_page(viewport={"width": 680, "height": 1000})
+    asked, said = [], []
+    page.on("request", lambda request: asked.append(request.url))
+    page.on("console", lambda message: said.append(message.text))
+    page.goto(path.as_uri())
+    assert asked == [path.as_uri()]
+    assert said == []
+    assert page.evaluate("document.documentElement.scrollWidth") <= 680
+    assert page.locator("svg text").text_content() == "drawn"
+    page.close()

@@ -1,0 +1,89 @@
+"""The table in the terminal: what clinicians ask first, with a mark on numbers that are not to be trusted."""
+
+import csv
+
+import pytest
+
+from eclsim.cases import read_mapping
+from eclsim.simulation import summary
+from eclsim.simulation.files import write_csv
+from eclsim.simulation.json_object import case_object
+from eclsim.simulation.single import simulate_case
+
+PERSON = {"id": "P01", "sex": "male", "age_years": 60, "heart_rate_bpm": 90}
+ECMO = {"pump": "Rotaflow", "speed_rpm": 3425, "oxygenator": "Quadrox-i Adult", "mode": "VA"}
+WIDE = {"speed_rpm": 5000, "drainage_fr": 29, "return_fr": 23}
+LVAD = {"pump": "HM3", "speed_rpm": 6500, "inlet_site": "lv", "outlet_site": "ao"}
+
+
+def simulated(**sections):
+    return simulate_case(read_mapping({"format": 1, "patient": PERSON, **sections}).case)
+
+
+def shown(capsys, results):
+    summary.show(results)
+    return capsys.readouterr().out
+
+
+def row(text, symbol):
+    return next(line.split() for line in text.splitlines() if line.strip().startswith(f"{symbol} "))
+
+
+@pytest.fixture(scope="module")
+def drained():
+    """A right heart pumped empty: no patient has these numbers."""
+    return simulated(ecmo=ECMO | WIDE, parameters={"Emaxlv": 0.1, "Csvn": 2, "Rsvn": 0.5})
+
+
+def test_what_clinicians_ask_first_stands_in_the_table(capsys, monkeypatch):
+    monkeypatch.setattr(summary, "_WIDTH_OF_PIPES", 80)
+    result = simulated(ecmo=ECMO, parameters={"Emaxlv": 0.6})
+    text = shown(capsys, [result])
+    for name, symbol in summary._SYMBOLS.items():
+        digits = 2 if name == "systemic_flow" else 1
+        assert row(text, symbol)[-2].rstrip("!*x") == f"{float(result[name]):.{digits}f}"
+    assert f"{float(result['pump_inlet_pressure']):.1f}" in text
+    assert all(len(line.rstrip()) <= 80 for line in text.splitlines())
+    assert all(f"\n{title} " in text for title in ("Arteries", "Flows", "Filling", "Heart", "ECMO circuit"))
+
+
+def test_the_left_side_on_v_a_is_marked_where_it_stands(capsys):
+    text = shown(capsys, [simulated(ecmo=ECMO)])
+    assert all(row(text, symbol)[-2].endswith("*") for symbol in ("EDVLV", "PCWP", "LVEDP"))
+    assert "* to be read with care: the warnings say why" in text
+    assert "*" not in shown(capsys, [simulated()])
+
+
+def test_an_impossible_beat_is_no_plain_number(capsys, drained):
+    assert drained.attrs["converged"]
+    text = shown(capsys, [drained])
+    assert row(text, "EDVRA")[-2].endswith("x")
+    assert row(text, "MAP")[-2].endswith("!")
+    assert row(text, "possible")[-1] == "NO"
+    found = case_object(drained)
+    assert found["impossible"] is True
+    assert found["warnings"][0].startswith("impossible: volume of the right atrium falls to -")
+    assert case_object(simulated())["impossible"] is False
+
+
+def test_tables_of_values_carry_what_they_warn_of(tmp_path, drained):
+    write_csv([drained], [], tmp_path, ["drained"], None)
+    (cells,) = csv.DictReader((tmp_path / "outputs.csv").read_text(encoding="utf-8").splitlines())
+    assert cells["impossible"] == "1"
+    assert "do not read distension or unloading of the left ventricle" in cells["warnings"]
+    assert "volume of the right atrium falls to -" in cells["warnings"]
+
+
+def test_a_device_that_parts_lungs_and_ventricle_is_named(capsys):
+    result = simulated(lvad=LVAD, parameters={"Emaxlv": 0.2})
+    text = shown(capsys, [result])
+    assert row(text, "CO")[-2].endswith("*")
+    assert float(result["LVO"]) == pytest.approx(0.0, abs=0.01)
+    assert float(result["CO"]) == pytest.approx(float(result["systemic_flow"]), rel=1e-3)
+    assert any("is the flow through the lungs" in said for said in result.attrs["warnings"])
+
+
+def test_a_row_each_for_many_keeps_the_marks(capsys, drained):
+    text = shown(capsys, [drained] * 4)
+    assert "CVP" in text
+    assert text.count(f"{float(drained['MAP']):.1f}!") == 4

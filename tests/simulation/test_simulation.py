@@ -1,0 +1,41 @@
+import numpy as np
+import pytest
+
+from eclsim.cases.reading import read_case
+from eclsim.simulation.single import simulate_case, simulate_transient
+
+CASE = """format = 1
+[patient]
+id = "P07"
+sex = "male"
+age_years = 50
+height_cm = 180
+weight_kg = 80
+heart_rate_bpm = 80
+"""
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory):
+    file = tmp_path_factory.mktemp("cases") / "case.toml"
+    file.write_text(CASE)
+    return read_case(str(file)).case
+
+
+@pytest.mark.parametrize("solver", ["semi-implicit", "adaptive"])
+def test_a_case_has_a_steady_beat_and_a_course_by_either_solver(case, solver):
+    beat = simulate_case(case, solver=solver)
+    course = simulate_transient(case, 24.0, solver=solver, names=["Pao"])
+    assert beat.attrs["id"] == course.attrs["id"] == "P07"
+    assert beat.attrs["solver"] == course.attrs["solver"] == solver
+    assert list(course.data_vars) == ["Pao"]
+    last = course["Pao"].where(course["time"] > 24.0 - 0.75, drop=True)
+    assert float(last.max()) == pytest.approx(float(beat["SP"]), rel=1e-3)
+    assert float(last.min()) == pytest.approx(float(beat["DP"]), rel=2e-3)
+
+
+def test_all_waveforms_are_kept_if_none_is_named(case):
+    beat, course = simulate_case(case), simulate_transient(case, 0.3)
+    waves = {name for name, variable in beat.data_vars.items() if variable.ndim == 1}
+    assert set(course.data_vars) == waves
+    assert all(np.isfinite(course[name]).all() for name in waves)

@@ -1,0 +1,37 @@
+import numpy as np
+import pytest
+
+from eclsim.simulation.value_ranges import SpeedError, parse_speeds
+
+
+def test_a_range_holds_both_ends():
+    assert parse_speeds("1000:5000:250") == tuple(np.arange(1000.0, 5001.0, 250.0))
+
+
+def test_a_step_that_does_not_divide_the_range_stops_before_its_end():
+    assert parse_speeds("1000:2000:300") == (1000.0, 1300.0, 1600.0, 1900.0)
+
+
+def test_ranges_and_single_speeds_are_merged_in_order():
+    assert parse_speeds("3425,1000:2000:500,1500") == (1000.0, 1500.0, 2000.0, 3425.0)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "fast",
+        "1000:2000",
+        "2000:1000:100",
+        "1000:2000:0",
+        "0",
+        "-100",
+        "nan",
+        "1e400",
+        "1:9:1:1",
+        "1:1e9:1",
+    ],
+)
+def test_what_are_no_speeds_is_refused(text):
+    with pytest.raises(SpeedError, match="allowed"):
+        parse_speeds(text)

@@ -1,0 +1,164 @@
+"""A key varied over values: every beat is that of the case itself, what has none is a gap with a reason."""
+
+import numpy as np
+import pytest
+
+from eclsim.cases import read_mapping
+from eclsim.cases.settings import apply_settings
+from eclsim.simulation.single import SPEED_FOUND, simulate_case
+from eclsim.simulation.sweep import (
+    LARGEST_COUNT,
+    Sweep,
+    SweepError,
+    as_table,
+    parse_sweep,
+    stops_short,
+    sweep_cases,
+)
+from eclsim.simulation.sweep_figures import PANELS, plot_sweep
+from eclsim.simulation.sweep_files import sweep_object, write_csv, write_netcdf
+
+CASE = read_mapping(
+    {
+        "format": 1,
+        "patient": {
+            "id": "P01", "sex": "female", "age_years": 70, "height_cm": 165, "weight_kg": 60,
+            "heart_rate_bpm": 90,
+        },
+        "ecmo": {"pump": "Rotaflow", "oxygenator": "Quadrox-i Adult", "mode": "VA", "speed_rpm": 3425},
+    }
+).case  # fmt: skip
+
+
+def swept(key: str, *values: float | str, unit: str = "") -> Sweep:
+    cases = {value: apply_settings(CASE, [f"{key}={value}"]) for value in values}
+    return sweep_cases(key, unit, None, cases, "as_published")
+
+
+@pytest.fixture(scope="module")
+def flows() -> Sweep:
+    """Three flows, the last out of reach."""
+    return swept("ecmo.flow_l_min", 2.0, 4.0, 9.0, unit="L/min")
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "values"),
+    [
+        ("ecmo.speed_rpm=2000:3000:500", "ecmo.speed_rpm", ("2000", "2500", "3000")),
+        ("Rmc = 0.1:0.35:0.1", "Rmc", ("0.1", "0.2", "0.3")),
+        ("Rmc=0.8,0.5,0.8", "Rmc", ("0.8", "0.5")),
+        ("ecmo.flow_l_min=5:3:-1", "ecmo.flow_l_min", ("5", "4", "3")),
+        ("ecmo.pump=Rotaflow,DP3", "ecmo.pump", ("Rotaflow", "DP3")),
+    ],
+)
+def test_ranges_and_lists_are_read(text, key, values):
+    assert parse_sweep(text) == (key, values)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("Rmc", "is no sweep"), ("Rmc=", "is no sweep"), ("=1,2", "is no sweep"), ("Rmc=1:2", "is no sweep"),
+        ("Rmc=1:2:0", "a step of 0 leads nowhere"), ("Rmc=1:nan:1", "is no sweep"),
+        ("Rmc=1:2:-1", "leads away"),
+        ("Rmc=0:1:0.001", f"up to {LARGEST_COUNT}"), ("Rmc=1:inf:1", "is no sweep"), ("Rmc=1,,2", "no sweep"),
+    ],
+)  # fmt: skip
+def test_what_is_no_sweep_says_what_is(text, words):
+    with pytest.raises(SweepError, match=words):
+        parse_sweep(text)
+
+
+@pytest.mark.parametrize(("key", "values"), [("Rmc", (0.7, 1.1)), ("patient.weight_kg", (50.0, 80.0))])
+def test_every_beat_is_that_of_the_case_by_itself(key, values):
+    sweep = swept(key, *values)
+    for value, result in zip(sweep.values, sweep.results, strict=True):
+        alone = simulate_case(apply_settings(CASE, [f"{key}={value}"]))
+        for name in ("MAP", "CO", "PF", "EDVLV"):
+            assert float(result[name]) == pytest.approx(float(alone[name]), rel=1e-6)
+        assert result.attrs["warnings"] == pytest.approx(alone.attrs["warnings"])
+    assert float(sweep.results[0]["MAP"]) != pytest.approx(float(sweep.results[1]["MAP"]), rel=1e-3)
+
+
+def test_names_can_be_swept_too():
+    sweep = swept("ecmo.oxygenator", "Quadrox-i Adult", "Quadrox-i Small Adult")
+    assert not sweep.numeric
+    alone = [simulate_case(apply_settings(CASE, [f"ecmo.oxygenator={value}"])) for value in sweep.values]
+    flows = [float(result["PF"]) for result in sweep.results]
+    assert flows == pytest.approx([float(result["PF"]) for result in alone], rel=1e-6)
+    assert abs(flows[0] - flows[1]) > 0.01
+    assert [label.get_text() for label in plot_sweep(as_table(sweep)).axes[0].get_xticklabels()] == [
+        "Quadrox-i Adult",
+        "Quadrox-i Small Adu…",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("key", "values", "words"),
+    [
+        ("ecmo.return_site", ("ao", "sart"), "sart connects the circuit in another way than ao"),
+        ("measurements.SP", (80.0, 90.0), "changes nothing that the simulation reads"),
+    ],
+)
+def test_another_circuit_and_a_key_without_effect_are_refused(key, values, words):
+    with pytest.raises(SweepError, match=words):
+        swept(key, *values)
+
+
+def test_a_flow_is_solved_for_at_each_value_and_what_is_out_of_reach_is_blank(flows):
+    assert [bool(result.attrs["converged"]) for result in flows.results] == [True, True, False]
+    speeds = [result.attrs[SPEED_FOUND] for result in flows.results[:2]]
+    assert 1000 < speeds[0] < speeds[1] < 5000
+    table = as_table(flows)
+    np.testing.assert_allclose(table["PF"], [2.0, 4.0, np.nan], atol=1e-6)
+    assert "highest flow reached" in str(table["message"].values[2])
+    assert table.attrs["failed"] == 1
+
+
+def test_the_files_hold_the_reason_and_no_number_without_a_beat(flows, tmp_path):
+    import pandas as pd
+    import xarray as xr
+
+    written = sweep_object(flows)
+    assert written["sweep"]["failed"] == [9.0]
+    assert [case["swept"] for case in written["cases"]] == [{"ecmo.flow_l_min": v} for v in (2.0, 4.0, 9.0)]
+    assert written["cases"][2]["outputs"] == {}
+    assert written["cases"][1]["solved"]["ecmo.speed_rpm"] == flows.results[1].attrs[SPEED_FOUND]
+    write_csv(flows, tmp_path / "sweep.csv")
+    rows = pd.read_csv(tmp_path / "sweep.csv")
+    assert list(rows["ecmo.flow_l_min [L/min]"]) == [2.0, 4.0, 9.0]
+    assert list(rows["status"]) == ["converged", "converged", "flow_not_reached"]
+    assert np.isnan(rows["MAP [mmHg]"][2])
+    write_netcdf(flows, tmp_path / "sweep.nc")
+    stored = xr.load_dataset(tmp_path / "sweep.nc", engine="h5netcdf")
+    assert stored["value"].attrs["units"] == "L/min"
+    np.testing.assert_allclose(stored["MAP"], as_table(flows)["MAP"])
+
+
+def test_the_figure_has_a_gap_and_a_cross_where_there_is_no_beat(flows):
+    table = as_table(flows)
+    figure = plot_sweep(table)
+    shown = [panel for panel in PANELS if any(name in table for name, _ in panel.curves)]
+    assert [ax.get_title(loc="left") for ax in figure.axes] == [panel.title for panel in shown]
+    for ax in figure.axes:
+        assert "[L/min]" in ax.get_xlabel()
+        assert "[" in ax.get_ylabel()
+        *curves, cross = ax.get_lines()
+        assert np.asarray(cross.get_xdata()).tolist() == [9.0]
+        assert all(np.isnan(np.asarray(curve.get_ydata())[2]) for curve in curves)
+        assert len({curve.get_color() for curve in curves}) == len(curves)
+    assert "no steady beat (1 of 3 values)" in figure.get_supxlabel()
+
+
+def test_an_impossible_beat_has_hollow_markers(flows):
+    table = as_table(flows)
+    table["impossible"].values[0] = 1
+    ax = plot_sweep(table).axes[0]
+    hollow = [line for line in ax.get_lines() if line.get_markerfacecolor() == "white"]
+    assert [np.asarray(line.get_xdata()).tolist() for line in hollow] == [[2.0]] * 3
+
+
+def test_a_range_that_misses_its_last_value_is_said():
+    (said,) = stops_short("Rmc=0.5:0.8:0.2,1")
+    assert said == "--sweep: 0.5:0.8:0.2 ends at 0.7: 0.8 is no whole number of steps away"
+    assert stops_short("ecmo.speed_rpm=2000:4500:250") == stops_short("Rmc=0.1:0.7:0.1") == []

@@ -1,0 +1,140 @@
+"""A pump flow in place of a speed: the speed that gives it, and what is said where none does."""
+
+import json
+
+import numpy as np
+import pytest
+
+from eclsim.cases import CaseError, read_mapping
+from eclsim.cases.resolve import UnsolvedFlowError
+from eclsim.cases.settings import apply_settings
+from eclsim.orbit.model import model_of
+from eclsim.simulation.json_object import case_object
+from eclsim.simulation.single import simulate_case, simulate_transient
+from eclsim.simulation.target_flow import TOLERANCE_L_MIN, FlowNotReachedError, speed_for_flow, with_speed
+
+PATIENT = {
+    "id": "P01", "sex": "female", "age_years": 70, "height_cm": 165, "weight_kg": 60, "heart_rate_bpm": 90,
+}  # fmt: skip
+ECMO = {"pump": "Rotaflow", "oxygenator": "Quadrox-i Adult", "mode": "VA"}
+CRRT = {"flow_ml_min": 200, "access_site": "post_oxy", "return_site": "pre_oxy"}
+
+
+def case(flow: float = 4.0, **more):
+    raw = {"format": 1, "patient": PATIENT, "ecmo": ECMO | {"flow_l_min": flow}, **more}
+    return read_mapping(raw).case
+
+
+@pytest.mark.parametrize(
+    ("settings", "more", "policy"),
+    [
+        ((), {}, "as_published"),
+        ((), {}, "patient_held"),
+        ((), {"crrt": CRRT}, "as_published"),
+        (("ecmo.mode=VV", "ecmo.drainage_site=svn", "ecmo.return_site=ra"), {}, "as_published"),
+        (("Emaxlv=0.5",), {}, "as_published"),
+    ],
+)
+def test_the_beat_has_the_flow_that_was_asked_for(settings, more, policy):
+    result = simulate_case(apply_settings(case(**more), settings), volume_policy=policy)
+    assert result.attrs["converged"]
+    assert float(result["PF"]) == pytest.approx(4.0, abs=TOLERANCE_L_MIN)
+    solved = case_object(result)["solved"]["ecmo.speed_rpm"]
+    assert 2000 < solved < 5000
+    assert case_object(result)["target"] == {"ecmo.flow_l_min": 4.0}
+
+
+def test_the_speed_found_gives_the_same_beat_when_it_is_set():
+    solved, found = with_speed(case())
+    assert found is not None
+    assert solved.ecmo is not None
+    assert (solved.ecmo.flow_l_min, solved.ecmo.speed_rpm) == (None, found.speed_rpm)
+    assert str(found) == f"ecmo.flow_l_min = 4 needs {found.speed_rpm:.0f} rpm"
+    assert float(simulate_case(solved)["MAP"]) == pytest.approx(float(simulate_case(case())["MAP"]), abs=1e-6)
+    assert with_speed(solved) == (solved, None)
+
+
+def test_a_flow_out_of_reach_names_the_highest_and_gives_no_numbers():
+    with pytest.raises(FlowNotReachedError, match=r"highest flow reached is 6\.\d\d L/min, at 5000 rpm"):
+        with_speed(case(8.0))
+    result = simulate_case(case(8.0))
+    assert (result.attrs["converged"], result.attrs["status"]) == (0, "flow_not_reached")
+    written = case_object(result)
+    assert (written["outputs"], written["waveforms"], written["residual"]) == ({}, {}, None)
+    assert "solved" not in written
+    assert json.dumps(written, allow_nan=False)
+
+
+def test_a_course_in_time_runs_at_the_speed_that_was_found():
+    solved, _ = with_speed(case(3.0))
+    course, same = (simulate_transient(one, 1.0, names=["Pao"]) for one in (case(3.0), solved))
+    np.testing.assert_array_equal(course["Pao"], same["Pao"])
+
+
+@pytest.mark.parametrize(
+    ("ecmo", "words"),
+    [
+        ({"flow_l_min": 4.0, "speed_rpm": 3000}, "one of the two"),
+        ({"flow_l_min": 4.0, "pump": {"roller_l_min": 4.0}}, "a roller pump has its flow as roller_l_min"),
+        ({}, "or flow_l_min, and the speed is solved for"),
+        ({"flow_l_min": -1.0}, "0.1 to 10 L/min"),
+    ],
+)
+def test_contradictions_are_refused(ecmo, words):
+    with pytest.raises(CaseError, match=words):
+        read_mapping({"format": 1, "patient": PATIENT, "ecmo": ECMO | ecmo})
+
+
+def test_setting_one_takes_the_place_of_the_other():
+    at_speed = apply_settings(case(), ["ecmo.speed_rpm=3000"])
+    assert at_speed.ecmo is not None
+    assert (at_speed.ecmo.speed_rpm, at_speed.ecmo.flow_l_min) == (3000, None)
+    back = apply_settings(at_speed, ["ecmo.flow_l_min=4"])
+    assert back.ecmo is not None
+    assert (back.ecmo.speed_rpm, back.ecmo.flow_l_min) == (None, 4)
+    with pytest.raises(CaseError, match="one of the two"):
+        apply_settings(at_speed, ["ecmo.flow_l_min=4", "ecmo.speed_rpm=3000"])
+
+
+def test_a_model_is_never_built_at_a_speed_that_was_not_solved():
+    with pytest.raises(UnsolvedFlowError, match="target_flow"):
+        model_of(case())
+
+
+def test_a_fit_refuses_a_target_in_one_sentence():
+    from eclsim.cases.fitting import check_fit
+
+    (mistake,) = check_fit(case(measurements={"MAP": 80}), {"Rmc": (1.0, 0.5, 2.0)}).mistakes
+    assert "a fit needs the speed that the pump ran at" in str(mistake)
+
+
+# --- the search itself, on functions whose answer is known ----------------------------------------
+
+
+def told(function):
+    def flows(speeds):
+        return function(speeds), ["settled" if np.isfinite(f) else "no steady beat" for f in function(speeds)]
+
+    return flows
+
+
+@pytest.mark.parametrize("power", [1, 3, 9])
+def test_the_search_meets_the_tolerance_on_curves_of_any_bend(power):
+    curve = told(lambda s: 6.0 * (s / 5000.0) ** power)
+    speed = speed_for_flow(curve, 2.0, (1000.0, 5000.0))
+    assert 6.0 * (speed / 5000.0) ** power == pytest.approx(2.0, abs=TOLERANCE_L_MIN)
+
+
+@pytest.mark.parametrize(
+    ("function", "wanted", "words"),
+    [
+        (lambda s: np.where(s > 3900.0, np.nan, s / 1000.0), 4.5, "no steady beat was found at 4000, 4500"),
+        (lambda s: s / 1000.0, 0.5, "lowest flow reached is 1.00 L/min, at 1000 rpm"),
+        (lambda s: s * np.nan, 3.0, "at any speed: no steady beat"),
+        (lambda s: np.where(s < 3100.0, 1.0, 5.0), 3.0, "jumps over it between"),
+        (lambda s: np.where(s % 500.0 == 0.0, s / 1000.0, np.nan), 3.3, "but no steady beat was found at"),
+    ],
+)
+def test_what_cannot_be_found_is_said(function, wanted, words):
+    with pytest.raises(FlowNotReachedError, match=words):
+        speed_for_flow(told(function), wanted, (1000.0, 5000.0))

@@ -1,0 +1,64 @@
+"""What type checkers see of eclsim in a user's own script."""
+
+import ast
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import eclsim
+
+SOURCE = Path(eclsim.__file__).parents[1]
+RIGHT = """from typing import assert_type
+
+import xarray as xr
+
+import eclsim
+from eclsim import Circuit, circulation, ecmo, model_of, read_case, simulate_many
+
+reading = read_case("patient.toml", ["ecmo.speed_rpm=3000"])
+model = model_of(reading.case)
+beat = eclsim.simulate(model, "patient_held")
+assert_type(beat, xr.Dataset)
+assert_type(simulate_many(model, {"Rmc": [0.8, 1.0]}), xr.Dataset)
+assert_type(circulation() + ecmo("ra", "ao"), Circuit)
+eclsim.plot_waveforms(beat)
+"""
+WRONG = 'import eclsim\n\neclsim.simulate("patient.toml")\neclsim.simulat\n'
+
+
+def run_checker(folder: Path, *command: str) -> subprocess.CompletedProcess[str]:
+    (folder / "right.py").write_text(RIGHT)
+    (folder / "wrong.py").write_text(WRONG)
+    environment = os.environ | {"PYTHONPATH": str(SOURCE), "MYPYPATH": str(SOURCE)}
+    return subprocess.run(
+        [sys.executable, "-m", *command], cwd=folder, env=environment, capture_output=True, text=True
+    )
+
+
+def test_types_and_table_name_the_same_modules():
+    tree = ast.parse(Path(eclsim.__file__).read_text(encoding="utf-8"))
+    (checked,) = (n for n in tree.body if isinstance(n, ast.If) and ast.unparse(n.test) == "TYPE_CHECKING")
+    imports = [node for node in checked.body if isinstance(node, ast.ImportFrom)]
+    assert {alias.name: node.module for node in imports for alias in node.names} == eclsim._EXPORTS
+    assert sorted(eclsim.__all__) == sorted(["__version__", *eclsim._EXPORTS])
+
+
+def test_pyright_follows_a_users_script(tmp_path: Path):
+    pytest.importorskip("pyright")
+    settings = f'{{"typeCheckingMode": "standard", "extraPaths": ["{SOURCE.as_posix()}"]}}'
+    (tmp_path / "pyrightconfig.json").write_text(settings)
+    done = run_checker(tmp_path, "pyright", "--pythonpath", sys.executable)
+    found = [line for line in done.stdout.splitlines() if " - error:" in line]
+    assert [("wrong.py:3" in line, "wrong.py:4" in line) for line in found] == [(True, False), (False, True)]
+
+
+@pytest.mark.slow
+def test_mypy_follows_a_users_script(tmp_path: Path):
+    pytest.importorskip("mypy")
+    strict = ("--strict", "--follow-imports=silent", "--no-error-summary", "--cache-dir", str(tmp_path))
+    done = run_checker(tmp_path, "mypy", *strict, "right.py", "wrong.py")
+    found = [line.partition(" error")[0] for line in done.stdout.splitlines() if "error" in line]
+    assert found == ["wrong.py:3:", "wrong.py:4:"], done.stdout + done.stderr
