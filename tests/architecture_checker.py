@@ -11,12 +11,13 @@ from typing import NamedTuple
 
 # Rooms in order: each may import those before it. `eclsim` itself re-exports names of all of them.
 ROOMS = (
-    "units", "components", "circuit", "parameters", "patient", "devices", "cases", "beat", "orbit", "outputs",
-    "reporting", "simulation", "sensitivity", "identification", "crrt_study", "validation", "paper", "app",
-    "cli",
+    "units", "blood", "components", "circuit", "parameters", "patient", "devices", "cases", "beat", "orbit",
+    "outputs", "reporting", "simulation", "sensitivity", "identification", "crrt_study", "validation",
+    "paper", "app", "cli",
 )  # fmt: skip
 PHYSICS = {"units", "components", "circuit"}
 ALLOWED = {room: set(ROOMS[:place]) for place, room in enumerate(ROOMS)} | {
+    "blood": {"units"},
     "parameters": {"units", "components"},
     "cases": {"units", "parameters", "patient", "devices"},
     "beat": PHYSICS,

@@ -1,0 +1,13 @@
+"""Gases and acid-base of blood, usable alone: saturation, contents, pH, and their inverse.
+
+>>> from eclsim import blood
+>>> gases = blood.gases(po2=95.0, pco2=40.0, haemoglobin=10.0)
+>>> print(f"{gases.saturation:.3f} {gases.ph:.2f} {gases.oxygen:.1f}")
+0.972 7.40 13.3
+
+All functions take numbers or arrays of any common shape and give JAX arrays, which can be differentiated.
+"""
+
+from eclsim.blood.gases import LAWS, BloodGases, gases, gases_with_contents, gases_with_saturation
+
+__all__ = ["LAWS", "BloodGases", "gases", "gases_with_contents", "gases_with_saturation"]

@@ -1,0 +1,59 @@
+"""pH of blood from its base excess: the equations of Henderson-Hasselbalch and van Slyke together.
+
+    0.0307 PCO2 10^(pH - 6.1) = 24.5 + (BE + 0.2 Hb (1 - S)) / (1 - 0.0143 Hb) - (9.5 + 1.63 Hb)(pH - 7.4)
+
+BE is that of the fully oxygenated blood, which is the same in arteries, veins and behind an oxygenator.
+Haemoglobin that gives up oxygen takes up hydrogen ions instead (Haldane), hence the plus sign: the usual
+form with a minus sign holds for the base excess of the blood as it is.
+
+Source: Siggaard-Andersen 1977 (doi 10.3109/00365517709098927). With the temperature the solubility and pK of
+carbon dioxide change as in Douglas 1988, and neutral pH by 0.0147 for each degree (Rosenthal 1948), so that
+PCO2 of closed blood falls by about 0.02 in log10 for each degree that it is cooled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+
+from eclsim.blood.types import NEUTRAL_PH_SLOPE, Array, Blood
+
+ITERATIONS = 10
+"""Of Newton's method; six suffice between 1 and 300 mmHg."""
+
+
+def bicarbonate(pco2: Array, ph: Array, temperature: Array = 37.0) -> Array:
+    """Bicarbonate in plasma [mmol/L] (Henderson and Hasselbalch)."""
+    cold = 37.0 - temperature
+    solubility = 0.0307 + 0.00057 * cold + 0.00002 * cold**2
+    return solubility * pco2 * 10.0 ** (ph - 6.1 - 0.00472 * cold)
+
+
+def ph_of(pco2: Array, blood: Blood, saturation_at: Callable[[Array], Array]) -> Array:
+    """The pH at which both equations agree.
+
+    Args:
+        pco2: [mmHg].
+        blood: its base excess, haemoglobin and temperature.
+        saturation_at: oxygen saturation [-] as a function of pH.
+    """
+    neutral = 7.4 + NEUTRAL_PH_SLOPE * (37.0 - blood.temperature)
+    buffers = 9.5 + 1.63 * blood.haemoglobin
+
+    def excess(ph: Array) -> Array:
+        bound = (blood.base_excess + 0.2 * blood.haemoglobin * (1.0 - saturation_at(ph))) / (
+            1.0 - 0.0143 * blood.haemoglobin
+        )
+        return bicarbonate(pco2, ph, blood.temperature) - 24.5 - bound + buffers * (ph - neutral)
+
+    def improved(ph: Array) -> Array:
+        value, slope = jax.jvp(excess, (ph,), (jnp.ones_like(ph),))
+        return ph - value / slope
+
+    start = jnp.full(jnp.shape(excess(7.4)), 7.4)
+    found = jax.lax.fori_loop(0, ITERATIONS, lambda _, ph: improved(ph), jax.lax.stop_gradient(start))
+    # From the solution, one more step carries its derivative exactly, without those of the way there.
+    value, slope = excess(jax.lax.stop_gradient(found)), jax.jvp(excess, (found,), (jnp.ones_like(found),))[1]
+    return jax.lax.stop_gradient(found) - value / jax.lax.stop_gradient(slope)

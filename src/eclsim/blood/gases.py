@@ -1,0 +1,193 @@
+"""Gases of blood: from partial pressures to contents, and back from contents or a saturation."""
+
+from __future__ import annotations
+
+from types import ModuleType
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from eclsim import runtime as _runtime  # noqa: F401  (double precision before the first array)
+from eclsim.blood import dash2016, standard
+from eclsim.blood.acid_base import bicarbonate, ph_of
+from eclsim.blood.types import Array, Blood
+
+LAWS: dict[str, ModuleType] = {"severinghaus1979": standard, "dash2016": dash2016}
+"""Sets of equations by name: modules with `saturation`, `oxygen_content` and `carbon_dioxide_content`."""
+STEPS = 60
+"""Of the damped Newton iteration from contents to pressures; most need fewer than ten."""
+LARGEST_STEP = 1.0
+"""In the logarithm of a partial pressure."""
+
+
+class BloodGases(NamedTuple):
+    """Gases of blood at equilibrium, arrays of a common shape.
+
+    Attributes:
+        po2: partial pressure of oxygen [mmHg].
+        pco2: partial pressure of carbon dioxide [mmHg].
+        ph: of plasma [-].
+        saturation: of haemoglobin with oxygen [-].
+        bicarbonate: in plasma [mmol/L].
+        oxygen: content [mL/dL STPD].
+        carbon_dioxide: content [mL/dL STPD].
+    """
+
+    po2: jax.Array
+    pco2: jax.Array
+    ph: jax.Array
+    saturation: jax.Array
+    bicarbonate: jax.Array
+    oxygen: jax.Array
+    carbon_dioxide: jax.Array
+
+
+def gases(
+    *,
+    po2: Array,
+    pco2: Array = 40.0,
+    haemoglobin: Array = 15.0,
+    base_excess: Array = 0.0,
+    temperature: Array = 37.0,
+    oxygen_capacity: Array = 1.34,
+    law: str = "severinghaus1979",
+) -> BloodGases:
+    """Saturation, pH and contents of blood at given partial pressures.
+
+    Args:
+        po2: partial pressure of oxygen [mmHg].
+        pco2: partial pressure of carbon dioxide [mmHg].
+        haemoglobin: [g/dL].
+        base_excess: of fully oxygenated blood [mmol/L].
+        temperature: [C].
+        oxygen_capacity: [mL/g].
+        law: a name of `LAWS`.
+
+    Returns:
+        Arrays of the arguments' common shape.
+
+    Raises:
+        ValueError: the law is unknown.
+    """
+    blood = Blood(haemoglobin, base_excess, temperature, oxygen_capacity)
+    return equilibrium(_common(po2, pco2, blood, po2), _common(po2, pco2, blood, pco2), blood, law)
+
+
+def gases_with_contents(
+    *,
+    oxygen: Array,
+    carbon_dioxide: Array,
+    haemoglobin: Array = 15.0,
+    base_excess: Array = 0.0,
+    temperature: Array = 37.0,
+    oxygen_capacity: Array = 1.34,
+    law: str = "severinghaus1979",
+) -> BloodGases:
+    """The same from contents [mL/dL STPD]; NaN where no pressures between 1e-9 and 1e6 mmHg give them.
+
+    Other arguments as in `gases`.
+    """
+    blood = Blood(haemoglobin, base_excess, temperature, oxygen_capacity)
+    wanted = (
+        _common(oxygen, carbon_dioxide, blood, oxygen),
+        _common(oxygen, carbon_dioxide, blood, carbon_dioxide),
+    )
+    start = (jnp.full_like(wanted[0], jnp.log(40.0)), jnp.full_like(wanted[0], jnp.log(45.0)))
+    return _at_contents(start, (wanted[0], wanted[1]), blood, law)
+
+
+def gases_with_saturation(
+    *,
+    saturation: Array,
+    pco2: Array = 40.0,
+    haemoglobin: Array = 15.0,
+    base_excess: Array = 0.0,
+    temperature: Array = 37.0,
+    oxygen_capacity: Array = 1.34,
+    law: str = "severinghaus1979",
+) -> BloodGases:
+    """The same from a saturation [-] and a PCO2 [mmHg]; NaN where the saturation is not within (0, 1).
+
+    Other arguments as in `gases`.
+    """
+    blood = Blood(haemoglobin, base_excess, temperature, oxygen_capacity)
+    chosen = law_named(law)
+    wanted, pco2 = _common(saturation, pco2, blood, saturation), _common(saturation, pco2, blood, pco2)
+
+    def missing(log_po2: Array) -> Array:
+        po2 = jnp.exp(log_po2)
+        ph = ph_of(pco2, blood, lambda _: wanted)
+        reached = chosen.saturation(po2, pco2, ph, blood)
+        return jnp.log(reached / (1.0 - reached)) - jnp.log(wanted / (1.0 - wanted))
+
+    log_po2 = jnp.log(standard.severinghaus_pressure(wanted))
+
+    def improved(_: int, at: jax.Array) -> jax.Array:
+        value, slope = jax.jvp(missing, (at,), (jnp.ones_like(at),))
+        return at - jnp.clip(value / slope, -LARGEST_STEP, LARGEST_STEP)
+
+    found = jax.lax.stop_gradient(jax.lax.fori_loop(0, 20, improved, jax.lax.stop_gradient(log_po2)))
+    slope = jax.jvp(missing, (found,), (jnp.ones_like(found),))[1]
+    return equilibrium(jnp.exp(found - missing(found) / jax.lax.stop_gradient(slope)), pco2, blood, law)
+
+
+def equilibrium(po2: Array, pco2: Array, blood: Blood, law: str) -> BloodGases:
+    """Saturation, pH and contents of `blood` at partial pressures [mmHg] of its shape."""
+    chosen = law_named(law)
+    ph = ph_of(pco2, blood, lambda at: chosen.saturation(po2, pco2, at, blood))
+    return BloodGases(
+        jnp.asarray(po2),
+        jnp.asarray(pco2),
+        jnp.asarray(ph),
+        chosen.saturation(po2, pco2, ph, blood),
+        jnp.asarray(bicarbonate(pco2, ph, blood.temperature)),
+        chosen.oxygen_content(po2, pco2, ph, blood),
+        chosen.carbon_dioxide_content(po2, pco2, ph, blood),
+    )
+
+
+def law_named(name: str) -> ModuleType:
+    """A set of equations; `ValueError` with those there are for another name."""
+    if name not in LAWS:
+        raise ValueError(f"blood law '{name}'; allowed: {', '.join(LAWS)}")
+    return LAWS[name]
+
+
+def _at_contents(
+    start: tuple[jax.Array, jax.Array], wanted: tuple[jax.Array, jax.Array], blood: Blood, law: str
+) -> BloodGases:
+    """Newton's method on the logarithms of both pressures, elementwise."""
+
+    def missing(at: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
+        found = equilibrium(jnp.exp(at[0]), jnp.exp(at[1]), blood, law)
+        return found.oxygen - wanted[0], found.carbon_dioxide - wanted[1]
+
+    def newton(at: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
+        one, none = jnp.ones_like(at[0]), jnp.zeros_like(at[0])
+        value, (a, c) = jax.jvp(missing, (at,), ((one, none),))
+        _, (b, d) = jax.jvp(missing, (at,), ((none, one),))
+        return (d * value[0] - b * value[1]) / (a * d - b * c), (a * value[1] - c * value[0]) / (
+            a * d - b * c
+        )
+
+    def improved(_: int, at: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
+        move = newton(at)
+        return (
+            jnp.clip(at[0] - jnp.clip(move[0], -LARGEST_STEP, LARGEST_STEP), jnp.log(1e-9), jnp.log(1e6)),
+            jnp.clip(at[1] - jnp.clip(move[1], -LARGEST_STEP, LARGEST_STEP), jnp.log(1e-9), jnp.log(1e6)),
+        )
+
+    at = jax.lax.stop_gradient(jax.lax.fori_loop(0, STEPS, improved, start))
+    move = newton(at)
+    solved = (
+        jnp.maximum(jnp.abs(jax.lax.stop_gradient(move[0])), jnp.abs(jax.lax.stop_gradient(move[1]))) < 1e-6
+    )
+    po2, pco2 = (jnp.where(solved, jnp.exp(x - step), jnp.nan) for x, step in zip(at, move, strict=True))
+    return equilibrium(po2, pco2, blood, law)
+
+
+def _common(first: Array, second: Array, blood: Blood, chosen: Array) -> jax.Array:
+    """One of the arguments in the shape that all of them share."""
+    shape = jnp.broadcast_shapes(jnp.shape(first), jnp.shape(second), *(jnp.shape(x) for x in blood))
+    return jnp.broadcast_to(jnp.asarray(chosen, dtype=float), shape)

@@ -1,0 +1,59 @@
+"""Severinghaus' oxygen curve with Kelman's shifts, and Douglas' content of carbon dioxide.
+
+Both are smooth and monotone in the partial pressures, which a solver needs.
+
+Sources: Severinghaus 1979 (doi 10.1152/jappl.1979.46.3.599); Kelman 1966 (doi 10.1152/jappl.1966.21.4.1375);
+Douglas, Jones and Reed 1988 (doi 10.1152/jappl.1988.65.1.473).
+"""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+
+from eclsim.blood.types import NEUTRAL_PH_SLOPE, Array, Blood
+
+OXYGEN_SOLUBILITY = 0.0031
+"""Oxygen dissolved in blood at 37 C [mL/dL/mmHg]."""
+
+
+def standard_pressure(po2: Array, pco2: Array, ph: Array, temperature: Array) -> Array:
+    """The PO2 [mmHg] that gives the same saturation at pH 7.4, PCO2 40 mmHg and 37 C (Kelman 1966)."""
+    shift = 0.024 * (37.0 - temperature) + 0.40 * (ph - 7.4) + 0.06 * jnp.log10(40.0 / pco2)
+    return po2 * 10.0**shift
+
+
+def severinghaus(pressure: Array) -> Array:
+    """Saturation [-] at a PO2 [mmHg] under standard conditions; error of the curve below 0.0055."""
+    cubic = pressure**3 + 150.0 * pressure
+    return cubic / (cubic + 23400.0)
+
+
+def severinghaus_pressure(saturation: Array) -> Array:
+    """The PO2 [mmHg] of a saturation under standard conditions: the real root of the cubic."""
+    free = 23400.0 * saturation / (1.0 - saturation)
+    # P^3 + 150 P = free, solved by P = 2 sqrt(50) sinh(t), since 4 sinh^3 + 3 sinh = sinh 3t.
+    return 2.0 * jnp.sqrt(50.0) * jnp.sinh(jnp.arcsinh(free / (2.0 * 50.0**1.5)) / 3.0)
+
+
+def saturation(po2: Array, pco2: Array, ph: Array, blood: Blood) -> Array:
+    """Oxygen saturation of haemoglobin [-]."""
+    return severinghaus(standard_pressure(po2, pco2, ph, blood.temperature))
+
+
+def oxygen_content(po2: Array, pco2: Array, ph: Array, blood: Blood) -> Array:
+    """Content of oxygen [mL/dL STPD]: bound and dissolved."""
+    bound = blood.oxygen_capacity * blood.haemoglobin * saturation(po2, pco2, ph, blood)
+    return bound + OXYGEN_SOLUBILITY * po2
+
+
+def carbon_dioxide_content(po2: Array, pco2: Array, ph: Array, blood: Blood) -> Array:
+    """Content of carbon dioxide [mL/dL STPD]: that of plasma times a factor for the red cells."""
+    temperature = blood.temperature
+    cold = 37.0 - temperature
+    solubility = 0.0307 + 0.00057 * cold + 0.00002 * cold**2
+    pk = 6.086 + 0.042 * (7.4 - ph) + (38.0 - temperature) * (0.00472 + 0.00139 * (7.4 - ph))
+    plasma = 2.226 * solubility * pco2 * (1.0 + 10.0 ** (ph - pk))
+    oxygenated = saturation(po2, pco2, ph, blood)
+    at_37 = ph - NEUTRAL_PH_SLOPE * cold  # the distribution between plasma and cells follows neutral pH
+    cells = 0.0289 * blood.haemoglobin / ((3.352 - 0.456 * oxygenated) * (8.142 - at_37))
+    return plasma * (1.0 - cells)

@@ -1,0 +1,122 @@
+"""Gases of blood against published tables, between both sets of equations, and there and back."""
+
+import jax
+import numpy as np
+import pytest
+
+from eclsim import blood
+from eclsim.blood import dash2016, standard
+from eclsim.blood.types import Blood
+
+PO2 = np.array([20, 26.8, 30, 40, 50, 60, 70, 80, 90, 100, 150, 300.0])
+SEVERINGHAUS = [31.98, 49.86, 57.38, 74.95, 84.99, 90.58, 93.79, 95.73, 96.94, 97.75, 99.32, 99.91]
+DASH = [32.09, 49.93, 57.45, 74.99, 84.92, 90.42, 93.59, 95.51, 96.73, 97.55, 99.20, 99.88]
+# PCO2, pH, saturation, haemoglobin, content after Douglas 1988
+DOUGLAS = [
+    (40, 7.40, 0.975, 15, 46.71), (46, 7.37, 0.73, 15, 51.09), (46, 7.37, 0.75, 10, 54.96),
+    (40, 7.40, 0.975, 10, 50.62), (30, 7.50, 1.0, 10, 46.61), (60, 7.25, 0.60, 10, 55.82),
+]  # fmt: skip
+GRID = {"po2": np.geomspace(1, 700, 19)[:, None], "pco2": np.geomspace(5, 200, 9)}
+ANAEMIC = {"haemoglobin": 8.0, "base_excess": -6.0, "temperature": 35.0}
+
+
+def test_saturations_are_those_of_the_tables():
+    np.testing.assert_allclose(100 * standard.severinghaus(PO2), SEVERINGHAUS, atol=0.005)
+    np.testing.assert_allclose(100 * dash2016.saturation(PO2, 40.0, 7.40, Blood()), DASH, atol=0.005)
+
+
+def test_contents_after_dash_are_those_of_its_authors():
+    arterial = (100.0, 40.0, 7.40, Blood())
+    venous = (40.0, 46.0, 7.37, Blood())
+    assert dash2016.oxygen_content(*arterial) == pytest.approx(20.72, abs=0.005)
+    assert dash2016.carbon_dioxide_content(*arterial) == pytest.approx(43.43, abs=0.005)
+    assert dash2016.saturation(*venous) == pytest.approx(0.726, abs=5e-4)
+    assert dash2016.oxygen_content(*venous) == pytest.approx(15.33, abs=0.005)
+    assert dash2016.carbon_dioxide_content(*venous) == pytest.approx(47.20, abs=0.005)
+    assert dash2016.half_saturation(46.0, 7.37 + np.log10(0.69), Blood()) == pytest.approx(28.06, abs=0.005)
+
+
+@pytest.mark.parametrize(("pco2", "ph", "saturation", "haemoglobin", "content"), DOUGLAS)
+def test_carbon_dioxide_after_douglas(pco2, ph, saturation, haemoglobin, content, monkeypatch):
+    monkeypatch.setattr(standard, "saturation", lambda *_: saturation)
+    found = standard.carbon_dioxide_content(100.0, pco2, ph, Blood(haemoglobin))
+    assert found == pytest.approx(content, abs=0.005)
+
+
+def test_ph_and_contents_of_healthy_blood():
+    arterial, venous = blood.gases(po2=100.0), blood.gases(po2=40.0, pco2=46.0)
+    assert (round(float(arterial.ph), 3), round(float(venous.ph), 3)) == (7.401, 7.373)
+    assert arterial.carbon_dioxide == pytest.approx(46.79, abs=0.005)
+    assert venous.carbon_dioxide == pytest.approx(51.36, abs=0.005)
+
+
+def test_both_sets_of_equations_agree_within_their_errors():
+    one, other = (blood.gases(po2=PO2, law=law) for law in blood.LAWS)
+    assert np.abs(one.saturation - other.saturation).max() < 0.007
+    here, there = (blood.gases(po2=100.0, law=law) for law in blood.LAWS)
+    assert here.oxygen == pytest.approx(float(there.oxygen), rel=0.04)  # 1.34 against 1.39 mL/g
+
+
+@pytest.mark.parametrize("law", blood.LAWS)
+def test_contents_lead_back_to_the_pressures(law):
+    there = blood.gases(**GRID, **ANAEMIC, law=law)
+    back = blood.gases_with_contents(
+        oxygen=there.oxygen, carbon_dioxide=there.carbon_dioxide, **ANAEMIC, law=law
+    )
+    np.testing.assert_allclose(back.po2, there.po2, rtol=1e-11)
+    np.testing.assert_allclose(back.pco2, there.pco2, rtol=1e-11)
+
+
+@pytest.mark.parametrize("law", blood.LAWS)
+def test_a_saturation_leads_back_to_the_pressure(law):
+    there = blood.gases(**GRID, **ANAEMIC, law=law)
+    back = blood.gases_with_saturation(saturation=there.saturation, pco2=there.pco2, **ANAEMIC, law=law)
+    np.testing.assert_allclose(back.po2, there.po2, rtol=1e-9)
+
+
+@pytest.mark.parametrize("law", blood.LAWS)
+@pytest.mark.parametrize("output", ["ph", "saturation", "oxygen", "carbon_dioxide", "bicarbonate"])
+@pytest.mark.parametrize("key", ["po2", "pco2", "haemoglobin", "base_excess", "temperature"])
+def test_derivatives_are_those_of_differences(law, output, key):
+    at = {"po2": 41.0, "pco2": 46.0, "haemoglobin": 9.0, "base_excess": -3.0, "temperature": 36.0}
+
+    def value(x):
+        return getattr(blood.gases(**(at | {key: x}), law=law), output)
+
+    step = 1e-4
+    difference = (value(at[key] + step) - value(at[key] - step)) / (2 * step)
+    assert jax.grad(value)(at[key]) == pytest.approx(float(difference), rel=1e-6, abs=1e-9)
+
+
+def test_derivatives_of_the_inverse_are_those_of_differences():
+    def po2(oxygen):
+        return blood.gases_with_contents(oxygen=oxygen, carbon_dioxide=50.0, haemoglobin=10.0).po2
+
+    difference = (po2(10.0 + 1e-4) - po2(10.0 - 1e-4)) / 2e-4
+    assert jax.grad(po2)(10.0) == pytest.approx(float(difference), rel=1e-7)
+
+
+def test_contents_that_no_blood_has_are_nan():
+    none = blood.gases_with_contents(oxygen=np.array([-1.0, 12.0]), carbon_dioxide=50.0)
+    assert np.isnan(none.po2[0])
+    assert np.isfinite(none.po2[1])
+
+
+def test_closed_blood_that_is_cooled_behaves_as_measured():
+    """0.0147 in pH (Rosenthal 1948) and about 0.02 in log10 PCO2 for each degree."""
+    warm = blood.gases(po2=100.0)
+    cold = blood.gases_with_contents(oxygen=warm.oxygen, carbon_dioxide=warm.carbon_dioxide, temperature=30.0)
+    assert (cold.ph - warm.ph) / 7 == pytest.approx(0.0147, abs=0.001)
+    assert np.log10(warm.pco2 / cold.pco2) / 7 == pytest.approx(0.0195, abs=0.0015)
+
+
+def test_oxygen_drives_carbon_dioxide_out():
+    """Haldane: at one PCO2 deoxygenated blood holds more carbon dioxide, and is less acid."""
+    full, empty = blood.gases(po2=500.0), blood.gases(po2=5.0)
+    assert empty.carbon_dioxide - full.carbon_dioxide > 4.0
+    assert empty.ph > full.ph
+
+
+def test_an_unknown_law_is_named():
+    with pytest.raises(ValueError, match="'hill'; allowed: severinghaus1979, dash2016"):
+        blood.gases(po2=90.0, law="hill")
