@@ -22,7 +22,7 @@ ALLOWED = {room: set(ROOMS[:place]) for place, room in enumerate(ROOMS)} | {
     "cases": {"units", "parameters", "patient", "devices"},
     "beat": PHYSICS,
 }
-ANY_LAYER_MAY_IMPORT = {"_version", "atomic", "runtime"}
+ANY_LAYER_MAY_IMPORT = {"_version", "files", "runtime"}
 
 # Imported before the first line of `eclsim --help` or of an input error is printed.
 LIGHT = ("eclsim", "eclsim.cli", "eclsim.units", "eclsim.parameters", "eclsim.cases")

@@ -20,7 +20,7 @@ from architecture_checker import (
 REPOSITORY = Path(__file__).parents[1]
 SOURCE = REPOSITORY / "src"
 
-LONGEST_FILE = 500
+LONGEST_FILE = 600  # long enough for one idea: a limit of 300 scattered every topic over many files
 LONGER_FILES: dict[str, str] = {
     # path in the repository: reason
 }

@@ -9,7 +9,6 @@ import pytest
 
 from eclsim.cases import read_case
 from eclsim.cases.cohort import read_cohort
-from eclsim.cases.csv_cells import guarded, unguarded
 from eclsim.cases.fhir import read_bundle
 from eclsim.cases.importing import as_table, import_cohort
 from eclsim.cases.input_files import json_of, read_bytes
@@ -101,19 +100,6 @@ def test_a_double_key_is_refused_and_not_the_last_one_taken(tmp_path):
     path.write_text('{"resourceType": "Bundle", "entry": [], "entry": [{}]}')
     with pytest.raises(CaseError, match="the key 'entry' stands twice"):
         read_bundle(path)
-
-
-@pytest.mark.parametrize("text", ["=1+1", "@SUM(A1)", "+1", "-1", "\tx", "\rx"])
-def test_texts_that_a_spreadsheet_would_run_are_guarded_and_come_back(text):
-    assert guarded(text) == f"'{text}"
-    assert unguarded(guarded(text)) == text
-
-
-@pytest.mark.parametrize("value", ["P01", "", "'quoted'", 1.5, -2.0, None])
-def test_other_cells_stay_as_they_are(value):
-    assert guarded(value) == value
-    if isinstance(value, str):
-        assert unguarded(value) == value
 
 
 def test_an_imported_table_has_no_formulas(tmp_path):

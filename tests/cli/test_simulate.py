@@ -6,7 +6,7 @@ import sys
 import pytest
 import xarray as xr
 
-from eclsim.cli.destinations import file_stems
+from eclsim.files import file_stems
 
 
 def test_json_on_standard_output_is_all_there_is(shell, instant):

@@ -12,6 +12,7 @@ from eclsim.app.circuits import page_circuit
 from eclsim.beat.heartbeat import beat_program
 from eclsim.beat.recording import MEAN, RATE
 from eclsim.devices.constants import OXYGENATORS
+from eclsim.files import finite
 from eclsim.orbit.model import circuit_of
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch, steady_beats
@@ -147,8 +148,8 @@ def plain(beat: Beat, waves: tuple[str, ...]) -> dict[str, Any]:
     return {
         "period": round(beat.period, 5),
         "waves": {n: _rounded(beat.waves[n]) for n in waves if n in beat.waves},
-        "means": {n: _finite(v) for n, v in beat.means.items()},
-        "outputs": {n: _finite(v) for n, v in beat.outputs.items()},
+        "means": finite(beat.means, digits=6),
+        "outputs": finite(beat.outputs, digits=6),
         "notes": [[f.kind, f.sentence] for f in beat.findings],
         "cautions": _cautions(beat.findings),
         "levels": beat.levels(),
@@ -172,8 +173,4 @@ def _cautions(said: Iterable[Finding]) -> dict[str, str]:
 def _rounded(wave: np.ndarray) -> list[float | None]:
     if np.isfinite(wave).all():
         return np.round(wave, 2).tolist()
-    return [_finite(v) for v in wave.tolist()]
-
-
-def _finite(value: float) -> float | None:
-    return float(f"{value:.6g}") if np.isfinite(value) else None
+    return [finite(float(v), digits=6) for v in wave]

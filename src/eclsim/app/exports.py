@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import tempfile
 import zipfile
 from dataclasses import replace
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eclsim.cases.checking import MAXIMUM_ID_LENGTH
+from eclsim.files import file_stems
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -38,7 +38,7 @@ def export(state: PageState, kind: str) -> tuple[str, bytes]:
         ExportError: If there is nothing of this kind for the state.
     """
     state = replace(state, case=_as_shown(state))
-    stem = file_stem(state.case.patient.id)
+    (stem,) = file_stems([state.case.patient.id])
     if kind == "case":
         from eclsim.cases.writing import case_text
 
@@ -61,11 +61,6 @@ def _as_shown(state: PageState) -> Case:
         return case
     name = case.patient.id[: MAXIMUM_ID_LENGTH - len(CHANGED)] + CHANGED
     return case.model_copy(update={"patient": case.patient.model_copy(update={"id": name})})
-
-
-def file_stem(name: str) -> str:
-    """An id as the stem of a file name: letters, digits, - and _."""
-    return re.sub(r"[^\w-]+", "_", name).strip("_")[:60] or "eclsim"
 
 
 def _table(state: PageState, kind: str, stem: str) -> tuple[str, bytes]:

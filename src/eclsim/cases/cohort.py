@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any
 from eclsim.cases.checking import MAXIMUM_ID_LENGTH
 from eclsim.cases.cohort_rows import across_rows, expected_unit, in_order_of_time, is_units_row, when
 from eclsim.cases.cohort_table import Table, read_table
-from eclsim.cases.csv_cells import unguarded
 from eclsim.cases.fields import SECTIONS
 from eclsim.cases.mistakes import CaseError, Mistake, NumberAsWritten, shown
 from eclsim.cases.plausibility import looks_identifiable
 from eclsim.cases.reading import read_mapping
+from eclsim.files import unguarded
 from eclsim.parameters import did_you_mean
 
 if TYPE_CHECKING:

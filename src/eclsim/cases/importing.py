@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eclsim.cases.cohort import COLUMNS, MEASUREMENT, OPTIONAL
-from eclsim.cases.csv_cells import guarded
 from eclsim.cases.fhir import read_bundle
 from eclsim.cases.long_table import read_long_table
 from eclsim.cases.mistakes import CaseError, Mistake
 from eclsim.cases.observations import Imported, data_points
+from eclsim.files import csv_text
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -53,11 +51,7 @@ def import_cohort(
 def as_table(rows: list[dict[str, str]]) -> str:
     """The rows as a cohort's CSV; columns that may be left out are, where they are empty."""
     used = [c for c in _HEAD if c not in OPTIONAL or any(row.get(c) for row in rows)]
-    text = io.StringIO()
-    writer = csv.DictWriter(text, used, restval="", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows({column: guarded(cell) for column, cell in row.items()} for row in rows)
-    return text.getvalue()
+    return csv_text(used, ([row.get(column, "") for column in used] for row in rows))
 
 
 def _fill(found: Imported, base: Case, file: str) -> None:

@@ -6,8 +6,8 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eclsim.atomic import whole_file
 from eclsim.cases.fields import POLICY_FIELD, SECTIONS
+from eclsim.files import write_text
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -43,9 +43,7 @@ def write_case(case: Case, path: str | os.PathLike[str]) -> None:
     Raises:
         OSError: Where the folder cannot be written.
     """
-    text = case_text(case)
-    with whole_file(Path(path)) as partial:
-        partial.write_text(text, encoding="utf-8", newline="\n")
+    write_text(case_text(case), Path(path))
 
 
 def _parameter_table(values: dict[str, float]) -> Any:

@@ -36,9 +36,9 @@ def benchmark(
         say(f"measured: {measurement.name}")
     about = machine()
     if target is not None:
-        from eclsim.reporting.plain_json import write_plain
+        from eclsim.files import write_json
 
-        write_plain({"machine": about, "measurements": [_plain(one) for one in found]}, target)
+        write_json({"machine": about, "measurements": [_plain(one) for one in found]}, target)
     if target != "-":
         typer.echo(table(found))
         typer.echo("\n" + ", ".join(f"{key} {value}" for key, value in about.items()))

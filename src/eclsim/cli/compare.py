@@ -68,9 +68,9 @@ def compared_object(results: Sequence[xr.Dataset], labels: Sequence[str]) -> dic
 
 def write(results: Sequence[xr.Dataset], labels: Sequence[str], planned: Destinations) -> None:
     """The JSON with the change, and the table of both."""
-    from eclsim.reporting.plain_json import write_plain
+    from eclsim.files import write_json
 
     if planned.json is not None:
-        write_plain(compared_object(results, labels), planned.json)
+        write_json(compared_object(results, labels), planned.json)
     if planned.json != "-":
         show(results, labels)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from eclsim.cli.messages import fail
-
-_MAXIMUM_STEM = 60
+from eclsim.files import file_stems
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,21 +61,6 @@ def plan(
     if wrong:
         fail(*wrong)
     return Destinations(json_path, out, figures, csv, stems)
-
-
-def file_stems(ids: Sequence[str]) -> tuple[str, ...]:
-    """A beginning of file names for each id: letters, digits, dots and dashes, all different."""
-    taken: set[str] = set()
-    stems = []
-    for name in ids:
-        base = re.sub(r"[^\w.-]+", "_", name)[:_MAXIMUM_STEM].strip("._") or "case"
-        stem, count = base, 1
-        while stem.casefold() in taken:
-            count += 1
-            stem = f"{base}-{count}"
-        taken.add(stem.casefold())
-        stems.append(stem)
-    return tuple(stems)
 
 
 def _file(option: str, written: str | None, request: Request, wrong: list[str]) -> Path | None:

@@ -101,7 +101,7 @@ def _check(request: Request) -> None:
 
 def _write(request: Request, found: Identifiability) -> None:
     try:
-        _write_json(request, finite(found.as_object()))
+        _write_json(request, found.as_object())
         if request.out is not None:
             from eclsim.sensitivity.identifiability_figures import write_identifiability_figures
 
@@ -111,27 +111,13 @@ def _write(request: Request, found: Identifiability) -> None:
 
 
 def _write_json(request: Request, content: dict[str, Any]) -> None:
-    import json
-    import sys
-
-    from eclsim.sensitivity.tables import write_json
+    from eclsim.files import write_json
 
     if request.out is not None:
         Path(request.out).mkdir(parents=True, exist_ok=True)
-        write_json(Path(request.out) / "identifiability.json", content)
-    if request.json == "-":
-        sys.stdout.write(json.dumps(content, indent=1, allow_nan=False) + "\n")
-    elif request.json is not None:
-        write_json(Path(request.json), content)
-
-
-def finite(value: Any) -> Any:
-    """The same with null for what is not finite: JSON has no infinity."""
-    if isinstance(value, dict):
-        return {k: finite(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(v) for v in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+        write_json(content, Path(request.out) / "identifiability.json")
+    if request.json is not None:
+        write_json(content, request.json)
 
 
 def _show(found: Identifiability, request: Request) -> None:

@@ -199,15 +199,15 @@ def _progress() -> Any:
 
 
 def _hand_out(request: Request, content: Mapping[str, Any]) -> None:
-    from eclsim.reporting.plain_json import write_plain
+    from eclsim.files import write_json
 
     if sys.stderr.isatty():
         sys.stderr.write("\r\x1b[K")
     if request.json == "-":
-        write_plain(content, "-")
+        write_json(content, "-")
         return
     if request.json is not None:
-        write_plain(content, Path(request.json))
+        write_json(content, Path(request.json))
     points = content["points"]
     typer.echo(_one_table(points[0]) if len(points) == 1 else _many_table(points))
     if "posterior" in content:

@@ -36,13 +36,13 @@ def import_data(
     at once and nothing written.
     """
     from datetime import timedelta
-    from pathlib import Path
 
     from eclsim.cases.importing import as_table, import_cohort
     from eclsim.cases.mistakes import CaseError
     from eclsim.cases.reading import read_case
     from eclsim.cli.messages import fail, say, warn
     from eclsim.cli.output_option import destination
+    from eclsim.files import write_text
 
     destination("--out", out, force, (file, base))
     try:
@@ -53,12 +53,8 @@ def import_data(
     warn(found.warnings)
     warn(found.notes, "note")
     text = as_table(found.rows)
+    write_text(text, out)
     if out == "-":
-        typer.echo(text, nl=False)
         return
-    from eclsim.atomic import whole_file
-
-    with whole_file(Path(out)) as partial:
-        partial.write_text(text, encoding="utf-8")
     patients = len({row["patient_id"] for row in found.rows})
     say(f"{out}: {len(found.rows)} data points of {patients} patients")

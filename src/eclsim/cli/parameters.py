@@ -106,21 +106,17 @@ def _of_group(parameters: dict[str, Parameter], group: str | None) -> list[Param
 
 
 def _as_csv(parameters: Sequence[Parameter]) -> str:
-    import csv
-    import io
+    from eclsim.files import csv_text
 
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(_FIELDS)
-    writer.writerows([getattr(parameter, name) for name in _FIELDS] for parameter in parameters)
-    return text.getvalue()
+    rows = ([getattr(parameter, name) for name in _FIELDS] for parameter in parameters)
+    return csv_text(_FIELDS, rows, digits=None)
 
 
 def _as_json(parameters: Sequence[Parameter]) -> str:
-    import json
+    from eclsim.files import json_text
 
     rows = [{name: getattr(parameter, name) for name in _FIELDS} for parameter in parameters]
-    return json.dumps({"parameters": rows}, indent=1, ensure_ascii=False) + "\n"
+    return json_text({"parameters": rows})
 
 
 def _as_toml(parameters: Sequence[Parameter]) -> str:

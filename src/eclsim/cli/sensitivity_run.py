@@ -265,20 +265,17 @@ def _write_files(request: Request, folder: Path, finished: Finished) -> None:
 
 
 def _hand_over(request: Request, content: dict[str, Any], results: dict[str, Indices]) -> None:
-    import json
-    import sys
+    from eclsim.files import write_json
 
     for state, indices in results.items():
         warn(_about_failures(indices, state))
     if request.json == "-":
-        sys.stdout.write(json.dumps(content, indent=1, allow_nan=False) + "\n")
+        write_json(content, "-")
         return
     from eclsim.cli.sensitivity_tables import show, show_pairs
 
     if request.json is not None:
-        from eclsim.sensitivity.tables import write_json
-
-        write_json(Path(request.json), content)
+        write_json(content, request.json)
     for state, indices in results.items():
         show(indices, state)
         if request.second_order:

@@ -175,13 +175,13 @@ def _check_points(series: Series, settings: TrackSettings) -> None:
 
 
 def _hand_out(request: Request, content: Mapping[str, Any]) -> None:
-    from eclsim.reporting.plain_json import write_plain
+    from eclsim.files import write_json
 
     if request.json == "-":
-        write_plain(content, "-")
+        write_json(content, "-")
         return
     if request.json is not None:
-        write_plain(content, Path(request.json))
+        write_json(content, Path(request.json))
     for series in content["series"]:
         typer.echo(_table(series))
 

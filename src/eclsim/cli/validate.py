@@ -76,12 +76,12 @@ def validate(
 
 
 def _write(checks: list[Check], target: Path | str | None, page: Path | str | None) -> None:
-    from eclsim.reporting.plain_json import write_plain, write_text
+    from eclsim.files import write_json, write_text
     from eclsim.validation.json_object import validation_object
     from eclsim.validation.markdown import validation_markdown
 
     if target is not None:
-        write_plain(validation_object(checks), target)
+        write_json(validation_object(checks), target)
     if page is not None:
         write_text(validation_markdown(checks), page)
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 import math
 import sys
 from collections.abc import Iterator, Sequence
@@ -14,13 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eclsim.atomic import whole_file
-from eclsim.cases.csv_cells import guarded
 from eclsim.crrt_study.cohort import answer, summaries
-from eclsim.crrt_study.json_object import number as plain
 from eclsim.crrt_study.page import number
 from eclsim.crrt_study.ranking import ORDER
 from eclsim.crrt_study.words import place
+from eclsim.files import csv_text, json_text, write_text
 from eclsim.orbit.model import POLICY_WORDS
 from eclsim.reporting.html import box, bullets, figure, heading, page, paragraph, svg_text, table
 
@@ -44,8 +39,7 @@ def write_cohort(study: CohortStudy, folder: Path) -> list[Path]:
         "ranks.svg": drawn,
     }
     for name, content in texts.items():
-        with whole_file(folder / name) as partial:
-            partial.write_text(content, encoding="utf-8")
+        write_text(content, folder / name)
     return [folder / name for name in texts]
 
 
@@ -55,26 +49,21 @@ def cohort_json(study: CohortStudy) -> str:
         "policies": {
             policy: {
                 "answer": answer(study, policy),
-                "schemes": [_finite(asdict(one)) for one in summaries(study, policy)],
+                "schemes": [asdict(one) for one in summaries(study, policy)],
             }
             for policy in study.policies
         },
         "first_not_known": {policy: list(study.undecided(policy)) for policy in study.policies},
-        "points": [_finite(row) for row in _point_rows(study)],
+        "points": _point_rows(study),
         "parameters": study.fitted.words,
         "lost": dict(study.lost),
     }
-    return json.dumps(content, indent=1, allow_nan=False) + "\n"
+    return json_text(content)
 
 
 def write_json(study: CohortStudy, destination: Path | str) -> None:
     """Write the JSON object to a file, or to standard output for "-"."""
-    if destination == "-":
-        sys.stdout.write(cohort_json(study))
-        sys.stdout.flush()
-        return
-    with whole_file(Path(destination)) as partial:
-        partial.write_text(cohort_json(study), encoding="utf-8")
+    write_text(cohort_json(study), destination)
 
 
 def show(study: CohortStudy) -> None:
@@ -156,23 +145,8 @@ def _order(point: PointResult, policy: str) -> str:
     )
 
 
-def _finite(row: dict[str, Any]) -> dict[str, Any]:
-    return {k: plain(v) if isinstance(v, float) else v for k, v in row.items()}
-
-
 def _csv(rows: Sequence[dict[str, Any]]) -> str:
-    buffer = io.StringIO()
-    writer: csv.DictWriter[str] = csv.DictWriter(buffer, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows({k: _cell(v) for k, v in row.items()} for row in rows)
-    return buffer.getvalue()
-
-
-def _cell(value: Any) -> Any:
-    """Numbers to six digits; text that a spreadsheet would take for a formula behind an apostrophe."""
-    if isinstance(value, float):
-        return "" if math.isnan(value) else f"{value:.6g}"
-    return guarded(value)
+    return csv_text(list(rows[0]), (row.values() for row in rows), digits=6)
 
 
 def _figure(study: CohortStudy) -> Any:

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eclsim.atomic import whole_file
-from eclsim.cases.csv_cells import guarded
 from eclsim.crrt_study.netcdf import write_netcdf
-from eclsim.reporting.plain_json import write_text
+from eclsim.files import frame_text, json_text, write_text
 
 if TYPE_CHECKING:
     from eclsim.crrt_study.study import CrrtStudy
@@ -41,10 +38,9 @@ def write_study(study: CrrtStudy, folder: Path, policy: str | None = None) -> li
     texts = {"report.html": study_page(study, drawn, policy), "study.json": study_json(study)}
     texts |= {f"{name}.svg": svg for name, svg in drawn.items()}
     for name, table in tables(study).items():
-        texts[f"{name}.csv"] = table.map(guarded).to_csv(index=False, lineterminator="\n")
+        texts[f"{name}.csv"] = frame_text(table)
     for name, content in texts.items():
-        with whole_file(folder / name) as partial:
-            partial.write_text(content, encoding="utf-8")
+        write_text(content, folder / name)
     write_netcdf(study, folder / "study.nc")
     return [folder / name for name in (*texts, "study.nc")]
 
@@ -53,7 +49,7 @@ def study_json(study: CrrtStudy) -> str:
     """The study as JSON text."""
     from eclsim.crrt_study.json_object import study_object
 
-    return json.dumps(study_object(study), indent=1, allow_nan=False) + "\n"
+    return json_text(study_object(study))
 
 
 def write_json(study: CrrtStudy, destination: Path | str) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eclsim.atomic import whole_file
+from eclsim.files import whole_file
 
 if TYPE_CHECKING:
     import xarray as xr

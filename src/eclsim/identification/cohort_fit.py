@@ -13,9 +13,9 @@ import numpy as np
 
 from eclsim._version import __version__
 from eclsim.cases.writing import write_case
+from eclsim.files import file_stem, write_json
 from eclsim.identification.fit import Fit, fit_cases
 from eclsim.identification.settings import FitSettings
-from eclsim.sensitivity.store import write_whole
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -65,7 +65,7 @@ class FitStore:
             self._clear()
         for name in (_POINTS, _CASES):
             (self.folder / name).mkdir(parents=True, exist_ok=True)
-        _write_json(path, self.made_of)
+        write_json(self.made_of, path)
 
     def _clear(self) -> None:
         for place, pattern in ((_POINTS, "*.json"), (_CASES, "*.toml")):
@@ -112,17 +112,14 @@ class FitStore:
         if fit.simulated:
             write_case(named(fit.case, fit.name), self.folder / _CASES / f"{stem(fit.name)}.toml")
         result = {**fit.as_object(), **labels}
-        _write_json(
-            self.folder / _POINTS / f"{stem(fit.name)}.json", {"sha256": _digest(result), "result": result}
-        )
+        path = self.folder / _POINTS / f"{stem(fit.name)}.json"
+        write_json({"sha256": _digest(result), "result": result}, path)
         return result
 
 
 def stem(name: str) -> str:
     """A file name for a data point; names that differ get file names that differ."""
-    safe = "".join(c if c.isascii() and (c.isalnum() or c in "-.") else "_" for c in name)[:60].strip(".")
-    plain = safe == name.replace("/", "_") and "_" not in name
-    return safe if plain else f"{safe}_{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+    return file_stem(name, slashes=True)
 
 
 def named(case: Case, name: str) -> Case:
@@ -210,8 +207,3 @@ def _r_squared(results: Sequence[Mapping[str, Any]], names: Sequence[str]) -> fl
 
 def _digest(result: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(result, sort_keys=True).encode()).hexdigest()
-
-
-def _write_json(path: Path, content: Mapping[str, Any]) -> None:
-    text = json.dumps(content, indent=1, allow_nan=False) + "\n"
-    write_whole(path, lambda partial: partial.write_text(text, encoding="utf-8"))

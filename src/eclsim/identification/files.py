@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eclsim.atomic import whole_file
-from eclsim.cases.csv_cells import guarded
 from eclsim.cases.writing import write_case
+from eclsim.files import csv_text, write_json, write_text
 from eclsim.identification.cohort_fit import named, r_squared, stem
 from eclsim.identification.fit_profiles import RISE_90
 from eclsim.identification.verdict import DOUBTFUL_DIFFERENCE, POOR_DIFFERENCE
-from eclsim.reporting.plain_json import write_plain
 
 if TYPE_CHECKING:
     from eclsim.cases.mistakes import Mistake
@@ -40,9 +37,10 @@ def fits_object(
 def write_fits(folder: Path, content: Mapping[str, Any]) -> None:
     """Write identification.json, outputs.csv, parameters.csv and verdicts.csv."""
     folder.mkdir(parents=True, exist_ok=True)
-    write_plain(content, folder / SUMMARY)
+    write_json(content, folder / SUMMARY)
     head = ("id", "output", "measured", "simulated", "standard_uncertainties_off", "status")
-    _write(folder / "outputs.csv", head, (row for p in content["points"] for row in _output_rows(p)))
+    rows = (row for p in content["points"] for row in _output_rows(p))
+    write_text(csv_text(head, rows), folder / "outputs.csv")
     keys = ("value", "lower", "upper", "at_bound", "identifiable", "reason")
     parameters = [
         (p["id"], name, *(q[key] for key in keys), *(q["profile"] or (None, None)))
@@ -50,14 +48,14 @@ def write_fits(folder: Path, content: Mapping[str, Any]) -> None:
         for name, q in p["parameters"].items()
     ]
     head = ("id", "parameter", *keys, "profile_lower", "profile_upper")
-    _write(folder / "parameters.csv", head, parameters)
+    write_text(csv_text(head, parameters), folder / "parameters.csv")
     keys = ("level", "aspect", "about", "sentence")
     reasons = [
         (p["id"], p["verdict"]["level"], *(r[key] for key in keys))
         for p in content["points"]
         for r in p["verdict"]["reasons"] or [dict.fromkeys(keys, "")]
     ]
-    _write(folder / "verdicts.csv", ("id", "verdict", *keys), reasons)
+    write_text(csv_text(("id", "verdict", *keys), reasons), folder / "verdicts.csv")
 
 
 def _output_rows(point: Mapping[str, Any]) -> list[tuple[object, ...]]:
@@ -106,7 +104,7 @@ def write_fit_figures(folder: Path, fit: Fit, profiled: FitProfiles) -> list[Pat
         for name, values, costs in zip(found.names, found.values, found.costs, strict=True)
         for value, cost in zip(values.tolist(), costs.tolist(), strict=True)
     ]
-    _write(table, ("parameter", "value", "chi_square"), rows)
+    write_text(csv_text(("parameter", "value", "chi_square"), rows), table)
     return [*written, table]
 
 
@@ -119,17 +117,3 @@ def write_cohort_figures(folder: Path, content: Mapping[str, Any]) -> list[Path]
         *save_figure(plot_scatter(content["points"], content["r2"]), folder / "scatter"),
         *save_figure(plot_boxes(content["points"]), folder / "boxes"),
     ]
-
-
-def _write(path: Path, head: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    with whole_file(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(head)
-        writer.writerows(["" if cell is None else _cell(cell) for cell in row] for row in rows)
-
-
-def _cell(value: object) -> object:
-    """Numbers to eight digits; text that a spreadsheet would take for a formula behind an apostrophe."""
-    if isinstance(value, float):
-        return f"{value:.8g}"
-    return guarded(value)

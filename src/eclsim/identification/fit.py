@@ -11,6 +11,7 @@ import numpy as np
 
 from eclsim.cases.fitting import common_policy
 from eclsim.cases.mistakes import CaseError
+from eclsim.files import finite
 from eclsim.identification.alternatives import alternatives
 from eclsim.identification.measurement_errors import measurement_errors
 from eclsim.identification.multi_start import FitStatus, Optimum, identify
@@ -131,7 +132,6 @@ class Fit:
 
     def as_object(self) -> dict[str, Any]:
         """As plain data for JSON; null for what is not known."""
-        finite = _finite
         names = dict.fromkeys([*self.measured, *self.simulated])
         return {
             "id": self.name,
@@ -384,7 +384,3 @@ def _doubted(fits: Sequence[Fit], objective: Objective, box: Box) -> list[Fit]:
                 parameters[name] = replace(p, identifiable=False, reason=reason)
         found.append(replace(fit, parameters=parameters))
     return found
-
-
-def _finite(value: float | None) -> float | None:
-    return float(value) if value is not None and np.isfinite(value) else None

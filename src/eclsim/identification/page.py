@@ -6,11 +6,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from eclsim.files import write_text
 from eclsim.identification.verdict import Aspect, Level, headline, signed
 from eclsim.orbit.model import POLICY_WORDS
 from eclsim.parameters import thiel2025
 from eclsim.reporting.html import box, bullets, figure, heading, page, paragraph, table
-from eclsim.reporting.plain_json import write_text
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case

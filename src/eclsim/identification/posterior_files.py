@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,10 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eclsim._version import __version__
-from eclsim.atomic import whole_file
+from eclsim.files import csv_text, whole_file, write_json, write_text
 from eclsim.identification.posterior import PosteriorResult, as_object
 from eclsim.parameters import thiel2025
-from eclsim.reporting.plain_json import write_plain
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,7 +33,7 @@ def write_posterior(folder: Path, result: PosteriorResult) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     write_netcdf(result, folder / NETCDF)
     write_samples(result, folder / SAMPLES)
-    write_plain(as_object(result), folder / JSON)
+    write_json(as_object(result), folder / JSON)
     return [folder / NETCDF, folder / SAMPLES, folder / JSON, *write_figures(result, folder / "figures")]
 
 
@@ -53,10 +51,7 @@ def write_samples(result: PosteriorResult, path: Path) -> None:
     """Write draws of the parameters as a table, a column each; `eclsim crrt-study --posterior` takes it."""
     flat = result.flat
     kept = flat[:: max(1, len(flat) // FEWEST_LINES)]
-    with whole_file(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(result.names)
-        writer.writerows([f"{value:.8g}" for value in row] for row in kept)
+    write_text(csv_text(result.names, kept.tolist()), path)
 
 
 def write_figures(result: PosteriorResult, folder: Path) -> list[Path]:

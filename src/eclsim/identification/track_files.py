@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from eclsim.atomic import whole_file
-from eclsim.cases.csv_cells import guarded
+from eclsim.files import csv_text, write_json, write_text
 from eclsim.identification.cohort_fit import stem
 from eclsim.identification.track_results import TrackedPoint
-from eclsim.reporting.plain_json import write_plain, write_text
 
 SUMMARY = "track.json"
 _QUANTILES = ("median", "lower", "upper")
@@ -39,14 +36,12 @@ def write_tracks(folder: Path, content: Mapping[str, Any]) -> list[Path]:
     from eclsim.reporting.style import save_figure
 
     folder.mkdir(parents=True, exist_ok=True)
-    write_plain(content, folder / SUMMARY)
+    write_json(content, folder / SUMMARY)
     each = [(s["id"], p) for s in content["series"] for p in s["points"]]
-    _write(
-        folder / "parameters.csv",
-        ("patient", "id", "parameter", *_QUANTILES),
-        ((s, p["id"], n, *(i[q] for q in _QUANTILES)) for s, p in each for n, i in p["parameters"].items()),
-    )
-    _write(folder / "outputs.csv", _OUTPUT_HEAD, _output_rows(each))
+    head = ("patient", "id", "parameter", *_QUANTILES)
+    rows = ((s, p["id"], n, *(i[q] for q in _QUANTILES)) for s, p in each for n, i in p["parameters"].items())
+    write_text(csv_text(head, rows), folder / "parameters.csv")
+    write_text(csv_text(_OUTPUT_HEAD, _output_rows(each)), folder / "outputs.csv")
     figures, drawings = [], {}
     for series in content["series"]:
         for key, plot in (("parameters", plot_parameters), ("outputs", plot_outputs)):
@@ -99,19 +94,3 @@ def _point(point: TrackedPoint) -> dict[str, Any]:
         "failed": point.failed,
         "message": point.message,
     }
-
-
-def _write(path: Path, head: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    with whole_file(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(head)
-        writer.writerows([_cell(cell) for cell in row] for row in rows)
-
-
-def _cell(value: object) -> object:
-    """Numbers to eight digits; text that a spreadsheet would take for a formula behind an apostrophe."""
-    if value is None:
-        return ""
-    if isinstance(value, float):
-        return f"{value:.8g}"
-    return guarded(value)

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eclsim.atomic import whole_file
-from eclsim.crrt_study.json_object import number as plain
+from eclsim.files import csv_text, json_text, write_text
 from eclsim.paper.drawings import drawings
 from eclsim.paper.names import INDEX, items_of
 from eclsim.paper.page import reproduction_page, table_rows
@@ -34,13 +30,12 @@ def write_reproduction(
     texts = {
         INDEX: reproduction_page(result, drawn),
         "reproduction.csv": _csv(result.rows),
-        "reproduction.json": json.dumps(as_object(result), indent=1, allow_nan=False) + "\n",
+        "reproduction.json": json_text(as_object(result)),
     }
     for item in items_of(result.parts):
         texts |= dict(zip(item.files, drawn.get(item.key) or [_csv(table_rows(item, result))], strict=True))
     for name, content in texts.items():
-        with whole_file(folder / name) as partial:
-            partial.write_text(content, encoding="utf-8")
+        write_text(content, folder / name)
     return [folder / name for name in texts]
 
 
@@ -62,17 +57,8 @@ def as_object(result: Reproduction) -> dict[str, Any]:
 
 
 def _values(row: Row) -> dict[str, Any]:
-    found: dict[str, Any] = {name: getattr(row, name) for name in HEAD}
-    for name in ("difference", "difference_percent", "ours"):
-        found[name] = plain(found[name])
-    found["explained"] = None if row.explained is None else plain(row.explained)
-    found["verdict"] = str(row.verdict)
-    return found
+    return {name: getattr(row, name) for name in HEAD}
 
 
 def _csv(rows: Sequence[Row]) -> str:
-    buffer = io.StringIO()
-    writer: csv.DictWriter[str] = csv.DictWriter(buffer, HEAD, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(_values(row) for row in rows)
-    return buffer.getvalue()
+    return csv_text(HEAD, (_values(row).values() for row in rows), digits=None)

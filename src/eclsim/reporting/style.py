@@ -13,7 +13,7 @@ from pathlib import Path
 import matplotlib.style
 from matplotlib.figure import Figure
 
-from eclsim.atomic import whole_file
+from eclsim.files import whole_file
 
 MM_PER_INCH = 25.4
 PAGE_WIDTH_MM = 170.0

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from eclsim._version import __version__
-from eclsim.atomic import whole_file
+from eclsim.files import whole_file
 from eclsim.sensitivity.design import Design
 from eclsim.sensitivity.evaluation import Evaluated, Evaluator
 

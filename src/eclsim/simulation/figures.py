@@ -1,11 +1,10 @@
 """All figures of one simulated case, written to a folder."""
 
-import hashlib
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from eclsim.files import file_stem
 from eclsim.reporting.schematic import draw_circuit
 from eclsim.reporting.style import save_figure
 from eclsim.simulation.mean_flows import plot_mean_flows
@@ -17,11 +16,14 @@ if TYPE_CHECKING:
 
     from eclsim.circuit import Circuit
 
-_LONGEST_NAME = 40
-
 
 def write_case_figures(
-    circuit: "Circuit", result: "xr.Dataset", folder: str | Path, *, formats: Sequence[str] = ("svg", "png")
+    circuit: "Circuit",
+    result: "xr.Dataset",
+    folder: str | Path,
+    *,
+    formats: Sequence[str] = ("svg", "png"),
+    stem: str = "",
 ) -> list[Path]:
     """Writes every figure of a case; cases of different ids can share a folder.
 
@@ -30,12 +32,13 @@ def write_case_figures(
         result: the simulated case.
         folder: is made if it does not exist.
         formats: one file of each per figure; PNG takes more than half of the time.
+        stem: beginning of the names; left out, made from the case's id.
 
     Returns:
-        The files written: `<id>_circuit`, `_overview`, `_pressure_volume`, `_mean_flows` and one
+        The files written: `<stem>_circuit`, `_overview`, `_pressure_volume`, `_mean_flows` and one
         `_waveforms_<part>` for each part of the circuit.
     """
-    stem = Path(folder) / file_name(str(result.attrs.get("id", "case")))
+    beginning = Path(folder) / (stem or file_stem(str(result.attrs.get("id", "case"))))
     figures = {
         "circuit": lambda: draw_circuit(circuit, result),
         "overview": lambda: plot_overview(result),
@@ -46,14 +49,5 @@ def write_case_figures(
         figures[f"waveforms_{part}"] = lambda part=part: plot_waveforms(result, part)
     written = []
     for name, draw in figures.items():
-        written += save_figure(draw(), stem.with_name(f"{stem.name}_{name}"), formats)
+        written += save_figure(draw(), beginning.with_name(f"{beginning.name}_{name}"), formats)
     return written
-
-
-def file_name(case_id: str) -> str:
-    """A file name for an id: ASCII letters, digits, `_` and `-`; ids that differ get names that differ."""
-    safe = re.sub(r"[^A-Za-z0-9_-]+", "_", case_id).strip("_")[:_LONGEST_NAME]
-    if safe and safe == case_id:
-        return safe
-    mark = hashlib.sha256(case_id.encode("utf-8", "surrogatepass")).hexdigest()[:8]
-    return f"{safe or 'case'}_{mark}"

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eclsim.atomic import whole_file
-from eclsim.cases.csv_cells import guarded
-from eclsim.reporting.plain_json import write_plain
+from eclsim.files import frame_text, whole_file, write_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -20,9 +17,10 @@ if TYPE_CHECKING:
 
 def write_json(results: Sequence[xr.Dataset], destination: Path | str) -> None:
     """Write all cases as one JSON object to a file, or to standard output for "-"."""
+    from eclsim import files
     from eclsim.simulation.json_object import results_object
 
-    write_plain(results_object(results), destination)
+    files.write_json(results_object(results), destination)
 
 
 def write_netcdf(
@@ -57,12 +55,13 @@ def write_csv(
     for index, (result, stem) in enumerate(zip(results, stems, strict=True)):
         if "phase" not in result.dims:  # no beat, and so no waveforms: the table of outputs has its row
             continue
-        _write_table(_waveform_table(_selected(result, names), "phase"), folder / f"{stem}_waveforms.csv")
+        table = _waveform_table(_selected(result, names), "phase")
+        write_text(frame_text(table), folder / f"{stem}_waveforms.csv")
         course = courses[index] if courses else None
         if course is not None:
             table = _waveform_table(_selected(course, names), "time")
-            _write_table(table, folder / f"{stem}_transient.csv")
-    _write_table(_output_table(results), folder / "outputs.csv")
+            write_text(frame_text(table), folder / f"{stem}_transient.csv")
+    write_text(frame_text(_output_table(results)), folder / "outputs.csv")
 
 
 def write_figures(
@@ -70,16 +69,13 @@ def write_figures(
 ) -> None:
     """Write all figures of each case; their names begin with the case's stem."""
     from eclsim.orbit.model import circuit_of
-    from eclsim.simulation.figures import file_name, write_case_figures
+    from eclsim.simulation.figures import write_case_figures
 
     folder.mkdir(exist_ok=True)
     for case, result, stem in zip(cases, results, stems, strict=True):
         if "phase" not in result.dims:
             continue
-        own_stem = file_name(str(result.attrs["id"]))
-        with tempfile.TemporaryDirectory(prefix=".eclsim-", dir=folder) as scratch:
-            for path in write_case_figures(circuit_of(case), result, scratch):
-                path.replace(folder / (stem + path.name.removeprefix(own_stem)))
+        write_case_figures(circuit_of(case), result, folder, stem=stem)
 
 
 def _selected(result: xr.Dataset, names: Sequence[str] | None) -> xr.Dataset:
@@ -120,8 +116,3 @@ def _output_table(results: Sequence[xr.Dataset]) -> pd.DataFrame:
         scalars = [str(name) for name, variable in result.data_vars.items() if variable.ndim == 0]
         rows.append(row | {_headed(result, name): result[name].item() for name in scalars})
     return pd.DataFrame(rows)
-
-
-def _write_table(table: pd.DataFrame, path: Path) -> None:
-    with whole_file(path) as partial:
-        table.map(guarded).to_csv(partial, index=False, lineterminator="\n")

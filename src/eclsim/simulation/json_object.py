@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from eclsim.files import finite
 from eclsim.simulation.single import FLOW_WANTED, SPEED_FOUND
 
 if TYPE_CHECKING:
@@ -33,12 +33,12 @@ def case_object(result: xr.Dataset) -> dict[str, Any]:
         "id": str(result.attrs["id"]),
         "converged": bool(result.attrs["converged"]),
         "beats": int(result.attrs["beats"]),
-        "residual": _finite(result.attrs["residual"]),
+        "residual": finite(result.attrs["residual"]),
         "blood_volume_policy": str(result.attrs["blood_volume_policy"]),
         "status": _plain(result.attrs.get("status", "")),
         "message": str(result.attrs.get("message", "")),
         **(
-            {"grid_error_percent": _finite(result.attrs["grid_error_percent"])}
+            {"grid_error_percent": finite(result.attrs["grid_error_percent"])}
             if "grid_error_percent" in result.attrs
             else {}
         ),
@@ -82,16 +82,8 @@ def _statistics(result: xr.Dataset, name: str) -> dict[str, float] | None:
 
 
 def _numbers(result: xr.Dataset, names: Sequence[str]) -> dict[str, float]:
-    found = {name: _finite(result[name].item()) for name in names}
-    return {name: value for name, value in found.items() if value is not None}
-
-
-def _finite(value: Any) -> float | None:
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        return None
-    return number if math.isfinite(number) else None
+    values = {name: result[name].item() for name in names}
+    return {name: float(v) for name, v in values.items() if isinstance(v, int | float) and np.isfinite(v)}
 
 
 def _plain(value: Any) -> str | int:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eclsim.atomic import whole_file
-from eclsim.reporting.plain_json import write_plain
+from eclsim.files import frame_text, whole_file, write_text
 from eclsim.simulation.json_object import case_object
 from eclsim.simulation.sweep import Sweep, as_table
 
@@ -27,7 +26,9 @@ def sweep_object(sweep: Sweep) -> dict[str, Any]:
 
 def write_json(sweep: Sweep, destination: Path | str) -> None:
     """Write the object to a file, or to standard output for "-"."""
-    write_plain(sweep_object(sweep), destination)
+    from eclsim import files
+
+    files.write_json(sweep_object(sweep), destination)
 
 
 def write_netcdf(sweep: Sweep, path: Path) -> None:
@@ -40,8 +41,7 @@ def write_netcdf(sweep: Sweep, path: Path) -> None:
 def write_csv(sweep: Sweep, path: Path) -> None:
     """Write a row for each value, outputs with units in the head; cells without a steady beat are empty."""
     path.parent.mkdir(exist_ok=True)
-    with whole_file(path) as partial:
-        _frame(sweep).to_csv(partial, index=False, lineterminator="\n")
+    write_text(frame_text(_frame(sweep)), path)
 
 
 def write_figure(sweep: Sweep, path_without_suffix: Path) -> list[Path]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from typing import Any
 
@@ -11,7 +10,7 @@ from eclsim.validation.rows import Check, Row
 
 
 def validation_object(checks: Iterable[Check]) -> dict[str, Any]:
-    """All checks with every row; what is not finite is null."""
+    """All checks with every row."""
     listed = [_check(check) for check in checks]
     holds = all(check["holds"] for check in listed if check["required"])
     return {"machine": machine(), "all_bars_hold": holds, "checks": listed}
@@ -36,11 +35,11 @@ def _row(row: Row) -> dict[str, Any]:
     return {
         "name": row.name,
         "expected": row.expected,
-        "got": _finite(row.got),
+        "got": row.got,
         "unit": row.unit,
-        "low": _finite(row.low),
-        "high": _finite(row.high),
-        "error_percent": row.percent if row.percent is None else _finite(row.percent),
+        "low": row.low,
+        "high": row.high,
+        "error_percent": row.percent,
         "holds": row.holds,
         "explanation": row.explained,
         "evidence": [_row(shown) for shown in _evidence(row)],
@@ -50,7 +49,3 @@ def _row(row: Row) -> dict[str, Any]:
 
 def _evidence(row: Row) -> tuple[Row, ...]:
     return () if row.holds or row.explanation is None else row.explanation.evidence
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
