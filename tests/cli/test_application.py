@@ -120,12 +120,12 @@ def test_a_full_disk_under_a_folder_of_results_is_not_blamed_on_standard_output(
     """The writer of every command's files names the file, and the command says it."""
     program = (
         "import errno, pathlib\n"
-        "from eclsim.reporting import plain_json\n"
+        "from eclsim.files import write_json\n"
         "def full(*_, **__): raise OSError(errno.ENOSPC, 'No space left on device')\n"
         "pathlib.Path.write_text = full\n"
         "from eclsim.cli import application, devices\n"
         f"devices_file = pathlib.Path({str(tmp_path)!r}) / 'identification.json'\n"
-        "application.app = lambda **_: plain_json.write_plain({}, devices_file)\n"
+        "application.app = lambda **_: write_json({}, devices_file)\n"
         "application.run([])\n"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
