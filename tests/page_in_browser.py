@@ -1,13 +1,25 @@
-"""What tests of the page in a browser do again and again."""
+"""What tests of the page in a browser do again and again.
+
+The page answers when it can: nothing here or in these tests reads it once and takes that for the answer.
+`expect` (playwright's) and `eventually` read again until what is asked holds, and fail after `PATIENCE_S`.
+"""
 
 from __future__ import annotations
 
+import json
+import time
 from pathlib import Path
 from typing import Any
 
-from eclsim.app.texts import text
+import pytest
 
-LAPTOP, TABLET = {"width": 1280, "height": 800}, {"width": 820, "height": 1180}
+from eclsim.app.texts import text
+from patience import PATIENCE_S, eventually
+from system_browser import LAPTOP, PHONE, TABLET
+
+__all__ = ["LAPTOP", "PHONE", "TABLET", "eventually"]
+expect = pytest.importorskip("playwright.sync_api", reason="tests in a browser need playwright").expect
+expect.set_options(timeout=1000 * PATIENCE_S)
 
 
 def beat(page) -> dict[str, Any]:
@@ -18,8 +30,16 @@ def wait_for(page, condition: str) -> None:
     page.wait_for_function(f"(() => {{ const beat = eclsim.bus.last('beat'); return {condition}; }})()")
 
 
+def beat_with(page, key: str, value: float | str) -> dict[str, Any]:
+    """The beat of the state whose knob stands there, once it is drawn."""
+    wait_for(page, f"beat.values[{json.dumps(key)}] === {json.dumps(value)}")
+    return beat(page)
+
+
 def show(page, view: str) -> None:
-    page.get_by_role("tab", name=text(view), exact=True).click()
+    tab = page.get_by_role("tab", name=text(view), exact=True)
+    tab.click()
+    expect(tab).to_have_attribute("aria-selected", "true")
 
 
 def picture(page, shots: Path | None, name: str) -> None:
@@ -28,11 +48,29 @@ def picture(page, shots: Path | None, name: str) -> None:
         page.screenshot(path=shots / f"{name}.png")
 
 
+def knob(page, key: str) -> Any:
+    """The field of a knob, or its list."""
+    return page.locator("#knob-" + key.replace(".", "-"))
+
+
 def turn(page, key: str, value: str) -> None:
     """Type a value beside a knob."""
-    field = page.locator("#knob-" + key.replace(".", "-"))
+    field = knob(page, key)
     field.fill(value)
     field.press("Enter")
+
+
+def box_at_rest(locator) -> dict[str, float]:
+    """Where something is, once it does not move any more."""
+
+    def stays() -> dict[str, float]:
+        before = locator.bounding_box()
+        time.sleep(0.15)
+        assert before is not None
+        assert locator.bounding_box() == before
+        return before
+
+    return eventually(stays)
 
 
 def choose(page, preset: str) -> None:

@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 
+LAPTOP, TABLET = {"width": 1280, "height": 800}, {"width": 820, "height": 1180}
+PHONE = {"width": 390, "height": 844}
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
 

@@ -17,8 +17,7 @@ import pytest
 
 from eclsim.app.state import PageState, link_of
 from eclsim.cases.presets import PRESETS
-from page_in_browser import LAPTOP
-from system_browser import system_browser
+from system_browser import LAPTOP, system_browser
 
 START_SECONDS = 180
 """Patience with a server that starts beside other tests on a small machine."""

@@ -5,7 +5,18 @@ from __future__ import annotations
 import pytest
 
 from eclsim.app.texts import text
-from page_in_browser import LAPTOP, beat, picture, show, wait_for
+from page_in_browser import (
+    LAPTOP,
+    beat,
+    beat_with,
+    box_at_rest,
+    expect,
+    knob,
+    picture,
+    show,
+    turn,
+    wait_for,
+)
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
 
@@ -17,13 +28,13 @@ def test_a_knob_moves_everything(open_page, shots):
     slider.focus()
     for _ in range(8):
         page.keyboard.press("ArrowRight")
-    wait_for(page, "beat.outputs.PF > 3.8")
-    after = beat(page)["outputs"]
+    expect(knob(page, "ecmo.speed_rpm")).to_have_value("3625")
+    after = beat_with(page, "ecmo.speed_rpm", 3625)["outputs"]
+    assert after["PF"] > 3.8
     assert after["MAP"] > before["MAP"]
-    assert f"{after['MAP']:.0f}" in page.locator(".ecl-keys").inner_text()
-    assert f"{after['PF']:.2f}" in page.locator(".ecl-schematic").inner_text()
-    assert f"{after['PF']:.2f}" in page.locator(".ecl-monitor").inner_text()
-    page.wait_for_function("document.querySelector('#knob-ecmo-speed_rpm').value === '3625'")
+    expect(page.locator(".ecl-keys")).to_contain_text(f"{after['MAP']:.0f}")
+    expect(page.locator(".ecl-schematic")).to_contain_text(f"{after['PF']:.2f}")
+    expect(page.locator(".ecl-monitor")).to_contain_text(f"{after['PF']:.2f}")
     picture(page, shots, "monitor")
 
 
@@ -31,7 +42,7 @@ def test_the_notice_is_always_there(open_page):
     page = open_page("healthy")
     for view in ("monitor", "loops", "identify"):
         show(page, view)
-        box = page.get_by_text(text("notice")).bounding_box()
+        box = box_at_rest(page.get_by_text(text("notice")))
         assert box["y"] + box["height"] <= LAPTOP["height"]
 
 
@@ -45,27 +56,24 @@ def test_bad_values_are_said_beside_the_knob_and_change_nothing(open_page, shots
     field.fill(typed)
     field.press("Enter")
     alert = page.locator("#knob-ecmo-speed_rpm-error")
-    alert.wait_for()
-    assert said in alert.inner_text()
-    assert field.get_attribute("aria-invalid") == "true"
+    expect(alert).to_contain_text(said)
+    expect(field).to_have_attribute("aria-invalid", "true")
     assert beat(page)["outputs"]["PF"] == pytest.approx(3.70, abs=0.02)
     if typed == "3,425":
         picture(page, shots, "bad_value")
     field.fill("3000")
     field.press("Enter")
     wait_for(page, "beat.outputs.PF < 3.2")
-    assert alert.count() == 0
-    resistance = page.locator("#knob-parameters-Rmc")
-    resistance.fill("1,1")
-    resistance.press("Enter")
-    page.wait_for_function("document.querySelector('#knob-parameters-Rmc').value === '1.1'")
+    expect(alert).to_have_count(0)
+    turn(page, "parameters.Rmc", "1,1")
+    expect(knob(page, "parameters.Rmc")).to_have_value("1.1")
 
 
 def test_a_crrt_line_is_dragged_to_another_position(open_page, shots):
     page = open_page()
     before = beat(page)["outputs"]["crrt_access_pressure"]
-    handle = page.locator('[data-line="access"] .knob').bounding_box()
-    target = page.locator('[data-node="ecmotudp"] rect').bounding_box()
+    handle = box_at_rest(page.locator('[data-line="access"] .knob'))
+    target = box_at_rest(page.locator('[data-node="ecmotudp"] rect'))
     page.mouse.move(handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2)
     page.mouse.down()
     page.mouse.move(target["x"] + target["width"] / 2, target["y"] + 10, steps=6)
@@ -73,7 +81,7 @@ def test_a_crrt_line_is_dragged_to_another_position(open_page, shots):
     page.mouse.move(target["x"] + target["width"] / 2, target["y"] + target["height"] / 2, steps=3)
     page.mouse.up()
     wait_for(page, f"beat.outputs.crrt_access_pressure < {before} - 100")
-    assert page.get_by_label("Access line at").input_value() == "pre_pump"
+    expect(page.get_by_label("Access line at")).to_have_value("pre_pump")
 
 
 def test_a_crrt_line_is_moved_with_the_keyboard_and_chosen_from_the_list(open_page):
@@ -81,7 +89,7 @@ def test_a_crrt_line_is_moved_with_the_keyboard_and_chosen_from_the_list(open_pa
     handle = page.locator('[data-line="return"]')
     handle.focus()
     page.keyboard.press("ArrowRight")
-    page.wait_for_function("document.querySelector('#knob-crrt-return_site').value === 'post_oxy'")
+    expect(knob(page, "crrt.return_site")).to_have_value("post_oxy")
     page.get_by_label("Return line at").select_option("pre_rc")
     page.wait_for_function("eclsim.bus.last('drawing').lines.some((l) => l.site === 'ecmoreturn' && l.moves)")
 
@@ -90,8 +98,7 @@ def test_undo_redo_reset_and_pin(open_page, shots):
     page = open_page()
     page.keyboard.press("Alt+p")
     page.wait_for_function("eclsim.bus.last('pinned')")
-    page.locator("#knob-patient-heart_rate_bpm").fill("80")
-    page.locator("#knob-patient-heart_rate_bpm").press("Enter")
+    turn(page, "patient.heart_rate_bpm", "80")
     wait_for(page, "Math.abs(beat.period - 0.75) < 1e-3")
     page.locator("h2").first.click()
     page.keyboard.press("Control+z")

@@ -7,6 +7,7 @@ that ECLSIM_AXE names.
 from __future__ import annotations
 
 import os
+import re
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -16,11 +17,10 @@ from eclsim.app.knobs import connect
 from eclsim.app.state import PageState, link_of
 from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
-from page_in_browser import LAPTOP, picture, show, wait_for
+from page_in_browser import LAPTOP, PHONE, eventually, expect, picture, show, turn, wait_for
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
 
-PHONE = {"width": 390, "height": 844}
 SMALLEST_LETTER_PX = 11.0
 FAULTS_OF_THE_SCHEMATIC = """(smallest) => {
   const svg = document.querySelector('.ecl-schematic svg');
@@ -73,17 +73,22 @@ def test_the_schematic_can_be_read(open_page, served, shots, preset, devices):
     for device in devices:
         case = connect(case, device)
     page = open_page(url=f"{served.url}/#{link_of(PageState(case))}")
-    found = page.evaluate(FAULTS_OF_THE_SCHEMATIC, SMALLEST_LETTER_PX)
+    page.locator(".ecl-schematic .box").first.wait_for()
     picture(page, shots, "_".join(("schematic", preset, *devices)))
-    assert found["faults"] == []
-    assert found["filled"] > 0.65
+
+    def readable() -> None:
+        found = page.evaluate(FAULTS_OF_THE_SCHEMATIC, SMALLEST_LETTER_PX)
+        assert found["faults"] == []
+        assert found["filled"] > 0.65
+
+    eventually(readable)
 
 
 def test_curves_of_the_ramp_differ_in_colour_and_dash_and_limits_have_names(open_page, shots):
     page = open_page("paper")
     show(page, "ramp")
     page.wait_for_function("eclsim.bus.last('ramp')?.speeds.length >= 15")
-    page.locator(".ecl-chart:visible .scatterlayer .trace").first.wait_for()
+    expect(page.locator(".ecl-chart:visible .scatterlayer .trace")).to_have_count(9)
     chart = "[...document.querySelectorAll('.ecl-chart')].find((e) => e.clientHeight && e.data)"
     strokes = page.evaluate(
         f"{chart}.data.filter((t) => t.showlegend !== false).map((t) => [t.line.color, t.line.dash])"
@@ -102,14 +107,18 @@ def test_on_a_phone_nothing_overflows_and_schemes_have_units(open_page, shots):
     show(page, "schemes")
     page.wait_for_function("eclsim.bus.last('schemes')?.cells.length === 9")
     page.locator(".ecl-schemes button").first.wait_for()
-    assert page.locator(".ecl-schemes .values").first.inner_text().count("mmHg") == 3
-    wide = page.evaluate(
-        """() => [...document.querySelectorAll('.ecl-schemes button')].flatMap((b) =>
-        [...b.querySelectorAll('span')].filter((s) => s.getBoundingClientRect().right >
-        b.getBoundingClientRect().right).map((s) => s.textContent))"""
-    )
-    assert wide == []
-    assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+    expect(page.locator(".ecl-schemes .values").first).to_have_text(re.compile("(mmHg.*){3}"))
+
+    def nothing_overflows() -> None:
+        wide = page.evaluate(
+            """() => [...document.querySelectorAll('.ecl-schemes button')].flatMap((b) =>
+            [...b.querySelectorAll('span')].filter((s) => s.getBoundingClientRect().right >
+            b.getBoundingClientRect().right).map((s) => s.textContent))"""
+        )
+        assert wide == []
+        assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+
+    eventually(nothing_overflows)
     picture(page, shots, "schemes_phone")
 
 
@@ -122,17 +131,20 @@ def test_saved_states_have_names_and_the_table_scrolls(open_page, shots):
     name = page.get_by_label(text("compare_name").format(number=1))
     name.fill("before the CRRT")
     name.press("Enter")
-    page.locator("#knob-ecmo-speed_rpm").fill("2500")
-    page.locator("#knob-ecmo-speed_rpm").press("Enter")
+    turn(page, "ecmo.speed_rpm", "2500")
     wait_for(page, "beat.outputs.PF < 2.7")
-    assert name.input_value() == "before the CRRT"
-    assert page.get_by_label(text("compare_name").format(number=2)).input_value() == "2"
+    expect(name).to_have_value("before the CRRT")
+    expect(page.get_by_label(text("compare_name").format(number=2))).to_have_value("2")
     table = page.locator(".ecl-compare .ecl-table")
-    assert table.evaluate("(t) => getComputedStyle(t).overflowX") == "auto"
+    expect(table).to_have_css("overflow-x", "auto")
     last = page.get_by_role("button", name=f"{text('compare_remove')} 4")
     last.scroll_into_view_if_needed()
-    edge = table.bounding_box()
-    assert last.bounding_box()["x"] + last.bounding_box()["width"] <= edge["x"] + edge["width"]
+
+    def reached() -> None:
+        edge, end = table.bounding_box(), last.bounding_box()
+        assert end["x"] + end["width"] <= edge["x"] + edge["width"]
+
+    eventually(reached)
     picture(page, shots, "compare_named")
 
 
@@ -140,8 +152,13 @@ def test_a_dark_preference_is_followed(open_page, shots):
     page = open_page("paper", color_scheme="dark")
     brightness = """(selector) => getComputedStyle(document.querySelector(selector)).backgroundColor
       .match(/[0-9]+/g).slice(0, 3).reduce((sum, v) => sum + Number(v), 0) / 3"""
-    for selector in ("body", ".ecl-header", ".ecl-limits", ".ecl-middle", ".ecl-knobs section"):
-        assert page.evaluate(brightness, selector) < 60
+
+    def dark() -> None:
+        for selector in ("body", ".ecl-header", ".ecl-limits", ".ecl-middle", ".ecl-knobs section"):
+            assert page.evaluate(brightness, selector) < 60
+
+    page.locator(".ecl-knobs section").first.wait_for()
+    eventually(dark)
     show(page, "loops")
     page.locator(".ecl-chart:visible .scatterlayer .trace").first.wait_for()
     chart = "[...document.querySelectorAll('.ecl-chart')].find((e) => e.clientHeight && e.data)"
@@ -160,6 +177,14 @@ def axe() -> Path:
     return next(Path(package.origin).parent.rglob("axe.min.js"))
 
 
+DRAWN = {
+    "monitor": ".ecl-monitor .lane", "loops": ".ecl-chart .scatterlayer .trace",
+    "ramp": ".ecl-chart .scatterlayer .trace", "schemes": ".ecl-schemes button", "outputs": ".ecl-outputs td",
+    "identify": ".ecl-identify input", "compare": ".ecl-compare td",
+}  # fmt: skip
+"""What is seen of each view when it is there."""
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_finds_nothing(open_page, scheme):
     script = axe()
@@ -172,20 +197,22 @@ def test_axe_finds_nothing(open_page, scheme):
     ask = f"axe.run({{ exclude: [['.q-loading-bar']] }}, {options})"
     said = f"async () => (await {ask}).violations.map((v) => `${{v.id}}: ${{v.nodes.map((n) => n.target)}}`)"
     still = "!document.querySelector('[class*=-enter-active], [class*=-leave-active]')"
-    found = {}
-    for view in ("monitor", "loops", "ramp", "schemes", "outputs", "identify", "compare"):
-        show(page, view)
-        page.wait_for_timeout(800)
+
+    def nothing() -> None:
         page.wait_for_function(still)  # what fades in or out has no contrast of its own
-        found[view] = page.evaluate(said)
+        assert page.evaluate(said) == []
+
+    for view, drawn in DRAWN.items():
+        show(page, view)
+        page.locator(f"{drawn}:visible").first.wait_for()
+        eventually(nothing)
     for name in ("export", "open", "help"):
         page.get_by_role("button", name=text(name), exact=True).click()
-        page.wait_for_timeout(600)
-        page.wait_for_function(still)
-        found[name] = page.evaluate(said)
+        opened = page.locator(".q-menu, .q-dialog__inner").first
+        opened.wait_for()
+        eventually(nothing)
         page.keyboard.press("Escape")
-        page.wait_for_timeout(400)
-    assert {where: faults for where, faults in found.items() if faults} == {}
+        expect(opened).to_be_hidden()
 
 
 @pytest.mark.parametrize("viewport", [LAPTOP, PHONE], ids=["laptop", "phone"])
@@ -197,4 +224,9 @@ def test_whatever_is_pressed_is_large_enough(open_page, viewport):
       return measured.filter(([, r]) => r.width && r.height && Math.min(r.width, r.height) < 24)
         .map(([e, r]) => `${e.outerHTML.slice(0, 80)}: ${r.width} x ${r.height}`);
     }"""
-    assert page.evaluate(small) == []
+    page.locator(".ecl-knob").first.wait_for()
+
+    def large() -> None:
+        assert page.evaluate(small) == []
+
+    eventually(large)

@@ -8,7 +8,7 @@ from eclsim.app.knobs import turn
 from eclsim.app.state import PageState, link_of
 from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
-from page_in_browser import LAPTOP, beat, picture
+from page_in_browser import LAPTOP, beat, eventually, expect, picture
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
 
@@ -55,30 +55,35 @@ def link(served, preset: str, **turns: object) -> str:
 def test_every_beat_of_a_steady_beat_has_the_same_peak(open_page, served, shots, viewport, ratio):
     fast = link(served, "healthy", patient__heart_rate_bpm=200)
     page = open_page(url=fast, viewport=viewport, device_scale_factor=ratio)
-    page.wait_for_timeout(300)
-    fixed = page.evaluate(TOP_OF_EVERY_BEAT)
-    page.get_by_role("button", name=text("autoscale")).click()
-    page.wait_for_timeout(300)
-    stretched = page.evaluate(TOP_OF_EVERY_BEAT)
-    picture(page, shots, f"fast_heart_{ratio}")
-    for found in (fixed, stretched):
+
+    def peaks_are_level() -> list[float]:
+        found = page.evaluate(TOP_OF_EVERY_BEAT)
         assert len(found["tops"]) >= 19
         assert max(found["tops"]) - min(found["tops"]) < 1.0
         assert min(found["tops"]) == pytest.approx(found["systolic"] - 0.9, abs=1.0)  # half a line above
+        return found["scale"]
+
+    fixed = eventually(peaks_are_level)
+    button = page.get_by_role("button", name=text("autoscale"))
+    button.click()
+    expect(button).to_have_attribute("aria-pressed", "true")
+    stretched = eventually(peaks_are_level)
+    assert stretched != fixed
+    picture(page, shots, f"fast_heart_{ratio}")
 
 
 def test_the_scale_follows_the_level_not_the_pulse_pressure(open_page, served):
-    def scale_of(page) -> str:
-        return page.locator('.ecl-monitor [data-wave="Pao"]').get_attribute("data-scale")
+    def pressure(page):
+        return expect(page.locator('.ecl-monitor [data-wave="Pao"]'))
 
     weak = open_page(url=link(served, "paper", parameters__Emaxlv=0.5))
     found = beat(weak)["outputs"]
     assert found["SP"] - found["DP"] < 5.0
-    assert scale_of(weak) == "0,150"
+    pressure(weak).to_have_attribute("data-scale", "0,150")
     weak.get_by_role("button", name=text("autoscale")).click()
-    weak.wait_for_function("document.querySelector('[data-wave=Pao]').dataset.scale !== '0,150'")
-    assert weak.get_by_role("button", name=text("autoscale")).get_attribute("aria-pressed") == "true"
+    pressure(weak).not_to_have_attribute("data-scale", "0,150")
+    expect(weak.get_by_role("button", name=text("autoscale"))).to_have_attribute("aria-pressed", "true")
     strong = open_page("healthy")
     found = beat(strong)["outputs"]
     assert found["SP"] - found["DP"] > 30.0
-    assert scale_of(strong) == "0,150"
+    pressure(strong).to_have_attribute("data-scale", "0,150")

@@ -8,7 +8,7 @@ import xarray as xr
 
 from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
-from page_in_browser import beat, picture, show, wait_for
+from page_in_browser import beat, expect, knob, picture, show, turn, wait_for
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
 CURRENT = "eclsim.bus.last('{topic}')?.count && eclsim.bus.last('{topic}').of === eclsim.bus.last('beat').of"
@@ -39,13 +39,12 @@ def test_a_posterior_is_opened_and_gives_bands_in_the_views(open_page, posterior
     page.get_by_text(text("posterior_opened")).wait_for()
     wait_for_bands(page)
     strip = page.get_by_role("group", name=text("bands_label"))
-    assert "R-hat of Rmc is 1.20" in strip.inner_text()
+    expect(strip).to_contain_text("R-hat of Rmc is 1.20")
     low, high = page.evaluate("eclsim.bus.last('bands').outputs.MAP")
     assert low < beat(page)["outputs"]["MAP"] < high
-    assert page.locator(".ecl-monitor .band").count() >= 5
+    expect(page.locator(".ecl-monitor .band").nth(4)).to_be_attached()
     picture(page, shots, "bands_monitor")
-    page.locator("#knob-ecmo-speed_rpm").fill("3000")
-    page.locator("#knob-ecmo-speed_rpm").press("Enter")
+    turn(page, "ecmo.speed_rpm", "3000")
     wait_for(page, "beat.outputs.PF < 3.2")
     wait_for_bands(page)
     assert page.evaluate("eclsim.bus.last('bands').outputs.PF")[1] < 3.3
@@ -97,25 +96,24 @@ def test_ecmo_is_drawn_between_the_sites_that_are_chosen(open_page, shots):
         "eclsim.bus.last('drawing').lines.some((l) => l.name === 'ecmoreturn' && l.site === 'la')"
     )
     wait_for(page, "beat.converged && Math.abs(beat.means.Qecmodrain - beat.means.Qecmoreturn) < 1")
-    assert page.locator("#knob-ecmo-mode").input_value() == "other_mode"
+    expect(knob(page, "ecmo.mode")).to_have_value("other_mode")
     picture(page, shots, "sites")
     page.get_by_label("Mode", exact=True).select_option("VV")
-    page.wait_for_function("document.querySelector('#knob-ecmo-return_site').value === 'ra'")
+    expect(knob(page, "ecmo.return_site")).to_have_value("ra")
 
 
 def test_the_pinned_state_stands_beside_the_one_that_is_shown(open_page, shots):
     page = open_page()
     page.keyboard.press("Alt+p")
-    page.locator("#knob-parameters-Rmc").fill("1.1")
-    page.locator("#knob-parameters-Rmc").press("Enter")
+    page.wait_for_function("eclsim.bus.last('pinned')")
+    turn(page, "parameters.Rmc", "1.1")
     wait_for(page, "beat.outputs.MAP > 75")
     show(page, "compare")
-    page.locator(".ecl-compare table").wait_for()
-    heads = page.locator(".ecl-compare thead th").all_inner_texts()
-    assert [h.strip() for h in heads[1:]] == [text("compare_now"), text("pinned")]
-    assert page.locator(".ecl-compare tr.knob").inner_text().split("\t")[1] == "1.10"
+    heads = page.locator(".ecl-compare thead th")
+    expect(heads).to_have_text([text("output"), text("compare_now"), text("pinned")])
+    expect(page.locator(".ecl-compare tr.knob td").first).to_have_text("1.10")
     picture(page, shots, "compare_pinned")
     show(page, "ramp")
     page.wait_for_function("eclsim.bus.last('ramp_pinned')?.of === eclsim.bus.last('pinned').of")
     picture(page, shots, "ramp_pinned")
-    assert page.locator(".ecl-bands").count() == 0
+    expect(page.locator(".ecl-bands")).to_have_count(0)

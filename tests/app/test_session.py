@@ -9,10 +9,11 @@ import pytest
 from eclsim.app.beat import Beat
 from eclsim.app.circuits import page_circuit
 from eclsim.app.keeping import read_kept
-from eclsim.app.session import KEEP_AFTER_S, Session
-from eclsim.app.state import MOST_SAVED, PageState, preset_state
+from eclsim.app.session import Session
+from eclsim.app.state import MOST_SAVED, PageState, key_of, preset_state
 from eclsim.cases.presets import PRESETS
 from eclsim.orbit.status import Status
+from patience import until
 
 
 @dataclass
@@ -55,7 +56,7 @@ def test_of_many_turns_only_the_newest_is_computed():
         one.start()
         for rate in range(60, 100):
             one.turn("patient.heart_rate_bpm", float(rate), rate)
-        await asyncio.sleep(0.2)
+        await until(lambda: beats(told) and beats(told)[-1]["seq"] == 99)
 
     asyncio.run(turns())
     assert len(engine.computed) <= 3
@@ -83,10 +84,10 @@ def test_a_beat_that_fails_is_told_and_the_next_one_comes():
     async def turns():
         one = session(engine, told)
         one.start()
-        await asyncio.sleep(0.1)
+        await until(lambda: any(topic == "failed" for topic, _ in told))
         engine.fail = False
         one.turn("patient.heart_rate_bpm", 88.0, 1)
-        await asyncio.sleep(0.1)
+        await until(lambda: beats(told))
 
     asyncio.run(turns())
     assert any(topic == "failed" for topic, _ in told)
@@ -103,9 +104,9 @@ def test_sessions_share_nothing():
             one.start()
         first.turn("patient.heart_rate_bpm", 61.0, 1)
         second.turn("patient.heart_rate_bpm", 99.0, 1)
-        await asyncio.sleep(0.2)
+        await until(lambda: all(beats(told) for told in heard))
         first.undo()
-        await asyncio.sleep(0.1)
+        await until(lambda: beats(heard[0])[-1]["outputs"]["MAP"] == 70)
         assert second.state.case.patient.heart_rate_bpm == 99
 
     asyncio.run(turns())
@@ -133,14 +134,14 @@ def test_pin_and_save_keep_the_beat_with_its_own_state():
     async def turns():
         one = session(engine, told)
         one.start()
-        await asyncio.sleep(0.1)
+        await until(lambda: beats(told))
         one.turn("patient.heart_rate_bpm", 95.0, 1)
         one.pin()
         assert one.save()
         state, beat = one.saved[0]
         assert state.case.patient.heart_rate_bpm == beat.outputs["MAP"] == 70
         assert one.pinned == (state, beat)
-        await asyncio.sleep(0.1)
+        await until(lambda: len(beats(told)) == 2)
         while one.save():
             pass
         assert len(one.saved) == MOST_SAVED
@@ -161,7 +162,6 @@ def test_only_known_volume_policies_are_taken(policy):
     async def turns():
         one = session(engine, told)
         one.set_policy(policy)
-        await asyncio.sleep(0.05)
         return one.state.policy
 
     assert asyncio.run(turns()) == ("patient_held" if policy == "patient_held" else "as_published")
@@ -174,26 +174,25 @@ def test_a_tab_that_is_restored_has_its_undo_its_pin_and_its_saved_states():
     async def before():
         one = session(engine, told)
         one.start()
-        await asyncio.sleep(0.05)
+        await until(lambda: len(beats(told)) == 1)
         one.pin()
         one.turn("patient.heart_rate_bpm", 81.0, 1)
-        await asyncio.sleep(0.05)
+        await until(lambda: len(beats(told)) == 2)
         one.save()
         one.turn("patient.heart_rate_bpm", 92.0, 2)
-        await asyncio.sleep(KEEP_AFTER_S + 0.2)
+        await until(lambda: key_of(one.state) in [data["of"] for topic, data in told if topic == "keep"])
 
     async def after():
         one = session(engine, other)
         kept = [data["tab"] for topic, data in told if topic == "keep"]
         one.restore(read_kept(kept[-1]))
         one.start()
-        await asyncio.sleep(0.2)
+        await until(lambda: one.pinned and one.saved and any(topic == "base" for topic, _ in other))
         assert one.state.case.patient.heart_rate_bpm == 92
         assert one.pinned is not None
         assert one.pinned[1].outputs["MAP"] == 70
         assert [beat.outputs["MAP"] for _, beat in one.saved] == [81]
         one.undo()
-        await asyncio.sleep(0.05)
         assert one.state.case.patient.heart_rate_bpm == 70  # turns within 1.5 s are one step
         assert not one.state.changed
 
@@ -213,7 +212,7 @@ def test_undo_then_reset_stays_with_the_same_patient():
         one.load(PageState(PRESETS["lvad"].case()))
         one.undo()
         one.reset()
-        await asyncio.sleep(0.1)
+        await until(lambda: beats(told))
         return one.state
 
     assert asyncio.run(turns()) == preset_state("healthy")
@@ -229,7 +228,7 @@ def test_a_fit_that_is_judged_again_is_so_in_all_its_states():
         one = session(engine, told)
         one.load(fitted)
         one.turn("patient.heart_rate_bpm", 81.0, 1)
-        await asyncio.sleep(0.1)
+        await until(lambda: beats(told))
         one.judge(fitted, replace(fitted, verdict="poor"))
         assert one.state.start.verdict == one.state.verdict == "poor"
         assert one.shown[0] == one.state
@@ -237,7 +236,6 @@ def test_a_fit_that_is_judged_again_is_so_in_all_its_states():
         assert one.state.verdict == "poor"
         one.undo()
         assert one.state == preset_state("healthy")
-        await asyncio.sleep(0.1)
 
     asyncio.run(turns())
     names = [data["whose"]["badge"] for topic, data in told if topic == "state"]
@@ -251,7 +249,7 @@ def test_numbers_say_where_their_knobs_stood():
         one = session(engine, told)
         one.start()
         one.turn("patient.heart_rate_bpm", 81.0, 1)
-        await asyncio.sleep(0.1)
+        await until(lambda: beats(told))
 
     asyncio.run(turns())
     assert {b["outputs"]["MAP"] == b["values"]["patient.heart_rate_bpm"] for b in beats(told)} == {True}
@@ -266,6 +264,5 @@ def test_a_scheme_connects_the_crrt_where_there_is_none():
         assert one.use_scheme("post_oxy", "pre_pump")
         lines = one.state.case.crrt
         assert (lines.access_site, lines.return_site) == ("post_oxy", "pre_pump")
-        await asyncio.sleep(0.05)
 
     asyncio.run(turns())
