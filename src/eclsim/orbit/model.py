@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import difflib
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.circuit.network import Choice, Circuit
@@ -20,7 +21,12 @@ from eclsim.patient.circulation import circulation
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
+    from eclsim.cases.reading import CaseReading
 
+CaseSource: TypeAlias = "str | os.PathLike[str] | CaseReading | Case"
+"""What functions take as a case: the path of a case file, what `read_case` returned, or the case itself."""
+ModelSource: TypeAlias = "CaseSource | Model"
+VolumePolicy = Literal["as_published", "patient_held"]
 AS_PUBLISHED = "as_published"
 PATIENT_HELD = "patient_held"
 POLICIES = (AS_PUBLISHED, PATIENT_HELD)
@@ -79,6 +85,31 @@ def model_of(case: Case) -> Model:
     from eclsim.cases.resolve import resolve_parameters
 
     return Model(circuit_of(case), resolve_parameters(case), case.patient.id, case.volume_policy)
+
+
+def as_case(source: CaseSource) -> Case:
+    """The case of a file, of what `read_case` returned, or the case itself.
+
+    Raises:
+        CaseError: the file is no case; with everything that is wrong.
+        TypeError: no case at all, such as a `Model`.
+    """
+    from eclsim.cases.case import Case
+    from eclsim.cases.reading import CaseReading, read_case
+
+    if isinstance(source, Case):
+        return source
+    if isinstance(source, CaseReading):
+        return source.case
+    if isinstance(source, (str, os.PathLike)):
+        return read_case(source).case
+    kind = type(source).__name__
+    raise TypeError(f"a {kind} is no case; allowed: the path of a case file, a CaseReading or a Case")
+
+
+def as_model(source: ModelSource) -> Model:
+    """The model of a case, or the model itself; raises as `as_case` does."""
+    return source if isinstance(source, Model) else model_of(as_case(source))
 
 
 def circuit_of(case: Case) -> Circuit:
