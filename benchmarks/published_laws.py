@@ -42,14 +42,14 @@ class Published:
         self.chambers = [k for k, c in enumerate(stores) if c.component.activation is not None]
 
     def rates(self, time, state, _):
-        assembly, n = self.assembly, self.assembly.n_states
+        assembly, n = self.assembly, self.assembly.layout.size
         phase = time / self.period % 1.0
         at_rest = self.explicit._pressures(state[:n], phase, self.constants)
         pressures = list(at_rest)
         for place, k in enumerate(self.chambers):
             pressures[k] = state[n + place]
         flows = self.flows(state, pressures)
-        changes = [0.0] * assembly.n_volumes
+        changes = [0.0] * len(assembly.circuit.compartments)
         for flow, (source, target) in zip(flows, assembly.ends, strict=True):
             assembly.add_at(source, changes, -flow, self.constants)
             assembly.add_at(target, changes, flow, self.constants)
@@ -61,7 +61,7 @@ class Published:
         return jnp.stack([c + 0.0 * state[0] for c in changes])
 
     def flows(self, state, pressures):
-        found = self.explicit.flows(state[: self.assembly.n_states], pressures, self.constants)
+        found = self.explicit.flows(state[: self.assembly.layout.size], pressures, self.constants)
         for j, connection in enumerate(self.assembly.circuit.connections):
             if isinstance(connection.component, HeartValve):
                 drop = self.explicit._push(j, pressures, self.constants)
@@ -97,9 +97,9 @@ def last_beat(case: str) -> dict[str, np.ndarray]:
     states = jax.jit(lambda s: run(s, diffrax.SaveAt(ts=times)))(state)
 
     def all_flows(state):
-        pressures = list(explicit._pressures(state[: explicit.assembly.n_states], 0.0, law.constants))
+        pressures = list(explicit._pressures(state[: explicit.assembly.layout.size], 0.0, law.constants))
         for place, k in enumerate(law.chambers):
-            pressures[k] = state[explicit.assembly.n_states + place]
+            pressures[k] = state[explicit.assembly.layout.size + place]
         return jnp.stack(law.flows(state, pressures))
 
     flows = np.asarray(jax.jit(jax.vmap(all_flows))(states)).T

@@ -68,12 +68,12 @@ def test_every_configuration_hangs_together(name):
     assembly = assemble(circuit)
     inertial = [c.name for c in circuit.connections if c.component.inertial]
     volumes = ["V" + c.name for c in circuit.compartments]
-    assert assembly.state_names == (*volumes, *("Q" + n for n in inertial))
-    assert assembly.n_states == len(volumes) + len(inertial)
+    assert assembly.layout.names == (*volumes, *("Q" + n for n in inertial))
+    assert assembly.layout.size == len(volumes) + len(inertial)
 
 
 def test_the_circulation_of_the_paper_has_14_states():
-    assert assemble(circulation()).n_states == 14
+    assert assemble(circulation()).layout.size == 14
 
 
 def test_circuits_are_values():

@@ -19,11 +19,11 @@ def blood_after(patient, beats=BEATS):
     program = beat_program(patient.circuit)
     step = program.trace(all_signals(program.assembly))
     packed = np.array([patient.values[name] for name in program.names])
-    state, volumes = start_state(patient), len(patient.circuit.compartments)
-    blood = [state[:volumes].sum()]
+    state, volumes = start_state(patient), program.assembly.layout.volumes.where
+    blood = [state[volumes].sum()]
     for _ in range(beats):
         state = step(state, packed)[0]
-        blood.append(np.asarray(state)[:volumes].sum())
+        blood.append(np.asarray(state)[volumes].sum())
     return np.array(blood)
 
 
@@ -43,11 +43,11 @@ def test_blood_stays_the_same_in_every_crrt_scheme(scheme):
 def test_the_independent_path_keeps_its_blood_too(name):
     patient = model(name)
     beats, state = AdaptiveBeats(patient), start_state(patient)
-    volumes = len(patient.circuit.compartments)
-    blood = state[:volumes].sum()
+    volumes = assemble(patient.circuit).layout.volumes.where
+    blood = state[volumes].sum()
     for _ in range(50):
         state = beats.beat(state)
-    assert state[:volumes].sum() == pytest.approx(blood, rel=1e-10)
+    assert state[volumes].sum() == pytest.approx(blood, rel=1e-10)
 
 
 def test_recorded_volumes_hold_all_blood_at_every_step():

@@ -134,7 +134,7 @@ class BeatProgram:
     def _start(self, state: Any, constants: Constants, period: Any) -> tuple[list[Any], list[Any]]:
         """Volumes, and flows of all connections, at phase 0."""
         assembly = self.assembly
-        volumes = [state[i] for i in range(assembly.n_volumes)]
+        volumes, inertial = assembly.volumes(state), assembly.inertial_flows(state)
         zero = jnp.zeros_like(volumes[0])
         activations = [float(a.at(np.array(0.0), np)) for a in assembly.activations]
         pressures, stiffness = assembly.pressures(volumes, activations, constants)
@@ -143,8 +143,8 @@ class BeatProgram:
         for j, (connection, (source, target)) in enumerate(
             zip(assembly.circuit.connections, assembly.ends, strict=True)
         ):
-            if j in assembly.inertial:
-                flows.append(state[assembly.n_volumes + assembly.inertial.index(j)])
+            if j in inertial:
+                flows.append(inertial[j])
                 continue
             drop = assembly.at(source, pressures, constants) - assembly.at(target, pressures, constants)
             load = assembly.at(source, stiffness, constants) + assembly.at(target, stiffness, constants)

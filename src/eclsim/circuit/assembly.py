@@ -1,17 +1,19 @@
 """From the two tables to states and rates: what every solver needs to know of a circuit, and nothing of time.
 
-The state of a circuit is the stressed volume of each compartment [mL], in the order of the table, followed by
-the flow of each inertial connection [mL/s]. All functions are written for one entry per patient of a batch:
-they take lists of arrays (or of numbers) and never look at shapes.
+What the numbers of a state are says its layout. All functions are written for one entry per patient of a
+batch: they take lists of arrays (or of numbers) and never look at shapes.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
+import numpy as np
+
 from eclsim.circuit.filling import filled_to
+from eclsim.circuit.layout import StateLayout, layout_of
 from eclsim.circuit.network import Choice, Circuit, Site, StartPressure
 from eclsim.circuit.sweep import sweep_order
 from eclsim.circuit.validation import validate
@@ -54,21 +56,19 @@ class Assembly:
     activations: tuple[Activation, ...]
     sweep: tuple[int, ...]
 
-    @property
-    def n_volumes(self) -> int:
-        """Number of compartments."""
-        return len(self.circuit.compartments)
+    @cached_property
+    def layout(self) -> StateLayout:
+        """What the numbers of the state are."""
+        compartments = tuple(c.name for c in self.circuit.compartments)
+        return layout_of(compartments, tuple(self.circuit.connections[j].name for j in self.inertial))
 
-    @property
-    def n_states(self) -> int:
-        """Number of states: compartments plus inertial connections."""
-        return self.n_volumes + len(self.inertial)
+    def volumes(self, state: Any) -> list[Any]:
+        """Stressed volume of every compartment [mL]."""
+        return [state[k] for k in self.layout.volumes.positions]
 
-    @property
-    def state_names(self) -> tuple[str, ...]:
-        """V + compartment, then Q + connection."""
-        volumes = tuple("V" + c.name for c in self.circuit.compartments)
-        return volumes + tuple("Q" + self.circuit.connections[j].name for j in self.inertial)
+    def inertial_flows(self, state: Any) -> dict[int, Any]:
+        """Flow of each connection with inertia [mL/s], by its position in the table."""
+        return {j: state[k] for j, k in zip(self.inertial, self.layout.flows.positions, strict=True)}
 
     def activation_index(self, position: int) -> int | None:
         """Which activation curve drives a compartment; None for a passive one."""
@@ -122,6 +122,12 @@ class Assembly:
     def start_volumes(self, values: Values) -> list[Any]:
         """Stressed volume of every compartment at the start [mL]."""
         return [_start_volume(c, values) for c in self.circuit.compartments]
+
+    def start_state(self, values: Values) -> np.ndarray:
+        """State of one patient at the start: start volumes, flows at rest; shape (states,)."""
+        state = np.zeros(self.layout.size)
+        state[self.layout.volumes.where] = [float(v) for v in self.start_volumes(values)]
+        return state
 
 
 def _start_volume(compartment: Any, values: Values) -> Any:

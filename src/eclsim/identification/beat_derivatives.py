@@ -46,10 +46,10 @@ class Place:
     slopes: np.ndarray
     inverse: np.ndarray
 
-    def foreseen(self, x: np.ndarray, scale: np.ndarray) -> Anchor:
+    def foreseen(self, x: np.ndarray, largest_steps: np.ndarray) -> Anchor:
         """Where the orbit at other parameters is expected."""
         moves = self.slopes @ (x - self.x)
-        return Anchor(self.state + moves * affordable(moves, self.state, scale), self.inverse)
+        return Anchor(self.state + moves * affordable(moves, self.state, largest_steps), self.inverse)
 
 
 class BloodVolume:
@@ -155,7 +155,7 @@ class Follower:
         """Searches for the state of the orbit at phase 0, one after the other until one is good enough."""
         last = self.last
         if last is not None and not self.by_point:
-            yield lambda problem: _found(problem, last.foreseen(x, problem.scale[:, 0]), QUICK)
+            yield lambda problem: _found(problem, last.foreseen(x, problem.layout.largest_steps), QUICK)
         for options in (FOLLOWED, CLOSER):
             yield lambda problem, options=options: _found(problem, self.near, options)
 

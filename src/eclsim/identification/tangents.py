@@ -93,14 +93,14 @@ def linearise(
         states,
         inverse * scale / scale[:, None],
         state + step,
-        float(np.max(np.abs(step) / np.maximum(np.abs(state), 1.0))),
+        float(np.max(np.abs(step) / np.maximum(np.abs(state), program.assembly.layout.smallest_sizes))),
     )
 
 
 @lru_cache(maxsize=32)
 def _program(program: BeatProgram, signals: tuple[str, ...], parameters: tuple[str, ...]) -> Any:
     """Compiled map (state, parameters, weights) -> tangents of end state and of sums, directions first."""
-    n, count = program.assembly.n_states, len(program.names)
+    n, count = program.assembly.layout.size, len(program.names)
     lanes = -(-(n + len(parameters)) // LANES) * LANES
     of_state, of_packed = np.zeros((lanes, n)), np.zeros((lanes, count))
     of_state[:n] = np.eye(n)

@@ -173,15 +173,17 @@ class AdaptiveBeats:
         """
         own = np.array([c.group == "patient" for c in self.model.circuit.compartments])
         state = start_state(self.model)
-        held = state[: len(own)][own].sum()
+        layout = self.program.explicit.assembly.layout
+        counted = layout.conserved(own) > 0.0
+        held = state[counted].sum()
         change, drift, calm, last = np.inf, np.inf, 0, deque([state], maxlen=2 * WINDOW)
         most = int(np.ceil(self.options.seconds * self.model.values[HEART_RATE] / 60.0))
         for count in range(1, most + 1):
             after = self.beat(state).copy()
             if policy == PATIENT_HELD:
-                after[: len(own)][own] *= held / after[: len(own)][own].sum()
-            change = float(np.max(np.abs(after - state) / np.maximum(np.abs(state), 1.0)))
-            drift = float(np.max(np.abs(after - state)[: len(own)]))
+                after[counted] *= held / after[counted].sum()
+            change = float(np.max(np.abs(after - state) / np.maximum(np.abs(state), layout.smallest_sizes)))
+            drift = float(np.max(np.abs(after - state)[layout.volumes.where]))
             state = after
             last.append(state)
             calm = calm + 1 if change <= self.options.change else 0

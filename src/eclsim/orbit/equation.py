@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -17,16 +16,14 @@ import numpy as np
 from eclsim.beat.heartbeat import BeatProgram
 from eclsim.beat.vectorisation import Lanes
 
-FLOW_SCALE = 10.0
-"""Weight of a flow [mL/s] against a volume [mL] in the norms of the iteration."""
-
 
 @dataclass(frozen=True)
 class OrbitOptions:
     """How hard to look for the steady beat.
 
     Args:
-        tolerance: largest change of a state over a beat, relative to max(|state|, 1).
+        tolerance: largest change of a state over a beat, relative to its size (`StateLayout`; of a volume or
+            flow max(|state|, 1)).
         error_tolerance: largest estimated distance to the orbit (inverse Jacobian times residual), relative;
             the state handed back is one step of that size further on, and so much nearer.
         quasi_newton_beats: beats of Broyden's method before Newton's method takes over.
@@ -94,23 +91,9 @@ def joined(parts: Sequence[Orbits]) -> Orbits:
     return Orbits(**{n: np.concatenate([getattr(p, n) for p in parts], axis=-1) for n in names})
 
 
-@lru_cache(maxsize=64)
-def scales(program: BeatProgram) -> np.ndarray:
-    """Scale of each state: 1 mL for volumes, `FLOW_SCALE` for flows; shape (states,)."""
-    assembly = program.assembly
-    return np.r_[np.ones(assembly.n_volumes), np.full(len(assembly.inertial), FLOW_SCALE)]
-
-
-def allowed_moves(states: Any, scale: Any) -> Any:
-    """Largest change of each state in one step of a search: half its size plus 50 scales."""
-    return 0.5 * abs(states) + 50.0 * scale
-
-
-@lru_cache(maxsize=64)
-def spread(program: BeatProgram) -> np.ndarray:
-    """The same amount in every compartment, 1 mL in all; shape (states,)."""
-    volumes, flows = program.assembly.n_volumes, len(program.assembly.inertial)
-    return np.r_[np.full(volumes, 1.0 / volumes), np.zeros(flows)]
+def allowed_moves(states: Any, largest_steps: Any) -> Any:
+    """Largest change of each state in one step of a search: half of it more than its layout says."""
+    return 0.5 * abs(states) + largest_steps
 
 
 @dataclass(frozen=True)
@@ -120,7 +103,7 @@ class Trial:
     Args:
         states: states at phase 0, shape (states, patients).
         moved: states minus states a beat later.
-        size: max(|states|, 1).
+        size: of the states, what their changes are relative to.
         residual: F in scaled states; 0 where it is not finite.
         change: largest change of a state over the beat, relative to its size; shape (patients,).
         drift: largest change of a volume over the beat [mL].
@@ -155,8 +138,10 @@ class OrbitProblem:
         self.lone = lone and not wide
         self.packed = packed
         self.volume = volume
-        self.scale = scales(program)[:, None]
-        self.spread = spread(program)[:, None]
+        self.layout = program.assembly.layout
+        self.scale = self.layout.scales[:, None]
+        self.largest_steps = self.layout.largest_steps[:, None]
+        self.spread = self.layout.spread[:, None]
         self._lanes = Lanes(program, packed, wide)
 
     def take(self, chosen: Any) -> OrbitProblem:
@@ -172,9 +157,9 @@ class OrbitProblem:
         """One beat from some states, or what is known of it if the states `after` it are."""
         moved = states - (self.beat(states) if after is None else after)
         excess = self.volume.weights @ states - self.volume.target
-        size = np.maximum(np.abs(states), 1.0)
+        size = np.maximum(np.abs(states), self.layout.smallest_sizes[:, None])
         distance = np.abs(moved)
-        drift = distance[: self.program.assembly.n_volumes].max(axis=0, initial=0.0)
+        drift = distance[self.layout.volumes.where].max(axis=0, initial=0.0)
         change = np.maximum(
             (distance / size).max(axis=0), np.abs(excess) / np.maximum(self.volume.target, 1.0)
         )

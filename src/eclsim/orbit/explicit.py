@@ -23,7 +23,7 @@ VALVE_SMOOTHING_MMHG = 1e-6
 
 @dataclass(frozen=True)
 class ExplicitCircuit:
-    """Rates of change of a circuit's states (volumes, then flows of inertial connections)."""
+    """Rates of change of a circuit's states."""
 
     assembly: Assembly
 
@@ -32,7 +32,7 @@ class ExplicitCircuit:
         assembly = self.assembly
         pressures = self._pressures(state, phase, constants)
         flows = self.flows(state, pressures, constants)
-        changes: list[Any] = [0.0] * assembly.n_volumes
+        changes: list[Any] = [0.0] * len(assembly.circuit.compartments)
         for flow, (source, target) in zip(flows, assembly.ends, strict=True):
             assembly.add_at(source, changes, -flow, constants)
             assembly.add_at(target, changes, flow, constants)
@@ -47,17 +47,16 @@ class ExplicitCircuit:
     ) -> Any:
         """Signals of one moment (see `Recorder`), shape (signals,); `period` of the beat in s."""
         flows = self.flows(state, self._pressures(state, phase, constants), constants)
-        volumes = [state[i] for i in range(self.assembly.n_volumes)]
         return Recorder(self.assembly, names).pick(
-            volumes, flows, self._activations(phase), constants, period
+            self.assembly.volumes(state), flows, self._activations(phase), constants, period
         )
 
     def flows(self, state: Any, pressures: Any, constants: Constants) -> list[Any]:
         """Flow of every connection [mL/s]."""
-        found = []
+        own, found = self.assembly.inertial_flows(state), []
         for j, connection in enumerate(self.assembly.circuit.connections):
-            if j in self.assembly.inertial:
-                found.append(state[self.assembly.n_volumes + self.assembly.inertial.index(j)])
+            if j in own:
+                found.append(own[j])
             else:
                 push = self._push(j, pressures, constants)
                 found.append(connection.component.flow(push, 0.0, constants.paths[j]))
@@ -71,8 +70,7 @@ class ExplicitCircuit:
         return [curve.at(phase, jnp) for curve in self.assembly.activations]
 
     def _pressures(self, state: Any, phase: Any, constants: Constants) -> Any:
-        volumes = [state[i] for i in range(self.assembly.n_volumes)]
-        return self.assembly.pressures(volumes, self._activations(phase), constants)[0]
+        return self.assembly.pressures(self.assembly.volumes(state), self._activations(phase), constants)[0]
 
 
 def explicit_circuit(circuit: Circuit) -> ExplicitCircuit:

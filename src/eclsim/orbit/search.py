@@ -68,7 +68,7 @@ def _quasi_newton(problem: OrbitProblem, anchor: Anchor, options: OrbitOptions) 
             where, problem = where[rest], problem.take(rest)
             states, step, moves, residual = (x[:, rest] for x in (states, step, moves, residual))
             inverse.keep(rest)
-        share = affordable(moves, states, problem.scale)
+        share = affordable(moves, states, problem.largest_steps)
         step, states = step * share, states + moves * share
     return found
 
@@ -97,7 +97,7 @@ def _newton(problem: OrbitProblem, start: np.ndarray, anchor: Anchor, options: O
             found.states[:] = states + moves
             found.status[:] = Status.CONVERGED
             return found
-        states, after = _line_search(problem, trial, moves * affordable(moves, states, problem.scale))
+        states, after = _line_search(problem, trial, moves * affordable(moves, states, problem.largest_steps))
         found.beats[:] += 1
     return _in_passing(problem, found, after)
 
@@ -140,13 +140,13 @@ def jacobian(problem: OrbitProblem, states: np.ndarray) -> np.ndarray:
     return (values[:, :n] - values[:, n:]) / (2.0 * shift) * problem.scale[:, 0]
 
 
-def affordable(moves: np.ndarray, states: np.ndarray, scale: np.ndarray) -> np.ndarray:
+def affordable(moves: np.ndarray, states: np.ndarray, largest_steps: np.ndarray) -> np.ndarray:
     """Share of a step that moves no state further than is allowed; shape (patients,)."""
-    return 1.0 / np.maximum((np.abs(moves) / allowed_moves(states, scale)).max(axis=0), 1.0)
+    return 1.0 / np.maximum((np.abs(moves) / allowed_moves(states, largest_steps)).max(axis=0), 1.0)
 
 
 def _empty(problem: OrbitProblem, count: int) -> Orbits:
-    n = problem.program.assembly.n_states
+    n = problem.program.assembly.layout.size
     return Orbits(
         np.full((n, count), np.nan),
         np.full(count, Status.NOT_CONVERGED),

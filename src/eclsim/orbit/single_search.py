@@ -16,7 +16,7 @@ import numpy as np
 from eclsim.beat.compilation import compiled
 from eclsim.beat.heartbeat import BeatProgram
 from eclsim.orbit.broyden import WORTH_LEARNING
-from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem, Orbits, allowed_moves, scales, spread
+from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem, Orbits, allowed_moves
 from eclsim.orbit.status import Status
 
 TERMS = OrbitOptions.quasi_newton_beats
@@ -57,7 +57,9 @@ def solve_alone(problem: OrbitProblem, anchor: Anchor, options: OrbitOptions) ->
 @lru_cache(maxsize=64)
 def _program(program: BeatProgram) -> Any:
     """Compiled search: (state, done, beats, change, drift) in one array."""
-    volumes, scale, shares = program.assembly.n_volumes, scales(program), spread(program)
+    layout = program.assembly.layout
+    scale, shares = layout.scales, layout.spread
+    least, largest = layout.smallest_sizes, layout.largest_steps
 
     def run(state: Any, inverse: Any, packed: Any, weights: Any, target: Any, effort: Any) -> Any:
         def times(terms: _Carry, vector: Any) -> Any:
@@ -77,7 +79,7 @@ def _program(program: BeatProgram) -> Any:
         def beat(now: _Carry) -> _Carry:
             moved = now.state - program.run(now.state, packed)[0]
             excess = jnp.sum(weights * now.state) - target
-            size, distance = jnp.maximum(jnp.abs(now.state), 1.0), jnp.abs(moved)
+            size, distance = jnp.maximum(jnp.abs(now.state), least), jnp.abs(moved)
             change = jnp.maximum(jnp.max(distance / size), jnp.abs(excess) / jnp.maximum(target, 1.0))
             finite = jnp.isfinite(change)
             residual = jnp.where(finite, (moved + shares * excess) / scale, 0.0)
@@ -88,7 +90,7 @@ def _program(program: BeatProgram) -> Any:
             done = finite & (change <= effort[0]) & (error <= effort[1])
             best = done | (finite & (change < now.change))
             kept = jnp.where(done, now.state + moves, now.state)
-            share = 1.0 / jnp.maximum(jnp.max(jnp.abs(moves) / allowed_moves(now.state, scale)), 1.0)
+            share = 1.0 / jnp.maximum(jnp.max(jnp.abs(moves) / allowed_moves(now.state, largest)), 1.0)
             return now._replace(
                 beat=now.beat + 1,
                 going=finite & ~done & (now.beat + 1 < effort[2]),
@@ -98,7 +100,7 @@ def _program(program: BeatProgram) -> Any:
                 residual=residual,
                 best=jnp.where(best, kept, now.best),
                 change=jnp.where(best, change, now.change),
-                drift=jnp.where(best, jnp.max(distance[:volumes]), now.drift),
+                drift=jnp.where(best, jnp.max(distance[layout.volumes.where]), now.drift),
             )
 
         none = jnp.zeros((TERMS, len(scale)))

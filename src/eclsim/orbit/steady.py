@@ -68,7 +68,7 @@ class Batch:
             raise ValueError(f"blood volume policy '{self.policy}'; allowed: {', '.join(POLICIES)}")
         assembly = assemble(self.circuit)
         own = [self.policy == AS_PUBLISHED or c.group == "patient" for c in self.circuit.compartments]
-        weights = np.r_[np.array(own, dtype=float), np.zeros(len(assembly.inertial))]
+        weights = assembly.layout.conserved(np.array(own, dtype=float))
         with np.errstate(divide="ignore", invalid="ignore"):
             start = assembly.start_volumes({k: np.asarray(v, dtype=float) for k, v in self.values.items()})
         target = sum(np.asarray(v, dtype=float) for v, counted in zip(start, own, strict=True) if counted)
@@ -182,7 +182,7 @@ def _levels(batch: Batch, resolution: int | None) -> np.ndarray:
 
 def _nothing_found(batch: Batch) -> Orbits:
     """Orbits to be filled in; patients with values that are not allowed are marked."""
-    n, count = assemble(batch.circuit).n_states, batch.count
+    n, count = assemble(batch.circuit).layout.size, batch.count
     packed = batch.packed(beat_program(batch.circuit))
     refused = allowed_values(batch.circuit).refused(packed) | ~np.isfinite(batch.volume().target)
     return Orbits(
@@ -276,6 +276,4 @@ def _anchor(circuit: Circuit, level: int, policy: str, packed: tuple[float, ...]
 
 def start_state(model: Model) -> np.ndarray:
     """The published initial state: start volumes, flows at zero; shape (states,)."""
-    assembly = assemble(model.circuit)
-    volumes = [float(v) for v in assembly.start_volumes(model.values)]
-    return np.r_[volumes, np.zeros(len(assembly.inertial))]
+    return assemble(model.circuit).start_state(model.values)

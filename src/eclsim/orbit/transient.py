@@ -91,15 +91,15 @@ def primed_start(model: Model, policy: str = AS_PUBLISHED) -> np.ndarray:
 
     So the patient's blood need not fill them, and the course ends at the steady beat of that policy.
     """
-    state = start_state(model)
+    state, assembly = start_state(model), assemble(model.circuit)
     batch = Batch(model.circuit, model.values, 1, policy)
     batch.volume()  # refuses an unknown policy
     outside = np.array([c.group != "patient" for c in model.circuit.compartments])
     if policy == AS_PUBLISHED or not outside.any():
         return state
-    steady = steady_beats(batch).orbits.states[: len(outside), 0]
+    steady, primed = steady_beats(batch).orbits.states[:, 0], assembly.layout.conserved(outside) > 0.0
     if np.isfinite(steady).all():
-        state[: len(outside)][outside] = steady[outside]
+        state[primed] = steady[primed]
     return state
 
 

@@ -74,7 +74,7 @@ def simulate_adaptive(
 
 def _nothing(batch: Batch) -> Waited:
     """Nothing was waited for: a value is not allowed."""
-    return Waited(np.full(assemble(batch.circuit).n_states, np.nan), 0, np.inf, np.inf, False)
+    return Waited(np.full(assemble(batch.circuit).layout.size, np.nan), 0, np.inf, np.inf, False)
 
 
 def _as_steady(batch: Batch, waited: Waited, outputs: Mapping[str, float], refused: bool) -> SteadyBeats:

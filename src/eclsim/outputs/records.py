@@ -13,6 +13,7 @@ import numpy as np
 from eclsim.beat.heartbeat import beat_program
 from eclsim.beat.recording import all_signals, with_means, with_rates
 from eclsim.beat.vectorisation import FEW, LANES, map_parallel
+from eclsim.circuit.assembly import assemble
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import SteadyBeats
 from eclsim.outputs.evaluation import output_names
@@ -129,6 +130,7 @@ def _beats(
 
 def _volumes(steady: SteadyBeats) -> dict[str, np.ndarray]:
     compartments = steady.batch.circuit.compartments
+    volumes = steady.orbits.states[assemble(steady.batch.circuit).layout.volumes.where]
     groups = dict.fromkeys(c.group for c in compartments)
     rows = {g: [i for i, c in enumerate(compartments) if c.group == g] for g in groups}
-    return {group: steady.orbits.states[chosen].sum(axis=0) for group, chosen in rows.items()}
+    return {group: volumes[chosen].sum(axis=0) for group, chosen in rows.items()}

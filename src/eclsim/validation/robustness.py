@@ -13,6 +13,7 @@ import numpy as np
 
 from eclsim.beat.heartbeat import beat_program
 from eclsim.beat.vectorisation import HANDFUL, Lanes
+from eclsim.circuit.assembly import assemble
 from eclsim.orbit.model import Model
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch, SteadyBeats, start_state, steady_beats
@@ -148,7 +149,8 @@ def _followed(
         for _ in range(beats):
             states = lanes.beat(states)
         last[:, own] = states
-    change = np.abs(last - start) / np.maximum(np.abs(start), 1.0)
+    least = assemble(steady.batch.circuit).layout.smallest_sizes[:, None]
+    change = np.abs(last - start) / np.maximum(np.abs(start), least)
     return last, change.max(axis=0, initial=0.0)
 
 
@@ -157,8 +159,7 @@ def _waited(model: Model, steady: SteadyBeats, members: np.ndarray) -> tuple[np.
     starts = [start_state(model.with_values({n: steady.batch.values[n][k] for n in BOUNDS})) for k in members]
     before, _ = _followed(steady, members, np.stack(starts, axis=1), SETTLING_BEATS)
     after, _ = _followed(steady, members, before, 1)
-    compartments = [c.name for c in model.circuit.compartments]
-    drift = np.abs(after - before)[: len(compartments)].max(axis=0)
+    drift = np.abs(after - before)[assemble(model.circuit).layout.volumes.where].max(axis=0)
     waited = SteadyBeats(steady.batch, steady.orbits, steady.resolution)
     waited.orbits.states[:, members] = before
     return left_output(waited)[members], drift
