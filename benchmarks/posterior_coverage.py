@@ -19,9 +19,8 @@ from eclsim.identification.density import Posterior
 from eclsim.identification.diagnostics import diagnose
 from eclsim.identification.gaussian import approximate
 from eclsim.identification.importance import weigh
-from eclsim.identification.measurement_errors import measurement_errors
 from eclsim.identification.nuts import Sampling, sample
-from eclsim.identification.objective import OUTPUTS
+from eclsim.identification.observation import OUTPUTS, measurement_errors
 from eclsim.identification.prediction import predict
 from eclsim.identification.prior import Prior
 from eclsim.orbit.model import model_of

@@ -16,8 +16,8 @@ import numpy as np
 from eclsim.identification.density import Posterior
 from eclsim.identification.gaussian import approximate
 from eclsim.identification.least_squares import refine
-from eclsim.identification.measurement_errors import measurement_errors
-from eclsim.identification.objective import OUTPUTS, Box, Objective, Target
+from eclsim.identification.objective import Box, Objective, Target
+from eclsim.identification.observation import OUTPUTS, measurement_errors
 from eclsim.identification.track import Tracker
 from eclsim.orbit.model import model_of
 from eclsim.parameters.identification import BOUNDS

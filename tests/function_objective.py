@@ -23,20 +23,20 @@ class FunctionObjective:
         self.outputs = tuple(f"r{k}" for k in range(size))
         self.weights = np.ones((len(self.shifts), size))
 
-    def evaluate(self, which, x: np.ndarray, options=None, resolution=None, near=None) -> Evaluation:
-        found = self.function(x - self.shifts[which][:, None])
+    def evaluate(self, points, x: np.ndarray, options=None, resolution=None, tangents=None) -> Evaluation:
+        found = self.function(x - self.shifts[points][:, None])
         evaluation = Evaluation(None, found, found)  # type: ignore[arg-type]  # no orbits here
-        object.__setattr__(evaluation, "which", which)
+        object.__setattr__(evaluation, "points", points)
         return evaluation
 
-    def resolutions(self, which: np.ndarray, x: np.ndarray) -> np.ndarray:
-        return np.ones(len(which), dtype=int)
+    def resolutions(self, points: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return np.ones(len(points), dtype=int)
 
     def linearise(self, evaluation: Evaluation, members: list[int], x: np.ndarray) -> tuple:
-        which = evaluation.which[members]  # type: ignore[attr-defined]  # kept above
+        points = evaluation.points[members]  # type: ignore[attr-defined]  # kept above
         columns = []
         for k in range(x.shape[1]):
             step = 1e-6 * (np.arange(x.shape[1]) == k)
-            shift = self.shifts[which][:, None]
+            shift = self.shifts[points][:, None]
             columns.append((self.function(x + step - shift) - self.function(x - step - shift)) / 2e-6)
-        return np.stack(columns, axis=2), [None] * len(which)
+        return np.stack(columns, axis=2), [None] * len(points)

@@ -133,6 +133,7 @@ def test_a_cohort_with_a_bad_row_is_partial_and_can_be_gone_on_with(shell, quick
         (("--bounds", "Rmc=2:0.1"), "lower bound above upper bound"),
         (("--bounds", "Rmc=5"), "NAME=LOWER:UPPER"),
         (("--uncertainty", "XY=3"), "no measurement"),
+        (("--uncertainty", "PCWP=3"), "uncertainty = PCWP: not measured, so its uncertainty changes nothing"),
         (("--resume",), "for cohorts"),
         (("--draws", "60"), "--chains, --warmup, --draws: of --posterior"),
         (("--prior", "log-normal"), "--prior: of --posterior and --predict"),
@@ -170,6 +171,14 @@ def test_no_command_writes_over_what_it_reads(shell, tmp_path, command):
     done = shell.run(command, case, *out, "--json", case, "--force")
     assert (done.exit_code, Path(case).read_bytes()) == (2, before)
     assert "an input of this command; it would be overwritten" in done.stderr
+
+
+def test_an_uncertainty_that_no_row_measures_is_refused(shell, quick, tmp_path):
+    arguments = ("identify", str(cohort(tmp_path, row(1))), "--out", str(tmp_path / "fits"))
+    done = shell.run(*arguments, "--uncertainty", "PCWP=3,CO=5%")
+    assert done.exit_code == 2
+    assert "PCWP: not measured" in done.stderr
+    assert "allowed: SP, DP, MAP, CO" in done.stderr
 
 
 def test_limits_that_are_no_numbers_are_refused(shell, tmp_path):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from eclsim.identification.fit_profiles import interval_90
+from eclsim.identification.profiles import interval_90
 
 VALUES = np.exp(np.array([-2.0, -0.6, -0.33, -0.14, 0.0, 0.14, 0.33, 0.6, 2.0]))
 

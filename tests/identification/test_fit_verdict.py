@@ -78,7 +78,6 @@ def test_chi_square_has_the_degrees_that_the_parameters_leave():
     assert found.chi_square == 4.0
     assert found.degrees == pytest.approx(2.0)
     assert found.probability == pytest.approx(np.exp(-2.0))  # chi-square with 2 degrees of freedom
-    assert found.largest == ("MAP", 2.0)
 
 
 def test_a_search_without_end_is_doubtful_and_its_cost_an_upper_limit():

@@ -11,9 +11,9 @@ from eclsim.cases import CaseError, read_case
 from eclsim.cases.cohort import CohortPoint
 from eclsim.identification.cohort_fit import FitStore, StoreError, fit_cohort, r_squared, stem
 from eclsim.identification.files import fits_object, write_fits, write_fitted_case
-from eclsim.identification.fit import fit_case
-from eclsim.identification.fit_profiles import with_profiles
+from eclsim.identification.fit import fit as fit_case
 from eclsim.identification.multi_start import FitStatus, MultiStart, Optimum, Starts
+from eclsim.identification.profiles import with_profiles
 from eclsim.identification.settings import FitSettings, checked_fit, read_bounds
 from eclsim.identification.verdict import interval_agreement
 from eclsim.orbit.model import model_of

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares, lsq_linear
 
-from eclsim.identification.least_squares import EXACT, Ending, bounded_step, refine
+from eclsim.identification.least_squares import EXACT, Termination, bounded_step, refine
 from eclsim.identification.multi_start import MultiStart, agreeing, identify, mixing_weight, sobol
 from eclsim.identification.objective import Box
 from function_objective import FunctionObjective
@@ -23,7 +23,7 @@ def test_a_curved_valley_is_followed_to_its_end():
     starts = np.array([[-1.2, 1.0], [2.0, -1.0], [0.0, 2.0]])
     found = refine(FunctionObjective(rosenbrock), np.zeros(3, dtype=int), starts, box(-3, 3), EXACT)
     np.testing.assert_allclose(found.x, 1.0, atol=1e-8)
-    assert set(found.endings) == {Ending.SETTLED}
+    assert set(found.terminations) == {Termination.SETTLED}
 
 
 @pytest.mark.parametrize("upper", [0.5, 0.2, -0.4])
@@ -46,7 +46,7 @@ def test_starts_without_a_steady_beat_are_named_and_do_not_stop_the_others():
     found = refine(
         FunctionObjective(undefined_on_the_left), np.zeros(2, dtype=int), starts, box(-3, 3), EXACT
     )
-    assert found.endings[0] == Ending.NO_STEADY_BEAT
+    assert found.terminations[0] == Termination.NO_STEADY_BEAT
     assert np.isinf(found.costs[0])
     np.testing.assert_allclose(found.x[1], 1.0, atol=1e-8)
 
@@ -165,7 +165,7 @@ def test_a_place_without_derivatives_is_left_aside():
     objective = Shut(lambda x: np.stack([x[:, 0] - 1.0, x[:, 1] + 0.2], axis=1))
     starts = np.array([[0.0, 0.0], [0.8, 0.0]])
     found = refine(objective, np.zeros(2, dtype=int), starts, box(-2, 2))
-    assert found.endings[1] == Ending.NO_STEADY_BEAT
+    assert found.terminations[1] == Termination.NO_STEADY_BEAT
     assert np.isinf(found.costs[1])
     assert 0.3 < found.x[0, 0] <= 0.5
     assert np.isfinite(found.jacobians[0]).all()

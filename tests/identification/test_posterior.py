@@ -9,7 +9,7 @@ import pytest
 
 from eclsim.cases.case import Case, Measurements, Patient
 from eclsim.cli.posterior_run import posterior_table
-from eclsim.identification.fit import fit_case
+from eclsim.identification.fit import fit as fit_case
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.posterior import PosteriorSettings, as_object, sample_posterior
 from eclsim.identification.posterior_figures import plot_pairs, plot_predictive

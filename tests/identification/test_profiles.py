@@ -1,13 +1,11 @@
-"""Profiles and alternatives on problems that are known, and polishing where slopes have a crease."""
+"""Profiles and held fits on problems that are known, and polishing where slopes have a crease."""
 
 import numpy as np
 
-from eclsim.identification.alternatives import alternatives
-from eclsim.identification.least_squares import EXACT, refine
+from eclsim.identification.least_squares import EXACT, Termination, refine
 from eclsim.identification.objective import Box
-from eclsim.identification.outcome import Ending
 from eclsim.identification.polishing import polish
-from eclsim.identification.profiles import elsewhere, profiles
+from eclsim.identification.profiles import held_fits, held_values, profiles
 from function_objective import FunctionObjective
 
 BOX = Box(("a", "b"), np.zeros(2), np.full(2, -2.0), np.full(2, 2.0))
@@ -41,18 +39,18 @@ def test_what_is_held_stays():
 
 
 def test_a_follower_of_an_undetermined_parameter_is_seen():
-    (found,) = alternatives(FunctionObjective(only_their_sum), BOX, [np.array([0.3, 0.2])], [[0]])
-    moved, followed = found.followers(np.array([0.3, 0.2]))
+    (found,) = held_fits(FunctionObjective(only_their_sum), BOX, [np.array([0.3, 0.2])], [[0]])
+    moved, followed = found.compensation(np.array([0.3, 0.2]))
     assert moved[1] > 0.8
     assert followed[1] == 0
-    (found,) = alternatives(FunctionObjective(both), BOX, [np.array([0.2, 0.3])], [[0]])
-    assert found.followers(np.array([0.2, 0.3]))[0][1] == 0.0
+    (found,) = held_fits(FunctionObjective(both), BOX, [np.array([0.2, 0.3])], [[0]])
+    assert found.compensation(np.array([0.2, 0.3]))[0][1] == 0.0
 
 
 def test_nothing_undetermined_needs_no_fit():
-    (found,) = alternatives(FunctionObjective(both), BOX, [np.zeros(2)], [[]])
+    (found,) = held_fits(FunctionObjective(both), BOX, [np.zeros(2)], [[]])
     assert len(found.held) == 0
-    held, values = elsewhere(np.zeros(2), BOX, [1])
+    held, values = held_values(np.zeros(2), BOX, [1])
     assert set(held) == {1}
     assert np.all(np.abs(values) > 0.5)
 
@@ -65,7 +63,7 @@ def along_a_crease(x: np.ndarray) -> np.ndarray:
 def test_polishing_goes_on_where_a_crease_has_stopped_the_slopes():
     objective, start = FunctionObjective(along_a_crease), np.array([[-1.0, 0.5]])
     stopped = refine(objective, np.zeros(1, dtype=int), start, BOX, EXACT)
-    assert stopped.endings[0] == Ending.SETTLED
+    assert stopped.terminations[0] == Termination.SETTLED
     assert stopped.costs[0] > 1.02
     polished = polish(objective, 0, stopped, BOX, EXACT)
     assert 1.0 <= polished.costs[0] < 1.0 + 0.5 * (stopped.costs[0] - 1.0)

@@ -11,7 +11,7 @@ from eclsim.identification.cohort_fit import FitStore, fit_cohort
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.objective import Box, Objective, Target
 from eclsim.identification.settings import FitSettings
-from eclsim.identification.shared import JointObjective, fit_together
+from eclsim.identification.shared_fit import SharedObjective, refine_shared
 from eclsim.orbit.model import model_of
 from eclsim.outputs.dataset import simulate
 from eclsim.parameters.identification import BOUNDS
@@ -47,7 +47,7 @@ def box() -> Box:
 
 
 def test_joint_residuals_and_derivatives_are_those_of_the_points(objective: Objective, box: Box):
-    joint = JointObjective(objective, [0])
+    joint = SharedObjective(objective, [0])
     x = np.log([[1.2, 0.7, 0.6]])
     assert joint.box(box).names == ("Csart", "Rmc of point 1", "Rmc of point 2")
     found = joint.evaluate(np.zeros(1, dtype=int), x)
@@ -64,7 +64,7 @@ def test_joint_residuals_and_derivatives_are_those_of_the_points(objective: Obje
 
 def test_what_is_shared_is_found_together(objective: Objective, box: Box):
     own = np.log([[1.1, 0.8], [1.9, 0.5]])
-    joint, found = fit_together(objective, box, [0], own)
+    joint, found = refine_shared(objective, box, [0], own)
     np.testing.assert_allclose(np.exp(joint.rows(found.x)), [[1.4, 0.8], [1.4, 0.5]], rtol=2e-3)
 
 

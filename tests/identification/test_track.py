@@ -7,8 +7,7 @@ from eclsim.cases.case import Case, Measurements, Patient
 from eclsim.cases.mistakes import CaseError
 from eclsim.identification import track as track_module
 from eclsim.identification.filtering import Belief
-from eclsim.identification.measurement_errors import measurement_errors
-from eclsim.identification.measurement_times import elapsed_hours
+from eclsim.identification.observation import elapsed_hours, measurement_errors
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.track import Tracker, TrackSettings, track
 from eclsim.identification.track_results import Fitting

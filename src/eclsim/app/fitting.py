@@ -18,7 +18,7 @@ from eclsim.cases.reading import read_mapping
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
-    from eclsim.identification.fit import Fit
+    from eclsim.identification.fit import FitResult
 
 _OPTIONS = (("; or weigh them by uncertainty (--weights uncertainty)", "fit_weigh"),
     (" (--weights uncertainty)", "fit_weighted"), ("--bounds", "fit_bounds_elsewhere"))  # fmt: skip
@@ -186,13 +186,13 @@ def _give_way(pipe: Connection) -> None:
 
 def _fit(
     raw: Mapping[str, Any], policy: str, looking: Mapping[str, int], report: Callable[[str], None]
-) -> Fit:
-    from eclsim.identification.fit import fit_case
+) -> FitResult:
+    from eclsim.identification.fit import fit
     from eclsim.identification.multi_start import MultiStart
     from eclsim.identification.settings import FitSettings
 
     settings = FitSettings(multi_start=MultiStart(**looking), policy=policy)
-    return fit_case(read_mapping(raw).case, settings, report)
+    return fit(read_mapping(raw).case, settings, report)
 
 
 def _done(job: str, raw: Mapping[str, Any], policy: str, report: Callable[[str], None]) -> tuple[str, Any]:
@@ -211,7 +211,7 @@ def _done(job: str, raw: Mapping[str, Any], policy: str, report: Callable[[str],
         return "failed", f"{text(FAILED[job])} ({type(error).__name__})"
 
 
-def plain_fit(fit: Fit) -> dict[str, Any]:
+def plain_fit(fit: FitResult) -> dict[str, Any]:
     """A fit as plain data: what `eclsim identify` writes, with units, bounds and the fitted case."""
     from eclsim.identification.verdict import headline
     from eclsim.parameters import default

@@ -14,8 +14,8 @@ from eclsim.cases.reading import read_mapping
 from eclsim.identification.density import Posterior
 from eclsim.identification.gaussian import approximate
 from eclsim.identification.importance import weigh
-from eclsim.identification.measurement_errors import measurement_errors
 from eclsim.identification.objective import Box
+from eclsim.identification.observation import measurement_errors
 from eclsim.identification.prior import Prior
 from eclsim.identification.settings import FitSettings, checked_fit
 from eclsim.orbit.model import model_of

@@ -15,7 +15,7 @@ from eclsim.cli.messages import SOME_DID_NOT_CONVERGE, fail, resumable, say, war
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
     from eclsim.cli.posterior_run import PosteriorRequest
-    from eclsim.identification.fit import Fit
+    from eclsim.identification.fit import FitResult
     from eclsim.identification.settings import FitSettings
 
 
@@ -77,28 +77,29 @@ def _settings(request: Request, policy: str) -> FitSettings:
 
 def _one_case(request: Request) -> None:
     from eclsim.cli.cases import read_all
-    from eclsim.identification.settings import checked_fit
+    from eclsim.identification.settings import checked_fit, unmeasured_uncertainties
 
     (reading,) = read_all([request.file], request.settings, request.policy)
     settings = _settings(request, reading.case.volume_policy)
     predictions = request.posterior.cases(request.file, request.settings, settings.names)
     checked = checked_fit(reading.case, settings)
-    if checked.mistakes:
-        fail(*(m.at(request.file, None) for m in checked.mistakes))
+    mistakes = [*checked.mistakes, *unmeasured_uncertainties([reading.case], settings)]
+    if mistakes:
+        fail(*(m.at(request.file, None) for m in mistakes))
     warn(checked.warnings)
     warn([note for note in checked.notes if note.key in checked.fixed], "note")
 
-    from eclsim.identification.fit import fit_case
+    from eclsim.identification.fit import fit
 
-    fit = fit_case(reading.case, settings, _progress())
+    result = fit(reading.case, settings, _progress())
     folder = Path(request.out)
     (folder / "cases").mkdir(parents=True, exist_ok=True)
-    _write_one(request, fit, predictions, settings, folder)
+    _write_one(request, result, predictions, settings, folder)
 
 
 def _write_one(
     request: Request,
-    fit: Fit,
+    fit: FitResult,
     predictions: Sequence[tuple[str, Case]],
     settings: FitSettings,
     folder: Path,
@@ -110,8 +111,8 @@ def _write_one(
         write_fits,
         write_fitted_case,
     )
-    from eclsim.identification.fit_profiles import with_profiles
     from eclsim.identification.page import write_fit_page
+    from eclsim.identification.profiles import with_profiles
     from eclsim.identification.verdict import interval_agreement
 
     progress, posterior = _progress(), None
@@ -180,7 +181,7 @@ def _one_cohort(request: Request) -> None:
 
 def _check_points(points: Sequence[Any], settings: FitSettings, file: str) -> None:
     """Bounds and free parameters are the same for all points, so a mistake in them stops the run."""
-    from eclsim.identification.settings import checked_fit
+    from eclsim.identification.settings import checked_fit, unmeasured_uncertainties
 
     said: dict[str, None] = {}
     for point in points:
@@ -188,6 +189,9 @@ def _check_points(points: Sequence[Any], settings: FitSettings, file: str) -> No
         if checked.mistakes:
             fail(*checked.mistakes)
         said |= dict.fromkeys(str(w.at(file, point.line)) for w in checked.warnings)
+    unmeasured = unmeasured_uncertainties([point.case for point in points], settings)
+    if unmeasured:
+        fail(*(mistake.at(file, None) for mistake in unmeasured))
     warn(said)
 
 

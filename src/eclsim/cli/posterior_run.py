@@ -12,7 +12,7 @@ from eclsim.cli.messages import fail, say
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
-    from eclsim.identification.fit import Fit
+    from eclsim.identification.fit import FitResult
     from eclsim.identification.settings import FitSettings
 
 
@@ -85,7 +85,7 @@ class PosteriorRequest:
 
 def add_posterior(
     request: PosteriorRequest,
-    fit: Fit,
+    fit: FitResult,
     predictions: Sequence[tuple[str, Case]],
     settings: FitSettings,
     folder: Path,

@@ -125,7 +125,7 @@ def _check_one_patient(files: Sequence[tuple[str, str]]) -> None:
 def _times(patient: str, points: Sequence[tuple[str, Case]]) -> bool:
     """Whether the names of a patient's measurements are times, in their order."""
     from eclsim.cases.mistakes import CaseError
-    from eclsim.identification.measurement_times import elapsed_hours
+    from eclsim.identification.observation import elapsed_hours
 
     try:
         return elapsed_hours([name for name, _ in points]) is not None

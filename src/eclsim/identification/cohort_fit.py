@@ -14,7 +14,7 @@ import numpy as np
 from eclsim._version import __version__
 from eclsim.cases.writing import write_case
 from eclsim.files import file_stem, write_json
-from eclsim.identification.fit import Fit, fit_cases
+from eclsim.identification.fit import FitResult, fit_cases
 from eclsim.identification.settings import FitSettings
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ class FitStore:
             found[name] = kept["result"]
         return found
 
-    def save(self, fit: Fit, labels: Mapping[str, Any]) -> dict[str, Any]:
+    def save(self, fit: FitResult, labels: Mapping[str, Any]) -> dict[str, Any]:
         """Keep a fit: its case file, if anything was found, then its numbers."""
         if fit.simulated:
             write_case(named(fit.case, fit.name), self.folder / _CASES / f"{stem(fit.name)}.toml")

@@ -11,13 +11,13 @@ import numpy as np
 from eclsim.cases.writing import write_case
 from eclsim.files import csv_text, write_json, write_text
 from eclsim.identification.cohort_fit import named, r_squared, stem
-from eclsim.identification.fit_profiles import RISE_90
+from eclsim.identification.profiles import RISE_90
 from eclsim.identification.verdict import DOUBTFUL_DIFFERENCE, POOR_DIFFERENCE
 
 if TYPE_CHECKING:
     from eclsim.cases.mistakes import Mistake
-    from eclsim.identification.fit import Fit
-    from eclsim.identification.fit_profiles import FitProfiles
+    from eclsim.identification.fit import FitResult
+    from eclsim.identification.profiles import FitProfiles
 
 SUMMARY = "identification.json"
 
@@ -67,18 +67,18 @@ def _output_rows(point: Mapping[str, Any]) -> list[tuple[object, ...]]:
     ]
 
 
-def write_fitted_case(folder: Path, fit: Fit) -> Path:
+def write_fitted_case(folder: Path, fit: FitResult) -> Path:
     """Write the fitted case; every command takes it."""
     path = folder / f"{stem(fit.name)}.toml"
     write_case(fit.case if fit.name == fit.case.patient.id else named(fit.case, fit.name), path)
     return path
 
 
-def write_fit_figures(folder: Path, fit: Fit, profiled: FitProfiles) -> list[Path]:
+def write_fit_figures(folder: Path, fit: FitResult, profiled: FitProfiles) -> list[Path]:
     """Slices, profiles, convergence of the starts, residuals and correlation of one fit."""
     from eclsim.identification.fit_figures import plot_correlation, plot_profiles, plot_residuals
+    from eclsim.identification.profiles import slices
     from eclsim.identification.search_figures import plot_slices, plot_starts
-    from eclsim.identification.slices import slices
     from eclsim.parameters import thiel2025
     from eclsim.reporting.style import save_figure
 
@@ -88,7 +88,7 @@ def write_fit_figures(folder: Path, fit: Fit, profiled: FitProfiles) -> list[Pat
     along = slices(fit.objective, fit.box, fit.optimum.x, fit.number)
     figures = {
         "slices": plot_slices(along, units),
-        "profiles": plot_profiles(profiled.found, profiled.along, units, RISE_90),
+        "profiles": plot_profiles(profiled.refitted, profiled.held, units, RISE_90),
         "starts": plot_starts(fit.optimum.starts, fit.box.names, fit.box.lower, fit.box.upper),
         "residuals": plot_residuals(
             fit.as_object()["outputs"],
@@ -98,7 +98,7 @@ def write_fit_figures(folder: Path, fit: Fit, profiled: FitProfiles) -> list[Pat
         "correlation": plot_correlation(fit.box.names, fit.correlation),
     }
     written = [path for name, figure in figures.items() for path in save_figure(figure, folder / name)]
-    table, found = folder / "profiles.csv", profiled.found
+    table, found = folder / "profiles.csv", profiled.refitted
     rows = [
         (name, value, cost if np.isfinite(cost) else None)
         for name, values, costs in zip(found.names, found.values, found.costs, strict=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -12,13 +12,13 @@ import numpy as np
 from eclsim.cases.fitting import common_policy
 from eclsim.cases.mistakes import CaseError
 from eclsim.files import finite
-from eclsim.identification.alternatives import alternatives
-from eclsim.identification.measurement_errors import measurement_errors
-from eclsim.identification.multi_start import FitStatus, Optimum, identify
-from eclsim.identification.objective import OUTPUTS, Box, Objective, Target
+from eclsim.identification.multi_start import FitStatus, Optimum, Report, identify
+from eclsim.identification.objective import Box, Objective, Target
+from eclsim.identification.observation import measurement_errors
 from eclsim.identification.precision import correlation, covariance, in_unit, interval, prior_deviations
-from eclsim.identification.settings import FitSettings, checked_fit
-from eclsim.identification.shared_fit import together
+from eclsim.identification.profiles import held_fits
+from eclsim.identification.settings import FitSettings, checked_fit, unmeasured_uncertainties
+from eclsim.identification.shared_fit import fit_shared
 from eclsim.identification.verdict import (
     Aspect,
     FitVerdict,
@@ -29,6 +29,7 @@ from eclsim.identification.verdict import (
     plausibility,
     search,
 )
+from eclsim.orbit.model import model_of
 from eclsim.parameters.adult_ranges import AdultRange, adult_ranges
 from eclsim.sensitivity.identifiability import ScaledSensitivities
 from eclsim.sensitivity.proposal import propose
@@ -37,15 +38,15 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
 AT_BOUND = 1e-6
-LEARNT = 0.5
+DETERMINED = 0.5
 """Largest standard error of a parameter that counts as determined, as a share of what the bounds leave."""
 SAME_PARAMETER = 0.05
 """Fits that agree but differ in a parameter by more than this share show that it is not determined."""
 PUSHED = 1.0
 """A bound holds a parameter back if the sum of squared standard differences would fall by more beyond it."""
-NOT_FROM_A_POOR_FIT = "the fit is poor, so neither its value nor its interval is to be used"
 HELD_BACK = 6.0
 """Likewise by so much that the bound spoils the fit."""
+NOT_FROM_A_POOR_FIT = "the fit is poor, so neither its value nor its interval is to be used"
 
 
 @dataclass(frozen=True)
@@ -70,20 +71,19 @@ class FittedParameter:
 
 
 @dataclass(frozen=True)
-class Fit:
-    """What was found for one data point.
+class FitResult:
+    """The fit of one data point.
 
     Args:
         name: of the point.
-        case: with the fitted parameters; as it was if nothing was found.
+        case: with the fitted parameters; as it was if nothing could be fitted.
         measured: what was fitted to [mmHg, L/min].
-        scales: what differences were divided by.
-        simulated: all outputs of the fitted model.
+        simulated: all outputs of the fitted model that can be measured.
         parameters: free parameters.
         correlation: of their estimates, shape (parameters, parameters).
         objective: what was minimised.
         box: bounds.
-        optimum: where and how it was found.
+        optimum: where and how the search ended.
         number: of the data point in the objective.
         uncertainties: standard uncertainty of each measurement [mmHg, L/min].
         verdict: whether it is to be used, and why (not).
@@ -95,7 +95,6 @@ class Fit:
     name: str
     case: Case
     measured: Mapping[str, float]
-    scales: Mapping[str, float]
     simulated: Mapping[str, float]
     parameters: Mapping[str, FittedParameter]
     correlation: np.ndarray
@@ -119,16 +118,22 @@ class Fit:
         """Ranges of adults of the patient's sex, by output."""
         return adult_ranges(self.case.patient.sex)
 
-    def judged(self, more: Iterable[Reason]) -> Fit:
+    def judged(self, more: Iterable[Reason]) -> FitResult:
         """The fit when more is known; what a doubt rules out counts as determined no longer."""
         verdict = self.verdict.with_reasons(more)
         disagreeing = {r.about: r.sentence for r in verdict.doubts if r.aspect is Aspect.INTERVALS}
-        parameters = {}
-        for name, p in self.parameters.items():
-            reason = NOT_FROM_A_POOR_FIT if verdict.level is Level.POOR else disagreeing.get(name, "")
-            keep = not reason or not p.identifiable
-            parameters[name] = p if keep else replace(p, identifiable=False, reason=reason)
-        return replace(self, verdict=verdict, parameters=parameters)
+        if verdict.level is Level.POOR:
+            disagreeing = dict.fromkeys(self.parameters, NOT_FROM_A_POOR_FIT)
+        return replace(self, verdict=verdict, parameters=self._undetermined(disagreeing))
+
+    def _undetermined(self, reasons: Mapping[str, str]) -> dict[str, FittedParameter]:
+        """The parameters, those with a reason no longer called determined."""
+        return {
+            name: replace(p, identifiable=False, reason=reasons[name])
+            if p.identifiable and name in reasons
+            else p
+            for name, p in self.parameters.items()
+        }
 
     def as_object(self) -> dict[str, Any]:
         """As plain data for JSON; null for what is not known."""
@@ -171,11 +176,26 @@ class Fit:
         }  # fmt: skip
 
 
+def fit(case: Case, settings: FitSettings | None = None, report: Report | None = None) -> FitResult:
+    """Fit one case to its measurements: multi-start least squares with exact derivatives.
+
+    Args:
+        case: with measurements.
+        settings: what is free, how it is weighted, how widely to look.
+        report: called with what is being done.
+
+    Raises:
+        CaseError: Nothing was measured, bounds that cannot be, or an uncertainty of what was not measured.
+    """
+    wrong = unmeasured_uncertainties([case], settings or FitSettings())
+    if wrong:
+        raise CaseError(wrong)
+    return fit_cases([(case.patient.id, case)], settings, report)[0]
+
+
 def fit_cases(
-    cases: Sequence[tuple[str, Case]],
-    settings: FitSettings | None = None,
-    report: Callable[[str], None] | None = None,
-) -> list[Fit]:
+    cases: Sequence[tuple[str, Case]], settings: FitSettings | None = None, report: Report | None = None
+) -> list[FitResult]:
     """Fit cases that have the same circuit, side by side.
 
     Args:
@@ -199,52 +219,39 @@ def fit_cases(
         return []
     policy = common_policy([case for _, case in cases], settings.policy)
     objective = Objective(targets, box.names, policy)
-    found = identify(objective, box, settings.multi_start, report)
+    optima = identify(objective, box, settings.multi_start, report)
     if settings.shared and len(cases) > 1:
-        found = together(objective, box, found, [_errors(t, settings) for t in objective.targets], settings)
-    fits = [
-        _fit(name, case, objective, k, box, optimum, settings)
-        for k, ((name, case), optimum) in enumerate(zip(cases, found, strict=True))
+        errors = [measurement_errors(t.measured, settings.uncertainties) for t in targets]
+        errors = [np.array(list(own.values())) for own in errors]
+        optima = fit_shared(objective, box, optima, errors, settings.shared)
+    results = [
+        _result(name, case, objective, k, box, optimum, settings)
+        for k, ((name, case), optimum) in enumerate(zip(cases, optima, strict=True))
     ]
-    fits = [_plausible(fit) for fit in _doubted(fits, objective, box)]
+    results = [_plausible(result) for result in _without_compensated(results, objective, box)]
     seconds = (time.perf_counter() - started) / len(cases)
-    return [replace(fit, seconds=seconds) for fit in fits]
-
-
-def fit_case(
-    case: Case, settings: FitSettings | None = None, report: Callable[[str], None] | None = None
-) -> Fit:
-    """Fit one case."""
-    return fit_cases([(case.patient.id, case)], settings, report)[0]
+    return [replace(result, seconds=seconds) for result in results]
 
 
 def _target(
     case: Case, measured: Mapping[str, float], fixed: Mapping[str, float], settings: FitSettings
 ) -> Target:
-    from eclsim.orbit.model import model_of
-
     errors = measurement_errors(measured, settings.uncertainties)
-    scales = {
-        n: abs(v) if settings.weights == "relative" and v != 0.0 else errors[n] for n, v in measured.items()
-    }
+    relative = settings.weights == "relative"
+    scales = {n: abs(v) if relative and v != 0.0 else errors[n] for n, v in measured.items()}
     return Target(model_of(case).with_values(dict(fixed)), dict(measured), scales)
 
 
-def _errors(target: Target, settings: FitSettings) -> np.ndarray:
-    """Standard uncertainties of what was measured, shape (measured,)."""
-    return np.array(list(measurement_errors(target.measured, settings.uncertainties).values()))
-
-
-def _fit(
+def _result(
     name: str, case: Case, objective: Objective, number: int, box: Box, optimum: Optimum,
     settings: FitSettings,
-) -> Fit:  # fmt: skip
+) -> FitResult:  # fmt: skip
     target = objective.targets[number]
     known = measurement_errors(target.measured, settings.uncertainties)
     if optimum.status is FitStatus.NO_STEADY_BEAT:
         nothing = FittedParameter(np.nan, np.nan, np.nan, False, False, optimum.status.message)
-        return Fit(
-            name, case, target.measured, target.scales, {}, dict.fromkeys(box.names, nothing),
+        return FitResult(
+            name, case, target.measured, {}, dict.fromkeys(box.names, nothing),
             np.full((len(box.names),) * 2, np.nan), objective, box, optimum, number, known,
             FitVerdict(None, tuple(search(optimum.status))),
         )  # fmt: skip
@@ -252,29 +259,31 @@ def _fit(
     errors = np.array(list(known.values()))
     scaled = ScaledSensitivities(tuple(target.measured), box.names, optimum.jacobian[rows] / errors[:, None])
     spread = covariance(scaled.matrix, prior_deviations(box.lower, box.upper))
-    if optimum.joint is not None:
-        spread = optimum.joint.covariance
+    if optimum.shared is not None:
+        spread = optimum.shared.covariance
     simulated = dict(zip(objective.outputs, optimum.outputs.tolist(), strict=True))
     goodness = goodness_of(target.measured, simulated, known, scaled.matrix, spread)
     gains = _gains_beyond_bounds(objective, number, optimum, box, goodness.chi_square)
     parameters = _parameters(optimum, box, scaled, np.sqrt(np.diag(spread)), gains)
     fitted = {n: p.value for n, p in parameters.items()}
     fixed = {n: target.model.values[n] for n in settings.names if n not in fitted}
-    changed = case.model_copy(
-        update={
-            "parameters": {**case.parameters, **fixed, **fitted},
-            "blood_volume_policy": objective.policy,
-        }
-    )
+    changes = {
+        "parameters": {**case.parameters, **fixed, **fitted},
+        "blood_volume_policy": objective.policy,
+    }
     reasons = [
         *agreement(target.measured, simulated, goodness, settings.weights), *search(optimum.status),
         *_held_back(parameters, gains),
     ]  # fmt: skip
-    return Fit(
-        name, changed, target.measured, target.scales, {o: simulated[o] for o in OUTPUTS if o in simulated},
-        parameters, correlation(spread), objective, box, optimum, number, known,
-        FitVerdict(goodness, ()).with_reasons(reasons),
+    return FitResult(
+        name, case.model_copy(update=changes), target.measured, simulated, parameters, correlation(spread),
+        objective, box, optimum, number, known, FitVerdict(goodness, ()).with_reasons(reasons),
     )  # fmt: skip
+
+
+def _at_bounds(optimum: Optimum, box: Box) -> tuple[np.ndarray, np.ndarray]:
+    """Which parameters are at their lower and which at their upper bound."""
+    return optimum.x <= box.lower + AT_BOUND, optimum.x >= box.upper - AT_BOUND
 
 
 def _gains_beyond_bounds(
@@ -282,11 +291,11 @@ def _gains_beyond_bounds(
 ) -> np.ndarray:
     """By how much the sum of squared standard differences would fall if a parameter at its bound left it.
 
-    Foreseen by the derivatives with the other parameters held, shape (parameters,); 0 inside the bounds.
+    Predicted by the derivatives with the other parameters held, shape (parameters,); 0 inside the bounds.
     """
-    low, high = optimum.x <= box.lower + AT_BOUND, optimum.x >= box.upper - AT_BOUND
+    low, high = _at_bounds(optimum, box)
     gains = np.zeros(len(box.names))
-    if optimum.joint is not None or not optimum.cost > 0.0:
+    if optimum.shared is not None or not optimum.cost > 0.0:
         return gains
     weights = objective.weights[number]
     residuals = (optimum.outputs - objective.measured[number]) * weights
@@ -310,48 +319,47 @@ def _held_back(parameters: Mapping[str, FittedParameter], gains: np.ndarray) -> 
     ]  # fmt: skip
 
 
-def _plausible(fit: Fit) -> Fit:
+def _plausible(result: FitResult) -> FitResult:
     """The fit with the volumes and pressures of the fitted patient held against those of adults."""
-    if not fit.simulated:
-        return fit
-    from eclsim.orbit.model import model_of
+    if not result.simulated:
+        return result
     from eclsim.outputs.alarms import findings
     from eclsim.outputs.dataset import simulate
 
-    beat = simulate(model_of(fit.case), fit.objective.policy)
+    beat = simulate(model_of(result.case), result.objective.policy)
     if not beat.attrs["converged"]:
         sentence = f"`eclsim simulate` of the fitted case: {beat.attrs['message']}"
-        return fit.judged([Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", sentence)])
+        return result.judged([Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", sentence)])
     outputs = {str(n): float(v) for n, v in beat.items() if v.ndim == 0}
     extremes = {str(n): (float(v.min()), float(v.max())) for n, v in beat.items() if v.dims == ("phase",)}
     collapsed = [f.sentence for f in findings(outputs, extremes) if f.kind == "collapse"]
-    implied = {n: outputs[n] for n in fit.ranges if n in outputs}
-    reasons = plausibility(implied, fit.ranges, fit.measured, collapsed)
-    return replace(fit, implied=implied).judged(reasons)
+    implied = {n: outputs[n] for n in result.ranges if n in outputs}
+    reasons = plausibility(implied, result.ranges, result.measured, collapsed)
+    return replace(result, implied=implied).judged(reasons)
 
 
 def _parameters(
     optimum: Optimum, box: Box, scaled: ScaledSensitivities, errors: np.ndarray, gains: np.ndarray
 ) -> dict[str, FittedParameter]:
     """Values, intervals and what the measurements tell apart."""
-    low, high = optimum.x <= box.lower + AT_BOUND, optimum.x >= box.upper - AT_BOUND
-    excluded = propose(scaled).excluded if optimum.joint is None else optimum.joint.excluded
+    low, high = _at_bounds(optimum, box)
+    excluded = propose(scaled).excluded if optimum.shared is None else optimum.shared.excluded
     agreed = optimum.starts.end[optimum.starts.agreeing]
     differ = np.expm1(np.ptp(agreed, axis=0)) if len(agreed) else np.zeros(len(box.names))
     before = prior_deviations(box.lower, box.upper)
-    found = {}
+    parameters = {}
     for k, name in enumerate(box.names):
         reason = excluded.get(name, "")
         if low[k] or high[k]:
             reason = _at_bound("lower" if low[k] else "upper", bool(gains[k] > PUSHED))
         elif not reason and differ[k] > SAME_PARAMETER:
             reason = f"starts that fit equally well differ by {100 * differ[k]:.0f} %"
-        elif not reason and errors[k] > LEARNT * before[k]:
+        elif not reason and errors[k] > DETERMINED * before[k]:
             reason = f"fitted with the others, its standard error is a factor of {np.exp(errors[k]):.2g}"
         lower, upper = interval(optimum.x[k], errors[k], box.lower[k], box.upper[k])
         value = in_unit(optimum.x[k])
-        found[name] = FittedParameter(value, lower, upper, bool(low[k] or high[k]), not reason, reason)
-    return found
+        parameters[name] = FittedParameter(value, lower, upper, bool(low[k] or high[k]), not reason, reason)
+    return parameters
 
 
 def _at_bound(side: str, pushed: bool) -> str:
@@ -362,25 +370,25 @@ def _at_bound(side: str, pushed: bool) -> str:
     return f"at its {side} bound, and the measurements hardly tell {beyond} values apart"
 
 
-def _doubted(fits: Sequence[Fit], objective: Objective, box: Box) -> list[Fit]:
-    """The fits with parameters that follow undetermined ones named as not determined themselves."""
-    open_ones = [
+def _without_compensated(results: Sequence[FitResult], objective: Objective, box: Box) -> list[FitResult]:
+    """The fits; parameters that make up for undetermined ones are called undetermined themselves."""
+    undetermined = [
         [k for k, p in enumerate(f.parameters.values()) if not p.identifiable]
-        if f.simulated and f.optimum.joint is None
+        if f.simulated and f.optimum.shared is None
         else []
-        for f in fits
+        for f in results
     ]
-    others = alternatives(objective, box, [f.optimum.x for f in fits], open_ones)
-    found = []
-    for fit, other in zip(fits, others, strict=True):
-        moved, followed = other.followers(fit.optimum.x)
-        parameters = dict(fit.parameters)
-        for k, (name, p) in enumerate(fit.parameters.items()):
-            if p.identifiable and moved[k] > np.log1p(SAME_PARAMETER):
-                reason = (
-                    f"follows {box.names[followed[k]]}, which the measurements do not determine: with it "
-                    f"elsewhere, {100.0 * np.expm1(moved[k]):.0f} % apart at the same outputs"
-                )
-                parameters[name] = replace(p, identifiable=False, reason=reason)
-        found.append(replace(fit, parameters=parameters))
-    return found
+    held = held_fits(objective, box, [f.optimum.x for f in results], undetermined)
+    judged = []
+    for result, own in zip(results, held, strict=True):
+        moved, followed = own.compensation(result.optimum.x)
+        reasons = {
+            name: (
+                f"follows {box.names[followed[k]]}, which the measurements do not determine: with it "
+                f"elsewhere, {100.0 * np.expm1(moved[k]):.0f} % apart at the same outputs"
+            )
+            for k, name in enumerate(box.names)
+            if moved[k] > np.log1p(SAME_PARAMETER)
+        }
+        judged.append(replace(result, parameters=result._undetermined(reasons)))
+    return judged

@@ -16,8 +16,8 @@ def plot_profiles(found: Any, along: Any, units: Mapping[str, str], rise: float)
     """Chi-square along each parameter with the others fitted again, beside that with the others held.
 
     Args:
-        found: an `eclsim.identification.profiles.Profiles`.
-        along: an `eclsim.identification.slices.Slices` through the same point.
+        found: an `eclsim.identification.profiles.CostCurves`.
+        along: likewise, through the same point.
         units: of the parameters.
         rise: a value is within the 90 % interval where the profile is at most so much above its least.
     """

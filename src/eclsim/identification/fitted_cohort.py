@@ -33,17 +33,6 @@ class FittedCases:
     words: str
 
 
-def quick_search(explore: int) -> MultiStart:
-    """A modest search: of the explored sets a fiftieth is refined, until one optimum is found twice.
-
-    Args:
-        explore: explored sets of parameters for each free one; from the usual 1000 on the usual search.
-    """
-    if explore >= MultiStart.points_per_parameter:
-        return MultiStart(points_per_parameter=explore)
-    return MultiStart(points_per_parameter=explore, refined_share=0.02, round_size=2, rediscoveries=1)
-
-
 def fit_points(
     reading: CohortReading,
     folder: Path,
@@ -62,7 +51,7 @@ def fit_points(
         progress: is told what is being computed.
         policy: blood volume policy of the fits.
     """
-    settings = FitSettings(multi_start=quick_search(explore), policy=policy)
+    settings = FitSettings(multi_start=MultiStart.quick(explore), policy=policy)
     store = FitStore(folder, reading.digest, settings)
     store.open(resume=resume and (folder / "settings.json").exists(), force=not resume)
     results = fit_cohort(reading.points, settings, store, progress)

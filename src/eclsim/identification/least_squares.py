@@ -10,11 +10,11 @@ first is put there, and the step of the others is computed again.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from enum import IntEnum
 
 import numpy as np
 
-from eclsim.identification.objective import Box, Evaluation, Objective
-from eclsim.identification.outcome import Ending
+from eclsim.identification.objective import Box, Evaluation, LeastSquaresProblem
 from eclsim.orbit.equation import OrbitOptions
 
 FIRST_DAMPING = 1e-3
@@ -29,8 +29,16 @@ LONGEST_STEP = 1.5
 """Largest change of a logarithm in one step: a factor of 4.5."""
 
 
+class Termination(IntEnum):
+    """Why a refinement ended."""
+
+    SETTLED = 0
+    OUT_OF_ITERATIONS = 1
+    NO_STEADY_BEAT = 2
+
+
 @dataclass(frozen=True)
-class Precision:
+class Tolerances:
     """When a refinement has settled.
 
     Args:
@@ -50,12 +58,12 @@ class Precision:
     resolution: int | None = None
 
 
-EXACT = Precision(1e-8, 1e-14, 1e-10, 60, OrbitOptions(newton_iterations=3))
+EXACT = Tolerances(1e-8, 1e-14, 1e-10, 60, OrbitOptions(newton_iterations=3))
 """For the optimum itself."""
 
 
 @dataclass(frozen=True)
-class Refined:
+class Refinement:
     """Where refinements ended, shape (starts, ...).
 
     Args:
@@ -63,7 +71,7 @@ class Refined:
         outputs: of the model there, shape (starts, outputs).
         costs: sum of squared residuals; infinite where there is no steady beat.
         iterations: until the end.
-        endings: an `Ending` each.
+        terminations: a `Termination` each.
         jacobians: d output / d log parameter, shape (starts, outputs, parameters).
     """
 
@@ -71,167 +79,176 @@ class Refined:
     outputs: np.ndarray
     costs: np.ndarray
     iterations: np.ndarray
-    endings: np.ndarray
+    terminations: np.ndarray
     jacobians: np.ndarray
 
-    def take(self, chosen: np.ndarray) -> Refined:
+    def take(self, chosen: np.ndarray) -> Refinement:
         """Some of them."""
         return replace(self, **{name: value[chosen] for name, value in vars(self).items()})
 
 
 def refine(
-    objective: Objective,
-    which: np.ndarray,
+    problem: LeastSquaresProblem,
+    points: np.ndarray,
     starts: np.ndarray,
     box: Box,
-    precision: Precision | None = None,
+    tolerances: Tolerances | None = None,
     held: np.ndarray | None = None,
-) -> Refined:
+) -> Refinement:
     """Minimise from every start.
 
     Args:
-        objective: data points.
-        which: data point of each start, shape (starts,).
+        problem: data points.
+        points: data point of each start, shape (starts,).
         starts: logarithms of the parameters, shape (starts, parameters).
         box: bounds.
-        precision: when to stop.
+        tolerances: when to stop.
         held: parameters that a start keeps, shape (starts, parameters); left out, none.
     """
-    search = _Search(objective, np.asarray(which), box.clip(starts), box, precision or Precision(), held)
-    return search.run()
+    return _Search(problem, np.asarray(points), box.clip(starts), box, tolerances or Tolerances(), held).run()
 
 
 @dataclass(frozen=True)
-class _Tried:
-    """Steps of some starts: whose, damping, step, and what came of it, shape (tried, ...)."""
+class _Trial:
+    """Steps of some starts, shape (steps, ...): start of each, damping, step, and the model there."""
 
     rows: np.ndarray
     dampings: np.ndarray
     steps: np.ndarray
-    found: Evaluation
+    evaluation: Evaluation
 
 
 class _Search:
     def __init__(
         self,
-        objective: Objective,
-        which: np.ndarray,
+        problem: LeastSquaresProblem,
+        points: np.ndarray,
         x: np.ndarray,
         box: Box,
-        precision: Precision,
+        tolerances: Tolerances,
         held: np.ndarray | None,
     ):
-        self.objective, self.which, self.box, self.precision = objective, which, box, precision
+        self.problem, self.points, self.box, self.tolerances = problem, points, box, tolerances
         self.x = x
         self.moves = np.ones(x.shape) if held is None else np.where(held, 0.0, 1.0)
-        self.near = np.full(len(which), None, dtype=object)
-        first = self.evaluate(np.arange(len(which)), x)
+        self.tangents = np.full(len(points), None, dtype=object)
+        first = self.evaluate(np.arange(len(points)), x)
         self.outputs, self.residuals, self.costs = first.outputs, first.residuals, first.costs.copy()
-        self.jacobians = np.full((len(which), len(objective.outputs), x.shape[1]), np.nan)
-        self.iterations = np.zeros(len(which), dtype=int)
-        self.endings = np.where(np.isfinite(self.costs), Ending.OUT_OF_ITERATIONS, Ending.NO_STEADY_BEAT)
-        self.damping = np.full(len(which), FIRST_DAMPING)
+        self.jacobians = np.full((len(points), len(problem.outputs), x.shape[1]), np.nan)
+        self.iterations = np.zeros(len(points), dtype=int)
+        self.terminations = np.where(
+            np.isfinite(self.costs), Termination.OUT_OF_ITERATIONS, Termination.NO_STEADY_BEAT
+        )
+        self.damping = np.full(len(points), FIRST_DAMPING)
         alive = np.flatnonzero(np.isfinite(self.costs))
         self.differentiate(first, alive, alive)
         without = alive[~np.isfinite(self.jacobians[alive]).all(axis=(1, 2))]
-        self.costs[without], self.endings[without] = np.inf, Ending.NO_STEADY_BEAT
+        self.costs[without], self.terminations[without] = np.inf, Termination.NO_STEADY_BEAT
 
-    def run(self) -> Refined:
+    def run(self) -> Refinement:
         active = self.above_floor(np.flatnonzero(np.isfinite(self.costs)))
-        for _ in range(self.precision.iterations):
+        for _ in range(self.tolerances.iterations):
             if not len(active):
                 break
             self.iterations[active] += 1
             active = self.above_floor(self.advance(active))
-        return Refined(self.x, self.outputs, self.costs, self.iterations, self.endings, self.jacobians)
+        return Refinement(
+            self.x, self.outputs, self.costs, self.iterations, self.terminations, self.jacobians
+        )
 
     def evaluate(self, rows: np.ndarray, x: np.ndarray) -> Evaluation:
-        p = self.precision
-        near = None if any(known is None for known in self.near[rows]) else list(self.near[rows])
-        return self.objective.evaluate(self.which[rows], x, p.orbits, p.resolution, near)
+        own, t = self.tangents[rows], self.tolerances
+        tangents = None if any(known is None for known in own) else list(own)
+        return self.problem.evaluate(self.points[rows], x, t.orbits, t.resolution, tangents)
 
-    def differentiate(self, found: Evaluation, members: np.ndarray, rows: np.ndarray) -> None:
+    def differentiate(self, evaluation: Evaluation, members: np.ndarray, rows: np.ndarray) -> None:
         """Derivatives of some starts from the members of an evaluation that they stand at."""
         if len(members):
-            self.jacobians[rows], near = self.objective.linearise(found, members.tolist(), self.x[rows])
-            self.near[rows] = np.fromiter(near, dtype=object)
+            self.jacobians[rows], tangents = self.problem.linearise(
+                evaluation, members.tolist(), self.x[rows]
+            )
+            self.tangents[rows] = np.fromiter(tangents, dtype=object)
 
     def weighted(self, row: int) -> np.ndarray:
         """d residual / d log parameter; 0 for what is held, so that no step moves it."""
-        return self.jacobians[row] * self.objective.weights[self.which[row]][:, None] * self.moves[row]
+        return self.jacobians[row] * self.problem.weights[self.points[row]][:, None] * self.moves[row]
 
     def above_floor(self, active: np.ndarray) -> np.ndarray:
-        low = self.costs[active] <= self.precision.floor
-        self.endings[active[low]] = Ending.SETTLED
+        low = self.costs[active] <= self.tolerances.floor
+        self.terminations[active[low]] = Termination.SETTLED
         return active[~low]
 
     def advance(self, active: np.ndarray) -> np.ndarray:
         """One iteration of each start; those left that are worth another."""
-        before, place = self.costs[active].copy(), self.x[active].copy()
-        straight = self.straight(active)
-        bent = self.bent(straight)
-        better = self.better(active, straight, bent)
-        for wave, chosen in ((straight, better >= 0), (bent, better < -1)):
-            self.move(wave, active[chosen], np.where(better >= 0, better, -2 - better)[chosen])
-        self.damping[active[better == -1]] *= NEXT_LADDER
-        moved = np.abs(self.x[active] - place).max(axis=1)
+        before, start = self.costs[active].copy(), self.x[active].copy()
+        first_order = self.first_order(active)
+        trials = (first_order, self.second_order(first_order))
+        best = self.best(active, trials)
+        for number, trial in enumerate(trials):
+            chosen = best[:, 0] == number
+            self.move(trial, active[chosen], best[chosen, 1])
+        stuck = best[:, 0] < 0
+        self.damping[active[stuck]] *= NEXT_LADDER
+        moved = np.abs(self.x[active] - start).max(axis=1)
         gained = before - self.costs[active]
         done = np.where(
-            (better == -1) | (moved == 0.0),
+            stuck | (moved == 0.0),
             self.damping[active] > LARGEST_DAMPING,
-            (gained <= self.precision.cost * before) | (moved <= self.precision.step),
+            (gained <= self.tolerances.cost * before) | (moved <= self.tolerances.step),
         )
-        self.endings[active[done]] = Ending.SETTLED
+        self.terminations[active[done]] = Termination.SETTLED
         return active[~done]
 
-    def straight(self, active: np.ndarray) -> _Tried:
-        """Steps that the derivatives alone foresee, for a ladder of dampings."""
+    def first_order(self, active: np.ndarray) -> _Trial:
+        """Steps by the derivatives alone, for a ladder of dampings."""
         rows = np.repeat(active, len(LADDER))
         dampings = np.maximum(np.outer(self.damping[active], LADDER).ravel(), SMALLEST_DAMPING)
-        return self.tried(rows, dampings, self.residuals[rows])
+        return self.trial(rows, dampings, self.residuals[rows])
 
-    def bent(self, first: _Tried) -> _Tried:
-        """The same with the part of the residuals that the first steps have shown not to be linear."""
-        seen = np.isfinite(first.found.costs)
-        rows, steps = first.rows[seen], first.steps[seen]
-        foreseen = [self.weighted(row) @ step for row, step in zip(rows, steps, strict=True)]
+    def second_order(self, first: _Trial) -> _Trial:
+        """The same with what the first steps have shown of the residuals' curvature."""
+        solved = np.isfinite(first.evaluation.costs)
+        rows, steps = first.rows[solved], first.steps[solved]
+        linear = [self.weighted(row) @ step for row, step in zip(rows, steps, strict=True)]
         shape = (len(rows), self.residuals.shape[1])
-        constant = first.found.residuals[seen] - np.reshape(foreseen, shape)
-        return self.tried(rows, first.dampings[seen], constant)
+        constant = first.evaluation.residuals[solved] - np.reshape(linear, shape)
+        return self.trial(rows, first.dampings[solved], constant)
 
-    def tried(self, rows: np.ndarray, dampings: np.ndarray, residuals: np.ndarray) -> _Tried:
+    def trial(self, rows: np.ndarray, dampings: np.ndarray, residuals: np.ndarray) -> _Trial:
         """Evaluate the damped steps from residuals that stand for those of the starts."""
         steps = np.zeros((len(rows), self.x.shape[1]))
         for row in np.unique(rows):
             own = rows == row
-            jacobian = self.weighted(row)
-            found = bounded_steps(jacobian, residuals[own], self.x[row], self.box, dampings[own])
-            steps[own] = found * self.moves[row]
-        return _Tried(rows, dampings, steps, self.evaluate(rows, self.x[rows] + steps))
+            own_steps = bounded_steps(
+                self.weighted(row), residuals[own], self.x[row], self.box, dampings[own]
+            )
+            steps[own] = own_steps * self.moves[row]
+        return _Trial(rows, dampings, steps, self.evaluate(rows, self.x[rows] + steps))
 
-    def better(self, active: np.ndarray, straight: _Tried, bent: _Tried) -> np.ndarray:
-        """Place of the best step of each start: k of the straight ones, -2 - k of the bent, -1 for none."""
-        best = np.full(len(active), -1)
-        for place, row in enumerate(active):
-            lowest = self.costs[row]
-            for wave, code in ((straight, lambda k: k), (bent, lambda k: -2 - k)):
-                own = np.flatnonzero(wave.rows == row)
-                if len(own) and wave.found.costs[own].min() < lowest:
-                    k = own[np.argmin(wave.found.costs[own])]
-                    lowest, best[place] = wave.found.costs[k], code(k)
+    def best(self, active: np.ndarray, trials: tuple[_Trial, ...]) -> np.ndarray:
+        """Trial and place in it of the step that lowers each start's cost most, -1 for none; (starts, 2)."""
+        best, lowest = np.full((len(active), 2), -1), self.costs[active].copy()
+        for number, trial in enumerate(trials):
+            costs = trial.evaluation.costs
+            for k, row in enumerate(active):
+                own = np.flatnonzero(trial.rows == row)
+                if len(own) and costs[own].min() < lowest[k]:
+                    place = own[np.argmin(costs[own])]
+                    lowest[k], best[k] = costs[place], (number, place)
         return best
 
-    def move(self, wave: _Tried, rows: np.ndarray, chosen: np.ndarray) -> None:
-        """Take steps of a wave, but for those to where there are no derivatives to go on with."""
-        kept = (self.x, self.outputs, self.residuals, self.costs, self.jacobians, self.near)
-        before = [values[rows].copy() for values in kept]
-        self.x[rows] += wave.steps[chosen]
-        self.outputs[rows], self.residuals[rows] = wave.found.outputs[chosen], wave.found.residuals[chosen]
-        self.costs[rows] = wave.found.costs[chosen]
-        self.damping[rows] = wave.dampings[chosen]
-        self.differentiate(wave.found, chosen, rows)
+    def move(self, trial: _Trial, rows: np.ndarray, chosen: np.ndarray) -> None:
+        """Take steps of a trial, but for those to where there are no derivatives to go on with."""
+        arrays = (self.x, self.outputs, self.residuals, self.costs, self.jacobians, self.tangents)
+        before = [values[rows].copy() for values in arrays]
+        evaluation = trial.evaluation
+        self.x[rows] += trial.steps[chosen]
+        self.outputs[rows], self.residuals[rows] = evaluation.outputs[chosen], evaluation.residuals[chosen]
+        self.costs[rows] = evaluation.costs[chosen]
+        self.damping[rows] = trial.dampings[chosen]
+        self.differentiate(evaluation, chosen, rows)
         stuck = ~np.isfinite(self.jacobians[rows]).all(axis=(1, 2))
-        for values, old in zip(kept, before, strict=True):
+        for values, old in zip(arrays, before, strict=True):
             values[rows[stuck]] = old[stuck]
         self.damping[rows[stuck]] *= NEXT_LADDER
 

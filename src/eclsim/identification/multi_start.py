@@ -1,4 +1,4 @@
-"""TikTak multi-start: explore widely, refine the best, mix each start with the best found so far.
+"""TikTak multi-start: explore widely, refine the best, mix each start with the best so far.
 
 Arnoud, Guvenen and Kleineberg 2019, Benchmarking global optimizers, doi 10.3386/w26340. Starts are refined
 in rounds side by side, so "the best so far" is that of the rounds before.
@@ -12,8 +12,8 @@ from enum import StrEnum
 
 import numpy as np
 
-from eclsim.identification.least_squares import EXACT, Ending, Precision, Refined, refine
-from eclsim.identification.objective import Box, Objective
+from eclsim.identification.least_squares import EXACT, Refinement, Termination, Tolerances, refine
+from eclsim.identification.objective import Box, LeastSquaresProblem
 from eclsim.identification.polishing import MOST_ITERATIONS, polish
 from eclsim.orbit.equation import OrbitOptions
 
@@ -21,12 +21,14 @@ EXPLORING = OrbitOptions(tolerance=3e-2, error_tolerance=1e-1, newton_iterations
 """Enough to rank points: outputs differ from those of the exact orbit by 1e-4 (median), 1 % (99 % of all)."""
 COARSE = 1
 """Grid of explored points and of starts; only the optimum is refined on the grid that it needs."""
-REFINING = Precision(2e-4, 1e-7, orbits=OrbitOptions(1e-6, 1e-5, newton_iterations=0), resolution=COARSE)
+REFINING = Tolerances(2e-4, 1e-7, orbits=OrbitOptions(1e-6, 1e-5, newton_iterations=0), resolution=COARSE)
 SAME_COST = 1e-3
-SAME_FIT = 1e-3
+SAME_OUTPUTS = 1e-3
 NEXT_TO_NOTHING = 1e-6
 """Sum of squares below which a fit is perfect: outputs within 0.1 %."""
 LARGEST_WEIGHT = 0.995
+Report = Callable[[str], None]
+"""Is called with a sentence that says what is being computed."""
 
 
 class FitStatus(StrEnum):
@@ -74,6 +76,17 @@ class MultiStart:
     seed: int = 0
     polishing: int = MOST_ITERATIONS
 
+    @classmethod
+    def quick(cls, explored: int) -> MultiStart:
+        """A modest search: of the explored sets a fiftieth is refined, until one optimum is found twice.
+
+        Args:
+            explored: sets of parameters for each free one; from the usual 1000 on, the usual search.
+        """
+        if explored >= cls.points_per_parameter:
+            return cls(points_per_parameter=explored)
+        return cls(points_per_parameter=explored, refined_share=0.02, round_size=2, rediscoveries=1)
+
 
 @dataclass(frozen=True)
 class Starts:
@@ -95,8 +108,8 @@ class Starts:
 
 
 @dataclass(frozen=True)
-class Joint:
-    """What a fit of several data points together says of one of them.
+class SharedEstimate:
+    """What a fit of several data points with common parameters says of one of them.
 
     Args:
         covariance: of the logarithms of its parameters, shape (parameters, parameters).
@@ -120,7 +133,7 @@ class Optimum:
         explored: points explored.
         dropped: of these without a steady beat.
         status: how it ended.
-        joint: of a fit together with other data points; None where it was fitted alone.
+        shared: of a fit with other data points; None where the point was fitted by itself.
     """
 
     x: np.ndarray
@@ -131,7 +144,7 @@ class Optimum:
     explored: int
     dropped: int
     status: FitStatus
-    joint: Joint | None = None
+    shared: SharedEstimate | None = None
 
     @property
     def agreeing(self) -> int:
@@ -149,40 +162,49 @@ class _Candidates:
     dropped: int
     begin: list[np.ndarray] = field(default_factory=list)
     first_costs: list[float] = field(default_factory=list)
-    refined: list[Refined] = field(default_factory=list)
+    refined: list[Refinement] = field(default_factory=list)
 
-    def so_far(self) -> Refined:
+    def so_far(self) -> Refinement:
         """All refined starts."""
         names = vars(self.refined[0])
-        return Refined(**{n: np.concatenate([getattr(r, n) for r in self.refined]) for n in names})
+        return Refinement(**{n: np.concatenate([getattr(r, n) for r in self.refined]) for n in names})
+
+    def enough(self, settings: MultiStart) -> bool:
+        """Whether the best optimum has been found often enough."""
+        return bool(self.refined) and bool(agreeing(self.so_far()).sum() > settings.rediscoveries)
+
+    def next_starts(self, first: int, settings: MultiStart) -> np.ndarray:
+        """The starts of the next round, each mixed with the best so far; those of the first as they are."""
+        own = self.x[first : first + settings.round_size]
+        if not self.refined or not np.isfinite((ended := self.so_far()).costs).any():
+            return own
+        best = ended.x[np.argmin(ended.costs)]
+        weights = [mixing_weight(first + i, len(self.x)) for i in range(len(own))]
+        return np.stack([w * best + (1.0 - w) * x for w, x in zip(weights, own, strict=True)])
 
 
 def identify(
-    objective: Objective,
-    box: Box,
-    settings: MultiStart | None = None,
-    report: Callable[[str], None] | None = None,
+    problem: LeastSquaresProblem, box: Box, settings: MultiStart | None = None, report: Report | None = None
 ) -> list[Optimum]:
-    """Fit every data point of an objective; points do not influence each other.
+    """Fit every data point of a problem; points do not influence each other.
 
     Args:
-        objective: data points that share a circuit.
+        problem: data points that share a circuit.
         box: free parameters and bounds.
         settings: how widely to look.
         report: called with what is being done.
     """
-    settings = settings or MultiStart()
-    points = sobol(box, settings)
-    say = report or (lambda _: None)
-    found = []
-    for k in range(len(objective.targets)):
-        say(f"exploring {len(points)} sets of parameters (point {k + 1} of {len(objective.targets)})")
-        found.append(explore(objective, k, points, settings))
-    _refine_all(objective, box, found, settings, say)
+    settings, say = settings or MultiStart(), report or (lambda _: None)
+    explored, count = sobol(box, settings), len(problem.weights)
+    candidates = []
+    for k in range(count):
+        say(f"exploring {len(explored)} sets of parameters (point {k + 1} of {count})")
+        candidates.append(_explore(problem, k, explored, settings))
+    _refine_all(problem, box, candidates, settings, say)
     best = []
-    for k, candidates in enumerate(found):
-        say(f"refining the best start to the end (point {k + 1} of {len(found)})")
-        best.append(_best(objective, box, k, candidates, settings))
+    for k, own in enumerate(candidates):
+        say(f"refining the best start to the end (point {k + 1} of {count})")
+        best.append(_best(problem, box, k, own, settings))
     return best
 
 
@@ -194,16 +216,18 @@ def sobol(box: Box, settings: MultiStart) -> np.ndarray:
     count = max(settings.points_per_parameter * size - 1, 1)
     sequence = qmc.Sobol(size, rng=np.random.default_rng(settings.seed))
     unit = sequence.random_base2(int(np.ceil(np.log2(count + 1))))[:count]
-    return np.vstack([box.start, box.lower + unit * (box.upper - box.lower)])
+    return np.vstack([box.start, box.lower + unit * box.width])
 
 
-def explore(objective: Objective, target: int, points: np.ndarray, settings: MultiStart) -> _Candidates:
-    """Rank points of one target by their cost and keep the best share that has a steady beat."""
-    costs = objective.evaluate(np.full(len(points), target), points, EXPLORING, COARSE).costs
-    kept = max(round(settings.refined_share * len(points)), 2)
+def _explore(
+    problem: LeastSquaresProblem, point: int, explored: np.ndarray, settings: MultiStart
+) -> _Candidates:
+    """Rank sets of parameters for one data point by cost; keep the best share that has a steady beat."""
+    costs = problem.evaluate(np.full(len(explored), point), explored, EXPLORING, COARSE).costs
+    kept = max(round(settings.refined_share * len(explored)), 2)
     order = np.argsort(costs, kind="stable")[:kept]
     order = order[np.isfinite(costs[order])]
-    return _Candidates(points[order], costs[order], len(points), int((~np.isfinite(costs)).sum()))
+    return _Candidates(explored[order], costs[order], len(explored), int((~np.isfinite(costs)).sum()))
 
 
 def mixing_weight(number: int, total: int) -> float:
@@ -212,44 +236,25 @@ def mixing_weight(number: int, total: int) -> float:
 
 
 def _refine_all(
-    objective: Objective,
-    box: Box,
-    found: list[_Candidates],
-    settings: MultiStart,
-    say: Callable[[str], None],
+    problem: LeastSquaresProblem, box: Box, candidates: list[_Candidates], settings: MultiStart, say: Report
 ) -> None:
+    """Rounds of starts, those of all data points side by side."""
     first = 0
-    while jobs := [k for k, c in enumerate(found) if first < len(c.x) and not _enough(c, settings)]:
-        starts = {k: _mixed(found[k], first, settings) for k in jobs}
-        which = np.concatenate([np.full(len(starts[k]), k) for k in jobs])
-        last = min(first + settings.round_size, max(len(found[k].x) for k in jobs))
+    while jobs := [k for k, c in enumerate(candidates) if first < len(c.x) and not c.enough(settings)]:
+        starts = {k: candidates[k].next_starts(first, settings) for k in jobs}
+        points = np.concatenate([np.full(len(starts[k]), k) for k in jobs])
+        last = min(first + settings.round_size, max(len(candidates[k].x) for k in jobs))
         say(f"refining starts {first + 1} to {last} of each of {len(jobs)} data points")
-        refined = refine(objective, which, np.concatenate([starts[k] for k in jobs]), box, REFINING)
+        refined = refine(problem, points, np.concatenate([starts[k] for k in jobs]), box, REFINING)
         for k in jobs:
-            found[k].begin.append(starts[k])
-            found[k].first_costs += found[k].costs[first : first + settings.round_size].tolist()
-            found[k].refined.append(refined.take(which == k))
+            own = candidates[k]
+            own.begin.append(starts[k])
+            own.first_costs += own.costs[first : first + settings.round_size].tolist()
+            own.refined.append(refined.take(points == k))
         first += settings.round_size
 
 
-def _mixed(candidates: _Candidates, first: int, settings: MultiStart) -> np.ndarray:
-    """The next starts of a point, each mixed with the best so far; the first ones as they are."""
-    own = candidates.x[first : first + settings.round_size]
-    if not candidates.refined:
-        return own
-    ended = candidates.so_far()
-    if not np.isfinite(ended.costs).any():
-        return own
-    best = ended.x[np.argmin(ended.costs)]
-    weights = [mixing_weight(first + i, len(candidates.x)) for i in range(len(own))]
-    return np.stack([w * best + (1.0 - w) * x for w, x in zip(weights, own, strict=True)])
-
-
-def _enough(candidates: _Candidates, settings: MultiStart) -> bool:
-    return bool(candidates.refined) and agreeing(candidates.so_far()).sum() > settings.rediscoveries
-
-
-def agreeing(ended: Refined) -> np.ndarray:
+def agreeing(ended: Refinement) -> np.ndarray:
     """Which starts ended in the best optimum: the same cost, and the same outputs.
 
     Parameters are not compared: where measurements cannot tell two sets of them apart, both are the optimum.
@@ -260,45 +265,44 @@ def agreeing(ended: Refined) -> np.ndarray:
     same_cost = ended.costs <= ended.costs[best] * (1.0 + SAME_COST) + NEXT_TO_NOTHING
     reference = np.maximum(np.abs(ended.outputs[best]), 1e-3)
     with np.errstate(invalid="ignore"):
-        near = np.max(np.abs(ended.outputs - ended.outputs[best]) / reference, axis=1) <= SAME_FIT
-    return same_cost & near
+        difference = np.max(np.abs(ended.outputs - ended.outputs[best]) / reference, axis=1)
+        return same_cost & (difference <= SAME_OUTPUTS)
 
 
 def _best(
-    objective: Objective, box: Box, target: int, candidates: _Candidates, settings: MultiStart
+    problem: LeastSquaresProblem, box: Box, point: int, candidates: _Candidates, settings: MultiStart
 ) -> Optimum:
     """Refine the best start to the end."""
-    size, count = len(box.names), len(objective.outputs)
-    if not candidates.refined or not np.isfinite(candidates.so_far().costs).any():
+    size, count = len(box.names), len(problem.outputs)
+    explored, dropped = candidates.explored, candidates.dropped
+    if not candidates.refined or not np.isfinite((ended := candidates.so_far()).costs).any():
         none, flat = np.zeros((0, size)), np.zeros(0)
         nothing = Starts(none, none, flat, flat, np.zeros(0, dtype=bool))
         return Optimum(
             np.full(size, np.nan), np.full(count, np.nan), np.inf, np.full((count, size), np.nan), nothing,
-            candidates.explored, candidates.dropped, FitStatus.NO_STEADY_BEAT,
+            explored, dropped, FitStatus.NO_STEADY_BEAT,
         )  # fmt: skip
-    ended = candidates.so_far()
-    best = ended.x[[np.argmin(ended.costs)]]
-    last = _to_the_end(objective, target, best, box, settings.polishing)
-    starts = Starts(
-        np.concatenate(candidates.begin), ended.x, np.array(candidates.first_costs), ended.costs,
-        agreeing(ended),
-    )  # fmt: skip
-    settled = last.endings[0] == Ending.SETTLED
+    last = _to_the_end(problem, point, ended.x[[np.argmin(ended.costs)]], box, settings.polishing)
+    first_costs = np.array(candidates.first_costs)
+    starts = Starts(np.concatenate(candidates.begin), ended.x, first_costs, ended.costs, agreeing(ended))
+    settled = last.terminations[0] == Termination.SETTLED
     return Optimum(
-        last.x[0], last.outputs[0], float(last.costs[0]), last.jacobians[0], starts, candidates.explored,
-        candidates.dropped, FitStatus.FITTED if settled else FitStatus.NOT_SETTLED,
+        last.x[0], last.outputs[0], float(last.costs[0]), last.jacobians[0], starts, explored, dropped,
+        FitStatus.FITTED if settled else FitStatus.NOT_SETTLED,
     )  # fmt: skip
 
 
-def _to_the_end(objective: Objective, target: int, best: np.ndarray, box: Box, polishing: int) -> Refined:
+def _to_the_end(
+    problem: LeastSquaresProblem, point: int, best: np.ndarray, box: Box, polishing: int
+) -> Refinement:
     """Refine on the grid that the optimum needs, which is the same for all steps: else outputs would jump."""
-    which = np.array([target])
+    points = np.array([point])
     level, last = 0, None
-    while (needed := int(objective.resolutions(which, best)[0])) > level:
+    while (needed := int(problem.resolutions(points, best)[0])) > level:
         level = needed
         exact = replace(EXACT, resolution=level)
-        last = refine(objective, which, best, box, exact)
-        last = polish(objective, target, last, box, exact, most_iterations=polishing)
+        last = refine(problem, points, best, box, exact)
+        last = polish(problem, point, last, box, exact, most_iterations=polishing)
         best = last.x
     assert last is not None
     return last

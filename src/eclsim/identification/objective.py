@@ -9,22 +9,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 
 from eclsim.beat.resolution import needed_resolution
 from eclsim.beat.vectorisation import WORTH_LANES, map_parallel
 from eclsim.circuit.assembly import assemble
+from eclsim.identification.observation import OUTPUTS
 from eclsim.orbit.equation import Anchor, OrbitOptions
 from eclsim.orbit.model import AS_PUBLISHED, Model
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import Batch, SteadyBeats, steady_beats
 from eclsim.outputs.derivatives import member_tangents
 from eclsim.outputs.evaluation import batch_outputs, output_names
-
-OUTPUTS = ("SP", "DP", "MAP", "MPAP", "PCWP", "CO", "PF")
-"""What can be fitted."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +62,11 @@ class Box:
         table = np.log(np.array([tuple(b) for b in bounds.values()], dtype=float).reshape(-1, 3))
         return cls(tuple(bounds), table[:, 0], table[:, 1], table[:, 2])
 
+    @property
+    def width(self) -> np.ndarray:
+        """Logarithm of upper over lower bound, shape (parameters,)."""
+        return self.upper - self.lower
+
     def clip(self, x: np.ndarray) -> np.ndarray:
         """The nearest point inside."""
         return np.clip(x, self.lower, self.upper)
@@ -71,7 +74,7 @@ class Box:
 
 @dataclass(frozen=True)
 class Tangent:
-    """A steady beat to first order in the parameters.
+    """A steady beat to first order in the parameters: where the search for beats close by starts.
 
     Args:
         x: logarithms of the parameters, shape (parameters,).
@@ -84,24 +87,22 @@ class Tangent:
     states: np.ndarray
 
     def state(self, x: np.ndarray) -> np.ndarray:
-        """State at other parameters; no part of it changes by more than half its size and 50 mL."""
+        """State at other parameters; no entry of it changes by more than half its size and 50 mL."""
         change = self.states @ (x - self.x)
         allowed = 0.5 * np.abs(self.anchor.state) + 50.0
         return self.anchor.state + change / max(float(np.max(np.abs(change) / allowed)), 1.0)
 
 
-def foreseen(near: Sequence[Tangent], x: np.ndarray) -> Anchor:
-    """Where to start the search for the beats of some members from one solved beat close to each."""
-    states = [tangent.state(own) for tangent, own in zip(near, x, strict=True)]
-    return Anchor(np.stack(states, axis=1), np.stack([t.anchor.inverse for t in near], axis=2))
+Tangents = tuple[Tangent, ...]
+"""Of a member of a search: one for each data point that the member stands for."""
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The model at some points, shape (members, ...).
+    """The model at some members, shape (members, ...).
 
     Args:
-        steady: orbits.
+        steady: their steady beats.
         outputs: shape (members, outputs); NaN where no steady beat was found.
         residuals: weighted differences, 0 where nothing was measured, shape (members, outputs).
     """
@@ -113,8 +114,43 @@ class Evaluation:
     @cached_property
     def costs(self) -> np.ndarray:
         """Sum of squared residuals; infinite where no steady beat was found, shape (members,)."""
-        found = np.sum(self.residuals**2, axis=1)
-        return np.where(np.isfinite(found), found, np.inf)
+        total = np.sum(self.residuals**2, axis=1)
+        return np.where(np.isfinite(total), total, np.inf)
+
+
+class LeastSquaresProblem(Protocol):
+    """What a search asks for: separate data points (`Objective`), or several with common parameters."""
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs of one member."""
+        ...
+
+    @property
+    def weights(self) -> np.ndarray:
+        """1 / scale of each difference, 0 where nothing was measured, shape (data points, outputs)."""
+        ...
+
+    def evaluate(
+        self,
+        points: np.ndarray,
+        x: np.ndarray,
+        options: OrbitOptions | None = None,
+        resolution: int | None = None,
+        tangents: Sequence[Tangents] | None = None,
+    ) -> Evaluation:
+        """Residuals of members, each at parameters and for a data point of its own."""
+        ...
+
+    def linearise(
+        self, evaluation: Evaluation, members: Sequence[int], x: np.ndarray
+    ) -> tuple[np.ndarray, list[Tangents | None]]:
+        """d output / d log parameter of some members, and what `tangents` of `evaluate` takes."""
+        ...
+
+    def resolutions(self, points: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Resolution of the grid that each member needs."""
+        ...
 
 
 class Objective:
@@ -149,37 +185,37 @@ class Objective:
 
     def evaluate(
         self,
-        which: np.ndarray,
+        points: np.ndarray,
         x: np.ndarray,
         options: OrbitOptions | None = None,
         resolution: int | None = None,
-        near: Sequence[Tangent] | None = None,
+        tangents: Sequence[Tangents] | None = None,
     ) -> Evaluation:
-        """The model at some points.
+        """The model at some members.
 
         Args:
-            which: data point of each member, shape (members,).
+            points: data point of each member, shape (members,).
             x: logarithms of the parameters, shape (members, parameters).
             options: accuracy and effort of the orbit solver.
             resolution: of the grid of a beat; left out, each member gets what it needs, so that outputs jump
                 by a thousandth where the need changes.
-            near: a solved beat close to each member, from where the search for its own starts.
+            tangents: a solved beat close to each member, from where the search for its own starts.
         """
-        batch, wide = self._batch(which, x), len(which) >= WORTH_LANES
-        start = None if near is None else foreseen(near, x)
+        batch, wide = self._batch(points, x), len(points) >= WORTH_LANES
+        start = None if tangents is None else _extrapolated([t for (t,) in tangents], x)
         steady = steady_beats(batch, options, resolution=resolution, start=start, wide=wide, lone=True)
-        found = batch_outputs(steady, self.outputs, wide).T.copy()
-        found[steady.orbits.status != Status.CONVERGED] = np.nan
-        return Evaluation(steady, found, (found - self.measured[which]) * self.weights[which])
+        outputs = batch_outputs(steady, self.outputs, wide).T.copy()
+        outputs[steady.orbits.status != Status.CONVERGED] = np.nan
+        return Evaluation(steady, outputs, (outputs - self.measured[points]) * self.weights[points])
 
-    def resolutions(self, which: np.ndarray, x: np.ndarray) -> np.ndarray:
+    def resolutions(self, points: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Resolution of the grid that each member needs, shape (members,)."""
-        batch = self._batch(which, x)
-        return np.broadcast_to(needed_resolution(assemble(self.circuit), batch.values), (len(which),))
+        batch = self._batch(points, x)
+        return np.broadcast_to(needed_resolution(assemble(self.circuit), batch.values), (len(points),))
 
     def linearise(
         self, evaluation: Evaluation, members: Sequence[int], x: np.ndarray
-    ) -> tuple[np.ndarray, list[Any]]:
+    ) -> tuple[np.ndarray, list[Tangents | None]]:
         """d output / d log parameter of some members, shape (members, outputs, parameters), and their beats.
 
         NaN where a member has no derivatives: no steady beat was found, or a valve never opens and blood is
@@ -189,26 +225,29 @@ class Objective:
             evaluation: of the points.
             members: which of its members.
             x: their parameters, shape (members, parameters).
-
-        Returns:
-            The derivatives, and for each member what `near` of `evaluate` takes.
         """
 
-        def one(k: int) -> tuple[np.ndarray, Tangent | None]:
+        def one(k: int) -> tuple[np.ndarray, Tangents | None]:
             try:
-                _, slopes, tangents = member_tangents(
+                _, slopes, orbit = member_tangents(
                     evaluation.steady, self.outputs, self.names, int(members[k])
                 )
             except NoDerivativesError:
                 return np.full((len(self.outputs), len(self.names)), np.nan), None
             unit = np.exp(x[k])
-            return slopes * unit, Tangent(x[k], tangents.anchor, tangents.states * unit)
+            return slopes * unit, (Tangent(x[k], orbit.anchor, orbit.states * unit),)
 
-        slopes, near = zip(*map_parallel(one, list(range(len(members)))), strict=True)
-        return np.stack(slopes), list(near)
+        slopes, tangents = zip(*map_parallel(one, list(range(len(members)))), strict=True)
+        return np.stack(slopes), list(tangents)
 
-    def _batch(self, which: np.ndarray, x: np.ndarray) -> Batch:
+    def _batch(self, points: np.ndarray, x: np.ndarray) -> Batch:
         names = self.targets[0].model.values
-        values = {n: np.array([t.model.values[n] for t in self.targets])[which] for n in names}
+        values = {n: np.array([t.model.values[n] for t in self.targets])[points] for n in names}
         values |= {n: np.exp(x[:, k]) for k, n in enumerate(self.names)}
-        return Batch(self.circuit, values, len(which), self.policy)
+        return Batch(self.circuit, values, len(points), self.policy)
+
+
+def _extrapolated(tangents: Sequence[Tangent], x: np.ndarray) -> Anchor:
+    """Where the search for the beats of members starts, each from a solved beat close to it."""
+    states = [tangent.state(own) for tangent, own in zip(tangents, x, strict=True)]
+    return Anchor(np.stack(states, axis=1), np.stack([t.anchor.inverse for t in tangents], axis=2))

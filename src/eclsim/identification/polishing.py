@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from eclsim.identification.least_squares import Precision, Refined, refine
-from eclsim.identification.objective import Box, Objective
+from eclsim.identification.least_squares import Refinement, Tolerances, refine
+from eclsim.identification.objective import Box, LeastSquaresProblem
 
 CLOUD = 63
 """Points of a cloud: a chunk of lanes."""
@@ -24,41 +24,41 @@ IDLE_CLOUDS = 6
 """So many clouds without a better point end the search."""
 MOST_CLOUDS = 24
 MOST_ITERATIONS = 80
-"""Of all refinements between clouds together: some seconds."""
+"""Of all refinements between clouds taken together: some seconds."""
 PERFECT = 1e-12
 """Sum of squares below which there is nothing left to gain."""
 
 
 def polish(
-    objective: Objective,
-    target: int,
-    refined: Refined,
+    problem: LeastSquaresProblem,
+    point: int,
+    refined: Refinement,
     box: Box,
-    precision: Precision,
+    tolerances: Tolerances,
     seed: int = 0,
     most_iterations: int = MOST_ITERATIONS,
-) -> Refined:
+) -> Refinement:
     """Go on from a settled optimum as long as a cloud around it holds a better point.
 
     Args:
-        objective: data points.
-        target: which data point.
+        problem: data points.
+        point: which of them.
         refined: one refinement of it.
         box: bounds.
-        precision: of the refinements between clouds.
+        tolerances: of the refinements between clouds.
         seed: of the clouds.
-        most_iterations: of the refinements between clouds, all together; 0 for no cloud at all.
+        most_iterations: of the refinements between clouds, in total; 0 for no cloud at all.
     """
-    generator, which = np.random.default_rng(seed), np.full(CLOUD, target)
+    generator, points = np.random.default_rng(seed), np.full(CLOUD, point)
     idle, most = 0, refined.iterations[0] + most_iterations
     for _ in range(MOST_CLOUDS):
         before = refined.costs[0]
         if not before > PERFECT or refined.iterations[0] >= most:
             break
-        points = box.clip(refined.x + cloud(objective, target, refined, generator))
-        costs = objective.evaluate(which, points, precision.orbits, precision.resolution).costs
+        x = box.clip(refined.x + cloud(problem, point, refined, generator))
+        costs = problem.evaluate(points, x, tolerances.orbits, tolerances.resolution).costs
         if costs.min() < before:
-            better = refine(objective, which[:1], points[[costs.argmin()]], box, precision)
+            better = refine(problem, points[:1], x[[costs.argmin()]], box, tolerances)
             iterations = refined.iterations + better.iterations
             refined = replace(better, iterations=iterations) if better.costs[0] < before else refined
         idle = idle + 1 if refined.costs[0] >= before * (1.0 - WORTH_WHILE) else 0
@@ -67,9 +67,11 @@ def polish(
     return refined
 
 
-def cloud(objective: Objective, target: int, refined: Refined, generator: np.random.Generator) -> np.ndarray:
+def cloud(
+    problem: LeastSquaresProblem, point: int, refined: Refinement, generator: np.random.Generator
+) -> np.ndarray:
     """Steps of many sizes, each as long in every direction as the residuals allow, (points, parameters)."""
-    weighted = refined.jacobians[0] * objective.weights[target][:, None]
+    weighted = refined.jacobians[0] * problem.weights[point][:, None]
     if not np.isfinite(weighted).all():  # a beat without derivatives: all directions alike
         weighted = np.zeros_like(weighted)
     _, singular, directions = np.linalg.svd(weighted, full_matrices=True)

@@ -11,12 +11,11 @@ import numpy as np
 
 from eclsim.identification.density import Posterior
 from eclsim.identification.diagnostics import Diagnostics, diagnose
-from eclsim.identification.fit import Fit
+from eclsim.identification.fit import FitResult
 from eclsim.identification.gaussian import Gaussian, approximate
 from eclsim.identification.importance import Weighted, weigh
-from eclsim.identification.measurement_errors import measurement_errors
 from eclsim.identification.nuts import Chains, Sampling, sample
-from eclsim.identification.objective import OUTPUTS
+from eclsim.identification.observation import OUTPUTS, measurement_errors
 from eclsim.identification.prediction import Predicted, predict
 from eclsim.identification.prior import Prior, PriorKind
 from eclsim.identification.verdict import Level
@@ -130,7 +129,7 @@ class PosteriorResult:
         return np.exp(self.posterior.prior.x_of(z))
 
 
-def posterior_of(fit: Fit, settings: PosteriorSettings) -> Posterior:
+def posterior_of(fit: FitResult, settings: PosteriorSettings) -> Posterior:
     """The posterior density of a fitted data point's parameters."""
     box = fit.box
     start = np.clip(box.start, box.lower, box.upper)
@@ -141,7 +140,7 @@ def posterior_of(fit: Fit, settings: PosteriorSettings) -> Posterior:
 
 
 def sample_posterior(
-    fit: Fit,
+    fit: FitResult,
     settings: PosteriorSettings | None = None,
     predictions: Sequence[tuple[str, Case]] = (),
     report: Callable[[str], None] | None = None,
@@ -197,7 +196,7 @@ def sample_posterior(
     )  # fmt: skip
 
 
-def _starts(fit: Fit) -> np.ndarray:
+def _starts(fit: FitResult) -> np.ndarray:
     """The optimum and the ends of other starts, the best first."""
     ends = fit.optimum.starts.end[np.argsort(fit.optimum.starts.last_costs, kind="stable")]
     chosen = [fit.optimum.x]

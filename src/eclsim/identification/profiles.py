@@ -1,36 +1,52 @@
-"""Profile likelihood: the best cost that is left when one parameter is held and all others are fitted again.
+"""How the cost rises when one parameter is held at other values: slices, profiles, and what else moves.
 
-Raue et al. 2009, doi 10.1093/bioinformatics/btp358. Where a slice through the objective moves one parameter
-alone, a profile lets the others make up for it: a flat profile is a parameter that cannot be determined.
+A slice (Figure S-2 of the paper) moves one parameter and leaves the others; in a profile they are fitted
+again and make up for it: a flat profile is a parameter that cannot be determined (Raue et al. 2009, doi
+10.1093/bioinformatics/btp358). The linear analysis at an optimum cannot see that an undetermined parameter,
+which may be a factor of ten from the truth, carries others with it: each of those is held at values well
+away from the optimum, and a parameter that then ends elsewhere too, at the same outputs, is not determined.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eclsim.identification.least_squares import Precision, Refined, refine
-from eclsim.identification.objective import Box, Objective
+from eclsim.identification.least_squares import Refinement, Tolerances, refine
+from eclsim.identification.objective import Box, LeastSquaresProblem, Objective, Target
+from eclsim.identification.precision import covariance, prior_deviations
+from eclsim.identification.verdict import interval_agreement
 from eclsim.orbit.equation import OrbitOptions
 
-REFITTING = Precision(1e-3, iterations=12, orbits=OrbitOptions(1e-6, 1e-5, newton_iterations=0))
+if TYPE_CHECKING:
+    from eclsim.identification.fit import FitResult
 
-ELSEWHERE = (0.15, 0.4, 0.65, 0.9)
+REFITTING = Tolerances(1e-3, iterations=12, orbits=OrbitOptions(1e-6, 1e-5, newton_iterations=0))
+HELD_SHARES = (0.15, 0.4, 0.65, 0.9)
 """Where a parameter is held to see whether the others follow: shares of the way between its bounds."""
 APART = 0.15
+"""A share nearer to the optimum than this, in widths of the bounds, is left out."""
+SAME_OUTPUTS = 3e-3
+"""Outputs that differ by less than this share are the same: no measurement tells them apart."""
+RISE_90 = 2.705543454095404
+"""A chi-square with one degree of freedom stays below this in 90 % of all cases."""
+STEPS = 9
+STANDARD_STEPS = (-3.0, -1.65, -0.7, 0.7, 1.65, 3.0)
+"""Further values of a parameter, in standard errors from the best one."""
 
 
 @dataclass(frozen=True)
-class Profiles:
-    """Costs along each parameter, the others fitted again.
+class CostCurves:
+    """Costs along each parameter.
 
     Args:
         names: of the parameters.
         values: of each in its unit, rising, shape (parameters, steps).
         costs: sum of squared residuals; NaN where there is no steady beat, shape (parameters, steps).
-        optimum: value of each parameter at the optimum.
+        optimum: value of each parameter at the point that the curves go through.
         cost: there.
     """
 
@@ -41,57 +57,82 @@ class Profiles:
     cost: float
 
 
-def profiles(
-    objective: Objective,
-    box: Box,
-    x: np.ndarray,
-    target: int = 0,
-    steps: int = 12,
-    resolution: int = 1,
-    near: np.ndarray | None = None,
-) -> Profiles:
-    """Hold one parameter after the other at values from bound to bound.
+def slices(
+    problem: LeastSquaresProblem, box: Box, x: np.ndarray, point: int = 0, steps: int = 41
+) -> CostCurves:
+    """Move one parameter after the other from bound to bound, the others held.
 
     Args:
-        objective: data points.
+        problem: data points.
         box: bounds.
-        x: logarithms of the parameters at the optimum.
-        target: which data point.
-        steps: values of each parameter, besides the optimum's own.
-        resolution: of the grid of the beats.
-        near: further logarithms of each parameter, cut at its bounds, shape (parameters, further).
+        x: logarithms of the parameters that the slices go through.
+        point: which data point.
+        steps: values of each parameter.
     """
     size = len(box.names)
-    along = box.lower[:, None] + np.linspace(0.0, 1.0, steps) * (box.upper - box.lower)[:, None]
-    if near is not None:
-        along = np.column_stack([along, np.clip(near, box.lower[:, None], box.upper[:, None])])
+    along = box.lower[:, None] + np.linspace(0.0, 1.0, steps) * box.width[:, None]
+    members = np.tile(x, (size * steps + 1, 1))
+    for k in range(size):
+        members[k * steps : (k + 1) * steps, k] = along[k]
+    costs = _nan_for_none(problem.evaluate(np.full(len(members), point), members).costs)
+    return CostCurves(box.names, np.exp(along), costs[:-1].reshape(size, steps), np.exp(x), float(costs[-1]))
+
+
+def profiles(
+    problem: LeastSquaresProblem,
+    box: Box,
+    x: np.ndarray,
+    point: int = 0,
+    steps: int = 12,
+    resolution: int = 1,
+    further: np.ndarray | None = None,
+) -> CostCurves:
+    """Hold one parameter after the other at values from bound to bound, the others fitted again.
+
+    Args:
+        problem: data points.
+        box: bounds.
+        x: logarithms of the parameters at the optimum.
+        point: which data point.
+        steps: values of each parameter, besides the optimum's own.
+        resolution: of the grid of the beats.
+        further: logarithms of each parameter to hold it at as well, shape (parameters, further).
+    """
+    size = len(box.names)
+    along = box.lower[:, None] + np.linspace(0.0, 1.0, steps) * box.width[:, None]
+    if further is not None:
+        along = np.column_stack([along, np.clip(further, box.lower[:, None], box.upper[:, None])])
     steps = along.shape[1]
     held = np.repeat(np.arange(size), steps)
-    which = np.full(len(held), target)
-    found = held_fits(objective, which, box, np.tile(x, (len(held), 1)), held, along.ravel(), resolution)
-    own = objective.evaluate(which[:1], x[None], resolution=resolution).costs[0]
-    costs = np.where(np.isfinite(found.costs), found.costs, np.nan).reshape(size, steps)
+    points = np.full(len(held), point)
+    refined = refit(problem, points, box, np.tile(x, (len(held), 1)), held, along.ravel(), resolution)
+    own = problem.evaluate(points[:1], x[None], resolution=resolution).costs[0]
+    costs = _nan_for_none(refined.costs).reshape(size, steps)
     values = np.column_stack([along, x])
     order = np.argsort(values, axis=1, kind="stable")
     costs = np.take_along_axis(np.column_stack([costs, np.full(size, own)]), order, axis=1)
     values = np.take_along_axis(values, order, axis=1)
-    return Profiles(box.names, np.exp(values), costs, np.exp(x), float(own))
+    return CostCurves(box.names, np.exp(values), costs, np.exp(x), float(own))
 
 
-def held_fits(
-    objective: Objective,
-    which: np.ndarray,
+def _nan_for_none(costs: np.ndarray) -> np.ndarray:
+    return np.where(np.isfinite(costs), costs, np.nan)
+
+
+def refit(
+    problem: LeastSquaresProblem,
+    points: np.ndarray,
     box: Box,
     x: np.ndarray,
     held: np.ndarray,
     values: np.ndarray,
     resolution: int,
-) -> Refined:
+) -> Refinement:
     """Fit again with one parameter held at a value, shape (fits, ...).
 
     Args:
-        objective: data points.
-        which: data point of each fit, shape (fits,).
+        problem: data points.
+        points: data point of each fit, shape (fits,).
         box: bounds.
         x: logarithms of the parameters that the others start from, shape (fits, parameters).
         held: place of the parameter that each fit holds, -1 for none, shape (fits,).
@@ -100,22 +141,135 @@ def held_fits(
     """
     mask = held[:, None] == np.arange(x.shape[1])
     starts = np.where(mask, values[:, None], x)
-    return refine(objective, which, starts, box, replace(REFITTING, resolution=resolution), mask)
+    return refine(problem, points, starts, box, replace(REFITTING, resolution=resolution), mask)
 
 
-def elsewhere(x: np.ndarray, box: Box, chosen: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Parameters, and values to hold them at that are well away from where they are.
+@dataclass(frozen=True)
+class HeldFits:
+    """Fits of one data point with one parameter held away from its optimum, shape (fits, ...).
 
     Args:
-        x: logarithms of the parameters, shape (parameters,).
-        box: bounds.
-        chosen: places of the parameters.
+        held: place of the parameter that was held.
+        x: logarithms of the parameters.
+        change: largest relative change of a measured output from the optimum's; NaN without a steady beat.
     """
-    held, values = [], []
-    for k in chosen:
-        width = box.upper[k] - box.lower[k]
-        for share in ELSEWHERE:
-            if abs(box.lower[k] + share * width - x[k]) >= APART * width:
-                held.append(k)
-                values.append(box.lower[k] + share * width)
-    return np.array(held, dtype=int), np.array(values)
+
+    held: np.ndarray
+    x: np.ndarray
+    change: np.ndarray
+
+    def compensation(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """How far each parameter moves at the same outputs, and the held parameter that it makes up for.
+
+        Args:
+            x: logarithms of the parameters at the optimum, shape (parameters,).
+        """
+        same = self.change <= SAME_OUTPUTS
+        if not same.any():
+            return np.zeros(len(x)), np.zeros(len(x), dtype=int)
+        moved = np.abs(self.x[same] - x)
+        return moved.max(axis=0), self.held[same][moved.argmax(axis=0)]
+
+
+def held_fits(
+    problem: LeastSquaresProblem,
+    box: Box,
+    optima: Sequence[np.ndarray],
+    undetermined: Sequence[Sequence[int]],
+) -> list[HeldFits]:
+    """Hold undetermined parameters of several data points away from their optima, all side by side.
+
+    Args:
+        problem: data points.
+        box: bounds.
+        optima: logarithms of the parameters of each data point.
+        undetermined: places of its undetermined parameters.
+    """
+    plans = [held_values(x, box, chosen) for x, chosen in zip(optima, undetermined, strict=True)]
+    points = np.repeat(np.arange(len(plans)), [len(held) for held, _ in plans])
+    if not len(points):
+        return [HeldFits(held, np.zeros((0, len(box.names))), np.zeros(0)) for held, _ in plans]
+    held, values = (np.concatenate(each) for each in zip(*plans, strict=True))
+    stacked = np.stack(optima)
+    refined = refit(problem, points, box, stacked[points], held, values, 1)
+    chosen = np.unique(points)
+    optimal = np.full((len(plans), len(problem.outputs)), np.nan)
+    optimal[chosen] = problem.evaluate(chosen, stacked[chosen], REFITTING.orbits, 1).outputs
+    scale = np.where(problem.weights > 0.0, np.maximum(np.abs(optimal), 1e-3), np.inf)
+    change = np.max(np.abs(refined.outputs - optimal[points]) / scale[points], axis=1)
+    each = [points == k for k in range(len(plans))]
+    return [HeldFits(held[own], refined.x[own], change[own]) for own in each]
+
+
+def held_values(x: np.ndarray, box: Box, chosen: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+    """Places of the parameters to hold, and logarithms well away from the optimum to hold them at."""
+    plan = [
+        (k, value)
+        for k in chosen
+        for share in HELD_SHARES
+        if abs((value := box.lower[k] + share * box.width[k]) - x[k]) >= APART * box.width[k]
+    ]
+    return np.array([k for k, _ in plan], dtype=int), np.array([value for _, value in plan])
+
+
+@dataclass(frozen=True)
+class FitProfiles:
+    """Sum of squared differences in standard uncertainties (chi-square) along each parameter.
+
+    Args:
+        refitted: the others fitted again.
+        held: the others held, through the same point.
+        intervals: 90 % interval of each parameter, in its unit: chi-square within `RISE_90` of its least.
+    """
+
+    refitted: CostCurves
+    held: CostCurves
+    intervals: Mapping[str, tuple[float, float]]
+
+
+def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles]:
+    """The fit with its profile intervals, judged by whether they agree with its Gaussian ones.
+
+    The profiles go through the parameters that are likeliest, whatever the weights of the fit.
+    """
+    target = fit.objective.targets[fit.number]
+    likelihood = Objective(
+        [Target(target.model, target.measured, fit.uncertainties)], fit.box.names, fit.objective.policy
+    )
+    one = np.zeros(1, dtype=int)
+    best = refine(likelihood, one, fit.optimum.x[None], fit.box, replace(REFITTING, resolution=1))
+    scaled = best.jacobians[0] * likelihood.weights[0][:, None]
+    spread = covariance(scaled, prior_deviations(fit.box.lower, fit.box.upper))
+    further = best.x[0][:, None] + np.outer(np.sqrt(np.diag(spread)), STANDARD_STEPS)
+    refitted = profiles(likelihood, fit.box, best.x[0], steps=STEPS, further=further)
+    intervals = {
+        name: interval_90(values, costs)
+        for name, values, costs in zip(refitted.names, refitted.values, refitted.costs, strict=True)
+    }
+    other = {n: {"lower": low, "upper": high} for n, (low, high) in intervals.items()}
+    reasons = interval_agreement(fit.as_object()["parameters"], other, "profile likelihood")
+    curves = FitProfiles(refitted, slices(likelihood, fit.box, best.x[0]), intervals)
+    return replace(fit, profile=intervals).judged(reasons), curves
+
+
+def interval_90(values: np.ndarray, costs: np.ndarray) -> tuple[float, float]:
+    """Where a profile has risen by `RISE_90`, in the parameter's unit; its ends where it never does.
+
+    Args:
+        values: of the parameter, rising.
+        costs: chi-square there; NaN without a steady beat, which ends the interval.
+    """
+    least = int(np.nanargmin(costs))
+    rise = np.sqrt(np.where(np.isfinite(costs), np.maximum(costs - costs[least], 0.0), np.inf))
+    limit, x = np.sqrt(RISE_90), np.log(values)
+    ends = []
+    for step, last in ((-1, 0), (1, len(x) - 1)):
+        k = least
+        while k != last and rise[k + step] <= limit:
+            k += step
+        if k == last or not np.isfinite(rise[k + step]):
+            ends.append(values[k])
+            continue
+        share = (limit - rise[k]) / (rise[k + step] - rise[k])
+        ends.append(np.exp(x[k] + share * (x[k + step] - x[k])))
+    return float(ends[0]), float(ends[1])

@@ -32,7 +32,7 @@ def parameter_axis(axes: Any, name: str, unit: str, values: np.ndarray) -> None:
 
 
 def plot_slices(found: Any, units: Mapping[str, str]) -> Figure:
-    """Cost along each parameter from bound to bound, of an `eclsim.identification.slices.Slices`.
+    """Cost along each parameter from bound to bound, of an `eclsim.identification.profiles.CostCurves`.
 
     Args:
         found: slices.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -11,7 +11,7 @@ from eclsim.cases.mistakes import Mistake
 from eclsim.identification.multi_start import MultiStart
 from eclsim.parameters import did_you_mean, thiel2025
 from eclsim.parameters.identification import BOUNDS
-from eclsim.sensitivity.uncertainties import Uncertainty
+from eclsim.sensitivity.uncertainties import DEFAULTS, Uncertainty
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -92,6 +92,17 @@ def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
     if not checked.mistakes and not checked.free:
         checked.mistakes.append(Mistake("parameters", "none is free"))
     return checked
+
+
+def unmeasured_uncertainties(cases: Iterable[Case], settings: FitSettings) -> list[Mistake]:
+    """Uncertainties that change nothing, because no case has such a measurement."""
+    measured = {n for case in cases for n in checked_fit(case, settings).targets}
+    return [
+        Mistake("uncertainty", "not measured, so its uncertainty changes nothing", name,
+                ", ".join(n for n in DEFAULTS if n in measured))
+        for name in settings.uncertainties
+        if measured and name not in measured
+    ]  # fmt: skip
 
 
 def _bounds(name: str, case: Case, given: Mapping[str, tuple[float, float]]) -> tuple[float, float, float]:

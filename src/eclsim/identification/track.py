@@ -17,9 +17,7 @@ from eclsim.identification.density import Posterior
 from eclsim.identification.filtering import DRIFTS, Belief, Regression, outputs_of, regress, updated
 from eclsim.identification.gaussian import NoSteadyBeatError, approximate
 from eclsim.identification.importance import Weighted, weigh
-from eclsim.identification.measurement_errors import measurement_errors
-from eclsim.identification.measurement_times import elapsed_hours
-from eclsim.identification.objective import OUTPUTS
+from eclsim.identification.observation import OUTPUTS, elapsed_hours, measurement_errors
 from eclsim.identification.prior import Prior, PriorKind
 from eclsim.identification.settings import FitSettings, checked_fit
 from eclsim.identification.track_results import (

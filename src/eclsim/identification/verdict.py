@@ -82,12 +82,6 @@ class Goodness:
     degrees: float
     probability: float | None
 
-    @property
-    def largest(self) -> tuple[str, float]:
-        """Measurement with the largest difference, and that difference in standard uncertainties."""
-        name = max(self.differences, key=lambda n: abs(self.differences[n]))
-        return name, self.differences[name]
-
 
 @dataclass(frozen=True)
 class FitVerdict:
@@ -151,11 +145,9 @@ _HEADLINES = {
 
 def headline(verdict: Mapping[str, Any]) -> str:
     """The verdict in one sentence, from its plain data."""
-    goodness = verdict["goodness"]
-    if goodness is None:
-        agreement = "nothing was fitted"
-    else:
-        differences = goodness["differences"]
+    agreement = "nothing was fitted"
+    if verdict["goodness"] is not None:
+        differences = verdict["goodness"]["differences"]
         worst = max(differences, key=lambda n: abs(differences[n]))
         agreement = (
             f"the largest difference from a measurement is {abs(differences[worst]):.1f} standard "
@@ -206,43 +198,38 @@ def agreement(
         goodness: of the fit.
         weights: of the fit, "relative" or "uncertainty".
     """
-    found = []
-    for name, off in goodness.differences.items():
-        if abs(off) <= DOUBTFUL_DIFFERENCE:
-            continue
-        level = Level.POOR if abs(off) > POOR_DIFFERENCE else Level.DOUBTFUL
-        sentence = (
+    reasons = [
+        Reason(
+            Aspect.AGREEMENT, Level.POOR if abs(off) > POOR_DIFFERENCE else Level.DOUBTFUL, name,
             f"{name} {simulated[name]:.4g} fitted against {measured[name]:.4g} measured: "
-            f"{abs(off):.1f} standard uncertainties off"
+            f"{abs(off):.1f} standard uncertainties off",
         )
-        found.append(Reason(Aspect.AGREEMENT, level, name, sentence))
-    found.sort(key=lambda r: -abs(goodness.differences[r.about]))
-    if found:
+        for name, off in sorted(goodness.differences.items(), key=lambda item: -abs(item[1]))
+        if abs(off) > DOUBTFUL_DIFFERENCE
+    ]  # fmt: skip
+    if reasons:
         advice = "; or weigh them by uncertainty (--weights uncertainty)" if weights == "relative" else ""
         sentence = (
             "no set of parameters was found that gives all measurements: check them for a wrong value, "
             f"zero level or unit, and free other parameters{advice}"
         )
-        found.append(Reason(Aspect.AGREEMENT, found[0].level, "", sentence))
+        reasons.append(Reason(Aspect.AGREEMENT, reasons[0].level, "", sentence))
     chance = goodness.probability
-    if chance is not None and chance < DOUBTFUL_PROBABILITY:
-        level = Level.POOR if chance < POOR_PROBABILITY else Level.DOUBTFUL
-        sentence = (
-            f"all differences together (chi-square {goodness.chi_square:.1f} at {goodness.degrees:.1f} "
-            f"degrees of freedom) are larger than measurement error gives in one of {_one_of(chance)} fits"
-        )
-        found.append(Reason(Aspect.AGREEMENT, level, "", sentence))
     if chance is None:
         sentence = (
             f"the {len(measured)} measurements determine about as many combinations of parameters: that they "
             "are reproduced is no test of the model"
         )
-        found.append(Reason(Aspect.AGREEMENT, Level.GOOD, "", sentence))
-    return found
-
-
-def _one_of(probability: float) -> str:
-    return "more than a million" if probability < 1e-6 else f"{1.0 / probability:,.0f}"
+        reasons.append(Reason(Aspect.AGREEMENT, Level.GOOD, "", sentence))
+    elif chance < DOUBTFUL_PROBABILITY:
+        level = Level.POOR if chance < POOR_PROBABILITY else Level.DOUBTFUL
+        one_of = "more than a million" if chance < 1e-6 else f"{1.0 / chance:,.0f}"
+        sentence = (
+            f"all differences together (chi-square {goodness.chi_square:.1f} at {goodness.degrees:.1f} "
+            f"degrees of freedom) are larger than measurement error gives in one of {one_of} fits"
+        )
+        reasons.append(Reason(Aspect.AGREEMENT, level, "", sentence))
+    return reasons
 
 
 def search(status: FitStatus) -> list[Reason]:
@@ -257,7 +244,7 @@ def plausibility(
     outputs: Mapping[str, float],
     ranges: Mapping[str, AdultRange],
     measured: Iterable[str],
-    found: Sequence[str],
+    broken_limits: Sequence[str],
 ) -> list[Reason]:
     """What the fitted patient's volumes and pressures say, those that were measured left aside.
 
@@ -265,7 +252,7 @@ def plausibility(
         outputs: of the fitted patient.
         ranges: of adults of the patient's sex.
         measured: names of what was measured: its agreement is judged instead.
-        found: limits that the beat breaks, as `eclsim simulate` says them.
+        broken_limits: sentences about limits that the beat breaks, as `eclsim simulate` has them.
     """
     skipped, reasons = set(measured), []
     for name, span in ranges.items():
@@ -278,53 +265,42 @@ def plausibility(
             f"{low:.3g} to {high:.3g}): do not read it, nor what follows from it, off this fit"
         )
         reasons.append(Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, name, sentence))
-    reasons += [Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", sentence) for sentence in found]
-    return reasons
+    return reasons + [Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", s) for s in broken_limits]
 
 
 def interval_agreement(
-    fitted: Mapping[str, Mapping[str, Any]], other: Mapping[str, Mapping[str, Any]], whose: str
+    fitted: Mapping[str, Mapping[str, Any]], other: Mapping[str, Mapping[str, Any]], source: str
 ) -> list[Reason]:
     """Whether the fit's Gaussian 90 % intervals agree with others, for the parameters called determined.
 
     Args:
         fitted: "value", "lower", "upper" and "identifiable" of each parameter, as in the JSON of a fit.
         other: "lower" and "upper" of each parameter.
-        whose: the other intervals, such as "posterior".
+        source: of the other intervals, such as "posterior".
     """
     reasons = []
     for name, own in fitted.items():
         its = other.get(name)
         if its is None or not own["identifiable"] or None in (its["lower"], its["upper"]):
             continue
-        sentence = (
-            f"{name}: 90 % interval {own['lower']:.3g} to {own['upper']:.3g} by the Gaussian approximation, "
-            f"{its['lower']:.3g} to {its['upper']:.3g} by the {whose}"
-        )
+        level, verdict = Level.DOUBTFUL, ""
         if own["upper"] < its["lower"] or its["upper"] < own["lower"]:
-            reasons.append(
-                Reason(
-                    Aspect.INTERVALS,
-                    Level.POOR,
-                    name,
-                    f"{sentence}: they exclude each other, so take neither; the measurements contradict the "
-                    "model, or the weights decide the fit (--weights uncertainty)",
-                )
+            level = Level.POOR
+            verdict = (
+                "they exclude each other, so take neither; the measurements contradict the model, or the "
+                "weights decide the fit (--weights uncertainty)"
             )
         elif not its["lower"] <= own["value"] <= its["upper"]:
-            reasons.append(
-                Reason(
-                    Aspect.INTERVALS,
-                    Level.DOUBTFUL,
-                    name,
-                    f"{sentence}: the fitted value {own['value']:.3g} is outside of the latter",
-                )
-            )
+            verdict = f"the fitted value {own['value']:.3g} is outside of the latter"
         elif not 1.0 / UNLIKE_WIDTH <= _width(its) / _width(own) <= UNLIKE_WIDTH:
-            reasons.append(
-                Reason(Aspect.INTERVALS, Level.DOUBTFUL, name, f"{sentence}: take the wider of the two")
+            verdict = "take the wider of the two"
+        if verdict:
+            sentence = (
+                f"{name}: 90 % interval {own['lower']:.3g} to {own['upper']:.3g} by the Gaussian "
+                f"approximation, {its['lower']:.3g} to {its['upper']:.3g} by the {source}: {verdict}"
             )
-    return reasons  # fmt: skip
+            reasons.append(Reason(Aspect.INTERVALS, level, name, sentence))
+    return reasons
 
 
 def _width(interval: Mapping[str, Any]) -> float:

@@ -16,10 +16,10 @@ import numpy as np
 
 from eclsim.cases.cohort import read_cohort
 from eclsim.identification.cohort_fit import FitStore, fit_cohort, pairs, r_squared
-from eclsim.identification.fitted_cohort import quick_search
+from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.objective import Box, Objective, Target
+from eclsim.identification.profiles import CostCurves, slices
 from eclsim.identification.settings import FitSettings, checked_fit
-from eclsim.identification.slices import Slices, slices
 from eclsim.orbit.model import model_of
 from eclsim.paper.rows import Row, statement
 
@@ -57,7 +57,7 @@ class CohortPart:
     rows: tuple[Row, ...]
     results: tuple[Mapping[str, Any], ...]
     r2: Mapping[str, float | None]
-    slices: Slices
+    slices: CostCurves
     sliced: str
     synthetic: bool
     explore: int
@@ -80,7 +80,7 @@ def reproduce_cohort(
         progress: is told what is being computed.
     """
     reading = read_cohort(cohort or SYNTHETIC)
-    settings = FitSettings(multi_start=quick_search(explore))
+    settings = FitSettings(multi_start=MultiStart.quick(explore))
     store = FitStore(folder, reading.digest, settings)
     store.open(resume=resume and (folder / "settings.json").exists(), force=not resume)
     results = fit_cohort(reading.points, settings, store, lambda text: progress(f"cohort: {text}"))
@@ -139,7 +139,7 @@ def _fit_rows(
     ]
 
 
-def _slices(point: CohortPoint, result: Mapping[str, Any], settings: FitSettings) -> Slices:
+def _slices(point: CohortPoint, result: Mapping[str, Any], settings: FitSettings) -> CostCurves:
     """Slices through the fit of a point, along every free parameter."""
     checked = checked_fit(point.case, settings)
     box = Box.of(checked.free)

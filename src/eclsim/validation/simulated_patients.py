@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from eclsim.cases.case import Case, Ecmo, Measurements, Patient
-from eclsim.identification.objective import OUTPUTS
+from eclsim.identification.observation import OUTPUTS
 from eclsim.orbit.model import model_of
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch, steady_beats

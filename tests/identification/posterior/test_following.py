@@ -5,7 +5,7 @@ import pytest
 
 from eclsim.identification.beat_derivatives import BloodVolume, Follower
 from eclsim.identification.density import Posterior
-from eclsim.identification.measurement_errors import measurement_errors
+from eclsim.identification.observation import measurement_errors
 from eclsim.identification.prior import Prior
 from eclsim.orbit.model import model_of
 from eclsim.outputs.dataset import simulate

@@ -1,20 +1,42 @@
-"""How much time lies between measurements whose names are times."""
+"""What is measured: outputs that can be fitted, their uncertainties, and when they were measured."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 from eclsim.cases.cohort_rows import when
 from eclsim.cases.mistakes import CaseError, Mistake, shown
+from eclsim.sensitivity.uncertainties import DEFAULTS, Uncertainty, standard_uncertainties
 
-_IN_FILE_NAMES = re.compile(r"(\d{4}-\d\d-\d\d)[T_ ](\d\d)[-.]?(\d\d)")
+OUTPUTS = ("SP", "DP", "MAP", "MPAP", "PCWP", "CO", "PF")
+"""What can be fitted."""
+PRESSURES = ("SP", "DP", "MAP", "MPAP", "PCWP")
+FLOWS = ("CO", "PF")
 SECONDS_PER_HOUR = 3600.0
+_TIME_IN_FILE_NAME = re.compile(r"(\d{4}-\d\d-\d\d)[T_ ](\d\d)[-.]?(\d\d)")
+
+
+def unit_of(output: str) -> str:
+    """Unit of an output that can be fitted."""
+    return "L/min" if output in FLOWS else "mmHg"
+
+
+def measurement_errors(
+    measured: Mapping[str, float], given: Mapping[str, Uncertainty] | None = None
+) -> dict[str, float]:
+    """Standard uncertainty of each measurement, in its unit.
+
+    Args:
+        measured: values [mmHg, L/min].
+        given: uncertainties that differ from the defaults.
+    """
+    return standard_uncertainties(measured, {**DEFAULTS, **(given or {})})
 
 
 def elapsed_hours(names: Sequence[str]) -> list[float | None] | None:
-    """Hours from each measurement to the next, or None where the names do not tell.
+    """Hours from each measurement to the next, or None where the names are no times.
 
     Args:
         names: of the measurements in their order, such as 2024-03-01T08:00, in file names 2024-03-01T08-00.
@@ -26,7 +48,7 @@ def elapsed_hours(names: Sequence[str]) -> list[float | None] | None:
     Raises:
         CaseError: A time before the one before it.
     """
-    times = [when(_IN_FILE_NAMES.sub(r"\1T\2:\3", name)) for name in names]
+    times = [when(_TIME_IN_FILE_NAME.sub(r"\1T\2:\3", name)) for name in names]
     known = [t for t in times if t is not None]
     if len(known) < len(names) or len({t.tzinfo is None for t in known}) > 1:
         return None
