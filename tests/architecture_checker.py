@@ -37,6 +37,7 @@ HEAVY = {
     "pyarrow",
     "SALib",
     "nicegui",
+    "jinja2",
 }
 
 # Written in pieces, so that this file does not find itself.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import hmac
-import html
 import os
 import secrets
 import time
@@ -14,6 +13,7 @@ from pathlib import Path
 from urllib.parse import parse_qs
 
 from eclsim.app.texts import text
+from eclsim.reporting.html import render
 
 SHORTEST = 10
 LASTS_S = 12 * 3600.0
@@ -108,22 +108,5 @@ class SignIns:
 
 def sign_in_page(action: str, said: str = "") -> str:
     """The page that asks for the password."""
-    words = {key: html.escape(text(key)) for key in ("title", "brand", "sign_in", "password", "notice")}
-    alert = f'<p role="alert">{html.escape(said)}</p>' if said else ""
-    return f"""<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
-<title>{words["title"]}</title><style>
-body {{ margin: 0; min-height: 100vh; display: grid; place-items: center; background: #f3f5f7; color: #17202a;
-  font: 15px system-ui, sans-serif; }}
-form {{ background: #fff; border: 1px solid #d9dee4; border-radius: 10px; padding: 28px 32px; width: 300px; }}
-h1 {{ margin: 0 0 16px; color: #0072b2; font-size: 22px; }}
-label {{ display: block; margin-bottom: 4px; }}
-input, button {{ box-sizing: border-box; width: 100%; font: inherit; padding: 8px 10px; border-radius: 6px;
-  border: 1px solid #9fb3c4; }}
-button {{ margin-top: 14px; background: #0072b2; border-color: #0072b2; color: #fff; font-weight: 600; }}
-p {{ font-size: 13px; }} [role=alert] {{ color: #a63c00; font-weight: 600; }}
-</style></head><body><form method="post" action="{html.escape(action)}"><h1>{words["brand"]}</h1>
-<label for="password">{words["password"]}</label>
-<input id="password" name="password" type="password" autocomplete="current-password" required autofocus>
-<button>{words["sign_in"]}</button>{alert}<p>{words["notice"]}</p></form></body></html>
-"""
+    words = {key: text(key) for key in ("title", "brand", "sign_in", "password", "notice")}
+    return render("app/sign_in.html", action=action, message=said, **words)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.crrt_study.cohort import answer, summaries
-from eclsim.crrt_study.page import number
 from eclsim.crrt_study.ranking import ORDER
 from eclsim.crrt_study.words import place
 from eclsim.files import csv_text, json_text, write_text
 from eclsim.orbit.model import POLICY_WORDS
-from eclsim.reporting.html import box, bullets, figure, heading, page, paragraph, svg_text, table
+from eclsim.reporting.html import Table, render, svg_text
+from eclsim.reporting.numbers import number
 
 if TYPE_CHECKING:
     from eclsim.crrt_study.cohort import CohortStudy, PointResult
@@ -30,7 +30,7 @@ def write_cohort(study: CohortStudy, folder: Path) -> list[Path]:
     folder.mkdir(exist_ok=True)
     drawn = svg_text(_figure(study))
     texts = {
-        "report.html": page("CRRT on ECMO: a cohort", _pieces(study, drawn)),
+        "report.html": _page(study, drawn),
         "cohort.json": cohort_json(study),
         "points.csv": _csv(_point_rows(study)),
         "schemes.csv": _csv(
@@ -164,37 +164,27 @@ def _figure(study: CohortStudy) -> Any:
     return plot_cohort_ranks(places, letters, [p.name for p in points], [p.flow for p in points], limits)
 
 
-def _pieces(study: CohortStudy, drawn: str) -> Iterator[str]:
-    main = study.policies[0]
-    yield heading("Connecting CRRT to the ECMO circuit: a cohort", 1)
-    yield paragraph(f"{len(study.points)} data points, {len(study.schemes)} schemes each.", "lead")
-    lines = [f"Does one scheme win for all? {answer(study, main)}"]
-    lines += [f"When the circuits are primed: {answer(study, policy)}" for policy in study.policies[1:]]
-    yield box([*lines, _differences(study)])
-    yield from _doubts(study)
-    yield heading("The schemes over the cohort")
-    for policy in study.policies:
-        text = f"Number of data points out of {len(study.points)}, {POLICY_WORDS[policy]}"
-        partly = "; of n, (n = ...): of the n data points in which it is known" if study.unsettled else ""
-        yield paragraph(f"{text}{partly}:")
-        yield table(_HEAD, _scheme_rows(study, policy), numeric=range(2, len(_HEAD)))
-    where = "in every data point, smallest ECMO flow at the top"
-    caption = f"Places of the schemes {where}; {POLICY_WORDS[main]}."
-    yield figure(drawn, caption, "ranks")
-    yield paragraph("Order of reasons; a later one counts only where the earlier ones tie:")
-    yield bullets(ORDER, numbered=True)
-    yield heading("The data points")
-    yield _points_table(study)
-    yield heading("What was assumed")
-    yield bullets(
-        [
-            f"The parameters of each patient were {study.fitted.words}.",
-            "Each data point is studied at its own pump speed; the flow that a scheme keeps is found over "
-            "the range of speeds.",
-            "Several data points of one patient are not independent: they count as so many patients here.",
-            "As in the study of one patient: a steady heartbeat without reflexes, a CRRT pump that gives "
-            "its flow whatever the pressures are.",
-        ]
+def _page(study: CohortStudy, drawn: str) -> str:
+    main, *others = study.policies
+    answers = [f"Does one scheme win for all? {answer(study, main)}"]
+    answers += [f"When the circuits are primed: {answer(study, policy)}" for policy in others]
+    return render(
+        "crrt_study/cohort.html",
+        title="CRRT on ECMO: a cohort",
+        points=len(study.points),
+        schemes=len(study.schemes),
+        answer=[*answers, _differences(study)],
+        doubts=_doubts(study),
+        policy_summaries=[
+            (POLICY_WORDS[policy], Table(_HEAD, _scheme_rows(study, policy), numeric=range(2, len(_HEAD))))
+            for policy in study.policies
+        ],
+        beats_missing=bool(study.unsettled),
+        main=POLICY_WORDS[main],
+        ranks=drawn,
+        order=ORDER,
+        point_table=_points_table(study),
+        parameters=study.fitted.words,
     )
 
 
@@ -207,11 +197,13 @@ def _differences(study: CohortStudy) -> str:
             said.append(f"an amount that is not known {words}")
             continue
         of = "" if len(found) == len(study.points) else f", known for {len(found)} data points"
-        said.append(f"{number(np.median(found), 1)} mmHg (largest {number(max(found), 1)}{of}) {words}")
+        said.append(
+            f"{number(float(np.median(found)), 1)} mmHg (largest {number(max(found), 1)}{of}) {words}"
+        )
     return f"Between schemes the mean arterial pressure differs by a median of {', '.join(said)}."
 
 
-def _doubts(study: CohortStudy) -> Iterator[str]:
+def _doubts(study: CohortStudy) -> list[str]:
     lines = [f"{name}: {why}" for name, why in study.lost.items()]
     for point in study.unsettled:
         lines.append(f"{point.name}: {'; '.join(point.unsettled)}")
@@ -222,19 +214,16 @@ def _doubts(study: CohortStudy) -> Iterator[str]:
             lines.append(f"Which scheme is first is not known, {words}: {', '.join(names[:40])}")
     if len(lines) > 40:
         lines = [*lines[:40], f"and {len(lines) - 40} more, see cohort.json"]
-    if lines:
-        yield box(
-            ["Not all is known; what is not has no part in places, medians and counts", *lines], warn=True
-        )
+    return lines
 
 
-def _points_table(study: CohortStudy) -> str:
+def _points_table(study: CohortStudy) -> Table:
     head = ["Data point", "Pump [rpm]", "ECMO flow [L/min]", "MAP [mmHg]", "Blood taken up, at most [mL]"]
     for policy in study.policies:
         words = POLICY_WORDS[policy].partition(":")[0]
         head += [f"Best to worst, {words}", f"MAP varies by [mmHg], {words}"]
     ordered = sorted(study.points, key=lambda point: point.flow)
-    return table(head, [_point_cells(study, point) for point in ordered], numeric=(1, 2, 3, 4, 6, 8))
+    return Table(head, [_point_cells(study, point) for point in ordered], numeric=(1, 2, 3, 4, 6, 8))
 
 
 def _point_cells(study: CohortStudy, point: PointResult) -> list[str]:

@@ -43,7 +43,9 @@ def show(study: CrrtStudy) -> None:
         table.add_column("limits kept\nto L/min", justify="right")
         means = study.means.sel(policy=policy, speed=study.case_speed)
         for one in ranked:
-            cells = [number(means[name].sel(scheme=one.letter), digits) for name, _, digits in _COLUMNS]
+            cells = [
+                number(float(means[name].sel(scheme=one.letter)), digits) for name, _, digits in _COLUMNS
+            ]
             flow = kept(one.largest_flow, one.flow_at_most, one.throughout)
             table.add_row(place(one), one.letter, names[one.letter], *cells, flow)
         console.print(table)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +10,8 @@ from eclsim.files import write_text
 from eclsim.identification.verdict import Aspect, Level, headline, signed
 from eclsim.orbit.model import POLICY_WORDS
 from eclsim.parameters import thiel2025
-from eclsim.reporting.html import box, bullets, figure, heading, page, paragraph, table
+from eclsim.reporting.html import Table, render
+from eclsim.reporting.numbers import MISSING, interval, number
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -70,38 +71,33 @@ def write_fit_page(
 def fit_page(content: Mapping[str, Any], case: Case, drawings: Mapping[str, str]) -> str:
     """The page of one fit; `drawings` are SVG texts by name."""
     (point,) = content["points"]
-    title = f"{point['id']}: fit to measurements"
-    return page(
-        title, [heading(title, 1), paragraph(_who(case), "lead"), *_one_fit(content, point, drawings)]
+    verdict, posterior = point["verdict"], content.get("posterior")
+    sentences = {good: [r["sentence"] for r in verdict["reasons"] if (r["level"] == Level.GOOD) is good]
+                 for good in (True, False)}  # fmt: skip
+    return render(
+        "identification/fit.html",
+        title=f"{point['id']}: fit to measurements",
+        about=_about(case),
+        headline=headline(verdict),
+        level=verdict["level"],
+        doubts=sentences[False],
+        remarks=sentences[True],
+        outputs=_outputs_table(point),
+        parameters=_parameters_table(point, posterior),
+        undetermined=[
+            f"{n}: {p['reason']}." for n, p in point["parameters"].items() if not p["identifiable"]
+        ],
+        correlated=_correlated(point["correlation"]),
+        implied=_implied_table(point) if point["implied"] else None,
+        posterior=posterior,
+        predictions=[(p, _prediction_table(p)) for p in posterior["predictions"]] if posterior else [],
+        method=_method(content["settings"], point),
+        drawings=drawings,
+        captions=ONE_FIT,
     )
 
 
-def _one_fit(
-    content: Mapping[str, Any], point: Mapping[str, Any], drawings: Mapping[str, str]
-) -> Iterator[str]:
-    yield _verdict_box(point["verdict"])
-    yield from _remarks(point["verdict"])
-    yield heading("Measured and fitted")
-    yield _outputs_table(point)
-    yield from _drawn(drawings, "residuals")
-    yield heading("Parameters, and how far they are determined")
-    yield _parameters_table(point, content.get("posterior"))
-    yield from _drawn(drawings, "profiles")
-    yield heading("What cannot be told apart")
-    yield from _not_told_apart(point)
-    yield from _drawn(drawings, "correlation")
-    if point["implied"]:
-        yield heading("The fitted patient")
-        yield from _implied(point)
-    if "posterior" in content:
-        yield from _posterior(content["posterior"])
-    yield heading("How it was found")
-    yield bullets(_how(content["settings"], point))
-    yield from _drawn(drawings, "starts")
-    yield from _drawn(drawings, "slices")
-
-
-def _who(case: Case) -> str:
+def _about(case: Case) -> str:
     patient, ecmo, lvad, crrt = case.patient, case.ecmo, case.lvad, case.crrt
     said = [f"{patient.sex}, {patient.age_years:g} years, {patient.heart_rate_bpm:g} beats/min"]
     if ecmo is not None:
@@ -117,23 +113,7 @@ def _who(case: Case) -> str:
     return ". ".join(said) + "."
 
 
-def _verdict_box(verdict: Mapping[str, Any]) -> str:
-    doubts = [r["sentence"] for r in verdict["reasons"] if r["level"] != Level.GOOD]
-    return box([headline(verdict), *doubts], warn=verdict["level"] != Level.GOOD)
-
-
-def _remarks(verdict: Mapping[str, Any]) -> Iterator[str]:
-    remarks = [r["sentence"] for r in verdict["reasons"] if r["level"] == Level.GOOD]
-    if remarks:
-        yield bullets(remarks)
-
-
-def _drawn(drawings: Mapping[str, str], name: str, captions: Mapping[str, str] = ONE_FIT) -> Iterator[str]:
-    if name in drawings:
-        yield figure(drawings[name], captions[name], name)
-
-
-def _outputs_table(point: Mapping[str, Any]) -> str:
+def _outputs_table(point: Mapping[str, Any]) -> Table:
     goodness = point["verdict"]["goodness"]
     off = {} if goodness is None else goodness["differences"]
     rows = []
@@ -141,7 +121,7 @@ def _outputs_table(point: Mapping[str, Any]) -> str:
         known = point["uncertainties"].get(name)
         measured = "not measured" if known is None else f"{cell['measured']:.4g} ± {known:.2g}"
         apart = signed(off[name]) if name in off else ""
-        rows.append((name, "L/min" if name in FLOWS else "mmHg", measured, _number(cell["simulated"]), apart))
+        rows.append((name, _unit(name), measured, number(cell["simulated"]), apart))
     head = (
         "output",
         "unit",
@@ -149,10 +129,10 @@ def _outputs_table(point: Mapping[str, Any]) -> str:
         "fitted",
         "difference in standard uncertainties",
     )
-    return table(head, rows, numeric=(2, 3, 4))
+    return Table(head, rows, numeric=(2, 3, 4))
 
 
-def _parameters_table(point: Mapping[str, Any], posterior: Mapping[str, Any] | None) -> str:
+def _parameters_table(point: Mapping[str, Any], posterior: Mapping[str, Any] | None) -> Table:
     after = {} if posterior is None else posterior["parameters"]
     head = ["parameter", "unit", "value", "90 % interval (Gaussian)"]
     profiled = any(p["profile"] for p in point["parameters"].values())
@@ -160,33 +140,27 @@ def _parameters_table(point: Mapping[str, Any], posterior: Mapping[str, Any] | N
     rows = []
     for name, p in point["parameters"].items():
         known = thiel2025.PARAMETERS[name]
-        row = [f"{name}: {known.description}", known.unit, _number(p["value"])]
-        row.append(_interval(p["lower"], p["upper"]))
-        row += [_interval(*(p["profile"] or (None, None)))] * profiled
+        row = [f"{name}: {known.description}", known.unit, number(p["value"])]
+        row.append(interval(p["lower"], p["upper"]))
+        low, high = p["profile"] or (None, None)
+        row += [interval(low, high)] * profiled
         if after:
-            row.append(_interval(after[name]["lower"], after[name]["upper"]) if name in after else "")
+            row.append(interval(after[name]["lower"], after[name]["upper"]) if name in after else "")
         rows.append([*row, "yes" if p["identifiable"] else "no"])
-    return table([*head, "determined"], rows, numeric=range(2, len(head)))
+    return Table([*head, "determined"], rows, numeric=range(2, len(head)))
 
 
-def _not_told_apart(point: Mapping[str, Any]) -> Iterator[str]:
-    reasons = [f"{n}: {p['reason']}." for n, p in point["parameters"].items() if not p["identifiable"]]
-    names = list(point["correlation"])
-    pairs = [
-        f"{a} and {b} move together (correlation {point['correlation'][a][b]:+.2f})."
+def _correlated(correlation: Mapping[str, Mapping[str, float | None]]) -> list[str]:
+    names = list(correlation)
+    return [
+        f"{a} and {b} move together (correlation {correlation[a][b]:+.2f})."
         for k, a in enumerate(names)
         for b in names[:k]
-        if abs(point["correlation"][a][b] or 0.0) > CORRELATED
+        if abs(correlation[a][b] or 0.0) > CORRELATED
     ]
-    if reasons and point["verdict"]["level"] != Level.POOR:
-        yield paragraph(
-            "These have a value in the fitted case, but it is one of many that fit as well: do not read them "
-            "off it."
-        )
-    yield bullets([*reasons, *pairs]) if reasons or pairs else paragraph("All parameters are told apart.")
 
 
-def _implied(point: Mapping[str, Any]) -> Iterator[str]:
+def _implied_table(point: Mapping[str, Any]) -> Table:
     flagged = {
         r["about"] for r in point["verdict"]["reasons"] if r["aspect"] == Aspect.PLAUSIBILITY and r["about"]
     }
@@ -194,57 +168,36 @@ def _implied(point: Mapping[str, Any]) -> Iterator[str]:
     for name, cell in point["implied"].items():
         low, high = cell["healthy"]
         inside = low <= cell["value"] <= high
-        said = "implausible" if name in flagged else "" if inside else "outside of health"
+        remark = "implausible" if name in flagged else "" if inside else "outside of health"
         measured = " (measured)" if name in point["uncertainties"] else ""
         rows.append(
-            (f"{name}: {cell['words']}{measured}", cell["unit"], _number(cell["value"], 3),
-             f"{low:.3g} to {high:.3g}", said, cell["source"])
+            (f"{name}: {cell['words']}{measured}", cell["unit"], number(cell["value"], digits=3),
+             interval(low, high), remark, cell["source"])
         )  # fmt: skip
-    yield paragraph(
-        "Volumes and pressures of the fitted patient. What was not measured follows from the model alone; an "
-        "ill patient is often outside the range of health. On V-A ECMO the model's right ventricle empties "
-        "almost completely: do not read it."
-    )
-    yield table(
-        ("output", "unit", "fitted patient", "in health", "", "source of the range"), rows, numeric=(2, 3)
-    )
+    head = ("output", "unit", "fitted patient", "in health", "", "source of the range")
+    return Table(head, rows, numeric=(2, 3))
 
 
-def _posterior(posterior: Mapping[str, Any]) -> Iterator[str]:
-    yield heading("Outputs with 90 % intervals")
-    if posterior["verdict"]:
-        yield box(
-            [f"The draws behind these intervals: {posterior['verdict']}", *posterior["doubts"]], warn=True
-        )
-    yield paragraph(f"Medians and 90 % intervals: {posterior['kind']}, prior {posterior['prior']}.")
-    for prediction in posterior["predictions"]:
-        rows = [
-            (
-                name,
-                "L/min" if name in FLOWS else "mmHg",
-                _number(o["median"]),
-                _interval(o["lower"], o["upper"]),
-            )
-            for name, o in prediction["outputs"].items()
-        ]
-        yield heading(prediction["settings"], 3)
-        yield table(("output", "unit", "median", "90 % interval"), rows, numeric=(2, 3))
-        if prediction["without_steady_beat"] > 0.0:
-            share = 100.0 * prediction["without_steady_beat"]
-            yield paragraph(f"{share:.1f} % of the draws have no steady heartbeat there and are not counted.")
-        more = [doubt for doubt in prediction["doubts"] if doubt not in posterior["doubts"]]
-        if more:
-            yield bullets(more)
+def _prediction_table(prediction: Mapping[str, Any]) -> Table:
+    rows = [
+        (name, _unit(name), number(o["median"]), interval(o["lower"], o["upper"]))
+        for name, o in prediction["outputs"].items()
+    ]
+    return Table(("output", "unit", "median", "90 % interval"), rows, numeric=(2, 3))
 
 
-def _how(settings: Mapping[str, Any], point: Mapping[str, Any] | None = None) -> list[str]:
+def _unit(output: str) -> str:
+    return "L/min" if output in FLOWS else "mmHg"
+
+
+def _method(settings: Mapping[str, Any], point: Mapping[str, Any] | None = None) -> list[str]:
     said = []
     if point is not None:
         agree = f"{point['starts_agreeing']} of {point['starts_refined']} refined starts agree"
         said += [
             f"Search: {point['message']} ({agree}; {point['explored']:,} sets of parameters explored, "
             f"{point['explored_without_steady_beat']:,} of them without a steady heartbeat).",
-            f"Sum of squared residuals: {_number(point['cost'])}.",
+            f"Sum of squared residuals: {number(point['cost'])}.",
         ]
     divided = "the measured value" if settings["weights"] == "relative" else "its standard uncertainty"
     policy = settings["blood_volume_policy"]
@@ -261,59 +214,42 @@ def _how(settings: Mapping[str, Any], point: Mapping[str, Any] | None = None) ->
 
 def cohort_page(content: Mapping[str, Any], drawings: Mapping[str, str]) -> str:
     """The page of a cohort's fits; `drawings` are SVG texts by name."""
-    title = f"Fits of {len(content['points'])} data points"
-    return page(title, [heading(title, 1), *_cohort(content, drawings)])
-
-
-def _cohort(content: Mapping[str, Any], drawings: Mapping[str, str]) -> Iterator[str]:
     points = content["points"]
     levels = [p["verdict"]["level"] for p in points]
-    counted = ", ".join(f"{levels.count(level)} {level}" for level in Level)
-    refused = [f"{len(content['refused'])} rows were refused."] if content["refused"] else []
-    yield box([f"{counted}.", *refused], warn=bool(refused) or set(levels) != {Level.GOOD})
-    yield heading("Verdicts")
-    rows = [
-        (p["id"], p["verdict"]["level"], "" if p["verdict"]["level"] == Level.GOOD else _first_reason(p))
-        for p in points
-    ]
-    yield table(("data point", "verdict", "chief reason"), rows)
-    yield heading("Parameters")
-    yield paragraph(
-        "Values with 90 % intervals. In brackets: not determined by the measurements of this point."
+    return render(
+        "identification/cohort.html",
+        title=f"Fits of {len(points)} data points",
+        counted=", ".join(f"{levels.count(level)} {level}" for level in Level),
+        doubtful=set(levels) != {Level.GOOD},
+        refused=[r["message"] for r in content["refused"]],
+        verdicts=_verdicts_table(points),
+        parameters=_cohort_parameters_table(points),
+        r2=content["r2"],
+        captions=COHORT,
+        drawings=drawings,
+        method=_method(content["settings"]),
     )
+
+
+def _verdicts_table(points: Sequence[Mapping[str, Any]]) -> Table:
+    rows = []
+    for point in points:
+        level, reasons = point["verdict"]["level"], point["verdict"]["reasons"]
+        rows.append((point["id"], level, "" if level == Level.GOOD else reasons[0]["sentence"]))
+    return Table(("data point", "verdict", "chief reason"), rows)
+
+
+def _cohort_parameters_table(points: Sequence[Mapping[str, Any]]) -> Table:
     names = list(dict.fromkeys(n for p in points for n in p["parameters"]))
     units = [thiel2025.PARAMETERS[n].unit for n in names]
-    cells = [[p["id"], *(_cell(p["parameters"].get(n)) for n in names)] for p in points]
-    yield table(["data point", *(f"{n} [{u}]" for n, u in zip(names, units, strict=True))], cells)
-    yield heading("Measured and fitted")
-    for kind, value in content["r2"].items():
-        if value is not None:
-            yield paragraph(f"R² of {kind}: {value:.4f} over all fits, the poor ones included.")
-    for name in COHORT:
-        yield from _drawn(drawings, name, COHORT)
-    if content["refused"]:
-        yield heading("Refused rows")
-        yield bullets(r["message"] for r in content["refused"])
-    yield heading("How it was found")
-    yield bullets(_how(content["settings"]))
-
-
-def _first_reason(point: Mapping[str, Any]) -> str:
-    return point["verdict"]["reasons"][0]["sentence"]
+    rows = [[p["id"], *(_cell(p["parameters"].get(n)) for n in names)] for p in points]
+    return Table(["data point", *(f"{n} [{u}]" for n, u in zip(names, units, strict=True))], rows)
 
 
 def _cell(parameter: Mapping[str, Any] | None) -> str:
     if parameter is None or parameter["value"] is None:
-        return "-"
-    shown = f"{parameter['value']:.3g}"
+        return MISSING
+    value = number(parameter["value"], digits=3)
     if not parameter["identifiable"]:
-        return f"({shown})"
-    return f"{shown}, {_interval(parameter['lower'], parameter['upper'])}"
-
-
-def _interval(lower: float | None, upper: float | None) -> str:
-    return "" if lower is None or upper is None else f"{lower:.3g} to {upper:.3g}"
-
-
-def _number(value: float | None, digits: int = 4) -> str:
-    return "-" if value is None else f"{value:.{digits}g}"
+        return f"({value})"
+    return f"{value}, {interval(parameter['lower'], parameter['upper'])}"

@@ -9,8 +9,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from eclsim.parameters import thiel2025
-from eclsim.reporting.style import GREY, OKABE_ITO, curve_style, figure_style, new_figure, plain_text
-from eclsim.reporting.ticks import plain_log_ticks
+from eclsim.reporting.style import (
+    GREY,
+    OKABE_ITO,
+    curve_style,
+    figure_style,
+    new_figure,
+    plain_log_ticks,
+    plain_text,
+)
 
 SHOWN = 1500
 """At most so many draws are drawn."""

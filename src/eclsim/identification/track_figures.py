@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from eclsim.parameters import thiel2025
-from eclsim.reporting.style import GREY, OKABE_ITO, figure_style, new_figure, plain_text
-from eclsim.reporting.ticks import plain_log_ticks
+from eclsim.reporting.style import GREY, OKABE_ITO, figure_style, new_figure, plain_log_ticks, plain_text
 
 _ACROSS = 2
 MOST_NAMES = 8

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from eclsim.crrt_study.page import number
 from eclsim.paper.names import Item, items_of
 from eclsim.paper.rows import YES_NO, Row, Verdict
-from eclsim.reporting.html import box, bullets, figure, heading, page, paragraph, table, text
+from eclsim.reporting.html import Table, render
+from eclsim.reporting.numbers import number
 
 if TYPE_CHECKING:
     from eclsim.paper.reproduction import Reproduction
@@ -34,7 +34,20 @@ def reproduction_page(result: Reproduction, drawn: Mapping[str, Sequence[str]]) 
         result: the comparison.
         drawn: figures as SVG text, by key.
     """
-    return page("The paper, recomputed", _pieces(result, drawn))
+    items = items_of(result.parts)
+    return render(
+        "paper/report.html",
+        title="The paper, recomputed",
+        summary=[f"{counts(result.rows)}.", _unstated_words(result)],
+        items=items,
+        assumptions=_assumptions(result),
+        chapters=[c for name, _, numbers in CHAPTERS if (c := _chapter(result, name, numbers, drawn))],
+        tables=[
+            (item, sum(row.as_printed for row in rows), _parameter_table(rows))
+            for item in items
+            if item.kind == "Table" and (rows := table_rows(item, result)) is not None
+        ],
+    )
 
 
 def counts(rows: Sequence[Row]) -> str:
@@ -48,26 +61,30 @@ def counts(rows: Sequence[Row]) -> str:
     )
 
 
-def _pieces(result: Reproduction, drawn: Mapping[str, Sequence[str]]) -> Iterator[str]:
-    yield heading("The paper, recomputed", 1)
-    yield paragraph(
-        "Every numbered figure and table of Thiel et al. 2025, and the numbers of its text.", "lead"
-    )
-    yield box([f"{counts(result.rows)}.", *_found(result)])
-    yield heading("Contents")
-    yield _contents(result)
-    yield heading("What was assumed")
-    yield bullets(_assumptions(result))
-    for title, _, figures in CHAPTERS:
-        rows = [row for row in result.rows if chapter_of(row) == title]
-        items = [item for item in items_of(result.parts) if item.title in figures and item.drawings]
-        if not rows and not items:
-            continue
-        yield heading(title)
-        for item in items:
-            yield from _drawn(item, drawn[item.key])
-        yield from _rows(rows)
-    yield from _tables(result)
+def _chapter(
+    result: Reproduction, title: str, numbers: Sequence[str], drawn: Mapping[str, Sequence[str]]
+) -> dict[str, object] | None:
+    """A chapter with its figures and rows; None where no part of it was computed."""
+    rows = [row for row in result.rows if chapter_of(row) == title]
+    items = [item for item in items_of(result.parts) if item.title in numbers and item.drawings]
+    if not rows and not items:
+        return None
+    sections = dict.fromkeys(row.section for row in rows)
+    return {
+        "title": title,
+        "figures": [(item, _captioned(item, drawn[item.key])) for item in items],
+        "counts": counts(rows),
+        "sections": [
+            (name if name.startswith("Table") else f"Section {name}",
+             Table(HEAD, [_cells(row) for row in rows if row.section == name], numeric=(1, 2, 3, 4)))
+            for name in sections
+        ],
+    }  # fmt: skip
+
+
+def _captioned(item: Item, svgs: Sequence[str]) -> list[tuple[str, str]]:
+    letters = [f" ({'abcdefgh'[k]}, {name})" if len(svgs) > 1 else "" for k, name in enumerate(item.drawings)]
+    return [(svg, f"{item.title}{part}: {item.words}.") for svg, part in zip(svgs, letters, strict=True)]
 
 
 def chapter_of(row: Row) -> str:
@@ -81,27 +98,13 @@ def chapter_of(row: Row) -> str:
     return max(fitting)[1]
 
 
-def _found(result: Reproduction) -> list[str]:
+def _unstated_words(result: Reproduction) -> str:
     unstated = result.crrt.unstated
-    return [
+    return (
         f"Section 3.3: {unstated.blood_volume_ml:.0f} mL of blood, {unstated.heart_rate_bpm:.0f} beats/min, "
         "neither of them printed, explain its numbers: the root mean square difference falls from "
         f"{unstated.assumed_misfit:.1f} to {unstated.misfit:.2f} of the printing's own tolerance."
-    ]
-
-
-def _contents(result: Reproduction) -> str:
-    lines = []
-    for item in items_of(result.parts):
-        links = ", ".join(f'<a href="{name}">{name}</a>' for name in item.files)
-        place = f'<a href="#{item.key}">{text(item.title)}</a>'
-        lines.append(f"<tr><td>{place}</td><td>{text(item.words)}</td><td>{links}</td></tr>")
-    files = (
-        '<a href="reproduction.csv">reproduction.csv</a>, <a href="reproduction.json">reproduction.json</a>'
     )
-    lines.append(f"<tr><td>Numbers</td><td>all rows of this page</td><td>{files}</td></tr>")
-    head = "<thead><tr><th>In the paper</th><th>Ours</th><th>File</th></tr></thead>"
-    return f'<div class="scroll"><table>{head}<tbody>{"".join(lines)}</tbody></table></div>'
 
 
 def _assumptions(result: Reproduction) -> list[str]:
@@ -139,24 +142,6 @@ def _assumptions(result: Reproduction) -> list[str]:
     return lines
 
 
-def _drawn(item: Item, svgs: Sequence[str]) -> Iterator[str]:
-    yield f'<div id="{item.key}">'
-    for k, (svg, name) in enumerate(zip(svgs, item.drawings, strict=True)):
-        part = f" ({'abcdefgh'[k]}, {name})" if len(svgs) > 1 else ""
-        yield figure(svg, f"{item.title}{part}: {item.words}.", f"{item.key}{k}")
-    yield "</div>"
-
-
-def _rows(rows: Sequence[Row]) -> Iterator[str]:
-    """A table for each section, in the order of the rows."""
-    if rows:
-        yield paragraph(f"{counts(rows)}.")
-    for section in dict.fromkeys(row.section for row in rows):
-        cells = [_cells(row) for row in rows if row.section == section]
-        yield heading(section if section.startswith("Table") else f"Section {section}", 3)
-        yield table(HEAD, cells, numeric=(1, 2, 3, 4))
-
-
 def _cells(row: Row) -> list[str]:
     verdict = str(row.verdict) + (f": {row.why}" if row.why else "")
     if row.unit == YES_NO:
@@ -170,18 +155,9 @@ def _cells(row: Row) -> list[str]:
     return [row.quantity, paper, ours, percent, explained, unit, verdict]
 
 
-def _tables(result: Reproduction) -> Iterator[str]:
-    yield heading("Tables")
-    for item in items_of(result.parts):
-        if item.kind != "Table":
-            continue
-        rows = table_rows(item, result)
-        same = sum(row.as_printed for row in rows)
-        yield f'<div id="{item.key}">'
-        yield paragraph(f"{item.title}: {item.words}. {same} of {len(rows)} values are the same.")
-        cells = [[row.quantity, f"{row.paper:g}", f"{row.ours:.4g}", row.unit, row.verdict] for row in rows]
-        yield table(["Parameter", "Paper", "Ours", "Unit", "Verdict"], cells, numeric=(1, 2))
-        yield "</div>"
+def _parameter_table(rows: Sequence[Row]) -> Table:
+    cells = [[row.quantity, f"{row.paper:g}", f"{row.ours:.4g}", row.unit, row.verdict] for row in rows]
+    return Table(["Parameter", "Paper", "Ours", "Unit", "Verdict"], cells, numeric=(1, 2))
 
 
 def table_rows(item: Item, result: Reproduction) -> list[Row]:

@@ -4,19 +4,17 @@ A case is an xarray Dataset with waveforms on `phase` (0 to 1, both ends include
 P [mmHg], Q [mL/s], V [mL].
 """
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from eclsim.outputs.registry import VALVES
+from eclsim.reporting.numbers import number
 from eclsim.reporting.style import plain_text
 from eclsim.units import convert, quantity_of
 
 if TYPE_CHECKING:
     import xarray as xr
-
-MINUS = "\N{MINUS SIGN}"
 
 
 def beat_mean(result: "xr.Dataset", name: str) -> float:
@@ -54,16 +52,6 @@ def in_unit(value: float, unit: str) -> float:
 def scalar(result: "xr.Dataset", name: str) -> float | None:
     """A scalar output, or None where the result does not have it."""
     return float(result[name].values) if name in result and result[name].ndim == 0 else None
-
-
-def number(value: float, digits: int) -> str:
-    """A number for a label: fixed digits, a true minus sign, no negative zero, "n/a" for no number."""
-    if not math.isfinite(value):
-        return "n/a"
-    text = f"{value:.{digits}f}"
-    if float(text) == 0:
-        text = text.lstrip("-")
-    return text.replace("-", MINUS)
 
 
 def case_name(result: "xr.Dataset") -> str:

@@ -4,8 +4,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from eclsim.reporting.beat_values import beat_mean, case_name, in_unit, number, summary_lines
+from eclsim.reporting.beat_values import beat_mean, case_name, in_unit, summary_lines
 from eclsim.reporting.names import ECMO_POSITIONS, group_of
+from eclsim.reporting.numbers import number
 from eclsim.reporting.schematic_layout import NODES
 from eclsim.reporting.style import plain_text
 

@@ -7,8 +7,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from eclsim.reporting.beat_values import beat_mean, case_name, in_unit, number
+from eclsim.reporting.beat_values import beat_mean, case_name, in_unit
 from eclsim.reporting.names import COMPARTMENTS, CONNECTIONS, GROUPS, group_of
+from eclsim.reporting.numbers import number
 from eclsim.reporting.style import GREY, OKABE_ITO, PAGE_WIDTH_MM, figure_style, new_figure, plain_text
 
 if TYPE_CHECKING:

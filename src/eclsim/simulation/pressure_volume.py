@@ -7,8 +7,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from eclsim.reporting.beat_values import case_name, number, scalar
+from eclsim.reporting.beat_values import case_name, scalar
 from eclsim.reporting.names import COMPARTMENTS
+from eclsim.reporting.numbers import number
 from eclsim.reporting.style import PAGE_WIDTH_MM, curve_style, figure_style, new_figure, plain_text
 
 if TYPE_CHECKING:

@@ -7,16 +7,9 @@ from typing import TYPE_CHECKING
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from eclsim.reporting.beat_values import (
-    beat_mean,
-    beat_period,
-    case_name,
-    in_unit,
-    number,
-    summary_lines,
-    two_beats,
-)
+from eclsim.reporting.beat_values import beat_mean, beat_period, case_name, in_unit, summary_lines, two_beats
 from eclsim.reporting.names import COMPARTMENTS, CONNECTIONS
+from eclsim.reporting.numbers import number
 from eclsim.reporting.style import GREY, PAGE_WIDTH_MM, curve_style, figure_style, new_figure
 
 if TYPE_CHECKING:

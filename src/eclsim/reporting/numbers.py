@@ -1,0 +1,40 @@
+"""Numbers as people read them, the same in figures, pages and tables."""
+
+from __future__ import annotations
+
+import math
+
+MINUS = "\N{MINUS SIGN}"
+MISSING = "–"
+
+
+def number(
+    value: float | None,
+    decimals: int | None = None,
+    *,
+    digits: int = 4,
+    unit: str = "",
+    missing: str = MISSING,
+) -> str:
+    """A number with a true minus sign and no negative zero.
+
+    Args:
+        value: the number; None, NaN and infinity give `missing`.
+        decimals: so many of them.
+        digits: significant digits, where no decimals are asked for.
+        unit: stands behind the number.
+        missing: what stands for no number.
+    """
+    if value is None or not math.isfinite(value):
+        return missing
+    text = f"{value:.{digits}g}" if decimals is None else f"{value:.{decimals}f}"
+    if float(text) == 0.0:
+        text = text.lstrip("-")
+    return text.replace("-", MINUS) + (f" {unit}" if unit else "")
+
+
+def interval(low: float | None, high: float | None, digits: int = 3) -> str:
+    """Two ends with "to" between, empty where one is not known."""
+    if low is None or high is None:
+        return ""
+    return f"{number(low, digits=digits)} to {number(high, digits=digits)}"
