@@ -12,8 +12,8 @@ import time
 import numpy as np
 
 from eclsim.cases import read_case
-from eclsim.cases.case import Crrt
 from eclsim.crrt_study.study import crrt_study
+from eclsim.devices.crrt import Crrt
 from eclsim.orbit.model import model_of
 from eclsim.outputs.independent import simulate_adaptive
 

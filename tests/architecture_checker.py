@@ -11,21 +11,24 @@ from typing import NamedTuple
 
 # Rooms in order: each may import those before it. `eclsim` itself re-exports names of all of them.
 ROOMS = (
-    "units", "blood", "components", "circuit", "parameters", "patient", "devices", "cases", "beat", "orbit",
-    "outputs", "reporting", "simulation", "sensitivity", "identification", "crrt_study", "validation",
-    "paper", "app", "cli",
+    "units", "blood", "components", "circuit", "parameters", "patient", "inputs", "devices", "cases", "beat",
+    "orbit", "outputs", "reporting", "simulation", "sensitivity", "identification", "crrt_study",
+    "validation", "paper", "app", "cli",
 )  # fmt: skip
 PHYSICS = {"units", "components", "circuit"}
 ALLOWED = {room: set(ROOMS[:place]) for place, room in enumerate(ROOMS)} | {
     "blood": {"units"},
     "parameters": {"units", "components"},
-    "cases": {"units", "parameters", "patient", "devices"},
+    "inputs": {"units", "parameters"},
     "beat": PHYSICS,
 }
 ANY_LAYER_MAY_IMPORT = {"_version", "files", "runtime"}
 
 # Imported before the first line of `eclsim --help` or of an input error is printed.
-LIGHT = ("eclsim", "eclsim.cli", "eclsim.units", "eclsim.parameters", "eclsim.cases")
+LIGHT = (
+    "eclsim", "eclsim.cli", "eclsim.units", "eclsim.parameters", "eclsim.inputs", "eclsim.devices.registry",
+    "eclsim.cases",
+)  # fmt: skip
 HEAVY = {
     "jax",
     "equinox",

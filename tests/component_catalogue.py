@@ -16,7 +16,10 @@ from eclsim.components import (
     Tube,
     Ventricle,
 )
-from eclsim.devices.constants import CANNULAE, PUMPS
+from eclsim.devices import ecmo, lvad
+from eclsim.devices.ecmo import CANNULAE
+
+PUMPS = {**ecmo.PUMPS, **lvad.PUMPS}
 
 # Twice the default load of a patient, where flows are; [mL/s], forwards and backwards.
 FLOWS = (-150.0, 250.0)

@@ -6,10 +6,12 @@ import pytest
 from eclsim.beat.heartbeat import beat_program
 from eclsim.circuit import Circuit, Compartment, Connection, StartPressure, StartVolume
 from eclsim.components import Artery, ElasticVessel, Resistance, RotaryPump, Tube
-from eclsim.devices.constants import PUMPS
+from eclsim.devices import ecmo, lvad
 from eclsim.orbit.model import Model
 from eclsim.orbit.transient import ADAPTIVE, SEMI_IMPLICIT, follow
 from user_components import PressureSource
+
+PUMPS = {**ecmo.PUMPS, **lvad.PUMPS}
 
 # Largest error relative to the largest value: of the fixed grid, and of the tight tolerance.
 ACCURACY = {SEMI_IMPLICIT: 5e-4, ADAPTIVE: 1e-7}

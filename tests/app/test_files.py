@@ -11,10 +11,10 @@ from eclsim.app.exports import ExportError, export, file_stem
 from eclsim.app.knobs import turn
 from eclsim.app.opening import LARGEST_FILE, MOST_SAID, brief, open_file, with_speeds
 from eclsim.app.state import PageState, preset_state
-from eclsim.cases.mistakes import CaseError
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.writing import case_text
 from eclsim.crrt_study.settings import StudyError
+from eclsim.inputs.mistakes import CaseError
 from small_cohort import HEADER, cohort
 
 

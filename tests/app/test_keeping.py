@@ -5,8 +5,8 @@ import pytest
 from eclsim.app.keeping import LONGEST, MOST_UNDONE, Kept, read_kept, text_of
 from eclsim.app.knobs import turn
 from eclsim.app.state import MOST_SAVED, History, PageState, packed, preset_state
-from eclsim.cases.mistakes import CaseError
 from eclsim.cases.presets import PRESETS
+from eclsim.inputs.mistakes import CaseError
 
 FIRST = PageState(PRESETS["paper"].case(), origin="file", source="mine.toml")
 

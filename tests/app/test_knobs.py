@@ -16,8 +16,8 @@ from eclsim.app.knobs import (
     value_of,
 )
 from eclsim.app.texts import ENGLISH
-from eclsim.cases.mistakes import CaseError
 from eclsim.cases.presets import PRESETS
+from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
 

@@ -16,8 +16,8 @@ from eclsim.app.state import (
     state_of,
     subject_of,
 )
-from eclsim.cases.mistakes import CaseError
 from eclsim.cases.presets import PRESETS
+from eclsim.inputs.mistakes import CaseError
 
 
 def zipped(content: bytes) -> str:

@@ -15,8 +15,8 @@ from eclsim.app.members import MEMBERS, Members, read_members
 from eclsim.app.opening import open_posterior
 from eclsim.app.state import PageState, key_of, link_of, state_of
 from eclsim.app.uncertain import Uncertain
-from eclsim.cases.mistakes import CaseError
 from eclsim.cases.presets import PRESETS
+from eclsim.inputs.mistakes import CaseError
 from patience import PATIENCE_S, until
 
 CASE = PRESETS["paper"].case()

@@ -9,9 +9,9 @@ import pytest
 from eclsim.app import uploads
 from eclsim.app.opening import parse_file
 from eclsim.app.server import MOST_WAITING, Visitors
-from eclsim.cases.mistakes import CaseError
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.writing import case_text
+from eclsim.inputs.mistakes import CaseError
 
 
 def posterior(draws: int, values: np.ndarray | None = None) -> bytes:

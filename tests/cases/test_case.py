@@ -5,16 +5,15 @@ from pydantic import ValidationError
 
 from eclsim.cases import (
     Case,
-    Ecmo,
-    Lvad,
     Patient,
-    RollerPump,
     read_case,
     read_mapping,
     resolve_parameters,
     write_case,
 )
-from eclsim.devices.constants import OXYGENATORS, PUMPS
+from eclsim.devices import ecmo, lvad
+from eclsim.devices.ecmo import OXYGENATORS, Ecmo, RollerPump
+from eclsim.devices.lvad import Lvad
 from eclsim.parameters import all_parameters, thiel2025
 from eclsim.patient.anthropometry import mean_height_weight, total_blood_volume_ml
 
@@ -53,23 +52,23 @@ def test_height_and_weight_left_out_are_taken_from_the_table():
 
 
 def test_devices_bring_their_constants_and_overrides_win():
-    lvad = Lvad(pump="HM3", speed_rpm=5400, inlet_site="lv", outlet_site="ao")
-    ecmo = Ecmo(pump="DP3", speed_rpm=6000, **USUAL)
-    values = resolve_parameters(Case(patient=PATIENT, ecmo=ecmo, lvad=lvad, parameters={"Csart": 2.0}))
-    assert values["ecmo.pump.R2"] == PUMPS["DP3"].R2
+    pump = Lvad(pump="HM3", speed_rpm=5400, inlet_site="lv", outlet_site="ao")
+    circuit = Ecmo(pump="DP3", speed_rpm=6000, **USUAL)
+    values = resolve_parameters(Case(patient=PATIENT, ecmo=circuit, lvad=pump, parameters={"Csart": 2.0}))
+    assert values["ecmo.pump.R2"] == ecmo.PUMPS["DP3"].R2
     assert values["ecmo.speed_rpm"] == 6000
     assert (values["ecmo.drainage_fr"], values["ecmo.return_fr"]) == (21, 17)
-    assert values["lvad.pump.Lper"] == PUMPS["HM3"].Lper
+    assert values["lvad.pump.Lper"] == lvad.PUMPS["HM3"].Lper
     assert "ecmo.pump.L" not in values
     assert values["Recmooxy"] == OXYGENATORS["Quadrox-i Small Adult"].resistance
     assert values["Csart"] == 2.0
-    chosen = Case(patient=PATIENT, ecmo=ecmo, parameters={"Recmooxy": 0.7})
+    chosen = Case(patient=PATIENT, ecmo=circuit, parameters={"Recmooxy": 0.7})
     assert resolve_parameters(chosen)["Recmooxy"] == 0.7
 
 
 def test_a_roller_pump_has_a_flow_and_no_speed():
-    ecmo = Ecmo(pump=RollerPump(roller_l_min=4.0), **USUAL)
-    values = resolve_parameters(Case(patient=PATIENT, ecmo=ecmo))
+    circuit = Ecmo(pump=RollerPump(roller_l_min=4.0), **USUAL)
+    values = resolve_parameters(Case(patient=PATIENT, ecmo=circuit))
     assert values["ecmo.roller_l_min"] == 4.0
     assert not any(key.startswith("ecmo.pump") or key == "ecmo.speed_rpm" for key in values)
     with pytest.raises(ValidationError, match="a flow and no speed"):

@@ -7,11 +7,12 @@ from typing import Any
 
 import pytest
 
-from eclsim.cases.case import Case, Ecmo, Patient
+from eclsim.cases.case import Case, Patient
 from eclsim.cases.clinical_codes import BY_CODE, UnitError, in_unit_of
 from eclsim.cases.cohort import read_cohort
 from eclsim.cases.importing import as_table, import_cohort
-from eclsim.cases.mistakes import CaseError
+from eclsim.devices.ecmo import Ecmo
+from eclsim.inputs.mistakes import CaseError
 
 LOINC = "http://loinc.org"
 NINE = "2024-03-01T09:00:00+01:00"

@@ -11,10 +11,10 @@ from eclsim.cases import read_case
 from eclsim.cases.cohort import read_cohort
 from eclsim.cases.fhir import read_bundle
 from eclsim.cases.importing import as_table, import_cohort
-from eclsim.cases.input_files import json_of, read_bytes
 from eclsim.cases.long_table import read_long_table
-from eclsim.cases.mistakes import CaseError
 from eclsim.cases.settings import parse_settings
+from eclsim.inputs.files import json_of, read_bytes
+from eclsim.inputs.mistakes import CaseError
 
 CASE = """format = 1
 [patient] # {dots}

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from eclsim.cases import CaseError, CaseReading, read_case, read_mapping
-from eclsim.cases.numbers import number_meant
+from eclsim.inputs.numbers import number_meant
 
 PATIENT = """format = 1
 [patient]

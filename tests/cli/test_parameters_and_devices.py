@@ -6,8 +6,11 @@ import tomllib
 import pytest
 
 from eclsim.cases import read_mapping
-from eclsim.devices.constants import CANNULAE, OXYGENATORS, PUMPS
+from eclsim.devices import ecmo, lvad
+from eclsim.devices.ecmo import CANNULAE, OXYGENATORS
 from eclsim.parameters import all_parameters, shi_hose2009
+
+PUMPS = {**ecmo.PUMPS, **lvad.PUMPS}
 
 
 def test_listing_shows_every_parameter(shell):

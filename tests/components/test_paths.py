@@ -5,7 +5,10 @@ import pytest
 
 from component_catalogue import FLOWS, GIVEN_FLOW, ONE_WAY, PATHS, ROTARY_PUMPS
 from eclsim.components import RollerPump, all_paths
-from eclsim.devices.constants import CANNULAE, PUMPS
+from eclsim.devices import ecmo, lvad
+from eclsim.devices.ecmo import CANNULAE
+
+PUMPS = {**ecmo.PUMPS, **lvad.PUMPS}
 
 with_a_drop = [name for name in PATHS if name not in GIVEN_FLOW]
 LOADS = (0.0, 1e-3, 0.05, 2.0)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from eclsim.cases.case import RollerPump
 from eclsim.crrt_study.settings import StudyError
 from eclsim.crrt_study.study import crrt_study
+from eclsim.devices.ecmo import RollerPump
 from eclsim.orbit.model import model_of
 from eclsim.paper.patient import paper_case
 

@@ -5,7 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from eclsim.devices.constants import CANNULAE, OXYGENATORS, PUMP_ALIASES, PUMPS, pumps_for
+from eclsim.devices import ecmo, lvad
+from eclsim.devices.ecmo import CANNULAE, OXYGENATORS
+from eclsim.devices.lvad import Lvad
+
+PUMPS = {**ecmo.PUMPS, **lvad.PUMPS}
 
 # Maker's H-Q chart of the HeartMate 3, read by a third party: speed [rpm], flow [L/min], head [mmHg].
 HM3_CHART = [
@@ -67,8 +71,10 @@ def test_labels_of_oxygenators():
 
 
 def test_names():
-    assert pumps_for("ECMO") == ("Rotaflow", "DP3")
-    assert pumps_for("LVAD") == ("HMII", "HM3", "HVAD", "Incor")
-    assert PUMP_ALIASES["HeartMate II"] == "HMII"
+    assert tuple(ecmo.PUMPS) == ("Rotaflow", "DP3")
+    assert tuple(lvad.PUMPS) == ("HMII", "HM3", "HVAD", "Incor")
+    section = {"inlet_site": "lv", "outlet_site": "ao", "speed_rpm": 5000}
+    assert Lvad(pump="HeartMate II", **section).pump == "HMII"
+    assert Lvad(pump="HeartMate III", **section).pump == "HM3"
     assert all(pump.evidence for pump in PUMPS.values())
     assert PUMPS["Incor"].evidence.startswith("unvalidated")

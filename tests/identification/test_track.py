@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from eclsim.cases.case import Case, Measurements, Patient
-from eclsim.cases.mistakes import CaseError
 from eclsim.identification import track as track_module
 from eclsim.identification.filtering import Belief
 from eclsim.identification.observation import elapsed_hours, measurement_errors
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.track import Tracker, TrackSettings, track
 from eclsim.identification.track_results import Fitting
+from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
 from eclsim.outputs.dataset import simulate
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from eclsim.cases import CaseError, read_mapping
-from eclsim.cases.resolve import UnsolvedFlowError
 from eclsim.cases.settings import apply_settings
+from eclsim.devices.device import UnsolvedFlowError
 from eclsim.orbit.model import model_of
 from eclsim.simulation.json_object import case_object
 from eclsim.simulation.single import simulate_case, simulate_transient

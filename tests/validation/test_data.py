@@ -6,7 +6,8 @@ import json
 import numpy as np
 import pytest
 
-from eclsim.devices.constants import CANNULAE, PUMPS
+from eclsim.devices import ecmo, lvad
+from eclsim.devices.ecmo import CANNULAE
 from eclsim.validation.cases import DATA, PAPER_PATIENT, case_names, reference_case
 from eclsim.validation.reference_cases import (
     OF_RANGE,
@@ -15,6 +16,8 @@ from eclsim.validation.reference_cases import (
     expected_results,
     explanation,
 )
+
+PUMPS = {**ecmo.PUMPS, **lvad.PUMPS}
 
 TABLES = sorted(path.name for path in DATA.glob("*.csv"))
 

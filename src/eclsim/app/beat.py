@@ -11,7 +11,7 @@ import numpy as np
 from eclsim.app.circuits import page_circuit
 from eclsim.beat.heartbeat import beat_program
 from eclsim.beat.recording import MEAN, RATE
-from eclsim.devices.constants import OXYGENATORS
+from eclsim.devices.ecmo import OXYGENATORS
 from eclsim.files import finite
 from eclsim.orbit.model import circuit_of
 from eclsim.orbit.status import Status

@@ -10,7 +10,7 @@ from nicegui import events, ui
 from eclsim.app.opening import LARGEST_FILE, SIZE, Opened, brief, shown_name, with_speeds
 from eclsim.app.texts import text
 from eclsim.app.uploads import file_apart, posterior_apart
-from eclsim.cases.mistakes import CaseError
+from eclsim.inputs.mistakes import CaseError
 
 if TYPE_CHECKING:
     from eclsim.app.engine import Engine

@@ -6,7 +6,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from eclsim.app.texts import ENGLISH
-from eclsim.devices.positions import ECMO_POSITIONS
+from eclsim.devices.ecmo import POSITIONS
 from eclsim.orbit.model import circuit_of
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def _pumps(circuit: Circuit) -> bool:
 def _boxes(circuit: Circuit, page: Layout) -> list[dict[str, Any]]:
     from eclsim.reporting.schematic_layout import NODES
 
-    positions = {node: position for position, node in ECMO_POSITIONS.items()}
+    positions = {node: position for position, node in POSITIONS.items()}
     found = []
     for compartment in circuit.compartments:
         left, bottom, right, top = page.box(compartment.name)

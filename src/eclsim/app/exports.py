@@ -9,8 +9,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eclsim.cases.checking import MAXIMUM_ID_LENGTH
 from eclsim.files import file_stems
+from eclsim.inputs.sections import MAXIMUM_ID_LENGTH
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -197,7 +197,7 @@ def _fit(
 
 def _done(job: str, raw: Mapping[str, Any], policy: str, report: Callable[[str], None]) -> tuple[str, Any]:
     from eclsim.app.posterior import plain_posterior
-    from eclsim.cases.mistakes import CaseError
+    from eclsim.inputs.mistakes import CaseError
 
     try:
         if job == "posterior":

@@ -18,10 +18,10 @@ from eclsim.app.state import PageState, link_of, state_of, subject_of
 from eclsim.app.texts import text
 from eclsim.app.whose import circuit_words, title_of
 from eclsim.cases.checking import Checked, check_case
-from eclsim.cases.fields import SECTIONS
-from eclsim.cases.mistakes import CaseError, Mistake
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_mapping
+from eclsim.cases.sections import MEASURED, sections
+from eclsim.inputs.mistakes import CaseError, Mistake
 
 if TYPE_CHECKING:
     from eclsim.app.fitting import Fitter
@@ -43,7 +43,7 @@ def fields() -> list[dict[str, Any]]:
             "short": item.name if section == "measurements" else "", "names": list(item.names),
         }
         for section in ("patient", "measurements")
-        for item in SECTIONS[section]
+        for item in sections()[section].fields().values()
     ]  # fmt: skip
 
 
@@ -57,7 +57,7 @@ def values_of(state: PageState) -> dict[str, Any]:
     if state.start.origin in PRESETS:
         del person["id"]
     found = {f"patient.{name}": person.get(name, "") for name in PATIENT}
-    return found | {f"measurements.{f.name}": measured.get(f.name, "") for f in SECTIONS["measurements"]}
+    return found | {f"measurements.{name}": measured.get(name, "") for name in MEASURED}
 
 
 def checked_form(case: Case, typed: Mapping[str, Any]) -> Checked:
@@ -65,7 +65,7 @@ def checked_form(case: Case, typed: Mapping[str, Any]) -> Checked:
     raw = case.as_mapping()
     for section in ("patient", "measurements"):
         raw[section] = {}
-        for item in SECTIONS[section]:
+        for item in sections()[section].fields().values():
             value = typed.get(f"{section}.{item.name}")
             if isinstance(value, bool) or not isinstance(value, (int, float, str)):
                 continue

@@ -7,17 +7,20 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from eclsim.app.texts import text
-from eclsim.cases.fields import ARTERIAL_SITES, ECMO_POSITIONS, PATIENT_SITES, VENOUS_SITES, Field
-from eclsim.cases.mistakes import CaseError, Mistake, NumberAsWritten, shown
-from eclsim.cases.numbers import NotANumberError, read_number
 from eclsim.cases.reading import read_mapping
-from eclsim.devices.constants import CANNULAE, OXYGENATORS, PUMPS, pumps_for
+from eclsim.devices import lvad
+from eclsim.devices.ecmo import CANNULAE, OXYGENATORS, POSITIONS, PUMPS
+from eclsim.inputs.fields import Field
+from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, shown
+from eclsim.inputs.numbers import RefusedValueError, read_number
 from eclsim.parameters import thiel2025
+from eclsim.patient.sites import ARTERIAL_SITES, PATIENT_SITES, VENOUS_SITES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from eclsim.cases.case import Case
+    from eclsim.devices.products import PumpCurve
 
 ROLLER = "Roller pump"
 OTHER_MODE = "other_mode"
@@ -27,7 +30,7 @@ _COMMA = re.compile(r"[+-]?\d+,\d+", re.ASCII)
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)
 _FILLED = ("svn", "pvn")
 """Vessels whose start pressure takes up blood that is given, in this order where blood is taken."""
-VOLUME_FIELD = Field(VOLUME, "Blood given or taken", "number", "mL", -200.0, 3000.0, 500.0)
+VOLUME_FIELD = Field("Blood given or taken", "number", "mL", -200.0, 3000.0, 500.0, name=VOLUME)
 USUAL_ECMO: Mapping[str, Any] = {
     "pump": "Rotaflow", "speed_rpm": 3000.0, "oxygenator": "Quadrox-i Adult", "mode": "VA",
 }  # fmt: skip
@@ -89,7 +92,7 @@ def _ecmo(case: Case) -> list[Knob | Picker]:
     if case.ecmo is None:
         return []
     ecmo = case.ecmo
-    found: list[Knob | Picker] = [Picker("ecmo.pump", "ecmo", (*pumps_for("ECMO"), ROLLER))]
+    found: list[Knob | Picker] = [Picker("ecmo.pump", "ecmo", (*PUMPS, ROLLER))]
     if isinstance(ecmo.pump, str):
         low, high = PUMPS[ecmo.pump].speed_range_rpm
         found.append(Knob("ecmo.speed_rpm", "ecmo", "rpm", 0 if low < 2000 else low / 2, high, 25))
@@ -118,7 +121,7 @@ def _mode(ecmo: Any) -> str:
 def _crrt(case: Case) -> list[Knob | Picker]:
     if case.crrt is None:
         return []
-    sites = (*(ECMO_POSITIONS if case.ecmo is not None else ()), *PATIENT_SITES)
+    sites = (*(POSITIONS if case.ecmo is not None else ()), *PATIENT_SITES)
     return [
         Knob("crrt.flow_ml_min", "crrt", "mL/min", 50, 400, 5),
         Picker("crrt.access_site", "crrt", sites),
@@ -129,9 +132,9 @@ def _crrt(case: Case) -> list[Knob | Picker]:
 def _lvad(case: Case) -> list[Knob | Picker]:
     if case.lvad is None:
         return []
-    low, high = PUMPS[case.lvad.pump].speed_range_rpm
+    low, high = lvad.PUMPS[case.lvad.pump].speed_range_rpm
     return [
-        Picker("lvad.pump", "lvad", pumps_for("LVAD")),
+        Picker("lvad.pump", "lvad", tuple(lvad.PUMPS)),
         Knob("lvad.speed_rpm", "lvad", "rpm", low, high, 25 if high < 5000 else 50),
     ]
 
@@ -189,8 +192,8 @@ def turn(case: Case, key: str, value: Any) -> Case:
         raw["ecmo"].pop("mode", None)  # the sites count
     if key == "ecmo.oxygenator":
         raw["parameters"].pop("Recmooxy", None)
-    if key == "lvad.pump" and value in PUMPS:
-        raw["lvad"]["speed_rpm"] = _usual_speed(str(value))
+    if key == "lvad.pump" and value in lvad.PUMPS:
+        raw["lvad"]["speed_rpm"] = _usual_speed(lvad.PUMPS[value])
     return read_mapping(raw).case
 
 
@@ -232,7 +235,7 @@ def ambiguous_comma(value: Any) -> str:
 def _volume(value: Any) -> float:
     try:
         return read_number(value, VOLUME_FIELD)
-    except NotANumberError as error:
+    except RefusedValueError as error:
         found = error.mistake
         raise CaseError(
             [Mistake(VOLUME, found.message, shown(value), found.allowed, found.suggestion)]
@@ -267,10 +270,10 @@ def _with_pump(ecmo: dict[str, Any], pump: Any) -> dict[str, Any]:
         changed.pop("speed_rpm", None)
         return changed | {"pump": {"roller_l_min": 4.0}}
     if pump in PUMPS and pump != ecmo["pump"]:
-        changed["speed_rpm"] = _usual_speed(pump)
+        changed["speed_rpm"] = _usual_speed(PUMPS[pump])
     return changed
 
 
-def _usual_speed(pump: str) -> float:
-    low, high = PUMPS[pump].speed_range_rpm
+def _usual_speed(pump: PumpCurve) -> float:
+    low, high = pump.speed_range_rpm
     return float(round((low + 0.5 * (high - low)) / 50.0) * 50)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.app.texts import text
-from eclsim.cases.mistakes import CaseError, Mistake
+from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.parameters import thiel2025
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eclsim.app.texts import text
-from eclsim.cases.mistakes import CaseError, Mistake
 from eclsim.cases.reading import read_case
+from eclsim.inputs.mistakes import CaseError, Mistake
 
 if TYPE_CHECKING:
     from eclsim.app.members import Members

@@ -19,7 +19,7 @@ from eclsim.app.state import History, PageState, state_of
 from eclsim.app.texts import ENGLISH, text
 from eclsim.app.uncertain import Uncertain
 from eclsim.app.whose import title_of
-from eclsim.cases.mistakes import CaseError
+from eclsim.inputs.mistakes import CaseError
 
 if TYPE_CHECKING:
     from eclsim.app.engine import Engine

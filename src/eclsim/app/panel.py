@@ -36,8 +36,8 @@ def described(control: Knob | Picker) -> dict[str, Any]:
 
 def option_words(name: str) -> str:
     """A name of a picker in words."""
-    from eclsim.cases.fields import PATIENT_SITES
     from eclsim.crrt_study.schemes import POSITION_WORDS
+    from eclsim.patient.sites import PATIENT_SITES
 
     if name in ("VA", "VV", OTHER_MODE):
         return text(name)

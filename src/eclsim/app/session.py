@@ -15,7 +15,7 @@ from eclsim.app.panel import described, shape_of
 from eclsim.app.state import MOST_SAVED, POLICIES, History, PageState, key_of, link_of, subject_of
 from eclsim.app.texts import text
 from eclsim.app.whose import title_of, whose
-from eclsim.cases.mistakes import CaseError, Mistake
+from eclsim.inputs.mistakes import CaseError, Mistake
 
 if TYPE_CHECKING:
     from eclsim.app.beat import Beat

@@ -8,9 +8,9 @@ import zlib
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from eclsim.cases.mistakes import CaseError, Mistake
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_mapping
+from eclsim.inputs.mistakes import CaseError, Mistake
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case

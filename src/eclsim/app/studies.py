@@ -11,8 +11,8 @@ from eclsim.app.ranges import LINES, bounds, line_bounds
 from eclsim.app.state import key_of
 from eclsim.beat.resolution import needed_resolution
 from eclsim.circuit.assembly import assemble
-from eclsim.devices.constants import PUMPS
-from eclsim.devices.positions import ECMO_POSITIONS
+from eclsim.devices import lvad
+from eclsim.devices.ecmo import POSITIONS, PUMPS
 from eclsim.orbit.steady import Batch, steady_beats
 from eclsim.outputs.limits import level
 from eclsim.outputs.records import record
@@ -56,7 +56,7 @@ def speed_range(state: PageState) -> tuple[str, float, tuple[float, float]] | No
     if ecmo is not None and isinstance(ecmo.pump, str):
         return "ecmo.speed_rpm", float(ecmo.speed_rpm or 0.0), PUMPS[ecmo.pump].speed_range_rpm
     if assist is not None:
-        return "lvad.speed_rpm", assist.speed_rpm, PUMPS[assist.pump].speed_range_rpm
+        return "lvad.speed_rpm", assist.speed_rpm, lvad.PUMPS[assist.pump].speed_range_rpm
     return None
 
 
@@ -100,7 +100,7 @@ def schemes(state: PageState) -> dict[str, Any] | None:
 
 def scheme_sites(access: str, giving: str) -> tuple[str, str] | None:
     """The two sites, if both are positions of the ECMO circuit."""
-    return (access, giving) if access in ECMO_POSITIONS and giving in ECMO_POSITIONS else None
+    return (access, giving) if access in POSITIONS and giving in POSITIONS else None
 
 
 def plain_curve(values: np.ndarray) -> list[float | None]:

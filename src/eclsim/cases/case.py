@@ -2,109 +2,30 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal
+from collections.abc import Mapping
+from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import ConfigDict, Field, SerializeAsAny, ValidationInfo, model_validator
 
-from eclsim.cases.checking import check_case, check_section
-from eclsim.cases.mistakes import CaseError
+from eclsim.cases.checking import check_case
+from eclsim.cases.sections import Measurements, Patient, device_sections, within
+from eclsim.devices.device import Instance, device_key, instance_key
+from eclsim.devices.registry import PublishedDevices, devices
+from eclsim.inputs.mistakes import CaseError
+from eclsim.inputs.sections import CHECKED, Section, plain
 
+__all__ = ["Case", "Measurements", "Patient"]
 
-class _Section(BaseModel):
-    """A section of a case file. Names, units and ranges stand in `eclsim.cases.fields`."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    section: ClassVar[str]
-
-    @model_validator(mode="before")
-    @classmethod
-    def _check(cls, data: Any) -> Any:
-        if isinstance(data, BaseModel) or not isinstance(data, dict):
-            return data
-        checked = check_section(cls.section, _plain(data))
-        if checked.mistakes:
-            raise CaseError(checked.mistakes)
-        return checked.values
+Policy = Literal["as_published", "patient_held"]
 
 
-class Patient(_Section):
-    """Who is simulated: age in years, height in cm, weight in kg, heart rate in beats per minute."""
+class Case(PublishedDevices):
+    """One patient, the measurements and the devices connected.
 
-    section: ClassVar[str] = "patient"
-    id: str
-    sex: Literal["female", "male"]
-    age_years: float
-    height_cm: float | None = None
-    weight_kg: float | None = None
-    heart_rate_bpm: float
-
-
-class Measurements(_Section):
-    """What was measured: pressures in mmHg, flows in L/min, None where not measured.
-
-    CO is the native output, the flow through the lungs; PF is the flow of the ECMO pump.
-    """
-
-    section: ClassVar[str] = "measurements"
-    SP: float | None = None
-    DP: float | None = None
-    MAP: float | None = None
-    MPAP: float | None = None
-    PCWP: float | None = None
-    CO: float | None = None
-    PF: float | None = None
-
-
-class RollerPump(BaseModel):
-    """A roller pump: it delivers its flow [L/min] whatever the pressures are."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    roller_l_min: float
-
-
-class Ecmo(_Section):
-    """The ECMO circuit: pump speed in rpm, cannula sizes in Fr.
-
-    A rotary pump has its speed, or the flow [L/min] that `eclsim.simulation.target_flow` solves it for.
-    """
-
-    section: ClassVar[str] = "ecmo"
-    pump: str | RollerPump
-    speed_rpm: float | None = None
-    flow_l_min: float | None = None
-    oxygenator: str
-    drainage_site: str
-    drainage_cannula: str
-    drainage_fr: float
-    return_site: str
-    return_cannula: str
-    return_fr: float
-    mode: Literal["VA", "VV"] | None = None
-
-
-class Crrt(_Section):
-    """The CRRT circuit: blood flow in mL/min, access and return where its lines are connected."""
-
-    section: ClassVar[str] = "crrt"
-    flow_ml_min: float
-    access_site: str
-    return_site: str
-
-
-class Lvad(_Section):
-    """A left ventricular assist device: speed in rpm."""
-
-    section: ClassVar[str] = "lvad"
-    pump: str
-    speed_rpm: float
-    inlet_site: str
-    outlet_site: str
-
-
-class Case(BaseModel):
-    """One patient, the measurements and the devices connected; a device that is None is absent.
-
-    `blood_volume_policy` is the one that the case was made or fitted with, None where it does not say.
+    The only instance of a published device is an attribute (`case.ecmo`, None where it is absent); all others
+    are `other_devices` by the key of their section ("lvad.left", or a device from outside the package).
+    `instances()` lists all. `blood_volume_policy` is the one that the case was made or fitted with, None
+    where it does not say.
 
     Building one checks everything a case file is checked for and raises `pydantic.ValidationError`
     with all mistakes; `eclsim.cases.read_case` also tells file and line, and keeps the warnings.
@@ -112,26 +33,27 @@ class Case(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     format: Literal[1] = 1
-    blood_volume_policy: Literal["as_published", "patient_held"] | None = None
+    blood_volume_policy: Policy | None = None
     patient: Patient
     measurements: Measurements | None = None
-    ecmo: Ecmo | None = None
-    crrt: Crrt | None = None
-    lvad: Lvad | None = None
-    parameters: dict[str, float] = {}
+    other_devices: Mapping[str, SerializeAsAny[Section]] = Field(default_factory=dict)
+    parameters: dict[str, float] = Field(default_factory=dict)
 
     @model_validator(mode="before")
     @classmethod
-    def _check(cls, data: Any) -> Any:
-        if isinstance(data, BaseModel) or not isinstance(data, dict):
+    def _check(cls, data: object, info: ValidationInfo) -> object:
+        if not isinstance(data, dict):
             return data
-        checked = check_case({"format": 1} | _plain(data))
-        if checked.mistakes:
-            raise CaseError(checked.mistakes)
-        return checked.values
+        if info.context != CHECKED:
+            others = data.get("other_devices", {})
+            written = plain({key: value for key, value in data.items() if key != "other_devices"})
+            checked = check_case({"format": 1} | _nested(written, plain(others)))
+            checked.raise_mistakes()
+            data = checked.values
+        return _with_other_devices(data)
 
     @property
-    def volume_policy(self) -> Literal["as_published", "patient_held"]:
+    def volume_policy(self) -> Policy:
         """The blood volume policy to simulate the case with: its own, else the published one."""
         return self.blood_volume_policy or "as_published"
 
@@ -146,17 +68,56 @@ class Case(BaseModel):
             raise CaseError(checked.mistakes)
         return self.model_copy(update={"blood_volume_policy": policy})
 
+    def instances(self) -> tuple[Instance, ...]:
+        """All devices connected, in the order of the registry."""
+        found = []
+        for key, device in devices().items():
+            only = getattr(self, key, None) if key in PublishedDevices.model_fields else None
+            if only is not None:
+                found.append(Instance(device, "", only))
+            others = {k: section for k, section in self.other_devices.items() if device_key(k) == key}
+            found += [Instance(device, k.partition(".")[2], section) for k, section in others.items()]
+        return tuple(found)
+
+    def instance(self, key: str) -> Instance | None:
+        """The device of a section such as "lvad" or "lvad.left"; None where it is not connected."""
+        return next((one for one in self.instances() if one.key == key), None)
+
+    def setting(self, section: str, name: str) -> Any:
+        """A value as a case file holds it, such as "speed_rpm" of "lvad.left"; None if absent."""
+        part = within(self.as_mapping(), section)
+        return None if part is None else part.get(name)
+
     def as_mapping(self) -> dict[str, Any]:
         """The case as a case file holds it: sections and keys that are absent are left out."""
-        return {key: value for key, value in self.model_dump(exclude_none=True).items() if value != {}}
+        dumped = self.model_dump(exclude_none=True)
+        found = {key: dumped[key] for key in _BEFORE_DEVICES if key in dumped}
+        found = _nested(
+            found, {one.key: one.section.model_dump(exclude_none=True) for one in self.instances()}
+        )
+        return found | ({"parameters": self.parameters} if self.parameters else {})
 
 
-def _plain(data: dict[str, Any]) -> dict[str, Any]:
-    """The mapping with models turned into mappings, and without sections and keys that are None."""
-    plain = {}
-    for key, value in data.items():
-        if isinstance(value, BaseModel):
-            value = value.model_dump(exclude_none=True)
-        if value is not None:
-            plain[key] = value
-    return plain
+_BEFORE_DEVICES = ("format", "blood_volume_policy", "patient", "measurements")
+
+
+def _nested(mapping: dict[str, Any], by_key: Mapping[str, Any]) -> dict[str, Any]:
+    """The mapping with sections put in, such as {"lvad": {"left": ...}} for "lvad.left"."""
+    found = dict(mapping)
+    for key, section in by_key.items():
+        device, _, name = key.partition(".")
+        found[device] = {**found.get(device, {}), name: section} if name else section
+    return found
+
+
+def _with_other_devices(values: dict[str, Any]) -> dict[str, Any]:
+    """Values as `Case` has them: sections that are no attributes of it are among `other_devices`."""
+    found = {key: value for key, value in values.items() if key not in devices()}
+    others: dict[str, Section] = {}
+    for device, name, section in device_sections(values):
+        if not name and device.key in PublishedDevices.model_fields:
+            found[device.key] = section
+        else:
+            key = instance_key(device.key, name)
+            others[key] = device.section.model_validate(section, context=CHECKED)
+    return found | ({"other_devices": others} if others else {})

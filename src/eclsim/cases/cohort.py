@@ -13,14 +13,13 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from eclsim.cases.checking import MAXIMUM_ID_LENGTH
 from eclsim.cases.cohort_rows import across_rows, expected_unit, in_order_of_time, is_units_row, when
 from eclsim.cases.cohort_table import Table, read_table
-from eclsim.cases.fields import SECTIONS
-from eclsim.cases.mistakes import CaseError, Mistake, NumberAsWritten, shown
-from eclsim.cases.plausibility import looks_identifiable
 from eclsim.cases.reading import read_mapping
+from eclsim.cases.sections import MEASURED
 from eclsim.files import unguarded
+from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, shown
+from eclsim.inputs.sections import MAXIMUM_ID_LENGTH, looks_identifiable
 from eclsim.parameters import did_you_mean
 
 if TYPE_CHECKING:
@@ -28,7 +27,6 @@ if TYPE_CHECKING:
 
 ID, MEASUREMENT = "patient_id", "measurement"
 _ABOUT_PATIENT = ("sex", "age_years", "height_cm", "weight_kg", "heart_rate_bpm")
-MEASURED = tuple(item.name for item in SECTIONS["measurements"])
 COLUMNS: MappingProxyType[str, str] = MappingProxyType(
     {
         ID: "patient.id",

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import TYPE_CHECKING
 
-from eclsim.cases.fields import SECTIONS
 from eclsim.cases.ids import plain_id
-from eclsim.cases.mistakes import Mistake, shown
+from eclsim.cases.sections import sections
+from eclsim.inputs.mistakes import Mistake, shown
 from eclsim.units import MMHG_PER_KPA, known_unit
 
 if TYPE_CHECKING:
@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 
 _PRESSURES = ("SP", "DP", "MAP", "MPAP", "PCWP")
 _ENOUGH_ROWS = 4
-_UNITS = {item.name: item.unit for section in SECTIONS.values() for item in section if item.unit}
+_UNITS = {
+    item.name: item.unit for kind in sections().values() for item in kind.fields().values() if item.unit
+}
 _UNITS |= {"ecmo_speed_rpm": "rpm"}
 _TIME = re.compile(r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d(\.\d+)?)?(Z|[+-]\d\d:?\d\d)?)?")
 

@@ -7,8 +7,8 @@ import hashlib
 import os
 from dataclasses import dataclass, field
 
-from eclsim.cases.input_files import decoded, read_bytes, refused
-from eclsim.cases.mistakes import Mistake
+from eclsim.inputs.files import decoded, read_bytes, refused
+from eclsim.inputs.mistakes import Mistake
 
 MAXIMUM_BYTES = 50_000_000
 MAXIMUM_ROWS = 100_000

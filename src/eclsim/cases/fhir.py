@@ -8,9 +8,9 @@ from datetime import date
 from typing import Any
 
 from eclsim.cases.clinical_codes import BY_CODE, LOINC, SNOMED
-from eclsim.cases.input_files import decoded, json_of, read_bytes
-from eclsim.cases.mistakes import CaseError, Mistake, shown
 from eclsim.cases.observations import Imported, Observation
+from eclsim.inputs.files import decoded, json_of, read_bytes
+from eclsim.inputs.mistakes import CaseError, Mistake, shown
 
 MAXIMUM_BYTES = 50_000_000
 _NOT_VALID = ("entered-in-error", "cancelled")

@@ -7,14 +7,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from eclsim.cases.fields import SECTIONS
-from eclsim.cases.mistakes import CaseError, Mistake, shown
+from eclsim.cases.sections import MEASURED
+from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.parameters import did_you_mean, thiel2025
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
-TARGETS = tuple(item.name for item in SECTIONS["measurements"])
+TARGETS = MEASURED
 """Measurements that can be fitted."""
 
 

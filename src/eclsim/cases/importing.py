@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 from eclsim.cases.cohort import COLUMNS, MEASUREMENT, OPTIONAL
 from eclsim.cases.fhir import read_bundle
 from eclsim.cases.long_table import read_long_table
-from eclsim.cases.mistakes import CaseError, Mistake
 from eclsim.cases.observations import Imported, data_points
 from eclsim.files import csv_text
+from eclsim.inputs.mistakes import CaseError, Mistake
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case

@@ -7,9 +7,9 @@ import re
 
 from eclsim.cases.clinical_codes import BY_CODE
 from eclsim.cases.cohort_table import read_table
-from eclsim.cases.mistakes import CaseError, Mistake, shown
-from eclsim.cases.numbers import is_missing
 from eclsim.cases.observations import ABOUT, Imported, Observation
+from eclsim.inputs.mistakes import CaseError, Mistake, shown
+from eclsim.inputs.numbers import is_missing
 from eclsim.parameters import did_you_mean
 
 COLUMNS = ("patient", "time", "code", "value", "unit")

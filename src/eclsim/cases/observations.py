@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 
 from eclsim.cases.clinical_codes import BY_CODE, Measurable, UnitError, in_unit_of
-from eclsim.cases.mistakes import Mistake, shown
+from eclsim.inputs.mistakes import Mistake, shown
 
 ABOUT = ("sex", "age_years")
 

@@ -2,120 +2,115 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Iterator, Mapping
 
-from eclsim.cases.fields import SECTIONS, Field
-from eclsim.cases.mistakes import Mistake, shown
-from eclsim.cases.numbers import NotANumberError, read_number, suspected_unit
+from eclsim.cases.sections import places_of
+from eclsim.devices.device import device_key
+from eclsim.devices.registry import devices, parameter_of, parameters
+from eclsim.inputs.fields import Field
+from eclsim.inputs.mistakes import Remarks, shown
+from eclsim.inputs.numbers import RefusedValueError, read_number, suspected_unit
+from eclsim.inputs.sections import Raw
 from eclsim.parameters import did_you_mean, thiel2025
 from eclsim.parameters.parameter import Parameter
 
 _FRACTION_TOLERANCE = 1e-6
-_FIELD_PLACES = {item.name: section for section in reversed(SECTIONS) for item in SECTIONS[section]}
 
 
-@dataclass(slots=True)
-class CheckedParameters:
-    """Values in the tables' units by canonical key, with what there is to say about them."""
-
-    values: dict[str, float] = field(default_factory=dict)
-    mistakes: list[Mistake] = field(default_factory=list)
-    warnings: list[Mistake] = field(default_factory=list)
-
-
-def check_parameters(raw: Any, has_ecmo: bool, has_crrt: bool) -> CheckedParameters:
+def check_parameters(raw: object, connected: Mapping[str, Raw], remarks: Remarks) -> dict[str, float]:
     """Check the overrides of a case; never raises.
 
     Args:
         raw: The [parameters] section.
-        has_ecmo: Whether the case has an ECMO circuit; without one its parameters do nothing.
-        has_crrt: Likewise for CRRT.
+        connected: Sections of the devices connected, by key; the parameters of others do nothing.
+        remarks: Gets what there is to say.
+
+    Returns:
+        Values in the tables' units by canonical key.
     """
-    checked = CheckedParameters()
+    values: dict[str, float] = {}
     if not isinstance(raw, Mapping):
         allowed = "[parameters] and its keys on lines below"
-        checked.mistakes.append(Mistake("parameters", "a section belongs here", shown(raw), allowed))
-        return checked
-    for written, value in raw.items():
-        key = thiel2025.ALIASES.get(str(written), str(written))
-        parameter = thiel2025.PARAMETERS.get(key)
+        remarks.error("parameters", "a section belongs here", shown(raw), allowed)
+        return values
+    for written, value in _flat(raw):
+        key = thiel2025.ALIASES.get(written, written)
+        parameter = parameter_of(key, connected)
         if parameter is None:
-            checked.mistakes.append(_unknown(str(written), value))
-        elif key in checked.values:
-            checked.mistakes.append(
-                Mistake(f"parameters.{written}", f"given twice, also as {key}", shown(value))
-            )
+            _refuse_unknown(written, value, remarks)
+        elif key in values:
+            remarks.error(f"parameters.{written}", f"given twice, also as {key}", shown(value))
         else:
-            _check_value(parameter, value, checked)
-    for circuit, connected in (("ecmo", has_ecmo), ("crrt", has_crrt)):
-        if not connected:
-            _warn_without_effect(circuit, checked)
-    _check_fractions(checked)
-    _check_atria(checked)
-    return checked
+            _check_value(key, parameter, value, values, remarks)
+    _warn_without_effect(values, connected, remarks)
+    _check_fractions(values, remarks)
+    _check_atria(values, remarks)
+    return values
 
 
-def _check_value(parameter: Parameter, value: Any, checked: CheckedParameters) -> None:
-    key = f"parameters.{parameter.key}"
-    typical = parameter.value or 1.0
-    as_field = Field(
-        parameter.key,
-        parameter.description,
-        "number",
-        parameter.unit,
-        parameter.minimum,
-        parameter.maximum,
-        typical,
-    )
+def _flat(raw: Raw) -> Iterator[tuple[str, object]]:
+    """Keys and values; a dotted key such as `ecmo.left.Recmooxy` may be written without quotes."""
+    for key, value in raw.items():
+        if isinstance(value, Mapping) and device_key(str(key)) in devices():
+            yield from ((f"{key}.{inner}", found) for inner, found in _flat(value))
+        else:
+            yield str(key), value
+
+
+def _check_value(
+    key: str, parameter: Parameter, value: object, values: dict[str, float], remarks: Remarks
+) -> None:
+    place, typical = f"parameters.{key}", parameter.value or 1.0
+    field = Field(
+        parameter.description, "number", parameter.unit, parameter.minimum, parameter.maximum, typical,
+        name=key,
+    )  # fmt: skip
     try:
-        number = read_number(value, as_field)
-    except NotANumberError as error:
-        found = error.mistake
-        checked.mistakes.append(Mistake(key, found.message, shown(value), found.allowed, found.suggestion))
+        values[key] = read_number(value, field)
+    except RefusedValueError as error:
+        why = error.mistake
+        remarks.error(place, why.message, shown(value), why.allowed, why.suggestion)
         return
-    checked.values[parameter.key] = number
-    if not parameter.value or typical / 12.0 <= number <= typical * 12.0:
-        return
-    limits = (typical / 3.0, typical * 3.0)
-    hint = suspected_unit(number, parameter.unit, typical, limits)
-    message = f"far from the usual {typical:g} {parameter.unit}"
-    checked.warnings.append(Mistake(key, message, shown(value), suggestion=hint))
+    if parameter.value and not typical / 12.0 <= values[key] <= typical * 12.0:
+        hint = suspected_unit(values[key], parameter.unit, typical, (typical / 3.0, typical * 3.0))
+        remarks.warning(place, f"far from the usual {typical:g} {parameter.unit}", shown(value), hint)
 
 
-def _unknown(written: str, value: Any) -> Mistake:
+def _refuse_unknown(written: str, value: object, remarks: Remarks) -> None:
     short = written if len(written) <= 64 else written[:60] + "..."
-    hint = did_you_mean(written, (*thiel2025.PARAMETERS, *thiel2025.ALIASES)) or ""
-    if written in _FIELD_PLACES:
-        hint = f"{_FIELD_PLACES[written]}.{written}"
+    hint = did_you_mean(written, (*parameters(), *thiel2025.ALIASES)) or ""
+    places = [place for place in places_of(written) if place.endswith(f".{written}")]
     allowed = "names of the parameter tables (eclsim parameters lists them)"
-    return Mistake(f"parameters.{short}", "unknown parameter", shown(value), allowed, hint)
+    key = f"parameters.{short}"
+    remarks.error(key, "unknown parameter", shown(value), allowed, places[0] if places else hint)
 
 
-def _warn_without_effect(circuit: str, checked: CheckedParameters) -> None:
-    for key, value in checked.values.items():
-        if thiel2025.PARAMETERS[key].group == circuit:
-            message = f"without effect: the case has no [{circuit}] section"
-            checked.warnings.append(Mistake(f"parameters.{key}", message, shown(value)))
+def _warn_without_effect(values: Mapping[str, float], connected: Mapping[str, Raw], remarks: Remarks) -> None:
+    there = {device_key(key) for key in connected}
+    for name, device in devices().items():
+        own = {parameter.key for parameter in device.parameters}
+        for key, value in values.items():
+            if key in own and name not in there:
+                message = f"without effect: the case has no [{name}] section"
+                remarks.warning(f"parameters.{key}", message, shown(value))
 
 
-def _check_atria(checked: CheckedParameters) -> None:
+def _check_atria(values: Mapping[str, float], remarks: Remarks) -> None:
     """An atrium that is stiffer at rest than at its strongest contraction fills when it should empty."""
     for side, words in (("la", "left"), ("ra", "right")):
         names = (f"Ed{side}", f"Emax{side}")
-        rest, most = (checked.values.get(name, thiel2025.PARAMETERS[name].value) for name in names)
-        if rest > most and any(name in checked.values for name in names):
-            given = names[0] if names[0] in checked.values else names[1]
+        rest, most = (values.get(name, thiel2025.PARAMETERS[name].value) for name in names)
+        if rest > most and any(name in values for name in names):
+            given = names[0] if names[0] in values else names[1]
             message = (
                 f"{names[0]} = {rest:g} is above {names[1]} = {most:g} mmHg/mL: the {words} atrium is "
                 "stiffer at rest than in contraction, so it fills when it should empty"
             )
-            checked.warnings.append(Mistake(f"parameters.{given}", message, shown(checked.values[given])))
+            remarks.warning(f"parameters.{given}", message, shown(values[given]))
 
 
-def _check_fractions(checked: CheckedParameters) -> None:
-    given = [key for key in thiel2025.VOLUME_FRACTIONS if key in checked.values]
+def _check_fractions(values: Mapping[str, float], remarks: Remarks) -> None:
+    given = [key for key in thiel2025.VOLUME_FRACTIONS if key in values]
     if not given:
         return
     for key in given:
@@ -124,13 +119,9 @@ def _check_fractions(checked: CheckedParameters) -> None:
             message = "without effect on pressures and flows: it only shifts the volume shown for a vessel"
             if place != "capillaries":
                 message += f"; its stressed volume is C{place} times P0{place}"
-            checked.warnings.append(Mistake(f"parameters.{key}", message, shown(checked.values[key])))
-    total = sum(
-        checked.values.get(key, thiel2025.PARAMETERS[key].value) for key in thiel2025.VOLUME_FRACTIONS
-    )
+            remarks.warning(f"parameters.{key}", message, shown(values[key]))
+    total = sum(values.get(key, thiel2025.PARAMETERS[key].value) for key in thiel2025.VOLUME_FRACTIONS)
     if abs(total - 1.0) > _FRACTION_TOLERANCE:
         message = f"the shares of the blood volume add to {total:.6g}, not to 1"
         allowed = "shares that add to 1: " + ", ".join(thiel2025.VOLUME_FRACTIONS)
-        checked.mistakes.append(
-            Mistake(f"parameters.{given[0]}", message, shown(checked.values[given[0]]), allowed)
-        )
+        remarks.error(f"parameters.{given[0]}", message, shown(values[given[0]]), allowed)

@@ -7,18 +7,16 @@ import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from eclsim.cases.case import Case
 from eclsim.cases.checking import check_case
-from eclsim.cases.fields import POLICY_FIELD
-from eclsim.cases.input_files import MOST_DOTS, decoded, read_bytes, too_deep
-from eclsim.cases.key_lines import lines_of_keys
-from eclsim.cases.mistakes import CaseError, Mistake, NumberAsWritten, shown
-from eclsim.cases.numbers import number_meant
+from eclsim.cases.sections import POLICY_KEY
 from eclsim.cases.settings import PLACE, merge_settings, parse_settings
-
-if TYPE_CHECKING:
-    from eclsim.cases.case import Case
+from eclsim.inputs.files import MOST_DOTS, decoded, read_bytes, too_deep
+from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, shown
+from eclsim.inputs.numbers import number_meant
+from eclsim.inputs.sections import CHECKED
 
 POLICY_PLACE = "--volume-policy"
 MAXIMUM_BYTES = 200_000
@@ -26,6 +24,10 @@ _COMMA_VALUE = re.compile(r"=\s*([+-]?\d+),(\d+)\s*(#.*)?$")
 _SLASH_VALUE = re.compile(r"=\s*(\d+)\s*/\s*(\d+)\s*(#.*)?$")
 _UNIT_VALUE = re.compile(r"=\s*([+-]?\d[\d.]*)\s*([^\s\d#][^#]*?)\s*(#.*)?$")
 _WORD_VALUE = re.compile(r"=\s*([A-Za-z][\w .-]*?)\s*(#.*)?$")
+
+_HEADER = re.compile(r"\s*\[\[?\s*([^\[\]]+?)\s*\]\]?\s*(#.*)?$")
+_KEY = re.compile(r"""\s*((?:"[^"]*"|'[^']*'|[\w-]+)(?:\s*\.\s*(?:"[^"]*"|'[^']*'|[\w-]+))*)\s*=""")
+_LONG_TEXT = re.compile(r'"""|' + "'''")
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,12 +74,12 @@ def read_case(
 
 def _with_policy(merged: dict[str, Any], policy: str, file: str) -> list[Mistake]:
     """Put a policy in; a note where the file's own gives way."""
-    own = merged.get(POLICY_FIELD.name)
-    merged[POLICY_FIELD.name] = policy
+    own = merged.get(POLICY_KEY)
+    merged[POLICY_KEY] = policy
     if own in (None, policy):
         return []
     message = f"wins over {shown(own)} of {file}, which the case may have been fitted with"
-    return [Mistake(POLICY_FIELD.name, message, shown(policy), file=POLICY_PLACE)]
+    return [Mistake(POLICY_KEY, message, shown(policy), file=POLICY_PLACE)]
 
 
 def read_mapping(raw: Any, file: str = "") -> CaseReading:
@@ -102,19 +104,19 @@ def _checked(raw: Any, file: str, lines: Mapping[str, int], set_keys: set[str]) 
 
     if checked.mistakes:
         raise CaseError(placed(checked.mistakes))
-    from eclsim.cases.case import Case
-
-    return CaseReading(
-        Case.model_validate(checked.values), placed(checked.warnings), placed(checked.notes), file
-    )
+    case = Case.model_validate(checked.values, context=CHECKED)
+    return CaseReading(case, placed(checked.warnings), placed(checked.notes), file)
 
 
 def _placed(mistake: Mistake, file: str, lines: Mapping[str, int], set_keys: set[str]) -> Mistake:
-    section = mistake.key.partition(".")[0]
+    """The mistake with the line of its key, else of the section that it is in."""
+    parts = mistake.key.split(".")
+    within = [".".join(parts[:count]) for count in range(len(parts), 0, -1)]
+    section = within[1] if len(within) > 1 else within[0]
     only_set = section not in lines and any(key.startswith(f"{section}.") for key in set_keys)
     if mistake.key in set_keys or only_set:
         return mistake.at(PLACE, None)
-    return mistake.at(file, lines.get(mistake.key) or lines.get(section))
+    return mistake.at(file, next((lines[key] for key in within if key in lines), None))
 
 
 def _text_of(file: str) -> str:
@@ -170,3 +172,26 @@ def _meant(written: str) -> str:
     if found := _WORD_VALUE.search(written):
         return f'{key} = "{found[1]}" (text in quotes)'
     return ""
+
+
+def lines_of_keys(text: str) -> dict[str, int]:
+    """Line, from 1, of every section ("patient") and key ("patient.age_years") of a valid TOML text."""
+    found: dict[str, int] = {}
+    section = ""
+    in_long_text = False
+    for number, line in enumerate(text.split("\n"), start=1):
+        if not in_long_text:
+            if header := _HEADER.match(line):
+                section = _dotted(header[1])
+                found.setdefault(section, number)
+            elif key := _KEY.match(line):
+                path = f"{section}.{_dotted(key[1])}" if section else _dotted(key[1])
+                found.setdefault(path, number)
+        if len(_LONG_TEXT.findall(line)) % 2:
+            in_long_text = not in_long_text
+    return found
+
+
+def _dotted(name: str) -> str:
+    """A dotted key without quotes and spaces around its parts."""
+    return ".".join(part.strip().strip("\"'") for part in name.split("."))

@@ -1,60 +1,85 @@
-"""From a case to the flat dictionary of numbers that the models run on."""
+"""From a case to what is simulated: its circuit, and a number for every parameter."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from eclsim.devices.constants import OXYGENATORS, PUMPS
-from eclsim.parameters import thiel2025
+from eclsim.devices.registry import nominal_value, parameters
 from eclsim.patient.anthropometry import mean_height_weight, total_blood_volume_ml
 
 if TYPE_CHECKING:
-    from eclsim.cases.case import Case, Ecmo, Patient
+    from eclsim.cases.case import Case
+    from eclsim.cases.sections import Patient
+    from eclsim.circuit.network import Circuit, Site
+
+
+def circuit_of(case: Case) -> Circuit:
+    """Patient plus the devices whose sections the case has."""
+    from eclsim.patient.circulation import circulation
+
+    circuit = circulation()
+    nodes: dict[str, Site] = {}
+    for instance in case.instances():
+        nodes |= instance.sites()
+        circuit += instance.circuit()
+    return with_sites(circuit, nodes)
+
+
+def with_sites(circuit: Circuit, nodes: Mapping[str, Site]) -> Circuit:
+    """The circuit with the compartment that stands at each position, such as "post_oxy", in its place."""
+
+    def node(site: Site) -> Site:
+        return nodes.get(site, site) if isinstance(site, str) else site
+
+    paths = (replace(c, source=node(c.source), target=node(c.target)) for c in circuit.connections)
+    return replace(circuit, connections=tuple(paths)) if nodes else circuit
 
 
 def resolve_parameters(case: Case) -> dict[str, float]:
     """Every number of a case, by name and in the units of the tables and of the devices' makers.
 
-    Defaults are those of `eclsim.parameters.thiel2025`; the oxygenator of the case sets Recmooxy,
-    and the case's own parameters override both. Keys `ecmo.*`, `crrt.*` and `lvad.*` are there
-    exactly if that circuit is connected.
+    Defaults are those of the parameter tables; devices bring their own, and the case's own parameters
+    override both. Settings of a device, such as `ecmo.speed_rpm`, are there exactly if it is connected.
 
     Raises:
         UnsolvedFlowError: The case names a pump flow in place of a speed.
     """
-    values = {key: parameter.value for key, parameter in thiel2025.PARAMETERS.items()}
+    values = {key: parameter.value for key, parameter in parameters().items()}
     values["heart_rate_bpm"] = case.patient.heart_rate_bpm
     values["total_blood_volume_ml"] = blood_volume_ml(case.patient)
-    if case.ecmo is not None:
-        values["Recmooxy"] = OXYGENATORS[case.ecmo.oxygenator].resistance
-        values["ecmo.drainage_fr"] = case.ecmo.drainage_fr
-        values["ecmo.return_fr"] = case.ecmo.return_fr
-        if isinstance(case.ecmo.pump, str):
-            values |= {
-                f"ecmo.pump.{name}": number for name, number in PUMPS[case.ecmo.pump].constants.items()
-            }
-            values["ecmo.speed_rpm"] = _speed(case.ecmo)
-        else:
-            values["ecmo.roller_l_min"] = case.ecmo.pump.roller_l_min
-    if case.crrt is not None:
-        values["crrt.flow_ml_min"] = case.crrt.flow_ml_min
-    if case.lvad is not None:
-        values |= {f"lvad.pump.{name}": number for name, number in PUMPS[case.lvad.pump].constants.items()}
-        values["lvad.speed_rpm"] = case.lvad.speed_rpm
+    for instance in case.instances():
+        values |= instance.values()
+        common = {key: value for key, value in case.parameters.items() if instance.parameter(key) in values}
+        values |= {instance.parameter(key): value for key, value in common.items()}
     return values | case.parameters
 
 
-class UnsolvedFlowError(ValueError):
-    """A case that names the pump flow wanted, and no speed yet; says how to get it."""
+@lru_cache(maxsize=256)
+def nominal_values(circuit: Circuit) -> Mapping[str, float] | None:
+    """The paper's parameters and usual devices for a circuit; None if it reads a parameter of its own.
 
-
-def _speed(ecmo: Ecmo) -> float:
-    if ecmo.speed_rpm is None and ecmo.flow_l_min is not None:
-        raise UnsolvedFlowError(
-            f"ecmo.flow_l_min = {ecmo.flow_l_min:g} is a target: solve for the pump speed first, "
-            "with eclsim.simulation.target_flow.with_speed"
-        )
-    return ecmo.speed_rpm or 0.0
+    The orbit at these values is where the search for a patient's orbit starts, whoever was solved before.
+    """
+    known = {key: parameter.value for key, parameter in parameters().items()}
+    known |= {"heart_rate_bpm": 90.0, "total_blood_volume_ml": 4500.0}
+    chosen = {
+        site.parameter
+        for connection in circuit.connections
+        for site in (connection.source, connection.target)
+        if not isinstance(site, str)
+    }
+    found: dict[str, float] = {}
+    for name in ("heart_rate_bpm", *circuit.parameter_names()):
+        value = 0.0 if name in chosen else nominal_value(name)
+        value = known.get(name) if value is None else value
+        if value is None:
+            return None
+        found[name] = float(value)
+    return MappingProxyType(found)
 
 
 def height_weight(patient: Patient) -> tuple[float, float]:

@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterable
+from copy import deepcopy
 from typing import TYPE_CHECKING, Any
 
-from eclsim.cases.fields import POLICY_FIELD, SECTIONS
-from eclsim.cases.input_files import too_deep
-from eclsim.cases.mistakes import CaseError, Mistake, NumberAsWritten, shown
+from eclsim.cases.sections import POLICY_KEY, is_instance_name, places_of, section_of, sections, within
+from eclsim.devices.device import device_key
+from eclsim.devices.registry import devices, parameters
+from eclsim.inputs.files import too_deep
+from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, shown
 from eclsim.parameters import did_you_mean, thiel2025
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
 PLACE = "--set"
-_PATHS = {
-    f"{section}.{item.name}": (section, item.name) for section in SECTIONS for item in SECTIONS[section]
-}
 _EXPECTED = "KEY=VALUE, such as ecmo.speed_rpm=3000 or Rmc=0.8"
-# Of a rotary pump's speed and flow one is given, so setting the one takes the other away.
-_IN_PLACE_OF = {("ecmo", "flow_l_min"): "speed_rpm", ("ecmo", "speed_rpm"): "flow_l_min"}
 
 
 def parse_settings(settings: Iterable[str]) -> dict[tuple[str, str], Any]:
@@ -58,16 +56,16 @@ def merge_settings(
     raw: dict[str, Any], settings: Iterable[str], file: str = "the case"
 ) -> tuple[dict[str, Any], list[Mistake]]:
     """A case as mappings with settings put in, and a note for each value of its file that gives way."""
-    merged = {key: dict(value) if isinstance(value, dict) else value for key, value in raw.items()}
+    merged = deepcopy(raw)
     parsed, notes = _parsed(settings)
     for (section, key), value in parsed.items():
-        target = merged.setdefault(section, {})
+        target = merged.setdefault(section, {}) if section == "parameters" else within(merged, section)
         if not isinstance(target, dict):
             continue
-        other = _IN_PLACE_OF.get((section, key))
-        if other in target and (section, other) not in parsed:
-            message = f"takes the place of {other} = {shown(target.pop(other))} of {file}"
-            notes.append(Mistake(f"{section}.{key}", message, shown(value), file=PLACE))
+        for other in _in_place_of(section, key):
+            if other in target and (section, other) not in parsed:
+                message = f"takes the place of {other} = {shown(target.pop(other))} of {file}"
+                notes.append(Mistake(f"{section}.{key}", message, shown(value), file=PLACE))
         if key in target and target[key] != value:
             message = f"wins over {shown(target[key])} of {file}"
             notes.append(Mistake(f"{section}.{key}", message, shown(value), file=PLACE))
@@ -88,11 +86,24 @@ def apply_settings(case: Case, settings: Iterable[str]) -> Case:
 
 
 def _path_of(name: str) -> tuple[str, str] | None:
-    if name in _PATHS:
-        return _PATHS[name]
+    """Section and key of a setting; a section of a named device is such as "lvad.left"."""
+    section, _, key = name.rpartition(".")
+    belongs = section_of(section)
+    instance = section.partition(".")[2]
+    if belongs is not None and key in belongs.fields() and (not instance or is_instance_name(instance)):
+        return section, key
     key = name.removeprefix("parameters.")
     key = thiel2025.ALIASES.get(key, key)
-    return ("parameters", key) if key in thiel2025.PARAMETERS else None
+    section, _, own = key.rpartition(".")
+    named = device_key(section) in devices() and is_instance_name(section.partition(".")[2])
+    return ("parameters", key) if (own if named else key) in parameters() else None
+
+
+def _in_place_of(section: str, key: str) -> list[str]:
+    """Keys that setting one takes away, since the section has either."""
+    kind = section_of(section)
+    pairs = () if kind is None else kind.exclusive
+    return [pair[1 - pair.index(key)] for pair in pairs if key in pair]
 
 
 def _value_of(text: str) -> Any:
@@ -106,10 +117,10 @@ def _value_of(text: str) -> Any:
 
 
 def _unknown(name: str, text: str) -> Mistake:
-    known = (*_PATHS, *thiel2025.PARAMETERS)
-    bare = [path for path in _PATHS if path.partition(".")[2] == name]
-    hint = " or ".join(bare) or did_you_mean(name, known) or ""
-    if name == POLICY_FIELD.name:
+    paths = [f"{section}.{key}" for section, kind in sections().items() for key in kind.fields()]
+    exact = [path for path in places_of(name) if path.endswith(f".{name}")]
+    hint = " or ".join(exact) or did_you_mean(name, (*paths, *parameters())) or ""
+    if name == POLICY_KEY:
         hint = "the option --volume-policy"
     allowed = "section.key of a case file, or a parameter (eclsim parameters lists them)"
     return Mistake(name[:64], "unknown key", shown(text.strip()), allowed, hint, file=PLACE)

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from eclsim.cases.fields import POLICY_FIELD, SECTIONS
+from eclsim.cases.sections import POLICY, POLICY_KEY, Measurements, Patient
+from eclsim.devices.registry import parameter_of
 from eclsim.files import write_text
 
 if TYPE_CHECKING:
+    from tomlkit.items import Item, Table
+
     from eclsim.cases.case import Case
+    from eclsim.inputs.sections import Raw, Section
 
 
 def case_text(case: Case) -> str:
@@ -20,20 +25,22 @@ def case_text(case: Case) -> str:
     mapping = case.as_mapping()
     document = tomlkit.document()
     document["format"] = mapping["format"]
-    if POLICY_FIELD.name in mapping:
-        document[POLICY_FIELD.name] = mapping[POLICY_FIELD.name]
-        document[POLICY_FIELD.name].comment(POLICY_FIELD.description)
-    for section, fields in SECTIONS.items():
-        if section not in mapping:
+    if POLICY_KEY in mapping:
+        document[POLICY_KEY] = mapping[POLICY_KEY]
+        document[POLICY_KEY].comment(POLICY.description)
+    for section in (Patient, Measurements):
+        if section.section in mapping:
+            document[section.section] = _table(section, mapping[section.section])
+    for instance in case.instances():
+        table = _table(instance.device.section, instance.section.model_dump(exclude_none=True))
+        if not instance.name:
+            document[instance.key] = table
             continue
-        table = tomlkit.table()
-        for item in fields:
-            if item.name in mapping[section]:
-                table[item.name] = _toml_value(mapping[section][item.name])
-                table[item.name].comment(f"{item.description}{f' [{item.unit}]' if item.unit else ''}")
-        document[section] = table
+        if instance.device.key not in document:
+            document[instance.device.key] = tomlkit.table(is_super_table=True)
+        document[instance.device.key][instance.name] = table
     if mapping.get("parameters"):
-        document["parameters"] = _parameter_table(mapping["parameters"])
+        document["parameters"] = _parameter_table(case.parameters, [i.key for i in case.instances()])
     return tomlkit.dumps(document)
 
 
@@ -46,20 +53,31 @@ def write_case(case: Case, path: str | os.PathLike[str]) -> None:
     write_text(case_text(case), Path(path))
 
 
-def _parameter_table(values: dict[str, float]) -> Any:
+def _table(section: type[Section], values: Raw) -> Table:
+    """A section with a comment of meaning and unit on every line."""
     import tomlkit
 
-    from eclsim.parameters import default
+    table = tomlkit.table()
+    for name, item in section.fields().items():
+        if name in values:
+            table[name] = _toml_value(values[name])
+            table[name].comment(f"{item.description}{f' [{item.unit}]' if item.unit else ''}")
+    return table
+
+
+def _parameter_table(values: dict[str, float], connected: Collection[str]) -> Table:
+    import tomlkit
 
     table = tomlkit.table()
     for key, value in values.items():
-        parameter = default(key)
+        parameter = parameter_of(key, connected)
+        assert parameter is not None  # the case was checked
         table[key] = _toml_value(value)
         table[key].comment(f"{parameter.description} [{parameter.unit}]")
     return table
 
 
-def _toml_value(value: Any) -> Any:
+def _toml_value(value: object) -> Item:
     import tomlkit
 
     if isinstance(value, dict):

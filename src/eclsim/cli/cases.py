@@ -98,18 +98,14 @@ def _id_collisions(readings: Iterable[CaseReading]) -> list[str]:
 
 def waveforms_of(case: Case) -> list[str]:
     """Names of the waveforms that a case has: P, Q or V and compartment or connection."""
-    from eclsim.cases.fields import ECMO_POSITIONS, PATIENT_SITES
+    from eclsim.patient.sites import PATIENT_SITES
 
-    nodes, pumps = list(PATIENT_SITES), []
-    if case.ecmo is not None:
-        nodes += ECMO_POSITIONS.values()
-        pumps.append("ecmopump")
-    if case.crrt is not None:
-        nodes += ["crrttuin", "crrttupf", "crrtfil", "crrttuout"]
-        pumps.append("crrtpump")
-    if case.lvad is not None:
-        pumps.append("lvadpump")
-    flows_and_pressures = [quantity + name for quantity in "PQ" for name in (*nodes, *pumps)]
+    nodes, others = list(PATIENT_SITES), []
+    for one in case.instances():
+        own = one.device.compartments
+        nodes += [one.place(name) for name in own]
+        others += [one.place(name) for name in one.device.connections if name not in own]
+    flows_and_pressures = [quantity + name for quantity in "PQ" for name in (*nodes, *others)]
     return flows_and_pressures + ["V" + name for name in nodes]
 
 

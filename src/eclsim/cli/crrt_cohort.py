@@ -102,7 +102,7 @@ def _reading(request: Request) -> CohortReading | None:
     if Path(request.file).is_dir():
         return None
     from eclsim.cases.cohort import read_cohort
-    from eclsim.cases.mistakes import CaseError
+    from eclsim.inputs.mistakes import CaseError
 
     try:
         reading = read_cohort(request.file)

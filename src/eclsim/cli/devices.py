@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from eclsim.devices.constants import CannulaType, Dialyzer, Oxygenator, RotaryPump
-
-    Device = RotaryPump | CannulaType | Oxygenator | Dialyzer
+    from eclsim.devices.device import AnyDevice
 
 
 def devices(
@@ -18,87 +16,54 @@ def devices(
         str | None, typer.Argument(metavar="[NAME]", help="Show all that is known of this device.")
     ] = None,
 ) -> None:
-    """List pumps, cannulae, oxygenators and filters with their ranges, or explain one of them."""
+    """List devices, and the pumps, cannulae, oxygenators and filters they are made of, or explain one."""
     typer.echo("\n".join(_overview() if name is None else _details(name)))
 
 
 def _overview() -> Iterator[str]:
     from eclsim.cli.tables import columns
-    from eclsim.devices.constants import CANNULAE, DIALYZERS, OXYGENATORS, PUMPS
+    from eclsim.devices.registry import devices, products
 
-    pumps = [(p.key, p.name, p.use, _range(p.speed_range_rpm), _short(p.evidence)) for p in PUMPS.values()]
-    yield "Pumps"
-    yield columns(("name", "device", "use", "speed [rpm]", "checked against"), pumps)
-    yield "{ roller_l_min = 4.0 } in place of a name: a roller pump with this flow [L/min]"
-    yield "\nCannulae"
-    cannulae = [(c.key, c.name, ", ".join(map(str, c.sizes_fr)), c.evidence) for c in CANNULAE.values()]
-    yield columns(("name", "device", "sizes [Fr]", "checked against"), cannulae)
-    yield "\nOxygenators"
-    oxygenators = [
-        (o.key, f"{o.resistance:g}", _range(o.label_flow_l_min), _number(o.priming_volume_ml), o.evidence)
-        for o in OXYGENATORS.values()
-    ]
-    head = ("name", "R [mmHg s/mL]", "label flow [L/min]", "priming [mL]", "checked against")
-    yield columns(head, oxygenators, numeric=(1, 3))
-    yield "\nCRRT filters (set by the parameter Rcrrtfil)"
-    filters = [
-        (d.key, f"{d.resistance:g}", f"{d.priming_volume_ml:g}", d.evidence) for d in DIALYZERS.values()
-    ]
-    yield columns(("name", "R [mmHg s/mL]", "priming [mL]", "checked against"), filters, numeric=(1, 2))
+    yield "Devices (sections of a case file)"
+    rows = [(f"[{key}]", one.name, ", ".join(one.section.fields())) for key, one in devices().items()]
+    yield columns(("section", "device", "keys"), rows)
+    kinds = {type(product): type(product) for product in products().values()}
+    for kind in kinds:
+        yield f"\n{kind.title}"
+        yield columns(kind.head, [p.row() for p in products().values() if type(p) is kind], kind.numeric)
+        if kind.remark:
+            yield kind.remark
 
 
 def _details(name: str) -> Iterator[str]:
     from eclsim.cli.messages import fail
-    from eclsim.devices.constants import CANNULAE, DIALYZERS, OXYGENATORS, PUMP_ALIASES, PUMPS
+    from eclsim.devices.products import makers_names
+    from eclsim.devices.registry import devices, products
     from eclsim.parameters import did_you_mean
 
-    known: dict[str, Device] = {**PUMPS, **CANNULAE, **OXYGENATORS, **DIALYZERS}
-    by_lower_case = {key.lower(): key for key in known} | {k.lower(): v for k, v in PUMP_ALIASES.items()}
-    key = by_lower_case.get(name.strip().lower())
-    if key is None:
-        hint = did_you_mean(name, [*known, *PUMP_ALIASES])
-        fail(
-            f"unknown device {name!r}; allowed: {', '.join(known)}"
-            + (f"; did you mean {hint}?" if hint else "")
-        )
-    device = known[key]
-    yield f"{key}: {getattr(device, 'name', key)}"
-    yield from _numbers(device)
-    yield f"  checked against    {device.evidence}"
-    yield f"  source             {device.source}"
-
-
-def _numbers(device: Device) -> Iterator[str]:
-    from eclsim.devices.constants import CannulaType, Oxygenator, RotaryPump
-
-    if isinstance(device, RotaryPump):
-        yield f"  use                {device.use}"
-        yield f"  speed              {_range(device.speed_range_rpm)} rpm"
-        yield "  H = a n^2 - R1 n Q - R2 Q^2, and + Rrec (Q - kinf n)^2 below Q = kinf n"
-        yield "  with H in mmHg, n in rpm, Q in L/min and"
-        yield from (f"    {name:<6} {value:g}" for name, value in device.constants.items())
-        for speed in (device.speed_range_rpm[0], sum(device.speed_range_rpm) / 2, device.speed_range_rpm[1]):
-            heads = ", ".join(f"{device.head_mmhg(speed, flow):.0f} at {flow}" for flow in (0, 2, 4, 6))
-            yield f"  head at {speed:g} rpm: {heads} L/min [mmHg]"
-    elif isinstance(device, CannulaType):
-        yield "  size [Fr], length [cm], pressure drop [mmHg] at 2 and 4 L/min"
-        for size, length in device.length_cm.items():
-            drops = f"{device.pressure_drop_mmhg(size, 2):5.0f} {device.pressure_drop_mmhg(size, 4):5.0f}"
-            yield f"    {size:3d} {length:4g} {drops}"
+    written = name.strip().lower()
+    known = {key.lower(): product for key, product in products().items()}
+    others = makers_names(products().values())
+    known |= {other.lower(): products()[key] for other, key in others.items()}
+    if written in devices():
+        yield from _section(devices()[written])
+    elif written in known:
+        product = known[written]
+        yield f"{product.key}: {product.full_name}"
+        yield from product.details()
+        yield f"  checked against    {product.evidence}"
+        yield f"  source             {product.source}"
     else:
-        yield f"  resistance         {device.resistance:g} mmHg s/mL"
-        yield f"  priming volume     {_number(device.priming_volume_ml)} mL"
-        if isinstance(device, Oxygenator):
-            yield f"  label flow         {_range(device.label_flow_l_min)} L/min"
+        hint = did_you_mean(name, [*devices(), *products(), *others])
+        allowed = ", ".join((*devices(), *products()))
+        fail(f"unknown device {name!r}; allowed: {allowed}" + (f"; did you mean {hint}?" if hint else ""))
 
 
-def _range(limits: tuple[float, float] | None) -> str:
-    return f"{limits[0]:g} to {limits[1]:g}" if limits else "not known"
-
-
-def _short(evidence: str) -> str:
-    return evidence.partition(";")[0]
-
-
-def _number(value: float | None) -> str:
-    return f"{value:g}" if value is not None else "not known"
+def _section(device: AnyDevice) -> Iterator[str]:
+    """The section of a device and its parameters."""
+    yield f"[{device.key}]: {device.name}"
+    for field in device.section.fields().values():
+        needed = "" if field.required else " (may be left out)"
+        yield f"  {field.name:<18} {field.description}; allowed: {field.allowed}{needed}"
+    for parameter in device.parameters:
+        yield f"  {parameter.key:<18} {parameter.description}: {parameter.value:g} {parameter.unit}"

@@ -142,7 +142,7 @@ def _write_one(
 def _one_cohort(request: Request) -> None:
     from eclsim.cases.cohort import read_cohort
     from eclsim.cases.cohort_table import digest_of
-    from eclsim.cases.mistakes import CaseError
+    from eclsim.inputs.mistakes import CaseError
 
     try:
         reading = read_cohort(request.file)

@@ -38,11 +38,11 @@ def import_data(
     from datetime import timedelta
 
     from eclsim.cases.importing import as_table, import_cohort
-    from eclsim.cases.mistakes import CaseError
     from eclsim.cases.reading import read_case
     from eclsim.cli.messages import fail, say, warn
     from eclsim.cli.output_option import destination
     from eclsim.files import write_text
+    from eclsim.inputs.mistakes import CaseError
 
     destination("--out", out, force, (file, base))
     try:

@@ -127,8 +127,8 @@ def _check_cohort(settings: ReproductionSettings) -> None:
     if settings.cohort is None:
         return
     from eclsim.cases.cohort import read_cohort
-    from eclsim.cases.mistakes import CaseError
     from eclsim.cli.messages import fail, warn
+    from eclsim.inputs.mistakes import CaseError
 
     try:
         reading = read_cohort(settings.cohort)

@@ -261,7 +261,7 @@ def _say_speed(reading: CaseReading, result: xr.Dataset) -> None:
 def _say_doubts(readings: list[CaseReading], results: list[xr.Dataset]) -> None:
     """What did not converge, limits that a beat breaks, and flows outside the oxygenator's label."""
     from eclsim.cli.messages import warn
-    from eclsim.devices.constants import OXYGENATORS
+    from eclsim.devices.ecmo import OXYGENATORS
     from eclsim.simulation.single import NOT_REACHED
 
     for reading, result in zip(readings, results, strict=True):

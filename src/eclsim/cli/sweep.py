@@ -168,7 +168,8 @@ def _of_sweep(mistake: Mistake, key: str) -> Mistake:
 def _own(file: str, settings: Sequence[str], section: str, name: str) -> Value | None:
     """The value of the case without the sweep; None where it has none or is no case without it."""
     from eclsim.cases import CaseError, read_case
-    from eclsim.cases.resolve import UnsolvedFlowError, resolve_parameters
+    from eclsim.cases.resolve import resolve_parameters
+    from eclsim.devices.device import UnsolvedFlowError
 
     try:
         case = read_case(file, settings).case
@@ -180,17 +181,20 @@ def _own(file: str, settings: Sequence[str], section: str, name: str) -> Value |
 
 
 def _value(case: Case, section: str, name: str) -> Value:
-    value = case.as_mapping()[section][name]
+    value = case.setting(section, name)
+    if value is None:
+        raise KeyError(name)
     return float(value) if isinstance(value, (int, float)) else str(value)
 
 
 def _unit(section: str, name: str) -> str:
-    from eclsim.cases.fields import SECTIONS
+    from eclsim.cases.sections import section_of
     from eclsim.parameters import thiel2025
 
     if section == "parameters":
         return thiel2025.PARAMETERS[name].unit
-    return next(item.unit for item in SECTIONS[section] if item.name == name)
+    kind = section_of(section)
+    return "" if kind is None else kind.fields()[name].unit
 
 
 def _text(value: Any) -> str:

@@ -82,7 +82,7 @@ def _series(request: Request) -> tuple[Series, list[str]]:
     if len(request.files) > 1:
         fail(f"{tables[0]}: one table alone, or case files alone")
     from eclsim.cases.cohort import read_cohort
-    from eclsim.cases.mistakes import CaseError
+    from eclsim.inputs.mistakes import CaseError
 
     try:
         reading = read_cohort(tables[0])
@@ -124,8 +124,8 @@ def _check_one_patient(files: Sequence[tuple[str, str]]) -> None:
 
 def _times(patient: str, points: Sequence[tuple[str, Case]]) -> bool:
     """Whether the names of a patient's measurements are times, in their order."""
-    from eclsim.cases.mistakes import CaseError
     from eclsim.identification.observation import elapsed_hours
+    from eclsim.inputs.mistakes import CaseError
 
     try:
         return elapsed_hours([name for name, _ in points]) is not None
@@ -156,8 +156,8 @@ def _settings(request: Request) -> TrackSettings:
 
 def _check_points(series: Series, settings: TrackSettings) -> None:
     from eclsim.cases.fitting import common_policy
-    from eclsim.cases.mistakes import CaseError
     from eclsim.identification.settings import checked_fit
+    from eclsim.inputs.mistakes import CaseError
 
     wrong = [
         f"{patient}/{name}: {mistake}"

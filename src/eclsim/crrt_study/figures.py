@@ -19,7 +19,7 @@ from eclsim.crrt_study.curves import (
     mark_gaps,
     style_of,
 )
-from eclsim.devices.constants import CRRT_ALARMS_MMHG
+from eclsim.devices.crrt import ALARMS_MMHG
 from eclsim.outputs.alarms import SANSOM_ACCESS_MMHG, SUCTION_MMHG
 from eclsim.reporting.style import GREY, OKABE_ITO, PAGE_WIDTH_MM, figure_style, new_figure, plain_text
 
@@ -147,7 +147,7 @@ _PRESSURES = {"access": "Pcrrttuin", "return": "Pcrrttuout"}
 
 
 def _alarms(ax: Axes, line: str) -> None:
-    low, high = CRRT_ALARMS_MMHG[line]
+    low, high = ALARMS_MMHG[line]
     limit_line(ax, high, f"high alarm {high:g}")
     limit_line(ax, low, f"low alarm {low:g}".replace("-", "−"), above=False)
     if line == "access":

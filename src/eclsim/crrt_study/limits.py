@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.crrt_study.unknown_beats import no_beat, speeds_in_words
-from eclsim.devices.constants import CRRT_ALARMS_MMHG
+from eclsim.devices.crrt import ALARMS_MMHG
 from eclsim.outputs.alarms import SANSOM_ACCESS_MMHG, SUCTION_MMHG
 
 if TYPE_CHECKING:
@@ -54,8 +54,8 @@ class Limit:
 
 
 LIMITS = (
-    Limit("access_alarm", "Pcrrttuin", *CRRT_ALARMS_MMHG["access"], "usual alarms of the access line"),
-    Limit("return_alarm", "Pcrrttuout", *CRRT_ALARMS_MMHG["return"], "usual alarms of the return line"),
+    Limit("access_alarm", "Pcrrttuin", *ALARMS_MMHG["access"], "usual alarms of the access line"),
+    Limit("return_alarm", "Pcrrttuout", *ALARMS_MMHG["return"], "usual alarms of the return line"),
     Limit(
         "access_190", "Pcrrttuin", -np.inf, SANSOM_ACCESS_MMHG,
         "access pressure above which CRRT circuits failed early (Sansom et al. 2023)",

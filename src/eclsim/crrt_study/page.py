@@ -18,7 +18,7 @@ from eclsim.crrt_study.words import (
     not_known,
     place,
 )
-from eclsim.devices.constants import CRRT_ALARMS_MMHG
+from eclsim.devices.crrt import ALARMS_MMHG
 from eclsim.devices.ecmo import POSITIONS
 from eclsim.orbit.model import AS_PUBLISHED, POLICY_WORDS
 from eclsim.outputs.alarms import SANSOM_ACCESS_MMHG, SUCTION_MMHG
@@ -183,7 +183,7 @@ def _limits_table(study: CrrtStudy, policy: str) -> Table:
                 number(float(limits["margin"].sel(scheme=ranked.letter, limit="crrt")), 0),
             ]
         )
-    access, giving = CRRT_ALARMS_MMHG["access"], CRRT_ALARMS_MMHG["return"]
+    access, giving = ALARMS_MMHG["access"], ALARMS_MMHG["return"]
     head = [
         "Scheme",
         f"Access alarms {access[0]:g} to {access[1]:g} mmHg",

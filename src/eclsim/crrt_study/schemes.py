@@ -8,9 +8,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from eclsim.cases.fields import PATIENT_SITES
-from eclsim.devices.positions import CRRT_SCHEMES, ECMO_POSITIONS
+from eclsim.devices.crrt import SCHEMES as CRRT_SCHEMES
+from eclsim.devices.ecmo import POSITIONS as ECMO_POSITIONS
 from eclsim.parameters import did_you_mean
+from eclsim.patient.sites import PATIENT_SITES
 
 POSITION_WORDS = {
     "post_dc": "post drainage cannula",

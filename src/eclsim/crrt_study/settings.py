@@ -61,10 +61,10 @@ def check_flow(flow: float) -> None:
     Raises:
         StudyError: Outside it.
     """
-    from eclsim.cases.fields import SECTIONS
-    from eclsim.cases.numbers import suspected_unit
+    from eclsim.devices.crrt import Crrt
+    from eclsim.inputs.numbers import suspected_unit
 
-    (field,) = (item for item in SECTIONS["crrt"] if item.name == "flow_ml_min")
+    field = Crrt.fields()["flow_ml_min"]
     if not field.minimum <= flow <= field.maximum:
         hint = suspected_unit(flow, field.unit, field.typical, (field.minimum, field.maximum))
         meant = f"; did you mean {hint}?" if hint else ""

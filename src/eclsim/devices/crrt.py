@@ -3,20 +3,87 @@
     access site ==tube==> crrttuin --(roller pump)--> crrttupf ==tube==> crrtfil --(dialyzer)--> crrttuout
         ==tube==> return site
 
-Source: Thiel et al., Figure 1 and Table S-3.
+Source: Thiel et al. 2025, Figure 1 and Table S-3.
 """
 
 from __future__ import annotations
 
-from eclsim.circuit.network import Circuit, Compartment, Connection, Site
-from eclsim.components import ElasticVessel, Resistance, RollerPump, Tube
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated
+
+from eclsim.devices.device import CaseValues, Device
+from eclsim.devices.ecmo import POSITIONS
+from eclsim.devices.products import Dialyzer, by_key
+from eclsim.inputs.fields import Field, number
+from eclsim.inputs.mistakes import Remarks, shown
+from eclsim.inputs.sections import Raw, Section, read_name
+from eclsim.parameters import thiel2025
+from eclsim.patient.sites import ARTERIAL_SITES, PATIENT_SITES, VENOUS_SITES
+from eclsim.units import convert
+
+if TYPE_CHECKING:
+    from eclsim.circuit.network import Circuit, Site
 
 GROUP = "crrt"
+
+DIALYZERS = by_key(
+    (
+        Dialyzer(
+            key="Prismaflex filter", resistance=15.75, priming_volume_ml=105.0,
+            evidence="unvalidated: 52.5 mmHg at 200 mL/min; called M180 in the paper and M100 in the "
+            "published code",
+        ),
+    )
+)  # fmt: skip
+"""Filters; a case's filter is set by Rcrrtfil."""
+
+ALARMS_MMHG = MappingProxyType({"access": (-250.0, 250.0), "return": (-50.0, 350.0)})
+"""Usual low and high pressure alarms [mmHg] of CRRT machines, by line (Thiel et al. 2025, Figures 5, 6)."""
+
+SCHEMES = MappingProxyType(
+    {
+        "a": ("post_pump", "pre_oxy"),
+        "b": ("pre_oxy", "pre_pump"),
+        "c": ("post_oxy", "pre_pump"),
+        "d": ("post_oxy", "pre_rc"),
+        "e": ("pre_oxy", "pre_rc"),
+        "f": ("pre_oxy", "post_oxy"),
+        "g": ("post_oxy", "pre_oxy"),
+        "h": ("pre_pump", "post_dc"),
+        "i": ("post_pump", "pre_pump"),
+    }
+)
+"""Access and return position in an ECMO circuit of each scheme in Figure 2 of Thiel et al. 2025."""
+
+
+def _read_site(value: object, field: Field) -> object:
+    """A site of the patient or of the ECMO circuit; of a named ECMO circuit as in `ecmo.left.post_oxy`."""
+    if isinstance(value, str) and value.startswith("ecmo.") and value.rpartition(".")[2] in POSITIONS:
+        return value
+    return read_name(value, field)
+
+
+def _site(description: str) -> Field:
+    nodes = {node: position for position, node in POSITIONS.items()}
+    names = (*POSITIONS, *PATIENT_SITES)
+    return Field(description, "name", names=names, aliases=MappingProxyType(nodes), read=_read_site)
+
+
+class Crrt(Section):
+    """The CRRT circuit: blood flow in mL/min, access and return where its lines are connected."""
+
+    section = GROUP
+    flow_ml_min: Annotated[float, number("Blood flow of the CRRT pump", "mL/min", 10, 600, 200)]
+    access_site: Annotated[str, _site("Where the access line drains")]
+    return_site: Annotated[str, _site("Where the return line ends")]
 
 
 def crrt(access_site: Site, return_site: Site) -> Circuit:
     """A CRRT circuit between two sites: compartments of the ECMO circuit or of the patient."""
-    names = ("crrttuin", "crrttupf", "crrtfil", "crrttuout")
+    from eclsim.circuit.network import Circuit, Compartment, Connection
+    from eclsim.components import ElasticVessel, Resistance, RollerPump, Tube
+
+    names = tuple(CrrtDevice.compartments)
     compartments = tuple(Compartment(name, ElasticVessel("C" + name), GROUP) for name in names)
     connections = (
         Connection("crrttuin", Tube("Lcrrttuin", "Dcrrttuin"), access_site, "crrttuin", GROUP),
@@ -26,3 +93,80 @@ def crrt(access_site: Site, return_site: Site) -> Circuit:
         Connection("crrttuout", Tube("Lcrrttuout", "Dcrrttuout"), "crrttuout", return_site, GROUP),
     )
     return Circuit(compartments, connections)
+
+
+class CrrtDevice(Device[Crrt]):
+    """Continuous renal replacement therapy."""
+
+    key, name, section = GROUP, "CRRT", Crrt
+    compartments = MappingProxyType(
+        {
+            "crrttuin": "access line",
+            "crrttupf": "after roller pump",
+            "crrtfil": "before dialyzer",
+            "crrttuout": "return line",
+        }
+    )
+    connections = MappingProxyType(
+        {
+            "crrttuin": "access line",
+            "crrtpump": "CRRT pump",
+            "crrttupf": "tube to dialyzer",
+            "crrtfil": "dialyzer",
+            "crrttuout": "return line",
+        }
+    )
+    products = tuple(DIALYZERS.values())
+    parameters = tuple(p for p in thiel2025.PARAMETERS.values() if p.group == GROUP)
+    nominal = MappingProxyType({"crrt.flow_ml_min": 200.0})
+
+    def circuit(self, section: Crrt) -> Circuit:
+        """The circuit between its sites."""
+        return crrt(section.access_site, section.return_site)
+
+    def values(self, section: Crrt) -> dict[str, float]:
+        """Flow of the roller pump."""
+        return {"crrt.flow_ml_min": section.flow_ml_min}
+
+    def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
+        """Sites that are there and make sense, and the flow that they can give."""
+        circuits = case.of("ecmo")
+        for name in ("access_site", "return_site"):
+            _check_position(f"{key}.{name}", values.get(name), circuits, remarks)
+        access, back = values.get("access_site"), values.get("return_site")
+        if access is not None and access == back:
+            message = "the same as access_site: the filter cleans blood that just passed it (recirculation)"
+            remarks.warning(f"{key}.return_site", message, shown(back))
+        elif access in ARTERIAL_SITES and back in VENOUS_SITES:
+            remarks.warning(f"{key}.return_site", "drains an artery into a vein: a shunt", shown(back))
+        if "ecmo" in circuits and access in POSITIONS and back in POSITIONS:
+            _check_flow(f"{key}.flow_ml_min", values.get("flow_ml_min"), circuits["ecmo"], remarks)
+
+
+def _check_position(key: str, site: str | None, circuits: dict[str, Raw], remarks: Remarks) -> None:
+    """A position needs the ECMO circuit that it is one of."""
+    if site is None or site in PATIENT_SITES:
+        return
+    section = site.rpartition(".")[0] or "ecmo"
+    if section in circuits:
+        return
+    message = f"a position in the ECMO circuit, but the case has no [{section}] section"
+    named = [f"{other}.{position}" for other in circuits for position in POSITIONS]
+    allowed = ", ".join((*PATIENT_SITES, *named)) + f", or add [{section}]"
+    remarks.error(key, message, shown(site), allowed)
+
+
+def _check_flow(key: str, drawn: float | None, ecmo: Raw, remarks: Remarks) -> None:
+    """A CRRT that draws more from the ECMO circuit than the circuit is set to carry."""
+    pump = ecmo.get("pump")
+    carried = pump["roller_l_min"] if isinstance(pump, dict) else ecmo.get("flow_l_min")
+    if drawn is None or carried is None or drawn <= convert(carried, "L/min", "mL/min"):
+        return
+    message = (
+        f"above the ECMO flow {carried:g} L/min that it is drawn from: between the CRRT lines blood runs "
+        "backwards or in a circle"
+    )
+    remarks.warning(key, message, shown(drawn))
+
+
+CRRT = CrrtDevice()

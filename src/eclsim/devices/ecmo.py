@@ -3,19 +3,226 @@
     drainage site --(cannula)--> ecmodrain ==tube==> ecmotudp --(pump)--> ecmotupo ==tube==> ecmooxy
         --(oxygenator)--> ecmotuor ==tube==> ecmoreturn --(cannula)--> return site
 
-Source: Thiel et al., Figure 1 and Table S-2.
+Sources: Thiel et al. 2025, Figure 1 and Table S-2; pump curves after the method of Boes et al. (2019),
+cannulae and oxygenators from the makers' data sheets, as published with the code of Thiel et al.
 """
 
 from __future__ import annotations
 
-from eclsim.circuit.network import Circuit, Compartment, Connection, Site
-from eclsim.components import Cannula, ElasticVessel, Path, Resistance, RollerPump, RotaryPump, Tube
-from eclsim.devices.constants import CANNULAE
-from eclsim.devices.positions import ECMO_POSITIONS
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict
+
+from eclsim.devices.device import CaseValues, Device, UnsolvedFlowError
+from eclsim.devices.lvad import pump_values
+from eclsim.devices.plausibility import check_cannula, check_sites, check_speed, patient_site
+from eclsim.devices.products import UNVALIDATED, CannulaType, Oxygenator, PumpCurve, by_key, makers_names
+from eclsim.inputs.fields import Field, number, one_of
+from eclsim.inputs.mistakes import Remarks, shown
+from eclsim.inputs.numbers import RefusedValueError, read_number
+from eclsim.inputs.sections import Raw, Section, read_name
+from eclsim.parameters import thiel2025
+from eclsim.patient.anthropometry import body_surface
+from eclsim.patient.sites import ARTERIAL_SITES, PATIENT_SITES, VENOUS_SITES
+from eclsim.units import ML_S_PER_L_MIN
+
+if TYPE_CHECKING:
+    from eclsim.circuit.network import Circuit, Site
+    from eclsim.components import Path
 
 GROUP = "ecmo"
-POSITIONS = ECMO_POSITIONS
-"""Positions of a CRRT line in the ECMO circuit, in flow direction, and the compartment that stands there."""
+LINES = ("drainage", "return")
+
+# Beyond these a cardiac output on V-A ECMO is rather a total with the pump flow in it.
+_LARGEST_INDEX = 5.5  # L/min/m^2
+_LARGEST_COMPLIANCE = 5.0  # mL/mmHg, stroke volume per pulse pressure
+
+PUMPS = by_key(
+    (
+        PumpCurve(
+            key="Rotaflow", name="Rotaflow RF-32", use="ECMO", a=1.9583e-5, R1=-0.007545, R2=2.8864,
+            Rrec=4.0256, kinf=0.0016, speed_range_rpm=(1000, 5000),
+            evidence="one bench point in bovine blood, 3000 rpm and 4.2 L/min: 222 mmHg against 250 ± 10",
+        ),
+        PumpCurve(
+            key="DP3", name="DP3", use="ECMO", a=6.5298e-6, R1=-1.9593e-3, R2=4.0802, Rrec=5.0355,
+            kinf=0.0004, speed_range_rpm=(4000, 8000), evidence=UNVALIDATED,
+        ),
+    )
+)  # fmt: skip
+"""Rotary pumps by the name users write."""
+ROLLER = number("Flow of a roller pump", "L/min", 0, 10, 4)
+"""The one key of a roller pump, `pump = { roller_l_min = 4.0 }`."""
+
+_CANNULA_EVIDENCE = "unvalidated: no data of these cannulae found; others of one size differ by 30 %"
+CANNULAE = by_key(
+    (
+        CannulaType(
+            key="arterial", name="Getinge HLS arterial",
+            coefficients=(
+                -0.030456333049244444, 1.9774531710227174, -43.294344692029995, 322.2590740213103,
+            ),
+            length_cm=MappingProxyType({15: 23, 17: 23, 19: 23, 21: 23, 23: 23}),
+            evidence=_CANNULA_EVIDENCE,
+        ),
+        CannulaType(
+            key="venous", name="Getinge HLS venous",
+            coefficients=(
+                -0.00036562314501620286, 0.06564659815559282, -2.910667319976905, 39.143496939439224,
+            ),
+            length_cm=MappingProxyType({19: 38, 21: 55, 23: 55, 25: 55, 29: 55}),
+            evidence=_CANNULA_EVIDENCE,
+        ),
+    )
+)  # fmt: skip
+"""Cannulae: arterial ones return; venous ones drain, and return in veno-venous ECMO."""
+
+_LABEL = "unvalidated pressure drop; label flow from FDA clearance K150267"
+OXYGENATORS = by_key(
+    (
+        Oxygenator(
+            key="Quadrox-i Adult", resistance=0.6744, priming_volume_ml=335.0, label_flow_l_min=(0.5, 7.0),
+            evidence=_LABEL,
+        ),
+        Oxygenator(
+            key="Quadrox-i Small Adult", resistance=0.5174, priming_volume_ml=295.0,
+            label_flow_l_min=(0.5, 5.0), evidence=_LABEL,
+        ),
+        Oxygenator(
+            key="Nautilus MC3", resistance=0.6312, priming_volume_ml=None, label_flow_l_min=None,
+            evidence=UNVALIDATED,
+        ),
+    )
+)  # fmt: skip
+"""Oxygenators by the name users write."""
+
+POSITIONS = MappingProxyType(
+    {
+        "post_dc": "ecmodrain",
+        "pre_pump": "ecmotudp",
+        "post_pump": "ecmotupo",
+        "pre_oxy": "ecmooxy",
+        "post_oxy": "ecmotuor",
+        "pre_rc": "ecmoreturn",
+    }
+)
+"""Positions in the circuit, in flow direction, and the compartment that stands there."""
+
+USUAL = MappingProxyType(
+    {
+        "VA": MappingProxyType(
+            {
+                "drainage_site": "ra", "drainage_cannula": "venous", "drainage_fr": 21.0,
+                "return_site": "ao", "return_cannula": "arterial", "return_fr": 17.0,
+            }
+        ),
+        "VV": MappingProxyType(
+            {
+                "drainage_site": "svn", "drainage_cannula": "venous", "drainage_fr": 25.0,
+                "return_site": "ra", "return_cannula": "venous", "return_fr": 21.0,
+            }
+        ),
+    }
+)  # fmt: skip
+"""Sites and cannulae that `mode` fills in where they are left out."""
+
+
+class RollerPump(BaseModel):
+    """A roller pump: it delivers its flow [L/min] whatever the pressures are."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    roller_l_min: float
+
+
+def _read_pump(value: object, field: Field) -> object:
+    if isinstance(value, dict):
+        if set(value) != {"roller_l_min"}:
+            raise RefusedValueError("a pump as a table holds roller_l_min alone", field.allowed)
+        try:
+            return {"roller_l_min": read_number(value["roller_l_min"], ROLLER)}
+        except RefusedValueError as error:
+            why = error.mistake
+            message = f"roller_l_min {shown(value['roller_l_min'])}: {why.message}"
+            raise RefusedValueError(message, why.allowed, why.suggestion) from None
+    if isinstance(value, str) and "roller" in value.lower():
+        raise RefusedValueError("a roller pump needs its flow", field.allowed, "{ roller_l_min = 4.0 }")
+    return read_name(value, field)
+
+
+_PUMP = Field(
+    "Blood pump", "name", names=tuple(PUMPS), also_allowed="{ roller_l_min = 4.0 }", read=_read_pump,
+    aliases=makers_names(PUMPS.values()),
+)  # fmt: skip
+_SIZES = ", ".join(f"{key} {c.sizes_fr[0]} to {c.sizes_fr[-1]} Fr" for key, c in CANNULAE.items())
+
+
+def _size(description: str) -> Field:
+    return number(description, "Fr", 3, 60, 19, required=False, allowed=_SIZES)
+
+
+def _cannula(description: str) -> Field:
+    return one_of(description, tuple(CANNULAE), required=False)
+
+
+class Ecmo(Section):
+    """The ECMO circuit: pump speed in rpm, cannula sizes in Fr.
+
+    A rotary pump has its speed, or the flow [L/min] that `eclsim.simulation.target_flow` solves it for.
+    """
+
+    section = GROUP
+    exclusive = (("speed_rpm", "flow_l_min"),)
+    pump: Annotated[str | RollerPump, _PUMP]
+    speed_rpm: Annotated[
+        float | None, number("Speed of a rotary pump", "rpm", 0, 10000, 3400, required=False)
+    ] = None
+    flow_l_min: Annotated[
+        float | None, number("Pump flow that the speed is solved for", "L/min", 0.1, 10, 4, required=False)
+    ] = None
+    oxygenator: Annotated[str, one_of("Oxygenator", tuple(OXYGENATORS))]
+    drainage_site: Annotated[str, patient_site("Compartment that is drained", required=False)]
+    drainage_cannula: Annotated[str, _cannula("Type of drainage cannula")]
+    drainage_fr: Annotated[float, _size("Size of drainage cannula")]
+    return_site: Annotated[str, patient_site("Compartment that receives", required=False)]
+    return_cannula: Annotated[str, _cannula("Type of return cannula")]
+    return_fr: Annotated[float, _size("Size of return cannula")]
+    mode: Annotated[
+        Literal["VA", "VV"] | None, one_of("Fills in usual sites and cannulae", tuple(USUAL), required=False)
+    ] = None
+
+    @classmethod
+    def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
+        """Fill in what `mode` gives and see that the rest is there."""
+        usual = USUAL.get(str(values.get("mode")), {})
+        filled = {name: value for name, value in usual.items() if name not in raw}
+        values |= filled
+        if filled:
+            words = ", ".join(f"{name} = {shown(value)}" for name, value in filled.items())
+            remarks.note(f"{key}.mode", f"fills in {words}", shown(values["mode"]))
+        fields = cls.fields()
+        for name in USUAL["VA"]:
+            if name not in raw and name not in filled:
+                allowed = fields[name].allowed + ', or mode = "VA" or "VV" for the usual ones'
+                remarks.error(f"{key}.{name}", "missing", allowed=allowed)
+        _check_speed_or_flow(raw, values, key, remarks)
+
+
+def _check_speed_or_flow(raw: Raw, values: Raw, key: str, remarks: Remarks) -> None:
+    """A rotary pump has a speed or the flow that it is solved for, a roller pump neither."""
+    pump = values.get("pump")
+    if isinstance(pump, str):
+        if "speed_rpm" not in raw and "flow_l_min" not in raw:
+            allowed = f"{Ecmo.fields()['speed_rpm'].allowed}, or flow_l_min, and the speed is solved for"
+            remarks.error(f"{key}.speed_rpm", "missing", allowed=allowed)
+        if "speed_rpm" in raw and "flow_l_min" in raw:
+            message = f"beside speed_rpm = {shown(raw['speed_rpm'])}: the speed follows from the flow"
+            remarks.error(f"{key}.flow_l_min", message, shown(raw["flow_l_min"]), "one of the two")
+    if isinstance(pump, dict):
+        wrong = {"speed_rpm": "has a flow and no speed", "flow_l_min": "has its flow as roller_l_min"}
+        for name, why in wrong.items():
+            if name in raw:
+                remarks.error(f"{key}.{name}", f"a roller pump {why}; leave it out", shown(raw[name]))
 
 
 def ecmo(
@@ -35,13 +242,16 @@ def ecmo(
         roller: True for a roller pump (`ecmo.roller_l_min`), else a rotary pump (`ecmo.speed_rpm`,
             `ecmo.pump.a` ...).
     """
+    from eclsim.circuit.network import Circuit, Compartment, Connection
+    from eclsim.components import Cannula, ElasticVessel, Resistance, RollerPump, RotaryPump, Tube
+
     names = tuple(POSITIONS.values())
     compartments = tuple(Compartment(name, ElasticVessel("C" + name), GROUP) for name in names)
     pump: Path = (
         RollerPump("ecmo.roller_l_min", "l/min") if roller else RotaryPump("ecmo.speed_rpm", "ecmo.pump.")
     )
     drainage = Cannula("ecmo.drainage_fr", CANNULAE[drainage_cannula].coefficients)
-    giving = Cannula("ecmo.return_fr", CANNULAE[return_cannula].coefficients)
+    back = Cannula("ecmo.return_fr", CANNULAE[return_cannula].coefficients)
     connections = (
         Connection("ecmodrain", drainage, drainage_site, "ecmodrain", GROUP),
         Connection("ecmotudp", Tube("Lecmotudp", "Decmotudp"), "ecmodrain", "ecmotudp", GROUP),
@@ -49,6 +259,197 @@ def ecmo(
         Connection("ecmotupo", Tube("Lecmotupo", "Decmotupo"), "ecmotupo", "ecmooxy", GROUP),
         Connection("ecmooxy", Resistance("Recmooxy"), "ecmooxy", "ecmotuor", GROUP),
         Connection("ecmotuor", Tube("Lecmotuor", "Decmotuor"), "ecmotuor", "ecmoreturn", GROUP),
-        Connection("ecmoreturn", giving, "ecmoreturn", return_site, GROUP),
+        Connection("ecmoreturn", back, "ecmoreturn", return_site, GROUP),
     )
     return Circuit(compartments, connections)
+
+
+class EcmoDevice(Device[Ecmo]):
+    """Veno-arterial or veno-venous ECMO."""
+
+    key, name, section = GROUP, "ECMO", Ecmo
+    compartments = MappingProxyType(
+        {
+            "ecmodrain": "after drainage cannula",
+            "ecmotudp": "before pump",
+            "ecmotupo": "after pump",
+            "ecmooxy": "before oxygenator",
+            "ecmotuor": "after oxygenator",
+            "ecmoreturn": "before return cannula",
+        }
+    )
+    connections = MappingProxyType(
+        {
+            "ecmodrain": "drainage cannula",
+            "ecmotudp": "tube to pump",
+            "ecmopump": "ECMO pump",
+            "ecmotupo": "tube to oxygenator",
+            "ecmooxy": "oxygenator",
+            "ecmotuor": "tube from oxygenator",
+            "ecmoreturn": "return cannula",
+        }
+    )
+    positions = POSITIONS
+    products = (*PUMPS.values(), *CANNULAE.values(), *OXYGENATORS.values())
+    parameters = tuple(p for p in thiel2025.PARAMETERS.values() if p.group == GROUP)
+    nominal = MappingProxyType(
+        {
+            "ecmo.speed_rpm": 3000.0, "ecmo.drainage_fr": 23.0, "ecmo.return_fr": 17.0,
+            "ecmo.roller_l_min": 3.0, "Recmooxy": OXYGENATORS["Quadrox-i Adult"].resistance,
+            **pump_values(GROUP, PUMPS["Rotaflow"]),
+        }
+    )  # fmt: skip
+    carries_circulation = True
+
+    def circuit(self, section: Ecmo) -> Circuit:
+        """The circuit between its sites."""
+        roller = isinstance(section.pump, RollerPump)
+        return ecmo(
+            section.drainage_site, section.return_site, section.drainage_cannula, section.return_cannula,
+            roller,
+        )  # fmt: skip
+
+    def values(self, section: Ecmo) -> dict[str, float]:
+        """Pump, cannula sizes, and the resistance of the oxygenator.
+
+        Raises:
+            UnsolvedFlowError: A pump flow is given in place of a speed.
+        """
+        values = {
+            "Recmooxy": OXYGENATORS[section.oxygenator].resistance,
+            "ecmo.drainage_fr": section.drainage_fr,
+            "ecmo.return_fr": section.return_fr,
+        }
+        if isinstance(section.pump, RollerPump):
+            return values | {"ecmo.roller_l_min": section.pump.roller_l_min}
+        if section.speed_rpm is None and section.flow_l_min is not None:
+            raise UnsolvedFlowError(
+                f"ecmo.flow_l_min = {section.flow_l_min:g} is a target: solve for the pump speed first, "
+                "with eclsim.simulation.target_flow.with_speed"
+            )
+        return values | pump_values(GROUP, PUMPS[section.pump]) | {"ecmo.speed_rpm": section.speed_rpm or 0.0}
+
+    def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
+        """Sites, mode, cannulae, speed, and the measured flows."""
+        check_sites(key, values, "drainage_site", "return_site", remarks)
+        _check_mode(values, key, remarks)
+        for line in LINES:
+            kind, size = values.get(f"{line}_cannula"), values.get(f"{line}_fr")
+            if kind is not None and size is not None:
+                check_cannula(f"{key}.{line}_fr", size, CANNULAE[kind], remarks)
+        check_speed(key, values, PUMPS, remarks)
+        alone = len(case.of(self.key)) == 1
+        _check_pump_flow(values, case.measurements if alone else {}, key, remarks)
+        if alone:
+            _check_native_output(values, case, remarks)
+
+
+def _check_mode(values: Raw, key: str, remarks: Remarks) -> None:
+    mode, site = values.get("mode"), values.get("return_site")
+    if mode is None or site is None:
+        return
+    if site in (VENOUS_SITES if mode == "VA" else ARTERIAL_SITES):
+        message = f"contradicts return_site = {shown(site)} ({PATIENT_SITES[site]})"
+        other = "VV" if mode == "VA" else "VA"
+        allowed = f'mode = "{other}", another return_site, or no mode: then the sites count'
+        remarks.error(f"{key}.mode", message, shown(mode), allowed)
+
+
+def _check_pump_flow(values: Raw, measured: Raw, section: str, remarks: Remarks) -> None:
+    """The measured or set pump flow against the oxygenator's label and against the pump's speed."""
+    pump, flow, key = values.get("pump"), measured.get("PF"), "measurements.PF"
+    if isinstance(pump, dict):
+        rate = pump["roller_l_min"]
+        if flow is not None and abs(flow - rate) > max(0.3, 0.2 * flow):
+            remarks.warning(key, f"the roller pump is set to {rate:g} L/min", shown(flow))
+        key, flow = f"{section}.pump", rate
+    if flow is None:
+        return
+    oxygenator = OXYGENATORS.get(values.get("oxygenator", ""))
+    if oxygenator is not None and (warning := oxygenator.label_warning(flow)):
+        remarks.warning(key, warning, shown(flow))
+    expected = _expected_flow(values, measured) if isinstance(pump, str) else None
+    if expected is not None and not 0.4 * expected <= flow <= 1.6 * expected + 0.5:
+        message = f"implausible at {values['speed_rpm']:g} rpm, which gives about {expected:.1f} L/min"
+        remarks.warning(key, message, shown(flow))
+
+
+def _expected_flow(values: Raw, measured: Raw) -> float | None:
+    """Steady flow [L/min] at which the pump's head equals the circuit's pressure drop, 0 at the least."""
+    lines = (f"{line}_{what}" for line in LINES for what in ("cannula", "fr"))
+    needed = ("pump", "speed_rpm", "oxygenator", *lines)
+    if any(name not in values for name in needed) or not values["speed_rpm"]:
+        return None
+    pump, oxygenator = PUMPS[values["pump"]], OXYGENATORS[values["oxygenator"]]
+    arterial = values.get("return_site") in (*ARTERIAL_SITES, "lv")
+    afterload = measured.get("MAP", 75.0) - 5.0 if arterial else 0.0
+
+    def surplus(flow: float) -> float:
+        drop = oxygenator.resistance * flow * ML_S_PER_L_MIN + _tubing_drop_mmhg(flow)
+        for line in LINES:
+            drop += CANNULAE[values[f"{line}_cannula"]].pressure_drop_mmhg(values[f"{line}_fr"], flow)
+        return pump.head_mmhg(values["speed_rpm"], flow) - drop - afterload
+
+    low, high = 0.0, 15.0
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if surplus(middle) > 0 else (low, middle)
+    return low
+
+
+def _tubing_drop_mmhg(flow_l_min: float) -> float:
+    """Laminar pressure drop [mmHg] of the tubing at a flow [L/min], about 4 per 100 cm and L/min."""
+    length_cm = sum(thiel2025.PARAMETERS[f"Lecmo{tube}"].value for tube in ("tudp", "tupo", "tuor"))
+    return 0.0179 * length_cm * flow_l_min
+
+
+def _check_native_output(values: Raw, case: CaseValues, remarks: Remarks) -> None:
+    """How a measured CO goes with the pump's flow: it is the native output, through the lungs."""
+    output, pump_flow = case.measurements.get("CO"), case.measurements.get("PF")
+    if output is None or pump_flow is None:
+        return
+    if values.get("return_site") not in ARTERIAL_SITES:
+        if output < pump_flow:
+            message = (
+                f"below the pump flow {pump_flow:g} L/min: where ECMO returns before the lungs, CO is all "
+                "that the body gets, and the pump would draw again what it has just returned"
+            )
+            remarks.warning("measurements.CO", message, shown(output))
+        return
+    message = "is read as the native output, through the lungs; "
+    if why := _looks_total(case, output, pump_flow):
+        hint = f"CO = {output - pump_flow:.3g}, a total less the pump flow {pump_flow:g} L/min"
+        remarks.warning("measurements.CO", message + why, shown(output), hint)
+    else:
+        message += f"with the pump flow the organs get {output + pump_flow:.3g} L/min"
+        remarks.note("measurements.CO", message, shown(output))
+
+
+def _looks_total(case: CaseValues, output: float, pump_flow: float) -> str:
+    """Why an output on V-A ECMO is rather a total, or nothing; a total is never below the pump flow."""
+    if output <= pump_flow:
+        return ""
+    height, weight = case.patient.get("height_cm"), case.patient.get("weight_kg")
+    if height is not None and weight is not None:
+        index = (output + pump_flow) / body_surface(height, weight)
+        if index > _LARGEST_INDEX:
+            return (
+                f"with the pump flow {pump_flow:g} L/min the organs would get {output + pump_flow:.3g} "
+                f"L/min, {index:.1f} L/min/m^2, where above {_LARGEST_INDEX:g} is hardly ever seen"
+            )
+    systolic, diastolic = case.measurements.get("SP"), case.measurements.get("DP")
+    rate = case.patient.get("heart_rate_bpm")
+    if systolic is None or diastolic is None or not rate or systolic <= diastolic:
+        return ""
+    stroke = output * ML_S_PER_L_MIN * 60.0 / rate
+    compliance = stroke / (systolic - diastolic)
+    if compliance <= _LARGEST_COMPLIANCE:
+        return ""
+    return (
+        f"a stroke volume of {stroke:.0f} mL with a pulse pressure of {systolic - diastolic:g} mmHg means an "
+        f"arterial compliance of {compliance:.1f} mL/mmHg, where 1 to 2 is usual and above "
+        f"{_LARGEST_COMPLIANCE:g} hardly ever seen"
+    )
+
+
+ECMO = EcmoDevice()

@@ -2,15 +2,69 @@
 
     inlet site --(pump, graft)--> outlet site
 
-Source: Boes et al. 2019 for the pump's equation; Thiel et al. for the constants.
+Source: Boes et al. 2019 for the pump's equation; Thiel et al. 2025 for the constants.
 """
 
 from __future__ import annotations
 
-from eclsim.circuit.network import Circuit, Connection, Site
-from eclsim.components import RotaryPump
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated
+
+from eclsim.devices.device import CaseValues, Device
+from eclsim.devices.plausibility import check_sites, check_speed, patient_site
+from eclsim.devices.products import UNVALIDATED, PumpCurve, by_key, makers_names
+from eclsim.inputs.fields import number, one_of
+from eclsim.inputs.mistakes import Remarks, shown
+from eclsim.inputs.sections import Raw, Section
+from eclsim.patient.sites import ARTERIAL_SITES, LEFT_HEART, PATIENT_SITES, RIGHT_HEART, VENOUS_SITES
+
+if TYPE_CHECKING:
+    from eclsim.circuit.network import Circuit, Site
 
 GROUP = "lvad"
+_SPEEDS = "the speed range is the usual clinical one, not part of the published constants"
+
+PUMPS = by_key(
+    (
+        PumpCurve(
+            key="HMII", name="HeartMate II", use="LVAD", a=9.5356e-7, R1=-3.2085e-4, R2=0.8643, Rrec=3.0701,
+            kinf=3.5925e-4, L=22.9733, Rper=0.3833, Lper=20.3038, speed_range_rpm=(6000, 15000),
+            evidence=f"another published fit lies 5 to 14 mmHg away, perhaps with its cannulae; {_SPEEDS}",
+        ),
+        PumpCurve(
+            key="HM3", name="HeartMate 3", use="LVAD", a=3.4578e-6, R1=-7.2946e-4, R2=2.2453, Rrec=3.3580,
+            kinf=2.5962e-4, L=17.0010, Rper=0.1244, Lper=13.3873, speed_range_rpm=(3000, 9000),
+            evidence="37 points of the maker's chart, 3000 to 9000 rpm: root mean square 5.4 mmHg; "
+            f"{_SPEEDS}", other_names=("HeartMate III",),
+        ),
+        PumpCurve(
+            key="HVAD", name="HVAD", use="LVAD", a=1.3307e-5, R1=3.8732e-4, R2=0.7667, Rrec=4.7622,
+            kinf=1.4703e-4, L=18.7352, Rper=0.1093, Lper=14.1544, speed_range_rpm=(1800, 4000),
+            evidence=f"{UNVALIDATED}; {_SPEEDS}",
+        ),
+        PumpCurve(
+            key="Incor", name="Incor", use="LVAD", a=2.7737e-6, R1=0.0010, R2=1.7742, Rrec=3.7529,
+            kinf=3.9814e-5, L=32.4690, Rper=0.3154, Lper=18.3543, speed_range_rpm=(5000, 10000),
+            evidence=f"{UNVALIDATED}; {_SPEEDS}",
+        ),
+    )
+)  # fmt: skip
+"""Pumps with the inertia and resistance of their grafts, by the name users write."""
+
+
+class Lvad(Section):
+    """A left ventricular assist device: speed in rpm."""
+
+    section = GROUP
+    pump: Annotated[str, one_of("Blood pump", tuple(PUMPS), aliases=makers_names(PUMPS.values()))]
+    speed_rpm: Annotated[float, number("Speed", "rpm", 0, 15000, 5000)]
+    inlet_site: Annotated[str, patient_site("Compartment that is drained")]
+    outlet_site: Annotated[str, patient_site("Compartment that receives")]
+
+
+def pump_values(device: str, pump: PumpCurve) -> dict[str, float]:
+    """Constants of a pump's curve by the names that `RotaryPump` reads."""
+    return {f"{device}.pump.{name}": value for name, value in pump.constants.items()}
 
 
 def lvad(
@@ -24,5 +78,42 @@ def lvad(
         name: name of the connection; a second device needs another one.
         prefix: parameters are prefix + "speed_rpm", prefix + "pump.a" ...
     """
+    from eclsim.circuit.network import Circuit, Connection
+    from eclsim.components import RotaryPump
+
     pump = RotaryPump(prefix + "speed_rpm", prefix + "pump.", periphery=True)
     return Circuit((), (Connection(name, pump, inlet_site, outlet_site, GROUP),))
+
+
+class LvadDevice(Device[Lvad]):
+    """A left (or, between other sites, right) ventricular assist device."""
+
+    key, name, section = GROUP, "LVAD", Lvad
+    connections = MappingProxyType({"lvadpump": "LVAD pump"})
+    products = tuple(PUMPS.values())
+    nominal = MappingProxyType({"lvad.speed_rpm": 2600.0, **pump_values(GROUP, PUMPS["HVAD"])})
+    carries_circulation = True
+
+    def circuit(self, section: Lvad) -> Circuit:
+        """The pump between its sites."""
+        return lvad(section.inlet_site, section.outlet_site)
+
+    def values(self, section: Lvad) -> dict[str, float]:
+        """Curve and speed."""
+        return pump_values(GROUP, PUMPS[section.pump]) | {"lvad.speed_rpm": section.speed_rpm}
+
+    def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
+        """Sites, speed, and what else is connected."""
+        check_sites(key, values, "inlet_site", "outlet_site", remarks)
+        inlet, outlet = values.get("inlet_site"), values.get("outlet_site")
+        if inlet in (*VENOUS_SITES, *RIGHT_HEART) and outlet in (*ARTERIAL_SITES, *LEFT_HEART):
+            message = (
+                f"drains {PATIENT_SITES[inlet]}: blood passes the lungs by, with no oxygenator in its way"
+            )
+            remarks.warning(f"{key}.inlet_site", message, shown(inlet), "lv or la")
+        check_speed(key, values, PUMPS, remarks)
+        if case.of("ecmo"):
+            remarks.note(key, "ECMO and LVAD work on the same circulation and may oppose each other")
+
+
+LVAD = LvadDevice()

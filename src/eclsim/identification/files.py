@@ -15,9 +15,9 @@ from eclsim.identification.profiles import RISE_90
 from eclsim.identification.verdict import DOUBTFUL_DIFFERENCE, POOR_DIFFERENCE
 
 if TYPE_CHECKING:
-    from eclsim.cases.mistakes import Mistake
     from eclsim.identification.fit import FitResult
     from eclsim.identification.profiles import FitProfiles
+    from eclsim.inputs.mistakes import Mistake
 
 SUMMARY = "identification.json"
 

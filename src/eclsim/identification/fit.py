@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.cases.fitting import common_policy
-from eclsim.cases.mistakes import CaseError
 from eclsim.files import finite
 from eclsim.identification.multi_start import FitStatus, Optimum, Report, identify
 from eclsim.identification.objective import Box, Objective, Target
@@ -29,6 +28,7 @@ from eclsim.identification.verdict import (
     plausibility,
     search,
 )
+from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
 from eclsim.parameters.adult_ranges import AdultRange, adult_ranges
 from eclsim.sensitivity.identifiability import ScaledSensitivities

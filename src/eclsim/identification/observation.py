@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 from eclsim.cases.cohort_rows import when
-from eclsim.cases.mistakes import CaseError, Mistake, shown
+from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.sensitivity.uncertainties import DEFAULTS, Uncertainty, standard_uncertainties
 
 OUTPUTS = ("SP", "DP", "MAP", "MPAP", "PCWP", "CO", "PF")

@@ -6,8 +6,8 @@ import csv
 import math
 from pathlib import Path
 
-from eclsim.cases.input_files import decoded, read_bytes
-from eclsim.cases.mistakes import CaseError
+from eclsim.inputs.files import decoded, read_bytes
+from eclsim.inputs.mistakes import CaseError
 from eclsim.parameters import did_you_mean, thiel2025
 
 OPEN = ("total_blood_volume_ml", "heart_rate_bpm")

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 from eclsim.cases.fitting import CheckedFit, check_fit
-from eclsim.cases.mistakes import Mistake
 from eclsim.identification.multi_start import MultiStart
+from eclsim.inputs.mistakes import Mistake
 from eclsim.parameters import did_you_mean, thiel2025
 from eclsim.parameters.identification import BOUNDS
 from eclsim.sensitivity.uncertainties import DEFAULTS, Uncertainty

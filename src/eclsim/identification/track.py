@@ -11,7 +11,6 @@ import numpy as np
 from scipy.stats import qmc
 
 from eclsim.cases.ids import plain_id
-from eclsim.cases.mistakes import CaseError, Mistake, shown
 from eclsim.identification.batch_outputs import simulate_members
 from eclsim.identification.density import Posterior
 from eclsim.identification.filtering import DRIFTS, Belief, Regression, outputs_of, regress, updated
@@ -32,6 +31,7 @@ from eclsim.identification.track_results import (
     named,
 )
 from eclsim.identification.transport import Transport
+from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.orbit.model import Model, model_of
 
 if TYPE_CHECKING:

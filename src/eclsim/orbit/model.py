@@ -6,22 +6,17 @@ import difflib
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from eclsim.beat.heartbeat import HEART_RATE
-from eclsim.circuit.network import Choice, Circuit
-from eclsim.devices.constants import OXYGENATORS, PUMPS
-from eclsim.devices.crrt import crrt
-from eclsim.devices.ecmo import POSITIONS, ecmo
-from eclsim.devices.lvad import lvad
-from eclsim.parameters import thiel2025
-from eclsim.patient.circulation import circulation
+from eclsim.cases.resolve import circuit_of, nominal_values, resolve_parameters
+from eclsim.circuit.network import Circuit
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
     from eclsim.cases.reading import CaseReading
+
+__all__ = ["Model", "UnknownValueError", "as_case", "as_model", "circuit_of", "model_of", "nominal_values"]
 
 CaseSource: TypeAlias = "str | os.PathLike[str] | CaseReading | Case"
 """What functions take as a case: the path of a case file, what `read_case` returned, or the case itself."""
@@ -82,8 +77,6 @@ class Model:
 
 def model_of(case: Case) -> Model:
     """The model of a case: its circuit with its parameter values and its blood volume policy."""
-    from eclsim.cases.resolve import resolve_parameters
-
     return Model(circuit_of(case), resolve_parameters(case), case.patient.id, case.volume_policy)
 
 
@@ -110,45 +103,3 @@ def as_case(source: CaseSource) -> Case:
 def as_model(source: ModelSource) -> Model:
     """The model of a case, or the model itself; raises as `as_case` does."""
     return source if isinstance(source, Model) else model_of(as_case(source))
-
-
-def circuit_of(case: Case) -> Circuit:
-    """Patient plus the devices whose sections the case has."""
-    circuit = circulation()
-    if case.ecmo is not None:
-        e = case.ecmo
-        roller = not isinstance(e.pump, str)
-        circuit += ecmo(e.drainage_site, e.return_site, e.drainage_cannula, e.return_cannula, roller)
-    if case.crrt is not None:
-        access, giving = (POSITIONS.get(s, s) for s in (case.crrt.access_site, case.crrt.return_site))
-        circuit += crrt(access, giving)
-    if case.lvad is not None:
-        circuit += lvad(case.lvad.inlet_site, case.lvad.outlet_site)
-    return circuit
-
-
-@lru_cache(maxsize=256)
-def nominal_values(circuit: Circuit) -> Mapping[str, float] | None:
-    """The paper's parameters and usual devices for a circuit; None if it reads a parameter of its own.
-
-    The orbit at these values is where the search for a patient's orbit starts, whoever was solved before.
-    """
-    known: dict[str, Any] = {key: parameter.value for key, parameter in thiel2025.PARAMETERS.items()}
-    known |= {
-        HEART_RATE: 90.0,
-        "total_blood_volume_ml": 4500.0,
-        "Recmooxy": OXYGENATORS["Quadrox-i Adult"].resistance,
-    }
-    known |= {
-        "ecmo.speed_rpm": 3000.0,
-        "ecmo.drainage_fr": 23.0,
-        "ecmo.return_fr": 17.0,
-        "ecmo.roller_l_min": 3.0,
-    }
-    known |= {"crrt.flow_ml_min": 200.0, "lvad.speed_rpm": 2600.0}
-    known |= {"ecmo.pump." + k: v for k, v in PUMPS["Rotaflow"].constants.items()}
-    known |= {"lvad.pump." + k: v for k, v in PUMPS["HVAD"].constants.items()}
-    ends = (site for c in circuit.connections for site in (c.source, c.target))
-    known |= {site.parameter: 0.0 for site in ends if isinstance(site, Choice)}
-    names = (HEART_RATE, *circuit.parameter_names())
-    return MappingProxyType({n: float(known[n]) for n in names}) if all(n in known for n in names) else None

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal
 
-from eclsim.devices.constants import CRRT_ALARMS_MMHG
+from eclsim.devices.crrt import ALARMS_MMHG
 
 Kind = Literal["collapse", "alarm", "warning"]
 GRAVEST_FIRST: tuple[Kind, ...] = ("collapse", "alarm", "warning")
@@ -145,7 +145,7 @@ _MACHINE = "usual alarm of CRRT machines"
 _CRRT = (
     *(
         limit
-        for line, (low, high) in CRRT_ALARMS_MMHG.items()
+        for line, (low, high) in ALARMS_MMHG.items()
         for limit in (
             Limit(f"crrt_{line}_pressure", "alarm", "below", low, "machine alarm", _MACHINE),
             Limit(f"crrt_{line}_pressure", "alarm", "above", high, "machine alarm", _MACHINE),

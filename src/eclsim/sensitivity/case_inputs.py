@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from eclsim.circuit.network import Choice, Circuit
-from eclsim.devices.constants import CANNULAE, PUMPS
+from eclsim.devices.crrt import SCHEMES as CRRT_SCHEMES
 from eclsim.devices.crrt import crrt
-from eclsim.devices.ecmo import POSITIONS
-from eclsim.devices.positions import CRRT_SCHEMES
+from eclsim.devices.ecmo import CANNULAE, POSITIONS, PUMPS
 from eclsim.parameters import did_you_mean, thiel2025
 from eclsim.sensitivity.inputs import Categorical, Continuous, Input
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eclsim.devices.constants import PUMPS
+from eclsim.devices.ecmo import PUMPS
 from eclsim.orbit.model import model_of
 from eclsim.outputs.variants import simulate_many
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 import csv
 import math
 
-from eclsim.devices.constants import CANNULAE, PUMPS
+from eclsim.devices import lvad
+from eclsim.devices.ecmo import CANNULAE, PUMPS
 from eclsim.validation.cases import DATA
 from eclsim.validation.rows import Check, Row, near
 
@@ -41,7 +42,7 @@ def _row(row: dict[str, str]) -> Row:
     expected, label = float(row["value"]), f"{row['device']} {row['quantity']}, {row['condition']}"
     source = f"{row['source']}; {row['how_read']}; fluid: {row['fluid']}"
     if row["quantity"] == "head":
-        got = PUMPS[row["device"]].head_mmhg(float(row["speed_rpm"]), float(row["flow_l_min"]))
+        got = (PUMPS | lvad.PUMPS)[row["device"]].head_mmhg(float(row["speed_rpm"]), float(row["flow_l_min"]))
         tolerance = max(RELATIVE * expected, ABSOLUTE_MMHG)
         tolerance = 2.0 * float(row["spread"]) if row["spread"] else tolerance
     else:

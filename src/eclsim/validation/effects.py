@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import xarray as xr
 
-from eclsim.cases.case import RollerPump
+from eclsim.devices.ecmo import RollerPump
 from eclsim.orbit.model import model_of
 from eclsim.outputs.dataset import simulate
 from eclsim.outputs.registry import output

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eclsim.cases.case import Case, Ecmo, Measurements, Patient
+from eclsim.cases.case import Case, Measurements, Patient
+from eclsim.devices.ecmo import Ecmo
 from eclsim.identification.observation import OUTPUTS
 from eclsim.orbit.model import model_of
 from eclsim.orbit.status import Status

@@ -9,7 +9,7 @@ import stat
 from collections.abc import Iterable
 from typing import Any
 
-from eclsim.cases.mistakes import CaseError, Mistake
+from eclsim.inputs.mistakes import CaseError, Mistake
 
 MOST_DOTS = 16
 """Dots outside texts on one line of TOML; the memory a dotted key takes grows with the square of them."""

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Any
 
-from eclsim.cases.fields import Field
-from eclsim.cases.mistakes import Mistake, NumberAsWritten
+from eclsim.inputs.fields import Field
+from eclsim.inputs.mistakes import Mistake, NumberAsWritten
 from eclsim.units import convert, known_unit, quantity_of, units_of
 
 _MISSING = frozenset({"", "na", "n/a", "#n/a", "nan", "-", "--", ".", "?", "none", "null", "missing"})
@@ -23,7 +22,7 @@ _MONTH = re.compile(r"(jan|feb|m[aä]r|apr|ma[iy]|jun|jul|aug|sep|o[ck]t|nov|de[
 _WITH_UNIT = re.compile(rf"\s*({_NUMBER.pattern})\s*(\D.*?)\s*")
 
 
-class NotANumberError(Exception):
+class RefusedValueError(Exception):
     """Why a value is refused; `mistake` says it without key and place."""
 
     def __init__(self, message: str, allowed: str = "", suggestion: str = ""):
@@ -31,25 +30,25 @@ class NotANumberError(Exception):
         super().__init__(message)
 
 
-def is_missing(value: Any) -> bool:
+def is_missing(value: object) -> bool:
     """Whether a value says that nothing was measured: nan, "NA", "n/a", "-", "." and the like."""
     if isinstance(value, float):
         return math.isnan(value)
     return isinstance(value, str) and value.strip().lower() in _MISSING
 
 
-def read_number(value: Any, field: Field) -> float:
+def read_number(value: object, field: Field) -> float:
     """The number of a field in its unit.
 
     Raises:
-        NotANumberError: For anything else, and for a number outside the allowed range.
+        RefusedValueError: For anything else, and for a number outside the allowed range.
     """
     number = _finite(value, field)
     if field.minimum <= number <= field.maximum:
         return number
     message = "must be above 0" if number <= 0 < field.minimum else "outside the allowed range"
     meant = suspected_unit(number, field.unit, field.typical, (field.minimum, field.maximum))
-    raise NotANumberError(message, field.allowed, meant)
+    raise RefusedValueError(message, field.allowed, meant)
 
 
 def suspected_unit(number: float, unit: str, typical: float, allowed: tuple[float, float]) -> str:
@@ -66,27 +65,27 @@ def suspected_unit(number: float, unit: str, typical: float, allowed: tuple[floa
     return best
 
 
-def _finite(value: Any, field: Field) -> float:
+def _finite(value: object, field: Field) -> float:
     if isinstance(value, bool):
-        raise NotANumberError("true and false are no numbers", field.allowed)
+        raise RefusedValueError("true and false are no numbers", field.allowed)
     if isinstance(value, str):
         return _number_in_text(value, field)
     if not isinstance(value, (int, float)):
-        raise NotANumberError(f"a {_kind(value)} where a number belongs", field.allowed)
+        raise RefusedValueError(f"a {_kind(value)} where a number belongs", field.allowed)
     try:
         number = float(value)
     except OverflowError:
-        raise NotANumberError("too large", field.allowed) from None
+        raise RefusedValueError("too large", field.allowed) from None
     if math.isnan(number):
-        raise NotANumberError("not a number, and this value is needed", field.allowed)
+        raise RefusedValueError("not a number, and this value is needed", field.allowed)
     if math.isinf(number):
-        raise NotANumberError("infinite" if not _digits(value) else "too large", field.allowed)
+        raise RefusedValueError("infinite" if not _digits(value) else "too large", field.allowed)
     if number == 0 and _digits(value):
-        raise NotANumberError("too small to be told from 0", field.allowed)
+        raise RefusedValueError("too small to be told from 0", field.allowed)
     return number
 
 
-def _digits(value: Any) -> bool:
+def _digits(value: object) -> bool:
     """Whether a number was written with a digit other than 0 in front of its exponent."""
     written = value.text if isinstance(value, NumberAsWritten) else ""
     return any(digit in "123456789" for digit in re.split("[eE]", written)[0])
@@ -94,32 +93,34 @@ def _digits(value: Any) -> bool:
 
 def _number_in_text(text: str, field: Field) -> float:
     if is_missing(text):
-        raise NotANumberError("not given, and this value is needed", field.allowed)
+        raise RefusedValueError("not given, and this value is needed", field.allowed)
     if _NUMBER.fullmatch(text.strip()):
-        raise NotANumberError("text in quotes where a number belongs", field.allowed, text.strip())
+        raise RefusedValueError("text in quotes where a number belongs", field.allowed, text.strip())
     if found := _WITH_UNIT.fullmatch(text):
         return _number_with_unit(text, float(found[1]), found[5], field)
-    raise NotANumberError(*_why_no_number(text, field))
+    raise RefusedValueError(*_why_no_number(text, field))
 
 
 def _number_with_unit(text: str, number: float, unit: str, field: Field) -> float:
     if found := _TWO_PRESSURES.fullmatch(text):
-        raise NotANumberError(*_two_pressures(found, field))
+        raise RefusedValueError(*_two_pressures(found, field))
     if _COMMA.fullmatch(text.strip()) or _GROUPED.fullmatch(text.strip()):
-        raise NotANumberError(*_why_no_number(text, field))
+        raise RefusedValueError(*_why_no_number(text, field))
     known = known_unit(unit)
     if known == field.unit == "Fr":
         return read_number(number, field)
     if known == field.unit:
-        raise NotANumberError(f"a text with a unit; the unit is {known} anyway", field.allowed, f"{number:g}")
+        raise RefusedValueError(
+            f"a text with a unit; the unit is {known} anyway", field.allowed, f"{number:g}"
+        )
     if known is not None and quantity_of(known) == quantity_of(field.unit):
         converted = convert(number, known, field.unit)
         message = f"in {known}, but {field.name} is in {field.unit}"
-        raise NotANumberError(message, field.allowed, f"{number:g} {known} = {converted:.4g} {field.unit}")
+        raise RefusedValueError(message, field.allowed, f"{number:g} {known} = {converted:.4g} {field.unit}")
     if _DIGIT_GROUPS.fullmatch(text.strip()):
         message = "digits in groups; write them without spaces"
-        raise NotANumberError(message, field.allowed, number_meant(text))
-    raise NotANumberError(f'not a number: "{unit.strip()}" follows it', field.allowed, number_meant(text))
+        raise RefusedValueError(message, field.allowed, number_meant(text))
+    raise RefusedValueError(f'not a number: "{unit.strip()}" follows it', field.allowed, number_meant(text))
 
 
 def number_meant(text: str) -> str:
@@ -161,7 +162,7 @@ def _why_no_number(text: str, field: Field) -> tuple[str, str, str]:
     return "not a number", field.allowed, ""
 
 
-def _kind(value: Any) -> str:
+def _kind(value: object) -> str:
     if isinstance(value, dict):
         return "table"
     return "list" if isinstance(value, (list, tuple)) else f"{type(value).__name__} value"

@@ -1,0 +1,109 @@
+"""The sections of a case file: who the patient is, what was measured, and what each device adds."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Literal
+
+from eclsim.devices.device import AnyDevice, device_key
+from eclsim.devices.registry import device_of, devices
+from eclsim.inputs.fields import Field, measured, number, one_of
+from eclsim.inputs.sections import Section
+from eclsim.patient.anthropometry import MAXIMUM_AGE_YEARS, MINIMUM_AGE_YEARS
+
+POLICY_KEY = "blood_volume_policy"
+POLICY = Field(
+    "Whose blood fills the circuits: the patient's, or patient_held: they are primed", "name",
+    required=False, names=("as_published", "patient_held"), name=POLICY_KEY,
+)  # fmt: skip
+"""The blood volume policy, which stands above the sections; left out, "as_published"."""
+_INSTANCE = re.compile(r"[A-Za-z0-9_-]{1,30}")
+
+
+class Patient(Section):
+    """Who is simulated: age in years, height in cm, weight in kg, heart rate in beats per minute."""
+
+    section = "patient"
+    id: Annotated[str, Field("Pseudonym of the patient", "text")]
+    sex: Annotated[Literal["female", "male"], one_of("Sex", ("female", "male"))]
+    age_years: Annotated[float, number("Age", "years", MINIMUM_AGE_YEARS, MAXIMUM_AGE_YEARS, 60)]
+    height_cm: Annotated[float | None, measured("Height", "cm", 50, 250, 170)] = None
+    weight_kg: Annotated[float | None, measured("Weight", "kg", 25, 350, 75)] = None
+    heart_rate_bpm: Annotated[float, number("Heart rate", "bpm", 20, 250, 80)]
+
+
+class Measurements(Section):
+    """What was measured: pressures in mmHg, flows in L/min, None where not measured.
+
+    CO is the native output, the flow through the lungs; PF is the flow of the ECMO pump.
+    """
+
+    section = "measurements"
+    SP: Annotated[float | None, measured("Systolic arterial pressure", "mmHg", 20, 300, 110)] = None
+    DP: Annotated[float | None, measured("Diastolic arterial pressure", "mmHg", 10, 200, 70)] = None
+    MAP: Annotated[float | None, measured("Mean arterial pressure", "mmHg", 15, 250, 80)] = None
+    MPAP: Annotated[float | None, measured("Mean pulmonary artery pressure", "mmHg", 1, 120, 20)] = None
+    PCWP: Annotated[float | None, measured("Pulmonary capillary wedge pressure", "mmHg", 0, 60, 11)] = None
+    CO: Annotated[float | None, measured("Cardiac output: native, through the lungs", "L/min", 0, 20, 4)] = (
+        None
+    )
+    PF: Annotated[float | None, measured("ECMO pump flow", "L/min", 0, 10, 3)] = None
+
+
+MEASURED = tuple(Measurements.fields())
+"""Names of what may have been measured."""
+
+
+def sections() -> dict[str, type[Section]]:
+    """All sections by name, in the order in which they are written."""
+    found: dict[str, type[Section]] = {"patient": Patient, "measurements": Measurements}
+    return found | {key: device.section for key, device in devices().items()}
+
+
+def section_of(key: str) -> type[Section] | None:
+    """What belongs in the section of a key, such as "patient" or "lvad.left"; None if there is no such."""
+    device = device_of(key)
+    return sections().get(key) if device is None else device.section
+
+
+def places_of(name: str) -> list[str]:
+    """The keys of a case file that end in a name, such as "ecmo.speed_rpm" of "speed_rpm"."""
+    return [
+        f"{key}.{item}"
+        for key, section in sections().items()
+        for item in section.fields()
+        if item.lower() == name.lower()
+    ]
+
+
+def by_instance(device: AnyDevice, raw: object) -> Mapping[str, object]:
+    """What a section holds for each instance of a device, by name; of an only one the name is empty."""
+    if isinstance(raw, Mapping) and not any(key in device.section.fields() for key in raw):
+        named = {str(key): value for key, value in raw.items() if isinstance(value, Mapping)}
+        if named and len(named) == len(raw):
+            return named
+    return {"": raw}
+
+
+def device_sections(raw: Mapping[str, object]) -> Iterator[tuple[AnyDevice, str, object]]:
+    """Device, name of the instance and what its section holds, for each device of a case."""
+    for key, device in devices().items():
+        if key in raw:
+            for name, section in by_instance(device, raw[key]).items():
+                yield device, name, section
+
+
+def is_instance_name(name: str) -> bool:
+    """Whether a name can stand in `[device.NAME]`."""
+    return _INSTANCE.fullmatch(name) is not None
+
+
+def within(raw: dict[str, Any], key: str) -> dict[str, Any] | None:
+    """The section of a key in a case's mapping, made where it is missing; None where it is no table."""
+    for name in filter(None, (device_key(key), key.partition(".")[2])):
+        inner = raw.setdefault(name, {})
+        if not isinstance(inner, dict):
+            return None
+        raw = inner
+    return raw

@@ -1,0 +1,173 @@
+"""What a device is: everything the rest of the package needs to know of it, in one object.
+
+A device is a subclass of `Device` in a file of its own, and a line in `eclsim.devices.registry` (or a call of
+`eclsim.register_device`). Case files, outputs, limits, drawings, the page and the analyses go through the
+registry and name no device.
+
+The same device may be connected more than once, as `[lvad.left]` and `[lvad.right]`: an `Instance` is one of
+them. A device is written with the names of an only instance (`[lvad]`: compartments such as `ecmodrain`,
+parameters such as `lvad.speed_rpm` or `Recmooxy`); those of a named one get the instance in front
+(`ecmo.left.ecmodrain`, `lvad.left.speed_rpm`, `ecmo.left.Recmooxy`).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+
+from eclsim.devices.products import Product
+from eclsim.inputs.mistakes import Remarks
+from eclsim.inputs.sections import Raw, Section
+from eclsim.parameters.parameter import Parameter
+
+if TYPE_CHECKING:
+    from eclsim.circuit.network import Circuit
+
+S = TypeVar("S", bound=Section)
+_EMPTY: Mapping[str, Any] = MappingProxyType({})
+
+
+class Device(ABC, Generic[S]):
+    """A device that can be connected to a patient.
+
+    Names in it are those of an only instance. Only `key`, `name`, `section`, `circuit` and `values` are
+    needed; what is left out is simply not there (no limits, no knobs), or drawn and listed in a plain way.
+    """
+
+    key: ClassVar[str]
+    """Name of its section in a case file, group of its compartments, first part of its parameters' names."""
+    name: ClassVar[str]
+    """What clinicians call it, such as "ECMO"."""
+    section: ClassVar[type[Section]]
+    """Its section of the case file."""
+
+    compartments: ClassVar[Mapping[str, str]] = _EMPTY
+    """Its compartments, in flow direction, in words."""
+    connections: ClassVar[Mapping[str, str]] = _EMPTY
+    """Its connections, in flow direction, in words."""
+    positions: ClassVar[Mapping[str, str]] = _EMPTY
+    """Sites in it that other devices can be connected to, and the compartment that stands there."""
+    products: ClassVar[Sequence[Product]] = ()
+    """What it may be made of, with constants and sources."""
+    parameters: ClassVar[Sequence[Parameter]] = ()
+    """Its constants that a case file may change in `[parameters]`."""
+    nominal: ClassVar[Mapping[str, float]] = _EMPTY
+    """Usual values of what `values` gives: the search for a patient's beat starts from a beat with them."""
+    carries_circulation: ClassVar[bool] = False
+    """Whether it can keep the arterial pressure up without a pulse."""
+
+    @abstractmethod
+    def circuit(self, section: S) -> Circuit:
+        """Its compartments and connections, joined to the sites that the section names.
+
+        Import `eclsim.circuit` and `eclsim.components` inside: a case file is read without them.
+        """
+
+    @abstractmethod
+    def values(self, section: S) -> dict[str, float]:
+        """Values of the parameters of the circuit that `parameters` does not hold, or holds otherwise."""
+
+    def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
+        """Say what is contradictory (an error) or doubtful (a warning) about a section that was read.
+
+        Args:
+            values: of the section, as far as they are right: any may be absent.
+            case: the rest of the case.
+            key: of the section, such as "lvad" or "lvad.left".
+            remarks: gets what there is to say.
+        """
+
+    def __repr__(self) -> str:
+        return f"<device {self.key}>"
+
+
+AnyDevice = Device[Any]
+
+
+@dataclass(frozen=True)
+class Instance:
+    """One of the devices connected to a patient.
+
+    Args:
+        device: what it is.
+        name: such as "left" in `[lvad.left]`; empty for an only instance, `[lvad]`.
+        section: its section of the case file.
+    """
+
+    device: AnyDevice
+    name: str
+    section: Section
+
+    @property
+    def key(self) -> str:
+        """Name of its section, such as "lvad" or "lvad.left"; group of its compartments."""
+        return instance_key(self.device.key, self.name)
+
+    def place(self, name: str) -> str:
+        """Name of one of its compartments or connections."""
+        return f"{self.key}.{name}" if self.name else name
+
+    def parameter(self, name: str) -> str:
+        """Name of one of its parameters; of others, such as the viscosity of blood, the name as it is."""
+        if not self.name:
+            return name
+        if name.startswith(f"{self.device.key}."):
+            return f"{self.key}.{name.removeprefix(f'{self.device.key}.')}"
+        own = any(name == parameter.key for parameter in self.device.parameters)
+        return f"{self.key}.{name}" if own else name
+
+    def values(self) -> dict[str, float]:
+        """Values of all its parameters."""
+        values = {parameter.key: parameter.value for parameter in self.device.parameters}
+        values |= self.device.values(self.section)
+        return {self.parameter(name): value for name, value in values.items()}
+
+    def circuit(self) -> Circuit:
+        """Its compartments and connections."""
+        circuit = self.device.circuit(self.section)
+        if not self.name:
+            return circuit
+        return circuit.renamed(self.place, self.parameter, lambda group: self.key)  # pyright: ignore - comes
+
+    def sites(self) -> dict[str, str]:
+        """Its positions for other devices, as case files name them, and the compartment that stands there."""
+        return {
+            f"{self.key}.{position}" if self.name else position: self.place(node)
+            for position, node in self.device.positions.items()
+        }
+
+
+@dataclass(frozen=True)
+class CaseValues:
+    """What is right of a case while it is checked.
+
+    Args:
+        patient: values of [patient].
+        measurements: of [measurements].
+        devices: of each connected device, by the key of its section.
+    """
+
+    patient: Raw
+    measurements: Raw
+    devices: Mapping[str, Raw]
+
+    def of(self, device: str) -> dict[str, Raw]:
+        """The instances of a device, by the key of their section."""
+        return {key: values for key, values in self.devices.items() if device_key(key) == device}
+
+
+class UnsolvedFlowError(ValueError):
+    """A case that names the pump flow wanted, and no speed yet; says how to get it."""
+
+
+def instance_key(device: str, name: str) -> str:
+    """Key of a section, such as "lvad" or "lvad.left"."""
+    return f"{device}.{name}" if name else device
+
+
+def device_key(key: str) -> str:
+    """The device of a section, such as "lvad" of "lvad.left"."""
+    return key.partition(".")[0]

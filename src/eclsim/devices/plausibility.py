@@ -1,0 +1,73 @@
+"""Checks that several devices share: sites that make no sense, speeds and sizes beyond what there is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from eclsim.devices.products import CannulaType, PumpCurve
+from eclsim.inputs.fields import Field, one_of
+from eclsim.inputs.mistakes import Remarks, shown
+from eclsim.inputs.numbers import suspected_unit
+from eclsim.inputs.sections import Raw
+from eclsim.patient.sites import ARTERIAL_SITES, LEFT_HEART, PATIENT_SITES, VENOUS_SITES
+
+# Beyond this share of the highest speed in use a pump curve says nothing any more.
+_SPEED_LIMIT = 1.25
+
+
+def patient_site(description: str, *, required: bool = True) -> Field:
+    """A compartment of the patient that a device is connected to."""
+    return one_of(description, tuple(PATIENT_SITES), required=required)
+
+
+def check_sites(key: str, values: Raw, source: str, target: str, remarks: Remarks) -> None:
+    """A device that pumps in a circle, or from an artery to where that makes no sense.
+
+    Args:
+        key: of the section.
+        values: of the section.
+        source: name of the key that says where blood is taken from.
+        target: name of the key that says where it goes.
+        remarks: gets what there is to say.
+    """
+    taken_from, given_to = values.get(source), values.get(target)
+    if taken_from is None or given_to is None:
+        return
+    if taken_from == given_to:
+        message = f"the same as {source}: the device would pump in a circle"
+        remarks.error(f"{key}.{target}", message, shown(given_to), "another compartment than " + source)
+    elif taken_from in ARTERIAL_SITES and given_to in (*VENOUS_SITES, *LEFT_HEART):
+        why = "against the heart's own flow" if given_to in LEFT_HEART else "an arterio-venous shunt"
+        message = f"drains {PATIENT_SITES[taken_from]} into {PATIENT_SITES[given_to]}: {why}"
+        hint = f"{source} = {shown(given_to)} and {target} = {shown(taken_from)} (reversed)"
+        remarks.warning(f"{key}.{target}", message, shown(given_to), hint)
+
+
+def check_speed(key: str, values: Raw, pumps: Mapping[str, PumpCurve], remarks: Remarks) -> None:
+    """The `speed_rpm` of a section against the curve of its `pump`."""
+    name, speed = values.get("pump"), values.get("speed_rpm")
+    if not isinstance(name, str) or speed is None:
+        return
+    low, high = pumps[name].speed_range_rpm
+    span = f"{low:g} to {high:g} rpm"
+    if speed > high * _SPEED_LIMIT:
+        remarks.error(f"{key}.speed_rpm", f"far above what a {name} runs at", shown(speed), span)
+    elif speed == 0:
+        message = "the pump stands still in an open circuit: blood flows back through it"
+        remarks.warning(f"{key}.speed_rpm", message, "0")
+    elif not low <= speed <= high:
+        message = f"outside the usual speed of a {name}, {span}"
+        remarks.warning(f"{key}.speed_rpm", message, shown(speed))
+
+
+def check_cannula(key: str, size: float, cannula: CannulaType, remarks: Remarks) -> None:
+    """A size [Fr] against those that the maker lists; `key` is that of the size."""
+    sizes = cannula.sizes_fr
+    listed = ", ".join(map(str, sizes))
+    if not sizes[0] <= size <= sizes[-1]:
+        meant = suspected_unit(size, "Fr", 19.0, (sizes[0], sizes[-1]))
+        message = f"no {cannula.key} cannula of this size"
+        remarks.error(key, message, shown(size), f"{listed} Fr and what lies between", meant)
+    elif size not in sizes:
+        message = f"between the listed sizes of {cannula.key} cannulae ({listed} Fr): interpolated"
+        remarks.warning(key, message, shown(size))

@@ -1,0 +1,79 @@
+"""One key of a section of a case file: meaning, unit, allowed range or names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal
+
+_NONE: Mapping[str, str] = MappingProxyType({})
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One key of a section; stands in the annotation of the section's attribute, which names it.
+
+    Attributes:
+        description: What it is.
+        kind: "number", "text" or "name" (one of `names`).
+        unit: Unit of a number.
+        minimum: Smallest allowed number.
+        maximum: Largest allowed number.
+        typical: A usual value; tells which other unit an impossible number may be in.
+        required: Whether a case file must hold it.
+        may_be_missing: Whether "NA", nan and the like stand for "not measured".
+        names: Allowed names.
+        aliases: Other spellings that are read, and the name they become.
+        also_allowed: What is allowed besides, in words.
+        name: The key.
+        read: Reads the value, in place of the reader of its kind; raises `RefusedValueError`.
+    """
+
+    description: str
+    kind: Literal["number", "text", "name"] = "number"
+    unit: str = ""
+    minimum: float = 0.0
+    maximum: float = 0.0
+    typical: float = 1.0
+    required: bool = True
+    may_be_missing: bool = False
+    names: tuple[str, ...] = ()
+    aliases: Mapping[str, str] = field(default_factory=lambda: _NONE)
+    also_allowed: str = ""
+    name: str = ""
+    read: Callable[[object, Field], object] | None = None
+
+    @property
+    def allowed(self) -> str:
+        """What is allowed, in words."""
+        if self.kind == "number":
+            return self.also_allowed or f"{self.minimum:g} to {self.maximum:g} {self.unit}"
+        return ", ".join((*self.names, *filter(None, [self.also_allowed]))) or "text of 1 to 64 characters"
+
+
+def number(
+    description: str, unit: str, minimum: float, maximum: float, typical: float, *,
+    required: bool = True, may_be_missing: bool = False, allowed: str = "",
+) -> Field:  # fmt: skip
+    """A number in a unit; `allowed` says in other words than minimum and maximum what may stand there."""
+    return Field(
+        description, "number", unit, minimum, maximum, typical, required, may_be_missing,
+        also_allowed=allowed,
+    )  # fmt: skip
+
+
+def one_of(
+    description: str,
+    names: tuple[str, ...],
+    *,
+    aliases: Mapping[str, str] = _NONE,
+    required: bool = True,
+) -> Field:
+    """One of some names."""
+    return Field(description, "name", names=names, aliases=aliases, required=required)
+
+
+def measured(description: str, unit: str, minimum: float, maximum: float, typical: float) -> Field:
+    """A number that may not have been measured."""
+    return number(description, unit, minimum, maximum, typical, required=False, may_be_missing=True)

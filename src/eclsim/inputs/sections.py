@@ -1,0 +1,216 @@
+"""A section of a case file: a pydantic model whose annotations say what each key may hold."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import cache
+from typing import Any, ClassVar
+
+from pydantic import BaseModel, ConfigDict, ValidationInfo, model_validator
+
+from eclsim.inputs.fields import Field
+from eclsim.inputs.mistakes import Remarks, shown
+from eclsim.inputs.numbers import RefusedValueError, is_missing, read_number
+from eclsim.parameters import did_you_mean
+
+MAXIMUM_ID_LENGTH = 64
+CHECKED = {"checked": True}
+"""Context of a validation whose data were checked already."""
+Raw = Mapping[str, Any]
+"""Keys and values as a case file holds them."""
+
+_BIRTH_DATE = re.compile(r"(19|20)\d\d[-./ ]?\d\d[-./ ]?\d\d|\d{1,2}[-./]\d{1,2}[-./](19|20)?\d\d")
+_RECORD_NUMBER = re.compile(r"\d{6,}")
+_WORD = r"[^\W\d_]{2,}(?:['-][^\W\d_]+)*"
+_PERSON = re.compile(rf"{_WORD},\s*{_WORD}|[A-ZÀ-Þ]\w+\s+[A-ZÀ-Þ]\w+|[A-Z]\.\s*[A-ZÀ-Þ]\w+")
+_LONGEST_LOOKED_AT = 100
+
+
+class Section(BaseModel):
+    """A section of a case file.
+
+    Each attribute is annotated with its `Field`, as in
+
+        speed_rpm: Annotated[float, number("Speed", "rpm", 0, 15000, typical=5000)]
+
+    Building one checks it as a case file is checked.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    section: ClassVar[str]
+    """Name of the section in a case file."""
+    exclusive: ClassVar[tuple[tuple[str, str], ...]] = ()
+    """Pairs of keys of which one is given: setting the one takes the other away."""
+
+    @classmethod
+    def fields(cls) -> Mapping[str, Field]:
+        """The keys, in the order in which they are written."""
+        return _fields(cls)
+
+    @classmethod
+    def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
+        """Fill in what follows from other keys of the section, and see that the rest is there.
+
+        Args:
+            raw: what was given.
+            values: what of it is right; gets what is filled in.
+            key: of the section, such as "ecmo" or "ecmo.left".
+            remarks: gets what there is to say.
+        """
+
+    @model_validator(mode="before")
+    @classmethod
+    def _check(cls, data: object, info: ValidationInfo) -> object:
+        if not isinstance(data, dict) or info.context == CHECKED:
+            return data
+        remarks = Remarks()
+        values = check_section(cls, plain(data), cls.section, remarks)
+        remarks.raise_mistakes()
+        return values
+
+
+@cache
+def _fields(section: type[Section]) -> Mapping[str, Field]:
+    found = {}
+    for name, info in section.model_fields.items():
+        (entry,) = (item for item in info.metadata if isinstance(item, Field))
+        found[name] = replace(entry, name=name)
+    return found
+
+
+def plain(data: Raw) -> dict[str, Any]:
+    """The mapping with models turned into mappings, and without keys that are None."""
+    dumped = {
+        key: value.model_dump(exclude_none=True) if isinstance(value, BaseModel) else value
+        for key, value in data.items()
+    }
+    return {key: value for key, value in dumped.items() if value is not None}
+
+
+def check_section(
+    section: type[Section],
+    raw: object,
+    key: str,
+    remarks: Remarks,
+    other_place: Callable[[str], str] = lambda key: "",
+) -> dict[str, Any]:
+    """Check the fields of one section, each on its own, and fill in what follows from others.
+
+    Args:
+        section: what belongs there.
+        raw: what was given.
+        key: of the section in the case file.
+        remarks: gets what there is to say.
+        other_place: tells in which other sections a key belongs.
+
+    Returns:
+        The values as far as they are right.
+    """
+    values: dict[str, Any] = {}
+    if not isinstance(raw, Mapping):
+        _refuse_section(key, raw, remarks)
+        return values
+    fields = section.fields()
+    for name, value in raw.items():
+        if name in fields:
+            check_field(f"{key}.{name}", value, fields[name], values, remarks)
+        else:
+            hint = did_you_mean(str(name), fields) or other_place(str(name))
+            if isinstance(value, Mapping):
+                hint = f"[{key}.one] and [{key}.{short(name)}], where two are connected"
+            remarks.error(f"{key}.{short(name)}", "unknown key", shown(value), ", ".join(fields), hint)
+    for field in fields.values():
+        if field.required and field.name not in raw:
+            remarks.error(f"{key}.{field.name}", "missing", allowed=field.allowed)
+    section.complete(raw, values, key, remarks)
+    return values
+
+
+def check_field(key: str, value: object, field: Field, values: dict[str, Any], remarks: Remarks) -> None:
+    """Read one value into `values`, or say why not."""
+    if field.may_be_missing and (value is None or is_missing(value)):
+        message = "not measured, so not fitted" if key.startswith("measurements") else "not given"
+        remarks.note(key, message, shown(value))
+        return
+    try:
+        values[field.name] = read_value(value, field)
+    except RefusedValueError as error:
+        why = error.mistake
+        hidden = field.kind == "text" and looks_identifiable(value)
+        written = "(hidden)" if hidden else shown(value)
+        remarks.error(key, why.message, written, why.allowed, why.suggestion)
+
+
+def read_value(value: object, field: Field) -> object:
+    """The value of a field.
+
+    Raises:
+        RefusedValueError: Saying what is allowed.
+    """
+    if field.read is not None:
+        return field.read(value, field)
+    return {"number": read_number, "text": _read_text, "name": read_name}[field.kind](value, field)
+
+
+def _read_text(value: object, field: Field) -> str:
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        message = "a number where text belongs; write it in quotes"
+        raise RefusedValueError(message, field.allowed, f'"{shown(value)}"')
+    if not isinstance(value, str):
+        raise RefusedValueError("text belongs here", field.allowed)
+    name = unicodedata.normalize("NFC", value).strip()
+    if not name:
+        raise RefusedValueError("empty", field.allowed)
+    if len(name) > MAXIMUM_ID_LENGTH:
+        raise RefusedValueError(f"too long: {len(name)} characters", field.allowed)
+    if not name.isprintable():
+        raise RefusedValueError("holds line breaks or other characters that cannot be printed", field.allowed)
+    return name
+
+
+def read_name(value: object, field: Field) -> str:
+    """One of the names of a field.
+
+    Raises:
+        RefusedValueError: Saying what is allowed.
+    """
+    if isinstance(value, str):
+        name = value.strip()
+        name = field.aliases.get(name, name)
+        if name in field.names:
+            return name
+        hint = did_you_mean(name, (*field.names, *field.aliases)) or ""
+        raise RefusedValueError("unknown name", field.allowed, hint)
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        message = "a number; only names are read, as lists of devices and sites differ"
+        raise RefusedValueError(message, field.allowed)
+    raise RefusedValueError("a name belongs here", field.allowed)
+
+
+def looks_identifiable(text: object) -> bool:
+    """Whether an id looks like a name, a birth date or a record number of a hospital."""
+    if not isinstance(text, str):
+        return False
+    written = text.strip()[:_LONGEST_LOOKED_AT]
+    if re.search(r"@|\b(mrn|born|geb|dob|name)\b", written, re.IGNORECASE):
+        return True
+    return bool(_BIRTH_DATE.search(written) or _RECORD_NUMBER.search(written) or _PERSON.search(written))
+
+
+def short(key: object) -> str:
+    """A key as it stands in messages."""
+    text = str(key)
+    text = text if text.isprintable() else text.encode("unicode_escape").decode("ascii")
+    return text if len(text) <= 64 else text[:60] + "..."
+
+
+def _refuse_section(key: str, raw: object, remarks: Remarks) -> None:
+    if isinstance(raw, (list, tuple)):
+        times = f"given {len(raw)} times" if len(raw) != 1 else "written as one of a list"
+        allowed = f"one [{key}] section, in single brackets"
+        remarks.error(key, f"{times}; a case has one at most", allowed=allowed)
+    else:
+        remarks.error(key, "a section belongs here", shown(raw), f"[{key}] and its keys on lines below")
