@@ -18,7 +18,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from eclsim.circuit.assembly import Constants
-from eclsim.components import HeartValve
 from eclsim.orbit.explicit import ExplicitCircuit, explicit_circuit
 from eclsim.orbit.steady import Batch, steady_beats
 from eclsim.validation.cases import case_names, reference_model
@@ -63,7 +62,7 @@ class Published:
     def flows(self, state, pressures):
         found = self.explicit.flows(state[: self.assembly.layout.size], pressures, self.constants)
         for j, connection in enumerate(self.assembly.circuit.connections):
-            if isinstance(connection.component, HeartValve):
+            if connection.component.one_way:
                 drop = self.explicit._push(j, pressures, self.constants)
                 step = jnp.tanh(drop / ROUNDING_MMHG)
                 root = jnp.sqrt((drop * step + ROUNDING_OF_ROOT) / self.constants.paths[j])

@@ -26,6 +26,7 @@ FLOWS = (-150.0, 250.0)
 
 STORAGES: dict[str, tuple[Storage, dict[str, float]]] = {
     "vessel": (ElasticVessel("C"), {"C": 0.9}),
+    "vessel with an unstressed volume": (ElasticVessel("C", "Vu"), {"C": 0.9, "Vu": 20.0}),
     "atrium": (Atrium("Ed", "Emax"), {"Ed": 0.2, "Emax": 0.45}),
     "ventricle": (
         Ventricle("Emax", "alpha", "kappa", "beta"),
@@ -53,5 +54,5 @@ for _name, _pump in PUMPS.items():
     PATHS[_name] = (_law, {"w": _speed} | {"pump." + key: value for key, value in _pump.constants.items()})
 
 ROTARY_PUMPS = tuple(PUMPS)
-ONE_WAY = ("valve",)
-GIVEN_FLOW = ("crrt roller pump", "ecmo roller pump")
+ONE_WAY = tuple(name for name, (law, _) in PATHS.items() if law.one_way)
+GIVEN_FLOW = tuple(name for name, (law, _) in PATHS.items() if law.given_flow)

@@ -6,17 +6,15 @@ from typing import Any
 import jax.numpy as jnp
 
 from eclsim.components import Activation, Path, Storage
+from eclsim.components.base import Key, value_of
 
 
 @dataclass(frozen=True)
 class StenosedValve(Path):
     """A valve with a linear and a quadratic drop, stiff backwards; the solver inverts the drop."""
 
-    resistance_key: str
-    coefficient_key: str
-
-    def parameter_names(self) -> tuple[str, ...]:
-        return (self.resistance_key, self.coefficient_key)
+    resistance_key: Key
+    coefficient_key: Key
 
     def pressure_drop(self, flow: Any, constants: Any) -> Any:
         resistance, coefficient = constants[self.resistance_key], constants[self.coefficient_key]
@@ -28,14 +26,11 @@ class StenosedValve(Path):
 class ValveWithInertia(StenosedValve):
     """The same with the inertia of the blood that it moves."""
 
-    inertia_key: str = "inertia"
+    inertia_key: Key = "inertia"
 
     @property
     def inertial(self) -> bool:
         return True
-
-    def parameter_names(self) -> tuple[str, ...]:
-        return (*super().parameter_names(), self.inertia_key)
 
     def inertance(self, constants: Any) -> Any:
         return constants[self.inertia_key]
@@ -45,14 +40,11 @@ class ValveWithInertia(StenosedValve):
 class StiffeningDevice(Storage):
     """A lung-kidney device whose fibres stiffen as it fills: P = a V + b V^3."""
 
-    soft: str
-    stiff: str
-
-    def parameter_names(self) -> tuple[str, ...]:
-        return (self.soft, self.stiff)
+    soft: Key
+    stiff: Key
 
     def pressure(self, volume: Any, activation: Any, constants: Any) -> tuple[Any, Any]:
-        a, b = constants[self.soft], constants[self.stiff]
+        a, b = value_of(constants, self.soft), value_of(constants, self.stiff)
         return a * volume + b * volume**3, a + 3.0 * b * volume**2
 
 
@@ -74,9 +66,6 @@ class PressureSource(Storage):
     @property
     def activation(self) -> Activation:
         return Sine()
-
-    def parameter_names(self) -> tuple[str, ...]:
-        return ()
 
     def pressure(self, volume: Any, activation: Any, constants: Any) -> tuple[Any, Any]:
         return self.mean + self.amplitude * activation + 0.0 * volume, 0.0 * volume

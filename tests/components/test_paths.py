@@ -184,3 +184,9 @@ def test_a_tube_follows_hagen_poiseuille_in_si_units():
     assert resistance == pytest.approx(pascal_s_per_m3 * 1e-6 / 133.322, rel=1e-5)
     kilogram_per_m4 = 1060.0 * length / (np.pi * radius**2)
     assert inertance == pytest.approx(kilogram_per_m4 * 1e-6 / 133.322, rel=1e-5)
+
+
+def test_flags_say_what_a_path_is():
+    assert ONE_WAY == ("valve",)
+    assert GIVEN_FLOW == ("crrt roller pump", "ecmo roller pump")
+    assert {name for name, (law, _) in PATHS.items() if law.linear} == {"resistance", "artery", "tube"}

@@ -113,7 +113,6 @@ def _boxes(circuit: Circuit, page: Layout) -> list[dict[str, Any]]:
 
 def _wires(connections: Sequence[Connection], page: Layout) -> list[dict[str, Any]]:
     """Lines between neighbours."""
-    from eclsim.components import RollerPump
     from eclsim.reporting.schematic_layout import MIDDLE, NODES, WIRES
 
     found = []
@@ -132,7 +131,7 @@ def _wires(connections: Sequence[Connection], page: Layout) -> list[dict[str, An
         found.append({
             "name": connection.name, "group": connection.group,
             "words": ENGLISH.get(f"wire_{connection.name}", wire.words),
-            "symbol": "roller" if isinstance(connection.component, RollerPump) else wire.symbol,
+            "symbol": "roller" if connection.component.given_flow else wire.symbol,
             "path": [_down(start), _down(stop)], "at": [x, y], "label": label,
         })  # fmt: skip
     return found

@@ -156,7 +156,7 @@ class BeatProgram:
         loads: list[Any] = []
         for compartment, law in zip(assembly.circuit.compartments, constants.storages, strict=True):
             fixed = compartment.component.constant_stiffness
-            loads.append(weight * compartment.component.pressure(0.0, None, law)[1] if fixed else None)
+            loads.append(weight * compartment.component.pressure(0.0, 0.0, law)[1] if fixed else None)
         inertia, fixed_load, conductance = [], [], []
         for j, connection in enumerate(assembly.circuit.connections):
             law, path = connection.component, constants.paths[j]

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 
 from eclsim.circuit.assembly import Assembly, Constants
 from eclsim.circuit.network import Circuit
-from eclsim.components import HeartValve
 
 RATE = "'"
 """Suffix of a signal's change per unit of phase."""
@@ -48,7 +47,7 @@ def has_rate(circuit: Circuit, signal: str) -> bool:
 def has_mean(circuit: Circuit, signal: str) -> bool:
     """Whether a signal is a flow that opens and shuts, so that its values at the steps' ends do not do."""
     laws = {c.name: c.component for c in circuit.connections}
-    return signal[0] == "Q" and isinstance(laws.get(signal[1:]), HeartValve)
+    return signal[0] == "Q" and signal[1:] in laws and laws[signal[1:]].one_way
 
 
 def with_means(circuit: Circuit, signals: tuple[str, ...]) -> tuple[str, ...]:

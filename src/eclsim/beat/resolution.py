@@ -32,7 +32,7 @@ def oscillations(assembly: Assembly, values: Mapping[str, Any]) -> list[tuple[An
         # As arrays, so that a compliance of zero is an infinite stiffness and no exception.
         constants = assembly.constants({k: np.asarray(v, dtype=float) for k, v in values.items()})
     stiffness = [
-        c.component.pressure(0.0, None, law)[1] if c.component.constant_stiffness else 0.0
+        c.component.pressure(0.0, 0.0, law)[1] if c.component.constant_stiffness else 0.0
         for c, law in zip(assembly.circuit.compartments, constants.storages, strict=True)
     ]
     found = []

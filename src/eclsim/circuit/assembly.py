@@ -17,8 +17,7 @@ from eclsim.circuit.layout import StateLayout, layout_of
 from eclsim.circuit.network import Choice, Circuit, Site, StartPressure
 from eclsim.circuit.sweep import sweep_order
 from eclsim.circuit.validation import validate
-from eclsim.components.activation import Activation
-from eclsim.components.base import Values, value_of
+from eclsim.components.base import Activation, Values, value_of
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,7 @@ class Assembly:
         found = []
         for position, compartment in enumerate(self.circuit.compartments):
             index = self.activation_index(position)
-            activation = None if index is None else activations[index]
+            activation = 0.0 if index is None else activations[index]
             law = compartment.component
             found.append(law.pressure(volumes[position], activation, constants.storages[position]))
         return [p for p, _ in found], [s for _, s in found]

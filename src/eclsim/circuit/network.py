@@ -1,15 +1,18 @@
 """A circuit is two tables: compartments that store blood and connections that carry it.
 
-A circuit is data. It is built from parts, joined with `+`, read on one screen with `print`, and compared and
-hashed like any value; nothing in it computes.
+A circuit is data. It is joined to others with `+`, put under a prefix where there are two of a kind, read
+on one screen with `print`, and compared and hashed like any value; nothing in it computes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
-from eclsim.components.base import Key, Path, Storage, names_in
+from eclsim.components.base import Key, Path, Renaming, Storage, names_in, renamed_key
+
+SHARED_PARAMETERS = ("etaB", "rhoB")
+"""What the blood of all circuits has in common: these parameters keep their names under a prefix."""
 
 
 @dataclass(frozen=True)
@@ -18,6 +21,15 @@ class StartPressure:
 
     pressure: Key = 0.0
 
+    @property
+    def keys(self) -> tuple[Key, ...]:
+        """What it reads."""
+        return (self.pressure,)
+
+    def renamed(self, parameter: Renaming) -> StartPressure:
+        """The same start from other parameters."""
+        return StartPressure(renamed_key(self.pressure, parameter))
+
 
 @dataclass(frozen=True)
 class StartVolume:
@@ -25,6 +37,15 @@ class StartVolume:
 
     volume: Key
     fraction_of: Key | None = None
+
+    @property
+    def keys(self) -> tuple[Key, ...]:
+        """What it reads."""
+        return (self.volume,) if self.fraction_of is None else (self.volume, self.fraction_of)
+
+    def renamed(self, parameter: Renaming) -> StartVolume:
+        """The same start from other parameters."""
+        return StartVolume(*(renamed_key(key, parameter) for key in self.keys))
 
 
 @dataclass(frozen=True)
@@ -45,6 +66,19 @@ class Compartment:
     group: str = "patient"
     start: StartPressure | StartVolume = field(default_factory=StartPressure)
     total_fraction: Key | None = None
+
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters of its law, of its share of all blood, and of its start."""
+        keys = (*names_in(self.total_fraction), *self.start.keys)
+        return self.component.parameter_names() + sum(map(names_in, keys), ())
+
+    def renamed(self, name: Renaming, parameter: Renaming, group: Renaming) -> Compartment:
+        """The same compartment under other names."""
+        fraction = None if self.total_fraction is None else renamed_key(self.total_fraction, parameter)
+        return Compartment(
+            name(self.name), self.component.renamed(parameter), group(self.group),
+            self.start.renamed(parameter), fraction,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -75,6 +109,16 @@ class Connection:
     target: Site
     group: str = "patient"
 
+    @property
+    def sites(self) -> tuple[Site, Site]:
+        """Both ends."""
+        return (self.source, self.target)
+
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters of its law and of those that choose its sites."""
+        chosen = tuple(site.parameter for site in self.sites if isinstance(site, Choice))
+        return self.component.parameter_names() + chosen
+
 
 @dataclass(frozen=True)
 class Circuit:
@@ -104,16 +148,53 @@ class Circuit:
 
     def parameter_names(self) -> tuple[str, ...]:
         """Names of all parameters that the circuit reads, each once, in order of appearance."""
-        names: dict[str, None] = {}
-        for compartment in self.compartments:
-            names.update(dict.fromkeys(compartment.component.parameter_names()))
-            names.update(dict.fromkeys(_start_names(compartment)))
-        for connection in self.connections:
-            names.update(dict.fromkeys(connection.component.parameter_names()))
-            for site in (connection.source, connection.target):
-                if isinstance(site, Choice):
-                    names[site.parameter] = None
-        return tuple(names)
+        entries = (*self.compartments, *self.connections)
+        return tuple(dict.fromkeys(name for entry in entries for name in entry.parameter_names()))
+
+    def renamed(self, name: Renaming, parameter: Renaming, group: Renaming) -> Circuit:
+        """The same circuit under other names; sites outside of it keep theirs.
+
+        Args:
+            name: of a compartment or connection.
+            parameter: of a parameter.
+            group: of a group.
+        """
+        own = {compartment.name for compartment in self.compartments}
+
+        def site(of: str) -> str:
+            return name(of) if of in own else of
+
+        def end(of: Site) -> Site:
+            if isinstance(of, Choice):
+                return Choice(tuple(map(site, of.sites)), parameter(of.parameter))
+            return site(of)
+
+        compartments = (c.renamed(name, parameter, group) for c in self.compartments)
+        connections = (
+            Connection(
+                name(c.name), c.component.renamed(parameter), end(c.source), end(c.target), group(c.group)
+            )
+            for c in self.connections
+        )
+        return Circuit(tuple(compartments), tuple(connections))
+
+    def prefixed(self, prefix: str, shared: Collection[str] = SHARED_PARAMETERS) -> Circuit:
+        """The same circuit as one of two of a kind, such as "lvad.left".
+
+        The prefix comes in front of every name; what begins with its first word already, such as the
+        parameter "lvad.speed_rpm" or the group "lvad", becomes "lvad.left.speed_rpm" or "lvad.left".
+
+        Args:
+            prefix: without a dot at its end; empty for the circuit as it is.
+            shared: parameters that are those of all circuits.
+        """
+        kind = prefix.partition(".")[0]
+
+        def put(name: str) -> str:
+            rest = name.removeprefix(kind)
+            return prefix + rest if rest != name and rest[:1] in ("", ".") else f"{prefix}.{name}"
+
+        return self.renamed(put, lambda n: n if n in shared else put(n), put) if prefix else self
 
     def with_chosen_sites(self, values: Mapping[str, float]) -> Circuit:
         """The circuit of one patient: a fixed site wherever the value of a parameter chooses it."""
@@ -124,7 +205,7 @@ class Circuit:
             return of.site(float(values[of.parameter]))
 
         paths = (replace(c, source=site(c.source), target=site(c.target)) for c in self.connections)
-        return Circuit(self.compartments, tuple(paths))
+        return replace(self, connections=tuple(paths))
 
     def compartment(self, name: str) -> Compartment:
         """The compartment of that name."""
@@ -147,11 +228,3 @@ def sites_of(site: Site) -> tuple[str, ...]:
 def site_text(site: Site) -> str:
     """A site in words."""
     return f"{{{' | '.join(site.sites)} by {site.parameter}}}" if isinstance(site, Choice) else site
-
-
-def _start_names(compartment: Compartment) -> tuple[str, ...]:
-    start = compartment.start
-    names = names_in(compartment.total_fraction)
-    if isinstance(start, StartPressure):
-        return names + names_in(start.pressure)
-    return names + names_in(start.volume) + names_in(start.fraction_of)

@@ -1,11 +1,9 @@
 """Components: the physics, one law each. `all_storages` and `all_paths` list them for the tests."""
 
-from eclsim.components.activation import Activation, AtrialBump, VentricularSystole
-from eclsim.components.base import Path, Storage
-from eclsim.components.cannulae import Cannula
-from eclsim.components.chambers import Atrium, LinearChamber, Ventricle
+from eclsim.components.base import Activation, Path, Storage
+from eclsim.components.chambers import AtrialBump, Atrium, LinearChamber, Ventricle, VentricularSystole
 from eclsim.components.pumps import RollerPump, RotaryPump
-from eclsim.components.tubing import Tube
+from eclsim.components.tubes import Cannula, Tube
 from eclsim.components.valves import HeartValve
 from eclsim.components.vessels import Artery, ElasticVessel, Resistance
 

@@ -1,28 +1,37 @@
 """What a component is: a `Storage` keeps blood, a `Path` carries it.
 
-A component states its law and the names of the parameters the law needs, nothing else: no solver, no file,
-no plot. The circuit says where it stands. Values reach a component as a mapping from parameter name to
-number or array (one entry per patient of a batch), so every law is written once for one and for many.
+A component states its law and the parameters that the law needs, nothing else: no solver, no file, no plot.
+The circuit says where it stands. Values reach a component as a mapping from parameter name to number or array
+(one entry per patient of a batch), so every law is written once for one and for many.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields, replace
+from types import ModuleType
+from typing import ClassVar, Generic, TypeVar
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from eclsim import runtime as _runtime  # noqa: F401  (double precision before the first array)
-from eclsim.components.activation import Activation
 
-Values = Mapping[str, Any]
+Number = float | np.ndarray | jax.Array
+"""A number, or one for each patient of a batch."""
+Values = Mapping[str, Number]
+"""Value of each parameter."""
 Key = str | float | tuple[str, ...]
+"""Where a value comes from: a parameter's name, a number meant as it stands, or names to be summed."""
+Renaming = Callable[[str], str]
+Own = TypeVar("Own", bound="Component")
+Constants = TypeVar("Constants")
 
 
-def value_of(values: Values, key: Key) -> Any:
-    """Value behind a key: a parameter name, a number that is meant as it stands, or names to be summed."""
+def value_of(values: Values, key: Key) -> Number:
+    """Value behind a key."""
     if isinstance(key, tuple):
         return sum((values[name] for name in key[1:]), start=values[key[0]])
     return values[key] if isinstance(key, str) else key
@@ -35,105 +44,135 @@ def names_in(key: Key | None) -> tuple[str, ...]:
     return (key,) if isinstance(key, str) else ()
 
 
-@dataclass(frozen=True)
-class Storage:
+def renamed_key(key: Key, parameter: Renaming) -> Key:
+    """A key with other parameter names."""
+    if isinstance(key, tuple):
+        return tuple(map(parameter, key))
+    return parameter(key) if isinstance(key, str) else key
+
+
+class Component:
+    """What all laws share: parameters, the fields of a frozen dataclass that are annotated as `Key`."""
+
+    above_zero: ClassVar[tuple[str, ...]] = ()
+    """Fields whose parameters make no sense at zero or below, such as a compliance."""
+    not_negative: ClassVar[tuple[str, ...]] = ()
+    """Fields whose parameters make no sense below zero, such as a resistance."""
+
+    def _keys(self) -> tuple[str, ...]:
+        return tuple(f.name for f in fields(self) if f.type in ("Key", Key))  # pyright: ignore[reportArgumentType]  # laws are dataclasses
+
+    def names_of(self, wanted: Iterable[str]) -> tuple[str, ...]:
+        """Parameter names in some fields."""
+        return tuple(name for field in wanted for name in names_in(getattr(self, field)))
+
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters that the law reads."""
+        return self.names_of(self._keys())
+
+    def renamed(self: Own, parameter: Renaming) -> Own:
+        """The same law of other parameters; a law with names in fields that are no `Key` overrides it."""
+        changes = {field: renamed_key(getattr(self, field), parameter) for field in self._keys()}
+        other = replace(self, **changes)  # pyright: ignore[reportType, reportArgumentType]  # laws are dataclasses
+        missed = set(other.parameter_names()) - set(map(parameter, self.parameter_names()))
+        if missed:
+            raise TypeError(
+                f"{type(self).__name__}: cannot rename {', '.join(sorted(missed))}: annotate the fields that "
+                "hold parameter names as Key, or override `renamed`"
+            )
+        return other
+
+
+class Activation(ABC):
+    """When a chamber contracts: activation (0 at rest, 1 at peak) over the phase t / T of the beat."""
+
+    @abstractmethod
+    def at(self, phase: Number, xp: ModuleType) -> Number:
+        """Activation at phases of 0 to 1; xp is the array module (numpy or jax.numpy)."""
+
+    @property
+    def break_points(self) -> tuple[float, ...]:
+        """Phases of 0 to 1 where a derivative jumps: a stepper puts a step boundary there."""
+        return ()
+
+
+class Storage(Component, ABC, Generic[Constants]):
     """A compartment's law: pressure [mmHg] and stiffness dP/dV [mmHg/mL] of its stressed volume [mL]."""
+
+    constant_stiffness: ClassVar[bool] = False
+    """Whether dP/dV depends on neither volume nor phase, so that it can be computed once a beat."""
 
     @property
     def activation(self) -> Activation | None:
         """Timing of the contraction; None for a passive compartment."""
         return None
 
-    @property
-    def constant_stiffness(self) -> bool:
-        """True if dP/dV depends on neither volume nor phase, so that it can be computed once a beat."""
-        return False
+    def constants(self, values: Values) -> Constants:
+        """What can be computed once from the parameters; handed back to `pressure`. Left out, the values."""
+        return values  # pyright: ignore[reportReturnType]  # what a law without this method is written for
 
-    @property
-    def above_zero(self) -> tuple[Key, ...]:
-        """Parameters without which the law makes no sense at zero or below, such as a compliance."""
-        return ()
-
-    @property
-    def not_negative(self) -> tuple[Key, ...]:
-        """Parameters without which the law makes no sense below zero, such as a resistance."""
-        return ()
-
-    def parameter_names(self) -> tuple[str, ...]:
-        """Names of the parameters that the law reads."""
-        raise NotImplementedError
-
-    def constants(self, values: Values) -> Any:
-        """Anything that can be computed once from the parameters; handed back to `pressure`."""
-        return values
-
-    def pressure(self, volume: Any, activation: Any, constants: Any) -> tuple[Any, Any]:
+    @abstractmethod
+    def pressure(self, volume: Number, activation: Number, constants: Constants) -> tuple[Number, Number]:
         """Pressure [mmHg] and stiffness [mmHg/mL] at a stressed volume [mL] and an activation of 0 to 1."""
-        raise NotImplementedError
 
 
-@dataclass(frozen=True)
-class Path:
+class Path(Component, ABC, Generic[Constants]):
     """A connection's law: the pressure drop [mmHg] that goes with a flow [mL/s].
 
     `pressure_drop` is all that a new component must state. `flow` is its inverse under a series load,
     load * Q + drop(Q) = dp; the default solves it by Newton's method, a closed form is faster.
     """
 
+    linear: ClassVar[bool] = False
+    """Whether the drop is resistance * flow with a resistance that is constant over the beat."""
+    one_way: ClassVar[bool] = False
+    """Whether it opens and shuts: then its flow at the ends of steps does not say what moved meanwhile."""
+    given_flow: ClassVar[bool] = False
+    """Whether the flow is given whatever the pressures."""
+
     @property
     def inertial(self) -> bool:
-        """True if the flow has inertia and is a state of its own."""
+        """Whether the flow has inertia and is a state of its own."""
         return False
 
-    @property
-    def linear(self) -> bool:
-        """True if the drop is resistance * flow with a resistance that is constant over the beat."""
-        return False
+    def constants(self, values: Values) -> Constants:
+        """What can be computed once from the parameters; handed back to the methods below."""
+        return values  # pyright: ignore[reportReturnType]  # what a law without this method is written for
 
-    @property
-    def above_zero(self) -> tuple[Key, ...]:
-        """Parameters without which the law makes no sense at zero or below, such as a compliance."""
-        return ()
-
-    @property
-    def not_negative(self) -> tuple[Key, ...]:
-        """Parameters without which the law makes no sense below zero, such as a resistance."""
-        return ()
-
-    def parameter_names(self) -> tuple[str, ...]:
-        """Names of the parameters that the law reads."""
-        raise NotImplementedError
-
-    def constants(self, values: Values) -> Any:
-        """Anything that can be computed once from the parameters; handed back to the methods below."""
-        return values
-
-    def inertance(self, constants: Any) -> Any:
+    def inertance(self, constants: Constants) -> Number:
         """Inertance [mmHg s^2/mL] of an inertial path."""
         raise NotImplementedError
 
-    def resistance(self, constants: Any) -> Any:
+    def resistance(self, constants: Constants) -> Number:
         """Resistance [mmHg s/mL] of a linear path."""
         raise NotImplementedError
 
-    def pressure_drop(self, flow: Any, constants: Any) -> Any:
+    @abstractmethod
+    def pressure_drop(self, flow: Number, constants: Constants) -> Number:
         """Pressure upstream minus downstream [mmHg] that a steady flow [mL/s] takes."""
-        raise NotImplementedError
 
-    def flow(self, pressure_difference: Any, load: Any, constants: Any) -> Any:
+    def flow(self, pressure_difference: Number, load: Number, constants: Constants) -> Number:
         """Flow [mL/s] with load * flow + pressure_drop(flow) = pressure_difference; load in mmHg s/mL."""
         return _newton_flow(self, pressure_difference, load, constants)
 
+    def sharpened(self: Own, smoothing: float) -> Own:
+        """The law for an explicit solver; `smoothing` [mmHg] where it rounds a kink off, as a valve does."""
+        return self
+
 
 def _newton_flow(
-    path: Path, pressure_difference: Any, load: Any, constants: Any, iterations: int = 40
-) -> Any:
+    path: Path[Constants],
+    pressure_difference: Number,
+    load: Number,
+    constants: Constants,
+    iterations: int = 40,
+) -> Number:
     """Newton's method on a monotone drop; slopes are kept positive, so a flat start cannot divide by 0.
 
     The last step alone is differentiated, which gives the exact derivative of the root.
     """
 
-    def improved(flow: Any) -> Any:
+    def improved(flow: Number) -> Number:
         drop, slope = jax.jvp(lambda q: path.pressure_drop(q, constants), (flow,), (jnp.ones_like(flow),))
         return flow + (pressure_difference - drop - load * flow) / jnp.maximum(load + slope, 1e-9)
 

@@ -1,4 +1,4 @@
-"""Heart chambers: time-varying elastance.
+"""Heart chambers: time-varying elastance, driven by an activation (0 at rest, 1 at peak) over the beat.
 
          activation(phase)
                |
@@ -10,19 +10,81 @@ filling  o-->-( V )-->-o  ejection
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from types import ModuleType
+from typing import ClassVar, NamedTuple
 
 import jax.numpy as jnp
 
-from eclsim.components.activation import Activation, AtrialBump, VentricularSystole
-from eclsim.components.base import Key, Storage, Values, names_in, value_of
+from eclsim.components.base import Activation, Constants, Key, Number, Storage, Values, value_of
 
 LARGEST_EXPONENT = 30.0
 """Cap of kappa * V: far beyond any patient (alpha e^30 = 5e11 mmHg), it keeps trial steps finite."""
 
 
 @dataclass(frozen=True)
-class Atrium(Storage):
+class AtrialBump(Activation):
+    """a(phase) = (1 - cos(2 pi s)) / 2 for s = (phase - start) / length in 0..1, else 0.
+
+    Defaults are the timing of the published code of Thiel et al. The bump may run into the next beat
+    (Shi et al. 2009: start 0.92, length 0.09).
+    """
+
+    start: float = 0.90
+    length: float = 0.09
+
+    def at(self, phase: Number, xp: ModuleType) -> Number:
+        """Activation at phases of 0 to 1."""
+        s = ((phase - self.start) % 1.0) / self.length
+        return xp.where(s < 1.0, 0.5 * (1.0 - xp.cos(2.0 * xp.pi * s)), 0.0)
+
+    @property
+    def break_points(self) -> tuple[float, ...]:
+        """Start and end of the bump."""
+        return (self.start % 1.0, (self.start + self.length) % 1.0)
+
+
+@dataclass(frozen=True)
+class VentricularSystole(Activation):
+    """Rises as (1 - cos) / 2 until `peak`, falls as (1 + cos) / 2 until `end`, then 0.
+
+    Source: Korakianitis and Shi 2006, doi 10.1016/j.jbiomech.2005.05.016; times as in Thiel et al.
+    """
+
+    peak: float = 0.30
+    end: float = 0.45
+
+    def at(self, phase: Number, xp: ModuleType) -> Number:
+        """Activation at phases of 0 to 1."""
+        rise = 0.5 * (1.0 - xp.cos(xp.pi * phase / self.peak))
+        fall = 0.5 * (1.0 + xp.cos(xp.pi * (phase - self.peak) / (self.end - self.peak)))
+        return xp.where(phase <= self.peak, rise, xp.where(phase <= self.end, fall, 0.0))
+
+    @property
+    def break_points(self) -> tuple[float, ...]:
+        """Peak and end of systole."""
+        return (self.peak, self.end)
+
+
+class Chamber(Storage[Constants]):
+    """A compartment that contracts."""
+
+    timing: Activation
+
+    @property
+    def activation(self) -> Activation:
+        """Timing of the contraction."""
+        return self.timing
+
+
+class ElastanceSwing(NamedTuple):
+    """Constants of an atrium [mmHg/mL]."""
+
+    rest: Number
+    swing: Number
+
+
+@dataclass(frozen=True)
+class Atrium(Chamber[ElastanceSwing]):
     """Linear elastance that swings between rest and peak.
 
     P = E V,  E = diastolic + (systolic - diastolic) * a(phase).
@@ -38,35 +100,32 @@ class Atrium(Storage):
     diastolic: Key
     systolic: Key
     timing: Activation = field(default_factory=AtrialBump)
+    not_negative: ClassVar = ("diastolic", "systolic")
 
-    @property
-    def activation(self) -> Activation:
-        """Timing of the contraction."""
-        return self.timing
-
-    @property
-    def not_negative(self) -> tuple[Key, ...]:
-        """Both elastances."""
-        return (self.diastolic, self.systolic)
-
-    def parameter_names(self) -> tuple[str, ...]:
-        """Both elastances."""
-        return names_in(self.diastolic) + names_in(self.systolic)
-
-    def constants(self, values: Values) -> Any:
-        """Elastance at rest and its swing [mmHg/mL]."""
+    def constants(self, values: Values) -> ElastanceSwing:
+        """Elastance at rest and its swing."""
         rest = value_of(values, self.diastolic)
-        return rest, value_of(values, self.systolic) - rest
+        return ElastanceSwing(rest, value_of(values, self.systolic) - rest)
 
-    def pressure(self, volume: Any, activation: Any, constants: Any) -> tuple[Any, Any]:
+    def pressure(
+        self, volume: Number, activation: Number, constants: ElastanceSwing
+    ) -> tuple[Number, Number]:
         """Pressure [mmHg] and elastance [mmHg/mL]."""
-        rest, swing = constants
-        elastance = rest + swing * activation
+        elastance = constants.rest + constants.swing * activation
         return elastance * volume, elastance
 
 
+class VentricleConstants(NamedTuple):
+    """Constants of a ventricle, as its arguments."""
+
+    systolic: Number
+    alpha: Number
+    kappa: Number
+    beta: Number
+
+
 @dataclass(frozen=True)
-class Ventricle(Storage):
+class Ventricle(Chamber[VentricleConstants]):
     """Linear at peak systole, exponential at rest.
 
     P = v Emax V + (1 - v) (alpha exp(kappa V) + beta),  v = v(phase).
@@ -86,26 +145,16 @@ class Ventricle(Storage):
     kappa: Key
     beta: Key
     timing: Activation = field(default_factory=VentricularSystole)
+    not_negative: ClassVar = ("systolic", "alpha", "kappa")
 
-    @property
-    def activation(self) -> Activation:
-        """Timing of the contraction."""
-        return self.timing
-
-    @property
-    def not_negative(self) -> tuple[Key, ...]:
-        """Peak elastance, scale and steepness of the passive curve."""
-        return (self.systolic, self.alpha, self.kappa)
-
-    def parameter_names(self) -> tuple[str, ...]:
-        """Peak elastance and the three coefficients of the passive curve."""
-        return sum((names_in(k) for k in (self.systolic, self.alpha, self.kappa, self.beta)), ())
-
-    def constants(self, values: Values) -> Any:
+    def constants(self, values: Values) -> VentricleConstants:
         """The four coefficients."""
-        return tuple(value_of(values, k) for k in (self.systolic, self.alpha, self.kappa, self.beta))
+        keys = (self.systolic, self.alpha, self.kappa, self.beta)
+        return VentricleConstants(*(value_of(values, key) for key in keys))
 
-    def pressure(self, volume: Any, activation: Any, constants: Any) -> tuple[Any, Any]:
+    def pressure(
+        self, volume: Number, activation: Number, constants: VentricleConstants
+    ) -> tuple[Number, Number]:
         """Pressure [mmHg] and stiffness [mmHg/mL]."""
         systolic, alpha, kappa, beta = constants
         rest = 1.0 - activation
@@ -114,8 +163,17 @@ class Ventricle(Storage):
         return active * volume + passive + rest * beta, active + kappa * passive
 
 
+class LinearChamberConstants(NamedTuple):
+    """Elastance at rest and its swing [mmHg/mL], rest volume [mL], rest pressure [mmHg]."""
+
+    rest: Number
+    swing: Number
+    rest_volume: Number
+    rest_pressure: Number
+
+
 @dataclass(frozen=True)
-class LinearChamber(Storage):
+class LinearChamber(Chamber[LinearChamberConstants]):
     """Linear elastance about a rest volume and a rest pressure.
 
     P = p0 + E (V - v0),  E = minimum + (maximum - minimum) * activation(phase).
@@ -135,30 +193,18 @@ class LinearChamber(Storage):
     rest_volume: Key
     rest_pressure: Key
     timing: Activation
+    not_negative: ClassVar = ("minimum", "maximum")
 
-    @property
-    def activation(self) -> Activation:
-        """Timing of the contraction."""
-        return self.timing
-
-    @property
-    def not_negative(self) -> tuple[Key, ...]:
-        """Both elastances."""
-        return (self.minimum, self.maximum)
-
-    def parameter_names(self) -> tuple[str, ...]:
-        """Both elastances, rest volume and rest pressure."""
-        keys = (self.minimum, self.maximum, self.rest_volume, self.rest_pressure)
-        return sum((names_in(k) for k in keys), ())
-
-    def constants(self, values: Values) -> Any:
+    def constants(self, values: Values) -> LinearChamberConstants:
         """Elastance at rest, its swing, rest volume, rest pressure."""
         low = value_of(values, self.minimum)
         swing = value_of(values, self.maximum) - low
-        return low, swing, value_of(values, self.rest_volume), value_of(values, self.rest_pressure)
+        rest = value_of(values, self.rest_volume), value_of(values, self.rest_pressure)
+        return LinearChamberConstants(low, swing, *rest)
 
-    def pressure(self, volume: Any, activation: Any, constants: Any) -> tuple[Any, Any]:
+    def pressure(
+        self, volume: Number, activation: Number, constants: LinearChamberConstants
+    ) -> tuple[Number, Number]:
         """Pressure [mmHg] and elastance [mmHg/mL]."""
-        low, swing, rest_volume, rest_pressure = constants
-        elastance = low + swing * activation
-        return rest_pressure + elastance * (volume - rest_volume), elastance
+        elastance = constants.rest + constants.swing * activation
+        return constants.rest_pressure + elastance * (volume - constants.rest_volume), elastance

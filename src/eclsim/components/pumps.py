@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import ClassVar, NamedTuple
 
 import jax.numpy as jnp
 
-from eclsim.components.base import Key, Path, Values, names_in, value_of
+from eclsim.components.base import (
+    Key,
+    Number,
+    Path,
+    Renaming,
+    Values,
+    names_in,
+    renamed_key,
+    value_of,
+)
 from eclsim.units import ML_S_PER_L_MIN, convert, quantity_of, units_of
 
 CURVE = ("a", "R1", "R2", "Rrec", "kinf")
@@ -15,8 +24,20 @@ PERIPHERY = ("L", "Rper", "Lper")
 SMALLEST_DISCRIMINANT = 1e-12
 
 
+class PumpCurve(NamedTuple):
+    """Constants of a rotary pump at its speed, in mmHg and mL/s."""
+
+    shut_off: Number
+    slope: Number
+    curvature: Number
+    recirculation: Number
+    kink: Number
+    graft: Number
+    inertance: Number
+
+
 @dataclass(frozen=True)
-class RotaryPump(Path):
+class RotaryPump(Path[PumpCurve]):
     """Centrifugal or axial pump, with or without the inertia and resistance of its graft.
 
         source o---( P )-->--[ Rper ]---( L + Lper )---o target
@@ -39,24 +60,25 @@ class RotaryPump(Path):
     speed: Key
     prefix: str
     periphery: bool = False
+    not_negative: ClassVar = ("speed",)
 
     @property
     def inertial(self) -> bool:
         """With periphery the flow is a state."""
         return self.periphery
 
-    @property
-    def not_negative(self) -> tuple[Key, ...]:
-        """The speed."""
-        return (self.speed,)
-
     def parameter_names(self) -> tuple[str, ...]:
         """Speed and constants of the curve."""
         names = CURVE + (PERIPHERY if self.periphery else ())
         return names_in(self.speed) + tuple(self.prefix + name for name in names)
 
-    def constants(self, values: Values) -> Any:
-        """Curve in mmHg and mL/s: shut-off head, slope, two curvatures, kink, periphery, inertance."""
+    def renamed(self, parameter: Renaming) -> RotaryPump:
+        """The same pump of other parameters."""
+        prefix = parameter(self.prefix + CURVE[0]).removesuffix(CURVE[0])
+        return replace(self, speed=renamed_key(self.speed, parameter), prefix=prefix)
+
+    def constants(self, values: Values) -> PumpCurve:
+        """The curve at the pump's speed."""
         per = ML_S_PER_L_MIN
         speed = value_of(values, self.speed)
         a, r1, r2, rrec, kinf = (values[self.prefix + name] for name in CURVE)
@@ -64,23 +86,24 @@ class RotaryPump(Path):
         if self.periphery:
             graft = values[self.prefix + "Rper"] / per**2
             inertia = (values[self.prefix + "L"] + values[self.prefix + "Lper"]) / 1000.0
-        return a * speed**2, r1 * speed / per, r2 / per**2, rrec / per**2, kinf * speed * per, graft, inertia
+        curve = a * speed**2, r1 * speed / per, r2 / per**2, rrec / per**2, kinf * speed * per
+        return PumpCurve(*curve, graft, inertia)
 
-    def inertance(self, constants: Any) -> Any:
+    def inertance(self, constants: PumpCurve) -> Number:
         """L + Lper [mmHg s^2/mL]."""
-        return constants[-1]
+        return constants.inertance
 
-    def head(self, flow: Any, constants: Any) -> Any:
+    def head(self, flow: Number, constants: PumpCurve) -> Number:
         """Head H [mmHg] of the bare pump at a flow [mL/s]."""
         shut_off, slope, curvature, recirculation, kink, _, _ = constants
         below = jnp.minimum(flow - kink, 0.0)
         return shut_off - slope * flow - curvature * flow**2 + recirculation * below**2
 
-    def pressure_drop(self, flow: Any, constants: Any) -> Any:
+    def pressure_drop(self, flow: Number, constants: PumpCurve) -> Number:
         """Graft's drop minus head [mmHg]: a working pump raises the pressure."""
-        return constants[5] * flow * jnp.abs(flow) - self.head(flow, constants)
+        return constants.graft * flow * jnp.abs(flow) - self.head(flow, constants)
 
-    def flow(self, pressure_difference: Any, load: Any, constants: Any) -> Any:
+    def flow(self, pressure_difference: Number, load: Number, constants: PumpCurve) -> Number:
         """Root of load Q + Rper Q |Q| - H(Q) = dp [mL/s]; dp at Q = kink and Q = 0 tells the branch."""
         shut_off, slope, curvature, recirculation, kink, graft, _ = constants
         linear = load + slope
@@ -97,7 +120,7 @@ class RotaryPump(Path):
 
 
 @dataclass(frozen=True)
-class RollerPump(Path):
+class RollerPump(Path[Number]):
     """Pump that moves a given flow whatever the pressures.
 
         source o---( O )-->---o target      Q given
@@ -112,20 +135,21 @@ class RollerPump(Path):
 
     rate: Key
     unit: str = "ml/min"
+    given_flow: ClassVar = True
 
     def __post_init__(self) -> None:
         if quantity_of(self.unit) != "flow":
             allowed = ", ".join(units_of("flow"))
             raise ValueError(f"roller pump: unit '{self.unit}' is no unit of a flow; allowed: {allowed}")
 
-    def parameter_names(self) -> tuple[str, ...]:
-        """The flow."""
-        return names_in(self.rate)
-
-    def constants(self, values: Values) -> Any:
+    def constants(self, values: Values) -> Number:
         """Flow [mL/s]."""
         return value_of(values, self.rate) * convert(1.0, self.unit, "mL/s")
 
-    def flow(self, pressure_difference: Any, load: Any, constants: Any) -> Any:
+    def pressure_drop(self, flow: Number, constants: Number) -> Number:
+        """Not a number: the pump builds up whatever pressure its flow takes."""
+        return jnp.nan * flow
+
+    def flow(self, pressure_difference: Number, load: Number, constants: Number) -> Number:
         """The given flow [mL/s]."""
         return constants + 0.0 * pressure_difference

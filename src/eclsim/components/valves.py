@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import jax.numpy as jnp
 
-from eclsim.components.base import Key, Path, Values, names_in, value_of
+from eclsim.components.base import Key, Number, Path, Values, value_of
 
 
 @dataclass(frozen=True)
-class HeartValve(Path):
+class HeartValve(Path[Number]):
     """Diode with a pressure drop that grows with the square of the flow.
 
         source o---|>|---o target      Q = CQ sqrt(dp) if dp > 0, else 0
@@ -29,25 +29,18 @@ class HeartValve(Path):
 
     coefficient: Key
     smoothing: float = 1e-3
+    above_zero: ClassVar = ("coefficient",)
+    one_way: ClassVar = True
 
-    @property
-    def above_zero(self) -> tuple[Key, ...]:
-        """The flow coefficient."""
-        return (self.coefficient,)
-
-    def parameter_names(self) -> tuple[str, ...]:
-        """The flow coefficient."""
-        return names_in(self.coefficient)
-
-    def constants(self, values: Values) -> Any:
+    def constants(self, values: Values) -> Number:
         """4 / CQ^2 [mmHg s^2/mL^2]."""
         return 4.0 / value_of(values, self.coefficient) ** 2
 
-    def pressure_drop(self, flow: Any, constants: Any) -> Any:
+    def pressure_drop(self, flow: Number, constants: Number) -> Number:
         """Q^2 / CQ^2 [mmHg] of a forward flow."""
         return 0.25 * constants * jnp.square(jnp.maximum(flow, 0.0))
 
-    def flow(self, pressure_difference: Any, load: Any, constants: Any) -> Any:
+    def flow(self, pressure_difference: Number, load: Number, constants: Number) -> Number:
         """Flow [mL/s], never backwards."""
         if isinstance(load, float) and load == 0.0:
             rounded = jnp.sqrt(pressure_difference**2 + self.smoothing**2)
@@ -55,3 +48,7 @@ class HeartValve(Path):
             return 2.0 * jnp.sqrt(forward / constants)
         forward = jnp.maximum(pressure_difference, 0.0)
         return 2.0 * forward / (load + jnp.sqrt(load * load + constants * forward))
+
+    def sharpened(self, smoothing: float) -> HeartValve:
+        """The same valve, rounded off over another width [mmHg]."""
+        return replace(self, smoothing=smoothing)

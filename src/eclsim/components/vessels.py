@@ -3,53 +3,54 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import ClassVar, NamedTuple
 
-from eclsim.components.base import Key, Path, Storage, Values, names_in, value_of
+from eclsim.components.base import Key, Number, Path, Storage, Values, value_of
+
+
+class VesselConstants(NamedTuple):
+    """Stiffness 1 / C [mmHg/mL] and unstressed volume [mL]."""
+
+    stiffness: Number
+    unstressed: Number
 
 
 @dataclass(frozen=True)
-class ElasticVessel(Storage):
+class ElasticVessel(Storage[VesselConstants]):
     """Blood vessel, tubing, cannula, oxygenator or dialyzer as a store of blood.
 
-        o---+---o      P = V / C
+        o---+---o      P = (V - Vu) / C
             |
            === C
             |
 
     Args:
         compliance: C [mL/mmHg].
+        unstressed: Vu, the part of the volume V that makes no pressure [mL]. The published model counts
+            stressed volumes alone, so that it is 0; a reflex that contracts the veins lowers it.
 
     Source: Thiel et al., Tables S-1 to S-3.
     """
 
     compliance: Key
+    unstressed: Key = 0.0
+    constant_stiffness: ClassVar = True
+    above_zero: ClassVar = ("compliance",)
 
-    @property
-    def constant_stiffness(self) -> bool:
-        """1 / C does not change over the beat."""
-        return True
+    def constants(self, values: Values) -> VesselConstants:
+        """Stiffness and unstressed volume."""
+        return VesselConstants(1.0 / value_of(values, self.compliance), value_of(values, self.unstressed))
 
-    @property
-    def above_zero(self) -> tuple[Key, ...]:
-        """The compliance."""
-        return (self.compliance,)
-
-    def parameter_names(self) -> tuple[str, ...]:
-        """The compliance."""
-        return names_in(self.compliance)
-
-    def constants(self, values: Values) -> Any:
-        """Stiffness 1 / C [mmHg/mL]."""
-        return 1.0 / value_of(values, self.compliance)
-
-    def pressure(self, volume: Any, activation: Any, constants: Any) -> tuple[Any, Any]:
+    def pressure(
+        self, volume: Number, activation: Number, constants: VesselConstants
+    ) -> tuple[Number, Number]:
         """Pressure [mmHg] and stiffness [mmHg/mL]."""
-        return constants * volume, constants
+        stressed = volume if self.unstressed == 0.0 else volume - constants.unstressed
+        return constants.stiffness * stressed, constants.stiffness
 
 
 @dataclass(frozen=True)
-class Resistance(Path):
+class Resistance(Path[Number]):
     """Flow through a resistance: veins, oxygenator, dialyzer.
 
         source o---[ R ]---o target      Q = dp / R
@@ -61,67 +62,58 @@ class Resistance(Path):
     """
 
     ohmic: Key
+    linear: ClassVar = True
+    not_negative: ClassVar = ("ohmic",)
 
-    @property
-    def linear(self) -> bool:
-        """The drop is R Q."""
-        return True
-
-    @property
-    def not_negative(self) -> tuple[Key, ...]:
-        """The resistances."""
-        return (self.ohmic,)
-
-    def parameter_names(self) -> tuple[str, ...]:
-        """The resistances."""
-        return names_in(self.ohmic)
-
-    def constants(self, values: Values) -> Any:
+    def constants(self, values: Values) -> Number:
         """R [mmHg s/mL]."""
         return value_of(values, self.ohmic)
 
-    def resistance(self, constants: Any) -> Any:
+    def resistance(self, constants: Number) -> Number:
         """R [mmHg s/mL]."""
         return constants
 
-    def pressure_drop(self, flow: Any, constants: Any) -> Any:
+    def pressure_drop(self, flow: Number, constants: Number) -> Number:
         """R Q [mmHg]."""
         return constants * flow
 
-    def flow(self, pressure_difference: Any, load: Any, constants: Any) -> Any:
+    def flow(self, pressure_difference: Number, load: Number, constants: Number) -> Number:
         """dp / (R + load) [mL/s]."""
         return pressure_difference / (constants + load)
 
 
-@dataclass(frozen=True)
-class InertialResistance(Path):
-    """Friction and inertia in series, L dQ/dt = dp - R Q; `constants` are R [mmHg s/mL], L [mmHg s^2/mL]."""
+class Inertial(NamedTuple):
+    """Resistance [mmHg s/mL] and inertance [mmHg s^2/mL]."""
+
+    resistance: Number
+    inertance: Number
+
+
+class InertialResistance(Path[Inertial]):
+    """Friction and inertia in series, L dQ/dt = dp - R Q."""
+
+    linear: ClassVar = True
 
     @property
     def inertial(self) -> bool:
         """The flow is a state."""
         return True
 
-    @property
-    def linear(self) -> bool:
-        """The drop is R Q."""
-        return True
-
-    def inertance(self, constants: Any) -> Any:
+    def inertance(self, constants: Inertial) -> Number:
         """L [mmHg s^2/mL]."""
-        return constants[1]
+        return constants.inertance
 
-    def resistance(self, constants: Any) -> Any:
+    def resistance(self, constants: Inertial) -> Number:
         """R [mmHg s/mL]."""
-        return constants[0]
+        return constants.resistance
 
-    def pressure_drop(self, flow: Any, constants: Any) -> Any:
+    def pressure_drop(self, flow: Number, constants: Inertial) -> Number:
         """R Q [mmHg]."""
-        return constants[0] * flow
+        return constants.resistance * flow
 
-    def flow(self, pressure_difference: Any, load: Any, constants: Any) -> Any:
+    def flow(self, pressure_difference: Number, load: Number, constants: Inertial) -> Number:
         """dp / (R + load) [mL/s]; the load carries the inertia of the step."""
-        return pressure_difference / (constants[0] + load)
+        return pressure_difference / (constants.resistance + load)
 
 
 @dataclass(frozen=True)
@@ -139,16 +131,8 @@ class Artery(InertialResistance):
 
     ohmic: Key
     inertia: Key
+    not_negative: ClassVar = ("ohmic", "inertia")
 
-    @property
-    def not_negative(self) -> tuple[Key, ...]:
-        """Resistances and inertance."""
-        return (self.ohmic, self.inertia)
-
-    def parameter_names(self) -> tuple[str, ...]:
-        """Resistances and inertance."""
-        return names_in(self.ohmic) + names_in(self.inertia)
-
-    def constants(self, values: Values) -> Any:
-        """R [mmHg s/mL] and L [mmHg s^2/mL]."""
-        return value_of(values, self.ohmic), value_of(values, self.inertia)
+    def constants(self, values: Values) -> Inertial:
+        """R and L."""
+        return Inertial(value_of(values, self.ohmic), value_of(values, self.inertia))

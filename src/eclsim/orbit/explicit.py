@@ -15,7 +15,6 @@ import jax.numpy as jnp
 from eclsim.beat.recording import Recorder
 from eclsim.circuit.assembly import Assembly, Constants, assemble
 from eclsim.circuit.network import Circuit
-from eclsim.components import HeartValve
 
 VALVE_SMOOTHING_MMHG = 1e-6
 """A closed valve leaks CQ s / (2 sqrt(|dp|)): with the component's own 1e-3 mmHg 0.1 % of a weak heart."""
@@ -75,10 +74,7 @@ class ExplicitCircuit:
 
 def explicit_circuit(circuit: Circuit) -> ExplicitCircuit:
     """A circuit for explicit integration, its valves all but sharp."""
-    return ExplicitCircuit(assemble(replace(circuit, connections=tuple(map(_sharp, circuit.connections)))))
-
-
-def _sharp(connection: Any) -> Any:
-    if not isinstance(connection.component, HeartValve):
-        return connection
-    return replace(connection, component=replace(connection.component, smoothing=VALVE_SMOOTHING_MMHG))
+    connections = (
+        replace(c, component=c.component.sharpened(VALVE_SMOOTHING_MMHG)) for c in circuit.connections
+    )
+    return ExplicitCircuit(assemble(replace(circuit, connections=tuple(connections))))

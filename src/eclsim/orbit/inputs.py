@@ -78,8 +78,8 @@ def allowed_values(circuit: Circuit) -> Allowed:
     """What a circuit's components and sites allow."""
     above, least = {HEART_RATE}, set[str]()
     for part in (*circuit.compartments, *circuit.connections):
-        above.update(name for key in part.component.above_zero for name in names_in(key))
-        least.update(name for key in part.component.not_negative for name in names_in(key))
+        above.update(part.component.names_of(part.component.above_zero))
+        least.update(part.component.names_of(part.component.not_negative))
     for compartment in circuit.compartments:
         if isinstance(compartment.start, StartVolume):
             least.update((*names_in(compartment.start.volume), *names_in(compartment.start.fraction_of)))

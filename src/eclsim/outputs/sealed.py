@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from eclsim.circuit.network import Circuit
-from eclsim.components import HeartValve
 from eclsim.outputs.registry import CHAMBERS, REGISTRY, VALVES
 
 SHUT_L_MIN = 1e-6
@@ -47,7 +46,7 @@ def sealed(outputs: Mapping[str, float], circuit: Circuit) -> Sealed | None:
         circuit: with fixed sites.
     """
     laws = {c.name: c.component for c in circuit.connections}
-    valves = tuple(name for name in shut_valves(outputs) if isinstance(laws.get(name), HeartValve))
+    valves = tuple(name for name in shut_valves(outputs) if name in laws and laws[name].one_way)
     parts = _parts(circuit, valves) if valves else []
     if len(parts) < 2:
         return None

@@ -28,5 +28,5 @@ def unstressed_volume(circuit: Circuit, name: str, values: Values) -> Any:
     total = value_of(values, compartment.total_fraction) * values[BLOOD_VOLUME]
     law = compartment.component
     with np.errstate(divide="ignore"):
-        stiffness = law.constants({n: np.asarray(values[n], dtype=float) for n in law.parameter_names()})
-    return total - value_of(values, compartment.start.pressure) / stiffness
+        own = law.constants({n: np.asarray(values[n], dtype=float) for n in law.parameter_names()})
+    return total - value_of(values, compartment.start.pressure) / law.pressure(0.0, 0.0, own)[1]

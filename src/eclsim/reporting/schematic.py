@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from eclsim.components import RollerPump
 from eclsim.reporting.schematic_labels import Labels
 from eclsim.reporting.schematic_layout import (
     BOX_HEIGHT,
@@ -170,7 +169,7 @@ def _draw_wires(
         middle = (0.5 * (start[0] + stop[0]), 0.5 * (start[1] + stop[1]))
         stroke = stroke_of(connection.group)
         pen.line([start, stop], stroke)
-        symbol = "roller" if isinstance(connection.component, RollerPump) else wire.symbol
+        symbol = "roller" if connection.component.given_flow else wire.symbol
         pen.symbol(symbol, middle, (stop[0] - start[0], stop[1] - start[1]), stroke)
         _label_wire(
             pen,
