@@ -8,26 +8,26 @@ code did.
 """
 
 import argparse
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from eclsim.cases import read_case
-from eclsim.sensitivity.analysis import conclude, plan_analysis
-from eclsim.sensitivity.case_inputs import ACCESS, RETURN, SCHEME
-from eclsim.sensitivity.evaluation import Evaluated, evaluate_block
-from eclsim.sensitivity.inputs import Categorical
+from eclsim.sensitivity.analysis import SobolSettings, plan_analysis
+from eclsim.sensitivity.inputs import ACCESS, RETURN, SCHEME, Categorical
+from eclsim.sensitivity.results import conclude
+from eclsim.sensitivity.runs import Evaluator, Runs
 
 
 @dataclass(frozen=True)
 class DrawnOver:
     """An evaluator that throws the choices of the design away and draws its own."""
 
-    evaluator: object
+    evaluator: Evaluator
     choices: tuple[Categorical, ...]
     random: np.random.Generator
 
-    def __call__(self, settings, count: int) -> Evaluated:
+    def __call__(self, settings, count: int) -> Runs:
         for choice in self.choices:
             settings = settings | choice.settings(self.random.random(count))
         return self.evaluator(settings, count)
@@ -41,21 +41,19 @@ def main() -> None:
     parser.add_argument("--drawn", action="store_true")
     parser.add_argument("--sites", action="store_true", help="access and return as two inputs")
     chosen = parser.parse_args()
-    plan = plan_analysis(
-        read_case(chosen.case).case,
+    settings = SobolSettings(
         samples=chosen.samples,
         groups=("R", "C", "L", "E"),
         include=("ecmo.speed_rpm", *((ACCESS, RETURN) if chosen.sites else (SCHEME,))),
-        policy=chosen.policy,
+        volume_policy=chosen.policy,
     )
-    evaluator, design = plan.evaluator, plan.design
+    plan = plan_analysis(read_case(chosen.case).case, settings)
     if chosen.drawn:
-        choices = tuple(i for i in design.inputs if isinstance(i, Categorical))
-        evaluator = DrawnOver(plan.evaluator, choices, np.random.default_rng(7))
-    parts = [evaluate_block(design, evaluator, b) for b in range(design.blocks)]
-    names = ("values", "status", "beats", "residual")
-    found = Evaluated(*(np.concatenate([getattr(p, n) for p in parts]) for n in names))
-    result = conclude(design, plan.evaluator.outputs, found).indices
+        choices = tuple(i for i in plan.design.inputs if isinstance(i, Categorical))
+        drawn = DrawnOver(plan.evaluator, choices, np.random.default_rng(7))
+        plan = replace(plan, evaluator=drawn)
+    runs = Runs.joined([plan.block(number) for number in range(plan.design.blocks)])
+    result = conclude(plan.design, plan.evaluator.outputs, runs).indices
     print(
         f"{chosen.policy}, {result.evaluations} runs, {len(result.failed)} failed, drawn over: {chosen.drawn}"
     )

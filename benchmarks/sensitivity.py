@@ -12,8 +12,11 @@ import resource
 import sys
 import tempfile
 import time
-from contextlib import nullcontext
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from eclsim.execution import Executor
 
 STARTED = time.perf_counter()
 
@@ -25,52 +28,50 @@ def main() -> None:
     parser.add_argument("--dask", default=None)
     chosen = parser.parse_args()
 
-    from eclsim.sensitivity.distributed import on_dask
+    from eclsim.execution import Distribution
+    from eclsim.sensitivity.analysis import PRELOAD
 
-    with on_dask(chosen.dask) if chosen.dask else nullcontext() as execute:
-        print(json.dumps(measured(chosen, execute), indent=1))
+    with Distribution(dask=chosen.dask).running(PRELOAD) as executor:
+        print(json.dumps(measured(chosen, executor), indent=1))
 
 
-def measured(chosen: argparse.Namespace, execute: object) -> dict[str, object]:
+def measured(chosen: argparse.Namespace, executor: "Executor") -> dict[str, object]:
     """Run the analysis with the clock beside it."""
     import jax
 
-    from eclsim.beat.vectorisation import threads
     from eclsim.cases import read_case
-    from eclsim.sensitivity.analysis import conclude, plan_analysis, run_analysis
-    from eclsim.sensitivity.evaluation import evaluate_block
-    from eclsim.sensitivity.store import SAMPLES, Store
-    from eclsim.sensitivity.tables import write_results
+    from eclsim.execution import threads
+    from eclsim.sensitivity.analysis import SobolSettings, plan_analysis, run_analysis
+    from eclsim.sensitivity.results import conclude, write_results
+    from eclsim.sensitivity.runs import SAMPLES
 
-    plan = plan_analysis(read_case(chosen.case).case, samples=chosen.samples)
+    plan = plan_analysis(read_case(chosen.case).case, SobolSettings(samples=chosen.samples))
     clock = [time.perf_counter()]
-    if execute is None:
-        evaluate_block(plan.design, plan.evaluator, 0)  # compiles, or loads what was compiled before
+    if chosen.dask is None:
+        plan.block(0)  # compiles, or loads what was compiled before
     clock.append(time.perf_counter())
     processor = time.process_time()
     with tempfile.TemporaryDirectory() as folder:
-        store = Store.of(Path(folder), plan.design, plan.evaluator)
-        store.open(resume=False)
-        finished = run_analysis(plan, store, execute=execute)  # pyright: ignore[reportArgumentType]  # on_dask's
-        write_results(Path(folder), finished.indices)
+        result = run_analysis(plan, Path(folder), executor)
+        write_results(Path(folder), result)
         clock.append(time.perf_counter())
         processor = time.process_time() - processor
         size = (Path(folder) / SAMPLES).stat().st_size
-    conclude(finished.design, finished.indices.outputs, finished.found)
+    conclude(result.design, result.indices.outputs, result.runs)
     clock.append(time.perf_counter())
     runs = plan.design.evaluations
     return {
         "device": str(jax.devices()[0]),
         "threads": threads(),
         "runs": runs,
-        "failed": len(finished.indices.failed),
+        "failed": len(result.indices.failed),
         "seconds_import_and_plan": round(clock[0] - STARTED, 2),
         "seconds_first_block": round(clock[1] - clock[0], 2),
         "seconds_runs_indices_files": round(clock[2] - clock[1], 2),
         "seconds_whole": round(clock[2] - STARTED, 2),
         "seconds_indices": round(clock[3] - clock[2], 2),
         "processor_ms_per_run": round(1e3 * processor / runs, 4),
-        "largest_residual": float(finished.found.residual.max()),
+        "largest_residual": float(result.runs.residual.max()),
         "samples_mb": round(size / 1e6, 1),
         "peak_memory_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024),
         "python": sys.version.split()[0],

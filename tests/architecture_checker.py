@@ -11,18 +11,18 @@ from typing import NamedTuple
 
 # Rooms in order: each may import those before it. `eclsim` itself re-exports names of all of them.
 ROOMS = (
-    "units", "blood", "components", "circuit", "parameters", "patient", "inputs", "devices", "cases", "beat",
-    "orbit", "outputs", "reporting", "simulation", "sensitivity", "identification", "crrt_study",
-    "validation", "paper", "app", "cli",
+    "units", "execution", "blood", "components", "circuit", "parameters", "patient", "inputs", "devices",
+    "cases", "beat", "orbit", "outputs", "reporting", "simulation", "sensitivity", "identification",
+    "crrt_study", "validation", "paper", "app", "cli",
 )  # fmt: skip
 PHYSICS = {"units", "components", "circuit"}
 ALLOWED = {room: set(ROOMS[:place]) for place, room in enumerate(ROOMS)} | {
     "blood": {"units"},
     "parameters": {"units", "components"},
     "inputs": {"units", "parameters"},
-    "beat": PHYSICS,
+    "beat": {*PHYSICS, "execution"},
 }
-ANY_LAYER_MAY_IMPORT = {"_version", "files", "runtime"}
+ANY_LAYER_MAY_IMPORT = {"_version", "files", "front_door", "runtime"}
 
 # Imported before the first line of `eclsim --help` or of an input error is printed.
 LIGHT = (

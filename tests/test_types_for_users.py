@@ -25,6 +25,9 @@ assert_type(beat, xr.Dataset)
 assert_type(simulate_many(model, {"Rmc": [0.8, 1.0]}), xr.Dataset)
 assert_type(circulation() + ecmo("ra", "ao"), Circuit)
 eclsim.plot_waveforms(beat)
+settings = eclsim.SobolSettings(samples=32)
+assert_type(eclsim.sensitivity("patient.toml", settings=settings).dataset, xr.Dataset)
+assert_type(eclsim.identifiability(reading, parameters=["Rmc"]).dataset, xr.Dataset)
 """
 WRONG = 'import eclsim\n\neclsim.simulate("patient.toml")\neclsim.simulat\n'
 
@@ -62,3 +65,17 @@ def test_mypy_follows_a_users_script(tmp_path: Path):
     done = run_checker(tmp_path, "mypy", *strict, "right.py", "wrong.py")
     found = [line.partition(" error")[0] for line in done.stdout.splitlines() if "error" in line]
     assert found == ["wrong.py:3:", "wrong.py:4:"], done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(
+    "program",
+    [
+        "import eclsim; eclsim.sensitivity('x.toml')",
+        "import eclsim, eclsim.sensitivity.design; eclsim.sensitivity('x.toml')",
+        "from eclsim import sensitivity; import eclsim.sensitivity.design as d; sensitivity('x.toml')",
+    ],
+)
+def test_a_package_of_a_functions_name_is_called_like_it(program: str):
+    """Importing a module of a package binds the package to the name where users look for the function."""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert "CaseError: x.toml: no such file" in done.stderr

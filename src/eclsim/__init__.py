@@ -5,6 +5,7 @@ Names listed in ``_EXPORTS`` are imported from their module on first use, so tha
 Type checkers do not run that; they read the imports under ``TYPE_CHECKING``, which say the same.
 """
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from eclsim.devices.crrt import crrt
     from eclsim.devices.ecmo import ecmo
     from eclsim.devices.lvad import lvad
+    from eclsim.execution import Distribution, Shard
     from eclsim.orbit.equation import OrbitOptions
     from eclsim.orbit.model import Model, model_of
     from eclsim.orbit.status import Status
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
     from eclsim.outputs.variants import simulate_many
     from eclsim.patient.circulation import circulation
     from eclsim.reporting.schematic import draw_circuit
+    from eclsim.sensitivity.analysis import SobolSettings, sensitivity
+    from eclsim.sensitivity.identifiability import identifiability
     from eclsim.simulation.pressure_volume import plot_pressure_volume
     from eclsim.simulation.waveforms import plot_waveforms
 
@@ -36,22 +40,27 @@ _EXPORTS: dict[str, str] = {
     "Circuit": "eclsim.circuit",
     "Compartment": "eclsim.circuit",
     "Connection": "eclsim.circuit",
+    "Distribution": "eclsim.execution",
     "Model": "eclsim.orbit.model",
     "OrbitOptions": "eclsim.orbit.equation",
     "StartPressure": "eclsim.circuit",
     "StartVolume": "eclsim.circuit",
+    "Shard": "eclsim.execution",
+    "SobolSettings": "eclsim.sensitivity.analysis",
     "Status": "eclsim.orbit.status",
     "batch_outputs": "eclsim.outputs.evaluation",
     "circulation": "eclsim.patient.circulation",
     "crrt": "eclsim.devices.crrt",
     "draw_circuit": "eclsim.reporting.schematic",
     "ecmo": "eclsim.devices.ecmo",
+    "identifiability": "eclsim.sensitivity.identifiability",
     "lvad": "eclsim.devices.lvad",
     "model_of": "eclsim.orbit.model",
     "output_derivatives": "eclsim.outputs.derivatives",
     "plot_pressure_volume": "eclsim.simulation.pressure_volume",
     "plot_waveforms": "eclsim.simulation.waveforms",
     "read_case": "eclsim.cases.reading",
+    "sensitivity": "eclsim.sensitivity.analysis",
     "simulate": "eclsim.outputs.dataset",
     "simulate_many": "eclsim.outputs.variants",
     "steady_beats": "eclsim.orbit.steady",
@@ -63,8 +72,11 @@ __all__ = [
     "Circuit",
     "Compartment",
     "Connection",
+    "Distribution",
     "Model",
     "OrbitOptions",
+    "Shard",
+    "SobolSettings",
     "StartPressure",
     "StartVolume",
     "Status",
@@ -74,12 +86,14 @@ __all__ = [
     "crrt",
     "draw_circuit",
     "ecmo",
+    "identifiability",
     "lvad",
     "model_of",
     "output_derivatives",
     "plot_pressure_volume",
     "plot_waveforms",
     "read_case",
+    "sensitivity",
     "simulate",
     "simulate_many",
     "steady_beats",
@@ -92,6 +106,8 @@ if not TYPE_CHECKING:  # a checker would take any name for an object, and a miss
         if name not in _EXPORTS:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         value = getattr(import_module(_EXPORTS[name]), name)
+        if f"{__name__}.{name}" in sys.modules:  # a package of the same name: it can be called
+            return sys.modules[f"{__name__}.{name}"]
         globals()[name] = value
         return value
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from eclsim.sensitivity.estimators import Estimates
-from eclsim.sensitivity.indices import Indices
+from eclsim.sensitivity.results import Indices
 
 
 def test_the_sensitivity_table_says_what_its_stars_and_its_last_line_mean(capsys):

@@ -1,11 +1,10 @@
 import numpy as np
 import pytest
 
-from eclsim.sensitivity.case_inputs import CARDIOVASCULAR, OUTPUTS
 from eclsim.sensitivity.estimators import Estimates
-from eclsim.sensitivity.figures import plot_heat_map, plot_sums
-from eclsim.sensitivity.indices import Indices
-from eclsim.sensitivity.pair_network import plot_pairs
+from eclsim.sensitivity.figures import plot_heat_map, plot_pairs, plot_sums
+from eclsim.sensitivity.inputs import CARDIOVASCULAR, OUTPUTS
+from eclsim.sensitivity.results import Indices
 
 
 @pytest.fixture

@@ -19,9 +19,9 @@ from eclsim.paper.sensitivity import (
     reproduce_sensitivity,
 )
 from eclsim.sensitivity.estimators import Estimates
-from eclsim.sensitivity.evaluation import Evaluated, evaluate_block
-from eclsim.sensitivity.indices import Indices
 from eclsim.sensitivity.inputs import Categorical, Continuous
+from eclsim.sensitivity.results import Indices
+from eclsim.sensitivity.runs import Analysis, Runs
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -53,7 +53,7 @@ class Doubles:
     outputs = ("x", "site")
 
     def __call__(self, settings, count):
-        return Evaluated.of(np.stack([settings["x"], settings["site"]], axis=1))
+        return Runs.of(np.stack([settings["x"], settings["site"]], axis=1))
 
     def description(self):
         return {}
@@ -65,7 +65,7 @@ def test_positions_drawn_over_the_design_differ_within_a_row_and_are_the_same_ag
     site = Categorical("site", tuple("abcdef"), (("site", tuple(map(float, range(6)))),))
     design = Design((Continuous("x", 1.0, 2.0), site), 64)
     drawn = DrawnOver(Doubles(), (site,))
-    once, again, plain = (evaluate_block(design, e, 0).values for e in (drawn, drawn, Doubles()))
+    once, again, plain = (Analysis(design, e).block(0).values for e in (drawn, drawn, Doubles()))
     np.testing.assert_array_equal(once, again)
     np.testing.assert_array_equal(once[:, 0], plain[:, 0])
     rows = plain.reshape(64, -1, 2)

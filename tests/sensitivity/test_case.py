@@ -10,11 +10,11 @@ import pytest
 from eclsim.cases import read_case
 from eclsim.cli import main
 from eclsim.orbit.status import Status
-from eclsim.sensitivity.analysis import analyse, conclude, plan_analysis
-from eclsim.sensitivity.case_inputs import CARDIOVASCULAR, SCHEMES, InputError, varied
-from eclsim.sensitivity.evaluation import evaluate_block
-from eclsim.sensitivity.inputs import Categorical
-from eclsim.sensitivity.states import TARGETS, StateError, state_values
+from eclsim.sensitivity.analysis import Analysis, SobolSettings, plan_analysis, sensitivity
+from eclsim.sensitivity.identifiability import identifiability
+from eclsim.sensitivity.inputs import CARDIOVASCULAR, SCHEMES, Categorical, InputError, varied
+from eclsim.sensitivity.patients import TARGETS, StateError, state_values
+from eclsim.sensitivity.results import conclude
 from eclsim.sensitivity.uncertainties import Uncertainty
 from eclsim.validation.cases import DATA
 
@@ -39,6 +39,10 @@ flow_ml_min = 200
 access_site = "post_oxy"
 return_site = "pre_oxy"
 """
+
+
+def planned(case, **settings) -> Analysis:
+    return plan_analysis(case, SobolSettings(**settings))
 
 
 @pytest.fixture
@@ -67,7 +71,7 @@ def run_command(*arguments) -> int:
 
 
 def test_the_default_inputs_are_the_papers(case):
-    plan = plan_analysis(case, samples=2048)
+    plan = planned(case, samples=2048)
     assert plan.design.factors == CARDIOVASCULAR
     assert plan.design.evaluations == 102_400
     rmc = next(i for i in plan.design.inputs if i.name == "Rmc")
@@ -76,7 +80,7 @@ def test_the_default_inputs_are_the_papers(case):
 
 def test_groups_and_inputs_of_the_devices(crrt_case):
     include = ("ecmo.speed_rpm", "ecmo.return_fr", "crrt.flow_ml_min", "crrt.scheme")
-    design = plan_analysis(crrt_case, samples=8, groups=("R", "C", "L", "E"), include=include).design
+    design = planned(crrt_case, samples=8, groups=("R", "C", "L", "E"), include=include).design
     assert design.factors == ("R", "C", "L", "E", *include)
     sizes = next(i for i in design.inputs if i.name == "ecmo.return_fr")
     assert isinstance(sizes, Categorical)
@@ -85,10 +89,10 @@ def test_groups_and_inputs_of_the_devices(crrt_case):
 
 def test_a_group_holds_what_its_unit_measures_and_nothing_by_its_first_letter(case):
     names = ("Rmc", "RV_Pd_kappa", "Csart", "CQao", "Lao", "LV_Pd_alpha", "Emaxlv", "etaB")
-    design = plan_analysis(case, samples=8, parameters=names, groups=("R", "C", "L", "E")).design
+    design = planned(case, samples=8, parameters=names, groups=("R", "C", "L", "E")).design
     assert design.groups == ("R", "RV_Pd_kappa", "C", "CQao", "L", "LV_Pd_alpha", "E", "etaB")
     with pytest.raises(InputError, match="group C: none of the parameters varied is one of the compliances"):
-        plan_analysis(case, samples=8, parameters=("Rmc", "CQao"), groups=("R", "C"))
+        planned(case, samples=8, parameters=("Rmc", "CQao"), groups=("R", "C"))
 
 
 @pytest.mark.parametrize(
@@ -105,7 +109,7 @@ def test_each_scheme_in_a_batch_is_that_scheme_alone(crrt_case):
     from eclsim.orbit.model import model_of
     from eclsim.outputs.dataset import simulate
 
-    plan = plan_analysis(
+    plan = planned(
         crrt_case, parameters=(), include=("crrt.scheme",), samples=8, outputs=("MAP", "crrt_access_pressure")
     )
     unit = (np.arange(9)[:, None] + 0.5) / 9
@@ -133,12 +137,13 @@ def test_each_scheme_in_a_batch_is_that_scheme_alone(crrt_case):
 )
 def test_impossible_inputs_are_named(case, options, said):
     with pytest.raises(InputError, match=said):
-        plan_analysis(case, samples=8, **options)
+        planned(case, samples=8, **options)
 
 
 def test_the_paper_s_parameters_lead(case):
     names = ("Rmc", "Emaxlv", "Rpmc", "Emaxrv", "Lpas")
-    result = analyse(case, parameters=names, samples=32, second_order=False).indices
+    settings = SobolSettings(parameters=names, samples=32, second_order=False)
+    result = sensitivity(case, settings=settings).indices
     assert result.failed == ()
     assert list(result.sums)[:3] == ["Rmc", "Emaxlv", "Rpmc"]
     assert result.sums["Rmc"] > 2.5
@@ -170,10 +175,8 @@ def test_a_heart_that_stops_ejecting_is_named_and_its_rows_left_out(tmp_path):
     weak = "\n[parameters]\nEmaxlv = 0.12\nEmaxrv = 0.1\n"
     file = tmp_path / "weak.toml"
     file.write_text(CASE.replace("3425", "4500") + weak)
-    plan = plan_analysis(
-        read_case(file).case, samples=8, parameters=("Emaxrv", "Rmc"), perturbation_percent=60.0
-    )
-    found = evaluate_block(plan.design, plan.evaluator, 0)
+    plan = planned(read_case(file).case, samples=8, parameters=("Emaxrv", "Rmc"), perturbation_percent=60.0)
+    found = plan.block(0)
     stopped = found.status == Status.NO_EJECTION
     rows = stopped.reshape(8, -1).any(axis=1)
     assert 2 <= (~rows).sum() < 8
@@ -271,31 +274,25 @@ def test_the_command_says_what_can_be_identified(case_file, tmp_path, capsys):
 
 
 def test_only_what_was_measured_counts(case_file):
-    from eclsim.sensitivity.case_identifiability import analyse_identifiability
-
     raw_case = read_case(case_file, ["measurements.MAP=80", "measurements.CO=4"]).case
-    found = analyse_identifiability(raw_case, parameters=("Rmc", "Emaxlv", "Csart"))
+    found = identifiability(raw_case, parameters=("Rmc", "Emaxlv", "Csart"))
     assert found.scaled.outputs == ("MAP", "CO")
     assert len(found.proposal.chosen) <= 2
 
 
 def test_percentages_are_those_of_what_was_measured(case_file, capsys):
-    from eclsim.sensitivity.case_identifiability import analyse_identifiability
-
     settings = ["measurements.CO=1.4", "measurements.MAP=80"]
     case = read_case(case_file, settings).case
-    found = analyse_identifiability(case, parameters=("Rmc", "Emaxlv"))
+    found = identifiability(case, parameters=("Rmc", "Emaxlv"))
     assert found.uncertainties == {"MAP": 3.0, "CO": pytest.approx(0.14)}
     assert found.simulated["CO"] > 3.0
     assert found.far_off["CO"] == pytest.approx((found.simulated["CO"] - 1.4) / 0.14)
     # The scaled sensitivity is in these uncertainties.
     wide = {"CO": Uncertainty(1.4)}
-    wider = analyse_identifiability(case, parameters=("Rmc", "Emaxlv"), uncertainties=wide)
+    wider = identifiability(case, parameters=("Rmc", "Emaxlv"), uncertainties=wide)
     np.testing.assert_allclose(found.scaled.matrix[1], 10.0 * wider.scaled.matrix[1])
     # Nothing measured: of what the model gives.
-    free = analyse_identifiability(
-        read_case(case_file, []).case, parameters=("Rmc", "Emaxlv"), outputs=("CO",)
-    )
+    free = identifiability(read_case(case_file, []).case, parameters=("Rmc", "Emaxlv"), outputs=("CO",))
     assert free.measured == {}
     assert free.uncertainties["CO"] == pytest.approx(0.1 * free.simulated["CO"])
     options = [word for setting in settings for word in ("--set", setting)]
@@ -304,10 +301,8 @@ def test_percentages_are_those_of_what_was_measured(case_file, capsys):
 
 
 def test_a_flow_measured_as_0_has_an_uncertainty(case_file):
-    from eclsim.sensitivity.case_identifiability import analyse_identifiability
-
     case = read_case(case_file, ["measurements.CO=0", "measurements.MAP=80"]).case
-    found = analyse_identifiability(case, parameters=("Rmc", "Emaxlv"))
+    found = identifiability(case, parameters=("Rmc", "Emaxlv"))
     assert found.uncertainties["CO"] == pytest.approx(0.01)
     assert np.isfinite(found.scaled.matrix).all()
 

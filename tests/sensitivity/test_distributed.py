@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from eclsim.cases.reading import read_mapping
-from eclsim.sensitivity.analysis import plan_analysis, run_analysis
-from eclsim.sensitivity.distributed import UnreachableError, on_dask
-from eclsim.sensitivity.store import SAMPLES, Store
+from eclsim.execution import Distribution
+from eclsim.sensitivity.analysis import SobolSettings, run_analysis, sensitivity
+from eclsim.sensitivity.runs import SAMPLES
 
 CASE = """
 format = 1
@@ -23,45 +23,30 @@ ecmo = { mode = "VA", pump = "Rotaflow", speed_rpm = 3425, oxygenator = "Quadrox
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # of Dask's own clean-up, whose sockets and loops close late
-def test_dask_gives_the_identical_file(tmp_path, plan, open_store):
+def test_dask_gives_the_identical_file(tmp_path, plan):
     pytest.importorskip("dask.distributed")
     from dask.distributed import LocalCluster
 
+    with Distribution().running() as executor:
+        run_analysis(plan, tmp_path / "here", executor)
     before = dict(os.environ)
-    run_analysis(plan, open_store(tmp_path / "here"))
     # Threads of this process: workers in processes of their own could not import this test's function.
     threads = LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None)
-    with threads as cluster, on_dask(cluster.scheduler_address) as execute:
-        run_analysis(plan, open_store(tmp_path / "there"), execute=execute)
+    with threads as cluster, Distribution(dask=cluster.scheduler_address).running() as executor:
+        run_analysis(plan, tmp_path / "there", executor)
     assert dict(os.environ) == before, "a worker leaves the environment as it is"
     assert (tmp_path / "there" / SAMPLES).read_bytes() == (tmp_path / "here" / SAMPLES).read_bytes()
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # likewise
-def test_local_dask_workers_give_the_identical_file(tmp_path, monkeypatch):
+def test_local_dask_workers_give_the_identical_file(tmp_path):
     pytest.importorskip("dask.distributed")
-    # two blocks
-    plan = plan_analysis(read_mapping(tomllib.loads(CASE)).case, samples=512, parameters=("Rmc", "Emaxlv"))
-    monkeypatch.setenv("ECLSIM_THREADS", "2")
-    run_analysis(plan, opened(plan, tmp_path / "here"))
-    with on_dask("local") as execute:
-        run_analysis(plan, opened(plan, tmp_path / "there"), execute=execute)
+    case = read_mapping(tomllib.loads(CASE)).case
+    settings = SobolSettings(samples=512, parameters=("Rmc", "Emaxlv"))  # two blocks
+    for name, distribution in (("here", Distribution()), ("there", Distribution(dask="local", workers=2))):
+        sensitivity(case, settings=settings, folder=tmp_path / name, distribution=distribution)
     assert (tmp_path / "there" / SAMPLES).read_bytes() == (tmp_path / "here" / SAMPLES).read_bytes()
-
-
-def opened(plan, folder: Path) -> Store:
-    """A store in a folder that holds nothing yet."""
-    folder.mkdir()
-    store = Store.of(folder, plan.design, plan.evaluator)
-    store.open(resume=False)
-    return store
-
-
-def test_an_address_without_a_scheduler_says_what_is_allowed(tmp_path, plan, open_store):
-    pytest.importorskip("dask.distributed")
-    with on_dask("nonsense") as execute, pytest.raises(UnreachableError, match="allowed: local, tcp://"):
-        run_analysis(plan, open_store(tmp_path), execute=execute)
 
 
 @pytest.mark.slow

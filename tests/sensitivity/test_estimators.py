@@ -5,7 +5,7 @@ from SALib.analyze import sobol as salib
 from eclsim.sensitivity.design import Design
 from eclsim.sensitivity.estimators import sobol_indices
 from eclsim.sensitivity.inputs import Continuous
-from eclsim.sensitivity.testfunctions import (
+from known_indices import (
     ISHIGAMI_INPUTS,
     IshigamiWithChoice,
     ishigami,

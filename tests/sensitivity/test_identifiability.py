@@ -1,14 +1,14 @@
 import numpy as np
 import pytest
 
-from eclsim.sensitivity.case_inputs import InputError
-from eclsim.sensitivity.identifiability import (
+from eclsim.sensitivity.collinearity import (
     ScaledSensitivities,
     all_subsets,
     fisher_information,
+    propose,
     relative_errors,
 )
-from eclsim.sensitivity.proposal import propose
+from eclsim.sensitivity.inputs import InputError
 from eclsim.sensitivity.uncertainties import Uncertainty, read_uncertainties, uncertainties_of
 
 

@@ -7,7 +7,6 @@ interpreter), each chunk the same whatever stands beside it.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property, lru_cache
@@ -16,6 +15,8 @@ from typing import Any
 import jax
 import numpy as np
 
+from eclsim.execution.threads import threads
+
 LANES = 32
 FEW = 256
 """Up to so many patients the program for one is quicker: the one for many takes seconds to compile."""
@@ -23,14 +24,6 @@ WORTH_LANES = 8
 """From so many patients the program for many is quicker, half empty or not, once it is compiled."""
 HANDFUL = 3
 """Below so many patients one after the other is quicker than half-empty lanes."""
-
-
-def threads() -> int:
-    """Number of parallel threads: `ECLSIM_THREADS`, else the processors this process may use."""
-    chosen = os.environ.get("ECLSIM_THREADS")
-    if chosen and chosen.isdigit() and int(chosen) > 0:
-        return int(chosen)
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
 
 
 @lru_cache(maxsize=1)

@@ -23,7 +23,7 @@ def fit_settings(
     from eclsim.identification.multi_start import MultiStart
     from eclsim.identification.settings import FitSettings, parameter_names, read_bounds
     from eclsim.parameters.identification import BOUNDS
-    from eclsim.sensitivity.case_inputs import InputError
+    from eclsim.sensitivity.inputs import InputError
     from eclsim.sensitivity.uncertainties import DEFAULTS, read_uncertainties
 
     wrong: list[str] = []

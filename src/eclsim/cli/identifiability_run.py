@@ -13,7 +13,7 @@ from eclsim.cli.messages import SOME_DID_NOT_CONVERGE, fail, warn
 
 if TYPE_CHECKING:
     from eclsim.orbit.status import NoDerivativesError
-    from eclsim.sensitivity.case_identifiability import Identifiability
+    from eclsim.sensitivity.identifiability import Identifiability
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,14 +37,14 @@ def run(request: Request) -> None:
     """Analyse the case, write files, show the proposal."""
     from eclsim.cli.cases import read_all, with_speeds
     from eclsim.orbit.status import NoDerivativesError
-    from eclsim.sensitivity.case_identifiability import analyse_identifiability
-    from eclsim.sensitivity.case_inputs import InputError
+    from eclsim.sensitivity.identifiability import identifiability
+    from eclsim.sensitivity.inputs import InputError
     from eclsim.sensitivity.uncertainties import read_uncertainties
 
     _check(request)
     (reading,) = with_speeds(read_all([request.case_file], request.settings, request.policy))
     try:
-        found = analyse_identifiability(
+        found = identifiability(
             reading.case,
             parameters=_names(request.parameters),
             outputs=_names(request.outputs),
@@ -103,7 +103,7 @@ def _write(request: Request, found: Identifiability) -> None:
     try:
         _write_json(request, found.as_object())
         if request.out is not None:
-            from eclsim.sensitivity.identifiability_figures import write_identifiability_figures
+            from eclsim.sensitivity.figures import write_identifiability_figures
 
             write_identifiability_figures(found, Path(request.out) / "figures")
     except OSError as error:

@@ -167,15 +167,15 @@ def _compute(
     folder: Path, settings: ReproductionSettings, parts: Sequence[str], progress: Callable[[str], None]
 ) -> Reproduction:
     from eclsim.cli.messages import fail
-    from eclsim.identification.cohort_fit import StoreError as FitStoreError
+    from eclsim.execution import ExecutionError
+    from eclsim.identification.cohort_fit import StoreError
     from eclsim.paper.names import RUNS
     from eclsim.paper.reproduction import reproduce as compute
-    from eclsim.sensitivity.store import StoreError
 
     try:
         folder.mkdir(exist_ok=True)
         return compute(folder / RUNS, settings, parts, progress)
-    except (StoreError, FitStoreError) as error:
+    except (ExecutionError, StoreError) as error:
         fail(error)
     except OSError as error:
         fail(f"{error.filename or folder}: {error.strerror or error}")

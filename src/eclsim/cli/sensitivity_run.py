@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import tempfile
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,9 +14,9 @@ from eclsim.cli.messages import fail, resumable, say, warn
 
 if TYPE_CHECKING:
     from eclsim.cases import Case
-    from eclsim.sensitivity.analysis import Analysis, Finished
-    from eclsim.sensitivity.indices import Indices
-    from eclsim.sensitivity.runner import Executor
+    from eclsim.execution import Distribution, Executor
+    from eclsim.sensitivity.analysis import SobolSettings
+    from eclsim.sensitivity.results import Indices, SensitivityResult
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,21 +48,24 @@ class Request:
 def run(request: Request) -> int:
     """Run the analysis, or one around each state; returns the number of failed runs."""
     from eclsim.cli.cases import read_all, with_speeds
-    from eclsim.sensitivity.states import union_over
+    from eclsim.execution import ShardDone
+    from eclsim.sensitivity.analysis import PRELOAD
+    from eclsim.sensitivity.patients import union_over
 
-    _check(request)
+    distribution = _check(request)
     (reading,) = with_speeds(read_all([request.case_file], request.settings, request.policy))
     results: dict[str, Indices] = {}
-    with _executor(request) as execute:
-        plans = {state: _plan(request, reading.case, state) for state in request.states or ("",)}
-        for state, plan in plans.items():
-            if state:
-                say(f"{state}: {_around(plan)}")
-            finished = _run_one(request, plan, state, execute)
-            if finished is not None:
-                results[state] = finished.indices
-    if not results:
-        return 0
+    with _mistakes(request), distribution.running(PRELOAD) as executor:
+        for state in request.states or ("",):
+            settings = _settings(request, reading.case, state)
+            if settings.values is not None:
+                around = ", ".join(f"{name} = {value:.4g}" for name, value in settings.values.items())
+                say(f"{state}: around {around} mmHg s/mL")
+            try:
+                results[state] = _run_one(request, reading.case, settings, state, executor).indices
+            except ShardDone as done:
+                say(done)
+                return 0
     wanted = bool(request.second_order)
     if not request.states:
         content = results[""].as_object(wanted)
@@ -75,30 +78,36 @@ def run(request: Request) -> int:
 
 def merge(request: Request) -> int:
     """Finish an analysis whose shards are all there."""
-    from eclsim.sensitivity.analysis import conclude
-    from eclsim.sensitivity.store import Store, StoreError
+    from eclsim.sensitivity.analysis import merge_shards
 
     if request.out is None:
         fail("merge: --out DIR names the folder of the shards")
+    with _mistakes(request), resumable(request.out):
+        result = merge_shards(Path(request.out))
+    _write_files(request, Path(request.out), result)
+    _hand_over(request, result.indices.as_object(bool(request.second_order)), {"": result.indices})
+    return len(result.indices.failed)
+
+
+@contextmanager
+def _mistakes(request: Request) -> Iterator[None]:
+    """Say what cannot be, and leave with the exit status of bad input."""
+    from eclsim.execution import ExecutionError
+    from eclsim.sensitivity.inputs import InputError
+
     try:
-        store = Store.found_in(Path(request.out))
-        missing = sorted(set(range(store.design.blocks)) - store.finished())
-        if missing:
-            shown = ", ".join(map(str, missing[:10])) + (" ..." if len(missing) > 10 else "")
-            said = f"{len(missing)} of {store.design.blocks} blocks are missing ({shown})"
-            fail(f"{request.out}: {said}; run their shards, or --resume without --shard")
-        with resumable(request.out):
-            found = store.load(range(store.design.blocks))
-            finished = conclude(store.design, store.outputs, found)
-            store.finish(found)
-    except (StoreError, ValueError) as error:
+        yield
+    except InputError as error:
+        fail(*error.mistakes)
+    except (ExecutionError, ValueError) as error:
         fail(error)
-    _write_files(request, Path(request.out), finished)
-    _hand_over(request, finished.indices.as_object(bool(request.second_order)), {"": finished.indices})
-    return len(finished.indices.failed)
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        fail(f"{error.filename or request.out}: {error.strerror or error}")
 
 
-def _check(request: Request) -> None:
+def _check(request: Request) -> Distribution:
     from eclsim.cli.output_option import over_input
 
     wrong = over_input("--json", request.json, (request.case_file,))
@@ -108,8 +117,7 @@ def _check(request: Request) -> None:
         wrong.append(f"--out {request.out}: a file; a folder belongs here")
     if request.shard and (request.until is not None or request.states):
         wrong.append("--shard: without --until and --states, which look at all runs")
-    if request.resume and request.force:
-        wrong.append("--resume keeps what is there and --force throws it away: one of them")
+    distribution = _distribution(request, wrong)
     if request.until is not None and not 0.0 < request.until < math.inf:
         wrong.append(f"--until {request.until:g}: allowed: above 0, such as 0.02")
     if (
@@ -120,90 +128,51 @@ def _check(request: Request) -> None:
         wrong.append(f"--json {request.json}: exists already; --force overwrites it")
     if request.json not in (None, "-") and not Path(request.json).absolute().parent.is_dir():
         wrong.append(f"--json {request.json}: the folder does not exist")
-    if request.shard and _shard(request.shard) is None:
-        wrong.append(f"--shard {request.shard}: allowed: i/n with i from 1 to n, such as 3/16")
     if wrong:
         fail(*wrong)
+    return distribution
 
 
-def _shard(text: str) -> tuple[int, int] | None:
-    number, _, count = text.partition("/")
-    if not (text.isascii() and number.isdigit() and count.isdigit() and 1 <= int(number) <= int(count)):
-        return None
-    return int(number), int(count)
+def _distribution(request: Request, wrong: list[str]) -> Distribution:
+    from eclsim.execution import Distribution, ExecutionError, Shard
+
+    try:
+        shard = Shard.parse(request.shard) if request.shard else None
+        return Distribution(dask=request.dask, shard=shard, resume=request.resume, force=request.force)
+    except ExecutionError as error:
+        wrong.append(str(error))
+        return Distribution()
 
 
-def _plan(request: Request, case: Case, state: str) -> Analysis:
+def _settings(request: Request, case: Case, state: str) -> SobolSettings:
     from eclsim.orbit.model import model_of
-    from eclsim.sensitivity.analysis import plan_analysis
-    from eclsim.sensitivity.case_inputs import CARDIOVASCULAR, InputError
-    from eclsim.sensitivity.design import DesignError
-    from eclsim.sensitivity.states import StateError, state_values
+    from eclsim.sensitivity.analysis import SobolSettings
+    from eclsim.sensitivity.patients import state_values
 
-    try:
-        values = state_values(model_of(case), state, case.volume_policy) if state else None
-        return plan_analysis(
-            case,
-            samples=request.samples,
-            perturbation_percent=request.perturbation,
-            parameters=CARDIOVASCULAR if request.parameters is None else request.parameters,
-            include=request.include,
-            groups=request.groups,
-            outputs=request.outputs,
-            seed=request.seed,
-            second_order=request.second_order is not False,
-            values=values,
-        )
-    except InputError as error:
-        fail(*error.mistakes)
-    except (DesignError, StateError) as error:
-        fail(error)
+    return SobolSettings(
+        samples=request.samples,
+        perturbation_percent=request.perturbation,
+        parameters=request.parameters,
+        include=request.include,
+        groups=request.groups,
+        outputs=request.outputs,
+        seed=request.seed,
+        second_order=request.second_order is not False,
+        values=state_values(model_of(case), state, case.volume_policy) if state else None,
+        until=request.until,
+    )
 
 
-def _around(plan: Analysis) -> str:
-    from eclsim.sensitivity.states import ADJUSTED
+def _run_one(
+    request: Request, case: Case, settings: SobolSettings, state: str, executor: Executor
+) -> SensitivityResult:
+    from eclsim.sensitivity.analysis import sensitivity
 
-    return f"around {ADJUSTED} = {getattr(plan.evaluator, 'base')[ADJUSTED]:.4g} mmHg s/mL"  # noqa: B009  # Evaluator
-
-
-def _run_one(request: Request, plan: Analysis, state: str, execute: Executor | None) -> Finished | None:
-    """One analysis; None for a shard, which has no indices of its own."""
-    from eclsim.sensitivity.analysis import run_analysis
-    from eclsim.sensitivity.distributed import UnreachableError
-    from eclsim.sensitivity.runner import run_blocks
-    from eclsim.sensitivity.store import Store, StoreError
-
-    shard = _shard(request.shard) if request.shard else None
-    try:
-        with resumable(request.out), _folder(request, state) as folder, _progress() as report:
-            store = Store.of(folder, plan.design, plan.evaluator)
-            store.open(request.resume or shard is not None, request.force and shard is None)
-            if shard is not None:
-                run_blocks(store, plan.evaluator, store.shard(*shard), execute, report)
-                return None
-            finished = run_analysis(plan, store, until=request.until, execute=execute, report=report)
-            if request.out is not None:
-                _write_files(request, folder, finished)
-            return finished
-    except (StoreError, UnreachableError, ValueError) as error:
-        fail(error)
-    except OSError as error:
-        fail(f"{error.filename or request.out}: {error.strerror or error}")
-
-
-@contextmanager
-def _executor(request: Request) -> Iterator[Executor | None]:
-    if request.dask is None:
-        yield None
-        return
-    from eclsim.sensitivity.distributed import MissingDaskError, on_dask
-
-    with ExitStack() as stack:
-        try:
-            execute = stack.enter_context(on_dask(request.dask))
-        except MissingDaskError as error:
-            fail(error)
-        yield execute
+    with resumable(request.out), _folder(request, state) as folder, _progress() as report:
+        result = sensitivity(case, settings=settings, folder=folder, distribution=executor, progress=report)
+        if request.out is not None:
+            _write_files(request, folder, result)
+        return result
 
 
 @contextmanager
@@ -234,7 +203,9 @@ def _progress() -> Iterator[Any]:
         task = bar.add_task("sensitivity", total=None, left="")
 
         def report(p: Any) -> None:
-            bar.update(task, completed=p.done, total=p.total, left=f"{p.left:.0f} s left")
+            bar.update(
+                task, completed=p.done, total=p.total, left="" if p.left is None else f"{p.left:.0f} s left"
+            )
 
         yield report
 
@@ -249,19 +220,17 @@ class _Lines:
         """Say it, unless it was said a moment ago."""
         if progress.seconds - self.said >= 10.0:
             self.said = progress.seconds
-            say(f"sensitivity: {progress.done} of {progress.total} blocks, {progress.left:.0f} s left")
+            say(progress)
 
 
-def _write_files(request: Request, folder: Path, finished: Finished) -> None:
-    from eclsim.sensitivity.convergence import convergence
-    from eclsim.sensitivity.tables import write_results
+def _write_files(request: Request, folder: Path, result: SensitivityResult) -> None:
+    from eclsim.sensitivity.results import write_results
 
-    settled = convergence(finished)
-    write_results(folder, finished.indices, settled)
+    write_results(folder, result)
     if request.figures:
         from eclsim.sensitivity.figures import write_sensitivity_figures
 
-        write_sensitivity_figures(finished.indices, folder / "figures", finished.values, settled)
+        write_sensitivity_figures(result, folder / "figures")
 
 
 def _hand_over(request: Request, content: dict[str, Any], results: dict[str, Indices]) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import typer
 
 if TYPE_CHECKING:
-    from eclsim.sensitivity.indices import Indices
+    from eclsim.sensitivity.results import Indices
 
 MOST_PAIRS = 20
 FAINTEST = 0.005

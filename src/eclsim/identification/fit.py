@@ -31,8 +31,7 @@ from eclsim.identification.verdict import (
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
 from eclsim.parameters.adult_ranges import AdultRange, adult_ranges
-from eclsim.sensitivity.identifiability import ScaledSensitivities
-from eclsim.sensitivity.proposal import propose
+from eclsim.sensitivity.collinearity import ScaledSensitivities, propose
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case

@@ -12,8 +12,7 @@ from eclsim.identification.multi_start import FitStatus, Optimum, SharedEstimate
 from eclsim.identification.objective import Box, Evaluation, Objective, Tangents
 from eclsim.identification.precision import covariance, prior_deviations
 from eclsim.orbit.equation import OrbitOptions
-from eclsim.sensitivity.identifiability import ScaledSensitivities
-from eclsim.sensitivity.proposal import propose
+from eclsim.sensitivity.collinearity import ScaledSensitivities, propose
 
 SHARES = (0.2, 0.5, 0.8)
 """Further starts of the common parameters: shares of the way between their bounds."""

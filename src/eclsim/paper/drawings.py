@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from eclsim.crrt_study.study import CrrtStudy
     from eclsim.paper.cohort import CohortPart
     from eclsim.paper.reproduction import Reproduction
-    from eclsim.sensitivity.analysis import Finished
+    from eclsim.sensitivity.results import SensitivityResult
 
 
 def drawings(
@@ -55,24 +55,22 @@ _WORDS = {
 }  # fmt: skip
 
 
-def _named(finished: Finished) -> Finished:
+def _named(finished: SensitivityResult) -> SensitivityResult:
     """The analysis with its factors in words that fit under a column."""
     words = tuple(_WORDS.get(name, name) for name in finished.indices.factors)
     return replace(finished, indices=replace(finished.indices, factors=words))
 
 
-def _sobol_figure(name: str, finished: Finished) -> Callable[[], Figure]:
+def _sobol_figure(name: str, finished: SensitivityResult) -> Callable[[], Figure]:
     from eclsim.paper.sensitivity import TABLE_2
     from eclsim.sensitivity import figures
-    from eclsim.sensitivity.convergence import convergence
-    from eclsim.sensitivity.heat_map import plot_heat_map
 
     return {
-        "total": lambda: plot_heat_map(finished.indices, "ST", "paper"),
-        "difference": lambda: plot_heat_map(finished.indices, "ST-S1"),
+        "total": lambda: figures.plot_heat_map(finished.indices, "ST", "paper"),
+        "difference": lambda: figures.plot_heat_map(finished.indices, "ST-S1"),
         "sums": lambda: figures.plot_sums(finished.indices, TABLE_2),
         "distributions": lambda: figures.plot_distributions(finished.indices, finished.values),
-        "convergence": lambda: figures.plot_convergence(convergence(finished)),
+        "convergence": lambda: figures.plot_convergence(finished.convergence),
     }[name]
 
 

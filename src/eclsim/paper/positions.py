@@ -8,27 +8,21 @@ drawn, which shows what of the paper's statements comes from it.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from eclsim.execution import Distribution
 from eclsim.paper.patient import Unstated, explained_case
 from eclsim.paper.rows import Row, statement
-from eclsim.paper.sensitivity import run_kept
-from eclsim.sensitivity.analysis import Finished, conclude, plan_analysis
-from eclsim.sensitivity.case_inputs import ACCESS, RETURN
-from eclsim.sensitivity.evaluation import Evaluated, Evaluator
-from eclsim.sensitivity.inputs import Categorical
-from eclsim.sensitivity.runner import run_blocks
-from eclsim.sensitivity.store import Store
-
-if TYPE_CHECKING:
-    from eclsim.sensitivity.indices import Indices
+from eclsim.sensitivity.analysis import SobolSettings, plan_analysis, run_analysis
+from eclsim.sensitivity.inputs import ACCESS, RETURN, Categorical
+from eclsim.sensitivity.results import Indices, SensitivityResult
+from eclsim.sensitivity.runs import Analysis, Evaluator, Runs
 
 SPEED = "ecmo.speed_rpm"
-OPTIONS = {"groups": ("R", "C", "L", "E"), "include": (ACCESS, RETURN, SPEED)}
 DRAWN_SEED = 7
 NEGLIGIBLE = 0.05
 PAIR = 0.05
@@ -47,8 +41,8 @@ class PositionsPart:
     """
 
     rows: tuple[Row, ...]
-    designed: Finished
-    drawn: Finished
+    designed: SensitivityResult
+    drawn: SensitivityResult
     samples: int
 
 
@@ -65,7 +59,7 @@ class DrawnOver:
         """Names of the outputs."""
         return self.evaluator.outputs
 
-    def __call__(self, settings: Mapping[str, np.ndarray], count: int) -> Evaluated:
+    def __call__(self, settings: Mapping[str, np.ndarray], count: int) -> Runs:
         """Run some points with other choices than those of the design."""
         first = int(np.frombuffer(next(iter(settings.values()))[:1].tobytes(), dtype=np.uint32)[0])
         random = np.random.default_rng([self.seed, first])
@@ -97,24 +91,24 @@ def reproduce_positions(
         progress: is told what is being computed.
     """
     case = explained_case(unstated)
-    options = {**OPTIONS, "samples": samples}
-    designed = run_kept(
-        folder / "designed", case, options, resume, "sensitivity to the CRRT's positions", progress
-    )
-    plan = plan_analysis(case, **options)
+    settings = SobolSettings(samples=samples, groups=("R", "C", "L", "E"), include=(ACCESS, RETURN, SPEED))
+    plan = plan_analysis(case, settings)
     choices = tuple(i for i in plan.design.inputs if isinstance(i, Categorical))
-    evaluator = DrawnOver(plan.evaluator, choices)
-    store = Store.of(folder / "drawn", plan.design, evaluator)
-    store.open(resume=resume, fresh=not resume)
-    words = "the same, positions drawn over the design"
-    blocks = range(plan.design.blocks)
-    run_blocks(store, evaluator, blocks, report=lambda p: progress(f"{words}: {p.done} of {p.total} blocks"))
-    found = store.load(blocks)
-    drawn = conclude(plan.design, evaluator.outputs, found)
+    drawn_over = replace(plan, evaluator=DrawnOver(plan.evaluator, choices))
+
+    def run(analysis: Analysis, name: str, title: str) -> SensitivityResult:
+        with Distribution(resume=resume, force=not resume).running() as executor:
+            return run_analysis(
+                analysis, folder / name, executor,
+                progress=lambda p: progress(f"{title}: {p.done} of {p.total} blocks"),
+            )  # fmt: skip
+
+    designed = run(plan, "designed", "sensitivity to the CRRT's positions")
+    drawn = run(drawn_over, "drawn", "the same, positions drawn over the design")
     return PositionsPart(tuple(position_rows(designed, drawn)), designed, drawn, samples)
 
 
-def position_rows(designed: Finished, drawn: Finished) -> list[Row]:
+def position_rows(designed: SensitivityResult, drawn: SensitivityResult) -> list[Row]:
     """What the text says of Figures 7 and S-5 to S-7."""
     ours, theirs = designed.indices, drawn.indices
     seven, five = "3.3, Figure 7", "3.3, Figure S-5"
@@ -135,7 +129,7 @@ def position_rows(designed: Finished, drawn: Finished) -> list[Row]:
     return rows + _ranges(designed, drawn)
 
 
-def _ranges(designed: Finished, drawn: Finished) -> list[Row]:
+def _ranges(designed: SensitivityResult, drawn: SensitivityResult) -> list[Row]:
     """Smallest and largest of what the samples give, printed in round numbers."""
     rows = []
     for name, unit, low, high, digits in (("MAP", "mmHg", 50.0, 100.0, -1), ("PF", "L/min", 2.0, 5.0, 0)):

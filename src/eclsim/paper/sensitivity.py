@@ -9,21 +9,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from eclsim.cases.case import Case
+from eclsim.execution import Distribution
 from eclsim.orbit.model import model_of
 from eclsim.paper.patient import paper_case
 from eclsim.paper.rows import Row, statement
-from eclsim.sensitivity.analysis import Finished, plan_analysis, run_analysis
-from eclsim.sensitivity.case_inputs import CARDIOVASCULAR
-from eclsim.sensitivity.states import TARGETS, state_values
-from eclsim.sensitivity.store import Store
-
-if TYPE_CHECKING:
-    from eclsim.sensitivity.indices import Indices
+from eclsim.sensitivity.analysis import SobolSettings, sensitivity
+from eclsim.sensitivity.inputs import CARDIOVASCULAR
+from eclsim.sensitivity.patients import TARGETS, state_values
+from eclsim.sensitivity.results import Indices, SensitivityResult
 
 TABLE_2 = {
     "Rmc": 3.80, "Emaxlv": 1.60, "Rpmc": 0.60, "Emaxrv": 0.32, "Csart": 0.25, "Edla": 0.19, "Rsvn": 0.14,
@@ -48,9 +45,9 @@ class SensitivityPart:
     """
 
     rows: tuple[Row, ...]
-    assumed: Finished
-    average: Finished
-    states: dict[str, Finished]
+    assumed: SensitivityResult
+    average: SensitivityResult
+    states: dict[str, SensitivityResult]
     samples: int
 
 
@@ -77,12 +74,16 @@ def reproduce_sensitivity(
         progress: is told what is being computed.
     """
 
-    def run(name: str, case: Case, state: str = "") -> Finished:
+    def run(name: str, case: Case, state: str = "") -> SensitivityResult:
         words = f"sensitivity, {name}" + (f", {state}" if state else "")
         values = state_values(model_of(case), state) if state else None
-        options = {"samples": samples, "second_order": False, "values": values}
-        return run_kept(
-            folder / f"{name}{'_' if state else ''}{state}", case, options, resume, words, progress
+        settings = SobolSettings(samples=samples, second_order=False, values=values)
+        return sensitivity(
+            case,
+            settings=settings,
+            folder=folder / f"{name}{'_' if state else ''}{state}",
+            distribution=Distribution(resume=resume, force=not resume),
+            progress=lambda p: progress(f"{words}: {p.done} of {p.total} blocks"),
         )
 
     woman, man = healthy_parameters_case(False), healthy_parameters_case(True)
@@ -90,23 +91,6 @@ def reproduce_sensitivity(
     states = {state: run("average", man, state) for state in TARGETS}
     rows = (*_table_2(assumed.indices, average.indices), *_claims(assumed, average, states))
     return SensitivityPart(rows, assumed, average, states, samples)
-
-
-def run_kept(
-    folder: Path,
-    case: Case,
-    options: dict[str, Any],
-    resume: bool,
-    words: str,
-    progress: Callable[[str], None],
-) -> Finished:
-    """An analysis whose runs are kept in a folder, block by block."""
-    plan = plan_analysis(case, **options)
-    folder.mkdir(parents=True, exist_ok=True)
-    store = Store.of(folder, plan.design, plan.evaluator)
-    store.open(resume=resume, fresh=not resume)
-    progress(f"{words}: {plan.design.evaluations} runs")
-    return run_analysis(plan, store, report=lambda p: progress(f"{words}: {p.done} of {p.total} blocks"))
 
 
 def _table_2(assumed: Indices, average: Indices) -> list[Row]:
@@ -129,7 +113,9 @@ def _sum(indices: Indices, name: str) -> tuple[float, float]:
     return indices.sums[name], float(indices.estimates.ST_conf[:, k].sum())
 
 
-def _claims(assumed: Finished, average: Finished, states: dict[str, Finished]) -> list[Row]:
+def _claims(
+    assumed: SensitivityResult, average: SensitivityResult, states: dict[str, SensitivityResult]
+) -> list[Row]:
     first, second = assumed.indices, average.indices
     runs = PAPER_SAMPLES * (2 * len(CARDIOVASCULAR) + 2)
     union = {name for one in states.values() for name in one.indices.union()}

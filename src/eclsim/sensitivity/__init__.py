@@ -1,1 +1,5 @@
-"""Global sensitivity (Sobol indices) and local identifiability of the parameters of a case."""
+"""Global sensitivity (Sobol) and identifiability; called, it is `eclsim.sensitivity.analysis.sensitivity`."""
+
+from eclsim.front_door import make_callable
+
+make_callable(__name__, "eclsim.sensitivity.analysis")

@@ -3,98 +3,116 @@
 from __future__ import annotations
 
 import os
-import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from eclsim.sensitivity.case_inputs import CARDIOVASCULAR, OUTPUTS, InputError, varied
+from eclsim.execution import Distribution, Executor, Progress, Tasks
+from eclsim.execution.tasks import run_tasks
+from eclsim.orbit.model import CaseSource, VolumePolicy, as_case, model_of
 from eclsim.sensitivity.design import Design, DesignError
-from eclsim.sensitivity.evaluation import Evaluated, Evaluator, SteadyBeatEvaluator, design_resolution
-from eclsim.sensitivity.indices import Indices, indices_of
-from eclsim.sensitivity.runner import Executor, Progress, run_blocks
-from eclsim.sensitivity.store import Store
+from eclsim.sensitivity.inputs import CARDIOVASCULAR, OUTPUTS, InputError, unknown_names, varied
+from eclsim.sensitivity.results import SensitivityResult, conclude
+from eclsim.sensitivity.runs import Analysis, SampleFolder, SteadyBeatEvaluator, design_resolution
+from eclsim.simulation.target_flow import with_speed
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
-
+PRELOAD = ("scipy.stats", "eclsim.outputs.evaluation", "eclsim.sensitivity.runs")
+"""What a worker needs before its first block."""
 COPIES = 6
 """How often the points of a design and its results are held at a time, at most."""
 SHARE_OF_MEMORY = 0.8
 
 
-@dataclass(frozen=True)
-class Analysis:
-    """What is to be run: a design and what it is run on."""
-
-    design: Design
-    evaluator: Evaluator
-
-
-@dataclass(frozen=True)
-class Finished:
-    """A finished analysis: its indices, and the runs they come from."""
-
-    design: Design
-    indices: Indices
-    found: Evaluated
-
-    @property
-    def values(self) -> np.ndarray:
-        """Outputs of all rows without a failed run, shape (rows, runs per row, outputs)."""
-        rows = self.found.values.reshape(-1, self.design.runs_per_row, len(self.indices.outputs))
-        return rows[(self.found.status == 0).reshape(len(rows), -1).all(axis=1)]
-
-
-def plan_analysis(
-    case: Case,
-    *,
-    samples: int = 2048,
-    perturbation_percent: float = 25.0,
-    parameters: Sequence[str] = CARDIOVASCULAR,
-    include: Sequence[str] = (),
-    groups: Sequence[str] = (),
-    outputs: Sequence[str] | None = None,
-    seed: int = 1,
-    second_order: bool = True,
-    policy: str | None = None,
-    values: Mapping[str, float] | None = None,
-) -> Analysis:
-    """Inputs and design of an analysis, checked; nothing is run.
+@dataclass(frozen=True, kw_only=True)
+class SobolSettings:
+    """What is analysed.
 
     Args:
-        case: patient and devices.
-        samples: N, a power of two.
+        samples: N, rows of Saltelli's design, a power of two.
         perturbation_percent: half width of the range of each number.
-        parameters: names of the parameters varied.
+        parameters: names of the parameters varied; None for the paper's 24 cardiovascular ones.
         include: further inputs, such as `ecmo.speed_rpm`, `ecmo.drainage_fr`, `crrt.flow_ml_min`,
             `crrt.scheme`.
         groups: letters (R, C, L, E) whose parameters are one factor together.
-        outputs: names of outputs; left out, the paper's seven, as far as the case has them.
-        seed: of the design.
-        second_order: N (2 F + 2) runs, else N (F + 2).
-        policy: blood volume policy; left out, the case's.
+        outputs: names of outputs; None for the paper's seven, as far as the case has them.
+        seed: of the design and of the intervals.
+        second_order: N (2 F + 2) runs for F factors, else N (F + 2).
+        volume_policy: blood volume policy; None for the case's.
         values: start values in place of the case's own.
+        until: stop at 64, 128, 256 ... rows once every total order is certain to this half width (95 %).
     """
-    from eclsim.orbit.model import model_of
+
+    samples: int = 2048
+    perturbation_percent: float = 25.0
+    parameters: Sequence[str] | None = None
+    include: Sequence[str] = ()
+    groups: Sequence[str] = ()
+    outputs: Sequence[str] | None = None
+    seed: int = 1
+    second_order: bool = True
+    volume_policy: VolumePolicy | None = None
+    values: Mapping[str, float] | None = None
+    until: float | None = None
+
+
+def sensitivity(
+    case: CaseSource,
+    *,
+    settings: SobolSettings | None = None,
+    folder: str | os.PathLike[str] | None = None,
+    distribution: Distribution | Executor | None = None,
+    progress: Progress | None = None,
+) -> SensitivityResult:
+    """Sobol indices of a case: which of its parameters the outputs [mmHg, L/min] depend on.
+
+    Args:
+        case: path of a case file, what `read_case` returned, or a case.
+        settings: what is varied, how far and how often.
+        folder: keeps the runs, block by block; left out, they are kept for this call alone.
+        distribution: where the blocks run, and whether to go on with those in the folder.
+        progress: called after every block.
+
+    Raises:
+        InputError: names or ranges that the case cannot have.
+        DesignError: a design that cannot be made, or that does not fit into memory.
+        ExecutionError: the folder holds something else, or workers cannot be reached.
+        ShardDone: this was a shard, whose runs are in the folder now.
+        ValueError: hardly a row is without failed runs.
+    """
+    settings = settings or SobolSettings()
+    with ExitStack() as stack:
+        if not isinstance(distribution, Executor):
+            distribution = stack.enter_context((distribution or Distribution()).running(PRELOAD))
+        plan = plan_analysis(with_speed(as_case(case), settings.volume_policy)[0], settings)
+        place = stack.enter_context(TemporaryDirectory(prefix="eclsim-")) if folder is None else folder
+        return run_analysis(plan, Path(place), distribution, until=settings.until, progress=progress)
+
+
+def plan_analysis(case: Case, settings: SobolSettings) -> Analysis:
+    """Inputs and design of an analysis, checked; nothing is run."""
     from eclsim.outputs.evaluation import output_names
 
-    base = {**model_of(case).values, **(values or {})}
-    chosen = varied(case, base, parameters, include, groups, perturbation_percent)
+    s = settings
+    base = {**model_of(case).values, **(s.values or {})}
+    parameters = CARDIOVASCULAR if s.parameters is None else s.parameters
+    chosen = varied(case, base, parameters, s.include, s.groups, s.perturbation_percent)
     available = output_names(chosen.circuit)
-    names = tuple(o for o in OUTPUTS if o in available) if outputs is None else tuple(dict.fromkeys(outputs))
-    _check_outputs(names, available)
-    design = Design(chosen.inputs, samples, seed, chosen.groups, second_order)
-    check_memory(design, len(names))
+    usual = [o for o in OUTPUTS if o in available]
+    outputs = tuple(dict.fromkeys(usual if s.outputs is None else s.outputs))
+    if wrong := unknown_names(outputs, available, "output of this case"):
+        raise InputError(wrong)
+    design = Design(chosen.inputs, s.samples, s.seed, chosen.groups, s.second_order)
+    check_memory(design, len(outputs))
     resolution = design_resolution(chosen.circuit, chosen.base, design)
-    evaluator = SteadyBeatEvaluator(
-        chosen.circuit, chosen.base, names, policy or case.volume_policy, resolution, case.patient.id
-    )
+    policy = s.volume_policy or case.volume_policy
+    evaluator = SteadyBeatEvaluator(chosen.circuit, chosen.base, outputs, policy, resolution, case.patient.id)
     return Analysis(design, evaluator)
 
 
@@ -124,67 +142,57 @@ def _memory_bytes() -> float | None:
         return None
 
 
-def _check_outputs(names: Sequence[str], available: Sequence[str]) -> None:
-    from eclsim.parameters import did_you_mean
-
-    wrong = []
-    for name in names:
-        if name not in available:
-            hint = did_you_mean(name, available)
-            said = f"; did you mean {hint}?" if hint else f"; allowed: {', '.join(available)}"
-            wrong.append(f"{name}: no output of this case{said}")
-    if wrong:
-        raise InputError(wrong)
-
-
-def analyse(case: Case, **options: object) -> Finished:
-    """Sobol indices of a case in one call; options are those of `plan_analysis`. Nothing is kept on disk."""
-    plan = plan_analysis(case, **options)  # pyright: ignore[reportArgumentType]  # checked there
-    with tempfile.TemporaryDirectory(prefix="eclsim-") as folder:
-        store = Store.of(Path(folder), plan.design, plan.evaluator)
-        store.open(resume=False)
-        return run_analysis(plan, store)
-
-
 def run_analysis(
     plan: Analysis,
-    store: Store,
+    folder: Path,
+    executor: Executor,
     *,
     until: float | None = None,
-    execute: Executor | None = None,
-    report: Callable[[Progress], None] | None = None,
-) -> Finished:
-    """Run what is missing, write the samples, estimate.
+    progress: Progress | None = None,
+) -> SensitivityResult:
+    """Run what is missing, write the samples, estimate; a shard ends after its runs with `ShardDone`.
 
     Args:
         plan: design and evaluator.
-        store: an open store of this analysis.
+        folder: keeps the runs.
+        executor: runs the blocks.
         until: stop at 64, 128, 256 ... rows once no total order is less certain than this (half width).
-        execute: where blocks are run.
-        report: called after every block.
+        progress: called after every block.
     """
     started = time.perf_counter()
-    whole = plan.design
+    store, whole = plan.folder(folder), plan.design
+    store.open(executor)
+    executor.run_shard(plan.tasks, store, folder, progress)
     for rows in _stages(whole, until):
         blocks = range(rows // whole.rows_per_block)
-        run_blocks(store, plan.evaluator, blocks, execute, report)
-        found = store.load(blocks)
-        finished = conclude(replace(whole, samples=rows), plan.evaluator.outputs, found)
-        if until is not None and finished.indices.estimates.ST_conf.max() <= until:
+        run_tasks(plan.tasks, store, blocks, executor.run, progress)
+        result = conclude(replace(whole, samples=rows), plan.evaluator.outputs, store.load(blocks))
+        if until is not None and result.indices.estimates.ST_conf.max() <= until:
             break
-    store.finish(finished.found)
+    store.finish(result.runs)
     seconds = time.perf_counter() - started
-    return replace(finished, indices=replace(finished.indices, seconds=seconds))
+    return replace(result, indices=replace(result.indices, seconds=seconds))
+
+
+def merge_shards(folder: Path) -> SensitivityResult:
+    """The analysis whose shards a folder holds, finished without the case that it is of.
+
+    Raises:
+        ExecutionError: a shard is missing, or the folder holds no analysis.
+    """
+    store = SampleFolder.found_in(folder)
+    with Distribution(merge=True).running() as executor:
+        blocks = range(store.design.blocks)
+        tasks = Tasks("sensitivity", "blocks", store.blocks.load, blocks)
+        run_tasks(tasks, store, blocks, executor.run)
+        result = conclude(store.design, store.outputs, store.load(blocks))
+        store.finish(result.runs)
+    return result
 
 
 def _stages(design: Design, until: float | None) -> list[int]:
     """Numbers of rows after which the intervals are looked at."""
     if until is None:
         return [design.samples]
-    smallest = max(design.rows_per_block, 64)
-    return [n for n in (design.samples >> k for k in range(20, -1, -1)) if n >= min(smallest, design.samples)]
-
-
-def conclude(design: Design, outputs: tuple[str, ...], found: Evaluated) -> Finished:
-    """Indices of the runs of a whole design."""
-    return Finished(design, indices_of(design, outputs, found), found)
+    smallest = min(max(design.rows_per_block, 64), design.samples)
+    return [n for n in (design.samples >> k for k in range(20, -1, -1)) if n >= smallest]

@@ -11,11 +11,10 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
 
-from eclsim.sensitivity.inputs import Input, described_input
+from eclsim.sensitivity.inputs import Description, Input, described_input
 
 RUNS_PER_BLOCK = 2048
 """A block, the unit of work, has the largest power of two of rows with at most so many runs."""
@@ -110,7 +109,7 @@ class Design:
         """First row and row after the last of a block."""
         return block * self.rows_per_block, (block + 1) * self.rows_per_block
 
-    def description(self) -> dict[str, Any]:
+    def description(self) -> Description:
         """As plain data: all that the numbers of a row follow from.
 
         The number of rows is not among it: a design is the beginning of the same design with more rows.
@@ -126,7 +125,7 @@ class Design:
         }
 
     @classmethod
-    def described(cls, description: dict[str, Any], samples: int) -> Design:
+    def described(cls, description: Description, samples: int) -> Design:
         """The design that a description came from."""
         inputs = tuple(described_input(d) for d in description["inputs"])
         groups = tuple(description["groups"])

@@ -1,82 +1,171 @@
-"""Figures of a Sobol analysis: heat maps, bars with intervals, convergence, densities, network of pairs.
+"""Figures of a Sobol analysis and of identifiability.
 
 Layouts follow the paper where it has the figure: total orders of all outputs (3, 7), total less first order
-(S-3, S-7), sums stacked by output (S-4, S-5), sample sizes (S-1), distributions of the outputs (S-6).
+(S-3, S-7), sums stacked by output (S-4, S-5), sample sizes (S-1), distributions of the outputs (S-6). Heat
+maps have two layouts: columns by their sums, and that of the paper: columns in the order of the design
+(resistances, compliances, inertances, elastances) and colours from 0 to 1.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from eclsim.reporting.style import CURVES, GREY, OKABE_ITO, curve_style, figure_style, new_figure, save_figure
-from eclsim.sensitivity.heat_map import FEW_FACTORS, by_sum, plot_heat_map
-from eclsim.sensitivity.pair_network import plot_pairs
+from eclsim.parameters import all_parameters
+from eclsim.reporting.style import CURVES, GREY, OKABE_ITO, figure_style, new_figure, save_figure
+from eclsim.sensitivity.inputs import GROUPS
+from eclsim.sensitivity.results import Indices, SensitivityResult
 
-UNITS = {
-    "SP": "mmHg",
-    "DP": "mmHg",
-    "MAP": "mmHg",
-    "MPAP": "mmHg",
-    "PCWP": "mmHg",
-    "CO": "L/min",
-    "PF": "L/min",
-}
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from eclsim.sensitivity.identifiability import Identifiability
+
+UNITS = {**dict.fromkeys(("SP", "DP", "MAP", "MPAP", "PCWP"), "mmHg"), "CO": "L/min", "PF": "L/min"}
 LEADING = 7
-
-
-class SobolResult(Protocol):
-    """What the figures need of `eclsim.sensitivity.indices.Indices`."""
-
-    @property
-    def factors(self) -> tuple[str, ...]: ...  # noqa: D102  # a description of another class
-    @property
-    def outputs(self) -> tuple[str, ...]: ...  # noqa: D102  # likewise
-    @property
-    def estimates(self) -> Any: ...  # noqa: D102  # likewise
-    @property
-    def sums(self) -> dict[str, float]: ...  # noqa: D102  # likewise
-    def selected(self) -> dict[str, list[str]]: ...  # noqa: D102  # likewise
+LABELS = {"ST": "total order $S_T$", "S1": "first order $S_1$", "ST-S1": "interactions $S_T - S_1$"}
+FEW_FACTORS = 12
+MOST_PAIRED = 10
+SMALLEST_PAIR = 0.005
+Layout = Literal["sums", "paper"]
 
 
 def write_sensitivity_figures(
-    result: SobolResult,
-    folder: Path,
-    values: np.ndarray,
-    settled: Any = None,
-    formats: Sequence[str] = ("svg", "png"),
+    result: SensitivityResult, folder: Path, formats: Sequence[str] = ("svg", "png")
 ) -> list[Path]:
-    """Write every figure of an analysis.
+    """Write every figure of an analysis to a folder, which is made if it does not exist."""
+    indices = result.indices
+    figures: dict[str, Callable[[], Figure]] = {
+        "total_order": lambda: plot_heat_map(indices, "ST"),
+        "total_order_as_in_paper": lambda: plot_heat_map(indices, "ST", "paper"),
+        "total_less_first_order": lambda: plot_heat_map(indices, "ST-S1"),
+        "total_less_first_order_as_in_paper": lambda: plot_heat_map(indices, "ST-S1", "paper"),
+        "bars": lambda: plot_bars(indices),
+        "sums": lambda: plot_sums(indices),
+        "distributions": lambda: plot_distributions(indices, result.values),
+        "convergence": lambda: plot_convergence(result.convergence),
+    }
+    if indices.estimates.S2 is not None and len(indices.factors) > 1:
+        figures["pairs"] = lambda: plot_pairs(indices)
+    return _save(figures, folder, formats)
+
+
+def write_identifiability_figures(
+    result: Identifiability, folder: Path, formats: Sequence[str] = ("svg", "png")
+) -> list[Path]:
+    """Write every figure of an identifiability analysis to a folder."""
+    figures: dict[str, Callable[[], Figure]] = {
+        "scaled_sensitivity": lambda: plot_scaled(result),
+        "orthogonality": lambda: plot_orthogonality(result),
+        "fisher_information": lambda: plot_fisher(result),
+    }
+    if result.subsets:
+        figures["collinearity"] = lambda: plot_collinearity(result)
+    return _save(figures, folder, formats)
+
+
+def _save(figures: Mapping[str, Callable[[], Figure]], folder: Path, formats: Sequence[str]) -> list[Path]:
+    return [path for name, draw in figures.items() for path in save_figure(draw(), folder / name, formats)]
+
+
+# --- Sobol indices ---------------------------------------------------------------------------------
+
+
+def plot_heat_map(result: Indices, index: str = "ST", layout: Layout = "sums") -> Figure:
+    """Indices of every output (rows) and factor (columns); numbers from 0.01 up.
 
     Args:
         result: the indices.
-        folder: is made if it does not exist.
-        values: outputs of the runs, shape (rows, runs per row, outputs).
-        settled: `eclsim.sensitivity.convergence.Convergence`, or None.
-        formats: one file of each per figure.
+        index: "ST", "S1" or "ST-S1".
+        layout: "sums", largest first, or "paper".
     """
-    figures: dict[str, Callable[[], Figure]] = {
-        "total_order": lambda: plot_heat_map(result, "ST"),
-        "total_order_as_in_paper": lambda: plot_heat_map(result, "ST", "paper"),
-        "total_less_first_order": lambda: plot_heat_map(result, "ST-S1"),
-        "total_less_first_order_as_in_paper": lambda: plot_heat_map(result, "ST-S1", "paper"),
-        "bars": lambda: plot_bars(result),
-        "sums": lambda: plot_sums(result),
-        "distributions": lambda: plot_distributions(result, values),
-    }
-    if settled is not None:
-        figures["convergence"] = lambda: plot_convergence(settled)
-    if result.estimates.S2 is not None and len(result.factors) > 1:
-        figures["pairs"] = lambda: plot_pairs(result)
-    written: list[Path] = []
-    for name, draw in figures.items():
-        written += save_figure(draw(), folder / name, formats)
-    return written
+    e = result.estimates
+    numbers = {"ST": e.ST, "S1": e.S1, "ST-S1": e.ST - e.S1}[index]
+    order = range(len(result.factors)) if layout == "paper" else by_sum(result)
+    shown = np.clip(numbers[:, list(order)], 0.0, None)
+    names = [result.factors[k] for k in order]
+    top = 1.0 if layout == "paper" else max(float(shown.max()), 0.05)
+
+    def text(value: float) -> str:
+        return f"{value:.2f}".removeprefix("0") if value >= 0.01 else ""
+
+    with figure_style():
+        fig = new_figure(height_mm=22 + 8.5 * len(result.outputs) + 12)
+        axes = _draw_matrix(
+            fig, shown, names, result.outputs, "Blues", (0.0, top), text, lambda v: v > 0.5 * top,
+            label=LABELS[index], shrink=0.9,
+        )  # fmt: skip
+        if layout == "paper":
+            _mark_kinds(axes, names)
+    return fig
 
 
-def plot_bars(result: SobolResult) -> Figure:
+def _draw_matrix(
+    fig: Figure,
+    numbers: np.ndarray,
+    across: Sequence[str],
+    down: Sequence[str],
+    colours: str,
+    limits: tuple[float, float],
+    text: Callable[[float], str],
+    white: Callable[[float], bool],
+    *,
+    label: str,
+    aspect: Literal["auto", "equal"] = "auto",
+    pad: float = 0.01,
+    shrink: float = 1.0,
+) -> Axes:
+    """Numbers as coloured cells with a text in each, names along both sides, and a bar of the colours."""
+    axes = fig.add_subplot()
+    image = axes.imshow(numbers, cmap=colours, vmin=limits[0], vmax=limits[1], aspect=aspect)
+    for (i, j), value in np.ndenumerate(numbers):
+        if shown := text(value):
+            colour = "white" if white(value) else "black"
+            axes.text(j, i, shown, ha="center", va="center", color=colour, fontsize=6)
+    axes.set_xticks(range(len(across)), across, rotation=90 if len(across) > FEW_FACTORS else 0)
+    axes.set_yticks(range(len(down)), down)
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)
+    fig.colorbar(image, ax=axes, label=label, fraction=0.05, pad=pad, shrink=shrink)
+    return axes
+
+
+def by_sum(result: Indices) -> list[int]:
+    """Positions of the factors, the largest sum of total orders first."""
+    return [result.factors.index(name) for name in result.sums]
+
+
+def in_kinds(names: Sequence[str]) -> bool:
+    """Whether neighbouring parameters share their kind, so that the paper's layout groups them."""
+    kinds = [key for key, _ in groupby(names, key=_kind)]
+    return len(names) > FEW_FACTORS and len(kinds) == len(set(kinds)) > 1
+
+
+def _kind(name: str) -> str:
+    parameter = all_parameters().get(name)
+    return f"{parameter.quantity}s" if parameter and parameter.quantity in GROUPS.values() else "others"
+
+
+def _mark_kinds(axes: Axes, names: Sequence[str]) -> None:
+    """Kinds above the columns, with lines between them."""
+    if not in_kinds(names):
+        return
+    first = 0
+    for kind, members in groupby(names, key=_kind):
+        count = len(list(members))
+        axes.text(first + 0.5 * count - 0.5, -0.62, kind, ha="center", va="bottom", color=GREY, fontsize=7)
+        if first:
+            axes.axvline(first - 0.5, color=GREY, linewidth=0.8)
+        first += count
+
+
+def plot_bars(result: Indices) -> Figure:
     """First and total order of the leading factors of each output, with 95 % intervals."""
     e, chosen = result.estimates, result.selected()
     with figure_style():
@@ -102,7 +191,7 @@ def plot_bars(result: SobolResult) -> Figure:
     return fig
 
 
-def plot_sums(result: SobolResult, published: Mapping[str, float] | None = None) -> Figure:
+def plot_sums(result: Indices, published: Mapping[str, float] | None = None) -> Figure:
     """Total orders of each factor stacked over the outputs; those selected for any output are in bold.
 
     Args:
@@ -117,11 +206,12 @@ def plot_sums(result: SobolResult, published: Mapping[str, float] | None = None)
         bottom = np.zeros(len(order))
         # Hatched as well: told apart when printed in grey.
         colours = [colour for colour, _ in CURVES][1:]
-        edge: dict[str, Any] = {"edgecolor": "white", "linewidth": 0.4}
         for k, output in enumerate(result.outputs):
             heights = np.clip(result.estimates.ST[k, order], 0.0, None)
-            edge["facecolor"], edge["hatch"] = colours[k % len(colours)], ("", "///", "...", "xxx")[k % 4]
-            axes.bar(range(len(order)), heights, 0.75, bottom=bottom, label=output, **edge)
+            axes.bar(
+                range(len(order)), heights, 0.75, bottom=bottom, label=output, edgecolor="white",
+                linewidth=0.4, facecolor=colours[k % len(colours)], hatch=("", "///", "...", "xxx")[k % 4],
+            )  # fmt: skip
             bottom += heights
         names = [result.factors[k] for k in order]
         _label_sums(axes, names, bottom, published or {})
@@ -133,7 +223,7 @@ def plot_sums(result: SobolResult, published: Mapping[str, float] | None = None)
     return fig
 
 
-def _label_sums(axes: Any, names: Sequence[str], sums: np.ndarray, published: Mapping[str, float]) -> None:
+def _label_sums(axes: Axes, names: Sequence[str], sums: np.ndarray, published: Mapping[str, float]) -> None:
     """The sums in figures above the bars, and the published ones as diamonds."""
     known = [x for x, name in enumerate(names) if name in published]
     marks = [published[names[x]] for x in known]
@@ -148,37 +238,34 @@ def _label_sums(axes: Any, names: Sequence[str], sums: np.ndarray, published: Ma
             axes.text(x, place, f"{height:.2f}", ha="center", va="bottom", fontsize=6)
 
 
-def plot_convergence(settled: Any) -> Figure:
+def plot_convergence(convergence: xr.Dataset) -> Figure:
     """Total orders of the seven leading factors against the number of rows."""
+    numbers = convergence.sel(index="ST")
+    rows = numbers["rows"].values
+    sums = numbers["mean"].isel(rows=-1).sum("output")
+    leading: list[str] = [str(name) for name in numbers["factor"].values[np.argsort(-sums.values)][:LEADING]]
+    outputs = numbers["output"].values
     with figure_style():
-        fig, panels = _panels(len(settled.outputs), height_mm=42)
-        leading = [settled.factors[j] for j in np.argsort(-settled.mean["ST"][-1].sum(axis=0))]
-        look = {name: curve_style(k) for k, name in enumerate(leading[:LEADING])}
-        for k, (output, axes) in enumerate(zip(settled.outputs, panels, strict=True)):
-            for name in leading[:LEADING]:
-                j = settled.factors.index(name)
-                mean, spread = settled.mean["ST"][:, k, j], settled.spread["ST"][:, k, j]
-                width = settled.width["ST"][:, k, j]
-                spread = np.where(np.isnan(spread), width / 1.96, spread)
-                axes.plot(settled.rows, mean, label=name, **look[name])
-                band = {"color": look[name]["color"], "alpha": 0.15, "lw": 0}
-                axes.fill_between(settled.rows, mean - spread, mean + spread, **band)
+        fig, panels = _panels(len(outputs), height_mm=42)
+        for output, axes in zip(outputs, panels, strict=True):
+            for k, name in enumerate(leading):
+                curve, (colour, line) = numbers.sel(output=output, factor=name), CURVES[k]
+                mean, spread = curve["mean"].values, curve["spread"].values
+                spread = np.where(np.isnan(spread), curve["mean_conf"].values / 1.96, spread)
+                axes.plot(rows, mean, label=name, color=colour, linestyle=line)
+                axes.fill_between(rows, mean - spread, mean + spread, color=colour, alpha=0.15, lw=0)
             axes.set_xscale("log", base=2)
-            axes.set_xticks(settled.rows[-1::-3], [str(n) for n in settled.rows[-1::-3]])
+            axes.set_xticks(rows[-1::-3], [str(n) for n in rows[-1::-3]])
             axes.minorticks_off()
-            axes.set_title(output)
+            axes.set_title(str(output))
             axes.set_xlabel("rows N")
             axes.set_ylabel("$S_T$")
-        _legend(
-            fig,
-            panels,
-            len(settled.outputs),
-            "mean ± standard deviation\nover repeats; at the last N\nfrom the bootstrap",
-        )
+        note = "mean ± standard deviation\nover repeats; at the last N\nfrom the bootstrap"
+        _legend(fig, panels, len(outputs), note)
     return fig
 
 
-def plot_distributions(result: SobolResult, values: np.ndarray) -> Figure:
+def plot_distributions(result: Indices, values: np.ndarray) -> Figure:
     """Histograms of the outputs over the sampled inputs (points A and B), with median and central 90 %."""
     points = np.concatenate([values[:, 0], values[:, -1]])
     bins = int(np.clip(np.sqrt(len(points)), 8, 40))
@@ -197,7 +284,7 @@ def plot_distributions(result: SobolResult, values: np.ndarray) -> Figure:
     return fig
 
 
-def _panels(count: int, height_mm: float, columns: int = 4) -> tuple[Figure, list[Any]]:
+def _panels(count: int, height_mm: float, columns: int = 4) -> tuple[Figure, list[Axes]]:
     """Panels in rows of four; there is always one place more than panels, for the legend."""
     columns = min(columns, count + 1)
     rows = -(-(count + 1) // columns)
@@ -208,8 +295,181 @@ def _panels(count: int, height_mm: float, columns: int = 4) -> tuple[Figure, lis
     return fig, list(grid.flat[:count])
 
 
-def _legend(fig: Figure, panels: list[Any], count: int, note: str) -> None:
+def _legend(fig: Figure, panels: list[Axes], count: int, note: str) -> None:
     """Legend of the first panel in the place after the last one."""
     place = fig.axes[count]
     place.legend(*panels[0].get_legend_handles_labels(), loc="upper left", labelspacing=0.15)
     place.text(0.05, -0.3, note, transform=place.transAxes, va="bottom", fontsize=7, color=GREY)
+
+
+def plot_pairs(result: Indices) -> Figure:
+    """A circle for each factor (area: first order), a line for each pair (width: second order) per output.
+
+    Pairs are drawn where the index exceeds its own 95 % half width and 0.005; the ten leading factors are
+    shown.
+    """
+    leading = [result.factors.index(n) for n in list(result.sums)[:MOST_PAIRED]]
+    leading.sort()
+    angle = np.linspace(0.5 * np.pi, 2.5 * np.pi, len(leading), endpoint=False)
+    place = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    with figure_style():
+        columns = min(4, len(result.outputs) + 1)
+        rows = -(-(len(result.outputs) + 1) // columns)
+        fig = new_figure(height_mm=46 * rows)
+        grid = fig.subplots(rows, columns, squeeze=False)
+        right = 2.6 if any("." in result.factors[i] for i in leading) else 1.95
+        for axes in grid.flat:
+            axes.set_axis_off()
+            axes.set_aspect("equal")
+            axes.set(xlim=(-1.95, right), ylim=(-1.55, 1.55))
+        drawn = 0
+        for k, output in enumerate(result.outputs):
+            drawn += _draw_pairs(grid.flat[k], result, k, leading, place)
+            grid.flat[k].set_title(output)
+        _explain_pairs(grid.flat[len(result.outputs)], drawn)
+    return fig
+
+
+def _draw_pairs(axes: Axes, result: Indices, k: int, leading: list[int], place: np.ndarray) -> int:
+    """One output; returns the number of pairs drawn."""
+    e = result.estimates
+    assert e.S2 is not None
+    assert e.S2_conf is not None
+    drawn = 0
+    for a, i in enumerate(leading):
+        for b, j in enumerate(leading[a + 1 :], a + 1):
+            index, width = e.S2[k, i, j], e.S2_conf[k, i, j]
+            if index > max(width, SMALLEST_PAIR):
+                look = {"color": OKABE_ITO["vermillion"], "linewidth": _line(index)}
+                axes.plot(*place[[a, b]].T, solid_capstyle="round", zorder=1, **look)
+                drawn += 1
+    for a, i in enumerate(leading):
+        area = _area(e.S1[k, i])
+        axes.scatter(*place[a], s=area, color=OKABE_ITO["blue"], zorder=2)
+        _label_factor(axes, result.factors[i], place[a], 0.5 * np.sqrt(area) + 2.0)
+    return drawn
+
+
+def _label_factor(axes: Axes, name: str, place: np.ndarray, away: float) -> None:
+    """The factor's name outside its circle, `away` points from its centre."""
+    across, up = (int(np.sign(np.round(x, 2))) * (abs(x) > 0.3) for x in place)
+    align = {"ha": ("center", "left", "right")[across], "va": ("center", "bottom", "top")[up]}
+    if across:
+        align["va"] = "center"
+    # Text makes no room for itself: the panels of all outputs have the same size.
+    text = axes.annotate(
+        name.replace(".", ".\n", 1),
+        (place[0], place[1]),
+        xytext=(away * place[0], away * place[1]),
+        textcoords="offset points",
+        fontsize=6,
+        **align,
+    )
+    text.set_in_layout(False)
+
+
+def _line(index: float) -> float:
+    return 40.0 * index
+
+
+def _area(index: float) -> float:
+    return 4.0 + 260.0 * max(index, 0.0)
+
+
+def _explain_pairs(axes: Axes, drawn: int) -> None:
+    for height, index in zip((1.3, 0.8, 0.45), (0.5, 0.1, 0.0), strict=True):
+        axes.scatter(-1.4, height, s=_area(index), color=OKABE_ITO["blue"])
+        axes.text(-0.9, height, f"$S_1$ = {index:g}", va="center", fontsize=7)
+    for height, index in zip((0.05, -0.3, -0.65), (0.1, 0.05, 0.01), strict=True):
+        axes.plot((-1.7, -1.1), (height, height), color=OKABE_ITO["vermillion"], linewidth=_line(index))
+        axes.text(-0.9, height, f"$S_2$ = {index:g}", va="center", fontsize=7)
+    note = "lines: pairs beyond\ntheir 95 % half width" if drawn else "no pair is beyond its\n95 % half width"
+    axes.text(-1.7, -0.95, note, va="top", fontsize=7, color=GREY)
+
+
+# --- Identifiability ----------------------------------------------------------------------------------
+
+
+def plot_scaled(result: Identifiability) -> Figure:
+    """Change of each measurement, in standard uncertainties, for a change of a parameter by 10 %."""
+    scaled = result.scaled
+    order = np.argsort(-scaled.effect, kind="stable")
+    shown = 0.1 * scaled.matrix[:, order]
+    top = float(np.abs(shown).max())
+    with figure_style():
+        fig = new_figure(height_mm=22 + 8.5 * len(scaled.outputs) + 12)
+        _draw_matrix(
+            fig, shown, [scaled.parameters[k] for k in order], scaled.outputs, "PuOr", (-top, top),
+            lambda v: f"{v:+.1f}" if abs(v) >= 0.05 else "", lambda v: abs(v) > 0.6 * top,
+            label="uncertainties per 10 %",
+        )  # fmt: skip
+    return fig
+
+
+def plot_orthogonality(result: Identifiability) -> Figure:
+    """Sine of the angle between the effects of two parameters: 0, they cannot be told apart."""
+    order = np.argsort(-result.scaled.effect, kind="stable")[:14]
+    names = [result.scaled.parameters[k] for k in order]
+    shown = result.scaled.orthogonality[np.ix_(order, order)]
+    np.fill_diagonal(shown, np.nan)
+    with figure_style():
+        fig = new_figure(width_mm=130, height_mm=105)
+        _draw_matrix(
+            fig, shown, names, names, "cividis", (0.0, 1.0), lambda v: f"{v:.2f}" if np.isfinite(v) else "",
+            lambda v: v < 0.5, label="orthogonality: 1 unlike, 0 alike", aspect="equal", pad=0.02,
+        )  # fmt: skip
+    return fig
+
+
+def plot_collinearity(result: Identifiability) -> Figure:
+    """Collinearity index against the size of the set: smallest, and 5, 50, 95 % of all sets."""
+    sizes = np.array([s.size for s in result.subsets])
+    smallest = [s.smallest for s in result.subsets]
+    low, middle, high = (np.array([s.quantiles[k] for s in result.subsets]) for k in range(3))
+    finite = [x for x in (*smallest, *low, *middle, *high) if np.isfinite(x)]
+    ceiling = 3.0 * max([*finite, 20.0])
+    with figure_style():
+        fig = new_figure(width_mm=110, height_mm=85)
+        axes = fig.add_subplot()
+        axes.fill_between(
+            sizes,
+            low,
+            np.minimum(high, ceiling),
+            color=OKABE_ITO["sky blue"],
+            alpha=0.4,
+            lw=0,
+            label="5 to 95 %",
+        )
+        axes.plot(sizes, middle, color=OKABE_ITO["blue"], label="median of all sets")
+        axes.plot(sizes, smallest, "o-", color="black", markersize=3, label="best set")
+        axes.axhspan(10.0, 15.0, color=GREY, alpha=0.25, lw=0, label="limit 10 to 15")
+        chosen = len(result.proposal.chosen)
+        if chosen > 1:
+            axes.plot(
+                chosen, result.proposal.collinearity, "D", color=OKABE_ITO["vermillion"], label="proposed set"
+            )
+        axes.set_yscale("log")
+        axes.set_ylim(0.9, ceiling)
+        axes.set_xticks(sizes)
+        axes.set_xlabel("parameters in the set")
+        axes.set_ylabel("collinearity index")
+        fig.legend(loc="outside upper center", ncols=3)
+    return fig
+
+
+def plot_fisher(result: Identifiability) -> Figure:
+    """Eigenvectors of the Fisher information: combinations of parameters that the measurements determine."""
+    count = min(len(result.scaled.outputs), len(result.scaled.parameters))
+    order = np.argsort(-result.scaled.effect, kind="stable")[:12]
+    names = [result.scaled.parameters[k] for k in order]
+    vectors = result.fisher.eigenvectors[order, :count].T
+    errors = 100.0 / np.sqrt(np.maximum(result.fisher.eigenvalues[:count], 1e-300))
+    labels = [f"{k + 1}: ±{e:.0f} %" if e <= 100.0 else f"{k + 1}: over 100 %" for k, e in enumerate(errors)]
+    with figure_style():
+        fig = new_figure(height_mm=24 + 8.5 * count)
+        axes = _draw_matrix(
+            fig, vectors, names, labels, "PuOr", (-1.0, 1.0), lambda v: f"{v:+.2f}" if abs(v) >= 0.1 else "",
+            lambda v: abs(v) > 0.6, label="share of the parameter",
+        )  # fmt: skip
+        axes.set_ylabel("combination: standard error")
+    return fig

@@ -1,166 +1,189 @@
-"""Which parameters a set of measurements can tell apart: local analysis from exact derivatives.
-
-Scaled sensitivities and the collinearity index: Brun, Reichert and Kuensch 2001, doi 10.1029/2000WR900350.
-Orthogonality: Yao et al. 2003, doi 10.1081/PRE-120024426. The Fisher information is that of independent
-normal errors with the given standard uncertainties; its inverse bounds the variance of any unbiased estimate.
-"""
+"""Identifiability of a case: its measurements, their uncertainties, exact derivatives of its steady beat."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-_CHUNK = 50_000
-_SINGULAR = 1e-12
+from eclsim.orbit.model import CaseSource, VolumePolicy, as_case, model_of
+from eclsim.sensitivity.collinearity import (
+    FisherInformation,
+    Proposal,
+    ScaledSensitivities,
+    SubsetIndices,
+    all_subsets,
+    fisher_information,
+    propose,
+)
+from eclsim.sensitivity.inputs import CARDIOVASCULAR, OUTPUTS, InputError, unknown_names
+from eclsim.sensitivity.uncertainties import Uncertainty, standard_uncertainties, uncertainties_of
+from eclsim.simulation.target_flow import with_speed
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from eclsim.cases.case import Case
+    from eclsim.orbit.model import Model
+
+FAR_OFF = 2.0
+"""Standard uncertainties."""
 
 
 @dataclass(frozen=True)
-class ScaledSensitivities:
-    """How many standard uncertainties a measurement moves if a parameter changes by 100 %, to first order.
+class Identifiability:
+    """What a set of measurements says about a set of parameters.
 
     Args:
-        outputs: measurements.
-        parameters: parameters.
-        matrix: shape (outputs, parameters).
+        name: of the case.
+        simulated: outputs of the model at the case's parameters.
+        measured: measured values; empty where the case has none.
+        uncertainties: standard uncertainty of each measurement, in its unit.
+        scaled: scaled sensitivities.
+        subsets: collinearity indices of all sets, by size.
+        fisher: Fisher information.
+        proposal: a set to fit.
     """
 
-    outputs: tuple[str, ...]
-    parameters: tuple[str, ...]
-    matrix: np.ndarray
-
-    @classmethod
-    def of(
-        cls,
-        outputs: Sequence[str],
-        parameters: Sequence[str],
-        derivatives: np.ndarray,
-        parameter_values: np.ndarray,
-        uncertainties: np.ndarray,
-    ) -> ScaledSensitivities:
-        """From derivatives (outputs, parameters) in the units of both."""
-        matrix = np.asarray(derivatives) * parameter_values / np.asarray(uncertainties)[:, None]
-        return cls(tuple(outputs), tuple(parameters), matrix)
+    name: str
+    simulated: dict[str, float]
+    measured: dict[str, float]
+    uncertainties: dict[str, float]
+    scaled: ScaledSensitivities
+    subsets: list[SubsetIndices]
+    fisher: FisherInformation
+    proposal: Proposal
 
     @property
-    def effect(self) -> np.ndarray:
-        """Length of each column: effect of a parameter on all measurements together, shape (parameters,)."""
-        return np.linalg.norm(self.matrix, axis=0)
+    def far_off(self) -> dict[str, float]:
+        """Measurements that the model misses by more than two uncertainties, and by how many of them.
+
+        The analysis is local: it then speaks of another patient than the one that was measured.
+        """
+        off = {n: (self.simulated[n] - value) / self.uncertainties[n] for n, value in self.measured.items()}
+        return {n: d for n, d in off.items() if abs(d) > FAR_OFF}
 
     @property
-    def directions(self) -> np.ndarray:
-        """Columns of length one; zero where a parameter has no effect."""
-        effect = self.effect
-        return np.where(effect > 0, self.matrix / np.where(effect > 0, effect, 1.0), 0.0)
+    def dataset(self) -> xr.Dataset:
+        """Scaled sensitivities, effects, angles between effects and Fisher information, labelled."""
+        import xarray as xr
 
-    @property
-    def cosines(self) -> np.ndarray:
-        """Cosine of the angle between the effects of two parameters, shape (parameters, parameters)."""
-        return np.clip(self.directions.T @ self.directions, -1.0, 1.0)
-
-    @property
-    def orthogonality(self) -> np.ndarray:
-        """Sine of that angle: 1 for effects that have nothing in common, 0 for effects that are the same."""
-        return np.sqrt(np.maximum(1.0 - self.cosines**2, 0.0))
-
-    def collinearity(self, chosen: Sequence[str]) -> float:
-        """Collinearity index of a set: by how much a change of one can be made up for by the others."""
-        columns = self.directions[:, [self.parameters.index(p) for p in chosen]]
-        return float(_indices(columns.T @ columns, len(chosen), len(self.outputs)))
-
-    def closest(self, chosen: Sequence[str], name: str) -> tuple[float, list[str]]:
-        """How nearly others of a set make up for one: share of its effect left over, and the weightiest."""
-        others = [p for p in chosen if p != name]
-        columns = self.matrix[:, [self.parameters.index(p) for p in others]]
-        target = self.matrix[:, self.parameters.index(name)]
-        weights, *_ = np.linalg.lstsq(columns, target, rcond=None)
-        left = np.linalg.norm(target - columns @ weights) / max(float(np.linalg.norm(target)), 1e-300)
-        share = np.abs(weights) * np.linalg.norm(columns, axis=0)
-        order = np.argsort(-share)
-        return float(left), [others[k] for k in order if share[k] > 0.25 * share.max()][:3]
-
-
-@dataclass(frozen=True)
-class SubsetIndices:
-    """Collinearity indices of all sets of one size.
-
-    Args:
-        size: number of parameters in a set.
-        count: number of sets.
-        best: parameters of the set with the smallest index.
-        smallest: that index.
-        quantiles: 5, 50 and 95 % of the indices; infinite where a set cannot be told apart at all.
-        below_limit: number of sets at or below the limit.
-    """
-
-    size: int
-    count: int
-    best: tuple[str, ...]
-    smallest: float
-    quantiles: tuple[float, float, float]
-    below_limit: int
-
-
-def all_subsets(scaled: ScaledSensitivities, limit: float) -> list[SubsetIndices]:
-    """Collinearity indices of every set of every size, from pairs to as many as there are measurements.
-
-    Larger sets have an infinite index: fewer numbers are measured than are looked for.
-    """
-    products = scaled.directions.T @ scaled.directions
-    names, found = scaled.parameters, []
-    for size in range(2, min(len(scaled.outputs), len(names)) + 1):
-        sets = np.array(list(combinations(range(len(names)), size)))
-        parts = [sets[k : k + _CHUNK] for k in range(0, len(sets), _CHUNK)]
-        values = np.concatenate(
-            [_indices(products[p[:, :, None], p[:, None, :]], size, 10**9) for p in parts]
+        names = list(self.scaled.parameters)
+        pair = ("parameter", "other_parameter")
+        return xr.Dataset(
+            {
+                "scaled_sensitivity": (("output", "parameter"), self.scaled.matrix),
+                "effect": ("parameter", self.scaled.effect),
+                "orthogonality": (pair, self.scaled.orthogonality),
+                "fisher_information": (pair, self.fisher.matrix),
+                "simulated": ("output", list(self.simulated.values())),
+                "uncertainty": ("output", list(self.uncertainties.values())),
+                "proposed": ("parameter", [name in self.proposal.chosen for name in names]),
+            },
+            {"output": list(self.scaled.outputs), "parameter": names, "other_parameter": names},
         )
-        best = int(np.argmin(values))
-        quantiles = tuple(float(q) for q in np.quantile(values, (0.05, 0.5, 0.95), method="nearest"))
-        chosen = tuple(names[k] for k in sets[best])
-        below = int((values <= limit).sum())
-        found.append(SubsetIndices(size, len(sets), chosen, float(values[best]), quantiles, below))  # pyright: ignore[reportArgumentType]  # three
-    return found
+
+    def as_object(self) -> dict[str, Any]:
+        """As plain data for JSON."""
+        s, names = self.scaled, self.scaled.parameters
+        rows = (dict(zip(names, row.tolist(), strict=True)) for row in s.matrix)
+        vectors = (dict(zip(names, column.tolist(), strict=True)) for column in self.fisher.eigenvectors.T)
+        angles = (dict(zip(names, row.tolist(), strict=True)) for row in s.orthogonality)
+        return {
+            "id": self.name,
+            "status": "converged",
+            "simulated": self.simulated,
+            "measured": self.measured,
+            "uncertainties": self.uncertainties,
+            "scaled_sensitivity": dict(zip(s.outputs, rows, strict=True)),
+            "effect": dict(zip(names, s.effect.tolist(), strict=True)),
+            "orthogonality": dict(zip(names, angles, strict=True)),
+            "collinearity": [
+                {
+                    "size": c.size, "sets": c.count, "best": list(c.best), "smallest": c.smallest,
+                    "quantiles_5_50_95": list(c.quantiles), "below_limit": c.below_limit,
+                }
+                for c in self.subsets
+            ],
+            "fisher_eigenvalues": self.fisher.eigenvalues.tolist(),
+            "fisher_eigenvectors": list(vectors),
+            "proposed": list(self.proposal.chosen),
+            "proposed_collinearity": self.proposal.collinearity,
+            "relative_errors": self.proposal.relative_errors,
+            "excluded": self.proposal.excluded,
+        }  # fmt: skip
 
 
-def _indices(products: np.ndarray, size: int, measurements: int) -> np.ndarray:
-    """1 / sqrt(smallest eigenvalue) of the products of unit columns, shape (..., size, size)."""
-    smallest = np.linalg.eigvalsh(products)[..., 0]
-    if size > measurements:
-        smallest = np.zeros_like(smallest)
-    singular = smallest <= _SINGULAR
-    return np.where(singular, np.inf, 1.0 / np.sqrt(np.where(singular, 1.0, smallest)))
-
-
-@dataclass(frozen=True)
-class FisherInformation:
-    """Information of the measurements about relative changes of the parameters.
+def identifiability(
+    case: CaseSource,
+    *,
+    parameters: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+    uncertainties: Mapping[str, Uncertainty] | None = None,
+    limit: float = 10.0,
+    threshold: float = 1.0,
+    volume_policy: VolumePolicy | None = None,
+) -> Identifiability:
+    """Which parameters the measurements of a case can tell apart.
 
     Args:
-        matrix: shape (parameters, parameters).
-        eigenvalues: largest first.
-        eigenvectors: a column each: combinations of parameters, best determined first.
+        case: path of a case file, what `read_case` returned, or a case; best with fitted parameters.
+            Uncertainties in percent are those of its measurements, else of the model's own outputs.
+        parameters: in question; left out, the paper's 24.
+        outputs: what is measured; left out, the case's measurements, or all seven that it has.
+        uncertainties: standard uncertainties that differ from the defaults.
+        limit: largest collinearity index of a set that can be told apart.
+        threshold: smallest effect that counts, in uncertainties for a change of 100 %.
+        volume_policy: blood volume policy; left out, the case's.
+
+    Raises:
+        InputError: names that the case does not have.
+        NoDerivativesError: the case has no steady beat, or none with derivatives: nothing can be ranked.
     """
+    from eclsim.outputs.derivatives import output_derivatives
 
-    matrix: np.ndarray
-    eigenvalues: np.ndarray
-    eigenvectors: np.ndarray
+    case, _ = with_speed(as_case(case), volume_policy)
+    model = model_of(case)
+    names = tuple(dict.fromkeys(CARDIOVASCULAR if parameters is None else parameters))
+    measured = _measured(case) if outputs is None else tuple(dict.fromkeys(outputs))
+    _check_names(names, measured, model)
+    chosen = uncertainties_of(measured, uncertainties or {})
+    slopes = output_derivatives(model, measured, names, volume_policy)
+    simulated = dict(zip(measured, np.asarray(slopes["value"]).tolist(), strict=True))
+    taken = {o: v for o in measured if (v := getattr(case.measurements, o, None)) is not None}
+    errors = standard_uncertainties({**simulated, **taken}, chosen)
+    scaled = ScaledSensitivities.of(
+        measured, names, slopes.values, np.asarray(slopes["parameter_value"]), np.array(list(errors.values()))
+    )
+    return Identifiability(
+        name=case.patient.id,
+        simulated=simulated,
+        measured=taken,
+        uncertainties=errors,
+        scaled=scaled,
+        subsets=all_subsets(scaled, limit),
+        fisher=fisher_information(scaled),
+        proposal=propose(scaled, limit, threshold),
+    )
 
 
-def fisher_information(scaled: ScaledSensitivities) -> FisherInformation:
-    """Fisher information and its eigenvectors, from the singular values of the scaled sensitivities."""
-    _, singular, right = np.linalg.svd(scaled.matrix)
-    values = np.zeros(len(scaled.parameters))
-    values[: len(singular)] = singular**2
-    signs = np.sign(right[np.arange(len(right)), np.abs(right).argmax(axis=1)])
-    return FisherInformation(scaled.matrix.T @ scaled.matrix, values, (right * signs[:, None]).T)
+def _measured(case: Case) -> tuple[str, ...]:
+    """Outputs that the case has measurements of, else all that it has."""
+    given = case.measurements
+    named = () if given is None else tuple(o for o in OUTPUTS if getattr(given, o) is not None)
+    return named or tuple(o for o in OUTPUTS if o != "PF" or case.ecmo is not None)
 
 
-def relative_errors(scaled: ScaledSensitivities, chosen: Sequence[str]) -> dict[str, float]:
-    """Smallest standard error of each parameter [share of its value] if these are fitted together."""
-    columns = scaled.matrix[:, [scaled.parameters.index(p) for p in chosen]]
-    if len(chosen) > len(scaled.outputs) or np.linalg.matrix_rank(columns) < len(chosen):
-        return dict.fromkeys(chosen, float("inf"))
-    inverse = np.linalg.pinv(columns)
-    return dict(zip(chosen, np.linalg.norm(inverse, axis=1).tolist(), strict=True))
+def _check_names(parameters: Sequence[str], outputs: Sequence[str], model: Model) -> None:
+    from eclsim.outputs.evaluation import output_names
+
+    known = ("heart_rate_bpm", *model.circuit.parameter_names())
+    wrong = [
+        f"no {kind} given" for kind, names in (("parameter", parameters), ("output", outputs)) if not names
+    ]
+    wrong += unknown_names(parameters, known, "parameter of this case")
+    wrong += unknown_names(outputs, output_names(model.circuit), "output of this case")
+    if wrong:
+        raise InputError(wrong)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from eclsim.sensitivity.case_inputs import InputError
+from eclsim.sensitivity.inputs import InputError
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,23 @@
+"""Running what has many parts: in threads, on Dask or as shards; resumable, with the same bits everywhere."""
+
+from eclsim.execution.distribution import Distribution, Executor, Shard, ShardDone
+from eclsim.execution.folder import ExecutionError, Format, TaskFolder, json_format
+from eclsim.execution.tasks import Progress, TaskProgress, Tasks, announce
+from eclsim.execution.threads import threads, using_threads
+
+__all__ = [
+    "Distribution",
+    "ExecutionError",
+    "Executor",
+    "Format",
+    "Progress",
+    "Shard",
+    "ShardDone",
+    "TaskFolder",
+    "TaskProgress",
+    "Tasks",
+    "announce",
+    "json_format",
+    "threads",
+    "using_threads",
+]

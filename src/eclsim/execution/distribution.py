@@ -1,0 +1,172 @@
+"""Where tasks run and which of them: in this process, on Dask, as one shard of several."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TypeVar
+
+from eclsim.execution.folder import ExecutionError, Format, TaskFolder
+from eclsim.execution.tasks import Progress, Results, Store, Tasks, in_process, run_tasks
+from eclsim.execution.threads import using_threads
+
+Argument = TypeVar("Argument")
+Result = TypeVar("Result")
+_NAMED = 10
+
+
+class ShardDone(Exception):  # noqa: N818 - no error: the work of one shard ends here
+    """A shard has left its results in the folder; the rest is for the others and the merge."""
+
+    def __init__(self, shard: Shard, unit: str, folder: Path):
+        super().__init__(f"shard {shard}: its {unit} are in {folder}; when all are: eclsim merge {folder}")
+
+
+@dataclass(frozen=True)
+class Shard:
+    """One of several runs that share the tasks, on as many machines.
+
+    Args:
+        number: from 1.
+        count: of all.
+    """
+
+    number: int
+    count: int
+
+    @classmethod
+    def parse(cls, text: str) -> Shard:
+        """Read "3/16"."""
+        number, _, count = text.partition("/")
+        if not (text.isascii() and number.isdigit() and count.isdigit() and 1 <= int(number) <= int(count)):
+            raise ExecutionError(f"--shard {text}: allowed: k/n with k from 1 to n, such as 3/16")
+        return cls(int(number), int(count))
+
+    def __str__(self) -> str:
+        return f"{self.number}/{self.count}"
+
+    def numbers(self, total: int) -> range:
+        """Its share of the tasks."""
+        return range((self.number - 1) * total // self.count, self.number * total // self.count)
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """Where tasks run, which of them, and what becomes of earlier results. It changes no number.
+
+    Args:
+        workers: threads, or Dask workers of this machine; None: `ECLSIM_THREADS`, else all processors.
+        dask: "local", or the address of a scheduler (`tcp://host:8786`).
+        shard: run this share only and leave its results in the folder.
+        merge: run nothing; take the results that the shards left.
+        resume: go on with the results in the folder.
+        force: throw them away.
+    """
+
+    workers: int | None = None
+    dask: str | None = None
+    shard: Shard | None = None
+    merge: bool = False
+    resume: bool = False
+    force: bool = False
+
+    def __post_init__(self) -> None:
+        if self.force and self.resume:
+            raise ExecutionError("--resume keeps what is there and --force throws it away: one of them")
+        if self.force and self.shard is not None:
+            raise ExecutionError("--shard keeps what the others did and --force throws it away: one of them")
+        if self.workers is not None and self.workers < 1:
+            raise ExecutionError(f"--workers {self.workers}: allowed: 1, 2, 3 ...")
+
+    @property
+    def continues(self) -> bool:
+        """Whether results that are there are kept."""
+        return self.resume or self.merge or self.shard is not None
+
+    @contextmanager
+    def running(self, preload: Iterable[str] = ()) -> Iterator[Executor]:
+        """What runs tasks. Enter it before they are planned: local Dask workers start meanwhile.
+
+        Args:
+            preload: modules that local workers need before their first task.
+        """
+        with using_threads(self.workers):
+            if self.dask is None or self.merge:
+                yield Executor(self, _nowhere if self.merge else in_process)
+                return
+            from eclsim.execution.cluster import on_dask
+
+            with on_dask(self.dask, preload) as run:
+                yield Executor(self, run)
+
+
+@dataclass(frozen=True)
+class Executor:
+    """Runs tasks.
+
+    Args:
+        distribution: which of them, and what becomes of earlier results.
+        run: where.
+    """
+
+    distribution: Distribution
+    run: Callable[..., Results]
+
+    def complete(
+        self,
+        tasks: Tasks[Argument, Result],
+        folder: Path | None,
+        format: Format[Result],
+        progress: Progress | None = None,
+    ) -> list[Result]:
+        """All results, in order.
+
+        Args:
+            tasks: what is to be done.
+            folder: keeps the results; None keeps them for this call alone.
+            format: of the files in it.
+            progress: called as tasks are done.
+
+        Raises:
+            ExecutionError: the folder does not fit, a result is missing, or the workers cannot be reached.
+            ShardDone: this was a shard, whose results are in the folder now.
+        """
+        if folder is None and self.distribution.continues:
+            raise ExecutionError(f"{tasks.title}: --resume, --shard and merge need a folder, --out DIR")
+        numbers = range(len(tasks.arguments))
+        with nullcontext(folder) if folder else TemporaryDirectory(prefix="eclsim-") as place:
+            store = TaskFolder(Path(place), tasks.inputs, format)
+            self.open(store, numbers)
+            self.run_shard(tasks, store, store.folder, progress)
+            run_tasks(tasks, store, numbers, self.run, progress)
+            return [store.load(number) for number in numbers]
+
+    def run_shard(
+        self, tasks: Tasks[Argument, Result], store: Store[Result], folder: Path, progress: Progress | None
+    ) -> None:
+        """Run the tasks of the shard, if it is one, and end with `ShardDone`."""
+        if (shard := self.distribution.shard) is not None:
+            run_tasks(tasks, store, shard.numbers(len(tasks.arguments)), self.run, progress)
+            raise ShardDone(shard, tasks.unit, folder)
+
+    def open(self, store: TaskFolder[Result], numbers: range) -> None:
+        """Open a folder as it was asked for; what is damaged in it is refused before anything is computed."""
+        chosen = self.distribution
+        if chosen.merge and not store.file.exists():
+            raise ExecutionError(f"{store.file.parent}: holds no shards ({store.file.name} is missing)")
+        store.open(resume=chosen.continues, force=chosen.force)
+        own = numbers if chosen.shard is None else chosen.shard.numbers(len(numbers))
+        for number in store.finished().intersection(own):
+            store.load(number)
+
+
+def _nowhere(tasks: Tasks[Argument, Result], numbers: Sequence[int]) -> Results[Result]:
+    """A merge runs nothing: what is missing is named."""
+    if numbers:
+        shown = ", ".join(map(str, numbers[:_NAMED])) + (" ..." if len(numbers) > _NAMED else "")
+        said = f"{len(numbers)} of {len(tasks.arguments)} {tasks.unit} are missing ({shown})"
+        raise ExecutionError(f"{tasks.title}: {said}; run their shards, or --resume without --shard")
+    yield from ()

@@ -1,0 +1,193 @@
+"""Results of tasks in a folder: each file whole or absent, and none of other inputs.
+
+inputs.json     all that the results follow from, version and fingerprint
+00003.json      result of task 3, in the form that its `Format` gives it
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Generic, TypeVar
+
+from eclsim._version import __version__
+from eclsim.files import whole_file
+
+Result = TypeVar("Result")
+_BESIDE = ("hash", "samples")
+_NAMED = 5
+
+
+class ExecutionError(RuntimeError):
+    """Work that cannot be begun, continued or joined; the text says why and what to do."""
+
+
+@dataclass(frozen=True)
+class Format(Generic[Result]):
+    """How a result becomes a file.
+
+    Args:
+        suffix: of the file.
+        write: writes a result to a path, with the fingerprint of its inputs.
+        read: reads it, with the fingerprint found; `ValueError` where the file is damaged.
+    """
+
+    suffix: str
+    write: Callable[[Path, Result, str], None]
+    read: Callable[[Path], tuple[Result, str]]
+
+
+def json_format(kind: type[Result]) -> Format[Result]:
+    """Results as JSON with a checksum: plain data, dataclasses and named tuples of it; floats stay exact."""
+
+    def write(path: Path, result: Result, fingerprint: str) -> None:
+        from pydantic import TypeAdapter
+
+        content = TypeAdapter(kind).dump_python(result)
+        whole = {"hash": fingerprint, "sha256": _checksum(content), "result": content}
+        path.write_text(json.dumps(whole) + "\n", encoding="utf-8")
+
+    def read(path: Path) -> tuple[Result, str]:
+        from pydantic import TypeAdapter
+
+        whole = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(whole, dict) or whole.get("sha256") != _checksum(whole.get("result")):
+            raise ValueError("its checksum is another")
+        return TypeAdapter(kind).validate_python(whole["result"]), whole["hash"]
+
+    return Format(".json", write, read)
+
+
+class TaskFolder(Generic[Result]):
+    """Finished results of one piece of work.
+
+    Args:
+        folder: of the results; made when it is opened.
+        inputs: all that the results follow from, as plain data.
+        format: of the files of results.
+        file: that states the inputs; left out, `inputs.json` in the folder.
+        beside: further entries of that file, which may change.
+        name: of the files of results, before their number.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        inputs: Mapping[str, object],
+        format: Format[Result],
+        *,
+        file: Path | None = None,
+        beside: Mapping[str, object] | None = None,
+        name: str = "",
+    ):
+        self.folder, self.format, self.name = folder, format, name
+        self.file = file or folder / "inputs.json"
+        self.inputs: dict[str, object] = json.loads(json.dumps({"version": __version__, **inputs}))
+        text = json.dumps(self.inputs, sort_keys=True, ensure_ascii=False)
+        self.fingerprint = hashlib.sha256(text.encode()).hexdigest()[:16]
+        self.beside = dict(beside or {})
+
+    @property
+    def about(self) -> dict[str, object]:
+        """What the file of the inputs holds."""
+        return self.inputs | {"hash": self.fingerprint} | self.beside
+
+    def open(self, *, resume: bool = False, force: bool = False) -> None:
+        """Make the folder, or check that its results can be continued.
+
+        Args:
+            resume: go on with what is there.
+            force: throw away what is there.
+
+        Raises:
+            ExecutionError: results are there already, or are of other inputs, or damaged.
+        """
+        self.folder.mkdir(parents=True, exist_ok=True)
+        if force:
+            self.clear()
+        held = read_inputs(self.file)
+        if held is not None:
+            self._check(held, resume)
+        if held is None or any(held.get(key) != value for key, value in self.beside.items()):
+            text = json.dumps(self.about, indent=1, ensure_ascii=False)
+            with whole_file(self.file) as partial:
+                partial.write_text(text + "\n", encoding="utf-8")
+
+    def _check(self, held: Mapping[str, object], resume: bool) -> None:
+        place = self.file.parent
+        before = {key: value for key, value in held.items() if key not in _BESIDE}
+        if before != self.inputs:
+            found = _differences(before, self.inputs)
+            shown = "; ".join(found[:_NAMED]) + (f" and {len(found) - _NAMED} more" * (len(found) > _NAMED))
+            said = "cannot be continued, its results were computed from other inputs"
+            raise ExecutionError(f"{place}: {said} ({shown}); choose another folder, or --force starts anew")
+        if not resume:
+            raise ExecutionError(f"{place}: holds results already; --resume goes on, --force starts anew")
+
+    def clear(self) -> None:
+        """Take away what the folder holds of this work."""
+        for path in [self.file, *self.folder.glob(f"{self.name}[0-9]*{self.format.suffix}")]:
+            path.unlink(missing_ok=True)
+
+    def path(self, number: int) -> Path:
+        """File of a result."""
+        return self.folder / f"{self.name}{number:05d}{self.format.suffix}"
+
+    def finished(self) -> set[int]:
+        """Numbers of the tasks whose results are there."""
+        files = self.folder.glob(f"{self.name}[0-9]*{self.format.suffix}")
+        return {int(path.name.removesuffix(self.format.suffix).removeprefix(self.name)) for path in files}
+
+    def save(self, number: int, result: Result) -> None:
+        """Keep a result."""
+        with whole_file(self.path(number)) as partial:
+            self.format.write(partial, result, self.fingerprint)
+
+    def load(self, number: int) -> Result:
+        """A result that was kept."""
+        return self.read(self.path(number), self.format.read)
+
+    def read(self, path: Path, read: Callable[[Path], tuple[Result, str]]) -> Result:
+        """Results in a file, if they are of these inputs."""
+        try:
+            result, fingerprint = read(path)
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            said = f"truncated or edited ({str(error).splitlines()[0]})"
+            raise ExecutionError(f"{path}: {said}; take it away and it is computed again") from error
+        if fingerprint != self.fingerprint:
+            raise ExecutionError(f"{path}: of another analysis; take it away or choose another folder")
+        return result
+
+
+def read_inputs(file: Path) -> dict[str, object] | None:
+    """What a file of inputs holds; None where there is none."""
+    if not file.exists():
+        return None
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+        if not isinstance(content, dict):
+            raise ValueError("it holds no table")
+    except (OSError, ValueError) as error:
+        raise ExecutionError(f"{file}: cannot be read ({error}); --force starts anew") from error
+    return content
+
+
+def _checksum(content: object) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _differences(held: object, wanted: object, path: str = "") -> list[str]:
+    """Entries that differ; with both values where they are short."""
+    if isinstance(held, dict) and isinstance(wanted, dict):
+        keys = sorted({*held, *wanted})
+        nested = (_differences(held.get(k), wanted.get(k), f"{path}.{k}" if path else k) for k in keys)
+        return [line for lines in nested for line in lines]
+    if held == wanted:
+        return []
+    short = all(
+        isinstance(value, str | int | float | None) and len(str(value)) < 40 for value in (held, wanted)
+    )
+    return [f"{path} was {held!r} and is {wanted!r}" if short else path]

@@ -1,0 +1,28 @@
+"""A package that can be called: `eclsim.sensitivity` is both a package and the function of that name."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from types import ModuleType
+
+
+class CallablePackage(ModuleType):
+    """A package whose call goes to the function of its own name.
+
+    Importing any of its modules binds the package to its name in `eclsim`, where users look for the function.
+    """
+
+    function_module: str
+
+    def __call__(self, *arguments: object, **options: object) -> object:
+        """Call the function."""
+        name = self.__name__.rpartition(".")[2]
+        return getattr(import_module(self.function_module), name)(*arguments, **options)
+
+
+def make_callable(package: str, module: str) -> None:
+    """Let a call of a package go to the function of its name in a module."""
+    room = sys.modules[package]
+    room.__class__ = CallablePackage
+    setattr(room, "function_module", module)  # noqa: B010 - no attribute of the class that it had

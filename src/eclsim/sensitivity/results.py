@@ -1,0 +1,303 @@
+"""The result of an analysis: labelled indices of every output, what is read off them, and their files.
+
+Convergence: an aligned part of 2^k rows of a scrambled Sobol sequence is itself a design of 2^k rows. So a
+design of N rows holds N/n designs of n rows: repeats that cost no run. (The paper's Figure S-1.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from eclsim.files import csv_text, write_json, write_text
+from eclsim.sensitivity.design import Design
+from eclsim.sensitivity.estimators import RESAMPLES, Estimates, sobol_indices
+from eclsim.sensitivity.runs import Runs
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+SHARE = 0.9
+"""Of the total orders of an output, which the selected factors make up."""
+SMALLEST = 16
+
+
+@dataclass(frozen=True)
+class FailedRun:
+    """One run that has no result.
+
+    Args:
+        run: position in the design.
+        row: row of the design that is left out with it.
+        point: what it was: A, B, AB or BA and the factor exchanged.
+        status: how it ended.
+        inputs: value or choice of each input.
+    """
+
+    run: int
+    row: int
+    point: str
+    status: str
+    inputs: dict[str, float | str]
+
+
+@dataclass(frozen=True)
+class Indices:
+    """Sobol indices of some outputs with respect to some factors.
+
+    Args:
+        factors: names of the inputs or groups.
+        outputs: names of the outputs.
+        estimates: the numbers.
+        samples: rows of the design.
+        evaluations: model runs.
+        failed: runs without a result; all runs of their rows are left out of the estimates.
+        rows_used: rows that the estimates rest on.
+        seconds: wall clock time.
+    """
+
+    factors: tuple[str, ...]
+    outputs: tuple[str, ...]
+    estimates: Estimates
+    samples: int
+    evaluations: int
+    failed: tuple[FailedRun, ...]
+    rows_used: int
+    seconds: float = 0.0
+
+    @property
+    def sums(self) -> dict[str, float]:
+        """Total order summed over the outputs, largest first (the paper's Table 2)."""
+        total = self.estimates.ST.sum(axis=0)
+        return {self.factors[k]: float(total[k]) for k in np.argsort(-total, kind="stable")}
+
+    def ranking(self, output: str) -> list[str]:
+        """Factors by their total order, largest first."""
+        total = self.estimates.ST[self.outputs.index(output)]
+        return [self.factors[k] for k in np.argsort(-total, kind="stable")]
+
+    def selected(self, share: float = SHARE) -> dict[str, list[str]]:
+        """For each output the fewest factors whose total orders add to a share of all total orders."""
+        chosen = {}
+        for output, total in zip(self.outputs, self.estimates.ST, strict=True):
+            order = np.argsort(-total, kind="stable")
+            summed = np.cumsum(total[order])
+            needed = int(np.searchsorted(summed, share * summed[-1])) + 1 if summed[-1] > 0 else 0
+            chosen[output] = [self.factors[k] for k in order[:needed]]
+        return chosen
+
+    def union(self, share: float = SHARE) -> list[str]:
+        """Factors selected for any output, those with the largest sums first."""
+        chosen = {name for names in self.selected(share).values() for name in names}
+        return [name for name in self.sums if name in chosen]
+
+    @property
+    def dataset(self) -> xr.Dataset:
+        """All indices, with half widths of their 95 % intervals (`_conf`), by output and factor."""
+        import xarray as xr
+
+        numbers = {n: v for n, v in vars(self.estimates).items() if v is not None}
+        dims = ("output", "factor", "other_factor")
+        chosen = self.selected()
+        numbers["selected"] = np.array([[f in chosen[o] for f in self.factors] for o in self.outputs])
+        data = {name: (dims[: values.ndim], values) for name, values in numbers.items()}
+        factors = list(self.factors)
+        names = {"output": list(self.outputs), "factor": factors, "other_factor": factors}
+        about = {
+            "samples": self.samples, "evaluations": self.evaluations, "failed": len(self.failed),
+            "rows_used": self.rows_used,
+        }  # fmt: skip
+        used = dims[: 3 if "S2" in numbers else 2]
+        return xr.Dataset(data, {dim: names[dim] for dim in used}, about)
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """A line for each output and factor."""
+        names = ["S1", "S1_conf", "ST", "ST_conf", "selected"]
+        return self.dataset[names].to_dataframe().reset_index().astype({"selected": int})
+
+    @property
+    def pairs(self) -> pd.DataFrame | None:
+        """A line for each output and pair of factors; None for a design without second order."""
+        import pandas as pd
+
+        e = self.estimates
+        if e.S2 is None or e.S2_conf is None:
+            return None
+        i, j = np.triu_indices(len(self.factors), 1)
+        names, count = np.array(self.factors), len(self.outputs)
+        return pd.DataFrame(
+            {
+                "output": np.repeat(self.outputs, len(i)),
+                "factor": np.tile(names[i], count),
+                "other_factor": np.tile(names[j], count),
+                "S2": e.S2[:, i, j].ravel(),
+                "S2_conf": e.S2_conf[:, i, j].ravel(),
+            }
+        )
+
+    def as_object(self, second_order: bool = False) -> dict[str, Any]:
+        """As plain data for JSON."""
+        return {
+            "samples": self.samples,
+            "evaluations": self.evaluations,
+            "failed": len(self.failed),
+            "rows_used": self.rows_used,
+            "seconds": round(self.seconds, 3),
+            "outputs": {o: self._output_object(k, second_order) for k, o in enumerate(self.outputs)},
+            "sum_ST": self.sums,
+            "selected": self.selected(),
+            "union": self.union(),
+        }
+
+    def _output_object(self, k: int, second_order: bool) -> dict[str, dict[str, Any]]:
+        e = self.estimates
+        single = {"S1": e.S1, "S1_conf": e.S1_conf, "ST": e.ST, "ST_conf": e.ST_conf}
+        content: dict[str, dict[str, Any]] = {
+            name: dict(zip(self.factors, values[k].tolist(), strict=True)) for name, values in single.items()
+        }
+        if second_order and e.S2 is not None and e.S2_conf is not None:
+            for name, pairs in (("S2", e.S2), ("S2_conf", e.S2_conf)):
+                content[name] = {
+                    one: {self.factors[j]: float(pairs[k, i, j]) for j in range(i + 1, len(self.factors))}
+                    for i, one in enumerate(self.factors[:-1])
+                }
+        return content
+
+
+@dataclass(frozen=True)
+class SensitivityResult:
+    """A finished analysis: its indices, and the runs they come from."""
+
+    design: Design
+    indices: Indices
+    runs: Runs
+
+    @property
+    def values(self) -> np.ndarray:
+        """Outputs of all rows without a failed run, shape (rows, runs per row, outputs)."""
+        rows, good = self.runs.complete_rows(self.design)
+        return rows[good]
+
+    @property
+    def dataset(self) -> xr.Dataset:
+        """The indices, labelled: see `Indices.dataset`."""
+        return self.indices.dataset
+
+    @cached_property
+    def convergence(self) -> xr.Dataset:
+        """Indices at 16, 32, 64 ... rows: see `convergence`."""
+        return convergence(self)
+
+
+def conclude(design: Design, outputs: tuple[str, ...], runs: Runs) -> SensitivityResult:
+    """Indices of the runs of a whole design."""
+    return SensitivityResult(design, indices_of(design, outputs, runs), runs)
+
+
+def indices_of(
+    design: Design,
+    outputs: tuple[str, ...],
+    runs: Runs,
+    *,
+    seed: int | None = None,
+    resamples: int = RESAMPLES,
+) -> Indices:
+    """Indices from the runs of a design, or of its first rows.
+
+    A row with a failed run is left out whole: the estimators compare the runs of a row with each other.
+    """
+    values, good = runs.complete_rows(design)
+    if good.sum() < 2:
+        raise ValueError(
+            f"{int((~good).sum())} of {len(good)} rows have a failed run: nothing left to estimate from"
+        )
+    seed = design.seed if seed is None else seed
+    estimates = sobol_indices(values[good], len(design.factors), seed=seed, resamples=resamples)
+    failed = tuple(
+        _failed_run(design, int(run), int(runs.status[run])) for run in np.flatnonzero(runs.status)
+    )
+    return Indices(design.factors, outputs, estimates, len(values), len(runs.status), failed, int(good.sum()))
+
+
+def _failed_run(design: Design, run: int, status: int) -> FailedRun:
+    from eclsim.orbit.status import Status
+
+    row, position = divmod(run, design.runs_per_row)
+    unit = design.unit(row, row + 1)[position : position + 1]
+    inputs = {i.name: i.table_column(unit[:, k])[0] for k, i in enumerate(design.inputs)}
+    return FailedRun(run, row, point_name(design, position), Status(status).name.lower(), inputs)
+
+
+def point_name(design: Design, position: int) -> str:
+    """Name of a point of a row: A, AB or BA with the factor exchanged, B."""
+    if position == 0:
+        return "A"
+    if position == design.runs_per_row - 1:
+        return "B"
+    kind, factor = divmod(position - 1, len(design.factors))
+    return f"{('AB', 'BA')[kind]} {design.factors[factor]}"
+
+
+def convergence(result: SensitivityResult, smallest: int = SMALLEST) -> xr.Dataset:
+    """Indices at `smallest`, twice that ... up to all rows, by index, rows, output and factor.
+
+    `mean` and `spread` (standard deviation) are those over the repeats of a size, and `mean_conf` is the mean
+    half width of their bootstrap intervals.
+    """
+    import xarray as xr
+
+    design, outputs = result.design, result.indices.outputs
+    factors = len(design.factors)
+    values, good = result.runs.complete_rows(design)
+    # The BA points serve second order alone.
+    values = np.concatenate([values[:, : factors + 1], values[:, -1:]], axis=1)
+    least = min(smallest, design.samples)
+    sizes = [design.samples >> k for k in range(20, -1, -1) if design.samples >> k >= least]
+    names = ("S1", "ST")
+    shape = (len(sizes), len(names), len(outputs), factors)
+    mean, spread, width = np.full((3, *shape), np.nan)
+    for s, size in enumerate(sizes):
+        pieces = [slice(k, k + size) for k in range(0, design.samples, size)]
+        repeats = [
+            sobol_indices(values[p][good[p]], factors, seed=design.seed) for p in pieces if good[p].sum() > 1
+        ]
+        for k, name in enumerate(names):
+            each = np.stack([getattr(r, name) for r in repeats])
+            mean[s, k] = each.mean(axis=0)
+            width[s, k] = np.mean([getattr(r, f"{name}_conf") for r in repeats], axis=0)
+            if len(each) > 1:
+                spread[s, k] = each.std(axis=0, ddof=1)
+    dims = ("rows", "index", "output", "factor")
+    data = {
+        name: (dims, values) for name, values in (("mean", mean), ("spread", spread), ("mean_conf", width))
+    }
+    repeats = ("rows", design.samples // np.array(sizes))
+    labels = {"rows": sizes, "index": list(names), "output": list(outputs), "factor": list(design.factors)}
+    return xr.Dataset({**data, "repeats": repeats}, labels)
+
+
+def write_results(folder: Path, result: SensitivityResult) -> None:
+    """Write indices.json, indices.csv, second_order.csv, failed.csv and convergence.csv."""
+    indices = result.indices
+    write_json(indices.as_object(second_order=True), folder / "indices.json")
+    frames = {"indices": indices.table, "convergence": _convergence_table(result.convergence)}
+    if (pairs := indices.pairs) is not None:
+        frames["second_order"] = pairs
+    for name, frame in frames.items():
+        text = csv_text(list(frame.columns), frame.itertuples(index=False))
+        write_text(text, folder / f"{name}.csv")
+    head = ("run", "row", "point", "status", *(indices.failed[0].inputs if indices.failed else ()))
+    rows = ((f.run, f.row, f.point, f.status, *f.inputs.values()) for f in indices.failed)
+    write_text(csv_text(head, rows, digits=None), folder / "failed.csv")
+
+
+def _convergence_table(numbers: xr.Dataset) -> pd.DataFrame:
+    order = ["rows", "repeats", "output", "factor", "index", "mean", "spread", "mean_conf"]
+    frame = numbers.transpose("rows", "output", "factor", "index").to_dataframe().reset_index()
+    return frame.loc[:, order]

@@ -1,0 +1,274 @@
+"""The runs of a design: the model at each point, block by block, and the folder that keeps them.
+
+    DIR/design.json       inputs, seed, sequence, model, version: all that the numbers follow from
+    DIR/blocks/*.parquet  one file for each finished block, until all are there
+    DIR/samples.parquet   all runs: inputs, outputs, status
+
+A file appears under its name when it is whole, or not at all. The samples hold no times and no machine
+names: the same design gives the same file, however it was interrupted, sharded or distributed.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from eclsim._version import __version__
+from eclsim.circuit.network import Circuit
+from eclsim.execution import ExecutionError, Executor, Format, TaskFolder, Tasks
+from eclsim.execution.folder import read_inputs
+from eclsim.files import whole_file
+from eclsim.sensitivity.design import Design
+from eclsim.sensitivity.inputs import Description
+
+DESIGN = "design.json"
+SAMPLES = "samples.parquet"
+
+
+@dataclass(frozen=True)
+class Runs:
+    """What some runs of a model gave.
+
+    Args:
+        values: outputs, shape (runs, outputs).
+        status: 0 where a run succeeded, shape (runs,).
+        beats: beats computed for each run.
+        residual: largest relative change of a state over the beat.
+    """
+
+    values: np.ndarray
+    status: np.ndarray
+    beats: np.ndarray
+    residual: np.ndarray
+
+    @classmethod
+    def of(cls, values: np.ndarray) -> Runs:
+        """Outputs of a function that needs no solver; what is not finite has failed."""
+        failed = ~np.isfinite(values).all(axis=1)
+        zeros = np.zeros(len(values))
+        return cls(values, np.where(failed, 3, 0), zeros.astype(int), zeros)
+
+    @classmethod
+    def joined(cls, pieces: list[Runs]) -> Runs:
+        """Runs one after the other."""
+        names = ("values", "status", "beats", "residual")
+        return cls(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in names))
+
+    def complete_rows(self, design: Design) -> tuple[np.ndarray, np.ndarray]:
+        """Outputs by row, shape (rows, runs per row, outputs), and which rows have no failed run."""
+        values = self.values.reshape(-1, design.runs_per_row, self.values.shape[1])
+        return values, (self.status == 0).reshape(len(values), -1).all(axis=1)
+
+
+class Evaluator(Protocol):
+    """Anything that a design can be run on."""
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        ...
+
+    def __call__(self, settings: Mapping[str, np.ndarray], count: int) -> Runs:
+        """Run `count` points; `settings` holds an array (count,) for each parameter that is varied."""
+        ...
+
+    def description(self) -> Description:
+        """As plain data: all that the outputs follow from, besides the settings."""
+        ...
+
+
+@dataclass(frozen=True)
+class SteadyBeatEvaluator:
+    """The steady beat of a circuit around base values.
+
+    Args:
+        circuit: the circuit; sites that are inputs are choices in it.
+        base: a number for every parameter.
+        outputs: names of the registry of outputs.
+        policy: blood volume policy.
+        resolution: of the phase grid, the same for all runs: two runs that differ in one input must not
+            differ in their grids as well.
+        name: of the case.
+    """
+
+    circuit: Circuit
+    base: Mapping[str, float] = field(hash=False)
+    outputs: tuple[str, ...]
+    policy: str
+    resolution: int
+    name: str = "model"
+
+    def __call__(self, settings: Mapping[str, np.ndarray], count: int) -> Runs:
+        """Run some points."""
+        from eclsim.orbit.status import Status
+        from eclsim.orbit.steady import Batch, steady_beats
+        from eclsim.outputs.evaluation import batch_outputs
+
+        batch = Batch(self.circuit, {**self.base, **settings}, count, self.policy)
+        steady = steady_beats(batch, near=self.base, resolution=self.resolution, threads=1)
+        values = batch_outputs(steady, self.outputs, threads=1).T
+        orbits = steady.orbits
+        lost = ~np.isfinite(values).all(axis=1) & (orbits.status == Status.CONVERGED)
+        status = np.where(lost, Status.NOT_FINITE, orbits.status)
+        return Runs(values, status, orbits.beats, orbits.residual)
+
+    def description(self) -> Description:
+        """As plain data."""
+        return {
+            "case": self.name,
+            "circuit": str(self.circuit).splitlines(),
+            "base": {k: float(v) for k, v in sorted(self.base.items())},
+            "outputs": list(self.outputs),
+            "blood_volume_policy": self.policy,
+            "resolution": self.resolution,
+        }
+
+
+def design_resolution(circuit: Circuit, base: Mapping[str, float], design: Design) -> int:
+    """Resolution of the grid that the most demanding run of a design needs."""
+    from eclsim.beat.resolution import needed_resolution
+    from eclsim.circuit.assembly import assemble
+
+    values = {**base, **design.settings(design.unit())}
+    return int(np.max(needed_resolution(assemble(circuit), values)))
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """What is to be run: a design and what it is run on."""
+
+    design: Design
+    evaluator: Evaluator
+
+    def block(self, number: int) -> Runs:
+        """Run one block of the design."""
+        unit = self.design.unit(*self.design.block_rows(number))
+        return self.evaluator(self.design.settings(unit), len(unit))
+
+    @property
+    def tasks(self) -> Tasks[int, Runs]:
+        """The blocks."""
+        return Tasks("sensitivity", "blocks", self.block, range(self.design.blocks), side_by_side=True)
+
+    def folder(self, path: Path) -> SampleFolder:
+        """The folder that keeps its runs."""
+        return SampleFolder(path, self.design, self.evaluator.outputs, self.evaluator.description())
+
+
+class SampleFolder:
+    """Finished blocks of one design, and in the end the samples, in one folder."""
+
+    def __init__(self, folder: Path, design: Design, outputs: tuple[str, ...], model: Description):
+        self.path, self.design, self.outputs = folder, design, outputs
+        self.blocks: TaskFolder[Runs] = TaskFolder(
+            folder / "blocks",
+            {"design": design.description(), "outputs": list(outputs), "model": model},
+            Format(".parquet", self._write_block, partial(_read, outputs=outputs)),
+            file=folder / DESIGN,
+            beside={"samples": design.samples},
+            name="block-",
+        )
+
+    @classmethod
+    def found_in(cls, folder: Path) -> SampleFolder:
+        """For the analysis that a folder holds."""
+        held: Description | None = read_inputs(folder / DESIGN)
+        if held is None:
+            raise ExecutionError(f"{folder}: holds no analysis ({DESIGN} is missing)")
+        design = Design.described(held["design"], held["samples"])
+        store = cls(folder, design, tuple(held["outputs"]), held["model"])
+        if store.blocks.fingerprint != held["hash"]:
+            made_by = f"version {held['version']} of eclsim; this is {__version__}"
+            raise ExecutionError(f"{folder}: its analysis was made by {made_by}, or its {DESIGN} was changed")
+        return store
+
+    @property
+    def samples(self) -> Path:
+        """The file of all runs."""
+        return self.path / SAMPLES
+
+    def open(self, executor: Executor) -> None:
+        """Make the folder, or check that it holds the same analysis, perhaps with another number of rows."""
+        if executor.distribution.force:
+            self.samples.unlink(missing_ok=True)
+        executor.open(self.blocks, range(self.design.blocks))
+
+    def finished(self) -> set[int]:
+        """Blocks that are done."""
+        return {*range(min(self._blocks_in_samples(), self.design.blocks)), *self.blocks.finished()}
+
+    def save(self, number: int, result: Runs) -> None:
+        """Keep a finished block."""
+        self.blocks.save(number, result)
+
+    def load(self, blocks: range) -> Runs:
+        """Results of finished blocks, in order."""
+        whole = self._blocks_in_samples()
+        pieces = []
+        if blocks.start < whole:
+            runs = self.design.rows_per_block * self.design.runs_per_row
+            rows = slice(blocks.start * runs, min(blocks.stop, whole) * runs)
+            pieces.append(self.blocks.read(self.samples, partial(_read, outputs=self.outputs, rows=rows)))
+        return Runs.joined([*pieces, *(self.blocks.load(b) for b in blocks if b >= whole)])
+
+    def finish(self, runs: Runs) -> None:
+        """Write the samples of all blocks as one file; the files of the blocks go."""
+        rows = len(runs.status) // self.design.runs_per_row
+        if self._blocks_in_samples() * self.design.rows_per_block < rows:
+            unit = self.design.unit(0, rows)
+            inputs = {i.name: i.table_column(unit[:, k]) for k, i in enumerate(self.design.inputs)}
+            with whole_file(self.samples) as partial_file:
+                about = self.blocks.about | {"samples": rows}
+                _write(partial_file, inputs | _columns(runs, self.outputs), about)
+        folder = self.blocks.folder
+        for path in [*folder.glob("block-*"), *folder.glob(".eclsim-*"), *self.path.glob(".eclsim-*")]:
+            path.unlink(missing_ok=True)
+        if folder.is_dir() and not any(folder.iterdir()):
+            folder.rmdir()
+
+    def _write_block(self, path: Path, runs: Runs, _: str) -> None:
+        _write(path, _columns(runs, self.outputs), self.blocks.about)
+
+    def _blocks_in_samples(self) -> int:
+        import pyarrow.parquet as pq
+
+        if not self.samples.exists():
+            return 0
+        return pq.read_metadata(self.samples).num_rows // (
+            self.design.rows_per_block * self.design.runs_per_row
+        )
+
+
+def _columns(runs: Runs, outputs: tuple[str, ...]) -> dict[str, np.ndarray]:
+    return {name: runs.values[:, k] for k, name in enumerate(outputs)} | {
+        "status": runs.status.astype(np.int8),
+        "beats": runs.beats.astype(np.int32),
+        "residual": runs.residual.astype(float),
+    }
+
+
+def _write(path: Path, columns: Mapping[str, np.ndarray], about: Description) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    arrays = [pa.array(c).dictionary_encode() if c.dtype == object else pa.array(c) for c in columns.values()]
+    metadata = {"eclsim": json.dumps(about, ensure_ascii=False)}
+    table = pa.Table.from_arrays(arrays, names=list(columns)).replace_schema_metadata(metadata)
+    pq.write_table(table, path, compression="zstd", use_dictionary=False)
+
+
+def _read(path: Path, outputs: tuple[str, ...], rows: slice = slice(None)) -> tuple[Runs, str]:
+    import pyarrow.parquet as pq
+
+    names = [*outputs, "status", "beats", "residual"]
+    table = pq.read_table(path, columns=names)
+    about = json.loads((table.schema.metadata or {}).get(b"eclsim", b"{}"))
+    columns = [table.column(name).to_numpy()[rows] for name in names]
+    values = np.stack(columns[: len(outputs)], axis=1)
+    return Runs(values, *columns[len(outputs) :]), about.get("hash", "")

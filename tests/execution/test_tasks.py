@@ -1,0 +1,250 @@
+"""The executor alone, on a function that is quickly computed."""
+
+import json
+import os
+import random
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+
+from eclsim.execution import (
+    Distribution,
+    ExecutionError,
+    Shard,
+    ShardDone,
+    TaskFolder,
+    Tasks,
+    announce,
+    json_format,
+    threads,
+    using_threads,
+)
+
+
+@dataclass(frozen=True)
+class Answer:
+    number: int
+    root: float
+    names: tuple[str, ...]
+
+
+def answer(number: int) -> Answer:
+    announce(f"looking at {number}")
+    time.sleep(0.001 * (number % 3))
+    return Answer(number, number**0.5 if number != 7 else float("nan"), (str(number), "ü"))
+
+
+def thread_count(_: int) -> int:
+    return threads()
+
+
+FORMAT = json_format(Answer)
+TASKS = Tasks("roots", "numbers", answer, range(12), {"kind": "root", "over": {"first": 0, "last": 11}})
+
+
+class Stopped(KeyboardInterrupt):
+    """Ctrl-C at a moment that a test chooses."""
+
+
+def complete(folder: Path | None, tasks=TASKS, progress=None, **options) -> list[Answer]:
+    with Distribution(**options).running() as executor:
+        return executor.complete(tasks, folder, FORMAT, progress)
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+@pytest.mark.parametrize("side_by_side", [False, True])
+@pytest.mark.parametrize("workers", [1, 3])
+def test_results_and_files_are_the_same_whatever_the_number_of_threads(tmp_path, side_by_side, workers):
+    tasks = replace(TASKS, side_by_side=side_by_side)
+    results = complete(tmp_path / "kept", tasks, workers=workers)
+    assert repr(results) == repr([answer(k) for k in range(12)]) == repr(complete(None, tasks))
+    complete(tmp_path / "again")
+    assert files(tmp_path / "kept") == files(tmp_path / "again")
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # of Dask's own clean-up, whose sockets and loops close late
+def test_dask_gives_the_same_files_and_one_thread_to_a_task(tmp_path):
+    pytest.importorskip("dask.distributed")
+    from dask.distributed import LocalCluster
+
+    complete(tmp_path / "here")
+    workers = LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None)
+    with workers as cluster, Distribution(dask=cluster.scheduler_address).running() as executor:
+        executor.complete(TASKS, tmp_path / "there", FORMAT)
+        counting = Tasks("threads", "numbers", thread_count, range(3))
+        assert executor.complete(counting, None, json_format(int)) == [1, 1, 1]
+    assert files(tmp_path / "here") == files(tmp_path / "there")
+
+
+def test_an_address_without_a_scheduler_says_what_is_allowed():
+    pytest.importorskip("dask.distributed")
+    with pytest.raises(ExecutionError, match="allowed: local, tcp://"):
+        complete(None, dask="nonsense")
+
+
+def test_without_dask_the_extra_is_named(monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(ExecutionError, match=r"pip install 'eclsim\[dask\]'"):
+        complete(None, dask="local")
+
+
+@pytest.mark.parametrize("count", [1, 5, 12, 30])
+def test_shards_in_any_order_and_a_merge_are_one_run(tmp_path, count):
+    whole = complete(tmp_path / "whole")
+    order = list(range(1, count + 1))
+    random.Random(count).shuffle(order)
+    for number in order:
+        with pytest.raises(ShardDone, match=f"shard {number}/{count}: its numbers are in .*; when all are"):
+            complete(tmp_path / "shards", shard=Shard(number, count))
+    assert repr(complete(tmp_path / "shards", merge=True)) == repr(whole)
+    assert files(tmp_path / "shards") == files(tmp_path / "whole")
+
+
+def test_a_merge_computes_nothing_and_names_what_is_missing(tmp_path):
+    with pytest.raises(ExecutionError, match=r"holds no shards \(inputs.json is missing\)"):
+        complete(tmp_path / "none", merge=True)
+    with pytest.raises(ShardDone):
+        complete(tmp_path, shard=Shard(2, 3))
+    with pytest.raises(ExecutionError, match=r"roots: 8 of 12 numbers are missing \(0, 1, 2, 3, 8"):
+        complete(tmp_path, merge=True)
+
+
+@pytest.mark.parametrize("side_by_side", [False, True])
+def test_stopped_at_any_moment_and_resumed_gives_the_same_files_and_repeats_nothing(tmp_path, side_by_side):
+    complete(tmp_path / "whole")
+    seen = []
+
+    def stop_at(last: int):
+        def progress(state):
+            seen.append((state.done, state.total))
+            if state.done == last and not state.detail:
+                raise Stopped
+
+        return progress
+
+    tasks = replace(TASKS, side_by_side=side_by_side)
+    for last in (3, 4, 9):
+        with pytest.raises(Stopped):
+            complete(tmp_path / "broken", tasks, stop_at(last), resume=True)
+        assert len(files(tmp_path / "broken")) == 1 + last
+    complete(tmp_path / "broken", tasks, stop_at(99), resume=True)
+    assert seen[-1] == (12, 12)
+    assert files(tmp_path / "broken") == files(tmp_path / "whole")
+    seen.clear()
+    complete(tmp_path / "broken", tasks, stop_at(99), resume=True)
+    assert seen == [(12, 12)]
+
+
+def test_resuming_with_other_inputs_names_what_differs(tmp_path):
+    complete(tmp_path)
+    with pytest.raises(ExecutionError, match="holds results already; --resume goes on, --force starts anew"):
+        complete(tmp_path)
+    other = replace(TASKS, inputs={"kind": "root", "over": {"first": 1, "last": 11}, "more": [1]})
+    for options in ({"resume": True}, {"shard": Shard(1, 2)}, {"merge": True}):
+        with pytest.raises(ExecutionError, match=r"\(more; over.first was 0 and is 1\); choose another"):
+            complete(tmp_path, other, **options)
+    assert len(complete(tmp_path, other, force=True)) == 12
+
+
+def test_another_version_is_refused(tmp_path):
+    complete(tmp_path)
+    file = tmp_path / "inputs.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"version": "0.0.1"}))
+    with pytest.raises(ExecutionError, match=r"version was '0\.0\.1' and is"):
+        complete(tmp_path, resume=True)
+    file.write_text("{")
+    with pytest.raises(ExecutionError, match=r"inputs.json: cannot be read"):
+        complete(tmp_path, resume=True)
+
+
+@pytest.mark.parametrize("damage", ["cut", "edited", "of other inputs"])
+def test_a_damaged_result_is_refused_before_anything_is_computed(tmp_path, damage):
+    with pytest.raises(ShardDone):
+        complete(tmp_path, shard=Shard(1, 2))
+    file = tmp_path / "00003.json"
+    text = file.read_text()
+    changed = {"cut": text[:-9], "edited": text.replace("1.7320", "1.8320")}
+    changed["of other inputs"] = text.replace(json.loads(text)["hash"], "0" * 16)
+    file.write_text(changed[damage])
+    with pytest.raises(ExecutionError, match=r"00003\.json: .*take it away"):
+        complete(tmp_path, resume=True)
+    assert not (tmp_path / "00011.json").exists()
+    file.unlink()
+    assert len(complete(tmp_path, resume=True)) == 12
+
+
+def test_progress_counts_and_shows_what_a_task_says():
+    lines = []
+    complete(None, progress=lambda state: lines.append(str(state)))
+    assert lines[0] == "roots: 0 of 12 numbers"
+    assert lines[1] == "roots: 0 of 12 numbers; looking at 0"
+    assert lines[-1] == "roots: 12 of 12 numbers, 0 s left"
+
+
+@pytest.mark.parametrize("text", ["0/3", "4/3", "3", "a/b", "1/0", "-1/3", "²/3"])
+def test_a_shard_that_cannot_be_says_what_is_allowed(text):
+    with pytest.raises(ExecutionError, match="allowed: k/n with k from 1 to n, such as 3/16"):
+        Shard.parse(text)
+
+
+def test_the_shards_of_a_count_share_all_tasks():
+    for total in (1, 7, 50):
+        for count in (1, 3, 8, 60):
+            numbers = [n for k in range(count) for n in Shard.parse(f"{k + 1}/{count}").numbers(total)]
+            assert numbers == list(range(total))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"resume": True, "force": True}, "one of them"),
+        ({"shard": Shard(1, 2), "force": True}, "--shard keeps what the others did"),
+        ({"workers": 0}, "--workers 0: allowed: 1, 2, 3"),
+    ],
+)
+def test_options_that_contradict_each_other(options, message):
+    with pytest.raises(ExecutionError, match=message):
+        Distribution(**options)
+
+
+def test_a_shard_without_a_folder_has_nowhere_to_leave_its_results():
+    with pytest.raises(ExecutionError, match="need a folder"):
+        complete(None, shard=Shard(1, 2))
+
+
+@pytest.mark.parametrize("wanted", [None, "2"])
+def test_tasks_side_by_side_have_one_thread_each_and_leave_the_environment_alone(monkeypatch, wanted):
+    monkeypatch.delenv("ECLSIM_THREADS", raising=False)
+    if wanted:
+        monkeypatch.setenv("ECLSIM_THREADS", wanted)
+    before = dict(os.environ)
+    tasks = Tasks("threads", "numbers", thread_count, range(6), side_by_side=True)
+    with Distribution().running() as executor:
+        for _, count in executor.run(tasks, range(6)):
+            assert count == 1
+            assert dict(os.environ) == before
+            assert threads() == (2 if wanted else len(os.sched_getaffinity(0)))
+
+
+def test_the_innermost_number_of_threads_counts(monkeypatch):
+    monkeypatch.setenv("ECLSIM_THREADS", "5")
+    with using_threads(3):
+        with using_threads(2), using_threads(None):
+            assert threads() == 2
+        assert threads() == 3
+    assert threads() == 5
+    with Distribution(workers=4).running():
+        assert threads() == 4
+
+
+def test_leftovers_of_a_kill_are_no_results(tmp_path):
+    complete(tmp_path)
+    (tmp_path / ".eclsim-xyz.json").write_text("{")
+    assert TaskFolder(tmp_path, TASKS.inputs, FORMAT).finished() == set(range(12))
+    assert len(complete(tmp_path, resume=True)) == 12

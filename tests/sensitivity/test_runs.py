@@ -1,0 +1,210 @@
+import json
+import random
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from eclsim.execution import Distribution, ExecutionError, Executor, Shard, ShardDone
+from eclsim.execution import folder as folder_module
+from eclsim.files import whole_file
+from eclsim.sensitivity import runs as runs_module
+from eclsim.sensitivity.analysis import Analysis, merge_shards, run_analysis
+from eclsim.sensitivity.results import SensitivityResult, conclude
+from eclsim.sensitivity.runs import DESIGN, SAMPLES, Runs, SteadyBeatEvaluator
+from eclsim.validation.cases import reference_model
+
+MOMENTS = 50
+
+
+class Stopped(KeyboardInterrupt):
+    """Ctrl-C or a kill, at a moment that a test chooses."""
+
+
+def run(
+    plan: Analysis, folder: Path, until: float | None = None, progress=None, **options
+) -> SensitivityResult:
+    with Distribution(**options).running() as executor:
+        return run_analysis(plan, folder, executor, until=until, progress=progress)
+
+
+def test_the_samples_hold_inputs_outputs_design_seed_and_version(tmp_path, plan):
+    result = run(plan, tmp_path)
+    table = pq.read_table(tmp_path / SAMPLES)
+    assert table.column_names == ["x1", "x2", "x3", "y", "square", "status", "beats", "residual"]
+    assert np.array_equal(table.column("y").to_numpy(), result.runs.values[:, 0])
+    about = table.schema.metadata[b"eclsim"].decode()
+    design = json.loads((tmp_path / DESIGN).read_text())
+    for word in ('"seed": 1', '"version"', '"sequence"', '"samples": 4096', design["hash"]):
+        assert word in about
+    assert sorted(p.name for p in tmp_path.iterdir()) == [DESIGN, SAMPLES]
+
+
+def interrupted_run(plan: Analysis, folder: Path, monkeypatch, blow: int) -> bool:
+    """Run until the `blow`-th chance to be stopped: before, in or after any write, or while computing."""
+    chances = iter(range(10**6))
+
+    def maybe_stop():
+        if next(chances) == blow:
+            raise Stopped
+
+    @contextmanager
+    def stopping(path):
+        maybe_stop()
+        with whole_file(path) as partial:
+            yield partial
+            maybe_stop()
+        maybe_stop()
+
+    def one_by_one(tasks, numbers):
+        for number in numbers:
+            maybe_stop()
+            yield number, tasks.compute(tasks.arguments[number])
+
+    with monkeypatch.context() as patched:
+        for module in (folder_module, runs_module):
+            patched.setattr(module, "whole_file", stopping)
+        try:
+            run_analysis(plan, folder, Executor(Distribution(resume=True), one_by_one))
+        except Stopped:
+            return False
+    return True
+
+
+def test_stopped_at_random_moments_and_resumed_gives_the_identical_file(tmp_path, plan, monkeypatch):
+    run(plan, tmp_path / "straight")
+    wanted = (tmp_path / "straight" / SAMPLES).read_bytes()
+    chance = random.Random(4)
+    stops = attempts = 0
+    while stops < MOMENTS:
+        attempts += 1
+        folder = tmp_path / f"broken-{attempts}"
+        while not interrupted_run(plan, folder, monkeypatch, chance.randrange(75)):
+            stops += 1
+        assert (folder / SAMPLES).read_bytes() == wanted
+        assert (folder / DESIGN).exists()
+
+
+def test_stopping_in_threads_keeps_finished_blocks_and_what_is_done_is_not_done_again(tmp_path, plan):
+    def stop_at_six(progress):
+        if progress.done == 6:
+            raise Stopped
+
+    with pytest.raises(Stopped):
+        run(plan, tmp_path, progress=stop_at_six)
+    assert len(list((tmp_path / "blocks").iterdir())) == 6
+    first = []
+    run(plan, tmp_path, resume=True, progress=lambda p: first.append(p.done))
+    assert first == list(range(6, 17))
+
+
+@pytest.mark.parametrize("count", [1, 3, 16, 20])
+def test_shards_and_merge_give_the_identical_file(tmp_path, plan, count):
+    straight = run(plan, tmp_path / "straight")
+    order = list(range(1, count + 1))
+    random.Random(count).shuffle(order)
+    for number in order:
+        with pytest.raises(ShardDone, match=f"shard {number}/{count}: .*eclsim merge"):
+            run(plan, tmp_path / "sharded", shard=Shard(number, count))
+    merged = merge_shards(tmp_path / "sharded")
+    assert (tmp_path / "sharded" / SAMPLES).read_bytes() == (tmp_path / "straight" / SAMPLES).read_bytes()
+    np.testing.assert_array_equal(merged.indices.estimates.ST, straight.indices.estimates.ST)
+
+
+def test_a_merge_names_what_is_missing(tmp_path, plan):
+    with pytest.raises(ExecutionError, match=r"holds no analysis \(design.json is missing\)"):
+        merge_shards(tmp_path)
+    with pytest.raises(ShardDone):
+        run(plan, tmp_path, shard=Shard(2, 4))
+    with pytest.raises(ExecutionError, match=r"12 of 16 blocks are missing \(0, 1, 2, 3, 8, 9"):
+        merge_shards(tmp_path)
+
+
+def test_a_finished_analysis_goes_on_to_more_rows(tmp_path, plan):
+    small = replace(plan, design=replace(plan.design, samples=1024))
+    for folder, plans in (("grown", (small, plan)), ("straight", (plan,))):
+        for step in plans:
+            run(step, tmp_path / folder, resume=True)
+    assert (tmp_path / "grown" / SAMPLES).read_bytes() == (tmp_path / "straight" / SAMPLES).read_bytes()
+
+
+def test_it_stops_once_the_wanted_width_is_reached(tmp_path, plan):
+    early = run(plan, tmp_path / "a", until=0.15)
+    assert early.design.samples in (256, 512, 1024, 2048)
+    assert early.indices.estimates.ST_conf.max() <= 0.15
+    assert early.indices.evaluations == early.design.evaluations
+    whole = run(plan, tmp_path / "b", until=1e-6)
+    assert whole.design.samples == 4096
+
+
+def test_another_analysis_in_the_folder_is_refused_by_name(tmp_path, plan):
+    run(plan, tmp_path)
+    with pytest.raises(ExecutionError, match="--resume goes on"):
+        run(plan, tmp_path)
+    other = replace(plan, design=replace(plan.design, seed=2))
+    with pytest.raises(ExecutionError, match=r"design\.seed was 1 and is 2"):
+        run(other, tmp_path, resume=True)
+    assert run(other, tmp_path, force=True).design.seed == 2
+
+
+def test_a_foreign_or_damaged_block_is_refused(tmp_path, plan):
+    other = replace(plan, design=replace(plan.design, seed=2))
+    for name, one in (("a", plan), ("b", other)):
+        with pytest.raises(ShardDone):
+            run(one, tmp_path / name, shard=Shard(1, 16))
+    block = tmp_path / "b" / "blocks" / "block-00000.parquet"
+    block.write_bytes((tmp_path / "a" / "blocks" / block.name).read_bytes())
+    with pytest.raises(ExecutionError, match="of another analysis"):
+        run(other, tmp_path / "b", resume=True)
+    block.write_bytes(block.read_bytes()[:-20])
+    with pytest.raises(ExecutionError, match=r"block-00000.parquet: truncated or edited"):
+        run(other, tmp_path / "b", resume=True)
+    assert [path.name for path in block.parent.iterdir()] == [block.name], "before anything is computed"
+
+
+def test_failed_runs_take_their_rows_along_and_are_named(plan):
+    design = plan.design
+    runs = Runs.joined([plan.block(b) for b in range(design.blocks)])
+    values = runs.values.copy()
+    status = np.zeros(len(values), dtype=int)
+    lost = [3, 5 * design.runs_per_row + 4, 5 * design.runs_per_row + 7, 900 * design.runs_per_row]
+    values[lost], status[lost] = np.nan, 2
+    broken = replace(runs, values=values, status=status)
+    indices = conclude(design, plan.evaluator.outputs, broken).indices
+    assert [f.run for f in indices.failed] == lost
+    assert [f.row for f in indices.failed] == [0, 5, 5, 900]
+    assert [f.point for f in indices.failed] == ["AB x3", "BA x1", "B", "A"]
+    assert {f.status for f in indices.failed} == {"not_converged"}
+    assert indices.rows_used == 4093
+    assert indices.as_object()["failed"] == 4
+    # The same as a design that never had these rows.
+    rows = np.delete(values.reshape(4096, design.runs_per_row, 2), [0, 5, 900], axis=0)
+    without = replace(runs, values=rows.reshape(-1, 2), status=np.zeros(rows.shape[0] * rows.shape[1], int))
+    again = conclude(design, plan.evaluator.outputs, without).indices
+    assert np.array_equal(indices.estimates.ST, again.estimates.ST)
+
+
+def test_when_every_row_has_failed_it_says_so(plan):
+    found = plan.block(0)
+    broken = replace(found, status=np.ones_like(found.status))
+    with pytest.raises(ValueError, match="256 of 256 rows have a failed run"):
+        conclude(replace(plan.design, samples=256), plan.evaluator.outputs, broken)
+
+
+def test_a_steady_beat_of_a_design_takes_one_thread(monkeypatch):
+    asked = []
+
+    def spied(function, jobs, parallel=None):
+        asked.append(parallel)
+        return [function(job) for job in jobs]
+
+    monkeypatch.setattr("eclsim.orbit.steady.map_parallel", spied)
+    monkeypatch.setattr("eclsim.outputs.evaluation.map_parallel", spied)
+    patient = reference_model("cvs_healthy_75bpm")
+    evaluator = SteadyBeatEvaluator(patient.circuit, patient.values, ("MAP",), "as_published", 1)
+    found = evaluator({"Rmc": np.linspace(0.4, 0.6, 8)}, 8)
+    assert np.isfinite(found.values).all()
+    assert asked == [1, 1]
