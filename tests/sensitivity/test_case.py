@@ -212,6 +212,10 @@ def test_the_command_writes_json_tables_figures_and_samples(case_file, tmp_path,
     assert {(r["output"], r["factor"]) for r in rows} == {
         (o, f) for o in ("MAP", "CO") for f in ("Rmc", "Emaxlv")
     }
+    rows = list(csv.DictReader((out / "convergence.csv").read_text().splitlines()))
+    assert [(r["rows"], r["output"], r["factor"], r["index"]) for r in rows] == [
+        ("8", o, f, i) for o in ("MAP", "CO") for f in ("Rmc", "Emaxlv") for i in ("S1", "ST")
+    ]
     drawn = {"bars", "convergence", "distributions", "pairs", "sums", "total_less_first_order", "total_order"}
     assert {p.stem for p in (out / "figures").glob("*.svg")} >= drawn - {"convergence"}
     shown = capsys.readouterr().out

@@ -299,5 +299,5 @@ def write_results(folder: Path, result: SensitivityResult) -> None:
 
 def _convergence_table(numbers: xr.Dataset) -> pd.DataFrame:
     order = ["rows", "repeats", "output", "factor", "index", "mean", "spread", "mean_conf"]
-    frame = numbers.transpose("rows", "output", "factor", "index").to_dataframe().reset_index()
+    frame = numbers.to_dataframe(dim_order=["rows", "output", "factor", "index"]).reset_index()
     return frame.loc[:, order]
