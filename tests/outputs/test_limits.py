@@ -4,23 +4,40 @@ from pathlib import Path
 import pytest
 
 from eclsim.cases.presets import PRESETS
-from eclsim.outputs.limits import LIMITS, PLACES, broken_limits, level, limits_of, place_level, worst
-from eclsim.outputs.registry import REGISTRY
+from eclsim.outputs.limits import (
+    all_limits,
+    broken_limits,
+    level,
+    limits_of,
+    place_levels,
+    places_with_limits,
+    worst,
+)
+from eclsim.outputs.registry import all_outputs
 from eclsim.simulation.single import simulate_case
 
 
 def test_every_limit_is_of_an_output_and_has_meaning_and_source():
-    for limit in LIMITS:
-        assert limit.quantity in REGISTRY
+    for limit in all_limits():
+        assert limit.quantity in all_outputs()
         assert limit.meaning
         assert limit.source
-        assert not limit.unless or limit.unless in REGISTRY
-    assert {name for names in PLACES.values() for name in names} <= {limit.quantity for limit in LIMITS}
+    quantities = {limit.quantity for limit in all_limits()}
+    assert {name for names in places_with_limits(all_outputs()).values() for name in names} <= quantities
+
+
+def test_a_compartment_of_a_device_has_the_limits_of_its_pressure():
+    places = places_with_limits(all_outputs())
+    assert places["ecmodrain"] == ("lowest_drainage_pressure",)
+    assert places["crrttuin"] == ("crrt_access_pressure",)
+    assert places_with_limits(["ecmo.b.pump_inlet_pressure"])["ecmo.b.ecmotudp"] == (
+        "ecmo.b.pump_inlet_pressure",
+    )
 
 
 def test_graver_limits_lie_further_out():
     order = ("warning", "alarm", "collapse")
-    for limit in LIMITS:
+    for limit in all_limits():
         for other in limits_of(limit.quantity):
             if other.side == limit.side and order.index(other.kind) > order.index(limit.kind):
                 assert other.value > limit.value if limit.side == "above" else other.value < limit.value
@@ -49,9 +66,9 @@ def test_of_what_says_the_same_the_gravest_is_told():
 
 
 def test_a_compartment_takes_the_worst_of_its_outputs():
-    assert place_level("ao", {"MAP": 80.0, "pulse_pressure": 2.0}) == "warning"
-    assert place_level("ao", {"MAP": 80.0, "pulse_pressure": 2.0, "lvad_flow": 4.0}) == "ok"
-    assert place_level("nowhere", {}) == "ok"
+    assert place_levels({"MAP": 80.0, "pulse_pressure": 2.0})["ao"] == "warning"
+    assert place_levels({"MAP": 80.0, "pulse_pressure": 2.0, "lvad_flow": 4.0})["ao"] == "ok"
+    assert set(place_levels({}).values()) == {"ok"}
     assert worst(["ok", "alarm", "warning"]) == "alarm"
 
 
@@ -69,4 +86,4 @@ def test_the_documented_table_is_the_table():
         for kind, cell in zip(kinds, cells, strict=True):
             for side, value in re.findall(r"(below|above) (−?[\d.]+)", cell):
                 found.add((name, kind, side, float(value.replace("−", "-"))))
-    assert found == {(limit.quantity, limit.kind, limit.side, limit.value) for limit in LIMITS}
+    assert found == {(limit.quantity, limit.kind, limit.side, limit.value) for limit in all_limits()}

@@ -19,7 +19,7 @@ from eclsim.orbit.steady import Batch, steady_beats
 from eclsim.outputs.alarms import CAUTION, Finding, findings, impossible
 from eclsim.outputs.dataset import outcome
 from eclsim.outputs.evaluation import output_names
-from eclsim.outputs.limits import PLACES, level, place_level
+from eclsim.outputs.limits import level, place_levels
 from eclsim.outputs.measures import Measures
 from eclsim.outputs.recirculation import recirculated_fraction
 from eclsim.outputs.registry import output
@@ -75,7 +75,7 @@ class Beat:
 
     def place_levels(self) -> dict[str, str]:
         """The same for each compartment; one that has collapsed is marked whatever its mean pressure."""
-        found = {name: place_level(name, self.outputs) for name in PLACES}
+        found = place_levels(self.outputs)
         for finding in self.findings:
             if finding.kind == "collapse" and finding.quantity[1:] in found:
                 found[finding.quantity[1:]] = "collapse"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from eclsim.outputs.limits import limits_of
-from eclsim.outputs.registry import REGISTRY
+from eclsim.outputs.registry import all_outputs
 
 _CATHETER = "practical table of right heart catheterisation, European Respiratory Society"
 _NURSING = "nursing reference of haemodynamic norms"
@@ -55,7 +55,7 @@ def line_bounds() -> dict[str, list[float]]:
 def output_specs() -> dict[str, dict[str, Any]]:
     """Words, unit, definition and reference range of every output, as plain data."""
     found: dict[str, dict[str, Any]] = {}
-    for name, entry in REGISTRY.items():
+    for name, entry in all_outputs().items():
         found[name] = {"words": entry.long_name, "unit": entry.unit, "definition": entry.definition}
         if name in REFERENCE:
             found[name]["range"] = list(REFERENCE[name])

@@ -9,6 +9,7 @@ from pydantic import ConfigDict, Field, SerializeAsAny, ValidationInfo, model_va
 
 from eclsim.cases.checking import check_case
 from eclsim.cases.sections import Measurements, Patient, device_sections, within
+from eclsim.devices.description import Finding
 from eclsim.devices.device import Instance, device_key, instance_key
 from eclsim.devices.registry import PublishedDevices, devices
 from eclsim.inputs.mistakes import CaseError
@@ -74,14 +75,22 @@ class Case(PublishedDevices):
         for key, device in devices().items():
             only = getattr(self, key, None) if key in PublishedDevices.model_fields else None
             if only is not None:
-                found.append(Instance(device, "", only))
+                found.append(Instance(device, section=only))
             others = {k: section for k, section in self.other_devices.items() if device_key(k) == key}
-            found += [Instance(device, k.partition(".")[2], section) for k, section in others.items()]
+            found += [Instance(device, k.partition(".")[2], section=section) for k, section in others.items()]
         return tuple(found)
 
     def instance(self, key: str) -> Instance | None:
         """The device of a section such as "lvad" or "lvad.left"; None where it is not connected."""
         return next((one for one in self.instances() if one.key == key), None)
+
+    def findings(self, outputs: Mapping[str, float]) -> list[Finding]:
+        """What there is to say about a beat in view of what the case names, such as a label's range."""
+        return [
+            finding
+            for one in self.instances()
+            for finding in one.device.section_findings(one.section, one, outputs)
+        ]
 
     def setting(self, section: str, name: str) -> Any:
         """A value as a case file holds it, such as "speed_rpm" of "lvad.left"; None if absent."""

@@ -19,8 +19,8 @@ from eclsim.crrt_study.curves import (
     mark_gaps,
     style_of,
 )
-from eclsim.devices.crrt import ALARMS_MMHG
-from eclsim.outputs.alarms import SANSOM_ACCESS_MMHG, SUCTION_MMHG
+from eclsim.devices.crrt import ALARMS_MMHG, SANSOM_ACCESS_MMHG
+from eclsim.devices.ecmo import SUCTION_MMHG
 from eclsim.reporting.style import GREY, OKABE_ITO, PAGE_WIDTH_MM, figure_style, new_figure, plain_text
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.crrt_study.unknown_beats import no_beat, speeds_in_words
-from eclsim.devices.crrt import ALARMS_MMHG
-from eclsim.outputs.alarms import SANSOM_ACCESS_MMHG, SUCTION_MMHG
+from eclsim.devices.crrt import ALARMS_MMHG, SANSOM_ACCESS_MMHG
+from eclsim.devices.ecmo import SUCTION_MMHG
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -18,10 +18,9 @@ from eclsim.crrt_study.words import (
     not_known,
     place,
 )
-from eclsim.devices.crrt import ALARMS_MMHG
-from eclsim.devices.ecmo import POSITIONS
+from eclsim.devices.crrt import ALARMS_MMHG, SANSOM_ACCESS_MMHG
+from eclsim.devices.ecmo import POSITIONS, SUCTION_MMHG
 from eclsim.orbit.model import AS_PUBLISHED, POLICY_WORDS
-from eclsim.outputs.alarms import SANSOM_ACCESS_MMHG, SUCTION_MMHG
 from eclsim.reporting.html import Table, render
 from eclsim.reporting.numbers import number
 

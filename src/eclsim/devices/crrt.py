@@ -8,11 +8,13 @@ Source: Thiel et al. 2025, Figure 1 and Table S-3.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
-from eclsim.devices.device import CaseValues, Device
-from eclsim.devices.ecmo import POSITIONS
+from eclsim.devices.description import Finding, Limit, difference, mean, mean_flow
+from eclsim.devices.device import CaseValues, Device, Naming, device_key
+from eclsim.devices.ecmo import ECMO, POSITIONS
 from eclsim.devices.products import Dialyzer, by_key
 from eclsim.inputs.fields import Field, number
 from eclsim.inputs.mistakes import Remarks, shown
@@ -39,6 +41,10 @@ DIALYZERS = by_key(
 
 ALARMS_MMHG = MappingProxyType({"access": (-250.0, 250.0), "return": (-50.0, 350.0)})
 """Usual low and high pressure alarms [mmHg] of CRRT machines, by line (Thiel et al. 2025, Figures 5, 6)."""
+
+SANSOM_ACCESS_MMHG = 190.0
+"""Access pressure above which early circuit failure is more likely (Sansom 2023, cited by Thiel et al.)."""
+_MACHINE = "usual alarm of CRRT machines"
 
 SCHEMES = MappingProxyType(
     {
@@ -119,6 +125,25 @@ class CrrtDevice(Device[Crrt]):
     products = tuple(DIALYZERS.values())
     parameters = tuple(p for p in thiel2025.PARAMETERS.values() if p.group == GROUP)
     nominal = MappingProxyType({"crrt.flow_ml_min": 200.0})
+    outputs = (
+        mean_flow("crrt_flow", "mean blood flow of the CRRT", "Qcrrtpump"),
+        mean("crrt_access_pressure", "mean pressure in the CRRT access line", "Pcrrttuin"),
+        mean("crrt_return_pressure", "mean pressure in the CRRT return line", "Pcrrttuout"),
+        difference(
+            "crrt_filter_pressure_drop", "mean pressure drop of the dialyzer", "Pcrrtfil", "Pcrrttuout"
+        ),
+    )
+    limits = (
+        *(
+            Limit(f"crrt_{line}_pressure", "alarm", side, value, "machine alarm", _MACHINE)
+            for line, bounds in ALARMS_MMHG.items()
+            for side, value in zip(("below", "above"), bounds, strict=True)
+        ),
+        Limit(
+            "crrt_access_pressure", "warning", "above", SANSOM_ACCESS_MMHG,
+            "early circuit failure is more likely", "Sansom et al. 2023",
+        ),
+    )  # fmt: skip
 
     def circuit(self, section: Crrt) -> Circuit:
         """The circuit between its sites."""
@@ -141,6 +166,29 @@ class CrrtDevice(Device[Crrt]):
             remarks.warning(f"{key}.return_site", "drains an artery into a vein: a shunt", shown(back))
         if "ecmo" in circuits and access in POSITIONS and back in POSITIONS:
             _check_flow(f"{key}.flow_ml_min", values.get("flow_ml_min"), circuits["ecmo"], remarks)
+
+    def findings(self, names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
+        """A CRRT that draws more from an ECMO circuit than the circuit carries."""
+        ends = {c.name: (c.source, c.target) for c in circuit.connections}
+        groups = {c.name: c.group for c in circuit.compartments}
+        access, _ = ends.get(names.place("crrttuin"), ("", ""))
+        _, back = ends.get(names.place("crrttuout"), ("", ""))
+        group = groups.get(str(access), "")
+        if device_key(group) != "ecmo" or groups.get(str(back)) != group:
+            return []
+        carried_name, drawn_name = (
+            Naming(ECMO, group.partition(".")[2]).output("PF"),
+            names.output("crrt_flow"),
+        )
+        drawn, carried = outputs.get(drawn_name), outputs.get(carried_name)
+        if drawn is None or carried is None or drawn <= abs(carried):
+            return []
+        text = (
+            f"{names.label} flow {drawn:.2f} L/min is above the ECMO flow {carried:.2f} L/min: "
+            "between the CRRT lines blood runs backwards or in a circle"
+        )
+        concerns = (drawn_name, carried_name)
+        return [Finding("alarm", drawn_name, drawn, carried, text, concerns=concerns)]
 
 
 def _check_position(key: str, site: str | None, circuits: dict[str, Raw], remarks: Remarks) -> None:

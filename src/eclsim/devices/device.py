@@ -14,10 +14,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
+from eclsim.devices.description import Finding, Limit, Output
 from eclsim.devices.products import Product
 from eclsim.inputs.mistakes import Remarks
 from eclsim.inputs.sections import Raw, Section
@@ -56,8 +57,16 @@ class Device(ABC, Generic[S]):
     """Its constants that a case file may change in `[parameters]`."""
     nominal: ClassVar[Mapping[str, float]] = _EMPTY
     """Usual values of what `values` gives: the search for a patient's beat starts from a beat with them."""
+    outputs: ClassVar[Sequence[Output]] = ()
+    """Numbers of a beat that it adds."""
+    limits: ClassVar[Sequence[Limit]] = ()
+    """Bounds that its outputs should not cross."""
+    alike: ClassVar[Sequence[tuple[str, ...]]] = ()
+    """Outputs that say the same: of their broken limits the gravest is said, not each."""
     carries_circulation: ClassVar[bool] = False
     """Whether it can keep the arterial pressure up without a pulse."""
+    assist_flow: ClassVar[str] = ""
+    """The output that is its flow, if it is a pump that takes over a ventricle's work; else empty."""
 
     @abstractmethod
     def circuit(self, section: S) -> Circuit:
@@ -80,6 +89,20 @@ class Device(ABC, Generic[S]):
             remarks: gets what there is to say.
         """
 
+    def findings(self, names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
+        """What there is to say about a beat besides limits that it breaks.
+
+        Args:
+            names: of one instance.
+            outputs: of the beat, by name.
+            circuit: of patient and devices, with fixed sites.
+        """
+        return []
+
+    def section_findings(self, section: S, names: Naming, outputs: Mapping[str, float]) -> list[Finding]:
+        """What there is to say about a beat in view of what the case file names, such as a label's range."""
+        return []
+
     def __repr__(self) -> str:
         return f"<device {self.key}>"
 
@@ -88,27 +111,47 @@ AnyDevice = Device[Any]
 
 
 @dataclass(frozen=True)
-class Instance:
-    """One of the devices connected to a patient.
+class Naming:
+    """How the names of a device become those of one instance of it.
 
     Args:
         device: what it is.
         name: such as "left" in `[lvad.left]`; empty for an only instance, `[lvad]`.
-        section: its section of the case file.
     """
 
     device: AnyDevice
-    name: str
-    section: Section
+    name: str = ""
 
     @property
     def key(self) -> str:
         """Name of its section, such as "lvad" or "lvad.left"; group of its compartments."""
         return instance_key(self.device.key, self.name)
 
+    @property
+    def label(self) -> str:
+        """What to call it, such as "LVAD" or "LVAD left"."""
+        return f"{self.device.name} {self.name}".strip()
+
     def place(self, name: str) -> str:
         """Name of one of its compartments or connections."""
         return f"{self.key}.{name}" if self.name else name
+
+    def own(self, place: str) -> str | None:
+        """The device's name for a compartment or connection of the circuit; None for another's."""
+        if self.name:
+            found = place.removeprefix(f"{self.key}.")
+            return None if found == place else found
+        return place if place in self.device.compartments or place in self.device.connections else None
+
+    def signal(self, name: str) -> str:
+        """Name of a waveform, such as "Pecmo.left.ecmodrain"; one of the patient as it is."""
+        kind, place = name[0], name[1:]
+        known = place in self.device.compartments or place in self.device.connections
+        return kind + self.place(place) if known else name
+
+    def output(self, name: str) -> str:
+        """Name of one of its outputs, such as "lvad.left.flow" of "lvad_flow"."""
+        return f"{self.key}.{name.removeprefix(f'{self.device.key}_')}" if self.name else name
 
     def parameter(self, name: str) -> str:
         """Name of one of its parameters; of others, such as the viscosity of blood, the name as it is."""
@@ -118,6 +161,13 @@ class Instance:
             return f"{self.key}.{name.removeprefix(f'{self.device.key}.')}"
         own = any(name == parameter.key for parameter in self.device.parameters)
         return f"{self.key}.{name}" if own else name
+
+
+@dataclass(frozen=True)
+class Instance(Naming):
+    """One of the devices connected to a patient; `section` is its section of the case file."""
+
+    section: Section = field(kw_only=True)
 
     def values(self) -> dict[str, float]:
         """Values of all its parameters."""
@@ -130,7 +180,7 @@ class Instance:
         circuit = self.device.circuit(self.section)
         if not self.name:
             return circuit
-        return circuit.renamed(self.place, self.parameter, lambda group: self.key)  # pyright: ignore - comes
+        return circuit.renamed(self.place, self.parameter, lambda group: self.key)
 
     def sites(self) -> dict[str, str]:
         """Its positions for other devices, as case files name them, and the compartment that stands there."""

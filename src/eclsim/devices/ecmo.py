@@ -9,12 +9,23 @@ cannulae and oxygenators from the makers' data sheets, as published with the cod
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from eclsim.devices.device import CaseValues, Device, UnsolvedFlowError
+from eclsim.devices.description import (
+    CAUTION,
+    COLLAPSE_MMHG,
+    Finding,
+    Limit,
+    difference,
+    lowest,
+    mean,
+    mean_flow,
+)
+from eclsim.devices.device import CaseValues, Device, Naming, UnsolvedFlowError
 from eclsim.devices.lvad import pump_values
 from eclsim.devices.plausibility import check_cannula, check_sites, check_speed, patient_site
 from eclsim.devices.products import UNVALIDATED, CannulaType, Oxygenator, PumpCurve, by_key, makers_names
@@ -96,6 +107,17 @@ OXYGENATORS = by_key(
     )
 )  # fmt: skip
 """Oxygenators by the name users write."""
+
+SUCTION_MMHG = -100.0
+"""Drainage pressure below which suction of the vessel wall and haemolysis are feared."""
+_ELSO = "ELSO General Guidelines 2017"
+_HIGH = "danger of rupture and haemolysis"
+_POSITIVE = (
+    "post_pump_pressure", "pre_oxygenator_pressure", "post_oxygenator_pressure", "return_cannula_pressure",
+)  # fmt: skip
+"""Pressures behind the pump."""
+LEFT_SIDE = ("PCWP", "EDVLV", "ESVLV", "left_atrial_pressure", "end_diastolic_pressure_lv")
+"""Outputs that do not show the distension of the left ventricle by a pump that returns to the arteries."""
 
 POSITIONS = MappingProxyType(
     {
@@ -299,6 +321,46 @@ class EcmoDevice(Device[Ecmo]):
             **pump_values(GROUP, PUMPS["Rotaflow"]),
         }
     )  # fmt: skip
+    outputs = (
+        mean_flow("PF", "ECMO pump flow", "Qecmopump", in_contract=True),
+        mean("drainage_pressure", "mean pressure in the ECMO drainage cannula", "Pecmodrain"),
+        lowest("lowest_drainage_pressure", "lowest pressure in the ECMO drainage cannula", "Pecmodrain"),
+        mean("pump_inlet_pressure", "mean pressure before the ECMO pump", "Pecmotudp"),
+        mean("post_pump_pressure", "mean pressure behind the ECMO pump", "Pecmotupo"),
+        mean("pump_head", "mean head of the ECMO pump", "Pecmopump"),
+        mean("pre_oxygenator_pressure", "mean pressure before the oxygenator", "Pecmooxy"),
+        mean("post_oxygenator_pressure", "mean pressure after the oxygenator", "Pecmotuor"),
+        difference(
+            "oxygenator_pressure_drop", "mean pressure drop of the oxygenator", "Pecmooxy", "Pecmotuor"
+        ),
+        mean("return_cannula_pressure", "mean pressure before the ECMO return cannula", "Pecmoreturn"),
+    )
+    limits = (
+        Limit(
+            "PF", "alarm", "below", 0.0, "blood runs backwards through the ECMO circuit: clamp it", "physics"
+        ),
+        Limit(
+            "lowest_drainage_pressure", "warning", "below", SUCTION_MMHG, "suction: lower the pump speed",
+            "warning limit of the Cardiohelp system",
+        ),
+        Limit(
+            "lowest_drainage_pressure", "collapse", "below", COLLAPSE_MMHG,
+            "the vessel collapses and this flow is not to be had: lower the pump speed", _ELSO,
+        ),
+        Limit(
+            "pump_inlet_pressure", "alarm", "below", COLLAPSE_MMHG,
+            "cavitation and haemolysis: lower the pump speed", _ELSO,
+        ),
+        *(
+            limit
+            for name in _POSITIVE
+            for limit in (
+                Limit(name, "warning", "above", 300.0, _HIGH, "usual upper limit of ECMO circuits"),
+                Limit(name, "alarm", "above", 400.0, _HIGH, _ELSO),
+            )
+        ),
+    )  # fmt: skip
+    alike = (_POSITIVE, ("lowest_drainage_pressure", "pump_inlet_pressure"))
     carries_circulation = True
 
     def circuit(self, section: Ecmo) -> Circuit:
@@ -342,6 +404,31 @@ class EcmoDevice(Device[Ecmo]):
         _check_pump_flow(values, case.measurements if alone else {}, key, remarks)
         if alone:
             _check_native_output(values, case, remarks)
+
+    def findings(self, names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
+        """What this model does not show of the left ventricle while a pump returns blood to the arteries."""
+        back = names.place("ecmoreturn")
+        returns = any(c.name == back and c.target in ARTERIAL_SITES for c in circuit.connections)
+        if not returns or "EDVLV" not in outputs:
+            return []
+        text = (
+            f"{names.label} returns to the arteries: do not read distension or unloading of the left "
+            "ventricle off EDVLV, LVEDP and PCWP; without reflexes and bronchial return they follow the "
+            "filling alone (with the pump's flow they rise in a filled patient and fall in an empty one), "
+            "where patients' ventricles distend"
+        )
+        concerns = tuple(name for name in LEFT_SIDE if name in outputs)
+        return [Finding(CAUTION, "EDVLV", outputs["EDVLV"], float("nan"), text, concerns=concerns)]
+
+    def section_findings(self, section: Ecmo, names: Naming, outputs: Mapping[str, float]) -> list[Finding]:
+        """A flow outside of what the oxygenator is labelled for; backwards is an alarm of its own."""
+        name = names.output("PF")
+        flow = outputs.get(name, -1.0)
+        warning = OXYGENATORS[section.oxygenator].label_warning(flow) if flow >= 0.0 else None
+        if warning is None:
+            return []
+        sentence = f"{names.label} flow of {warning}"
+        return [Finding("warning", name, flow, float("nan"), sentence, concerns=(name,))]
 
 
 def _check_mode(values: Raw, key: str, remarks: Remarks) -> None:

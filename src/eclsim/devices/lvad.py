@@ -7,10 +7,12 @@ Source: Boes et al. 2019 for the pump's equation; Thiel et al. 2025 for the cons
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
-from eclsim.devices.device import CaseValues, Device
+from eclsim.devices.description import CAUTION, Finding, Limit, mean, mean_flow
+from eclsim.devices.device import CaseValues, Device, Naming
 from eclsim.devices.plausibility import check_sites, check_speed, patient_site
 from eclsim.devices.products import UNVALIDATED, PumpCurve, by_key, makers_names
 from eclsim.inputs.fields import number, one_of
@@ -92,7 +94,18 @@ class LvadDevice(Device[Lvad]):
     connections = MappingProxyType({"lvadpump": "LVAD pump"})
     products = tuple(PUMPS.values())
     nominal = MappingProxyType({"lvad.speed_rpm": 2600.0, **pump_values(GROUP, PUMPS["HVAD"])})
+    outputs = (
+        mean_flow("lvad_flow", "mean LVAD flow", "Qlvadpump"),
+        mean("lvad_head", "mean LVAD head", "Plvadpump"),
+    )
+    limits = (
+        Limit(
+            "lvad_flow", "alarm", "below", 0.0,
+            "blood runs back through the LVAD into the heart: raise its speed", "physics",
+        ),
+    )  # fmt: skip
     carries_circulation = True
+    assist_flow = "lvad_flow"
 
     def circuit(self, section: Lvad) -> Circuit:
         """The pump between its sites."""
@@ -114,6 +127,18 @@ class LvadDevice(Device[Lvad]):
         check_speed(key, values, PUMPS, remarks)
         if case.of("ecmo"):
             remarks.note(key, "ECMO and LVAD work on the same circulation and may oppose each other")
+
+    def findings(self, names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
+        """What an ejection fraction is where a pump empties the left ventricle."""
+        name, pump = "ejection_fraction_lv", names.place("lvadpump")
+        if name not in outputs or not any(c.name == pump and c.source == "lv" for c in circuit.connections):
+            return []
+        text = (
+            f"the {names.label} empties the left ventricle: its ejection fraction and stroke volume count "
+            "what the pump takes, and say nothing of ejection through the aortic valve"
+        )
+        concerns = (name, "stroke_volume_lv")
+        return [Finding(CAUTION, name, outputs[name], float("nan"), text, concerns=concerns)]
 
 
 LVAD = LvadDevice()

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 from pydantic import BaseModel
 
 from eclsim.devices.crrt import CRRT, Crrt
-from eclsim.devices.device import AnyDevice, device_key
+from eclsim.devices.description import Output
+from eclsim.devices.device import AnyDevice, Naming, device_key
 from eclsim.devices.ecmo import ECMO, Ecmo
 from eclsim.devices.lvad import LVAD, Lvad
 from eclsim.devices.products import Product
 from eclsim.parameters import thiel2025
 from eclsim.parameters.parameter import Parameter
+from eclsim.patient.sites import ARTERIAL_SITES
+
+if TYPE_CHECKING:
+    from eclsim.circuit.network import Circuit
 
 _REGISTERED: dict[str, AnyDevice] = {
     device.key: device
@@ -76,3 +82,54 @@ def nominal_value(name: str) -> float | None:
             if candidate in values:
                 return values[candidate]
     return None
+
+
+def namings(groups: Iterable[str]) -> tuple[Naming, ...]:
+    """The instances of devices among groups of compartments and connections, in the order of the registry."""
+    wanted = dict.fromkeys(groups)
+    return tuple(
+        Naming(device, group.partition(".")[2])
+        for key, device in devices().items()
+        for group in wanted
+        if device_key(group) == key
+    )
+
+
+def instances_in(circuit: Circuit) -> tuple[Naming, ...]:
+    """The instances of devices in a circuit, in the order of the registry."""
+    return namings(part.group for part in (*circuit.compartments, *circuit.connections))
+
+
+def assist_connections(circuit: Circuit) -> tuple[str, ...]:
+    """Connections of pumps that take over the left ventricle's work, such as that of an LVAD."""
+    groups = {names.key for names in instances_in(circuit) if names.device.assist_flow}
+    return tuple(c.name for c in circuit.connections if c.group in groups and c.target in ARTERIAL_SITES)
+
+
+def assist_flows(outputs: Mapping[str, float], circuit: Circuit | None = None) -> dict[str, float]:
+    """Flows of pumps that take over the left ventricle's work, by what the pump is called.
+
+    Args:
+        outputs: of a beat, by name.
+        circuit: with fixed sites; without it every assist pump is taken for a left one.
+    """
+    left = None if circuit is None else set(assist_connections(circuit))
+    found = {}
+    for name, value in outputs.items():
+        known = named_output(name)
+        if known is None or known[1].name != known[0].device.assist_flow:
+            continue
+        names, entry = known
+        if left is None or any(names.signal(signal)[1:] in left for signal in entry.needs):
+            found[names.label] = value
+    return found
+
+
+def named_output(name: str) -> tuple[Naming, Output] | None:
+    """The instance and its device's output of a name such as "lvad.left.flow"; None where it is another's."""
+    device = device_of(name)
+    if device is None:
+        owners = ((Naming(one), entry) for one in devices().values() for entry in one.outputs)
+        return next(((names, entry) for names, entry in owners if entry.name == name), None)
+    names = Naming(device, name.removeprefix(f"{device.key}.").partition(".")[0])
+    return next(((names, entry) for entry in device.outputs if names.output(entry.name) == name), None)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from eclsim.beat.resolution import RESOLUTIONS
 from eclsim.outputs.dataset import simulate
-from eclsim.outputs.registry import CONTRACT
+from eclsim.outputs.registry import contract
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -32,7 +32,7 @@ def with_grid_check(model: Model, result: xr.Dataset) -> xr.Dataset:
     fine = simulate(model, result.attrs["blood_volume_policy"], resolution=finer)
     errors = {
         o.name: 100.0 * abs(float(result[o.name]) / float(fine[o.name]) - 1.0)
-        for o in CONTRACT
+        for o in contract()
         if o.name in result and float(fine[o.name]) != 0.0
     }
     worst = max(errors, key=lambda name: errors[name])

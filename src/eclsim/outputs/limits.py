@@ -7,59 +7,20 @@ simulated numbers a clinician would be called for, or could not have at all.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 from types import MappingProxyType
-from typing import Literal
 
-from eclsim.devices.crrt import ALARMS_MMHG
+from eclsim.devices.description import GRAVEST_FIRST, Limit
+from eclsim.devices.registry import devices, named_output
 
-Kind = Literal["collapse", "alarm", "warning"]
-GRAVEST_FIRST: tuple[Kind, ...] = ("collapse", "alarm", "warning")
-"""Kinds of limits. Beyond a "collapse" the numbers cannot be those of a patient."""
-
-SANSOM_ACCESS_MMHG = 190.0
-"""Access pressure above which early circuit failure is more likely (Sansom 2023, cited by Thiel et al.)."""
-SUCTION_MMHG = -100.0
-"""Drainage pressure below which suction of the vessel wall and haemolysis are feared."""
-COLLAPSE_MMHG = -300.0
-"""Pressure that no vein withstands: the vessel has collapsed and the computed flow is not to be had."""
 CLOSED_L_MIN = 0.02
 """Mean flow below which a valve counts as closed all beat."""
-
-
-@dataclass(frozen=True, slots=True)
-class Limit:
-    """A bound that an output should not cross.
-
-    Attributes:
-        quantity: Name of the output.
-        kind: "warning", "alarm" or "collapse" (beyond it the numbers are impossible).
-        side: Whether the limit is broken by a value "below" or "above" it.
-        value: The bound, in the output's unit.
-        meaning: What it means to be beyond it.
-        source: Where the bound comes from.
-        unless: An output in whose presence the limit says nothing.
-    """
-
-    quantity: str
-    kind: Kind
-    side: Literal["below", "above"]
-    value: float
-    meaning: str
-    source: str
-    unless: str = ""
-
-    def broken_by(self, value: float) -> bool:
-        """Whether a value is beyond the limit (NaN is not)."""
-        return value < self.value if self.side == "below" else value > self.value
 
 
 _SSC = "target in shock, Surviving Sepsis Campaign 2021"
 _WALSH = "Walsh et al. 2013: kidney and heart injury after minutes"
 _ESC = "ESC/ESH 2018"
 _FORRESTER = "Forrester et al. 1976"
-_ELSO = "ELSO General Guidelines 2017"
-_CARDIOHELP = "warning limit of the Cardiohelp system"
 _OWN = "a convention of this project"
 _HIGH_VENOUS = "congestion of liver and kidneys"
 _CONGESTION = "congestion of the lungs"
@@ -71,7 +32,7 @@ _PATIENT = (
     Limit("MAP", "alarm", "above", 133.0, "severe hypertension (180/110 mmHg)", _ESC),
     Limit(
         "pulse_pressure", "warning", "below", 10.0, "the left ventricle hardly ejects",
-        "usual minimum on V-A ECMO", unless="lvad_flow",
+        "usual minimum on V-A ECMO", unassisted=True,
     ),
     Limit("right_atrial_pressure", "warning", "above", 12.0, _HIGH_VENOUS, "usual target 8 to 12 mmHg"),
     Limit("right_atrial_pressure", "alarm", "above", 20.0, _HIGH_VENOUS, _OWN),
@@ -109,69 +70,12 @@ _IMPOSSIBLE = tuple(
     for name in ("right_atrial_pressure", "venous_pressure")
 )  # fmt: skip
 
-_HIGH = "danger of rupture and haemolysis"
-_ECMO = (
-    Limit("PF", "alarm", "below", 0.0, "blood runs backwards through the ECMO circuit: clamp it", "physics"),
-    Limit(
-        "lvad_flow", "alarm", "below", 0.0,
-        "blood runs back through the LVAD into the heart: raise its speed", "physics",
-    ),
-    Limit(
-        "lowest_drainage_pressure", "warning", "below", SUCTION_MMHG, "suction: lower the pump speed",
-        _CARDIOHELP,
-    ),
-    Limit(
-        "lowest_drainage_pressure", "collapse", "below", COLLAPSE_MMHG,
-        "the vessel collapses and this flow is not to be had: lower the pump speed", _ELSO,
-    ),
-    Limit(
-        "pump_inlet_pressure", "alarm", "below", COLLAPSE_MMHG,
-        "cavitation and haemolysis: lower the pump speed", _ELSO,
-    ),
-    *(
-        limit
-        for name in (
-            "post_pump_pressure", "pre_oxygenator_pressure", "post_oxygenator_pressure",
-            "return_cannula_pressure",
-        )
-        for limit in (
-            Limit(name, "warning", "above", 300.0, _HIGH, "usual upper limit of ECMO circuits"),
-            Limit(name, "alarm", "above", 400.0, _HIGH, _ELSO),
-        )
-    ),
-)  # fmt: skip
-
-_MACHINE = "usual alarm of CRRT machines"
-_CRRT = (
-    *(
-        limit
-        for line, (low, high) in ALARMS_MMHG.items()
-        for limit in (
-            Limit(f"crrt_{line}_pressure", "alarm", "below", low, "machine alarm", _MACHINE),
-            Limit(f"crrt_{line}_pressure", "alarm", "above", high, "machine alarm", _MACHINE),
-        )
-    ),
-    Limit(
-        "crrt_access_pressure", "warning", "above", SANSOM_ACCESS_MMHG,
-        "early circuit failure is more likely", "Sansom et al. 2023",
-    ),
-)  # fmt: skip
-
-_SAME = (
+_ALIKE = (
     ("right_atrial_pressure", "venous_pressure"),
     ("PCWP", "left_atrial_pressure", "end_diastolic_pressure_lv"),
-    (
-        "post_pump_pressure", "pre_oxygenator_pressure", "post_oxygenator_pressure",
-        "return_cannula_pressure",
-    ),
-    ("lowest_drainage_pressure", "pump_inlet_pressure"),
-)  # fmt: skip
-"""Outputs that say the same about a patient: the gravest limit of them is told, not each."""
-
-LIMITS: tuple[Limit, ...] = (*_IMPOSSIBLE, *_PATIENT, *_ECMO, *_CRRT)
-"""All limits."""
-
-PLACES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+)
+"""Outputs that say the same about a patient: the gravest limit of them is said, not each."""
+_PLACES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "ao": ("MAP", "pulse_pressure"),
         "sart": ("MAP",),
@@ -183,17 +87,14 @@ PLACES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "la": ("left_atrial_pressure",),
         "lv": ("end_diastolic_pressure_lv", "ejection_fraction_lv"),
         "rv": ("ejection_fraction_rv",),
-        "ecmodrain": ("lowest_drainage_pressure",),
-        "ecmotudp": ("pump_inlet_pressure",),
-        "ecmotupo": ("post_pump_pressure",),
-        "ecmooxy": ("pre_oxygenator_pressure",),
-        "ecmotuor": ("post_oxygenator_pressure",),
-        "ecmoreturn": ("return_cannula_pressure",),
-        "crrttuin": ("crrt_access_pressure",),
-        "crrttuout": ("crrt_return_pressure",),
     }
 )
-"""Outputs whose limits are those of a compartment, for pictures of the circuit."""
+"""Outputs whose limits are those of a compartment of the patient, for pictures of the circuit."""
+
+
+def all_limits() -> tuple[Limit, ...]:
+    """All limits, of the patient and of the only instance of each device."""
+    return (*_IMPOSSIBLE, *_PATIENT, *(limit for device in devices().values() for limit in device.limits))
 
 
 def limits_of(quantity: str, outputs: Collection[str] = ()) -> tuple[Limit, ...]:
@@ -201,10 +102,23 @@ def limits_of(quantity: str, outputs: Collection[str] = ()) -> tuple[Limit, ...]
 
     Args:
         quantity: name of the output.
-        outputs: names of all outputs that the circuit has; some limits hold without an LVAD only.
+        outputs: names of all outputs that the circuit has; some limits hold without an assist pump only.
     """
-    own = (limit for limit in LIMITS if limit.quantity == quantity and limit.unless not in outputs)
-    return tuple(sorted(own, key=lambda limit: GRAVEST_FIRST.index(limit.kind)))
+    known = named_output(quantity)
+    if known is None:
+        found = [limit for limit in (*_IMPOSSIBLE, *_PATIENT) if limit.quantity == quantity]
+    else:
+        names, entry = known
+        own = (limit for limit in names.device.limits if limit.quantity == entry.name)
+        found = [replace(limit, quantity=quantity) for limit in own]
+    if any(limit.unassisted for limit in found) and _assisted(outputs):
+        found = [limit for limit in found if not limit.unassisted]
+    return tuple(sorted(found, key=lambda limit: GRAVEST_FIRST.index(limit.kind)))
+
+
+def _assisted(outputs: Collection[str]) -> bool:
+    known = (named_output(name) for name in outputs)
+    return any(found and found[1].name == found[0].device.assist_flow for found in known)
 
 
 def level(quantity: str, value: float, outputs: Collection[str] = ()) -> str:
@@ -224,15 +138,37 @@ def worst(levels: Iterable[str]) -> str:
     return next((kind for kind in GRAVEST_FIRST if kind in found), "ok")
 
 
-def place_level(place: str, outputs: Mapping[str, float]) -> str:
-    """The gravest level of the outputs that stand for a compartment.
+def places_with_limits(outputs: Collection[str]) -> dict[str, tuple[str, ...]]:
+    """Outputs whose limits are those of a compartment, by compartment.
+
+    For a device they are its outputs with limits that are read off the pressure of the compartment alone.
 
     Args:
-        place: name of the compartment.
+        outputs: names of all outputs that the circuit has.
+    """
+    found = dict(_PLACES)
+    for name in outputs:
+        known = named_output(name)
+        if known is None:
+            continue
+        names, entry = known
+        limited = any(limit.quantity == entry.name for limit in names.device.limits)
+        if limited and len(entry.needs) == 1 and entry.needs[0][0] == "P":
+            place = names.signal(entry.needs[0])[1:]
+            found[place] = (*found.get(place, ()), name)
+    return found
+
+
+def place_levels(outputs: Mapping[str, float]) -> dict[str, str]:
+    """The gravest level of the outputs that stand for each compartment.
+
+    Args:
         outputs: values by name.
     """
-    names = [name for name in PLACES.get(place, ()) if name in outputs]
-    return worst(level(name, outputs[name], outputs) for name in names)
+    return {
+        place: worst(level(name, outputs[name], outputs) for name in names if name in outputs)
+        for place, names in places_with_limits(outputs).items()
+    }
 
 
 def broken_limits(outputs: Mapping[str, float]) -> list[Limit]:
@@ -241,16 +177,31 @@ def broken_limits(outputs: Mapping[str, float]) -> list[Limit]:
     Args:
         outputs: values by name.
     """
+    broken = [
+        limit
+        for name, value in outputs.items()
+        for limit in limits_of(name, outputs)
+        if limit.broken_by(value)
+    ]
+    order = {_published(limit): position for position, limit in enumerate(all_limits())}
     found: dict[tuple[str, str], Limit] = {}
     for kind in GRAVEST_FIRST:
-        for limit in LIMITS:
-            value = outputs.get(limit.quantity)
-            if value is None or limit.kind != kind or limit.unless in outputs:
-                continue
-            if limit.broken_by(value):
-                found.setdefault((_told_as(limit.quantity), limit.side), limit)
+        for limit in sorted(broken, key=lambda limit: order[_published(limit)]):
+            if limit.kind == kind:
+                found.setdefault((_group(limit.quantity), limit.side), limit)
     return list(found.values())
 
 
-def _told_as(quantity: str) -> str:
-    return next((names[0] for names in _SAME if quantity in names), quantity)
+def _published(limit: Limit) -> tuple[str, str, str]:
+    """Quantity, by the name of an only instance, kind and side."""
+    known = named_output(limit.quantity)
+    return limit.quantity if known is None else known[1].name, limit.kind, limit.side
+
+
+def _group(quantity: str) -> str:
+    """The first of the outputs that say the same."""
+    known = named_output(quantity)
+    if known is None:
+        return next((names[0] for names in _ALIKE if quantity in names), quantity)
+    names, entry = known
+    return next((names.output(alike[0]) for alike in names.device.alike if entry.name in alike), quantity)

@@ -3,66 +3,32 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Collection, Iterable
+from dataclasses import replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
 
-from eclsim.outputs.measures import Measures
+from eclsim.devices.description import Output, highest, lowest, mean, mean_flow
+from eclsim.devices.device import Naming
+from eclsim.devices.registry import devices, named_output, namings
 from eclsim.units import ML_S_PER_L_MIN
 
+if TYPE_CHECKING:
+    from eclsim.devices.description import BeatMeasures, Numbers
 
-@dataclass(frozen=True)
-class Output:
-    """One number per beat.
-
-    Args:
-        name: key; the paper's where it has one.
-        long_name: in words.
-        unit: unit of the number.
-        definition: how it follows from the waveforms.
-        needs: waveforms without which it does not exist.
-        compute: from the measures of a beat.
-        extremes: waveforms whose largest or smallest value it reads, so that their rates are wanted too.
-    """
-
-    name: str
-    long_name: str
-    unit: str
-    definition: str
-    needs: tuple[str, ...]
-    compute: Callable[[Measures], Any]
-    extremes: tuple[str, ...] = ()
+__all__ = [
+    "CHAMBERS", "VALVES", "Output", "UnknownOutputError", "all_outputs", "available", "contract", "output",
+]  # fmt: skip
 
 
 class UnknownOutputError(KeyError):
     """A name that is in no registry; lists the nearest ones."""
 
     def __str__(self) -> str:
-        name = self.args[0]
-        near = difflib.get_close_matches(name, REGISTRY, n=3, cutoff=0.5)
-        hint = f"; did you mean {', '.join(near)}?" if near else ""
-        return f"'{name}' is no output; allowed: {', '.join(REGISTRY)}{hint}"
-
-
-def _mean(name: str, long_name: str, signal: str) -> Output:
-    return Output(name, long_name, "mmHg", f"mean of {signal}", (signal,), lambda m: m.mean(signal))
-
-
-def _max(name: str, long_name: str, signal: str, unit: str = "mmHg") -> Output:
-    return Output(
-        name, long_name, unit, f"maximum of {signal}", (signal,), lambda m: m.maximum(signal), (signal,)
-    )
-
-
-def _min(name: str, long_name: str, signal: str, unit: str = "mmHg") -> Output:
-    return Output(
-        name, long_name, unit, f"minimum of {signal}", (signal,), lambda m: m.minimum(signal), (signal,)
-    )
-
-
-def _flow(name: str, long_name: str, signal: str) -> Output:
-    definition = f"mean of {signal}"
-    return Output(name, long_name, "L/min", definition, (signal,), lambda m: m.mean(signal) / ML_S_PER_L_MIN)
+        name, known = self.args[0], all_outputs()
+        nearest = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+        hint = f"; did you mean {', '.join(nearest)}?" if nearest else ""
+        return f"'{name}' is no output; allowed: {', '.join(known)}{hint}"
 
 
 CHAMBERS = {
@@ -73,12 +39,12 @@ CHAMBERS = {
 }
 VALVES = {"ra": "tricuspid", "rv": "pulmonary", "la": "mitral", "lv": "aortic"}
 
-CONTRACT = (
-    _max("SP", "systolic arterial pressure", "Pao"),
-    _min("DP", "diastolic arterial pressure", "Pao"),
-    _mean("MAP", "mean arterial pressure", "Pao"),
-    _mean("MPAP", "mean pulmonary artery pressure", "Ppas"),
-    _mean("PCWP", "pulmonary capillary wedge pressure", "Ppvn"),
+_PRESSURES_AND_FLOWS = (
+    highest("SP", "systolic arterial pressure", "Pao"),
+    lowest("DP", "diastolic arterial pressure", "Pao"),
+    mean("MAP", "mean arterial pressure", "Pao"),
+    mean("MPAP", "mean pulmonary artery pressure", "Ppas"),
+    mean("PCWP", "pulmonary capillary wedge pressure", "Ppvn"),
     Output(
         "CO",
         "native cardiac output",
@@ -87,19 +53,20 @@ CONTRACT = (
         ("Qpas",),
         lambda m: m.mean("Qpas") / ML_S_PER_L_MIN,
     ),
-    _flow("PF", "ECMO pump flow", "Qecmopump"),
-    _max("SPAP", "systolic pulmonary artery pressure", "Ppas"),
-    _min("DPAP", "diastolic pulmonary artery pressure", "Ppas"),
+)
+_PULMONARY_PRESSURES_AND_VOLUMES = (
+    highest("SPAP", "systolic pulmonary artery pressure", "Ppas"),
+    lowest("DPAP", "diastolic pulmonary artery pressure", "Ppas"),
     *(
         make(prefix + place.upper(), f"{words} of the {chamber}", "V" + place, "mL")
         for place, chamber in CHAMBERS.items()
         for prefix, words, make in (
-            ("EDV", "end-diastolic volume", _max),
-            ("ESV", "end-systolic volume", _min),
+            ("EDV", "end-diastolic volume", highest),
+            ("ESV", "end-systolic volume", lowest),
         )
     ),
 )
-"""The 17 outputs of the case-file contract, in its order."""
+"""With those of devices in between, the 17 outputs of the case-file contract, in its order."""
 
 
 def _ventricle(place: str) -> tuple[Output, ...]:
@@ -129,16 +96,11 @@ def _ventricle(place: str) -> tuple[Output, ...]:
             f"end_diastolic_pressure_{place}", f"end-diastolic pressure of the {words}", "mmHg",
             f"{p} at phase 0, where the ventricles begin to contract", (p,), lambda m: m.at_start(p),
         ),
-        _max(f"peak_pressure_{place}", f"peak pressure of the {words}", p),
+        highest(f"peak_pressure_{place}", f"peak pressure of the {words}", p),
     )  # fmt: skip
 
 
-def _difference(name: str, long_name: str, high: str, low: str) -> Output:
-    definition = f"mean of {high} - {low}"
-    return Output(name, long_name, "mmHg", definition, (high, low), lambda m: m.mean(high) - m.mean(low))
-
-
-MORE = (
+_MORE = (
     Output(
         "pulse_pressure", "arterial pulse pressure", "mmHg", "SP - DP", ("Pao",),
         lambda m: m.maximum("Pao") - m.minimum("Pao"), ("Pao",),
@@ -148,48 +110,103 @@ MORE = (
         "mean of Qlv, what passes the aortic valve; an LVAD's flow comes on top", ("Qlv",),
         lambda m: m.mean("Qlv") / ML_S_PER_L_MIN,
     ),
-    _flow("pulmonary_flow", "flow through the lungs", "Qpart"),
-    _mean("right_atrial_pressure", "mean right atrial pressure", "Pra"),
-    _mean("left_atrial_pressure", "mean left atrial pressure", "Pla"),
-    _mean("venous_pressure", "mean systemic venous pressure", "Psvn"),
+    mean_flow("pulmonary_flow", "flow through the lungs", "Qpart"),
+    mean("right_atrial_pressure", "mean right atrial pressure", "Pra"),
+    mean("left_atrial_pressure", "mean left atrial pressure", "Pla"),
+    mean("venous_pressure", "mean systemic venous pressure", "Psvn"),
     *_ventricle("lv"),
     *_ventricle("rv"),
     *(
-        _flow(f"{valve}_valve_flow", f"mean flow through the {valve} valve", "Q" + at)
+        mean_flow(f"{valve}_valve_flow", f"mean flow through the {valve} valve", "Q" + at)
         for at, valve in VALVES.items()
     ),
     *(
-        _max(f"peak_{valve}_valve_flow", f"peak flow through the {valve} valve", "Q" + at, "mL/s")
+        highest(f"peak_{valve}_valve_flow", f"peak flow through the {valve} valve", "Q" + at, "mL/s")
         for at, valve in VALVES.items()
     ),
-    _flow("systemic_flow", "systemic flow, through all organs but the lungs", "Qsart"),
-    _flow("lvad_flow", "mean LVAD flow", "Qlvadpump"),
-    _mean("lvad_head", "mean LVAD head", "Plvadpump"),
-    _mean("drainage_pressure", "mean pressure in the ECMO drainage cannula", "Pecmodrain"),
-    _min("lowest_drainage_pressure", "lowest pressure in the ECMO drainage cannula", "Pecmodrain"),
-    _mean("pump_inlet_pressure", "mean pressure before the ECMO pump", "Pecmotudp"),
-    _mean("post_pump_pressure", "mean pressure behind the ECMO pump", "Pecmotupo"),
-    _mean("pump_head", "mean head of the ECMO pump", "Pecmopump"),
-    _mean("pre_oxygenator_pressure", "mean pressure before the oxygenator", "Pecmooxy"),
-    _mean("post_oxygenator_pressure", "mean pressure after the oxygenator", "Pecmotuor"),
-    _difference("oxygenator_pressure_drop", "mean pressure drop of the oxygenator", "Pecmooxy", "Pecmotuor"),
-    _mean("return_cannula_pressure", "mean pressure before the ECMO return cannula", "Pecmoreturn"),
-    _flow("crrt_flow", "mean blood flow of the CRRT", "Qcrrtpump"),
-    _mean("crrt_access_pressure", "mean pressure in the CRRT access line", "Pcrrttuin"),
-    _mean("crrt_return_pressure", "mean pressure in the CRRT return line", "Pcrrttuout"),
-    _difference("crrt_filter_pressure_drop", "mean pressure drop of the dialyzer", "Pcrrtfil", "Pcrrttuout"),
+    mean_flow("systemic_flow", "systemic flow, through all organs but the lungs", "Qsart"),
 )  # fmt: skip
 
-REGISTRY: dict[str, Output] = {o.name: o for o in (*CONTRACT, *MORE)}
+
+class _RenamedMeasures:
+    """The measures of a beat by the names of a device, which are those of one instance in the waveforms."""
+
+    def __init__(self, measures: BeatMeasures, names: Naming):
+        self._measures, self._names = measures, names
+
+    def mean(self, name: str) -> Numbers:
+        return self._measures.mean(self._names.signal(name))
+
+    def maximum(self, name: str) -> Numbers:
+        return self._measures.maximum(self._names.signal(name))
+
+    def minimum(self, name: str) -> Numbers:
+        return self._measures.minimum(self._names.signal(name))
+
+    def at_start(self, name: str) -> Numbers:
+        return self._measures.at_start(self._names.signal(name))
+
+    def largest_ratio(self, above: str, below: str) -> Numbers:
+        return self._measures.largest_ratio(self._names.signal(above), self._names.signal(below))
+
+    def loop_area(self, pressure: str, volume: str) -> Numbers:
+        return self._measures.loop_area(self._names.signal(pressure), self._names.signal(volume))
 
 
-def available(waveforms: Any) -> tuple[Output, ...]:
+@lru_cache(maxsize=1024)
+def _of_instance(entry: Output, names: Naming) -> Output:
+    """A device's output for one instance."""
+    if not names.name:
+        return entry
+    definition = entry.definition
+    for signal in entry.needs:
+        definition = definition.replace(signal, names.signal(signal))
+    return replace(
+        entry,
+        name=names.output(entry.name),
+        long_name=f"{entry.long_name}, {names.name}",
+        definition=definition,
+        needs=tuple(map(names.signal, entry.needs)),
+        extremes=tuple(map(names.signal, entry.extremes)),
+        compute=lambda measures: entry.compute(_RenamedMeasures(measures, names)),
+    )
+
+
+def contract(instances: Iterable[Naming] | None = None) -> tuple[Output, ...]:
+    """The outputs that every result file leads with, in their order; arguments as for `all_outputs`."""
+    own = [entry for entry in _of_devices(instances) if entry.in_contract]
+    return (*_PRESSURES_AND_FLOWS, *own, *_PULMONARY_PRESSURES_AND_VOLUMES)
+
+
+def all_outputs(instances: Iterable[Naming] | None = None) -> dict[str, Output]:
+    """All outputs by name, those of the contract first.
+
+    Args:
+        instances: of devices; left out, the only instance of each device.
+    """
+    more = [entry for entry in _of_devices(instances) if not entry.in_contract]
+    return {entry.name: entry for entry in (*contract(instances), *_MORE, *more)}
+
+
+def _of_devices(instances: Iterable[Naming] | None) -> list[Output]:
+    names = map(Naming, devices().values()) if instances is None else instances
+    return [_of_instance(entry, one) for one in names for entry in one.device.outputs]
+
+
+def available(signals: Collection[str]) -> tuple[Output, ...]:
     """Outputs that a circuit with these waveforms has."""
-    return tuple(o for o in REGISTRY.values() if all(signal in waveforms for signal in o.needs))
+    groups = (".".join(signal[1:].split(".")[:2]) for signal in signals if "." in signal)
+    instances = [*map(Naming, devices().values()), *namings(groups)]
+    found = all_outputs(instances)
+    return tuple(entry for entry in found.values() if all(signal in signals for signal in entry.needs))
 
 
 def output(name: str) -> Output:
     """The output of that name; a misspelt one lists its neighbours."""
-    if name not in REGISTRY:
+    found = all_outputs().get(name)
+    if found is not None:
+        return found
+    known = named_output(name)
+    if known is None:
         raise UnknownOutputError(name)
-    return REGISTRY[name]
+    return _of_instance(known[1], known[0])

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from eclsim.circuit.network import Circuit
-from eclsim.outputs.registry import CHAMBERS, REGISTRY, VALVES
+from eclsim.outputs.registry import CHAMBERS, VALVES, UnknownOutputError, output
 
 SHUT_L_MIN = 1e-6
 """Mean flow of a valve that a search with its tolerance cannot tell from none: some 1e-5 mL a beat."""
@@ -86,7 +86,14 @@ def _undetermined(
     places = [name for part in parts for name in part]
     places += [c.name for c in circuit.compartments if c.name in _FILLED_BY_THE_REST]
     signals = {kind + place for place in places for kind in "PV"}
-    return tuple(n for n in outputs if n in REGISTRY and signals.intersection(REGISTRY[n].needs))
+    return tuple(n for n in outputs if signals.intersection(_needs(n)))
+
+
+def _needs(name: str) -> tuple[str, ...]:
+    try:
+        return output(name).needs
+    except UnknownOutputError:  # a number that follows from other outputs
+        return ()
 
 
 def _sentence(parts: tuple[tuple[str, ...], ...], reason: str) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from eclsim.beat.heartbeat import beat_program
 from eclsim.beat.vectorisation import Lanes
 from eclsim.orbit.steady import Batch, start_state, steady_beats
-from eclsim.outputs.registry import CONTRACT
+from eclsim.outputs.registry import contract
 from eclsim.validation.cases import case_names, reference_model
 from eclsim.validation.reference_cases import QUICK, reference_result
 from eclsim.validation.robustness import CONFIGURATIONS, configuration_model
@@ -48,7 +48,7 @@ def adaptive_check(quick: bool = False) -> Check:
 def _both(name: str) -> list[Row]:
     result, other = reference_result(name), adaptive_result(name)
     rows = []
-    for entry in CONTRACT:
+    for entry in contract():
         if entry.name in result:
             expected = float(other[entry.name])
             label, got = f"{name} {entry.name}", float(result[entry.name])

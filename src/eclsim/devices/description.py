@@ -1,0 +1,136 @@
+"""The words in which a device says what it adds: numbers of a beat, limits, findings, drawing, knobs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
+
+from eclsim.units import ML_S_PER_L_MIN
+
+Numbers = Any
+"""One number for each patient: a float, an array, or either with its derivatives."""
+Kind = Literal["collapse", "alarm", "warning"]
+GRAVEST_FIRST: tuple[Kind, ...] = ("collapse", "alarm", "warning")
+"""Kinds of limits. Beyond a "collapse" the numbers cannot be those of a patient."""
+COLLAPSE_MMHG = -300.0
+"""Pressure that no vein withstands: the vessel has collapsed and the computed flow is not to be had."""
+CAUTION = "caution"
+"""Kind of a finding that breaks no limit: how a number is to be read."""
+
+
+class BeatMeasures(Protocol):
+    """What can be measured on the waveforms of a beat (`eclsim.outputs.measures.Measures`)."""
+
+    def mean(self, name: str) -> Numbers: ...  # noqa: D102 (named after what it is)
+    def maximum(self, name: str) -> Numbers: ...  # noqa: D102
+    def minimum(self, name: str) -> Numbers: ...  # noqa: D102
+    def at_start(self, name: str) -> Numbers: ...  # noqa: D102
+    def largest_ratio(self, above: str, below: str) -> Numbers: ...  # noqa: D102
+    def loop_area(self, pressure: str, volume: str) -> Numbers: ...  # noqa: D102
+
+
+@dataclass(frozen=True)
+class Output:
+    """One number per beat.
+
+    Args:
+        name: key; the paper's where it has one.
+        long_name: in words.
+        unit: unit of the number.
+        definition: how it follows from the waveforms.
+        needs: waveforms without which it does not exist.
+        compute: from the measures of a beat.
+        extremes: waveforms whose largest or smallest value it reads, so that their rates are wanted too.
+        in_contract: whether it is one of the main outputs that every result file leads with.
+    """
+
+    name: str
+    long_name: str
+    unit: str
+    definition: str
+    needs: tuple[str, ...]
+    compute: Callable[[BeatMeasures], Numbers]
+    extremes: tuple[str, ...] = ()
+    in_contract: bool = False
+
+
+def mean(name: str, long_name: str, signal: str) -> Output:
+    """Mean of a pressure [mmHg]."""
+    return Output(name, long_name, "mmHg", f"mean of {signal}", (signal,), lambda m: m.mean(signal))
+
+
+def highest(name: str, long_name: str, signal: str, unit: str = "mmHg") -> Output:
+    """Largest value of a waveform."""
+    definition = f"maximum of {signal}"
+    return Output(name, long_name, unit, definition, (signal,), lambda m: m.maximum(signal), (signal,))
+
+
+def lowest(name: str, long_name: str, signal: str, unit: str = "mmHg") -> Output:
+    """Smallest value of a waveform."""
+    definition = f"minimum of {signal}"
+    return Output(name, long_name, unit, definition, (signal,), lambda m: m.minimum(signal), (signal,))
+
+
+def mean_flow(name: str, long_name: str, signal: str, in_contract: bool = False) -> Output:
+    """Mean of a flow [L/min]."""
+    return Output(
+        name, long_name, "L/min", f"mean of {signal}", (signal,),
+        lambda m: m.mean(signal) / ML_S_PER_L_MIN, in_contract=in_contract,
+    )  # fmt: skip
+
+
+def difference(name: str, long_name: str, high: str, low: str) -> Output:
+    """Mean difference of two pressures [mmHg]."""
+    definition = f"mean of {high} - {low}"
+    return Output(name, long_name, "mmHg", definition, (high, low), lambda m: m.mean(high) - m.mean(low))
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """A bound that an output should not cross.
+
+    Attributes:
+        quantity: Name of the output.
+        kind: "warning", "alarm" or "collapse" (beyond it the numbers are impossible).
+        side: Whether the limit is broken by a value "below" or "above" it.
+        value: The bound, in the output's unit.
+        meaning: What it means to be beyond it.
+        source: Where the bound comes from.
+        unassisted: Whether it holds only without a pump that empties the left ventricle.
+    """
+
+    quantity: str
+    kind: Kind
+    side: Literal["below", "above"]
+    value: float
+    meaning: str
+    source: str
+    unassisted: bool = False
+
+    def broken_by(self, value: float) -> bool:
+        """Whether a value is beyond the limit (NaN is not)."""
+        return value < self.value if self.side == "below" else value > self.value
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something to say about a beat.
+
+    Attributes:
+        kind: "collapse" (impossible), "alarm", "warning", or "caution" (no limit: how to read a number).
+        quantity: output or waveform that it is about.
+        value: what the beat has.
+        limit: what it is compared with.
+        sentence: in words.
+        source: where the limit comes from.
+        concerns: outputs that it speaks of.
+    """
+
+    kind: str
+    quantity: str
+    value: float
+    limit: float
+    sentence: str
+    source: str = ""
+    concerns: tuple[str, ...] = ()
