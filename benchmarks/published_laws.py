@@ -20,8 +20,7 @@ import numpy as np
 from eclsim.circuit.assembly import Constants
 from eclsim.orbit.explicit import ExplicitCircuit, explicit_circuit
 from eclsim.orbit.steady import Batch, steady_beats
-from eclsim.validation.cases import case_names, reference_model
-from eclsim.validation.reference_cases import waveform_rows
+from eclsim.validation.reference_cases import case_names, reference_model, waveform_rows
 
 ROUNDING_MMHG = 0.01
 ROUNDING_OF_ROOT = 1e-8

@@ -13,7 +13,7 @@ from typing import NamedTuple
 ROOMS = (
     "units", "execution", "blood", "components", "circuit", "parameters", "patient", "inputs", "devices",
     "cases", "beat", "orbit", "outputs", "reporting", "simulation", "sensitivity", "identification",
-    "crrt_study", "validation", "paper", "app", "cli",
+    "crrt_study", "paper", "validation", "app", "cli",
 )  # fmt: skip
 PHYSICS = {"units", "components", "circuit"}
 ALLOWED = {room: set(ROOMS[:place]) for place, room in enumerate(ROOMS)} | {

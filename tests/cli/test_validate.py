@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from eclsim.validation.rows import Check, Explanation, at_most, near
+from eclsim.paper.comparison import Check, Explanation, at_most, near
 
 
 @pytest.fixture

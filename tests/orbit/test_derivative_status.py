@@ -10,7 +10,7 @@ from eclsim.orbit.equation import OrbitProblem
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import Batch, start_state, steady_beats
 from eclsim.outputs.derivatives import member_derivatives, output_derivatives
-from eclsim.validation.cases import reference_model
+from eclsim.validation.reference_cases import reference_model
 from model_catalogue import model
 
 OUTPUTS, PARAMETERS = ("MAP", "CO"), ("Rmc", "Emaxlv")

@@ -8,7 +8,7 @@ from eclsim.orbit.search import solve_orbits
 from eclsim.orbit.single_search import solve_alone
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch, anchor, beat_program, steady_beats
-from eclsim.validation.cases import reference_model
+from eclsim.validation.reference_cases import reference_model
 
 CASES = ("s4_crrt_g_3425", "va_ecmo_default", "cvs_failure_90bpm")
 

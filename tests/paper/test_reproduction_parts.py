@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 
 from eclsim.paper.cohort import SYNTHETIC, reproduce_cohort
-from eclsim.paper.names import ITEMS, file_names
-from eclsim.paper.positions import DrawnOver
-from eclsim.paper.rows import Verdict
+from eclsim.paper.comparison import Verdict
+from eclsim.paper.printed import TABLE_2
+from eclsim.paper.reproduction import ITEMS, file_names
 from eclsim.paper.sensitivity import (
     CARDIOVASCULAR,
-    TABLE_2,
-    _claims,
+    RedrawnChoices,
+    _statements,
     _table_2,
     healthy_parameters_case,
-    reproduce_sensitivity,
+    reproduce_circulation,
 )
 from eclsim.sensitivity.estimators import Estimates
 from eclsim.sensitivity.inputs import Categorical, Continuous
@@ -64,7 +64,7 @@ def test_positions_drawn_over_the_design_differ_within_a_row_and_are_the_same_ag
 
     site = Categorical("site", tuple("abcdef"), (("site", tuple(map(float, range(6)))),))
     design = Design((Continuous("x", 1.0, 2.0), site), 64)
-    drawn = DrawnOver(Doubles(), (site,))
+    drawn = RedrawnChoices(Doubles(), (site,))
     once, again, plain = (Analysis(design, e).block(0).values for e in (drawn, drawn, Doubles()))
     np.testing.assert_array_equal(once, again)
     np.testing.assert_array_equal(once[:, 0], plain[:, 0])
@@ -87,9 +87,9 @@ def indices(sums: dict[str, float]) -> Indices:
 
 def test_table_2_is_compared_within_the_interval_of_ours():
     rows = _table_2(indices({**TABLE_2, "Rmc": 3.79, "Csart": 0.4}), indices(TABLE_2))
-    verdicts = {row.quantity.rpartition(" ")[2]: row.verdict for row in rows}
+    verdicts = {row.name.rpartition(" ")[2]: row.verdict for row in rows}
     assert verdicts == {
-        **dict.fromkeys(TABLE_2, Verdict.AS_PRINTED),
+        **dict.fromkeys(TABLE_2, Verdict.AGREES),
         "Csart": Verdict.EXPLAINED,
     }
 
@@ -98,29 +98,29 @@ def test_statements_about_the_sensitivity_are_read_off_the_indices():
     from types import SimpleNamespace
 
     flat = SimpleNamespace(indices=indices(TABLE_2))
-    rows = {row.quantity: row for row in _claims(flat, flat, {"normal": flat})}  # pyright: ignore
-    assert rows["the seven of Table 2 have the largest sums, in its order"].ours == 1.0
-    assert rows["Edla acts on PCWP alone (others below 0.1)"].ours == 0.0
-    assert rows["runs at N = 2048 for 24 parameters"].as_printed
+    rows = {row.name: row for row in _statements(flat, flat, {"normal": flat})}  # pyright: ignore
+    assert rows["the seven of Table 2 have the largest sums, in its order"].got == 1.0
+    assert rows["Edla acts on PCWP alone (others below 0.1)"].got == 0.0
+    assert rows["runs at N = 2048 for 24 parameters"].holds
     lacking = rows["Rmc and Emaxlv are among those that make up 90 % of every output"]
-    assert lacking.as_printed
+    assert lacking.holds
     turned = SimpleNamespace(indices=indices({"Rmc": 7.0}))
-    rows = {row.quantity: row for row in _claims(turned, flat, {"normal": turned})}  # pyright: ignore
-    lacking = rows[lacking.quantity]
+    rows = {row.name: row for row in _statements(turned, flat, {"normal": turned})}  # pyright: ignore
+    lacking = rows[lacking.name]
     assert lacking.verdict is Verdict.EXPLAINED
-    assert "Emaxlv of SP" in lacking.why
+    assert "Emaxlv of SP" in lacking.reason
 
 
 @pytest.mark.slow
 def test_a_stopped_analysis_is_gone_on_with(tmp_path):
     said = []
-    first = reproduce_sensitivity(tmp_path, 8, False, said.append)
+    first = reproduce_circulation(tmp_path, 8, False, said.append)
     assert len(first.rows) == len(TABLE_2) + 12
     (kept,) = (tmp_path / "assumed").glob("samples.parquet")
     before = kept.stat().st_mtime_ns
-    again = reproduce_sensitivity(tmp_path, 8, True)
+    again = reproduce_circulation(tmp_path, 8, True)
     assert kept.stat().st_mtime_ns == before
-    assert [row.ours for row in again.rows] == [row.ours for row in first.rows]
+    assert [row.got for row in again.rows] == [row.got for row in first.rows]
 
 
 @pytest.mark.slow
@@ -132,10 +132,10 @@ def test_a_cohort_of_two_points_is_fitted_compared_and_kept(tmp_path):
     assert not found.synthetic
     assert found.sliced == "P01/1"
     assert np.nanmin(found.slices.costs) >= 0.99 * found.slices.cost
-    rows = {(row.section, row.quantity): row for row in found.rows}
-    assert rows["Table 1", "SP, median"].ours == 101.0
-    assert rows["2.1", "number of data points"].ours == 2
-    assert rows["3.2", "R² of pressures"].ours > 0.95
+    rows = {(row.source, row.name): row for row in found.rows}
+    assert rows["Table 1", "SP, median"].got == 101.0
+    assert rows["2.1", "number of data points"].got == 2
+    assert rows["3.2", "R² of pressures"].got > 0.95
     said: list[str] = []
     again = reproduce_cohort(tmp_path / "fits", table, 8, True, said.append)
     assert again.results == found.results
@@ -149,6 +149,6 @@ def test_a_cohort_of_two_points_is_fitted_compared_and_kept(tmp_path):
 )
 def test_a_row_of_the_terminal_keeps_all_digits_of_our_number(unit: str, ours: float, said: str):
     from eclsim.cli.reproduce import _ours
-    from eclsim.paper.rows import Row
+    from eclsim.paper.comparison import printed_number
 
-    assert _ours(Row("3.1", "a share", unit, 0.2, ours, None, 1, 0.05)) == said
+    assert _ours(printed_number("3.1", "a share", unit, 0.2, ours, decimals=1)) == said

@@ -2,8 +2,7 @@
 
 import pytest
 
-from eclsim.validation.cases import case_names
-from eclsim.validation.reference_cases import QUICK, output_rows, reference_result, waveform_rows
+from eclsim.validation.reference_cases import QUICK, case_names, output_rows, reference_result, waveform_rows
 
 CASES = [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in case_names()]
 

@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from eclsim.crrt_study.files import write_study
-from eclsim.paper.crrt import CrrtPart, table_rows
-from eclsim.paper.files import write_reproduction
-from eclsim.paper.names import items_of
+from eclsim.paper.comparison import printed_number, statement
+from eclsim.paper.crrt import CrrtComparison, table_rows
 from eclsim.paper.patient import Unstated
-from eclsim.paper.reproduction import Reproduction
-from eclsim.paper.rows import Row, statement
+from eclsim.paper.report import write_reproduction
+from eclsim.paper.reproduction import Reproduction, items_of
 from system_browser import system_browser
 
 A4_TEXT_WIDTH_PX = 680  # 180 mm
@@ -29,14 +28,15 @@ def reproduction(hostile_study, tmp_path_factory):
     """A comparison of one part, with rows of every verdict."""
     flat = np.ones(2)
     unstated = Unstated(3247.0, 118.0, 0.4, 6.1, flat, flat, flat, flat)
-    number = Row("3.3, 3425 rpm", "arterial pressure", "mmHg", 70.3, 71.0, 70.3, 1, 0.05, "<blood>")
+    number = printed_number("3.3, 3425 rpm", "arterial pressure", "mmHg", 70.3, 71.0, decimals=1,
+                            explained=70.3, reason="<blood>")  # fmt: skip
     rows = (
         number,
-        Row("4, Wu A (g)", "access", "mmHg", 175.0, 119.0, None, 0, 0.5, "others", True),
+        printed_number("4, Wu A (g)", "access", "mmHg", 175.0, 119.0, reason="others", other_data=True),
         statement("3.3", "it grows", False, "it does not"),
         statement("4", "it holds", True),
     )
-    part = CrrtPart(rows, unstated, hostile_study, hostile_study)
+    part = CrrtComparison(rows, unstated, hostile_study, hostile_study)
     result = Reproduction(part, None, None, None, tuple(table_rows()))
     folder = tmp_path_factory.mktemp("paper") / "out"
     written = write_reproduction(result, folder)

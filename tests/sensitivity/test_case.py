@@ -16,7 +16,7 @@ from eclsim.sensitivity.inputs import CARDIOVASCULAR, SCHEMES, Categorical, Inpu
 from eclsim.sensitivity.patients import TARGETS, StateError, state_values
 from eclsim.sensitivity.results import conclude
 from eclsim.sensitivity.uncertainties import Uncertainty
-from eclsim.validation.cases import DATA
+from eclsim.validation.reference_cases import DATA
 
 CASE = """
 format = 1

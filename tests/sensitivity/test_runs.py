@@ -15,7 +15,7 @@ from eclsim.sensitivity import runs as runs_module
 from eclsim.sensitivity.analysis import Analysis, merge_shards, run_analysis
 from eclsim.sensitivity.results import SensitivityResult, conclude
 from eclsim.sensitivity.runs import DESIGN, SAMPLES, Runs, SteadyBeatEvaluator
-from eclsim.validation.cases import reference_model
+from eclsim.validation.reference_cases import reference_model
 
 MOMENTS = 50
 

@@ -8,17 +8,19 @@ import pytest
 
 from eclsim.devices import ecmo, lvad
 from eclsim.devices.ecmo import CANNULAE
-from eclsim.validation.cases import DATA, PAPER_PATIENT, case_names, reference_case
 from eclsim.validation.reference_cases import (
+    DATA,
     OF_RANGE,
+    PAPER_PATIENT,
     QUICK,
     WAVEFORM_ABSOLUTE,
+    case_names,
     expected_results,
     explanation,
+    reference_case,
 )
 
 PUMPS = {**ecmo.PUMPS, **lvad.PUMPS}
-
 TABLES = sorted(path.name for path in DATA.glob("*.csv"))
 
 

@@ -1,5 +1,5 @@
+from eclsim.paper.comparison import Check, near
 from eclsim.validation import suite
-from eclsim.validation.rows import Check, near
 
 
 def test_parts_run_in_the_order_asked_and_are_announced_before(monkeypatch):

@@ -28,7 +28,7 @@ def benchmark(
 
     target = destination("--json", json_file, force)
     from eclsim.validation import timing
-    from eclsim.validation.machine import machine
+    from eclsim.validation.timing import machine
 
     found = []
     for measurement in timing.measurements():

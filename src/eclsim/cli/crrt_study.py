@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from eclsim.paper.settings import USUAL_EXPLORE
+from eclsim.paper.reproduction import USUAL_EXPLORE
 
 if TYPE_CHECKING:
     from eclsim.cases import Case

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from eclsim.validation.rows import Row
+    from eclsim.paper.comparison import Row
 
 
 def demo(
@@ -28,10 +28,9 @@ def demo(
     from eclsim.outputs.dataset import simulate
     from eclsim.simulation import files
     from eclsim.simulation.figures import write_case_figures
-    from eclsim.validation.cases import DATA, PAPER_PATIENT
-    from eclsim.validation.demonstration import demo_model, demo_rows
+    from eclsim.validation.reference_cases import DATA, PAPER_PATIENT, demo_rows, reference_model
 
-    model = demo_model()
+    model = reference_model(PAPER_PATIENT)
     result = simulate(model)
     typer.echo(_table(demo_rows(result)))
     typer.echo(

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from eclsim.paper.settings import PARTS, USUAL_EXPLORE, USUAL_SAMPLES, ReproductionSettings
+from eclsim.paper.reproduction import PARTS, USUAL_EXPLORE, USUAL_SAMPLES, ReproductionSettings
 
 if TYPE_CHECKING:
+    from eclsim.paper.comparison import Row
     from eclsim.paper.reproduction import Reproduction
-    from eclsim.paper.rows import Row
 
 
 def reproduce(
@@ -109,7 +109,7 @@ def _named(folder: str | None, out: str | None) -> str:
 def _folder(written: str, resume: bool, force: bool) -> Path:
     from eclsim.cli import destinations
     from eclsim.cli.messages import fail
-    from eclsim.paper.names import RUNS, file_names
+    from eclsim.paper.reproduction import RUNS, file_names
 
     if resume and force:
         fail("--resume keeps what is there and --force throws it away: one of them")
@@ -169,7 +169,7 @@ def _compute(
     from eclsim.cli.messages import fail
     from eclsim.execution import ExecutionError
     from eclsim.identification.cohort_fit import StoreError
-    from eclsim.paper.names import RUNS
+    from eclsim.paper.reproduction import RUNS
     from eclsim.paper.reproduction import reproduce as compute
 
     try:
@@ -183,7 +183,7 @@ def _compute(
 
 def _write(result: Reproduction, folder: Path, progress: Callable[[str], None]) -> None:
     from eclsim.cli.messages import fail
-    from eclsim.paper.files import write_reproduction
+    from eclsim.paper.report import write_reproduction
 
     try:
         write_reproduction(result, folder, progress)
@@ -193,22 +193,22 @@ def _write(result: Reproduction, folder: Path, progress: Callable[[str], None]) 
 
 def _ours(row: Row) -> str:
     """The paper's number and ours with their unit; a claim of the text is met or not."""
-    from eclsim.paper.rows import YES_NO
+    from eclsim.paper.comparison import YES_NO
 
     if row.unit == YES_NO:
         return "ours: no"
     unit = "" if row.unit == "1" else f" {row.unit}"
-    return f"paper {row.paper:g}{unit}, ours {row.ours:.4g}{unit}"
+    return f"paper {row.expected:g}{unit}, ours {row.got:.4g}{unit}"
 
 
 def _show(result: Reproduction, folder: Path) -> None:
     from eclsim.cli.messages import say
-    from eclsim.paper.names import INDEX
-    from eclsim.paper.page import counts
-    from eclsim.paper.rows import Verdict
+    from eclsim.paper.comparison import Verdict
+    from eclsim.paper.report import counts
+    from eclsim.paper.reproduction import INDEX
 
     typer.echo(counts(result.rows))
     for row in result.rows:
         if row.verdict is Verdict.DIFFERS:
-            typer.echo(f"  {row.section}: {row.quantity}: {_ours(row)}; {row.why}")
+            typer.echo(f"  {row.source}: {row.name}: {_ours(row)}; {row.reason}")
     say(f"all figures and tables: {folder / INDEX}")

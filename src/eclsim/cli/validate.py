@@ -9,7 +9,7 @@ import typer
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from eclsim.validation.rows import Check, Row
+    from eclsim.paper.comparison import Check, Row
     from eclsim.validation.suite import Effort
 
 PARTS = "reference gradients shi-hose adaptive invariants robustness paper devices patients"
@@ -77,8 +77,7 @@ def validate(
 
 def _write(checks: list[Check], target: Path | str | None, page: Path | str | None) -> None:
     from eclsim.files import write_json, write_text
-    from eclsim.validation.json_object import validation_object
-    from eclsim.validation.markdown import validation_markdown
+    from eclsim.validation.suite import validation_markdown, validation_object
 
     if target is not None:
         write_json(validation_object(checks), target)

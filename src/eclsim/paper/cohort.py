@@ -21,7 +21,8 @@ from eclsim.identification.objective import Box, Objective, Target
 from eclsim.identification.profiles import CostCurves, slices
 from eclsim.identification.settings import FitSettings, checked_fit
 from eclsim.orbit.model import model_of
-from eclsim.paper.rows import Row, statement
+from eclsim.paper.comparison import Row, printed_number, statement
+from eclsim.paper.printed import FEMALE_POINTS, PATIENTS, POINTS, R2, TABLE_1
 
 if TYPE_CHECKING:
     from eclsim.cases.cohort import CohortPoint, CohortReading
@@ -29,19 +30,11 @@ if TYPE_CHECKING:
 SYNTHETIC = Path(str(files("eclsim.paper") / "data" / "synthetic_cohort.csv"))
 """The synthetic cohort."""
 
-TABLE_1 = {
-    "SP": (111.0, 70.0, 183.0, 1), "DP": (69.5, 42.0, 88.0, 1), "MAP": (79.0, 55.0, 113.0, 1),
-    "MPAP": (19.5, 6.0, 30.0, 1), "PCWP": (11.0, 7.0, 15.0, 1), "CO": (3.4, 1.5, 7.5, 1),
-    "PF": (2.5, 1.2, 3.8, 1),
-}  # fmt: skip
-"""Median, smallest and largest measured value and decimals printed [mmHg, L/min]."""
 UNITS = {"CO": "L/min", "PF": "L/min"}
-POINTS, PATIENTS, FEMALE_POINTS = 30, 8, 17
-R2 = {"pressures": 0.99, "flows": 0.98}
 
 
 @dataclass(frozen=True)
-class CohortPart:
+class CohortComparison:
     """The fits beside the paper.
 
     Args:
@@ -69,7 +62,7 @@ def reproduce_cohort(
     explore: int,
     resume: bool,
     progress: Callable[[str], None] = lambda _: None,
-) -> CohortPart:
+) -> CohortComparison:
     """Fit the cohort and compare.
 
     Args:
@@ -88,21 +81,22 @@ def reproduce_cohort(
     chosen = next(k for k, result in enumerate(results) if result["cost"] is not None)
     found = _slices(reading.points[chosen], results[chosen], settings)
     rows = (*_table_1(reading, cohort is None), *_fit_rows(reading, results, r2, cohort is None))
-    return CohortPart(rows, tuple(results), r2, found, reading.points[chosen].name, cohort is None, explore)
+    return CohortComparison(
+        rows, tuple(results), r2, found, reading.points[chosen].name, cohort is None, explore
+    )
 
 
 def _table_1(reading: CohortReading, synthetic: bool) -> list[Row]:
     why = "the clinical data are not published: the cohort is synthetic" if synthetic else "another cohort"
     rows = []
-    for name, (*printed, digits) in TABLE_1.items():
+    for name, printed in TABLE_1.items():
         values = [v for p in reading.points if (v := getattr(p.case.measurements, name, None)) is not None]
         found = (np.median(values), min(values), max(values)) if values else (np.nan,) * 3
-        for words, paper, ours in zip(("median", "smallest", "largest"), printed, found, strict=True):
-            unit, tolerance = UNITS.get(name, "mmHg"), 0.5 * 10.0**-digits
-            row = Row(
-                "Table 1", f"{name}, {words}", unit, paper, float(ours), None, digits, tolerance, why, True
-            )
-            rows.append(row.because("") if row.as_printed else row)
+        rows += [
+            printed_number("Table 1", f"{name}, {words}", UNITS.get(name, "mmHg"), paper, float(ours),
+                           decimals=1, reason=why, other_data=True)
+            for words, paper, ours in zip(("median", "smallest", "largest"), printed, found, strict=True)
+        ]  # fmt: skip
     return rows
 
 
@@ -117,7 +111,8 @@ def _fit_rows(
         ("data points of women", FEMALE_POINTS, female),
     )
     rows = [
-        Row("2.1", f"number of {w}", "1", paper, ours, None, 0, 0.5, "", True) for w, paper, ours in counts
+        printed_number("2.1", f"number of {w}", "1", paper, ours, other_data=True)
+        for w, paper, ours in counts
     ]
     mean = [p.case.measurements.MAP for p in points if p.case.measurements is not None]
     known = [value for value in mean if value is not None]
@@ -128,8 +123,11 @@ def _fit_rows(
     noise = "simulated by this model, then disturbed: easier to fit than patients are" if synthetic else ""
     for kind, printed in R2.items():
         found = np.nan if (value := r2[kind]) is None else value
-        row = Row("3.2", f"R² of {kind}", "1", printed, found, None, 2, 0.005, noise, other_data=True)
-        rows.append(row.because("") if row.as_printed else row)
+        rows.append(
+            printed_number(
+                "3.2", f"R² of {kind}", "1", printed, found, decimals=2, reason=noise, other_data=True
+            )
+        )
     flow, wedge = (float(np.diff(pairs(results, (name,)), axis=1).mean()) for name in ("PF", "PCWP"))
     bias = "by {:+.2f} on average"
     return [

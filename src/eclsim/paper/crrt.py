@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,16 +12,28 @@ from eclsim.cases.resolve import resolve_parameters
 from eclsim.crrt_study.limits import LIMITS
 from eclsim.crrt_study.study import CrrtStudy, crrt_study
 from eclsim.orbit.model import AS_PUBLISHED
-from eclsim.paper.claims import CLAIMS, Claim
+from eclsim.paper.comparison import Row, Verdict, printed_number, statement
 from eclsim.paper.patient import Unstated, explained_case, paper_case, search_unstated, tolerance_of
-from eclsim.paper.published_crrt import ALL_PRINTED, NEAR_ZERO, Printed
-from eclsim.paper.published_tables import TABLES
-from eclsim.paper.rows import Row, Verdict, statement
+from eclsim.paper.printed import (
+    AT_CASE,
+    NEAR_ZERO,
+    PARAMETER_TABLES,
+    TEXT,
+    FlowAtLimit,
+    OfScheme,
+    OverSchemes,
+    Printed,
+)
 from eclsim.parameters.thiel2025 import PARAMETERS
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+SMALL_FLOW_L_MIN = 1.2
 
 
 @dataclass(frozen=True)
-class CrrtPart:
+class CrrtComparison:
     """The CRRT study beside the paper.
 
     Args:
@@ -36,7 +49,7 @@ class CrrtPart:
     explained: CrrtStudy
 
 
-def reproduce_crrt(progress: Callable[[str], None] = lambda _: None) -> CrrtPart:
+def reproduce_crrt(progress: Callable[[str], None] = lambda _: None) -> CrrtComparison:
     """Compute the study twice, as assumed and with the unstated values found, and compare."""
     progress("blood volume and heart rate of the paper's patient")
     unstated = search_unstated()
@@ -44,28 +57,37 @@ def reproduce_crrt(progress: Callable[[str], None] = lambda _: None) -> CrrtPart
     for words, case in (("as assumed", paper_case()), ("as found", explained_case(unstated))):
         progress(f"CRRT study of the paper's patient, {words}")
         studies.append(crrt_study(case, volume_policy=AS_PUBLISHED))
-    rows = [_row(p, studies[0], studies[1], unstated) for p in ALL_PRINTED]
-    rows += [_claim(claim, studies[0], studies[1]) for claim in CLAIMS]
-    return CrrtPart(tuple(rows), unstated, studies[0], studies[1])
+    study, explained = studies
+    rows = [_row(printed, study, explained, unstated) for printed in TEXT]
+    rows += [statement(s.section, s.words, s.holds(study), s.reason, s.holds(explained)) for s in STATEMENTS]
+    return CrrtComparison(tuple(rows), unstated, study, explained)
+
+
+def _row(printed: Printed, study: CrrtStudy, explained: CrrtStudy, unstated: Unstated) -> Row:
+    volume = f"{unstated.blood_volume_ml:.0f} mL"
+    reason = printed.remark or f"{volume} of blood, which are not printed, bring it nearer"
+    row = printed_number(
+        printed.section, printed.words, printed.unit, printed.value, compute(printed, study),
+        decimals=printed.decimals, tolerance=tolerance_of(printed), explained=compute(printed, explained),
+        reason=reason, other_data=printed.other_data,
+    )  # fmt: skip
+    if row.verdict is Verdict.EXPLAINED:
+        return row.because(f"by {volume} of blood, which are not printed")
+    return row.because(reason + _needed_median(printed, explained)) if printed.remark == NEAR_ZERO else row
 
 
 def compute(printed: Printed, study: CrrtStudy) -> float:
     """What the study says for a printed number."""
-    kind, *arguments = printed.key
-    if kind == "summary":
-        speed, name = arguments
-        return float(study.summary[str(name)].sel(policy=AS_PUBLISHED, speed=speed))
-    if kind == "mean":
-        speed, letter, name = arguments
-        return float(study.means[str(name)].sel(policy=AS_PUBLISHED, speed=speed, scheme=letter))
-    if kind == "low":
-        return _lowest_alarm(study, str(arguments[0]))
-    if kind not in ("flow", "first"):
-        raise ValueError(f"no way to compute {printed.key}")
-    flows = study.limits["largest_flow"].sel(policy=AS_PUBLISHED, limit=arguments[0])
-    if kind == "flow":
-        return float(flows.sel(scheme=list(str(arguments[1]))).mean())
-    return float(flows.min())
+    match printed.what:
+        case OverSchemes(quantity, statistic, speed):
+            return float(study.summary[f"{quantity}_{statistic}"].sel(policy=AS_PUBLISHED, speed=speed))
+        case OfScheme(quantity, scheme, speed):
+            return float(study.means[quantity].sel(policy=AS_PUBLISHED, speed=speed, scheme=scheme))
+        case FlowAtLimit(limit, low_alarm=True):
+            return _lowest_alarm(study, limit)
+        case FlowAtLimit(limit, schemes):
+            flows = study.limits["largest_flow"].sel(policy=AS_PUBLISHED, limit=limit)
+            return float(flows.sel(scheme=list(schemes)).mean() if schemes else flows.min())
 
 
 def _lowest_alarm(study: CrrtStudy, name: str) -> float:
@@ -77,7 +99,16 @@ def _lowest_alarm(study: CrrtStudy, name: str) -> float:
         pressure, flow = one[limit.quantity].values, one["PF"].values
         if pressure.min() < limit.low:
             found.append(float(np.interp(-limit.low, -pressure, flow)))
-    return min(found) if found else np.nan
+    return min(found, default=np.nan)
+
+
+def _needed_median(printed: Printed, explained: CrrtStudy) -> str:
+    """How much the median would have to be off for the printed percentage."""
+    assert isinstance(printed.what, OverSchemes)
+    one = explained.summary.sel(policy=AS_PUBLISHED, speed=printed.what.speed)
+    median, variation = (float(one[f"{printed.what.quantity}_{w}"]) for w in ("median", "variation"))
+    needed = 100.0 * variation / printed.value - abs(median)
+    return f": a median {abs(needed):.3f} mmHg {'larger' if needed > 0.0 else 'smaller'} gives it"
 
 
 def table_rows() -> list[Row]:
@@ -85,35 +116,141 @@ def table_rows() -> list[Row]:
     used = {key: parameter.value for key, parameter in PARAMETERS.items()}
     patient = resolve_parameters(paper_case())
     return [
-        Row(f"Table {table}", name, PARAMETERS[name].unit, value, (patient if table == "S-4" else used)[name],
-            None, 6, 0.0)
-        for table, printed in TABLES.items()
+        printed_number(f"Table {table}", name, PARAMETERS[name].unit, value,
+                       (patient if table == "S-4" else used)[name], decimals=6, tolerance=0.0)
+        for table, printed in PARAMETER_TABLES.items()
         for name, value in printed.items()
     ]  # fmt: skip
 
 
-def _row(printed: Printed, study: CrrtStudy, explained: CrrtStudy, unstated: Unstated) -> Row:
-    row = Row(
-        printed.section, printed.words, printed.unit, printed.value, compute(printed, study),
-        compute(printed, explained), printed.digits, tolerance_of(printed), "", printed.other_data,
-    )  # fmt: skip
-    if row.as_printed:
-        return row
-    volume = f"{unstated.blood_volume_ml:.0f} mL"
-    if row.verdict is Verdict.EXPLAINED:
-        return row.because(f"by {volume} of blood, which are not printed")
-    why = printed.remark or f"{volume} of blood, which are not printed, bring it nearer"
-    return row.because(why + (_near_zero(printed, explained) if printed.remark == NEAR_ZERO else ""))
+# --- what the text says in words ------------------------------------------------------------------
 
 
-def _near_zero(printed: Printed, explained: CrrtStudy) -> str:
-    """How much the median would have to be off for the printed percentage."""
-    speed, name = printed.key[1], str(printed.key[2]).removesuffix("_variation_percent")
-    one = explained.summary.sel(policy=AS_PUBLISHED, speed=speed)
-    median, variation = float(one[f"{name}_median"]), float(one[f"{name}_variation"])
-    needed = 100.0 * variation / printed.value - abs(median)
-    return f": a median {abs(needed):.3f} mmHg {'larger' if needed > 0.0 else 'smaller'} gives it"
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """A statement of the text about the nine schemes.
+
+    Args:
+        section: where it is printed.
+        words: what is said.
+        holds: whether it holds for a study.
+        reason: said where it does not.
+    """
+
+    section: str
+    words: str
+    holds: Callable[[CrrtStudy], bool]
+    reason: str = ""
 
 
-def _claim(claim: Claim, study: CrrtStudy, explained: CrrtStudy) -> Row:
-    return statement(claim.section, claim.words, claim.holds(study), claim.why, claim.holds(explained))
+def _means(study: CrrtStudy) -> xr.Dataset:
+    return study.means.sel(policy=AS_PUBLISHED)
+
+
+def _at_case(study: CrrtStudy) -> xr.Dataset:
+    return _means(study).sel(speed=AT_CASE)
+
+
+def _upper(study: CrrtStudy) -> xr.Dataset:
+    """Means from the smallest flow that the text speaks of."""
+    means = _means(study)
+    return means.isel(speed=means["PF"].median("scheme").values >= 0.95 * SMALL_FLOW_L_MIN)
+
+
+def _extreme(study: CrrtStudy, name: str, word: str) -> str:
+    return str(study.summary[f"{name}_{word}"].sel(policy=AS_PUBLISHED, speed=AT_CASE).item())
+
+
+def _largest_relative(study: CrrtStudy, names: tuple[str, ...]) -> dict[str, float]:
+    summary = study.summary.sel(policy=AS_PUBLISHED, speed=AT_CASE)
+    return {name: float(summary[f"{name}_variation_percent"]) for name in names}
+
+
+def _most_on_veins(study: CrrtStudy) -> bool:
+    found = _largest_relative(study, ("Psart", "Ppart", "Psvn"))
+    return max(found, key=lambda k: found[k]) == "Psvn" and min(found, key=lambda k: found[k]) == "Psart"
+
+
+def _loops_follow(study: CrrtStudy) -> bool:
+    """Scheme a has the smallest right-ventricular volumes and stroke volume, h the largest volumes."""
+    means = _at_case(study)
+    stroke = means["EDVRV"] - means["ESVRV"]
+    smallest = str(stroke["scheme"].values[np.argmin(stroke.values)])
+    ends = {(n, w): _extreme(study, n, w) for n in ("EDVRV", "ESVRV") for w in ("lowest", "highest")}
+    return smallest == "a" and all(ends[n, w] == ("a" if w == "lowest" else "h") for n, w in ends)
+
+
+def _within_alarms(study: CrrtStudy) -> bool:
+    means = _at_case(study)
+    alarms = [limit for limit in LIMITS if limit.name.endswith("alarm")]
+    return all(bool((limit.margin(means[limit.quantity].values) >= 0.0).all()) for limit in alarms)
+
+
+def _negative_only_in_h(study: CrrtStudy) -> bool:
+    means = _at_case(study)
+    negative = (means["Pcrrttuin"] < 0.0) | (means["Pcrrttuout"] < 0.0)
+    return means["scheme"].values[negative.values].tolist() == ["h"]
+
+
+def _monotone(study: CrrtStudy, name: str, sign: float) -> bool:
+    return bool((sign * _upper(study)[name].diff("speed") > 0.0).all())
+
+
+def _more_with_speed(study: CrrtStudy) -> bool:
+    variation = study.summary["Psart_variation"].sel(policy=AS_PUBLISHED).sel(speed=_upper(study)["speed"])
+    return bool((variation.diff("speed") > 0.0).all())
+
+
+def _order_changes(study: CrrtStudy) -> bool:
+    summary = study.summary.sel(policy=AS_PUBLISHED).sel(speed=_upper(study)["speed"])
+    return any(len(set(summary[f"Psart_{word}"].values.tolist())) > 1 for word in ("highest", "lowest"))
+
+
+def _falls_upstream_of_the_pump(study: CrrtStudy) -> bool:
+    """The return pressure falls with flow for the return lines upstream of the pump, and for no other."""
+    change = _upper(study)["Pcrrttuout"].diff("speed")
+    falls, rises = (change < 0.0).all("speed"), (change > 0.0).all("speed")
+    upstream = np.isin(change["scheme"].values.astype(str), list("bchi"))
+    return bool((falls.values == upstream).all() and (rises.values == ~upstream).all())
+
+
+def _best_three(study: CrrtStudy) -> bool:
+    """g, d and c keep the access pressure below 190 mmHg up to larger flows than the others but h."""
+    flows = study.limits["largest_flow"].sel(policy=AS_PUBLISHED, limit="access_190")
+    return float(flows.sel(scheme=list("gdc")).min()) > float(flows.sel(scheme=list("abefi")).max())
+
+
+_AT_ITS_SPEED, _ANY = "3.3, 3425 rpm", "3.3"
+_ORDER = "the same schemes at all flows of the text"
+_LARGEST = "it grows up to 4750 rpm; at 5000 rpm it is 2 % less"
+_UNPRINTED = "the variation in the pulmonary artery is not printed"
+
+STATEMENTS = (
+    Statement(_AT_ITS_SPEED, "the scheme of the highest arterial pressure is h",
+              lambda s: _extreme(s, "Psart", "highest") == "h"),
+    Statement(_AT_ITS_SPEED, "the scheme of the lowest arterial pressure is a",
+              lambda s: _extreme(s, "Psart", "lowest") == "a"),
+    Statement(_AT_ITS_SPEED, "relative variation is largest in the veins, smallest in the arteries",
+              _most_on_veins, _UNPRINTED),
+    Statement(_AT_ITS_SPEED, "right ventricle: a smallest volumes and stroke volume, h largest volumes",
+              _loops_follow),
+    Statement(_AT_ITS_SPEED, "all line pressures are within the usual alarms", _within_alarms),
+    Statement(_AT_ITS_SPEED, "a line pressure is negative in scheme h alone", _negative_only_in_h),
+    Statement(_ANY, "arterial pressure rises with flow in every scheme",
+              lambda s: _monotone(s, "Psart", 1.0)),
+    Statement(_ANY, "pulmonary arterial pressure falls with flow in every scheme",
+              lambda s: _monotone(s, "Ppart", -1.0)),
+    Statement(_ANY, "venous pressure falls with flow in every scheme", lambda s: _monotone(s, "Psvn", -1.0)),
+    Statement(_ANY, "the variation of the arterial pressure grows with speed", _more_with_speed, _LARGEST),
+    Statement(_ANY, "which scheme has the highest or lowest arterial pressure depends on flow",
+              _order_changes, _ORDER),
+    Statement(_ANY, "return pressure falls with flow in b, c, h, i and rises in the others",
+              _falls_upstream_of_the_pump),
+    Statement("4", "return pressures are positive in all schemes at 3425 rpm",
+              lambda s: bool((_at_case(s)["Pcrrttuout"] > 0.0).all())),
+    Statement("4", "access is below 190 mmHg up to larger flows in g, d, c than in a, b, e, f, i",
+              _best_three),
+    Statement("4", "the ECMO flow lies between those of Wu et al., 3.1 and 4.4 L/min",
+              lambda s: 3.1 <= float(_at_case(s)["PF"].median()) <= 4.4),
+)  # fmt: skip
+"""Statements of sections 3.3 and 4."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from eclsim.cases.case import Case
 from eclsim.cases.resolve import blood_volume_ml
-from eclsim.paper.published_crrt import AT_CASE, HIGH, LOW, SECTION_3_3, Printed
+from eclsim.paper.printed import AT_CASE, HIGH, LOW, SECTION_3_3, OverSchemes, Printed
 from eclsim.parameters.thiel2025 import TABLE_S4
 
 BLOOD_VOLUME = "total_blood_volume_ml"
@@ -25,33 +25,30 @@ MODEL_TOLERANCE = 0.001
 """Our own error, relative to a value: added to the half unit of the last printed digit."""
 
 
-def paper_case(scheme_access: str = "post_oxy", scheme_return: str = "pre_oxy") -> Case:
+def paper_case(access_site: str = "post_oxy", return_site: str = "pre_oxy") -> Case:
     """The patient as assumed here: 70 years, 165 cm, 60 kg, 120 beats/min; cannulae 21 and 17 Fr."""
     return Case.model_validate(
         {
             "patient": {
-                "id": "Thiel 2025, section 3.3",
-                "sex": "female",
-                "age_years": 70,
-                "height_cm": 165,
-                "weight_kg": 60,
-                "heart_rate_bpm": 120,
+                "id": "Thiel 2025, section 3.3", "sex": "female", "age_years": 70, "height_cm": 165,
+                "weight_kg": 60, "heart_rate_bpm": 120,
             },
             "ecmo": {
-                "pump": "Rotaflow",
-                "speed_rpm": AT_CASE,
-                "oxygenator": "Quadrox-i Adult",
-                "drainage_site": "ra",
-                "drainage_cannula": "venous",
-                "drainage_fr": 21,
-                "return_site": "ao",
-                "return_cannula": "arterial",
-                "return_fr": 17,
+                "pump": "Rotaflow", "speed_rpm": AT_CASE, "oxygenator": "Quadrox-i Adult",
+                "drainage_site": "ra", "drainage_cannula": "venous", "drainage_fr": 21,
+                "return_site": "ao", "return_cannula": "arterial", "return_fr": 17,
             },
-            "crrt": {"flow_ml_min": 200, "access_site": scheme_access, "return_site": scheme_return},
+            "crrt": {"flow_ml_min": 200, "access_site": access_site, "return_site": return_site},
             "parameters": dict(TABLE_S4),
         }
-    )
+    )  # fmt: skip
+
+
+def with_blood_volume(case: Case, volume_ml: float) -> Case:
+    """The case with the weight that gives a blood volume."""
+    one_kg = blood_volume_ml(case.patient.model_copy(update={"weight_kg": 1.0}))
+    patient = case.patient.model_copy(update={"weight_kg": (volume_ml / one_kg) ** 2})
+    return case.model_copy(update={"patient": patient})
 
 
 @dataclass(frozen=True)
@@ -85,7 +82,7 @@ def search_unstated(case: Case | None = None) -> Unstated:
     from scipy.optimize import minimize
 
     case = paper_case() if case is None else case
-    printed = [p for p in SECTION_3_3 if not p.remark and p.key[0] == "summary"]
+    printed = [p for p in SECTION_3_3 if not p.remark]
     computed = _on_grid(case, printed)
     surfaces = RegularGridInterpolator((RATES_BPM, VOLUMES_ML), computed, method="cubic")
     target = np.array([p.value for p in printed])
@@ -113,15 +110,14 @@ def search_unstated(case: Case | None = None) -> Unstated:
 def explained_case(found: Unstated) -> Case:
     """The patient with the age printed, the heart rate found, and a weight for the blood volume found."""
     case = paper_case()
-    known = case.patient.model_copy(update={"age_years": 69.0, "height_cm": 160.0})
-    one_kg = blood_volume_ml(known.model_copy(update={"weight_kg": 1.0}))
-    changes = {"weight_kg": (found.blood_volume_ml / one_kg) ** 2, "heart_rate_bpm": found.heart_rate_bpm}
-    return case.model_copy(update={"patient": known.model_copy(update=changes)})
+    known = {"age_years": 69.0, "height_cm": 160.0, "heart_rate_bpm": found.heart_rate_bpm}
+    patient = case.patient.model_copy(update=known)
+    return with_blood_volume(case.model_copy(update={"patient": patient}), found.blood_volume_ml)
 
 
 def tolerance_of(printed: Printed) -> float:
     """Half a unit of the last printed digit, and our own error."""
-    return 0.5 * 10.0**-printed.digits + MODEL_TOLERANCE * abs(printed.value)
+    return 0.5 * 10.0**-printed.decimals + MODEL_TOLERANCE * abs(printed.value)
 
 
 def _on_grid(case: Case, printed: list[Printed]) -> np.ndarray:
@@ -144,5 +140,6 @@ def _on_grid(case: Case, printed: list[Printed]) -> np.ndarray:
     data = {name: (dims, value(records, name).reshape(shape)) for name in SUMMARISED}
     coordinates = {"scheme": [s.letter for s in bench.schemes], "speed": speeds}
     summary = summarise(xr.Dataset(data, coordinates))
-    rows = [summary[str(p.key[2])].sel(speed=p.key[1]).transpose("rate", "volume").values for p in printed]
-    return np.stack(rows, axis=-1)
+    what = [p.what for p in printed if isinstance(p.what, OverSchemes)]
+    surfaces = [summary[f"{w.quantity}_{w.statistic}"].sel(speed=w.speed) for w in what]
+    return np.stack([one.transpose("rate", "volume").values for one in surfaces], axis=-1)

@@ -1,4 +1,4 @@
-"""Every table and figure of the paper beside what eclsim computes, with the reason where they differ."""
+"""The paper recomputed: which figures and tables, how much of them, and the files; loads nothing heavy."""
 
 from __future__ import annotations
 
@@ -7,14 +7,40 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eclsim.paper.settings import PARTS, ReproductionSettings
-
 if TYPE_CHECKING:
-    from eclsim.paper.cohort import CohortPart
-    from eclsim.paper.crrt import CrrtPart
-    from eclsim.paper.positions import PositionsPart
-    from eclsim.paper.rows import Row
-    from eclsim.paper.sensitivity import SensitivityPart
+    from eclsim.paper.cohort import CohortComparison
+    from eclsim.paper.comparison import Row
+    from eclsim.paper.crrt import CrrtComparison
+    from eclsim.paper.sensitivity import CirculationComparison, PositionsComparison
+
+PARTS = ("crrt", "sensitivity", "positions", "cohort")
+"""Parts of the paper: the CRRT study; sensitivity of the circulation; positions of the CRRT lines as inputs
+of a sensitivity analysis; fits of the cohort."""
+USUAL_SAMPLES = 512
+USUAL_EXPLORE = 30
+
+
+INDEX = "index.html"
+FILES = (INDEX, "reproduction.csv", "reproduction.json")
+RUNS = "runs"
+"""Folder of what takes long, so that it can be gone on with."""
+
+
+@dataclass(frozen=True)
+class ReproductionSettings:
+    """How much is computed.
+
+    Args:
+        samples: rows N of the sensitivity analyses; the paper has 2048.
+        explore: explored sets of parameters for each free one in the fits of the cohort.
+        cohort: table of measurements; None takes the synthetic cohort.
+        resume: whether to go on with what is there.
+    """
+
+    samples: int = USUAL_SAMPLES
+    explore: int = USUAL_EXPLORE
+    cohort: Path | None = None
+    resume: bool = False
 
 
 @dataclass(frozen=True)
@@ -29,10 +55,10 @@ class Reproduction:
         tables: a row for each value of Tables S-1 to S-4.
     """
 
-    crrt: CrrtPart
-    sensitivity: SensitivityPart | None
-    positions: PositionsPart | None
-    cohort: CohortPart | None
+    crrt: CrrtComparison
+    sensitivity: CirculationComparison | None
+    positions: PositionsComparison | None
+    cohort: CohortComparison | None
     tables: tuple[Row, ...]
 
     @property
@@ -63,14 +89,13 @@ def reproduce(
     """
     from eclsim.paper.cohort import reproduce_cohort
     from eclsim.paper.crrt import reproduce_crrt, table_rows
-    from eclsim.paper.positions import reproduce_positions
-    from eclsim.paper.sensitivity import reproduce_sensitivity
+    from eclsim.paper.sensitivity import reproduce_circulation, reproduce_positions
 
     chosen = settings or ReproductionSettings()
     crrt = reproduce_crrt(progress)
     sensitivity = positions = cohort = None
     if "sensitivity" in parts:
-        sensitivity = reproduce_sensitivity(folder / "sensitivity", chosen.samples, chosen.resume, progress)
+        sensitivity = reproduce_circulation(folder / "sensitivity", chosen.samples, chosen.resume, progress)
     if "positions" in parts:
         positions = reproduce_positions(
             folder / "positions", crrt.unstated, chosen.samples, chosen.resume, progress
@@ -78,3 +103,86 @@ def reproduce(
     if "cohort" in parts:
         cohort = reproduce_cohort(folder / "cohort", chosen.cohort, chosen.explore, chosen.resume, progress)
     return Reproduction(crrt, sensitivity, positions, cohort, tuple(table_rows()))
+
+
+# --- everything that is numbered in the paper -----------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """A figure or table of the paper.
+
+    Args:
+        number: as the paper counts, such as "S-1".
+        part: of the recomputation that it belongs to.
+        words: what ours shows.
+        drawings: names of its drawings; none for a table.
+    """
+
+    number: str
+    part: str
+    words: str
+    drawings: tuple[str, ...] = ()
+
+    @property
+    def kind(self) -> str:
+        """Figure or table."""
+        return "Figure" if self.drawings else "Table"
+
+    @property
+    def title(self) -> str:
+        """Kind and number."""
+        return f"{self.kind} {self.number}"
+
+    @property
+    def key(self) -> str:
+        """Name in files and links."""
+        return f"{self.kind}_{self.number}".lower().replace("-", "")
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Names of its files."""
+        if not self.drawings:
+            return (f"{self.key}.csv",)
+        letters = "" if len(self.drawings) == 1 else "abcdefgh"
+        return tuple(f"{self.key}{letters[k : k + 1]}.svg" for k in range(len(self.drawings)))
+
+
+_SENSITIVITY, _POSITIONS = "sensitivity of V-A ECMO", "positions of the CRRT lines as inputs"
+
+ITEMS = (
+    Item("1", "crrt", "the model: patient, ECMO and CRRT, with the mean pressures and flows of scheme g",
+         ("circuit",)),
+    Item("2", "crrt", "the nine ways of connecting the CRRT, ranked for this patient", ("schemes",)),
+    Item("3", "sensitivity", f"total orders, {_SENSITIVITY}", ("total",)),
+    Item("4", "cohort", "a cohort's measured and simulated values, and their distributions",
+         ("scatter", "boxes")),
+    Item("5", "crrt", "two beats of every scheme at 3425 rpm: patient, right ventricle, CRRT lines",
+         ("beat",)),
+    Item("6", "crrt", "cycle means of every scheme over the ECMO flow", ("speeds",)),
+    Item("7", "positions", f"total orders, {_POSITIONS}", ("total",)),
+    Item("S-1", "sensitivity", f"total orders against the number of rows, {_SENSITIVITY}", ("convergence",)),
+    Item("S-2", "cohort", "slices through the objective of one data point", ("slices",)),
+    Item("S-3", "sensitivity", f"total less first order, {_SENSITIVITY}", ("difference",)),
+    Item("S-4", "sensitivity", f"total orders summed over the outputs, {_SENSITIVITY}", ("sums",)),
+    Item("S-5", "positions", f"total orders summed over the outputs, {_POSITIONS}", ("sums",)),
+    Item("S-6", "positions", f"distributions of the outputs, {_POSITIONS}", ("distributions",)),
+    Item("S-7", "positions", f"total less first order, {_POSITIONS}", ("difference",)),
+    Item("1", "cohort", "what was measured: median, smallest, largest"),
+    Item("2", "sensitivity", "sums of the total orders of the parameters that are fitted"),
+    Item("S-1", "crrt", "parameters of the circulation"),
+    Item("S-2", "crrt", "parameters of the ECMO circuit"),
+    Item("S-3", "crrt", "parameters of the CRRT circuit"),
+    Item("S-4", "crrt", "fitted parameters of the patient of section 3.3"),
+)  # fmt: skip
+"""Everything that is numbered in the paper."""
+
+
+def items_of(parts: Sequence[str]) -> tuple[Item, ...]:
+    """The figures and tables of some parts; those of the CRRT study are always there."""
+    return tuple(item for item in ITEMS if item.part in ("crrt", *parts))
+
+
+def file_names() -> tuple[str, ...]:
+    """Names of all files that may be written."""
+    return (*FILES, *(name for item in ITEMS for name in item.files))

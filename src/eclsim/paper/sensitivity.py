@@ -1,39 +1,48 @@
-"""Figures 3, S-1, S-3, S-4 and Table 2: the sensitivity analysis of a patient on V-A ECMO.
+"""Sensitivity analyses of the paper: of the circulation on V-A ECMO, and of the positions of the CRRT lines.
 
-The paper names three states (normal, hypertensive, hypotensive) and prints start values of none. Ours is the
-patient of section 3.3 with the parameters of Table S-1; once more it is done for a man of average size.
+Figures 3, S-1, S-3, S-4 and Table 2: the paper names three states (normal, hypertensive, hypotensive) and
+prints start values of none. Ours is the patient of section 3.3 with the parameters of Table S-1; once more it
+is done for a man of average size.
+
+Figures 7, S-5, S-6 and S-7: the published code drew the positions at random over Saltelli's finished design,
+so that two runs that should differ in one factor differ in the positions too. Ours has them as inputs of the
+design; once more they are drawn, which shows what of the paper's statements comes from it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from eclsim.cases.case import Case
 from eclsim.execution import Distribution
 from eclsim.orbit.model import model_of
-from eclsim.paper.patient import paper_case
-from eclsim.paper.rows import Row, statement
-from eclsim.sensitivity.analysis import SobolSettings, sensitivity
-from eclsim.sensitivity.inputs import CARDIOVASCULAR
+from eclsim.paper.comparison import Row, Verdict, printed_number, statement
+from eclsim.paper.patient import Unstated, explained_case, paper_case
+from eclsim.paper.printed import RUNS, SAMPLES, TABLE_2
+from eclsim.sensitivity.analysis import SobolSettings, plan_analysis, run_analysis, sensitivity
+from eclsim.sensitivity.inputs import ACCESS, CARDIOVASCULAR, RETURN, Categorical
 from eclsim.sensitivity.patients import TARGETS, state_values
 from eclsim.sensitivity.results import Indices, SensitivityResult
+from eclsim.sensitivity.runs import Analysis, Evaluator, Runs
 
-TABLE_2 = {
-    "Rmc": 3.80, "Emaxlv": 1.60, "Rpmc": 0.60, "Emaxrv": 0.32, "Csart": 0.25, "Edla": 0.19, "Rsvn": 0.14,
-}  # fmt: skip
-"""Sum of the total orders over the seven outputs, as printed; the parameters selected for the fits."""
-PAPER_SAMPLES, PAPER_RUNS = 2048, 102400
-ADDITIVE = 0.05
-SMALL = 0.1
-_STATES = "which rows make up 90 % of PCWP is decided at the cut, see the documentation, page Sensitivity"
+ADDITIVE, SMALL = 0.05, 0.1
+SPEED = "ecmo.speed_rpm"
+DRAWN_SEED = 7
+NEGLIGIBLE, PAIR = 0.05, 0.05
+_CUT = "which rows make up 90 % of PCWP is decided at the cut, see the documentation, page Sensitivity"
+_DRAWN = "an effect of drawing the positions over the finished design, as the published code did"
+_NEITHER = "neither as inputs of the design nor drawn; nothing is printed to compare with"
+
+Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class SensitivityPart:
+class CirculationComparison:
     """The analyses beside the paper.
 
     Args:
@@ -62,9 +71,9 @@ def healthy_parameters_case(average: bool) -> Case:
     return case.model_copy(update={"patient": patient, "crrt": None, "parameters": {}})
 
 
-def reproduce_sensitivity(
-    folder: Path, samples: int, resume: bool, progress: Callable[[str], None] = lambda _: None
-) -> SensitivityPart:
+def reproduce_circulation(
+    folder: Path, samples: int, resume: bool, progress: Progress = lambda _: None
+) -> CirculationComparison:
     """Run the analyses and compare.
 
     Args:
@@ -77,10 +86,9 @@ def reproduce_sensitivity(
     def run(name: str, case: Case, state: str = "") -> SensitivityResult:
         words = f"sensitivity, {name}" + (f", {state}" if state else "")
         values = state_values(model_of(case), state) if state else None
-        settings = SobolSettings(samples=samples, second_order=False, values=values)
         return sensitivity(
             case,
-            settings=settings,
+            settings=SobolSettings(samples=samples, second_order=False, values=values),
             folder=folder / f"{name}{'_' if state else ''}{state}",
             distribution=Distribution(resume=resume, force=not resume),
             progress=lambda p: progress(f"{words}: {p.done} of {p.total} blocks"),
@@ -89,18 +97,19 @@ def reproduce_sensitivity(
     woman, man = healthy_parameters_case(False), healthy_parameters_case(True)
     assumed, average = run("assumed", woman), run("average", man)
     states = {state: run("average", man, state) for state in TARGETS}
-    rows = (*_table_2(assumed.indices, average.indices), *_claims(assumed, average, states))
-    return SensitivityPart(rows, assumed, average, states, samples)
+    rows = (*_table_2(assumed.indices, average.indices), *_statements(assumed, average, states))
+    return CirculationComparison(rows, assumed, average, states, samples)
 
 
 def _table_2(assumed: Indices, average: Indices) -> list[Row]:
     rows = []
     for name, printed in TABLE_2.items():
         (ours, width), (found, _) = _sum(assumed, name), _sum(average, name)
-        why = f"start values are not printed; N = {assumed.samples}, 95 % interval ± {width:.2f}"
-        quantity = f"sum of the total orders of {name}"
-        row = Row("Table 2", quantity, "1", printed, ours, found, 2, 0.005 + width, why)
-        rows.append(row.because("") if row.as_printed else row)
+        reason = f"start values are not printed; N = {assumed.samples}, 95 % interval ± {width:.2f}"
+        rows.append(
+            printed_number("Table 2", f"sum of the total orders of {name}", "1", printed, ours, decimals=2,
+                           tolerance=0.005 + width, explained=found, reason=reason)
+        )  # fmt: skip
     return rows
 
 
@@ -113,11 +122,11 @@ def _sum(indices: Indices, name: str) -> tuple[float, float]:
     return indices.sums[name], float(indices.estimates.ST_conf[:, k].sum())
 
 
-def _claims(
+def _statements(
     assumed: SensitivityResult, average: SensitivityResult, states: dict[str, SensitivityResult]
 ) -> list[Row]:
     first, second = assumed.indices, average.indices
-    runs = PAPER_SAMPLES * (2 * len(CARDIOVASCULAR) + 2)
+    runs = SAMPLES * (2 * len(CARDIOVASCULAR) + 2)
     union = {name for one in states.values() for name in one.indices.union()}
     more = ", ".join(sorted(union - set(TABLE_2)))
     said = (
@@ -133,18 +142,18 @@ def _claims(
          lambda i: list(i.sums)[: len(TABLE_2)] == list(TABLE_2)),
         ("3.1, Figure S-3", "parameters act independently (total less first order below 0.05)", _additive),
     )  # fmt: skip
-    lacking = _lacking(first)
-    rows = [statement(where, words, holds(first), "", holds(second)) for where, words, holds in said]
+    why, lacking = "start values are not printed", _lacking(first)
+    rows = [statement(where, words, holds(first), why, holds(second)) for where, words, holds in said]
     return [
-        Row("2.3", "runs at N = 2048 for 24 parameters", "1", PAPER_RUNS, runs, None, 0, 0.5),
+        printed_number("2.3", "runs at N = 2048 for 24 parameters", "1", RUNS, runs),
         statement("3.1", "Rmc and Emaxlv are among those that make up 90 % of every output", not lacking,
                   f"{lacking} is not", not _lacking(second)),
-        *(row if row.as_printed else row.because("start values are not printed") for row in rows),
+        *rows,
         statement("3.1", "the seven are selected over the three states", set(TABLE_2) <= union),
-        Row("3.1", "number of parameters selected over the three states", "1", len(TABLE_2), len(union), None,
-            0, 0.5, f"besides the seven: {more}; {_STATES}" if more else ""),
+        printed_number("3.1", "number of parameters selected over the three states", "1", len(TABLE_2),
+                       len(union), reason=f"besides the seven: {more}; {_CUT}" if more else ""),
         statement("2.3", "leading total orders have standard deviations below 5 %", _settled(first),
-                  f"at N = {first.samples}; the paper's N is {PAPER_SAMPLES}", _settled(second)),
+                  f"at N = {first.samples}; the paper's N is {SAMPLES}", _settled(second)),
     ]  # fmt: skip
 
 
@@ -178,3 +187,171 @@ def _settled(indices: Indices) -> bool:
     leading = np.argmax(e.ST, axis=1)[:, None]
     deviation = np.take_along_axis(e.ST_conf, leading, 1) / 1.96 / np.take_along_axis(e.ST, leading, 1)
     return float(deviation.max()) < 0.05
+
+
+# --- positions of the CRRT lines as inputs --------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class PositionsComparison:
+    """The analyses beside the paper.
+
+    Args:
+        rows: one for each number and statement.
+        designed: with the positions as inputs of the design; the figures show it.
+        drawn: with the positions drawn over the design, as the published code did.
+        samples: rows N of each design.
+    """
+
+    rows: tuple[Row, ...]
+    designed: SensitivityResult
+    drawn: SensitivityResult
+    samples: int
+
+
+@dataclass(frozen=True)
+class RedrawnChoices:
+    """An evaluator that throws the choices of the design away and draws its own, per block."""
+
+    evaluator: Evaluator
+    choices: tuple[Categorical, ...]
+    seed: int = DRAWN_SEED
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        return self.evaluator.outputs
+
+    def __call__(self, settings: Mapping[str, np.ndarray], count: int) -> Runs:
+        """Run some points with other choices than those of the design."""
+        first = int(np.frombuffer(next(iter(settings.values()))[:1].tobytes(), dtype=np.uint32)[0])
+        random = np.random.default_rng([self.seed, first])
+        drawn = dict(settings)
+        for choice in self.choices:
+            drawn |= choice.settings(random.random(count))
+        return self.evaluator(drawn, count)
+
+    def description(self) -> dict[str, Any]:
+        """As plain data."""
+        names = [choice.name for choice in self.choices]
+        return self.evaluator.description() | {"drawn_over_the_design": names, "drawn_seed": self.seed}
+
+
+def reproduce_positions(
+    folder: Path,
+    unstated: Unstated,
+    samples: int,
+    resume: bool,
+    progress: Progress = lambda _: None,
+) -> PositionsComparison:
+    """Run both analyses and compare.
+
+    Args:
+        folder: keeps the runs.
+        unstated: of the patient, as found with the numbers of section 3.3.
+        samples: rows N of each design, a power of two.
+        resume: whether to go on with what the folder holds.
+        progress: is told what is being computed.
+    """
+    case = explained_case(unstated)
+    settings = SobolSettings(samples=samples, groups=("R", "C", "L", "E"), include=(ACCESS, RETURN, SPEED))
+    plan = plan_analysis(case, settings)
+    choices = tuple(i for i in plan.design.inputs if isinstance(i, Categorical))
+    redrawn = replace(plan, evaluator=RedrawnChoices(plan.evaluator, choices))
+
+    def run(analysis: Analysis, name: str, title: str) -> SensitivityResult:
+        with Distribution(resume=resume, force=not resume).running() as executor:
+            return run_analysis(
+                analysis, folder / name, executor,
+                progress=lambda p: progress(f"{title}: {p.done} of {p.total} blocks"),
+            )  # fmt: skip
+
+    designed = run(plan, "designed", "sensitivity to the CRRT's positions")
+    drawn = run(redrawn, "drawn", "the same, positions drawn over the design")
+    return PositionsComparison(tuple(position_rows(designed, drawn)), designed, drawn, samples)
+
+
+def position_rows(designed: SensitivityResult, drawn: SensitivityResult) -> list[Row]:
+    """What the text says of Figures 7 and S-5 to S-7."""
+    ours, theirs = designed.indices, drawn.indices
+    seven, five = "3.3, Figure 7", "3.3, Figure S-5"
+    said = (
+        (seven, "pump speed has the largest sum of total orders", lambda i: next(iter(i.sums)) == SPEED),
+        (seven, "the resistances come second", lambda i: list(i.sums)[1] == "R"),
+        (seven, "on MPAP and CO, C and L matter at least half as much as the positions", _as_c_and_l),
+        (seven, "on MPAP and CO, E matters at most twice as much as the return position", _as_e),
+        (five, "the access position helps to make up 90 % of MPAP and CO", lambda i: _selected(i, ACCESS)),
+        (five, "the return position helps to make up 90 % of MPAP and CO", lambda i: _selected(i, RETURN)),
+        ("4", "first orders of both positions are below 0.05 on MPAP and CO", _no_first),
+        ("4", "the strongest pair is that of both positions, or resistances and pump speed", _strongest_pair),
+        ("4", "that pair is beyond its 95 % interval and above 0.05 for MPAP or CO", _strong_pair),
+    )
+    rows = [statement(where, words, holds(ours), _DRAWN, holds(theirs)) for where, words, holds in said]
+    rows = [row.because(_NEITHER) if row.verdict is Verdict.DIFFERS else row for row in rows]
+    return rows + _ranges(designed, drawn)
+
+
+def _ranges(designed: SensitivityResult, drawn: SensitivityResult) -> list[Row]:
+    """Smallest and largest of what the samples give, printed in round numbers."""
+    rows = []
+    for name, unit, low, high, decimals in (("MAP", "mmHg", 50.0, 100.0, -1), ("PF", "L/min", 2.0, 5.0, 0)):
+        k = designed.indices.outputs.index(name)
+        for words, printed, choose in (("smallest", low, np.min), ("largest", high, np.max)):
+            ours, other = (float(choose(f.values[:, :, k])) for f in (designed, drawn))
+            rows.append(
+                printed_number("3.3, Figure S-6", f"{words} {name} of the samples", unit, printed, ours,
+                               decimals=decimals, explained=other, reason="printed in round numbers")
+            )  # fmt: skip
+    return rows
+
+
+def _total(indices: Indices, output: str, factor: str) -> float:
+    return float(indices.estimates.ST[indices.outputs.index(output), indices.factors.index(factor)])
+
+
+def _as_c_and_l(indices: Indices) -> bool:
+    return all(
+        min(_total(indices, output, "C"), _total(indices, output, "L"))
+        >= 0.5 * max(_total(indices, output, ACCESS), _total(indices, output, RETURN))
+        for output in ("MPAP", "CO")
+    )
+
+
+def _as_e(indices: Indices) -> bool:
+    return all(_total(indices, o, "E") <= 2.0 * _total(indices, o, RETURN) for o in ("MPAP", "CO"))
+
+
+def _selected(indices: Indices, factor: str) -> bool:
+    return all(factor in indices.selected()[output] for output in ("MPAP", "CO"))
+
+
+def _no_first(indices: Indices) -> bool:
+    rows = [indices.outputs.index(o) for o in ("MPAP", "CO")]
+    columns = [indices.factors.index(f) for f in (ACCESS, RETURN)]
+    return bool((indices.estimates.S1[np.ix_(rows, columns)] < NEGLIGIBLE).all())
+
+
+def _pairs(indices: Indices, output: str) -> list[tuple[float, float, frozenset[str]]]:
+    e, k = indices.estimates, indices.outputs.index(output)
+    assert e.S2 is not None
+    assert e.S2_conf is not None
+    found = [
+        (float(e.S2[k, i, j]), float(e.S2_conf[k, i, j]), frozenset((indices.factors[i], indices.factors[j])))
+        for i, j in zip(*np.triu_indices(len(indices.factors), 1), strict=True)
+    ]
+    return sorted(found, key=lambda one: -one[0])
+
+
+_NAMED = (frozenset((ACCESS, RETURN)), frozenset(("R", SPEED)))
+
+
+def _strongest_pair(indices: Indices) -> bool:
+    return all(_pairs(indices, output)[0][2] in _NAMED for output in ("MPAP", "CO"))
+
+
+def _strong_pair(indices: Indices) -> bool:
+    return any(
+        names in _NAMED and value > max(width, PAIR)
+        for output in ("MPAP", "CO")
+        for value, width, names in _pairs(indices, output)
+    )

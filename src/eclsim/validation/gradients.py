@@ -18,8 +18,8 @@ from eclsim.orbit.steady import Batch, steady_beats
 from eclsim.outputs.derivatives import output_derivatives
 from eclsim.outputs.evaluation import batch_outputs
 from eclsim.outputs.registry import output
-from eclsim.validation.cases import DATA, reference_model
-from eclsim.validation.rows import Check, Explanation, Row, near
+from eclsim.paper.comparison import Check, Explanation, Row, near
+from eclsim.validation.reference_cases import DATA, reference_model
 
 CASES = {"default": "va_ecmo_default", "s4": "s4_no_crrt_3425"}
 """Key of `gradients.json`, and the reference case it belongs to."""

@@ -5,17 +5,26 @@ from __future__ import annotations
 import csv
 import json
 from functools import lru_cache
+from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eclsim.outputs.dataset import simulate
-from eclsim.validation.cases import DATA, case_names, reference_model
-from eclsim.validation.rows import Check, Explanation, Row, near
+from eclsim.paper.comparison import Check, Explanation, Row, near
+from eclsim.paper.printed import AT_CASE, MEDIAN, TEXT, OfScheme, OverSchemes, Printed
+from eclsim.reporting.beat_values import beat_mean, scalar
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from eclsim.cases.case import Case
+    from eclsim.orbit.model import Model
+
+DATA = Path(str(files("eclsim.validation") / "data"))
+"""Folder of the embedded data."""
+PAPER_PATIENT = "s4_crrt_g_3425"
+"""The patient of Table S-4 at 3425 rpm, CRRT connected as in scheme g."""
 QUICK = (
     "cvs_healthy_75bpm", "cvs_default_120bpm", "va_ecmo_default", "vv_ecmo_3000",
     "s4_no_crrt_3425", "s4_crrt_g_3425", "lvad_hvad_2600",
@@ -38,16 +47,61 @@ PUBLISHED_LAWS = (
 )
 
 
+def case_names() -> tuple[str, ...]:
+    """Names of the 26 reference cases, in alphabetical order."""
+    return tuple(sorted(file.stem for file in (DATA / "cases").glob("*.toml")))
+
+
+def reference_case(name: str) -> Case:
+    """A reference case, without the warnings of reading it (some are unusual on purpose)."""
+    from eclsim.cases.reading import read_case
+
+    return read_case(DATA / "cases" / f"{name}.toml").case
+
+
+def reference_model(name: str) -> Model:
+    """Circuit and values of a reference case."""
+    from eclsim.orbit.model import model_of
+
+    return model_of(reference_case(name))
+
+
+@lru_cache(maxsize=64)
+def reference_result(name: str) -> xr.Dataset:
+    """eclsim's steady beat of a reference case."""
+    from eclsim.outputs.dataset import simulate
+
+    return simulate(reference_model(name))
+
+
 @lru_cache(maxsize=1)
 def expected_results() -> dict[str, Any]:
     """Outputs and waveform statistics of the published code, by case."""
     return json.loads((DATA / "expected.json").read_text(encoding="utf-8"))
 
 
-@lru_cache(maxsize=64)
-def reference_result(name: str) -> xr.Dataset:
-    """eclsim's steady beat of a reference case."""
-    return simulate(reference_model(name))
+def read_table(name: str) -> list[dict[str, str]]:
+    """Rows of an embedded table."""
+    with (DATA / name).open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def checks(quick: bool = False) -> list[Check]:
+    """Outputs and waveforms of all cases, or of a few."""
+    names = QUICK if quick else case_names()
+    outputs = tuple(row for name in names for row in output_rows(name))
+    waveforms = tuple(row for name in names for row in waveform_rows(name))
+    return [
+        Check(
+            "outputs", f"Reference cases ({len(names)}): clinical outputs and chamber volumes",
+            "0.5 %, or 0.1 mmHg, 0.02 L/min, 0.5 mL", outputs,
+        ),
+        Check(
+            "waveforms", f"Reference cases ({len(names)}): mean, minimum and maximum of every waveform",
+            "1 % of the range, or 0.3 mmHg, 2 mL/s, 0.5 mL; exceptions explained", waveforms,
+            explained_pass=True,
+        ),
+    ]  # fmt: skip
 
 
 def output_rows(name: str) -> list[Row]:
@@ -63,24 +117,27 @@ def output_rows(name: str) -> list[Row]:
 def waveform_rows(name: str) -> list[Row]:
     """Mean, minimum and maximum of every waveform of a case."""
     result, rows = reference_result(name), []
-    phase = result["phase"].values
     for signal, expected in expected_results()[name]["waveforms"].items():
-        series = result[signal].values
-        got = {"mean": np.trapezoid(series, phase), "min": series.min(), "max": series.max()}
         tolerance = max(OF_RANGE * (expected["max"] - expected["min"]), WAVEFORM_ABSOLUTE[signal[0]])
-        for kind, number in got.items():
+        for kind, value in waveform_statistics(result, signal).items():
             label, unit = f"{name} {signal} {kind}", WAVEFORM_UNITS[signal[0]]
-            why = explanation(label, expected[kind], float(number), tolerance)
-            rows.append(near(label, expected[kind], number, tolerance, unit, explanation=why))
+            why = explanation(label, expected[kind], value, tolerance)
+            rows.append(near(label, expected[kind], value, tolerance, unit, explanation=why))
     return rows
+
+
+def waveform_statistics(result: xr.Dataset, signal: str) -> dict[str, float]:
+    """Mean, minimum and maximum of a waveform on the grid of the beat."""
+    series = result[signal].values
+    mean = np.trapezoid(series, result["phase"].values)
+    return {"mean": float(mean), "min": float(series.min()), "max": float(series.max())}
 
 
 @lru_cache(maxsize=1)
 def _with_published_laws() -> dict[str, tuple[float, float]]:
     """Statistics with the published code's laws, and those of eclsim's own that they were compared with."""
-    with (DATA / "published_laws.csv").open(encoding="utf-8", newline="") as file:
-        rows = csv.DictReader(file)
-        return {row["statistic"]: (float(row["value"]), float(row["eclsim"])) for row in rows}
+    rows = read_table("published_laws.csv")
+    return {row["statistic"]: (float(row["value"]), float(row["eclsim"])) for row in rows}
 
 
 def explanation(label: str, expected: float, got: float, tolerance: float) -> Explanation | None:
@@ -102,19 +159,43 @@ def explanation(label: str, expected: float, got: float, tolerance: float) -> Ex
     )
 
 
-def checks(quick: bool = False) -> list[Check]:
-    """Outputs and waveforms of all cases, or of a few."""
-    names = QUICK if quick else case_names()
-    outputs = tuple(row for name in names for row in output_rows(name))
-    waveforms = tuple(row for name in names for row in waveform_rows(name))
-    return [
-        Check(
-            "outputs", f"Reference cases ({len(names)}): clinical outputs and chamber volumes",
-            "0.5 %, or 0.1 mmHg, 0.02 L/min, 0.5 mL", outputs,
-        ),
-        Check(
-            "waveforms", f"Reference cases ({len(names)}): mean, minimum and maximum of every waveform",
-            "1 % of the range, or 0.3 mmHg, 2 mL/s, 0.5 mL; exceptions explained", waveforms,
-            explained_pass=True,
-        ),
-    ]  # fmt: skip
+# --- the paper's patient: what `eclsim demo` simulates and compares -------------------------------
+
+DEMO_RELATIVE = 0.02
+DEMO_OUTPUTS = ("SP", "DP", "MAP", "MPAP", "PCWP", "CO", "PF", "EDVRV", "ESVRV", "EDVLV", "ESVLV")
+DEMO_MEDIANS = ("PF", "Psart", "Psvn")
+
+
+def demo_rows(result: xr.Dataset) -> list[Row]:
+    """The steady beat of `PAPER_PATIENT` beside the paper's text and beside a run of the published code.
+
+    The text gives the ECMO flow and the CRRT pressures of scheme g; its arterial and venous pressures are
+    medians over all nine schemes, so those of scheme g alone lie near them and not on them.
+    """
+    rows = [_demo_row(printed, result) for printed in TEXT if _of_the_demo(printed)]
+    for name in DEMO_OUTPUTS:
+        expected = expected_results()[PAPER_PATIENT]["outputs"][name]
+        unit, tolerance = str(result[name].attrs["units"]), RELATIVE * expected
+        source = "published code, 120 s"
+        rows.append(near(name, expected, float(result[name]), tolerance, unit, source=source))
+    return rows
+
+
+def _of_the_demo(printed: Printed) -> bool:
+    match printed.what:
+        case OverSchemes(quantity, statistic, speed):
+            return quantity in DEMO_MEDIANS and statistic == MEDIAN and speed == AT_CASE
+        case OfScheme(scheme="g"):
+            return not printed.other_data
+    return False
+
+
+def _demo_row(printed: Printed, result: xr.Dataset) -> Row:
+    assert isinstance(printed.what, OverSchemes | OfScheme)
+    name = printed.what.quantity
+    value = scalar(result, name)
+    tolerance = max(10.0**-printed.decimals, DEMO_RELATIVE * printed.value)
+    median = ", median of nine schemes" if isinstance(printed.what, OverSchemes) else ""
+    source = f"paper, section {printed.section.partition(',')[0]}{median}"
+    got = beat_mean(result, name) if value is None else value
+    return near(name, printed.value, got, tolerance, printed.unit, source=source)

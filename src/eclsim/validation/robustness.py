@@ -19,9 +19,9 @@ from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch, SteadyBeats, start_state, steady_beats
 from eclsim.outputs.dataset import simulate
 from eclsim.outputs.evaluation import batch_outputs
+from eclsim.paper.comparison import Check, Row, at_least, at_most
 from eclsim.parameters.identification import BOUNDS
-from eclsim.validation.cases import reference_model
-from eclsim.validation.rows import Check, Row, at_least, at_most
+from eclsim.validation.reference_cases import reference_model
 
 CONFIGURATIONS = {
     "no device": "cvs_default_120bpm",
@@ -104,7 +104,7 @@ def sobol_points(count: int) -> dict[str, np.ndarray]:
 def configuration_model(name: str) -> Model:
     """Circuit and values of a configuration; the fitted parameters are replaced later."""
     from eclsim.orbit.model import model_of
-    from eclsim.validation.cases import reference_case
+    from eclsim.validation.reference_cases import reference_case
 
     first, _, second = CONFIGURATIONS[name].partition(" + ")
     if not second:

@@ -1,10 +1,26 @@
-"""Rows of a comparison: what was expected, what came out, and whether it is within the bar."""
+"""One number held against another: what was expected, what came out, and what to make of the two.
+
+`eclsim reproduce` compares with what the paper prints, `eclsim validate` with other solvers and measurements.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+
+YES_NO = "yes/no"
+"""Unit of a statement: 1 if it holds."""
+
+
+class Verdict(StrEnum):
+    """What a comparison came to."""
+
+    AGREES = "as printed"
+    EXPLAINED = "explained"
+    OTHER_DATA = "other data"
+    DIFFERS = "differs"
 
 
 @dataclass(frozen=True)
@@ -18,7 +34,7 @@ class Explanation:
     """
 
     text: str
-    evidence: tuple[Row, ...]
+    evidence: tuple[Row, ...] = ()
 
     @property
     def holds(self) -> bool:
@@ -35,10 +51,12 @@ class Row:
         got: eclsim's number.
         low: smallest number that passes.
         high: largest number that passes.
-        unit: unit of all of them.
+        unit: unit of all of them; `YES_NO` for a statement.
         expected: the number compared with; None where only a limit or a range is given.
-        explanation: why it misses, where that is known and shown; it stays a miss.
-        source: where the expected number comes from.
+        explanation: why it misses, where that is known; it stays a miss.
+        source: where the expected number comes from; a section of the paper.
+        decimals: of the expected number, as printed.
+        other_data: whether the expected number was measured on patients or circuits that are not ours.
     """
 
     name: str
@@ -49,6 +67,8 @@ class Row:
     expected: float | None = None
     explanation: Explanation | None = None
     source: str = ""
+    decimals: int = 0
+    other_data: bool = False
 
     @property
     def holds(self) -> bool:
@@ -56,18 +76,45 @@ class Row:
         return self.low <= self.got <= self.high
 
     @property
+    def verdict(self) -> Verdict:
+        """What the comparison came to."""
+        if self.holds:
+            return Verdict.AGREES
+        if self.explanation is not None and self.explanation.holds:
+            return Verdict.EXPLAINED
+        return Verdict.OTHER_DATA if self.other_data else Verdict.DIFFERS
+
+    @property
+    def reason(self) -> str:
+        """Why it misses, shown or only supposed; empty where it holds."""
+        return "" if self.holds or self.explanation is None else self.explanation.text
+
+    @property
     def explained(self) -> str:
         """Why it misses; empty where it holds, and where the evidence for the reason no longer does."""
-        if self.holds or self.explanation is None or not self.explanation.holds:
-            return ""
-        return self.explanation.text
+        return self.reason if self.verdict is Verdict.EXPLAINED else ""
+
+    @property
+    def evidence(self) -> tuple[Row, ...]:
+        """Rows that hold if the reason is the right one."""
+        return () if self.explanation is None else self.explanation.evidence
+
+    @property
+    def got_explained(self) -> float | None:
+        """Our number with the reason taken away: that of the first evidence."""
+        return self.evidence[0].got if self.evidence else None
+
+    @property
+    def difference(self) -> float:
+        """Our number less the expected one."""
+        return math.nan if self.expected is None else self.got - self.expected
 
     @property
     def percent(self) -> float | None:
-        """Error in percent of the expected number."""
-        if self.expected is None or self.expected == 0.0:
+        """Difference in percent of the expected number; None for a statement, a range and a zero."""
+        if not self.expected or self.unit == YES_NO:
             return None
-        return 100.0 * (self.got - self.expected) / abs(self.expected)
+        return 100.0 * self.difference / abs(self.expected)
 
     @property
     def used(self) -> float:
@@ -76,13 +123,17 @@ class Row:
             return math.inf
         if self.expected is not None:
             room = self.high - self.expected if self.got >= self.expected else self.expected - self.low
-            distance = abs(self.got - self.expected)
+            distance = abs(self.difference)
         elif self.low == 0.0 or math.isinf(self.high):
             room, distance = (self.high, self.got) if self.low == 0.0 else (self.got, self.low)
         else:
             middle = 0.5 * (self.low + self.high)
             room, distance = self.high - middle, abs(self.got - middle)
         return distance / room if room > 0.0 else (0.0 if distance == 0.0 else math.inf)
+
+    def because(self, reason: str) -> Row:
+        """The same with another reason for a miss, and the evidence that it has."""
+        return replace(self, explanation=Explanation(reason, self.evidence))
 
 
 def near(
@@ -108,6 +159,45 @@ def at_most(name: str, got: float, limit: float, unit: str = "1") -> Row:
 def at_least(name: str, got: float, limit: float, unit: str = "1") -> Row:
     """A row that holds from a limit on."""
     return Row(name, float(got), limit, math.inf, unit)
+
+
+def printed_number(
+    section: str,
+    name: str,
+    unit: str,
+    printed: float,
+    got: float,
+    *,
+    decimals: int = 0,
+    tolerance: float | None = None,
+    explained: float | None = None,
+    reason: str = "",
+    other_data: bool = False,
+) -> Row:
+    """A row for a number that a paper prints.
+
+    Args:
+        section: where it is printed.
+        name: what it is.
+        unit: of the values.
+        printed: as printed.
+        got: ours, with what the paper states and the rest assumed.
+        decimals: printed ones.
+        tolerance: left out, half a unit of the last printed digit.
+        explained: computed once more with what is thought to make the difference.
+        reason: why ours is not what is printed.
+        other_data: whether the number was measured on patients or circuits that are not ours.
+    """
+    allowed = 0.5 * 10.0**-decimals if tolerance is None else tolerance
+    evidence = () if explained is None else (near(name, printed, explained, allowed, unit),)
+    row = near(name, printed, got, allowed, unit, explanation=Explanation(reason, evidence), source=section)
+    return replace(row, decimals=max(decimals, 0), other_data=other_data)
+
+
+def statement(section: str, words: str, holds: bool, reason: str = "", explained: bool | None = None) -> Row:
+    """A statement of a paper's text: whether it holds for ours."""
+    found = None if explained is None else float(explained)
+    return printed_number(section, words, YES_NO, 1.0, float(holds), explained=found, reason=reason)
 
 
 @dataclass(frozen=True)
@@ -139,11 +229,6 @@ class Check:
     def missed(self) -> tuple[Row, ...]:
         """Rows that do not hold."""
         return tuple(row for row in self.rows if not row.holds)
-
-    @property
-    def share(self) -> float:
-        """Share of the rows that hold."""
-        return 1.0 - len(self.missed) / len(self.rows) if self.rows else 0.0
 
     @property
     def holds(self) -> bool:

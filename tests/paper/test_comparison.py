@@ -4,7 +4,18 @@ import math
 import numpy as np
 import pytest
 
-from eclsim.validation.rows import Check, Explanation, Row, at_least, at_most, near, worst
+from eclsim.paper.comparison import (
+    Check,
+    Explanation,
+    Row,
+    Verdict,
+    at_least,
+    at_most,
+    near,
+    printed_number,
+    statement,
+    worst,
+)
 
 SHOWN = Explanation("known", (near("with the reason taken away", 1.0, 1.05, 0.1),))
 NO_LONGER_SHOWN = Explanation("known", (near("with the reason taken away", 1.0, 1.5, 0.1),))
@@ -25,14 +36,15 @@ def test_a_number_that_is_none_never_holds(row: Row):
 
 
 def test_rows_of_array_numbers_are_plain_data():
-    from eclsim.validation.json_object import validation_object
+    from eclsim.files import json_text
+    from eclsim.validation.suite import validation_object
 
     rows = (
         near("a", np.float64(1.0), np.float64(1.0), np.float64(0.1)),
         at_most("b", np.float64(0.0), 1.0),
         at_least("c", np.float64(1.0), 0.5),
     )
-    plain = json.loads(json.dumps(validation_object([Check("k", "t", "b", rows)]), allow_nan=False))
+    plain = json.loads(json_text(validation_object([Check("k", "t", "b", rows)])))
     assert [row["holds"] for row in plain["checks"][0]["rows"]] == [True, True, True]
     assert plain["checks"][0]["rows"][2]["high"] is None
 
@@ -71,7 +83,6 @@ def test_an_explained_miss_is_a_miss_and_excused_only_where_the_bar_allows():
     strict = Check("k", "t", "b", rows)
     allowed = Check("k", "t", "b", rows, explained_pass=True)
     assert [row.name for row in strict.missed] == [row.name for row in allowed.missed] == ["bad"]
-    assert strict.share == 0.5
     assert not strict.holds
     assert allowed.holds
 
@@ -92,3 +103,35 @@ def test_an_explanation_counts_only_while_its_evidence_holds(explanation: Explan
 
 def test_a_check_without_rows_does_not_hold():
     assert not Check("k", "t", "b", ()).holds
+
+
+def pressure(ours: float, explained: float | None = None, *, other_data: bool = False) -> Row:
+    return printed_number("3.3", "a pressure", "mmHg", 70.3, ours, decimals=1, explained=explained,
+                          reason="blood", other_data=other_data)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("row", "verdict"),
+    [
+        (pressure(70.34), Verdict.AGREES),
+        (pressure(71.0), Verdict.DIFFERS),
+        (pressure(71.0, 70.3), Verdict.EXPLAINED),
+        (pressure(71.0, 72.0), Verdict.DIFFERS),
+        (pressure(71.0, other_data=True), Verdict.OTHER_DATA),
+        (statement("3.3", "so it is", True), Verdict.AGREES),
+        (statement("3.3", "so it is", False, "because", True), Verdict.EXPLAINED),
+        (near("a", 1.0, 2.0, 0.1, explanation=SHOWN), Verdict.EXPLAINED),
+        (near("a", 1.0, 2.0, 0.1, explanation=NO_LONGER_SHOWN), Verdict.DIFFERS),
+    ],
+)
+def test_a_row_knows_what_the_comparison_came_to(row: Row, verdict: Verdict):
+    assert row.verdict is verdict
+
+
+def test_a_reason_is_shown_where_a_row_misses_and_counts_where_it_was_shown():
+    assert pressure(70.34).reason == ""
+    assert (pressure(71.0).reason, pressure(71.0).explained) == ("blood", "")
+    assert (pressure(71.0, 70.3).reason, pressure(71.0, 70.3).explained) == ("blood", "blood")
+    renamed = pressure(71.0, 70.3).because("volume")
+    assert (renamed.explained, renamed.got_explained) == ("volume", 70.3)
+    assert pressure(71.0).got_explained is None
