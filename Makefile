@@ -11,6 +11,7 @@ BIN     := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 STAMPS  := $(VENV)/.installed
 INPUTS  := pyproject.toml constraints.txt
+SCRIPTS := src/eclsim/app/web tests/app/scripts
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test quick lint format types docs lock clean
@@ -58,10 +59,14 @@ quick: $(STAMPS)/dev  ## run the tests without the slow ones
 lint: $(STAMPS)/dev  ## check style and formatting
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/oxlint $(SCRIPTS)
+	$(BIN)/oxfmt --check $(SCRIPTS)
 
 format: $(STAMPS)/dev  ## apply the formatting
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+	$(BIN)/oxlint --fix $(SCRIPTS)
+	$(BIN)/oxfmt $(SCRIPTS)
 
 types: $(STAMPS)/dev  ## check types
 	$(BIN)/pyright --pythonpath $(BIN)/python

@@ -104,13 +104,13 @@ def latency(page: Page, view: str, turns: int) -> dict[str, float]:
     """From the key that turns the pump's speed to the frame after the repaint [ms]."""
     page.get_by_role("tab", name=view).click()
     page.wait_for_timeout(1500)
-    page.evaluate("eclsim.latency.found.length = 0")
+    page.evaluate("eclsim.latency.times.length = 0")
     page.locator('input[type=range][aria-label="Pump speed"]').focus()
     for turn in range(turns):
         page.keyboard.press("ArrowRight" if turn % 40 < 20 else "ArrowLeft")
         page.wait_for_timeout(250)
     page.wait_for_timeout(500)
-    found = sorted(page.evaluate("eclsim.latency.found"))
+    found = sorted(page.evaluate("eclsim.latency.times"))
     pick = lambda share: round(found[min(int(share * len(found)), len(found) - 1)], 1)  # noqa: E731
     return {"count": len(found), "median": pick(0.5), "p95": pick(0.95), "largest": pick(1.0)}
 

@@ -72,7 +72,7 @@ def test_bad_values_are_said_beside_the_knob_and_change_nothing(open_page, shots
 def test_a_crrt_line_is_dragged_to_another_position(open_page, shots):
     page = open_page()
     before = beat(page)["outputs"]["crrt_access_pressure"]
-    handle = box_at_rest(page.locator('[data-line="access"] .knob'))
+    handle = box_at_rest(page.locator('[data-line="crrt.access_site"] .knob'))
     target = box_at_rest(page.locator('[data-node="ecmotudp"] rect'))
     page.mouse.move(handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2)
     page.mouse.down()
@@ -81,16 +81,16 @@ def test_a_crrt_line_is_dragged_to_another_position(open_page, shots):
     page.mouse.move(target["x"] + target["width"] / 2, target["y"] + target["height"] / 2, steps=3)
     page.mouse.up()
     wait_for(page, f"beat.outputs.crrt_access_pressure < {before} - 100")
-    expect(page.get_by_label("Access line at")).to_have_value("pre_pump")
+    expect(page.get_by_label("Access line at", exact=True)).to_have_value("pre_pump")
 
 
 def test_a_crrt_line_is_moved_with_the_keyboard_and_chosen_from_the_list(open_page):
     page = open_page()
-    handle = page.locator('[data-line="return"]')
+    handle = page.locator('[data-line="crrt.return_site"]')
     handle.focus()
     page.keyboard.press("ArrowRight")
     expect(knob(page, "crrt.return_site")).to_have_value("post_oxy")
-    page.get_by_label("Return line at").select_option("pre_rc")
+    page.get_by_label("Return line at", exact=True).select_option("pre_rc")
     page.wait_for_function("eclsim.bus.last('drawing').lines.some((l) => l.site === 'ecmoreturn' && l.moves)")
 
 

@@ -102,11 +102,11 @@ def test_a_pump_that_sucks_the_heart_dry_is_named_and_no_impossible_number_shown
     tile = page.locator('.ecl-keys [data-key="EF"]')
     expect(tile).to_contain_text("–")
     expect(tile).not_to_contain_text(re.compile(r"\d"))
-    page.locator(".ecl-monitor .lane").first.wait_for()
+    page.locator(".ecl-monitor .trace").first.wait_for()
 
     def nothing_overlaps() -> None:
         overlapping = page.evaluate(
-            "[...document.querySelectorAll('.ecl-monitor .lane')]"
+            "[...document.querySelectorAll('.ecl-monitor .trace')]"
             ".filter((l) => l.scrollHeight > l.clientHeight + 1 || l.scrollWidth > l.clientWidth + 1)"
             ".map((l) => [l.dataset.wave, l.scrollHeight, l.clientHeight])"
         )

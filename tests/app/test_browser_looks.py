@@ -178,7 +178,7 @@ def axe() -> Path:
 
 
 DRAWN = {
-    "monitor": ".ecl-monitor .lane", "loops": ".ecl-chart .scatterlayer .trace",
+    "monitor": ".ecl-monitor .trace", "loops": ".ecl-chart .scatterlayer .trace",
     "ramp": ".ecl-chart .scatterlayer .trace", "schemes": ".ecl-schemes button", "outputs": ".ecl-outputs td",
     "identify": ".ecl-identify input", "compare": ".ecl-compare td",
 }  # fmt: skip

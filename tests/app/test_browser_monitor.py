@@ -14,10 +14,10 @@ pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one serve
 
 TOP_OF_EVERY_BEAT = """() => {
   const canvas = document.querySelector('.ecl-monitor canvas');
-  const lanes = [...document.querySelectorAll('.ecl-monitor .lane')];
-  const [low, high] = lanes[0].dataset.scale.split(',').map(Number);
+  const traces = [...document.querySelectorAll('.ecl-monitor .trace')];
+  const [low, high] = traces[0].dataset.scale.split(',').map(Number);
   const ratio = canvas.width / canvas.getBoundingClientRect().width;
-  const tall = canvas.height / ratio / lanes.length;
+  const tall = canvas.height / ratio / traces.length;
   const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, Math.floor(tall * ratio));
   const left = 40, width = canvas.width / ratio - left;
   const period = eclsim.bus.last('beat').period;

@@ -7,13 +7,14 @@ import zipfile
 
 import pytest
 
-from eclsim.app.exports import ExportError, export, file_stem
+from eclsim.app.exports import ExportError, export
 from eclsim.app.knobs import turn
 from eclsim.app.opening import LARGEST_FILE, MOST_SAID, brief, open_file, with_speeds
 from eclsim.app.state import PageState, preset_state
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.writing import case_text
 from eclsim.crrt_study.settings import StudyError
+from eclsim.files import file_stem
 from eclsim.inputs.mistakes import CaseError
 from small_cohort import HEADER, cohort
 
@@ -84,8 +85,9 @@ def test_long_lists_are_cut_with_a_count():
 def test_file_names_hold_no_path_and_no_markup(name):
     stem = file_stem(name)
     assert stem
-    assert len(stem) <= 60
-    assert not set(stem) & set("/\\<>.:\"' ")
+    assert len(stem) <= 80
+    assert not set(stem) & set("/\\<>:\"' ")
+    assert not stem.startswith(".")
 
 
 def test_tables_have_units_and_the_values_of_the_page():
@@ -134,9 +136,9 @@ def test_what_was_changed_by_hand_is_called_so_in_every_file():
     state = preset_state("paper")
     turned = state.with_case(turn(state.case, "ecmo.speed_rpm", 3000))
     name, content = export(turned, "case")
-    assert name == "Thiel_2025_section_3_3_changed.toml"
+    assert name == "Thiel_2025_section_3.3_changed.toml"
     ((_, case),) = open_file(name, content).cases
     assert case.patient.id == "Thiel 2025, section 3.3 (changed)"
     again = PageState(case, origin="file").with_case(turn(case, "ecmo.speed_rpm", 2000))
     assert b"(changed) (changed)" not in export(again, "case")[1]
-    assert export(state, "case")[0] == "Thiel_2025_section_3_3.toml"
+    assert export(state, "case")[0] == "Thiel_2025_section_3.3.toml"

@@ -238,7 +238,7 @@ def test_a_fit_that_is_judged_again_is_so_in_all_its_states():
         assert one.state == preset_state("healthy")
 
     asyncio.run(turns())
-    names = [data["whose"]["badge"] for topic, data in told if topic == "state"]
+    names = [data["provenance"]["badge"] for topic, data in told if topic == "state"]
     assert names[-2:] == ["Poor fit", "Preset"]
 
 

@@ -12,14 +12,14 @@ HERE = Path(eclsim.app.__file__).parent
 SCRIPTS = "\n".join(p.read_text(encoding="utf-8") for p in HERE.rglob("*.js"))
 MODULES = "\n".join(p.read_text(encoding="utf-8") for p in HERE.glob("*.py") if p.name != "texts.py")
 PREFIXES = (
-    "group_", "key_", "line_", "frame_", "export_", "legend_", "whose_", "badge_", "verdict_", "box_",
-    "wire_", "kind_", "limit_", "scheme_",
+    "group_", "key_", "frame_", "export_", "legend_", "provenance_", "badge_", "verdict_", "box_",
+    "wire_", "kind_", "scheme_",
 )  # fmt: skip
 SUFFIXES = ("_hint", "_long")
 
 
 def test_scripts_use_words_that_exist():
-    used = set(re.findall(r"\bwords\.(\w+)", SCRIPTS))
+    used = set(re.findall(r"\btexts\.(\w+)", SCRIPTS))
     assert used <= set(ENGLISH)
 
 
@@ -44,5 +44,6 @@ def test_scripts_hold_no_sentence_of_their_own():
 
 
 def test_nothing_is_fetched_from_elsewhere():
-    addresses = re.findall(r"(?:https?:)?//[\w.-]+\.\w+/", SCRIPTS + (HERE / "web" / "page.css").read_text())
+    styles = "\n".join(p.read_text(encoding="utf-8") for p in HERE.rglob("*.css"))
+    addresses = re.findall(r"(?:https?:)?//[\w.-]+\.\w+/", SCRIPTS + styles)
     assert addresses == []

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.app.circuits import page_circuit
-from eclsim.app.session import WAVES
+from eclsim.app.display import curves_of, waves_of
 from eclsim.app.state import key_of
-from eclsim.app.studies import RAMP_OUTPUTS, SPEEDS, plain_curve, speed_range
+from eclsim.app.studies import SPEEDS, plain_curve, speed_range
 from eclsim.beat.heartbeat import beat_program
 from eclsim.beat.resolution import needed_resolution
 from eclsim.beat.vectorisation import LANES
@@ -72,7 +72,7 @@ def beat_bands(state: PageState, members: Members, wanted: Wanted) -> dict[str, 
     """Bands of the waveforms and outputs of a state, and loops of members; None if nobody wants them."""
     circuit, values = page_circuit(state.case)
     count = len(members.draws)
-    signals = tuple(n for n in WAVES if n in beat_program(circuit).signals)
+    signals = tuple(n for n in waves_of(state.case) if n in beat_program(circuit).signals)
     solved = solve(
         circuit, members.values(values, count), count, state.policy, values,
         (output_names(circuit), signals), wanted,
@@ -107,7 +107,7 @@ def ramp_bands(state: PageState, members: Members, wanted: Wanted) -> dict[str, 
         return None
     key, _, (low, high) = found
     circuit, values = page_circuit(state.case)
-    names = tuple(n for n in RAMP_OUTPUTS if n in output_names(circuit))
+    names = tuple(c.output for _, c in curves_of(state.case) if c.output in output_names(circuit))
     count = min(RAMP_MEMBERS, len(members.draws))
     speeds = np.linspace(low, high, (SPEEDS + 1) // 2)
     bands: dict[str, list[Any]] = {n: [] for n in names}

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from eclsim.app.texts import ENGLISH
+from eclsim.app.display import ink, shown
+from eclsim.app.knobs import DEVICES
+from eclsim.app.texts import ENGLISH, text
 from eclsim.devices.ecmo import POSITIONS
 from eclsim.orbit.model import circuit_of
 
@@ -24,6 +27,8 @@ TALLNESS = 1.35
 MOST_STRETCH = 1.7
 NARROWER = 0.75
 """Without lines of devices the patient's ring is drawn narrower, and so larger."""
+MOVED = {"crrttuin": "access", "crrttuout": "return"}
+"""Lines that can be moved, and what they are called in a case file."""
 _ROOM: dict[str, tuple[float, float]] = {
     "crrt": (2.5, 0.0), "ecmo_upper": (3.0, 0.0), "lungs": (2.5, 0.0), "body": (0.0, 3.5),
 }  # fmt: skip
@@ -53,7 +58,7 @@ def _drawing(circuit: Circuit) -> dict[str, Any]:
         "view": [left, top, right - left, page.height - top + 1.0],
         "frames": [
             {"group": g, "x": sides[0], "y": -y1 + 1.0, "w": sides[1] - sides[0], "h": y1 - y0 - 2.0,
-             "title": [MIDDLE, _title_height(page, g)]}
+             "title": [MIDDLE, _title_height(page, g)], "ink": ink(g), **_frame_texts(g)}
             for g, (y0, y1) in page.frames.items()
         ],
         "boxes": _boxes(circuit, page),
@@ -80,6 +85,29 @@ def _page(names: Sequence[str], lanes: dict[str, int], wide: bool) -> tuple[Layo
     return page, sides
 
 
+def _frame_texts(group: str) -> dict[str, str]:
+    """Title of a frame and the unit of its flows."""
+    label = text(f"group_{group}") if group in DEVICES else ENGLISH.get(f"frame_{group}", group)
+    flows = "" if group == "spare" else text("frame_flows", unit=shown(group).flow_unit.unit)
+    return {"label": label, "flows": flows}
+
+
+def _flow(group: str, name: str) -> dict[str, Any]:
+    """How the flow of a connection is written, and the output whose limits mark it."""
+    outputs = shown(group).flow_outputs or {}
+    return {"ink": ink(group), **asdict(shown(group).flow_unit), "output": outputs.get(name, "")}
+
+
+def _moved(group: str, name: str) -> dict[str, str]:
+    """The knob that a line is moved by, the letter on its handle and what it is called."""
+    line = MOVED.get(name)
+    if line is None:
+        return {"moves": ""}
+    key = f"{group}.{line}_site"
+    about = text("schematic_line", device=text(f"group_{group}"), line=text(key).lower())
+    return {"moves": key, "letter": line[0].upper(), "about": about}
+
+
 def _title_height(page: Layout, group: str) -> float:
     """Where a frame's title stands: in the middle, where there is neither label nor line."""
     places = {"crrt": ("crrt", 10.5), "ecmo": ("ecmo_upper", 13.0), "patient": ("heart_upper", -1.0)}
@@ -104,7 +132,7 @@ def _boxes(circuit: Circuit, page: Layout) -> list[dict[str, Any]]:
         found.append({
             "name": compartment.name, "group": compartment.group,
             "position": positions.get(compartment.name, ""),
-            "words": place.words if place else compartment.name,
+            "text": place.words if place else compartment.name, "ink": ink(compartment.group),
             "short": ENGLISH.get(f"box_{compartment.name}", place.words if place else compartment.name),
             "x": left - WIDER_MM, "y": -top, "w": right - left + 2 * WIDER_MM, "h": top - bottom,
         })  # fmt: skip
@@ -129,8 +157,8 @@ def _wires(connections: Sequence[Connection], page: Layout) -> list[dict[str, An
         else:
             label = (x + (5.0 if x < MIDDLE else -5.0), y - 1.0, "start" if x < MIDDLE else "end")
         found.append({
-            "name": connection.name, "group": connection.group,
-            "words": ENGLISH.get(f"wire_{connection.name}", wire.words),
+            "name": connection.name, "text": ENGLISH.get(f"wire_{connection.name}", wire.words),
+            **_flow(connection.group, connection.name),
             "symbol": "roller" if connection.component.given_flow else wire.symbol,
             "path": [_down(start), _down(stop)], "at": [x, y], "label": label,
         })  # fmt: skip
@@ -147,10 +175,10 @@ def _line(attachment: Any, group: str, path: Any, page: Layout) -> dict[str, Any
     x, y = stub_middle(page, port)
     side = 5.0 if x < MIDDLE else -5.0
     return {
-        "name": attachment.name, "group": group, "words": port.words, "symbol": port.symbol, "path": points,
+        "name": attachment.name, "text": port.words, "symbol": port.symbol, "path": points,
         "at": [x, -y], "label": (x + side, -y - 1.0, "start" if side > 0 else "end"),
         "end": _down(path[0]), "site": attachment.site,
-        "moves": {"crrttuin": "access", "crrttuout": "return"}.get(attachment.name, ""),
+        **_moved(group, attachment.name), **_flow(group, attachment.name),
     }  # fmt: skip
 
 
@@ -168,7 +196,7 @@ def _assist(circuit: Circuit, page: Layout) -> list[dict[str, Any]]:
     inlet, outlet = paths
     x, y = outlet[0][0], outlet[0][1] + PUMP_RADIUS
     return [{
-        "name": "lvadpump", "group": "lvad", "words": "LVAD", "symbol": "pump",
+        "name": "lvadpump", "text": "LVAD", "symbol": "pump", **_flow("lvad", "lvadpump"),
         "path": [_down(p) for p in inlet], "more": [_down(p) for p in outlet], "at": [x, -y],
         "label": (MIDDLE + 5.5, -y - 1.0, "start"), "end": _down(inlet[0]), "site": pump.source, "moves": "",
     }]  # fmt: skip

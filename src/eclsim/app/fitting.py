@@ -222,7 +222,7 @@ def plain_fit(fit: FitResult) -> dict[str, Any]:
     found["verdict"]["reasons"] = [on_the_page(reason) for reason in found["verdict"]["reasons"]]
     for name, parameter in found["parameters"].items():
         known = default(name)
-        parameter |= {"unit": known.unit, "words": known.description}
+        parameter |= {"unit": known.unit, "text": known.description}
         if name in fit.box.names:
             k = fit.box.names.index(name)
             parameter["bounds"] = [math.exp(fit.box.lower[k]), math.exp(fit.box.upper[k])]

@@ -14,9 +14,9 @@ import numpy as np
 from eclsim.app.fitting import CancelledError, FitError, judged
 from eclsim.app.knobs import ambiguous_comma, as_written
 from eclsim.app.members import Members
+from eclsim.app.provenance import circuit_words, title_of
 from eclsim.app.state import PageState, link_of, state_of, subject_of
 from eclsim.app.texts import text
-from eclsim.app.whose import circuit_words, title_of
 from eclsim.cases.checking import Checked, check_case
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_mapping
@@ -40,7 +40,7 @@ def fields() -> list[dict[str, Any]]:
     return [
         {
             "key": f"{section}.{item.name}", "label": item.description, "unit": item.unit, "kind": item.kind,
-            "short": item.name if section == "measurements" else "", "names": list(item.names),
+            "symbol": item.name if section == "measurements" else "", "names": list(item.names),
         }
         for section in ("patient", "measurements")
         for item in sections()[section].fields().values()
@@ -250,7 +250,7 @@ class Identification:
             while not stop.is_set() and not work.done():
                 spent = time.monotonic() - started
                 share = 0.95 * (1.0 - 2.0 ** (-2.0 * spent / expected_s))
-                self.tell(f"{job}_progress", {"share": share, "seconds": spent, "words": self._said})
+                self.tell(f"{job}_progress", {"share": share, "seconds": spent, "text": self._said})
                 await asyncio.wait({work}, timeout=0.25)
             if stop.is_set():
                 return {"message": text("fit_cancelled")}

@@ -13,18 +13,18 @@ from eclsim.app.dialogs import notify
 from eclsim.app.header import Header
 from eclsim.app.identify import Identification, fields
 from eclsim.app.keeping import Kept, read_kept
+from eclsim.app.provenance import title_of
 from eclsim.app.ranges import output_specs
 from eclsim.app.session import Session
 from eclsim.app.state import History, PageState, state_of
 from eclsim.app.texts import ENGLISH, text
 from eclsim.app.uncertain import Uncertain
-from eclsim.app.whose import title_of
 from eclsim.inputs.mistakes import CaseError
 
 if TYPE_CHECKING:
     from eclsim.app.engine import Engine
 
-STYLE = Path(__file__).parent / "web" / "page.css"
+STYLES = [Path(__file__).parent / "web" / f"{name}.css" for name in ("page", "schematic", "views")]
 SKIP = "(event) => { event.preventDefault(); document.querySelector('.ecl-knobs').focus(); }"
 """To the knobs without a change of the address, whose part behind # is the patient of a link."""
 VIEWS = ("monitor", "loops", "ramp", "schemes", "outputs", "identify", "compare")
@@ -59,7 +59,8 @@ class BedsidePage:
             self.identification.follow(data["opened"])
 
     def _build(self) -> None:
-        ui.add_css(STYLE)
+        for style in STYLES:
+            ui.add_css(style)
         skip = ui.link(text("skip"), "#knobs").classes("ecl-skip")
         skip.on("click", js_handler=SKIP)
         ui.dark_mode(None)  # as the reader prefers
@@ -68,7 +69,7 @@ class BedsidePage:
                 ui.label(text("brand")).classes("ecl-brand").props("role=heading aria-level=1")
                 self.bridge = parts.Bridge(dict(ENGLISH))
                 self.header = Header(self.session, self.bridge, self.identification)
-            parts.Whose()
+            parts.Provenance()
             with ui.element("aside").classes("ecl-left"):
                 self._knobs()
             with ui.element("section").classes("ecl-middle").props(f'aria-label="{text("schematic")}"'):
@@ -126,7 +127,7 @@ class BedsidePage:
         form.on("cancel", self.identification.cancel)
         form.on(
             "posterior",
-            lambda e: self.identification.find_posterior(_link(e.args), _typed(e.args).get("found")),
+            lambda e: self.identification.find_posterior(_link(e.args), _typed(e.args).get("fit")),
         )
         form.on("use", lambda e: self._use_fit(_link(e.args)))
 
@@ -179,11 +180,10 @@ class BedsidePage:
             notify(text("link_opened", name=title_of(state)), "info")
 
     def _move(self, args: Any) -> None:
-        line = "access" if args.get("line") == "access" else "return"
-        self.session.turn(f"crrt.{line}_site", str(args.get("site")))
+        self.session.turn(str(args.get("key")), str(args.get("site")))
 
     def _use_scheme(self, args: Any) -> None:
-        self.session.use_scheme(str(args.get("access")), str(args.get("giving")))
+        self.session.use_scheme(str(args.get("access")), str(args.get("return")))
 
     def _shortcut(self, args: Any) -> None:
         action = args.get("action")

@@ -14,17 +14,17 @@ _WEB = Path(__file__).parent / "web"
 class Bridge(Element, component=_WEB / "bridge.js", esm={"eclsim-page": str(_WEB / "lib")}):
     """The line between session and browser, and the status beside the brand."""
 
-    def __init__(self, words: dict[str, str]):
+    def __init__(self, texts: dict[str, str]):
         super().__init__()
-        self._props["words"] = words
+        self._props["texts"] = texts
 
     def publish(self, topic: str, data: Any) -> None:
         """Hand data to every view that listens."""
         self.run_method("publish", topic, data)
 
 
-class Whose(Element, component=_WEB / "whose.js"):
-    """Whose numbers the page shows."""
+class Provenance(Element, component=_WEB / "provenance.js"):
+    """Where the numbers come from."""
 
 
 class Knobs(Element, component=_WEB / "knobs.js"):

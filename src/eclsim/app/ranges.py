@@ -56,12 +56,12 @@ def output_specs() -> dict[str, dict[str, Any]]:
     """Words, unit, definition and reference range of every output, as plain data."""
     found: dict[str, dict[str, Any]] = {}
     for name, entry in all_outputs().items():
-        found[name] = {"words": entry.long_name, "unit": entry.unit, "definition": entry.definition}
+        found[name] = {"label": entry.long_name, "unit": entry.unit, "definition": entry.definition}
         if name in REFERENCE:
             found[name]["range"] = list(REFERENCE[name])
         if limits := bounds(name):
             found[name]["limits"] = limits
     found["crrt_recirculated_fraction"] = {
-        "words": "recirculated share of the CRRT flow", "unit": "1", "definition": "steady mixing",
+        "label": "recirculated share of the CRRT flow", "unit": "1", "definition": "steady mixing",
     }  # fmt: skip
     return found

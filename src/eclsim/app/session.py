@@ -9,12 +9,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from eclsim.app.display import connected, display, waves_of
 from eclsim.app.keeping import Kept, text_of
-from eclsim.app.knobs import connect, controls, turn, value_of
+from eclsim.app.knobs import DEVICES, connect, controls, turn, value_of
 from eclsim.app.panel import described, shape_of
+from eclsim.app.provenance import provenance, title_of
 from eclsim.app.state import MOST_SAVED, POLICIES, History, PageState, key_of, link_of, subject_of
 from eclsim.app.texts import text
-from eclsim.app.whose import title_of, whose
 from eclsim.inputs.mistakes import CaseError, Mistake
 
 if TYPE_CHECKING:
@@ -22,11 +23,6 @@ if TYPE_CHECKING:
     from eclsim.app.engine import Engine
 
 log = logging.getLogger("eclsim.app")
-WAVES = (
-    "Pao", "Ppas", "Pra", "Plv", "Prv", "Vlv", "Vrv", "Qecmopump", "Qlvadpump", "Pcrrttuin", "Pcrrttuout",
-    "Pecmodrain",
-)  # fmt: skip
-"""Waveforms that the browser draws."""
 KEEP_AFTER_S = 0.5
 """The browser is told what to keep when nothing was changed for so long."""
 Send = Callable[[str, Any], None]
@@ -58,6 +54,7 @@ class Session:
         self._near: tuple[Any, Mapping[str, float]] | None = None
         self._drawn: Any = None
         self._panel: Any = None
+        self._display: Any = None
         self._keep_timer: asyncio.TimerHandle | None = None
         self._revived: Kept | None = None
         self._catching: asyncio.Task[None] | None = None
@@ -74,7 +71,7 @@ class Session:
 
     def start(self) -> None:
         """Tell the browser everything, and compute the first beat."""
-        self._panel = self._drawn = None
+        self._panel = self._drawn = self._display = None
         self.send("view", self.view)
         self.show_state()
         self._want(0)
@@ -93,12 +90,12 @@ class Session:
         """Connect or disconnect a device."""
         return self._try(device, lambda: self.state.with_case(connect(self.state.case, device)), 0)
 
-    def use_scheme(self, access: str, giving: str) -> bool:
+    def use_scheme(self, access: str, back: str) -> bool:
         """Connect the CRRT at two positions of the ECMO circuit; without CRRT, connect one first."""
 
         def changed() -> PageState:
             case = self.state.case if self.state.case.crrt else connect(self.state.case, "crrt")
-            for key, site in (("crrt.access_site", access), ("crrt.return_site", giving)):
+            for key, site in (("crrt.access_site", access), ("crrt.return_site", back)):
                 case = turn(case, key, site)
             return self.state.with_case(case)
 
@@ -259,7 +256,7 @@ class Session:
         if not state.changed and (self.base is None or self.base[0] != state):
             self._set_base(state, beat)
         told = {"seq": seq, "of": key_of(state), "values": _values(state)}
-        self.send("beat", {**plain(beat, WAVES), **told})
+        self.send("beat", {**plain(beat, waves_of(state.case)), **told})
         self._catch_up_soon()
         self._follow()
 
@@ -319,6 +316,9 @@ class Session:
 
         state, case = self.state, self.state.case
         found = controls(case)
+        if (parts := display(case)) != self._display:
+            self._display = parts
+            self.send("display", parts)
         panel = [described(control) for control in found]
         if panel != self._panel:
             self._panel = panel
@@ -329,8 +329,8 @@ class Session:
             self.send("drawing", drawing_of(case))
         self.send("state", {
             "values": _values(state), "of": key_of(state), "subject": subject_of(state),
-            "whose": whose(state),
-            "devices": {d: getattr(case, d) is not None for d in ("ecmo", "crrt", "lvad")},
+            "provenance": provenance(state),
+            "devices": {device: device in connected(case) for device in DEVICES},
             "policy": state.policy, "key": key, "seq": seq, "opened": opened, "name": title_of(state),
             "origin": state.origin, "link": link_of(state),
             "undo": bool(self.history.past), "redo": bool(self.history.future),
@@ -360,8 +360,9 @@ def _kept(state: PageState, beat: Beat) -> dict[str, Any]:
     """A beat with the name and the knobs of its state, as plain data."""
     from eclsim.app.beat import plain
 
-    named = {"of": key_of(state), "name": title_of(state), "values": _values(state)}
-    return {**plain(beat, WAVES), **named}
+    labels = {control.key: text(control.key) for control in controls(state.case)}
+    named = {"of": key_of(state), "name": title_of(state), "values": _values(state), "labels": labels}
+    return {**plain(beat, waves_of(state.case)), **named}
 
 
 def _beside(mistake: Mistake) -> str:

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.app.circuits import page_circuit
-from eclsim.app.ranges import LINES, bounds, line_bounds
+from eclsim.app.display import curves_of, plain_curves
+from eclsim.app.ranges import LINES, line_bounds
 from eclsim.app.state import key_of
 from eclsim.beat.resolution import needed_resolution
 from eclsim.circuit.assembly import assemble
 from eclsim.devices import lvad
-from eclsim.devices.ecmo import POSITIONS, PUMPS
+from eclsim.devices.ecmo import PUMPS
 from eclsim.orbit.steady import Batch, steady_beats
 from eclsim.outputs.limits import level
 from eclsim.outputs.records import record
@@ -23,10 +24,6 @@ if TYPE_CHECKING:
 NODES = {"access": "crrttuin", "return": "crrttuout"}
 SPEEDS = 15
 WAVE_POINTS = 60
-RAMP_OUTPUTS = (
-    "MAP", "MPAP", "PCWP", "right_atrial_pressure", "CO", "PF", "lvad_flow", "crrt_access_pressure",
-    "crrt_return_pressure", "drainage_pressure",
-)  # fmt: skip
 
 
 def ramp(state: PageState) -> dict[str, Any] | None:
@@ -41,11 +38,11 @@ def ramp(state: PageState) -> dict[str, Any] | None:
     resolution = int(np.max(needed_resolution(assemble(circuit), members)))
     batch = Batch(circuit, members, len(speeds), state.policy)
     records = record(steady_beats(batch, near=values, resolution=resolution))
-    shown = [name for name in RAMP_OUTPUTS if name in records.names]
+    shown = [curve.output for _, curve in curves_of(state.case) if curve.output in records.names]
     return {
         "of": key_of(state), "key": key, "own": own, "speeds": speeds.tolist(),
         "outputs": {n: plain_curve(np.where(records.converged, records.output(n), np.nan)) for n in shown},
-        "limits": {name: bounds(name) for name in (*shown, "lowest_drainage_pressure")},
+        "curves": plain_curves(state.case, shown),
         "lost": speeds[~np.asarray(records.converged)].tolist(),
     }  # fmt: skip
 
@@ -95,12 +92,8 @@ def schemes(state: PageState) -> dict[str, Any] | None:
         "cells": found,
         "flow": flow,
         "limits": line_bounds(),
+        "keys": {line: f"crrt.{line}_site" for line in LINES},
     }
-
-
-def scheme_sites(access: str, giving: str) -> tuple[str, str] | None:
-    """The two sites, if both are positions of the ECMO circuit."""
-    return (access, giving) if access in POSITIONS and giving in POSITIONS else None
 
 
 def plain_curve(values: np.ndarray) -> list[float | None]:

@@ -1,47 +1,57 @@
-// What the bands of the views are, and whether they are to be trusted; seen only where there is a posterior.
-import { bus, words } from "eclsim-page";
+// What the bands of the views are, and whether they can be trusted; seen only where there is a posterior.
+import { fill, listening } from "eclsim-page";
 
 const TOPICS = { monitor: "bands", loops: "bands", outputs: "bands", ramp: "ramp_bands" };
+const summary = (bands) =>
+  bands && { of: bands.of, count: bands.count, lost: bands.lost, loops: bands.loops?.lv?.length };
 
 export default {
   template: `
-  <div v-if="posterior" class="ecl-bands" role="group" :aria-label="words.bands_label">
+  <div v-if="posterior" class="ecl-bands" role="group" :aria-label="texts.bands_label">
     <span v-if="topic" class="what" role="status">{{ what }}</span>
     <span>{{ posterior.method }}</span>
-    <span :class="['trust', { bad: !posterior.trusted }]" :title="posterior.doubts.join('; ')">{{ trust }}</span>
-    <button type="button" @click="toggle">{{ on ? words.bands_hide : words.bands_show }}</button>
+    <span :class="['trust', { bad: !posterior.trusted }]" :title="posterior.doubts.join('; ')">{{
+      trust }}</span>
+    <button type="button" @click="toggle">{{ on ? texts.bands_hide : texts.bands_show }}</button>
   </div>`,
-  data: () => ({ words, posterior: null, on: true, view: "", beat: "", found: {} }),
+  mixins: [
+    listening({
+      posterior(posterior) {
+        this.posterior = posterior;
+      },
+      view(view) {
+        this.view = view;
+      },
+      beat(beat) {
+        this.beat = beat.of;
+      },
+      bands(bands) {
+        this.bands = summary(bands);
+      },
+      ramp_bands(bands) {
+        this.ramp_bands = summary(bands);
+      },
+    }),
+  ],
+  data: () => ({ posterior: null, on: true, view: "", beat: "", bands: null, ramp_bands: null }),
   computed: {
     topic() {
       return TOPICS[this.view];
     },
     trust() {
-      if (!this.posterior.trusted) return `${words.posterior_doubted}: ${this.posterior.doubts.join("; ")}`;
-      return this.posterior.checked ? words.posterior_trusted : words.posterior_without;
+      const { trusted, checked, doubts } = this.posterior;
+      if (!trusted) return `${this.texts.posterior_doubted}: ${doubts.join("; ")}`;
+      return checked ? this.texts.posterior_trusted : this.texts.posterior_without;
     },
     what() {
       if (!this.on) return "";
-      const found = this.found[this.topic];
-      if (found?.of !== this.beat) return words.bands_computing;
-      if (!found.count) return "";
-      const text = this.view === "loops" ? words.bands_loops : words.bands_what;
-      const lost = found.lost ? ", " + words.bands_lost.replace("{lost}", found.lost) : "";
-      return text.replace("{count}", found.count).replace("{loops}", found.drawn) + lost;
+      const bands = this[this.topic];
+      if (bands?.of !== this.beat) return this.texts.bands_computing;
+      if (!bands.count) return "";
+      const text = this.view === "loops" ? this.texts.bands_loops : this.texts.bands_what;
+      const lost = bands.lost ? `, ${fill(this.texts.bands_lost, { lost: bands.lost })}` : "";
+      return fill(text, { count: bands.count, loops: bands.loops }) + lost;
     },
-  },
-  mounted() {
-    this.words = words;
-    const keep = ({ of, count, lost, loops }) => ({ of, count, lost, drawn: loops?.lv?.length });
-    this.stops = [
-      bus.on("posterior", (posterior) => (this.posterior = posterior)),
-      bus.on("view", (view) => (this.view = view)),
-      bus.on("beat", (beat) => (this.beat = beat.of)),
-      ...["bands", "ramp_bands"].map((topic) => bus.on(topic, (found) => (this.found = { ...this.found, [topic]: found && keep(found) }))),
-    ];
-  },
-  unmounted() {
-    for (const stop of this.stops) stop();
   },
   methods: {
     toggle() {

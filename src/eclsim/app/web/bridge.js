@@ -1,117 +1,126 @@
 // Hands messages of the server to the views, and keys pressed anywhere to the server.
-import { bus, setWords, tab } from "eclsim-page";
+import { addressOf, bus, fill, linkIn, setTexts, tab } from "eclsim-page";
 
-const PATIENCE = 5000; // ms that the server may take to say that it has heard of a turn
+const PATIENCE = 5000; // ms that the server may take to answer a turn
 const HANDSHAKE = 1000; // ms after a new connection: one that the server refuses loads the page again
-
 const SHORTCUTS = [
-  ["z", "ctrl", "undo"], ["y", "ctrl", "redo"], ["p", "alt", "pin"], ["s", "alt", "save"], ["r", "alt", "reset"],
+  ["z", "ctrl", "undo"],
+  ["y", "ctrl", "redo"],
+  ["p", "alt", "pin"],
+  ["s", "alt", "save"],
+  ["r", "alt", "reset"],
 ];
+const TYPED = /^(text|search|password|number)$/;
 
 export default {
-  template: `<div class="ecl-status" role="status" aria-live="polite" :class="cut ? 'bad' : kind"><span class="dot"></span><span class="said" :title="cut || shown">{{ cut || shown }}</span></div>`,
-  props: { words: Object },
-  data: () => ({ shown: "", kind: "busy", cut: "" }),
+  template: `
+  <div class="ecl-status" role="status" aria-live="polite" :class="cut ? 'bad' : kind">
+    <span class="dot"></span><span class="message" :title="cut || message">{{ cut || message }}</span>
+  </div>`,
+  props: { texts: Object },
+  data: () => ({ message: "", kind: "busy", cut: "" }),
   created() {
-    setWords(this.words);
+    setTexts(this.texts);
   },
   mounted() {
-    this.shown = this.words.computing;
+    this.say("busy", this.texts.computing);
+    this.onKey = (event) => this.key(event);
+    this.onHash = () => location.hash.length > 1 && this.$emit("link", { link: this.takeLink() });
+    window.addEventListener("keydown", this.onKey);
+    window.addEventListener("hashchange", this.onHash);
+    this.hello();
     this.stops = [
       bus.on("busy", (text) => this.say("busy", text)),
       bus.on("failed", (text) => this.say("bad", text)),
-      bus.on("beat", (beat) => {
-        const alarms = beat.notes.filter(([kind]) => kind === "alarm" || kind === "collapse").map(([, text]) => text.split(": ")[0]).join("; ");
-        if (!beat.converged) this.say("bad", `${this.words.not_converged}: ${beat.message}`);
-        else if (!beat.possible) this.say("bad", `${this.words.impossible}: ${alarms}`);
-        else if (alarms) this.say("broken", `${this.words.limit_broken}: ${alarms}`);
-        else this.say("good", this.words.ready);
-      }),
-    ];
-    this.pressed = (event) => this.key(event);
-    window.addEventListener("keydown", this.pressed);
-    this.hello();
-    this.stops.push(
+      bus.on("beat", (beat) => this.judge(beat)),
       bus.on("state", (state) => {
-        this.heard();
+        this.answered();
         tab.keep("last", { link: state.link, of: state.of });
-        this.mark();
+        this.markStale();
       }),
-      bus.on("error", () => this.heard()),
-      bus.on("beat", () => this.mark()),
-      bus.on("keep", (kept) => tab.keep("tab", kept)),
+      bus.on("error", () => this.answered()),
+      bus.on("keep", (snapshot) => tab.keep("tab", snapshot)),
       bus.on("turned", () => {
         this.waiting ??= setTimeout(() => this.lost("silent"), PATIENCE);
       }),
-    );
-    this.pasted = () => this.$emit("link", { link: this.takeLink() });
-    this.hashed = () => location.hash.length > 1 && this.pasted();
-    window.addEventListener("hashchange", this.hashed);
-    this.listen();
+    ];
+    this.watchSocket();
   },
   unmounted() {
     for (const stop of this.stops) stop();
-    window.removeEventListener("keydown", this.pressed);
-    window.removeEventListener("hashchange", this.hashed);
-    for (const timer of [this.waiting, this.listening, this.returning]) clearTimeout(timer);
+    window.removeEventListener("keydown", this.onKey);
+    window.removeEventListener("hashchange", this.onHash);
+    for (const timer of [this.waiting, this.watching, this.returning]) clearTimeout(timer);
   },
   methods: {
     publish(topic, data) {
       bus.publish(topic, data);
     },
-    // Tells the server what this tab was opened with and what it kept: a page that is loaded again goes on.
+    // What this tab was opened with and what it kept: a page that is loaded again goes on.
     hello() {
-      const [kept, last] = [tab.read("tab"), tab.read("last")];
+      const [snapshot, last] = [tab.read("tab"), tab.read("last")];
       const again = performance.getEntriesByType("navigation")[0]?.type === "reload";
-      const newer = last && last.of !== kept?.of ? last.link : "";
-      this.$emit("hello", { link: this.takeLink(), tab: kept?.tab ?? "", last: newer, again });
+      const newer = last && last.of !== snapshot?.of ? last.link : "";
+      this.$emit("hello", { link: this.takeLink(), tab: snapshot?.tab ?? "", last: newer, again });
     },
     // The link in the address, which is taken out of it.
     takeLink() {
-      const link = location.hash.slice(1, 9000);
+      const link = linkIn(location.hash);
       if (location.hash) history.replaceState(null, "", location.pathname + location.search);
       return link;
     },
-    listen() {
+    watchSocket() {
       if (!window.socket) {
-        this.listening = setTimeout(() => this.listen(), 50);
+        this.watching = setTimeout(() => this.watchSocket(), 50);
         return;
       }
       window.socket.on("disconnect", () => this.lost("offline"));
       window.socket.on("connect", () => {
-        this.returning = setTimeout(() => this.heard(), HANDSHAKE);
+        this.returning = setTimeout(() => this.answered(), HANDSHAKE);
       });
     },
-    // Nothing is heard from the server: knobs go back to where the numbers that are shown belong.
+    // The server does not answer: knobs go back to where the numbers that are shown belong.
     lost(why) {
       clearTimeout(this.returning);
       const beat = bus.last("beat");
-      const [key, panel] = [bus.last("turned")?.key, bus.last("panel") ?? []];
-      const knob = this.waiting && panel.find((c) => c.key === key && key in (beat?.values ?? {}));
-      const what = knob ? `${knob.label} ${beat.values[key]} ${knob.unit ?? ""}`.trim() : bus.last("state")?.name;
-      this.cut = this.words[why].replace("{what}", what ?? "–");
+      const key = bus.last("turned")?.key;
+      const knob =
+        this.waiting && (bus.last("panel") ?? []).find((k) => k.key === key && key in (beat?.values ?? {}));
+      const what = knob
+        ? `${knob.label} ${beat.values[key]} ${knob.unit ?? ""}`.trim()
+        : bus.last("state")?.name;
+      this.cut = fill(this.texts[why], { what: what ?? "–" });
       bus.publish("connected", false);
-      this.mark();
+      this.markStale();
     },
-    heard() {
+    answered() {
       clearTimeout(this.waiting);
       this.waiting = undefined;
       if (!this.cut) return;
       this.cut = "";
       bus.publish("connected", true);
-      this.mark();
+      this.markStale();
     },
     // Numbers that do not belong to where the knobs stand are pale.
-    mark() {
-      const old = !!this.cut || bus.last("beat")?.of !== bus.last("state")?.of;
-      document.querySelector(".ecl-page")?.classList.toggle("ecl-stale", old);
+    markStale() {
+      const stale = !!this.cut || bus.last("beat")?.of !== bus.last("state")?.of;
+      document.querySelector(".ecl-page")?.classList.toggle("ecl-stale", stale);
     },
-    say(kind, text) {
+    judge(beat) {
+      const grave = beat.notes.filter(([kind]) => kind === "alarm" || kind === "collapse");
+      const alarms = grave.map(([, text]) => text.split(": ")[0]).join("; ");
+      if (!beat.converged) this.say("bad", `${this.texts.not_converged}: ${beat.message}`);
+      else if (!beat.possible) this.say("bad", `${this.texts.impossible}: ${alarms}`);
+      else if (alarms) this.say("broken", `${this.texts.limit_broken}: ${alarms}`);
+      else this.say("good", this.texts.ready);
+      this.markStale();
+    },
+    say(kind, message) {
       this.kind = kind;
-      this.shown = text;
+      this.message = message;
     },
     key(event) {
-      const typing = /^(text|search|password|number)$/.test(event.target?.type ?? "") || event.target?.tagName === "TEXTAREA";
+      const typing = TYPED.test(event.target?.type ?? "") || event.target?.tagName === "TEXTAREA";
       for (const [key, modifier, action] of SHORTCUTS) {
         const held = modifier === "ctrl" ? event.ctrlKey || event.metaKey : event.altKey;
         if (!held || event.key.toLowerCase() !== key || (typing && modifier === "ctrl")) continue;
@@ -124,7 +133,7 @@ export default {
       }
     },
     async copyLink(link) {
-      const url = location.origin + location.pathname + "#" + link;
+      const url = addressOf(location, link);
       try {
         await navigator.clipboard.writeText(url);
         return { copied: true, url };

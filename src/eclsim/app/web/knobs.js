@@ -1,122 +1,123 @@
 // The panel of knobs: a slider and a typed number each, a list for each choice.
-import { bus, latency, words } from "eclsim-page";
+import { bus, fill, latency, listening, positionOf, positions, valueAt } from "eclsim-page";
 
 const WAIT = 400; // ms after which a turn is sent although the last one is not yet drawn
-const POSITIONS = 400;
 let seq = 0;
 
 export default {
   template: `
-  <div class="ecl-knobs" tabindex="-1" role="group" :aria-label="words.knobs">
+  <div class="ecl-knobs" tabindex="-1" role="group" :aria-label="texts.knobs">
     <span id="knobs" tabindex="-1"></span>
-    <section v-for="group in groups" :key="group" :class="'group-' + group" :aria-label="words['group_' + group]">
+    <section v-for="group in groups" :key="group.key" :class="'group-' + group.key" :aria-label="group.label">
       <header>
-        <h2>{{ words['group_' + group] }}</h2>
-        <button v-if="group in devices" type="button" class="ecl-switch" role="switch" :disabled="!connected" :aria-checked="devices[group]"
-          :aria-label="label(group)" :title="label(group)" @click="tell('connect', { device: group })"><i></i></button>
+        <h2>{{ group.label }}</h2>
+        <button v-if="group.key in devices" type="button" class="ecl-switch" role="switch"
+          :disabled="!connected" :aria-checked="devices[group.key]"
+          :aria-label="switchLabel(group)" :title="switchLabel(group)"
+          @click="tell('connect', { device: group.key })"><i></i></button>
       </header>
-      <template v-for="c in of(group)" :key="c.key">
-        <div v-if="c.options" class="ecl-pick" :class="{ bad: errors[c.key] }">
-          <label :for="id(c)">{{ c.label }}</label>
-          <select :id="id(c)" :value="values[c.key]" :disabled="!connected" @change="pick(c, $event.target.value)">
-            <option v-for="[name, text] in c.options" :key="name" :value="name">{{ text }}</option>
+      <template v-for="k in panel.filter((k) => k.group === group.key)" :key="k.key">
+        <div v-if="k.options" class="ecl-pick" :class="{ bad: errors[k.key] }">
+          <label :for="id(k)">{{ k.label }}</label>
+          <select :id="id(k)" :value="values[k.key]" :disabled="!connected"
+            @change="send(k.key, $event.target.value)">
+            <option v-for="[name, text] in k.options" :key="name" :value="name">{{ text }}</option>
           </select>
-          <p v-if="errors[c.key]" role="alert">{{ errors[c.key] }}</p>
+          <p v-if="errors[k.key]" role="alert">{{ errors[k.key] }}</p>
         </div>
-        <div v-else class="ecl-knob" :class="{ bad: errors[c.key] }">
-          <label :for="id(c)" :title="c.hint">{{ c.label }}</label>
+        <div v-else class="ecl-knob" :class="{ bad: errors[k.key] }">
+          <label :for="id(k)" :title="k.hint">{{ k.label }}</label>
           <span class="typed">
-            <input :id="id(c)" type="text" inputmode="decimal" autocomplete="off" maxlength="40" :value="written(c)"
-              :aria-invalid="!!errors[c.key]" :aria-describedby="errors[c.key] ? id(c) + '-error' : null"
-              :disabled="!connected" @change="type(c, $event)" @keydown="arrow(c, $event)" @focus="$event.target.select()" />
-            <small>{{ c.unit }}</small>
+            <input :id="id(k)" type="text" inputmode="decimal" autocomplete="off" maxlength="40"
+              :value="written(k)" :aria-invalid="!!errors[k.key]"
+              :aria-describedby="errors[k.key] ? id(k) + '-error' : null"
+              :disabled="!connected" @change="send(k.key, $event.target.value)" @keydown="arrow(k, $event)"
+              @focus="$event.target.select()" />
+            <small>{{ k.unit }}</small>
           </span>
-          <input type="range" :min="0" :max="positions(c)" step="1" :value="place(c)" :aria-label="c.label"
-            :aria-valuetext="written(c) + ' ' + c.unit" :style="{ '--at': 100 * place(c) / positions(c) + '%' }"
-            :disabled="!connected" @input="slide(c, $event)" />
-          <p v-if="errors[c.key]" :id="id(c) + '-error'" role="alert">{{ errors[c.key] }}</p>
+          <input type="range" :min="0" :max="positions(k)" step="1" :value="position(k)" :aria-label="k.label"
+            :aria-valuetext="written(k) + ' ' + k.unit"
+            :style="{ '--at': 100 * position(k) / positions(k) + '%' }" :disabled="!connected"
+            @input="move(k, Number($event.target.value))" />
+          <p v-if="errors[k.key]" :id="id(k) + '-error'" role="alert">{{ errors[k.key] }}</p>
         </div>
       </template>
     </section>
-    <section class="group-model" :aria-label="words.group_model">
-      <header><h2>{{ words.group_model }}</h2></header>
+    <section class="group-model" :aria-label="texts.group_model">
+      <header><h2>{{ texts.group_model }}</h2></header>
       <div class="ecl-pick">
-        <label for="knob-policy">{{ words.policy }}</label>
-        <select id="knob-policy" :value="policy" :disabled="!connected" @change="tell('policy', { policy: $event.target.value })">
-          <option value="as_published">{{ words.as_published }}</option>
-          <option value="patient_held">{{ words.patient_held }}</option>
+        <label for="knob-policy">{{ texts.policy }}</label>
+        <select id="knob-policy" :value="policy" :disabled="!connected"
+          @change="tell('policy', { policy: $event.target.value })">
+          <option value="as_published">{{ texts.as_published }}</option>
+          <option value="patient_held">{{ texts.patient_held }}</option>
         </select>
       </div>
     </section>
   </div>`,
-  data: () => ({
-    words, panel: [], values: {}, errors: {}, devices: {}, policy: "as_published",
-    connected: true, groups: ["heart", "vessels", "ecmo", "crrt", "lvad"],
-  }),
-  mounted() {
-    this.words = words;
-    this.stops = [
-      bus.on("panel", (panel) => (this.panel = panel)),
-      bus.on("state", (state) => {
-        const held = this.held && state.seq < this.held.seq && this.held.key in state.values;
-        this.values = { ...state.values, ...(held ? { [this.held.key]: this.values[this.held.key] } : {}) };
+  mixins: [
+    listening({
+      display(display) {
+        this.groups = display.groups;
+      },
+      panel(panel) {
+        this.panel = panel;
+      },
+      state(state) {
+        const { held } = this;
+        const ahead = held && state.seq < held.seq && held.key in state.values;
+        this.values = { ...state.values, ...(ahead ? { [held.key]: this.values[held.key] } : {}) };
         this.devices = state.devices;
         this.policy = state.policy;
         this.errors = {};
-      }),
-      bus.on("error", (error) => this.refuse(error)),
-      bus.on("beat", (beat) => this.arrived(beat.seq)),
-      bus.on("connected", (on) => this.connect(on)),
-      bus.on("failed", () => this.arrived(Infinity)),
-    ];
-  },
-  unmounted() {
-    for (const stop of this.stops) stop();
-  },
+      },
+      error(error) {
+        this.refuse(error);
+      },
+      beat(beat) {
+        this.arrived(beat.seq);
+      },
+      failed() {
+        this.arrived(Infinity);
+      },
+      connected(on) {
+        this.connect(on);
+      },
+    }),
+  ],
+  data: () => ({
+    groups: [],
+    panel: [],
+    values: {},
+    errors: {},
+    devices: {},
+    policy: "as_published",
+    connected: true,
+  }),
   methods: {
-    id: (c) => "knob-" + c.key.replace(/\W/g, "-"),
-    of(group) {
-      return this.panel.filter((c) => c.group === group);
+    positions,
+    id: (knob) => `knob-${knob.key.replace(/\W/g, "-")}`,
+    switchLabel(group) {
+      return fill(this.texts[this.devices[group.key] ? "disconnect" : "connect"], { device: group.label });
     },
-    label(device) {
-      const key = this.devices[device] ? "disconnect" : "connect";
-      return words[key].replace("{device}", words["group_" + device]);
+    position(knob) {
+      return positionOf(knob, this.values[knob.key]);
     },
-    positions: (c) => (c.log ? POSITIONS : Math.max(1, Math.round((c.high - c.low) / c.step))),
-    place(c) {
-      const value = Math.min(Math.max(this.values[c.key], c.low), c.high);
-      const share = c.log ? Math.log(value / c.low) / Math.log(c.high / c.low) : (value - c.low) / (c.high - c.low);
-      return Math.round(share * this.positions(c));
-    },
-    at(c, place) {
-      const share = place / this.positions(c);
-      const value = c.log ? c.low * (c.high / c.low) ** share : c.low + share * (c.high - c.low);
-      return Number((c.log ? value : Math.round(value / c.step) * c.step).toPrecision(c.log ? 3 : 10));
-    },
-    written(c) {
-      const value = this.values[c.key];
+    written(knob) {
+      const value = this.values[knob.key];
       return typeof value === "number" ? String(Number(value.toPrecision(4))) : value;
     },
-    slide(c, event) {
-      this.move(c, Number(event.target.value));
-    },
-    type(c, event) {
-      this.send(c.key, event.target.value);
-    },
-    arrow(c, event) {
-      const way = { ArrowUp: 1, ArrowDown: -1, PageUp: 10, PageDown: -10 }[event.key];
-      if (!way) return;
+    arrow(knob, event) {
+      const steps = { ArrowUp: 1, ArrowDown: -1, PageUp: 10, PageDown: -10 }[event.key];
+      if (!steps) return;
       event.preventDefault();
-      this.move(c, Math.min(Math.max(this.place(c) + way, 0), this.positions(c)));
+      this.move(knob, Math.min(Math.max(this.position(knob) + steps, 0), positions(knob)));
     },
     // What is turned here stays as it is until the server has caught up with it.
-    move(c, place) {
-      this.values[c.key] = this.at(c, place);
-      this.send(c.key, this.values[c.key]);
-      this.held = { key: c.key, seq };
-    },
-    pick(c, value) {
-      this.send(c.key, value);
+    move(knob, position) {
+      this.values[knob.key] = valueAt(knob, position);
+      this.send(knob.key, this.values[knob.key]);
+      this.held = { key: knob.key, seq };
     },
     // Only the newest turn waits while one is on its way.
     send(key, value) {
@@ -142,14 +143,14 @@ export default {
     // Without a connection the knobs stand where the numbers that are shown belong, and cannot be turned.
     connect(on) {
       this.connected = on;
-      const now = on ? bus.last("state") : bus.last("beat");
-      if (!now) return;
+      const shown = on ? bus.last("state") : bus.last("beat");
+      if (!shown) return;
       clearTimeout(this.timer);
       this.timer = this.next = this.away = this.held = undefined;
-      this.values = { ...now.values };
-      for (const c of this.panel) {
-        const field = document.getElementById(this.id(c));
-        if (field) field.value = c.options ? this.values[c.key] : this.written(c);
+      this.values = { ...shown.values };
+      for (const knob of this.panel) {
+        const field = document.getElementById(this.id(knob));
+        if (field) field.value = knob.options ? this.values[knob.key] : this.written(knob);
       }
     },
     tell(event, data) {

@@ -1,67 +1,115 @@
 // Pressure-volume loops of both ventricles.
-import { bandsOf, bus, ink, niceRange, words } from "eclsim-page";
+import { bandsOf, extent, fixed, ink, listening, niceRange } from "eclsim-page";
 import { Chart, axis, line } from "eclsim-page/chart.js";
 
 const SIDES = [
-  { place: "lv", title: "left_ventricle", ink: "ecmo", axes: ["x", "y"] },
-  { place: "rv", title: "right_ventricle", ink: "patient", axes: ["x2", "y2"] },
+  { place: "lv", title: "left_ventricle", ink: "left-heart", axes: { xaxis: "x", yaxis: "y" }, middle: 0.22 },
+  {
+    place: "rv",
+    title: "right_ventricle",
+    ink: "right-heart",
+    axes: { xaxis: "x2", yaxis: "y2" },
+    middle: 0.78,
+  },
 ];
+const HOVER = "%{x:.0f} mL, %{y:.1f} mmHg<extra></extra>";
+const closed = (wave) => [...wave, wave[0]];
 
 export default {
-  template: `<div class="ecl-looped"><p v-if="caution" class="ecl-caution">† {{ caution }}</p><div class="ecl-chart" ref="chart" role="group" :aria-label="label"></div></div>`,
-  data: () => ({ label: "", caution: "" }),
-  mounted() {
-    this.chart = new Chart(this.$refs.chart, "loops");
-    this.stops = [
-      bus.on("pinned", (beat) => {
+  template: `
+  <div class="ecl-loops">
+    <p v-if="caution" class="ecl-caution">† {{ caution }}</p>
+    <div class="ecl-chart" ref="chart" role="group" :aria-label="label"></div>
+  </div>`,
+  mixins: [
+    listening({
+      pinned(beat) {
         this.pinned = beat;
-        if (this.beat) this.show();
-      }),
-      bus.on("bands", () => {
-        if (this.beat) this.show();
-      }),
-      bus.on("beat", (beat) => {
+        this.show();
+      },
+      bands() {
+        this.show();
+      },
+      beat(beat) {
         this.beat = beat;
         this.show();
-      }),
-    ];
-  },
+      },
+    }),
+  ],
+  data: () => ({ label: "", caution: "" }),
   unmounted() {
     this.chart.close();
-    for (const stop of this.stops) stop();
   },
   methods: {
+    setUp() {
+      this.ranges = {};
+      this.chart = new Chart(this.$refs.chart, "loops");
+    },
     show() {
+      if (!this.beat) return;
       const bands = bandsOf(this.beat);
-      const pale = (side) => bands?.loops[side.place] ?? [];
-      // One trace for all, with gaps: the curves of the members of the posterior.
-      const traces = SIDES.map((side) => line(pale(side).flatMap(([v]) => [...v, null]), pale(side).flatMap(([, p]) => [...p, null]), words.bands_column, ink(side.ink), {
-        xaxis: side.axes[0], yaxis: side.axes[1], showlegend: false, hoverinfo: "skip", opacity: 0.3, line: { width: 1 },
-      })).filter((t) => t.x.length);
-      for (const [beat, shadow] of [[this.pinned, true], [this.beat, false]]) {
-        if (!beat) continue;
-        for (const side of SIDES) {
-          const close = (wave) => [...wave, wave[0]];
-          traces.push(line(close(beat.waves["V" + side.place]), close(beat.waves["P" + side.place]), shadow ? words.pinned : words[side.title], shadow ? ink("edge") : ink(side.ink), {
-            xaxis: side.axes[0], yaxis: side.axes[1], showlegend: false, hovertemplate: "%{x:.0f} mL, %{y:.1f} mmHg<extra></extra>",
-            line: { width: shadow ? 1.6 : 2.4 },
-          }));
-        }
-      }
+      const { outputs } = this.beat;
       this.caution = this.beat.cautions.EDVLV ?? "";
-      const o = this.beat.outputs;
-      this.label = `${words.loops}: EDV LV ${o.EDVLV?.toFixed(0)} mL, ESV LV ${o.ESVLV?.toFixed(0)} mL, EDV RV ${o.EDVRV?.toFixed(0)} mL, ESV RV ${o.ESVRV?.toFixed(0)} mL`;
-      const top = (kind, place) => {
-        const members = (bands?.loops[place] ?? []).flatMap((loop) => loop["VP".indexOf(kind)]);
-        const all = [this.beat, this.pinned].filter(Boolean).flatMap((b) => b.waves[kind + place]).concat(members).filter(Number.isFinite);
-        return ((this.tops ??= {})[kind + place] = niceRange(Math.min(0, ...all), Math.max(...all), this.tops?.[kind + place]));
-      };
-      const head = (text, x) => ({ text: `<b>${text}</b>`, xref: "paper", yref: "paper", x, y: 1.02, xanchor: "center", yanchor: "bottom", showarrow: false, font: { size: 13 } });
-      this.chart.draw(traces, {
-        showlegend: false, annotations: [head(words.left_ventricle, 0.22), head(words.right_ventricle, 0.78)],
-        xaxis: axis(words.volume_axis, { domain: [0, 0.44], range: top("V", "lv") }), yaxis: axis(words.pressure_axis, { range: top("P", "lv") }),
-        xaxis2: axis(words.volume_axis, { domain: [0.56, 1], range: top("V", "rv") }), yaxis2: axis(words.pressure_axis, { anchor: "x2", range: top("P", "rv") }),
+      const volumes = ["EDVLV", "ESVLV", "EDVRV", "ESVRV"].map(
+        (name) => `${name} ${fixed(outputs[name], 0)} mL`,
+      );
+      this.label = `${this.texts.loops}: ${volumes.join(", ")}`;
+      const traces = SIDES.map((side) => this.members(side, bands?.loops[side.place] ?? []));
+      if (this.pinned) traces.push(...SIDES.map((side) => this.loop(side, this.pinned, true)));
+      traces.push(...SIDES.map((side) => this.loop(side, this.beat, false)));
+      this.chart.draw(
+        traces.filter((trace) => trace.x.length),
+        this.layout(bands),
+      );
+    },
+    // The loops of the posterior's draws: one trace for all, with gaps.
+    members(side, loops) {
+      const joined = (k) => loops.flatMap((loop) => [...loop[k], null]);
+      return line(joined(0), joined(1), this.texts.bands_column, ink(side.ink), {
+        ...side.axes,
+        showlegend: false,
+        hoverinfo: "skip",
+        opacity: 0.3,
+        line: { width: 1 },
       });
+    },
+    loop(side, beat, shadow) {
+      const [volume, pressure] = ["V", "P"].map((kind) => closed(beat.waves[kind + side.place]));
+      const name = shadow ? this.texts.pinned : this.texts[side.title];
+      return line(volume, pressure, name, ink(shadow ? "edge" : side.ink), {
+        ...side.axes,
+        showlegend: false,
+        hovertemplate: HOVER,
+        line: { width: shadow ? 1.6 : 2.4 },
+      });
+    },
+    range(kind, place, bands) {
+      const drawn = (bands?.loops[place] ?? []).flatMap((loop) => loop["VP".indexOf(kind)]);
+      const beats = [this.beat, this.pinned].filter(Boolean).flatMap((beat) => beat.waves[kind + place]);
+      const [low, high] = extent([0, ...beats, ...drawn]);
+      return (this.ranges[kind + place] = niceRange(low, high, this.ranges[kind + place]));
+    },
+    layout(bands) {
+      const heading = ({ title, middle }) => ({
+        text: `<b>${this.texts[title]}</b>`,
+        xref: "paper",
+        yref: "paper",
+        x: middle,
+        y: 1.02,
+        xanchor: "center",
+        yanchor: "bottom",
+        showarrow: false,
+        font: { size: 13 },
+      });
+      const [volume, pressure] = [this.texts.volume_axis, this.texts.pressure_axis];
+      return {
+        showlegend: false,
+        annotations: SIDES.map(heading),
+        xaxis: axis(volume, { domain: [0, 0.44], range: this.range("V", "lv", bands) }),
+        yaxis: axis(pressure, { range: this.range("P", "lv", bands) }),
+        xaxis2: axis(volume, { domain: [0.56, 1], range: this.range("V", "rv", bands) }),
+        yaxis2: axis(pressure, { anchor: "x2", range: this.range("P", "rv", bands) }),
+      };
     },
   },
 };

@@ -1,132 +1,145 @@
-// Waveforms as on a bedside monitor: they sweep in real time, and are repainted at once when the beat changes.
-// Every sample is drawn at its own time, between pixels too, so that all beats of a steady beat look alike.
-import { bandsOf, bus, fixed, latency, niceRange, words } from "eclsim-page";
+// Waveforms as on a bedside monitor: they sweep in real time; a new beat is painted at once.
+import {
+  LEFT,
+  bandsOf,
+  extent,
+  fixed,
+  fixedRange,
+  headAt,
+  latency,
+  listening,
+  niceRange,
+  samples,
+} from "eclsim-page";
 
-// `scales`: fixed scales [mmHg or L/min]; the first that holds the whole trace is taken, whatever its amplitude.
-const LANES = [
-  { wave: "Pao", colour: "#FF8A70", digits: 0, kind: "pressure", outputs: ["SP", "DP"], scales: [[0, 150], [0, 200], [0, 300]] },
-  { wave: "Ppas", colour: "#F0E442", digits: 0, kind: "pressure", outputs: ["SPAP", "DPAP"], scales: [[0, 40], [0, 80], [0, 160]] },
-  { wave: "Pra", colour: "#6CC3F5", digits: 0, kind: "mean", outputs: ["right_atrial_pressure"], scales: [[0, 20], [-10, 30], [-20, 60]] },
-  { wave: "Qecmopump", colour: "#3BD3A5", digits: 2, kind: "flow", outputs: ["PF"], scales: [[0, 6], [0, 10], [-2, 6], [-5, 10]] },
-  { wave: "Qlvadpump", colour: "#E7A6CC", digits: 2, kind: "flow", outputs: ["lvad_flow"], scales: [[0, 8], [-4, 12], [-10, 20]] },
-  { wave: "Pcrrttuin", colour: "#FFB733", digits: 0, kind: "mean", outputs: ["crrt_access_pressure"], scales: [[-300, 300], [-600, 600]] },
-  { wave: "Pcrrttuout", colour: "#E4E7EC", digits: 0, kind: "mean", outputs: ["crrt_return_pressure"], scales: [[0, 400], [-200, 800]] },
-];
-const SECONDS = 6;
-const GAP = 16;
-const TO_L_MIN = 0.06;
-const LEFT = 40;
+const GAP = 16; // px without a trace before the head
+const L_MIN = 0.06; // of 1 mL/s
+const [GRID, EDGE, TICKS, SHADOW] = ["#2A3644", "#1B2530", "#93A1B0", "#7C8896"];
+const LEAST = { flow: 1, pressure: 6, mean: 6 }; // of a stretched scale
 
 export default {
   template: `
   <div class="ecl-monitor">
-    <div class="screen" ref="screen" :style="{ minHeight: Math.max(220, 30 + 42 * lanes.length) + 'px' }">
-      <canvas ref="canvas" role="img" :aria-label="words.monitor_label + ': ' + spoken"></canvas>
+    <div class="screen" ref="screen" :style="{ minHeight: Math.max(220, 30 + 42 * traces.length) + 'px' }">
+      <canvas ref="canvas" role="img" :aria-label="texts.monitor_label + ': ' + spoken"></canvas>
       <div class="numbers">
-        <div v-for="lane in lanes" :key="lane.wave" class="lane" :style="{ color: lane.colour }" :title="words[lane.wave + '_long'] + ', ' + lane.scale.map((v) => number(v, 1)).join(' – ') + ' ' + lane.unit" :data-wave="lane.wave" :data-scale="lane.scale.join()">
-          <span class="name">{{ words[lane.wave] }} <em>{{ lane.unit }}</em></span>
-          <span class="big">{{ lane.big }}</span>
-          <span class="small">{{ lane.small }}</span>
-          <span v-if="lane.band" class="band" :title="words.bands_column">{{ lane.band }}</span>
-          <span v-if="lane.pinned" class="pinned">{{ words.pinned }} {{ lane.pinned }}</span>
+        <div v-for="t in traces" :key="t.signal" class="trace" :style="{ color: t.colour }" :title="t.hint"
+          :data-wave="t.signal" :data-scale="t.scale.join()">
+          <span class="name">{{ t.label }} <em>{{ t.unit }}</em></span>
+          <span class="big">{{ t.big }}</span>
+          <span class="small">{{ t.small }}</span>
+          <span v-if="t.band" class="band" :title="texts.bands_column">{{ t.band }}</span>
+          <span v-if="t.pinned" class="pinned">{{ texts.pinned }} {{ t.pinned }}</span>
         </div>
       </div>
       <div class="sweeping">
-        <button type="button" :aria-pressed="paused" @click="paused = !paused">{{ words.sweep_pause }}</button>
-        <button type="button" :aria-pressed="auto" :title="words.autoscale_hint" @click="rescale">{{ words.autoscale }}</button>
-        <span v-if="auto">{{ words.autoscale_on }}</span>
+        <button type="button" :aria-pressed="paused" @click="paused = !paused">{{
+          texts.sweep_pause }}</button>
+        <button type="button" :aria-pressed="auto" :title="texts.autoscale_hint" @click="rescale">{{
+          texts.autoscale }}</button>
+        <span v-if="auto">{{ texts.autoscale_on }}</span>
       </div>
     </div>
   </div>`,
-  data: () => ({ words, lanes: [], paused: false, auto: false, spoken: "" }),
-  mounted() {
-    this.words = words;
-    this.scales = {};
-    this.paused = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
-    this.since = performance.now();
-    this.observer = new ResizeObserver(([entry]) => this.resize(entry));
-    try {
-      this.observer.observe(this.$refs.canvas, { box: "device-pixel-content-box" });
-    } catch {
-      this.observer.observe(this.$refs.canvas);
-    }
-    this.stops = [
-      bus.on("pinned", (beat) => {
+  mixins: [
+    listening({
+      display(display) {
+        this.known = display.traces;
+        this.show();
+      },
+      pinned(beat) {
         this.pinned = beat;
-        if (this.beat) this.show(this.beat);
-      }),
-      bus.on("bands", () => {
-        if (this.beat) this.show(this.beat);
-      }),
-      bus.on("beat", (beat) => {
-        this.show(beat);
+        this.show();
+      },
+      bands() {
+        this.show();
+      },
+      beat(beat) {
+        this.beat = beat;
+        this.show();
         latency.drawn(beat.seq);
-      }),
-    ];
-    const frame = (now) => {
-      this.frame = requestAnimationFrame(frame);
-      if (this.beat && !this.paused && this.width > 0) this.sweep(now);
-    };
-    this.frame = requestAnimationFrame(frame);
-  },
+      },
+    }),
+  ],
+  data: () => ({ traces: [], paused: false, auto: false, spoken: "" }),
   unmounted() {
     cancelAnimationFrame(this.frame);
     this.observer.disconnect();
-    for (const stop of this.stops) stop();
   },
   methods: {
-    show(beat) {
-      this.beat = beat;
-      this.bands = bandsOf(beat);
-      const seen = LANES.filter((lane) => beat.waves[lane.wave]);
-      for (const lane of seen) this.scales[lane.wave] = this.scale(lane, beat);
-      this.lanes = seen.map((lane) => ({ ...lane, ...this.read(lane, beat), pinned: this.shadow(lane), band: this.interval(lane), scale: this.scales[lane.wave] }));
-      this.spoken = this.lanes.map((l) => `${words[l.wave]} ${l.big} ${l.small}`).join(", ");
+    setUp() {
+      this.scales = {};
+      this.known = [];
+      this.paused = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
+      this.since = performance.now();
+      this.observer = new ResizeObserver(([entry]) => this.resize(entry));
+      try {
+        this.observer.observe(this.$refs.canvas, { box: "device-pixel-content-box" });
+      } catch {
+        this.observer.observe(this.$refs.canvas);
+      }
+      const frame = (now) => {
+        this.frame = requestAnimationFrame(frame);
+        if (this.beat && !this.paused && this.width > 0) this.sweep(now);
+      };
+      this.frame = requestAnimationFrame(frame);
+    },
+    show() {
+      if (!this.beat) return;
+      this.bands = bandsOf(this.beat);
+      const seen = this.known.filter((trace) => this.beat.waves[trace.signal]);
+      for (const trace of seen) this.scales[trace.signal] = this.scaleOf(trace);
+      this.drawn = seen.map((trace) => this.described(trace));
+      this.traces = this.drawn;
+      this.spoken = this.traces.map((t) => `${t.label} ${t.big} ${t.small}`).join(", ");
       this.repaint();
     },
-    number: fixed,
+    described(trace) {
+      const { big, small, unit } = this.read(trace, this.beat);
+      const scale = this.scales[trace.signal];
+      const bounds = scale.map((v) => fixed(v, 1)).join(" – ");
+      const kept = this.pinned?.waves[trace.signal] && this.read(trace, this.pinned);
+      const pinned = kept ? `${kept.big} ${kept.small}` : "";
+      const hint = `${trace.text}, ${bounds} ${unit}`;
+      return { ...trace, big, small, unit, scale, hint, pinned, band: this.interval(trace) };
+    },
     rescale() {
       this.auto = !this.auto;
       this.scales = {};
-      this.show(this.beat);
+      this.show();
     },
-    scale(lane, beat) {
-      const all = [beat, this.pinned].filter((b) => b?.waves[lane.wave]).flatMap((b) => this.values(lane, b));
-      const band = this.bands?.waves[lane.wave]?.flat().map((v) => (lane.kind === "flow" ? v * TO_L_MIN : v)) ?? [];
-      const finite = [...all, ...band].filter(Number.isFinite);
-      let [low, high] = finite.length ? [Math.min(...finite), Math.max(...finite)] : lane.scales[0];
-      if (!this.auto) {
-        let found = lane.scales.find(([bottom, top]) => low >= bottom && high <= top) ?? lane.scales.at(-1);
-        while (low < found[0] || high > found[1]) found = [low < found[0] ? Math.min(2 * found[0], -found[1]) : found[0], high > found[1] ? 2 * found[1] : found[1]];
-        return found;
+    scaleOf(trace) {
+      const factor = trace.form === "flow" ? L_MIN : 1;
+      const beats = [this.beat, this.pinned].flatMap((beat) => beat?.waves[trace.signal] ?? []);
+      const values = [...beats, ...(this.bands?.waves[trace.signal]?.flat() ?? [])].map((v) =>
+        v === null ? NaN : v * factor,
+      );
+      if (this.auto) {
+        const [low, high] = extent(values, LEAST[trace.form]) ?? trace.scales[0];
+        return niceRange(low, high, this.scales[trace.signal]);
       }
-      const least = lane.kind === "flow" ? 1 : 6;
-      if (high - low < least) [low, high] = [0.5 * (low + high - least), 0.5 * (low + high + least)];
-      return niceRange(low, high, this.scales[lane.wave]);
+      const [low, high] = extent(values) ?? trace.scales[0];
+      return fixedRange(trace.scales, low, high);
     },
-    values: (lane, beat) => beat.waves[lane.wave].map((v) => (lane.kind === "flow" ? v * TO_L_MIN : v)),
-    read(lane, beat) {
-      const mean = beat.means[lane.wave] * (lane.kind === "flow" ? TO_L_MIN : 1);
-      if (lane.kind === "flow") return { big: fixed(mean, 2), small: "", unit: "L/min" };
-      if (lane.kind === "mean") return { big: fixed(mean, 0), small: "", unit: "mmHg" };
-      const [high, low] = lane.wave === "Pao" ? [beat.outputs.SP, beat.outputs.DP] : [beat.outputs.SPAP, beat.outputs.DPAP];
-      return { big: `${fixed(high, 0)}/${fixed(low, 0)}`, small: `(${fixed(mean, 0)})`, unit: "mmHg" };
+    read({ form, signal, outputs }, beat) {
+      const mean = beat.means[signal];
+      if (form === "flow") return { big: fixed(mean * L_MIN, 2), small: "", unit: "L/min" };
+      if (form === "mean") return { big: fixed(mean, 0), small: "", unit: "mmHg" };
+      const extremes = outputs.map((name) => fixed(beat.outputs[name], 0)).join("/");
+      return { big: extremes, small: `(${fixed(mean, 0)})`, unit: "mmHg" };
     },
-    shadow(lane) {
-      if (!this.pinned?.waves[lane.wave]) return "";
-      const { big, small } = this.read(lane, this.pinned);
-      return `${big} ${small}`;
-    },
-    interval(lane) {
-      const found = lane.outputs.map((name) => this.bands?.outputs[name]).filter(Boolean);
-      return found.map(([low, high]) => `${fixed(low, lane.digits)}–${fixed(high, lane.digits)}`).join(" / ");
+    interval({ form, outputs }) {
+      const digits = form === "flow" ? 2 : 0;
+      const bands = outputs.map((name) => this.bands?.outputs[name]).filter(Boolean);
+      return bands.map((band) => band.map((v) => fixed(v, digits)).join("–")).join(" / ");
     },
     resize(entry) {
-      const canvas = this.$refs.canvas;
+      const { canvas } = this.$refs;
       const box = canvas.getBoundingClientRect();
       const exact = entry?.devicePixelContentBoxSize?.[0];
-      canvas.width = exact?.inlineSize ?? Math.round(box.width * (window.devicePixelRatio || 1));
-      canvas.height = exact?.blockSize ?? Math.round(box.height * (window.devicePixelRatio || 1));
+      const density = window.devicePixelRatio || 1;
+      canvas.width = exact?.inlineSize ?? Math.round(box.width * density);
+      canvas.height = exact?.blockSize ?? Math.round(box.height * density);
       this.ratio = box.width ? canvas.width / box.width : 1;
       this.width = canvas.width / this.ratio;
       this.height = canvas.height / this.ratio;
@@ -134,17 +147,12 @@ export default {
       this.pen.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
       this.repaint();
     },
-    whole(x) {
-      return Math.floor(x * this.ratio) / this.ratio; // a border of device pixels: pieces meet without a seam
-    },
     head(now) {
-      const speed = (this.width - LEFT) / SECONDS;
-      return this.whole(LEFT + ((((now - this.since) / 1000) % SECONDS) * speed));
+      return headAt((now - this.since) / 1000, this.width, this.ratio);
     },
     repaint() {
       if (!this.pen || !this.beat || !(this.width > LEFT)) return;
-      const now = performance.now();
-      this.x = this.head(now);
+      this.x = this.head(performance.now());
       this.paint(0, this.width);
       if (!this.paused) this.pen.clearRect(this.x, 0, GAP, this.height);
     },
@@ -152,84 +160,80 @@ export default {
       const x = this.head(now);
       if (x < this.x) {
         this.paint(this.x, this.width);
-        this.x = this.whole(LEFT);
+        this.x = headAt(0, this.width, this.ratio);
       }
       if (x === this.x) return;
       this.paint(this.x, x);
-      this.pen.clearRect(x, 0, this.whole(GAP), this.height);
+      this.pen.clearRect(x, 0, Math.floor(GAP * this.ratio) / this.ratio, this.height);
       this.x = x;
     },
+    clip(x, y, width, height) {
+      this.pen.beginPath();
+      this.pen.rect(x, y, width, height);
+      this.pen.clip();
+    },
     paint(from, to) {
-      const pen = this.pen;
-      const tall = this.height / this.lanes.length;
+      this.pen.save();
+      this.clip(from, 0, to - from, this.height);
+      this.pen.clearRect(from, 0, to - from, this.height);
+      this.drawn.forEach((trace, row) => this.paintTrace(trace, row, from, to));
+      this.pen.restore();
+    },
+    paintTrace(trace, row, from, to) {
+      const { pen } = this;
+      const tall = this.height / this.drawn.length;
+      const [low, high] = trace.scale;
+      const y = (v) => (row + 1) * tall - 7 - ((v - low) / (high - low)) * (tall - 16);
       pen.save();
-      pen.beginPath();
-      pen.rect(from, 0, to - from, this.height);
-      pen.clip();
-      pen.clearRect(from, 0, to - from, this.height);
-      this.lanes.forEach((lane, k) => {
-        const [low, high] = this.scales[lane.wave];
-        const y = (v) => (k + 1) * tall - 7 - ((v - low) / (high - low)) * (tall - 16);
-        pen.save();
-        pen.beginPath();
-        pen.rect(0, k * tall, this.width, tall);
-        pen.clip();
-        if (from < LEFT) this.axis(lane, low, high, y, k, tall);
-        pen.strokeStyle = "#2A3644";
-        pen.lineWidth = 1;
-        for (const v of [low, high]) this.path([[Math.max(from, LEFT), y(v)], [to, y(v)]]);
-        pen.beginPath();
-        pen.rect(LEFT, k * tall, this.width - LEFT, tall);
-        pen.clip();
-        if (this.pinned?.waves[lane.wave]) this.trace(lane, this.pinned, y, from, to, "#7C8896", 1.2);
-        if (this.bands?.waves[lane.wave]) this.band(lane, this.bands.waves[lane.wave], y, from, to);
-        this.trace(lane, this.beat, y, from, to, lane.colour, 1.8);
-        pen.restore();
-      });
+      this.clip(0, row * tall, this.width, tall);
+      if (from < LEFT) this.paintAxis(low, high, y, row * tall);
+      pen.strokeStyle = GRID;
+      pen.lineWidth = 1;
+      for (const v of [low, high]) this.path([Math.max(from, LEFT), to].map((x) => [x, y(v)]));
+      this.clip(LEFT, row * tall, this.width - LEFT, tall);
+      if (this.pinned?.waves[trace.signal]) this.curve(trace, this.pinned, y, from, to, SHADOW, 1.2);
+      if (this.bands?.waves[trace.signal]) this.band(trace, this.bands.waves[trace.signal], y, from, to);
+      this.curve(trace, this.beat, y, from, to, trace.colour, 1.8);
       pen.restore();
     },
-    axis(lane, low, high, y, k, tall) {
-      const pen = this.pen;
-      pen.fillStyle = "#93A1B0";
+    paintAxis(low, high, y, top) {
+      const { pen } = this;
+      const digits = high - low < 3 ? 1 : 0;
+      pen.fillStyle = TICKS;
       pen.font = "11px system-ui, sans-serif";
       pen.textAlign = "right";
-      const digits = high - low < 3 ? 1 : 0;
       pen.fillText(fixed(high, digits), LEFT - 6, y(high) + 8);
       pen.fillText(fixed(low, digits), LEFT - 6, y(low));
-      if (k) {
-        pen.strokeStyle = "#1B2530";
-        this.path([[0, k * tall], [this.width, k * tall]]);
-      }
+      if (!top) return;
+      pen.strokeStyle = EDGE;
+      this.path([
+        [0, top],
+        [this.width, top],
+      ]);
     },
-    trace(lane, beat, y, from, to, colour, width) {
+    points(trace, wave, period, y, from, to) {
+      const factor = trace.form === "flow" ? L_MIN : 1;
+      return samples(wave, period, this.width, from, to).map(([x, v]) => [x, y(v * factor)]);
+    },
+    curve(trace, beat, y, from, to, colour, width) {
       this.pen.strokeStyle = colour;
       this.pen.lineWidth = width;
       this.pen.lineJoin = "round";
-      this.path(this.points(lane, beat.waves[lane.wave], beat.period, y, from, to));
+      this.path(this.points(trace, beat.waves[trace.signal], beat.period, y, from, to));
     },
-    band(lane, [low, high], y, from, to) {
-      const [under, over] = [low, high].map((wave) => this.points(lane, wave, this.beat.period, y, from, to));
-      this.pen.beginPath();
-      [...under, ...over.reverse()].forEach(([x, v], k) => (k ? this.pen.lineTo(x, v) : this.pen.moveTo(x, v)));
-      this.pen.fillStyle = lane.colour + "48";
+    band(trace, sides, y, from, to) {
+      const [under, over] = sides.map((wave) => this.points(trace, wave, this.beat.period, y, from, to));
+      this.trail([...under, ...over.toReversed()]);
+      this.pen.fillStyle = `${trace.colour}48`;
       this.pen.fill();
     },
-    // The samples between two places, at their times.
-    points(lane, wave, period, y, from, to) {
-      const scale = lane.kind === "flow" ? TO_L_MIN : 1;
-      const n = wave.length;
-      const step = (((this.width - LEFT) / SECONDS) * period) / n;
-      const points = [];
-      for (let i = Math.max(0, Math.floor((from - LEFT) / step) - 2); i <= Math.ceil((to - LEFT) / step) + 2; i += 1) {
-        const v = wave[i % n];
-        if (Number.isFinite(v)) points.push([LEFT + i * step, y(v * scale)]);
-      }
-      return points;
-    },
     path(points) {
+      this.trail(points);
+      this.pen.stroke();
+    },
+    trail(points) {
       this.pen.beginPath();
       points.forEach(([x, y], k) => (k ? this.pen.lineTo(x, y) : this.pen.moveTo(x, y)));
-      this.pen.stroke();
     },
   },
 };

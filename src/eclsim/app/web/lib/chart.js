@@ -1,41 +1,73 @@
 // Charts by Plotly, which comes with the page; drawn only while their view is seen.
 import { bus, dark, ink } from "eclsim-page";
 
-let loading;
-const plotly = () => (loading ??= import("nicegui-plotly").then((m) => m.Plotly));
-bus.on("beat", () => {
-  if (!loading) setTimeout(plotly, 2500);
-});
+const FONT = 'system-ui, "Segoe UI", Roboto, sans-serif';
+const LOAD_AFTER = 2500; // ms after the first beat
+const CONFIG = {
+  displaylogo: false,
+  toImageButtonOptions: { format: "svg", filename: "eclsim" },
+  responsive: false,
+  modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d"],
+  scrollZoom: false,
+};
 
-export const axis = (title, more = {}) => ({
-  title: { text: title, standoff: 6, font: { size: 12 } }, zeroline: false, gridcolor: ink("line"), linecolor: ink("edge"),
-  showline: true, ticks: "outside", ticklen: 3, tickcolor: ink("edge"), tickfont: { size: 11 }, automargin: true, ...more,
-});
-const layoutOf = () => ({
-  font: { family: 'system-ui, "Segoe UI", Roboto, sans-serif', color: ink("ink") }, paper_bgcolor: ink("card"), plot_bgcolor: ink("card"),
-  hoverlabel: { bgcolor: ink("card"), font: { color: ink("ink") } },
-  margin: { l: 52, r: 14, t: 28, b: 42 }, showlegend: true, hovermode: "closest",
-  legend: { orientation: "h", x: 0, y: -0.16, font: { size: 11.5 } },
+let loading;
+const plotly = () => (loading ??= import("nicegui-plotly").then((module) => module.Plotly));
+bus.on("beat", () => {
+  if (!loading) setTimeout(plotly, LOAD_AFTER);
 });
 // Another preference of the reader draws the charts anew.
 dark.addEventListener("change", () => {
-  for (const topic of ["beat", "ramp"]) if (bus.last(topic) !== undefined) bus.publish(topic, bus.last(topic));
+  for (const topic of ["beat", "ramp"])
+    if (bus.last(topic) !== undefined) bus.publish(topic, bus.last(topic));
 });
-const CONFIG = { displaylogo: false, toImageButtonOptions: { format: "svg", filename: "eclsim" }, responsive: false, modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d"], scrollZoom: false };
+
+export const axis = (title, more = {}) => ({
+  title: { text: title, standoff: 6, font: { size: 12 } },
+  zeroline: false,
+  gridcolor: ink("line"),
+  linecolor: ink("edge"),
+  showline: true,
+  ticks: "outside",
+  ticklen: 3,
+  tickcolor: ink("edge"),
+  tickfont: { size: 11 },
+  automargin: true,
+  ...more,
+});
+
+// A curve; `more` may hold further settings of the trace and of its line.
+export const line = (x, y, name, colour, { line: stroke = {}, ...more } = {}) => ({
+  type: "scatter",
+  mode: "lines",
+  x,
+  y,
+  name,
+  line: { color: colour, width: 2.2, ...stroke },
+  ...more,
+});
+
+const common = () => ({
+  font: { family: FONT, color: ink("ink") },
+  paper_bgcolor: ink("card"),
+  plot_bgcolor: ink("card"),
+  hoverlabel: { bgcolor: ink("card"), font: { color: ink("ink") } },
+  margin: { l: 52, r: 14, t: 28, b: 42 },
+  showlegend: true,
+  hovermode: "closest",
+  legend: { orientation: "h", x: 0, y: -0.16, font: { size: 11.5 } },
+});
 
 export class Chart {
   constructor(element, view) {
     this.element = element;
-    this.view = view;
     this.seen = bus.last("view") === view;
     this.observer = new ResizeObserver(() => this.resize());
     this.observer.observe(element);
-    this.stops = [
-      bus.on("view", (now) => {
-        this.seen = now === view;
-        if (this.seen && this.waiting) this.paint();
-      }),
-    ];
+    this.stop = bus.on("view", (now) => {
+      this.seen = now === view;
+      if (this.seen && this.waiting) this.paint();
+    });
   }
   draw(traces, layout) {
     this.waiting = [traces, layout];
@@ -47,7 +79,7 @@ export class Chart {
     const [traces, layout] = this.waiting;
     this.waiting = undefined;
     const size = { width: this.element.clientWidth, height: this.element.clientHeight };
-    await Plotly.react(this.element, traces, { ...layoutOf(), ...layout, ...size, uirevision: "same" }, CONFIG);
+    await Plotly.react(this.element, traces, { ...common(), ...layout, ...size, uirevision: "same" }, CONFIG);
     this.drawn = [traces, layout];
   }
   resize() {
@@ -56,11 +88,6 @@ export class Chart {
   }
   close() {
     this.observer.disconnect();
-    for (const stop of this.stops) stop();
+    this.stop();
   }
 }
-
-// A curve; `more` may hold further settings of the trace and of its line.
-export const line = (x, y, name, colour, { line: stroke = {}, ...more } = {}) => ({
-  type: "scatter", mode: "lines", x, y, name, line: { color: colour, width: 2.2, ...stroke }, ...more,
-});

@@ -1,10 +1,10 @@
-"""The page says whose numbers it shows: preset, patient, fitted or not, changed or not."""
+"""The page says where its numbers come from: preset, patient, fitted or not, changed or not."""
 
 import pytest
 
 from eclsim.app.knobs import connect, turn
+from eclsim.app.provenance import MOST_NAMED, changes, kind_of, provenance, title_of
 from eclsim.app.state import PageState, preset_state
-from eclsim.app.whose import MOST_NAMED, changes, kind_of, title_of, whose
 from eclsim.cases.case import Measurements
 from eclsim.cases.presets import PRESETS
 
@@ -18,12 +18,12 @@ def test_a_preset_keeps_its_name_only_while_nothing_is_turned(key):
     assert title_of(state) == PRESETS[key].name
     turned = state.with_case(turn(state.case, "patient.heart_rate_bpm", 91))
     assert title_of(turned) == f"{PRESETS[key].name}, changed"
-    assert "Heart rate" in whose(turned)["text"]
+    assert "Heart rate" in provenance(turned)["text"]
     assert title_of(state.with_policy("patient_held")).endswith(", changed")
 
 
 def test_a_row_of_a_cohort_that_is_not_fitted_is_not_the_patient():
-    said = whose(PageState(UNFITTED, origin="file", source="ward.csv"))
+    said = provenance(PageState(UNFITTED, origin="file", source="ward.csv"))
     assert said["badge"] == "Not fitted"
     assert said["level"] == "warning"
     assert "ward.csv" in said["text"]
@@ -42,10 +42,10 @@ def test_a_row_of_a_cohort_that_is_not_fitted_is_not_the_patient():
 )
 def test_where_the_parameters_come_from_is_said(state, kind, level):
     assert kind_of(state) == kind
-    assert whose(state)["level"] == level
-    assert state.source in whose(state)["text"]
-    assert state.verdict in whose(state)["text"].lower()
-    assert ("poor" in whose(state)["badge"].lower()) == (state.verdict == "poor")
+    assert provenance(state)["level"] == level
+    assert state.source in provenance(state)["text"]
+    assert state.verdict in provenance(state)["text"].lower()
+    assert ("poor" in provenance(state)["badge"].lower()) == (state.verdict == "poor")
 
 
 def test_what_was_changed_is_named_and_a_long_list_is_cut():

@@ -1,4 +1,4 @@
-"""Whose numbers the page shows, in Chromium: patients do not mix, and nothing old passes for new."""
+"""Where the numbers come from, in Chromium: patients do not mix, and nothing old passes for new."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def patient(folder, name: str, pressure: float, **parameters: float):
     return path
 
 
-def whose(page):
-    return expect(page.locator(".ecl-whose"))
+def provenance(page):
+    return expect(page.locator(".ecl-provenance"))
 
 
 def test_the_form_follows_the_patient_and_what_was_typed_stays_with_it(open_page, tmp_path, shots):
@@ -42,8 +42,8 @@ def test_the_form_follows_the_patient_and_what_was_typed_stays_with_it(open_page
     open_file(page, patient(tmp_path, "P01", 71))
     expect(field).to_have_value("71")
     expect(page.locator("#form-patient-id")).to_have_value("P01")
-    whose(page).to_contain_text("Not fitted")
-    whose(page).to_contain_text("P01")
+    provenance(page).to_contain_text("Not fitted")
+    provenance(page).to_contain_text("P01")
     picture(page, shots, "unfitted")
     field.fill("72.5")
     open_file(page, patient(tmp_path, "P02", 88))
@@ -77,16 +77,16 @@ def test_measured_and_simulated_stand_side_by_side(open_page, tmp_path, shots):
 
 def test_a_turned_preset_is_called_changed_and_opens_again(open_page, shots):
     page = open_page("healthy")
-    whose(page).to_contain_text("Healthy adult")
-    whose(page).not_to_contain_text("Changed")
+    provenance(page).to_contain_text("Healthy adult")
+    provenance(page).not_to_contain_text("Changed")
     turn(page, "patient.heart_rate_bpm", "84")
     wait_for(page, "Math.abs(beat.period - 60 / 84) < 1e-3")
-    whose(page).to_contain_text("Healthy adult, changed")
-    whose(page).to_contain_text("Heart rate")
+    provenance(page).to_contain_text("Healthy adult, changed")
+    provenance(page).to_contain_text("Heart rate")
     picture(page, shots, "changed")
     choose(page, PRESETS["healthy"].name)
     wait_for(page, "Math.abs(beat.period - 60 / 70) < 1e-3")
-    whose(page).not_to_contain_text("changed")
+    provenance(page).not_to_contain_text("changed")
 
 
 def test_undo_then_reset_stays_with_the_patient(open_page):
@@ -99,7 +99,7 @@ def test_undo_then_reset_stays_with_the_patient(open_page):
     wait_for(page, "!('Qlvadpump' in beat.waves)")
     page.get_by_role("button", name="Reset").click()
     wait_for(page, "Math.abs(beat.period - 60 / 70) < 1e-3")
-    whose(page).to_contain_text("Healthy adult A preset, made up: nobody was measured.")
+    provenance(page).to_contain_text("Healthy adult A preset, made up: nobody was measured.")
 
 
 def test_a_link_pasted_into_an_open_page_is_opened_and_a_damaged_one_changes_nothing(open_page):
@@ -155,7 +155,7 @@ def test_a_fit_that_is_wrong_has_no_tick_and_says_why(open_page, shots):
     page = open_page()
     show(page, "identify")
     page.wait_for_function("eclsim.bus.last('form')")
-    found = page.locator(".ecl-identify .found")
+    found = page.locator(".ecl-identify .result")
     for off, ticks, level in ((0.4, 1, "good"), (3.0, 0, "doubtful"), (4.1, 0, "poor")):
         page.evaluate("(data) => eclsim.bus.publish('fit_ended', data)", fit_of(page, off))
         page.locator(f".judgement.{level}").wait_for()
@@ -181,7 +181,7 @@ def test_a_row_of_a_cohort_says_which_one_it_is_and_that_it_is_not_fitted(open_p
     page.get_by_text("P01/2", exact=True).click()
     page.get_by_role("button", name=text("open_use"), exact=True).click()
     wait_for(page, "beat.outputs.PF > 0")
-    whose(page).to_contain_text("NOT FITTED")
-    whose(page).to_contain_text("ward.csv, data point P01/2")
+    provenance(page).to_contain_text("NOT FITTED")
+    provenance(page).to_contain_text("ward.csv, data point P01/2")
     page.get_by_text(f"{text('key_measured')} 75").wait_for()
     picture(page, shots, "cohort_row")

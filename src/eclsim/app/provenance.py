@@ -1,4 +1,4 @@
-"""Whose numbers the page shows: what was read, what is simulated, fitted, or changed by hand; in words."""
+"""Where the numbers of the page come from: read, simulated, fitted, or changed by hand; in words."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ MOST_NAMED = 4
 def title_of(state: PageState) -> str:
     """The name that the numbers of a state go by: never that of a patient or preset that was changed."""
     name = _name(state)
-    return text("whose_title_changed", name=name) if state.changed else name
+    return text("provenance_title_changed", name=name) if state.changed else name
 
 
-def whose(state: PageState) -> dict[str, Any]:
-    """Whose numbers these are, as plain data.
+def provenance(state: PageState) -> dict[str, Any]:
+    """Where the numbers come from, as plain data.
 
     Returns:
         `title`, a `badge` of one or two words, a `level` ("ok" or "warning"), a sentence as `text`, and
@@ -31,12 +31,12 @@ def whose(state: PageState) -> dict[str, Any]:
     """
     kind = kind_of(state)
     badge = kind
-    said = [text(f"whose_{kind}", source=state.source or text("whose_no_file"))]
+    said = [text(f"provenance_{kind}", source=state.source or text("provenance_no_file"))]
     if state.changed:
-        said.append(text("whose_changed", what=", ".join(changes(state))))
+        said.append(text("provenance_changed", what=", ".join(changes(state))))
     if kind == "fit" and state.verdict:
         badge = f"fit_{state.verdict}"
-        said[0] += " " + text("whose_verdict", verdict=text(f"verdict_{state.verdict}"))
+        said[0] += " " + text("provenance_verdict", verdict=text(f"verdict_{state.verdict}"))
     doubted = kind in ("unfitted", "posterior") or (kind == "fit" and state.verdict != "good")
     measured = state.start.case.measurements
     return {
@@ -70,7 +70,7 @@ def circuit_words(case: Case) -> str:
         found.append(f"CRRT {case.crrt.flow_ml_min:g} mL/min")
     if case.lvad is not None:
         found.append(f"LVAD {case.lvad.pump} {case.lvad.speed_rpm:g} rpm")
-    return ", ".join(found) or text("whose_no_device")
+    return ", ".join(found) or text("provenance_no_device")
 
 
 def changes(state: PageState) -> list[str]:
@@ -79,7 +79,8 @@ def changes(state: PageState) -> list[str]:
     for device in DEVICES:
         before, now = getattr(start.case, device), getattr(state.case, device)
         if (before is None) != (now is None):
-            found.append(text("whose_connected" if now else "whose_removed", device=text(f"group_{device}")))
+            change = "provenance_connected" if now else "provenance_removed"
+            found.append(text(change, device=text(f"group_{device}")))
     shared = {c.key for c in controls(start.case)}
     for key in (c.key for c in controls(state.case) if c.key in shared):
         if value_of(start.case, key) != value_of(state.case, key):
@@ -89,7 +90,7 @@ def changes(state: PageState) -> list[str]:
     if start.policy != state.policy:
         found.append(text("group_model"))
     if len(found) > MOST_NAMED:
-        return [*found[:MOST_NAMED], text("whose_more", count=len(found) - MOST_NAMED)]
+        return [*found[:MOST_NAMED], text("provenance_more", count=len(found) - MOST_NAMED)]
     return found
 
 

@@ -1,0 +1,51 @@
+// Numbers and limits as text.
+export const MINUS = "\u2212";
+export const MISSING = "–";
+// Signs of how a number stands to its limits, the gravest kind first.
+export const GRAVEST = ["collapse", "alarm", "warning"];
+export const SIGNS = { ok: "", warning: "! ", alarm: "▲ ", collapse: "✕ " };
+
+const isMissing = (value) => value === null || value === undefined || !Number.isFinite(value);
+
+// A number with so many decimals; a typographic minus, and none before zero.
+export function fixed(value, digits) {
+  if (isMissing(value)) return MISSING;
+  const text = value.toFixed(digits);
+  return Number(text) === 0 ? text.replace("-", "") : text.replace("-", MINUS);
+}
+
+// A number with about three significant digits.
+export function compact(value) {
+  if (isMissing(value)) return MISSING;
+  const size = Math.abs(value);
+  if (size !== 0 && (size < 0.001 || size >= 1e6)) return value.toExponential(2).replace("-", MINUS);
+  return fixed(value, size >= 100 ? 0 : size >= 10 ? 1 : size >= 1 ? 2 : 3);
+}
+
+// A change with its sign; "0" where it is less than a thousandth of the value.
+export function change(value, before) {
+  if (isMissing(value) || isMissing(before)) return "";
+  const difference = value - before;
+  if (Math.abs(difference) < 1e-3 * Math.max(Math.abs(value), 0.01)) return "0";
+  return (difference > 0 ? "+" : "") + compact(difference);
+}
+
+export const signed = (value, digits) => (value >= 0 ? "+" : "") + fixed(value, digits);
+
+// The gravest of the levels of some outputs.
+export const gravest = (levels, outputs) =>
+  GRAVEST.find((kind) => outputs.some((name) => levels[name] === kind)) ?? "ok";
+
+// "! < 65, > 107" and below it "▲ < 55, > 133": what lies beyond a bound has the sign.
+export function limitLines(limits) {
+  const bounds = (kind) =>
+    limits
+      .filter((limit) => limit.kind === kind)
+      .map((limit) => `${limit.side === "below" ? "<" : ">"} ${fixed(limit.value, 0)}`);
+  const kinds = GRAVEST.toReversed().filter((kind) => bounds(kind).length);
+  return kinds.map((kind) => SIGNS[kind] + bounds(kind).join(", ")).join("\n");
+}
+
+// A sentence with named gaps: fill("{a} of {b}", { a: 1, b: 2 }).
+export const fill = (text, values) =>
+  Object.entries(values).reduce((filled, [name, value]) => filled.replace(`{${name}}`, () => value), text);

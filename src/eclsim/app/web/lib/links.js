@@ -1,0 +1,34 @@
+// Links to a state of the page, and what a tab keeps. What is behind # in an address reaches no log.
+const LONGEST = 9000;
+
+// The link in the part of an address behind #; longer ones are cut, and refused by the server.
+export const linkIn = (hash) => hash.slice(1, LONGEST);
+
+export const addressOf = ({ origin, pathname }, link) => `${origin}${pathname}#${link}`;
+
+// Entries by key with one set anew (undefined: without it); of more than `most` the oldest are let go.
+export function remember(entries, key, value, most) {
+  const { [key]: _, ...others } = entries;
+  const kept = Object.entries(others).slice(1 - most);
+  return Object.fromEntries(value === undefined ? kept : [...kept, [key, value]]);
+}
+
+// Storage of this tab, as plain data; nothing is kept where storage is blocked or full.
+export function makeTabStorage(storage, prefix = "eclsim-") {
+  return {
+    read(name) {
+      try {
+        return JSON.parse(storage().getItem(prefix + name) ?? "null");
+      } catch {
+        return null;
+      }
+    },
+    keep(name, data) {
+      try {
+        storage().setItem(prefix + name, JSON.stringify(data));
+      } catch {
+        // the page goes on without
+      }
+    },
+  };
+}

@@ -1,0 +1,74 @@
+// Numbers, limits and sentences as the page writes them.
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import {
+  MINUS,
+  change,
+  compact,
+  fill,
+  fixed,
+  gravest,
+  limitLines,
+  signed,
+} from "../../../src/eclsim/app/web/lib/format.js";
+
+test("a number has its decimals, a typographic minus, and none before zero", () => {
+  assert.equal(fixed(3.96, 1), "4.0");
+  assert.equal(fixed(-12.34, 1), `${MINUS}12.3`);
+  assert.equal(fixed(-0.04, 1), "0.0");
+});
+
+test("what is no number is a dash", () => {
+  for (const value of [null, undefined, NaN, Infinity]) {
+    assert.equal(fixed(value, 1), "–");
+    assert.equal(compact(value), "–");
+  }
+});
+
+test("compact numbers have about three digits", () => {
+  const expected = [
+    [0, "0.000"],
+    [0.0123, "0.012"],
+    [1.234, "1.23"],
+    [12.34, "12.3"],
+    [123.4, "123"],
+    [-123.4, `${MINUS}123`],
+    [0.0001234, `1.23e${MINUS}4`],
+    [2345678, "2.35e+6"],
+  ];
+  for (const [value, text] of expected) assert.equal(compact(value), text);
+});
+
+test("a change below a thousandth of the value is none", () => {
+  assert.equal(change(100.05, 100), "0");
+  assert.equal(change(101, 100), "+1.00");
+  assert.equal(change(99, 100), `${MINUS}1.00`);
+  assert.equal(change(99, null), "");
+  assert.equal(change(null, 99), "");
+});
+
+test("a difference has its sign", () => {
+  assert.equal(signed(0.004, 2), "+0.00");
+  assert.equal(signed(-0.64, 2), `${MINUS}0.64`);
+});
+
+test("the gravest level of several outputs counts", () => {
+  const levels = { MAP: "warning", PF: "alarm", CO: "ok" };
+  assert.equal(gravest(levels, ["MAP", "PF"]), "alarm");
+  assert.equal(gravest(levels, ["MAP", "CO"]), "warning");
+  assert.equal(gravest(levels, ["CO", "unknown"]), "ok");
+});
+
+test("limits are listed by kind with their sign", () => {
+  const limits = [
+    { kind: "alarm", side: "below", value: 55 },
+    { kind: "warning", side: "below", value: 65 },
+    { kind: "warning", side: "above", value: 107 },
+  ];
+  assert.equal(limitLines(limits), "! < 65, > 107\n▲ < 55");
+  assert.equal(limitLines([]), "");
+});
+
+test("gaps of a sentence are filled with what was typed, whatever signs it has", () => {
+  assert.equal(fill("{a} of {b}", { a: 1, b: "$&" }), "1 of $&");
+});

@@ -1,0 +1,84 @@
+// Messages between server and views, the measured latency, links, and what a tab keeps.
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { bandsFor, makeBus, makeLatency } from "../../../src/eclsim/app/web/lib/bus.js";
+import { addressOf, linkIn, makeTabStorage, remember } from "../../../src/eclsim/app/web/lib/links.js";
+import { strokeOf, svgDash } from "../../../src/eclsim/app/web/lib/strokes.js";
+
+test("whoever listens late hears the last message, and none after stopping", () => {
+  const bus = makeBus();
+  const heard = [];
+  bus.publish("beat", 1);
+  bus.publish("beat", 2);
+  const stop = bus.on("beat", (data) => heard.push(data));
+  bus.publish("beat", 3);
+  stop();
+  bus.publish("beat", 4);
+  assert.deepEqual(heard, [2, 3]);
+  assert.equal(bus.last("beat"), 4);
+  assert.equal(bus.last("unknown"), undefined);
+});
+
+test("bands of another beat are not shown", () => {
+  const bands = { count: 48, of: "a" };
+  assert.equal(bandsFor(bands, { of: "a" }), bands);
+  assert.equal(bandsFor(bands, { of: "b" }), undefined);
+  assert.equal(bandsFor({ of: "a" }, { of: "a" }), undefined);
+  assert.equal(bandsFor(undefined, { of: "a" }), undefined);
+});
+
+test("latency runs from the turn to the frame after its beat; overtaken turns have none", () => {
+  let now = 0;
+  const frames = [];
+  const latency = makeLatency(
+    () => now,
+    (draw) => frames.push(draw),
+  );
+  latency.start(1);
+  now = 10;
+  latency.start(2);
+  now = 30;
+  latency.drawn(2);
+  now = 46;
+  for (const draw of frames) draw();
+  latency.drawn(2);
+  assert.deepEqual(latency.times, [36]);
+});
+
+test("a link is what stands behind #, cut where it is too long", () => {
+  assert.equal(linkIn("#abc"), "abc");
+  assert.equal(linkIn(""), "");
+  assert.equal(linkIn(`#${"a".repeat(20_000)}`).length, 8999);
+  assert.equal(addressOf({ origin: "http://a", pathname: "/bed/" }, "x"), "http://a/bed/#x");
+});
+
+test("a tab keeps the newest entries", () => {
+  const entries = { a: 1, b: 2, c: 3 };
+  assert.deepEqual(remember(entries, "d", 4, 3), { b: 2, c: 3, d: 4 });
+  assert.deepEqual(remember(entries, "a", 9, 3), { b: 2, c: 3, a: 9 });
+  assert.deepEqual(remember(entries, "b", undefined, 3), { a: 1, c: 3 });
+});
+
+test("blocked or damaged storage keeps nothing and breaks nothing", () => {
+  const blocked = makeTabStorage(() => {
+    throw new Error("blocked");
+  });
+  blocked.keep("x", 1);
+  assert.equal(blocked.read("x"), null);
+  const data = new Map([["eclsim-x", "{"]]);
+  const storage = makeTabStorage(() => ({
+    getItem: (k) => data.get(k) ?? null,
+    setItem: (k, v) => data.set(k, v),
+  }));
+  assert.equal(storage.read("x"), null);
+  storage.keep("y", [1]);
+  assert.deepEqual(storage.read("y"), [1]);
+});
+
+test("no two curves have the same colour or dash", () => {
+  const all = Array.from({ length: 10 }, (_, k) => [strokeOf(k, false), strokeOf(k, true)]);
+  assert.equal(new Set(all.map(([light]) => light.colour)).size, 10);
+  assert.equal(new Set(all.map(([, dark]) => dark.colour)).size, 10);
+  assert.equal(new Set(all.map(([light]) => light.dash)).size, 10);
+  assert.equal(svgDash("12px,3px"), "12 3");
+});
