@@ -7,9 +7,8 @@ import zipfile
 
 import pytest
 
-from eclsim.app.exports import ExportError, export
+from eclsim.app.files import LARGEST_FILE, MOST_LINES, ExportError, brief, export, parse_file, with_speeds
 from eclsim.app.knobs import turn
-from eclsim.app.opening import LARGEST_FILE, MOST_SAID, brief, open_file, with_speeds
 from eclsim.app.state import PageState, preset_state
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.writing import case_text
@@ -23,20 +22,20 @@ from small_cohort import HEADER, cohort
 def test_a_case_file_comes_back_as_it_was(key):
     state = PageState(PRESETS[key].case())
     name, content = export(state, "case")
-    opened = open_file(name, content)
+    opened = parse_file(name, content)
     assert opened.cases[0][1] == state.case
 
 
 def test_a_file_with_a_pump_flow_opens_at_the_speed_that_gives_it():
     name, content = export(PageState(PRESETS["paper"].case()), "case")
     text = re.sub(r"(?m)^speed_rpm = .*$", "flow_l_min = {}", content.decode())
-    opened = with_speeds(open_file(name, text.format(3.0).encode()))
+    opened = with_speeds(parse_file(name, text.format(3.0).encode()))
     ((_, case),) = opened.cases
     assert case.ecmo is not None
     assert (case.ecmo.flow_l_min, 2000 < (case.ecmo.speed_rpm or 0) < 4500) == (None, True)
-    assert any("ecmo.flow_l_min = 3 needs" in line for line in opened.said)
+    assert any("ecmo.flow_l_min = 3 needs" in line for line in opened.remarks)
     with pytest.raises(CaseError, match="highest flow reached"):
-        with_speeds(open_file(name, text.format(9.0).encode()))
+        with_speeds(parse_file(name, text.format(9.0).encode()))
 
 
 @pytest.mark.parametrize(
@@ -56,26 +55,26 @@ def test_a_file_with_a_pump_flow_opens_at_the_speed_that_gives_it():
 )
 def test_what_cannot_be_used_says_why(name, content, said):
     with pytest.raises(CaseError, match=said) as refused:
-        open_file(name, content)
+        parse_file(name, content)
     assert "/tmp" not in str(refused.value)
 
 
 def test_mistakes_name_the_file_as_the_user_knows_it():
     wrong = case_text(PRESETS["paper"].case()).replace("3425", "-5").encode()
     with pytest.raises(CaseError, match=r"^mine\.toml:\d+: ecmo\.speed_rpm"):
-        open_file("C:\\Users\\somebody\\mine.toml", wrong)
+        parse_file("C:\\Users\\somebody\\mine.toml", wrong)
 
 
 def test_a_cohort_gives_its_good_rows_and_says_what_is_wrong_with_the_others():
-    opened = open_file(
+    opened = parse_file(
         "ward.csv", cohort({}, {"patient_id": "P02", "SP": "20", "DP": "90"}, {"patient_id": "P03"})
     )
     assert [name for name, _ in opened.cases] == ["P01/1", "P03/1"]
-    assert any("below diastolic" in line for line in opened.said)
+    assert any("below diastolic" in line for line in opened.remarks)
 
 
 def test_long_lists_are_cut_with_a_count():
-    assert brief([str(k) for k in range(100)])[-1] == f"… {100 - MOST_SAID} more"
+    assert brief([str(k) for k in range(100)])[-1] == f"… {100 - MOST_LINES} more"
     assert brief(["a"]) == ["a"]
 
 
@@ -137,7 +136,7 @@ def test_what_was_changed_by_hand_is_called_so_in_every_file():
     turned = state.with_case(turn(state.case, "ecmo.speed_rpm", 3000))
     name, content = export(turned, "case")
     assert name == "Thiel_2025_section_3.3_changed.toml"
-    ((_, case),) = open_file(name, content).cases
+    ((_, case),) = parse_file(name, content).cases
     assert case.patient.id == "Thiel 2025, section 3.3 (changed)"
     again = PageState(case, origin="file").with_case(turn(case, "ecmo.speed_rpm", 2000))
     assert b"(changed) (changed)" not in export(again, "case")[1]

@@ -5,8 +5,16 @@ import asyncio
 import pytest
 
 from eclsim.app import guard
-from eclsim.app.guard import LARGEST_BODY, Guard, Rules
-from eclsim.app.password import LASTS_S, MOST_FAILURES, PasswordFileError, SignIns, read_password
+from eclsim.app.guard import (
+    LARGEST_BODY,
+    LASTS_S,
+    MOST_FAILURES,
+    Guard,
+    PasswordFileError,
+    Rules,
+    SignIns,
+    read_password,
+)
 
 HOSTS = frozenset({"127.0.0.1", "localhost", "[::1]"})
 

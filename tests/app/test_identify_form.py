@@ -11,7 +11,7 @@ from eclsim.app.fitting import FitError, judged, on_the_page
 from eclsim.app.identify import Identification, checked_form, fields, values_of
 from eclsim.app.knobs import turn
 from eclsim.app.state import PageState, link_of, preset_state, state_of, subject_of
-from eclsim.app.uncertain import Uncertain
+from eclsim.app.updates import PosteriorBands
 from eclsim.cases.case import Measurements
 from eclsim.cases.presets import PRESETS
 from eclsim.identification.verdict import (
@@ -154,8 +154,8 @@ def told_by(fitter, action) -> list:
     told: list = []
     tell = lambda topic, data: told.append((topic, data))  # noqa: E731
     session = StubSession()
-    uncertain = Uncertain(None, session)  # type: ignore[arg-type]
-    asyncio.run(action(Identification(session, tell, fitter, uncertain), told))  # type: ignore[arg-type]
+    bands = PosteriorBands(None, session)  # type: ignore[arg-type]
+    asyncio.run(action(Identification(session, tell, fitter, bands), told))  # type: ignore[arg-type]
     return told
 
 
@@ -267,7 +267,7 @@ def test_the_posterior_belongs_to_the_fitted_patient(slow):
         await one.find_posterior()
         assert one.use()
         key = one.session.loaded[0].posterior
-        assert one.uncertain.members(key).base == {"Rmc": 0.9}
+        assert one.bands.members(key).base == {"Rmc": 0.9}
 
     topics = told_by(slow, action)
     assert topics[-1][0] == "posterior_ended"

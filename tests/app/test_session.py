@@ -8,9 +8,8 @@ import pytest
 
 from eclsim.app.beat import Beat
 from eclsim.app.circuits import page_circuit
-from eclsim.app.keeping import read_kept
 from eclsim.app.session import Session
-from eclsim.app.state import MOST_SAVED, PageState, key_of, preset_state
+from eclsim.app.state import MOST_SAVED, PageState, key_of, preset_state, read_snapshot
 from eclsim.cases.presets import PRESETS
 from eclsim.orbit.status import Status
 from patience import until
@@ -185,7 +184,7 @@ def test_a_tab_that_is_restored_has_its_undo_its_pin_and_its_saved_states():
     async def after():
         one = session(engine, other)
         kept = [data["tab"] for topic, data in told if topic == "keep"]
-        one.restore(read_kept(kept[-1]))
+        one.restore(read_snapshot(kept[-1]))
         one.start()
         await until(lambda: one.pinned and one.saved and any(topic == "base" for topic, _ in other))
         assert one.state.case.patient.heart_rate_bpm == 92

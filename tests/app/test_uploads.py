@@ -6,8 +6,8 @@ import h5py
 import numpy as np
 import pytest
 
-from eclsim.app import uploads
-from eclsim.app.opening import parse_file
+from eclsim.app import files
+from eclsim.app.files import parse_file
 from eclsim.app.server import MOST_WAITING, Visitors
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.writing import case_text
@@ -34,11 +34,11 @@ def test_a_small_posterior_that_unfolds_to_gigabytes_is_refused():
     content = posterior(450_000_000)
     assert len(content) < 20_000
     with pytest.raises(CaseError, match=r"posterior\.nc: "):
-        uploads.posterior_apart("posterior.nc", content)
+        files.read_posterior_file("posterior.nc", content)
 
 
 def test_a_posterior_comes_back_from_its_process():
-    members = uploads.posterior_apart("posterior.nc", posterior(50, np.linspace(0.5, 0.9, 50)[None]))
+    members = files.read_posterior_file("posterior.nc", posterior(50, np.linspace(0.5, 0.9, 50)[None]))
     assert members.names == ("Rmc",)
     assert members.draws.shape == (50, 1)
     assert set(members.base) == {"Rmc"}
@@ -47,24 +47,24 @@ def test_a_posterior_comes_back_from_its_process():
 def test_a_case_comes_back_from_its_process():
     case = PRESETS["paper"].case()
     content = case_text(case).encode()
-    assert uploads.file_apart("paper.toml", content) == parse_file("paper.toml", content)
+    assert files.read_file("paper.toml", content) == parse_file("paper.toml", content)
 
 
 def test_mistakes_come_back_with_file_and_line():
     with pytest.raises(CaseError, match=r"^broken\.toml:1: "):
-        uploads.file_apart("broken.toml", b"format = = 1")
+        files.read_file("broken.toml", b"format = = 1")
 
 
 def test_too_much_time_is_said(monkeypatch):
-    monkeypatch.setattr(uploads, "SECONDS", 0.01)
+    monkeypatch.setattr(files, "SECONDS", 0.01)
     with pytest.raises(CaseError, match=r"mine\.toml: not read: it takes too much memory or time"):
-        uploads.file_apart("C:\\folder\\mine.toml", b"format = 1")
+        files.read_file("C:\\folder\\mine.toml", b"format = 1")
 
 
 def test_a_reader_that_dies_takes_nothing_with_it(monkeypatch):
-    monkeypatch.setattr(uploads.sys, "executable", "/bin/false")
+    monkeypatch.setattr(files.sys, "executable", "/bin/false")
     with pytest.raises(CaseError, match=r"mine\.toml: not read"):
-        uploads.file_apart("mine.toml", b"format = 1")
+        files.read_file("mine.toml", b"format = 1")
 
 
 class Client:

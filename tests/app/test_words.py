@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 import eclsim.app
-from eclsim.app.exports import KINDS
+from eclsim.app.files import KINDS
 from eclsim.app.page import VIEWS
 from eclsim.app.texts import ENGLISH
 

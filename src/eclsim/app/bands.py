@@ -29,7 +29,7 @@ from eclsim.outputs.registry import output
 from eclsim.outputs.signals import whole_beat
 
 if TYPE_CHECKING:
-    from eclsim.app.members import Members
+    from eclsim.app.posterior import PosteriorDraws
     from eclsim.app.state import PageState
     from eclsim.circuit import Circuit
 
@@ -48,7 +48,7 @@ Wanted = Callable[[], bool]
 
 @dataclass(frozen=True)
 class Solved:
-    """Members with a steady beat, last.
+    """PosteriorDraws with a steady beat, last.
 
     Args:
         phases: grid of the beat.
@@ -64,11 +64,11 @@ class Solved:
 
     @property
     def count(self) -> int:
-        """Members with a steady beat."""
+        """PosteriorDraws with a steady beat."""
         return len(next(iter(self.outputs.values())))
 
 
-def beat_bands(state: PageState, members: Members, wanted: Wanted) -> dict[str, Any] | None:
+def beat_bands(state: PageState, members: PosteriorDraws, wanted: Wanted) -> dict[str, Any] | None:
     """Bands of the waveforms and outputs of a state, and loops of members; None if nobody wants them."""
     circuit, values = page_circuit(state.case)
     count = len(members.draws)
@@ -100,7 +100,7 @@ def beat_bands(state: PageState, members: Members, wanted: Wanted) -> dict[str, 
     return found
 
 
-def ramp_bands(state: PageState, members: Members, wanted: Wanted) -> dict[str, Any] | None:
+def ramp_bands(state: PageState, members: PosteriorDraws, wanted: Wanted) -> dict[str, Any] | None:
     """Bands of outputs over the speeds of the state's pump; None without one, or if nobody wants them."""
     found = speed_range(state)
     if found is None:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from eclsim.app.fitting import Fitter
+from eclsim.app.fitting import FitProcess
 from eclsim.app.state import PageState
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class Engine:
         self._beats = ThreadPoolExecutor(count, thread_name_prefix="beat")
         self._studies = ThreadPoolExecutor(max(2, count - 1), thread_name_prefix="study")
         self._files = ThreadPoolExecutor(2, thread_name_prefix="file")
-        self.fits = Fitter()
+        self.fits = FitProcess()
         self._known: set[Any] = set()
         self._stopped = threading.Event()
         self._wanted_at = float("-inf")

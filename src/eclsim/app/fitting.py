@@ -41,7 +41,7 @@ class CancelledError(Exception):
     """Nobody wants the fit any more."""
 
 
-class Fitter:
+class FitProcess:
     """The process that fits; it is started when it is first wanted, and again if it has ended."""
 
     def __init__(self) -> None:
@@ -196,7 +196,7 @@ def _fit(
 
 
 def _done(job: str, raw: Mapping[str, Any], policy: str, report: Callable[[str], None]) -> tuple[str, Any]:
-    from eclsim.app.posterior import plain_posterior
+    from eclsim.app.weighted_draws import plain_posterior
     from eclsim.inputs.mistakes import CaseError
 
     try:

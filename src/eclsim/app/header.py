@@ -1,26 +1,157 @@
-"""The header: brand, status, patient, and everything that is done with the whole state."""
+"""The header: patient, buttons and dialogs. All texts are shown as text, never as HTML."""
 
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from nicegui import ui
+from nicegui import events, ui
 
-from eclsim.app.dialogs import OpenDialog, labelled, notify, show_help
-from eclsim.app.exports import KINDS, ExportError, export
+from eclsim.app.files import (
+    KINDS,
+    LARGEST_FILE,
+    SIZE,
+    ExportError,
+    Opened,
+    brief,
+    export,
+    read_file,
+    read_posterior_file,
+    shown_name,
+    with_speeds,
+)
 from eclsim.app.state import MOST_SAVED, PageState, link_of, preset_state
 from eclsim.app.texts import ENGLISH, text
 from eclsim.cases.presets import PRESETS
+from eclsim.inputs.mistakes import CaseError
 
 if TYPE_CHECKING:
     from nicegui.elements.button import Button
 
+    from eclsim.app.engine import Engine
     from eclsim.app.identify import Identification
-    from eclsim.app.parts import Bridge
+    from eclsim.app.page import Bridge
+    from eclsim.app.posterior import PosteriorDraws
     from eclsim.app.session import Session
     from eclsim.cases.case import Case
+
+
+def notify(words: object, kind: str = "positive") -> None:
+    """A short note at the top; a bad one, above the notice at the bottom, until it is closed."""
+    stays = kind == "negative"
+    ui.notify(
+        str(words), type=kind, position="bottom" if stays else "top", multi_line=len(str(words)) > 80,  # pyright: ignore[reportArgumentType]  # one of its kinds
+        timeout=0 if stays else 5000, close_button=text("close") if stays else False,
+    )  # fmt: skip
+
+
+Labelled = TypeVar("Labelled", bound=ui.element)
+Use = Callable[[str, "Case"], None]
+_CHOOSE_FILE = """
+<div class="ecl-file">
+  <button type="button" @click="props.pickFiles($event)">{label}</button>
+  <label class="ecl-hidden">{label}<q-uploader-add-trigger></q-uploader-add-trigger></label>
+</div>
+"""
+"""Head of the upload: Quasar's own has neither a label for its file input nor a button with a name."""
+
+
+def labelled(element: Labelled, words: str) -> Labelled:
+    """A dialog or menu with a name for screen readers."""
+    element.props(f'aria-label="{words}"')
+    return element
+
+
+class OpenDialog:
+    """Choose a file; of a cohort, choose a row.
+
+    Args:
+        engine: reads files beside the event loop.
+        use: takes the name of the file and the case.
+        use_members: takes the name of the file and the members of a posterior.
+    """
+
+    def __init__(self, engine: Engine, use: Use, use_members: Callable[[str, PosteriorDraws], None]):
+        self.engine, self.use, self.use_members = engine, use, use_members
+        self.opened: Opened | None = None
+        with labelled(ui.dialog(), text("open_title")) as self.dialog, ui.card().classes("ecl-dialog"):
+            ui.label(text("open_title")).classes("ecl-dialog-title")
+            ui.label(text("open_text", size=SIZE))
+            upload = ui.upload(
+                label=text("open_drop"), auto_upload=True, max_file_size=LARGEST_FILE, max_files=1,
+                on_upload=self._read, on_rejected=self._rejected,
+            )  # fmt: skip
+            self.upload = upload.props('accept=".toml,.csv,.nc" flat bordered').classes("ecl-upload")
+            self.upload.add_slot("header", _CHOOSE_FILE.replace("{label}", text("open_drop")))
+            self.messages = ui.column().classes("ecl-messages")
+            self.rows = ui.select({}, label=text("open_rows")).props("dense outlined").classes("ecl-rows")
+            with ui.row().classes("ecl-dialog-actions"):
+                self.take = ui.button(text("open_use"), on_click=self._use).props("no-caps unelevated")
+                ui.button(text("close"), on_click=self.dialog.close).props("no-caps flat")
+        self._show(None, [])
+
+    def open(self) -> None:
+        """Show it, empty."""
+        self.upload.reset()
+        self._show(None, [])
+        self.dialog.open()
+
+    async def _read(self, event: events.UploadEventArguments) -> None:
+        name, content = event.file.name, await event.file.read()
+        try:
+            if name.lower().endswith(".nc"):
+                members = await self.engine.read(lambda: read_posterior_file(name, content))
+                self.use_members(shown_name(name), members)
+                notify(text("posterior_opened"))
+                self.dialog.close()
+                return
+            parsed = await self.engine.read(lambda: read_file(name, content))
+            opened = await self.engine.study(lambda: with_speeds(parsed))
+        except CaseError as error:
+            self._show(None, [text("refused"), *brief([str(m) for m in error.mistakes])])
+            return
+        remarks = [text("warnings"), *brief(opened.remarks)] if opened.remarks else []
+        self._show(opened, remarks)
+        if len(opened.cases) == 1 and not remarks:
+            self._use()
+
+    def _rejected(self) -> None:
+        self._show(None, [text("refused"), text("rejected", size=SIZE)])
+
+    def _show(self, opened: Opened | None, messages: list[str]) -> None:
+        self.opened = opened
+        self.messages.clear()
+        with self.messages:
+            for line in messages:
+                ui.label(line)
+        many = opened is not None and len(opened.cases) > 1
+        self.rows.set_visibility(many)
+        if opened is not None and many:
+            names = {k: name for k, (name, _) in enumerate(opened.cases)}
+            self.rows.set_options(names, value=0)
+        self.take.set_enabled(opened is not None)
+
+    def _use(self) -> None:
+        if self.opened is None:
+            return
+        chosen = self.rows.value if len(self.opened.cases) > 1 else 0
+        name, case = self.opened.cases[chosen if isinstance(chosen, int) else 0]
+        many = len(self.opened.cases) > 1
+        self.use(text("open_source", file=self.opened.name, row=name) if many else self.opened.name, case)
+        notify(text("opened", name=name))
+        self.dialog.close()
+
+
+def show_help() -> None:
+    """How the page is used."""
+    with labelled(ui.dialog(value=True), text("help")), ui.card().classes("ecl-dialog"):
+        ui.label(text("help")).classes("ecl-dialog-title")
+        ui.label(text("help_text"))
+        ui.label(text("help_model"))
+        ui.label(text("notice")).classes("ecl-strong")
+
 
 log = logging.getLogger("eclsim.app")
 

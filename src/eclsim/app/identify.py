@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from eclsim.app.fitting import CancelledError, FitError, judged
 from eclsim.app.knobs import ambiguous_comma, as_written
-from eclsim.app.members import Members
+from eclsim.app.posterior import PosteriorDraws
 from eclsim.app.provenance import circuit_words, title_of
 from eclsim.app.state import PageState, link_of, state_of, subject_of
 from eclsim.app.texts import text
@@ -24,9 +24,9 @@ from eclsim.cases.sections import MEASURED, sections
 from eclsim.inputs.mistakes import CaseError, Mistake
 
 if TYPE_CHECKING:
-    from eclsim.app.fitting import Fitter
-    from eclsim.app.session import Session
-    from eclsim.app.uncertain import Uncertain
+    from eclsim.app.fitting import FitProcess
+    from eclsim.app.session import Send, Session
+    from eclsim.app.updates import PosteriorBands
     from eclsim.cases.case import Case
 
 EXPECTED_S, POSTERIOR_EXPECTED_S = 15.0, 12.0
@@ -85,20 +85,18 @@ class Identification:
 
     Args:
         session: whose patient is fitted.
-        tell: hands a topic and plain data to the browser.
-        fitter: where fits run.
-        uncertain: keeps what posteriors were found.
+        send: hands a topic and plain data to the browser.
+        process: where fits run.
+        bands: keeps the posteriors that were found.
     """
 
-    def __init__(
-        self, session: Session, tell: Callable[[str, Any], None], fitter: Fitter, uncertain: Uncertain
-    ):
-        self.session, self.tell, self.fitter, self.uncertain = session, tell, fitter, uncertain
+    def __init__(self, session: Session, send: Send, process: FitProcess, bands: PosteriorBands):
+        self.session, self.send, self.process, self.bands = session, send, process, bands
         self._fitted: dict[str, PageState] = {}
         self._fits: dict[str, Mapping[str, Any]] = {}
         self._subject = ""
         self._stop: threading.Event | None = None
-        self._said = ""
+        self._report = ""
 
     @property
     def running(self) -> bool:
@@ -107,7 +105,7 @@ class Identification:
 
     def fill(self) -> None:
         """The form is seen: have it ready, with the patient that is shown."""
-        self.fitter.prepare()
+        self.process.prepare()
         self._show_form()
 
     def follow(self, opened: bool = False) -> None:
@@ -129,12 +127,12 @@ class Identification:
         self._subject = subject_of(state)
         name = text("fit_nobody") if state.start.origin in PRESETS else title_of(state.start)
         form = {"subject": self._subject, "name": name, "values": values_of(state), "opened": opened}
-        self.tell("form", form)
+        self.send("form", form)
 
     def check(self, typed: Mapping[str, Any]) -> bool:
         """Say what is wrong or doubtful, field by field; whether it can be fitted."""
         checked = checked_form(self.session.state.case, typed)
-        self.tell("form_check", {
+        self.send("form_check", {
             "mistakes": _by_field(checked.mistakes), "warnings": _by_field(checked.warnings),
             "ready": not checked.mistakes,
         })  # fmt: skip
@@ -155,13 +153,13 @@ class Identification:
             if found["usable"]:
                 ended["fit"]["link"] = self._keep_fit(case, policy, subject, found)
         ended["subject"] = subject
-        self.tell("fit_ended", ended)
+        self.send("fit_ended", ended)
 
     def _keep_fit(self, raw: Mapping[str, Any], policy: str, subject: str, found: Mapping[str, Any]) -> str:
         """Keep the fitted patient; the link that restores it where the server forgets."""
         case = read_mapping(raw).case
         state = PageState(
-            case, policy, "fit", self.uncertain.new_key(), verdict=verdict_of(found), subject=subject
+            case, policy, "fit", self.bands.new_key(), verdict=verdict_of(found), subject=subject
         )
         self._fitted[subject], self._fits[subject] = state, found
         return link_of(state)
@@ -175,7 +173,7 @@ class Identification:
             except CaseError:
                 return None
             if state.origin == "fit" and subject_of(state) == subject:
-                self._fitted[subject] = replace(state, posterior=self.uncertain.new_key())
+                self._fitted[subject] = replace(state, posterior=self.bands.new_key())
         return self._fitted.get(subject)
 
     async def find_posterior(self, link: str = "", found: Any = None) -> None:
@@ -192,14 +190,14 @@ class Identification:
         ended = await self._run("posterior", case.as_mapping(), fitted.policy, POSTERIOR_EXPECTED_S)
         posterior = ended.pop("found", None)
         if posterior is not None:
-            members = Members(
+            members = PosteriorDraws(
                 tuple(posterior["names"]), np.array(posterior.pop("members")), {}, posterior["method"],
                 tuple(posterior["doubts"]),
             ).of(case)  # fmt: skip
             ended = {"posterior": posterior | members.as_object() | {"seconds": ended["seconds"]}}
             ended |= self._judge(fitted, found, posterior["parameters"])
-            self.uncertain.add(fitted.posterior, members)
-        self.tell("posterior_ended", ended | {"subject": subject_of(fitted)})
+            self.bands.add(fitted.posterior, members)
+        self.send("posterior_ended", ended | {"subject": subject_of(fitted)})
 
     def _judge(self, fitted: PageState, found: Any, others: Mapping[str, Any]) -> dict[str, Any]:
         """The verdict on the fit now that the posterior's intervals are known; the fitted patient has it."""
@@ -227,30 +225,30 @@ class Identification:
         self.session.load(fitted)
         return True
 
-    def use_members(self, source: str, members: Members) -> None:
+    def use_members(self, source: str, members: PosteriorDraws) -> None:
         """Show the patient around a posterior from a file: its parameters become the central ones."""
         state = self.session.state
         raw = state.case.as_mapping()
         raw["parameters"] = {**raw.get("parameters", {}), **members.base}
-        key = self.uncertain.new_key()
-        self.uncertain.add(key, members)
+        key = self.bands.new_key()
+        self.bands.add(key, members)
         case, subject = read_mapping(raw).case, subject_of(state)
         self.session.load(PageState(case, state.policy, "posterior", key, source=source, subject=subject))
 
     async def _run(self, job: str, raw: dict[str, Any], policy: str, expected_s: float) -> dict[str, Any]:
-        """Run a job of the fitter, with its progress told; what was found, or why nothing was."""
+        """Run a job of the process and report its progress; its result, or why there is none."""
         self._stop = stop = threading.Event()
-        self._said = text(PREPARING[job])
+        self._report = text(PREPARING[job])
         started = time.monotonic()
         work = asyncio.ensure_future(
-            asyncio.to_thread(getattr(self.fitter, job), raw, policy, self._say, stop)
+            asyncio.to_thread(getattr(self.process, job), raw, policy, self._reported, stop)
         )
         work.add_done_callback(lambda done: done.cancelled() or done.exception())
         try:
             while not stop.is_set() and not work.done():
                 spent = time.monotonic() - started
                 share = 0.95 * (1.0 - 2.0 ** (-2.0 * spent / expected_s))
-                self.tell(f"{job}_progress", {"share": share, "seconds": spent, "text": self._said})
+                self.send(f"{job}_progress", {"share": share, "seconds": spent, "text": self._report})
                 await asyncio.wait({work}, timeout=0.25)
             if stop.is_set():
                 return {"message": text("fit_cancelled")}
@@ -263,8 +261,8 @@ class Identification:
             if self._stop is stop:
                 self._stop = None
 
-    def _say(self, words: str) -> None:
-        self._said = words
+    def _reported(self, words: str) -> None:
+        self._report = words
 
 
 def verdict_of(found: Mapping[str, Any]) -> str:

@@ -1,33 +1,63 @@
-"""The page: header, knobs, schematic, views. Puts the parts in place and wires them to the session."""
+"""The page of one tab: header, knobs, schematic and views, wired to the session."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import nicegui.elements.plotly  # noqa: F401  (puts the Plotly that comes with NiceGUI within reach)
 from nicegui import ui
+from nicegui.element import Element
 
-from eclsim.app import parts
-from eclsim.app.background import Background
-from eclsim.app.dialogs import notify
-from eclsim.app.header import Header
+from eclsim.app.header import Header, notify
 from eclsim.app.identify import Identification, fields
-from eclsim.app.keeping import Kept, read_kept
 from eclsim.app.provenance import title_of
 from eclsim.app.ranges import output_specs
 from eclsim.app.session import Session
-from eclsim.app.state import History, PageState, state_of
+from eclsim.app.state import History, PageState, Snapshot, read_snapshot, state_of
 from eclsim.app.texts import ENGLISH, text
-from eclsim.app.uncertain import Uncertain
+from eclsim.app.updates import PosteriorBands, ViewStudy
 from eclsim.inputs.mistakes import CaseError
 
 if TYPE_CHECKING:
     from eclsim.app.engine import Engine
 
-STYLES = [Path(__file__).parent / "web" / f"{name}.css" for name in ("page", "schematic", "views")]
+WEB = Path(__file__).parent / "web"
+STYLES = [WEB / f"{name}.css" for name in ("page", "schematic", "views")]
 SKIP = "(event) => { event.preventDefault(); document.querySelector('.ecl-knobs').focus(); }"
 """To the knobs without a change of the address, whose part behind # is the patient of a link."""
 VIEWS = ("monitor", "loops", "ramp", "schemes", "outputs", "identify", "compare")
+
+
+class Bridge(Element, component=WEB / "bridge.js", esm={"eclsim-page": str(WEB / "lib")}):
+    """The line between session and browser, and the status beside the brand."""
+
+    def __init__(self, texts: dict[str, str]):
+        super().__init__()
+        self._props["texts"] = texts
+
+    def publish(self, topic: str, data: Any) -> None:
+        """Hand data to every view that listens."""
+        self.run_method("publish", topic, data)
+
+
+def _component(script: str) -> Callable[..., Element]:
+    """Makes elements that are drawn by a script of web/ and told through the bridge what to show."""
+
+    class Component(Element, component=WEB / f"{script}.js"):
+        def __init__(self, **properties: Any):
+            super().__init__()
+            self._props.update(properties)
+
+    return Component
+
+
+SCRIPTS = (
+    "provenance", "knobs", "schematic", "keys", "limits", "bands", "monitor", "loops", "ramp", "schemes",
+    "outputs", "identify", "compare",
+)  # fmt: skip
+ELEMENTS = {script: _component(script) for script in SCRIPTS}
 
 
 class BedsidePage:
@@ -42,8 +72,8 @@ class BedsidePage:
         self.engine = engine
         self.header: Header | None = None
         self.session = Session(engine, state, self._send)
-        self.uncertain = Uncertain(engine, self.session)
-        self.identification = Identification(self.session, self._send, engine.fits, self.uncertain)
+        self.bands = PosteriorBands(engine, self.session)
+        self.identification = Identification(self.session, self._send, engine.fits, self.bands)
         self._build()
 
     def close(self) -> None:
@@ -67,16 +97,16 @@ class BedsidePage:
         with ui.element("div").classes("ecl-page"):
             with ui.element("header").classes("ecl-header"):
                 ui.label(text("brand")).classes("ecl-brand").props("role=heading aria-level=1")
-                self.bridge = parts.Bridge(dict(ENGLISH))
+                self.bridge = Bridge(dict(ENGLISH))
                 self.header = Header(self.session, self.bridge, self.identification)
-            parts.Provenance()
+            ELEMENTS["provenance"]()
             with ui.element("aside").classes("ecl-left"):
                 self._knobs()
             with ui.element("section").classes("ecl-middle").props(f'aria-label="{text("schematic")}"'):
-                parts.Schematic().on("move", lambda e: self._move(e.args))
+                ELEMENTS["schematic"]().on("move", lambda e: self._move(e.args))
             with ui.element("section").classes("ecl-right").props(f'aria-label="{text("views")}"'):
-                parts.Keys()
-                parts.Limits()
+                ELEMENTS["keys"]()
+                ELEMENTS["limits"]()
                 self._views()
             with ui.element("div").classes("ecl-notice").props("role=note"):
                 ui.label(text("notice"))
@@ -85,7 +115,7 @@ class BedsidePage:
         self.bridge.on("shortcut", lambda e: self._shortcut(e.args))
 
     def _knobs(self) -> None:
-        knobs = parts.Knobs()
+        knobs = ELEMENTS["knobs"]()
         knobs.on("turn", lambda e: self.session.turn(*_turned(e.args)))
         knobs.on("connect", lambda e: self.session.connect(str(e.args.get("device"))))
         knobs.on("policy", lambda e: self.session.set_policy(str(e.args.get("policy"))))
@@ -96,31 +126,31 @@ class BedsidePage:
             for name in VIEWS:
                 ui.tab(name, label=text(name))
         self.tabs.on_value_change(lambda e: self.session.open_view(str(e.value)))
-        parts.Bands().on("show", lambda e: self.uncertain.show(e.args.get("on") is True))
+        ELEMENTS["bands"]().on("show", lambda e: self.bands.show(e.args.get("on") is True))
         panels = ui.tab_panels(self.tabs, value="monitor", animated=False, keep_alive=True)
         with panels.classes("ecl-views"):
             with ui.tab_panel("monitor"):
-                parts.Monitor()
+                ELEMENTS["monitor"]()
             with ui.tab_panel("loops"):
-                parts.Loops()
+                ELEMENTS["loops"]()
             with ui.tab_panel("ramp"):
-                parts.Ramp()
+                ELEMENTS["ramp"]()
             with ui.tab_panel("schemes"):
-                parts.Schemes().on("use", lambda e: self._use_scheme(e.args))
+                ELEMENTS["schemes"]().on("use", lambda e: self._use_scheme(e.args))
             with ui.tab_panel("outputs"):
-                parts.Outputs(output_specs())
+                ELEMENTS["outputs"](specs=output_specs())
             with ui.tab_panel("identify"):
                 self._identify()
             with ui.tab_panel("compare"):
-                compare = parts.Compare(output_specs())
+                compare = ELEMENTS["compare"](specs=output_specs())
                 compare.on("show", lambda e: self.session.show_saved(_number(e.args)))
                 compare.on("remove", lambda e: self.session.remove_saved(_number(e.args)))
         for view in ("ramp", "schemes"):
-            self.session.follow(Background(self.engine, view))
-        self.session.follow(self.uncertain)
+            self.session.follow(ViewStudy(self.engine, view))
+        self.session.follow(self.bands)
 
     def _identify(self) -> None:
-        form = parts.Identify(fields())
+        form = ELEMENTS["identify"](fields=fields())
         form.on("fill", self.identification.fill)
         form.on("check", lambda e: self.identification.check(_typed(e.args)))
         form.on("fit", lambda e: self.identification.start(_typed(e.args)))
@@ -152,7 +182,7 @@ class BedsidePage:
         """Go on where the tab was; `last` is a state that it showed after it was kept."""
         try:
             newest = state_of(last) if last else None
-            kept = read_kept(tab) if tab else Kept(History(newest or self.session.state))
+            kept = read_snapshot(tab) if tab else Snapshot(History(newest or self.session.state))
         except CaseError:
             return False
         if newest is not None:

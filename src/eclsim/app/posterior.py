@@ -1,81 +1,126 @@
-"""The posterior of a fitted patient, the quick way: weighted draws around the Gaussian approximation."""
+"""Draws of a posterior: parameters of one patient that the measurements leave possible."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eclsim.app.members import MEMBERS
 from eclsim.app.texts import text
-from eclsim.cases.reading import read_mapping
-from eclsim.identification.density import Posterior
-from eclsim.identification.gaussian import approximate
-from eclsim.identification.importance import weigh
-from eclsim.identification.objective import Box
-from eclsim.identification.observation import measurement_errors
-from eclsim.identification.prior import Prior
-from eclsim.identification.settings import FitSettings, checked_fit
-from eclsim.orbit.model import model_of
+from eclsim.inputs.mistakes import CaseError, Mistake
+from eclsim.parameters import thiel2025
 
-SHOWN_DRAWS = 4000
-SEED = 0
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from eclsim.cases.case import Case
+
+MEMBERS = 128
+"""Draws that bands are made of."""
+MOST_VALUES = 2_000_000
+LONGEST_DOUBT = 300
+METHODS = {
+    "importance": "posterior_importance", "nuts": "posterior_nuts", "gaussian": "posterior_gaussian",
+}  # fmt: skip
+"""How a posterior may have been found, and the key of its words."""
 
 
 @dataclass(frozen=True)
-class _Told(Posterior):
-    """A density that says how many beats it has computed, and so can be stopped by what it tells."""
-
-    report: Callable[[str], None] = print
-    done: list[int] = field(default_factory=list)
-
-    def simulate(self, z: np.ndarray, near: np.ndarray | None = None) -> np.ndarray:
-        """As `Posterior.simulate`."""
-        self.report(text("posterior_draws", count=sum(self.done)))
-        found = super().simulate(z, near)
-        self.done.append(len(z))
-        return found
-
-
-def plain_posterior(raw: Mapping[str, Any], policy: str, report: Callable[[str], None]) -> dict[str, Any]:
-    """Members, intervals and the verdict for a fitted case.
+class PosteriorDraws:
+    """Draws of a patient's fitted parameters, all as likely as each other.
 
     Args:
-        raw: as a case file holds it, with measurements and the fitted parameters.
-        policy: blood volume policy.
-        report: called with what is being done; may raise to stop it.
-
-    Returns:
-        Plain data: names and members, intervals of the parameters, and what the weights say.
+        names: parameters.
+        draws: in their units, shape (members, parameters), in no order.
+        base: values of the patient that is shown when no knob is turned.
+        method: how they were found: "importance", "nuts" or "gaussian".
+        doubts: why they are not to be trusted; empty where they are.
     """
-    report(text("posterior_preparing"))
-    posterior, start = _density(raw, policy, report)
-    weighted = weigh(posterior, approximate(posterior, start[None]), seed=SEED)
-    names = posterior.prior.names
-    shown = np.exp(posterior.prior.x_of(weighted.z[weighted.resample(SHOWN_DRAWS, SEED)]))
-    chosen = np.random.default_rng(SEED).permutation(weighted.resample(MEMBERS, SEED))
-    members = np.exp(posterior.prior.x_of(weighted.z[chosen]))
-    quantiles = np.quantile(shown, (0.05, 0.5, 0.95), axis=0).T.tolist()
-    return {
-        "names": list(names), "members": members.tolist(), "method": "importance",
-        "doubts": list(weighted.doubts), "shape": float(weighted.shape), "effective": weighted.effective,
-        "draws": len(weighted.z),
-        "parameters": {
-            n: {"lower": low, "median": middle, "upper": high}
-            for n, (low, middle, high) in zip(names, quantiles, strict=True)
-        },
-    }  # fmt: skip
+
+    names: tuple[str, ...]
+    draws: np.ndarray
+    base: Mapping[str, float]
+    method: str
+    doubts: tuple[str, ...]
+
+    def values(self, values: Mapping[str, Any], count: int) -> dict[str, Any]:
+        """Parameter values of the first members; a knob turns a fitted parameter in all of them.
+
+        Args:
+            values: of the patient that is shown.
+            count: members.
+        """
+        own = {
+            name: values[name] * self.draws[:count, k] / self.base[name] for k, name in enumerate(self.names)
+        }
+        return {**values, **own}
+
+    def of(self, case: Case) -> PosteriorDraws:
+        """The same members around the parameters of a case."""
+        return replace(self, base={name: case.parameters[name] for name in self.names})
+
+    def as_object(self) -> dict[str, Any]:
+        """What the page says of them."""
+        return {
+            "method": text(METHODS[self.method]) if self.method in METHODS else self.method,
+            "trusted": not self.doubts, "doubts": list(self.doubts), "checked": self.method != "gaussian",
+            "count": len(self.draws),
+        }  # fmt: skip
+
+    def central(self) -> dict[str, float]:
+        """The member nearest to the medians: one that fits, which the medians themselves need not."""
+        logs = np.log(self.draws)
+        spread = np.maximum(logs.std(axis=0), 1e-12)
+        away = np.sum(((logs - np.median(logs, axis=0)) / spread) ** 2, axis=1)
+        return dict(zip(self.names, map(float, self.draws[int(np.argmin(away))]), strict=True))
 
 
-def _density(raw: Mapping[str, Any], policy: str, report: Callable[[str], None]) -> tuple[_Told, np.ndarray]:
-    """The density of a fitted case's parameters, and the logarithms of their fitted values."""
-    case = read_mapping(raw).case
-    checked = checked_fit(case, FitSettings(policy=policy))
-    box = Box.of(checked.free)
-    start = np.clip(box.start, box.lower, box.upper)
-    prior = Prior(box.names, box.lower, box.upper, start)
-    model = model_of(case).with_values(dict(checked.fixed))
-    errors = measurement_errors(checked.targets)
-    return _Told(model, dict(checked.targets), errors, prior, policy, report), start
+def read_posterior(name: str, content: bytes) -> PosteriorDraws:
+    """PosteriorDraws of a `posterior.nc` that `eclsim identify --posterior` wrote.
+
+    Raises:
+        CaseError: If it is no such file, or holds what is no parameter.
+    """
+    import xarray as xr
+
+    with tempfile.TemporaryDirectory(prefix="eclsim-") as folder:
+        path = Path(folder) / "posterior.nc"
+        path.write_bytes(content)
+        try:
+            with xr.open_dataset(path, group="posterior", engine="h5netcdf") as data:
+                return _read(name, data)
+        except CaseError:
+            raise
+        except Exception:  # whatever a damaged file makes the reader say
+            raise _refused(name, text("posterior_damaged")) from None
+
+
+def _read(name: str, data: xr.Dataset) -> PosteriorDraws:
+    names = tuple(str(n) for n in data.data_vars)
+    unknown = [n for n in names if n not in thiel2025.PARAMETERS]
+    if not names or unknown or {"chain", "draw"} != set(data.dims):
+        raise _refused(name, text("posterior_damaged"), ", ".join(unknown)[:80])
+    if data.sizes["chain"] * data.sizes["draw"] * len(names) > MOST_VALUES:
+        raise _refused(name, text("posterior_long"))
+    draws = np.stack([np.asarray(data[n].values, dtype=float).ravel() for n in names], axis=1)
+    for k, parameter in enumerate(names):
+        known = thiel2025.PARAMETERS[parameter]
+        column = draws[:, k]
+        if not ((column > 0.0) & (column >= known.minimum) & (column <= known.maximum)).all():
+            raise _refused(name, text("posterior_range", parameter=parameter))
+    doubts = str(data.attrs.get("doubts", ""))[:LONGEST_DOUBT]
+    if not int(data.attrs.get("trusted", 0)) and not doubts:
+        doubts = text("posterior_unchecked")
+    chosen = np.random.default_rng(0).permutation(len(draws))[:MEMBERS]
+    found = PosteriorDraws(
+        names, draws[chosen], {}, str(data.attrs.get("sampler", ""))[:40], (doubts,) if doubts else ()
+    )
+    return replace(found, base=found.central())
+
+
+def _refused(name: str, why: str, value: str = "") -> CaseError:
+    return CaseError([Mistake("", why, value, file=name)])

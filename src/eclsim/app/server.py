@@ -14,9 +14,8 @@ from nicegui import app as nicegui_app
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from eclsim.app.engine import Engine
-from eclsim.app.guard import App, Guard, Rules
+from eclsim.app.guard import App, Guard, Rules, SignIns
 from eclsim.app.page import BedsidePage
-from eclsim.app.password import SignIns
 from eclsim.app.state import PageState
 from eclsim.app.texts import text
 

@@ -9,12 +9,19 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from eclsim.app.display import connected, display, waves_of
-from eclsim.app.keeping import Kept, text_of
+from eclsim.app.display import connected, described, display, shape_of, waves_of
 from eclsim.app.knobs import DEVICES, connect, controls, turn, value_of
-from eclsim.app.panel import described, shape_of
 from eclsim.app.provenance import provenance, title_of
-from eclsim.app.state import MOST_SAVED, POLICIES, History, PageState, key_of, link_of, subject_of
+from eclsim.app.state import (
+    MOST_SAVED,
+    POLICIES,
+    History,
+    PageState,
+    Snapshot,
+    key_of,
+    link_of,
+    subject_of,
+)
 from eclsim.app.texts import text
 from eclsim.inputs.mistakes import CaseError, Mistake
 
@@ -56,7 +63,7 @@ class Session:
         self._panel: Any = None
         self._display: Any = None
         self._keep_timer: asyncio.TimerHandle | None = None
-        self._revived: Kept | None = None
+        self._revived: Snapshot | None = None
         self._catching: asyncio.Task[None] | None = None
 
     @property
@@ -76,7 +83,7 @@ class Session:
         self.show_state()
         self._want(0)
 
-    def restore(self, kept: Kept) -> None:
+    def restore(self, kept: Snapshot) -> None:
         """Go on where another session of the same tab ended; pinned and saved beats are computed again."""
         self.history = kept.history
         if kept.pinned is not None or kept.saved:
@@ -281,7 +288,7 @@ class Session:
         finally:
             self._catching = self._revived = None
 
-    async def _revive(self, kept: Kept) -> None:
+    async def _revive(self, kept: Snapshot) -> None:
         saved = [(state, await self.engine.beat(state, None)) for state in kept.saved]
         if kept.pinned is not None and self.pinned is None:
             self.pinned = kept.pinned, await self.engine.beat(kept.pinned, None)
@@ -347,8 +354,8 @@ class Session:
 
     def _keep(self) -> None:
         pinned = self.pinned[0] if self.pinned else None
-        kept = Kept(self.history, pinned, tuple(state for state, _ in self.saved))
-        self.send("keep", {"tab": text_of(kept), "of": key_of(self.state)})
+        kept = Snapshot(self.history, pinned, tuple(state for state, _ in self.saved))
+        self.send("keep", {"tab": kept.packed(), "of": key_of(self.state)})
 
 
 def _values(state: PageState) -> dict[str, Any]:

@@ -1,10 +1,15 @@
-"""What a page shows, as values: the state, its history, and its form in a link."""
+"""What a page shows, as values: the state, its history, links, and what the browser keeps of a tab.
+
+The server keeps nothing: a page that is loaded again, or whose server was started again, goes on with the
+snapshot that its browser kept.
+"""
 
 from __future__ import annotations
 
 import base64
 import json
 import zlib
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +26,11 @@ LONGEST_NAME = 80
 LARGEST_STATE = 200_000
 LONGEST_HISTORY = 100
 MOST_SAVED = 6
+MOST_UNDONE = 40
+"""Steps of undo, and of redo, that a browser keeps."""
+MOST_STATES = 2 * MOST_UNDONE + MOST_SAVED + 2
+LONGEST_SNAPSHOT, LARGEST_SNAPSHOT = 120_000, 1_000_000
+SNAPSHOT_VERSION = 1
 VERDICTS = ("", "good", "doubtful", "poor")
 POLICIES = ("as_published", "patient_held")
 
@@ -229,3 +239,64 @@ class History:
         self.now = source.pop()
         self._last = ("", float("-inf"))
         return True
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """A tab as its browser keeps it.
+
+    Args:
+        history: what was shown, with undo and redo.
+        pinned: state whose beat was pinned.
+        saved: states that were saved for the comparison.
+    """
+
+    history: History
+    pinned: PageState | None = None
+    saved: tuple[PageState, ...] = ()
+
+    def packed(self) -> str:
+        """As a text for the browser's storage: each state once, and numbers that refer to it."""
+        states: list[PageState] = []
+
+        def numbers(of: Iterable[PageState]) -> list[int]:
+            for state in of:
+                if state not in states:
+                    states.append(state)
+            return [states.index(state) for state in of]
+
+        history = self.history
+        content = {
+            "v": SNAPSHOT_VERSION, "now": numbers([history.now])[0],
+            "past": numbers(history.past[-MOST_UNDONE:]), "future": numbers(history.future[-MOST_UNDONE:]),
+            "pinned": numbers([self.pinned])[0] if self.pinned else None, "saved": numbers(self.saved),
+        }  # fmt: skip
+        return packed(content | {"states": [state.as_object() for state in states]})
+
+
+def read_snapshot(text: str) -> Snapshot:
+    """A tab from the browser's storage; every state is checked like a case file.
+
+    Raises:
+        CaseError: If it is damaged, or of a version that this page does not read.
+    """
+    content = unpacked(text, LONGEST_SNAPSHOT, LARGEST_SNAPSHOT)
+    plain = content.get("states")
+    if content.get("v") != SNAPSHOT_VERSION or not isinstance(plain, list) or len(plain) > MOST_STATES:
+        raise refused_link("of another version")
+    states = [read_state(state) for state in plain]
+
+    def state(number: object) -> PageState:
+        if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number < len(states):
+            raise refused_link("damaged")
+        return states[number]
+
+    def listed(key: str, most: int) -> list[PageState]:
+        numbers = content.get(key)
+        if not isinstance(numbers, list) or len(numbers) > most:
+            raise refused_link("damaged")
+        return [state(number) for number in numbers]
+
+    history = History(state(content.get("now")), listed("past", MOST_UNDONE), listed("future", MOST_UNDONE))
+    pinned = None if content.get("pinned") is None else state(content["pinned"])
+    return Snapshot(history, pinned, tuple(listed("saved", MOST_SAVED)))

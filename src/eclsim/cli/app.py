@@ -54,7 +54,7 @@ def app(
         from eclsim.app.server import Options, serve
     except ModuleNotFoundError as error:
         fail(f'the page needs {error.name}: pip install "eclsim[app]"')
-    from eclsim.app.opening import shown_name
+    from eclsim.app.files import shown_name
     from eclsim.app.state import PageState, preset_state
 
     state = preset_state("healthy")
@@ -82,7 +82,7 @@ def _checked_root(path: str) -> str:
 def _password(file: str | None) -> str | None:
     if file is None:
         return None
-    from eclsim.app.password import PasswordFileError, read_password
+    from eclsim.app.guard import PasswordFileError, read_password
     from eclsim.cli.messages import fail
 
     try:

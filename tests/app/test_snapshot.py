@@ -2,9 +2,18 @@
 
 import pytest
 
-from eclsim.app.keeping import LONGEST, MOST_UNDONE, Kept, read_kept, text_of
 from eclsim.app.knobs import turn
-from eclsim.app.state import MOST_SAVED, History, PageState, packed, preset_state
+from eclsim.app.state import (
+    LONGEST_SNAPSHOT,
+    MOST_SAVED,
+    MOST_UNDONE,
+    History,
+    PageState,
+    Snapshot,
+    packed,
+    preset_state,
+    read_snapshot,
+)
 from eclsim.cases.presets import PRESETS
 from eclsim.inputs.mistakes import CaseError
 
@@ -20,8 +29,8 @@ def test_undo_redo_pinned_and_saved_come_back():
     for k, state in enumerate((FIRST, at_speed(3000), at_speed(3100))):
         history.change(state, "", float(k))
     history.undo()
-    kept = Kept(history, FIRST, (at_speed(2000), preset_state("lvad")))
-    found = read_kept(text_of(kept))
+    kept = Snapshot(history, FIRST, (at_speed(2000), preset_state("lvad")))
+    found = read_snapshot(kept.packed())
     assert found.history.now == at_speed(3000)
     assert found.history.past == [preset_state("healthy"), FIRST]
     assert found.history.future == [at_speed(3100)]
@@ -33,9 +42,9 @@ def test_a_long_history_is_cut_and_stays_short():
     history = History(FIRST)
     for k in range(100):
         history.change(at_speed(2000 + k), "", float(k))
-    kept = text_of(Kept(history, FIRST, tuple(at_speed(3000 + k) for k in range(MOST_SAVED))))
-    assert len(kept) < LONGEST / 10
-    assert read_kept(kept).history.past == history.past[-MOST_UNDONE:]
+    kept = Snapshot(history, FIRST, tuple(at_speed(3000 + k) for k in range(MOST_SAVED))).packed()
+    assert len(kept) < LONGEST_SNAPSHOT / 10
+    assert read_snapshot(kept).history.past == history.past[-MOST_UNDONE:]
 
 
 STATE = FIRST.as_object()
@@ -52,12 +61,12 @@ GOOD = {"v": 1, "states": [STATE], "now": 0, "past": [], "future": [], "pinned":
     ],
 )  # fmt: skip
 def test_what_is_no_kept_tab_is_refused(change):
-    assert read_kept(packed(GOOD)).history.now == FIRST
+    assert read_snapshot(packed(GOOD)).history.now == FIRST
     with pytest.raises(CaseError):
-        read_kept(packed(GOOD | change))
+        read_snapshot(packed(GOOD | change))
 
 
-@pytest.mark.parametrize("text", ["", "abc", "!!!", "A" * (LONGEST + 1), packed([1])])
+@pytest.mark.parametrize("text", ["", "abc", "!!!", "A" * (LONGEST_SNAPSHOT + 1), packed([1])])
 def test_what_is_damaged_is_refused(text):
     with pytest.raises(CaseError):
-        read_kept(text)
+        read_snapshot(text)

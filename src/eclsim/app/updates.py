@@ -1,4 +1,4 @@
-"""The posteriors of one tab, and the bands they give to the beat that is shown; after it, never before it."""
+"""What is computed after each beat while its view is open: studies, and bands of a posterior."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from eclsim.app.state import key_of
 if TYPE_CHECKING:
     from eclsim.app.beat import Beat
     from eclsim.app.engine import Engine
-    from eclsim.app.members import Members
+    from eclsim.app.posterior import PosteriorDraws
     from eclsim.app.session import Session
     from eclsim.app.state import PageState
+
 
 log = logging.getLogger("eclsim.app")
 PAUSE_S = 0.3
@@ -23,7 +24,57 @@ BANDS = {"monitor": "bands", "loops": "bands", "outputs": "bands", "ramp": "ramp
 """Views that show bands, and the topic under which these are sent."""
 
 
-class Uncertain:
+class ViewStudy:
+    """Runs one study of `eclsim.app.studies` for the newest state of a session, while its view is open.
+
+    Args:
+        engine: where it is computed.
+        view: name of the view, of the study, and of the topic it is sent under.
+    """
+
+    def __init__(self, engine: Engine, view: str):
+        self.engine, self.view = engine, view
+        self._done: dict[str, PageState] = {}
+        self._task: asyncio.Task[None] | None = None
+
+    def __call__(self, session: Session) -> None:
+        """The session has a new beat, another view is open, or a state is pinned."""
+        waiting = self._task is not None and not self._task.done()
+        if self._next(session) is not None and not waiting:
+            self._task = asyncio.get_running_loop().create_task(self._run(session))
+
+    async def _run(self, session: Session) -> None:
+        while (job := self._next(session)) is not None:
+            topic, state = job
+            self._done[topic] = state
+            found = await self._study(state)
+            if not session.closed:
+                session.send(topic, found)
+
+    def _next(self, session: Session) -> tuple[str, PageState] | None:
+        """Topic and state of what is still to be computed."""
+        if session.view != self.view or session.closed:
+            return None
+        pinned = session.pinned[0] if session.pinned else None
+        for topic, state in ((self.view, session.state), (f"{self.view}_pinned", pinned)):
+            if state is not None and state != self._done.get(topic):
+                return topic, state
+        return None
+
+    async def _study(self, state: PageState) -> Any:
+        def work() -> Any:
+            from eclsim.app import studies
+
+            return getattr(studies, self.view)(state)
+
+        try:
+            return await self.engine.study(work)
+        except Exception:  # the view stays empty; the page goes on
+            log.exception("%s failed", self.view)
+            return None
+
+
+class PosteriorBands:
     """Follows the beats of a session and sends bands for those whose patient has a posterior.
 
     Args:
@@ -34,10 +85,10 @@ class Uncertain:
     def __init__(self, engine: Engine, session: Session):
         self.engine, self.session = engine, session
         self.on = True
-        self._posteriors: dict[str, Members] = {}
+        self._posteriors: dict[str, PosteriorDraws] = {}
         self._keys = 0
-        self._done: dict[str, tuple[Any, Members]] = {}
-        self._told: Members | None = None
+        self._done: dict[str, tuple[Any, PosteriorDraws]] = {}
+        self._told: PosteriorDraws | None = None
         self._task: asyncio.Task[None] | None = None
 
     def new_key(self) -> str:
@@ -45,14 +96,14 @@ class Uncertain:
         self._keys += 1
         return str(self._keys)
 
-    def add(self, key: str, members: Members) -> None:
+    def add(self, key: str, members: PosteriorDraws) -> None:
         """A posterior was found, or loaded."""
         self._posteriors[key] = members
         for old in list(self._posteriors)[:-MOST_KEPT]:
             del self._posteriors[old]
         self()
 
-    def members(self, key: str) -> Members | None:
+    def members(self, key: str) -> PosteriorDraws | None:
         """The posterior of this key, if it is there."""
         return self._posteriors.get(key)
 
@@ -74,11 +125,11 @@ class Uncertain:
         if self._job() is not None and not waiting:
             self._task = asyncio.get_running_loop().create_task(self._run())
 
-    def _members(self) -> Members | None:
+    def _members(self) -> PosteriorDraws | None:
         shown = self.session.shown
         return self.members(shown[0].posterior) if shown else None
 
-    def _job(self) -> tuple[tuple[PageState, Beat], Members, str] | None:
+    def _job(self) -> tuple[tuple[PageState, Beat], PosteriorDraws, str] | None:
         """What is shown without the bands that it could have."""
         shown, members, topic = self.session.shown, self._members(), BANDS.get(self.session.view)
         if shown is None or members is None or topic is None or not self.on or self.session.closed:
@@ -109,7 +160,7 @@ class Uncertain:
         return not one.closed and one.shown is shown and one.state == shown[0]
 
     async def _bands(
-        self, shown: tuple[PageState, Beat], members: Members, topic: str
+        self, shown: tuple[PageState, Beat], members: PosteriorDraws, topic: str
     ) -> dict[str, Any] | None:
         def work() -> dict[str, Any] | None:
             from eclsim.app import bands

@@ -5,9 +5,9 @@ import asyncio
 import pytest
 
 from eclsim.app import studies
-from eclsim.app.background import Background
 from eclsim.app.knobs import turn
 from eclsim.app.state import PageState, key_of
+from eclsim.app.updates import ViewStudy
 from eclsim.cases.presets import PRESETS
 
 STATE = PageState(PRESETS["paper"].case())
@@ -37,7 +37,7 @@ def told(*steps) -> list:
     session = StubSession()
 
     async def run():
-        follower = Background(StubEngine(), "ramp")  # type: ignore[arg-type]
+        follower = ViewStudy(StubEngine(), "ramp")  # type: ignore[arg-type]
         for step in steps:
             step(session)
             follower(session)  # type: ignore[arg-type]

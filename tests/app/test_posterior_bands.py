@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from eclsim.app import bands, uncertain
+from eclsim.app import bands, updates
 from eclsim.app.beat import compute_beat
+from eclsim.app.files import parse_posterior
 from eclsim.app.knobs import turn
-from eclsim.app.members import MEMBERS, Members, read_members
-from eclsim.app.opening import open_posterior
+from eclsim.app.posterior import MEMBERS, PosteriorDraws, read_posterior
 from eclsim.app.state import PageState, key_of, link_of, state_of
-from eclsim.app.uncertain import Uncertain
+from eclsim.app.updates import PosteriorBands
 from eclsim.cases.presets import PRESETS
 from eclsim.inputs.mistakes import CaseError
 from patience import PATIENCE_S, until
@@ -23,7 +23,7 @@ CASE = PRESETS["paper"].case()
 STATE = PageState(CASE, origin="fit", posterior="1")
 RMC = CASE.parameters["Rmc"]
 SPREAD = np.exp(np.random.default_rng(3).normal(0.0, 0.1, 48))
-MADE_UP = Members(("Rmc",), RMC * SPREAD[:, None], {"Rmc": RMC}, "importance", ())
+MADE_UP = PosteriorDraws(("Rmc",), RMC * SPREAD[:, None], {"Rmc": RMC}, "importance", ())
 
 
 @dataclass
@@ -64,7 +64,7 @@ def quick(monkeypatch) -> list:
         asked.append(state)
         return {"of": key_of(state)} if wanted() else None
 
-    monkeypatch.setattr(uncertain, "PAUSE_S", 0.02)
+    monkeypatch.setattr(updates, "PAUSE_S", 0.02)
     monkeypatch.setattr(bands, "beat_bands", computed)
     monkeypatch.setattr(bands, "ramp_bands", computed)
     return asked
@@ -74,7 +74,7 @@ def follow(action) -> StubSession:
     session = StubSession(STATE)
 
     async def run():
-        await action(Uncertain(StubEngine(), session), session)  # type: ignore[arg-type]
+        await action(PosteriorBands(StubEngine(), session), session)  # type: ignore[arg-type]
 
     asyncio.run(run())
     return session
@@ -101,7 +101,7 @@ def test_bands_come_after_the_beat_and_only_once(quick):
 
 
 def test_while_a_knob_is_turned_no_bands_are_computed(quick, monkeypatch):
-    monkeypatch.setattr(uncertain, "PAUSE_S", 1.0)
+    monkeypatch.setattr(updates, "PAUSE_S", 1.0)
 
     async def action(one, session):
         one.add("1", MADE_UP)
@@ -163,7 +163,7 @@ def test_hidden_bands_are_taken_away_and_not_computed(quick):
 
 
 def test_bands_that_fail_leave_the_page_as_it_was(monkeypatch):
-    monkeypatch.setattr(uncertain, "PAUSE_S", 0.01)
+    monkeypatch.setattr(updates, "PAUSE_S", 0.01)
     monkeypatch.setattr(bands, "beat_bands", lambda *_: 1 / 0)
 
     async def action(one, session):
@@ -217,7 +217,7 @@ def written(folder: Path, name: str = "Rmc", values=SPREAD, **attributes) -> byt
 
 
 def test_a_posterior_of_the_command_line_is_read(tmp_path):
-    found = open_posterior("a/posterior.NC", written(tmp_path, sampler="nuts", trusted=1, doubts=""))
+    found = parse_posterior("a/posterior.NC", written(tmp_path, sampler="nuts", trusted=1, doubts=""))
     assert sorted(found.draws[:, 0]) == pytest.approx(sorted(SPREAD))
     assert found.base["Rmc"] == pytest.approx(np.median(SPREAD), rel=0.05)
     assert found.as_object() | {"method": ""} == {
@@ -227,12 +227,12 @@ def test_a_posterior_of_the_command_line_is_read(tmp_path):
 
 def test_of_many_draws_some_are_taken(tmp_path):
     many = np.tile(SPREAD, 50)
-    assert len(read_members("p.nc", written(tmp_path, values=many)).draws) == MEMBERS
+    assert len(read_posterior("p.nc", written(tmp_path, values=many)).draws) == MEMBERS
 
 
 @pytest.mark.parametrize("attributes", [{"trusted": 0, "doubts": "R-hat 1.2"}, {"trusted": 0}, {}])
 def test_doubts_of_the_file_are_kept(tmp_path, attributes):
-    assert not read_members("p.nc", written(tmp_path, **attributes)).as_object()["trusted"]
+    assert not read_posterior("p.nc", written(tmp_path, **attributes)).as_object()["trusted"]
 
 
 @pytest.mark.parametrize(
@@ -245,13 +245,13 @@ def test_doubts_of_the_file_are_kept(tmp_path, attributes):
 )
 def test_what_is_no_posterior_is_refused(tmp_path, change, said):
     with pytest.raises(CaseError, match=said):
-        read_members("p.nc", written(tmp_path, **change))
+        read_posterior("p.nc", written(tmp_path, **change))
 
 
 @pytest.mark.parametrize("content", [b"nonsense", b"\x89HDF\r\n\x1a\n" + b"\0" * 200, b""])
 def test_a_damaged_file_is_refused(content):
     with pytest.raises(CaseError):
-        open_posterior("posterior.nc", content)
+        parse_posterior("posterior.nc", content)
 
 
 def test_members_keep_around_another_case():

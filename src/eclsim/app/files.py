@@ -1,0 +1,313 @@
+"""Files that somebody opens or takes away. Those that are opened are read in a process of their own.
+
+A file of some kilobytes can unfold to gigabytes (compressed arrays, deep nesting). What goes wrong with one
+then ends that process and nobody's page.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from eclsim.app.texts import text
+from eclsim.cases.reading import read_case
+from eclsim.files import file_stems
+from eclsim.inputs.mistakes import CaseError, Mistake
+from eclsim.inputs.sections import MAXIMUM_ID_LENGTH
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from eclsim.app.posterior import PosteriorDraws
+    from eclsim.app.state import PageState
+    from eclsim.cases.case import Case
+
+LARGEST_FILE = 5_000_000
+SIZE = "5 MB"
+MOST_LINES = 12
+MOST_ROWS = 2000
+MEMORY_BYTES = 1_500_000_000
+"""Address space of the process that reads, the libraries that read HDF5 included."""
+SECONDS = 30.0
+CHANGED = " (changed)"
+"""Behind the id of a patient whose case was changed by hand on the page."""
+KINDS = ("case", "outputs", "waveforms", "svg", "png", "study")
+
+
+@dataclass(frozen=True)
+class Opened:
+    """What a file held.
+
+    Args:
+        name: of the file.
+        cases: name and case of each data point; one of a case file.
+        remarks: doubts and refused rows.
+    """
+
+    name: str
+    cases: tuple[tuple[str, Case], ...]
+    remarks: tuple[str, ...]
+
+
+class ExportError(ValueError):
+    """Why a file cannot be made for this patient."""
+
+
+# --- in the process of the page ------------------------------------------------------------------
+
+
+def read_file(name: str, content: bytes) -> Opened:
+    """As `parse_file`, in a process of its own.
+
+    Raises:
+        CaseError: With everything that is wrong, also where the file takes too much memory or time.
+    """
+    from eclsim.cases.case import Case
+
+    plain = _read_apart("file", name, content)
+    cases = tuple((label, Case.model_validate(case)) for label, case in plain["cases"])
+    return Opened(plain["name"], cases, tuple(plain["remarks"]))
+
+
+def read_posterior_file(name: str, content: bytes) -> PosteriorDraws:
+    """As `parse_posterior`, in a process of its own.
+
+    Raises:
+        CaseError: As above.
+    """
+    import numpy as np
+
+    from eclsim.app.posterior import PosteriorDraws
+
+    plain = _read_apart("posterior", name, content)
+    draws = np.array(plain["draws"], dtype=float)
+    return PosteriorDraws(
+        tuple(plain["names"]), draws, plain["base"], plain["method"], tuple(plain["doubts"])
+    )
+
+
+def _read_apart(kind: str, name: str, content: bytes) -> dict[str, Any]:
+    command = [sys.executable, "-m", "eclsim.app.files", kind, name.replace("\0", "")]
+    threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
+    too_much = CaseError([Mistake("", text("takes_too_much"), file=shown_name(name))])
+    try:
+        done = subprocess.run(
+            command, input=content, capture_output=True, timeout=SECONDS, env=os.environ | threads,
+            check=False,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        raise too_much from None
+    if done.returncode != 0:
+        raise too_much
+    answer = json.loads(done.stdout)
+    if "mistakes" in answer:
+        raise CaseError([Mistake(**mistake) for mistake in answer["mistakes"]])
+    return answer
+
+
+def with_speeds(opened: Opened) -> Opened:
+    """The same with the speed of the pump where the one case gives a flow.
+
+    Raises:
+        CaseError: The flow cannot be reached.
+    """
+    from eclsim.simulation.target_flow import FlowNotReachedError, with_speed
+
+    if len(opened.cases) != 1:
+        return opened
+    ((name, case),) = opened.cases
+    try:
+        case, speed = with_speed(case)
+    except FlowNotReachedError as error:
+        raise _refused(f"{opened.name}: {error}") from None
+    remarks = [f"{opened.name}: {speed}"] if speed is not None else []
+    return replace(opened, cases=((name, case),), remarks=(*opened.remarks, *remarks))
+
+
+def shown_name(name: str) -> str:
+    """What a file is called on the page: its name without folders."""
+    return Path(name.replace("\\", "/")).name[:80] or "file"
+
+
+def brief(lines: Sequence[str]) -> list[str]:
+    """The first lines, and how many more there are."""
+    more = [f"… {len(lines) - MOST_LINES} more"] if len(lines) > MOST_LINES else []
+    return [*lines[:MOST_LINES], *more]
+
+
+# --- in the process that reads -------------------------------------------------------------------
+
+
+def parse_file(name: str, content: bytes) -> Opened:
+    """A case file or a cohort as it stands, without computing anything.
+
+    Raises:
+        CaseError: With everything that is wrong, the place called by the file's own name.
+    """
+    shown, suffix = _checked_name(name, content, (".toml", ".csv"))
+    with tempfile.TemporaryDirectory(prefix="eclsim-") as folder:
+        path = Path(folder) / f"upload{suffix}"
+        path.write_bytes(content)
+        try:
+            cases, remarks = _case(path) if suffix == ".toml" else _cohort(path)
+        except CaseError as error:
+            raise CaseError([replace(m, file=shown) for m in error.mistakes]) from None
+    return Opened(shown, cases, tuple(str(replace(m, file=shown)) for m in remarks))
+
+
+def parse_posterior(name: str, content: bytes) -> PosteriorDraws:
+    """Read a `posterior.nc`.
+
+    Raises:
+        CaseError: If it is none.
+    """
+    from eclsim.app.posterior import read_posterior
+
+    shown, _ = _checked_name(name, content, (".nc",))
+    return read_posterior(shown, content)
+
+
+def _case(path: Path) -> tuple[tuple[tuple[str, Case], ...], Sequence[Mistake]]:
+    reading = read_case(path)
+    return ((reading.case.patient.id, reading.case),), reading.warnings
+
+
+def _cohort(path: Path) -> tuple[tuple[tuple[str, Case], ...], Sequence[Mistake]]:
+    from eclsim.cases.cohort import read_cohort
+
+    reading = read_cohort(path)
+    if not reading.points:
+        raise CaseError(reading.refused or [Mistake("", "no data points")])
+    points = tuple((point.name, point.case) for point in reading.points[:MOST_ROWS])
+    return points, (*reading.refused, *reading.warnings)
+
+
+def _checked_name(name: str, content: bytes, suffixes: tuple[str, ...]) -> tuple[str, str]:
+    """The file's own name and suffix."""
+    shown = shown_name(name)
+    suffix = Path(shown).suffix.lower()
+    if suffix not in suffixes:
+        raise _refused(text("wrong_type", name=shown))
+    if not content:
+        raise _refused(text("empty_file", name=shown))
+    if len(content) > LARGEST_FILE:
+        raise _refused(text("too_large", name=shown, size=SIZE))
+    return shown, suffix
+
+
+def _refused(why: str) -> CaseError:
+    return CaseError([Mistake("", why)])
+
+
+def _limit_memory() -> None:
+    """Where the operating system can; Windows cannot."""
+    if sys.platform == "win32":
+        return
+    import resource
+
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
+
+
+def _plain(kind: str, name: str, content: bytes) -> Mapping[str, Any]:
+    try:
+        if kind == "file":
+            opened = parse_file(name, content)
+            cases = [(label, case.as_mapping()) for label, case in opened.cases]
+            return {"name": opened.name, "cases": cases, "remarks": opened.remarks}
+        posterior = parse_posterior(name, content)
+        return asdict(posterior) | {"draws": posterior.draws.tolist()}
+    except CaseError as error:
+        return {"mistakes": [asdict(mistake) for mistake in error.mistakes]}
+
+
+# --- to take away --------------------------------------------------------------------------------
+
+
+def export(state: PageState, kind: str) -> tuple[str, bytes]:
+    """Name and content of a file.
+
+    Args:
+        state: what is shown.
+        kind: one of `KINDS`.
+
+    Raises:
+        ExportError: If there is nothing of this kind for the state.
+    """
+    state = replace(state, case=_as_shown(state))
+    (stem,) = file_stems([state.case.patient.id])
+    if kind == "case":
+        from eclsim.cases.writing import case_text
+
+        return f"{stem}.toml", case_text(state.case).encode()
+    if kind in ("outputs", "waveforms"):
+        return _table(state, kind, stem)
+    if kind in ("svg", "png"):
+        return _figures(state, kind, stem)
+    if kind == "study":
+        return _study(state, stem)
+    raise ExportError(f"no such file: {kind[:20]}")
+
+
+def _as_shown(state: PageState) -> Case:
+    """The case with the policy of its beat; one that was changed by hand says so in its id."""
+    case = state.case
+    if case.volume_policy != state.policy:
+        case = case.with_volume_policy(state.policy)
+    if not state.changed or case.patient.id.endswith(CHANGED):
+        return case
+    name = case.patient.id[: MAXIMUM_ID_LENGTH - len(CHANGED)] + CHANGED
+    return case.model_copy(update={"patient": case.patient.model_copy(update={"id": name})})
+
+
+def _table(state: PageState, kind: str, stem: str) -> tuple[str, bytes]:
+    from eclsim.simulation.files import write_csv
+
+    with tempfile.TemporaryDirectory(prefix="eclsim-") as folder:
+        write_csv([_simulated(state)], [], Path(folder), [stem], None)
+        name = f"{stem}_waveforms.csv" if kind == "waveforms" else "outputs.csv"
+        return f"{stem}_{kind}.csv", (Path(folder) / name).read_bytes()
+
+
+def _figures(state: PageState, kind: str, stem: str) -> tuple[str, bytes]:
+    from eclsim.simulation.files import write_figures
+
+    with tempfile.TemporaryDirectory(prefix="eclsim-") as folder:
+        write_figures([state.case], [_simulated(state)], Path(folder), [stem])
+        packed = BytesIO()
+        with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+            for path in sorted(Path(folder).rglob(f"*.{kind}")):
+                archive.write(path, path.name)
+    return f"{stem}_figures_{kind}.zip", packed.getvalue()
+
+
+def _study(state: PageState, stem: str) -> tuple[str, bytes]:
+    from eclsim.crrt_study.drawings import drawings
+    from eclsim.crrt_study.page import study_page
+    from eclsim.crrt_study.settings import StudyError
+    from eclsim.crrt_study.study import crrt_study
+
+    try:
+        study = crrt_study(state.case, volume_policy=state.policy)
+    except StudyError as error:
+        raise ExportError(str(error)) from None
+    return f"{stem}_crrt_study.html", study_page(study, drawings(study)).encode()
+
+
+def _simulated(state: PageState) -> xr.Dataset:
+    from eclsim.simulation.single import simulate_case
+
+    return simulate_case(state.case, volume_policy=state.policy)
+
+
+if __name__ == "__main__":
+    _limit_memory()
+    print(json.dumps(_plain(sys.argv[1], sys.argv[2], sys.stdin.buffer.read())))
