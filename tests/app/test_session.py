@@ -260,7 +260,7 @@ def test_a_scheme_connects_the_crrt_where_there_is_none():
     async def turns():
         one = session(engine, told)
         one.load(PageState(PRESETS["vv-ecmo"].case()))
-        assert one.use_scheme("post_oxy", "pre_pump")
+        assert one.use("crrt", {"crrt.access_site": "post_oxy", "crrt.return_site": "pre_pump"})
         lines = one.state.case.crrt
         assert (lines.access_site, lines.return_site) == ("post_oxy", "pre_pump")
 

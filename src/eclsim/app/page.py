@@ -53,6 +53,7 @@ def _component(script: str) -> Callable[..., Element]:
     return Component
 
 
+MOST_SETTINGS = 10
 SCRIPTS = (
     "provenance", "knobs", "schematic", "keys", "limits", "bands", "monitor", "loops", "ramp", "schemes",
     "outputs", "identify", "compare",
@@ -136,7 +137,7 @@ class BedsidePage:
             with ui.tab_panel("ramp"):
                 ELEMENTS["ramp"]()
             with ui.tab_panel("schemes"):
-                ELEMENTS["schemes"]().on("use", lambda e: self._use_scheme(e.args))
+                ELEMENTS["schemes"]().on("use", lambda e: self._use(e.args))
             with ui.tab_panel("outputs"):
                 ELEMENTS["outputs"](specs=output_specs())
             with ui.tab_panel("identify"):
@@ -146,8 +147,8 @@ class BedsidePage:
                 compare.on("show", lambda e: self.session.show_saved(_number(e.args)))
                 compare.on("remove", lambda e: self.session.remove_saved(_number(e.args)))
         for view in ("ramp", "schemes"):
-            self.session.follow(ViewStudy(self.engine, view))
-        self.session.follow(self.bands)
+            self.session.listen(ViewStudy(self.engine, view))
+        self.session.listen(self.bands)
 
     def _identify(self) -> None:
         form = ELEMENTS["identify"](fields=fields())
@@ -212,8 +213,10 @@ class BedsidePage:
     def _move(self, args: Any) -> None:
         self.session.turn(str(args.get("key")), str(args.get("site")))
 
-    def _use_scheme(self, args: Any) -> None:
-        self.session.use_scheme(str(args.get("access")), str(args.get("return")))
+    def _use(self, args: Any) -> None:
+        settings = args.get("settings")
+        if isinstance(settings, dict) and len(settings) <= MOST_SETTINGS:
+            self.session.use(str(args.get("device")), {str(k): str(v) for k, v in settings.items()})
 
     def _shortcut(self, args: Any) -> None:
         action = args.get("action")

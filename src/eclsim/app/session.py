@@ -1,4 +1,4 @@
-"""One browser tab: its state, its beats, and what it is told. Nothing here is shared between tabs."""
+"""One browser tab: its state, its beats, and what is sent to it. Nothing here is shared between tabs."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("eclsim.app")
 KEEP_AFTER_S = 0.5
-"""The browser is told what to keep when nothing was changed for so long."""
+"""The browser gets a snapshot to keep when nothing was changed for so long."""
 Send = Callable[[str, Any], None]
-Follower = Callable[["Session"], None]
+Listener = Callable[["Session"], None]
 
 
 class Session:
@@ -53,18 +53,18 @@ class Session:
         self.pinned: tuple[PageState, Beat] | None = None
         self.saved: list[tuple[PageState, Beat]] = []
         self.base: tuple[PageState, Beat] | None = None
-        self.followers: list[Follower] = []
+        self.listeners: list[Listener] = []
         self.view = "monitor"
         self.closed = False
-        self._wanted: tuple[PageState, int] = (state, 0)
+        self._requested: tuple[PageState, int] = (state, 0)
         self._running = False
-        self._near: tuple[Any, Mapping[str, float]] | None = None
+        self._anchor: tuple[Any, Mapping[str, float]] | None = None
         self._drawn: Any = None
         self._panel: Any = None
         self._display: Any = None
         self._keep_timer: asyncio.TimerHandle | None = None
-        self._revived: Snapshot | None = None
-        self._catching: asyncio.Task[None] | None = None
+        self._restored: Snapshot | None = None
+        self._completing: asyncio.Task[None] | None = None
 
     @property
     def state(self) -> PageState:
@@ -81,32 +81,34 @@ class Session:
         self._panel = self._drawn = self._display = None
         self.send("view", self.view)
         self.show_state()
-        self._want(0)
+        self._request(0)
 
-    def restore(self, kept: Snapshot) -> None:
+    def restore(self, snapshot: Snapshot) -> None:
         """Go on where another session of the same tab ended; pinned and saved beats are computed again."""
-        self.history = kept.history
-        if kept.pinned is not None or kept.saved:
-            self._revived = kept
+        self.history = snapshot.history
+        if snapshot.pinned is not None or snapshot.saved:
+            self._restored = snapshot
 
     def turn(self, key: str, value: Any, seq: int = 0) -> bool:
-        """Turn a knob or set a picker; a value that cannot be is told beside the knob."""
+        """Turn a knob or set a picker; a value that is not allowed is refused beside the knob."""
         return self._try(key, lambda: self.state.with_case(turn(self.state.case, key, value)), seq)
 
     def connect(self, device: str) -> bool:
         """Connect or disconnect a device."""
         return self._try(device, lambda: self.state.with_case(connect(self.state.case, device)), 0)
 
-    def use_scheme(self, access: str, back: str) -> bool:
-        """Connect the CRRT at two positions of the ECMO circuit; without CRRT, connect one first."""
+    def use(self, device: str, settings: Mapping[str, Any]) -> bool:
+        """Set several knobs of a device at once; where it is not there, connect it first."""
 
         def changed() -> PageState:
-            case = self.state.case if self.state.case.crrt else connect(self.state.case, "crrt")
-            for key, site in (("crrt.access_site", access), ("crrt.return_site", back)):
-                case = turn(case, key, site)
+            case = self.state.case
+            if device not in connected(case):
+                case = connect(case, device)
+            for key, value in settings.items():
+                case = turn(case, key, value)
             return self.state.with_case(case)
 
-        return self._try("crrt.access_site", changed, 0)
+        return self._try(next(iter(settings), device), changed, 0)
 
     def set_policy(self, policy: str) -> None:
         """Choose who fills the circuits."""
@@ -118,41 +120,41 @@ class Session:
 
         Args:
             state: the patient.
-            opened: whether it was opened anew, so that nothing typed for it before is wanted.
+            opened: whether it was opened anew, so that nothing typed for it before is requested.
         """
         self.history.change(state, "", time.monotonic())
-        self._near = None
+        self._anchor = None
         self.show_state(opened=opened)
-        self._want(0)
+        self._request(0)
 
     def judge(self, old: PageState, new: PageState) -> None:
         """More is known of a patient as opened: all states that go back to it say so."""
 
-        def told(state: PageState) -> PageState:
+        def rejudged(state: PageState) -> PageState:
             if state.start != old:
                 return state
             return replace(state, verdict=new.verdict, opened=new) if state.opened else new
 
         history = self.history
-        history.now = told(history.now)
+        history.now = rejudged(history.now)
         for steps in (history.past, history.future):
-            steps[:] = [told(state) for state in steps]
+            steps[:] = [rejudged(state) for state in steps]
         if self.shown is not None:
-            self.shown = told(self.shown[0]), self.shown[1]
-        self._wanted = told(self._wanted[0]), self._wanted[1]
+            self.shown = rejudged(self.shown[0]), self.shown[1]
+        self._requested = rejudged(self._requested[0]), self._requested[1]
         self.show_state()
 
     def undo(self) -> None:
         """One change back."""
         if self.history.undo():
             self.show_state()
-            self._want(0)
+            self._request(0)
 
     def redo(self) -> None:
         """One change forward."""
         if self.history.redo():
             self.show_state()
-            self._want(0)
+            self._request(0)
 
     def reset(self) -> None:
         """Back to the patient as loaded."""
@@ -164,16 +166,16 @@ class Session:
             self.pinned = None
         elif self.shown is not None:
             self.pinned = self.shown
-        self._tell_pinned()
+        self._send_pinned()
         self.show_state()
-        self._follow()
+        self._notify()
 
     def save(self) -> bool:
         """Keep the state for the comparison; False if there are too many."""
         if self.shown is None or len(self.saved) >= MOST_SAVED:
             return False
         self.saved.append(self.shown)
-        self._tell_saved()
+        self._send_saved()
         return True
 
     def show_saved(self, number: int) -> None:
@@ -185,29 +187,29 @@ class Session:
         """Let go of a saved state."""
         if 0 <= number < len(self.saved):
             del self.saved[number]
-            self._tell_saved()
+            self._send_saved()
 
-    def _tell_saved(self) -> None:
-        self.send("saved", [_kept(*one) for one in self.saved])
+    def _send_saved(self) -> None:
+        self.send("saved", [_named_beat(*one) for one in self.saved])
         self._keep_soon()
 
-    def _tell_pinned(self) -> None:
-        self.send("pinned", _kept(*self.pinned) if self.pinned else None)
+    def _send_pinned(self) -> None:
+        self.send("pinned", _named_beat(*self.pinned) if self.pinned else None)
 
-    def follow(self, follower: Follower) -> None:
+    def listen(self, listener: Listener) -> None:
         """Call after every beat, and when another view is open or a state is pinned."""
-        self.followers.append(follower)
+        self.listeners.append(listener)
 
     def open_view(self, view: str) -> None:
         """Another view is seen; those that compute do so only while they are seen."""
         self.view = view
         self.send("view", view)
-        self._follow()
+        self._notify()
 
     def close(self) -> None:
         """The tab is gone: start nothing more."""
         self.closed = True
-        self.followers.clear()
+        self.listeners.clear()
         if self._keep_timer is not None:
             self._keep_timer.cancel()
 
@@ -215,7 +217,9 @@ class Session:
         try:
             state = make()
         except CaseError as error:
-            self.send("error", {"key": key, "messages": [_beside(m) for m in error.mistakes], "seq": seq})
+            self.send(
+                "error", {"key": key, "messages": [_without_key(m) for m in error.mistakes], "seq": seq}
+            )
             return False
         self._change(state, key, seq)
         return True
@@ -223,11 +227,11 @@ class Session:
     def _change(self, state: PageState, key: str, seq: int) -> None:
         self.history.change(state, key, time.monotonic())
         self.show_state(key, seq)
-        self._want(seq)
+        self._request(seq)
 
-    def _want(self, seq: int) -> None:
+    def _request(self, seq: int) -> None:
         """Compute the beat of the state; while one is being computed only the newest is kept."""
-        self._wanted = (self.state, seq or self._wanted[1])
+        self._requested = (self.state, seq or self._requested[1])
         if not self._running and not self.closed:
             self._running = True
             task = asyncio.get_running_loop().create_task(self._run())
@@ -236,13 +240,13 @@ class Session:
     async def _run(self) -> None:
         try:
             done: Any = None
-            while done is not self._wanted and not self.closed:
-                done = wanted = self._wanted
-                state, seq = wanted
+            while done is not self._requested and not self.closed:
+                done = requested = self._requested
+                state, seq = requested
                 if not self.engine.knows(state):
                     self.send("busy", text("compiling"))
                 try:
-                    beat = await self.engine.beat(state, self._near_values(state))
+                    beat = await self.engine.beat(state, self._anchor_values(state))
                 except Exception:  # a beat that fails must not end the page; what failed is in the log
                     log.exception("a beat failed")
                     self.send("failed", text("failed"))
@@ -257,47 +261,46 @@ class Session:
 
         self.shown = (state, beat)
         if beat.converged:
-            self._near = (
-                self._near if self._near and self._near[0] is beat.circuit else (beat.circuit, beat.values)
-            )
+            known = self._anchor is not None and self._anchor[0] is beat.circuit
+            self._anchor = self._anchor if known else (beat.circuit, beat.values)
         if not state.changed and (self.base is None or self.base[0] != state):
             self._set_base(state, beat)
-        told = {"seq": seq, "of": key_of(state), "values": _values(state)}
-        self.send("beat", {**plain(beat, waves_of(state.case)), **told})
-        self._catch_up_soon()
-        self._follow()
+        about = {"seq": seq, "of": key_of(state), "values": _values(state)}
+        self.send("beat", {**plain(beat, waves_of(state.case)), **about})
+        self._complete_soon()
+        self._notify()
 
-    def _catch_up_soon(self) -> None:
-        """Compute what the page lacks beside the beat: see `_catch_up`."""
-        if self._catching is None and not self.closed and self._lacks():
-            self._catching = asyncio.get_running_loop().create_task(self._catch_up())
-            self._catching.add_done_callback(_report)
+    def _complete_soon(self) -> None:
+        """Compute what the page lacks beside the beat: see `_complete`."""
+        if self._completing is None and not self.closed and self._incomplete():
+            self._completing = asyncio.get_running_loop().create_task(self._complete())
+            self._completing.add_done_callback(_report)
 
-    def _lacks(self) -> bool:
-        return self._revived is not None or self.base is None or self.base[0] != self.state.start
+    def _incomplete(self) -> bool:
+        return self._restored is not None or self.base is None or self.base[0] != self.state.start
 
-    async def _catch_up(self) -> None:
+    async def _complete(self) -> None:
         """Beats that were pinned and saved before a reload, and the one that changes are measured from."""
         try:
-            while self._lacks() and not self.closed:
-                if self._revived is not None:
-                    await self._revive(self._revived)
+            while self._incomplete() and not self.closed:
+                if self._restored is not None:
+                    await self._compute_restored(self._restored)
                 else:
                     start = self.state.start
                     self._set_base(start, await self.engine.beat(start, None))
         finally:
-            self._catching = self._revived = None
+            self._completing = self._restored = None
 
-    async def _revive(self, kept: Snapshot) -> None:
-        saved = [(state, await self.engine.beat(state, None)) for state in kept.saved]
-        if kept.pinned is not None and self.pinned is None:
-            self.pinned = kept.pinned, await self.engine.beat(kept.pinned, None)
-        self._revived = None
+    async def _compute_restored(self, snapshot: Snapshot) -> None:
+        saved = [(state, await self.engine.beat(state, None)) for state in snapshot.saved]
+        if snapshot.pinned is not None and self.pinned is None:
+            self.pinned = snapshot.pinned, await self.engine.beat(snapshot.pinned, None)
+        self._restored = None
         self.saved = [*saved, *self.saved][:MOST_SAVED]
-        self._tell_pinned()
-        self._tell_saved()
+        self._send_pinned()
+        self._send_saved()
         self.show_state()
-        self._follow()
+        self._notify()
 
     def _set_base(self, start: PageState, beat: Beat) -> None:
         from eclsim.app.beat import plain
@@ -306,27 +309,27 @@ class Session:
         if not self.closed:
             self.send("base", {"of": subject_of(start), "outputs": plain(beat, ())["outputs"]})
 
-    def _near_values(self, state: PageState) -> Mapping[str, float] | None:
+    def _anchor_values(self, state: PageState) -> Mapping[str, float] | None:
         from eclsim.app.circuits import page_circuit
 
-        if self._near is None or page_circuit(state.case)[0] is not self._near[0]:
+        if self._anchor is None or page_circuit(state.case)[0] is not self._anchor[0]:
             return None
-        return self._near[1]
+        return self._anchor[1]
 
-    def _follow(self) -> None:
-        for follower in list(self.followers):
-            follower(self)
+    def _notify(self) -> None:
+        for listener in list(self.listeners):
+            listener(self)
 
     def show_state(self, key: str = "", seq: int = 0, opened: bool = False) -> None:
         """Tell the browser where knobs stand, and, where the circuit changed, how it is drawn."""
         from eclsim.app.drawing import drawing_of
 
         state, case = self.state, self.state.case
-        found = controls(case)
+        knobs = controls(case)
         if (parts := display(case)) != self._display:
             self._display = parts
             self.send("display", parts)
-        panel = [described(control) for control in found]
+        panel = [described(control) for control in knobs]
         if panel != self._panel:
             self._panel = panel
             self.send("panel", panel)
@@ -349,13 +352,13 @@ class Session:
         """Have the browser keep this tab, when nothing is changed for a while."""
         if self._keep_timer is not None:
             self._keep_timer.cancel()
-        if self._revived is None and not self.closed:
+        if self._restored is None and not self.closed:
             self._keep_timer = asyncio.get_running_loop().call_later(KEEP_AFTER_S, self._keep)
 
     def _keep(self) -> None:
         pinned = self.pinned[0] if self.pinned else None
-        kept = Snapshot(self.history, pinned, tuple(state for state, _ in self.saved))
-        self.send("keep", {"tab": kept.packed(), "of": key_of(self.state)})
+        snapshot = Snapshot(self.history, pinned, tuple(state for state, _ in self.saved))
+        self.send("keep", {"tab": snapshot.packed(), "of": key_of(self.state)})
 
 
 def _values(state: PageState) -> dict[str, Any]:
@@ -363,7 +366,7 @@ def _values(state: PageState) -> dict[str, Any]:
     return {control.key: value_of(state.case, control.key) for control in controls(state.case)}
 
 
-def _kept(state: PageState, beat: Beat) -> dict[str, Any]:
+def _named_beat(state: PageState, beat: Beat) -> dict[str, Any]:
     """A beat with the name and the knobs of its state, as plain data."""
     from eclsim.app.beat import plain
 
@@ -372,7 +375,7 @@ def _kept(state: PageState, beat: Beat) -> dict[str, Any]:
     return {**plain(beat, waves_of(state.case)), **named}
 
 
-def _beside(mistake: Mistake) -> str:
+def _without_key(mistake: Mistake) -> str:
     """A mistake as it stands beside its knob: without the key."""
     return str(Mistake("", mistake.message, mistake.value, mistake.allowed, mistake.suggestion))
 

@@ -73,8 +73,9 @@ def schemes(state: PageState) -> dict[str, Any] | None:
     found = []
     for k, scheme in enumerate(chosen):
         cell: dict[str, Any] = {
-            "letter": scheme.letter, "name": scheme.name, "access_site": scheme.access_site,
-            "return_site": scheme.return_site, "converged": bool(records.converged[k]),
+            "letter": scheme.letter, "name": scheme.name,
+            "settings": {"crrt.access_site": scheme.access_site, "crrt.return_site": scheme.return_site},
+            "converged": bool(records.converged[k]),
             "MAP": _number(records.output("MAP")[k]) if records.converged[k] else None,
         }  # fmt: skip
         for line, name in LINES.items():
@@ -92,7 +93,7 @@ def schemes(state: PageState) -> dict[str, Any] | None:
         "cells": found,
         "flow": flow,
         "limits": line_bounds(),
-        "keys": {line: f"crrt.{line}_site" for line in LINES},
+        "device": "crrt",
     }
 
 

@@ -16,7 +16,7 @@ export default {
       <div class="grid">
         <button v-for="c in cells" :key="c.letter" type="button" :class="{ own: isOwn(c) }"
           :aria-pressed="isOwn(c)" :title="about(c)"
-          @click="$emit('use', { access: c.access_site, return: c.return_site })">
+          @click="$emit('use', { device, settings: c.settings })">
           <span class="title"><b>{{ c.letter }}</b> {{ c.name }}<span class="unit">mmHg</span></span>
           <svg viewBox="0 0 ${WIDTH} ${HEIGHT}" aria-hidden="true">
             <g v-for="t in c.ticks" :key="t.value">
@@ -56,7 +56,7 @@ export default {
       },
     }),
   ],
-  data: () => ({ cells: [], empty: false, heading: "", values: {} }),
+  data: () => ({ cells: [], empty: false, heading: "", device: "", values: {} }),
   methods: {
     fixed,
     value: (line) => `${SIGNS[line.level]}${fixed(line.mean, 0)}`,
@@ -64,14 +64,14 @@ export default {
       return fill(this.texts.scheme_use, { letter: cell.letter, name: cell.name });
     },
     isOwn(cell) {
-      return LINES.every((line) => this.values[this.keys[line]] === cell[`${line}_site`]);
+      return Object.entries(cell.settings).every(([key, site]) => this.values[key] === site);
     },
     show() {
       const { schemes } = this;
       if (!schemes) return;
       const kept = bus.last("schemes_pinned");
       const shadow = kept && kept.of === this.pinned?.of ? kept : undefined;
-      this.keys = schemes.keys;
+      this.device = schemes.device;
       this.heading = fill(this.texts.schemes_flow, { flow: fixed(schemes.flow, 0) });
       const waves = schemes.cells.flatMap((cell) => LINES.flatMap((line) => cell[line].wave));
       const [lowest, highest] = extent(waves) ?? [0, 1];
