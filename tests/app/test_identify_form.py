@@ -128,17 +128,14 @@ class StubFitter:
     def prepare(self):
         pass
 
-    def fit(self, case, policy, said, stop):
+    def run(self, job, case, policy, report, stop):
         self.running.append(case)
+        report("draws")
         self.may_end.wait(2 * PATIENCE_S)
         if isinstance(self.answer, Exception):
             raise self.answer
-        return self.answer | {"case": case}
-
-    def posterior(self, case, policy, said, stop):
-        self.running.append(case)
-        said("draws")
-        self.may_end.wait(2 * PATIENCE_S)
+        if job == "fit":
+            return self.answer | {"case": case}
         return {
             "names": ["Rmc"], "members": [[0.8], [1.0]], "method": "importance", "doubts": [], "draws": 2,
             "parameters": {"Rmc": {"lower": 0.74, "median": 0.8, "upper": 0.92}},

@@ -59,20 +59,8 @@ class FitProcess:
             finally:
                 self._turn.release()
 
-    def fit(
-        self, case: Mapping[str, Any], policy: str, said: Callable[[str], None], stop: threading.Event
-    ) -> dict[str, Any]:
-        """Fit a case; see `run`. The fitted case is under `case`."""
-        return self.run("fit", case, policy, said, stop)
-
-    def posterior(
-        self, case: Mapping[str, Any], policy: str, said: Callable[[str], None], stop: threading.Event
-    ) -> dict[str, Any]:
-        """The posterior of a fitted case; see `run`."""
-        return self.run("posterior", case, policy, said, stop)
-
     def run(
-        self, job: str, case: Mapping[str, Any], policy: str, said: Callable[[str], None],
+        self, job: str, case: Mapping[str, Any], policy: str, report: Callable[[str], None],
         stop: threading.Event,
     ) -> dict[str, Any]:  # fmt: skip
         """Have the process do a job; blocks. One runs at a time, others wait for their turn.
@@ -81,22 +69,22 @@ class FitProcess:
             job: "fit" or "posterior".
             case: as a case file holds it, with measurements.
             policy: blood volume policy.
-            said: called with what is being done.
+            report: called with what is being done.
             stop: set when nobody wants it any more.
 
         Returns:
-            What was found, as plain data.
+            The result as plain data; the fitted case is under "case".
 
         Raises:
             CancelledError: After `stop`.
-            FitError: If nothing was found.
+            FitError: If there is none.
         """
         while not self._turn.acquire(timeout=0.2):
-            said(text("fit_waiting"))
+            report(text("fit_waiting"))
             if stop.is_set():
                 raise CancelledError
         try:
-            return self._exchange((job, dict(case), policy), said, stop)
+            return self._exchange((job, dict(case), policy), report, stop)
         finally:
             self._turn.release()
 
@@ -116,7 +104,7 @@ class FitProcess:
         return self._pipe
 
     def _exchange(
-        self, order: tuple[str, dict[str, Any], str], said: Callable[[str], None], stop: threading.Event
+        self, order: tuple[str, dict[str, Any], str], report: Callable[[str], None], stop: threading.Event
     ) -> dict[str, Any]:
         pipe = self._started()
         self._quit.clear()
@@ -132,8 +120,8 @@ class FitProcess:
                     raise CancelledError
                 if pipe.poll(0.1):
                     kind, content = pipe.recv()
-                    if kind == "said":
-                        said(content)
+                    if kind == "report":
+                        report(content)
                     else:
                         return _answered(kind, content)
         except (EOFError, OSError):
@@ -158,15 +146,15 @@ def _serve(pipe: Connection, quit_now: Any) -> None:
     while True:
         try:
             job, case, policy = pipe.recv()
-            pipe.send(_done(job, case, policy, lambda words: _report(pipe, quit_now, words)))
+            pipe.send(_done(job, case, policy, lambda message: _report(pipe, quit_now, message)))
         except (EOFError, OSError):
             return
 
 
-def _report(pipe: Connection, quit_now: Any, words: str) -> None:
+def _report(pipe: Connection, quit_now: Any, message: str) -> None:
     if quit_now.is_set():
         raise CancelledError
-    pipe.send(("said", words))
+    pipe.send(("report", message))
 
 
 def _prepare(pipe: Connection) -> None:

@@ -241,7 +241,7 @@ class Identification:
         self._report = text(PREPARING[job])
         started = time.monotonic()
         work = asyncio.ensure_future(
-            asyncio.to_thread(getattr(self.process, job), raw, policy, self._reported, stop)
+            asyncio.to_thread(self.process.run, job, raw, policy, self._reported, stop)
         )
         work.add_done_callback(lambda done: done.cancelled() or done.exception())
         try:
@@ -261,8 +261,8 @@ class Identification:
             if self._stop is stop:
                 self._stop = None
 
-    def _reported(self, words: str) -> None:
-        self._report = words
+    def _reported(self, message: str) -> None:
+        self._report = message
 
 
 def verdict_of(found: Mapping[str, Any]) -> str:
