@@ -23,6 +23,7 @@ SOURCE = REPOSITORY / "src"
 LONGEST_FILE = 600  # long enough for one idea: a limit of 300 scattered every topic over many files
 LONGER_FILES: dict[str, str] = {
     # path in the repository: reason
+    "src/eclsim/devices/ecmo.py": "a device is one file",
 }
 
 

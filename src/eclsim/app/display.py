@@ -6,13 +6,16 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-from eclsim.app.knobs import DEVICES, OTHER_MODE, Knob, Picker
+from eclsim.app.knobs import connectable
 from eclsim.app.ranges import bounds
 from eclsim.app.texts import text
+from eclsim.cases.resolve import circuit_of
+from eclsim.devices.description import Control, Knob
 from eclsim.parameters import default
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
+    from eclsim.circuit import Circuit
 
 Range = tuple[float, float]
 
@@ -204,7 +207,7 @@ LOOPS = ("Plv", "Vlv", "Prv", "Vrv")
 
 def connected(case: Case) -> list[str]:
     """Keys of the devices of a case."""
-    return [device for device in DEVICES if getattr(case, device) is not None]
+    return list(dict.fromkeys(one.device.key for one in case.instances()))
 
 
 def shown(group: str) -> Shown:
@@ -214,7 +217,7 @@ def shown(group: str) -> Shown:
 
 def ink(group: str) -> str:
     """The colour of the style sheet that a part of the circuit is drawn in."""
-    return f"device-{list(DEVICES).index(group) % _INKS + 1}" if group in DEVICES else group
+    return f"device-{connectable().index(group) % _INKS + 1}" if group in connectable() else group
 
 
 def waves_of(case: Case) -> tuple[str, ...]:
@@ -225,7 +228,7 @@ def waves_of(case: Case) -> tuple[str, ...]:
 
 def curves_of(case: Case) -> list[tuple[int, Curve]]:
     """Curves of the ramp, each with a number of its own that is the same for every circuit."""
-    every = [*PATIENT.curves, *(curve for device in DEVICES for curve in shown(device).curves)]
+    every = [*PATIENT.curves, *(curve for device in connectable() for curve in shown(device).curves)]
     drawn = [curve for part in _parts(case) for curve in part.curves]
     return [(number, curve) for number, curve in enumerate(every) if curve in drawn]
 
@@ -245,8 +248,8 @@ def plain_curves(case: Case, outputs: Collection[str]) -> list[dict[str, Any]]:
 def display(case: Case) -> dict[str, Any]:
     """Groups of knobs, traces, key figures and outputs to compare, for the browser."""
     parts = _parts(case)
-    groups = [{"key": key, "label": text(f"group_{key}")} for key in ("heart", "vessels", *DEVICES)]
-    colours = dict(zip(_signals(DEVICES), _DEVICE_COLOURS * 4, strict=False))
+    groups = [{"key": key, "label": text(f"group_{key}")} for key in ("heart", "vessels", *connectable())]
+    colours = dict(zip(_signals(connectable()), _DEVICE_COLOURS * 4, strict=False))
     colours |= dict(zip([trace.signal for trace in PATIENT.traces], _PATIENT_COLOURS, strict=True))
     traces = [asdict(trace) | {"colour": colours[trace.signal]} for part in parts for trace in part.traces]
     return {
@@ -271,34 +274,19 @@ def _parts(case: Case) -> list[Shown]:
     return [PATIENT, *(shown(device) for device in connected(case))]
 
 
-_SIZES = {"speed_rpm", "drainage_fr", "return_fr", "oxygenator"}
-
-
-def shape_of(case: Case) -> tuple[Any, ...]:
+def shape_of(case: Case) -> Circuit:
     """What the drawing depends on; while it is the same only numbers change."""
-    ecmo = case.ecmo and case.ecmo.model_dump_json(exclude=_SIZES)
-    lines = case.crrt and (case.crrt.access_site, case.crrt.return_site)
-    return ecmo, lines, case.lvad and (case.lvad.inlet_site, case.lvad.outlet_site)
+    return circuit_of(case)
 
 
-def described(control: Knob | Picker) -> dict[str, Any]:
+def described(control: Control) -> dict[str, Any]:
     """A knob or picker as plain data."""
     section, _, name = control.key.partition(".")
     hint = f"{name}: {default(name).description}" if section == "parameters" else ""
-    common = {"key": control.key, "group": control.group, "label": text(control.key), "hint": hint}
+    common = {"key": control.key, "group": control.group, "label": control.label, "hint": hint}
     if isinstance(control, Knob):
         return common | {
             "unit": control.unit, "low": control.low, "high": control.high, "step": control.step,
             "log": control.logarithmic,
         }  # fmt: skip
-    return common | {"options": [[name, option_words(name)] for name in control.options]}
-
-
-def option_words(name: str) -> str:
-    """A name of a picker in words."""
-    from eclsim.crrt_study.schemes import POSITION_WORDS
-    from eclsim.patient.sites import PATIENT_SITES
-
-    if name in ("VA", "VV", OTHER_MODE):
-        return text(name)
-    return POSITION_WORDS.get(name) or PATIENT_SITES.get(name) or name
+    return common | {"options": [list(option) for option in control.options]}

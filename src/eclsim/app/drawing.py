@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from eclsim.app.display import ink, shown
-from eclsim.app.knobs import DEVICES
+from eclsim.app.knobs import connectable
 from eclsim.app.texts import ENGLISH, text
 from eclsim.devices.ecmo import POSITIONS
 from eclsim.orbit.model import circuit_of
@@ -87,7 +87,7 @@ def _page(names: Sequence[str], lanes: dict[str, int], wide: bool) -> tuple[Layo
 
 def _frame_texts(group: str) -> dict[str, str]:
     """Title of a frame and the unit of its flows."""
-    label = text(f"group_{group}") if group in DEVICES else ENGLISH.get(f"frame_{group}", group)
+    label = text(f"group_{group}") if group in connectable() else ENGLISH.get(f"frame_{group}", group)
     flows = "" if group == "spare" else text("frame_flows", unit=shown(group).flow_unit.unit)
     return {"label": label, "flows": flows}
 

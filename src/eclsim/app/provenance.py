@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from eclsim.app.knobs import DEVICES, controls, value_of
+from eclsim.app.knobs import controls, value_of
 from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
 
@@ -59,34 +59,20 @@ def kind_of(state: PageState) -> str:
 
 def circuit_words(case: Case) -> str:
     """The devices of a case with their speeds and flows, on one line."""
-    found = []
-    if case.ecmo is not None:
-        pump = case.ecmo.pump
-        if isinstance(pump, str):
-            found.append(f"ECMO {pump} {case.ecmo.speed_rpm:g} rpm")
-        else:
-            found.append(f"ECMO {pump.roller_l_min:g} L/min")
-    if case.crrt is not None:
-        found.append(f"CRRT {case.crrt.flow_ml_min:g} mL/min")
-    if case.lvad is not None:
-        found.append(f"LVAD {case.lvad.pump} {case.lvad.speed_rpm:g} rpm")
+    found = [f"{one.label} {one.device.summary(one.section)}" for one in case.instances()]
     return ", ".join(found) or text("provenance_no_device")
 
 
 def changes(state: PageState) -> list[str]:
     """What was changed since the patient was opened: names of knobs and devices."""
     start, found = state.start, []
-    for device in DEVICES:
-        before, now = getattr(start.case, device), getattr(state.case, device)
-        if (before is None) != (now is None):
-            change = "provenance_connected" if now else "provenance_removed"
-            found.append(text(change, device=text(f"group_{device}")))
+    before, now = ({one.key: one.label for one in case.instances()} for case in (start.case, state.case))
+    found += [text("provenance_removed", device=label) for key, label in before.items() if key not in now]
+    found += [text("provenance_connected", device=label) for key, label in now.items() if key not in before]
     shared = {c.key for c in controls(start.case)}
-    for key in (c.key for c in controls(state.case) if c.key in shared):
-        if value_of(start.case, key) != value_of(state.case, key):
-            section = key.partition(".")[0]
-            device = f"{text(f'group_{section}')} " if section in DEVICES else ""
-            found.append(device + text(key))
+    for control in (c for c in controls(state.case) if c.key in shared):
+        if value_of(start.case, control.key) != value_of(state.case, control.key):
+            found.append(f"{now.get(control.group, '')} {control.label}".strip())
     if start.policy != state.policy:
         found.append(text("group_model"))
     if len(found) > MOST_NAMED:

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from eclsim.app.display import connected, described, display, shape_of, waves_of
-from eclsim.app.knobs import DEVICES, connect, controls, turn, value_of
+from eclsim.app.knobs import connect, connectable, controls, turn, value_of
 from eclsim.app.provenance import provenance, title_of
 from eclsim.app.state import (
     MOST_SAVED,
@@ -340,7 +340,7 @@ class Session:
         self.send("state", {
             "values": _values(state), "of": key_of(state), "subject": subject_of(state),
             "provenance": provenance(state),
-            "devices": {device: device in connected(case) for device in DEVICES},
+            "devices": {key: key in connected(case) for key in connectable()},
             "policy": state.policy, "key": key, "seq": seq, "opened": opened, "name": title_of(state),
             "origin": state.origin, "link": link_of(state),
             "undo": bool(self.history.past), "redo": bool(self.history.future),

@@ -14,6 +14,7 @@ from eclsim.devices.device import Instance, device_key, instance_key
 from eclsim.devices.registry import PublishedDevices, devices
 from eclsim.inputs.mistakes import CaseError
 from eclsim.inputs.sections import CHECKED, Section, plain
+from eclsim.patient.sites import PATIENT_SITES
 
 __all__ = ["Case", "Measurements", "Patient"]
 
@@ -83,6 +84,10 @@ class Case(PublishedDevices):
     def instance(self, key: str) -> Instance | None:
         """The device of a section such as "lvad" or "lvad.left"; None where it is not connected."""
         return next((one for one in self.instances() if one.key == key), None)
+
+    def sites(self) -> dict[str, str]:
+        """Where a device can be connected, in words: positions in other devices, and the patient."""
+        return {k: words for one in self.instances() for k, words in one.site_words().items()} | PATIENT_SITES
 
     def findings(self, outputs: Mapping[str, float]) -> list[Finding]:
         """What there is to say about a beat in view of what the case names, such as a label's range."""

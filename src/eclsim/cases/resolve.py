@@ -29,6 +29,31 @@ def circuit_of(case: Case) -> Circuit:
     return with_sites(circuit, nodes)
 
 
+def switched_circuit(case: Case) -> tuple[Circuit, dict[str, float]]:
+    """The circuit of a case with lines on switches, and the position of each switch.
+
+    Where all lines of a device that can be moved are at positions of one other device, each gets a `Choice`
+    of all of these: moving a line is another value then, not another circuit. Such devices come last.
+    """
+    from eclsim.circuit.network import Choice, Circuit
+    from eclsim.patient.circulation import circulation
+
+    instances = case.instances()
+    circuit, switched, chosen = circulation(), Circuit(), dict[str, float]()
+    nodes = {site: node for one in instances for site, node in one.sites().items()}
+    for one in instances:
+        at = {line: getattr(one.section, line) for line in one.device.lines}
+        sites = next((s for o in instances if at and set(at.values()) <= set(s := o.sites())), None)
+        if sites is None:
+            circuit += one.circuit()
+            continue
+        names = {line: one.parameter(f"{one.device.key}.{line}") for line in at}
+        choices = {line: Choice(tuple(sites.values()), f"{one.device.key}.{line}") for line in at}
+        switched += replace(one, section=one.section.model_copy(update=choices)).circuit()
+        chosen |= {names[line]: float(list(sites).index(site)) for line, site in at.items()}
+    return with_sites(circuit + switched, nodes), chosen
+
+
 def with_sites(circuit: Circuit, nodes: Mapping[str, Site]) -> Circuit:
     """The circuit with the compartment that stands at each position, such as "post_oxy", in its place."""
 

@@ -9,19 +9,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from eclsim.devices.crrt import SCHEMES as CRRT_SCHEMES
+from eclsim.devices.ecmo import POSITION_WORDS
 from eclsim.devices.ecmo import POSITIONS as ECMO_POSITIONS
 from eclsim.parameters import did_you_mean
 from eclsim.patient.sites import PATIENT_SITES
-
-POSITION_WORDS = {
-    "post_dc": "post drainage cannula",
-    "pre_pump": "pre pump",
-    "post_pump": "post pump",
-    "pre_oxy": "pre oxygenator",
-    "post_oxy": "post oxygenator",
-    "pre_rc": "pre return cannula",
-}
-"""Positions in flow direction, in words."""
 
 NEGATIVE_PRESSURE_POSITIONS = ("post_dc", "pre_pump")
 """Positions between drainage cannula and pump, where the pressure falls below the atmosphere's."""

@@ -8,11 +8,11 @@ Source: Thiel et al. 2025, Figure 1 and Table S-3.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
-from eclsim.devices.description import Finding, Limit, difference, mean, mean_flow
+from eclsim.devices.description import Control, Finding, Knob, Limit, difference, mean, mean_flow, picker
 from eclsim.devices.device import CaseValues, Device, Naming, device_key
 from eclsim.devices.ecmo import ECMO, POSITIONS
 from eclsim.devices.products import Dialyzer, by_key
@@ -45,6 +45,9 @@ ALARMS_MMHG = MappingProxyType({"access": (-250.0, 250.0), "return": (-50.0, 350
 SANSOM_ACCESS_MMHG = 190.0
 """Access pressure above which early circuit failure is more likely (Sansom 2023, cited by Thiel et al.)."""
 _MACHINE = "usual alarm of CRRT machines"
+
+ON_THE_PATIENT = MappingProxyType({"access_site": "svn", "return_site": "ra"})
+"""Sites without an ECMO circuit."""
 
 SCHEMES = MappingProxyType(
     {
@@ -125,6 +128,8 @@ class CrrtDevice(Device[Crrt]):
     products = tuple(DIALYZERS.values())
     parameters = tuple(p for p in thiel2025.PARAMETERS.values() if p.group == GROUP)
     nominal = MappingProxyType({"crrt.flow_ml_min": 200.0})
+    lines = ("access_site", "return_site")
+    usual = MappingProxyType({"flow_ml_min": 200.0, "access_site": "post_oxy", "return_site": "pre_oxy"})
     outputs = (
         mean_flow("crrt_flow", "mean blood flow of the CRRT", "Qcrrtpump"),
         mean("crrt_access_pressure", "mean pressure in the CRRT access line", "Pcrrttuin"),
@@ -152,6 +157,24 @@ class CrrtDevice(Device[Crrt]):
     def values(self, section: Crrt) -> dict[str, float]:
         """Flow of the roller pump."""
         return {"crrt.flow_ml_min": section.flow_ml_min}
+
+    def summary(self, section: Crrt) -> str:
+        """Blood flow."""
+        return f"{section.flow_ml_min:g} mL/min"
+
+    def controls(self, section: Crrt, sites: Mapping[str, str]) -> list[Control]:
+        """Flow, and where the lines are."""
+        return [
+            Knob("flow_ml_min", "Blood flow", "mL/min", 50, 400, 5),
+            picker("access_site", "Access line at", sites, sites, line="access"),
+            picker("return_site", "Return line at", sites, sites, line="return"),
+        ]
+
+    def reconnected(self, raw: dict[str, Any], sites: Collection[str]) -> dict[str, Any]:
+        """On the patient's veins where the ECMO circuit that it was connected to has gone."""
+        if raw["access_site"] not in sites:
+            return raw | ON_THE_PATIENT
+        return raw if raw["return_site"] in sites else raw | {"return_site": ON_THE_PATIENT["return_site"]}
 
     def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
         """Sites that are there and make sense, and the flow that they can give."""

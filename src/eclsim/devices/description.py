@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Literal, Protocol
 
+from eclsim.inputs.fields import Field
+from eclsim.patient.sites import PATIENT_SITES
 from eclsim.units import ML_S_PER_L_MIN
+
+_EMPTY: Mapping[str, str] = MappingProxyType({})
 
 Numbers = Any
 """One number for each patient: a float, an array, or either with its derivatives."""
@@ -134,3 +140,65 @@ class Finding:
     sentence: str
     source: str = ""
     concerns: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Knob:
+    """A number that can be turned on the page.
+
+    Args:
+        key: key of the section; the page puts the section in front.
+        label: in words.
+        unit: unit of the number.
+        low: left end of the slider; typed values may lie beyond, as far as a case file allows.
+        high: right end.
+        step: of the slider and of the arrow keys.
+        logarithmic: whether equal ways on the slider are equal factors.
+        group: section of the panel, which the page fills in for devices.
+    """
+
+    key: str
+    label: str
+    unit: str
+    low: float
+    high: float
+    step: float
+    logarithmic: bool = False
+    group: str = ""
+
+
+@dataclass(frozen=True)
+class Picker:
+    """A choice among names on the page.
+
+    Args:
+        key: key of the section; the page puts the section in front.
+        label: in words.
+        options: names and what they are in words.
+        line: what to call the line that the choice moves in the drawing, such as "access"; else empty.
+        group: section of the panel, which the page fills in for devices.
+    """
+
+    key: str
+    label: str
+    options: Sequence[tuple[str, str]]
+    line: str = ""
+    group: str = ""
+
+
+Control = Knob | Picker
+
+
+def picker(
+    key: str, label: str, names: Iterable[str], words: Mapping[str, str] = _EMPTY, line: str = ""
+) -> Picker:
+    """A choice among names, each in words or, without words, as it is."""
+    return Picker(key, label, tuple((name, words.get(name, name)) for name in names), line)
+
+
+def plain_control(field: Field) -> Control | None:
+    """How a field of a section can be turned without further words; None for a text."""
+    if field.kind == "number":
+        step = 10.0 ** math.floor(math.log10((field.maximum - field.minimum) / 100.0))
+        return Knob(field.name, field.description, field.unit, field.minimum, field.maximum, step)
+    return picker(field.name, field.description, field.names, PATIENT_SITES) if field.names else None

@@ -13,12 +13,12 @@ parameters such as `lvad.speed_rpm` or `Recmooxy`); those of a named one get the
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
-from eclsim.devices.description import Finding, Limit, Output
+from eclsim.devices.description import Control, Finding, Limit, Output, plain_control
 from eclsim.devices.products import Product
 from eclsim.inputs.mistakes import Remarks
 from eclsim.inputs.sections import Raw, Section
@@ -51,6 +51,10 @@ class Device(ABC, Generic[S]):
     """Its connections, in flow direction, in words."""
     positions: ClassVar[Mapping[str, str]] = _EMPTY
     """Sites in it that other devices can be connected to, and the compartment that stands there."""
+    position_words: ClassVar[Mapping[str, str]] = _EMPTY
+    """These sites in words."""
+    lines: ClassVar[Sequence[str]] = ()
+    """Keys of its section that say where lines end that can be moved to such sites."""
     products: ClassVar[Sequence[Product]] = ()
     """What it may be made of, with constants and sources."""
     parameters: ClassVar[Sequence[Parameter]] = ()
@@ -63,6 +67,10 @@ class Device(ABC, Generic[S]):
     """Bounds that its outputs should not cross."""
     alike: ClassVar[Sequence[tuple[str, ...]]] = ()
     """Outputs that say the same: of their broken limits the gravest is said, not each."""
+    usual: ClassVar[Mapping[str, Any]] = _EMPTY
+    """Its section where the page connects it; without one the page cannot."""
+    set_by_products: ClassVar[Mapping[str, str]] = _EMPTY
+    """Keys of its section that name a product, and the parameter that follows from it."""
     carries_circulation: ClassVar[bool] = False
     """Whether it can keep the arterial pressure up without a pulse."""
     assist_flow: ClassVar[str] = ""
@@ -88,6 +96,33 @@ class Device(ABC, Generic[S]):
             key: of the section, such as "lvad" or "lvad.left".
             remarks: gets what there is to say.
         """
+
+    def summary(self, section: S) -> str:
+        """Its main settings in a few words, such as "HM3 4900 rpm"."""
+        given = section.model_dump(exclude_none=True)
+        return ", ".join(f"{name} {value}" for name, value in given.items())
+
+    def controls(self, section: S, sites: Mapping[str, str]) -> Sequence[Control]:
+        """What can be turned on the page, in the order of the panel.
+
+        Args:
+            section: as it is.
+            sites: where the device can be connected, in words: the patient's and those of other devices.
+        """
+        found = map(plain_control, self.section.fields().values())
+        return [control for control in found if control is not None]
+
+    def shown(self, section: S, key: str) -> float | str:
+        """Where a control stands."""
+        return getattr(section, key)
+
+    def turned(self, raw: dict[str, Any], key: str, value: Any) -> dict[str, Any]:
+        """Its section as mappings with one control turned."""
+        return {**raw, key: value}
+
+    def reconnected(self, raw: dict[str, Any], sites: Collection[str]) -> dict[str, Any]:
+        """Its section with lines moved whose sites have gone with another device."""
+        return raw
 
     def findings(self, names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
         """What there is to say about a beat besides limits that it breaks.
@@ -184,9 +219,14 @@ class Instance(Naming):
 
     def sites(self) -> dict[str, str]:
         """Its positions for other devices, as case files name them, and the compartment that stands there."""
+        return {self.place(position): self.place(node) for position, node in self.device.positions.items()}
+
+    def site_words(self) -> dict[str, str]:
+        """The same positions in words."""
+        words = self.device.position_words
         return {
-            f"{self.key}.{position}" if self.name else position: self.place(node)
-            for position, node in self.device.positions.items()
+            self.place(position): f"{words.get(position, position)} {self.name}".strip()
+            for position in self.device.positions
         }
 
 

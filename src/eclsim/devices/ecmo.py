@@ -18,12 +18,15 @@ from pydantic import BaseModel, ConfigDict
 from eclsim.devices.description import (
     CAUTION,
     COLLAPSE_MMHG,
+    Control,
     Finding,
+    Knob,
     Limit,
     difference,
     lowest,
     mean,
     mean_flow,
+    picker,
 )
 from eclsim.devices.device import CaseValues, Device, Naming, UnsolvedFlowError
 from eclsim.devices.lvad import pump_values
@@ -130,6 +133,21 @@ POSITIONS = MappingProxyType(
     }
 )
 """Positions in the circuit, in flow direction, and the compartment that stands there."""
+
+POSITION_WORDS = MappingProxyType(
+    {
+        "post_dc": "post drainage cannula",
+        "pre_pump": "pre pump",
+        "post_pump": "post pump",
+        "pre_oxy": "pre oxygenator",
+        "post_oxy": "post oxygenator",
+        "pre_rc": "pre return cannula",
+    }
+)
+ROLLER_PUMP = "Roller pump"
+OTHER_MODE = "other_mode"
+"""Not what a case file holds, but what a picker shows for a roller pump and for sites of no usual mode."""
+_MODES = MappingProxyType({"VA": "veno-arterial", "VV": "veno-venous", OTHER_MODE: "other sites"})
 
 USUAL = MappingProxyType(
     {
@@ -311,7 +329,7 @@ class EcmoDevice(Device[Ecmo]):
             "ecmoreturn": "return cannula",
         }
     )
-    positions = POSITIONS
+    positions, position_words = POSITIONS, POSITION_WORDS
     products = (*PUMPS.values(), *CANNULAE.values(), *OXYGENATORS.values())
     parameters = tuple(p for p in thiel2025.PARAMETERS.values() if p.group == GROUP)
     nominal = MappingProxyType(
@@ -360,6 +378,10 @@ class EcmoDevice(Device[Ecmo]):
             )
         ),
     )  # fmt: skip
+    usual = MappingProxyType(
+        {"pump": "Rotaflow", "speed_rpm": 3000.0, "oxygenator": "Quadrox-i Adult", "mode": "VA"}
+    )
+    set_by_products = MappingProxyType({"oxygenator": "Recmooxy"})
     alike = (_POSITIVE, ("lowest_drainage_pressure", "pump_inlet_pressure"))
     carries_circulation = True
 
@@ -390,6 +412,67 @@ class EcmoDevice(Device[Ecmo]):
                 "with eclsim.simulation.target_flow.with_speed"
             )
         return values | pump_values(GROUP, PUMPS[section.pump]) | {"ecmo.speed_rpm": section.speed_rpm or 0.0}
+
+    def summary(self, section: Ecmo) -> str:
+        """Pump and speed, or the flow of a roller pump."""
+        if isinstance(section.pump, RollerPump):
+            return f"{section.pump.roller_l_min:g} L/min"
+        return f"{section.pump} {section.speed_rpm:g} rpm"
+
+    def controls(self, section: Ecmo, sites: Mapping[str, str]) -> list[Control]:
+        """Pump, cannulae, oxygenator and sites."""
+        found: list[Control] = [picker("pump", "Pump", (*PUMPS, ROLLER_PUMP))]
+        if isinstance(section.pump, RollerPump):
+            found.append(Knob("roller_l_min", "Pump flow", "L/min", 0.0, 7.0, 0.05))
+        else:
+            low, high = PUMPS[section.pump].speed_range_rpm
+            found.append(Knob("speed_rpm", "Pump speed", "rpm", 0 if low < 2000 else low / 2, high, 25))
+        for line, kind in (("drainage", section.drainage_cannula), ("return", section.return_cannula)):
+            sizes = CANNULAE[kind].sizes_fr
+            found.append(Knob(f"{line}_fr", f"{line.capitalize()} cannula", "Fr", sizes[0], sizes[-1], 1))
+        found.append(picker("oxygenator", "Oxygenator", OXYGENATORS))
+        others = (OTHER_MODE,) if self.shown(section, "mode") == OTHER_MODE else ()
+        found.append(picker("mode", "Mode", (*USUAL, *others), _MODES))
+        drained = (site for site in PATIENT_SITES if site != section.return_site)
+        returned = (site for site in PATIENT_SITES if site != section.drainage_site)
+        return [
+            *found,
+            picker("drainage_site", "Drained from", drained, PATIENT_SITES),
+            picker("return_site", "Returned to", returned, PATIENT_SITES),
+        ]
+
+    def shown(self, section: Ecmo, key: str) -> float | str:
+        """Pump and mode by what they are called; the mode follows from the sites."""
+        if key == "pump":
+            return ROLLER_PUMP if isinstance(section.pump, RollerPump) else section.pump
+        if key == "roller_l_min" and isinstance(section.pump, RollerPump):
+            return section.pump.roller_l_min
+        if key != "mode":
+            return getattr(section, key)
+        if section.drainage_site in VENOUS_SITES and section.return_site in ARTERIAL_SITES:
+            return "VA"
+        venous = section.drainage_site in VENOUS_SITES and section.return_site in VENOUS_SITES
+        return "VV" if venous else OTHER_MODE
+
+    def turned(self, raw: dict[str, Any], key: str, value: Any) -> dict[str, Any]:
+        """Another pump starts at a usual speed; a mode brings its sites; sites of one's own have no mode."""
+        if key == "pump":
+            changed = {**raw, "pump": value}
+            if value == ROLLER_PUMP:
+                changed.pop("speed_rpm", None)
+                return changed | {"pump": {"roller_l_min": 4.0}}
+            if value in PUMPS and value != raw["pump"]:
+                changed["speed_rpm"] = PUMPS[value].usual_speed_rpm
+            return changed
+        if key == "roller_l_min":
+            return {**raw, "pump": {"roller_l_min": value}}
+        if key == "mode":
+            kept = {name: raw[name] for name in ("pump", "speed_rpm", "oxygenator") if name in raw}
+            return raw if value == OTHER_MODE else kept | {"mode": value}
+        changed = {**raw, key: value}
+        if key in ("drainage_site", "return_site"):
+            changed.pop("mode", None)
+        return changed
 
     def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
         """Sites, mode, cannulae, speed, and the measured flows."""

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
-from eclsim.devices.description import CAUTION, Finding, Limit, mean, mean_flow
+from eclsim.devices.description import CAUTION, Control, Finding, Knob, Limit, mean, mean_flow, picker
 from eclsim.devices.device import CaseValues, Device, Naming
 from eclsim.devices.plausibility import check_sites, check_speed, patient_site
 from eclsim.devices.products import UNVALIDATED, PumpCurve, by_key, makers_names
@@ -104,6 +104,7 @@ class LvadDevice(Device[Lvad]):
             "blood runs back through the LVAD into the heart: raise its speed", "physics",
         ),
     )  # fmt: skip
+    usual = MappingProxyType({"pump": "HM3", "speed_rpm": 5000.0, "inlet_site": "lv", "outlet_site": "ao"})
     carries_circulation = True
     assist_flow = "lvad_flow"
 
@@ -114,6 +115,25 @@ class LvadDevice(Device[Lvad]):
     def values(self, section: Lvad) -> dict[str, float]:
         """Curve and speed."""
         return pump_values(GROUP, PUMPS[section.pump]) | {"lvad.speed_rpm": section.speed_rpm}
+
+    def summary(self, section: Lvad) -> str:
+        """Pump and speed."""
+        return f"{section.pump} {section.speed_rpm:g} rpm"
+
+    def controls(self, section: Lvad, sites: Mapping[str, str]) -> list[Control]:
+        """Pump and speed."""
+        low, high = PUMPS[section.pump].speed_range_rpm
+        step = 25 if high < 5000 else 50
+        return [picker("pump", "Pump", PUMPS), Knob("speed_rpm", "Pump speed", "rpm", low, high, step)]
+
+    def turned(self, raw: dict[str, Any], key: str, value: Any) -> dict[str, Any]:
+        """Another pump starts at a usual speed of its own."""
+        changed = {**raw, key: value}
+        return (
+            changed | {"speed_rpm": PUMPS[value].usual_speed_rpm}
+            if key == "pump" and value in PUMPS
+            else changed
+        )
 
     def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
         """Sites, speed, and what else is connected."""

@@ -105,6 +105,12 @@ class PumpCurve(Product):
         names = ("a", "R1", "R2", "Rrec", "kinf", "L", "Rper", "Lper")
         return {name: value for name in names if (value := getattr(self, name)) is not None}
 
+    @property
+    def usual_speed_rpm(self) -> float:
+        """The middle of the speeds in use."""
+        low, high = self.speed_range_rpm
+        return float(round((low + 0.5 * (high - low)) / 50.0) * 50)
+
     def head_mmhg(self, speed_rpm: float, flow_l_min: float) -> float:
         """Pressure head [mmHg] at a speed [rpm] and a flow [L/min]."""
         head = self.a * speed_rpm**2 - self.R1 * speed_rpm * flow_l_min - self.R2 * flow_l_min**2
