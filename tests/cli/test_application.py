@@ -72,9 +72,9 @@ def test_mistakes_are_one_line_each_without_a_traceback(tmp_path):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signals_stop_without_a_traceback(number):
     code = (
-        "import time\nfrom eclsim.cli import application, cases\n"
+        "import time\nfrom eclsim.cli import application, simulate\n"
         "def read_all(*_):\n    print('running', flush=True)\n    time.sleep(60)\n"
-        "cases.read_all = read_all\napplication.run(['simulate', 'case.toml'])\n"
+        "simulate.read_all = read_all\napplication.run(['simulate', 'case.toml'])\n"
     )
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen([sys.executable, "-c", code], **pipes) as process:
@@ -123,7 +123,7 @@ def test_a_full_disk_under_a_folder_of_results_is_not_blamed_on_standard_output(
         "from eclsim.files import write_json\n"
         "def full(*_, **__): raise OSError(errno.ENOSPC, 'No space left on device')\n"
         "pathlib.Path.write_text = full\n"
-        "from eclsim.cli import application, devices\n"
+        "from eclsim.cli import application\n"
         f"devices_file = pathlib.Path({str(tmp_path)!r}) / 'identification.json'\n"
         "application.app = lambda **_: write_json({}, devices_file)\n"
         "application.run([])\n"

@@ -7,8 +7,7 @@ import sys
 
 import pytest
 
-from eclsim.cli.folder_lock import LOCK, locked
-from eclsim.cli.messages import resumable
+from eclsim.cli.destination import LOCK, locked, resumable
 
 COMMANDS = {
     "sensitivity": ("sensitivity", "{case}", "--out", "{out}"),
@@ -41,7 +40,7 @@ def test_what_a_process_that_died_left_behind_is_taken_over(tmp_path):
 
 def test_a_lock_ends_with_its_process_however_that_ends(tmp_path):
     code = (
-        "import os, signal, sys\nfrom eclsim.cli.folder_lock import locked\n"
+        "import os, signal, sys\nfrom eclsim.cli.destination import locked\n"
         "with locked(sys.argv[1]):\n    os.kill(os.getpid(), signal.SIGKILL)\n"
     )
     done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=False)
@@ -52,9 +51,9 @@ def test_a_lock_ends_with_its_process_however_that_ends(tmp_path):
 
 
 def test_shards_of_one_analysis_run_side_by_side(tmp_path):
-    with locked(tmp_path, "-1-of-4"), locked(tmp_path, "-2-of-4"):
+    with locked(tmp_path, "1/4"), locked(tmp_path, "2/4"):
         pass
-    with locked(tmp_path, "-1-of-4"), pytest.raises(SystemExit), locked(tmp_path, "-1-of-4"):
+    with locked(tmp_path, "1/4"), pytest.raises(SystemExit), locked(tmp_path, "1/4"):
         pass
 
 
@@ -68,7 +67,7 @@ def test_a_folder_made_for_the_lock_alone_goes_again(shell):
 def test_an_interrupted_command_says_how_to_go_on(number):
     code = (
         "import os, sys, time\n"
-        "from eclsim.cli import application\nfrom eclsim.cli.messages import resumable\n"
+        "from eclsim.cli import application\nfrom eclsim.cli.destination import resumable\n"
         "application._stop_cleanly_on_signals()\n"
         "with resumable('out'):\n    os.kill(os.getpid(), int(sys.argv[1]))\n    time.sleep(20)\n"
     )

@@ -83,7 +83,7 @@ def test_a_posterior_that_excludes_the_fit_changes_its_verdict(
         "method": "importance", "kind": "posterior (weighted draws)", "trusted": trusted, "verdict": "",
         "doubts": [], "prior": "log-uniform", "parameters": {"Rmc": far}, "predictions": [],
     }  # fmt: skip
-    monkeypatch.setattr("eclsim.cli.posterior_run.add_posterior", lambda *_: other)
+    monkeypatch.setattr("eclsim.cli.identify._sample", lambda *_: other)
     out = tmp_path / "fit"
     done = shell.run(
         "identify", shell.case(more=MEASURED), "--parameters", "Rmc,Emaxlv", "--out", str(out), "--posterior",

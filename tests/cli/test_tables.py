@@ -7,15 +7,15 @@ from eclsim.sensitivity.estimators import Estimates
 from eclsim.sensitivity.results import Indices
 
 
-def test_the_sensitivity_table_says_what_its_stars_and_its_last_line_mean(capsys):
-    from eclsim.cli.sensitivity_tables import show
+def test_the_sensitivity_table_says_what_its_stars_and_its_last_line_mean():
+    from eclsim.sensitivity.summary import indices_text
 
     total = np.array([[0.7, 0.25, 0.02], [0.01, 0.02, 0.9]])
     width = np.full_like(total, 0.001)
-    show(
-        Indices(("Rmc", "Emaxlv", "Csvn"), ("SP", "CO"), Estimates(total, width, total, width), 8, 40, (), 8)
-    )
-    lines = capsys.readouterr().out.splitlines()
+    estimates = Estimates(total, width, total, width)
+    lines = indices_text(
+        Indices(("Rmc", "Emaxlv", "Csvn"), ("SP", "CO"), estimates, 8, 40, (), 8)
+    ).splitlines()
     assert lines[1].startswith("* the largest, which together make up 90 %")
     assert sorted(lines[-1].partition(": ")[2].split(", ")) == ["Csvn", "Emaxlv", "Rmc"]
     assert lines[-1].startswith("marked * for at least one output: ")
@@ -24,15 +24,12 @@ def test_the_sensitivity_table_says_what_its_stars_and_its_last_line_mean(capsys
 @pytest.mark.parametrize(
     ("value", "words"), [(0.98, "share of the variation"), (-3.3, "below 0: the fits miss")]
 )
-def test_r2_of_a_cohort_is_explained_and_a_negative_one_is_called_bad(capsys, value: float, words: str):
-    from eclsim.cli.identify_run import Request, _hand_out
+def test_r2_of_a_cohort_is_explained_and_a_negative_one_is_called_bad(value: float, words: str):
+    from eclsim.identification.summary import fits_text
 
     point = {"id": "P01", "cost": 1.0, "parameters": {}, "starts_agreeing": 1, "status": "fitted"}
     point["verdict"] = {"level": "good", "reasons": []}
     content = {"points": [point, point | {"id": "P02"}], "r2": {"pressures": None, "flows": value}}
-    request = object.__new__(Request)
-    object.__setattr__(request, "json", None)
-    _hand_out(request, content)
-    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("R2")]
+    (line,) = [line for line in fits_text(content).splitlines() if line.startswith("R2")]
     assert line.startswith(f"R2 of flows: {value:.4f} (")
     assert words in line

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from eclsim.cases.case import Case, Measurements, Patient
-from eclsim.cli.posterior_run import posterior_table
 from eclsim.identification.fit import fit as fit_case
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.posterior import PosteriorSettings, as_object, sample_posterior
@@ -16,6 +15,7 @@ from eclsim.identification.posterior_figures import plot_pairs, plot_predictive
 from eclsim.identification.posterior_files import write_posterior
 from eclsim.identification.posterior_samples import read_samples
 from eclsim.identification.settings import FitSettings
+from eclsim.identification.summary import posterior_text
 from eclsim.identification.verdict import Aspect, Level, Reason
 from eclsim.sensitivity.uncertainties import Uncertainty
 
@@ -90,7 +90,7 @@ def test_draws_are_called_what_they_are(result):
     assert labels(plot_predictive(result))[:2] == [
         "posterior (weighted draws): median and 90 %", "Gaussian approximation, unchecked",
     ]  # fmt: skip
-    table = posterior_table(as_object(result))
+    table = posterior_text(as_object(result))
     assert "Gaussian" not in table
     assert f"{result.weighted.effective:.0f} effective draws, Pareto k {result.weighted.shape:.2f}" in table
     heads = [line.split() for line in table.splitlines() if line.startswith("output")]
@@ -106,12 +106,12 @@ def test_the_gaussian_approximation_is_never_called_posterior(fit):
     assert labels(plot_predictive(found))[0] == "Gaussian approximation, unchecked: median and 90 %"
     for figure in (plot_predictive(found), plot_pairs(found)):
         assert "posterior" not in figure.get_suptitle()
-    assert "posterior" not in posterior_table(as_object(found)).replace("against the posterior", "")
+    assert "posterior" not in posterior_text(as_object(found)).replace("against the posterior", "")
 
 
 def test_doubts_stand_beside_every_prediction(result):
     doubted = replace(result, doubts=("Pareto k of the weights is 0.83 (below 0.7): sample by chains",))
-    table = posterior_table(as_object(doubted))
+    table = posterior_text(as_object(doubted))
     assert table.count("NOT TO BE TRUSTED:\n  Pareto k of the weights is 0.83") == 3
 
 
@@ -120,13 +120,13 @@ def test_draws_without_a_steady_beat_are_counted_and_doubted(result):
     few, many = replace(second, lost=0.004), replace(second, lost=0.05)
     assert not few.doubts
     assert many.lost_draws == 50
-    table = posterior_table(as_object(replace(result, predictions=(first, many))))
+    table = posterior_text(as_object(replace(result, predictions=(first, many))))
     assert "50 of 1000 draws have no steady heartbeat there and are not counted" in table
     assert table.count("NOT TO BE TRUSTED") == 1
     outputs = result.weighted.outputs.copy()
     outputs[:3] = np.nan
     lost = replace(result, weighted=replace(result.weighted, outputs=outputs))
-    assert f"3 of the {len(outputs)} weighted draws have no steady heartbeat" in posterior_table(
+    assert f"3 of the {len(outputs)} weighted draws have no steady heartbeat" in posterior_text(
         as_object(lost)
     )
 

@@ -148,7 +148,7 @@ def test_a_cohort_of_two_points_is_fitted_compared_and_kept(tmp_path):
     [("1", 0.21, "paper 0.2, ours 0.21"), ("mmHg", 71.0, "paper 0.2 mmHg, ours 71 mmHg")],
 )
 def test_a_row_of_the_terminal_keeps_all_digits_of_our_number(unit: str, ours: float, said: str):
-    from eclsim.cli.reproduce import _ours
+    from eclsim.cli.paper import both_values
     from eclsim.paper.comparison import printed_number
 
-    assert _ours(printed_number("3.1", "a share", unit, 0.2, ours, decimals=1)) == said
+    assert both_values(printed_number("3.1", "a share", unit, 0.2, ours, decimals=1)) == said

@@ -7,31 +7,23 @@ import signal
 import sys
 from collections.abc import Sequence
 from types import FrameType
-from typing import Annotated, Any
+from typing import Annotated, TextIO
 
 import typer
 
 from eclsim._version import __version__
-from eclsim.cli import (
-    app as bedside,
-)
-from eclsim.cli import (
-    benchmark,
-    crrt_study,
-    demo,
-    devices,
-    identifiability,
-    identify,
-    importing,
-    parameters,
-    reproduce,
-    sensitivity,
-    simulate,
-    track,
-    validate,
-)
-from eclsim.cli.folder_lock import holding
-from eclsim.cli.messages import fail, say
+from eclsim.cli.app import app as bedside_page
+from eclsim.cli.catalogue import ListOptions, devices, explain, export, list_parameters
+from eclsim.cli.console import fail, say
+from eclsim.cli.crrt_study import crrt_study
+from eclsim.cli.identify import identify
+from eclsim.cli.importing import import_data
+from eclsim.cli.options import as_command
+from eclsim.cli.paper import demo, reproduce
+from eclsim.cli.sensitivity import identifiability, sensitivity
+from eclsim.cli.simulate import simulate
+from eclsim.cli.track import track
+from eclsim.cli.validate import benchmark, validate
 
 _HELP = """Simulate a patient's circulation on ECMO, CRRT and LVAD.
 
@@ -48,32 +40,37 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings=_SETTINGS,
 )
-app.command("simulate", short_help="Simulate the steady heartbeat of each case.")(simulate.simulate)
-app.command("crrt-study", short_help="Compare all ways of connecting CRRT to a patient's ECMO circuit.")(
-    holding(crrt_study.crrt_study)
+parameters = typer.Typer(
+    help="List, explain and export the model's parameters with unit, source and allowed range.",
+    no_args_is_help=False,
+    invoke_without_command=True,
+    rich_markup_mode=None,
 )
-app.command("reproduce", short_help="Recompute the numbers of the paper.")(
-    holding(reproduce.reproduce, "folder")
-)
-app.command("sensitivity", short_help="Sobol indices: what the outputs of a case depend on.")(
-    holding(sensitivity.sensitivity)
-)
-app.command("identifiability", short_help="Which parameters measurements can tell apart.")(
-    identifiability.identifiability
-)
-app.command("identify", short_help="Fit a patient's own model to what was measured.")(
-    holding(identify.identify)
-)
-app.command("import", short_help="Turn clinical data into a cohort to identify.")(importing.import_data)
-app.command("track", short_help="Follow a patient's parameters from measurement to measurement.")(
-    holding(track.track)
-)
-app.add_typer(parameters.app, name="parameters", short_help="List, explain and export parameters.")
-app.command("devices", short_help="List devices and their ranges, or explain one.")(devices.devices)
-app.command("demo", short_help="Simulate the paper's patient, with figures and its numbers.")(demo.demo)
-app.command("validate", short_help="Hold eclsim against published results.")(validate.validate)
-app.command("app", short_help="Open the bedside page in a browser.")(bedside.app)
-app.command("benchmark", short_help="Measure speed and memory on this machine.")(benchmark.benchmark)
+for name, function, summary in (
+    ("simulate", simulate, "Simulate the steady heartbeat of each case."),
+    ("crrt-study", crrt_study, "Compare all ways of connecting CRRT to a patient's ECMO circuit."),
+    ("reproduce", reproduce, "Recompute the numbers of the paper."),
+    ("sensitivity", sensitivity, "Sobol indices: what the outputs of a case depend on."),
+    ("identifiability", identifiability, "Which parameters measurements can tell apart."),
+    ("identify", identify, "Fit a patient's own model to what was measured."),
+    ("import", import_data, "Turn clinical data into a cohort to identify."),
+    ("track", track, "Follow a patient's parameters from measurement to measurement."),
+    ("devices", devices, "List devices and their ranges, or explain one."),
+    ("demo", demo, "Simulate the paper's patient, with figures and its numbers."),
+    ("validate", validate, "Hold eclsim against published results."),
+    ("app", bedside_page, "Open the bedside page in a browser."),
+    ("benchmark", benchmark, "Measure speed and memory on this machine."),
+):
+    app.command(name, short_help=summary)(as_command(function))
+for name, function in (("list", list_parameters), ("explain", explain), ("export", export)):
+    parameters.command(name)(as_command(function))
+app.add_typer(parameters, name="parameters", short_help="List, explain and export parameters.")
+
+
+@parameters.callback()
+def _list_by_default(context: typer.Context) -> None:
+    if context.invoked_subcommand is None:
+        list_parameters(ListOptions())
 
 
 def _show_version(wanted: bool) -> None:
@@ -142,7 +139,7 @@ def _flush() -> None:
             continue
 
 
-def _silence(stream: Any) -> None:
+def _silence(stream: TextIO) -> None:
     """Send what a stream still holds nowhere, so that the interpreter's last flush cannot fail."""
     try:
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

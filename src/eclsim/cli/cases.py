@@ -1,14 +1,17 @@
-"""Reading the case files of a command line, with everything there is to say about them."""
+"""Reading the case files and tables of a command line, with everything there is to say about them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from eclsim.cli.messages import BAD_INPUT, fail, say, warn
+from eclsim.cli.console import BAD_INPUT, fail, note, refuse, say, warn
 
 if TYPE_CHECKING:
-    from eclsim.cases import Case, CaseReading, Mistake
+    from eclsim.cases import CaseReading, Mistake
+    from eclsim.cases.cohort import CohortReading
+
+TABLES = (".csv", ".tsv")
 
 
 def read_all(
@@ -21,7 +24,7 @@ def read_all(
     readings = read_each([(file, settings, volume_policy) for file in files])
     for reading in readings:
         warn(reading.warnings)
-        warn(reading.notes, "note")
+        note(reading.notes)
     warn(_id_collisions(readings))
     return readings
 
@@ -52,6 +55,24 @@ def read_each(
     return readings
 
 
+def read_table(file: str) -> CohortReading:
+    """Read a cohort's table, saying which rows are refused; without any other leave with status 2."""
+    from eclsim.cases.cohort import read_cohort
+    from eclsim.inputs.mistakes import CaseError
+
+    try:
+        reading = read_cohort(file)
+    except CaseError as error:
+        fail(*error.mistakes)
+    for mistake in reading.refused:
+        say(f"refused: {mistake}")
+    warn(reading.warnings)
+    note(reading.notes)
+    if not reading.points:
+        fail(f"{file}: no row can be used")
+    return reading
+
+
 def with_speeds(readings: Sequence[CaseReading], policy: str | None = None) -> list[CaseReading]:
     """The cases with the pump speed that gives their target flow, where they name one; a note says it.
 
@@ -67,16 +88,20 @@ def with_speeds(readings: Sequence[CaseReading], policy: str | None = None) -> l
     solved, wrong = [], []
     for reading in readings:
         try:
-            case, found = with_speed(reading.case, policy)
+            case, speed = with_speed(reading.case, policy)
         except FlowNotReachedError as error:
             wrong.append(f"{reading.file}: {error}")
             continue
         solved.append(replace(reading, case=case))
-        if found is not None:
-            warn([f"{reading.file}: {found} ({policy or case.volume_policy}); this speed is held"], "note")
-    if wrong:
-        fail(*wrong)
+        if speed is not None:
+            note([f"{reading.file}: {speed} ({policy or case.volume_policy}); this speed is held"])
+    refuse(wrong)
     return solved
+
+
+def names_of(text: str | None) -> tuple[str, ...] | None:
+    """Names with commas between; None if there are none."""
+    return tuple(name.strip() for name in (text or "").split(",") if name.strip()) or None
 
 
 def _id_collisions(readings: Iterable[CaseReading]) -> list[str]:
@@ -84,46 +109,13 @@ def _id_collisions(readings: Iterable[CaseReading]) -> list[str]:
     from eclsim.cases.ids import plain_id
 
     first: dict[str, CaseReading] = {}
-    said = []
+    lines = []
     for reading in readings:
         name = reading.case.patient.id
         known = first.setdefault(plain_id(name), reading)
         if known.case.patient.id != name:
-            said.append(
+            lines.append(
                 f"{reading.file}: patient.id '{name}' differs from '{known.case.patient.id}' in {known.file} "
                 "in case, spaces or Unicode form alone"
             )
-    return said
-
-
-def waveforms_of(case: Case) -> list[str]:
-    """Names of the waveforms that a case has: P, Q or V and compartment or connection."""
-    from eclsim.patient.sites import PATIENT_SITES
-
-    nodes, others = list(PATIENT_SITES), []
-    for one in case.instances():
-        own = one.device.compartments
-        nodes += [one.place(name) for name in own]
-        others += [one.place(name) for name in one.device.connections if name not in own]
-    flows_and_pressures = [quantity + name for quantity in "PQ" for name in (*nodes, *others)]
-    return flows_and_pressures + ["V" + name for name in nodes]
-
-
-def waveforms_to_save(names: str | None, cases: Sequence[Case]) -> list[str] | None:
-    """The names of --save, or None for all; a name that no case has is an error."""
-    if names is None:
-        return None
-    from eclsim.parameters import did_you_mean
-
-    wanted = [name.strip() for name in names.split(",") if name.strip()]
-    known = list(dict.fromkeys(name for case in cases for name in waveforms_of(case)))
-    wrong = []
-    for name in wanted:
-        if name not in known:
-            hint = did_you_mean(name, known)
-            wrong.append(f"--save {name}: no such waveform" + (f"; did you mean {hint}?" if hint else ""))
-    if not wanted:
-        wrong.append("--save: no names; allowed: waveforms such as Pao,Qlv,Vlv")
-    if wrong:
-        fail(*wrong, f"--save allowed: {', '.join(known)}")
-    return wanted
+    return lines

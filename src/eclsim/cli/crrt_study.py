@@ -1,225 +1,281 @@
-"""`eclsim crrt-study`: every way to connect CRRT to a patient's ECMO circuit, compared."""
+"""`eclsim crrt-study`: every way to connect CRRT to an ECMO circuit, compared, for one case or many."""
 
 from __future__ import annotations
 
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
 import typer
 
+from eclsim.cli.cases import TABLES, read_all, read_table, with_speeds
+from eclsim.cli.console import INCOMPLETE, Progress, fail, mistakes_in, say, warn
+from eclsim.cli.destination import Destinations, Target, resumable, writing
+from eclsim.cli.options import Json, ResultsFolder, argument, option
 from eclsim.paper.reproduction import USUAL_EXPLORE
 
 if TYPE_CHECKING:
     from eclsim.cases import Case
-    from eclsim.cli.destinations import Destinations
+    from eclsim.cases.cohort import CohortReading
+    from eclsim.crrt_study.cohort import CohortStudy
     from eclsim.crrt_study.study import CrrtStudy
-
-Policies = Literal["as_published", "patient_held", "both"]
-SchemeH = Literal["published", "figure"]
+    from eclsim.identification.fitted_cohort import FittedCases
 
 
-def crrt_study(
-    case_file: Annotated[
-        str,
-        typer.Argument(
-            metavar="CASE.toml|COHORT.csv|DIR",
-            help="Case file of a patient on ECMO; or a table of measurements, whose data points are fitted "
-            "first; or a folder of case files, such as fitted ones: does one scheme win for all?",
-        ),
-    ],
-    settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="KEY=VALUE",
-            help="Value that wins over the case file, such as ecmo.speed_rpm=3000 [rpm]. May be repeated.",
-        ),
-    ] = None,
-    schemes: Annotated[
-        str,
-        typer.Option(
-            metavar="LIST",
-            help="Schemes with commas between: letters a to i, all (those nine), pairs (all 36 ordered "
-            "pairs of "
-            "positions), separate (CRRT on the patient), or access:return such as post_oxy:pre_rc.",
-        ),
-    ] = "all",
-    scheme_h: Annotated[
-        SchemeH,
-        typer.Option(
-            help="Scheme h: published has both lines at pre pump, as the published code and numbers; "
-            "figure has "
-            "the return line at post drainage cannula, as Figure 2 of the paper.",
-        ),
-    ] = "published",
-    speeds: Annotated[
-        str,
-        typer.Option(
-            metavar="RANGE", help="Pump speeds [rpm], first:last:step or a list; the case's own is added."
-        ),
-    ] = "1000:5000:250",
-    crrt_flow: Annotated[
-        float | None,
-        typer.Option(
-            metavar="ML/MIN", help="Blood flow of the CRRT [mL/min]; default: the case's, else 200."
-        ),
-    ] = None,
-    volume_policy: Annotated[
-        Policies | None,
-        typer.Option(
-            help="as_published: the patient's blood fills the circuits; patient_held: the circuits are "
-            "primed and the patient keeps the stressed volume; both: side by side. Left out, what the case "
-            "file says, else both.",
-        ),
-    ] = None,
-    posterior: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE.csv",
-            help="Samples of the patient's parameters, a column each: tells how surely limits are kept.",
-        ),
-    ] = None,
-    out: Annotated[
-        str | None,
-        typer.Option(
-            metavar="DIR", help="Write report.html, study.json, study.nc, CSV tables and SVG figures here."
-        ),
-    ] = None,
-    json_file: Annotated[
-        str | None,
-        typer.Option(
-            "--json", metavar="FILE", help="Write results as JSON; - writes them to standard output."
-        ),
-    ] = None,
-    explore: Annotated[
-        int,
-        typer.Option(
-            min=2,
-            help="Explored sets of parameters for each free one in the fits of COHORT.csv; `eclsim identify` "
-            "takes 1000.",
-        ),
-    ] = USUAL_EXPLORE,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Take over the fits of COHORT.csv that --out holds already.")
-    ] = False,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")] = False,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class CrrtStudyOptions(ResultsFolder, Json):
+    """Options of `eclsim crrt-study`."""
+
+    file: str = argument(
+        ...,
+        "CASE.toml|COHORT.csv|DIR",
+        "Case file of a patient on ECMO; or a table of measurements, whose data points are fitted first; or "
+        "a folder of case files, such as fitted ones: does one scheme win for all?",
+    )
+    settings: list[str] = option(
+        [],
+        "Value that wins over the case file, such as ecmo.speed_rpm=3000 [rpm]. May be repeated.",
+        "--set",
+        metavar="KEY=VALUE",
+    )
+    schemes: str = option(
+        "all",
+        "Schemes with commas between: letters a to i, all (those nine), pairs (all 36 ordered pairs of "
+        "positions), separate (CRRT on the patient), or access:return such as post_oxy:pre_rc.",
+        metavar="LIST",
+    )
+    scheme_h: Literal["published", "figure"] = option(
+        "published",
+        "Scheme h: published has both lines at pre pump, as the published code and numbers; figure has the "
+        "return line at post drainage cannula, as Figure 2 of the paper.",
+    )
+    speeds: str = option(
+        "1000:5000:250",
+        "Pump speeds [rpm], first:last:step or a list; the case's own is added.",
+        metavar="RANGE",
+    )
+    crrt_flow: float | None = option(
+        None, "Blood flow of the CRRT [mL/min]; default: the case's, else 200.", metavar="ML/MIN"
+    )
+    volume_policy: Literal["as_published", "patient_held", "both"] | None = option(
+        None,
+        "as_published: the patient's blood fills the circuits; patient_held: the circuits are primed and the "
+        "patient keeps the stressed volume; both: side by side. Left out, what the case file says, else "
+        "both.",
+    )
+    posterior: str | None = option(
+        None,
+        "Samples of the patient's parameters, a column each: tells how surely limits are kept.",
+        metavar="FILE.csv",
+    )
+    out: str | None = option(
+        None, "Write report.html, study.json, study.nc, CSV tables and SVG figures here.", metavar="DIR"
+    )
+    explore: int = option(
+        USUAL_EXPLORE,
+        "Explored sets of parameters for each free one in the fits of COHORT.csv; `eclsim identify` takes "
+        "1000.",
+        minimum=2,
+    )
+    resume: bool = option(False, "Take over the fits of COHORT.csv that --out holds already.", "--resume")
+
+
+def crrt_study(options: CrrtStudyOptions) -> None:
     """Compare the ways of connecting CRRT to the ECMO circuit: pressures [mmHg], flows [L/min], limits.
 
     Exit status: 0 all converged, 1 some did not, 2 bad input (nothing computed).
     """
-    from eclsim.cli import cases, crrt_cohort
-    from eclsim.cli.messages import SOME_DID_NOT_CONVERGE, fail, warn
-    from eclsim.crrt_study.settings import BOTH, policies_of
-
-    if crrt_cohort.is_cohort(case_file):
-        crrt_cohort.run(
-            crrt_cohort.Request(
-                case_file, tuple(settings or ()), schemes, scheme_h, speeds, crrt_flow, volume_policy,
-                posterior, out, json_file, explore, resume, force,
-            )
-        )  # fmt: skip
-        return
-    if resume:
-        fail("--resume: for a cohort's table; the study of one case is done in one go")
-    wins = None if volume_policy == BOTH else volume_policy
-    readings = cases.read_all([case_file], settings or [], wins)
-    case = cases.with_speeds(readings, volume_policy and policies_of(volume_policy)[0])[0].case
-    samples = _check(case, schemes, scheme_h, speeds, crrt_flow, posterior)
-    planned, folder = _plan(case_file, case, out, json_file, force)
-    study = _compute(
-        case,
-        schemes=schemes,
-        scheme_h=scheme_h,
-        speeds=speeds,
-        crrt_flow_ml_min=crrt_flow,
-        volume_policy=volume_policy,
-        samples=samples,
-    )
-    _write(study, planned, folder)
-    if not study.converged:
-        from eclsim.crrt_study.words import not_known
-
-        warn(not_known(study))
-        raise typer.Exit(SOME_DID_NOT_CONVERGE)
+    cohort = Path(options.file).suffix.lower() in TABLES or Path(options.file).is_dir()
+    if doubts := _study_cohort(options) if cohort else _study_case(options):
+        warn(doubts)
+        raise typer.Exit(INCOMPLETE)
 
 
-def _check(
-    case: Case, schemes: str, scheme_h: str, speeds: str, flow: float | None, posterior: str | None
-) -> dict[str, list[float]] | None:
-    """Everything that can be wrong, told at once and before anything is computed; the samples if any."""
-    from eclsim.cli.messages import fail
+def _first_policy(o: CrrtStudyOptions) -> str | None:
+    from eclsim.crrt_study.settings import policies_of
+
+    return policies_of(o.volume_policy)[0] if o.volume_policy else None
+
+
+def _check_options(o: CrrtStudyOptions, more: Mapping[str, Callable[[], object]]) -> list[str]:
     from eclsim.crrt_study.schemes import select_schemes
-    from eclsim.crrt_study.settings import case_speed, crrt_flow
-    from eclsim.identification.posterior_samples import read_samples
     from eclsim.simulation.value_ranges import parse_speeds
 
-    wrong, samples = [], None
-    checks = (
-        ("--schemes ", lambda: select_schemes(schemes, scheme_h)),
-        ("--speeds ", lambda: parse_speeds(speeds)),
-        ("--crrt-flow: ", lambda: crrt_flow(case, flow)),
-        ("", lambda: case_speed(case)),
+    return mistakes_in(
+        {
+            "--schemes": lambda: select_schemes(o.schemes, o.scheme_h),
+            "--speeds": lambda: parse_speeds(o.speeds),
+            **more,
+        }
     )
-    for option, check in checks:
-        try:
-            check()
-        except ValueError as error:
-            wrong.append(f"{option}{error}")
-    try:
-        samples = None if posterior is None else read_samples(posterior)
-    except ValueError as error:
-        wrong.append(f"--posterior {error}")
-    if wrong:
-        fail(*wrong)
-    return samples
 
 
-def _plan(
-    case_file: str, case: Case, out: str | None, json_file: str | None, force: bool
-) -> tuple[Destinations, Path | None]:
-    from eclsim.cli import destinations
-    from eclsim.cli.messages import fail
-    from eclsim.cli.output_option import output_folder
-
-    request = destinations.Request(json_file, None, None, None, force, 0.0)
-    planned = destinations.plan(request, [case_file], [case.patient.id])
-    folder = None if out is None else output_folder(out)
-    if folder is not None and folder.is_dir() and not force:
-        from eclsim.crrt_study.files import file_names
-
-        standing = [name for name in file_names() if (folder / name).exists()]
-        if standing:
-            fail(f"--out {folder}: holds {standing[0]} already; --force overwrites it")
-    return planned, folder
+def _write(
+    o: CrrtStudyOptions, target: Target, files: Callable[[Path], object], json: Callable[[Path | str], object]
+) -> bool:
+    """Write the files and the JSON that are wanted; whether standard output is free for text."""
+    with writing():
+        if o.out is not None:
+            files(Path(o.out))
+        if target is not None:
+            json(target)
+    if o.out is not None:
+        say(f"report: {Path(o.out) / 'report.html'}")
+    return target != "-"
 
 
-def _compute(case: Case, **options: object) -> CrrtStudy:
-    from eclsim.cli.messages import Progress
+# --- one case -------------------------------------------------------------------------------------
+
+
+def _study_case(o: CrrtStudyOptions) -> Sequence[str]:
+    """Study one case; returns what did not converge."""
+    from eclsim.crrt_study.settings import BOTH
+
+    if o.resume:
+        fail("--resume: for a cohort's table; the study of one case is done in one go")
+    readings = read_all([o.file], o.settings, None if o.volume_policy == BOTH else o.volume_policy)
+    case = with_speeds(readings, _first_policy(o))[0].case
+    target, samples = _check_case(o, case)
+    study = _compute(o, case, samples)
+    from eclsim.crrt_study import files, summary
+    from eclsim.crrt_study.words import not_known
+
+    write, write_json = files.write_study, files.write_json
+    if _write(o, target, lambda folder: write(study, folder), lambda to: write_json(study, to)):
+        summary.show(study)
+    return () if study.converged else not_known(study)
+
+
+def _check_case(o: CrrtStudyOptions, case: Case) -> tuple[Target, Mapping[str, Sequence[float]] | None]:
+    """Where the JSON goes and the samples; says everything that is wrong before anything is computed."""
+    from eclsim.crrt_study.files import file_names
+    from eclsim.crrt_study.settings import case_speed, crrt_flow
+    from eclsim.identification.posterior_samples import read_samples
+
+    samples: list[Mapping[str, Sequence[float]]] = []
+    places = Destinations(force=o.force, inputs=[o.file, o.posterior])
+    target = places.target("--json", o.json)
+    places.folder("--out", o.out, file_names())
+    places.mistakes += _check_options(
+        o,
+        {
+            "--crrt-flow:": lambda: crrt_flow(case, o.crrt_flow),
+            "": lambda: case_speed(case),
+            "--posterior": lambda: samples.append(read_samples(o.posterior)) if o.posterior else None,
+        },
+    )
+    places.check()
+    return target, samples[0] if samples else None
+
+
+def _compute(o: CrrtStudyOptions, case: Case, samples: Mapping[str, Sequence[float]] | None) -> CrrtStudy:
     from eclsim.crrt_study.study import crrt_study
 
-    progress = Progress()
+    with Progress() as progress:
+        return crrt_study(
+            case,
+            schemes=o.schemes,
+            scheme_h=o.scheme_h,
+            speeds=o.speeds,
+            crrt_flow_ml_min=o.crrt_flow,
+            volume_policy=o.volume_policy,
+            samples=samples,
+            progress=progress,
+        )
+
+
+# --- a table of measurements, or a folder of cases ------------------------------------------------
+
+
+def _study_cohort(o: CrrtStudyOptions) -> Sequence[str]:
+    """Fit or read the cases and study each; returns what could not be studied."""
+    from eclsim.crrt_study import cohort_files
+
+    target = _check_cohort(o)
+    reading = None if Path(o.file).is_dir() else read_table(o.file)
+    with resumable(o.out), Progress() as progress, _fits(o.out) as fits:
+        fitted = _from_folder(o) if reading is None else _fitted(o, reading, fits, progress)
+        study = _compute_cohort(o, fitted, progress)
+    files, json = cohort_files.write_cohort, cohort_files.write_json
+    if _write(o, target, lambda folder: files(study, folder), lambda to: json(study, to)):
+        cohort_files.show(study)
+    lost = [f"{name}: {reason}" for name, reason in study.lost.items()]
+    return lost + [f"{point.name}: {line}" for point in study.unsettled for line in point.unsettled]
+
+
+def _check_cohort(o: CrrtStudyOptions) -> Target:
+    from eclsim.crrt_study.cohort_names import FILES, FITS
+    from eclsim.crrt_study.settings import check_flow
+
+    places = Destinations(force=o.force, resume=o.resume, inputs=[o.file])
+    target = places.target("--json", o.json)
+    places.folder("--out", o.out, (*FILES, FITS))
+    if o.settings:
+        places.mistakes.append("--set: for a case file; change the table or the case files instead")
+    if o.posterior is not None:
+        places.mistakes.append("--posterior: for a case file; it has the samples of one patient")
+    if o.resume and o.out is None:
+        places.mistakes.append("--resume needs --out DIR")
+    places.mistakes += _check_options(
+        o, {"--crrt-flow:": lambda: None if o.crrt_flow is None else check_flow(o.crrt_flow)}
+    )
+    places.check()
+    return target
+
+
+def _from_folder(o: CrrtStudyOptions) -> FittedCases:
+    from eclsim.identification.fitted_cohort import as_they_are
+
+    files = sorted(str(path) for path in Path(o.file).glob("*.toml"))
+    if not files:
+        fail(f"{o.file}: holds no case file (*.toml)")
+    readings = with_speeds(read_all(files, []), _first_policy(o))
+    return as_they_are([reading.case for reading in readings], "case files")
+
+
+def _fitted(o: CrrtStudyOptions, reading: CohortReading, folder: Path, progress: Progress) -> FittedCases:
+    from eclsim.identification.cohort_fit import StoreError
+    from eclsim.identification.fitted_cohort import fit_points
+
+    policy = "patient_held" if o.volume_policy == "patient_held" else "as_published"
     try:
-        return crrt_study(case, progress=progress, **options)  # pyright: ignore[reportArgumentType] - the options were checked
-    finally:
-        progress.end()
+        with writing(folder):
+            return fit_points(
+                reading, folder, o.explore, o.resume, lambda text: progress(f"fits: {text}"), policy=policy
+            )
+    except StoreError as error:
+        fail(error)
 
 
-def _write(study: CrrtStudy, planned: Destinations, folder: Path | None) -> None:
-    from eclsim.cli.messages import fail, say
-    from eclsim.crrt_study import files as crrt_files
-    from eclsim.crrt_study import summary as crrt_summary
+@contextmanager
+def _fits(out: str | None) -> Iterator[Path]:
+    """Folder that keeps the fits: in --out, else one that goes."""
+    from eclsim.crrt_study.cohort_names import FITS
+
+    if out is None:
+        with tempfile.TemporaryDirectory(prefix="eclsim-") as name:
+            yield Path(name) / FITS
+        return
+    Path(out).mkdir(exist_ok=True)
+    yield Path(out) / FITS
+
+
+def _compute_cohort(o: CrrtStudyOptions, fitted: FittedCases, progress: Progress) -> CohortStudy:
+    from eclsim.crrt_study.cohort import crrt_cohort
+    from eclsim.crrt_study.settings import StudyError
 
     try:
-        if folder is not None:
-            crrt_files.write_study(study, folder)
-        if planned.json is not None:
-            crrt_files.write_json(study, planned.json)
-    except BrokenPipeError:
-        raise
-    except OSError as error:
-        fail(f"{error.filename or 'output'}: cannot be written: {error.strerror or error}")
-    if planned.json != "-":
-        crrt_summary.show(study)
-    if folder is not None:
-        say(f"report: {folder / 'report.html'}")
+        return crrt_cohort(
+            fitted,
+            schemes=o.schemes,
+            speeds=o.speeds,
+            crrt_flow_ml_min=o.crrt_flow,
+            volume_policy=o.volume_policy,
+            scheme_h=o.scheme_h,
+            progress=progress,
+        )
+    except StudyError as error:
+        fail(error)

@@ -2,134 +2,333 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
-VolumePolicy = Literal["as_published", "patient_held"]
-Weights = Literal["relative", "uncertainty"]
-Method = Literal["nuts", "importance"]
-PredictWith = Literal["importance", "gaussian"]
+from eclsim.cli.cases import TABLES, names_of, read_all, read_table
+from eclsim.cli.console import INCOMPLETE, Progress, fail, note, refuse, say, warn
+from eclsim.cli.destination import Destinations, Target, hand_over, resumable
+from eclsim.cli.options import CaseChanges, FreeParameters, ResultsFolder, Resumable, argument, option
+
+if TYPE_CHECKING:
+    from eclsim.cases.case import Case
+    from eclsim.cases.cohort import CohortReading
+    from eclsim.identification.fit import FitResult
+    from eclsim.identification.settings import FitSettings
+
 Prior = Literal["log-uniform", "log-normal"]
+CHAINS = (4, 600, 1500)
+"""Chains, draws thrown away and draws kept where the options are left out."""
+SUMMARY = "identification.json"
 
 
-def identify(
-    file: Annotated[
-        str,
-        typer.Argument(metavar="CASE.toml|COHORT.csv", help="A case with measurements, or a table of them."),
-    ],
-    out: Annotated[
-        str,
-        typer.Option("--out", metavar="DIR", help="Write fitted case files, tables, JSON and figures here."),
-    ],
-    parameters: Annotated[
-        str | None,
-        typer.Option(
-            "--parameters",
-            "--free",
-            metavar="NAMES",
-            help="Free parameters; left out, the paper's Csart,Edla,Emaxlv,Emaxrv,Rmc,Rpmc,Rsvn.",
-        ),
-    ] = None,
-    bounds: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME=LOWER:UPPER,...",
-            help="Bounds in the parameter's unit; equal ones fix it. Default: the start value / 10 to * 10.",
-        ),
-    ] = None,
-    weights: Annotated[
-        Weights,
-        typer.Option(
-            help="What a difference is divided by: the measured value (as in the paper), or its uncertainty."
-        ),
-    ] = "relative",
-    uncertainty: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME=VALUE,...",
-            help="Standard uncertainties: SP=4,CO=10% [mmHg, L/min or %]. They give the intervals and, "
-            "if chosen, the weights. Defaults: SP=4,DP=4,MAP=3,MPAP=2,PCWP=2 mmHg, CO=10 %, PF=5 %.",
-        ),
-    ] = None,
-    posterior: Annotated[
-        bool,
-        typer.Option(
-            "--posterior",
-            help="Sample the full posterior with NUTS as well (minutes; needs the extra `bayes`).",
-        ),
-    ] = False,
-    posterior_method: Annotated[
-        Method,
-        typer.Option(
-            help="nuts: chains on exact derivatives; importance: weighted draws, in seconds. For --posterior."
-        ),
-    ] = "nuts",
-    predict: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--predict",
-            metavar="KEY=VALUE,...",
-            help="Predict the outputs at other settings with 90 % intervals, such as ecmo.speed_rpm=4000. "
-            "Without --posterior by --predict-with. May be repeated.",
-        ),
-    ] = None,
-    predict_with: Annotated[
-        PredictWith,
-        typer.Option(
-            help="importance: draws weighted by the exact posterior, with a check of the weights (seconds); "
-            "gaussian: the Gaussian approximation, unchecked. For --predict without --posterior."
-        ),
-    ] = "importance",
-    prior: Annotated[
-        Prior, typer.Option(help="Of --posterior and --predict: what is known before any measurement.")
-    ] = "log-uniform",
-    chains: Annotated[int, typer.Option(min=2, max=64, help="Chains of --posterior.")] = 4,
-    warmup: Annotated[int, typer.Option(min=50, help="Draws of each chain that are thrown away.")] = 600,
-    draws: Annotated[int, typer.Option(min=50, help="Draws of each chain that are kept.")] = 1500,
-    shared: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAMES",
-            help="For cohorts: free parameters that all data points of a patient have in common, as Csvn.",
-        ),
-    ] = None,
-    seed: Annotated[
-        int, typer.Option(min=0, help="Of the explored points; the same seed, the same result.")
-    ] = 0,
-    json_file: Annotated[
-        str | None,
-        typer.Option("--json", metavar="FILE", help="Write the JSON here too; - for standard output."),
-    ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="KEY=VALUE", help="Value that wins over the case file. May be repeated."
-        ),
-    ] = None,
-    volume_policy: Annotated[
-        VolumePolicy | None,
-        typer.Option(help="Who fills the circuits, see `eclsim simulate --help`; left out, the case file's."),
-    ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with a cohort that was stopped.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")] = False,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class IdentifyOptions(ResultsFolder, FreeParameters, CaseChanges, Resumable):
+    """Options of `eclsim identify`."""
+
+    file: str = argument(..., "CASE.toml|COHORT.csv", "A case with measurements, or a table of them.")
+    out: str = option(..., "Write fitted case files, tables, JSON and figures here.", "--out", metavar="DIR")
+    weights: Literal["relative", "uncertainty"] = option(
+        "relative",
+        "What a difference is divided by: the measured value (as in the paper), or its uncertainty.",
+    )
+    posterior: bool = option(
+        False,
+        "Sample the full posterior with NUTS as well (minutes; needs the extra `bayes`).",
+        "--posterior",
+    )
+    posterior_method: Literal["nuts", "importance"] = option(
+        "nuts",
+        "nuts: chains on exact derivatives; importance: weighted draws, in seconds. For --posterior.",
+    )
+    predict: list[str] = option(
+        [],
+        "Predict the outputs at other settings with 90 % intervals, such as ecmo.speed_rpm=4000. Without "
+        "--posterior by --predict-with. May be repeated.",
+        metavar="KEY=VALUE,...",
+    )
+    predict_with: Literal["importance", "gaussian"] = option(
+        "importance",
+        "importance: draws weighted by the exact posterior, with a check of the weights (seconds); gaussian: "
+        "the Gaussian approximation, unchecked. For --predict without --posterior.",
+    )
+    prior: Prior = option(
+        "log-uniform", "Of --posterior and --predict: what is known before any measurement."
+    )
+    chains: int = option(CHAINS[0], "Chains of --posterior.", minimum=2, maximum=64)
+    warmup: int = option(CHAINS[1], "Draws of each chain that are thrown away.", minimum=50)
+    draws: int = option(CHAINS[2], "Draws of each chain that are kept.", minimum=50)
+    shared: str | None = option(
+        None,
+        "For cohorts: free parameters that all data points of a patient have in common, as Csvn.",
+        metavar="NAMES",
+    )
+    seed: int = option(0, "Of the explored points; the same seed, the same result.", minimum=0)
+
+    @property
+    def samples(self) -> bool:
+        """Whether there are draws to make."""
+        return self.posterior or bool(self.predict)
+
+
+def identify(options: IdentifyOptions) -> None:
     """Fit parameters to measurements: multi-start least squares with exact derivatives.
 
     Explores 1,000 sets of parameters for each free one, refines the best until the optimum has been found
     again ten times, says whether the fit is good, doubtful or poor, and how far each parameter can be relied
     on. A cohort has a row for each data point; a bad row stops no other. Exit status: 0 all fitted (look at
     the verdict: doubtful ones count as fitted), 1 some were not or are poor, 2 bad input.
-    """  # fmt: skip
-    from eclsim.cli.identify_run import Request, run
-    from eclsim.cli.posterior_run import PosteriorRequest
+    """
+    cohort = Path(options.file).suffix.lower() in TABLES
+    target = _checked_json(options, cohort)
+    content, refused = _fit_cohort(options) if cohort else (_fit_case(options), False)
+    if hand_over(content, target):
+        from eclsim.identification.summary import fits_text
 
-    wanted = PosteriorRequest(
-        posterior, posterior_method, tuple(predict or ()), predict_with, prior, chains, warmup, draws
+        typer.echo(fits_text(content))
+    if refused or any(p["status"] != "fitted" or p["verdict"]["level"] == "poor" for p in content["points"]):
+        raise typer.Exit(INCOMPLETE)
+
+
+def _checked_json(o: IdentifyOptions, cohort: bool) -> Target:
+    places = Destinations(force=o.force, resume=o.resume if cohort else None, inputs=[o.file])
+    target = places.target("--json", o.json)
+    places.folder("--out", o.out, [SUMMARY])
+    wrong = places.mistakes
+    if cohort and o.settings:
+        wrong.append("--set: for case files; change the table of a cohort instead")
+    if cohort and o.samples:
+        wrong.append("--posterior, --predict: for case files; `eclsim identify` of a cohort gives intervals")
+    if not cohort and o.shared is not None:
+        wrong.append("--shared: for cohorts; a case is one data point")
+    if not cohort and o.resume:
+        wrong.append("--resume: for cohorts; a case is fitted in one go")
+    if (o.chains, o.warmup, o.draws) != CHAINS and not (o.posterior and o.posterior_method == "nuts"):
+        wrong.append("--chains, --warmup, --draws: of --posterior with --posterior-method nuts")
+    if o.posterior_method != "nuts" and not o.posterior:
+        wrong.append("--posterior-method: without --posterior nothing is sampled by it")
+    if o.prior != "log-uniform" and not o.samples:
+        wrong.append("--prior: of --posterior and --predict; the fit itself has none")
+    if o.predict_with != "importance" and (o.posterior or not o.predict):
+        wrong.append("--predict-with: of --predict without --posterior")
+    places.check()
+    return target
+
+
+def fit_settings(
+    free: FreeParameters,
+    *,
+    policy: str | None,
+    weights: Literal["relative", "uncertainty"] = "relative",
+    seed: int = 0,
+) -> FitSettings:
+    """Settings from options as they were written; with any mistake say all and leave with exit status 2."""
+    from eclsim.identification.multi_start import MultiStart
+    from eclsim.identification.settings import FitSettings, read_bounds
+    from eclsim.parameters.identification import BOUNDS
+    from eclsim.sensitivity.inputs import InputError
+    from eclsim.sensitivity.uncertainties import DEFAULTS, read_uncertainties
+
+    wrong: list[str] = []
+    uncertainties, limits = {}, {}
+    try:
+        uncertainties = read_uncertainties(free.uncertainty or "")
+    except InputError as error:
+        wrong += error.mistakes
+    allowed = ", ".join(DEFAULTS)
+    wrong += [
+        f"--uncertainty {n}: no measurement; allowed: {allowed}" for n in uncertainties if n not in DEFAULTS
+    ]
+    try:
+        limits = read_bounds(free.bounds or "")
+    except ValueError as error:
+        wrong += str(error).splitlines()
+    names = tuple(BOUNDS) if free.parameters is None else _unique(free.parameters)
+    if not names:
+        wrong.append("--parameters: no names")
+    refuse(wrong)
+    return FitSettings(names, limits, weights, uncertainties, MultiStart(seed=seed), policy)
+
+
+def _unique(names: str | None) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(names_of(names) or ()))
+
+
+# --- one case -------------------------------------------------------------------------------------
+
+
+def _fit_case(o: IdentifyOptions) -> dict[str, Any]:
+    """Fit one case and write its files; returns what the JSON holds."""
+    from eclsim.identification.settings import checked_fit, unmeasured_uncertainties
+
+    (reading,) = read_all([o.file], o.settings, o.volume_policy)
+    settings = fit_settings(o, policy=reading.case.volume_policy, weights=o.weights, seed=o.seed)
+    predictions = _predictions(o, settings.names)
+    checked = checked_fit(reading.case, settings)
+    unmeasured = unmeasured_uncertainties([reading.case], settings)
+    refuse([m.at(o.file, None) for m in (*checked.mistakes, *unmeasured)])
+    warn(checked.warnings)
+    note(line for line in checked.notes if line.key in checked.fixed)
+
+    from eclsim.identification.files import fits_object, write_fits
+    from eclsim.identification.fit import fit as fit_case
+    from eclsim.identification.page import write_fit_page
+
+    folder = Path(o.out)
+    with Progress() as progress:
+        fit = fit_case(reading.case, settings, progress)
+        (folder / "cases").mkdir(parents=True, exist_ok=True)
+        fit = _with_profiles(fit, folder, progress) if fit.simulated else fit
+        fit, posterior = _with_posterior(o, fit, predictions, settings, folder, progress)
+        content = fits_object([fit.as_object()], settings.as_object()) | posterior
+        write_fits(folder, content)
+        page = write_fit_page(folder, content, fit.case, folder / "figures")
+    say(f"report: {page}")
+    return content
+
+
+def _with_profiles(fit: FitResult, folder: Path, progress: Progress) -> FitResult:
+    """The fit with its intervals; writes the fitted case and the figures."""
+    from eclsim.identification.files import write_fit_figures, write_fitted_case
+    from eclsim.identification.profiles import with_profiles
+
+    path = write_fitted_case(folder / "cases", fit)
+    progress("profiles: how far each parameter can move")
+    fit, profiled = with_profiles(fit)
+    write_fit_figures(folder / "figures", fit, profiled)
+    say(f"fitted case: {path}")
+    return fit
+
+
+def _predictions(o: IdentifyOptions, free: Collection[str]) -> list[tuple[str, Case]]:
+    """The case at the settings of every --predict; all mistakes are told before anything is computed."""
+    from eclsim.cases import CaseError, read_case
+    from eclsim.cases.settings import parse_settings
+
+    if o.posterior and o.posterior_method == "nuts" and find_spec("numpyro") is None:
+        fail("--posterior: needs NumPyro: pip install 'eclsim[bayes]', or --posterior-method importance")
+    cases: list[tuple[str, Case]] = []
+    wrong: list[str] = []
+    for written in o.predict:
+        changes = names_of(written)
+        if not changes:
+            wrong.append("--predict: empty; allowed: KEY=VALUE,... such as ecmo.speed_rpm=4000")
+            continue
+        try:
+            case = read_case(o.file, [*o.settings, *changes]).case
+            wrong += [
+                f"--predict {written}: {name} is free, so every draw has its own; predict a setting, or fix "
+                "it with --bounds"
+                for section, name in parse_settings(changes)
+                if section == "parameters" and name in free
+            ]
+            if case.ecmo is not None and case.ecmo.flow_l_min is not None:
+                wrong.append(f"--predict {written}: a target flow; predictions hold ecmo.speed_rpm")
+            cases.append((written, case))
+        except CaseError as error:
+            wrong += [f"--predict: {mistake.at('', None)}" for mistake in error.mistakes]
+    refuse(wrong)
+    return cases
+
+
+def _with_posterior(
+    o: IdentifyOptions,
+    fit: FitResult,
+    predictions: Sequence[tuple[str, Case]],
+    settings: FitSettings,
+    folder: Path,
+    progress: Progress,
+) -> tuple[FitResult, dict[str, Any]]:
+    """Where draws are wanted: the fit judged by them, and what the JSON says of them."""
+    from eclsim.identification.verdict import interval_agreement
+
+    if not (o.samples and fit.simulated):
+        return fit, {}
+    posterior = _sample(o, fit, predictions, settings, folder, progress)
+    if posterior["method"] != "gaussian" and posterior["trusted"]:
+        own = fit.as_object()["parameters"]
+        fit = fit.judged(interval_agreement(own, posterior["parameters"], "posterior"))
+    return fit, {"posterior": posterior}
+
+
+def _sample(
+    o: IdentifyOptions,
+    fit: FitResult,
+    predictions: Sequence[tuple[str, Case]],
+    settings: FitSettings,
+    folder: Path,
+    progress: Progress,
+) -> dict[str, Any]:
+    """Sample, and write the files of the draws."""
+    from eclsim.identification.nuts import Sampling
+    from eclsim.identification.posterior import PosteriorSettings, as_object, sample_posterior
+    from eclsim.identification.posterior_files import write_posterior
+
+    chosen = PosteriorSettings(
+        method=o.posterior_method if o.posterior else o.predict_with,
+        prior=o.prior,
+        uncertainties=settings.uncertainties,
+        sampling=Sampling(o.chains, o.warmup, o.draws, settings.multi_start.seed),
+        policy=settings.policy,
     )
-    run(
-        Request(
-            file, out, parameters, bounds, weights, uncertainty, seed, json_file, tuple(settings or ()),
-            volume_policy, resume, force, wanted, shared,
-        )
-    )  # fmt: skip
+    fitted = {n: v for n, v in fit.case.parameters.items() if n in settings.parameters}
+    cases = [
+        (written, case.model_copy(update={"parameters": {**case.parameters, **fitted}}))
+        for written, case in predictions
+    ]
+    result = sample_posterior(fit, chosen, cases, progress)
+    write_posterior(folder / "posterior", result)
+    say(f"posterior: {folder / 'posterior'}")
+    return as_object(result)
+
+
+# --- a table of data points -----------------------------------------------------------------------
+
+
+def _fit_cohort(o: IdentifyOptions) -> tuple[dict[str, Any], bool]:
+    """Fit every data point and write the files; returns what the JSON holds, and whether a row is missing."""
+    reading = read_table(o.file)
+    settings = fit_settings(o, policy=o.volume_policy or "as_published", weights=o.weights, seed=o.seed)
+    settings = replace(settings, shared=_unique(o.shared))
+    _check_points(reading, settings, o.file)
+
+    from eclsim.cases.cohort_table import digest_of
+    from eclsim.identification.cohort_fit import FitStore, StoreError, fit_cohort
+    from eclsim.identification.files import fits_object, write_cohort_figures, write_fits
+    from eclsim.identification.page import write_fit_page
+
+    folder = Path(o.out)
+    store = FitStore(folder, reading.digest, settings)
+    try:
+        store.open(o.resume, o.force)
+        with resumable(folder), Progress() as progress:
+            results = fit_cohort(reading.points, settings, store, progress)
+    except StoreError as error:
+        fail(error)
+    content = fits_object(results, settings.as_object(), reading.refused)
+    write_fits(folder, content)
+    write_cohort_figures(folder / "figures", content)
+    say(f"report: {write_fit_page(folder, content, drawings=folder / 'figures')}")
+    changed = digest_of(o.file) != reading.digest
+    if changed:
+        say(f"error: {o.file}: changed or deleted meanwhile; these are results of the file as it was")
+    return content, changed or bool(reading.refused)
+
+
+def _check_points(reading: CohortReading, settings: FitSettings, file: str) -> None:
+    """Bounds and free parameters are the same for all points, so a mistake in them stops the run."""
+    from eclsim.identification.settings import checked_fit, unmeasured_uncertainties
+
+    doubts: dict[str, None] = {}
+    for point in reading.points:
+        checked = checked_fit(point.case, settings)
+        refuse(checked.mistakes)
+        doubts |= dict.fromkeys(str(w.at(file, point.line)) for w in checked.warnings)
+    unmeasured = unmeasured_uncertainties([point.case for point in reading.points], settings)
+    refuse([mistake.at(file, None) for mistake in unmeasured])
+    warn(doubts)

@@ -2,33 +2,34 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from dataclasses import dataclass
 
-import typer
+from eclsim.cli.console import fail, note, say, warn
+from eclsim.cli.destination import STANDARD_OUTPUT, Destinations
+from eclsim.cli.options import Force, argument, option
 
 
-def import_data(
-    file: Annotated[
-        str,
-        typer.Argument(
-            metavar="BUNDLE.json|LONG.csv",
-            help="A FHIR R4 bundle of Observations and Patients, or a table patient,time,code,value,unit.",
-        ),
-    ],
-    out: Annotated[str, typer.Option("--out", metavar="COHORT.csv", help="The cohort to write.")],
-    base: Annotated[
-        str | None,
-        typer.Option(
-            metavar="CASE.toml",
-            help="Gives the ECMO circuit, and sex, age, size and heart rate where the file has none.",
-        ),
-    ] = None,
-    within: Annotated[
-        float,
-        typer.Option(min=0.0, metavar="MINUTES", help="Values up to so long after the first are one point."),
-    ] = 5.0,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite a file that exists.")] = False,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class ImportOptions(Force):
+    """Options of `eclsim import`."""
+
+    file: str = argument(
+        ...,
+        "BUNDLE.json|LONG.csv",
+        "A FHIR R4 bundle of Observations and Patients, or a table patient,time,code,value,unit.",
+    )
+    out: str = option(..., "The cohort to write.", "--out", metavar="COHORT.csv")
+    base: str | None = option(
+        None,
+        "Gives the ECMO circuit, and sex, age, size and heart rate where the file has none.",
+        metavar="CASE.toml",
+    )
+    within: float = option(
+        5.0, "Values up to so long after the first are one point.", metavar="MINUTES", minimum=0.0
+    )
+
+
+def import_data(options: ImportOptions) -> None:
     """Turn clinical data into a cohort that `eclsim identify` takes.
 
     Reads heart rate, SP, DP, MAP, MPAP, PCWP, CO, ECMO flow, height and weight by LOINC or SNOMED CT code or
@@ -39,22 +40,20 @@ def import_data(
 
     from eclsim.cases.importing import as_table, import_cohort
     from eclsim.cases.reading import read_case
-    from eclsim.cli.messages import fail, say, warn
-    from eclsim.cli.output_option import destination
     from eclsim.files import write_text
     from eclsim.inputs.mistakes import CaseError
 
-    destination("--out", out, force, (file, base))
+    places = Destinations(force=options.force, inputs=[options.file, options.base])
+    target = places.target("--out", options.out)
+    places.check()
     try:
-        case = read_case(base).case if base is not None else None
-        found = import_cohort(file, case, timedelta(minutes=within))
+        case = read_case(options.base).case if options.base is not None else None
+        cohort = import_cohort(options.file, case, timedelta(minutes=options.within))
     except CaseError as error:
         fail(*error.mistakes)
-    warn(found.warnings)
-    warn(found.notes, "note")
-    text = as_table(found.rows)
-    write_text(text, out)
-    if out == "-":
-        return
-    patients = len({row["patient_id"] for row in found.rows})
-    say(f"{out}: {len(found.rows)} data points of {patients} patients")
+    warn(cohort.warnings)
+    note(cohort.notes)
+    write_text(as_table(cohort.rows), target or STANDARD_OUTPUT)
+    if target != STANDARD_OUTPUT:
+        patients = len({row["patient_id"] for row in cohort.rows})
+        say(f"{target}: {len(cohort.rows)} data points of {patients} patients")

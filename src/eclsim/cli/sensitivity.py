@@ -1,126 +1,298 @@
-"""`eclsim sensitivity`: Sobol indices of a case."""
+"""`eclsim sensitivity` and `eclsim identifiability`: what outputs depend on, what can be told apart."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
-VolumePolicy = Literal["as_published", "patient_held"]
+from eclsim.cli.cases import names_of, read_all, with_speeds
+from eclsim.cli.console import INCOMPLETE, Progress, fail, refuse, say, warn
+from eclsim.cli.destination import Destinations, Target, hand_over, resumable, writing
+from eclsim.cli.options import CaseChanges, Distributed, Json, ResultsFolder, argument, option
+
+if TYPE_CHECKING:
+    from eclsim.cases import Case
+    from eclsim.execution import Distribution
+    from eclsim.sensitivity.analysis import SobolSettings
+    from eclsim.sensitivity.results import Indices, SensitivityResult
+
 MERGE = "merge"
 
 
-def sensitivity(
-    case_file: Annotated[
-        str,
-        typer.Argument(
-            metavar="CASE.toml",
-            help="Case file; or the word merge, to finish the shards in the folder --out.",
-        ),
-    ],
-    out: Annotated[
-        str | None, typer.Option("--out", metavar="DIR", help="Folder for samples, indices and figures.")
-    ] = None,
-    json_file: Annotated[
-        str | None,
-        typer.Option("--json", metavar="FILE", help="Write the indices as JSON; - for standard output."),
-    ] = None,
-    samples: Annotated[
-        int, typer.Option(min=2, help="Rows N of Saltelli's design, a power of two: N (2 D + 2) runs.")
-    ] = 2048,
-    perturbation: Annotated[
-        float, typer.Option(metavar="PERCENT", help="Half width of the range of each number [%].")
-    ] = 25.0,
-    parameters: Annotated[
-        str | None,
-        typer.Option(metavar="NAMES", help="Parameters to vary: Rmc,Emaxlv ...; left out, the paper's 24."),
-    ] = None,
-    include: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAMES",
-            help="Further inputs: ecmo.speed_rpm, ecmo.drainage_fr, ecmo.return_fr (the maker's sizes), "
-            "crrt.flow_ml_min, crrt.scheme (the nine schemes) or crrt.access_site and crrt.return_site, "
-            "heart_rate_bpm, any parameter.",
-        ),
-    ] = None,
-    groups: Annotated[
-        str | None,
-        typer.Option(
-            metavar="R,C,L,E", help="Treat the parameters that begin with these letters as one factor each."
-        ),
-    ] = None,
-    outputs: Annotated[
-        str | None, typer.Option(metavar="NAMES", help="Outputs; left out, SP,DP,MAP,MPAP,PCWP,CO,PF.")
-    ] = None,
-    second_order: Annotated[
-        bool | None,
-        typer.Option(
-            "--second-order/--no-second-order",
-            help="Report the indices of pairs; without the runs they need, N (D + 2). "
-            "Left out: with these runs, pairs in the files only.",
-            show_default=False,
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the design and of the intervals.")] = 1,
-    states: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAMES",
-            help="Analyse around these states in place of the case's values: normal,hypertensive,hypotensive "
-            "(mean arterial pressure 79, 102, 60 mmHg, by Rmc), a folder each.",
-        ),
-    ] = None,
-    until: Annotated[
-        float | None,
-        typer.Option(
-            metavar="WIDTH",
-            help="Stop at 64, 128, 256 ... rows once every total order is certain to +- this (95 %).",
-        ),
-    ] = None,
-    volume_policy: Annotated[
-        VolumePolicy | None,
-        typer.Option(help="Who fills the circuits, see `eclsim simulate --help`; left out, the case file's."),
-    ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="KEY=VALUE", help="Value that wins over the case file. May be repeated."
-        ),
-    ] = None,
-    shard: Annotated[
-        str | None,
-        typer.Option(
-            metavar="i/n", help="Run part i of n (from 1) only; finish with `eclsim sensitivity merge`."
-        ),
-    ] = None,
-    dask: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS", help="Run on the workers of a Dask scheduler, or on local ones: local."
-        ),
-    ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with what --out holds already.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Throw away what --out and --json hold.")] = False,
-    figures: Annotated[bool, typer.Option(help="Write figures to --out.")] = True,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class SensitivityOptions(ResultsFolder, CaseChanges, Distributed):
+    """Options of `eclsim sensitivity`."""
+
+    case_file: str = argument(
+        ..., "CASE.toml", "Case file; or the word merge, to finish the shards in the folder --out."
+    )
+    out: str | None = option(None, "Folder for samples, indices and figures.", metavar="DIR")
+    samples: int = option(2048, "Rows N of Saltelli's design, a power of two: N (2 D + 2) runs.", minimum=2)
+    perturbation: float = option(25.0, "Half width of the range of each number [%].", metavar="PERCENT")
+    parameters: str | None = option(
+        None, "Parameters to vary: Rmc,Emaxlv ...; left out, the paper's 24.", metavar="NAMES"
+    )
+    include: str | None = option(
+        None,
+        "Further inputs: ecmo.speed_rpm, ecmo.drainage_fr, ecmo.return_fr (the maker's sizes), "
+        "crrt.flow_ml_min, crrt.scheme (the nine schemes) or crrt.access_site and crrt.return_site, "
+        "heart_rate_bpm, any parameter.",
+        metavar="NAMES",
+    )
+    groups: str | None = option(
+        None, "Treat the parameters that begin with these letters as one factor each.", metavar="R,C,L,E"
+    )
+    outputs: str | None = option(None, "Outputs; left out, SP,DP,MAP,MPAP,PCWP,CO,PF.", metavar="NAMES")
+    second_order: bool | None = option(
+        None,
+        "Report the indices of pairs; without the runs they need, N (D + 2). Left out: with these runs, "
+        "pairs in the files only.",
+        "--second-order/--no-second-order",
+        show_default=False,
+    )
+    seed: int = option(1, "Of the design and of the intervals.", minimum=0)
+    states: str | None = option(
+        None,
+        "Analyse around these states in place of the case's values: normal,hypertensive,hypotensive (mean "
+        "arterial pressure 79, 102, 60 mmHg, by Rmc), a folder each.",
+        metavar="NAMES",
+    )
+    until: float | None = option(
+        None,
+        "Stop at 64, 128, 256 ... rows once every total order is certain to +- this (95 %).",
+        metavar="WIDTH",
+    )
+    figures: bool = option(True, "Write figures to --out.")
+    force: bool = option(False, "Throw away what --out and --json hold.", "--force")
+
+    @property
+    def held(self) -> tuple[str | None, str]:
+        """Shards run side by side."""
+        return self.out, self.shard or ""
+
+
+def sensitivity(options: SensitivityOptions) -> None:
     """Sobol sensitivity indices of a case: which parameters its outputs [mmHg, L/min] depend on.
 
     Ctrl-C keeps what is done; --resume goes on. Exit status: 0 done, 1 some runs failed (they are named in
     failed.csv and their rows left out), 2 bad input.
     """
-    from eclsim.cli.sensitivity_run import Request, merge, run
+    from eclsim.execution import ShardDone
 
-    request = Request(
-        case_file, out, json_file, samples, perturbation, _names(parameters), _names(include) or (),
-        _names(groups) or (), _names(outputs), second_order, seed, _names(states) or (), until, volume_policy,
-        tuple(settings or ()), shard, dask, resume, force, figures,
-    )  # fmt: skip
-    failed = merge(request) if case_file == MERGE else run(request)
-    if failed:
-        raise typer.Exit(1)
+    target, distribution = _checked_destinations(options)
+    try:
+        with _mistakes(options), resumable(options.out):
+            results = _merged(options) if options.case_file == MERGE else _analysed(options, distribution)
+    except ShardDone as done:
+        say(done)
+        return
+    pairs = bool(options.second_order)
+    states = {state: indices.as_object(pairs) for state, indices in results.items()}
+    if "" in results:
+        _show(options, states[""], results, target)
+    else:
+        from eclsim.sensitivity.patients import union_over
+
+        union = union_over([indices.union() for indices in results.values()])
+        _show(options, {"states": states, "union": union}, results, target)
+    if any(indices.failed for indices in results.values()):
+        raise typer.Exit(INCOMPLETE)
 
 
-def _names(text: str | None) -> tuple[str, ...] | None:
-    """Names between commas; None if there are none."""
-    return tuple(n.strip() for n in text.split(",") if n.strip()) or None if text is not None else None
+def _checked_destinations(o: SensitivityOptions) -> tuple[Target, Distribution]:
+    places = Destinations(force=o.force, inputs=[o.case_file], resume=o.resume)
+    target = places.target("--json", o.json)
+    places.folder("--out", o.out, parents=True)
+    if o.out is None and (o.resume or o.shard):
+        places.mistakes.append("--resume and --shard need --out DIR")
+    if o.out is None and o.case_file == MERGE:
+        places.mistakes.append("merge: --out DIR names the folder of the shards")
+    if o.shard and (o.until is not None or o.states):
+        places.mistakes.append("--shard: without --until and --states, which look at all runs")
+    if o.until is not None and not 0.0 < o.until < math.inf:
+        places.mistakes.append(f"--until {o.until:g}: allowed: above 0, such as 0.02")
+    distribution = o.distribution(places.mistakes)
+    places.check()
+    return target, distribution
+
+
+@contextmanager
+def _mistakes(o: SensitivityOptions) -> Iterator[None]:
+    """Say what cannot be, and leave with the exit status of bad input."""
+    from eclsim.execution import ExecutionError
+    from eclsim.sensitivity.inputs import InputError
+
+    try:
+        with writing(o.out):
+            yield
+    except InputError as error:
+        fail(*error.mistakes)
+    except (ExecutionError, ValueError) as error:
+        fail(error)
+
+
+def _analysed(o: SensitivityOptions, distribution: Distribution) -> Mapping[str, Indices]:
+    """Indices of the analysis, or of one around each state."""
+    from eclsim.sensitivity.analysis import PRELOAD
+    from eclsim.sensitivity.analysis import sensitivity as analyse
+
+    (reading,) = with_speeds(read_all([o.case_file], o.settings, o.volume_policy))
+    results: dict[str, Indices] = {}
+    with distribution.running(PRELOAD) as executor, Progress() as progress:
+        for state in names_of(o.states) or ("",):
+            settings = _settings(o, reading.case, state)
+            if settings.values is not None:
+                around = ", ".join(f"{name} = {value:.4g}" for name, value in settings.values.items())
+                say(f"{state}: around {around} mmHg s/mL")
+            folder = None if o.out is None else Path(o.out) / state
+            result = analyse(
+                reading.case, settings=settings, folder=folder, distribution=executor, progress=progress
+            )
+            if folder is not None:
+                _write_files(o, folder, result)
+            results[state] = result.indices
+    return results
+
+
+def _merged(o: SensitivityOptions) -> Mapping[str, Indices]:
+    """Indices of an analysis whose shards are all there."""
+    from eclsim.sensitivity.analysis import merge_shards
+
+    folder = Path(o.out or "")
+    result = merge_shards(folder)
+    _write_files(o, folder, result)
+    return {"": result.indices}
+
+
+def _settings(o: SensitivityOptions, case: Case, state: str) -> SobolSettings:
+    from eclsim.orbit.model import model_of
+    from eclsim.sensitivity.analysis import SobolSettings
+    from eclsim.sensitivity.patients import state_values
+
+    return SobolSettings(
+        samples=o.samples,
+        perturbation_percent=o.perturbation,
+        parameters=names_of(o.parameters),
+        include=names_of(o.include) or (),
+        groups=names_of(o.groups) or (),
+        outputs=names_of(o.outputs),
+        seed=o.seed,
+        second_order=o.second_order is not False,
+        values=state_values(model_of(case), state, case.volume_policy) if state else None,
+        until=o.until,
+    )
+
+
+def _write_files(o: SensitivityOptions, folder: Path, result: SensitivityResult) -> None:
+    from eclsim.sensitivity.results import write_results
+
+    write_results(folder, result)
+    if o.figures:
+        from eclsim.sensitivity.figures import write_sensitivity_figures
+
+        write_sensitivity_figures(result, folder / "figures")
+
+
+def _show(o: SensitivityOptions, content: object, results: Mapping[str, Indices], target: Target) -> None:
+    from eclsim.sensitivity.summary import failures, indices_text, pairs_text
+
+    for state, indices in results.items():
+        warn(failures(indices, state))
+    if not hand_over(content, target):
+        return
+    for state, indices in results.items():
+        typer.echo(indices_text(indices, state))
+        if o.second_order and (text := pairs_text(indices)):
+            typer.echo(text)
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentifiabilityOptions(CaseChanges, Json):
+    """Options of `eclsim identifiability`."""
+
+    case_file: str = argument(..., "CASE.toml", "Case file.")
+    parameters: str | None = option(
+        None, "Parameters in question; left out, the paper's 24.", metavar="NAMES"
+    )
+    outputs: str | None = option(
+        None, "What is measured; left out, the case's measurements, or all seven.", metavar="NAMES"
+    )
+    uncertainty: str | None = option(
+        None,
+        "Standard uncertainties of measurements: SP=4,CO=10% [mmHg, L/min or %]. Defaults: "
+        "SP=4,DP=4,MAP=3,MPAP=2,PCWP=2 mmHg, CO=10 %, PF=5 %.",
+        metavar="NAME=VALUE,...",
+    )
+    limit: float = option(10.0, "Largest collinearity index of a set that can be told apart.", minimum=1.0)
+    threshold: float = option(
+        1.0,
+        "Smallest effect that counts: change of the measurements, in uncertainties, for 100 %.",
+        minimum=0.0,
+    )
+    out: str | None = option(None, "Write JSON and figures here.", metavar="DIR")
+
+
+def identifiability(options: IdentifiabilityOptions) -> None:
+    """Which parameters the measurements of a case can tell apart, from exact derivatives of the steady beat.
+
+    Proposes a set to fit and says of every other parameter why it is not in it.
+    """
+    target, folder = _checked_places(options)
+    (reading,) = with_speeds(read_all([options.case_file], options.settings, options.volume_policy))
+    from eclsim.orbit.status import NoDerivativesError
+    from eclsim.sensitivity.identifiability import identifiability as analyse
+    from eclsim.sensitivity.inputs import InputError
+    from eclsim.sensitivity.uncertainties import read_uncertainties
+
+    try:
+        result = analyse(
+            reading.case,
+            parameters=names_of(options.parameters),
+            outputs=names_of(options.outputs),
+            uncertainties=read_uncertainties(options.uncertainty or ""),
+            limit=options.limit,
+            threshold=options.threshold,
+        )
+    except InputError as error:
+        fail(*error.mistakes)
+    except NoDerivativesError as error:
+        reason = f"nothing is ranked, because there are no derivatives ({error.word}): {error.reason}"
+        _write_json({"id": error.name, "status": error.word, "message": reason}, target, folder)
+        warn([f"{reading.file}: {reason}"])
+        raise typer.Exit(INCOMPLETE) from None
+    shown = _write_json(result.as_object(), target, folder)
+    if folder is not None:
+        from eclsim.sensitivity.figures import write_identifiability_figures
+
+        with writing(folder):
+            write_identifiability_figures(result, folder / "figures")
+    if shown:
+        from eclsim.sensitivity.summary import identifiability_text
+
+        typer.echo(identifiability_text(result, options.limit))
+
+
+def _checked_places(o: IdentifiabilityOptions) -> tuple[Target, Path | None]:
+    places = Destinations(force=o.force, inputs=[o.case_file])
+    target = places.target("--json", o.json)
+    folder = places.folder("--out", o.out, ["identifiability.json"], parents=True)
+    if not math.isfinite(o.limit) or not math.isfinite(o.threshold):
+        places.mistakes.append("--limit, --threshold: infinite; allowed: numbers such as 10 and 1")
+    refuse(places.mistakes)
+    return target, folder
+
+
+def _write_json(content: object, target: Target, folder: Path | None) -> bool:
+    from eclsim.files import write_json
+
+    with writing():
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+            write_json(content, folder / "identifiability.json")
+        return hand_over(content, target)

@@ -1,276 +1,287 @@
-"""`eclsim simulate`: case files in, the steady beat of each out."""
+"""`eclsim simulate`: the steady beat of each case; one key varied; before and after a change."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 import typer
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from eclsim.cli.cases import names_of, read_all, read_each
+from eclsim.cli.console import INCOMPLETE, Progress, did_you_mean, fail, note, refuse, warn
+from eclsim.cli.destination import NETCDF, Destinations, Target, hand_over, writing
+from eclsim.cli.options import CaseChanges, Json, argument, option
+from eclsim.files import file_stems
 
+if TYPE_CHECKING:
     import xarray as xr
 
     from eclsim.cases import Case, CaseReading
-    from eclsim.cli.destinations import Destinations, Request
 
 Solver = Literal["semi-implicit", "adaptive"]
-VolumePolicy = Literal["as_published", "patient_held"]
-_FILES = "Files"
-_MODEL = "Model"
+_COMPARED = "one case file with --set or --volume-policy (as in the file, and as set), or two case files"
 
 
-@dataclass(frozen=True, slots=True)
-class Options:
-    """How to compute: solver, seconds of the course in time (0: none), grid check."""
+@dataclass(frozen=True, kw_only=True)
+class SimulateOptions(CaseChanges, Json):
+    """Options of `eclsim simulate`."""
 
-    solver: Solver
-    transient_s: float
-    check_grid: bool = False
+    case_files: list[str] = argument(..., "CASE.toml...", "Case files, one patient each.")
+    sweep: list[str] = option(
+        [],
+        "Vary one key that --set takes, a steady beat for each value: ecmo.speed_rpm=2000:4500:250 [rpm], "
+        "ecmo.flow_l_min=2:5:0.5 [L/min], or a list, Rmc=0.6,0.8,1.0; one case file.",
+        metavar="KEY=FIRST:LAST:STEP",
+    )
+    compare: bool = option(
+        False,
+        "Show the case as its file has it beside the case with --set, or two case files, and the change.",
+        "--compare",
+    )
+    out: str | None = option(None, "Write waveforms and outputs as NetCDF.", metavar="FILE.nc")
+    figures: str | None = option(None, "Write figures (SVG and PNG) to this folder.", metavar="DIR")
+    csv: str | None = option(
+        None, "Write waveforms and a table of outputs as CSV to this folder.", metavar="DIR"
+    )
+    solver: Solver = option(
+        "semi-implicit",
+        "semi-implicit solves for the steady beat; adaptive checks it with tight tolerances.",
+    )
+    transient: float = option(
+        0.0,
+        "Also follow the course from the start for so long [s]; goes to --out and --csv.",
+        metavar="SECONDS",
+        minimum=0.0,
+        maximum=3600.0,
+    )
+    save: str | None = option(
+        None, "Only these waveforms in --out and --csv: Pao,Qlv,Vlv ...", metavar="NAMES"
+    )
+    check_grid: bool = option(
+        False, "Solve again with half the step and say how much outputs change [%].", "--check-grid"
+    )
 
 
-def simulate(
-    case_files: Annotated[
-        list[str], typer.Argument(metavar="CASE.toml...", help="Case files, one patient each.")
-    ],
-    settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="KEY=VALUE",
-            help="Value that wins over the case files, such as ecmo.speed_rpm=3000 [rpm], "
-            "patient.heart_rate_bpm=90 or Rmc=0.8 [mmHg s/mL]. May be repeated.",
-        ),
-    ] = None,
-    sweep: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--sweep",
-            metavar="KEY=FIRST:LAST:STEP",
-            help="Vary one key that --set takes, a steady beat for each value: ecmo.speed_rpm=2000:4500:250 "
-            "[rpm], ecmo.flow_l_min=2:5:0.5 [L/min], or a list, Rmc=0.6,0.8,1.0; one case file.",
-        ),
-    ] = None,
-    compare: Annotated[
-        bool,
-        typer.Option(
-            "--compare",
-            help="Show the case as its file has it beside the case with --set, or two case files, and the "
-            "change.",
-        ),
-    ] = False,
-    json_file: Annotated[
-        str | None,
-        typer.Option(
-            "--json", metavar="FILE", help="Write results as JSON; - writes them to standard output."
-        ),
-    ] = None,
-    out: Annotated[
-        str | None, typer.Option("--out", metavar="FILE.nc", help="Write waveforms and outputs as NetCDF.")
-    ] = None,
-    figures: Annotated[
-        str | None,
-        typer.Option("--figures", metavar="DIR", help="Write figures (SVG and PNG) to this folder."),
-    ] = None,
-    csv: Annotated[
-        str | None,
-        typer.Option(
-            "--csv", metavar="DIR", help="Write waveforms and a table of outputs as CSV to this folder."
-        ),
-    ] = None,
-    solver: Annotated[
-        Solver,
-        typer.Option(
-            help="semi-implicit solves for the steady beat; adaptive checks it with tight tolerances."
-        ),
-    ] = "semi-implicit",
-    transient: Annotated[
-        float,
-        typer.Option(
-            metavar="SECONDS",
-            min=0.0,
-            max=3600.0,
-            help="Also follow the course from the start for so long [s]; goes to --out and --csv.",
-        ),
-    ] = 0.0,
-    save: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAMES",
-            help="Only these waveforms in --out and --csv: Pao,Qlv,Vlv ...",
-        ),
-    ] = None,
-    volume_policy: Annotated[
-        VolumePolicy | None,
-        typer.Option(
-            help="as_published: the patient's blood fills the circuits; patient_held: the circuits are "
-            "primed and the patient keeps the stressed volume. Left out, what the case file says, "
-            "else as_published.",
-        ),
-    ] = None,
-    check_grid: Annotated[
-        bool,
-        typer.Option(
-            "--check-grid", help="Solve again with half the step and say how much outputs change [%]."
-        ),
-    ] = False,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")] = False,
-) -> None:
+@dataclass(frozen=True)
+class Places:
+    """Where results go; `stems` are the beginnings of file names, one per case."""
+
+    json: Target
+    out: Path | None
+    figures: Path | None
+    csv: Path | None
+    stems: tuple[str, ...]
+
+
+def simulate(options: SimulateOptions) -> None:
     """Simulate the steady heartbeat of each case and show pressures [mmHg], flows [L/min] and volumes [mL].
 
     Exit status: 0 all converged, 1 some did not, 2 bad input (nothing computed).
     """
-    from eclsim.cli import cases, destinations
-    from eclsim.cli.messages import fail
-
-    options = Options(solver, transient, check_grid)
-    _check_modes(case_files, sweep or [], compare, options, save)
-    request = destinations.Request(json_file, out, figures, csv, force, transient)
-    if sweep:
-        _sweep(case_files[0], settings or [], sweep[0], request, volume_policy)
-        return
-    labels = None
-    if compare:
-        from eclsim.cli.compare import read as read_both
-
-        readings, labels = read_both(case_files, settings or [], volume_policy)
+    _check_modes(options)
+    if options.sweep:
+        results = _sweep(options)
+    elif options.compare:
+        readings, labels = _both(options)
+        results = _each(options, readings, labels)
     else:
-        readings = cases.read_all(case_files, settings or [], volume_policy)
-    read = [reading.case for reading in readings]
-    names = cases.waveforms_to_save(save, read)
-    if save is not None and out is None and csv is None:
-        fail("--save: without --out or --csv no waveform is written; give one of them")
-    planned = destinations.plan(request, case_files, [case.patient.id for case in read])
-    results = _compute_all(read, options)
-    courses = [
-        _compute_course(case, options, names) if "phase" in result.dims else None
-        for case, result in zip(read, results, strict=True)
-        if transient
-    ]
-    _write(planned, read, results, courses, names, labels)
-    _say_doubts(readings, results)
-    _leave(results)
+        results = _each(options, read_all(options.case_files, options.settings, options.volume_policy))
+    if not all(result.attrs["converged"] for result in results):
+        raise typer.Exit(INCOMPLETE)
 
 
-def _leave(results: Sequence[xr.Dataset]) -> None:
-    if any(not bool(result.attrs["converged"]) for result in results):
-        from eclsim.cli.messages import SOME_DID_NOT_CONVERGE
-
-        raise typer.Exit(SOME_DID_NOT_CONVERGE)
-
-
-def _check_modes(
-    files: list[str], sweeps: list[str], compare: bool, options: Options, save: str | None
-) -> None:
+def _check_modes(o: SimulateOptions) -> None:
     """A sweep is of one key of one case, and has a beat for each value and nothing else."""
-    from eclsim.cli.messages import fail
-
     wrong = []
-    if sweeps and compare:
+    if o.sweep and o.compare:
         wrong.append("--sweep and --compare: one of them")
-    if len(sweeps) > 1:
-        wrong.append(f"--sweep: given {len(sweeps)} times; one key is varied at a time")
-    if sweeps and len(files) > 1:
-        wrong.append(f"--sweep: {len(files)} case files; one case is swept at a time")
-    if sweeps and (options.solver != "semi-implicit" or options.transient_s or options.check_grid or save):
+    if len(o.sweep) > 1:
+        wrong.append(f"--sweep: given {len(o.sweep)} times; one key is varied at a time")
+    if o.sweep and len(o.case_files) > 1:
+        wrong.append(f"--sweep: {len(o.case_files)} case files; one case is swept at a time")
+    if o.sweep and (o.solver != "semi-implicit" or o.transient or o.check_grid or o.save):
         wrong.append("--sweep: without --solver, --transient, --check-grid and --save, which are of one beat")
+    refuse(wrong)
+
+
+def _places(o: SimulateOptions, ids: Sequence[str], tables: Sequence[str] = ("outputs",)) -> Places:
+    """Where results of the cases with these ids go; with anything wrong leave with exit status 2."""
+    stems = file_stems(ids)
+    places = Destinations(force=o.force, inputs=o.case_files)
+    found = Places(
+        json=places.target("--json", o.json),
+        out=places.file("--out", o.out, NETCDF),
+        figures=places.folder("--figures", o.figures, stems=stems),
+        csv=places.folder("--csv", o.csv, stems=[*stems, *tables]),
+        stems=stems,
+    )
+    if o.transient and not (o.out or o.csv):
+        places.mistakes.append("--transient needs --out FILE.nc or --csv DIR to write the course to")
+    places.check()
+    return found
+
+
+def _each(
+    o: SimulateOptions, readings: Sequence[CaseReading], labels: Sequence[str] | None = None
+) -> Sequence[xr.Dataset]:
+    """The beat of each case, written and shown; labels say what is before and what after a change."""
+    cases = [reading.case for reading in readings]
+    names = _waveforms(o, cases)
+    places = _places(o, [case.patient.id for case in cases])
+    results = []
+    with Progress() as progress:
+        for case in cases:
+            progress(f"simulating {case.patient.id}")
+            results.append(_compute(case, o))
+    courses = [
+        _compute_course(case, o, names) if "phase" in result.dims else None
+        for case, result in zip(cases, results, strict=True)
+        if o.transient
+    ]
+    _write(places, cases, results, courses, names, labels)
+    _say_doubts(readings, results)
+    return results
+
+
+def _waveforms(o: SimulateOptions, cases: Sequence[Case]) -> tuple[str, ...] | None:
+    """The names of --save, or None for all; a name that no case has is an error."""
+    if o.save is None:
+        return None
+    from eclsim.beat.recording import all_signals
+    from eclsim.circuit.assembly import assemble
+    from eclsim.orbit.model import circuit_of
+
+    known = list(dict.fromkeys(name for case in cases for name in all_signals(assemble(circuit_of(case)))))
+    wanted = names_of(o.save) or ()
+    wrong = [f"--save {n}: no such waveform{did_you_mean(n, known)}" for n in wanted if n not in known]
+    if not wanted:
+        wrong.append("--save: no names; allowed: waveforms such as Pao,Qlv,Vlv")
     if wrong:
-        fail(*wrong)
+        fail(*wrong, f"--save allowed: {', '.join(known)}")
+    if o.out is None and o.csv is None:
+        fail("--save: without --out or --csv no waveform is written; give one of them")
+    return wanted
 
 
-def _sweep(file: str, settings: list[str], text: str, request: Request, policy: VolumePolicy | None) -> None:
-    from eclsim.cli import destinations, sweep
-
-    readings = sweep.read(file, settings, text, policy)
-    name = next(iter(readings.cases.values())).patient.id
-    planned = destinations.plan(request, [file], [f"{name}_sweep"], tables=())
-    found = sweep.run_sweep(readings)
-    sweep.write(found, planned)
-    if planned.json != "-":
-        sweep.show(found)
-    sweep.say_doubts(found, file)
-    _leave(found.results)
-
-
-def _compute(case: Case, options: Options) -> xr.Dataset:
+def _compute(case: Case, o: SimulateOptions) -> xr.Dataset:
     from eclsim.simulation.single import simulate_case
 
-    return simulate_case(case, solver=options.solver, check_grid=options.check_grid)
+    return simulate_case(case, solver=o.solver, check_grid=o.check_grid)
 
 
-def _compute_course(case: Case, options: Options, names: list[str] | None) -> xr.Dataset:
+def _compute_course(case: Case, o: SimulateOptions, names: Sequence[str] | None) -> xr.Dataset:
     from eclsim.simulation.single import simulate_transient
 
-    return simulate_transient(case, options.transient_s, solver=options.solver, names=names)
-
-
-def _compute_all(cases: list[Case], options: Options) -> list[xr.Dataset]:
-    import sys
-
-    if len(cases) == 1 or not sys.stderr.isatty():
-        return [_compute(case, options) for case in cases]
-    from rich.console import Console
-    from rich.progress import track
-
-    console = Console(stderr=True)
-    return [_compute(case, options) for case in track(cases, "simulating", console=console, transient=True)]
+    return simulate_transient(case, o.transient, solver=o.solver, names=names)
 
 
 def _write(
-    planned: Destinations,
-    cases: list[Case],
-    results: list[xr.Dataset],
-    courses: list[xr.Dataset | None],
-    names: list[str] | None,
-    labels: list[str] | None,
+    places: Places,
+    cases: Sequence[Case],
+    results: Sequence[xr.Dataset],
+    courses: Sequence[xr.Dataset | None],
+    names: Sequence[str] | None,
+    labels: Sequence[str] | None,
 ) -> None:
-    from eclsim.cli import compare
-    from eclsim.cli.messages import fail
     from eclsim.simulation import files, summary
+    from eclsim.simulation.json_object import results_object
 
-    try:
-        if planned.out is not None:
-            files.write_netcdf(results, courses, planned.out, names)
-        if planned.csv is not None:
-            files.write_csv(results, courses, planned.csv, planned.stems, names)
-        if planned.figures is not None:
-            files.write_figures(cases, results, planned.figures, planned.stems)
-        if labels is not None:
-            compare.write(results, labels, planned)
-        elif planned.json is not None:
-            files.write_json(results, planned.json)
-    except BrokenPipeError:
-        raise
-    except OSError as error:
-        fail(f"{error.filename or 'output'}: cannot be written: {error.strerror or error}")
-    if planned.json != "-" and labels is None:
-        summary.show(results)
+    change = _change(results) if labels else None
+    with writing():
+        if places.out is not None:
+            files.write_netcdf(results, courses, places.out, names)
+        if places.csv is not None:
+            files.write_csv(results, courses, places.csv, places.stems, names)
+        if places.figures is not None:
+            files.write_figures(cases, results, places.figures, places.stems)
+        content = {} if places.json is None else results_object(results)
+        if labels:
+            content["compare"] = {"before": labels[0], "after": labels[1], "change": change}
+        shown = hand_over(content, places.json)
+    if shown and labels:
+        typer.echo(f"before: {labels[0]}\nafter:  {labels[1]}")
+    if shown:
+        summary.show(results, change)
 
 
-def _say_speed(reading: CaseReading, result: xr.Dataset) -> None:
-    from eclsim.cli.messages import warn
-    from eclsim.simulation.single import FLOW_WANTED, SPEED_FOUND
+def _say_doubts(readings: Sequence[CaseReading], results: Sequence[xr.Dataset]) -> None:
+    """What did not converge, limits that a beat breaks, and flows outside the oxygenator's label."""
+    from eclsim.devices.ecmo import OXYGENATORS
+    from eclsim.simulation.single import FLOW_WANTED, NOT_REACHED, SPEED_FOUND
     from eclsim.simulation.target_flow import SpeedFound
 
-    if SPEED_FOUND in result.attrs:
-        found = SpeedFound(result.attrs[FLOW_WANTED], result.attrs[SPEED_FOUND])
-        warn([f"{reading.file}: {found}"], "note")
-
-
-def _say_doubts(readings: list[CaseReading], results: list[xr.Dataset]) -> None:
-    """What did not converge, limits that a beat breaks, and flows outside the oxygenator's label."""
-    from eclsim.cli.messages import warn
-    from eclsim.devices.ecmo import OXYGENATORS
-    from eclsim.simulation.single import NOT_REACHED
-
     for reading, result in zip(readings, results, strict=True):
-        _say_speed(reading, result)
-        said = [*result.attrs.get("warnings", ())]
+        if SPEED_FOUND in result.attrs:
+            note([f"{reading.file}: {SpeedFound(result.attrs[FLOW_WANTED], result.attrs[SPEED_FOUND])}"])
+        lines = [*result.attrs.get("warnings", ())]
         if not result.attrs["converged"]:
-            unsettled = "" if result.attrs.get("status") == NOT_REACHED else "not converged: "
-            said.insert(0, f"{unsettled}{result.attrs.get('message', '')}")
+            kind = "" if result.attrs.get("status") == NOT_REACHED else "not converged: "
+            lines.insert(0, f"{kind}{result.attrs.get('message', '')}")
         if reading.case.ecmo is not None and "PF" in result:
             label = OXYGENATORS[reading.case.ecmo.oxygenator].label_warning(float(result["PF"]))
-            said += [f"ECMO flow of {label}"] if label else []
-        warn(f"{reading.file}: {sentence}" for sentence in said)
+            lines += [f"ECMO flow of {label}"] if label else []
+        warn(f"{reading.file}: {line}" for line in lines)
+
+
+# --- before and after a change --------------------------------------------------------------------
+
+
+def _both(o: SimulateOptions) -> tuple[Sequence[CaseReading], Sequence[str]]:
+    """The two cases and what to call them; anything but two leaves with exit status 2."""
+    if len(o.case_files) == 2:
+        return read_all(o.case_files, o.settings, o.volume_policy), o.case_files
+    if len(o.case_files) != 1 or not (o.settings or o.volume_policy):
+        without = "" if o.settings else " and no --set"
+        fail(f"--compare: {len(o.case_files)} case file(s){without}; allowed: {_COMPARED}")
+    (file,) = o.case_files
+    readings = read_each([(file, (), None), (file, o.settings, o.volume_policy)])
+    warn(dict.fromkeys(str(line) for reading in readings for line in reading.warnings))
+    note(dict.fromkeys(str(line) for reading in readings for line in reading.notes))
+    before, after = readings
+    changed = [*o.settings, *([f"blood volume {o.volume_policy}"] if o.volume_policy else [])]
+    named = [replace(before, file=f"{file}, before"), replace(after, file=f"{file}, after")]
+    return named, ["as in the file", ", ".join(changed)]
+
+
+def _change(results: Sequence[xr.Dataset]) -> dict[str, float]:
+    """The second less the first of every output that both have; nothing unless both have converged."""
+    before, after = results
+    if not (before.attrs["converged"] and after.attrs["converged"]):
+        return {}
+    names = [str(name) for name, variable in before.data_vars.items() if variable.ndim == 0 and name in after]
+    changes = {name: float(after[name]) - float(before[name]) for name in names}
+    return {name: value for name, value in changes.items() if math.isfinite(value)}
+
+
+# --- one key varied -------------------------------------------------------------------------------
+
+
+def _sweep(o: SimulateOptions) -> Sequence[xr.Dataset]:
+    """The beat at each value of one key, written and shown."""
+    from eclsim.cli.sweep import read
+    from eclsim.simulation import sweep_files
+    from eclsim.simulation.summary import sweep_doubts, sweep_text
+    from eclsim.simulation.sweep import SweepError, sweep_cases
+
+    readings = read(o.case_files[0], o.settings, o.sweep[0], o.volume_policy)
+    name = next(iter(readings.cases.values())).patient.id
+    places = _places(o, [f"{name}_sweep"], tables=())
+    try:
+        sweep = sweep_cases(readings.key, readings.unit, readings.own, readings.cases)
+    except SweepError as error:
+        fail(f"--sweep {error}")
+    (stem,) = places.stems
+    with writing():
+        if places.out is not None:
+            sweep_files.write_netcdf(sweep, places.out)
+        if places.csv is not None:
+            sweep_files.write_csv(sweep, places.csv / f"{stem}.csv")
+        if places.figures is not None:
+            sweep_files.write_figure(sweep, places.figures / stem)
+        if hand_over(sweep_files.sweep_object(sweep), places.json):
+            typer.echo(sweep_text(sweep))
+    warn(f"{o.case_files[0]}: {line}" for line in sweep_doubts(sweep))
+    return sweep.results

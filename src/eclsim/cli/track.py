@@ -2,99 +2,177 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
-VolumePolicy = Literal["as_published", "patient_held"]
-Prior = Literal["log-uniform", "log-normal"]
+from eclsim.cli.cases import TABLES, read_all, read_table
+from eclsim.cli.console import INCOMPLETE, Progress, fail, note, refuse
+from eclsim.cli.destination import Destinations, hand_over
+from eclsim.cli.identify import Prior, fit_settings
+from eclsim.cli.options import FreeParameters, Json, ResultsFolder, VolumePolicy, argument, option
+
+if TYPE_CHECKING:
+    from eclsim.cases.case import Case
+    from eclsim.identification.track import TrackSettings
+
+Series = Mapping[str, Sequence[tuple[str, "Case"]]]
+"""Points of each patient in order of time: their names and cases."""
 
 
-def track(
-    files: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="SERIES.csv|CASE.toml...",
-            help="A table with a row for each time, or case files of one patient in order of time. Names "
-            "such as 2024-03-01T08:00 (files: 2024-03-01T08-00.toml) say how much time lies between them.",
-        ),
-    ],
-    out: Annotated[str, typer.Option("--out", metavar="DIR", help="Write JSON, tables and figures here.")],
-    parameters: Annotated[
-        str | None,
-        typer.Option(
-            "--parameters",
-            "--free",
-            metavar="NAMES",
-            help="Parameters to follow; left out, the paper's Csart,Edla,Emaxlv,Emaxrv,Rmc,Rpmc,Rsvn.",
-        ),
-    ] = None,
-    bounds: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME=LOWER:UPPER,...",
-            help="Bounds in the parameter's unit. Default: the start value / 10 to * 10.",
-        ),
-    ] = None,
-    uncertainty: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME=VALUE,...",
-            help="Standard uncertainties of the measurements: SP=4,CO=10% [mmHg, L/min or %]. Defaults: "
-            "SP=4,DP=4,MAP=3,MPAP=2,PCWP=2 mmHg, CO=10 %, PF=5 %.",
-        ),
-    ] = None,
-    prior: Annotated[
-        Prior, typer.Option(help="What is known of the parameters before the first measurement.")
-    ] = "log-uniform",
-    drift: Annotated[
-        float | None,
-        typer.Option(
-            min=0.001,
-            max=0.9,
-            help="How far parameters drift in a day: 0.1 is about 18 %. Left out, the measurements decide "
-            "among three rates.",
-        ),
-    ] = None,
-    interval: Annotated[
-        float,
-        typer.Option(
-            min=0.01,
-            max=8760.0,
-            metavar="HOURS",
-            help="Time from one measurement to the next where their names are no times [h].",
-        ),
-    ] = 24.0,
-    json_file: Annotated[
-        str | None,
-        typer.Option("--json", metavar="FILE", help="Write the JSON here too; - for standard output."),
-    ] = None,
-    volume_policy: Annotated[
-        VolumePolicy | None,
-        typer.Option(help="Who fills the circuits, see `eclsim simulate --help`; left out, the case file's."),
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite files that exist.")] = False,
-) -> None:
+@dataclass(frozen=True, kw_only=True)
+class TrackOptions(ResultsFolder, FreeParameters, Json):
+    """Options of `eclsim track`."""
+
+    files: list[str] = argument(
+        ...,
+        "SERIES.csv|CASE.toml...",
+        "A table with a row for each time, or case files of one patient in order of time. Names such as "
+        "2024-03-01T08:00 (files: 2024-03-01T08-00.toml) say how much time lies between them.",
+    )
+    out: str = option(..., "Write JSON, tables and figures here.", "--out", metavar="DIR")
+    prior: Prior = option("log-uniform", "What is known of the parameters before the first measurement.")
+    drift: float | None = option(
+        None,
+        "How far parameters drift in a day: 0.1 is about 18 %. Left out, the measurements decide among three "
+        "rates.",
+        minimum=0.001,
+        maximum=0.9,
+    )
+    interval: float = option(
+        24.0,
+        "Time from one measurement to the next where their names are no times [h].",
+        metavar="HOURS",
+        minimum=0.01,
+        maximum=8760.0,
+    )
+    volume_policy: VolumePolicy | None = option(
+        None, "Who fills the circuits, see `eclsim simulate --help`; left out, the case file's."
+    )
+
+
+def track(options: TrackOptions) -> None:
     """Follow a patient's parameters through time, forecast the next outputs, flag what does not fit.
 
     Each measurement is first held against its forecast (normalised innovation), then updates the parameters:
     an iterated unscented Kalman filter on the steady heartbeat. All intervals are 90 %. Exit status: 0 all
     points followed, 1 some could not be, 2 bad input.
     """
-    from eclsim.cli.track_run import Request, run
+    from eclsim.identification.track_files import SUMMARY
 
-    run(
-        Request(
-            tuple(files),
-            out,
-            parameters,
-            bounds,
-            uncertainty,
-            prior,
-            drift,
-            interval,
-            json_file,
-            volume_policy,
-            force,
+    places = Destinations(force=options.force, inputs=options.files)
+    target = places.target("--json", options.json)
+    places.folder("--out", options.out, [SUMMARY])
+    places.check()
+    series, refused = _series(options)
+    settings = _settings(options)
+    _check_points(series, settings)
+    timed = {patient: _has_times(patient, points) for patient, points in series.items()}
+    _note_assumed([p for p, known in timed.items() if not known and len(series[p]) > 1], options.interval)
+
+    from eclsim.identification.summary import series_text
+    from eclsim.identification.track import track as follow
+    from eclsim.identification.track_files import as_object, write_tracks
+
+    tracks = []
+    with Progress() as progress:
+        for patient, points in series.items():
+            tracked = follow(points, settings, lambda text, patient=patient: progress(f"{patient}: {text}"))
+            tracks.append(as_object(patient, tracked, None if timed[patient] else options.interval))
+        progress("figures and report")
+        content = {"series": tracks, "refused": refused, "settings": settings.as_object()}
+        write_tracks(Path(options.out), content)
+    if hand_over(content, target):
+        typer.echo("\n".join(map(series_text, tracks)))
+    if refused or any(point["failed"] for one in tracks for point in one["points"]):
+        raise typer.Exit(INCOMPLETE)
+
+
+def _series(o: TrackOptions) -> tuple[Series, list[str]]:
+    """Points of each patient, and the rows that were refused."""
+    tables = [file for file in o.files if Path(file).suffix.lower() in TABLES]
+    if not tables:
+        _check_each_once(o.files)
+        readings = read_all(o.files, (), o.volume_policy)
+        _check_one_patient([(r.file, r.case.patient.id) for r in readings])
+        return {readings[0].case.patient.id: [(Path(r.file).stem, r.case) for r in readings]}, []
+    if len(o.files) > 1:
+        fail(f"{tables[0]}: one table alone, or case files alone")
+    reading = read_table(tables[0])
+    series: dict[str, list[tuple[str, Case]]] = {}
+    for point in reading.points:
+        series.setdefault(point.patient_id, []).append((point.measurement, point.case))
+    return series, [str(mistake) for mistake in reading.refused]
+
+
+def _check_each_once(files: Sequence[str]) -> None:
+    """A measurement that is counted twice would make the filter too sure."""
+    twice = [file for file in dict.fromkeys(files) if files.count(file) > 1]
+    refuse([f"{file}: given {files.count(file)} times; a measurement counts once" for file in twice])
+
+
+def _check_one_patient(files: Sequence[tuple[str, str]]) -> None:
+    """Case files are one series: with files of different patients nothing is followed."""
+    from eclsim.cases.ids import plain_id
+
+    by_id: dict[str, list[tuple[str, str]]] = {}
+    for file, name in files:
+        by_id.setdefault(plain_id(name), []).append((file, name))
+    if len(by_id) > 1:
+        listed = "; ".join(f"'{same[0][1]}' in {', '.join(f for f, _ in same)}" for same in by_id.values())
+        fail(
+            f"patient.id: files of {len(by_id)} patients: {listed}. Give the case files of one patient, or a "
+            "table with a row for each time, in which patients are told apart"
         )
-    )
+
+
+def _has_times(patient: str, points: Sequence[tuple[str, Case]]) -> bool:
+    """Whether the names of a patient's measurements are times, in their order."""
+    from eclsim.identification.observation import elapsed_hours
+    from eclsim.inputs.mistakes import CaseError
+
+    try:
+        return elapsed_hours([name for name, _ in points]) is not None
+    except CaseError as error:
+        fail(*(f"{patient}: {mistake}" for mistake in error.mistakes))
+
+
+def _note_assumed(patients: Sequence[str], interval: float) -> None:
+    if patients:
+        line = (
+            f"{', '.join(patients)}: not all names of the measurements are times such as 2024-03-01T08:00, "
+            "all with a time zone or all without; each is taken as "
+            f"{interval:g} h after the one before (--interval)"
+        )
+        note([line])
+
+
+def _settings(o: TrackOptions) -> TrackSettings:
+    from eclsim.identification.filtering import DRIFTS
+    from eclsim.identification.track import TrackSettings
+
+    fit = fit_settings(o, policy=o.volume_policy, weights="uncertainty")
+    drifts = DRIFTS if o.drift is None else (o.drift,)
+    return TrackSettings(fit, o.prior, drifts, interval_hours=o.interval)
+
+
+def _check_points(series: Series, settings: TrackSettings) -> None:
+    from eclsim.cases.fitting import common_policy
+    from eclsim.identification.settings import checked_fit
+    from eclsim.inputs.mistakes import CaseError
+
+    wrong = [
+        f"{patient}/{name}: {mistake}"
+        for patient, points in series.items()
+        for name, case in points
+        for mistake in checked_fit(case, settings.fit).mistakes
+    ]
+    for patient, points in series.items():
+        try:
+            common_policy([case for _, case in points], settings.fit.policy)
+        except CaseError as error:
+            wrong += [f"{patient}: {mistake}" for mistake in error.mistakes]
+    refuse(wrong)

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from eclsim.reporting.text_table import text_table
 from eclsim.simulation.single import SPEED_FOUND
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from eclsim.simulation.sweep import Sweep
 
 _FEW = 3
 _MANY = (
@@ -195,3 +199,62 @@ def cell(result: xr.Dataset, name: str) -> str:
     if not math.isfinite(value):
         return "- "
     return f"{value:.{_digits(result[name].attrs)}f}{_mark(result, name) or ' '}"
+
+
+# --- one key varied -------------------------------------------------------------------------------
+
+_SWEPT = (
+    ("SP", "SP"), ("DP", "DP"), ("MAP", "MAP"), ("MPAP", "MPAP"), ("PCWP", "PCWP"),
+    ("right_atrial_pressure", "CVP"), ("systemic_flow", "Qs"), ("CO", "CO"), ("PF", "PF"),
+    ("lowest_drainage_pressure", "drain"),
+)  # fmt: skip
+
+
+def sweep_text(sweep: Sweep) -> str:
+    """A row for each value; one without a steady beat has its reason in place of numbers."""
+    shown = [(name, head) for name, head in _SWEPT if any(name in result for result in sweep.results)]
+    solved = any(SPEED_FOUND in result.attrs for result in sweep.results)
+    head = [f"{sweep.key} [{sweep.unit}]" if sweep.unit else sweep.key]
+    head += (["rpm"] if solved else []) + [f"{head} " for _, head in shown] + ["beat"]
+    rows = []
+    for value, result in zip(sweep.values, sweep.results, strict=True):
+        settled = bool(result.attrs["converged"])
+        numbers = [cell(result, name) if settled else "" for name, _ in shown]
+        speed = [f"{result.attrs[SPEED_FOUND]:.0f}" if SPEED_FOUND in result.attrs else ""] if solved else []
+        rows.append([_value_text(value), *speed, *numbers, _beat_word(result)])
+    policy = sweep.results[0].attrs["blood_volume_policy"]
+    title = f"{sweep.case_id}: steady beats, blood volume {policy}; mmHg, flows in L/min"
+    marks = legend([result for result in sweep.results if result.attrs["converged"]])
+    return "\n".join(
+        [title, text_table(head, rows, numeric=range(len(head) - 1)), *([marks] if marks else [])]
+    )
+
+
+def sweep_doubts(sweep: Sweep) -> list[str]:
+    """Each warning once, with the values it holds for; its numbers are those of the last of them."""
+    places: dict[str, list[tuple[str, str]]] = {}
+    for value, result in zip(sweep.values, sweep.results, strict=True):
+        sentences = [str(sentence) for sentence in result.attrs.get("warnings", ())]
+        if not result.attrs["converged"]:
+            sentences = [f"no beat: {result.attrs.get('message', '')}"]
+        for sentence in sentences:
+            places.setdefault(re.sub(r"\d[\d.e+-]*", "", sentence), []).append((_value_text(value), sentence))
+    unit, lines = f" {sweep.unit}" if sweep.unit else "", []
+    for same in places.values():
+        values = [value for value, _ in same]
+        every = len(values) == len(sweep.values) > 1
+        last, sentence = same[-1]
+        numbers = f" (numbers at {last}{unit})" if any(other != sentence for _, other in same) else ""
+        place = "at every value" if every else f"at {', '.join(values)}{unit}"
+        lines.append(f"{sweep.key} {place}: {sentence}{numbers}")
+    return lines
+
+
+def _value_text(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:.6g}"
+
+
+def _beat_word(result: xr.Dataset) -> str:
+    if not result.attrs["converged"]:
+        return f"none: {str(result.attrs.get('status', '')).replace('_', ' ')}"
+    return "impossible, see warnings" if result.attrs.get("impossible") else "steady"

@@ -69,6 +69,14 @@ class Measurement:
         """How many times faster than the published code."""
         return None if self.published is None else self.published / self.value
 
+    def as_object(self) -> dict[str, object]:
+        """As plain data for JSON."""
+        return {
+            "name": self.name, "value": self.value, "unit": self.unit, "processor_time": self.processor,
+            "bar": self.bar, "holds": self.holds, "published_code": self.published,
+            "times_faster": self.ratio, "remark": self.remark,
+        }  # fmt: skip
+
 
 def measurements() -> Iterator[Measurement]:
     """All figures, each as soon as it is known."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 
-def columns(head: Sequence[str], rows: Sequence[Sequence[str]], numeric: Collection[int] = ()) -> str:
+def text_table(head: Sequence[str], rows: Sequence[Sequence[str]], numeric: Collection[int] = ()) -> str:
     """Rows under a head, columns two spaces apart.
 
     Args:
@@ -14,7 +14,7 @@ def columns(head: Sequence[str], rows: Sequence[Sequence[str]], numeric: Collect
         numeric: Columns that are set flush right.
     """
     table = [head, *rows]
-    widths = [max(len(row[index]) for row in table) for index in range(len(head))]
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     lines = []
     for row in table:
         cells = [

@@ -1,0 +1,174 @@
+"""`eclsim parameters` and `eclsim devices`: what the model knows, with ranges, sources and doubts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import typer
+
+from eclsim.cli.console import did_you_mean, fail
+from eclsim.cli.options import argument, option
+from eclsim.reporting.text_table import text_table
+
+if TYPE_CHECKING:
+    from eclsim.devices.device import AnyDevice
+    from eclsim.parameters import Parameter
+
+_FIELDS = ("key", "value", "unit", "minimum", "maximum", "group", "description", "source")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParameterSet:
+    """Options of the commands of `eclsim parameters`."""
+
+    set_name: Literal["thiel2025", "shi_hose2009"] = option(
+        "thiel2025", "Published set of parameters.", "--set"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ListOptions(ParameterSet):
+    """Options of `eclsim parameters list`."""
+
+    group: str | None = option(
+        None, "Only this group: blood, systemic, pulmonary, heart, ecmo, crrt or initial."
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExplainOptions:
+    """Options of `eclsim parameters explain`."""
+
+    name: str = argument(..., "NAME", "Key such as Rmc, or its description.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportOptions(ParameterSet):
+    """Options of `eclsim parameters export`."""
+
+    format_name: Literal["csv", "toml", "json"] = option(
+        "csv", "Format that is written to standard output.", "--format"
+    )
+
+
+def list_parameters(options: ListOptions) -> None:
+    """Show every parameter on a line: key, value, allowed range, unit, description."""
+    parameters = _set(options.set_name).values()
+    groups = list(dict.fromkeys(parameter.group for parameter in parameters))
+    group = options.group
+    if group is not None and group not in groups:
+        fail(f"--group {group}: unknown; allowed: {', '.join(groups)}{did_you_mean(group, groups)}")
+    rows = [
+        (p.key, f"{p.value:g}", f"{p.minimum:g}", f"{p.maximum:g}", p.unit, p.description)
+        for p in parameters
+        if group in (None, p.group)
+    ]
+    head = ("key", "value", "lowest", "highest", "unit", "description")
+    typer.echo(text_table(head, rows, numeric=(1, 2, 3)))
+
+
+def explain(options: ExplainOptions) -> None:
+    """Show all that is known of one parameter, and its bounds when it is fitted."""
+    from eclsim.parameters import UnknownParameterError, find
+    from eclsim.parameters.identification import BOUNDS
+
+    try:
+        parameter = find(options.name)
+    except UnknownParameterError as error:
+        fail(f"{error} (eclsim parameters lists all)")
+    lines = [
+        f"{parameter.key}: {parameter.description}",
+        f"  default   {parameter.value:g} {parameter.unit}",
+        f"  allowed   {parameter.allowed}",
+        f"  group     {parameter.group}",
+        f"  source    {parameter.source}",
+    ]
+    if parameter.key in BOUNDS:
+        bounds = BOUNDS[parameter.key]
+        lines.append(f"  fitted    from {bounds.start:g}, between {bounds.lower:g} and {bounds.upper:g}")
+    typer.echo("\n".join(lines))
+
+
+def export(options: ExportOptions) -> None:
+    """Write all parameters with all their fields to standard output."""
+    from eclsim.files import csv_text, json_text
+
+    parameters = list(_set(options.set_name).values())
+    rows = [{name: getattr(parameter, name) for name in _FIELDS} for parameter in parameters]
+    if options.format_name == "csv":
+        text = csv_text(_FIELDS, (row.values() for row in rows), digits=None)
+    elif options.format_name == "json":
+        text = json_text({"parameters": rows})
+    else:  # a section that a case file can take over, with unit and meaning as comments
+        lines = [f"{p.key} = {p.value!r}  # {p.description} [{p.unit}]" for p in parameters]
+        text = "\n".join(["[parameters]", *lines]) + "\n"
+    typer.echo(text, nl=False)
+
+
+def _set(name: str) -> Mapping[str, Parameter]:
+    from eclsim.parameters import shi_hose2009, thiel2025
+
+    return {"thiel2025": thiel2025, "shi_hose2009": shi_hose2009}[name].PARAMETERS
+
+
+# --- devices --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class DevicesOptions:
+    """Options of `eclsim devices`."""
+
+    name: str | None = argument(None, "[NAME]", "Show all that is known of this device.")
+
+
+def devices(options: DevicesOptions) -> None:
+    """List devices, and the pumps, cannulae, oxygenators and filters they are made of, or explain one."""
+    typer.echo("\n".join(_overview() if options.name is None else _details(options.name)))
+
+
+def _overview() -> Iterator[str]:
+    from eclsim.devices.registry import devices, products
+
+    yield "Devices (sections of a case file)"
+    rows = [(f"[{key}]", one.name, ", ".join(one.section.fields())) for key, one in devices().items()]
+    yield text_table(("section", "device", "keys"), rows)
+    kinds = {type(product): type(product) for product in products().values()}
+    for kind in kinds:
+        yield f"\n{kind.title}"
+        yield text_table(kind.head, [p.row() for p in products().values() if type(p) is kind], kind.numeric)
+        if kind.remark:
+            yield kind.remark
+
+
+def _details(name: str) -> Iterator[str]:
+    from eclsim.devices.products import makers_names
+    from eclsim.devices.registry import devices, products
+
+    written = name.strip().lower()
+    known = {key.lower(): product for key, product in products().items()}
+    others = makers_names(products().values())
+    known |= {other.lower(): products()[key] for other, key in others.items()}
+    if written in devices():
+        yield from _section(devices()[written])
+    elif written in known:
+        product = known[written]
+        yield f"{product.key}: {product.full_name}"
+        yield from product.details()
+        yield f"  checked against    {product.evidence}"
+        yield f"  source             {product.source}"
+    else:
+        hint = did_you_mean(name, [*devices(), *products(), *others])
+        allowed = ", ".join((*devices(), *products()))
+        fail(f"unknown device {name!r}; allowed: {allowed}{hint}")
+
+
+def _section(device: AnyDevice) -> Iterator[str]:
+    """The section of a device and its parameters."""
+    yield f"[{device.key}]: {device.name}"
+    for field in device.section.fields().values():
+        needed = "" if field.required else " (may be left out)"
+        yield f"  {field.name:<18} {field.description}; allowed: {field.allowed}{needed}"
+    for parameter in device.parameters:
+        yield f"  {parameter.key:<18} {parameter.description}: {parameter.value:g} {parameter.unit}"

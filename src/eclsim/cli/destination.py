@@ -1,0 +1,248 @@
+"""Where a command writes: checked before anything is computed, held while it runs, named where it fails."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+from eclsim.cli.console import fail, refuse, say
+from eclsim.files import write_json
+
+LOCK = ".eclsim-lock"
+STANDARD_OUTPUT = "-"
+Target = Path | str | None
+"""A file, "-" for standard output, or nothing."""
+NETCDF = (".nc", ".nc4", ".h5", ".netcdf")
+
+
+class Destinations:
+    """The files and folders that the options of a command name; collects all that is wrong with them.
+
+    Args:
+        force: Whether what exists may be overwritten.
+        inputs: Files that the command reads, and so must not overwrite.
+        resume: Whether the command goes on with what a folder holds; None where no command could.
+    """
+
+    def __init__(self, *, force: bool, inputs: Sequence[str | None] = (), resume: bool | None = None):
+        self.overwrites = force or bool(resume)
+        self.way_out = f"{'' if resume is None else '--resume goes on, '}--force overwrites it"
+        self.inputs = [Path(file) for file in inputs if file is not None]
+        self.files: dict[str, Path] = {}
+        self.mistakes: list[str] = []
+        if resume and force:
+            self.mistakes.append("--resume keeps what is there and --force throws it away: one of them")
+
+    def check(self) -> None:
+        """Leave with exit status 2 if anything is wrong."""
+        refuse(list(dict.fromkeys(self.mistakes)))
+
+    def target(self, option: str, written: str | None) -> Target:
+        """A file to write, "-" for standard output, or None."""
+        return written if written == STANDARD_OUTPUT else self.file(option, written)
+
+    def file(self, option: str, written: str | None, suffixes: Sequence[str] = ()) -> Path | None:
+        """A file to write, or None."""
+        if written is None:
+            return None
+        path = Path(written)
+        self._collect(option, written, lambda: self._wrong_file(path))
+        if suffixes and path.suffix.lower() not in suffixes:
+            self.mistakes.append(
+                f"{option} {path}: NetCDF is written; allowed: a name that ends in {suffixes[0]}"
+            )
+        self.mistakes += [
+            f"{other} and {option} name the same file: {path}"
+            for other, taken in self.files.items()
+            if _is_same(path, taken)
+        ]
+        self.files[option] = path
+        return path
+
+    def folder(
+        self,
+        option: str,
+        written: str | None,
+        names: Sequence[str] = (),
+        *,
+        stems: Sequence[str] = (),
+        parents: bool = False,
+    ) -> Path | None:
+        """A folder to write to, made later, or None.
+
+        Args:
+            option: that names it.
+            written: what it names.
+            names: files that the command writes there; one that exists is not overwritten unasked.
+            stems: beginnings of names of such files, before "." or "_".
+            parents: whether the folders above are made too.
+        """
+        if written is None:
+            return None
+        path = Path(written)
+        self._collect(option, written, lambda: self._wrong_folder(path, names, stems, parents))
+        return path
+
+    def _collect(self, option: str, written: str, wrong: Callable[[], str]) -> None:
+        try:
+            message = wrong() if written.strip() else "an empty name"
+        except (OSError, ValueError) as error:
+            message = getattr(error, "strerror", None) or str(error)
+        if message:
+            self.mistakes.append(f"{option} {written[:200]}".rstrip() + f": {message}")
+
+    def _wrong_file(self, path: Path) -> str:
+        if path.is_dir():
+            return "a folder; a file name belongs here"
+        if not path.parent.is_dir():
+            return f"the folder {path.parent} does not exist"
+        if any(_is_same(path, file) for file in self.inputs):
+            return "an input of this command; it would be overwritten"
+        if path.exists() and not self.overwrites:
+            return "exists already; --force overwrites it"
+        return _unwritable(path.parent)
+
+    def _wrong_folder(self, path: Path, names: Sequence[str], stems: Sequence[str], parents: bool) -> str:
+        if path.exists() and not path.is_dir():
+            return "a file; a folder belongs here"
+        if not path.exists():
+            above = path.absolute().parent
+            if not parents and not above.is_dir():
+                return f"the folder {path.parent} does not exist"
+            return "" if parents else _unwritable(above)
+        if not self.overwrites:
+            if held := [name for name in names if (path / name).exists()]:
+                return f"holds {held[0]} already; {self.way_out}"
+            beginnings = tuple(f"{stem}{end}" for stem in stems for end in "._")
+            if held := sorted(item.name for item in path.iterdir() if item.name.startswith(beginnings)):
+                return f"holds results of these cases ({held[0]}); --force overwrites them"
+        return _unwritable(path)
+
+
+def _unwritable(folder: Path) -> str:
+    return "" if os.access(folder, os.W_OK | os.X_OK) else f"no permission to write to the folder {folder}"
+
+
+def _is_same(one: Path, other: Path) -> bool:
+    try:
+        return one.resolve() == other.resolve() or os.path.samefile(one, other)
+    except (OSError, ValueError, RuntimeError):
+        return False
+
+
+def hand_over(content: object, target: Target) -> bool:
+    """Write JSON where it is wanted; whether standard output is free for text."""
+    if target is not None:
+        write_json(content, target)
+    return target != STANDARD_OUTPUT
+
+
+@contextmanager
+def writing(place: object = "output") -> Iterator[None]:
+    """Say which file cannot be written, and leave with exit status 2."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        fail(f"{error.filename or place}: cannot be written: {error.strerror or error}")
+
+
+@contextmanager
+def resumable(folder: str | os.PathLike[str] | None) -> Iterator[None]:
+    """Say how to go on where Ctrl-C or SIGTERM stops a command whose finished tasks are kept."""
+    try:
+        yield
+    except (KeyboardInterrupt, SystemExit) as stopped:
+        signalled = isinstance(stopped, KeyboardInterrupt) or stopped.code in (130, 143)
+        if folder is not None and signalled:
+            say(f"{folder}: what is finished is kept; the same command with --resume goes on")
+        raise
+
+
+@contextmanager
+def locked(folder: str | os.PathLike[str] | None, shard: str = "") -> Iterator[None]:
+    """Hold a folder while a command writes to it; leave with exit status 2 where another command does.
+
+    The operating system gives the lock up when a process ends, however it ends. A folder that had to be made
+    for the lock and stayed empty is taken away again.
+
+    Args:
+        folder: of the results; None where a command writes none.
+        shard: of an analysis whose shards are run side by side into one folder, such as "3/16".
+    """
+    if folder is None or not _can_be_folder(folder := Path(folder)):
+        yield  # what is wrong with it is said by the command
+        return
+    made = not folder.exists()
+    try:
+        folder.mkdir(exist_ok=True)
+        file = _opened(folder / f"{LOCK}{'-' if shard else ''}{shard.replace('/', '-of-')}")
+    except OSError as error:
+        fail(f"--out {folder}: cannot be written: {error.strerror or error}")
+    with file:
+        _say_who(file)
+        try:
+            yield
+        finally:
+            if sys.platform != "win32":  # there an open file cannot be removed: it stays, unlocked
+                Path(file.name).unlink(missing_ok=True)
+            if made and not any(folder.iterdir()):
+                folder.rmdir()
+
+
+def _can_be_folder(path: Path) -> bool:
+    try:
+        return bool(path.name) and (path if path.exists() else path.absolute().parent).is_dir()
+    except (OSError, ValueError):
+        return False
+
+
+def _opened(path: Path) -> IO[str]:
+    """The file with its lock; the one that stands under the path, which a process before may have removed."""
+    while True:
+        file = path.open("a+", encoding="utf-8")
+        if not _take(file):
+            with file:
+                fail(f"--out {path.parent}: in use by {_holder(file)}; wait for it, or choose another folder")
+        if path.exists() and os.path.samestat(os.fstat(file.fileno()), path.stat()):
+            return file
+        file.close()
+
+
+def _take(file: IO[str]) -> bool:
+    """Whether this process has the lock now."""
+    try:
+        if sys.platform == "win32":
+            import msvcrt
+
+            file.seek(0)
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True
+
+
+def _say_who(file: IO[str]) -> None:
+    file.seek(0)
+    file.truncate()
+    command = " ".join(["eclsim", *sys.argv[1:2]])
+    file.write(f"process {os.getpid()} ({command}, since {time.strftime('%H:%M:%S')})")
+    file.flush()
+
+
+def _holder(file: IO[str]) -> str:
+    try:
+        file.seek(0)
+        return file.read(200).strip() or "another eclsim command"
+    except OSError:
+        return "another eclsim command"

@@ -1,0 +1,198 @@
+"""Options of commands: each command takes one frozen object, whose fields are its options.
+
+A command is a function of one dataclass. `as_command` turns the fields into what the command line offers, so
+that an option is written once, with its type, default, bounds and help. Commands share options by sharing
+the classes at the end.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import dataclass, field, fields
+from types import EllipsisType
+from typing import TYPE_CHECKING, Literal, TypeVar, get_type_hints
+
+import typer
+
+from eclsim.cli.destination import locked
+
+if TYPE_CHECKING:
+    from eclsim.execution import Distribution
+
+Value = TypeVar("Value")
+VolumePolicy = Literal["as_published", "patient_held"]
+_SHOWN = "shown on the command line as"
+
+
+def option(
+    default: Value | EllipsisType,
+    help: str,
+    *names: str,
+    metavar: str | None = None,
+    minimum: float | None = None,
+    maximum: float | None = None,
+    show_default: bool = True,
+) -> Value:
+    """A field that is an option.
+
+    Args:
+        default: value where the option is left out, None or an empty list for none; `...`: it must be given.
+        help: what it is, with its unit.
+        names: such as "--json"; left out, the field's own name.
+        metavar: what stands for the value in the help, such as "FILE".
+        minimum: smallest number allowed.
+        maximum: largest number allowed.
+        show_default: whether the help names the default.
+    """
+    shown = typer.Option(
+        default, *names,
+        help=help, metavar=metavar, min=minimum, max=maximum, show_default=show_default,
+    )  # fmt: skip
+    return _field(default, shown)
+
+
+def argument(default: Value | EllipsisType, metavar: str, help: str, *, show_default: bool = True) -> Value:
+    """A field that is an argument, in the order of the fields."""
+    return _field(default, typer.Argument(default, metavar=metavar, help=help, show_default=show_default))
+
+
+def _field(default: Value | EllipsisType, shown: object) -> Value:
+    metadata = {_SHOWN: shown}
+    if isinstance(default, EllipsisType):
+        return field(metadata=metadata)
+    if isinstance(default, list):
+        return field(default_factory=lambda: default, metadata=metadata)
+    return field(default=default, metadata=metadata)
+
+
+def as_command(function: Callable[..., None]) -> Callable[..., None]:
+    """A function of one options object as a function of single options, from which Typer builds the command.
+
+    Where the options name a folder of results, it is held while the command runs.
+    """
+    kind: type = get_type_hints(function)["options"]
+    types, shown = get_type_hints(kind), {one.name: one.metadata[_SHOWN] for one in fields(kind)}
+
+    def command(**written: object) -> None:
+        options = kind(**written)
+        with locked(*options.held) if isinstance(options, ResultsFolder) else nullcontext():
+            function(options)
+
+    only = inspect.Parameter.KEYWORD_ONLY
+    listed = [inspect.Parameter(n, only, default=shown[n], annotation=types[n]) for n in _own_first(kind)]
+    vars(command)["__signature__"] = inspect.Signature(listed)
+    command.__name__, command.__doc__, command.__annotations__ = function.__name__, function.__doc__, types
+    return command
+
+
+def _own_first(kind: type) -> list[str]:
+    """Names of the fields: those of the class itself before those it shares with others."""
+    return list(dict.fromkeys(name for one in kind.__mro__ for name in inspect.get_annotations(one)))
+
+
+# --- options that commands share ------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResultsFolder:
+    """Of a command that holds the folder of its results while it runs."""
+
+    out: str | None
+
+    @property
+    def held(self) -> tuple[str | None, str]:
+        """The folder, and the shard where several commands may run side by side."""
+        return self.out, ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Force:
+    """Whether files may be overwritten."""
+
+    force: bool = option(False, "Overwrite files that exist.", "--force")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Json(Force):
+    """Where the JSON goes."""
+
+    json: str | None = option(None, "Write results as JSON; - for standard output.", "--json", metavar="FILE")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaseChanges:
+    """What wins over a case file."""
+
+    settings: list[str] = option(
+        [],
+        "Value that wins over the case file, such as ecmo.speed_rpm=3000 [rpm], patient.heart_rate_bpm=90 or "
+        "Rmc=0.8 [mmHg s/mL]. May be repeated.",
+        "--set",
+        metavar="KEY=VALUE",
+    )
+    volume_policy: VolumePolicy | None = option(
+        None,
+        "as_published: the patient's blood fills the circuits; patient_held: the circuits are primed and the "
+        "patient keeps the stressed volume. Left out, what the case file says, else as_published.",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class FreeParameters:
+    """What is fitted, in which bounds, to measurements how certain."""
+
+    parameters: str | None = option(
+        None,
+        "Free parameters; left out, the paper's Csart,Edla,Emaxlv,Emaxrv,Rmc,Rpmc,Rsvn.",
+        "--parameters",
+        "--free",
+        metavar="NAMES",
+    )
+    bounds: str | None = option(
+        None,
+        "Bounds in the parameter's unit; equal ones fix it. Default: the start value / 10 to * 10.",
+        metavar="NAME=LOWER:UPPER,...",
+    )
+    uncertainty: str | None = option(
+        None,
+        "Standard uncertainties of the measurements, for intervals and weights: SP=4,CO=10% [mmHg, L/min or "
+        "%]. Defaults: SP=4,DP=4,MAP=3,MPAP=2,PCWP=2 mmHg, CO=10 %, PF=5 %.",
+        metavar="NAME=VALUE,...",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Resumable(Json):
+    """Of a command whose finished tasks are kept."""
+
+    resume: bool = option(False, "Go on with what --out holds already.", "--resume")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Distributed(Resumable):
+    """Where tasks run, and which."""
+
+    workers: int | None = option(None, "Threads, or local Dask workers; left out, all processors.", minimum=1)
+    dask: str | None = option(
+        None, "Run on the workers of a Dask scheduler, or on local ones: local.", metavar="ADDRESS"
+    )
+    shard: str | None = option(
+        None,
+        "Run part k of n (from 1) only; finish with `eclsim merge DIR` when all are done.",
+        metavar="k/n",
+    )
+
+    def distribution(self, mistakes: list[str]) -> Distribution:
+        """Where tasks run, and which; adds to the mistakes what cannot be."""
+        from eclsim.execution import Distribution, ExecutionError, Shard
+
+        try:
+            shard = Shard.parse(self.shard) if self.shard else None
+            return Distribution(
+                workers=self.workers, dask=self.dask, shard=shard, resume=self.resume, force=self.force
+            )
+        except ExecutionError as error:
+            mistakes.append(str(error))
+            return Distribution()
