@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
+from eclsim.crrt_study.beats import summarise
 from eclsim.crrt_study.limits import largest_flows
 from eclsim.crrt_study.ranking import rank
-from eclsim.crrt_study.statistics import summarise
 from eclsim.crrt_study.study import CrrtStudy
 
 ALL = slice(None)

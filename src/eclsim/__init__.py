@@ -14,6 +14,7 @@ from eclsim._version import __version__
 if TYPE_CHECKING:
     from eclsim.cases.reading import read_case
     from eclsim.circuit import Choice, Circuit, Compartment, Connection, StartPressure, StartVolume
+    from eclsim.crrt_study.study import crrt_study
     from eclsim.devices.crrt import crrt
     from eclsim.devices.ecmo import ecmo
     from eclsim.devices.lvad import lvad
@@ -51,6 +52,7 @@ _EXPORTS: dict[str, str] = {
     "batch_outputs": "eclsim.outputs.evaluation",
     "circulation": "eclsim.patient.circulation",
     "crrt": "eclsim.devices.crrt",
+    "crrt_study": "eclsim.crrt_study.study",
     "draw_circuit": "eclsim.reporting.schematic",
     "ecmo": "eclsim.devices.ecmo",
     "identifiability": "eclsim.sensitivity.identifiability",
@@ -84,6 +86,7 @@ __all__ = [
     "batch_outputs",
     "circulation",
     "crrt",
+    "crrt_study",
     "draw_circuit",
     "ecmo",
     "identifiability",

@@ -116,8 +116,8 @@ def test_page_tables_and_json_of_a_cohort(cohort, tmp_path):
     import csv
     import json
 
-    from eclsim.crrt_study.cohort_files import cohort_json, write_cohort
-    from eclsim.crrt_study.cohort_names import FILES
+    from eclsim.crrt_study.cohort import FILES
+    from eclsim.crrt_study.cohort_report import cohort_json, write_cohort
 
     hostile = replace(cohort, points=(replace(cohort.points[0], name="<b>=1+1</b>"), *cohort.points[1:]))
     written = write_cohort(hostile, tmp_path / "out")
@@ -141,7 +141,7 @@ def test_page_tables_and_json_of_a_cohort(cohort, tmp_path):
 
 
 def test_the_terminal_table_keeps_a_row_for_each_scheme_at_120_columns(cohort, capsys, monkeypatch):
-    from eclsim.crrt_study import cohort_files as report
+    from eclsim.crrt_study import cohort_report as report
 
     monkeypatch.setattr(report, "_WIDTH_OF_PIPES", 120)
     report.show(cohort)

@@ -8,7 +8,7 @@ import pytest
 
 from crrt_failures import ALL, forget, with_failures
 from eclsim.crrt_study import limits as crrt_limits
-from eclsim.crrt_study.batches import Bench, bench_of
+from eclsim.crrt_study.beats import StudyCircuits, study_circuits
 from eclsim.crrt_study.limits import (
     BROKEN_ABOVE,
     KEPT_TO_THE_END,
@@ -16,11 +16,11 @@ from eclsim.crrt_study.limits import (
     NOT_KNOWN,
     NOT_KNOWN_ABOVE,
     kept_up_to,
+    uncertainty,
 )
 from eclsim.crrt_study.ranking import candidates, first_choice
 from eclsim.crrt_study.schemes import select_schemes
 from eclsim.crrt_study.study import crrt_study
-from eclsim.crrt_study.uncertainty import uncertainty
 from eclsim.orbit.status import Status
 from eclsim.paper.patient import paper_case
 
@@ -162,8 +162,8 @@ def test_the_beats_without_crrt_count_among_those_not_found(study):
     assert not gone.converged
 
 
-class Losing(Bench):
-    """A bench on which the beats of the last sample are not found."""
+class Losing(StudyCircuits):
+    """A circuits on which the beats of the last sample are not found."""
 
     def run_patients(self, speeds, policy, patients):
         found = super().run_patients(speeds, policy, patients)
@@ -174,10 +174,10 @@ class Losing(Bench):
 
 
 def test_the_share_of_samples_without_a_beat_is_told(study):
-    made = bench_of(paper_case(), select_schemes("g,h"), 200.0)
-    bench = Losing(made.circuit, made.without, made.values, made.nodes, made.schemes)
+    made = study_circuits(paper_case(), select_schemes("g,h"), 200.0)
+    circuits = Losing(made.circuit, made.without, made.values, made.nodes, made.schemes)
     samples = {"Dcrrttuout": [0.3175, 0.3175, 0.2, 0.3175]}
-    doubt = uncertainty(bench, 3425.0, "as_published", samples)
+    doubt = uncertainty(circuits, 3425.0, "as_published", samples)
     one = doubt.sel(scheme="g", limit="return_alarm")
     assert float(one["settled"]) == 0.75
     assert float(one["probability_kept"]) == pytest.approx(2.0 / 3.0)

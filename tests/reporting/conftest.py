@@ -1,19 +1,10 @@
-"""One small study, shared by the tests of what is written about it."""
+"""What the tests of reports share: a small study, and a fit."""
 
 import pytest
 
-from eclsim.crrt_study.study import CrrtStudy, crrt_study
-from eclsim.paper.patient import paper_case
+from small_study import HOSTILE, hostile_study
 
-HOSTILE = "<script>alert('x')</script> & \"$\\alpha\""
-
-
-@pytest.fixture(scope="session")
-def hostile_study() -> CrrtStudy:
-    """Three schemes at four speeds, of a patient whose id is an attack."""
-    case = paper_case()
-    patient = case.patient.model_copy(update={"id": HOSTILE})
-    return crrt_study(case.model_copy(update={"patient": patient}), schemes="a,g,h", speeds="1000:5000:2000")
+__all__ = ["hostile_study"]
 
 
 @pytest.fixture

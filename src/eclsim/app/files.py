@@ -290,8 +290,8 @@ def _figures(state: PageState, kind: str, stem: str) -> tuple[str, bytes]:
 
 
 def _study(state: PageState, stem: str) -> tuple[str, bytes]:
-    from eclsim.crrt_study.drawings import drawings
-    from eclsim.crrt_study.page import study_page
+    from eclsim.crrt_study.report import drawings
+    from eclsim.crrt_study.report import study_page
     from eclsim.crrt_study.settings import StudyError
     from eclsim.crrt_study.study import crrt_study
 

@@ -59,7 +59,7 @@ def speed_range(state: PageState) -> tuple[str, float, tuple[float, float]] | No
 
 def schemes(state: PageState) -> dict[str, Any] | None:
     """Line pressures of the nine schemes at the state's own speed; None without a rotary ECMO pump."""
-    from eclsim.crrt_study.batches import bench_of
+    from eclsim.crrt_study.beats import study_circuits
     from eclsim.crrt_study.schemes import nine_schemes
 
     ecmo = state.case.ecmo
@@ -67,8 +67,8 @@ def schemes(state: PageState) -> dict[str, Any] | None:
         return None
     chosen = tuple(nine_schemes().values())
     flow = state.case.crrt.flow_ml_min if state.case.crrt is not None else 200.0
-    bench = bench_of(state.case, chosen, flow)
-    records = bench.run(np.array([float(ecmo.speed_rpm or 0.0)]), state.policy, keep=range(len(chosen)))
+    circuits = study_circuits(state.case, chosen, flow)
+    records = circuits.run(np.array([float(ecmo.speed_rpm or 0.0)]), state.policy, keep=range(len(chosen)))
     even = np.linspace(0.0, 1.0, WAVE_POINTS)
     found = []
     for k, scheme in enumerate(chosen):

@@ -140,12 +140,12 @@ def _study_case(o: CrrtStudyOptions) -> Sequence[str]:
     case = with_speeds(readings, _first_policy(o))[0].case
     target, samples = _check_case(o, case)
     study = _compute(o, case, samples)
-    from eclsim.crrt_study import files, summary
-    from eclsim.crrt_study.words import not_known
+    from eclsim.crrt_study import files, report
+    from eclsim.crrt_study.missing_beats import not_known
 
     write, write_json = files.write_study, files.write_json
     if _write(o, target, lambda folder: write(study, folder), lambda to: write_json(study, to)):
-        summary.show(study)
+        report.show(study)
     return () if study.converged else not_known(study)
 
 
@@ -192,22 +192,22 @@ def _compute(o: CrrtStudyOptions, case: Case, samples: Mapping[str, Sequence[flo
 
 def _study_cohort(o: CrrtStudyOptions) -> Sequence[str]:
     """Fit or read the cases and study each; returns what could not be studied."""
-    from eclsim.crrt_study import cohort_files
+    from eclsim.crrt_study import cohort_report
 
     target = _check_cohort(o)
     reading = None if Path(o.file).is_dir() else read_table(o.file)
     with resumable(o.out), Progress() as progress, _fits(o.out) as fits:
         fitted = _from_folder(o) if reading is None else _fitted(o, reading, fits, progress)
         study = _compute_cohort(o, fitted, progress)
-    files, json = cohort_files.write_cohort, cohort_files.write_json
+    files, json = cohort_report.write_cohort, cohort_report.write_json
     if _write(o, target, lambda folder: files(study, folder), lambda to: json(study, to)):
-        cohort_files.show(study)
+        cohort_report.show(study)
     lost = [f"{name}: {reason}" for name, reason in study.lost.items()]
     return lost + [f"{point.name}: {line}" for point in study.unsettled for line in point.unsettled]
 
 
 def _check_cohort(o: CrrtStudyOptions) -> Target:
-    from eclsim.crrt_study.cohort_names import FILES, FITS
+    from eclsim.crrt_study.cohort import FILES, FITS
     from eclsim.crrt_study.settings import check_flow
 
     places = Destinations(force=o.force, resume=o.resume, inputs=[o.file])
@@ -253,7 +253,7 @@ def _fitted(o: CrrtStudyOptions, reading: CohortReading, folder: Path, progress:
 @contextmanager
 def _fits(out: str | None) -> Iterator[Path]:
     """Folder that keeps the fits: in --out, else one that goes."""
-    from eclsim.crrt_study.cohort_names import FITS
+    from eclsim.crrt_study.cohort import FITS
 
     if out is None:
         with tempfile.TemporaryDirectory(prefix="eclsim-") as name:

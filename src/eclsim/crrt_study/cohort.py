@@ -16,6 +16,11 @@ if TYPE_CHECKING:
     from eclsim.identification.fitted_cohort import FittedCases
 
 
+FILES = ("report.html", "cohort.json", "points.csv", "schemes.csv", "ranks.svg")
+FITS = "fits"
+"""Folder of the fits, so that they can be gone on with."""
+
+
 @dataclass(frozen=True)
 class PointResult:
     """What the study says for one data point.

@@ -1,14 +1,24 @@
-"""Writing the CRRT study to a folder: page, JSON, NetCDF, CSV and figures."""
+"""Files of the CRRT study: page, JSON, CSV tables, NetCDF and figures."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from eclsim.crrt_study.netcdf import write_netcdf
-from eclsim.files import frame_text, json_text, write_text
+import numpy as np
+
+from eclsim.crrt_study.beats import SPLIT, SUMMARISED
+from eclsim.crrt_study.limits import LIMITS
+from eclsim.crrt_study.ranking import choice, first_choice
+from eclsim.files import Json, finite, frame_text, json_text, whole_file, write_text
+from eclsim.orbit.model import AS_PUBLISHED
 
 if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
     from eclsim.crrt_study.study import CrrtStudy
 
 FILES = ("report.html", "study.json", "study.nc")
@@ -29,9 +39,7 @@ def write_study(study: CrrtStudy, folder: Path, policy: str | None = None) -> li
         folder: to write to.
         policy: blood volume policy that report and figures are for; left out, the first studied.
     """
-    from eclsim.crrt_study.drawings import drawings
-    from eclsim.crrt_study.page import study_page
-    from eclsim.crrt_study.tables import tables
+    from eclsim.crrt_study.report import drawings, study_page
 
     folder.mkdir(exist_ok=True)
     drawn = drawings(study, policy)
@@ -47,11 +55,311 @@ def write_study(study: CrrtStudy, folder: Path, policy: str | None = None) -> li
 
 def study_json(study: CrrtStudy) -> str:
     """The study as JSON text."""
-    from eclsim.crrt_study.json_object import study_object
-
     return json_text(study_object(study))
 
 
 def write_json(study: CrrtStudy, destination: Path | str) -> None:
     """Write the JSON object to a file, or to standard output for "-"."""
     write_text(study_json(study), destination)
+
+
+# --- JSON -----------------------------------------------------------------------------------------
+
+
+MEANS = (
+    "Psart", "Psvn", "Ppart", "Pcrrttuin", "Pcrrttuout", "Pecmodrain", "PF", "MAP", "CO", "EDVRV", "ESVRV",
+    "SP", "DP", "MPAP", "PCWP", "lowest_drainage_pressure", "recirculated_fraction",
+)  # fmt: skip
+"""Cycle means [mmHg], flows [L/min] and volumes [mL] of each scheme."""
+DIFFERENCES = ("difference", "uptake", "flow")
+
+
+def study_object(study: CrrtStudy) -> dict[str, Json]:
+    """The study as a mapping of plain values; a number that is not finite is None."""
+    content = {
+        "id": study.case.patient.id,
+        "converged": study.converged,
+        "crrt_flow_ml_min": study.crrt_flow_ml_min,
+        "not_known": [
+            {
+                "policy": one.policy,
+                "of": one.place,
+                "speeds_rpm": one.speeds,
+                "status": one.status,
+                "message": f"{one.sentence}; {one.advice}",
+            }
+            for one in study.unsettled
+        ],
+        "policies": {policy: _policy(study, policy) for policy in study.policies},
+    }
+    if study.uncertainty is not None:
+        content["uncertainty"] = _uncertainty(study.uncertainty)
+    return {key: finite(value) for key, value in content.items()}
+
+
+def _values(one: xr.Dataset, names: Sequence[str] | Mapping[str, str]) -> dict[str, object]:
+    """Scalars of a dataset under their names, or under the keys of a mapping to their names."""
+    keys = names if isinstance(names, Mapping) else {name: name for name in names}
+    return {key: one[name].item() for key, name in keys.items()}
+
+
+def _policy(study: CrrtStudy, policy: str) -> dict[str, object]:
+    at_case = {"policy": policy, "speed": study.case_speed}
+    means, alone = study.means.sel(at_case), study.without_crrt.sel(at_case)
+    schemes = {}
+    for scheme in study.schemes:
+        one = means.sel(scheme=scheme.letter)
+        schemes[scheme.letter] = {
+            "name": scheme.name,
+            "access_site": scheme.access_site,
+            "return_site": scheme.return_site,
+            "note": scheme.note,
+            "means": _values(one, MEANS),
+            "patient_volume_change_ml": one["patient_volume_change"].item(),
+            **_values(one, ("converged", "status")),
+        }
+        if study.uptake is not None and policy == AS_PUBLISHED:
+            split = study.uptake.sel(scheme=scheme.letter)
+            schemes[scheme.letter]["difference_to_no_crrt"] = {
+                **{name: _values(split, {p: f"{name}_{p}" for p in DIFFERENCES}) for name in SPLIT},
+                **_values(split, {"blood_taken_up_ml": "blood_taken_up", "status": "status"}),
+            }
+    best = first_choice(study.ranking[policy])
+    return {
+        "speed_rpm": study.case_speed,
+        "schemes": schemes,
+        "without_crrt": _values(alone, [*(n for n in MEANS if n in alone), "converged", "status"]),
+        "summary": _summary(study.summary.sel(at_case)),
+        "speeds": _at_speeds(study, policy),
+        "limits": _limits(study.limits.sel(policy=policy)),
+        "first_choice": None if best is None else best.letter,
+        "first_choice_in_words": choice(study, policy),
+        "ranking": [asdict(ranked) for ranked in study.ranking[policy]],
+    }
+
+
+def _summary(summary: xr.Dataset) -> dict[str, object]:
+    words = ("median", "variation", "variation_percent", "highest", "lowest")
+    each = {name: _values(summary, {word: f"{name}_{word}" for word in words}) for name in SUMMARISED}
+    return {"schemes_known": summary["schemes_known"].item(), **each}
+
+
+def _at_speeds(study: CrrtStudy, policy: str) -> list[dict[str, object]]:
+    """All schemes at every speed; read from plain arrays, as there are thousands of numbers."""
+    means = study.means.sel(policy=policy)
+    names = ("converged", "status", *MEANS)
+    values = {name: means[name].transpose("scheme", "speed").values.tolist() for name in names}
+    letters = means["scheme"].values.tolist()
+    return [
+        {
+            "speed_rpm": speed,
+            "schemes": {
+                letter: {name: values[name][s][k] for name in names} for s, letter in enumerate(letters)
+            },
+            "summary": _summary(study.summary.sel(policy=policy, speed=speed)),
+        }
+        for k, speed in enumerate(means["speed"].values.tolist())
+    ]
+
+
+_LIMIT_KEYS = {
+    "largest_ecmo_flow_l_min": "largest_flow", "largest_speed_rpm": "largest_speed",
+    "ecmo_flow_at_most_l_min": "flow_at_most", "state": "state", "in_words": "in_words",
+    "kept_throughout": "kept_throughout", "margin_mmhg": "margin",
+}  # fmt: skip
+
+
+def _limits(limits: xr.Dataset) -> dict[str, object]:
+    definitions = {
+        limit.name: {"quantity": limit.quantity, "low_mmhg": limit.low, "high_mmhg": limit.high,
+                     "meaning": limit.meaning}
+        for limit in LIMITS
+    }  # fmt: skip
+    schemes = {
+        letter: {
+            name: _values(limits.sel(scheme=letter, limit=name), _LIMIT_KEYS)
+            for name in limits["limit"].values.tolist()
+        }
+        for letter in limits["scheme"].values.tolist()
+    }
+    return {"definitions": definitions, "schemes": schemes}
+
+
+def _uncertainty(found: xr.Dataset) -> dict[str, object]:
+    names = [str(name) for name in found.data_vars if str(name).endswith("_quantiles")]
+    keys, schemes = found["limit"].values.tolist(), {}
+    for letter in found["scheme"].values.tolist():
+        one = found.sel(scheme=letter)
+        shares = {
+            name: dict(zip(keys, one[name].values.tolist(), strict=True))
+            for name in ("probability_kept", "probability_at_least", "probability_at_most")
+        }
+        spread = {n.removesuffix("_quantiles"): one[n].values.tolist() for n in names}
+        schemes[letter] = {**shares, "quantiles": spread, "settled": one["settled"].item()}
+    about = {str(key): value for key, value in found.attrs.items()}
+    return {**about, "quantiles": found["quantile"].values.tolist(), "schemes": schemes}
+
+
+# --- CSV ------------------------------------------------------------------------------------------
+
+
+def tables(study: CrrtStudy) -> dict[str, pd.DataFrame]:
+    """All tables by name; units stand in the heads."""
+    return {
+        "means": means_table(study),
+        "summary": summary_table(study),
+        "limits": limits_table(study),
+        "ranking": ranking_table(study),
+    } | ({"uptake": uptake_table(study)} if study.uptake is not None else {})
+
+
+def means_table(study: CrrtStudy) -> pd.DataFrame:
+    """A row for each policy, scheme and speed."""
+    import pandas as pd
+
+    names = [*MEANS, "patient_volume_change", "converged", "status"]
+    frame = study.means[names].to_dataframe().reset_index()
+    ordered = ["policy", "scheme", "connection", "access_site", "return_site", "speed", *names]
+    return pd.DataFrame(frame[ordered]).rename(columns=_headed(study))
+
+
+def summary_table(study: CrrtStudy) -> pd.DataFrame:
+    """A row for each policy and speed: median and variation over the schemes."""
+    import pandas as pd
+
+    words = ("median", "variation", "variation_percent", "highest", "lowest")
+    names = [f"{name}_{word}" for name in SUMMARISED for word in words]
+    ordered = ["policy", "speed", "schemes_known", *names]
+    frame = study.summary[["schemes_known", *names]].to_dataframe().reset_index()[ordered]
+    heads = {n: f"{n} [{u}]" for n in names if (u := study.summary[n].attrs.get("units"))}
+    return pd.DataFrame(frame).rename(columns=heads | {"speed": "speed [rpm]"})
+
+
+def limits_table(study: CrrtStudy) -> pd.DataFrame:
+    """A row for each policy, scheme and limit."""
+    frame = study.limits.to_dataframe().reset_index()
+    heads = {str(n): f"{n} [{u}]" for n, v in study.limits.data_vars.items() if (u := v.attrs.get("units"))}
+    return frame.rename(columns=heads)
+
+
+def ranking_table(study: CrrtStudy) -> pd.DataFrame:
+    """A row for each policy and scheme, best first; rank is empty where the place is not known."""
+    import pandas as pd
+
+    rows = []
+    for policy, ranked in study.ranking.items():
+        for one in ranked:
+            rows.append(
+                {
+                    "policy": policy,
+                    "rank": one.rank,
+                    "scheme": one.letter,
+                    "best_place": one.places and one.places[0],
+                    "worst_place": one.places and one.places[1],
+                    "largest_flow [L/min]": one.largest_flow,
+                    "flow_at_most [L/min]": one.flow_at_most,
+                    "margin [mmHg]": one.margin,
+                    "why_no_rank": one.why_no_rank,
+                    "reasons": "; ".join(one.reasons),
+                }
+            )
+    places = ("rank", "best_place", "worst_place")
+    return pd.DataFrame(rows).astype(dict.fromkeys(places, "Int64"))
+
+
+def uptake_table(study: CrrtStudy) -> pd.DataFrame:
+    """A row for each scheme: differences to the patient without CRRT, split."""
+    assert study.uptake is not None
+    return study.uptake.to_dataframe().reset_index().rename(columns={"blood_taken_up": "blood_taken_up [mL]"})
+
+
+def _headed(study: CrrtStudy) -> dict[str, str]:
+    units = {str(n): v.attrs.get("units") for n, v in study.means.variables.items()}
+    return {name: f"{name} [{unit}]" for name, unit in units.items() if unit}
+
+
+# --- NetCDF ---------------------------------------------------------------------------------------
+
+
+MORE = (
+    "patient_volume",
+    "ecmo_volume",
+    "crrt_volume",
+    "patient_volume_change",
+    "converged",
+    "status",
+    "beats",
+)
+
+
+def write_netcdf(study: CrrtStudy, path: Path) -> None:
+    """Write NetCDF with the groups means, without_crrt, waveforms, limits and uptake.
+
+    Of the means, pressures and the quantities of the JSON object are written.
+    """
+    groups = {
+        "means": study.means[_written(study.means)],
+        "without_crrt": study.without_crrt[_written(study.without_crrt)],
+        "waveforms": study.waveforms,
+        "limits": study.limits,
+    } | ({} if study.uptake is None else {"uptake": study.uptake})
+    with whole_file(path) as partial:
+        write_groups(groups, partial)
+
+
+def _written(data: xr.Dataset) -> list[str]:
+    """Names of the variables of the means that go to NetCDF."""
+    names = [str(name) for name in data.data_vars]
+    return [n for n in names if n in (*MEANS, *MORE) or (n[0] == "P" and "Q" + n[1:] in names)]
+
+
+def write_groups(groups: dict[str, xr.Dataset], path: Path) -> None:
+    """Write datasets whose dimensions all have coordinates, a group each."""
+    import h5py
+
+    with h5py.File(path, "w", track_order=True) as file:
+        for name, data in groups.items():
+            group = file.create_group(name, track_order=True)
+            group.attrs.update(_attributes(data.attrs))
+            scales = {}
+            for dimension in data.dims:
+                scales[dimension] = _write(group, str(dimension), data[dimension])
+                scales[dimension].make_scale(str(dimension))
+            for key, variable in data.variables.items():
+                if key not in scales:
+                    _attach(_write(group, str(key), variable, _others(data, variable)), variable, scales)
+
+
+def _others(data: xr.Dataset, variable: xr.Variable) -> str:
+    """Names of the coordinates, besides those of the dimensions, that belong to a variable."""
+    if any(variable is data.variables[name] for name in data.coords):
+        return ""
+    fitting = (str(c) for c in data.coords if c not in data.dims and set(data[c].dims) <= set(variable.dims))
+    return " ".join(fitting)
+
+
+def _write(group: Any, name: str, variable: Any, coordinates: str = "") -> Any:
+    values, attributes = variable.values, dict(variable.attrs)
+    if values.dtype == bool:
+        values, attributes = values.astype("i1"), attributes | {"dtype": "bool"}
+    if coordinates:
+        attributes["coordinates"] = coordinates
+    if values.dtype.kind in "UO":
+        import h5py
+
+        written = group.create_dataset(name, data=values.astype(object), dtype=h5py.string_dtype())
+    else:
+        written = group.create_dataset(name, data=values)
+        if values.dtype.kind == "f":
+            attributes["_FillValue"] = np.array([np.nan])
+    written.attrs.update(_attributes(attributes))
+    return written
+
+
+def _attributes(found: dict[Any, Any]) -> dict[str, Any]:
+    return {str(key): value for key, value in found.items() if value is not None}
+
+
+def _attach(written: Any, variable: xr.Variable, scales: dict[Any, Any]) -> None:
+    for axis, dimension in enumerate(variable.dims):
+        written.dims[axis].attach_scale(scales[dimension])

@@ -5,17 +5,23 @@ A speed without a steady beat has no margin (NaN): nothing is concluded from it,
 
 from __future__ import annotations
 
+import math
+import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eclsim.crrt_study.unknown_beats import no_beat, speeds_in_words
+from eclsim.crrt_study.beats import value
+from eclsim.crrt_study.missing_beats import no_beat, speeds_in_words
 from eclsim.devices.crrt import ALARMS_MMHG, SANSOM_ACCESS_MMHG
 from eclsim.devices.ecmo import SUCTION_MMHG
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from eclsim.crrt_study.beats import StudyCircuits
 
 FINE_POINTS = 4001
 
@@ -216,3 +222,78 @@ def in_words(kept: Kept, missing: str, noun: str = "its limits") -> str:
     else:
         said += f" of ECMO flow{doubt}"
     return said + (f"; broken at {speeds_in_words(kept.broken_below)}" if kept.broken_below else "")
+
+
+def kept(flow: float, flow_at_most: float, to_the_end: bool) -> str:
+    """The ECMO flow that keeps a limit: +, kept at the largest speed; ≥, not known above.
+
+    Args:
+        flow: largest that is known to keep it [L/min].
+        flow_at_most: bound on what may keep it.
+        to_the_end: whether it is kept at the largest speed studied.
+    """
+    if math.isnan(flow):
+        return "never" if math.isnan(flow_at_most) else "not known"
+    if flow != flow_at_most:
+        return f"≥ {flow:.1f}"
+    return f"{flow:.1f}{'+' if to_the_end else ''}"
+
+
+# --- how surely limits are kept, over samples of the patient's parameters -------------------------
+
+
+QUANTITIES = ("Psart", "Pcrrttuin", "Pcrrttuout", "PF")
+QUANTILES = (0.05, 0.5, 0.95)
+
+
+def uncertainty(
+    circuits: StudyCircuits, speed: float, policy: str, samples: Mapping[str, Sequence[float]]
+) -> xr.Dataset:
+    """Probability that every scheme keeps each limit, and the spread of its pressures.
+
+    Args:
+        circuits: of the study.
+        speed: pump speed [rpm].
+        policy: blood volume policy.
+        samples: values by parameter, one per sample.
+
+    Returns:
+        Over `scheme`: `settled`, the share of the samples whose steady beat was found. Of these alone:
+        `probability_kept` over `scheme` and `limit`, and `<quantity>_quantiles` over `scheme` and `quantile`;
+        NaN where there is none. The share of all samples lies between `probability_at_least`, where those
+        without a beat break the limit, and `probability_at_most`, where they keep it.
+    """
+    import xarray as xr
+
+    patients = {name: np.asarray(values, dtype=float) for name, values in samples.items()}
+    records = circuits.run_patients(np.array([speed]), policy, patients)
+    shape = (len(circuits.schemes), -1)
+    settled = records.converged.reshape(shape)
+    margins = {limit.name: limit.margin(value(records, limit.quantity).reshape(shape)) for limit in LIMITS}
+    margins[CRRT_LIMITS] = np.min([margins[limit.name] for limit in LIMITS if limit.of_crrt], axis=0)
+    kept = np.stack([(m >= 0.0).sum(axis=1) for m in margins.values()], axis=1)
+    found, every = settled.sum(axis=1)[:, None], settled.shape[1]
+    dims = ("scheme", "limit")
+    data = {
+        "probability_kept": (dims, np.where(found > 0, kept / np.maximum(found, 1), np.nan), {"units": "1"}),
+        "probability_at_least": (dims, kept / every, {"units": "1"}),
+        "probability_at_most": (dims, (kept + every - found) / every, {"units": "1"}),
+        "settled": ("scheme", settled.mean(axis=1), {"units": "1"}),
+    }
+    for name in QUANTITIES:
+        quantiles = _quantiles(value(records, name).reshape(shape))
+        data[f"{name}_quantiles"] = (("scheme", "quantile"), quantiles, {})
+    coordinates = {
+        "scheme": [s.letter for s in circuits.schemes],
+        "limit": list(margins),
+        "quantile": list(QUANTILES),
+    }
+    attributes = {"blood_volume_policy": policy, "samples": settled.shape[1], "speed_rpm": speed}
+    return xr.Dataset(data, coordinates, attributes)
+
+
+def _quantiles(values: np.ndarray) -> np.ndarray:
+    """Quantiles of the samples whose beat was found, shape (schemes, quantiles); NaN where none was."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="All-NaN")
+        return np.nanquantile(values, QUANTILES, axis=1).T

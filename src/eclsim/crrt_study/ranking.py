@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eclsim.crrt_study.limits import CRRT_LIMITS, KEPT_TO_THE_END
-from eclsim.crrt_study.unknown_beats import listed, no_beat
+from eclsim.crrt_study.missing_beats import listed, no_beat, schemes_named
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from eclsim.crrt_study.schemes import Scheme
+    from eclsim.crrt_study.study import CrrtStudy
 
 ORDER = (
     "keeps the machine's pressure alarms at this speed",
@@ -193,3 +194,61 @@ def _sentences(one: Ranked, means: xr.Dataset, kept: str) -> list[str]:
 def _whole(value: float) -> str:
     """A whole number with a real minus sign."""
     return f"{value:.0f}".replace("-", "−")
+
+
+# --- which scheme is first, in words -----------------------------------------------------------
+
+IN_ANOTHER_POLICY = {
+    "as_published": "as published, where the patient's own blood fills the circuits",
+    "patient_held": "when the circuits are primed and the patient's volume is held",
+}
+MOST_LINES = 20
+
+
+def choice(study: CrrtStudy, policy: str) -> list[str]:
+    """Which scheme is first and why, or what is missing to tell; the first line is the answer."""
+    ranking = study.ranking[policy]
+    best, unknown = best_known(ranking), [one for one in ranking if not one.known]
+    left_out = _left_out(unknown)
+    if best is not None:
+        name = f"scheme {best.letter} ({next(s.name for s in study.schemes if s.letter == best.letter)})"
+        if not unknown:
+            return [f"First choice for this patient: {name}", *best.reasons]
+        of = f"the {len(ranking) - len(unknown)} of {len(ranking)} schemes whose beat was found"
+        answer = f"No first choice can be named; best of {of} at {study.case_speed:.0f} rpm: {name}"
+        return [answer, *best.reasons, *left_out]
+    open_ = candidates(ranking)
+    if not open_:
+        return ["No scheme can be ranked", *left_out]
+    answer = f"No first choice can be named: schemes {listed([r.letter for r in open_])} may each be first"
+    lines = [f"Scheme {one.letter}: {one.why_no_rank}; {'; '.join(one.reasons)}" for one in open_]
+    return [answer, *lines[:MOST_LINES], *left_out]
+
+
+def _left_out(unknown: list[Ranked]) -> list[str]:
+    """Schemes without a place, those with the same reason together."""
+    together: dict[str, list[str]] = {}
+    for one in unknown:
+        together.setdefault(one.why_no_rank, []).append(one.letter)
+    return [f"{schemes_named(letters)}: {why}" for why, letters in together.items()]
+
+
+def choice_elsewhere(study: CrrtStudy, policy: str) -> str | None:
+    """Which scheme is first under the other blood volume policy; None if only one was studied."""
+    others = [one for one in study.policies if one != policy]
+    if not others:
+        return None
+    best, here = first_choice(study.ranking[others[0]]), first_choice(study.ranking[policy])
+    where = IN_ANOTHER_POLICY[others[0]]
+    if best is None:
+        return f"Which scheme is first {where} is not known."
+    if here is not None and best.letter == here.letter:
+        return f"It is also first {where}."
+    return f"{where[0].upper()}{where[1:]}, scheme {best.letter} is first."
+
+
+def place(one: Ranked) -> str:
+    """A scheme's place; where it is not known, the places that it may have."""
+    if one.rank is not None:
+        return str(one.rank)
+    return "–" if one.places is None else f"{one.places[0]}–{one.places[1]}"

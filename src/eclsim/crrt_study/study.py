@@ -13,14 +13,16 @@ import numpy as np
 
 from eclsim.crrt_study.schemes import NINE, PUBLISHED, Scheme, select_schemes
 from eclsim.crrt_study.settings import AS_PUBLISHED, BOTH, case_speed, crrt_flow, policies_of
+from eclsim.orbit.model import CaseSource, as_case
 from eclsim.simulation.value_ranges import parse_speeds
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from eclsim.cases.case import Case
+    from eclsim.crrt_study.missing_beats import Unsettled
     from eclsim.crrt_study.ranking import Ranked
-    from eclsim.crrt_study.unknown_beats import Unsettled
+    from eclsim.files import Json
 
 USUAL_SPEEDS = "1000:5000:250"
 
@@ -65,6 +67,17 @@ class CrrtStudy:
         return tuple(str(policy) for policy in self.means["policy"].values)
 
     @property
+    def dataset(self) -> xr.Dataset:
+        """Cycle means and outputs over `policy`, `scheme` and `speed`: the same as `means`."""
+        return self.means
+
+    def as_object(self) -> dict[str, Json]:
+        """As plain data for JSON, what `eclsim crrt-study --json` writes."""
+        from eclsim.crrt_study.files import study_object
+
+        return study_object(self)
+
+    @property
     def converged(self) -> bool:
         """Whether every steady beat was found, those of the samples included."""
         return not self.unsettled and not self.samples_without_a_beat
@@ -72,20 +85,20 @@ class CrrtStudy:
     @property
     def unsettled(self) -> tuple[Unsettled, ...]:
         """Beats that were not found, by policy, scheme and reason."""
-        from eclsim.crrt_study.unknown_beats import unsettled
+        from eclsim.crrt_study.missing_beats import unsettled
 
         return unsettled(self)
 
     @property
     def samples_without_a_beat(self) -> dict[str, int]:
         """Number of samples of the patient's parameters without a steady beat, by scheme that has any."""
-        from eclsim.crrt_study.unknown_beats import samples_without_a_beat
+        from eclsim.crrt_study.missing_beats import samples_without_a_beat
 
         return {} if self.uncertainty is None else samples_without_a_beat(self.uncertainty)
 
 
 def crrt_study(
-    case: Case,
+    case: CaseSource,
     *,
     schemes: str | Sequence[str] = NINE,
     speeds: str | Sequence[float] = USUAL_SPEEDS,
@@ -93,12 +106,12 @@ def crrt_study(
     volume_policy: str | None = None,
     scheme_h: str = PUBLISHED,
     samples: Mapping[str, Sequence[float]] | None = None,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Callable[[object], None] = lambda _: None,
 ) -> CrrtStudy:
     """Run the study for one case.
 
     Args:
-        case: with an ECMO circuit and a rotary pump; its CRRT section gives the flow only.
+        case: case or its file, with an ECMO circuit and a rotary pump; its CRRT section gives the flow only.
         schemes: letters, groups and pairs, see `select_schemes`.
         speeds: pump speeds [rpm], see `parse_speeds`; the case's own speed is added.
         crrt_flow_ml_min: blood flow of the CRRT; left out, the case's own, else 200 mL/min.
@@ -109,46 +122,43 @@ def crrt_study(
         progress: is told what is being computed.
 
     Raises:
+        CaseError: If the file cannot be read.
         StudyError: If the case has no ECMO circuit with a rotary pump, or the policy is none.
         SchemeError: If a scheme cannot be read.
         SpeedError: If a speed cannot be read.
     """
-    from eclsim.crrt_study import datasets as crrt_datasets
-    from eclsim.crrt_study.batches import bench_of
-    from eclsim.crrt_study.limits import largest_flows
+    from eclsim.crrt_study import beats as crrt_datasets
+    from eclsim.crrt_study.beats import split_differences, study_circuits, summarise
+    from eclsim.crrt_study.limits import largest_flows, uncertainty
     from eclsim.crrt_study.ranking import rank
-    from eclsim.crrt_study.statistics import summarise
-    from eclsim.crrt_study.uncertainty import uncertainty
-    from eclsim.crrt_study.uptake import split_differences
 
-    chosen, policies = (
-        select_schemes(schemes, scheme_h),
-        policies_of(volume_policy or case.blood_volume_policy or BOTH),
-    )
+    case = as_case(case)
+    chosen = select_schemes(schemes, scheme_h)
+    policies = policies_of(volume_policy or case.blood_volume_policy or BOTH)
     own = case_speed(case)
     rpm = np.unique([*(parse_speeds(speeds) if isinstance(speeds, str) else speeds), own]).astype(float)
     flow = crrt_flow(case, crrt_flow_ml_min)
-    bench = bench_of(case, chosen, flow)
+    circuits = study_circuits(case, chosen, flow)
     at = np.arange(len(chosen)) * len(rpm) + int(np.flatnonzero(rpm == own)[0])
     runs, alone = [], []
     for k, policy in enumerate(policies):
         of = f"policy {k + 1} of {len(policies)} ({policy})"
         progress(f"{of}: {len(chosen)} schemes at {len(rpm)} speeds")
-        runs.append(bench.run(rpm, policy, keep=at.tolist()))
-        alone.append(bench.run_without(rpm, policy))
+        runs.append(circuits.run(rpm, policy, keep=at.tolist()))
+        alone.append(circuits.run_without(rpm, policy))
     uptake = None
     if AS_PUBLISHED in policies:
         progress("effects of the schemes split into blood volume and flow")
         first = policies.index(AS_PUBLISHED)
         uptake = split_differences(
-            bench, runs[first], bench.run_without(np.array([own]), AS_PUBLISHED), at, own
+            circuits, runs[first], circuits.run_without(np.array([own]), AS_PUBLISHED), at, own
         )
     doubt = None
     if samples:
         progress("samples of the patient's parameters")
-        doubt = uncertainty(bench, own, policies[0], samples)
+        doubt = uncertainty(circuits, own, policies[0], samples)
     progress("limits and ranking")
-    means = crrt_datasets.means(bench, runs, alone, policies, rpm)
+    means = crrt_datasets.means(circuits, runs, alone, policies, rpm)
     limits = largest_flows(means, own)
     ranking = {
         policy: rank(means.sel(policy=policy, speed=own), limits.sel(policy=policy), chosen)
@@ -156,5 +166,5 @@ def crrt_study(
     }
     return CrrtStudy(
         case, chosen, own, flow, means, crrt_datasets.without(alone, policies, rpm),
-        crrt_datasets.waveforms(bench, runs, policies), summarise(means), limits, uptake, ranking, doubt,
+        crrt_datasets.waveforms(circuits, runs, policies), summarise(means), limits, uptake, ranking, doubt,
     )  # fmt: skip

@@ -124,21 +124,19 @@ def _on_grid(case: Case, printed: list[Printed]) -> np.ndarray:
     """Printed quantities on the grid of heart rates and blood volumes, shape (rates, volumes, quantities)."""
     import xarray as xr
 
-    from eclsim.crrt_study.batches import bench_of
+    from eclsim.crrt_study.beats import SUMMARISED, study_circuits, summarise, value
     from eclsim.crrt_study.schemes import select_schemes
-    from eclsim.crrt_study.statistics import SUMMARISED, summarise
-    from eclsim.crrt_study.uptake import value
     from eclsim.orbit.model import AS_PUBLISHED
 
-    bench = bench_of(case, select_schemes(), 200.0)
+    circuits = study_circuits(case, select_schemes(), 200.0)
     speeds = np.array([LOW, AT_CASE, HIGH])
     rate, volume = np.meshgrid(RATES_BPM, VOLUMES_ML, indexing="ij")
     patients = {HEART_RATE: rate.ravel(), BLOOD_VOLUME: volume.ravel()}
-    records = bench.run_patients(speeds, AS_PUBLISHED, patients)
-    shape = (len(bench.schemes), len(speeds), *rate.shape)
+    records = circuits.run_patients(speeds, AS_PUBLISHED, patients)
+    shape = (len(circuits.schemes), len(speeds), *rate.shape)
     dims = ("scheme", "speed", "rate", "volume")
     data = {name: (dims, value(records, name).reshape(shape)) for name in SUMMARISED}
-    coordinates = {"scheme": [s.letter for s in bench.schemes], "speed": speeds}
+    coordinates = {"scheme": [s.letter for s in circuits.schemes], "speed": speeds}
     summary = summarise(xr.Dataset(data, coordinates))
     what = [p.what for p in printed if isinstance(p.what, OverSchemes)]
     surfaces = [summary[f"{w.quantity}_{w.statistic}"].sel(speed=w.speed) for w in what]

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eclsim.crrt_study.drawings import drawings as crrt_drawings
+from eclsim.crrt_study.report import drawings as crrt_drawings
 from eclsim.files import csv_text, json_text, write_text
 from eclsim.paper.comparison import YES_NO, Row, Verdict
 from eclsim.paper.printed import TABLE_2

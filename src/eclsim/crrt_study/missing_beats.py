@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eclsim.orbit.model import POLICY_WORDS
 from eclsim.orbit.status import Status
 
 if TYPE_CHECKING:
@@ -127,3 +128,39 @@ def samples_without_a_beat(uncertainty: xr.Dataset) -> dict[str, int]:
     count = np.rint((1.0 - uncertainty["settled"].values) * uncertainty.attrs["samples"]).astype(int)
     letters = uncertainty["scheme"].values.astype(str)
     return {str(letter): int(n) for letter, n in zip(letters, count, strict=True) if n}
+
+
+MOST_LINES = 20
+
+
+def not_known(study: CrrtStudy) -> list[str]:
+    """Every beat that was not found, with its reason and what to do; empty if all were."""
+    together: dict[tuple[str, str, tuple[float, ...], str], list[str]] = {}
+    for one in study.unsettled:
+        together.setdefault((one.policy, one.condition, one.speeds, one.status), []).append(one.place)
+    lines = []
+    for (policy, condition, speeds, status), places in together.items():
+        how = condition or POLICY_WORDS[policy].partition(":")[0]
+        where = f"{_places(places)}, {how}"
+        lines.append(f"{where}: {no_beat(speeds, [status] * len(speeds))}")
+    if len(lines) > MOST_LINES:
+        lines = [*lines[:MOST_LINES], f"and {len(lines) - MOST_LINES} more, see the list in the JSON object"]
+    if study.samples_without_a_beat and study.uncertainty is not None:
+        count = ", ".join(f"{number} (scheme {k})" for k, number in study.samples_without_a_beat.items())
+        every = study.uncertainty.attrs["samples"]
+        lines.append(f"Samples of the patient's parameters without a steady beat, of {every}: {count}")
+    return lines + [f"What this means: {words}" for words in dict.fromkeys(u.advice for u in study.unsettled)]
+
+
+def _places(places: list[str]) -> str:
+    """Places of one kind together: schemes a, b and c."""
+    letters = [place.removeprefix("scheme ") for place in places if place.startswith("scheme ")]
+    others = [place for place in places if not place.startswith("scheme ")]
+    named = [schemes_named(letters)] if letters else []
+    words = listed([*named, *others])
+    return words[0].upper() + words[1:]
+
+
+def schemes_named(letters: list[str]) -> str:
+    """Scheme a, or Schemes a, b and c."""
+    return f"Scheme{'s' if len(letters) > 1 else ''} {listed(letters)}"

@@ -9,13 +9,8 @@ import pytest
 import xarray as xr
 
 from crrt_failures import forget, with_failures
-from eclsim.crrt_study.drawings import drawings
-from eclsim.crrt_study.files import file_names, write_study
-from eclsim.crrt_study.json_object import MEANS, study_object
-from eclsim.crrt_study.netcdf import write_netcdf
-from eclsim.crrt_study.page import study_page
-from eclsim.crrt_study.summary import show
-from eclsim.crrt_study.tables import tables
+from eclsim.crrt_study.files import MEANS, file_names, study_object, tables, write_netcdf, write_study
+from eclsim.crrt_study.report import drawings, show, study_page
 
 
 @pytest.fixture(scope="module")

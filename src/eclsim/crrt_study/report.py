@@ -1,27 +1,21 @@
-"""The CRRT study as one HTML page that a clinician can read, print and pass on."""
+"""The CRRT study for people: a page that a clinician can read, print and pass on; tables in the terminal."""
 
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eclsim.crrt_study.limits import KEPT_TO_THE_END
-from eclsim.crrt_study.ranking import ORDER
-from eclsim.crrt_study.words import (
-    choice,
-    choice_elsewhere,
-    kept,
-    main_policy,
-    not_known,
-    place,
-)
+from eclsim.crrt_study.limits import KEPT_TO_THE_END, kept
+from eclsim.crrt_study.missing_beats import not_known
+from eclsim.crrt_study.ranking import ORDER, choice, choice_elsewhere, place
 from eclsim.devices.crrt import ALARMS_MMHG, SANSOM_ACCESS_MMHG
 from eclsim.devices.ecmo import POSITIONS, SUCTION_MMHG
 from eclsim.orbit.model import AS_PUBLISHED, POLICY_WORDS
-from eclsim.reporting.html import Table, render
+from eclsim.reporting.html import Table, render, svg_text
 from eclsim.reporting.numbers import number
 
 if TYPE_CHECKING:
@@ -43,12 +37,26 @@ MEAN_COLUMNS = (
 )
 
 
+def main_policy(study: CrrtStudy, policy: str | None) -> str:
+    """The blood volume policy that a report is about: the one asked for, else the first studied.
+
+    Raises:
+        ValueError: If the study does not have it.
+    """
+    if policy is None:
+        return study.policies[0]
+    if policy not in study.policies:
+        studied = ", ".join(study.policies)
+        raise ValueError(f"blood volume policy '{policy}' was not studied; studied: {studied}")
+    return policy
+
+
 def study_page(study: CrrtStudy, drawings: Mapping[str, str], policy: str | None = None) -> str:
     """The page.
 
     Args:
         study: results.
-        drawings: figures as SVG text, from `eclsim.crrt_study.drawings.drawings` for the same policy.
+        drawings: figures as SVG text, from `eclsim.crrt_study.report.drawings` for the same policy.
         policy: blood volume policy that answer, ranking and figures are for; left out, the first studied.
     """
     main = main_policy(study, policy)
@@ -88,7 +96,7 @@ def study_page(study: CrrtStudy, drawings: Mapping[str, str], policy: str | None
 
 
 def _captions(study: CrrtStudy, main: str, known: int) -> dict[str, str]:
-    from eclsim.crrt_study.connection_drawings import MOST_DRAWN
+    from eclsim.crrt_study.scheme_drawings import MOST_DRAWN
 
     drawn = f" The {MOST_DRAWN} that rank best are drawn." if len(study.schemes) > MOST_DRAWN else ""
     found = "" if known == len(study.schemes) else " whose beat was found"
@@ -255,3 +263,82 @@ def _volume_words(study: CrrtStudy, uptake: xr.Dataset) -> list[str]:
 
 
 _PARTS = ("difference", "flow")
+
+
+# --- figures of the page --------------------------------------------------------------------------
+
+
+def drawings(study: CrrtStudy, policy: str | None = None) -> dict[str, str]:
+    """All figures by name.
+
+    Args:
+        study: results.
+        policy: blood volume policy of the figures that show one; left out, the first studied.
+    """
+    from eclsim.crrt_study.figures import (
+        plot_crrt_beat,
+        plot_crrt_limits,
+        plot_crrt_speeds,
+        plot_crrt_uptake,
+    )
+    from eclsim.crrt_study.scheme_drawings import draw_schemes
+
+    policy, speed = main_policy(study, policy), study.case_speed
+    means = study.means.sel(policy=policy)
+    ranked = study.ranking[policy]
+    best_first = [one.letter for one in ranked]
+    flow = float(study.without_crrt["PF"].sel(policy=policy, speed=speed))
+    figures = {
+        "schemes": draw_schemes(study.schemes, {one.letter: place(one) for one in ranked}),
+        "beat": plot_crrt_beat(study.waveforms.sel(policy=policy), means.sel(speed=speed)),
+        "speeds": plot_crrt_speeds(means, speed),
+        "limits": plot_crrt_limits(study.limits.sel(policy=policy), flow, best_first),
+    }
+    if study.uptake is not None:
+        figures["uptake"] = plot_crrt_uptake(
+            study.uptake, study.means.sel(speed=speed), study.without_crrt.sel(speed=speed)
+        )
+    return {name: svg_text(drawing) for name, drawing in figures.items()}
+
+
+# --- terminal -------------------------------------------------------------------------------------
+
+
+_WIDTH_OF_PIPES = 140
+_COLUMNS = (
+    ("Psart", "arterial\nmmHg", 1),
+    ("Psvn", "venous\nmmHg", 1),
+    ("Pcrrttuin", "access\nmmHg", 0),
+    ("Pcrrttuout", "return\nmmHg", 0),
+    ("Pecmodrain", "drainage\nmmHg", 0),
+    ("PF", "ECMO\nL/min", 2),
+    ("patient_volume_change", "blood volume\nmL", 0),
+)
+
+
+def show(study: CrrtStudy) -> None:
+    """Show the schemes, best first, for each blood volume policy."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(width=None if sys.stdout.isatty() else _WIDTH_OF_PIPES, highlight=False)
+    names = {scheme.letter: scheme.name for scheme in study.schemes}
+    for policy, ranked in study.ranking.items():
+        known = sum(one.known for one in ranked)
+        among = "" if known == len(ranked) else f"; ranked: the {known} of {len(ranked)} whose beat was found"
+        title = f"CRRT schemes at {study.case_speed:.0f} rpm, {POLICY_WORDS[policy]}{among}"
+        table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+        for head in ("rank", "scheme", "access – return"):
+            table.add_column(head)
+        for _, head, _ in _COLUMNS:
+            table.add_column(head, justify="right")
+        table.add_column("limits kept\nto L/min", justify="right")
+        means = study.means.sel(policy=policy, speed=study.case_speed)
+        for one in ranked:
+            cells = [
+                number(float(means[name].sel(scheme=one.letter)), digits) for name, _, digits in _COLUMNS
+            ]
+            flow = kept(one.largest_flow, one.flow_at_most, one.throughout)
+            table.add_row(place(one), one.letter, names[one.letter], *cells, flow)
+        console.print(table)
+        console.print("\n  ".join(choice(study, policy)) + "\n", markup=False)

@@ -1,0 +1,369 @@
+"""The steady beats of the study: all schemes at all speeds as one batch, as labelled datasets.
+
+Compared with the patient on ECMO alone at the same speed, every difference splits exactly in two. `flow` is
+what is left when the patient keeps the stressed volume of the patient without CRRT (the circuit is primed
+with as much as it takes up); `uptake` is the rest: what the missing blood does.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from eclsim.beat.resolution import needed_resolution
+from eclsim.cases.resolve import resolve_parameters
+from eclsim.circuit import Choice, Circuit
+from eclsim.circuit.assembly import assemble
+from eclsim.crrt_study.missing_beats import NOT_ASKED
+from eclsim.devices.crrt import crrt
+from eclsim.devices.ecmo import POSITIONS
+from eclsim.orbit.model import AS_PUBLISHED, PATIENT_HELD, circuit_of
+from eclsim.orbit.status import Status
+from eclsim.orbit.steady import Batch, steady_beats
+from eclsim.outputs.recirculation import recirculated_fraction
+from eclsim.outputs.records import BeatRecords, record
+from eclsim.outputs.registry import output
+from eclsim.outputs.signals import unstressed_volume
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from eclsim.cases.case import Case
+    from eclsim.crrt_study.schemes import Scheme
+
+ACCESS, RETURN, SPEED = "crrt.access_site", "crrt.return_site", "ecmo.speed_rpm"
+START_PRESSURE, VENOUS_COMPLIANCE = "P0svn", "Csvn"
+
+
+@dataclass(frozen=True)
+class StudyCircuits:
+    """A patient on ECMO with the CRRT circuit's lines on switches, and the same patient without CRRT.
+
+    Args:
+        circuit: with CRRT; `crrt.access_site` and `crrt.return_site` choose among `nodes`.
+        without: the same without CRRT.
+        values: the case's parameters, CRRT flow included.
+        nodes: compartments that a line may attach to.
+        schemes: the schemes of the study.
+    """
+
+    circuit: Circuit
+    without: Circuit
+    values: dict[str, float]
+    nodes: tuple[str, ...]
+    schemes: tuple[Scheme, ...]
+
+    def run(
+        self,
+        speeds: np.ndarray,
+        policy: str,
+        keep: Sequence[int] = (),
+        patient_volume_ml: float | None = None,
+    ) -> BeatRecords:
+        """Steady beats of all schemes at all speeds, schemes slowest.
+
+        Args:
+            speeds: pump speeds [rpm].
+            policy: blood volume policy.
+            keep: members whose waveforms are kept.
+            patient_volume_ml: stressed volume of the patient, with `patient_held`; left out, the case's own.
+        """
+        values = self._values(patient_volume_ml)
+        places = self._places()
+        near = values | {ACCESS: places[0, 0], RETURN: places[0, 1]}
+        members = values | {
+            ACCESS: np.repeat(places[:, 0], len(speeds)),
+            RETURN: np.repeat(places[:, 1], len(speeds)),
+            SPEED: np.tile(speeds, len(self.schemes)),
+        }
+        batch = Batch(self.circuit, members, len(self.schemes) * len(speeds), policy)
+        return record(steady_beats(batch, near=near), keep)
+
+    def run_patients(
+        self, speeds: np.ndarray, policy: str, patients: Mapping[str, np.ndarray]
+    ) -> BeatRecords:
+        """Steady beats of variants of the patient: schemes slowest, then speeds, then patients.
+
+        Args:
+            speeds: pump speeds [rpm].
+            policy: blood volume policy.
+            patients: parameters that differ, each of shape (patients,).
+        """
+        count = len(next(iter(patients.values())))
+        places = self._places()
+        per_scheme = len(speeds) * count
+        members = self.values | {
+            ACCESS: np.repeat(places[:, 0], per_scheme),
+            RETURN: np.repeat(places[:, 1], per_scheme),
+            SPEED: np.tile(np.repeat(speeds, count), len(places)),
+        }
+        members |= {name: np.tile(values, len(places) * len(speeds)) for name, values in patients.items()}
+        near = self.values | {ACCESS: places[0, 0], RETURN: places[0, 1]}
+        batch = Batch(self.circuit, members, len(places) * per_scheme, policy)
+        return record(steady_beats(batch, near=near, resolution=_resolution(self.circuit, members)))
+
+    def _places(self) -> np.ndarray:
+        """Positions in `nodes` of access and return, shape (schemes, 2)."""
+        return np.array([[self.nodes.index(node) for node in s.nodes] for s in self.schemes], dtype=float)
+
+    def run_without(self, speeds: np.ndarray, policy: str) -> BeatRecords:
+        """Steady beats of the patient on ECMO alone."""
+        batch = Batch(self.without, self.values | {SPEED: speeds}, len(speeds), policy)
+        return record(steady_beats(batch, near=self.values), range(len(speeds)))
+
+    def _values(self, patient_volume_ml: float | None) -> dict[str, float]:
+        """Parameters with the systemic veins filled so that the patient starts with a given volume."""
+        if patient_volume_ml is None:
+            return self.values
+        batch = Batch(self.without, self.values, 1, PATIENT_HELD)
+        missing = patient_volume_ml - float(batch.volume().target[0])
+        start = self.values[START_PRESSURE] + missing / self.values[VENOUS_COMPLIANCE]
+        return self.values | {START_PRESSURE: start}
+
+
+def _resolution(circuit: Circuit, members: Mapping[str, Any]) -> int:
+    """One grid for all members: the finest that any of them needs."""
+    return int(np.max(needed_resolution(assemble(circuit), members)))
+
+
+def study_circuits(case: Case, schemes: Sequence[Scheme], crrt_flow_ml_min: float) -> StudyCircuits:
+    """The circuits of a case with ECMO; its own CRRT section, if any, gives way to the schemes."""
+    alone = case.model_copy(update={"crrt": None})
+    without = circuit_of(alone)
+    others = dict.fromkeys(node for s in schemes for node in s.nodes if node not in POSITIONS.values())
+    nodes = (*POSITIONS.values(), *sorted(others))
+    circuit = without + crrt(Choice(nodes, ACCESS), Choice(nodes, RETURN))
+    values = resolve_parameters(alone) | {"crrt.flow_ml_min": crrt_flow_ml_min}
+    return StudyCircuits(circuit, without, values, nodes, tuple(schemes))
+
+
+# --- labelled datasets ----------------------------------------------------------------------------
+
+
+UNITS = {"P": "mmHg", "Q": "mL/s", "V": "mL"}
+WORDS = {"P": "pressure in", "Q": "flow out of", "V": "stressed blood volume of"}
+GROUPS = ("patient", "ecmo", "crrt")
+
+
+def means(
+    circuits: StudyCircuits,
+    runs: Sequence[BeatRecords],
+    alone: Sequence[BeatRecords],
+    policies: Sequence[str],
+    speeds: np.ndarray,
+) -> xr.Dataset:
+    """Cycle means, outputs, volumes and recirculation over `policy`, `scheme` and `speed`."""
+    import xarray as xr
+
+    dims = ("policy", "scheme", "speed")
+    shape = (len(circuits.schemes), len(speeds))
+    data = _variables(runs, dims, shape)
+    change = np.stack(
+        [r.volumes["patient"].reshape(shape) - a.volumes["patient"] for r, a in zip(runs, alone, strict=True)]
+    )
+    about = "stressed volume of the patient at phase 0, less that without CRRT at the same speed and policy"
+    data["patient_volume_change"] = (dims, change, {"units": "mL", "long_name": about})
+    data["recirculated_fraction"] = (
+        dims, np.stack([_recirculation(circuits, r).reshape(shape) for r in runs]),
+        {"units": "1", "long_name": "share of the access flow that comes straight from the return line"},
+    )  # fmt: skip
+    coordinates = {
+        "policy": list(policies),
+        "scheme": [s.letter for s in circuits.schemes],
+        "speed": ("speed", speeds, {"units": "rpm", "long_name": "ECMO pump speed"}),
+        "connection": ("scheme", [s.name for s in circuits.schemes]),
+        "access_site": ("scheme", [s.access_site for s in circuits.schemes]),
+        "return_site": ("scheme", [s.return_site for s in circuits.schemes]),
+    }
+    return xr.Dataset(data, coordinates)
+
+
+def without(alone: Sequence[BeatRecords], policies: Sequence[str], speeds: np.ndarray) -> xr.Dataset:
+    """The same without CRRT, over `policy` and `speed`."""
+    import xarray as xr
+
+    data = _variables(alone, ("policy", "speed"), (len(speeds),))
+    speed = ("speed", speeds, {"units": "rpm", "long_name": "ECMO pump speed"})
+    return xr.Dataset(data, {"policy": list(policies), "speed": speed})
+
+
+def waveforms(circuits: StudyCircuits, runs: Sequence[BeatRecords], policies: Sequence[str]) -> xr.Dataset:
+    """Waveforms at the case's speed over `policy`, `scheme` and `phase`; volumes are the absolute ones."""
+    import xarray as xr
+
+    first = runs[0]
+    data = {}
+    for k, signal in enumerate(first.signals):
+        values = np.stack([r.waveforms[:, k, :].T for r in runs])
+        if signal[0] == "V":
+            values = values + unstressed_volume(circuits.circuit, signal[1:], circuits.values)
+        data[signal] = (("policy", "scheme", "phase"), values, _labels(signal))
+    period = 60.0 / circuits.values["heart_rate_bpm"]
+    coordinates = {
+        "policy": list(policies),
+        "scheme": [s.letter for s in circuits.schemes],
+        "phase": ("phase", first.phases, {"units": "1", "long_name": "phase of the beat"}),
+        "time": ("phase", first.phases * period, {"units": "s", "long_name": "time"}),
+    }
+    return xr.Dataset(data, coordinates)
+
+
+def _variables(
+    records: Sequence[BeatRecords], dims: tuple[str, ...], shape: tuple[int, ...]
+) -> dict[str, Any]:
+    """Means of all pressures and flows, all outputs, volumes by group, and how each beat was found."""
+    first = records[0]
+
+    def stacked(rows: list[np.ndarray]) -> np.ndarray:
+        return np.stack([np.asarray(row).reshape(shape) for row in rows])
+
+    data: dict[str, Any] = {}
+    for signal in (s for s in first.signals if s[0] in "PQ"):
+        labels = _labels(signal) | {"cell_methods": "phase: mean"}
+        data[signal] = (dims, stacked([r.mean(signal) for r in records]), labels)
+    for name in first.names:
+        entry = output(name)
+        labels = {"units": entry.unit, "long_name": entry.long_name, "definition": entry.definition}
+        data[name] = (dims, stacked([r.output(name) for r in records]), labels)
+    for group in (g for g in GROUPS if g in first.volumes):
+        labels = {"units": "mL", "long_name": f"stressed volume of {group} at phase 0"}
+        data[f"{group}_volume"] = (dims, stacked([r.volumes[group] for r in records]), labels)
+    data["converged"] = (dims, stacked([r.converged for r in records]), {"long_name": "steady beat found"})
+    words = [np.array([Status(k).name.lower() for k in r.status]) for r in records]
+    data["status"] = (dims, stacked(words), {"long_name": "how the search for the steady beat ended"})
+    data["beats"] = (dims, stacked([r.beats for r in records]), {"long_name": "beats computed"})
+    return data
+
+
+def _labels(signal: str) -> dict[str, str]:
+    kind, place = signal[0], signal[1:]
+    words = f"head of {place}" if kind == "P" and place.endswith("pump") else f"{WORDS[kind]} {place}"
+    return {"units": UNITS[kind], "long_name": words}
+
+
+def _recirculation(circuits: StudyCircuits, records: BeatRecords) -> np.ndarray:
+    """Recirculated share of every member, from its mean flows; shape (members,)."""
+    names = [c.name for c in circuits.circuit.connections]
+    flows = np.stack([records.mean("Q" + name) for name in names])
+    per_scheme = flows.shape[1] // len(circuits.schemes)
+    found = []
+    for k, scheme in enumerate(circuits.schemes):
+        circuit = circuits.without + crrt(*scheme.nodes)
+        for member in range(k * per_scheme, (k + 1) * per_scheme):
+            if not records.converged[member]:
+                found.append(np.nan)
+                continue
+            share = recirculated_fraction(circuit, dict(zip(names, flows[:, member], strict=True)))
+            found.append(np.nan if share is None else share)
+    return np.array(found)
+
+
+# --- median and variation over the schemes, as in section 3.3 of Thiel et al. ---------------------
+
+
+SUMMARISED = (
+    "Psart", "Psvn", "Ppart", "Pcrrttuin", "Pcrrttuout", "Pecmodrain", "PF", "MAP", "CO", "EDVRV", "ESVRV",
+)  # fmt: skip
+"""Quantities that are compared between the schemes: cycle means, and the right ventricle's volumes."""
+
+
+def summarise(means: xr.Dataset) -> xr.Dataset:
+    """Median, absolute and relative variation over the dimension `scheme`.
+
+    Args:
+        means: quantities with a dimension `scheme`; NaN where the beat was not found.
+
+    Returns:
+        For each quantity `<name>_median`, `<name>_variation` (largest less smallest),
+        `<name>_variation_percent` (variation over the median's magnitude) and `<name>_highest`,
+        `<name>_lowest` (letters of schemes; empty unless all are known); `schemes_known`, the number of
+        schemes that these are computed from.
+    """
+    import xarray as xr
+
+    found: dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, str]]] = {}
+    letters = means["scheme"].values.astype(str)
+    dims = tuple(str(d) for d in means[SUMMARISED[0]].dims if d != "scheme")
+    for name in SUMMARISED:
+        values = means[name].transpose("scheme", *dims).values
+        units = {"units": means[name].attrs.get("units", "")}
+        median, variation = _median(values), _variation(values)
+        percent = 100.0 * variation / np.where(median == 0.0, np.nan, np.abs(median))
+        about = units | {"long_name": f"median of {name} over the schemes"}
+        found[f"{name}_median"] = (dims, median, about)
+        about = units | {"long_name": f"largest less smallest {name}"}
+        found[f"{name}_variation"] = (dims, variation, about)
+        about = {"units": "%", "long_name": f"variation of {name} relative to the median"}
+        found[f"{name}_variation_percent"] = (dims, percent, about)
+        known = np.isfinite(values).all(axis=0)
+        for word, choose in (("highest", np.argmax), ("lowest", np.argmin)):
+            named = np.where(known, letters[choose(np.nan_to_num(values), axis=0)], "")
+            found[f"{name}_{word}"] = (dims, named, {"long_name": f"scheme with the {word} {name}"})
+    every = np.stack([means[name].transpose("scheme", *dims).values for name in SUMMARISED])
+    about = {"units": "1", "long_name": "schemes whose beat was found, of which these are computed"}
+    found["schemes_known"] = (dims, np.isfinite(every).all(axis=0).sum(axis=0), about)
+    return xr.Dataset(found, {d: means[d] for d in dims})
+
+
+def _median(values: np.ndarray) -> np.ndarray:
+    """Median over the schemes that are known; NaN where none is."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="All-NaN")
+        return np.nanmedian(values, axis=0)
+
+
+def _variation(values: np.ndarray) -> np.ndarray:
+    """Largest less smallest of the schemes that are known; NaN where none is."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="All-NaN")
+        return np.nanmax(values, axis=0) - np.nanmin(values, axis=0)
+
+
+# --- blood taken up by the tubing, and changed flow -----------------------------------------------
+
+
+SPLIT = ("Psart", "Psvn", "Ppart", "MAP", "CO", "PF", "EDVRV", "ESVRV")
+
+
+def split_differences(
+    circuits: StudyCircuits, published: BeatRecords, without: BeatRecords, at: np.ndarray, speed: float
+) -> xr.Dataset:
+    """Differences to the patient without CRRT at one speed, split into uptake and flow.
+
+    Args:
+        circuits: of the study.
+        published: records of all schemes with the published volume policy.
+        without: record of the patient without CRRT at the speed.
+        at: members of `published` at the speed, one per scheme.
+        speed: [rpm].
+
+    Returns:
+        Over `scheme`: `<name>_difference`, `<name>_uptake`, `<name>_flow`, and `blood_taken_up` [mL]; NaN
+        where one of the beats was not found. `status` tells how the search with the volume kept ended.
+    """
+    import xarray as xr
+
+    volume, letters = float(without.volumes["patient"][0]), [scheme.letter for scheme in circuits.schemes]
+    primed, status = None, [NOT_ASKED] * len(letters)
+    if without.converged[0]:
+        primed = circuits.run(np.array([speed]), PATIENT_HELD, patient_volume_ml=volume)
+        status = [Status(k).name.lower() for k in primed.status]
+    found: dict[str, Any] = {"status": ("scheme", np.array(status))}
+    for name in SPLIT:
+        base = float(value(without, name)[0])
+        total = value(published, name)[at] - base
+        flow = np.full_like(total, np.nan) if primed is None else value(primed, name) - base
+        for word, part in (("difference", total), ("uptake", total - flow), ("flow", flow)):
+            found[f"{name}_{word}"] = ("scheme", part)
+    found["blood_taken_up"] = ("scheme", volume - published.volumes["patient"][at], {"units": "mL"})
+    attributes = {"compared_with": "patient on ECMO without CRRT", "blood_volume_policy": AS_PUBLISHED}
+    return xr.Dataset(found, {"scheme": letters}, attributes)
+
+
+def value(records: BeatRecords, name: str) -> np.ndarray:
+    """A quantity by name: an output of the registry, else the mean of a waveform."""
+    return records.output(name) if name in records.names else records.mean(name)
