@@ -108,6 +108,17 @@ def test_a_full_disk_is_told():
     assert "Traceback" not in done.stderr
 
 
+def test_a_package_of_an_extra_that_is_missing_is_named(tmp_path, shell):
+    case = shell.case()
+    program = (
+        "import sys\nsys.modules['diffrax'] = None\nfrom eclsim.cli import main\n"
+        f"main(['simulate', {case!r}, '--solver', 'adaptive'])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "error: the adaptive solver needs diffrax: pip install 'eclsim[verify]'\n"
+
+
 def test_text_that_the_terminal_cannot_show_is_no_error():
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
     done = subprocess.run([*ECLSIM, "devices"], capture_output=True, env=environment, check=False)

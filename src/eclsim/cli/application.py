@@ -98,6 +98,10 @@ def run(arguments: Sequence[str] | None = None) -> None:
     except BrokenPipeError:
         _silence(sys.stdout)
         raise SystemExit(1) from None
+    except ImportError as error:
+        if "pip install" not in str(error):
+            raise
+        fail(error)
     except OSError as error:
         _silence(sys.stdout)
         fail(f"{error.filename or 'standard output'}: {error.strerror or error}")

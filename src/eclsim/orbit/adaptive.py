@@ -13,7 +13,6 @@ from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any
 
-import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -97,6 +96,10 @@ class AdaptiveProgram:
     def _advance(self, state: Any, packed: Any, start: Any, end: Any) -> Any:
         constants = self.explicit.assembly.constants(dict(zip(self.names, packed, strict=True)))
         period = 60.0 / packed[0]
+        try:
+            import diffrax
+        except ModuleNotFoundError:
+            raise ImportError("the adaptive solver needs diffrax: pip install 'eclsim[verify]'") from None
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(lambda t, y, _: self.explicit.rates(y, t / period, constants)),
             diffrax.Dopri8(),
