@@ -1,12 +1,14 @@
 """Models of every configuration, at the values of the paper's patient."""
 
 from eclsim.circuit import Choice, Circuit
+from eclsim.circuit.network import Control, Reading
 from eclsim.devices.crrt import crrt
 from eclsim.devices.ecmo import POSITIONS, ecmo
 from eclsim.devices.lvad import lvad
 from eclsim.orbit.model import Model, nominal_values
 from eclsim.parameters.thiel2025 import TABLE_S4
 from eclsim.patient.circulation import circulation
+from user_components import SetPointControl
 
 PLACES = tuple(POSITIONS.values())
 SCHEMES = {
@@ -55,3 +57,16 @@ def scheme_sites(scheme: str) -> dict[str, float]:
         "crrt.access_site": float(PLACES.index(access)),
         "crrt.return_site": float(PLACES.index(giving)),
     }
+
+
+def regulated(
+    name: str,
+    reading: Reading,
+    set_point: float,
+    acts_on: tuple[str, ...] = ("Rmc",),
+    raises: tuple[bool, ...] = (True,),
+) -> Model:
+    """The paper's patient with a controller that moves parameters until a reading is at a set point."""
+    law = SetPointControl("set_point", "gain", raises)
+    circuit = CIRCUITS[name] + Circuit(controllers=(Control("reflex", law, (reading,), acts_on),))
+    return Model(circuit, {**model(name).values, "set_point": set_point, "gain": 0.2}, name)

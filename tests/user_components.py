@@ -7,6 +7,7 @@ import jax.numpy as jnp
 
 from eclsim.components import Activation, Path, Storage
 from eclsim.components.base import Key, value_of
+from eclsim.components.controllers import Controller, ControlState
 
 
 @dataclass(frozen=True)
@@ -69,3 +70,30 @@ class PressureSource(Storage):
 
     def pressure(self, volume: Any, activation: Any, constants: Any) -> tuple[Any, Any]:
         return self.mean + self.amplitude * activation + 0.0 * volume, 0.0 * volume
+
+
+@dataclass(frozen=True)
+class SetPointControl(Controller):
+    """Moves parameters until what it reads is at a set point: d drive / dt = gain (set point / reading - 1).
+
+    Each parameter is multiplied by 1 + tanh(drive) / 2 or, where it should fall as the drive rises, divided.
+    """
+
+    set_point: Key
+    gain: Key
+    raises: tuple[bool, ...] = (True,)
+
+    @property
+    def states(self) -> tuple[ControlState, ...]:
+        return (ControlState("drive"),)
+
+    def start(self, constants: Any) -> list[Any]:
+        return [0.0]
+
+    def in_effect(self, states: Any, values: Any, constants: Any) -> list[Any]:
+        factor = 1.0 + 0.5 * jnp.tanh(states[0])
+        return [v * factor if up else v / factor for v, up in zip(values, self.raises, strict=True)]
+
+    def next_states(self, states: Any, readings: Any, period: Any, constants: Any) -> list[Any]:
+        wanted, gain = value_of(constants, self.set_point), value_of(constants, self.gain)
+        return [states[0] + gain * period * (wanted / readings[0] - 1.0)]

@@ -14,9 +14,10 @@ flows alone, so blood is conserved to rounding.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -24,23 +25,51 @@ import numpy as np
 
 from eclsim.beat.compilation import compiled
 from eclsim.beat.grid import STEPS_PER_BLOCK, PhaseGrid
-from eclsim.beat.recording import Recorder, all_signals, with_means, with_rates
-from eclsim.circuit.assembly import Assembly, Constants, assemble
-from eclsim.circuit.network import Circuit
+from eclsim.beat.recording import Moment, Readings, Recorder, all_signals, with_means, with_rates
+from eclsim.circuit.assembly import Assembly, Constants, States, assemble
+from eclsim.circuit.network import HEART_RATE, Circuit
+from eclsim.components.base import Number
 
 GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
-HEART_RATE = "heart_rate_bpm"
 
 
-@dataclass(frozen=True)
-class StepConstants:
+Beat = Callable[[States, States], jax.Array]
+"""Map (state, parameters) -> state after one beat."""
+RecordedBeat = Callable[[States, States], tuple[jax.Array, jax.Array]]
+"""Map (state, parameters) -> state after one beat, signals at the end of every step."""
+
+
+class StepConstants(NamedTuple):
     """What is constant while the step size is: one entry per compartment or connection."""
 
-    weight: Any
-    compliance_load: tuple[Any, ...]
-    inertia_load: tuple[Any, ...]
-    fixed_load: tuple[Any, ...]
-    conductance: tuple[Any, ...]
+    weight: Number
+    compliance_load: list[Number]
+    inertia_load: list[Number | None]
+    fixed_load: list[Number | None]
+    conductance: list[Number | None]
+
+
+class Tables(NamedTuple):
+    """What differs from step to step; along the first axes blocks and steps.
+
+    Args:
+        activations: at both stages, (2, curves).
+        weights: of each signal in a sum over the beat, (signals,).
+        readings: weights of the step in means over the beat (`Readings.weights`).
+    """
+
+    activations: States
+    weights: States | None
+    readings: States | None
+
+
+class Carry(NamedTuple):
+    """What goes from step to step: volumes and flows, weighted sums of signals, readings of controllers."""
+
+    volumes: list[Number]
+    flows: list[Number]
+    sums: list[Number]
+    readings: list[Number]
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,11 +89,11 @@ class BeatProgram:
         return (HEART_RATE, *self.assembly.circuit.parameter_names())
 
     @cached_property
-    def beat(self) -> Any:
+    def beat(self) -> Beat:
         """Compiled map (state, parameters) -> state after one beat."""
         return compiled(lambda state, packed: self.run(state, packed)[0], ("beat", self))
 
-    def alone(self) -> Any:
+    def alone(self) -> Beat:
         """Compiled map (state, parameters) -> state after one beat, for one patient at a time.
 
         The program that records is taken, which a patient's result needs anyway: one more is not worth its
@@ -79,59 +108,71 @@ class BeatProgram:
         circuit = self.assembly.circuit
         return with_means(circuit, with_rates(circuit, all_signals(self.assembly)))
 
-    def trace(self, signals: tuple[str, ...]) -> Any:
-        """Compiled map (state, parameters) -> state after one beat, signals at the end of every step.
-
-        Signals are named as in `Recorder`; their array has shape (steps, signals[, patients]).
-        """
+    def trace(self, signals: tuple[str, ...]) -> RecordedBeat:
+        """Compiled beat that records signals, named as in `Recorder`: shape (steps, signals[, patients])."""
         return _trace(self, signals)
 
-    def run(self, state: Any, packed: Any, signals: tuple[str, ...] = (), weights: Any = None) -> Any:
+    def run(
+        self, state: States, packed: States, signals: tuple[str, ...] = (), weights: States | None = None
+    ) -> tuple[jax.Array, jax.Array]:
         """Uncompiled beat, for use inside other compiled functions: state after it, signals.
 
         With weights (steps, signals) the signals are not handed back one by one but summed with them, shape
         (signals[, patients]): any mean, and to first order any extreme, is such a sum.
         """
-        values = dict(zip(self.names, packed, strict=True))
+        given = dict(zip(self.names, packed, strict=True))
+        values = self.assembly.in_effect(given, state)
         constants = self.assembly.constants(values)
         period = 60.0 / values[HEART_RATE]
-        recorder = Recorder(self.assembly, signals)
+        recorder, readings = Recorder(self.assembly, signals), Readings(self.assembly)
 
-        def block(carry: Any, inputs: Any) -> Any:
-            length, *tables = inputs
+        def block(carry: Carry, inputs: tuple[Number, Tables]) -> tuple[Carry, jax.Array | None]:
+            length, tables = inputs
             steps = self._step_constants(GAMMA * period * length, constants)
 
-            def step(carry: Any, now: Any) -> Any:
-                start, total = carry
-                volumes, flows, means = self._step(start, now[0], steps, constants)
-                picked = recorder.pick(volumes, flows, now[0][1], constants, period, means)
-                if weights is None:
-                    return ((volumes, flows), total), picked
-                return ((volumes, flows), [t + now[1][k] * picked[k] for k, t in enumerate(total)]), None
+            def step(carry: Carry, now: Tables) -> tuple[Carry, jax.Array | None]:
+                volumes, flows, means = self._step(carry, now.activations, steps, constants)
+                moment = Moment(volumes, flows, now.activations[1], constants, period, means)
+                picked = recorder.pick(moment)
+                gathered = readings.gathered(carry.readings, moment, now.readings)
+                if now.weights is None:
+                    return Carry(volumes, flows, carry.sums, gathered), picked
+                sums = [total + now.weights[k] * picked[k] for k, total in enumerate(carry.sums)]
+                return Carry(volumes, flows, sums, gathered), None
 
-            return jax.lax.scan(step, carry, tuple(tables))
+            return jax.lax.scan(step, carry, tables)
 
-        tables = [jnp.asarray(self.grid.block_steps), jnp.asarray(self._activation_table())]
-        begin, total = self._start(state, constants, period), []
+        volumes, flows = self._start(state, constants, period)
+        zero = jnp.zeros_like(volumes[0])
+        sums: list[Number] = [] if weights is None else [zero] * len(signals)
+        inputs = jnp.asarray(self.grid.block_steps), self._tables(weights, readings)
+        carry = Carry(volumes, flows, sums, readings.none(zero))
+        carry, recorded = jax.lax.scan(block, carry, inputs)
+        following = self.assembly.next_control_states(state, carry.readings, period, given)
+        inertial = (carry.flows[j] for j in self.assembly.inertial)
+        end = jnp.stack([*carry.volumes, *inertial, *(number + zero for number in following)])
         if weights is not None:
-            tables.append(weights.reshape(len(self.grid.block_steps), STEPS_PER_BLOCK, len(signals)))
-            total = [jnp.zeros_like(begin[0][0]) for _ in signals]
-        ((volumes, flows), total), recorded = jax.lax.scan(block, (begin, total), tuple(tables))
-        end = jnp.stack([*volumes, *(flows[j] for j in self.assembly.inertial)])
-        if weights is not None:
-            return end, jnp.stack(total) if total else jnp.zeros((0, *end.shape[1:]))
+            return end, jnp.stack(carry.sums) if carry.sums else jnp.zeros((0, *end.shape[1:]))
+        assert recorded is not None
         return end, recorded.reshape(self.grid.n_steps, *recorded.shape[2:])
 
-    def _activation_table(self) -> np.ndarray:
-        """Activations at both stages of every step, shape (blocks, steps, 2, curves)."""
-        nodes = self.grid.phases
+    def _tables(self, weights: States | None, readings: Readings) -> Tables:
+        """What differs from step to step, in blocks of steps."""
+        nodes, blocks = self.grid.phases, (len(self.grid.block_steps), STEPS_PER_BLOCK)
         width = np.diff(nodes)
         stages = np.stack([nodes[:-1] + GAMMA * width, nodes[1:]], axis=1)
         curves = [a.at(stages, np) for a in self.assembly.activations]
-        table = np.stack(curves, axis=-1) if curves else np.zeros((*stages.shape, 0))
-        return table.reshape(len(self.grid.block_steps), STEPS_PER_BLOCK, 2, len(curves))
+        activations = np.stack(curves, axis=-1) if curves else np.zeros((*stages.shape, 0))
+        of_readings = readings.weights(width)
+        return Tables(
+            jnp.asarray(activations.reshape(*blocks, *activations.shape[1:])),
+            None if weights is None else weights.reshape(*blocks, weights.shape[1]),
+            None if of_readings is None else jnp.asarray(of_readings.reshape(*blocks, -1)),
+        )
 
-    def _start(self, state: Any, constants: Constants, period: Any) -> tuple[list[Any], list[Any]]:
+    def _start(
+        self, state: States, constants: Constants, period: Number
+    ) -> tuple[list[Number], list[Number]]:
         """Volumes, and flows of all connections, at phase 0."""
         assembly = self.assembly
         volumes, inertial = assembly.volumes(state), assembly.inertial_flows(state)
@@ -151,12 +192,12 @@ class BeatProgram:
             flows.append(connection.component.flow(drop, weight * load, constants.paths[j]) + zero)
         return volumes, flows
 
-    def _step_constants(self, weight: Any, constants: Constants) -> StepConstants:
+    def _step_constants(self, weight: Number, constants: Constants) -> StepConstants:
         assembly = self.assembly
-        loads: list[Any] = []
+        loads: list[Number] = []
         for compartment, law in zip(assembly.circuit.compartments, constants.storages, strict=True):
             fixed = compartment.component.constant_stiffness
-            loads.append(weight * compartment.component.pressure(0.0, 0.0, law)[1] if fixed else None)
+            loads.append(weight * compartment.component.pressure(0.0, 0.0, law)[1] if fixed else 0.0)
         inertia, fixed_load, conductance = [], [], []
         for j, connection in enumerate(assembly.circuit.connections):
             law, path = connection.component, constants.paths[j]
@@ -170,16 +211,16 @@ class BeatProgram:
             total = load if inertia[j] is None else load + inertia[j]
             fixed_load.append(load)
             conductance.append(1.0 / (total + law.resistance(path)) if law.linear else None)
-        return StepConstants(weight, tuple(loads), tuple(inertia), tuple(fixed_load), tuple(conductance))
+        return StepConstants(weight, loads, inertia, fixed_load, conductance)
 
     def _step(
-        self, carry: Any, activations: Any, steps: StepConstants, constants: Constants
-    ) -> tuple[list[Any], list[Any], list[Any]]:
+        self, carry: Carry, activations: States, steps: StepConstants, constants: Constants
+    ) -> tuple[list[Number], list[Number], list[Number]]:
         """One step, and the mean flows over it.
 
         Stage 1 at gamma h from the start, stage 2 at h from start + (1 - gamma) h f(stage 1).
         """
-        volumes, flows = carry
+        volumes, flows = carry.volumes, carry.flows
         middle_v, middle_q = self._stage(volumes, flows, flows, activations[0], steps, constants)
         ratio = (1.0 - GAMMA) / GAMMA
         base_v = [a + ratio * (b - a) for a, b in zip(volumes, middle_v, strict=True)]
@@ -189,13 +230,13 @@ class BeatProgram:
 
     def _stage(
         self,
-        base_v: Any,
-        base_q: Any,
-        guess: Any,
-        activations: Any,
+        base_v: Sequence[Number],
+        base_q: Sequence[Number],
+        guess: Sequence[Number],
+        activations: States,
         steps: StepConstants,
         constants: Constants,
-    ) -> tuple[list[Any], list[Any]]:
+    ) -> tuple[list[Number], list[Number]]:
         """Solve V = base_v + k dV/dt, Q = base_q + k dQ/dt for volumes and flows."""
         assembly = self.assembly
         flows = list(guess)
@@ -215,10 +256,10 @@ class BeatProgram:
     def _solve(
         self,
         j: int,
-        flows: Any,
-        pressures: Any,
-        loads: Any,
-        base_q: Any,
+        flows: list[Number],
+        pressures: list[Number],
+        loads: list[Number],
+        base_q: Sequence[Number],
         steps: StepConstants,
         constants: Constants,
     ) -> None:
@@ -231,27 +272,33 @@ class BeatProgram:
             load = assembly.at(source, loads, constants) + assembly.at(target, loads, constants)
         push = assembly.at(source, pressures, constants) - assembly.at(target, pressures, constants)
         push = push + load * flows[j]
-        if steps.inertia_load[j] is not None:
-            push = push + steps.inertia_load[j] * base_q[j]
-        if steps.conductance[j] is not None:
-            flow = push * steps.conductance[j]
+        inertia, conductance = steps.inertia_load[j], steps.conductance[j]
+        if inertia is not None:
+            push = push + inertia * base_q[j]
+        if conductance is not None:
+            flow = push * conductance
         else:
-            total = load if steps.inertia_load[j] is None else load + steps.inertia_load[j]
+            total = load if inertia is None else load + inertia
             flow = law.flow(push, total, constants.paths[j])
         change = flow - flows[j]
         flows[j] = flow
         assembly.add_at(source, pressures, -assembly.at(source, loads, constants) * change, constants)
         assembly.add_at(target, pressures, assembly.at(target, loads, constants) * change, constants)
 
-    def _loads(self, volumes: Any, activations: Any, steps: StepConstants, constants: Constants) -> Any:
+    def _loads(
+        self, volumes: Sequence[Number], activations: States, steps: StepConstants, constants: Constants
+    ) -> tuple[list[Number], list[Number]]:
         """Pressures, and stiffness times the stage's weight."""
         pressures, stiffness = self.assembly.pressures(volumes, activations, constants)
+        compartments = self.assembly.circuit.compartments
         return pressures, [
-            steps.weight * s if fixed is None else fixed
-            for s, fixed in zip(stiffness, steps.compliance_load, strict=True)
+            fixed if c.component.constant_stiffness else steps.weight * s
+            for c, s, fixed in zip(compartments, stiffness, steps.compliance_load, strict=True)
         ]
 
-    def _moved(self, base: Any, flows: Any, steps: StepConstants, constants: Constants) -> list[Any]:
+    def _moved(
+        self, base: Sequence[Number], flows: Sequence[Number], steps: StepConstants, constants: Constants
+    ) -> list[Number]:
         """Volumes after the flows have run for the stage's weight."""
         volumes = list(base)
         for flow, (source, target) in zip(flows, self.assembly.ends, strict=True):
@@ -268,5 +315,5 @@ def beat_program(circuit: Circuit, resolution: int = 1) -> BeatProgram:
 
 
 @lru_cache(maxsize=256)
-def _trace(program: BeatProgram, signals: tuple[str, ...]) -> Any:
+def _trace(program: BeatProgram, signals: tuple[str, ...]) -> RecordedBeat:
     return compiled(lambda state, packed: program.run(state, packed, signals), ("trace", program, signals))

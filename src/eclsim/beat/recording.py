@@ -3,17 +3,40 @@
 from __future__ import annotations
 
 import difflib
-from typing import Any
+from collections.abc import Sequence
+from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 
-from eclsim.circuit.assembly import Assembly, Constants
-from eclsim.circuit.network import Circuit
+from eclsim.circuit.assembly import Assembly, Constants, States
+from eclsim.circuit.network import Circuit, Statistic
+from eclsim.circuit.signals import Form, Kind, Signal
+from eclsim.components.base import Number
 
-RATE = "'"
-"""Suffix of a signal's change per unit of phase."""
-MEAN = "~"
-"""Suffix of a flow's mean over the step that ends here: what moved, whatever a valve did meanwhile."""
+RATE, MEAN = Form.RATE.value, Form.MEAN.value
+"""Suffixes of a signal's change per unit of phase, and of a flow's mean over the step that ends here."""
+
+
+class Moment(NamedTuple):
+    """The end of a step.
+
+    Args:
+        volumes: of all compartments [mL].
+        flows: through all connections [mL/s].
+        activations: of all curves.
+        constants: of the laws.
+        period: of the beat [s].
+        means: of the flows over the step; None where no step ends.
+    """
+
+    volumes: list[Number]
+    flows: list[Number]
+    activations: Sequence[Number] | States
+    constants: Constants
+    period: Number
+    means: list[Number] | None = None
 
 
 class UnknownSignalError(KeyError):
@@ -24,30 +47,24 @@ class UnknownSignalError(KeyError):
 
 
 def all_signals(assembly: Assembly) -> tuple[str, ...]:
-    """P and V of every compartment, Q of every connection, P (head) of connections without a namesake."""
-    stores = [c.name for c in assembly.circuit.compartments]
-    paths = [c.name for c in assembly.circuit.connections]
-    heads = [name for name in paths if name not in stores]
-    return (
-        *("P" + n for n in stores),
-        *("P" + n for n in heads),
-        *("Q" + n for n in paths),
-        *("V" + n for n in stores),
-    )
+    """Names of all signals of a circuit (`Circuit.signals`)."""
+    return tuple(map(str, assembly.circuit.signals()))
 
 
-def has_rate(circuit: Circuit, signal: str) -> bool:
+def has_rate(circuit: Circuit, name: str) -> bool:
     """Whether a signal's rate follows from the flows: a volume, or the pressure of a passive compartment."""
-    passive = [c.name for c in circuit.compartments if c.component.constant_stiffness]
-    return signal[1:] in (
-        passive if signal[0] == "P" else [c.name for c in circuit.compartments if signal[0] == "V"]
-    )
+    signal, laws = Signal.parse(name), {c.name: c.component for c in circuit.compartments}
+    if signal.place not in laws or signal.kind is Kind.FLOW:
+        return False
+    return signal.kind is Kind.VOLUME or laws[signal.place].constant_stiffness
 
 
-def has_mean(circuit: Circuit, signal: str) -> bool:
+def has_mean(circuit: Circuit, name: str) -> bool:
     """Whether a signal is a flow that opens and shuts, so that its values at the steps' ends do not do."""
-    laws = {c.name: c.component for c in circuit.connections}
-    return signal[0] == "Q" and signal[1:] in laws and laws[signal[1:]].one_way
+    signal = Signal.parse(name)
+    return signal.kind is Kind.FLOW and any(
+        c.component.one_way for c in circuit.connections if c.name == signal.place
+    )
 
 
 def with_means(circuit: Circuit, signals: tuple[str, ...]) -> tuple[str, ...]:
@@ -60,71 +77,102 @@ def with_rates(circuit: Circuit, signals: tuple[str, ...]) -> tuple[str, ...]:
     return signals + tuple(s + RATE for s in signals if has_rate(circuit, s))
 
 
+def known_signal(circuit: Circuit, name: str, allowed: tuple[str, ...]) -> Signal:
+    """The signal of a name; `UnknownSignalError` where the circuit has none of that name."""
+    exists = {RATE: has_rate, MEAN: has_mean}.get(name[-1:])
+    plain = name.removesuffix(RATE).removesuffix(MEAN)
+    if plain in allowed and (exists is None or exists(circuit, plain)):
+        return Signal.parse(name)
+    near = difflib.get_close_matches(name, allowed, n=3)
+    hint = f"; did you mean {', '.join(near)}?" if near else ""
+    raise UnknownSignalError(f"'{name}' is no signal of this circuit; allowed: {', '.join(allowed)}{hint}")
+
+
 class Recorder:
     """Picks signals by name: P or V + compartment, Q + connection, P + pump (pressure gained across it).
 
-    Pressures in mmHg, stressed volumes in mL, flows in mL/s, all at the end of a step. `RATE` behind P or V
-    of a compartment means its change per unit of phase, which follows from the flows (`has_rate`).
+    Pressures in mmHg, stressed volumes in mL, flows in mL/s, all at the end of a step; rates and means as
+    `eclsim.circuit.signals.Form` has them.
     """
 
     def __init__(self, assembly: Assembly, signals: tuple[str, ...]):
         self.assembly = assembly
-        self.signals = signals
         self._stores = [c.name for c in assembly.circuit.compartments]
         self._paths = [c.name for c in assembly.circuit.connections]
-        self._wants_rates = any(signal.endswith(RATE) for signal in signals)
-        known = all_signals(assembly)
-        for signal in signals:
-            plain = signal.removesuffix(RATE).removesuffix(MEAN)
-            exists = {RATE: has_rate, MEAN: has_mean}.get(signal[-1])
-            if plain not in known or (exists is not None and not exists(assembly.circuit, plain)):
-                near = difflib.get_close_matches(signal, known, n=3)
-                hint = f"; did you mean {', '.join(near)}?" if near else ""
-                raise UnknownSignalError(
-                    f"'{signal}' is no signal of this circuit; allowed: {', '.join(known)}{hint}"
-                )
+        allowed = all_signals(assembly)
+        self.signals = tuple(known_signal(assembly.circuit, name, allowed) for name in signals)
+        self._wants_rates = any(signal.form is Form.RATE for signal in self.signals)
 
-    def pick(
-        self,
-        volumes: Any,
-        flows: Any,
-        activations: Any,
-        constants: Constants,
-        period: Any,
-        means: Any = None,
-    ) -> Any:
-        """The signals of one moment, stacked; shape (signals[, patients]).
-
-        `period` of the beat in s; `means` of the flows over the step that ends here.
-        """
-        pressures, stiffness = self.assembly.pressures(volumes, activations, constants)
-        zero = jnp.zeros_like(volumes[0])
-        rates = self._volume_rates(flows, constants) if self._wants_rates else []
-        found = []
+    def pick(self, now: Moment) -> jax.Array:
+        """The signals of one moment, stacked; shape (signals[, patients])."""
+        pressures, stiffness = self.assembly.pressures(now.volumes, now.activations, now.constants)
+        zero = jnp.zeros_like(now.volumes[0])
+        rates = self._volume_rates(now.flows, now.constants) if self._wants_rates else []
+        picked = []
         for signal in self.signals:
-            if signal.endswith(RATE):
-                position = self._stores.index(signal[1:].removesuffix(RATE))
-                value = rates[position] * period * (stiffness[position] if signal[0] == "P" else 1.0)
-            elif signal.endswith(MEAN):
-                value = self._one(signal.removesuffix(MEAN), volumes, means, pressures, constants)
+            if signal.form is Form.RATE:
+                position = self._stores.index(signal.place)
+                per_volume = stiffness[position] if signal.kind is Kind.PRESSURE else 1.0
+                value = rates[position] * now.period * per_volume
+            elif signal.form is Form.MEAN:
+                assert now.means is not None, "means are recorded with a step"
+                value = now.means[self._paths.index(signal.place)]
             else:
-                value = self._one(signal, volumes, flows, pressures, constants)
-            found.append(value + zero)
-        return jnp.stack(found) if found else jnp.zeros((0, *zero.shape))
+                value = self._value(signal, now, pressures)
+            picked.append(value + zero)
+        return jnp.stack(picked) if picked else jnp.zeros((0, *zero.shape))
 
-    def _volume_rates(self, flows: Any, constants: Constants) -> list[Any]:
+    def _volume_rates(self, flows: list[Number], constants: Constants) -> list[Number]:
         """Change of every compartment's volume [mL/s]."""
-        rates = [jnp.zeros_like(flows[0]) for _ in self._stores]
+        rates: list[Number] = [jnp.zeros_like(flows[0]) for _ in self._stores]
         for flow, (source, target) in zip(flows, self.assembly.ends, strict=True):
             self.assembly.add_at(source, rates, -flow, constants)
             self.assembly.add_at(target, rates, flow, constants)
         return rates
 
-    def _one(self, signal: str, volumes: Any, flows: Any, pressures: Any, constants: Constants) -> Any:
-        kind, name = signal[0], signal[1:]
-        if kind == "Q":
-            return flows[self._paths.index(name)]
-        if name in self._stores:
-            return (volumes if kind == "V" else pressures)[self._stores.index(name)]
-        source, target = self.assembly.ends[self._paths.index(name)]
-        return self.assembly.at(target, pressures, constants) - self.assembly.at(source, pressures, constants)
+    def _value(self, signal: Signal, now: Moment, pressures: list[Number]) -> Number:
+        if signal.kind is Kind.FLOW:
+            return now.flows[self._paths.index(signal.place)]
+        if signal.place in self._stores:
+            values = now.volumes if signal.kind is Kind.VOLUME else pressures
+            return values[self._stores.index(signal.place)]
+        source, target = self.assembly.ends[self._paths.index(signal.place)]
+        up, down = (self.assembly.at(end, pressures, now.constants) for end in (source, target))
+        return down - up
+
+
+class Readings:
+    """What the controllers of a circuit read off a beat, gathered step by step."""
+
+    def __init__(self, assembly: Assembly):
+        reads = [reading for control in assembly.circuit.controllers for reading in control.reads]
+        self.statistics = [reading.statistic for reading in reads]
+        names = [str(reading.signal) for reading in reads]
+        self._moved = [
+            s is Statistic.MEAN and has_mean(assembly.circuit, n)
+            for n, s in zip(names, self.statistics, strict=True)
+        ]
+        names = [name + MEAN if moved else name for name, moved in zip(names, self._moved, strict=True)]
+        self._recorder = Recorder(assembly, tuple(names))
+
+    def none(self, zero: Number) -> list[Number]:
+        """Before the first step."""
+        first = {Statistic.MEAN: 0.0, Statistic.MAXIMUM: -jnp.inf, Statistic.MINIMUM: jnp.inf}
+        return [first[statistic] + zero for statistic in self.statistics]
+
+    def weights(self, widths: np.ndarray) -> np.ndarray | None:
+        """Weight of each step in a mean, shape (steps, readings): its width, or by the trapezoidal rule."""
+        trapezoid = 0.5 * (widths + np.roll(widths, -1))
+        columns = [widths if moved else trapezoid for moved in self._moved]
+        return np.stack(columns, axis=1) if columns else None
+
+    def gathered(self, readings: list[Number], moment: Moment, weights: States | None) -> list[Number]:
+        """The readings after one more step, with the weight of each reading in this step."""
+        if weights is None:
+            return readings
+        picked = self._recorder.pick(moment)
+        rules = {Statistic.MAXIMUM: jnp.maximum, Statistic.MINIMUM: jnp.minimum}
+        return [
+            rules[s](old, picked[k]) if s in rules else old + weights[k] * picked[k]
+            for k, (s, old) in enumerate(zip(self.statistics, readings, strict=True))
+        ]

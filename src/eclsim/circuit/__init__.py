@@ -1,9 +1,20 @@
 """Circuits as data, and their assembly into states and laws."""
 
-from eclsim.circuit.network import Choice, Circuit, Compartment, Connection, StartPressure, StartVolume
+from eclsim.circuit.network import (
+    Choice,
+    Circuit,
+    Compartment,
+    Connection,
+    Control,
+    StartPressure,
+    StartVolume,
+    maximum_of,
+    mean_of,
+    minimum_of,
+)
 from eclsim.circuit.validation import CircuitError, validate
 
 __all__ = [
-    "Choice", "Circuit", "CircuitError", "Compartment", "Connection", "StartPressure", "StartVolume",
-    "validate",
+    "Choice", "Circuit", "CircuitError", "Compartment", "Connection", "Control", "StartPressure",
+    "StartVolume", "maximum_of", "mean_of", "minimum_of", "validate",
 ]  # fmt: skip

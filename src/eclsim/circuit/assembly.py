@@ -1,40 +1,43 @@
-"""From the two tables to states and rates: what every solver needs to know of a circuit, and nothing of time.
+"""From the tables to states and rates: what every solver needs to know of a circuit, and nothing of time.
 
 What the numbers of a state are says its layout. All functions are written for one entry per patient of a
-batch: they take lists of arrays (or of numbers) and never look at shapes.
+batch: they take sequences of arrays (or of numbers) and never look at shapes.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import NamedTuple
 
+import jax
 import numpy as np
 
-from eclsim.circuit.filling import filled_to
 from eclsim.circuit.layout import StateLayout, layout_of
-from eclsim.circuit.network import Choice, Circuit, Site, StartPressure
+from eclsim.circuit.network import Choice, Circuit, Site
 from eclsim.circuit.sweep import sweep_order
 from eclsim.circuit.validation import validate
-from eclsim.components.base import Activation, Values, value_of
+from eclsim.circuit.volumes import start_volume
+from eclsim.components.base import Activation, Number, Values
+
+States = np.ndarray | jax.Array
+"""Numbers of a state along the first axis, shape (states[, patients])."""
 
 
-@dataclass(frozen=True)
-class End:
+class End(NamedTuple):
     """End of a connection: positions of the compartments it may attach to and the parameter that chooses."""
 
     positions: tuple[int, ...]
     parameter: str | None = None
 
 
-@dataclass(frozen=True)
-class Constants:
-    """What the laws of a circuit compute once from the parameters."""
+class Constants(NamedTuple):
+    """What the laws compute once from the parameters; `weights` choose among the sites of an end."""
 
-    storages: tuple[Any, ...]
-    paths: tuple[Any, ...]
-    weights: dict[str, tuple[Any, ...]]
+    storages: tuple[object, ...]
+    paths: tuple[object, ...]
+    weights: Mapping[str, tuple[Number, ...]]
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,7 @@ class Assembly:
     """A circuit with its states numbered.
 
     Args:
-        circuit: both tables.
+        circuit: its tables.
         ends: of each connection.
         inertial: positions of the connections whose flow is a state.
         activations: curves that drive its chambers.
@@ -58,14 +61,17 @@ class Assembly:
     @cached_property
     def layout(self) -> StateLayout:
         """What the numbers of the state are."""
-        compartments = tuple(c.name for c in self.circuit.compartments)
-        return layout_of(compartments, tuple(self.circuit.connections[j].name for j in self.inertial))
+        return layout_of(
+            [c.name for c in self.circuit.compartments],
+            [self.circuit.connections[j].name for j in self.inertial],
+            [(f"{c.name}.{s.name}", s.scale) for c in self.circuit.controllers for s in c.component.states],
+        )
 
-    def volumes(self, state: Any) -> list[Any]:
+    def volumes(self, state: States) -> list[Number]:
         """Stressed volume of every compartment [mL]."""
         return [state[k] for k in self.layout.volumes.positions]
 
-    def inertial_flows(self, state: Any) -> dict[int, Any]:
+    def inertial_flows(self, state: States) -> dict[int, Number]:
         """Flow of each connection with inertia [mL/s], by its position in the table."""
         return {j: state[k] for j, k in zip(self.inertial, self.layout.flows.positions, strict=True)}
 
@@ -83,7 +89,7 @@ class Assembly:
         """Everything that depends on the parameters alone."""
         storages = tuple(c.component.constants(values) for c in self.circuit.compartments)
         paths = tuple(c.component.constants(values) for c in self.circuit.connections)
-        weights: dict[str, tuple[Any, ...]] = {}
+        weights: dict[str, tuple[Number, ...]] = {}
         for end in (e for pair in self.ends for e in pair):
             if end.parameter is not None:
                 chosen = values[end.parameter]
@@ -92,24 +98,26 @@ class Assembly:
                 )
         return Constants(storages, paths, weights)
 
-    def pressures(self, volumes: Any, activations: Any, constants: Constants) -> tuple[list[Any], list[Any]]:
+    def pressures(
+        self, volumes: Sequence[Number], activations: Sequence[Number] | States, constants: Constants
+    ) -> tuple[list[Number], list[Number]]:
         """Pressure [mmHg] and stiffness [mmHg/mL] of every compartment."""
-        found = []
+        pairs = []
         for position, compartment in enumerate(self.circuit.compartments):
             index = self.activation_index(position)
             activation = 0.0 if index is None else activations[index]
             law = compartment.component
-            found.append(law.pressure(volumes[position], activation, constants.storages[position]))
-        return [p for p, _ in found], [s for _, s in found]
+            pairs.append(law.pressure(volumes[position], activation, constants.storages[position]))
+        return [p for p, _ in pairs], [s for _, s in pairs]
 
-    def at(self, end: End, quantities: Any, constants: Constants) -> Any:
+    def at(self, end: End, quantities: Sequence[Number], constants: Constants) -> Number:
         """A quantity of the compartments, read at an end."""
         if end.parameter is None:
             return quantities[end.positions[0]]
         weights = constants.weights[end.parameter]
         return sum(w * quantities[p] for w, p in zip(weights, end.positions, strict=True))
 
-    def add_at(self, end: End, quantities: list[Any], amount: Any, constants: Constants) -> None:
+    def add_at(self, end: End, quantities: list[Number], amount: Number, constants: Constants) -> None:
         """Add an amount to the compartment at an end, in place."""
         if end.parameter is None:
             position = end.positions[0]
@@ -118,27 +126,58 @@ class Assembly:
         for weight, position in zip(constants.weights[end.parameter], end.positions, strict=True):
             quantities[position] = quantities[position] + weight * amount
 
-    def start_volumes(self, values: Values) -> list[Any]:
+    def in_effect(self, values: Values, state: States) -> Values:
+        """Values of the parameters during the beat from a state: those given, but where a controller acts."""
+        if not self.circuit.controllers:
+            return values
+        acted = dict(values)
+        for control, states in zip(self.circuit.controllers, self._control_states(state), strict=True):
+            law, given = control.component, [values[name] for name in control.acts_on]
+            acted.update(
+                zip(control.acts_on, law.in_effect(states, given, law.constants(values)), strict=True)
+            )
+        return acted
+
+    def next_control_states(
+        self, state: States, readings: Sequence[Number], period: Number, values: Values
+    ) -> list[Number]:
+        """States of all controllers after the beat from a state.
+
+        Args:
+            state: at the beginning of the beat.
+            readings: off the beat, of all controllers one after the other.
+            period: of the beat [s].
+            values: given values of the parameters.
+        """
+        rest, following = list(readings), list[Number]()
+        for control, states in zip(self.circuit.controllers, self._control_states(state), strict=True):
+            own, rest = rest[: len(control.reads)], rest[len(control.reads) :]
+            law = control.component
+            following += law.next_states(states, own, period, law.constants(values))
+        return following
+
+    def _control_states(self, state: States) -> list[list[Number]]:
+        """States of each controller."""
+        rest = [state[k] for k in self.layout.controllers.positions]
+        own = []
+        for control in self.circuit.controllers:
+            count = len(control.component.states)
+            own.append(rest[:count])
+            rest = rest[count:]
+        return own
+
+    def start_volumes(self, values: Values) -> list[Number]:
         """Stressed volume of every compartment at the start [mL]."""
-        return [_start_volume(c, values) for c in self.circuit.compartments]
+        return [start_volume(c, values) for c in self.circuit.compartments]
 
     def start_state(self, values: Values) -> np.ndarray:
         """State of one patient at the start: start volumes, flows at rest; shape (states,)."""
         state = np.zeros(self.layout.size)
         state[self.layout.volumes.where] = [float(v) for v in self.start_volumes(values)]
+        laws = [c.component for c in self.circuit.controllers]
+        started = [float(number) for law in laws for number in law.start(law.constants(values))]
+        state[self.layout.controllers.where] = started
         return state
-
-
-def _start_volume(compartment: Any, values: Values) -> Any:
-    start = compartment.start
-    if isinstance(start, StartPressure):
-        pressure = value_of(values, start.pressure)
-        if not compartment.component.constant_stiffness:
-            return filled_to(compartment.component, pressure, values)
-        at_rest, stiffness = compartment.component.pressure(0.0, 0.0, compartment.component.constants(values))
-        return (pressure - at_rest) / stiffness
-    volume = value_of(values, start.volume)
-    return volume if start.fraction_of is None else volume * value_of(values, start.fraction_of)
 
 
 @lru_cache(maxsize=256)
@@ -152,7 +191,7 @@ def assemble(circuit: Circuit) -> Assembly:
     return Assembly(circuit, ends, inertial, tuple(curves), sweep_order(circuit))
 
 
-def _end(site: Site, position: dict[str, int]) -> End:
+def _end(site: Site, position: Mapping[str, int]) -> End:
     if isinstance(site, Choice):
         return End(tuple(position[s] for s in site.sites), site.parameter)
     return End((position[site],))

@@ -6,11 +6,14 @@ else changes.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+
+from eclsim.circuit.signals import Kind, Signal
 
 
 class State(NamedTuple):
@@ -59,15 +62,17 @@ class StateLayout:
     Args:
         volumes: "V" + compartment, stressed volume [mL].
         flows: "Q" + connection, flow of a connection with inertia [mL/s].
+        controllers: controller + "." + state; they stay the same during a beat and change at its end.
     """
 
     volumes: Block
     flows: Block
+    controllers: Block
 
     @cached_property
     def states(self) -> tuple[State, ...]:
         """All states in order."""
-        return self.volumes.states + self.flows.states
+        return self.volumes.states + self.flows.states + self.controllers.states
 
     @property
     def size(self) -> int:
@@ -106,8 +111,19 @@ class StateLayout:
         return weights
 
 
-def layout_of(compartments: tuple[str, ...], inertial: tuple[str, ...]) -> StateLayout:
-    """The state of a circuit with these compartments and these connections whose flow has inertia."""
-    volumes = tuple(State("V" + name) for name in compartments)
-    flows = tuple(State("Q" + name, scale=10.0, largest_step=500.0) for name in inertial)
-    return StateLayout(Block(volumes, 0), Block(flows, len(volumes)))
+def layout_of(
+    compartments: Iterable[str], inertial: Iterable[str], controllers: Iterable[tuple[str, float]] = ()
+) -> StateLayout:
+    """The state of a circuit.
+
+    Args:
+        compartments: their names.
+        inertial: names of the connections whose flow has inertia.
+        controllers: name and typical change of each state of its controllers.
+    """
+    volumes = tuple(State(str(Signal(Kind.VOLUME, name))) for name in compartments)
+    flows = tuple(State(str(Signal(Kind.FLOW, name)), 10.0, largest_step=500.0) for name in inertial)
+    control = tuple(State(name, scale, scale, scale) for name, scale in controllers)
+    return StateLayout(
+        Block(volumes, 0), Block(flows, len(volumes)), Block(control, len(volumes) + len(flows))
+    )

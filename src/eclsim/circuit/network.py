@@ -1,4 +1,4 @@
-"""A circuit is two tables: compartments that store blood and connections that carry it.
+"""A circuit is tables: compartments that store blood, connections that carry it, controllers that regulate.
 
 A circuit is data. It is joined to others with `+`, put under a prefix where there are two of a kind, read
 on one screen with `print`, and compared and hashed like any value; nothing in it computes.
@@ -8,9 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
+from enum import Enum
+from typing import NamedTuple
 
+from eclsim.circuit.signals import Kind, Signal
 from eclsim.components.base import Key, Path, Renaming, Storage, names_in, renamed_key
+from eclsim.components.controllers import Controller
 
+HEART_RATE = "heart_rate_bpm"
+"""The parameter that every circuit has beside those of its laws."""
 SHARED_PARAMETERS = ("etaB", "rhoB")
 """What the blood of all circuits has in common: these parameters keep their names under a prefix."""
 
@@ -119,64 +125,140 @@ class Connection:
         chosen = tuple(site.parameter for site in self.sites if isinstance(site, Choice))
         return self.component.parameter_names() + chosen
 
-
-@dataclass(frozen=True)
-class Circuit:
-    """Compartments and the connections between them."""
-
-    compartments: tuple[Compartment, ...] = ()
-    connections: tuple[Connection, ...] = ()
-
-    def __hash__(self) -> int:
-        """Computed once: every cache of compiled programs asks for it."""
-        if "_hash" not in self.__dict__:
-            object.__setattr__(self, "_hash", hash((self.compartments, self.connections)))
-        return self.__dict__["_hash"]
-
-    def __add__(self, other: Circuit) -> Circuit:
-        """Both circuits as one; devices name the compartments they attach to."""
-        return Circuit(self.compartments + other.compartments, self.connections + other.connections)
-
-    def __str__(self) -> str:
-        """Both tables, one line an entry."""
-        stores = [f"  {c.name:<12} {c.group:<8} {c.component}" for c in self.compartments]
-        paths = [
-            f"  {c.name:<12} {c.group:<8} {site_text(c.source)} -> {site_text(c.target)}  {c.component}"
-            for c in self.connections
-        ]
-        return "\n".join(["compartments", *stores, "connections", *paths])
-
-    def parameter_names(self) -> tuple[str, ...]:
-        """Names of all parameters that the circuit reads, each once, in order of appearance."""
-        entries = (*self.compartments, *self.connections)
-        return tuple(dict.fromkeys(name for entry in entries for name in entry.parameter_names()))
-
-    def renamed(self, name: Renaming, parameter: Renaming, group: Renaming) -> Circuit:
-        """The same circuit under other names; sites outside of it keep theirs.
-
-        Args:
-            name: of a compartment or connection.
-            parameter: of a parameter.
-            group: of a group.
-        """
-        own = {compartment.name for compartment in self.compartments}
-
-        def site(of: str) -> str:
-            return name(of) if of in own else of
+    def renamed(self, name: Renaming, parameter: Renaming, group: Renaming, site: Renaming) -> Connection:
+        """The same connection under other names; `site` names the compartments at its ends."""
 
         def end(of: Site) -> Site:
             if isinstance(of, Choice):
                 return Choice(tuple(map(site, of.sites)), parameter(of.parameter))
             return site(of)
 
-        compartments = (c.renamed(name, parameter, group) for c in self.compartments)
-        connections = (
-            Connection(
-                name(c.name), c.component.renamed(parameter), end(c.source), end(c.target), group(c.group)
-            )
-            for c in self.connections
+        law = self.component.renamed(parameter)
+        return Connection(name(self.name), law, end(self.source), end(self.target), group(self.group))
+
+
+class Statistic(Enum):
+    """What is read off a signal over a beat."""
+
+    MEAN = "mean"
+    MAXIMUM = "maximum"
+    MINIMUM = "minimum"
+
+
+class Reading(NamedTuple):
+    """A number that a controller reads off a beat: a statistic of a signal at the ends of all steps."""
+
+    statistic: Statistic
+    signal: Signal
+
+    def __str__(self) -> str:
+        return f"{self.statistic.value} {self.signal}"
+
+
+def mean_of(signal: str) -> Reading:
+    """Mean of a signal over the beat, as in the outputs."""
+    return Reading(Statistic.MEAN, Signal.parse(signal))
+
+
+def maximum_of(signal: str) -> Reading:
+    """Largest value of a signal at the end of a step."""
+    return Reading(Statistic.MAXIMUM, Signal.parse(signal))
+
+
+def minimum_of(signal: str) -> Reading:
+    """Smallest value of a signal at the end of a step."""
+    return Reading(Statistic.MINIMUM, Signal.parse(signal))
+
+
+@dataclass(frozen=True)
+class Control:
+    """A named controller: what it reads off a beat and which parameters it acts on during the next.
+
+    Args:
+        name: of the controller; its states are called name + "." + state.
+        component: its law.
+        reads: readings, in the order that the law takes them.
+        acts_on: parameters of the circuit, or `HEART_RATE`, likewise.
+        group: as of a compartment.
+    """
+
+    name: str
+    component: Controller
+    reads: tuple[Reading, ...]
+    acts_on: tuple[str, ...]
+    group: str = "patient"
+
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters of its law."""
+        return self.component.parameter_names()
+
+    def renamed(self, name: Renaming, parameter: Renaming, group: Renaming, site: Renaming) -> Control:
+        """The same controller under other names; `site` names the places of its signals."""
+        reads = (r._replace(signal=r.signal._replace(place=site(r.signal.place))) for r in self.reads)
+        acts_on = (n if n == HEART_RATE else parameter(n) for n in self.acts_on)
+        law = self.component.renamed(parameter)
+        return Control(name(self.name), law, tuple(reads), tuple(acts_on), group(self.group))
+
+
+@dataclass(frozen=True)
+class Circuit:
+    """Compartments, the connections between them, and controllers that act on their parameters."""
+
+    compartments: tuple[Compartment, ...] = ()
+    connections: tuple[Connection, ...] = ()
+    controllers: tuple[Control, ...] = ()
+
+    def __hash__(self) -> int:
+        """Computed once: every cache of compiled programs asks for it."""
+        if "_hash" not in self.__dict__:
+            tables = (self.compartments, self.connections, self.controllers)
+            object.__setattr__(self, "_hash", hash(tables))
+        return self.__dict__["_hash"]
+
+    def __add__(self, other: Circuit) -> Circuit:
+        """Both circuits as one; devices name the compartments they attach to."""
+        return Circuit(
+            self.compartments + other.compartments,
+            self.connections + other.connections,
+            self.controllers + other.controllers,
         )
-        return Circuit(tuple(compartments), tuple(connections))
+
+    def __str__(self) -> str:
+        """All tables, one line an entry."""
+        stores = [f"  {c.name:<12} {c.group:<8} {c.component}" for c in self.compartments]
+        paths = [
+            f"  {c.name:<12} {c.group:<8} {site_text(c.source)} -> {site_text(c.target)}  {c.component}"
+            for c in self.connections
+        ]
+        lines = ["compartments", *stores, "connections", *paths]
+        if self.controllers:
+            lines += ["controllers", *(f"  {c.name:<12} {c.group:<8} {_wiring(c)}" for c in self.controllers)]
+        return "\n".join(lines)
+
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of all parameters that the circuit reads, each once, in order of appearance."""
+        entries = (*self.compartments, *self.connections, *self.controllers)
+        return tuple(dict.fromkeys(name for entry in entries for name in entry.parameter_names()))
+
+    def renamed(self, name: Renaming, parameter: Renaming, group: Renaming) -> Circuit:
+        """The same circuit under other names; sites outside of it keep theirs.
+
+        Args:
+            name: of a compartment, connection or controller.
+            parameter: of a parameter.
+            group: of a group.
+        """
+        compartments, connections = ({c.name for c in t} for t in (self.compartments, self.connections))
+
+        def if_in(own: set[str]) -> Renaming:
+            return lambda n: name(n) if n in own else n
+
+        names, site, place = (name, parameter, group), if_in(compartments), if_in(compartments | connections)
+        return Circuit(
+            tuple(c.renamed(*names) for c in self.compartments),
+            tuple(c.renamed(*names, site) for c in self.connections),
+            tuple(c.renamed(*names, place) for c in self.controllers),
+        )
 
     def prefixed(self, prefix: str, shared: Collection[str] = SHARED_PARAMETERS) -> Circuit:
         """The same circuit as one of two of a kind, such as "lvad.left".
@@ -207,6 +289,13 @@ class Circuit:
         paths = (replace(c, source=site(c.source), target=site(c.target)) for c in self.connections)
         return replace(self, connections=tuple(paths))
 
+    def signals(self) -> tuple[Signal, ...]:
+        """P and V of compartments, Q of connections, P (head) of connections named unlike any compartment."""
+        stores, paths = ([entry.name for entry in table] for table in (self.compartments, self.connections))
+        heads = [name for name in paths if name not in stores]
+        places = ((Kind.PRESSURE, stores + heads), (Kind.FLOW, paths), (Kind.VOLUME, stores))
+        return tuple(Signal(kind, place) for kind, names in places for place in names)
+
     def compartment(self, name: str) -> Compartment:
         """The compartment of that name."""
         return next(c for c in self.compartments if c.name == name)
@@ -216,8 +305,8 @@ class Circuit:
         return next(c for c in self.connections if c.name == name)
 
     def has(self, group: str) -> bool:
-        """Whether any part belongs to a group, such as "ecmo"."""
-        return any(part.group == group for part in (*self.compartments, *self.connections))
+        """Whether a compartment or connection belongs to a group, such as "ecmo"."""
+        return any(entry.group == group for entry in (*self.compartments, *self.connections))
 
 
 def sites_of(site: Site) -> tuple[str, ...]:
@@ -228,3 +317,8 @@ def sites_of(site: Site) -> tuple[str, ...]:
 def site_text(site: Site) -> str:
     """A site in words."""
     return f"{{{' | '.join(site.sites)} by {site.parameter}}}" if isinstance(site, Choice) else site
+
+
+def _wiring(control: Control) -> str:
+    """What a controller reads and acts on, for print."""
+    return f"{', '.join(map(str, control.reads))} -> {', '.join(control.acts_on)}  {control.component}"

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import difflib
 from collections import Counter
+from collections.abc import Collection
 
-from eclsim.circuit.network import Circuit, sites_of
+from eclsim.circuit.network import HEART_RATE, Circuit, sites_of
+from eclsim.circuit.signals import Form
 
 
 class CircuitError(ValueError):
@@ -18,7 +20,7 @@ class CircuitError(ValueError):
 
 def validate(circuit: Circuit) -> None:
     """Raise `CircuitError` with every mistake of the circuit."""
-    mistakes = _duplicates(circuit) + _unknown_sites(circuit) + _loose_ends(circuit)
+    mistakes = _duplicates(circuit) + _unknown_sites(circuit) + _loose_ends(circuit) + _controls(circuit)
     if not circuit.compartments:
         mistakes.append("the circuit has no compartments: add at least one store of blood")
     if mistakes:
@@ -26,34 +28,36 @@ def validate(circuit: Circuit) -> None:
 
 
 def _duplicates(circuit: Circuit) -> list[str]:
-    found = []
-    for what, parts in (("compartment", circuit.compartments), ("connection", circuit.connections)):
-        counts = Counter(part.name for part in parts)
-        found += [
-            f"{what} '{name}' appears {n} times: names are unique" for name, n in counts.items() if n > 1
-        ]
-    return found
+    tables = {
+        "compartment": circuit.compartments,
+        "connection": circuit.connections,
+        "controller": circuit.controllers,
+    }
+    return [
+        f"{what} '{name}' appears {count} times: names are unique"
+        for what, table in tables.items()
+        for name, count in Counter(entry.name for entry in table).items()
+        if count > 1
+    ]
 
 
 def _unknown_sites(circuit: Circuit) -> list[str]:
     known = [c.name for c in circuit.compartments]
-    found = []
+    mistakes = []
     for connection in circuit.connections:
         for end, site in (("source", connection.source), ("target", connection.target)):
-            for name in sites_of(site):
-                if name not in known:
-                    near = difflib.get_close_matches(name, known, n=1)
-                    hint = f"; did you mean '{near[0]}'?" if near else ""
-                    found.append(
-                        f"connection '{connection.name}': {end} '{name}' is no compartment of the circuit; "
-                        f"allowed: {', '.join(known)}{hint}"
-                    )
+            mistakes += [
+                f"connection '{connection.name}': {end} '{name}' is no compartment of the circuit; "
+                f"allowed: {', '.join(known)}{_hint(name, known)}"
+                for name in sites_of(site)
+                if name not in known
+            ]
         if connection.source == connection.target and isinstance(connection.source, str):
-            found.append(
+            mistakes.append(
                 f"connection '{connection.name}': source and target are both '{connection.source}': "
                 "a connection joins two different compartments"
             )
-    return found
+    return mistakes
 
 
 def _loose_ends(circuit: Circuit) -> list[str]:
@@ -65,3 +69,30 @@ def _loose_ends(circuit: Circuit) -> list[str]:
         for c in circuit.compartments
         if c.name not in touched
     ]
+
+
+def _controls(circuit: Circuit) -> list[str]:
+    """Readings that do not exist, and parameters that do not exist or that two controllers act on."""
+    signals, parameters = list(map(str, circuit.signals())), (HEART_RATE, *circuit.parameter_names())
+    mistakes, acting = [], dict[str, str]()
+    for control in circuit.controllers:
+        start = f"controller '{control.name}'"
+        for reading in control.reads:
+            if reading.signal.form is not Form.VALUE or str(reading.signal) not in signals:
+                hint = _hint(str(reading.signal), signals)
+                mistakes.append(
+                    f"{start}: '{reading.signal}' is no signal of the circuit that it can read{hint}"
+                )
+        for name in control.acts_on:
+            if name not in parameters:
+                hint = _hint(name, parameters)
+                mistakes.append(f"{start}: it acts on '{name}', which is no parameter of the circuit{hint}")
+            elif name in acting:
+                mistakes.append(f"{start}: it acts on '{name}', and so does controller '{acting[name]}'")
+            acting[name] = control.name
+    return mistakes
+
+
+def _hint(name: str, known: Collection[str]) -> str:
+    near = difflib.get_close_matches(name, known, n=1)
+    return f"; did you mean '{near[0]}'?" if near else ""

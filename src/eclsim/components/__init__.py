@@ -2,6 +2,7 @@
 
 from eclsim.components.base import Activation, Path, Storage
 from eclsim.components.chambers import AtrialBump, Atrium, LinearChamber, Ventricle, VentricularSystole
+from eclsim.components.controllers import Controller, ControlState
 from eclsim.components.pumps import RollerPump, RotaryPump
 from eclsim.components.tubes import Cannula, Tube
 from eclsim.components.valves import HeartValve
@@ -11,7 +12,7 @@ all_storages = (ElasticVessel, Atrium, Ventricle, LinearChamber)
 all_paths = (Resistance, Artery, Tube, HeartValve, Cannula, RotaryPump, RollerPump)
 
 __all__ = [
-    "Activation", "Artery", "AtrialBump", "Atrium", "Cannula", "ElasticVessel", "HeartValve", "LinearChamber",
-    "Path", "Resistance", "RollerPump", "RotaryPump", "Storage", "Tube", "Ventricle", "VentricularSystole",
-    "all_paths", "all_storages",
+    "Activation", "Artery", "AtrialBump", "Atrium", "Cannula", "ControlState", "Controller",
+    "ElasticVessel", "HeartValve", "LinearChamber", "Path", "Resistance", "RollerPump", "RotaryPump",
+    "Storage", "Tube", "Ventricle", "VentricularSystole", "all_paths", "all_storages",
 ]  # fmt: skip

@@ -12,7 +12,7 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from eclsim.beat.recording import Recorder
+from eclsim.beat.recording import Moment, Recorder
 from eclsim.circuit.assembly import Assembly, Constants, assemble
 from eclsim.circuit.network import Circuit
 
@@ -46,9 +46,8 @@ class ExplicitCircuit:
     ) -> Any:
         """Signals of one moment (see `Recorder`), shape (signals,); `period` of the beat in s."""
         flows = self.flows(state, self._pressures(state, phase, constants), constants)
-        return Recorder(self.assembly, names).pick(
-            self.assembly.volumes(state), flows, self._activations(phase), constants, period
-        )
+        moment = Moment(self.assembly.volumes(state), flows, self._activations(phase), constants, period)
+        return Recorder(self.assembly, names).pick(moment)
 
     def flows(self, state: Any, pressures: Any, constants: Constants) -> list[Any]:
         """Flow of every connection [mL/s]."""

@@ -1,12 +1,11 @@
-"""How much blood a relaxed compartment holds at a pressure, where its curve is no straight line."""
+"""How much blood a compartment holds at the start."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from eclsim.components.base import Storage, Values
+from eclsim.circuit.network import Compartment, StartPressure
+from eclsim.components.base import Number, Storage, Values, value_of
 
 LARGEST_VOLUME_ML = 2.0**17
 """Volume, filled or sucked out, up to which a pressure is looked for [mL]."""
@@ -14,8 +13,21 @@ HALVINGS = 60
 """From there down to the rounding of a volume."""
 
 
-def filled_to(component: Storage, pressure: Any, values: Values) -> Any:
-    """Stressed volume [mL] at which a relaxed compartment has a pressure.
+def start_volume(compartment: Compartment, values: Values) -> Number:
+    """Stressed volume of a compartment at the start [mL], for each patient."""
+    start, law = compartment.start, compartment.component
+    if isinstance(start, StartPressure):
+        pressure = value_of(values, start.pressure)
+        if not law.constant_stiffness:
+            return filled_to(law, pressure, values)
+        at_rest, stiffness = law.pressure(0.0, 0.0, law.constants(values))
+        return (pressure - at_rest) / stiffness
+    volume = value_of(values, start.volume)
+    return volume if start.fraction_of is None else volume * value_of(values, start.fraction_of)
+
+
+def filled_to(component: Storage, pressure: Number, values: Values) -> Number:
+    """Stressed volume [mL] at which a relaxed compartment of any curve has a pressure.
 
     Args:
         component: its pressure rises with its volume.

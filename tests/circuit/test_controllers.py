@@ -1,0 +1,143 @@
+"""Controllers: states that change once a beat and are solved for together with the steady beat."""
+
+import numpy as np
+import pytest
+
+from eclsim.beat.heartbeat import beat_program
+from eclsim.circuit import Circuit, CircuitError
+from eclsim.circuit.assembly import assemble
+from eclsim.circuit.network import Control, Statistic, maximum_of, mean_of, minimum_of
+from eclsim.orbit.equation import OrbitOptions
+from eclsim.orbit.steady import Batch, start_state, steady_beats
+from eclsim.outputs.derivatives import output_derivatives
+from eclsim.outputs.evaluation import batch_outputs
+from model_catalogue import CIRCUITS, model, regulated
+from user_components import SetPointControl
+
+MEAN_PRESSURE = mean_of("Psart")
+CASES = {
+    "resistance without devices": ("none", MEAN_PRESSURE, 42.0, ("Rmc",), (True,)),
+    "resistance on V-A": ("V-A", MEAN_PRESSURE, 80.0, ("Rmc",), (True,)),
+    "resistance and heart rate": ("none", MEAN_PRESSURE, 41.0, ("Rmc", "heart_rate_bpm"), (True, False)),
+    "elastance by the largest pressure": ("none", maximum_of("Pao"), 45.0, ("Rmc", "Emaxlv"), (True, True)),
+    "resistance by the smallest pressure": ("none", minimum_of("Pao"), 39.0, ("Rmc",), (True,)),
+    "heart rate by a valve's flow": ("none", mean_of("Qlv"), 38.0, ("heart_rate_bpm",), (True,)),
+}
+ACCURATE = OrbitOptions(tolerance=1e-11, error_tolerance=1e-10)
+
+
+def solved(patient):
+    return steady_beats(Batch(patient.circuit, patient.values, 1), ACCURATE)
+
+
+def outputs_of(patient, names=("MAP", "CO", "SP", "EDVLV")):
+    return dict(zip(names, batch_outputs(solved(patient), names)[:, 0], strict=True))
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_steady_value_is_where_marching_beat_by_beat_ends(case):
+    patient = regulated(*CASES[case])
+    orbit = solved(patient).orbits.states[:, 0]
+    program = beat_program(patient.circuit)
+    packed = np.array([patient.values[name] for name in program.names])
+    step, state = program.trace(program.signals), start_state(patient)
+    for _ in range(2000):
+        state = np.asarray(step(state, packed)[0])
+    assert abs(orbit[-1]) > 0.02, "the controller has something to do"
+    np.testing.assert_allclose(state, orbit, rtol=1e-6, atol=1e-6)
+
+
+def test_what_is_read_is_the_output_and_reaches_its_set_point():
+    patient = regulated("V-A", mean_of("Pao"), 80.0)
+    steady = solved(patient)
+    program = beat_program(patient.circuit, int(steady.resolution[0]))
+    packed = steady.batch.packed(program)[:, 0]
+    _, recorded = program.trace(("Pao",))(steady.orbits.states[:, 0], packed)
+    widths = np.diff(program.grid.phases)
+    mean = 0.5 * (widths + np.roll(widths, -1)) @ np.asarray(recorded)[:, 0]
+    assert mean == pytest.approx(80.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_derivatives_match_central_differences(case):
+    patient = regulated(*CASES[case])
+    outputs, parameters = ("MAP", "CO", "EDVLV"), ("set_point", "Rmc", "Csart", "heart_rate_bpm", "Emaxlv")
+    exact = output_derivatives(patient, outputs, parameters).values
+    numeric = np.empty_like(exact)
+    for k, name in enumerate(parameters):
+        step = 1e-4 * patient.values[name]
+        high, low = (
+            outputs_of(patient.with_values({name: patient.values[name] + s}), outputs) for s in (step, -step)
+        )
+        numeric[:, k] = [(high[o] - low[o]) / (2.0 * step) for o in outputs]
+    values = np.array([patient.values[p] for p in parameters])
+    # An extreme is read at the ends of steps, and which step that is changes with the parameters.
+    tolerance = 2e-3 if CASES[case][1].statistic is Statistic.MEAN else 1e-2
+    np.testing.assert_allclose(exact * values, numeric * values, rtol=tolerance, atol=tolerance)
+
+
+def test_a_controller_cannot_be_shifted_by_what_it_makes_up_for():
+    """At the set point the reading's own derivative with respect to anything else is zero."""
+    patient = regulated("V-A", mean_of("Pao"), 80.0)
+    slopes = output_derivatives(patient, ("MAP",), ("set_point", "Rmc", "Emaxlv"))
+    mean = slopes.sel(output="MAP")
+    assert float(mean.sel(parameter="set_point")) == pytest.approx(1.0, abs=0.02)
+    assert abs(float(mean.sel(parameter="Rmc")) * patient.values["Rmc"]) < 0.05
+
+
+def test_a_batch_equals_each_patient_alone():
+    patient = regulated(*CASES["resistance and heart rate"])
+    points = np.array([39.0, 40.0, 41.5])
+    values = {**patient.values, "set_point": points}
+    many = steady_beats(Batch(patient.circuit, values, 3), ACCURATE, wide=True).orbits.states
+    one = [solved(patient.with_values(set_point=float(p))).orbits.states[:, 0] for p in points]
+    np.testing.assert_allclose(many, np.stack(one, axis=1), rtol=1e-7, atol=1e-7)
+
+
+def test_the_state_has_a_block_for_controllers():
+    layout = assemble(regulated(*CASES["resistance on V-A"]).circuit).layout
+    assert layout.controllers.names == ("reflex.drive",)
+    assert layout.names[-1] == "reflex.drive"
+    assert layout.conserved()[layout.controllers.where] == 0.0
+    assert layout.size == assemble(CIRCUITS["V-A"]).layout.size + 1
+
+
+def test_values_in_effect_are_the_given_ones_without_controllers():
+    patient = model("none")
+    assembly = assemble(patient.circuit)
+    assert assembly.in_effect(patient.values, start_state(patient)) is patient.values
+    other = regulated(*CASES["resistance and heart rate"])
+    state = solved(other).orbits.states[:, 0]
+    effect = assemble(other.circuit).in_effect(other.values, state)
+    factor = 1.0 + 0.5 * np.tanh(state[-1])
+    assert float(effect["Rmc"]) == pytest.approx(other.values["Rmc"] * factor)
+    assert float(effect["heart_rate_bpm"]) == pytest.approx(other.values["heart_rate_bpm"] / factor)
+    assert effect["Csart"] == other.values["Csart"]
+
+
+def test_mistakes_in_the_wiring_are_named():
+    law = SetPointControl(80.0, "gain")
+    table = (
+        Control("one", law, (mean_of("Psarrt"),), ("Rmmc",)),
+        Control("two", law, (mean_of("Psart'"),), ("Rmc",)),
+        Control("two", law, (mean_of("Pao"),), ("Rmc",)),
+    )
+    with pytest.raises(CircuitError) as caught:
+        assemble(CIRCUITS["none"] + Circuit(controllers=table))
+    assert caught.value.mistakes == [
+        "controller 'two' appears 2 times: names are unique",
+        "controller 'one': 'Psarrt' is no signal of the circuit that it can read; did you mean 'Psart'?",
+        "controller 'one': it acts on 'Rmmc', which is no parameter of the circuit; did you mean 'Rmc'?",
+        "controller 'two': 'Psart'' is no signal of the circuit that it can read; did you mean 'Psart'?",
+        "controller 'two': it acts on 'Rmc', and so does controller 'two'",
+    ]
+
+
+def test_a_controller_is_printed_and_put_under_a_prefix():
+    circuit = regulated("V-A", mean_of("Pecmodrain"), 2.0, ("ecmo.speed_rpm", "heart_rate_bpm")).circuit
+    assert "mean Pecmodrain -> ecmo.speed_rpm, heart_rate_bpm" in str(circuit)
+    (other,) = circuit.prefixed("ecmo.left").controllers
+    assert other.name == "ecmo.left.reflex"
+    assert other.reads == (mean_of("Pecmo.left.ecmodrain"),)
+    assert other.acts_on == ("ecmo.left.speed_rpm", "heart_rate_bpm")
+    assert other.component == SetPointControl("ecmo.left.set_point", "ecmo.left.gain")
