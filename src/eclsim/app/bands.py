@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.app.circuits import page_circuit
-from eclsim.app.display import curves_of, waves_of
+from eclsim.app.display import curves_of, sweep_of, waves_of
 from eclsim.app.state import key_of
-from eclsim.app.studies import SPEEDS, plain_curve, speed_range
+from eclsim.app.studies import SPEEDS, plain_curve
 from eclsim.beat.heartbeat import beat_program
 from eclsim.beat.resolution import needed_resolution
 from eclsim.beat.vectorisation import LANES
@@ -102,18 +102,17 @@ def beat_bands(state: PageState, members: PosteriorDraws, wanted: Wanted) -> dic
 
 def ramp_bands(state: PageState, members: PosteriorDraws, wanted: Wanted) -> dict[str, Any] | None:
     """Bands of outputs over the speeds of the state's pump; None without one, or if nobody wants them."""
-    found = speed_range(state)
-    if found is None:
+    sweep = sweep_of(state.case)
+    if sweep is None:
         return None
-    key, _, (low, high) = found
     circuit, values = page_circuit(state.case)
     names = tuple(c.output for _, c in curves_of(state.case) if c.output in output_names(circuit))
     count = min(RAMP_MEMBERS, len(members.draws))
-    speeds = np.linspace(low, high, (SPEEDS + 1) // 2)
+    speeds = np.linspace(sweep.low, sweep.high, (SPEEDS + 1) // 2)
     bands: dict[str, list[Any]] = {n: [] for n in names}
     lost = 0
     for speed in speeds:
-        own = {**values, key: float(speed)}
+        own = {**values, sweep.key: float(speed)}
         solved = solve(circuit, members.values(own, count), count, state.policy, values, (names, ()), wanted)
         if solved is None:
             return None

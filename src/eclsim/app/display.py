@@ -2,119 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Any
 
 from eclsim.app.knobs import connectable
 from eclsim.app.ranges import bounds
 from eclsim.app.texts import text
 from eclsim.cases.resolve import circuit_of
-from eclsim.devices.description import Control, Knob
+from eclsim.devices.description import Control, Curve, KeyFigure, Knob, Sweep, Trace, Views
+from eclsim.devices.registry import device_of, devices
 from eclsim.parameters import default
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
     from eclsim.circuit import Circuit
 
-Range = tuple[float, float]
+
+def _figure(key: str, output: str, unit: str, digits: int, **more: Any) -> KeyFigure:
+    return KeyFigure(key, text(f"key_{key}"), output, unit, digits, **more)
 
 
-@dataclass(frozen=True)
-class Trace:
-    """A waveform of the monitor.
-
-    Args:
-        signal: name of the waveform.
-        label: beside the trace.
-        text: in full.
-        form: what stands beside the trace: "pressure" (systolic, diastolic and mean), "mean" or "flow".
-        outputs: the outputs behind these numbers.
-        scales: fixed scales [mmHg or L/min]; the first that holds the whole waveform is taken.
-    """
-
-    signal: str
-    label: str
-    text: str
-    form: Literal["pressure", "mean", "flow"]
-    outputs: tuple[str, ...]
-    scales: tuple[Range, ...]
-
-
-@dataclass(frozen=True)
-class Figure:
-    """A number that is always in sight.
-
-    Args:
-        key: name of its tile.
-        label: on the tile.
-        output: whose number it is.
-        unit: of the number.
-        digits: decimals.
-        limits: outputs whose limits colour the tile; empty for the output itself.
-        extremes: outputs that stand below the number.
-        only_with: an output; the tile is there only where that one is to be read with care.
-    """
-
-    key: str
-    label: str
-    output: str
-    unit: str
-    digits: int
-    limits: tuple[str, ...] = ()
-    extremes: tuple[str, ...] = ()
-    only_with: str = ""
-
-    def plain(self) -> dict[str, Any]:
-        """For the browser."""
-        return asdict(self) | {"limits": self.limits or (self.output,), "extremes": self.extremes or None}
-
-
-@dataclass(frozen=True)
-class Curve:
-    """An output over the speed of a pump.
-
-    Args:
-        output: its name.
-        label: in the legend.
-        panel: which of the three charts it is in.
-        limited_by: output whose limits are drawn beside a curve of a circuit.
-        short: name of these limits.
-    """
-
-    output: str
-    label: str
-    panel: Literal["pressure", "flow", "circuit"]
-    limited_by: str = ""
-    short: str = ""
-
-
-@dataclass(frozen=True)
-class FlowUnit:
-    """How flows of a part of the circuit are written: factor from mL/s, decimals, unit."""
-
-    factor: float = 0.06
-    digits: int = 2
-    unit: str = "L/min"
-
-
-@dataclass(frozen=True)
-class Shown:
-    """What is shown of the patient or of a device."""
-
-    traces: tuple[Trace, ...] = ()
-    figures: tuple[Figure, ...] = ()
-    curves: tuple[Curve, ...] = ()
-    compared: tuple[str, ...] = ()
-    flow_unit: FlowUnit = FlowUnit()
-    flow_outputs: Mapping[str, str] | None = None
-
-
-def _figure(key: str, output: str, unit: str, digits: int, **more: Any) -> Figure:
-    return Figure(key, text(f"key_{key}"), output, unit, digits, **more)
-
-
-PATIENT = Shown(
+PATIENT = Views(
     traces=(
         Trace(
             "Pao", text("Pao"), text("Pao_long"), "pressure", ("SP", "DP"),
@@ -150,56 +59,11 @@ PATIENT = Shown(
         "stroke_work_lv",
     ),
 )  # fmt: skip
-_OF_DEVICES: Mapping[str, Shown] = {
-    "ecmo": Shown(
-        traces=(
-            Trace(
-                "Qecmopump", "ECMO flow", "ECMO pump flow", "flow", ("PF",),
-                ((0.0, 6.0), (0.0, 10.0), (-2.0, 6.0), (-5.0, 10.0)),
-            ),
-        ),
-        figures=(Figure("PF", "ECMO", "PF", "L/min", 2),),
-        curves=(
-            Curve("PF", "ECMO flow", "flow"),
-            Curve("drainage_pressure", "Drainage cannula", "circuit", "lowest_drainage_pressure", "drainage"),
-        ),
-        compared=("PF", "lowest_drainage_pressure"),
-        flow_outputs={"ecmopump": "PF"},
-    ),
-    "crrt": Shown(
-        traces=(
-            Trace(
-                "Pcrrttuin", "CRRT access", "pressure in the CRRT access line", "mean",
-                ("crrt_access_pressure",), ((-300.0, 300.0), (-600.0, 600.0)),
-            ),
-            Trace(
-                "Pcrrttuout", "CRRT return", "pressure in the CRRT return line", "mean",
-                ("crrt_return_pressure",), ((0.0, 400.0), (-200.0, 800.0)),
-            ),
-        ),
-        curves=(
-            Curve("crrt_access_pressure", "CRRT access", "circuit", "crrt_access_pressure", "access"),
-            Curve("crrt_return_pressure", "CRRT return", "circuit", "crrt_return_pressure", "return"),
-        ),
-        compared=("crrt_access_pressure", "crrt_return_pressure"),
-        flow_unit=FlowUnit(60.0, 0, "mL/min"),
-    ),
-    "lvad": Shown(
-        traces=(
-            Trace(
-                "Qlvadpump", "LVAD flow", "LVAD flow", "flow", ("lvad_flow",),
-                ((0.0, 8.0), (-4.0, 12.0), (-10.0, 20.0)),
-            ),
-        ),
-        figures=(Figure("lvad_flow", "LVAD", "lvad_flow", "L/min", 2),),
-        curves=(Curve("lvad_flow", "LVAD flow", "flow"),),
-        compared=("lvad_flow",),
-        flow_outputs={"lvadpump": "lvad_flow"},
-    ),
-}  # fmt: skip
-_PATIENT_COLOURS = ("#FF8A70", "#F0E442", "#6CC3F5")
-_DEVICE_COLOURS = ("#3BD3A5", "#FFB733", "#E4E7EC", "#E7A6CC", "#B5D334", "#BFA0EE", "#FF9A5C", "#58CFE6")
-"""On the dark ground of the monitor."""
+_COLOURS = (
+    "#FF8A70", "#F0E442", "#6CC3F5", "#3BD3A5", "#FFB733", "#E4E7EC", "#E7A6CC", "#B5D334", "#BFA0EE",
+    "#FF9A5C", "#58CFE6",
+)  # fmt: skip
+"""Of traces on the dark ground of the monitor: the patient's, then those of devices."""
 _INKS = 4
 """Colours of devices in the style sheet."""
 LOOPS = ("Plv", "Vlv", "Prv", "Vrv")
@@ -210,27 +74,26 @@ def connected(case: Case) -> list[str]:
     return list(dict.fromkeys(one.device.key for one in case.instances()))
 
 
-def shown(group: str) -> Shown:
-    """What is shown of a device, or of the patient."""
-    return _OF_DEVICES.get(group, PATIENT)
-
-
 def ink(group: str) -> str:
     """The colour of the style sheet that a part of the circuit is drawn in."""
-    return f"device-{connectable().index(group) % _INKS + 1}" if group in connectable() else group
+    device = device_of(group)
+    return f"device-{_order(device.key) % _INKS + 1}" if device else group
 
 
 def waves_of(case: Case) -> tuple[str, ...]:
     """Waveforms that the browser draws."""
-    traces = [trace.signal for part in _parts(case) for trace in part.traces]
-    return (*traces, *LOOPS)
+    return (*(trace.signal for _, views in _shown(case) for trace in views.traces), *LOOPS)
 
 
 def curves_of(case: Case) -> list[tuple[int, Curve]]:
-    """Curves of the ramp, each with a number of its own that is the same for every circuit."""
-    every = [*PATIENT.curves, *(curve for device in connectable() for curve in shown(device).curves)]
-    drawn = [curve for part in _parts(case) for curve in part.curves]
-    return [(number, curve) for number, curve in enumerate(every) if curve in drawn]
+    """Curves of the ramp, each with a number that tells its colour and dash, the same for every circuit."""
+    shown = _shown(case)
+    firsts = _firsts(shown, lambda views: views.curves)
+    return [
+        (first + k, c)
+        for first, (_, views) in zip(firsts, shown, strict=True)
+        for k, c in enumerate(views.curves)
+    ]
 
 
 def plain_curves(case: Case, outputs: Collection[str]) -> list[dict[str, Any]]:
@@ -245,33 +108,73 @@ def plain_curves(case: Case, outputs: Collection[str]) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
+def sweep_of(case: Case) -> Sweep | None:
+    """The speed that the ramp sweeps, with its key in a case file: that of the first device that has one."""
+    for one in case.instances():
+        if sweep := one.device.sweep(one.section):
+            return replace(sweep, key=f"{one.key}.{sweep.key}")
+    return None
+
+
 def display(case: Case) -> dict[str, Any]:
     """Groups of knobs, traces, key figures and outputs to compare, for the browser."""
-    parts = _parts(case)
-    groups = [{"key": key, "label": text(f"group_{key}")} for key in ("heart", "vessels", *connectable())]
-    colours = dict(zip(_signals(connectable()), _DEVICE_COLOURS * 4, strict=False))
-    colours |= dict(zip([trace.signal for trace in PATIENT.traces], _PATIENT_COLOURS, strict=True))
-    traces = [asdict(trace) | {"colour": colours[trace.signal]} for part in parts for trace in part.traces]
+    shown = _shown(case)
     return {
-        "groups": groups,
-        "traces": traces,
-        "figures": [figure.plain() for figure in _in_order([f for part in parts for f in part.figures])],
-        "compared": [output for part in parts for output in part.compared],
+        "groups": _groups(case),
+        "traces": _plain_traces(shown),
+        "figures": [_plain_figure(figure) for figure in _in_order([f for _, v in shown for f in v.figures])],
+        "compared": [output for _, views in shown for output in views.compared],
     }
 
 
-def _in_order(figures: Sequence[Figure]) -> list[Figure]:
+def _shown(case: Case) -> list[tuple[str, Views]]:
+    """What is shown of the patient (key "") and of each device."""
+    return [("", PATIENT), *((one.device.key, one.views()) for one in case.instances())]
+
+
+def _order(key: str) -> int:
+    return list(devices()).index(key)
+
+
+def _firsts(shown: Sequence[tuple[str, Views]], items: Callable[[Views], Sequence[object]]) -> list[int]:
+    """A number for the first item of each device, the same for every circuit; two of a kind differ."""
+    lengths = {key: len(items(device.views)) for key, device in devices().items()}
+    firsts, seen = [], []
+    for key, _ in shown:
+        before = sum(list(lengths.values())[: _order(key)]) + len(items(PATIENT)) if key else 0
+        firsts.append(before + seen.count(key) * sum(lengths.values()))
+        seen.append(key)
+    return firsts
+
+
+def _groups(case: Case) -> list[dict[str, str]]:
+    """Sections of the panel of knobs: each device that can be connected, and each instance with a name."""
+    groups = {key: text(f"group_{key}") for key in ("heart", "vessels")}
+    for key, device in devices().items():
+        if key in connectable():
+            groups[key] = device.name
+        groups |= {one.key: one.label for one in case.instances() if one.device is device}
+    return [{"key": key, "label": label} for key, label in groups.items()]
+
+
+def _plain_traces(shown: Sequence[tuple[str, Views]]) -> list[dict[str, Any]]:
+    firsts = _firsts(shown, lambda views: views.traces)
+    return [
+        asdict(trace) | {"colour": _COLOURS[(first + k) % len(_COLOURS)]}
+        for first, (_, views) in zip(firsts, shown, strict=True)
+        for k, trace in enumerate(views.traces)
+    ]
+
+
+def _plain_figure(figure: KeyFigure) -> dict[str, Any]:
+    limits = figure.limits or (figure.output,)
+    return asdict(figure) | {"limits": limits, "extremes": figure.extremes or None}
+
+
+def _in_order(figures: Sequence[KeyFigure]) -> list[KeyFigure]:
     """The arterial pressure, all flows, and the rest."""
     flows = [figure for figure in figures[1:] if figure.unit == "L/min"]
     return [figures[0], *flows, *(figure for figure in figures[1:] if figure not in flows)]
-
-
-def _signals(devices: Sequence[str] | Mapping[str, Any]) -> list[str]:
-    return [trace.signal for device in devices for trace in shown(device).traces]
-
-
-def _parts(case: Case) -> list[Shown]:
-    return [PATIENT, *(shown(device) for device in connected(case))]
 
 
 def shape_of(case: Case) -> Circuit:

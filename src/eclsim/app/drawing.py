@@ -6,10 +6,11 @@ from dataclasses import asdict
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from eclsim.app.display import ink, shown
-from eclsim.app.knobs import connectable
+from eclsim.app.display import PATIENT, ink
 from eclsim.app.texts import ENGLISH, text
+from eclsim.devices.device import Naming
 from eclsim.devices.ecmo import POSITIONS
+from eclsim.devices.registry import device_of
 from eclsim.orbit.model import circuit_of
 
 if TYPE_CHECKING:
@@ -27,8 +28,6 @@ TALLNESS = 1.35
 MOST_STRETCH = 1.7
 NARROWER = 0.75
 """Without lines of devices the patient's ring is drawn narrower, and so larger."""
-MOVED = {"crrttuin": "access", "crrttuout": "return"}
-"""Lines that can be moved, and what they are called in a case file."""
 _ROOM: dict[str, tuple[float, float]] = {
     "crrt": (2.5, 0.0), "ecmo_upper": (3.0, 0.0), "lungs": (2.5, 0.0), "body": (0.0, 3.5),
 }  # fmt: skip
@@ -85,27 +84,39 @@ def _page(names: Sequence[str], lanes: dict[str, int], wide: bool) -> tuple[Layo
     return page, sides
 
 
+def _naming(group: str) -> Naming | None:
+    """The device that a group of the circuit is, with its instance; None of the patient."""
+    device = device_of(group)
+    return Naming(device, group.partition(".")[2]) if device else None
+
+
 def _frame_texts(group: str) -> dict[str, str]:
     """Title of a frame and the unit of its flows."""
-    label = text(f"group_{group}") if group in connectable() else ENGLISH.get(f"frame_{group}", group)
-    flows = "" if group == "spare" else text("frame_flows", unit=shown(group).flow_unit.unit)
-    return {"label": label, "flows": flows}
+    device = _naming(group)
+    label = device.label if device else ENGLISH.get(f"frame_{group}", group)
+    unit = (device.views() if device else PATIENT).flow_unit.unit
+    return {"label": label, "flows": "" if group == "spare" else text("frame_flows", unit=unit)}
 
 
 def _flow(group: str, name: str) -> dict[str, Any]:
     """How the flow of a connection is written, and the output whose limits mark it."""
-    outputs = shown(group).flow_outputs or {}
-    return {"ink": ink(group), **asdict(shown(group).flow_unit), "output": outputs.get(name, "")}
+    device = _naming(group)
+    views = device.views() if device else PATIENT
+    return {"ink": ink(group), **asdict(views.flow_unit), "output": views.flow_outputs.get(name, "")}
 
 
 def _moved(group: str, name: str) -> dict[str, str]:
     """The knob that a line is moved by, the letter on its handle and what it is called."""
-    line = MOVED.get(name)
+    device = _naming(group)
+    own = device and device.own(name)
+    if not device or not own or not device.device.lines:
+        return {"moves": ""}
+    connections = list(device.device.connections)
+    line = dict(zip((connections[0], connections[-1]), device.device.lines, strict=True)).get(own)
     if line is None:
         return {"moves": ""}
-    key = f"{group}.{line}_site"
-    about = text("schematic_line", device=text(f"group_{group}"), line=text(key).lower())
-    return {"moves": key, "letter": line[0].upper(), "about": about}
+    about = text("schematic_line", device=device.label, line=device.device.connections[own])
+    return {"moves": f"{group}.{line}", "letter": line[0].upper(), "about": about}
 
 
 def _title_height(page: Layout, group: str) -> float:

@@ -370,7 +370,7 @@ def _named_beat(state: PageState, beat: Beat) -> dict[str, Any]:
     """A beat with the name and the knobs of its state, as plain data."""
     from eclsim.app.beat import plain
 
-    labels = {control.key: text(control.key) for control in controls(state.case)}
+    labels = {control.key: control.label for control in controls(state.case)}
     named = {"of": key_of(state), "name": title_of(state), "values": _values(state), "labels": labels}
     return {**plain(beat, waves_of(state.case)), **named}
 

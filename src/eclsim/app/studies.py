@@ -7,13 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.app.circuits import page_circuit
-from eclsim.app.display import curves_of, plain_curves
+from eclsim.app.display import curves_of, plain_curves, sweep_of
 from eclsim.app.ranges import LINES, line_bounds
 from eclsim.app.state import key_of
 from eclsim.beat.resolution import needed_resolution
 from eclsim.circuit.assembly import assemble
-from eclsim.devices import lvad
-from eclsim.devices.ecmo import PUMPS
 from eclsim.orbit.steady import Batch, steady_beats
 from eclsim.outputs.limits import level
 from eclsim.outputs.records import record
@@ -28,33 +26,22 @@ WAVE_POINTS = 60
 
 def ramp(state: PageState) -> dict[str, Any] | None:
     """Outputs over the speeds of the state's pump; None without a rotary pump."""
-    found = speed_range(state)
-    if found is None:
+    sweep = sweep_of(state.case)
+    if sweep is None:
         return None
-    key, own, (low, high) = found
     circuit, values = page_circuit(state.case)
-    speeds = np.unique([*np.linspace(low, high, SPEEDS), own])
-    members = values | {key: speeds}
+    speeds = np.unique([*np.linspace(sweep.low, sweep.high, SPEEDS), sweep.own])
+    members = values | {sweep.key: speeds}
     resolution = int(np.max(needed_resolution(assemble(circuit), members)))
     batch = Batch(circuit, members, len(speeds), state.policy)
     records = record(steady_beats(batch, near=values, resolution=resolution))
     shown = [curve.output for _, curve in curves_of(state.case) if curve.output in records.names]
     return {
-        "of": key_of(state), "key": key, "own": own, "speeds": speeds.tolist(),
+        "of": key_of(state), "key": sweep.key, "own": sweep.own, "speeds": speeds.tolist(),
         "outputs": {n: plain_curve(np.where(records.converged, records.output(n), np.nan)) for n in shown},
         "curves": plain_curves(state.case, shown),
         "lost": speeds[~np.asarray(records.converged)].tolist(),
     }  # fmt: skip
-
-
-def speed_range(state: PageState) -> tuple[str, float, tuple[float, float]] | None:
-    """Key, own speed and usual range of the ECMO pump, else of the LVAD."""
-    ecmo, assist = state.case.ecmo, state.case.lvad
-    if ecmo is not None and isinstance(ecmo.pump, str):
-        return "ecmo.speed_rpm", float(ecmo.speed_rpm or 0.0), PUMPS[ecmo.pump].speed_range_rpm
-    if assist is not None:
-        return "lvad.speed_rpm", assist.speed_rpm, lvad.PUMPS[assist.pump].speed_range_rpm
-    return None
 
 
 def schemes(state: PageState) -> dict[str, Any] | None:

@@ -12,7 +12,20 @@ from collections.abc import Collection, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eclsim.devices.description import Control, Finding, Knob, Limit, difference, mean, mean_flow, picker
+from eclsim.devices.description import (
+    Control,
+    Curve,
+    Finding,
+    FlowUnit,
+    Knob,
+    Limit,
+    Trace,
+    Views,
+    difference,
+    mean,
+    mean_flow,
+    picker,
+)
 from eclsim.devices.device import CaseValues, Device, Naming, device_key
 from eclsim.devices.ecmo import ECMO, POSITIONS
 from eclsim.devices.products import Dialyzer, by_key
@@ -148,6 +161,24 @@ class CrrtDevice(Device[Crrt]):
             "crrt_access_pressure", "warning", "above", SANSOM_ACCESS_MMHG,
             "early circuit failure is more likely", "Sansom et al. 2023",
         ),
+    )  # fmt: skip
+    views = Views(
+        traces=(
+            Trace(
+                "Pcrrttuin", "CRRT access", "pressure in the CRRT access line", "mean",
+                ("crrt_access_pressure",), ((-300.0, 300.0), (-600.0, 600.0)),
+            ),
+            Trace(
+                "Pcrrttuout", "CRRT return", "pressure in the CRRT return line", "mean",
+                ("crrt_return_pressure",), ((0.0, 400.0), (-200.0, 800.0)),
+            ),
+        ),
+        curves=(
+            Curve("crrt_access_pressure", "CRRT access", "circuit", "crrt_access_pressure", "access"),
+            Curve("crrt_return_pressure", "CRRT return", "circuit", "crrt_return_pressure", "return"),
+        ),
+        compared=("crrt_access_pressure", "crrt_return_pressure"),
+        flow_unit=FlowUnit(60.0, 0, "mL/min"),
     )  # fmt: skip
 
     def circuit(self, section: Crrt) -> Circuit:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Literal, Protocol
 
@@ -202,3 +202,108 @@ def plain_control(field: Field) -> Control | None:
         step = 10.0 ** math.floor(math.log10((field.maximum - field.minimum) / 100.0))
         return Knob(field.name, field.description, field.unit, field.minimum, field.maximum, step)
     return picker(field.name, field.description, field.names, PATIENT_SITES) if field.names else None
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A waveform of the page's monitor.
+
+    Args:
+        signal: name of the waveform.
+        label: beside the trace.
+        text: in full.
+        form: what stands beside the trace: "pressure" (systolic, diastolic and mean), "mean" or "flow".
+        outputs: the outputs behind these numbers.
+        scales: fixed scales [mmHg or L/min]; the first that holds the whole waveform is taken.
+    """
+
+    signal: str
+    label: str
+    text: str
+    form: Literal["pressure", "mean", "flow"]
+    outputs: tuple[str, ...]
+    scales: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class KeyFigure:
+    """A number that is always in sight on the page.
+
+    Args:
+        key: name of its tile.
+        label: on the tile.
+        output: the number.
+        unit: of the number.
+        digits: decimals.
+        limits: outputs whose limits colour the tile; empty for the output itself.
+        extremes: outputs that stand below the number.
+        only_with: an output; the tile is there only where that one is to be read with care.
+    """
+
+    key: str
+    label: str
+    output: str
+    unit: str
+    digits: int
+    limits: tuple[str, ...] = ()
+    extremes: tuple[str, ...] = ()
+    only_with: str = ""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """An output over the speed of a pump.
+
+    Args:
+        output: its name.
+        label: in the legend.
+        panel: which of the three charts it is in.
+        limited_by: output whose limits are drawn beside a curve of a circuit.
+        short: name of these limits.
+    """
+
+    output: str
+    label: str
+    panel: Literal["pressure", "flow", "circuit"]
+    limited_by: str = ""
+    short: str = ""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """The speed of a pump that the page can sweep: key of the section, where it stands, usual range."""
+
+    key: str
+    own: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class FlowUnit:
+    """How flows of a part of the circuit are written: factor from mL/s, decimals, unit."""
+
+    factor: float = 0.06
+    digits: int = 2
+    unit: str = "L/min"
+
+
+@dataclass(frozen=True)
+class Views:
+    """What the page's views show of a device, or of the patient.
+
+    Args:
+        traces: of the monitor.
+        figures: tiles.
+        curves: of the speed ramp.
+        compared: outputs in the table of saved states.
+        flow_unit: of the flows in the schematic.
+        flow_outputs: connections whose flow is marked by the limits of an output.
+    """
+
+    traces: tuple[Trace, ...] = ()
+    figures: tuple[KeyFigure, ...] = ()
+    curves: tuple[Curve, ...] = ()
+    compared: tuple[str, ...] = ()
+    flow_unit: FlowUnit = FlowUnit()
+    flow_outputs: Mapping[str, str] = field(default_factory=dict)

@@ -14,11 +14,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
-from eclsim.devices.description import Control, Finding, Limit, Output, plain_control
+from eclsim.devices.description import Control, Finding, Limit, Output, Sweep, Views, plain_control
 from eclsim.devices.products import Product
 from eclsim.inputs.mistakes import Remarks
 from eclsim.inputs.sections import Raw, Section
@@ -73,6 +73,8 @@ class Device(ABC, Generic[S]):
     """Keys of its section that name a product, and the parameter that follows from it."""
     carries_circulation: ClassVar[bool] = False
     """Whether it can keep the arterial pressure up without a pulse."""
+    views: ClassVar[Views] = Views()
+    """What the views of the page show of it besides its knobs and its place in the circuit."""
     assist_flow: ClassVar[str] = ""
     """The output that is its flow, if it is a pump that takes over a ventricle's work; else empty."""
 
@@ -123,6 +125,10 @@ class Device(ABC, Generic[S]):
     def reconnected(self, raw: dict[str, Any], sites: Collection[str]) -> dict[str, Any]:
         """Its section with lines moved whose sites have gone with another device."""
         return raw
+
+    def sweep(self, section: S) -> Sweep | None:
+        """The speed of its pump that can be swept, and its usual range; None without one."""
+        return None
 
     def findings(self, names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
         """What there is to say about a beat besides limits that it breaks.
@@ -196,6 +202,39 @@ class Naming:
             return f"{self.key}.{name.removeprefix(f'{self.device.key}.')}"
         own = any(name == parameter.key for parameter in self.device.parameters)
         return f"{self.key}.{name}" if own else name
+
+    def views(self) -> Views:
+        """What the views of the page show of it, under its own names."""
+        own, name = self.device.views, self.name
+        if not name:
+            return own
+        outputs = lambda names: tuple(map(self.output, names))  # noqa: E731
+        return Views(
+            tuple(
+                replace(
+                    t, signal=self.signal(t.signal), label=f"{t.label} {name}", text=f"{t.text} {name}",
+                    outputs=outputs(t.outputs),
+                )
+                for t in own.traces
+            ),
+            tuple(
+                replace(
+                    f, key=f"{f.key}.{name}", label=f"{f.label} {name}", output=self.output(f.output),
+                    limits=outputs(f.limits), extremes=outputs(f.extremes),
+                )
+                for f in own.figures
+            ),
+            tuple(
+                replace(
+                    c, output=self.output(c.output), label=f"{c.label} {name}",
+                    limited_by=c.limited_by and self.output(c.limited_by),
+                )
+                for c in own.curves
+            ),
+            outputs(own.compared),
+            own.flow_unit,
+            {self.place(place): self.output(output) for place, output in own.flow_outputs.items()},
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)

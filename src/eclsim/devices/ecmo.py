@@ -19,9 +19,14 @@ from eclsim.devices.description import (
     CAUTION,
     COLLAPSE_MMHG,
     Control,
+    Curve,
     Finding,
+    KeyFigure,
     Knob,
     Limit,
+    Sweep,
+    Trace,
+    Views,
     difference,
     lowest,
     mean,
@@ -384,6 +389,21 @@ class EcmoDevice(Device[Ecmo]):
     set_by_products = MappingProxyType({"oxygenator": "Recmooxy"})
     alike = (_POSITIVE, ("lowest_drainage_pressure", "pump_inlet_pressure"))
     carries_circulation = True
+    views = Views(
+        traces=(
+            Trace(
+                "Qecmopump", "ECMO flow", "ECMO pump flow", "flow", ("PF",),
+                ((0.0, 6.0), (0.0, 10.0), (-2.0, 6.0), (-5.0, 10.0)),
+            ),
+        ),
+        figures=(KeyFigure("PF", "ECMO", "PF", "L/min", 2),),
+        curves=(
+            Curve("PF", "ECMO flow", "flow"),
+            Curve("drainage_pressure", "Drainage cannula", "circuit", "lowest_drainage_pressure", "drainage"),
+        ),
+        compared=("PF", "lowest_drainage_pressure"),
+        flow_outputs=MappingProxyType({"ecmopump": "PF"}),
+    )  # fmt: skip
 
     def circuit(self, section: Ecmo) -> Circuit:
         """The circuit between its sites."""
@@ -473,6 +493,13 @@ class EcmoDevice(Device[Ecmo]):
         if key in ("drainage_site", "return_site"):
             changed.pop("mode", None)
         return changed
+
+    def sweep(self, section: Ecmo) -> Sweep | None:
+        """The speed of a rotary pump."""
+        if isinstance(section.pump, RollerPump):
+            return None
+        low, high = PUMPS[section.pump].speed_range_rpm
+        return Sweep("speed_rpm", float(section.speed_rpm or 0.0), low, high)
 
     def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
         """Sites, mode, cannulae, speed, and the measured flows."""

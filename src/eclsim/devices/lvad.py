@@ -11,7 +11,21 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eclsim.devices.description import CAUTION, Control, Finding, Knob, Limit, mean, mean_flow, picker
+from eclsim.devices.description import (
+    CAUTION,
+    Control,
+    Curve,
+    Finding,
+    KeyFigure,
+    Knob,
+    Limit,
+    Sweep,
+    Trace,
+    Views,
+    mean,
+    mean_flow,
+    picker,
+)
 from eclsim.devices.device import CaseValues, Device, Naming
 from eclsim.devices.plausibility import check_sites, check_speed, patient_site
 from eclsim.devices.products import UNVALIDATED, PumpCurve, by_key, makers_names
@@ -107,6 +121,18 @@ class LvadDevice(Device[Lvad]):
     usual = MappingProxyType({"pump": "HM3", "speed_rpm": 5000.0, "inlet_site": "lv", "outlet_site": "ao"})
     carries_circulation = True
     assist_flow = "lvad_flow"
+    views = Views(
+        traces=(
+            Trace(
+                "Qlvadpump", "LVAD flow", "LVAD flow", "flow", ("lvad_flow",),
+                ((0.0, 8.0), (-4.0, 12.0), (-10.0, 20.0)),
+            ),
+        ),
+        figures=(KeyFigure("lvad_flow", "LVAD", "lvad_flow", "L/min", 2),),
+        curves=(Curve("lvad_flow", "LVAD flow", "flow"),),
+        compared=("lvad_flow",),
+        flow_outputs=MappingProxyType({"lvadpump": "lvad_flow"}),
+    )  # fmt: skip
 
     def circuit(self, section: Lvad) -> Circuit:
         """The pump between its sites."""
@@ -134,6 +160,11 @@ class LvadDevice(Device[Lvad]):
             if key == "pump" and value in PUMPS
             else changed
         )
+
+    def sweep(self, section: Lvad) -> Sweep:
+        """The pump's speed."""
+        low, high = PUMPS[section.pump].speed_range_rpm
+        return Sweep("speed_rpm", section.speed_rpm, low, high)
 
     def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
         """Sites, speed, and what else is connected."""
