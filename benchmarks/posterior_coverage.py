@@ -24,8 +24,8 @@ from eclsim.identification.observation import OUTPUTS, measurement_errors
 from eclsim.identification.prediction import predict
 from eclsim.identification.prior import Prior
 from eclsim.orbit.model import model_of
-from eclsim.orbit.steady import Batch, steady_beats
-from eclsim.outputs.evaluation import batch_outputs
+from eclsim.orbit.steady import Batch
+from eclsim.outputs.steady_beat import steady_beat
 from eclsim.parameters.identification import BOUNDS
 from eclsim.validation.simulated_patients import NAMES, simulated_patient
 
@@ -65,8 +65,7 @@ def one_patient(seed: int, method: str) -> dict:
         z = z[:: max(1, len(z) // PREDICTED)]
     faster = model.with_values({"ecmo.speed_rpm": 1.15 * model.values["ecmo.speed_rpm"]})
     truth = {n: point.truth[n] for n in NAMES}
-    there = steady_beats(Batch(faster.circuit, {**faster.values, **truth}, 1))
-    at_speed = batch_outputs(there, OUTPUTS)[:, 0]
+    at_speed = steady_beat(Batch(faster.circuit, {**faster.values, **truth}, 1), OUTPUTS).values[:, 0]
     record = {"seed": seed, "doubts": list(doubts), "shape": weighted.shape, "effective": weighted.effective}
     for kind, draws in (("posterior", z), ("gaussian", gaussian.draws(PREDICTED, seed))):
         parameters = dict(zip(NAMES, np.exp(prior.x_of(draws)).T, strict=True))

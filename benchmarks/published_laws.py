@@ -18,8 +18,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from eclsim.circuit.assembly import Constants
-from eclsim.orbit.explicit import ExplicitCircuit, explicit_circuit
-from eclsim.orbit.steady import Batch, steady_beats
+from eclsim.orbit.independent import ExplicitCircuit, explicit_circuit
+from eclsim.orbit.steady import Batch, solve
 from eclsim.validation.reference_cases import case_names, reference_model, waveform_rows
 
 ROUNDING_MMHG = 0.01
@@ -76,7 +76,7 @@ def last_beat(case: str) -> dict[str, np.ndarray]:
     period = 60.0 / model.values["heart_rate_bpm"]
     explicit = explicit_circuit(model.circuit)
     law = Published(explicit, explicit.assembly.constants(model.values), period)
-    start = jnp.asarray(steady_beats(Batch(model.circuit, model.values, 1)).orbits.states[:, 0])
+    start = jnp.asarray(solve(Batch.of(model)).states[:, 0])
     pressures = explicit._pressures(start, 0.0, law.constants)
     state = jnp.concatenate([start, jnp.stack([pressures[k] + 0.0 * start[0] for k in law.chambers])])
 

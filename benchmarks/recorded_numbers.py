@@ -24,8 +24,13 @@ ROOT = Path(__file__).parents[1]
 CASES = ROOT / "src" / "eclsim" / "validation" / "data" / "cases"
 COHORT = ROOT / "examples" / "synthetic_cohort.csv"
 TOLERANCE = 1e-9
-FLOOR = 1e-12
+FLOOR = 5e-12
 """Numbers below this are rounding and count as zero."""
+ROUGHER = {
+    "/checks/2/": 3e-6,  # own central differences: rounding of orbits solved to 1e-12, over a step of 2e-5
+    "/P01/": 1e-7,  # fits end within their tolerance of the minimum, where depends on rounding on the way
+}
+"""Beginnings of the paths of numbers that are less sharp than `TOLERANCE`."""
 UNCOMPARED = {
     "seconds", "beats", "residual", "version", "date", "machine", "commit", "iterations", "sha256",
     "error_percent",
@@ -123,19 +128,20 @@ def differences(before: dict[str, float], after: dict[str, float]) -> list[str]:
     """A line for each number that changed, and for each that is there only once."""
     lines = []
     for path in sorted(before.keys() | after.keys()):
+        tolerance = next((share for start, share in ROUGHER.items() if path.startswith(start)), TOLERANCE)
         if path not in after:
             lines.append(f"{path}: was {before[path]!r}, is no longer there")
         elif path not in before:
             lines.append(f"{path}: new, {after[path]!r}")
-        elif not _same(before[path], after[path]):
+        elif not _same(before[path], after[path], tolerance):
             lines.append(f"{path}: was {before[path]!r}, is {after[path]!r}")
     return lines
 
 
-def _same(first: float, second: float) -> bool:
+def _same(first: float, second: float, tolerance: float) -> bool:
     if math.isnan(first) and math.isnan(second):
         return True
-    return abs(first - second) <= max(TOLERANCE * max(abs(first), abs(second)), FLOOR)
+    return abs(first - second) <= max(tolerance * max(abs(first), abs(second)), FLOOR)
 
 
 PARTS = {"reference": reference_cases, "gradients": gradients, "table-2": table_2, "crrt-study": crrt_study}

@@ -115,7 +115,7 @@ def planted(tmp_path: Path):
     "statement",
     [
         "import eclsim.orbit",
-        "from eclsim.orbit.steady import steady_beats",
+        "from eclsim.orbit.steady import solve",
         "from eclsim import orbit",
         "from .. import orbit",
         "from ..orbit import steady",

@@ -20,13 +20,12 @@ if TYPE_CHECKING:
     from eclsim.devices.lvad import lvad
     from eclsim.execution import Distribution, Shard
     from eclsim.orbit.equation import OrbitOptions
+    from eclsim.orbit.execution import Execution
     from eclsim.orbit.model import Model, model_of
     from eclsim.orbit.status import Status
-    from eclsim.orbit.steady import Batch, steady_beats
-    from eclsim.outputs.dataset import simulate
-    from eclsim.outputs.derivatives import output_derivatives
-    from eclsim.outputs.evaluation import batch_outputs
-    from eclsim.outputs.variants import simulate_many
+    from eclsim.orbit.steady import Batch
+    from eclsim.outputs.results import derivatives, simulate, simulate_many
+    from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
     from eclsim.patient.circulation import circulation
     from eclsim.reporting.schematic import draw_circuit
     from eclsim.sensitivity.analysis import SobolSettings, sensitivity
@@ -42,6 +41,7 @@ _EXPORTS: dict[str, str] = {
     "Compartment": "eclsim.circuit",
     "Connection": "eclsim.circuit",
     "Distribution": "eclsim.execution",
+    "Execution": "eclsim.orbit.execution",
     "Model": "eclsim.orbit.model",
     "OrbitOptions": "eclsim.orbit.equation",
     "StartPressure": "eclsim.circuit",
@@ -49,23 +49,23 @@ _EXPORTS: dict[str, str] = {
     "Shard": "eclsim.execution",
     "SobolSettings": "eclsim.sensitivity.analysis",
     "Status": "eclsim.orbit.status",
-    "batch_outputs": "eclsim.outputs.evaluation",
+    "SteadyBeat": "eclsim.outputs.steady_beat",
     "circulation": "eclsim.patient.circulation",
     "crrt": "eclsim.devices.crrt",
     "crrt_study": "eclsim.crrt_study.study",
+    "derivatives": "eclsim.outputs.results",
     "draw_circuit": "eclsim.reporting.schematic",
     "ecmo": "eclsim.devices.ecmo",
     "identifiability": "eclsim.sensitivity.identifiability",
     "lvad": "eclsim.devices.lvad",
     "model_of": "eclsim.orbit.model",
-    "output_derivatives": "eclsim.outputs.derivatives",
     "plot_pressure_volume": "eclsim.simulation.pressure_volume",
     "plot_waveforms": "eclsim.simulation.waveforms",
     "read_case": "eclsim.cases.reading",
     "sensitivity": "eclsim.sensitivity.analysis",
-    "simulate": "eclsim.outputs.dataset",
-    "simulate_many": "eclsim.outputs.variants",
-    "steady_beats": "eclsim.orbit.steady",
+    "simulate": "eclsim.outputs.results",
+    "simulate_many": "eclsim.outputs.results",
+    "steady_beat": "eclsim.outputs.steady_beat",
 }
 
 __all__ = [
@@ -75,6 +75,7 @@ __all__ = [
     "Compartment",
     "Connection",
     "Distribution",
+    "Execution",
     "Model",
     "OrbitOptions",
     "Shard",
@@ -82,24 +83,24 @@ __all__ = [
     "StartPressure",
     "StartVolume",
     "Status",
+    "SteadyBeat",
     "__version__",
-    "batch_outputs",
     "circulation",
     "crrt",
     "crrt_study",
+    "derivatives",
     "draw_circuit",
     "ecmo",
     "identifiability",
     "lvad",
     "model_of",
-    "output_derivatives",
     "plot_pressure_volume",
     "plot_waveforms",
     "read_case",
     "sensitivity",
     "simulate",
     "simulate_many",
-    "steady_beats",
+    "steady_beat",
 ]
 
 if not TYPE_CHECKING:  # a checker would take any name for an object, and a misspelt one for right

@@ -4,8 +4,7 @@ import pytest
 
 from eclsim.cases.presets import CARDIAC_INDEX, PRESETS
 from eclsim.orbit.model import model_of
-from eclsim.outputs.dataset import simulate
-from eclsim.outputs.variants import simulate_many
+from eclsim.outputs.results import simulate, simulate_many
 
 
 @pytest.mark.parametrize("key", PRESETS)

@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
 
-from eclsim.orbit.steady import Batch, steady_beats
-from eclsim.outputs.dataset import simulate
-from eclsim.outputs.evaluation import batch_outputs
-from eclsim.outputs.variants import simulate_many
+from eclsim.orbit.steady import Batch
+from eclsim.outputs.results import simulate, simulate_many
+from eclsim.outputs.steady_beat import steady_beat
 from model_catalogue import SCHEMES, model, scheme_sites
 
 OUTPUTS = ("SP", "DP", "MAP", "MPAP", "PCWP", "CO", "PF", "crrt_access_pressure", "crrt_return_pressure")
@@ -16,14 +15,14 @@ def anywhere():
     base = model("V-A, CRRT anywhere")
     sites = [scheme_sites(scheme) for scheme in SCHEMES]
     values = dict(base.values) | {key: np.array([s[key] for s in sites]) for key in sites[0]}
-    steady = steady_beats(Batch(base.circuit, values, len(sites)))
-    return dict(zip(SCHEMES, batch_outputs(steady, OUTPUTS).T, strict=True))
+    beat = steady_beat(Batch(base.circuit, values, len(sites)), OUTPUTS)
+    return dict(zip(SCHEMES, beat.values.T, strict=True))
 
 
 def test_a_chosen_site_equals_a_fixed_one(anywhere):
     fixed = model("V-A, CRRT g")
-    steady = steady_beats(Batch(fixed.circuit, fixed.values, 1))
-    np.testing.assert_allclose(anywhere["g"], batch_outputs(steady, OUTPUTS)[:, 0], rtol=1e-6)
+    beat = steady_beat(Batch.of(fixed), OUTPUTS)
+    np.testing.assert_allclose(anywhere["g"], beat.values[:, 0], rtol=1e-6)
 
 
 def test_schemes_differ(anywhere):

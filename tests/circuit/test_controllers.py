@@ -8,9 +8,10 @@ from eclsim.circuit import Circuit, CircuitError
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Control, Statistic, maximum_of, mean_of, minimum_of
 from eclsim.orbit.equation import OrbitOptions
-from eclsim.orbit.steady import Batch, start_state, steady_beats
-from eclsim.outputs.derivatives import output_derivatives
-from eclsim.outputs.evaluation import batch_outputs
+from eclsim.orbit.execution import Execution
+from eclsim.orbit.steady import Batch, solve, start_state
+from eclsim.outputs.results import derivatives
+from eclsim.outputs.steady_beat import steady_beat
 from model_catalogue import CIRCUITS, model, regulated
 from user_components import SetPointControl
 
@@ -27,17 +28,17 @@ ACCURATE = OrbitOptions(tolerance=1e-11, error_tolerance=1e-10)
 
 
 def solved(patient):
-    return steady_beats(Batch(patient.circuit, patient.values, 1), ACCURATE)
+    return solve(Batch.of(patient), ACCURATE)
 
 
 def outputs_of(patient, names=("MAP", "CO", "SP", "EDVLV")):
-    return dict(zip(names, batch_outputs(solved(patient), names)[:, 0], strict=True))
+    return steady_beat(Batch.of(patient), names, options=ACCURATE).outputs()
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_the_steady_value_is_where_marching_beat_by_beat_ends(case):
     patient = regulated(*CASES[case])
-    orbit = solved(patient).orbits.states[:, 0]
+    orbit = solved(patient).states[:, 0]
     program = beat_program(patient.circuit)
     packed = np.array([patient.values[name] for name in program.names])
     step, state = program.trace(program.signals), start_state(patient)
@@ -52,7 +53,7 @@ def test_what_is_read_is_the_output_and_reaches_its_set_point():
     steady = solved(patient)
     program = beat_program(patient.circuit, int(steady.resolution[0]))
     packed = steady.batch.packed(program)[:, 0]
-    _, recorded = program.trace(("Pao",))(steady.orbits.states[:, 0], packed)
+    _, recorded = program.trace(("Pao",))(steady.states[:, 0], packed)
     widths = np.diff(program.grid.phases)
     mean = 0.5 * (widths + np.roll(widths, -1)) @ np.asarray(recorded)[:, 0]
     assert mean == pytest.approx(80.0, rel=1e-9)
@@ -62,7 +63,7 @@ def test_what_is_read_is_the_output_and_reaches_its_set_point():
 def test_derivatives_match_central_differences(case):
     patient = regulated(*CASES[case])
     outputs, parameters = ("MAP", "CO", "EDVLV"), ("set_point", "Rmc", "Csart", "heart_rate_bpm", "Emaxlv")
-    exact = output_derivatives(patient, outputs, parameters).values
+    exact = derivatives(patient, outputs, parameters).values
     numeric = np.empty_like(exact)
     for k, name in enumerate(parameters):
         step = 1e-4 * patient.values[name]
@@ -79,7 +80,7 @@ def test_derivatives_match_central_differences(case):
 def test_a_controller_cannot_be_shifted_by_what_it_makes_up_for():
     """At the set point the reading's own derivative with respect to anything else is zero."""
     patient = regulated("V-A", mean_of("Pao"), 80.0)
-    slopes = output_derivatives(patient, ("MAP",), ("set_point", "Rmc", "Emaxlv"))
+    slopes = derivatives(patient, ("MAP",), ("set_point", "Rmc", "Emaxlv"))
     mean = slopes.sel(output="MAP")
     assert float(mean.sel(parameter="set_point")) == pytest.approx(1.0, abs=0.02)
     assert abs(float(mean.sel(parameter="Rmc")) * patient.values["Rmc"]) < 0.05
@@ -89,8 +90,8 @@ def test_a_batch_equals_each_patient_alone():
     patient = regulated(*CASES["resistance and heart rate"])
     points = np.array([39.0, 40.0, 41.5])
     values = {**patient.values, "set_point": points}
-    many = steady_beats(Batch(patient.circuit, values, 3), ACCURATE, wide=True).orbits.states
-    one = [solved(patient.with_values(set_point=float(p))).orbits.states[:, 0] for p in points]
+    many = solve(Batch(patient.circuit, values, 3), ACCURATE, execution=Execution(width=32)).states
+    one = [solved(patient.with_values(set_point=float(p))).states[:, 0] for p in points]
     np.testing.assert_allclose(many, np.stack(one, axis=1), rtol=1e-7, atol=1e-7)
 
 
@@ -107,7 +108,7 @@ def test_values_in_effect_are_the_given_ones_without_controllers():
     assembly = assemble(patient.circuit)
     assert assembly.in_effect(patient.values, start_state(patient)) is patient.values
     other = regulated(*CASES["resistance and heart rate"])
-    state = solved(other).orbits.states[:, 0]
+    state = solved(other).states[:, 0]
     effect = assemble(other.circuit).in_effect(other.values, state)
     factor = 1.0 + 0.5 * np.tanh(state[-1])
     assert float(effect["Rmc"]) == pytest.approx(other.values["Rmc"] * factor)

@@ -12,7 +12,7 @@ from eclsim.components import ElasticVessel, Path, Resistance
 from eclsim.devices.ecmo import ecmo
 from eclsim.devices.lvad import lvad
 from eclsim.orbit.model import Model
-from eclsim.outputs.dataset import simulate
+from eclsim.outputs.results import simulate
 from eclsim.patient.circulation import circulation
 from model_catalogue import model
 

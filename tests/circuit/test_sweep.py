@@ -7,7 +7,7 @@ from eclsim.circuit import Circuit, Compartment, Connection
 from eclsim.circuit.sweep import sweep_order
 from eclsim.components import ElasticVessel, Resistance
 from eclsim.orbit.model import Model
-from eclsim.outputs.dataset import simulate
+from eclsim.outputs.results import simulate
 from eclsim.patient.circulation import shi_hose_circulation
 from model_catalogue import CIRCUITS, model
 

@@ -7,7 +7,7 @@ from eclsim.circuit import Circuit, Compartment, Connection, StartPressure
 from eclsim.circuit.assembly import assemble
 from eclsim.components import Atrium, ElasticVessel, Resistance, Ventricle
 from eclsim.orbit.model import Model
-from eclsim.outputs.dataset import simulate
+from eclsim.outputs.results import simulate
 from user_components import PressureSource, StiffeningDevice
 
 VENTRICLE = Ventricle("Emax", "alpha", "kappa", "beta")

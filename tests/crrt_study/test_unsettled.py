@@ -168,9 +168,9 @@ class Losing(StudyCircuits):
     def run_patients(self, speeds, policy, patients):
         found = super().run_patients(speeds, policy, patients)
         last = np.arange(len(found.status)) % 4 == 3
-        means, outputs = (np.where(last, np.nan, values) for values in (found.means, found.outputs))
+        statistics, values = (np.where(last, np.nan, table) for table in (found.statistics, found.values))
         status = np.where(last, Status.NO_EJECTION, found.status)
-        return replace(found, means=means, outputs=outputs, status=status)
+        return replace(found, statistics=statistics, values=values, status=status)
 
 
 def test_the_share_of_samples_without_a_beat_is_told(study):

@@ -5,7 +5,7 @@ import pytest
 from eclsim.cases.case import Case, Measurements, Patient
 from eclsim.identification.objective import Box, Objective, Target
 from eclsim.orbit.model import model_of
-from eclsim.outputs.dataset import simulate
+from eclsim.outputs.results import simulate
 from eclsim.parameters.identification import BOUNDS
 
 TRUTH = {"Rmc": 0.85, "Emaxlv": 1.3}

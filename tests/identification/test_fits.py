@@ -17,7 +17,7 @@ from eclsim.identification.profiles import with_profiles
 from eclsim.identification.settings import FitSettings, checked_fit, read_bounds
 from eclsim.identification.verdict import interval_agreement
 from eclsim.orbit.model import model_of
-from eclsim.outputs.dataset import simulate
+from eclsim.outputs.results import simulate
 from eclsim.sensitivity.uncertainties import Uncertainty
 
 QUICK = FitSettings(("Rmc", "Emaxlv"), multi_start=MultiStart(10, 0.2, round_size=4, rediscoveries=2))

@@ -64,7 +64,7 @@ def test_outputs_agree_with_the_measurements(result):
 
 def test_prediction_at_another_heart_rate(fit, result):
     from eclsim.orbit.model import model_of
-    from eclsim.outputs.dataset import simulate
+    from eclsim.outputs.results import simulate
 
     there = result.predictions[1]
     assert there.settings == "patient.heart_rate_bpm=100"

@@ -13,7 +13,7 @@ from eclsim.identification.objective import Box, Objective, Target
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.shared_fit import SharedObjective, refine_shared
 from eclsim.orbit.model import model_of
-from eclsim.outputs.dataset import simulate
+from eclsim.outputs.results import simulate
 from eclsim.parameters.identification import BOUNDS
 
 MEASURED = ("SP", "DP", "MAP", "MPAP", "CO")

@@ -12,7 +12,7 @@ from eclsim.identification.track import Tracker, TrackSettings, track
 from eclsim.identification.track_results import Fitting
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
-from eclsim.outputs.dataset import simulate
+from eclsim.outputs.results import simulate
 
 NAMES = ("Rmc", "Emaxlv")
 MEASURED = ("SP", "DP", "MAP", "CO")

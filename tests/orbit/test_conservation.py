@@ -6,7 +6,7 @@ import pytest
 from eclsim.beat.heartbeat import beat_program
 from eclsim.beat.recording import all_signals
 from eclsim.circuit.assembly import assemble
-from eclsim.orbit.adaptive import AdaptiveBeats
+from eclsim.orbit.independent import AdaptiveBeats
 from eclsim.orbit.steady import start_state
 from eclsim.orbit.transient import follow
 from model_catalogue import CIRCUITS, SCHEMES, model, scheme_sites

@@ -5,11 +5,12 @@ import pytest
 
 from eclsim.beat.heartbeat import beat_program
 from eclsim.identification.objective import Objective, Target
-from eclsim.orbit.derivatives import orbit_tangents
+from eclsim.orbit.derivatives import orbit_derivatives
 from eclsim.orbit.equation import OrbitProblem
 from eclsim.orbit.status import NoDerivativesError, Status
-from eclsim.orbit.steady import Batch, start_state, steady_beats
-from eclsim.outputs.derivatives import member_derivatives, output_derivatives
+from eclsim.orbit.steady import Batch, solve, start_state
+from eclsim.outputs.results import derivatives
+from eclsim.outputs.steady_beat import steady_beat
 from eclsim.validation.reference_cases import reference_model
 from model_catalogue import model
 
@@ -27,10 +28,10 @@ OFF_ORBIT = {
 def test_without_a_steady_beat_there_are_no_derivatives(changes, status, reason):
     patient = model("V-A", **changes)
     with pytest.raises(NoDerivativesError, match=r"V-A: no derivatives \(") as caught:
-        output_derivatives(patient, OUTPUTS, PARAMETERS)
+        derivatives(patient, OUTPUTS, PARAMETERS)
     assert caught.value.status is status
     assert reason in str(caught.value)
-    found = output_derivatives(patient, OUTPUTS, PARAMETERS, throw=False)
+    found = derivatives(patient, OUTPUTS, PARAMETERS, throw=False)
     assert found.shape == (2, 2)
     assert np.isnan(found.values).all()
     assert np.isnan(found["value"].values).all()
@@ -42,15 +43,15 @@ def test_without_a_steady_beat_there_are_no_derivatives(changes, status, reason)
 def test_a_singular_beat_has_no_derivatives():
     patient = reference_model("va_ecmo_default").with_values(STILL)
     with pytest.raises(NoDerivativesError, match=r"va_ecmo_default: no derivatives \(singular\)") as caught:
-        output_derivatives(patient, OUTPUTS, PARAMETERS)
+        derivatives(patient, OUTPUTS, PARAMETERS)
     assert caught.value.status is Status.CONVERGED
-    found = output_derivatives(patient, OUTPUTS, PARAMETERS, throw=False)
+    found = derivatives(patient, OUTPUTS, PARAMETERS, throw=False)
     assert found.attrs["status"] == "singular"
     assert np.isnan(found.values).all()
 
 
 def test_a_beat_that_was_found_says_so():
-    found = output_derivatives(model("V-A"), OUTPUTS, PARAMETERS)
+    found = derivatives(model("V-A"), OUTPUTS, PARAMETERS)
     assert found.attrs["status"] == "converged"
     assert np.isfinite(found.values).all()
 
@@ -58,10 +59,10 @@ def test_a_beat_that_was_found_says_so():
 def test_one_member_without_a_beat_leaves_the_others_their_derivatives():
     patient = model("V-A")
     values = {**patient.values, **{k: np.array([patient.values[k], v]) for k, v in WEAK_RIGHT.items()}}
-    steady = steady_beats(Batch(patient.circuit, values, 2))
-    assert np.isfinite(member_derivatives(steady, OUTPUTS, PARAMETERS, 0)[1]).all()
+    beat = steady_beat(Batch(patient.circuit, values, 2))
+    assert np.isfinite(beat.linearise(OUTPUTS, PARAMETERS, 0).slopes).all()
     with pytest.raises(NoDerivativesError):
-        member_derivatives(steady, OUTPUTS, PARAMETERS, 1)
+        beat.linearise(OUTPUTS, PARAMETERS, 1)
 
 
 def test_an_objective_has_no_slopes_where_there_is_no_beat():
@@ -76,25 +77,25 @@ def test_an_objective_has_no_slopes_where_there_is_no_beat():
 
 def test_tangents_of_the_state_alone_need_no_sums():
     patient = model("V-A")
-    steady = steady_beats(Batch(patient.circuit, patient.values, 1))
-    found = orbit_tangents(steady, ("Rmc",))
+    batch = Batch.of(patient)
+    program = beat_program(patient.circuit)
+    problem = OrbitProblem(program, batch.packed(program), batch.volume())
+    state, slopes = solve(batch).states[:, 0], batch.volume_slopes(("Rmc",))
+    found = orbit_derivatives(problem, state, ("Rmc",), slopes)
     assert found.sums.shape == (0, 1)
+    assert found.distance < 1e-7
     step = 1e-4 * patient.values["Rmc"]
     changed = {**patient.values, "Rmc": patient.values["Rmc"] + np.array([step, -step])}
-    high, low = steady_beats(Batch(patient.circuit, changed, 2)).orbits.states.T
+    high, low = solve(Batch(patient.circuit, changed, 2)).states.T
     np.testing.assert_allclose(found.states[:, 0], (high - low) / (2 * step), rtol=2e-3, atol=2e-3)
 
 
 def test_a_heart_that_does_not_eject_is_said_to_end_where_the_start_leaves_it():
     """From the published start it is settled within 300 beats, not where the search hands it back."""
     patient = model("V-A", **WEAK_RIGHT)
-    batch = Batch(patient.circuit, patient.values, 1)
-    steady = steady_beats(batch)
-    program = beat_program(patient.circuit, int(steady.resolution[0]))
-    problem = OrbitProblem(program, batch.packed(program), batch.volume())
-    waited = start_state(patient)[:, None]
-    for _ in range(300):
-        waited = problem.beat(waited)
-    assert np.abs(problem.beat(waited) - waited).max() < 1e-8
-    assert np.abs(waited - steady.orbits.states).max() > 10.0
-    assert "the valves stay shut and the volumes settle where the start leaves them" in steady.message()
+    beat = steady_beat(Batch.of(patient))
+    only = np.array([0])
+    waited = beat.orbits.wait(only, start_state(patient)[:, None], 300)
+    assert np.abs(beat.orbits.wait(only, waited) - waited).max() < 1e-8
+    assert np.abs(waited - beat.orbits.states).max() > 10.0
+    assert "the valves stay shut and the volumes settle where the start leaves them" in beat.message()

@@ -3,9 +3,8 @@ import pytest
 
 from eclsim.orbit.equation import OrbitOptions
 from eclsim.orbit.model import AS_PUBLISHED, PATIENT_HELD
-from eclsim.orbit.steady import Batch, steady_beats
-from eclsim.outputs.derivatives import member_derivatives
-from eclsim.outputs.evaluation import batch_outputs
+from eclsim.orbit.steady import Batch
+from eclsim.outputs.steady_beat import steady_beat
 from model_catalogue import model
 
 TIGHT = OrbitOptions(tolerance=1e-12, error_tolerance=1e-12)
@@ -15,8 +14,8 @@ OUTPUTS = ("SP", "DP", "MAP", "MPAP", "PCWP", "CO", "EDVLV", "ESVRV", "stroke_wo
 def both(name, parameters, outputs, policy=AS_PUBLISHED):
     """Exact derivatives and own central differences of the solved beat, shape (outputs, parameters)."""
     patient = model(name)
-    base = Batch(patient.circuit, patient.values, 1, policy)
-    _, exact = member_derivatives(steady_beats(base, TIGHT), outputs, parameters)
+    base = steady_beat(Batch.of(patient, policy), outputs, options=TIGHT)
+    exact = base.linearise(outputs, parameters).slopes
     values, count = dict(patient.values), 4 * len(parameters)
     shifts = {}
     for k, key in enumerate(parameters):
@@ -26,8 +25,9 @@ def both(name, parameters, outputs, policy=AS_PUBLISHED):
         column[4 * k : 4 * k + 4] += step * np.array([1.0, -1.0, 2.0, -2.0])
         shifts[key] = (step, column)
     values |= {key: column for key, (_, column) in shifts.items()}
-    steady = steady_beats(Batch(patient.circuit, values, count, policy), TIGHT, near=patient.values)
-    found = batch_outputs(steady, outputs).reshape(len(outputs), len(parameters), 4)
+    batch = Batch(patient.circuit, values, count, policy)
+    beat = steady_beat(batch, outputs, options=TIGHT, start=patient.values)
+    found = beat.values.reshape(len(outputs), len(parameters), 4)
     one = (found[..., 0] - found[..., 1]) / 2.0
     two = (found[..., 2] - found[..., 3]) / 4.0
     steps = np.array([step for step, _ in shifts.values()])
@@ -76,9 +76,8 @@ def test_derivatives_equal_own_central_differences_with_other_devices(name, para
 
 def test_a_step_along_the_derivative_predicts_the_next_beat():
     patient = model("none")
-    steady = steady_beats(Batch(patient.circuit, patient.values, 1))
-    values, slope = member_derivatives(steady, ("MAP", "CO"), ("Rmc",))
+    found = steady_beat(Batch.of(patient)).linearise(("MAP", "CO"), ("Rmc",))
     moved = patient.with_values(Rmc=patient.values["Rmc"] * 1.001)
-    found = batch_outputs(steady_beats(Batch(moved.circuit, moved.values, 1)), ("MAP", "CO"))[:, 0]
-    predicted = values + slope[:, 0] * 0.001 * patient.values["Rmc"]
-    np.testing.assert_allclose(found, predicted, rtol=1e-5)
+    there = steady_beat(Batch.of(moved), ("MAP", "CO")).values[:, 0]
+    predicted = found.values + found.slopes[:, 0] * 0.001 * patient.values["Rmc"]
+    np.testing.assert_allclose(there, predicted, rtol=1e-5)

@@ -3,7 +3,7 @@ import pytest
 
 from eclsim.circuit.assembly import assemble
 from eclsim.orbit.model import PATIENT_HELD
-from eclsim.orbit.steady import Batch, start_state, steady_beats
+from eclsim.orbit.steady import Batch, solve, start_state
 from eclsim.orbit.transient import ADAPTIVE, follow, primed_start
 from model_catalogue import model
 
@@ -31,7 +31,7 @@ def test_a_short_course_is_the_beginning_of_a_long_one():
 
 def test_a_course_ends_at_the_steady_beat():
     patient = model("V-A")
-    orbit = steady_beats(Batch(patient.circuit, patient.values, 1)).orbits.states[:, 0]
+    orbit = solve(Batch.of(patient)).states[:, 0]
     course = follow(patient, 150.0, ("Pao",))
     np.testing.assert_allclose(course.state, orbit, rtol=1e-4, atol=1e-3)
 
@@ -42,7 +42,7 @@ def test_primed_circuits_lead_to_the_steady_beat_of_a_held_patient():
     own = layout.conserved(np.array([c.group == "patient" for c in patient.circuit.compartments])) > 0.0
     start, published = primed_start(patient, PATIENT_HELD), start_state(patient)
     np.testing.assert_array_equal(start[own], published[own])
-    orbit = steady_beats(Batch(patient.circuit, patient.values, 1, PATIENT_HELD)).orbits.states[:, 0]
+    orbit = solve(Batch.of(patient, PATIENT_HELD)).states[:, 0]
     assert layout.conserved() @ start == pytest.approx(layout.conserved() @ orbit, rel=1e-8)
     course = follow(patient, 150.0, ("Pao",), policy=PATIENT_HELD)
     np.testing.assert_allclose(course.state, orbit, rtol=1e-4, atol=1e-3)

@@ -9,11 +9,11 @@ from eclsim.circuit import Circuit, Compartment, Connection, StartPressure
 from eclsim.components import Artery, ElasticVessel, HeartValve, Resistance
 from eclsim.orbit.equation import OrbitOptions
 from eclsim.orbit.model import Model, nominal_values
-from eclsim.orbit.steady import Batch, steady_beats
-from eclsim.outputs.dataset import simulate
-from eclsim.outputs.derivatives import member_derivatives
+from eclsim.orbit.status import Status
+from eclsim.orbit.steady import Batch
 from eclsim.outputs.independent import simulate_adaptive
-from eclsim.outputs.variants import simulate_many
+from eclsim.outputs.results import simulate, simulate_many
+from eclsim.outputs.steady_beat import steady_beat
 from model_catalogue import CIRCUITS, model
 from user_components import StenosedValve, StiffeningDevice, ValveWithInertia
 
@@ -59,8 +59,7 @@ def test_a_stenosed_valve_costs_pressure(stenosed):
 
 def test_its_parameters_can_be_differentiated(stenosed):
     outputs, step = ("CO", "SP"), 0.02
-    steady = steady_beats(Batch(stenosed.circuit, stenosed.values, 1), TIGHT)
-    _, exact = member_derivatives(steady, outputs, ("CQvalve",))
+    exact = steady_beat(Batch.of(stenosed), options=TIGHT).linearise(outputs, ("CQvalve",)).slopes
     high, low = (simulate(stenosed.with_values(CQvalve=120.0 + s), options=TIGHT) for s in (step, -step))
     for name, slope in zip(outputs, exact[:, 0], strict=True):
         numeric = (float(high[name]) - float(low[name])) / (2 * step)
@@ -106,7 +105,7 @@ BAD_FIRST = {
 
 @pytest.mark.parametrize(("key", "bad", "status"), BAD_FIRST.values(), ids=BAD_FIRST)
 def test_a_bad_first_member_costs_the_others_nothing(stenosed, key, bad, status):
-    """Such a circuit has no nominal values, so that a search starts from a patient's own beat."""
+    """Such a circuit has no nominal values, so that searches begin at the beat of the shared values."""
     assert nominal_values(stenosed.circuit) is None
     good = {"Rmc": [0.5, 0.7], key: [stenosed.values[key]] * 2} | {"CQvalve": [120.0, 90.0]}
     alone = simulate_many(stenosed, good, ("MAP", "CO"))
@@ -115,6 +114,14 @@ def test_a_bad_first_member_costs_the_others_nothing(stenosed, key, bad, status)
     assert list(together["status"].values) == [status, "converged", "converged"]
     for name in ("MAP", "CO"):
         np.testing.assert_array_equal(together[name].values[1:], alone[name].values)
+
+
+def test_a_batch_by_itself_begins_every_search_at_the_members_own_values(stenosed):
+    values = {**stenosed.values, "Rmc": np.array([np.nan, 0.5, 0.7]), "CQvalve": np.array([1.0, 120.0, 90.0])}
+    beat = steady_beat(Batch(stenosed.circuit, values, 3), ("MAP",))
+    assert [Status(k).word for k in beat.status] == ["invalid_input", "converged", "converged"]
+    alone = steady_beat(Batch.of(stenosed.with_values(Rmc=0.7, CQvalve=90.0)), ("MAP",))
+    np.testing.assert_array_equal(beat.values[:, 2], alone.values[:, 0])
 
 
 def test_a_batch_without_a_good_member_says_why(stenosed):

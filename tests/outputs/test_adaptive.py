@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from eclsim.orbit.adaptive import AdaptiveBeats, AdaptiveOptions
+from eclsim.orbit.independent import AdaptiveBeats, AdaptiveOptions
 from eclsim.orbit.model import PATIENT_HELD
 from eclsim.orbit.steady import start_state
-from eclsim.outputs.dataset import simulate
 from eclsim.outputs.independent import simulate_adaptive
 from eclsim.outputs.registry import contract
+from eclsim.outputs.results import simulate
 from model_catalogue import model
 
 CONFIGURATIONS = ("none", "LVAD", "V-A", "V-A, CRRT g", "V-V")

@@ -3,8 +3,8 @@ import pytest
 
 from eclsim.orbit.model import PATIENT_HELD
 from eclsim.outputs.course import simulate_course
-from eclsim.outputs.dataset import simulate
 from eclsim.outputs.registry import contract
+from eclsim.outputs.results import simulate
 from model_catalogue import model
 
 

@@ -5,8 +5,7 @@ import pytest
 
 from eclsim.beat.grid import PhaseGrid
 from eclsim.beat.recording import RATE
-from eclsim.outputs.derivatives import LinearMeasures
-from eclsim.outputs.dual import Dual
+from eclsim.outputs.derivatives import Dual, LinearMeasures
 from eclsim.outputs.measures import Measures
 from eclsim.outputs.registry import UnknownOutputError, all_outputs, available, contract, output
 

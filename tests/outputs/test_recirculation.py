@@ -3,8 +3,8 @@ import pytest
 from eclsim.circuit import Circuit
 from eclsim.devices.crrt import crrt
 from eclsim.devices.ecmo import ecmo
-from eclsim.outputs.dataset import simulate
 from eclsim.outputs.recirculation import recirculated_fraction
+from eclsim.outputs.results import simulate
 from eclsim.patient.circulation import circulation
 from model_catalogue import CIRCUITS, SCHEMES, model
 

@@ -8,17 +8,18 @@ import pytest
 from eclsim.app.beat import compute_beat, plain
 from eclsim.app.knobs import turn
 from eclsim.app.state import PageState
-from eclsim.beat.heartbeat import beat_program
 from eclsim.cases.presets import PRESETS
 from eclsim.devices.ecmo import ecmo
-from eclsim.orbit.equation import OrbitProblem
-from eclsim.orbit.steady import Batch, start_state, steady_beats
+from eclsim.identification.batch_outputs import simulate_members
+from eclsim.orbit.status import NoDerivativesError, Status
+from eclsim.orbit.steady import Batch, solve, start_state
 from eclsim.outputs.alarms import findings
-from eclsim.outputs.dataset import simulate
+from eclsim.outputs.results import simulate, simulate_many
 from eclsim.outputs.sealed import SHUT_L_MIN, sealed
-from eclsim.outputs.variants import simulate_many
+from eclsim.outputs.steady_beat import steady_beat
 from eclsim.patient.circulation import circulation
 from eclsim.reporting.beat_values import case_name
+from eclsim.sensitivity.runs import SteadyBeatEvaluator
 from eclsim.simulation.json_object import case_object
 from model_catalogue import model
 
@@ -36,18 +37,14 @@ def beat():
 def test_a_steady_beat_behind_closed_valves_is_one_of_many(beat):
     """Waiting from the published start ends at another steady beat than the search, and both stay."""
     assert beat.attrs["converged"] == 1
-    patient = model("V-A", **WEAK_LEFT)
-    batch = Batch(patient.circuit, patient.values, 1)
-    steady = steady_beats(batch)
-    program = beat_program(patient.circuit, int(steady.resolution[0]))
-    problem = OrbitProblem(program, batch.packed(program), batch.volume())
-    waited = start_state(patient)[:, None]
-    for _ in range(400):
-        waited = problem.beat(waited)
+    assert beat.attrs["status"] == "one_of_many"
+    patient, only = model("V-A", **WEAK_LEFT), np.array([0])
+    orbits = solve(Batch.of(patient))
+    waited = orbits.wait(only, start_state(patient)[:, None], 400)
     names = [c.name for c in patient.circuit.compartments]
-    for states in (waited, steady.orbits.states):
-        assert np.abs(problem.beat(states) - states).max() < 1e-5
-    apart = (waited - steady.orbits.states)[[names.index(n) for n in ("lv", "pvn", "svn")], 0]
+    for states in (waited, orbits.states):
+        assert np.abs(orbits.wait(only, states) - states).max() < 1e-5
+    apart = (waited - orbits.states)[[names.index(n) for n in ("lv", "pvn", "svn")], 0]
     assert np.abs(apart).min() > 10.0
 
 
@@ -66,10 +63,30 @@ def test_simulate_says_that_it_is_and_marks_the_numbers(beat):
 def test_a_batch_says_so_of_each_member_whatever_its_outputs():
     found = simulate_many(model("V-A"), {"Emaxlv": [1.5, 0.1], "ecmo.speed_rpm": [3425.0, 4500.0]}, ("MAP",))
     assert list(found.data_vars) == ["MAP", "status", "message", "beats", "residual"]
-    assert list(found["status"].values) == ["converged", "converged"]
+    assert list(found["status"].values) == ["converged", "one_of_many"]
+    assert found.attrs["failed"] == 0
+    assert np.isfinite(found["MAP"].values).all()
     ejecting, shut = found["message"].values
     assert "one of many" not in ejecting
     assert "one of many: no blood passes the tricuspid" in shut
+
+
+def test_analyses_of_many_take_no_number_from_it():
+    """Sensitivity indices, draws of a posterior and studies of schemes count it as lost, with its status."""
+    patient = model("V-A")
+    changes = {"Emaxlv": np.array([1.5, 0.1]), "ecmo.speed_rpm": np.array([3425.0, 4500.0])}
+    beat = steady_beat(Batch(patient.circuit, {**patient.values, **changes}, 2), ("MAP",))
+    assert list(beat.converged) == [True, True]
+    assert list(beat.determined) == [True, False]
+    assert list(np.isfinite(beat.determined_only().values[0])) == [True, False]
+    evaluator = SteadyBeatEvaluator(patient.circuit, patient.values, ("MAP",), "as_published", 1)
+    runs = evaluator(changes, 2)
+    assert [Status(k).word for k in runs.status] == ["converged", "one_of_many"]
+    assert list(np.isfinite(runs.values[:, 0])) == [True, False]
+    draws = simulate_members(patient, {**patient.values, **changes}, 2, ("MAP",))
+    assert list(np.isfinite(draws[:, 0])) == [True, False]
+    with pytest.raises(NoDerivativesError, match="singular"):
+        beat.linearise(("MAP",), ("Rmc",), 1)
 
 
 def test_the_page_gets_it_beside_what_else_is_to_be_said_of_a_number():

@@ -107,7 +107,7 @@ def test_a_negative_value_is_varied_like_any_other(case, value, said):
 
 def test_each_scheme_in_a_batch_is_that_scheme_alone(crrt_case):
     from eclsim.orbit.model import model_of
-    from eclsim.outputs.dataset import simulate
+    from eclsim.outputs.results import simulate
 
     plan = planned(
         crrt_case, parameters=(), include=("crrt.scheme",), samples=8, outputs=("MAP", "crrt_access_pressure")
@@ -162,7 +162,7 @@ def test_no_state_is_solved_from_beats_that_were_not_found(case):
 
 def test_states_have_their_pressure(case):
     from eclsim.orbit.model import model_of
-    from eclsim.outputs.dataset import simulate
+    from eclsim.outputs.results import simulate
 
     model = model_of(case)
     values = {state: state_values(model, state) for state in TARGETS}

@@ -201,8 +201,8 @@ def test_a_steady_beat_of_a_design_takes_one_thread(monkeypatch):
         asked.append(parallel)
         return [function(job) for job in jobs]
 
-    monkeypatch.setattr("eclsim.orbit.steady.map_parallel", spied)
-    monkeypatch.setattr("eclsim.outputs.evaluation.map_parallel", spied)
+    monkeypatch.setattr("eclsim.orbit.steady.in_threads", spied)
+    monkeypatch.setattr("eclsim.outputs.steady_beat.in_threads", spied)
     patient = reference_model("cvs_healthy_75bpm")
     evaluator = SteadyBeatEvaluator(patient.circuit, patient.values, ("MAP",), "as_published", 1)
     found = evaluator({"Rmc": np.linspace(0.4, 0.6, 8)}, 8)

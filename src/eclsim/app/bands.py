@@ -1,7 +1,7 @@
 """What a posterior leaves open about a beat: 90 % bands of waveforms, loops, outputs and the speed ramp.
 
-All members are solved side by side in the lanes of one program, one lane block after the other in one thread,
-so that a processor is left for the knobs; between blocks somebody may say that nobody wants them any more.
+All members are solved side by side, one block after the other in one thread, so that a processor is left for
+the knobs; between blocks somebody may say that nobody wants them any more.
 """
 
 from __future__ import annotations
@@ -18,15 +18,12 @@ from eclsim.app.state import key_of
 from eclsim.app.studies import SPEEDS, plain_curve
 from eclsim.beat.heartbeat import beat_program
 from eclsim.beat.resolution import needed_resolution
-from eclsim.beat.vectorisation import LANES
 from eclsim.circuit.assembly import assemble
 from eclsim.identification.batch_outputs import SETTLED
-from eclsim.orbit.status import Status
-from eclsim.orbit.steady import Batch, steady_beats
-from eclsim.outputs.evaluation import needed_signals, output_names
-from eclsim.outputs.measures import Measures
-from eclsim.outputs.registry import output
-from eclsim.outputs.signals import whole_beat
+from eclsim.orbit.execution import SIDE_BY_SIDE, Execution
+from eclsim.orbit.steady import Batch
+from eclsim.outputs.signals import output_names
+from eclsim.outputs.steady_beat import steady_beat
 
 if TYPE_CHECKING:
     from eclsim.app.posterior import PosteriorDraws
@@ -140,31 +137,26 @@ def solve(
         wanted: whether anybody still wants them; asked before each block.
     """
     names, signals = shown
-    level = int(np.max(needed_resolution(assemble(circuit), values)))
-    program = beat_program(circuit, level)
-    recorded = tuple(sorted({*needed_signals(circuit, names), *signals}))
-    waves, outputs, lost = [], [], 0
-    for first in range(0, count, LANES):
+    resolution = int(np.max(needed_resolution(assemble(circuit), values)))
+    outputs, waves, lost = [], [], 0
+    for first in range(0, count, SIDE_BY_SIDE):
         if not wanted():
             return None
-        part = slice(first, min(first + LANES, count))
-        size = part.stop - first
+        part = slice(first, min(first + SIDE_BY_SIDE, count))
         own = {n: v[part] if np.ndim(v) else v for n, v in values.items()}
-        batch = Batch(circuit, own, size, policy)
-        orbits = steady_beats(batch, SETTLED, near, level, wide=True).orbits
-        lanes = np.resize(np.arange(size), LANES)
-        series = program.trace(recorded)(orbits.states[:, lanes], batch.packed(program)[:, lanes])[1]
-        good = np.flatnonzero(orbits.status == Status.CONVERGED)
-        series = whole_beat(np.asarray(series))[..., good]
-        measures = Measures({n: series[:, k] for k, n in enumerate(recorded)}, program.grid.phases)
-        outputs.append({n: np.broadcast_to(output(n).compute(measures), good.shape) for n in names})
-        waves.append({n: series[:, recorded.index(n)] for n in signals})
-        lost += size - len(good)
-    return Solved(
-        program.grid.phases,
-        {n: np.concatenate([w[n] for w in waves], axis=-1) for n in signals},
-        {n: np.concatenate([o[n] for o in outputs]) for n in names}, lost,
-    )  # fmt: skip
+        batch = Batch(circuit, own, part.stop - first, policy)
+        beat = steady_beat(
+            batch, names, waveforms=signals, keep=None, options=SETTLED, start=near, resolution=resolution,
+            execution=Execution(threads=1, width=SIDE_BY_SIDE),
+        )  # fmt: skip
+        good = np.flatnonzero(beat.determined)
+        outputs.append(beat.values[:, good])
+        waves += [beat.waveforms[int(k)].values for k in good]
+        lost += batch.count - len(good)
+    phases = beat_program(circuit, resolution).grid.phases
+    recorded = np.stack(waves, axis=-1) if waves else np.empty((len(phases), len(signals), 0))
+    found = dict(zip(names, np.concatenate(outputs, axis=1), strict=True))
+    return Solved(phases, {n: recorded[:, k] for k, n in enumerate(signals)}, found, lost)
 
 
 def _loops(solved: Solved, place: str) -> list[list[list[float | None]]]:

@@ -9,21 +9,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.app.circuits import page_circuit
-from eclsim.beat.heartbeat import beat_program
-from eclsim.beat.recording import MEAN, RATE
 from eclsim.devices.ecmo import OXYGENATORS
 from eclsim.files import finite
 from eclsim.orbit.model import circuit_of
 from eclsim.orbit.status import Status
-from eclsim.orbit.steady import Batch, steady_beats
-from eclsim.outputs.alarms import CAUTION, Finding, findings, impossible
-from eclsim.outputs.dataset import outcome
-from eclsim.outputs.evaluation import output_names
+from eclsim.orbit.steady import Batch
+from eclsim.outputs.alarms import CAUTION, Finding, impossible
 from eclsim.outputs.limits import level, place_levels
-from eclsim.outputs.measures import Measures
 from eclsim.outputs.recirculation import recirculated_fraction
-from eclsim.outputs.registry import output
-from eclsim.outputs.signals import unstressed_volume, whole_beat
+from eclsim.outputs.signals import unstressed_volume
+from eclsim.outputs.steady_beat import steady_beat
 
 if TYPE_CHECKING:
     from eclsim.app.state import PageState
@@ -62,7 +57,7 @@ class Beat:
     @property
     def converged(self) -> bool:
         """Whether there is a steady beat."""
-        return self.status is Status.CONVERGED
+        return self.status in (Status.CONVERGED, Status.ONE_OF_MANY)
 
     @property
     def possible(self) -> bool:
@@ -90,48 +85,24 @@ def compute_beat(state: PageState, near: Mapping[str, float] | None = None) -> B
         near: parameter values of the same circuit to start the search from.
     """
     circuit, values = page_circuit(state.case)
-    steady = steady_beats(Batch(circuit, values, 1, state.policy), near=near, lone=True)
-    program = beat_program(circuit, int(steady.resolution[0]))
-    signals = program.signals
-    _, recorded = program.trace(signals)(steady.orbits.states[:, 0], steady.batch.packed(program)[:, 0])
-    series = dict(zip(signals, whole_beat(np.asarray(recorded)).T, strict=True))
-    measures = Measures(series, program.grid.phases)
-    outputs = {n: float(output(n).compute(measures)) for n in output_names(circuit)}
-    shown = {name: values_ for name, values_ in series.items() if not name.endswith((RATE, MEAN))}
-    means = {n: float(measures.mean(n)) for n in shown if n[0] in "PQ"}
-    _add_recirculation(state, means, outputs)
-    status, message = outcome(steady, outputs)
-    extremes = {n: (float(s.min()), float(s.max())) for n, s in shown.items()}
-    said = [*findings(outputs, extremes, circuit_of(state.case)), *_label(state, outputs)]
-    if doubt := steady.grid_doubt():
-        said.append(Finding("warning", "grid", float("nan"), float("nan"), doubt))
-    return Beat(
-        circuit, values, 60.0 / values["heart_rate_bpm"],
-        _resampled(circuit, values, shown, program.grid.phases), means, outputs, tuple(said), status,
-        message,
-    )  # fmt: skip
-
-
-def _resampled(
-    circuit: Circuit, values: Mapping[str, float], series: Mapping[str, np.ndarray], phases: np.ndarray
-) -> dict[str, np.ndarray]:
-    even = np.linspace(0.0, 1.0, POINTS, endpoint=False)
-    found = {}
-    for name, wave in series.items():
-        shift = unstressed_volume(circuit, name[1:], values) if name[0] == "V" else 0.0
-        found[name] = np.interp(even, phases, wave) + shift
-    return found
-
-
-def _add_recirculation(state: PageState, means: Mapping[str, float], outputs: dict[str, float]) -> None:
-    if state.case.crrt is None:
-        return
-    fixed = circuit_of(state.case)
-    flows = {c.name: means["Q" + c.name] for c in fixed.connections}
-    if all(np.isfinite(f) for f in flows.values()):
-        fraction = recirculated_fraction(fixed, flows)
-        if fraction is not None:
+    found = steady_beat(Batch(circuit, values, 1, state.policy), waveforms=None, keep=None, start=near)
+    outputs = found.outputs()
+    if state.case.crrt is not None and found.converged[0]:
+        fixed = circuit_of(state.case)
+        flows = {c.name: float(found.mean("Q" + c.name)[0]) for c in fixed.connections}
+        if (fraction := recirculated_fraction(fixed, flows)) is not None:
             outputs["crrt_recirculated_fraction"] = fraction
+    means = {n: float(found.mean(n)[0]) for n in found.signals if n[0] in "PQ"}
+    even, phases = np.linspace(0.0, 1.0, POINTS, endpoint=False), found.waveforms[0].phases
+    waves = {
+        n: np.interp(even, phases, found.waveform(n)) + unstressed_volume(circuit, n, values)
+        for n in found.signals
+    }
+    said = (*found.findings(), *_label(state, outputs))
+    return Beat(
+        circuit, values, 60.0 / values["heart_rate_bpm"], waves, means, outputs, said,
+        Status(int(found.status[0])), found.message(),
+    )  # fmt: skip
 
 
 def _label(state: PageState, outputs: Mapping[str, float]) -> list[Finding]:
@@ -156,7 +127,7 @@ def plain(beat: Beat, waves: tuple[str, ...]) -> dict[str, Any]:
         "places": beat.place_levels(),
         "possible": beat.possible,
         "converged": beat.converged,
-        "status": beat.status.name.lower(),
+        "status": beat.status.word,
         "message": beat.message,
     }
 

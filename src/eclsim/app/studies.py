@@ -12,9 +12,10 @@ from eclsim.app.ranges import LINES, line_bounds
 from eclsim.app.state import key_of
 from eclsim.beat.resolution import needed_resolution
 from eclsim.circuit.assembly import assemble
-from eclsim.orbit.steady import Batch, steady_beats
+from eclsim.orbit.steady import Batch
 from eclsim.outputs.limits import level
-from eclsim.outputs.records import record
+from eclsim.outputs.signals import output_names
+from eclsim.outputs.steady_beat import steady_beat
 
 if TYPE_CHECKING:
     from eclsim.app.state import PageState
@@ -34,13 +35,14 @@ def ramp(state: PageState) -> dict[str, Any] | None:
     members = values | {sweep.key: speeds}
     resolution = int(np.max(needed_resolution(assemble(circuit), members)))
     batch = Batch(circuit, members, len(speeds), state.policy)
-    records = record(steady_beats(batch, near=values, resolution=resolution))
-    shown = [curve.output for _, curve in curves_of(state.case) if curve.output in records.names]
+    known = output_names(circuit)
+    shown = [curve.output for _, curve in curves_of(state.case) if curve.output in known]
+    found = steady_beat(batch, shown, start=values, resolution=resolution)
     return {
         "of": key_of(state), "key": sweep.key, "own": sweep.own, "speeds": speeds.tolist(),
-        "outputs": {n: plain_curve(np.where(records.converged, records.output(n), np.nan)) for n in shown},
+        "outputs": {n: plain_curve(found.output(n)) for n in shown},
         "curves": plain_curves(state.case, shown),
-        "lost": speeds[~np.asarray(records.converged)].tolist(),
+        "lost": speeds[~found.converged].tolist(),
     }  # fmt: skip
 
 
@@ -55,29 +57,29 @@ def schemes(state: PageState) -> dict[str, Any] | None:
     chosen = tuple(nine_schemes().values())
     flow = state.case.crrt.flow_ml_min if state.case.crrt is not None else 200.0
     circuits = study_circuits(state.case, chosen, flow)
-    records = circuits.run(np.array([float(ecmo.speed_rpm or 0.0)]), state.policy, keep=range(len(chosen)))
+    found = circuits.run(np.array([float(ecmo.speed_rpm or 0.0)]), state.policy, keep=range(len(chosen)))
     even = np.linspace(0.0, 1.0, WAVE_POINTS)
-    found = []
+    cells = []
     for k, scheme in enumerate(chosen):
         cell: dict[str, Any] = {
             "letter": scheme.letter, "name": scheme.name,
             "settings": {"crrt.access_site": scheme.access_site, "crrt.return_site": scheme.return_site},
-            "converged": bool(records.converged[k]),
-            "MAP": _number(records.output("MAP")[k]) if records.converged[k] else None,
+            "converged": bool(found.determined[k]),
+            "MAP": _number(found.output("MAP")[k]),
         }  # fmt: skip
         for line, name in LINES.items():
-            signal = records.signals.index("P" + NODES[line])
-            mean = float(records.means[signal, k]) if records.converged[k] else np.nan
-            wave = np.interp(even, records.phases, records.waveforms[:, signal, k])
+            signal = "P" + NODES[line]
+            mean = float(found.mean(signal)[k])
+            wave = np.interp(even, found.waveforms[k].phases, found.waveform(signal, k))
             cell[line] = {
                 "mean": _number(mean),
                 "level": level(name, mean),
-                "wave": plain_curve(wave) if records.converged[k] else [],
+                "wave": plain_curve(wave) if found.determined[k] else [],
             }
-        found.append(cell)
+        cells.append(cell)
     return {
         "of": key_of(state),
-        "cells": found,
+        "cells": cells,
         "flow": flow,
         "limits": line_bounds(),
         "device": "crrt",

@@ -33,8 +33,6 @@ from eclsim.components.base import Number
 GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
 
 
-Beat = Callable[[States, States], jax.Array]
-"""Map (state, parameters) -> state after one beat."""
 RecordedBeat = Callable[[States, States], tuple[jax.Array, jax.Array]]
 """Map (state, parameters) -> state after one beat, signals at the end of every step."""
 
@@ -87,20 +85,6 @@ class BeatProgram:
     def names(self) -> tuple[str, ...]:
         """Order of the packed parameters: the heart rate, then the circuit's own."""
         return (HEART_RATE, *self.assembly.circuit.parameter_names())
-
-    @cached_property
-    def beat(self) -> Beat:
-        """Compiled map (state, parameters) -> state after one beat."""
-        return compiled(lambda state, packed: self.run(state, packed)[0], ("beat", self))
-
-    def alone(self) -> Beat:
-        """Compiled map (state, parameters) -> state after one beat, for one patient at a time.
-
-        The program that records is taken, which a patient's result needs anyway: one more is not worth its
-        compilation.
-        """
-        recorded = self.trace(self.signals)
-        return lambda state, packed: recorded(state, packed)[0]
 
     @cached_property
     def signals(self) -> tuple[str, ...]:

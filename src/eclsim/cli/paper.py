@@ -168,7 +168,7 @@ def demo(options: DemoOptions) -> None:
     places.check()
     if folder is None:
         return
-    from eclsim.outputs.dataset import simulate
+    from eclsim.outputs.results import simulate
     from eclsim.simulation import files
     from eclsim.simulation.figures import write_case_figures
     from eclsim.validation.reference_cases import DATA, PAPER_PATIENT, demo_rows, reference_model

@@ -23,11 +23,11 @@ from eclsim.devices.crrt import crrt
 from eclsim.devices.ecmo import POSITIONS
 from eclsim.orbit.model import AS_PUBLISHED, PATIENT_HELD, circuit_of
 from eclsim.orbit.status import Status
-from eclsim.orbit.steady import Batch, steady_beats
+from eclsim.orbit.steady import Batch
 from eclsim.outputs.recirculation import recirculated_fraction
-from eclsim.outputs.records import BeatRecords, record
-from eclsim.outputs.registry import output
+from eclsim.outputs.results import output_labels
 from eclsim.outputs.signals import unstressed_volume
+from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -63,7 +63,7 @@ class StudyCircuits:
         policy: str,
         keep: Sequence[int] = (),
         patient_volume_ml: float | None = None,
-    ) -> BeatRecords:
+    ) -> SteadyBeat:
         """Steady beats of all schemes at all speeds, schemes slowest.
 
         Args:
@@ -74,18 +74,16 @@ class StudyCircuits:
         """
         values = self._values(patient_volume_ml)
         places = self._places()
-        near = values | {ACCESS: places[0, 0], RETURN: places[0, 1]}
+        start = values | {ACCESS: places[0, 0], RETURN: places[0, 1]}
         members = values | {
             ACCESS: np.repeat(places[:, 0], len(speeds)),
             RETURN: np.repeat(places[:, 1], len(speeds)),
             SPEED: np.tile(speeds, len(self.schemes)),
         }
         batch = Batch(self.circuit, members, len(self.schemes) * len(speeds), policy)
-        return record(steady_beats(batch, near=near), keep)
+        return steady_beat(batch, waveforms=None, keep=keep, start=start).determined_only()
 
-    def run_patients(
-        self, speeds: np.ndarray, policy: str, patients: Mapping[str, np.ndarray]
-    ) -> BeatRecords:
+    def run_patients(self, speeds: np.ndarray, policy: str, patients: Mapping[str, np.ndarray]) -> SteadyBeat:
         """Steady beats of variants of the patient: schemes slowest, then speeds, then patients.
 
         Args:
@@ -102,18 +100,20 @@ class StudyCircuits:
             SPEED: np.tile(np.repeat(speeds, count), len(places)),
         }
         members |= {name: np.tile(values, len(places) * len(speeds)) for name, values in patients.items()}
-        near = self.values | {ACCESS: places[0, 0], RETURN: places[0, 1]}
+        start = self.values | {ACCESS: places[0, 0], RETURN: places[0, 1]}
         batch = Batch(self.circuit, members, len(places) * per_scheme, policy)
-        return record(steady_beats(batch, near=near, resolution=_resolution(self.circuit, members)))
+        resolution = _resolution(self.circuit, members)
+        found = steady_beat(batch, waveforms=None, start=start, resolution=resolution)
+        return found.determined_only()
 
     def _places(self) -> np.ndarray:
         """Positions in `nodes` of access and return, shape (schemes, 2)."""
         return np.array([[self.nodes.index(node) for node in s.nodes] for s in self.schemes], dtype=float)
 
-    def run_without(self, speeds: np.ndarray, policy: str) -> BeatRecords:
+    def run_without(self, speeds: np.ndarray, policy: str) -> SteadyBeat:
         """Steady beats of the patient on ECMO alone."""
         batch = Batch(self.without, self.values | {SPEED: speeds}, len(speeds), policy)
-        return record(steady_beats(batch, near=self.values), range(len(speeds)))
+        return steady_beat(batch, waveforms=None, keep=None, start=self.values).determined_only()
 
     def _values(self, patient_volume_ml: float | None) -> dict[str, float]:
         """Parameters with the systemic veins filled so that the patient starts with a given volume."""
@@ -151,8 +151,8 @@ GROUPS = ("patient", "ecmo", "crrt")
 
 def means(
     circuits: StudyCircuits,
-    runs: Sequence[BeatRecords],
-    alone: Sequence[BeatRecords],
+    runs: Sequence[SteadyBeat],
+    alone: Sequence[SteadyBeat],
     policies: Sequence[str],
     speeds: np.ndarray,
 ) -> xr.Dataset:
@@ -163,7 +163,7 @@ def means(
     shape = (len(circuits.schemes), len(speeds))
     data = _variables(runs, dims, shape)
     change = np.stack(
-        [r.volumes["patient"].reshape(shape) - a.volumes["patient"] for r, a in zip(runs, alone, strict=True)]
+        [r.volume("patient").reshape(shape) - a.volume("patient") for r, a in zip(runs, alone, strict=True)]
     )
     about = "stressed volume of the patient at phase 0, less that without CRRT at the same speed and policy"
     data["patient_volume_change"] = (dims, change, {"units": "mL", "long_name": about})
@@ -182,7 +182,7 @@ def means(
     return xr.Dataset(data, coordinates)
 
 
-def without(alone: Sequence[BeatRecords], policies: Sequence[str], speeds: np.ndarray) -> xr.Dataset:
+def without(alone: Sequence[SteadyBeat], policies: Sequence[str], speeds: np.ndarray) -> xr.Dataset:
     """The same without CRRT, over `policy` and `speed`."""
     import xarray as xr
 
@@ -191,29 +191,28 @@ def without(alone: Sequence[BeatRecords], policies: Sequence[str], speeds: np.nd
     return xr.Dataset(data, {"policy": list(policies), "speed": speed})
 
 
-def waveforms(circuits: StudyCircuits, runs: Sequence[BeatRecords], policies: Sequence[str]) -> xr.Dataset:
+def waveforms(circuits: StudyCircuits, runs: Sequence[SteadyBeat], policies: Sequence[str]) -> xr.Dataset:
     """Waveforms at the case's speed over `policy`, `scheme` and `phase`; volumes are the absolute ones."""
     import xarray as xr
 
-    first = runs[0]
-    data = {}
+    first, data = runs[0], {}
+    phases = next(iter(first.waveforms.values())).phases
     for k, signal in enumerate(first.signals):
-        values = np.stack([r.waveforms[:, k, :].T for r in runs])
-        if signal[0] == "V":
-            values = values + unstressed_volume(circuits.circuit, signal[1:], circuits.values)
+        values = np.stack([[r.waveforms[m].values[:, k] for m in sorted(r.waveforms)] for r in runs])
+        values = values + unstressed_volume(circuits.circuit, signal, circuits.values)
         data[signal] = (("policy", "scheme", "phase"), values, _labels(signal))
     period = 60.0 / circuits.values["heart_rate_bpm"]
     coordinates = {
         "policy": list(policies),
         "scheme": [s.letter for s in circuits.schemes],
-        "phase": ("phase", first.phases, {"units": "1", "long_name": "phase of the beat"}),
-        "time": ("phase", first.phases * period, {"units": "s", "long_name": "time"}),
+        "phase": ("phase", phases, {"units": "1", "long_name": "phase of the beat"}),
+        "time": ("phase", phases * period, {"units": "s", "long_name": "time"}),
     }
     return xr.Dataset(data, coordinates)
 
 
 def _variables(
-    records: Sequence[BeatRecords], dims: tuple[str, ...], shape: tuple[int, ...]
+    records: Sequence[SteadyBeat], dims: tuple[str, ...], shape: tuple[int, ...]
 ) -> dict[str, Any]:
     """Means of all pressures and flows, all outputs, volumes by group, and how each beat was found."""
     first = records[0]
@@ -226,16 +225,14 @@ def _variables(
         labels = _labels(signal) | {"cell_methods": "phase: mean"}
         data[signal] = (dims, stacked([r.mean(signal) for r in records]), labels)
     for name in first.names:
-        entry = output(name)
-        labels = {"units": entry.unit, "long_name": entry.long_name, "definition": entry.definition}
-        data[name] = (dims, stacked([r.output(name) for r in records]), labels)
-    for group in (g for g in GROUPS if g in first.volumes):
+        data[name] = (dims, stacked([r.output(name) for r in records]), output_labels(name))
+    for group in (g for g in GROUPS if any(c.group == g for c in first.batch.circuit.compartments)):
         labels = {"units": "mL", "long_name": f"stressed volume of {group} at phase 0"}
-        data[f"{group}_volume"] = (dims, stacked([r.volumes[group] for r in records]), labels)
-    data["converged"] = (dims, stacked([r.converged for r in records]), {"long_name": "steady beat found"})
-    words = [np.array([Status(k).name.lower() for k in r.status]) for r in records]
+        data[f"{group}_volume"] = (dims, stacked([r.volume(group) for r in records]), labels)
+    data["converged"] = (dims, stacked([r.determined for r in records]), {"long_name": "steady beat found"})
+    words = [np.array([Status(k).word for k in r.status]) for r in records]
     data["status"] = (dims, stacked(words), {"long_name": "how the search for the steady beat ended"})
-    data["beats"] = (dims, stacked([r.beats for r in records]), {"long_name": "beats computed"})
+    data["beats"] = (dims, stacked([r.orbits.beats for r in records]), {"long_name": "beats computed"})
     return data
 
 
@@ -245,7 +242,7 @@ def _labels(signal: str) -> dict[str, str]:
     return {"units": UNITS[kind], "long_name": words}
 
 
-def _recirculation(circuits: StudyCircuits, records: BeatRecords) -> np.ndarray:
+def _recirculation(circuits: StudyCircuits, records: SteadyBeat) -> np.ndarray:
     """Recirculated share of every member, from its mean flows; shape (members,)."""
     names = [c.name for c in circuits.circuit.connections]
     flows = np.stack([records.mean("Q" + name) for name in names])
@@ -254,7 +251,7 @@ def _recirculation(circuits: StudyCircuits, records: BeatRecords) -> np.ndarray:
     for k, scheme in enumerate(circuits.schemes):
         circuit = circuits.without + crrt(*scheme.nodes)
         for member in range(k * per_scheme, (k + 1) * per_scheme):
-            if not records.converged[member]:
+            if not records.determined[member]:
                 found.append(np.nan)
                 continue
             share = recirculated_fraction(circuit, dict(zip(names, flows[:, member], strict=True)))
@@ -330,7 +327,7 @@ SPLIT = ("Psart", "Psvn", "Ppart", "MAP", "CO", "PF", "EDVRV", "ESVRV")
 
 
 def split_differences(
-    circuits: StudyCircuits, published: BeatRecords, without: BeatRecords, at: np.ndarray, speed: float
+    circuits: StudyCircuits, published: SteadyBeat, without: SteadyBeat, at: np.ndarray, speed: float
 ) -> xr.Dataset:
     """Differences to the patient without CRRT at one speed, split into uptake and flow.
 
@@ -347,11 +344,11 @@ def split_differences(
     """
     import xarray as xr
 
-    volume, letters = float(without.volumes["patient"][0]), [scheme.letter for scheme in circuits.schemes]
+    volume, letters = float(without.volume("patient")[0]), [scheme.letter for scheme in circuits.schemes]
     primed, status = None, [NOT_ASKED] * len(letters)
-    if without.converged[0]:
+    if without.determined[0]:
         primed = circuits.run(np.array([speed]), PATIENT_HELD, patient_volume_ml=volume)
-        status = [Status(k).name.lower() for k in primed.status]
+        status = [Status(k).word for k in primed.status]
     found: dict[str, Any] = {"status": ("scheme", np.array(status))}
     for name in SPLIT:
         base = float(value(without, name)[0])
@@ -359,11 +356,11 @@ def split_differences(
         flow = np.full_like(total, np.nan) if primed is None else value(primed, name) - base
         for word, part in (("difference", total), ("uptake", total - flow), ("flow", flow)):
             found[f"{name}_{word}"] = ("scheme", part)
-    found["blood_taken_up"] = ("scheme", volume - published.volumes["patient"][at], {"units": "mL"})
+    found["blood_taken_up"] = ("scheme", volume - published.volume("patient")[at], {"units": "mL"})
     attributes = {"compared_with": "patient on ECMO without CRRT", "blood_volume_policy": AS_PUBLISHED}
     return xr.Dataset(found, {"scheme": letters}, attributes)
 
 
-def value(records: BeatRecords, name: str) -> np.ndarray:
+def value(records: SteadyBeat, name: str) -> np.ndarray:
     """A quantity by name: an output of the registry, else the mean of a waveform."""
     return records.output(name) if name in records.names else records.mean(name)

@@ -268,7 +268,7 @@ def uncertainty(
     patients = {name: np.asarray(values, dtype=float) for name, values in samples.items()}
     records = circuits.run_patients(np.array([speed]), policy, patients)
     shape = (len(circuits.schemes), -1)
-    settled = records.converged.reshape(shape)
+    settled = records.determined.reshape(shape)
     margins = {limit.name: limit.margin(value(records, limit.quantity).reshape(shape)) for limit in LIMITS}
     margins[CRRT_LIMITS] = np.min([margins[limit.name] for limit in LIMITS if limit.of_crrt], axis=0)
     kept = np.stack([(m >= 0.0).sum(axis=1) for m in margins.values()], axis=1)

@@ -1,6 +1,6 @@
 """What the study does not know, in words: beats that were not found, and why.
 
-The records hold no numbers for them (`eclsim.outputs.records`); here it is said which they are.
+The records hold no numbers for them (`eclsim.outputs.steady_beat`); here it is said which they are.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ WHY = {
     "no_ejection": "the native heart ejects next to nothing",
     "not_converged": "the search for it did not converge",
     "not_finite": "the pressures left the range of numbers",
+    "one_of_many": "valves stay shut, so that the volumes depend on where the computation began",
     "invalid_input": "a value is not allowed",
 }
 """Reason by status."""

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from eclsim.beat.vectorisation import WORTH_LANES
+from eclsim.identification.objective import WORTH_SIDE_BY_SIDE
 from eclsim.orbit.equation import OrbitOptions
+from eclsim.orbit.execution import SIDE_BY_SIDE, Execution
 from eclsim.orbit.model import AS_PUBLISHED, Model
-from eclsim.orbit.status import Status
-from eclsim.orbit.steady import Batch, steady_beats
-from eclsim.outputs.evaluation import batch_outputs
+from eclsim.orbit.steady import Batch
+from eclsim.outputs.steady_beat import steady_beat
 
 SETTLED = OrbitOptions(tolerance=1e-5, error_tolerance=1e-4, newton_iterations=6)
 """Enough for a density: outputs differ from those of the exact orbit by 1e-4 of their uncertainty."""
@@ -26,7 +26,7 @@ def simulate_members(
     policy: str = AS_PUBLISHED,
     near: Mapping[str, float] | None = None,
 ) -> np.ndarray:
-    """Outputs of members that share a circuit, shape (members, outputs); NaN without a steady beat.
+    """Outputs of members that share a circuit, shape (members, outputs); NaN where no beat is determined.
 
     Args:
         model: gives the circuit.
@@ -36,8 +36,7 @@ def simulate_members(
         policy: blood volume policy.
         near: values that all members are close to.
     """
-    batch, wide = Batch(model.circuit, values, count, policy), count >= WORTH_LANES
-    steady = steady_beats(batch, SETTLED, near, wide=wide, lone=True)
-    found = batch_outputs(steady, outputs, wide).T.copy()
-    found[steady.orbits.status != Status.CONVERGED] = np.nan
-    return found
+    batch = Batch(model.circuit, values, count, policy)
+    execution = Execution(width=SIDE_BY_SIDE if count >= WORTH_SIDE_BY_SIDE else 1)
+    beat = steady_beat(batch, outputs, options=SETTLED, start=near, execution=execution)
+    return beat.determined_only().values.T

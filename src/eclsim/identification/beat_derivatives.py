@@ -19,11 +19,11 @@ from eclsim.beat.heartbeat import BeatProgram, beat_program
 from eclsim.beat.resolution import needed_resolution
 from eclsim.circuit.assembly import assemble
 from eclsim.identification.density import Posterior
-from eclsim.identification.tangents import Linearised, linearise
 from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem, Volume
 from eclsim.orbit.search import affordable, solve_orbits
-from eclsim.orbit.status import Status
+from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import Batch, anchor
+from eclsim.outputs.derivatives import Linearisation, linearise
 
 FOLLOWED = OrbitOptions(tolerance=3e-4, error_tolerance=1e-3, newton_iterations=4)
 """Enough to begin with: a step of Newton's method follows."""
@@ -121,13 +121,15 @@ class Follower:
         volume, volume_slopes = self.volume.at(in_unit)
         packed = self.packed.copy()
         packed[self.rows, 0] = in_unit
-        problem = OrbitProblem(self.program, packed, volume, lone=True)
+        problem = OrbitProblem(self.program, packed, volume)
         for search in self._searches(x):
             state = search(problem)
             found = None if state is None else self._linearised(problem, state, volume_slopes)
             if found is not None:
-                self.last = Place(x, found.state, found.states * in_unit, found.inverse)
-                return found.outputs, found.slopes * in_unit * posterior.prior.slopes(z)
+                orbit = found.orbit
+                state = orbit.anchor.state + orbit.step
+                self.last = Place(x, state, orbit.states * in_unit, orbit.anchor.inverse)
+                return found.values_on_orbit, found.slopes * in_unit * posterior.prior.slopes(z)
         return None
 
     def potential(self, z: np.ndarray) -> tuple[float, np.ndarray]:
@@ -141,14 +143,14 @@ class Follower:
 
     def _linearised(
         self, problem: OrbitProblem, state: np.ndarray, volume_slopes: np.ndarray
-    ) -> Linearised | None:
+    ) -> Linearisation | None:
         """Outputs and derivatives; None if the state is too far from the orbit or has none."""
         names = self.posterior.prior.names
         try:
             found = linearise(problem, state, self.posterior.outputs, names, volume_slopes)
-        except np.linalg.LinAlgError:  # two orbits meet here, and none has derivatives
+        except NoDerivativesError:  # two orbits meet here, and none has derivatives
             return None
-        near = np.isfinite(found.slopes).all() and found.moved < FARTHEST_NEWTON
+        near = np.isfinite(found.slopes).all() and found.orbit.distance < FARTHEST_NEWTON
         return found if near else None
 
     def _searches(self, x: np.ndarray) -> Iterator[Callable[[OrbitProblem], np.ndarray | None]]:

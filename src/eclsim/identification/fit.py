@@ -323,7 +323,7 @@ def _plausible(result: FitResult) -> FitResult:
     if not result.simulated:
         return result
     from eclsim.outputs.alarms import findings
-    from eclsim.outputs.dataset import simulate
+    from eclsim.outputs.results import simulate
 
     beat = simulate(model_of(result.case), result.objective.policy)
     if not beat.attrs["converged"]:

@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from eclsim.beat.vectorisation import map_parallel
 from eclsim.identification.beat_derivatives import Follower
 from eclsim.identification.density import Posterior
 from eclsim.identification.jumps import jumps
 from eclsim.identification.mixture import Mixture
+from eclsim.orbit.execution import in_threads
 
 STATISTICS = (
     "diverging", "num_steps", "accept_prob", "potential_energy", "energy", "step_size", "jumped", "saturated",
@@ -117,7 +117,7 @@ class _Sampler:
         self.jumps = jumps(proposals, settings.chains, draws, settings.seed)
 
     def run(self) -> Chains:
-        found = map_parallel(self._chain, list(range(self.settings.chains)))
+        found = in_threads(self._chain, list(range(self.settings.chains)))
         statistics = {n: np.stack([s[n] for _, s in found]) for n in STATISTICS}
         draws = np.stack([z for z, _ in found])
         return Chains(draws, statistics, sum(self.evaluations), sum(self.without_beat))

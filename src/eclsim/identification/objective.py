@@ -14,15 +14,18 @@ from typing import Protocol
 import numpy as np
 
 from eclsim.beat.resolution import needed_resolution
-from eclsim.beat.vectorisation import WORTH_LANES, map_parallel
 from eclsim.circuit.assembly import assemble
 from eclsim.identification.observation import OUTPUTS
 from eclsim.orbit.equation import Anchor, OrbitOptions
+from eclsim.orbit.execution import SIDE_BY_SIDE, Execution, in_threads
 from eclsim.orbit.model import AS_PUBLISHED, Model
-from eclsim.orbit.status import NoDerivativesError, Status
-from eclsim.orbit.steady import Batch, SteadyBeats, steady_beats
-from eclsim.outputs.derivatives import member_tangents
-from eclsim.outputs.evaluation import batch_outputs, output_names
+from eclsim.orbit.status import NoDerivativesError
+from eclsim.orbit.steady import Batch
+from eclsim.outputs.signals import output_names
+from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
+
+WORTH_SIDE_BY_SIDE = 8
+"""From so many members the program for many is quicker, half empty or not, once it is compiled."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +110,7 @@ class Evaluation:
         residuals: weighted differences, 0 where nothing was measured, shape (members, outputs).
     """
 
-    steady: SteadyBeats
+    steady: SteadyBeat
     outputs: np.ndarray
     residuals: np.ndarray
 
@@ -201,11 +204,13 @@ class Objective:
                 by a thousandth where the need changes.
             tangents: a solved beat close to each member, from where the search for its own starts.
         """
-        batch, wide = self._batch(points, x), len(points) >= WORTH_LANES
         start = None if tangents is None else _extrapolated([t for (t,) in tangents], x)
-        steady = steady_beats(batch, options, resolution=resolution, start=start, wide=wide, lone=True)
-        outputs = batch_outputs(steady, self.outputs, wide).T.copy()
-        outputs[steady.orbits.status != Status.CONVERGED] = np.nan
+        execution = Execution(width=SIDE_BY_SIDE if len(points) >= WORTH_SIDE_BY_SIDE else 1)
+        steady = steady_beat(
+            self._batch(points, x), self.outputs, options=options, start=start, resolution=resolution,
+            execution=execution,
+        )  # fmt: skip
+        outputs = steady.values.T
         return Evaluation(steady, outputs, (outputs - self.measured[points]) * self.weights[points])
 
     def resolutions(self, points: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -229,15 +234,13 @@ class Objective:
 
         def one(k: int) -> tuple[np.ndarray, Tangents | None]:
             try:
-                _, slopes, orbit = member_tangents(
-                    evaluation.steady, self.outputs, self.names, int(members[k])
-                )
+                found = evaluation.steady.linearise(self.outputs, self.names, int(members[k]))
             except NoDerivativesError:
                 return np.full((len(self.outputs), len(self.names)), np.nan), None
             unit = np.exp(x[k])
-            return slopes * unit, (Tangent(x[k], orbit.anchor, orbit.states * unit),)
+            return found.slopes * unit, (Tangent(x[k], found.orbit.anchor, found.orbit.states * unit),)
 
-        slopes, tangents = zip(*map_parallel(one, list(range(len(members)))), strict=True)
+        slopes, tangents = zip(*in_threads(one, list(range(len(members)))), strict=True)
         return np.stack(slopes), list(tangents)
 
     def _batch(self, points: np.ndarray, x: np.ndarray) -> Batch:

@@ -209,7 +209,7 @@ def _starts(fit: FitResult) -> np.ndarray:
 def _predictions(
     models: Sequence[tuple[str, Model]], posterior: Posterior, draws: np.ndarray
 ) -> tuple[Predicted, ...]:
-    from eclsim.outputs.evaluation import output_names
+    from eclsim.outputs.signals import output_names
 
     chosen = draws[:: max(1, len(draws) // PREDICTED_DRAWS)][:PREDICTED_DRAWS]
     parameters = {n: chosen[:, k] for k, n in enumerate(posterior.prior.names)}

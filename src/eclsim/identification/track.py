@@ -274,7 +274,7 @@ class Tracker:
         return measurement_errors(values, self.settings.fit.uncertainties)
 
     def _outputs(self, model: Model) -> tuple[str, ...]:
-        from eclsim.outputs.evaluation import output_names
+        from eclsim.outputs.signals import output_names
 
         known = output_names(model.circuit)
         return tuple(n for n in OUTPUTS if n in known)

@@ -10,22 +10,19 @@ weighted sums of the signals: exact derivatives of the discrete map, whatever th
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import jax
 import numpy as np
 
 from eclsim.beat.compilation import compiled
-from eclsim.beat.heartbeat import BeatProgram, beat_program
-from eclsim.circuit.assembly import assemble
+from eclsim.beat.heartbeat import BeatProgram
 from eclsim.orbit.equation import Anchor, OrbitProblem
-from eclsim.orbit.model import AS_PUBLISHED
 from eclsim.orbit.status import NoDerivativesError, Status
-from eclsim.orbit.steady import Batch, SteadyBeats
 
-COMPLEX_STEP = 1e-30
+Array = np.ndarray | jax.Array
 LARGEST_CONDITION = 1e12
 """Condition number of the beat's equation from which fewer than four figures of a derivative are right."""
 SINGULAR = (
@@ -33,25 +30,31 @@ SINGULAR = (
     "beat a little: usually a valve that never opens shuts blood in behind it; change the elastances or the "
     "pump speed until every valve opens"
 )
-LANES = 8
+MULTIPLE = 8
 """Directions are padded to a multiple, so that vector loops have no remainder."""
 
 
 @dataclass(frozen=True)
-class OrbitTangents:
-    """Derivatives of a steady beat.
+class OrbitDerivatives:
+    """A steady beat to first order.
 
     Args:
         states: d state / d parameter, shape (states, parameters).
         sums: d sum / d parameter for each weighted sum of signals, shape (sums, parameters).
+        sums_of_states: d sum / d state at phase 0, shape (sums, states).
         monodromy: dbeat/dy, shape (states, states).
-        anchor: where the search for an orbit close by may start.
+        anchor: where the search for an orbit close by may begin.
+        step: of Newton's method from the given state to the orbit, shape (states,).
+        sizes: of the states, what their changes are relative to.
     """
 
     states: np.ndarray
     sums: np.ndarray
+    sums_of_states: np.ndarray
     monodromy: np.ndarray
     anchor: Anchor
+    step: np.ndarray
+    sizes: np.ndarray
 
     @property
     def multipliers(self) -> np.ndarray:
@@ -59,50 +62,56 @@ class OrbitTangents:
         found = np.linalg.eigvals(self.monodromy)
         return found[np.argsort(-np.abs(found))]
 
+    @property
+    def distance(self) -> float:
+        """Largest change of a state in the step, relative to its size."""
+        return float(np.max(np.abs(self.step) / self.sizes))
 
-def orbit_tangents(
-    steady: SteadyBeats,
-    parameters: tuple[str, ...],
+
+def orbit_derivatives(
+    problem: OrbitProblem,
+    state: np.ndarray,
+    parameters: Sequence[str],
+    volume_slopes: np.ndarray,
     signals: tuple[str, ...] = (),
     weights: np.ndarray | None = None,
-    member: int = 0,
-) -> OrbitTangents:
-    """Derivatives of one patient's steady beat with respect to any parameters.
+) -> OrbitDerivatives:
+    """Derivatives of one member's steady beat with respect to any parameters.
 
     Args:
-        steady: solved orbits.
+        problem: of one member.
+        state: on its orbit or close to it, shape (states,).
         parameters: names, among those that the circuit reads and `heart_rate_bpm`.
+        volume_slopes: d blood volume / d parameter [mL per unit], shape (parameters,).
         signals: signal of each weighted sum (see `Recorder`).
         weights: weights of each sum at the end of every step, shape (steps, sums).
-        member: which patient.
 
     Raises:
-        NoDerivativesError: no steady beat was found, or its equation is singular.
+        NoDerivativesError: the equation of the beat is singular.
     """
-    steady.require_steady(member)
-    batch = steady.batch
-    program = beat_program(batch.circuit, int(steady.resolution[member]))
-    packed = batch.packed(program)[:, member]
-    state = steady.orbits.states[:, member]
+    program, packed = problem.program, problem.packed[:, 0]
     n, m = len(state), len(parameters)
-    lanes = -(-(n + m) // LANES) * LANES
-    directions = np.zeros((lanes, n)), np.zeros((lanes, len(packed)))
+    padded = -(-(n + m) // MULTIPLE) * MULTIPLE
+    directions = np.zeros((padded, n)), np.zeros((padded, len(packed)))
     directions[0][:n] = np.eye(n)
-    for k, name in enumerate(parameters):
-        directions[1][n + k, program.names.index(name)] = 1.0
+    directions[1][range(n, n + m), [program.names.index(name) for name in parameters]] = 1.0
     table = np.zeros((program.grid.n_steps, 0)) if weights is None else weights
-    end, sums = (
-        np.asarray(t)[: n + m].T for t in _tangents(program, signals)(state, packed, *directions, table)
-    )
-    problem = OrbitProblem(program, packed[:, None], batch.volume())
-    spread = problem.spread[:, 0]
-    system = np.eye(n) - end[:, :n] + np.outer(spread, problem.volume.weights)
-    values = dict(zip(program.names, packed, strict=True))
-    right = end[:, n:] + np.outer(spread, _volume_gradient(batch, values, parameters))
-    inverse = _inverse(system)
-    states = inverse @ right
+    after, *found = map(np.asarray, _tangents(program, signals)(state, packed, *directions, table))
+    end, sums = (tangents[: n + m].T for tangents in found)
+    spread, volume = problem.spread[:, 0], problem.volume
+    inverse = _inverse(np.eye(n) - end[:, :n] + np.outer(spread, volume.weights))
+    states = inverse @ (end[:, n:] + np.outer(spread, volume_slopes))
+    step = -inverse @ (state - after + spread * (volume.weights @ state - volume.target[0]))
     anchor = Anchor(state, inverse * problem.scale[:, 0] / problem.scale)
-    return OrbitTangents(states, sums[:, n:] + sums[:, :n] @ states, end[:, :n], anchor)
+    return OrbitDerivatives(
+        states,
+        sums[:, n:] + sums[:, :n] @ states,
+        sums[:, :n],
+        end[:, :n],
+        anchor,
+        step,
+        np.maximum(np.abs(state), problem.layout.smallest_sizes),
+    )
 
 
 def _inverse(system: np.ndarray) -> np.ndarray:
@@ -119,25 +128,19 @@ def _inverse(system: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=64)
-def _tangents(program: BeatProgram, signals: tuple[str, ...]) -> Any:
-    """Compiled map (state, parameters, directions, weights) -> tangents of end state and of sums."""
+def _tangents(program: BeatProgram, signals: tuple[str, ...]) -> Callable[..., tuple[Array, Array, Array]]:
+    """Compiled map (state, parameters, directions, weights) -> end state, its tangents, those of the sums."""
 
-    def run(state: Any, packed: Any, state_directions: Any, packed_directions: Any, weights: Any) -> Any:
-        def one(ds: Any, dp: Any) -> Any:
-            return jax.jvp(lambda s, p: program.run(s, p, signals, weights), (state, packed), (ds, dp))[1]
+    def run(
+        state: Array, packed: Array, of_state: Array, of_packed: Array, weights: Array
+    ) -> tuple[Array, Array, Array]:
+        def one(ds: Array, dp: Array) -> tuple[Array, tuple[Array, Array]]:
+            (end, _), tangents = jax.jvp(
+                lambda s, p: program.run(s, p, signals, weights), (state, packed), (ds, dp)
+            )
+            return end, tangents
 
-        return jax.vmap(one)(state_directions, packed_directions)
+        end, tangents = jax.vmap(one, out_axes=(None, 0))(of_state, of_packed)
+        return end, *tangents
 
     return compiled(run, ("tangents", program, signals))
-
-
-def _volume_gradient(batch: Batch, values: dict[str, float], parameters: tuple[str, ...]) -> np.ndarray:
-    """d c / d p of the blood volume condition [mL per unit], by a complex step; shape (parameters,)."""
-    assembly = assemble(batch.circuit)
-    counted = [batch.policy == AS_PUBLISHED or c.group == "patient" for c in batch.circuit.compartments]
-    shifted: dict[str, Any] = dict(values)
-    for k, name in enumerate(parameters):
-        shifted[name] = values[name] + 1j * COMPLEX_STEP * (np.arange(len(parameters)) == k)
-    start = assembly.start_volumes(shifted)
-    total = sum(np.imag(v) for v, own in zip(start, counted, strict=True) if own)
-    return np.broadcast_to(total, (len(parameters),)) / COMPLEX_STEP

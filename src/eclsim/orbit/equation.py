@@ -7,14 +7,13 @@ stressed volume at phase 0, u: the same amount in every compartment).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from eclsim.beat.heartbeat import BeatProgram
-from eclsim.beat.vectorisation import Lanes
+from eclsim.circuit.layout import StateLayout
 
 
 @dataclass(frozen=True)
@@ -47,6 +46,10 @@ class Anchor:
 
     state: np.ndarray
     inverse: np.ndarray
+
+    def states(self, count: int) -> np.ndarray:
+        """State that each of some patients starts from, shape (states, patients)."""
+        return self.state if self.state.ndim == 2 else np.repeat(self.state[:, None], count, axis=1)
 
     def take(self, chosen: Any) -> Anchor:
         """For some of the patients."""
@@ -84,11 +87,10 @@ class Orbits:
     residual: np.ndarray
     drift: np.ndarray
 
-
-def joined(parts: Sequence[Orbits]) -> Orbits:
-    """Orbits of several batches as one."""
-    names = vars(parts[0])
-    return Orbits(**{n: np.concatenate([getattr(p, n) for p in parts], axis=-1) for n in names})
+    def put(self, members: np.ndarray, others: Orbits) -> None:
+        """Write down other orbits as those of some members, in place."""
+        for name, values in vars(others).items():
+            getattr(self, name)[..., members] = values
 
 
 def allowed_moves(states: Any, largest_steps: Any) -> Any:
@@ -119,6 +121,7 @@ class Trial:
     finite: np.ndarray
 
 
+@dataclass(frozen=True)
 class OrbitProblem:
     """F and its norms for the patients of a batch.
 
@@ -126,36 +129,40 @@ class OrbitProblem:
         program: a beat of their circuit.
         packed: their parameters, shape (names, patients).
         volume: the blood volume condition.
-        wide: whether to run them with the program for many patients.
-        lone: whether to search for each with the compiled search for one.
     """
 
-    def __init__(
-        self, program: BeatProgram, packed: np.ndarray, volume: Volume, wide: bool = False, lone: bool = False
-    ):
-        self.program = program
-        self.wide = wide
-        self.lone = lone and not wide
-        self.packed = packed
-        self.volume = volume
-        self.layout = program.assembly.layout
-        self.scale = self.layout.scales[:, None]
-        self.largest_steps = self.layout.largest_steps[:, None]
-        self.spread = self.layout.spread[:, None]
-        self._lanes = Lanes(program, packed, wide)
+    program: BeatProgram
+    packed: np.ndarray
+    volume: Volume
+
+    @property
+    def layout(self) -> StateLayout:
+        """What the states are."""
+        return self.program.assembly.layout
+
+    @property
+    def scale(self) -> np.ndarray:
+        """Typical change of each state, shape (states, 1)."""
+        return self.layout.scales[:, None]
+
+    @property
+    def spread(self) -> np.ndarray:
+        """Share of each state in blood that is given, shape (states, 1)."""
+        return self.layout.spread[:, None]
+
+    @property
+    def largest_steps(self) -> np.ndarray:
+        """How far a search may move each state besides half of its size, shape (states, 1)."""
+        return self.layout.largest_steps[:, None]
 
     def take(self, chosen: Any) -> OrbitProblem:
         """The same problem for some of the patients."""
         volume = Volume(self.volume.weights, self.volume.target[chosen])
-        return OrbitProblem(self.program, self.packed[:, chosen], volume, self.wide, self.lone)
+        return OrbitProblem(self.program, self.packed[:, chosen], volume)
 
-    def beat(self, states: np.ndarray) -> np.ndarray:
-        """State after one beat, shape (states, patients)."""
-        return self._lanes.beat(states)
-
-    def trial(self, states: np.ndarray, after: np.ndarray | None = None) -> Trial:
-        """One beat from some states, or what is known of it if the states `after` it are."""
-        moved = states - (self.beat(states) if after is None else after)
+    def trial(self, states: np.ndarray, after: np.ndarray) -> Trial:
+        """What some states and those a beat later say."""
+        moved = states - after
         excess = self.volume.weights @ states - self.volume.target
         size = np.maximum(np.abs(states), self.layout.smallest_sizes[:, None])
         distance = np.abs(moved)
@@ -164,7 +171,5 @@ class OrbitProblem:
             (distance / size).max(axis=0), np.abs(excess) / np.maximum(self.volume.target, 1.0)
         )
         finite = np.isfinite(change)
-        residual = (moved + self.spread * excess) / self.scale
-        if not finite.all():
-            residual = np.where(finite, residual, 0.0)
+        residual = np.where(finite, (moved + self.spread * excess) / self.scale, 0.0)
         return Trial(states, moved, size, residual, change, drift, finite)

@@ -13,11 +13,17 @@ class Status(IntEnum):
     NOT_CONVERGED = 2
     NOT_FINITE = 3
     INVALID_INPUT = 4
+    ONE_OF_MANY = 5
 
     @property
     def message(self) -> str:
         """What it means and what to do."""
         return _MESSAGES[self]
+
+    @property
+    def word(self) -> str:
+        """The name in lower case, as results and files have it."""
+        return self.name.lower()
 
 
 _MESSAGES = {
@@ -26,7 +32,7 @@ _MESSAGES = {
         "the native heart ejects next to nothing, and no steady beat that the case alone determines was "
         "found: blood shifts towards the lungs for thousands of beats, or the valves stay shut and the "
         "volumes settle where the start leaves them; raise Emaxlv or Emaxrv, lower the afterload or the pump "
-        "speed, or follow the course from the start with --transient: these values are one state of many"
+        "speed, or follow the course from the start with --transient"
     ),
     Status.NOT_CONVERGED: (
         "no steady beat found: check the parameters against their ranges, or follow the course in time with "
@@ -37,6 +43,7 @@ _MESSAGES = {
         "`eclsim parameters list`"
     ),
     Status.INVALID_INPUT: "a value is not allowed, so nothing was computed",
+    Status.ONE_OF_MANY: "steady beat found, but it is one of many",
 }
 
 
@@ -59,4 +66,4 @@ class NoDerivativesError(ValueError):
     @property
     def word(self) -> str:
         """The status in lower case, or "singular" for a steady beat whose equation is."""
-        return "singular" if self.status is Status.CONVERGED else self.status.name.lower()
+        return "singular" if self.status in (Status.CONVERGED, Status.ONE_OF_MANY) else self.status.word

@@ -1,37 +1,33 @@
-"""Steady beats of one or of thousands of patients: the front door of the orbit solver."""
+"""Steady beats of one or of thousands of patients: the batch, where its searches start, and its orbits."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
 from eclsim.beat.heartbeat import HEART_RATE, BeatProgram, beat_program
 from eclsim.beat.resolution import grid_doubt, needed_resolution
-from eclsim.beat.vectorisation import FEW, LANES, map_parallel
-from eclsim.beat.vectorisation import threads as processors
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
-from eclsim.orbit.ejection import judged, recorded_output
-from eclsim.orbit.equation import (
-    Anchor,
-    OrbitOptions,
-    OrbitProblem,
-    Orbits,
-    Volume,
-)
+from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem, Orbits, Volume
+from eclsim.orbit.execution import Execution, in_threads
 from eclsim.orbit.inputs import allowed_values
+from eclsim.orbit.iteration import CompiledSearch, compiled_search
 from eclsim.orbit.model import AS_PUBLISHED, POLICIES, Model, nominal_values
-from eclsim.orbit.search import jacobian, solve_orbits
-from eclsim.orbit.status import NoDerivativesError, Status
+from eclsim.orbit.search import anchor_at, solve_orbits
+from eclsim.orbit.status import Status
 
+SEMI_IMPLICIT = "semi-implicit"
+ADAPTIVE = "adaptive"
+SOLVERS = (SEMI_IMPLICIT, ADAPTIVE)
 SETTLING_BEATS = 20
-CANDIDATES = 8
-"""Patients that are tried as a start for the others, in a circuit without nominal values."""
-Values = Mapping[str, Any]
+COMPLEX_STEP = 1e-30
+MEMBERS_PER_THREAD = 4
+"""Fewer members, one after the other, are not worth a thread of their own."""
+Values = Mapping[str, float] | Mapping[str, np.ndarray] | Mapping[str, float | np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -40,8 +36,8 @@ class Batch:
 
     Args:
         circuit: the circuit.
-        values: a number or an array (patients,) for every parameter.
-        count: number of patients.
+        values: a number or an array (members,) for every parameter.
+        count: number of members.
         policy: blood volume policy.
     """
 
@@ -50,17 +46,22 @@ class Batch:
     count: int
     policy: str = AS_PUBLISHED
 
+    @classmethod
+    def of(cls, model: Model, policy: str | None = None) -> Batch:
+        """A model as a batch of one; policy: blood volume policy, left out, the model's."""
+        return cls(model.circuit, model.values, 1, policy or model.policy)
+
     def packed(self, program: BeatProgram) -> np.ndarray:
-        """Parameters in the order of a program, shape (names, patients)."""
+        """Parameters in the order of a program, shape (names, members)."""
         packed = np.empty((len(program.names), self.count))
         for row, name in zip(packed, program.names, strict=True):
             row[:] = self.values[name]
         return packed
 
     def member(self, which: int) -> dict[str, float]:
-        """Parameters of one patient."""
+        """Parameters of one member."""
         values = {n: self.values[n] for n in (HEART_RATE, *self.circuit.parameter_names())}
-        return {k: float(v if np.ndim(v) == 0 else v[which]) for k, v in values.items()}
+        return {k: float(v if np.ndim(v) == 0 else np.asarray(v)[which]) for k, v in values.items()}
 
     def volume(self) -> Volume:
         """The blood volume condition of the policy."""
@@ -74,114 +75,107 @@ class Batch:
         target = sum(np.asarray(v, dtype=float) for v, counted in zip(start, own, strict=True) if counted)
         return Volume(weights, np.broadcast_to(target, (self.count,)).astype(float))
 
+    def volume_slopes(self, parameters: Sequence[str], member: int = 0) -> np.ndarray:
+        """d blood volume / d parameter of one member [mL per unit], by a complex step; (parameters,)."""
+        counted = [self.policy == AS_PUBLISHED or c.group == "patient" for c in self.circuit.compartments]
+        values = self.member(member)
+        shifts = 1j * COMPLEX_STEP * np.eye(len(parameters))
+        shifted = values | {
+            name: values[name] + shift for name, shift in zip(parameters, shifts, strict=True)
+        }
+        start = assemble(self.circuit).start_volumes(shifted)
+        total = sum(np.imag(v) for v, own in zip(start, counted, strict=True) if own)
+        return np.broadcast_to(total, (len(parameters),)) / COMPLEX_STEP
+
+    def resolutions(self) -> np.ndarray:
+        """Resolution of the grid that each member needs, shape (members,)."""
+        return np.array(
+            np.broadcast_to(needed_resolution(assemble(self.circuit), self.values), (self.count,))
+        )
+
 
 @dataclass(frozen=True)
-class SteadyBeats:
-    """Steady beats of a batch and how the search for each ended.
+class SolvedOrbits(Orbits):
+    """Orbits of a batch.
 
     Args:
-        batch: the patients.
-        orbits: states and status of each.
-        resolution: of the grid each was solved on, shape (patients,).
-        native: native output [L/min] where no steady beat was found, else NaN, shape (patients,).
+        batch: the members.
+        resolution: of the grid that each was solved on, shape (members,).
+        width: members side by side in the programs that solved it.
+        adaptive_tolerance: of the adaptive steps that were waited with; None where the orbit was solved.
     """
 
     batch: Batch
-    orbits: Orbits
     resolution: np.ndarray
-    native: np.ndarray | None = None
+    width: int
+    adaptive_tolerance: float | None = None
 
-    def status(self, member: int = 0) -> Status:
-        """How the search for a member's beat ended."""
-        return Status(int(self.orbits.status[member]))
+    def search(self, member: int) -> CompiledSearch:
+        """The program that a member was solved with."""
+        return compiled_search(beat_program(self.batch.circuit, int(self.resolution[member])), self.width)
 
-    def message(self, member: int = 0, status: Status | None = None) -> str:
-        """The same in words: what it means, the numbers behind it, and what to do.
-
-        Args:
-            member: which patient.
-            status: what became of the beat since, where its numbers showed more than the search.
-        """
-        status = self.status(member) if status is None else status
-        if status is Status.CONVERGED:
-            return status.message
-        if status is Status.INVALID_INPUT:
-            mistakes = allowed_values(self.batch.circuit).reasons(self.batch.member(member))
-            return f"{status.message}: {'; '.join(mistakes)}"
-        said = f"residual {self.orbits.residual[member]:.1e}, drift {self.orbits.drift[member]:.2g} mL a beat"
-        if status is Status.NO_EJECTION and self.native is not None:
-            said = f"native output {self.native[member]:.3g} L/min, {said}"
-        return f"{status.message} ({said})"
+    def wait(self, members: np.ndarray, states: np.ndarray, beats: int = 1) -> np.ndarray:
+        """States of some members after some plain beats, shape (states, members)."""
+        after = np.empty_like(states)
+        for level in np.unique(self.resolution[members]):
+            own = self.resolution[members] == level
+            search = self.search(int(members[own][0]))
+            packed = self.batch.packed(search.program)[:, members[own]]
+            after[:, own] = search.wait(states[:, own], packed, beats)
+        return after
 
     def grid_doubt(self, member: int = 0) -> str | None:
         """A sentence where the grid is too coarse for what oscillates in a member; None where it is fine."""
-        if self.status(member) is Status.INVALID_INPUT:
+        if self.status[member] == Status.INVALID_INPUT or self.adaptive_tolerance is not None:
             return None
-        return grid_doubt(
-            assemble(self.batch.circuit), self.batch.member(member), int(self.resolution[member])
-        )
-
-    def require_steady(self, member: int = 0, name: str = "") -> None:
-        """Raise `NoDerivativesError` unless a member has a steady beat to take derivatives of."""
-        status = self.status(member)
-        if status is not Status.CONVERGED:
-            raise NoDerivativesError(status, self.message(member), name)
+        values = self.batch.member(member)
+        return grid_doubt(assemble(self.batch.circuit), values, int(self.resolution[member]))
 
 
-def steady_beats(
+def solve(
     batch: Batch,
     options: OrbitOptions | None = None,
-    near: Values | None = None,
-    resolution: int | None = None,
     *,
-    start: Anchor | None = None,
-    wide: bool | None = None,
-    lone: bool | None = None,
-    threads: int | None = None,
-) -> SteadyBeats:
-    """Solve for the steady beat of every patient of a batch.
+    start: Mapping[str, float] | Anchor | None = None,
+    resolution: int | None = None,
+    execution: Execution | None = None,
+) -> SolvedOrbits:
+    """Solve for the steady beat of every member of a batch.
 
-    A result depends on these arguments alone, never on what was solved before.
+    A member's result depends on its own values and these arguments alone.
 
     Args:
-        batch: the patients.
+        batch: the members.
         options: accuracy and effort.
-        near: parameter values of a patient that all of the batch are close to; the search then starts from
-            that patient's orbit. Left out, it starts from the circuit's nominal orbit.
-        resolution: of the grid; left out, each patient gets what its own time constants need.
-        start: where to start each patient instead; those who find nothing from there start as the others.
-        wide: whether to take the program for many; left out, with more than `FEW` patients.
-        lone: whether the search for one patient is a compiled program of its own: a third quicker, but one
-            more to load (0.2 s) or to compile (seconds); left out, in a batch of more than one.
-        threads: how many run in parallel; left out, see `lanes.threads`.
+        start: parameter values at whose steady beat every search begins, or where to begin for each member;
+            those who find nothing from there begin as they do where it is left out: at the circuit's nominal
+            parameters, and in a circuit without any at their own values.
+        resolution: of the grid; left out, each member gets what its own time constants need.
+        execution: how the batch is computed.
     """
-    options = options or OrbitOptions()
-    levels = _levels(batch, resolution)
-    found = _nothing_found(batch)
+    options, execution = options or OrbitOptions(), execution or Execution()
+    width = execution.width_for(batch.count)
+    levels = batch.resolutions() if resolution is None else np.full(batch.count, resolution)
+    found = _not_begun(batch)
     solvable = found.status != Status.INVALID_INPUT
-    lone = batch.count > 1 if lone is None else lone
     for level in np.unique(levels[solvable]):
         members = np.flatnonzero(solvable & (levels == level))
-        many = len(members) > FEW if wide is None else wide
-        search = _Level(batch, int(level), many, lone, threads, found)
-        if start is not None:
+        search = _Level(batch, int(level), width, execution.thread_count(), found)
+        if isinstance(start, Anchor):
             search.solve(members, start.take(members), replace(options, newton_iterations=0))
             members = members[found.status[members] != Status.CONVERGED]
-        if len(members):
-            search.solve(members, anchor(batch, int(level), near), options)
-    return SteadyBeats(batch, found, levels, _judge(batch, levels, found))
+        values = nominal_values(batch.circuit) if start is None or isinstance(start, Anchor) else start
+        if values is not None and len(members):
+            search.solve(members, anchor(batch, int(level), values, search.width), options)
+        elif values is None:
+            for member in map(int, members):
+                own = anchor(batch, int(level), batch.member(member), search.width)
+                search.solve(np.array([member]), own, options)
+    return SolvedOrbits(**vars(found), batch=batch, resolution=levels, width=width)
 
 
-def _levels(batch: Batch, resolution: int | None) -> np.ndarray:
-    """Resolution of the grid of each patient, shape (patients,)."""
-    if resolution is not None:
-        return np.full(batch.count, resolution)
-    wanted = needed_resolution(assemble(batch.circuit), batch.values)
-    return np.array(np.broadcast_to(wanted, (batch.count,)))
-
-
-def _nothing_found(batch: Batch) -> Orbits:
-    """Orbits to be filled in; patients with values that are not allowed are marked."""
+def _not_begun(batch: Batch) -> Orbits:
+    """Orbits to be filled in; members with values that are not allowed are marked."""
     n, count = assemble(batch.circuit).layout.size, batch.count
     packed = batch.packed(beat_program(batch.circuit))
     refused = allowed_values(batch.circuit).refused(packed) | ~np.isfinite(batch.volume().target)
@@ -191,87 +185,44 @@ def _nothing_found(batch: Batch) -> Orbits:
     )  # fmt: skip
 
 
-def _judge(batch: Batch, levels: np.ndarray, found: Orbits) -> np.ndarray:
-    """Tell hearts that do not eject from others that did not settle; native outputs [L/min], else NaN."""
-    native = np.full(batch.count, np.nan)
-    for member in np.flatnonzero(found.status == Status.NOT_CONVERGED):
-        program = beat_program(batch.circuit, int(levels[member]))
-        packed = batch.packed(program)[:, member]
-        native[member] = recorded_output(program, found.states[:, member], packed)
-        found.status[member] = judged(Status.NOT_CONVERGED, native[member])
-    return native
-
-
 @dataclass(frozen=True)
 class _Level:
-    """The search for steady beats on one grid, which writes down what it finds."""
+    """The search for steady beats on one grid; `found` is filled in."""
 
     batch: Batch
     level: int
-    wide: bool
-    lone: bool
-    threads: int | None
+    width: int
+    threads: int
     found: Orbits
 
     def solve(self, members: np.ndarray, start: Anchor, options: OrbitOptions) -> None:
-        """Solve some members of the batch."""
+        """Solve some members of the batch, spread over the threads."""
         program = beat_program(self.batch.circuit, self.level)
-        problem = OrbitProblem(program, self.batch.packed(program), self.batch.volume(), self.wide, self.lone)
-        chunks = -(-len(members) // LANES) if self.wide else len(members) // 4
-        count = processors() if self.threads is None else self.threads
-        parts = np.array_split(np.arange(len(members)), max(1, min(count, chunks)))
+        problem = OrbitProblem(program, self.batch.packed(program), self.batch.volume()).take(members)
+        worth = len(members) // MEMBERS_PER_THREAD if self.width == 1 else -(-len(members) // self.width)
+        chunks = np.array_split(np.arange(len(members)), max(1, min(self.threads, worth)))
 
-        def solve(part: np.ndarray) -> Orbits:
-            whole = len(part) == self.batch.count
-            return solve_orbits(problem if whole else problem.take(members[part]), start.take(part), options)
+        def solved(chunk: np.ndarray) -> Orbits:
+            return solve_orbits(problem.take(chunk), start.take(chunk), options, self.width)
 
-        solved = map_parallel(solve, list(parts), count)
-        for part, orbits in zip(parts, solved, strict=True):
-            for name in vars(orbits):
-                getattr(self.found, name)[..., members[part]] = getattr(orbits, name)
+        for chunk, orbits in zip(chunks, in_threads(solved, chunks, self.threads), strict=True):
+            self.found.put(members[chunk], orbits)
 
 
-def anchor(batch: Batch, level: int, near: Values | None = None) -> Anchor:
-    """Orbit and inverse Jacobian to start from: of `near`, of the nominal values, or of a patient's own.
-
-    The patient is the first one whose own beat is found, so that a bad one beside the others costs them
-    nothing.
-    """
+def anchor(batch: Batch, level: int, values: Mapping[str, float], width: int = 1) -> Anchor:
+    """Steady beat at some parameter values and its inverse Jacobian, for searches to begin at."""
     names = beat_program(batch.circuit, level).names
-    values = near or nominal_values(batch.circuit)
-    if values is not None:
-        return _anchor(batch.circuit, level, batch.policy, tuple(float(values[n]) for n in names))[0]
-    packed = batch.packed(beat_program(batch.circuit, level))
-    able = np.flatnonzero(~allowed_values(batch.circuit).refused(packed))[:CANDIDATES]
-    found = (_anchor(batch.circuit, level, batch.policy, tuple(packed[:, k].tolist())) for k in able)
-    tried = []
-    for candidate, settled in found:
-        if settled:
-            return candidate
-        tried.append(candidate)
-    return tried[0]
+    return _anchor(batch.circuit, level, batch.policy, tuple(float(values[n]) for n in names), width)
 
 
 @lru_cache(maxsize=256)
-def _anchor(circuit: Circuit, level: int, policy: str, packed: tuple[float, ...]) -> tuple[Anchor, bool]:
-    """Settle for some beats, then Newton's method; whether it led to a steady beat."""
+def _anchor(circuit: Circuit, level: int, policy: str, packed: tuple[float, ...], width: int) -> Anchor:
+    """Settle for some beats, then solve."""
     program = beat_program(circuit, level)
     values = dict(zip(program.names, packed, strict=True))
     batch = Batch(circuit, values, 1, policy)
     problem = OrbitProblem(program, batch.packed(program), batch.volume())
-    first = start_state(Model(circuit, values))[:, None]
-    states = first
-    for _ in range(SETTLING_BEATS):
-        states = problem.beat(states)
-    if not np.isfinite(states).all():
-        return Anchor(first[:, 0], np.eye(len(first))), False
-    solved = solve_orbits(
-        problem, Anchor(states[:, 0], np.linalg.pinv(jacobian(problem, states))), OrbitOptions()
-    )
-    if not np.isfinite(solved.states).all():
-        return Anchor(first[:, 0], np.eye(len(first))), False
-    inverse = np.linalg.pinv(jacobian(problem, solved.states))
-    return Anchor(solved.states[:, 0], inverse), bool(solved.status[0] == Status.CONVERGED)
+    return anchor_at(problem, start_state(Model(circuit, values)), SETTLING_BEATS, width)
 
 
 def start_state(model: Model) -> np.ndarray:

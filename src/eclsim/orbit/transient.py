@@ -13,14 +13,10 @@ from eclsim.beat.grid import PhaseGrid
 from eclsim.beat.heartbeat import HEART_RATE, beat_program
 from eclsim.beat.resolution import needed_resolution
 from eclsim.circuit.assembly import assemble
-from eclsim.orbit.adaptive import AdaptiveBeats, adaptive_program
+from eclsim.orbit.independent import AdaptiveBeats, adaptive_program
 from eclsim.orbit.inputs import InvalidInputError, allowed_values
 from eclsim.orbit.model import AS_PUBLISHED, Model
-from eclsim.orbit.steady import Batch, start_state, steady_beats
-
-SEMI_IMPLICIT = "semi-implicit"
-ADAPTIVE = "adaptive"
-SOLVERS = (SEMI_IMPLICIT, ADAPTIVE)
+from eclsim.orbit.steady import ADAPTIVE, SEMI_IMPLICIT, SOLVERS, Batch, solve, start_state
 
 
 @dataclass(frozen=True)
@@ -97,7 +93,7 @@ def primed_start(model: Model, policy: str = AS_PUBLISHED) -> np.ndarray:
     outside = np.array([c.group != "patient" for c in model.circuit.compartments])
     if policy == AS_PUBLISHED or not outside.any():
         return state
-    steady, primed = steady_beats(batch).orbits.states[:, 0], assembly.layout.conserved(outside) > 0.0
+    steady, primed = solve(batch).states[:, 0], assembly.layout.conserved(outside) > 0.0
     if np.isfinite(steady).all():
         state[primed] = steady[primed]
     return state

@@ -1,20 +1,20 @@
-"""The course in time as an xarray Dataset."""
+"""The course in time as a labelled result."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from eclsim.beat.recording import all_signals
-from eclsim.orbit.adaptive import adaptive_program
+from eclsim.circuit.assembly import assemble
 from eclsim.orbit.model import Model
-from eclsim.orbit.transient import SEMI_IMPLICIT, follow
+from eclsim.orbit.steady import SEMI_IMPLICIT
+from eclsim.orbit.transient import follow
 from eclsim.outputs.alarms import findings
-from eclsim.outputs.dataset import UNITS, WORDS
-from eclsim.outputs.signals import unstressed_volume
+from eclsim.outputs.results import variable
+from eclsim.outputs.signals import signal_labels, unstressed_volume
 
 
 def simulate_course(
@@ -37,29 +37,26 @@ def simulate_course(
     Returns:
         Waveforms over `time` [s]; the attributes say how they were computed.
     """
-    known = all_signals(adaptive_program(model.circuit).explicit.assembly)
+    known = all_signals(assemble(model.circuit))
     signals = known if names is None else tuple(name for name in known if name in set(names))
     policy = policy or model.policy
     course = follow(model, seconds, signals, policy=policy, solver=solver)
-    time = xr.DataArray(course.time, dims="time", attrs={"units": "s", "long_name": "time"})
-    data = {name: _labelled(model, name, course.signals[:, k]) for k, name in enumerate(signals)}
-    finite = bool(np.isfinite(course.signals).all())
+    data = {
+        name: variable(
+            "time", column + unstressed_volume(model.circuit, name, model.values),
+            **signal_labels(model.circuit, name),
+        )
+        for name, column in zip(signals, course.signals.T, strict=True)
+    }  # fmt: skip
     extremes = {n: (float(s.min()), float(s.max())) for n, s in zip(signals, course.signals.T, strict=True)}
     attributes = {
         "id": model.name,
         "seconds": float(seconds),
-        "status": "finite" if finite else "not_finite",
+        "status": "finite" if np.isfinite(course.signals).all() else "not_finite",
         "blood_volume_policy": policy,
         "steps_per_beat": course.steps_per_beat,
         "solver": solver,
         "warnings": [f.sentence for f in findings({}, extremes)],
     }
+    time = variable("time", course.time, units="s", long_name="time")
     return xr.Dataset(data, coords={"time": time}, attrs=attributes)
-
-
-def _labelled(model: Model, name: str, values: np.ndarray) -> tuple[str, Any, dict[str, str]]:
-    place = name[1:]
-    is_store = any(c.name == place for c in model.circuit.compartments)
-    words = f"{WORDS[name[0]]} {place}" if name[0] != "P" or is_store else f"head of {place}"
-    shift = unstressed_volume(model.circuit, place, model.values) if name[0] == "V" else 0.0
-    return "time", values + shift, {"units": UNITS[name[0]], "long_name": words}

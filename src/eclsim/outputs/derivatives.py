@@ -7,27 +7,78 @@ nothing but one number per measure and direction is kept.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
-import xarray as xr
 
-from eclsim.beat.heartbeat import beat_program
-from eclsim.orbit.derivatives import OrbitTangents, orbit_tangents
-from eclsim.orbit.model import Model
-from eclsim.orbit.status import NoDerivativesError
-from eclsim.orbit.steady import Batch, SteadyBeats, steady_beats
-from eclsim.outputs.dual import Dual
-from eclsim.outputs.measures import Measures, Points
+from eclsim.orbit.derivatives import OrbitDerivatives, orbit_derivatives
+from eclsim.orbit.equation import OrbitProblem
+from eclsim.orbit.iteration import compiled_search
+from eclsim.outputs.measures import Measures, Points, whole_beat
 from eclsim.outputs.registry import output
-from eclsim.outputs.signals import whole_beat
+from eclsim.outputs.signals import needed_signals
 
 Sum = tuple[str, int]
 """A weighted sum that a measure depends on: its signal and its number."""
 
 
+@dataclass(frozen=True)
+class Dual:
+    """A number and its first-order dependence on named quantities.
+
+    Args:
+        value: the number.
+        slopes: d value / d quantity, for each quantity that it depends on.
+    """
+
+    value: float
+    slopes: Mapping[Hashable, float] = field(default_factory=dict)
+
+    def _joined(self, other: Dual, mine: float, theirs: float, value: float) -> Dual:
+        slopes = {k: mine * v for k, v in self.slopes.items()}
+        for k, v in other.slopes.items():
+            slopes[k] = slopes.get(k, 0.0) + theirs * v
+        return Dual(value, slopes)
+
+    def __add__(self, other: Dual | float) -> Dual:
+        o = _dual(other)
+        return self._joined(o, 1.0, 1.0, self.value + o.value)
+
+    __radd__ = __add__
+
+    def __neg__(self) -> Dual:
+        return self * -1.0
+
+    def __sub__(self, other: Dual | float) -> Dual:
+        return self + (-_dual(other))
+
+    def __rsub__(self, other: Dual | float) -> Dual:
+        return _dual(other) - self
+
+    def __mul__(self, other: Dual | float) -> Dual:
+        o = _dual(other)
+        return self._joined(o, o.value, self.value, self.value * o.value)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Dual | float) -> Dual:
+        o = _dual(other)
+        return self._joined(o, 1.0 / o.value, -self.value / o.value**2, self.value / o.value)
+
+    def __rtruediv__(self, other: Dual | float) -> Dual:
+        return _dual(other) / self
+
+    def __pow__(self, power: int) -> Dual:
+        return self._joined(Dual(0.0), power * self.value ** (power - 1), 0.0, self.value**power)
+
+
+def _dual(x: Dual | float) -> Dual:
+    return x if isinstance(x, Dual) else Dual(float(x))
+
+
 class LinearMeasures(Measures):
-    """Measures of one patient as numbers that know the weighted sums they depend on.
+    """Measures of one member as numbers that know the weighted sums they depend on.
 
     `sums` holds for each its weights at the grid points, shape (points,).
     """
@@ -56,91 +107,60 @@ class LinearMeasures(Measures):
         return self._whole(weights)
 
 
-def output_derivatives(
-    model: Model,
-    outputs: tuple[str, ...],
-    parameters: tuple[str, ...],
-    policy: str | None = None,
-    resolution: int | None = None,
-    throw: bool = True,
-) -> xr.DataArray:
-    """d output / d parameter of a model's steady beat.
+@dataclass(frozen=True)
+class Linearisation:
+    """Outputs of a steady beat to first order in the parameters.
 
     Args:
-        model: circuit and values.
+        values: shape (outputs,).
+        slopes: d output / d parameter, shape (outputs, parameters).
+        orbit: the beat itself to first order.
+        values_on_orbit: outputs after the step of Newton's method that the derivatives give.
+    """
+
+    values: np.ndarray
+    slopes: np.ndarray
+    orbit: OrbitDerivatives
+    values_on_orbit: np.ndarray
+
+
+def linearise(
+    problem: OrbitProblem,
+    state: np.ndarray,
+    outputs: Sequence[str],
+    parameters: Sequence[str],
+    volume_slopes: np.ndarray,
+) -> Linearisation:
+    """Outputs of one member's orbit and their exact derivatives.
+
+    Args:
+        problem: of one member.
+        state: on its orbit or close to it, shape (states,).
         outputs: names of the registry.
         parameters: names that the circuit reads, or `heart_rate_bpm`.
-        policy: blood volume policy; left out, the model's.
-        resolution: of the phase grid; left out, what the circuit's time constants need. The derivatives are
-            exact for the grid; twice the resolution brings them from 0.6 % to 0.4 % of the continuous ones.
-        throw: False gives NaN and says why in the attributes where there are no derivatives.
-
-    Returns:
-        Array with dimensions (output, parameter); coordinates `value` and `parameter_value` hold the point,
-        attributes `status` ("converged", else as `Status`, or "singular") and `message` say what they are of.
+        volume_slopes: d blood volume / d parameter [mL per unit], shape (parameters,).
 
     Raises:
-        NoDerivativesError: no steady beat was found, or its equation is singular.
+        NoDerivativesError: the equation of the beat is singular.
     """
-    batch = Batch(model.circuit, model.values, 1, policy or model.policy)
-    steady = steady_beats(batch, resolution=resolution)
-    status, message = steady.status().name.lower(), steady.message()
-    try:
-        values, gradient = member_derivatives(steady, outputs, parameters)
-    except NoDerivativesError as error:
-        if throw:
-            raise NoDerivativesError(error.status, error.reason, model.name) from None
-        status, message = error.word, error.reason
-        values, gradient = np.full(len(outputs), np.nan), np.full((len(outputs), len(parameters)), np.nan)
-    return xr.DataArray(
-        gradient,
-        dims=("output", "parameter"),
-        coords={
-            "output": list(outputs),
-            "parameter": list(parameters),
-            "value": ("output", values),
-            "parameter_value": ("parameter", [model.values[p] for p in parameters]),
-        },
-        attrs={
-            "long_name": "derivative of the output with respect to the parameter",
-            "id": model.name,
-            "status": status,
-            "message": message,
-        },
-    )
-
-
-def member_derivatives(
-    steady: SteadyBeats, outputs: tuple[str, ...], parameters: tuple[str, ...], member: int = 0
-) -> tuple[np.ndarray, np.ndarray]:
-    """Outputs of one patient of a batch, shape (outputs,), and their derivatives (outputs, parameters).
-
-    Raises:
-        NoDerivativesError: no steady beat was found for the patient, or its equation is singular.
-    """
-    return member_tangents(steady, outputs, parameters, member)[:2]
-
-
-def member_tangents(
-    steady: SteadyBeats, outputs: tuple[str, ...], parameters: tuple[str, ...], member: int = 0
-) -> tuple[np.ndarray, np.ndarray, OrbitTangents]:
-    """As `member_derivatives`, and the derivatives of the beat itself."""
-    steady.require_steady(member)
-    program = beat_program(steady.batch.circuit, int(steady.resolution[member]))
-    signals = program.signals
-    packed = steady.batch.packed(program)[:, member]
-    _, recorded = program.trace(signals)(steady.orbits.states[:, member], packed)
-    series = np.ascontiguousarray(whole_beat(np.asarray(recorded)).T)
-    measures = LinearMeasures(dict(zip(signals, series, strict=True)), program.grid.phases)
+    program = problem.program
+    signals = needed_signals(program.assembly.circuit, outputs)
+    names, recorded = compiled_search(program, 1).record(state[:, None], problem.packed, signals)
+    series = whole_beat(recorded[..., 0])
+    waveforms = {name: np.ascontiguousarray(series[:, names.index(name)]) for name in signals}
+    measures = LinearMeasures(waveforms, program.grid.phases)
     found = [output(name).compute(measures) for name in outputs]
     keys = sorted(measures.sums)
     weights = np.array([measures.sums[key] for key in keys])
     weights[:, -1] += weights[:, 0]
     summed = tuple(name for name, _ in keys)
-    tangents = orbit_tangents(steady, parameters, summed, weights[:, 1:].T, member)
+    orbit = orbit_derivatives(problem, state, parameters, volume_slopes, summed, weights[:, 1:].T)
     place = {key: k for k, key in enumerate(keys)}
     slopes = np.zeros((len(found), len(keys)))
     for row, number in zip(slopes, found, strict=True):
         for key, slope in number.slopes.items():
             row[place[key]] = slope
-    return np.array([float(d.value) for d in found]), slopes @ tangents.sums, tangents
+    values = np.array([float(number.value) for number in found])
+    return Linearisation(
+        values, slopes @ orbit.sums, orbit, values + slopes @ (orbit.sums_of_states @ orbit.step)
+    )

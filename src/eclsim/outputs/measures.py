@@ -142,6 +142,11 @@ class Measures:
         ]
 
 
+def whole_beat(recorded: np.ndarray) -> np.ndarray:
+    """Signals at all grid points from phase 0 to 1: the steady beat starts where it ends."""
+    return np.concatenate([recorded[-1:], recorded])
+
+
 def _stationary(rise: Any, second: Any, third: Any, fall: Any) -> np.ndarray:
     """Where in 0..1 a cubic that rises at 0 and falls at 1 is largest; an end where it does not."""
     root = np.sqrt(np.maximum(second**2 - 3.0 * third * rise, 0.0))

@@ -23,7 +23,7 @@ from eclsim.simulation.target_flow import with_speed
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
-PRELOAD = ("scipy.stats", "eclsim.outputs.evaluation", "eclsim.sensitivity.runs")
+PRELOAD = ("scipy.stats", "eclsim.outputs.steady_beat", "eclsim.sensitivity.runs")
 """What a worker needs before its first block."""
 COPIES = 6
 """How often the points of a design and its results are held at a time, at most."""
@@ -97,7 +97,7 @@ def sensitivity(
 
 def plan_analysis(case: Case, settings: SobolSettings) -> Analysis:
     """Inputs and design of an analysis, checked; nothing is run."""
-    from eclsim.outputs.evaluation import output_names
+    from eclsim.outputs.signals import output_names
 
     s = settings
     base = {**model_of(case).values, **(s.values or {})}

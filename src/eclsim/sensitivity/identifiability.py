@@ -142,7 +142,7 @@ def identifiability(
         InputError: names that the case does not have.
         NoDerivativesError: the case has no steady beat, or none with derivatives: nothing can be ranked.
     """
-    from eclsim.outputs.derivatives import output_derivatives
+    from eclsim.outputs.results import derivatives
 
     case, _ = with_speed(as_case(case), volume_policy)
     model = model_of(case)
@@ -150,7 +150,7 @@ def identifiability(
     measured = _measured(case) if outputs is None else tuple(dict.fromkeys(outputs))
     _check_names(names, measured, model)
     chosen = uncertainties_of(measured, uncertainties or {})
-    slopes = output_derivatives(model, measured, names, volume_policy)
+    slopes = derivatives(model, measured, names, volume_policy)
     simulated = dict(zip(measured, np.asarray(slopes["value"]).tolist(), strict=True))
     taken = {o: v for o in measured if (v := getattr(case.measurements, o, None)) is not None}
     errors = standard_uncertainties({**simulated, **taken}, chosen)
@@ -177,7 +177,7 @@ def _measured(case: Case) -> tuple[str, ...]:
 
 
 def _check_names(parameters: Sequence[str], outputs: Sequence[str], model: Model) -> None:
-    from eclsim.outputs.evaluation import output_names
+    from eclsim.outputs.signals import output_names
 
     known = ("heart_rate_bpm", *model.circuit.parameter_names())
     wrong = [

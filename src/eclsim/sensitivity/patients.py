@@ -76,19 +76,16 @@ def _bracket(excess) -> tuple[float | None, float | None]:
 
 def _mean_arterial_pressure(model: Model, policy: str, adjusted: str) -> float:
     """Of the steady beat; `StateError` where there is none."""
-    from eclsim.orbit.steady import Batch, steady_beats
-    from eclsim.outputs.dataset import outcome
-    from eclsim.outputs.evaluation import batch_outputs
+    from eclsim.orbit.steady import Batch
+    from eclsim.outputs.steady_beat import steady_beat
 
-    steady = steady_beats(Batch(model.circuit, model.values, 1, policy), near=None)
-    pressure = float(batch_outputs(steady, ("MAP",))[0, 0])
-    status, message = outcome(steady, {"MAP": pressure})
-    if status is not Status.CONVERGED:
+    beat = steady_beat(Batch.of(model, policy), ("MAP",))
+    if not beat.determined[0]:
         raise StateError(
             f"at {adjusted} = {model.values[adjusted]:.4g}, on the way to the mean arterial pressure wanted, "
-            f"there is no steady beat ({status.name.lower()}): {message}"
+            f"there is no steady beat ({Status(int(beat.status[0])).word}): {beat.message()}"
         )
-    return pressure
+    return float(beat.output("MAP")[0])
 
 
 def union_over(unions: Sequence[Sequence[str]]) -> list[str]:

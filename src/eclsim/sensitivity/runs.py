@@ -106,17 +106,15 @@ class SteadyBeatEvaluator:
 
     def __call__(self, settings: Mapping[str, np.ndarray], count: int) -> Runs:
         """Run some points."""
-        from eclsim.orbit.status import Status
-        from eclsim.orbit.steady import Batch, steady_beats
-        from eclsim.outputs.evaluation import batch_outputs
+        from eclsim.orbit.execution import Execution
+        from eclsim.orbit.steady import Batch
+        from eclsim.outputs.steady_beat import steady_beat
 
         batch = Batch(self.circuit, {**self.base, **settings}, count, self.policy)
-        steady = steady_beats(batch, near=self.base, resolution=self.resolution, threads=1)
-        values = batch_outputs(steady, self.outputs, threads=1).T
-        orbits = steady.orbits
-        lost = ~np.isfinite(values).all(axis=1) & (orbits.status == Status.CONVERGED)
-        status = np.where(lost, Status.NOT_FINITE, orbits.status)
-        return Runs(values, status, orbits.beats, orbits.residual)
+        beat = steady_beat(
+            batch, self.outputs, start=self.base, resolution=self.resolution, execution=Execution(threads=1)
+        ).determined_only()
+        return Runs(beat.values.T, beat.status, beat.orbits.beats, beat.orbits.residual)
 
     def description(self) -> Description:
         """As plain data."""

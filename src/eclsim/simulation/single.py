@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import xarray as xr
 
 from eclsim.orbit.model import Model, model_of
-from eclsim.outputs.dataset import simulate
+from eclsim.outputs.results import simulate
 from eclsim.simulation.target_flow import FlowNotReachedError, with_speed
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def _beat(model: Model, policy: str | None, solver: str, check_grid: bool) -> xr
         return simulate_adaptive(model, policy)
     result = simulate(model, policy)
     if check_grid:
-        from eclsim.outputs.grid_check import with_grid_check
+        from eclsim.outputs.results import with_grid_check
 
         return with_grid_check(model, result)
     return result

@@ -11,10 +11,10 @@ import numpy as np
 import xarray as xr
 
 from eclsim.cases.resolve import resolve_parameters
-from eclsim.orbit.equation import Orbits
-from eclsim.orbit.model import Model, circuit_of
-from eclsim.orbit.steady import Batch, SteadyBeats, steady_beats
-from eclsim.outputs.dataset import dataset_of
+from eclsim.orbit.model import circuit_of
+from eclsim.orbit.steady import Batch
+from eclsim.outputs.results import labelled
+from eclsim.outputs.steady_beat import steady_beat
 from eclsim.simulation.single import FLOW_WANTED, SPEED_FOUND, not_reached
 from eclsim.simulation.target_flow import FlowNotReachedError, SpeedFound, with_speed
 
@@ -128,23 +128,14 @@ def _beats(
         return []
     shared = [key for key in values[0] if all(key in one for one in values)]
     columns = {key: np.array([one[key] for one in values]) for key in shared}
-    steady = steady_beats(Batch(circuit, columns, len(values), policy))
+    solved = steady_beat(Batch(circuit, columns, len(values), policy), waveforms=None, keep=None)
     beats = []
-    for member, (own, speed) in enumerate(zip(values, found, strict=True)):
-        beat = dataset_of(Model(circuit, own, name), _alone(steady, member))
+    for member, speed in enumerate(found):
+        beat = labelled(solved, member, name)
         if speed is not None:
             beat.attrs |= {FLOW_WANTED: speed.flow_l_min, SPEED_FOUND: speed.speed_rpm}
         beats.append(beat)
     return beats
-
-
-def _alone(steady: SteadyBeats, member: int) -> SteadyBeats:
-    """One member of a solved batch as a batch of one."""
-    one = slice(member, member + 1)
-    batch = Batch(steady.batch.circuit, steady.batch.member(member), 1, steady.batch.policy)
-    orbit = Orbits(**{name: array[..., one] for name, array in vars(steady.orbits).items()})
-    native = None if steady.native is None else steady.native[one]
-    return SteadyBeats(batch, orbit, steady.resolution[one], native)
 
 
 def _one_circuit(key: str, cases: Mapping[Value, Case]) -> Circuit:

@@ -11,7 +11,7 @@ import numpy as np
 
 from eclsim.devices.ecmo import PUMPS
 from eclsim.orbit.model import model_of
-from eclsim.outputs.variants import simulate_many
+from eclsim.outputs.results import simulate_many
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case

@@ -14,10 +14,10 @@ import numpy as np
 
 from eclsim.orbit.equation import OrbitOptions
 from eclsim.orbit.model import Model
-from eclsim.orbit.steady import Batch, steady_beats
-from eclsim.outputs.derivatives import output_derivatives
-from eclsim.outputs.evaluation import batch_outputs
+from eclsim.orbit.steady import Batch
 from eclsim.outputs.registry import output
+from eclsim.outputs.results import derivatives
+from eclsim.outputs.steady_beat import steady_beat
 from eclsim.paper.comparison import Check, Explanation, Row, near
 from eclsim.validation.reference_cases import DATA, reference_model
 
@@ -65,8 +65,8 @@ def elasticities(key: str) -> Elasticities:
 def _exact(
     model: Model, outputs: tuple[str, ...], parameters: tuple[str, ...], resolution: int | None
 ) -> np.ndarray:
-    derivatives = output_derivatives(model, outputs, parameters, resolution=resolution)
-    return derivatives.values * derivatives["parameter_value"].values
+    slopes = derivatives(model, outputs, parameters, resolution=resolution)
+    return slopes.values * slopes["parameter_value"].values
 
 
 def own_differences(model: Model, outputs: tuple[str, ...], parameters: tuple[str, ...]) -> np.ndarray:
@@ -78,8 +78,8 @@ def own_differences(model: Model, outputs: tuple[str, ...], parameters: tuple[st
         column = np.full(count, model.values[name])
         column[len(factors) * k : len(factors) * (k + 1)] *= factors
         values[name] = column
-    steady = steady_beats(Batch(model.circuit, values, count), TIGHT, near=model.values)
-    found = batch_outputs(steady, outputs).reshape(len(outputs), len(parameters), len(factors))
+    beat = steady_beat(Batch(model.circuit, values, count), outputs, options=TIGHT, start=model.values)
+    found = beat.values.reshape(len(outputs), len(parameters), len(factors))
     coarse = (found[..., 0] - found[..., 1]) / (2.0 * STEP)
     fine = (found[..., 2] - found[..., 3]) / STEP
     return (4.0 * fine - coarse) / 3.0

@@ -15,8 +15,8 @@ import xarray as xr
 from eclsim.devices import lvad
 from eclsim.devices.ecmo import CANNULAE, PUMPS, RollerPump
 from eclsim.orbit.model import AS_PUBLISHED, model_of
-from eclsim.outputs.dataset import simulate
 from eclsim.outputs.registry import output
+from eclsim.outputs.results import simulate
 from eclsim.paper.comparison import Check, Explanation, Row, near
 from eclsim.paper.crrt import compute
 from eclsim.paper.patient import paper_case, with_blood_volume

@@ -69,7 +69,7 @@ def reference_model(name: str) -> Model:
 @lru_cache(maxsize=64)
 def reference_result(name: str) -> xr.Dataset:
     """eclsim's steady beat of a reference case."""
-    from eclsim.outputs.dataset import simulate
+    from eclsim.outputs.results import simulate
 
     return simulate(reference_model(name))
 

@@ -7,18 +7,18 @@ by luck. What is called converged is followed for ten more beats without the sol
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from eclsim.beat.heartbeat import beat_program
-from eclsim.beat.vectorisation import HANDFUL, Lanes
 from eclsim.circuit.assembly import assemble
+from eclsim.circuit.network import Circuit
 from eclsim.orbit.model import Model
 from eclsim.orbit.status import Status
-from eclsim.orbit.steady import Batch, SteadyBeats, start_state, steady_beats
-from eclsim.outputs.dataset import simulate
-from eclsim.outputs.evaluation import batch_outputs
+from eclsim.orbit.steady import Batch, SolvedOrbits, start_state
+from eclsim.outputs.results import simulate
+from eclsim.outputs.signals import output_names
+from eclsim.outputs.steady_beat import measured, steady_beat
 from eclsim.paper.comparison import Check, Row, at_least, at_most
 from eclsim.parameters.identification import BOUNDS
 from eclsim.validation.reference_cases import reference_model
@@ -72,7 +72,7 @@ class Sweep:
     @property
     def converged(self) -> np.ndarray:
         """Whether a steady beat was found."""
-        return self.status == Status.CONVERGED
+        return (self.status == Status.CONVERGED) | (self.status == Status.ONE_OF_MANY)
 
     @property
     def ejecting(self) -> np.ndarray:
@@ -116,53 +116,36 @@ def configuration_model(name: str) -> Model:
 def sweep(name: str, count: int) -> Sweep:
     """Solve a configuration at `count` points of the bounds."""
     model, points = configuration_model(name), sobol_points(count)
-    batch = Batch(model.circuit, {**model.values, **points}, count)
-    steady = steady_beats(batch)
-    status = steady.orbits.status.copy()
-    output = left_output(steady)
-    drift, moved = steady.orbits.drift.copy(), np.full(count, np.nan)
-    settled = np.flatnonzero(status == Status.CONVERGED)
-    moved[settled] = _followed(steady, settled, steady.orbits.states[:, settled], RECHECK_BEATS)[1]
-    rest = np.flatnonzero(status != Status.CONVERGED)
+    beat = steady_beat(Batch(model.circuit, {**model.values, **points}, count), _left_outputs(model.circuit))
+    orbits, output = beat.orbits, beat.values.sum(axis=0)
+    drift, moved = orbits.drift.copy(), np.full(count, np.nan)
+    settled, rest = np.flatnonzero(beat.converged), np.flatnonzero(~beat.converged)
+    start = orbits.states[:, settled]
+    least = assemble(model.circuit).layout.smallest_sizes[:, None]
+    change = np.abs(orbits.wait(settled, start, RECHECK_BEATS) - start)
+    moved[settled] = (change / np.maximum(np.abs(start), least)).max(axis=0, initial=0.0)
     if len(rest):
-        output[rest], drift[rest] = _waited(model, steady, rest)
-    return Sweep(name, points, status, output, drift, steady.orbits.beats, moved)
+        output[rest], drift[rest] = _waited(model, orbits, rest)
+    return Sweep(name, points, beat.status, output, drift, orbits.beats, moved)
 
 
-def left_output(steady: SteadyBeats) -> np.ndarray:
-    """Flow [L/min] that the left heart and an LVAD give, shape (patients,)."""
-    names = ("aortic_valve_flow", "lvad_flow")
-    has_lvad = any(c.name == "lvadpump" for c in steady.batch.circuit.connections)
-    return batch_outputs(steady, names if has_lvad else names[:1]).sum(axis=0)
+def _left_outputs(circuit: Circuit) -> tuple[str, ...]:
+    """Outputs that are what the left heart and an LVAD give."""
+    known = output_names(circuit)
+    return tuple(n for n in ("aortic_valve_flow", "lvad_flow") if n in known)
 
 
-def _followed(
-    steady: SteadyBeats, members: np.ndarray, start: np.ndarray, beats: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Plain beats: the last state, and the largest relative change from the start."""
-    last = start.copy()
-    for level in np.unique(steady.resolution[members]):
-        program = beat_program(steady.batch.circuit, int(level))
-        own = steady.resolution[members] == level
-        packed, states = steady.batch.packed(program)[:, members[own]], start[:, own]
-        lanes = Lanes(program, packed, bool(own.sum() > HANDFUL))
-        for _ in range(beats):
-            states = lanes.beat(states)
-        last[:, own] = states
-    least = assemble(steady.batch.circuit).layout.smallest_sizes[:, None]
-    change = np.abs(last - start) / np.maximum(np.abs(start), least)
-    return last, change.max(axis=0, initial=0.0)
-
-
-def _waited(model: Model, steady: SteadyBeats, members: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _waited(model: Model, orbits: SolvedOrbits, members: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Left output [L/min] and drift [mL a beat] after many plain beats from the published start."""
-    starts = [start_state(model.with_values({n: steady.batch.values[n][k] for n in BOUNDS})) for k in members]
-    before, _ = _followed(steady, members, np.stack(starts, axis=1), SETTLING_BEATS)
-    after, _ = _followed(steady, members, before, 1)
+    starts = [start_state(replace(model, values=orbits.batch.member(int(k)))) for k in members]
+    before = orbits.wait(members, np.stack(starts, axis=1), SETTLING_BEATS)
+    after = orbits.wait(members, before)
     drift = np.abs(after - before)[assemble(model.circuit).layout.volumes.where].max(axis=0)
-    waited = SteadyBeats(steady.batch, steady.orbits, steady.resolution)
-    waited.orbits.states[:, members] = before
-    return left_output(waited)[members], drift
+    states = orbits.states.copy()
+    states[:, members] = before
+    taken_as_steady = replace(orbits, states=states, status=np.full(len(orbits.status), Status.CONVERGED))
+    output = measured(taken_as_steady, _left_outputs(model.circuit), (), ()).values.sum(axis=0)
+    return output[members], drift
 
 
 def checks(points: int) -> list[Check]:
@@ -202,9 +185,8 @@ def _named(found: Sweep) -> np.ndarray:
     still = np.flatnonzero(~found.converged & ~found.ejecting)[:NAMED]
     model = configuration_model(found.name)
     results = (simulate(model.with_values({n: float(v[k]) for n, v in found.values.items()})) for k in still)
-    return np.array(
-        [result.attrs["status"] in ("no_ejection", "converged") for result in results], dtype=bool
-    )
+    names = ("no_ejection", "converged", "one_of_many")
+    return np.array([result.attrs["status"] in names for result in results], dtype=bool)
 
 
 def _remarks(found: Sweep) -> list[str]:

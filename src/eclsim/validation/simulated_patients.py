@@ -11,9 +11,8 @@ from eclsim.cases.case import Case, Measurements, Patient
 from eclsim.devices.ecmo import Ecmo
 from eclsim.identification.observation import OUTPUTS
 from eclsim.orbit.model import model_of
-from eclsim.orbit.status import Status
-from eclsim.orbit.steady import Batch, steady_beats
-from eclsim.outputs.evaluation import batch_outputs
+from eclsim.orbit.steady import Batch
+from eclsim.outputs.steady_beat import steady_beat
 from eclsim.parameters.identification import BOUNDS
 from eclsim.sensitivity.uncertainties import DEFAULTS
 
@@ -105,11 +104,8 @@ def _outputs(cases: list[Case], x: np.ndarray) -> list[dict[str, float]] | None:
     names = models[0].values
     values = {n: np.array([m.values[n] for m in models]) for n in names}
     values |= {n: np.exp(x[:, k]) for k, n in enumerate(NAMES)}
-    steady = steady_beats(Batch(models[0].circuit, values, len(cases)))
-    if (steady.orbits.status != Status.CONVERGED).any():
-        return None
-    found = batch_outputs(steady, OUTPUTS)
-    return [dict(zip(OUTPUTS, column.tolist(), strict=True)) for column in found.T]
+    beat = steady_beat(Batch(models[0].circuit, values, len(cases)), OUTPUTS)
+    return [beat.outputs(k) for k in range(len(cases))] if beat.determined.all() else None
 
 
 def _likely(outputs: Mapping[str, float]) -> bool:

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eclsim.beat.heartbeat import beat_program
-from eclsim.beat.vectorisation import Lanes
+from eclsim.orbit.iteration import compiled_search
 from eclsim.orbit.model import Model
-from eclsim.orbit.steady import Batch, start_state, steady_beats
-from eclsim.outputs.dataset import simulate
+from eclsim.orbit.steady import Batch, solve, start_state
 from eclsim.outputs.independent import simulate_adaptive
 from eclsim.outputs.registry import contract
+from eclsim.outputs.results import simulate
 from eclsim.paper.comparison import Check, Row, at_most, near
 from eclsim.parameters import shi_hose2009
 from eclsim.patient.circulation import shi_hose_circulation
@@ -69,11 +69,8 @@ def periodicity_check(quick: bool = False) -> Check:
     """Largest change of a state over one more plain beat, for each reference case."""
     rows = []
     for name in QUICK if quick else case_names():
-        model = reference_model(name)
-        steady = steady_beats(Batch(model.circuit, model.values, 1))
-        before = steady.orbits.states[:, 0]
-        program = beat_program(model.circuit, int(steady.resolution[0]))
-        after = Lanes(program, steady.batch.packed(program), False).beat(before[:, None])[:, 0]
+        orbits = solve(Batch.of(reference_model(name)))
+        before, after = orbits.states, orbits.wait(np.array([0]), orbits.states)
         change = np.max(np.abs(after - before) / np.maximum(np.abs(before), 1.0))
         rows.append(at_most(f"{name} change over a beat", float(change), PERIODICITY))
     return Check("periodicity", "Periodicity of the solved orbits", "1e-8 of each state", tuple(rows))
@@ -94,12 +91,11 @@ def conservation_check(quick: bool = False, beats: int = BEATS) -> Check:
 def volume_error(model: Model, beats: int) -> float:
     """Largest relative change of the stressed blood volume along some beats."""
     program = beat_program(model.circuit)
-    packed = Batch(model.circuit, model.values, 1).packed(program)
+    search, packed = compiled_search(program, 1), Batch.of(model).packed(program)
     state, volumes = start_state(model)[:, None], program.assembly.layout.volumes.where
     start, error = state[volumes].sum(), 0.0
-    lanes = Lanes(program, packed, False)
     for _ in range(beats):
-        state = lanes.beat(state)
+        state = search.wait(state, packed)
         error = max(error, abs(state[volumes].sum() / start - 1.0))
     return float(error)
 

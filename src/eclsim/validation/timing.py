@@ -117,26 +117,23 @@ def _process(command: list[str], environment: dict[str, str]) -> tuple[float, fl
 
 def warm_orbit() -> Measurement:
     """One steady beat, everything compiled."""
-    from eclsim.orbit.steady import Batch, steady_beats
+    from eclsim.orbit.steady import Batch, solve
 
-    model = reference_model(PAPER_PATIENT)
-    one = Batch(model.circuit, model.values, 1)
-    wall, cpu = _medians(lambda: steady_beats(one, lone=True))
-    beats = int(steady_beats(one, lone=True).orbits.beats[0])
+    one = Batch.of(reference_model(PAPER_PATIENT))
+    wall, cpu = _medians(lambda: solve(one))
+    beats = int(solve(one).beats[0])
     remark = f"{beats} beats from the circuit's nominal orbit; median of {REPEATS}"
     return Measurement("one steady beat, warm", wall, "ms", 10.0, cpu, 1740.0, remark)
 
 
 def warm_derivatives() -> Measurement:
     """Derivatives of all outputs with respect to 24 parameters, everything compiled."""
-    from eclsim.orbit.steady import Batch, steady_beats
-    from eclsim.outputs.derivatives import member_derivatives
-    from eclsim.outputs.evaluation import output_names
+    from eclsim.orbit.steady import Batch
+    from eclsim.outputs.steady_beat import steady_beat
 
-    model = reference_model(PAPER_PATIENT)
-    steady = steady_beats(Batch(model.circuit, model.values, 1))
-    outputs = output_names(model.circuit)
-    wall, cpu = _medians(lambda: member_derivatives(steady, outputs, PARAMETERS))
+    beat = steady_beat(Batch.of(reference_model(PAPER_PATIENT)))
+    outputs = beat.names
+    wall, cpu = _medians(lambda: beat.linearise(outputs, PARAMETERS))
     name = f"derivatives of all {len(outputs)} outputs with respect to {len(PARAMETERS)} parameters, warm"
     remark = f"on a solved orbit; median of {REPEATS}; published code: 7 parameters, reverse mode"
     return Measurement(name, wall, "ms", 15.0, cpu, 13_900.0, remark)
@@ -167,15 +164,14 @@ def print_batch() -> None:
     """Measure the batch in this process and print the figures as JSON."""
     import numpy as np
 
-    from eclsim.orbit.steady import Batch, steady_beats
+    from eclsim.orbit.steady import Batch, solve
 
     model, random = reference_model(PAPER_PATIENT), np.random.default_rng(1)
     factors = {name: random.uniform(1.0 - SPREAD, 1.0 + SPREAD, MEMBERS) for name in PARAMETERS}
     values = {**model.values, **{name: model.values[name] * factor for name, factor in factors.items()}}
     many = Batch(model.circuit, values, MEMBERS)
-    steady = steady_beats(many, near=model.values)
-    wall, cpu = _medians(lambda: steady_beats(many, near=model.values), 5)
-    orbits = steady.orbits
+    orbits = solve(many, start=model.values)
+    wall, cpu = _medians(lambda: solve(many, start=model.values), 5)
     found = {
         "wall_ms": wall / MEMBERS,
         "cpu_ms": cpu / MEMBERS,

@@ -8,7 +8,7 @@ from eclsim.identification.density import Posterior
 from eclsim.identification.observation import measurement_errors
 from eclsim.identification.prior import Prior
 from eclsim.orbit.model import model_of
-from eclsim.outputs.dataset import simulate
+from eclsim.outputs.results import simulate
 from eclsim.parameters.identification import BOUNDS
 from eclsim.validation.simulated_patients import simulated_patient
 

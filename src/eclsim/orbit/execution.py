@@ -1,0 +1,64 @@
+"""How steady beats are computed: how many side by side in one program, and in how many threads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TypeVar
+
+from eclsim.execution import threads
+
+Job = TypeVar("Job")
+Result = TypeVar("Result")
+
+SIDE_BY_SIDE = 32
+"""Members that fill the processor's vectors and its first-level cache."""
+WORTH_COMPILING = 256
+"""Up to so many members the program for one is quicker: the one for many takes seconds to compile."""
+
+
+@dataclass(frozen=True)
+class Execution:
+    """How a batch is computed; results differ by rounding at most.
+
+    Args:
+        threads: that run in parallel; left out, `eclsim.execution.threads()`.
+        width: members that one program computes side by side; left out, one up to `WORTH_COMPILING` members
+            and `SIDE_BY_SIDE` for more. A member's result has the same bits whatever stands beside it.
+    """
+
+    threads: int | None = None
+    width: int | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("threads", "width"):
+            number = getattr(self, name)
+            if number is not None and number < 1:
+                raise ValueError(f"{name} = {number}; allowed: 1 or more")
+
+    def width_for(self, members: int) -> int:
+        """Members side by side in a batch of a given size."""
+        if self.width is not None:
+            return self.width
+        return SIDE_BY_SIDE if members > WORTH_COMPILING else 1
+
+    def thread_count(self) -> int:
+        """Threads that run in parallel."""
+        return threads() if self.threads is None else self.threads
+
+
+@lru_cache(maxsize=1)
+def _pool(size: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(size, thread_name_prefix="eclsim")
+
+
+def in_threads(
+    function: Callable[[Job], Result], jobs: Sequence[Job], count: int | None = None
+) -> list[Result]:
+    """Results of all jobs, in order, in so many threads; left out, as many as `threads` says."""
+    count = threads() if count is None else count
+    if len(jobs) < 2 or count < 2:
+        return [function(job) for job in jobs]
+    return list(_pool(count).map(function, jobs))

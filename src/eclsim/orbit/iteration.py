@@ -1,0 +1,336 @@
+"""Broyden's method compiled together with the beat, for one member or for several side by side.
+
+The inverse Jacobian is the one that the search starts with plus a rank-one term per beat ("good Broyden",
+Broyden 1965, doi 10.1090/S0025-5718-1965-0198670-6; Kelley 1995, chapter 7). Side by side, every member has
+an entry along the last axis of each array and nothing passes between entries; when a member is done, the
+next one takes its entry.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from eclsim.beat.compilation import compiled
+from eclsim.beat.heartbeat import BeatProgram
+from eclsim.orbit.equation import OrbitOptions, Volume, allowed_moves
+
+Array = np.ndarray | jax.Array
+TERMS = OrbitOptions.quasi_newton_beats
+"""Rank-one terms of an inverse; beats after so many add none."""
+WORTH_LEARNING = 1e-6
+"""Smallest image of a change along its step, as a share of the step's square, that is learnt from."""
+WORTH_GOING_ON = 0.8
+"""Share of members side by side that must be running for the next beat to begin before others take over."""
+
+
+class Iterate(NamedTuple):
+    """A search between two beats; `left` and `right` are terms of the inverse, shape (terms, states)."""
+
+    beats: Array
+    running: Array
+    converged: Array
+    state: Array
+    step: Array
+    residual: Array
+    left: Array
+    right: Array
+    best: Array
+    change: Array
+    drift: Array
+    after: Array
+
+
+class Found(NamedTuple):
+    """Where searches ended, members last.
+
+    `best` is the state nearest to the orbit, `after` the state after the last beat, `change` and `drift` how
+    far `best` moves in a beat (relative to max(|state|, 1); a volume [mL]).
+    """
+
+    best: np.ndarray
+    after: np.ndarray
+    converged: np.ndarray
+    beats: np.ndarray
+    change: np.ndarray
+    drift: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledSearch:
+    """Searches, plain beats and recorded beats of one circuit on one grid.
+
+    Args:
+        program: the beat.
+        width: members side by side.
+    """
+
+    program: BeatProgram
+    width: int
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Signals that the program records along the way: all for one member, none side by side."""
+        return self.program.signals if self.width == 1 else ()
+
+    def search(
+        self,
+        start: np.ndarray,
+        inverse: np.ndarray,
+        packed: np.ndarray,
+        volume: Volume,
+        options: OrbitOptions,
+    ) -> Found:
+        """Search for the steady beat of every member by Broyden's method alone.
+
+        Args:
+            start: state of each, shape (states, members).
+            inverse: inverse Jacobian in scaled states, shape (states, states), or (states, states, members).
+            packed: parameters, shape (names, members).
+            volume: the blood volume condition.
+            options: accuracy and effort.
+        """
+        rules = (options.tolerance, options.error_tolerance, float(options.quasi_newton_beats), 0.0)
+        return self._run(start, inverse, packed, volume.weights, volume.target, np.array(rules))
+
+    def wait(self, states: np.ndarray, packed: np.ndarray, beats: int = 1) -> np.ndarray:
+        """States after some plain beats, shape (states, members)."""
+        n, count = states.shape
+        rules = np.array([-1.0, -1.0, float(beats), 1.0])
+        return self._run(states, np.zeros((n, n)), packed, np.zeros(n), np.ones(count), rules).after
+
+    def record(
+        self, states: np.ndarray, packed: np.ndarray, signals: tuple[str, ...]
+    ) -> tuple[tuple[str, ...], np.ndarray]:
+        """Names of recorded signals, at least those wanted, and their values (steps, signals, members)."""
+        n, count = states.shape
+        if self.width == 1:
+            rules, none = np.array([-1.0, -1.0, 1.0, 1.0]), np.zeros((n, n))
+            series = [
+                _single(self.program)(states[:, k], none, packed[:, k], np.zeros(n), 1.0, rules)[1]
+                for k in range(count)
+            ]
+            return self.signals, np.stack(series, axis=-1)
+        entries = np.arange(-(-count // self.width) * self.width).reshape(-1, self.width) % count
+        trace = self.program.trace(signals)
+        blocks = [np.asarray(trace(states[:, block], packed[:, block])[1]) for block in entries]
+        return signals, np.concatenate(blocks, axis=-1)[..., :count]
+
+    def _run(
+        self,
+        start: np.ndarray,
+        inverse: np.ndarray,
+        packed: np.ndarray,
+        weights: np.ndarray,
+        target: np.ndarray,
+        rules: np.ndarray,
+    ) -> Found:
+        if self.width > 1:
+            return _side_by_side(self, start, inverse, packed, weights, target, rules)
+        n, run = len(start), _single(self.program)
+        found = np.empty((2 * n + 4, start.shape[1]))
+        for k in range(start.shape[1]):
+            own = inverse if inverse.ndim == 2 else inverse[:, :, k]
+            found[:, k] = run(start[:, k], own, packed[:, k], weights, target[k], rules)[0]
+        converged, beats, change, drift = found[2 * n :]
+        return Found(found[:n], found[n : 2 * n], converged > 0.0, beats.astype(int), change, drift)
+
+
+@lru_cache(maxsize=64)
+def compiled_search(program: BeatProgram, width: int) -> CompiledSearch:
+    """The search of a circuit on a grid; compiled on first use and kept."""
+    return CompiledSearch(program, width)
+
+
+def _side_by_side(
+    search: CompiledSearch,
+    start: np.ndarray,
+    inverse: np.ndarray,
+    packed: np.ndarray,
+    weights: np.ndarray,
+    target: np.ndarray,
+    rules: np.ndarray,
+) -> Found:
+    """All members, `width` at a time; the entry of one that is done is given to the next."""
+    (n, count), run, width = start.shape, _several(search.program), search.width
+    found = Found(
+        np.full((n, count), np.nan), np.full((n, count), np.nan), np.zeros(count, dtype=bool),
+        np.zeros(count, dtype=int), np.full(count, np.inf), np.full(count, np.inf),
+    )  # fmt: skip
+    entries = np.arange(width) % count
+    own = [array[..., entries] for array in (start, packed, target)]
+    inverses: Array = np.repeat(inverse[:, :, None], width, 2) if inverse.ndim == 2 else inverse[..., entries]
+    inverses = jax.device_put(inverses) if inverse.ndim == 2 else inverses
+    member = np.where(np.arange(width) < count, entries, -1)
+    begins, begun = member >= 0, min(width, count)
+    now = _idle(n, width)
+    while (member >= 0).any():
+        now = Iterate(*run(*now, begins, *own, inverses, weights[:, None], rules, np.array(begun == count)))
+        done = np.flatnonzero(~np.asarray(now.running) & (member >= 0))
+        for name, values in found._asdict().items():
+            values[..., member[done]] = np.asarray(getattr(now, name))[..., done]
+        member[done], begins = -1, np.zeros(width, dtype=bool)
+        following = np.arange(begun, min(begun + len(done), count))
+        begun, free = begun + len(following), done[: len(following)]
+        member[free], begins[free] = following, True
+        for array, values in zip(own, (start, packed, target), strict=True):
+            array[..., free] = values[..., following]
+        if inverse.ndim == 3:
+            inverses[..., free] = inverse[..., following]
+    return found
+
+
+@lru_cache(maxsize=64)
+def _idle(n: int, width: int) -> Iterate:
+    """Entries that nothing has begun in."""
+    return jax.device_put(_begin(np.zeros((n, width)), np.zeros(width, dtype=bool)))
+
+
+def _begin(state: Array, running: Array) -> Iterate:
+    """Iterates of members that have not begun."""
+    zero, infinite = jnp.zeros_like(state), jnp.full(state.shape[1:], jnp.inf)
+    terms, beats = jnp.zeros((TERMS, *state.shape)), jnp.zeros(state.shape[1:], dtype=int)
+    none = jnp.zeros(state.shape[1:], dtype=bool)
+    return Iterate(
+        beats, running, none, jnp.asarray(state), zero, zero, terms, terms,
+        zero * jnp.nan, infinite, infinite, zero,
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=64)
+def _single(program: BeatProgram) -> Callable[..., tuple[Array, Array]]:
+    """Compiled search of one member: (best, after, converged, beats, change, drift) in one array, signals."""
+    signals = program.signals
+
+    def run(
+        state: Array, inverse: Array, packed: Array, weights: Array, target: Array, rules: Array
+    ) -> tuple[Array, Array]:
+        def beat(carry: tuple[Iterate, Array]) -> tuple[Iterate, Array]:
+            return _iterated(program, signals, carry[0], inverse, packed, weights, target, rules)
+
+        begin = _begin(state, jnp.asarray(True)), jnp.zeros((program.grid.n_steps, len(signals)))
+        end, recorded = jax.lax.while_loop(lambda carry: carry[0].running, beat, begin)
+        numbers = [end.converged.astype(float), end.beats.astype(float), end.change, end.drift]
+        return jnp.concatenate([end.best, end.after, jnp.stack(numbers)]), recorded
+
+    return compiled(run, ("search", program))
+
+
+@lru_cache(maxsize=64)
+def _several(program: BeatProgram) -> Callable[..., tuple[Array, ...]]:
+    """Compiled search of several members, from an iterate to one where a member is done.
+
+    The last argument says that no further member waits: the search then goes on until all are done.
+    """
+
+    def run(*arguments: Array) -> tuple[Array, ...]:
+        before, rest = Iterate(*arguments[: len(Iterate._fields)]), arguments[len(Iterate._fields) :]
+        begins, start, packed, target, inverse, weights, rules, last = rest
+        fresh = _begin(start, jnp.ones_like(begins))
+        small = [name for name in Iterate._fields if name not in ("left", "right", "step", "residual")]
+
+        def chosen(choose: Array, new: Iterate, old: Iterate) -> Iterate:
+            return new._replace(**{n: jnp.where(choose, getattr(new, n), getattr(old, n)) for n in small})
+
+        def beat(now: Iterate) -> Iterate:
+            new, _ = _iterated(program, (), now, inverse, packed, weights, target, rules)
+            return chosen(now.running, new, now)
+
+        def goes_on(now: Iterate) -> Array:
+            return jnp.any(now.running) & (last | (jnp.mean(now.running) > WORTH_GOING_ON))
+
+        kept = {"left": before.left, "right": before.right, "step": before.step, "residual": before.residual}
+        begin = chosen(begins, fresh._replace(**kept), before)
+        return tuple(jax.lax.while_loop(goes_on, beat, begin))
+
+    return compiled(run, ("searches", program))
+
+
+def _iterated(
+    program: BeatProgram,
+    signals: tuple[str, ...],
+    now: Iterate,
+    inverse: Array,
+    packed: Array,
+    weights: Array,
+    target: Array,
+    rules: Array,
+) -> tuple[Iterate, Array]:
+    """One beat, and from its residual the next state; the signals of that beat.
+
+    `rules` are tolerance, error tolerance, most beats, and 1 for plain beats.
+    """
+    sides = (slice(None), *(None,) * (now.state.ndim - 1))
+    layout = program.assembly.layout
+    scale, shares, largest = layout.scales[sides], layout.spread[sides], layout.largest_steps[sides]
+    after, recorded = program.run(now.state, packed, signals)
+    moved = now.state - after
+    excess = jnp.sum(weights * now.state, axis=0) - target
+    size, distance = jnp.maximum(jnp.abs(now.state), layout.smallest_sizes[sides]), jnp.abs(moved)
+    change = jnp.maximum(jnp.max(distance / size, axis=0), jnp.abs(excess) / jnp.maximum(target, 1.0))
+    finite = jnp.isfinite(change)
+    residual = jnp.where(finite, (moved + shares * excess) / scale, 0.0)
+    left, right = _learnt(now, inverse, residual - now.residual)
+    step = -_times(inverse, left, right, residual, now.beats)
+    moves = step * scale
+    error = jnp.max(jnp.abs(moves) / size, axis=0)
+    converged = finite & (change <= rules[0]) & (error <= rules[1])
+    better = converged | (finite & (change < now.change))
+    share = 1.0 / jnp.maximum(jnp.max(jnp.abs(moves) / allowed_moves(now.state, largest), axis=0), 1.0)
+    plain = rules[3] > 0.0
+    end = jnp.max(distance[layout.volumes.where], axis=0)
+    return Iterate(
+        beats=now.beats + 1,
+        running=(finite | plain) & ~converged & (now.beats + 1 < rules[2]),
+        converged=converged,
+        state=jnp.where(plain, after, now.state + moves * share),
+        step=step * share,
+        residual=residual,
+        left=left,
+        right=right,
+        best=jnp.where(better, jnp.where(converged, now.state + moves, now.state), now.best),
+        change=jnp.where(better, change, now.change),
+        drift=jnp.where(better, end, now.drift),
+        after=after,
+    ), recorded
+
+
+def _learnt(now: Iterate, inverse: Array, change: Array) -> tuple[Array, Array]:
+    """Terms with which the inverse maps the observed change of the residual to the step that caused it."""
+    image = _times(inverse, now.left, now.right, change, now.beats - 1)
+    row = _times(inverse.swapaxes(0, 1), now.right, now.left, now.step, now.beats - 1)
+    size = jnp.sum(row * change, axis=0)
+    usable = (jnp.abs(size) > WORTH_LEARNING * jnp.sum(now.step * now.step, axis=0)) & (now.beats > 0)
+    column = jnp.where(usable, (now.step - image) / jnp.where(usable, size, 1.0), 0.0)
+
+    def put(term: Array, terms: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
+        here, (left, right) = now.beats - 1 == term, terms
+        return (
+            left.at[term].set(jnp.where(here, column, left[term])),
+            right.at[term].set(jnp.where(here, row, right[term])),
+        )
+
+    return jax.lax.fori_loop(0, _most(now.beats), put, (jnp.asarray(now.left), jnp.asarray(now.right)))
+
+
+def _most(terms: Array) -> Array:
+    return jnp.minimum(jnp.max(terms), TERMS)
+
+
+def _times(inverse: Array, left: Array, right: Array, vector: Array, terms: Array) -> Array:
+    """The inverse with the first of its terms, times a vector."""
+
+    def column(k: Array, total: Array) -> Array:
+        return total + inverse[:, k] * vector[k]
+
+    def term(k: Array, total: Array) -> Array:
+        return total + jnp.where(k < terms, left[k] * jnp.sum(right[k] * vector, axis=0), 0.0)
+
+    total = jax.lax.fori_loop(0, len(inverse), column, jnp.zeros_like(vector))
+    return jax.lax.fori_loop(0, _most(terms), term, total)

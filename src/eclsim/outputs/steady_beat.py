@@ -1,0 +1,309 @@
+"""The steady beat of one or of many patients, measured: the one way from a batch to numbers.
+
+What did not converge has no numbers here: all of it is NaN, and its status and message say why.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from eclsim.beat.heartbeat import beat_program
+from eclsim.beat.recording import all_signals
+from eclsim.circuit.assembly import assemble
+from eclsim.circuit.network import Circuit
+from eclsim.components.base import Values
+from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem
+from eclsim.orbit.execution import SIDE_BY_SIDE, Execution, in_threads
+from eclsim.orbit.inputs import allowed_values
+from eclsim.orbit.status import NoDerivativesError, Status
+from eclsim.orbit.steady import Batch, SolvedOrbits, solve
+from eclsim.outputs.alarms import Finding, findings
+from eclsim.outputs.derivatives import Linearisation, linearise
+from eclsim.outputs.measures import Measures, whole_beat
+from eclsim.outputs.registry import output
+from eclsim.outputs.sealed import sealed, shut_valves, valve_flows
+from eclsim.outputs.signals import needed_signals, output_names
+
+NO_EJECTION_L_MIN = 0.02
+"""Native output below which the heart is said not to eject."""
+NATIVE_OUTPUT = ("aortic_valve_flow", "lvad_flow", "CO")
+"""Outputs that tell what a heart moves: the left, its assist device, the right."""
+
+
+class Waveforms(NamedTuple):
+    """A whole beat of one member: grid points from 0 to 1, and values (points, signals)."""
+
+    phases: np.ndarray
+    values: np.ndarray
+
+
+@dataclass(frozen=True)
+class SteadyBeat:
+    """Steady beats of a batch, members last; NaN where a member did not converge.
+
+    Args:
+        orbits: states, and how each was solved.
+        status: how each ended, a `Status`, shape (members,).
+        native_l_min: native output of the last beat, shape (members,).
+        undetermined: by member, why its beat is one of many.
+        names: of the outputs.
+        values: outputs, shape (outputs, members).
+        signals: names of the waveforms (P, Q, V and where; mmHg, mL/s, stressed mL).
+        statistics: mean, smallest and largest value of each over the beat, shape (3, signals, members).
+        waveforms: whole beats of the members that were to be kept.
+    """
+
+    orbits: SolvedOrbits
+    status: np.ndarray
+    native_l_min: np.ndarray
+    undetermined: Mapping[int, str]
+    names: tuple[str, ...]
+    values: np.ndarray
+    signals: tuple[str, ...]
+    statistics: np.ndarray
+    waveforms: Mapping[int, Waveforms]
+
+    @property
+    def batch(self) -> Batch:
+        """The members."""
+        return self.orbits.batch
+
+    @property
+    def converged(self) -> np.ndarray:
+        """Whether a steady beat was found, be it one of many, shape (members,)."""
+        return (self.status == Status.CONVERGED) | (self.status == Status.ONE_OF_MANY)
+
+    @property
+    def determined(self) -> np.ndarray:
+        """Whether the values of a member determine its steady beat, shape (members,)."""
+        return self.status == Status.CONVERGED
+
+    def output(self, name: str) -> np.ndarray:
+        """An output of every member, shape (members,)."""
+        return self.values[self.names.index(name)]
+
+    def outputs(self, member: int = 0) -> dict[str, float]:
+        """All outputs of a member by name."""
+        return dict(zip(self.names, self.values[:, member].tolist(), strict=True))
+
+    def mean(self, signal: str) -> np.ndarray:
+        """Mean of a waveform over the beat, shape (members,); of a valve's flow what moved through it."""
+        return self.statistics[0, self.signals.index(signal)]
+
+    def lowest(self, signal: str) -> np.ndarray:
+        """Smallest value of a waveform, shape (members,)."""
+        return self.statistics[1, self.signals.index(signal)]
+
+    def highest(self, signal: str) -> np.ndarray:
+        """Largest value of a waveform, shape (members,)."""
+        return self.statistics[2, self.signals.index(signal)]
+
+    def waveform(self, signal: str, member: int = 0) -> np.ndarray:
+        """A waveform of a member that was kept, shape (points,)."""
+        return self.waveforms[member].values[:, self.signals.index(signal)]
+
+    def volume(self, group: str) -> np.ndarray:
+        """Stressed volume of a group of compartments at phase 0 [mL], shape (members,)."""
+        own = [c.group == group for c in self.batch.circuit.compartments]
+        volumes = self.orbits.states[assemble(self.batch.circuit).layout.volumes.where][own]
+        return np.where(self.converged, volumes.sum(axis=0), np.nan)
+
+    def values_in_effect(self, member: int = 0) -> Values:
+        """Parameters of a member during its beat: its own, but where a controller acts on them."""
+        return assemble(self.batch.circuit).in_effect(
+            self.batch.member(member), self.orbits.states[:, member]
+        )
+
+    def message(self, member: int = 0) -> str:
+        """How the search ended: what it means, the numbers behind it, and what to do."""
+        status = Status(int(self.status[member]))
+        text = status.message
+        if status is Status.INVALID_INPUT:
+            mistakes = allowed_values(self.batch.circuit).reasons(self.batch.member(member))
+            return f"{text}: {'; '.join(mistakes)}"
+        if status is Status.ONE_OF_MANY:
+            text = f"{text}: {self.undetermined[member]}"
+        elif status is not Status.CONVERGED:
+            residual, drift = self.orbits.residual[member], self.orbits.drift[member]
+            native = f"native output {self.native_l_min[member]:.3g} L/min, "
+            text += f" ({native if status is Status.NO_EJECTION else ''}residual {residual:.1e}, "
+            text += f"drift {drift:.2g} mL a beat)"
+        doubt = self.orbits.grid_doubt(member)
+        return f"{text}; {doubt}" if doubt else text
+
+    def determined_only(self) -> SteadyBeat:
+        """The same without numbers where a beat is one of many."""
+        return self._without(~self.determined)
+
+    def _without(self, lost: np.ndarray) -> SteadyBeat:
+        kept = {k: w._replace(values=w.values * np.nan) if lost[k] else w for k, w in self.waveforms.items()}
+        values, statistics = (np.where(lost, np.nan, table) for table in (self.values, self.statistics))
+        return replace(self, values=values, statistics=statistics, waveforms=kept)
+
+    def findings(self, member: int = 0) -> list[Finding]:
+        """Limits that a member's beat breaks and how its numbers are to be read, the gravest first."""
+        found: list[Finding] = []
+        if self.converged[member]:
+            extremes = self.statistics[1:, :, member].T.tolist()
+            circuit = self.batch.circuit.with_chosen_sites(self.batch.member(member))
+            ranges = {name: (low, high) for name, (low, high) in zip(self.signals, extremes, strict=True)}
+            found = findings(self.outputs(member), ranges, circuit)
+        if doubt := self.orbits.grid_doubt(member):
+            found.append(Finding("warning", "grid", float("nan"), float("nan"), doubt))
+        return found
+
+    def linearise(self, outputs: Sequence[str], parameters: Sequence[str], member: int = 0) -> Linearisation:
+        """Outputs of a member to first order in parameters that the circuit reads or `heart_rate_bpm`.
+
+        Raises:
+            NoDerivativesError: the member has no steady beat, or its equation is singular.
+        """
+        if not self.converged[member]:
+            raise NoDerivativesError(Status(int(self.status[member])), self.message(member))
+        program = beat_program(self.batch.circuit, int(self.orbits.resolution[member]))
+        problem = OrbitProblem(program, self.batch.packed(program), self.batch.volume()).take([member])
+        slopes = self.batch.volume_slopes(parameters, member)
+        return linearise(problem, self.orbits.states[:, member], outputs, parameters, slopes)
+
+
+def steady_beat(
+    batch: Batch,
+    outputs: Sequence[str] | None = None,
+    *,
+    waveforms: Sequence[str] | None = (),
+    keep: Sequence[int] | None = (),
+    options: OrbitOptions | None = None,
+    start: Mapping[str, float] | Anchor | None = None,
+    resolution: int | None = None,
+    execution: Execution | None = None,
+) -> SteadyBeat:
+    """Steady beats of a batch, measured.
+
+    Args:
+        batch: the members.
+        outputs: names of the registry; left out, all that the circuit has.
+        waveforms: whose mean, smallest and largest values are wanted; None for all of the circuit.
+        keep: members whose whole waveforms are wanted too; None for all members.
+        options: accuracy and effort of the search.
+        start: where searches begin, see `eclsim.orbit.steady.solve`.
+        resolution: of the phase grid; left out, what each member's time constants need.
+        execution: how the batch is computed.
+    """
+    orbits = solve(batch, options, start=start, resolution=resolution, execution=execution)
+    threads = (execution or Execution()).thread_count()
+    return measured(orbits, outputs, waveforms, range(batch.count) if keep is None else keep, threads)
+
+
+def measured(
+    orbits: SolvedOrbits,
+    outputs: Sequence[str] | None,
+    waveforms: Sequence[str] | None,
+    keep: Sequence[int],
+    threads: int = 1,
+) -> SteadyBeat:
+    """One more beat of every member, recorded and measured."""
+    circuit, count = orbits.batch.circuit, orbits.batch.count
+    wanted = output_names(circuit) if outputs is None else tuple(outputs)
+    names = tuple(dict.fromkeys((*wanted, *judging_outputs(circuit))))
+    signals = all_signals(assemble(circuit)) if waveforms is None else tuple(waveforms)
+    values, statistics = np.full((len(names), count), np.nan), np.full((3, len(signals), count), np.nan)
+    kept: dict[int, Waveforms] = {}
+
+    def measure(members: np.ndarray) -> None:
+        recorded, series, phases = _recorded(orbits, members, needed_signals(circuit, names, signals))
+        if len(members) == 1:  # a sum down a single column rounds in another order
+            series = np.repeat(series, 2, axis=-1)
+        measures = Measures({name: series[:, k] for k, name in enumerate(recorded)}, phases)
+        for row, name in zip(values, names, strict=True):
+            row[members] = output(name).compute(measures)[: len(members)]
+        statistics[:, :, members] = statistics_of(measures, signals)[..., : len(members)]
+        own = series[:, [recorded.index(signal) for signal in signals]]
+        kept.update({m: Waveforms(phases, own[..., k]) for k, m in enumerate(members.tolist()) if m in keep})
+
+    in_threads(measure, _blocks(orbits), threads)
+    return judged(orbits, wanted, dict(zip(names, values, strict=True)), signals, statistics, kept)
+
+
+def _blocks(orbits: SolvedOrbits) -> list[np.ndarray]:
+    """Members that are recorded together: of one grid, up to `SIDE_BY_SIDE`."""
+    blocks = []
+    for level in np.unique(orbits.resolution):
+        members = np.flatnonzero(orbits.resolution == level)
+        blocks += [members[k : k + SIDE_BY_SIDE] for k in range(0, len(members), SIDE_BY_SIDE)]
+    return blocks
+
+
+def _recorded(
+    orbits: SolvedOrbits, members: np.ndarray, signals: tuple[str, ...]
+) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    """Signals of some members' beats (points, signals, members), their names before, their phases behind."""
+    search = orbits.search(int(members[0]))
+    packed = orbits.batch.packed(search.program)[:, members]
+    recorded, series = search.record(orbits.states[:, members], packed, signals)
+    return recorded, whole_beat(series), search.program.grid.phases
+
+
+def judged(
+    orbits: SolvedOrbits,
+    names: tuple[str, ...],
+    outputs: Mapping[str, np.ndarray],
+    signals: tuple[str, ...],
+    statistics: np.ndarray,
+    waveforms: Mapping[int, Waveforms],
+) -> SteadyBeat:
+    """What became of each member, once its beat is measured; what did not converge loses its numbers.
+
+    Args:
+        orbits: solved orbits.
+        names: of the outputs wanted.
+        outputs: by name, those of `judging_outputs` among them, shape (members,).
+        signals: names of the waveforms.
+        statistics: of the waveforms, see `SteadyBeat`.
+        waveforms: of the members that are kept.
+    """
+    status, circuit = np.array(orbits.status), orbits.batch.circuit
+    native = _native_output(outputs, orbits.batch.count)
+    status[(status == Status.NOT_CONVERGED) & (native < NO_EJECTION_L_MIN)] = Status.NO_EJECTION
+    finite = np.isfinite(list(outputs.values())).all(axis=0) if outputs else True
+    status[(status != Status.INVALID_INPUT) & ~(finite & np.isfinite(statistics).all(axis=(0, 1)))] = (
+        Status.NOT_FINITE
+    )
+    undetermined = {}
+    for member in map(int, np.flatnonzero(status == Status.CONVERGED)):
+        flows = {name: float(outputs[name][member]) for name in valve_flows(circuit)}
+        if shut_valves(flows):
+            found = sealed(flows, circuit.with_chosen_sites(orbits.batch.member(member)))
+            if found is not None:
+                undetermined[member], status[member] = found.reason, Status.ONE_OF_MANY
+    values = np.array([outputs[name] for name in names]).reshape(len(names), orbits.batch.count)
+    beat = SteadyBeat(orbits, status, native, undetermined, names, values, signals, statistics, waveforms)
+    return beat._without(~beat.converged)
+
+
+def statistics_of(measures: Measures, signals: Sequence[str]) -> np.ndarray:
+    """Mean, smallest and largest value of waveforms, shape (3, signals, members)."""
+    rows = [
+        (measures.mean(n), measures.waveforms[n].min(axis=0), measures.waveforms[n].max(axis=0))
+        for n in signals
+    ]
+    return np.stack(rows, axis=1) if rows else np.empty((3, 0, 1))
+
+
+def _native_output(outputs: Mapping[str, np.ndarray], count: int) -> np.ndarray:
+    """The larger of what the left heart with its assist device and the right heart move [L/min].
+
+    Infinite in a circuit without an aortic valve, where nothing can be said.
+    """
+    aortic, assist, right = (outputs.get(name) for name in NATIVE_OUTPUT)
+    left = np.full(count, np.inf) if aortic is None else aortic + (0.0 if assist is None else assist)
+    return left if right is None else np.maximum(left, right)
+
+
+def judging_outputs(circuit: Circuit) -> tuple[str, ...]:
+    """Outputs of a circuit that tell whether its heart ejects and which valves carry blood."""
+    known = output_names(circuit)
+    return tuple(n for n in dict.fromkeys((*valve_flows(circuit), *NATIVE_OUTPUT)) if n in known)
