@@ -3,7 +3,6 @@
 import re
 from collections.abc import Iterator
 
-import numpy as np
 import pytest
 
 from eclsim.crrt_study.files import write_study
@@ -26,8 +25,7 @@ def browser() -> Iterator[object]:
 @pytest.fixture(scope="module")
 def reproduction(hostile_study, tmp_path_factory):
     """A comparison of one part, with rows of every verdict."""
-    flat = np.ones(2)
-    unstated = Unstated(3247.0, 118.0, 0.4, 6.1, flat, flat, flat, flat)
+    unstated = Unstated(3247.0, 118.0, 0.4, 6.1)
     number = printed_number("3.3, 3425 rpm", "arterial pressure", "mmHg", 70.3, 71.0, decimals=1,
                             explained=70.3, reason="<blood>")  # fmt: skip
     rows = (

@@ -287,15 +287,20 @@ def summarise(means: xr.Dataset) -> xr.Dataset:
     dims = tuple(str(d) for d in means[SUMMARISED[0]].dims if d != "scheme")
     for name in SUMMARISED:
         values = means[name].transpose("scheme", *dims).values
-        units = {"units": means[name].attrs.get("units", "")}
-        median, variation = _median(values), _variation(values)
+        units = means[name].attrs.get("units", "")
+        with warnings.catch_warnings():  # NaN where no scheme is known
+            warnings.filterwarnings("ignore", message="All-NaN")
+            median, variation = (
+                np.nanmedian(values, axis=0),
+                np.nanmax(values, axis=0) - np.nanmin(values, axis=0),
+            )
         percent = 100.0 * variation / np.where(median == 0.0, np.nan, np.abs(median))
-        about = units | {"long_name": f"median of {name} over the schemes"}
-        found[f"{name}_median"] = (dims, median, about)
-        about = units | {"long_name": f"largest less smallest {name}"}
-        found[f"{name}_variation"] = (dims, variation, about)
-        about = {"units": "%", "long_name": f"variation of {name} relative to the median"}
-        found[f"{name}_variation_percent"] = (dims, percent, about)
+        for word, numbers, unit, words in (
+            ("median", median, units, f"median of {name} over the schemes"),
+            ("variation", variation, units, f"largest less smallest {name}"),
+            ("variation_percent", percent, "%", f"variation of {name} relative to the median"),
+        ):
+            found[f"{name}_{word}"] = (dims, numbers, {"units": unit, "long_name": words})
         known = np.isfinite(values).all(axis=0)
         for word, choose in (("highest", np.argmax), ("lowest", np.argmin)):
             named = np.where(known, letters[choose(np.nan_to_num(values), axis=0)], "")
@@ -304,20 +309,6 @@ def summarise(means: xr.Dataset) -> xr.Dataset:
     about = {"units": "1", "long_name": "schemes whose beat was found, of which these are computed"}
     found["schemes_known"] = (dims, np.isfinite(every).all(axis=0).sum(axis=0), about)
     return xr.Dataset(found, {d: means[d] for d in dims})
-
-
-def _median(values: np.ndarray) -> np.ndarray:
-    """Median over the schemes that are known; NaN where none is."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="All-NaN")
-        return np.nanmedian(values, axis=0)
-
-
-def _variation(values: np.ndarray) -> np.ndarray:
-    """Largest less smallest of the schemes that are known; NaN where none is."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="All-NaN")
-        return np.nanmax(values, axis=0) - np.nanmin(values, axis=0)
 
 
 # --- blood taken up by the tubing, and changed flow -----------------------------------------------

@@ -204,42 +204,34 @@ def _uncertainty(found: xr.Dataset) -> dict[str, object]:
 
 
 def tables(study: CrrtStudy) -> dict[str, pd.DataFrame]:
-    """All tables by name; units stand in the heads."""
-    return {
-        "means": means_table(study),
-        "summary": summary_table(study),
-        "limits": limits_table(study),
-        "ranking": ranking_table(study),
-    } | ({"uptake": uptake_table(study)} if study.uptake is not None else {})
+    """All tables by name; units stand in the heads.
 
-
-def means_table(study: CrrtStudy) -> pd.DataFrame:
-    """A row for each policy, scheme and speed."""
-    import pandas as pd
-
-    names = [*MEANS, "patient_volume_change", "converged", "status"]
-    frame = study.means[names].to_dataframe().reset_index()
-    ordered = ["policy", "scheme", "connection", "access_site", "return_site", "speed", *names]
-    return pd.DataFrame(frame[ordered]).rename(columns=_headed(study))
-
-
-def summary_table(study: CrrtStudy) -> pd.DataFrame:
-    """A row for each policy and speed: median and variation over the schemes."""
-    import pandas as pd
-
+    `means` has a row for each policy, scheme and speed, `summary` for each policy and speed, `limits` for
+    each policy, scheme and limit, `ranking` for each policy and scheme, `uptake` for each scheme.
+    """
+    means = study.means[[*MEANS, "patient_volume_change", "converged", "status"]]
     words = ("median", "variation", "variation_percent", "highest", "lowest")
-    names = [f"{name}_{word}" for name in SUMMARISED for word in words]
-    ordered = ["policy", "speed", "schemes_known", *names]
-    frame = study.summary[["schemes_known", *names]].to_dataframe().reset_index()[ordered]
-    heads = {n: f"{n} [{u}]" for n in names if (u := study.summary[n].attrs.get("units"))}
-    return pd.DataFrame(frame).rename(columns=heads | {"speed": "speed [rpm]"})
+    summary = study.summary[["schemes_known", *(f"{name}_{word}" for name in SUMMARISED for word in words)]]
+    about = ("policy", "scheme", "connection", "access_site", "return_site", "speed")
+    found = {
+        "means": _frame(means, about),
+        "summary": _frame(summary, ("policy", "speed")).rename(
+            columns={"schemes_known [1]": "schemes_known"}
+        ),
+        "limits": _frame(study.limits),
+        "ranking": ranking_table(study),
+    }
+    return found if study.uptake is None else found | {"uptake": _frame(study.uptake)}
 
 
-def limits_table(study: CrrtStudy) -> pd.DataFrame:
-    """A row for each policy, scheme and limit."""
-    frame = study.limits.to_dataframe().reset_index()
-    heads = {str(n): f"{n} [{u}]" for n, v in study.limits.data_vars.items() if (u := v.attrs.get("units"))}
-    return frame.rename(columns=heads)
+def _frame(data: xr.Dataset, first: Sequence[str] = ()) -> pd.DataFrame:
+    """A dataset as a table with units in the heads, some coordinates first and in this order."""
+    import pandas as pd
+
+    frame = data.to_dataframe().reset_index()
+    ordered = pd.DataFrame(frame[[*first, *map(str, data.data_vars)]]) if first else frame
+    heads = {str(n): f"{n} [{u}]" for n, v in data.variables.items() if (u := v.attrs.get("units"))}
+    return ordered.rename(columns=heads)
 
 
 def ranking_table(study: CrrtStudy) -> pd.DataFrame:
@@ -267,29 +259,12 @@ def ranking_table(study: CrrtStudy) -> pd.DataFrame:
     return pd.DataFrame(rows).astype(dict.fromkeys(places, "Int64"))
 
 
-def uptake_table(study: CrrtStudy) -> pd.DataFrame:
-    """A row for each scheme: differences to the patient without CRRT, split."""
-    assert study.uptake is not None
-    return study.uptake.to_dataframe().reset_index().rename(columns={"blood_taken_up": "blood_taken_up [mL]"})
-
-
-def _headed(study: CrrtStudy) -> dict[str, str]:
-    units = {str(n): v.attrs.get("units") for n, v in study.means.variables.items()}
-    return {name: f"{name} [{unit}]" for name, unit in units.items() if unit}
-
-
 # --- NetCDF ---------------------------------------------------------------------------------------
 
 
 MORE = (
-    "patient_volume",
-    "ecmo_volume",
-    "crrt_volume",
-    "patient_volume_change",
-    "converged",
-    "status",
-    "beats",
-)
+    "patient_volume", "ecmo_volume", "crrt_volume", "patient_volume_change", "converged", "status", "beats",
+)  # fmt: skip
 
 
 def write_netcdf(study: CrrtStudy, path: Path) -> None:

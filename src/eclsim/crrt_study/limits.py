@@ -281,7 +281,9 @@ def uncertainty(
         "settled": ("scheme", settled.mean(axis=1), {"units": "1"}),
     }
     for name in QUANTITIES:
-        quantiles = _quantiles(value(records, name).reshape(shape))
+        with warnings.catch_warnings():  # NaN where no beat was found
+            warnings.filterwarnings("ignore", message="All-NaN")
+            quantiles = np.nanquantile(value(records, name).reshape(shape), QUANTILES, axis=1).T
         data[f"{name}_quantiles"] = (("scheme", "quantile"), quantiles, {})
     coordinates = {
         "scheme": [s.letter for s in circuits.schemes],
@@ -290,10 +292,3 @@ def uncertainty(
     }
     attributes = {"blood_volume_policy": policy, "samples": settled.shape[1], "speed_rpm": speed}
     return xr.Dataset(data, coordinates, attributes)
-
-
-def _quantiles(values: np.ndarray) -> np.ndarray:
-    """Quantiles of the samples whose beat was found, shape (schemes, quantiles); NaN where none was."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="All-NaN")
-        return np.nanquantile(values, QUANTILES, axis=1).T

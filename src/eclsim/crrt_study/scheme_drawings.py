@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,46 +11,20 @@ from matplotlib.patches import Circle, FancyBboxPatch, Rectangle
 
 from eclsim.reporting.style import GREY, OKABE_ITO, PAGE_WIDTH_MM, figure_style, new_figure, plain_text
 
+if TYPE_CHECKING:
+    from eclsim.crrt_study.schemes import Scheme
+
 POSITIONS = {
-    "post_dc": 1.0,
-    "pre_pump": 2.4,
-    "post_pump": 4.0,
-    "pre_oxy": 5.2,
-    "post_oxy": 7.2,
-    "pre_rc": 8.6,
-}
+    "post_dc": 1.0, "pre_pump": 2.4, "post_pump": 4.0, "pre_oxy": 5.2, "post_oxy": 7.2, "pre_rc": 8.6,
+}  # fmt: skip
 PUMP, OXYGENATOR = 3.2, 6.2
 ECMO_COLOUR, CRRT_COLOUR, RETURN_COLOUR = GREY, OKABE_ITO["blue"], OKABE_ITO["vermillion"]
 COLUMNS = 3
 MOST_DRAWN = 18
 
 
-class Drawable(Protocol):
-    """What a drawing needs of a scheme."""
-
-    @property
-    def letter(self) -> str:
-        """Key of the scheme."""
-        ...
-
-    @property
-    def name(self) -> str:
-        """The connection in words."""
-        ...
-
-    @property
-    def access_site(self) -> str:
-        """Where blood is drawn."""
-        ...
-
-    @property
-    def return_site(self) -> str:
-        """Where it is given back."""
-        ...
-
-
 @figure_style()
-def draw_schemes(schemes: Sequence[Drawable], places: Mapping[str, str] | None = None) -> Figure:
+def draw_schemes(schemes: Sequence[Scheme], places: Mapping[str, str] | None = None) -> Figure:
     """Small drawings of schemes, three in a row.
 
     Args:
@@ -73,7 +47,7 @@ def draw_schemes(schemes: Sequence[Drawable], places: Mapping[str, str] | None =
     return fig
 
 
-def draw_scheme(ax: Axes, scheme: Drawable, place: str | None = None) -> None:
+def draw_scheme(ax: Axes, scheme: Scheme, place: str | None = None) -> None:
     """One scheme: drainage cannula, pump, oxygenator and return cannula from left to right, CRRT below."""
     ax.set_xlim(-0.4, 10.0)
     ax.set_ylim(-3.7, 2.2)
@@ -100,7 +74,7 @@ def _rank(place: str | None) -> str:
     return "  rank not known" if place == "–" else f"  rank {place}"
 
 
-def _draw_crrt(ax: Axes, scheme: Drawable) -> None:
+def _draw_crrt(ax: Axes, scheme: Scheme) -> None:
     access, giving = _x(scheme.access_site, -0.1), _x(scheme.return_site, 0.1)
     if abs(access - giving) < 0.5:
         access, giving = access - 0.22, giving + 0.22

@@ -60,20 +60,12 @@ class Unstated:
         heart_rate_bpm: best heart rate.
         misfit: root mean square of the differences, each in units of its tolerance, at the best values.
         assumed_misfit: the same for the patient as assumed.
-        profile: misfit at the best heart rate over `profile_volumes_ml`.
-        profile_volumes_ml: blood volumes of the profile.
-        rate_profile: misfit at the best blood volume over `profile_rates_bpm`.
-        profile_rates_bpm: heart rates of that profile.
     """
 
     blood_volume_ml: float
     heart_rate_bpm: float
     misfit: float
     assumed_misfit: float
-    profile: np.ndarray
-    profile_volumes_ml: np.ndarray
-    rate_profile: np.ndarray
-    profile_rates_bpm: np.ndarray
 
 
 def search_unstated(case: Case | None = None) -> Unstated:
@@ -91,20 +83,16 @@ def search_unstated(case: Case | None = None) -> Unstated:
     def misfit(rate: float, volume: float) -> float:
         return float(np.sqrt(np.mean(((surfaces([(rate, volume)])[0] - target) / tolerance) ** 2)))
 
-    rates = np.linspace(RATES_BPM[0], RATES_BPM[-1], 76)
+    rates = np.linspace(RATES_BPM[0], RATES_BPM[-1], 76)[::5]
     volumes = np.linspace(VOLUMES_ML[0], VOLUMES_ML[-1], 81)
-    coarse = np.array([[misfit(r, v) for v in volumes] for r in rates[::5]])
+    coarse = np.array([[misfit(r, v) for v in volumes] for r in rates])
     r, v = np.unravel_index(int(np.argmin(coarse)), coarse.shape)
     bounds = ((RATES_BPM[0], RATES_BPM[-1]), (VOLUMES_ML[0], VOLUMES_ML[-1]))
-    start = np.array([rates[::5][r], volumes[v]])
+    start = np.array([rates[r], volumes[v]])
     best = minimize(lambda x: misfit(x[0], x[1]), start, method="Nelder-Mead", bounds=bounds)
     rate, volume = (float(x) for x in best.x)
     assumed = misfit(case.patient.heart_rate_bpm, blood_volume_ml(case.patient))
-    return Unstated(
-        volume, rate, misfit(rate, volume), assumed,
-        np.array([misfit(rate, v) for v in volumes]), volumes,
-        np.array([misfit(r, volume) for r in rates]), rates,
-    )  # fmt: skip
+    return Unstated(volume, rate, misfit(rate, volume), assumed)
 
 
 def explained_case(found: Unstated) -> Case:
