@@ -188,3 +188,19 @@ def test_every_step_is_told():
         "effects of the schemes split into blood volume and flow",
         "limits and ranking",
     ]
+
+
+def test_the_front_door_takes_a_file_and_gives_labelled_numbers_and_plain_data(tmp_path):
+    import eclsim
+    from eclsim.cases.writing import write_case
+
+    write_case(paper_case(), tmp_path / "case.toml")
+    said = []
+    study = eclsim.crrt_study(
+        tmp_path / "case.toml", schemes="g", speeds=[3425.0], volume_policy="as_published",
+        progress=lambda line: said.append(str(line)),
+    )  # fmt: skip
+    assert study.dataset["Pcrrttuin"].dims == ("policy", "scheme", "speed")
+    assert study.dataset["Pcrrttuin"].attrs["units"] == "mmHg"
+    assert study.as_object()["id"] == "Thiel 2025, section 3.3"
+    assert any("1 schemes at 1 speeds" in line for line in said)
