@@ -6,6 +6,7 @@ Imports inside functions count too. The rules themselves are at the top; test_ar
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -88,7 +89,12 @@ def walk_imports(
         yield from walk_imports(child, at_import_time and not deferred and not is_type_checking(child))
 
 
-def read_imports(source: Path) -> Iterator[Import]:
+@cache
+def read_imports(source: Path) -> list[Import]:
+    return list(_read_imports(source))
+
+
+def _read_imports(source: Path) -> Iterator[Import]:
     for path in sorted(source.rglob("*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
         importer = module_name(path, source)

@@ -1,10 +1,19 @@
-"""A package that can be called: `eclsim.sensitivity` is both a package and the function of that name."""
+"""The public names of `eclsim`, and packages that can be called like the function of their name."""
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib import import_module
 from types import ModuleType
+
+
+def public_names() -> dict[str, str]:
+    """The module that defines each public name: the lines `from module import name as name` of the stub."""
+    stub = os.path.join(os.path.dirname(__file__), "__init__.pyi")
+    with open(stub, encoding="utf-8") as file:
+        imports = [line.split() for line in file if line.startswith("from ")]
+    return {name: module for _, module, _, name, *_ in imports}
 
 
 class CallablePackage(ModuleType):
