@@ -24,7 +24,8 @@ from typing import Any
 import numpy as np
 
 from eclsim.cases.cohort import read_cohort
-from eclsim.identification.cohort_fit import FitStore, fit_cohort
+from eclsim.execution import Distribution
+from eclsim.identification.cohort import fit_cohort
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.settings import FitSettings
 
@@ -44,14 +45,13 @@ def main() -> None:
     points = reading.points[: asked.first]
     search = MultiStart(points_per_parameter=asked.points, refined_share=0.01 * 1000 / asked.points)
     settings = FitSettings(multi_start=search)
-    store = FitStore(asked.out, reading.digest, settings)
-    asked.out.mkdir(parents=True, exist_ok=True)
-    store.open(resume=(asked.out / "settings.json").exists(), force=False)
     begun, results = time.monotonic(), []
-    for k in range(0, len(points), GROUP):
-        if time.monotonic() - begun > 60.0 * asked.minutes:
-            break
-        results += fit_cohort(points[k : k + GROUP], settings, store)
+    with Distribution(resume=True).running() as executor:
+        for k in range(0, len(points), GROUP):
+            if time.monotonic() - begun > 60.0 * asked.minutes:
+                break
+            chosen, folder = points[k : k + GROUP], asked.out / f"{k:04d}"
+            results += fit_cohort(chosen, settings, digest=reading.digest, folder=folder, executor=executor)
     print(json.dumps(summary(results, truth()), indent=1))
 
 

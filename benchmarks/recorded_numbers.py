@@ -92,11 +92,8 @@ def cohort(points: int) -> object:
         lines = COHORT.read_text(encoding="utf-8").splitlines(keepends=True)
         table.write_text("".join(lines[: points + 1]), encoding="utf-8")
         eclsim("identify", str(table), "--out", str(out), accepted=(0, 1))
-        results = [
-            json.loads(path.read_text(encoding="utf-8"))["result"]
-            for path in sorted((out / "points").glob("*.json"))
-        ]
-        return {result["id"]: result for result in results}
+        whole = json.loads((out / "identification.json").read_text(encoding="utf-8"))
+        return {result["id"]: result for result in whole["points"]}
 
 
 def _csv(path: Path) -> list[dict[str, object]]:

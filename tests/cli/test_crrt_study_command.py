@@ -125,7 +125,11 @@ def test_a_cohort_is_checked_before_anything_is_computed(shell):
     table.write_text("patient_id,SP\nP01,100\n")
     result = shell.run("crrt-study", table, "--set", "ecmo.speed_rpm=3000", "--schemes", "q", "--resume")
     assert result.exit_code == 2
-    for said in ("--set: for a case file", "--schemes 'q' is no scheme", "--resume needs --out"):
+    for said in (
+        "--set: for a case file",
+        "--schemes 'q' is no scheme",
+        "--resume and --shard need --out DIR",
+    ):
         assert said in result.stderr
     result = shell.run("crrt-study", table)
     assert result.exit_code == 2

@@ -7,8 +7,8 @@ import pytest
 
 from eclsim.cases import read_case
 from eclsim.crrt_study.settings import StudyError, policy_of_cases
+from eclsim.identification.cohort import as_they_are
 from eclsim.identification.fit import fit as fit_case
-from eclsim.identification.fitted_cohort import as_they_are
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.posterior import PosteriorSettings, posterior_of
 from eclsim.identification.settings import FitSettings

@@ -6,7 +6,7 @@ import pytest
 from eclsim.crrt_study.cohort import CohortStudy, answer, crrt_cohort, summaries
 from eclsim.crrt_study.ranking import Ranked
 from eclsim.crrt_study.settings import StudyError
-from eclsim.identification.fitted_cohort import as_they_are, with_fitted
+from eclsim.identification.cohort import as_they_are, with_fitted
 from eclsim.paper.patient import paper_case
 
 

@@ -100,7 +100,7 @@ def test_shards_in_any_order_and_a_merge_are_one_run(tmp_path, count):
     order = list(range(1, count + 1))
     random.Random(count).shuffle(order)
     for number in order:
-        with pytest.raises(ShardDone, match=f"shard {number}/{count}: its numbers are in .*; when all are"):
+        with pytest.raises(ShardDone, match=f"shard {number}/{count}: its numbers are in"):
             complete(tmp_path / "shards", shard=Shard(number, count))
     assert repr(complete(tmp_path / "shards", merge=True)) == repr(whole)
     assert files(tmp_path / "shards") == files(tmp_path / "whole")

@@ -9,7 +9,9 @@ import pytest
 
 from eclsim.cases import CaseError, read_case
 from eclsim.cases.cohort import CohortPoint
-from eclsim.identification.cohort_fit import FitStore, StoreError, fit_cohort, r_squared, stem
+from eclsim.execution import Distribution, ExecutionError, Shard, ShardDone
+from eclsim.identification import cohort
+from eclsim.identification.cohort import fit_cohort, r_squared, stem
 from eclsim.identification.files import fits_object, write_fits, write_fitted_case
 from eclsim.identification.fit import fit as fit_case
 from eclsim.identification.multi_start import FitStatus, MultiStart, Optimum, Starts
@@ -161,14 +163,20 @@ def test_bounds_as_text():
         read_bounds("Rmc=0.1:1,Rmc=0.2:2")
 
 
-def test_the_points_of_a_group_are_told_one_by_one(points, tmp_path):
-    said: list[str] = []
-    store = FitStore(tmp_path / "fits", "digest", QUICK)
-    store.open(False, False)
-    fit_cohort(points, QUICK, store, said.append)
-    assert all(text.startswith("0 of 2 data points done; ") for text in said)
-    assert [text for text in said if "point 2 of 2" in text and "exploring" in text]
-    assert said[-1].endswith("refining the best start to the end (point 2 of 2)")
+def fitted(points, folder, settings=QUICK, digest="abc", progress=None, **options) -> list[dict]:
+    with Distribution(**options).running() as executor:
+        return fit_cohort(
+            points, settings, digest=digest, folder=folder, executor=executor, progress=progress
+        )
+
+
+def test_the_points_of_a_group_are_told_one_by_one(points):
+    lines: list[str] = []
+    fitted(points, None, progress=lambda state: lines.append(str(state)))
+    assert lines[0] == "fits: 0 of 1 groups of data points"
+    assert [text for text in lines if "point 2 of 2" in text and "exploring" in text]
+    assert lines[-2].endswith("refining the best start to the end (point 2 of 2)")
+    assert lines[-1].startswith("fits: 1 of 1 groups of data points")
 
 
 @pytest.fixture
@@ -180,42 +188,36 @@ def points(twin) -> list[CohortPoint]:
     return [CohortPoint("T01", "1", 2, twin), CohortPoint("T01", "2", 3, other)]
 
 
-def test_a_cohort_is_kept_point_by_point_and_gone_on_with(points, tmp_path, monkeypatch):
-    store = FitStore(tmp_path, "abc", QUICK)
-    store.open(resume=False, force=False)
-    first = fit_cohort(points[:1], QUICK, store, group=1)
-    assert (tmp_path / "cases" / "T01_1.toml").exists()
-    store = FitStore(tmp_path, "abc", QUICK)
-    store.open(resume=True, force=False)
-    both = fit_cohort(points, QUICK, store)
-    assert both[0] == first[0]
-    assert both[1]["outputs"]["CO"]["measured"] is None
-    assert both[1]["line"] == 3
-
-    monkeypatch.setattr("eclsim.identification.cohort_fit.fit_cases", lambda *_: pytest.fail("fitted again"))
-    assert fit_cohort(points, QUICK, store) == both
+def without_times(results: list[dict]) -> list[dict]:
+    return [{name: value for name, value in one.items() if name != "seconds"} for one in results]
 
 
-def test_results_made_of_something_else_are_not_gone_on_with(points, tmp_path):
-    FitStore(tmp_path, "abc", QUICK).open(resume=False, force=False)
-    with pytest.raises(StoreError, match="--resume goes on"):
-        FitStore(tmp_path, "abc", QUICK).open(resume=False, force=False)
-    with pytest.raises(StoreError, match="cohort's file has changed"):
-        FitStore(tmp_path, "xyz", QUICK).open(resume=True, force=False)
-    with pytest.raises(StoreError, match="weights was 'relative'"):
-        FitStore(tmp_path, "abc", replace(QUICK, weights="uncertainty")).open(resume=True, force=False)
-    (tmp_path / "settings.json").write_text("{")
-    with pytest.raises(StoreError, match="cannot be read"):
-        FitStore(tmp_path, "abc", QUICK).open(resume=True, force=False)
+def test_a_cohort_in_shards_or_stopped_and_resumed_is_the_same_and_fitted_once(points, tmp_path, monkeypatch):
+    monkeypatch.setattr(cohort, "GROUP", 1)
+    whole = fitted(points, tmp_path / "whole")
+    assert whole[1]["outputs"]["CO"]["measured"] is None
+    assert whole[1]["line"] == 3
+    for number in (2, 1):
+        with pytest.raises(ShardDone):
+            fitted(points, tmp_path / "shards", shard=Shard(number, 2))
+    with monkeypatch.context() as patched:
+        patched.setattr(cohort, "fit_cases", lambda *_: pytest.fail("fitted again"))
+        assert without_times(fitted(points, tmp_path / "shards", merge=True)) == without_times(whole)
+        assert fitted(points, tmp_path / "whole", resume=True) == whole
+    for name in ("T01_1", "T01_2"):
+        one, other = (tmp_path / run / "cases" / f"{name}.toml" for run in ("whole", "shards"))
+        assert one.read_bytes() == other.read_bytes()
 
 
-@pytest.mark.parametrize("text", ["", '{"sha256": "0", "result": {"id": "T01/1"}}', "[]"])
-def test_an_edited_point_is_named_not_used(points, tmp_path, text):
-    store = FitStore(tmp_path, "abc", QUICK)
-    store.open(resume=False, force=False)
-    (tmp_path / "points" / "T01_1.json").write_text(text)
-    with pytest.raises(StoreError, match=r"T01_1.json: truncated or edited"):
-        store.finished(["T01/1"])
+def test_results_made_of_something_else_are_not_gone_on_with(points, tmp_path, monkeypatch):
+    monkeypatch.setattr(cohort, "fit_cases", lambda *_: [])
+    fitted([], tmp_path)
+    with pytest.raises(ExecutionError, match="--resume goes on"):
+        fitted([], tmp_path)
+    with pytest.raises(ExecutionError, match="cohort_file was 'abc' and is 'xyz'"):
+        fitted([], tmp_path, digest="xyz", resume=True)
+    with pytest.raises(ExecutionError, match="weights was 'relative'"):
+        fitted([], tmp_path, replace(QUICK, weights="uncertainty"), resume=True)
 
 
 def test_a_point_without_any_steady_beat_is_kept_as_such(points, tmp_path, monkeypatch):
@@ -225,9 +227,7 @@ def test_a_point_without_any_steady_beat_is_kept_as_such(points, tmp_path, monke
         Starts(none, none, flat, flat, flat > 0), 20, 20, FitStatus.NO_STEADY_BEAT,
     )  # fmt: skip
     monkeypatch.setattr("eclsim.identification.fit.identify", lambda *_: [nothing])
-    store = FitStore(tmp_path, "abc", QUICK)
-    store.open(resume=False, force=False)
-    (result,) = fit_cohort(points[:1], QUICK, store)
+    (result,) = fitted(points[:1], tmp_path)
     assert result["status"] == "no_steady_beat"
     assert result["cost"] is None
     assert result["parameters"]["Rmc"]["value"] is None

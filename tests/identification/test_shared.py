@@ -7,7 +7,8 @@ import pytest
 
 from eclsim.cases.case import Case, Measurements, Patient
 from eclsim.cases.cohort import CohortPoint
-from eclsim.identification.cohort_fit import FitStore, fit_cohort
+from eclsim.execution import Distribution
+from eclsim.identification.cohort import fit_cohort
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.objective import Box, Objective, Target
 from eclsim.identification.settings import FitSettings
@@ -72,9 +73,8 @@ def test_a_cohort_shares_within_a_patient_only(cases: list[Case], tmp_path):
     points = [CohortPoint(who, str(k), k, c) for who in "AB" for k, c in enumerate(cases)]
     quick = MultiStart(points_per_parameter=10, refined_share=0.2, round_size=4, rediscoveries=2)
     settings = FitSettings(("Rmc",), multi_start=quick, shared=("Csart",))
-    store = FitStore(tmp_path, "abc", settings)
-    store.open(resume=False, force=False)
-    results = fit_cohort(points, settings, store)
+    with Distribution().running() as executor:
+        results = fit_cohort(points, settings, digest="abc", folder=tmp_path, executor=executor)
     assert [r["id"] for r in results] == ["A/0", "A/1", "B/0", "B/1"]
     values = [r["parameters"]["Csart"]["value"] for r in results]
     assert values[0] == values[1]

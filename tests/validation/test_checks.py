@@ -59,7 +59,7 @@ def test_all_configurations_have_their_devices():
 
 @pytest.mark.slow
 def test_a_sweep_finds_every_ejecting_heart_and_names_the_others():
-    found = robustness.sweep("V-A", 64)
+    found = robustness.sweep("V-A", robustness.sobol_points(64))
     assert (found.ejecting & ~found.converged).sum() == 0
     assert not found.false_converged.any()
     assert not found.silent_nan.any()

@@ -1,5 +1,6 @@
 from eclsim.paper.comparison import Check, near
 from eclsim.validation import suite
+from eclsim.validation.effort import Effort
 
 
 def test_parts_run_in_the_order_asked_and_are_announced_before(monkeypatch):
@@ -13,9 +14,7 @@ def test_parts_run_in_the_order_asked_and_are_announced_before(monkeypatch):
         return compute
 
     monkeypatch.setattr(suite, "PARTS", {name: part(name) for name in ("one", "two", "three")})
-    found = list(
-        suite.run(suite.Effort(points=8), ["three", "one"], lambda name: events.append(("told", name)))
-    )
+    found = list(suite.run(Effort(points=8), ["three", "one"], lambda name: events.append(("told", name))))
     assert [check.key for check in found] == ["three", "one"]
     assert all(check.seconds > 0.0 for check in found)
     assert events == [("told", "three"), ("computed", "three", 8), ("told", "one"), ("computed", "one", 8)]
@@ -24,5 +23,5 @@ def test_parts_run_in_the_order_asked_and_are_announced_before(monkeypatch):
 def test_all_parts_run_if_none_is_named(monkeypatch):
     monkeypatch.setattr(suite, "PARTS", {name: lambda effort: [] for name in "ab"})
     told = []
-    assert list(suite.run(suite.Effort(), announce=told.append)) == []
+    assert list(suite.run(Effort(), announce=told.append)) == []
     assert told == ["a", "b"]

@@ -18,6 +18,7 @@ from eclsim.cli.console import fail, say
 from eclsim.cli.crrt_study import crrt_study
 from eclsim.cli.identify import identify
 from eclsim.cli.importing import import_data
+from eclsim.cli.merging import merge
 from eclsim.cli.options import as_command
 from eclsim.cli.paper import demo, reproduce
 from eclsim.cli.sensitivity import identifiability, sensitivity
@@ -52,6 +53,7 @@ for name, function, summary in (
     ("reproduce", reproduce, "Recompute the numbers of the paper."),
     ("sensitivity", sensitivity, "Sobol indices: what the outputs of a case depend on."),
     ("identifiability", identifiability, "Which parameters measurements can tell apart."),
+    ("merge", merge, "Finish a command whose shards (--shard k/n) are all done."),
     ("identify", identify, "Fit a patient's own model to what was measured."),
     ("import", import_data, "Turn clinical data into a cohort to identify."),
     ("track", track, "Follow a patient's parameters from measurement to measurement."),

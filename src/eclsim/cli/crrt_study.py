@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -14,7 +12,7 @@ import typer
 from eclsim.cli.cases import TABLES, read_all, read_table, with_speeds
 from eclsim.cli.console import INCOMPLETE, Progress, fail, mistakes_in, say, warn
 from eclsim.cli.destination import Destinations, Target, resumable, writing
-from eclsim.cli.options import Json, ResultsFolder, argument, option
+from eclsim.cli.options import Distributed, argument, option
 from eclsim.paper.reproduction import USUAL_EXPLORE
 
 if TYPE_CHECKING:
@@ -22,11 +20,12 @@ if TYPE_CHECKING:
     from eclsim.cases.cohort import CohortReading
     from eclsim.crrt_study.cohort import CohortStudy
     from eclsim.crrt_study.study import CrrtStudy
-    from eclsim.identification.fitted_cohort import FittedCases
+    from eclsim.execution import Distribution, Executor
+    from eclsim.identification.cohort import FittedCases
 
 
 @dataclass(frozen=True, kw_only=True)
-class CrrtStudyOptions(ResultsFolder, Json):
+class CrrtStudyOptions(Distributed):
     """Options of `eclsim crrt-study`."""
 
     file: str = argument(
@@ -80,7 +79,9 @@ class CrrtStudyOptions(ResultsFolder, Json):
         "1000.",
         minimum=2,
     )
-    resume: bool = option(False, "Take over the fits of COHORT.csv that --out holds already.", "--resume")
+    resume: bool = option(
+        False, "Take over the fits of COHORT.csv, and the studies, that --out holds already.", "--resume"
+    )
 
 
 def crrt_study(options: CrrtStudyOptions) -> None:
@@ -134,8 +135,8 @@ def _study_case(o: CrrtStudyOptions) -> Sequence[str]:
     """Study one case; returns what did not converge."""
     from eclsim.crrt_study.settings import BOTH
 
-    if o.resume:
-        fail("--resume: for a cohort's table; the study of one case is done in one go")
+    if o.continues or o.dask:
+        fail("--resume, --shard, --dask: for a cohort; the study of one case is done in one go")
     readings = read_all([o.file], o.settings, None if o.volume_policy == BOTH else o.volume_policy)
     case = with_speeds(readings, _first_policy(o))[0].case
     target, samples = _check_case(o, case)
@@ -193,12 +194,23 @@ def _compute(o: CrrtStudyOptions, case: Case, samples: Mapping[str, Sequence[flo
 def _study_cohort(o: CrrtStudyOptions) -> Sequence[str]:
     """Fit or read the cases and study each; returns what could not be studied."""
     from eclsim.crrt_study import cohort_report
+    from eclsim.crrt_study.cohort import PRELOAD
+    from eclsim.crrt_study.settings import StudyError
+    from eclsim.execution import ExecutionError
 
-    target = _check_cohort(o)
+    target, distribution = _check_cohort(o)
     reading = None if Path(o.file).is_dir() else read_table(o.file)
-    with resumable(o.out), Progress() as progress, _fits(o.out) as fits:
-        fitted = _from_folder(o) if reading is None else _fitted(o, reading, fits, progress)
-        study = _compute_cohort(o, fitted, progress)
+    try:
+        with (
+            resumable(o.out),
+            writing(o.out),
+            distribution.running(PRELOAD) as executor,
+            Progress() as progress,
+        ):
+            fitted = _from_folder(o) if reading is None else _fitted(o, reading, executor, progress)
+            study = _compute_cohort(o, fitted, executor, progress)
+    except (ExecutionError, StudyError) as error:
+        fail(error)
     files, json = cohort_report.write_cohort, cohort_report.write_json
     if _write(o, target, lambda folder: files(study, folder), lambda to: json(study, to)):
         cohort_report.show(study)
@@ -206,28 +218,27 @@ def _study_cohort(o: CrrtStudyOptions) -> Sequence[str]:
     return lost + [f"{point.name}: {line}" for point in study.unsettled for line in point.unsettled]
 
 
-def _check_cohort(o: CrrtStudyOptions) -> Target:
+def _check_cohort(o: CrrtStudyOptions) -> tuple[Target, Distribution]:
     from eclsim.crrt_study.cohort import FILES, FITS
     from eclsim.crrt_study.settings import check_flow
 
-    places = Destinations(force=o.force, resume=o.resume, inputs=[o.file])
+    places = Destinations(force=o.force, resume=o.continues, inputs=[o.file])
     target = places.target("--json", o.json)
     places.folder("--out", o.out, (*FILES, FITS))
+    distribution = o.distribution(places.mistakes)
     if o.settings:
         places.mistakes.append("--set: for a case file; change the table or the case files instead")
     if o.posterior is not None:
         places.mistakes.append("--posterior: for a case file; it has the samples of one patient")
-    if o.resume and o.out is None:
-        places.mistakes.append("--resume needs --out DIR")
     places.mistakes += _check_options(
         o, {"--crrt-flow:": lambda: None if o.crrt_flow is None else check_flow(o.crrt_flow)}
     )
     places.check()
-    return target
+    return target, distribution
 
 
 def _from_folder(o: CrrtStudyOptions) -> FittedCases:
-    from eclsim.identification.fitted_cohort import as_they_are
+    from eclsim.identification.cohort import as_they_are
 
     files = sorted(str(path) for path in Path(o.file).glob("*.toml"))
     if not files:
@@ -236,46 +247,33 @@ def _from_folder(o: CrrtStudyOptions) -> FittedCases:
     return as_they_are([reading.case for reading in readings], "case files")
 
 
-def _fitted(o: CrrtStudyOptions, reading: CohortReading, folder: Path, progress: Progress) -> FittedCases:
-    from eclsim.identification.cohort_fit import StoreError
-    from eclsim.identification.fitted_cohort import fit_points
+def _fitted(
+    o: CrrtStudyOptions, reading: CohortReading, executor: Executor, progress: Progress
+) -> FittedCases:
+    from eclsim.crrt_study.cohort import FITS
+    from eclsim.identification.cohort import fit_points
+    from eclsim.identification.multi_start import MultiStart
+    from eclsim.identification.settings import FitSettings
 
     policy = "patient_held" if o.volume_policy == "patient_held" else "as_published"
-    try:
-        with writing(folder):
-            return fit_points(
-                reading, folder, o.explore, o.resume, lambda text: progress(f"fits: {text}"), policy=policy
-            )
-    except StoreError as error:
-        fail(error)
+    settings = FitSettings(multi_start=MultiStart.quick(o.explore), policy=policy)
+    folder = None if o.out is None else Path(o.out) / FITS
+    return fit_points(reading, settings, folder=folder, executor=executor, progress=progress)
 
 
-@contextmanager
-def _fits(out: str | None) -> Iterator[Path]:
-    """Folder that keeps the fits: in --out, else one that goes."""
-    from eclsim.crrt_study.cohort import FITS
-
-    if out is None:
-        with tempfile.TemporaryDirectory(prefix="eclsim-") as name:
-            yield Path(name) / FITS
-        return
-    Path(out).mkdir(exist_ok=True)
-    yield Path(out) / FITS
-
-
-def _compute_cohort(o: CrrtStudyOptions, fitted: FittedCases, progress: Progress) -> CohortStudy:
+def _compute_cohort(
+    o: CrrtStudyOptions, fitted: FittedCases, executor: Executor, progress: Progress
+) -> CohortStudy:
     from eclsim.crrt_study.cohort import crrt_cohort
-    from eclsim.crrt_study.settings import StudyError
 
-    try:
-        return crrt_cohort(
-            fitted,
-            schemes=o.schemes,
-            speeds=o.speeds,
-            crrt_flow_ml_min=o.crrt_flow,
-            volume_policy=o.volume_policy,
-            scheme_h=o.scheme_h,
-            progress=progress,
-        )
-    except StudyError as error:
-        fail(error)
+    return crrt_cohort(
+        fitted,
+        schemes=o.schemes,
+        speeds=o.speeds,
+        crrt_flow_ml_min=o.crrt_flow,
+        volume_policy=o.volume_policy,
+        scheme_h=o.scheme_h,
+        folder=None if o.out is None else Path(o.out),
+        executor=executor,
+        progress=progress,
+    )

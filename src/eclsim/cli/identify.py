@@ -13,11 +13,12 @@ import typer
 from eclsim.cli.cases import TABLES, names_of, read_all, read_table
 from eclsim.cli.console import INCOMPLETE, Progress, fail, note, refuse, say, warn
 from eclsim.cli.destination import Destinations, Target, hand_over, resumable
-from eclsim.cli.options import CaseChanges, FreeParameters, ResultsFolder, Resumable, argument, option
+from eclsim.cli.options import CaseChanges, Distributed, FreeParameters, argument, option
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
     from eclsim.cases.cohort import CohortReading
+    from eclsim.execution import Distribution
     from eclsim.identification.fit import FitResult
     from eclsim.identification.settings import FitSettings
 
@@ -28,7 +29,7 @@ SUMMARY = "identification.json"
 
 
 @dataclass(frozen=True, kw_only=True)
-class IdentifyOptions(ResultsFolder, FreeParameters, CaseChanges, Resumable):
+class IdentifyOptions(FreeParameters, CaseChanges, Distributed):
     """Options of `eclsim identify`."""
 
     file: str = argument(..., "CASE.toml|COHORT.csv", "A case with measurements, or a table of them.")
@@ -85,8 +86,8 @@ def identify(options: IdentifyOptions) -> None:
     the verdict: doubtful ones count as fitted), 1 some were not or are poor, 2 bad input.
     """
     cohort = Path(options.file).suffix.lower() in TABLES
-    target = _checked_json(options, cohort)
-    content, refused = _fit_cohort(options) if cohort else (_fit_case(options), False)
+    target, distribution = _checked_json(options, cohort)
+    content, refused = _fit_cohort(options, distribution) if cohort else (_fit_case(options), False)
     if hand_over(content, target):
         from eclsim.identification.summary import fits_text
 
@@ -95,8 +96,8 @@ def identify(options: IdentifyOptions) -> None:
         raise typer.Exit(INCOMPLETE)
 
 
-def _checked_json(o: IdentifyOptions, cohort: bool) -> Target:
-    places = Destinations(force=o.force, resume=o.resume if cohort else None, inputs=[o.file])
+def _checked_json(o: IdentifyOptions, cohort: bool) -> tuple[Target, Distribution]:
+    places = Destinations(force=o.force, resume=o.continues if cohort else None, inputs=[o.file])
     target = places.target("--json", o.json)
     places.folder("--out", o.out, [SUMMARY])
     wrong = places.mistakes
@@ -106,8 +107,8 @@ def _checked_json(o: IdentifyOptions, cohort: bool) -> Target:
         wrong.append("--posterior, --predict: for case files; `eclsim identify` of a cohort gives intervals")
     if not cohort and o.shared is not None:
         wrong.append("--shared: for cohorts; a case is one data point")
-    if not cohort and o.resume:
-        wrong.append("--resume: for cohorts; a case is fitted in one go")
+    if not cohort and (o.continues or o.dask):
+        wrong.append("--resume, --shard, --dask: for cohorts; a case is fitted in one go")
     if (o.chains, o.warmup, o.draws) != CHAINS and not (o.posterior and o.posterior_method == "nuts"):
         wrong.append("--chains, --warmup, --draws: of --posterior with --posterior-method nuts")
     if o.posterior_method != "nuts" and not o.posterior:
@@ -116,8 +117,9 @@ def _checked_json(o: IdentifyOptions, cohort: bool) -> Target:
         wrong.append("--prior: of --posterior and --predict; the fit itself has none")
     if o.predict_with != "importance" and (o.posterior or not o.predict):
         wrong.append("--predict-with: of --predict without --posterior")
+    distribution = o.distribution(wrong)
     places.check()
-    return target
+    return target, distribution
 
 
 def fit_settings(
@@ -290,7 +292,7 @@ def _sample(
 # --- a table of data points -----------------------------------------------------------------------
 
 
-def _fit_cohort(o: IdentifyOptions) -> tuple[dict[str, Any], bool]:
+def _fit_cohort(o: IdentifyOptions, distribution: Distribution) -> tuple[dict[str, Any], bool]:
     """Fit every data point and write the files; returns what the JSON holds, and whether a row is missing."""
     reading = read_table(o.file)
     settings = fit_settings(o, policy=o.volume_policy or "as_published", weights=o.weights, seed=o.seed)
@@ -298,17 +300,23 @@ def _fit_cohort(o: IdentifyOptions) -> tuple[dict[str, Any], bool]:
     _check_points(reading, settings, o.file)
 
     from eclsim.cases.cohort_table import digest_of
-    from eclsim.identification.cohort_fit import FitStore, StoreError, fit_cohort
+    from eclsim.execution import ExecutionError
+    from eclsim.identification.cohort import PRELOAD, fit_cohort
     from eclsim.identification.files import fits_object, write_cohort_figures, write_fits
     from eclsim.identification.page import write_fit_page
 
     folder = Path(o.out)
-    store = FitStore(folder, reading.digest, settings)
     try:
-        store.open(o.resume, o.force)
-        with resumable(folder), Progress() as progress:
-            results = fit_cohort(reading.points, settings, store, progress)
-    except StoreError as error:
+        with resumable(folder), distribution.running(PRELOAD) as executor, Progress() as progress:
+            results = fit_cohort(
+                reading.points,
+                settings,
+                digest=reading.digest,
+                folder=folder,
+                executor=executor,
+                progress=progress,
+            )
+    except ExecutionError as error:
         fail(error)
     content = fits_object(results, settings.as_object(), reading.refused)
     write_fits(folder, content)

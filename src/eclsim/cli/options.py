@@ -10,13 +10,15 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from types import EllipsisType
 from typing import TYPE_CHECKING, Literal, TypeVar, get_type_hints
 
 import typer
 
+from eclsim.cli.console import say
 from eclsim.cli.destination import locked
+from eclsim.execution import ShardDone
 
 if TYPE_CHECKING:
     from eclsim.execution import Distribution
@@ -24,6 +26,9 @@ if TYPE_CHECKING:
 Value = TypeVar("Value")
 VolumePolicy = Literal["as_published", "patient_held"]
 _SHOWN = "shown on the command line as"
+MERGE, COMMAND = "merge", "command.json"
+WHERE = ("out", "json", "workers", "dask", "shard", "resume", "force")
+"""Options that change no result: each shard has its own."""
 
 
 def option(
@@ -78,7 +83,14 @@ def as_command(function: Callable[..., None]) -> Callable[..., None]:
     def command(**written: object) -> None:
         options = kind(**written)
         with locked(*options.held) if isinstance(options, ResultsFolder) else nullcontext():
-            function(options)
+            if not isinstance(options, Distributed):
+                function(options)
+                return
+            try:
+                function(options)
+            except ShardDone as done:
+                say(f"{done}; when all shards are done: eclsim merge {options.out}")
+            options.record(function.__name__)
 
     only = inspect.Parameter.KEYWORD_ONLY
     listed = [inspect.Parameter(n, only, default=shown[n], annotation=types[n]) for n in _own_first(kind)]
@@ -171,7 +183,7 @@ class Resumable(Json):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Distributed(Resumable):
+class Distributed(Resumable, ResultsFolder):
     """Where tasks run, and which."""
 
     workers: int | None = option(None, "Threads, or local Dask workers; left out, all processors.", minimum=1)
@@ -184,11 +196,30 @@ class Distributed(Resumable):
         metavar="k/n",
     )
 
+    @property
+    def held(self) -> tuple[str | None, str]:
+        """Shards run side by side."""
+        return self.out, "" if self.merges else self.shard or ""
+
+    @property
+    def merges(self) -> bool:
+        """Whether it only joins what shards left; what `eclsim merge` sets."""
+        return self.shard == MERGE
+
+    @property
+    def continues(self) -> bool:
+        """Whether results that are there are kept."""
+        return self.resume or self.shard is not None
+
     def distribution(self, mistakes: list[str]) -> Distribution:
         """Where tasks run, and which; adds to the mistakes what cannot be."""
         from eclsim.execution import Distribution, ExecutionError, Shard
 
+        if self.out is None and self.continues:
+            mistakes.append("--resume and --shard need --out DIR")
         try:
+            if self.merges:
+                return Distribution(merge=True)
             shard = Shard.parse(self.shard) if self.shard else None
             return Distribution(
                 workers=self.workers, dask=self.dask, shard=shard, resume=self.resume, force=self.force
@@ -196,3 +227,18 @@ class Distributed(Resumable):
         except ExecutionError as error:
             mistakes.append(str(error))
             return Distribution()
+
+    def record(self, command: str) -> None:
+        """Leave with the results of a shard the command that `eclsim merge` finishes; it goes when it has."""
+        from pathlib import Path
+
+        from eclsim.files import write_json
+
+        if self.out is None or self.shard is None:
+            return
+        file = Path(self.out) / COMMAND
+        if self.merges:
+            file.unlink(missing_ok=True)
+            return
+        own = {name: value for name, value in asdict(self).items() if name not in WHERE}
+        write_json({"command": command, "options": own}, file)

@@ -100,7 +100,6 @@ def _compute(
     folder: Path, settings: ReproductionSettings, parts: Sequence[str], progress: Progress
 ) -> Reproduction:
     from eclsim.execution import ExecutionError
-    from eclsim.identification.cohort_fit import StoreError
     from eclsim.paper.report import write_reproduction
     from eclsim.paper.reproduction import RUNS
     from eclsim.paper.reproduction import reproduce as recompute
@@ -110,7 +109,7 @@ def _compute(
             folder.mkdir(exist_ok=True)
             result = recompute(folder / RUNS, settings, parts, progress)
             write_reproduction(result, folder, progress)
-    except (ExecutionError, StoreError) as error:
+    except ExecutionError as error:
         fail(error)
     return result
 

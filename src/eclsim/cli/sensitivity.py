@@ -14,7 +14,7 @@ import typer
 from eclsim.cli.cases import names_of, read_all, with_speeds
 from eclsim.cli.console import INCOMPLETE, Progress, fail, refuse, say, warn
 from eclsim.cli.destination import Destinations, Target, hand_over, resumable, writing
-from eclsim.cli.options import CaseChanges, Distributed, Json, ResultsFolder, argument, option
+from eclsim.cli.options import MERGE, CaseChanges, Distributed, Json, argument, option
 
 if TYPE_CHECKING:
     from eclsim.cases import Case
@@ -22,11 +22,9 @@ if TYPE_CHECKING:
     from eclsim.sensitivity.analysis import SobolSettings
     from eclsim.sensitivity.results import Indices, SensitivityResult
 
-MERGE = "merge"
-
 
 @dataclass(frozen=True, kw_only=True)
-class SensitivityOptions(ResultsFolder, CaseChanges, Distributed):
+class SensitivityOptions(CaseChanges, Distributed):
     """Options of `eclsim sensitivity`."""
 
     case_file: str = argument(
@@ -71,11 +69,6 @@ class SensitivityOptions(ResultsFolder, CaseChanges, Distributed):
     figures: bool = option(True, "Write figures to --out.")
     force: bool = option(False, "Throw away what --out and --json hold.", "--force")
 
-    @property
-    def held(self) -> tuple[str | None, str]:
-        """Shards run side by side."""
-        return self.out, self.shard or ""
-
 
 def sensitivity(options: SensitivityOptions) -> None:
     """Sobol sensitivity indices of a case: which parameters its outputs [mmHg, L/min] depend on.
@@ -83,15 +76,10 @@ def sensitivity(options: SensitivityOptions) -> None:
     Ctrl-C keeps what is done; --resume goes on. Exit status: 0 done, 1 some runs failed (they are named in
     failed.csv and their rows left out), 2 bad input.
     """
-    from eclsim.execution import ShardDone
-
     target, distribution = _checked_destinations(options)
-    try:
-        with _mistakes(options), resumable(options.out):
-            results = _merged(options) if options.case_file == MERGE else _analysed(options, distribution)
-    except ShardDone as done:
-        say(done)
-        return
+    merges = MERGE in (options.case_file, options.shard)
+    with _mistakes(options), resumable(options.out):
+        results = _merged(options) if merges else _analysed(options, distribution)
     pairs = bool(options.second_order)
     states = {state: indices.as_object(pairs) for state, indices in results.items()}
     if "" in results:
@@ -106,11 +94,9 @@ def sensitivity(options: SensitivityOptions) -> None:
 
 
 def _checked_destinations(o: SensitivityOptions) -> tuple[Target, Distribution]:
-    places = Destinations(force=o.force, inputs=[o.case_file], resume=o.resume)
+    places = Destinations(force=o.force, inputs=[o.case_file], resume=o.resume or o.merges)
     target = places.target("--json", o.json)
     places.folder("--out", o.out, parents=True)
-    if o.out is None and (o.resume or o.shard):
-        places.mistakes.append("--resume and --shard need --out DIR")
     if o.out is None and o.case_file == MERGE:
         places.mistakes.append("merge: --out DIR names the folder of the shards")
     if o.shard and (o.until is not None or o.states):

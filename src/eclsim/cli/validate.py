@@ -4,24 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
 
-from eclsim.cli.console import INCOMPLETE, did_you_mean, say
-from eclsim.cli.destination import Destinations, hand_over, writing
-from eclsim.cli.options import Force, Json, option
+from eclsim.cli.console import INCOMPLETE, Progress, did_you_mean, fail, say
+from eclsim.cli.destination import Destinations, hand_over, resumable, writing
+from eclsim.cli.options import Distributed, Json, option
 
 if TYPE_CHECKING:
+    from eclsim.execution import Distribution
     from eclsim.paper.comparison import Check
 
 PARTS = "reference gradients shi-hose adaptive invariants robustness paper devices patients"
+SWEEPS = ("robustness", "adaptive")
+"""Parts made of tasks that shards can share."""
 _SWEEP_QUICK, _SWEEP, _SWEEP_FULL = 64, 512, 10_000
 
 
 @dataclass(frozen=True, kw_only=True)
-class ValidateOptions(Force):
+class ValidateOptions(Distributed):
     """Options of `eclsim validate`."""
+
+    out: str | None = option(
+        None, "Keep the results of the sweeps here, for --resume and --shard.", metavar="DIR"
+    )
 
     quick: bool = option(False, "One case of each kind of circuit and 64 points of the sweep.", "--quick")
     full: bool = option(
@@ -43,8 +51,12 @@ def validate(options: ValidateOptions) -> None:
     Rows that miss are shown, also where it is known why. Exit status: 0 all bars hold, 1 a row misses its
     bar, 2 bad input. Comparisons with measurements of devices and patients are shown and fail nothing.
     """
-    places = Destinations(force=options.force)
+    places = Destinations(force=options.force, resume=options.continues)
     target, page = places.target("--json", options.json), places.target("--markdown", options.markdown)
+    places.folder("--out", options.out, parents=True)
+    distribution = options.distribution(places.mistakes)
+    if options.shard and (len(options.only) != 1 or options.only[0] not in SWEEPS):
+        places.mistakes.append(f"--shard: with one part made of tasks, --only {' or --only '.join(SWEEPS)}")
     if wrong := [name for name in options.only if name not in PARTS.split()]:
         hint = did_you_mean(wrong[0], PARTS.split())
         places.mistakes.append(f"--only {wrong[0]!r}: no such part; allowed: {PARTS}{hint}")
@@ -53,12 +65,17 @@ def validate(options: ValidateOptions) -> None:
     if target == page == "-":
         places.mistakes.append("--json and --markdown name the same file: -")
     places.check()
+    from eclsim.execution import ExecutionError
     from eclsim.files import write_text
     from eclsim.validation.suite import validation_markdown, validation_object
     from eclsim.validation.summary import verdict_text
 
     quiet = "-" in (target, page)
-    checks = _run(options, quiet)
+    try:
+        with resumable(options.out), writing(options.out):
+            checks = _run(options, distribution, quiet)
+    except ExecutionError as error:
+        fail(error)
     with writing():
         hand_over(validation_object(checks), target)
         if page is not None:
@@ -69,16 +86,20 @@ def validate(options: ValidateOptions) -> None:
         raise typer.Exit(INCOMPLETE)
 
 
-def _run(o: ValidateOptions, quiet: bool) -> Sequence[Check]:
+def _run(o: ValidateOptions, distribution: Distribution, quiet: bool) -> Sequence[Check]:
     from eclsim.validation import suite
+    from eclsim.validation.effort import Effort
     from eclsim.validation.summary import check_text
 
-    effort = suite.Effort(o.quick, _SWEEP_QUICK if o.quick else _SWEEP_FULL if o.full else _SWEEP)
+    points = _SWEEP_QUICK if o.quick else _SWEEP_FULL if o.full else _SWEEP
+    folder = None if o.out is None else Path(o.out)
     checks = []
-    for check in suite.run(effort, o.only, lambda part: say(f"running: {part}")):
-        checks.append(check)
-        if not quiet:
-            typer.echo(check_text(check, o.every_row))
+    with distribution.running(suite.PRELOAD) as executor, Progress() as progress:
+        effort = Effort(o.quick, points, executor, folder, progress)
+        for check in suite.run(effort, o.only, lambda part: say(f"running: {part}")):
+            checks.append(check)
+            if not quiet:
+                typer.echo(check_text(check, o.every_row))
     return checks
 
 

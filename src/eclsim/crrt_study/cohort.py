@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import hashlib
+import json
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from eclsim.crrt_study.ranking import Ranked, first_choice
-from eclsim.crrt_study.schemes import NINE, PUBLISHED, Scheme
+from eclsim.crrt_study.schemes import NINE, PUBLISHED, Scheme, select_schemes
 from eclsim.crrt_study.study import USUAL_SPEEDS, CrrtStudy, crrt_study
+from eclsim.execution import Distribution, Executor, Progress, Tasks, announce, json_format
+from eclsim.execution.tasks import in_process
 
 if TYPE_CHECKING:
-    from eclsim.identification.fitted_cohort import FittedCases
+    from eclsim.cases.case import Case
+    from eclsim.identification.cohort import FittedCases
+
+Value = TypeVar("Value", str, float)
 
 
 FILES = ("report.html", "cohort.json", "points.csv", "schemes.csv", "ranks.svg")
@@ -131,6 +139,45 @@ class SchemeSummary:
     median_flow: float
 
 
+@dataclass(frozen=True)
+class PointOutcome:
+    """Study of a data point, or why there is none."""
+
+    name: str
+    study: PointResult | None
+    lost: str = ""
+
+
+PRELOAD = ("eclsim.identification.cohort", "eclsim.crrt_study.cohort", "eclsim.outputs.evaluation")
+"""What a worker needs before its first group."""
+_FORMAT = json_format(list[PointOutcome])
+
+
+@dataclass(frozen=True)
+class StudyGroup:
+    """Studies the cases of a group one after the other; the fields are the options of the study."""
+
+    schemes: str | tuple[str, ...]
+    speeds: str | tuple[float, ...]
+    crrt_flow_ml_min: float | None
+    volume_policy: str
+    scheme_h: str
+
+    def __call__(self, cases: tuple[tuple[str, Case], ...]) -> list[PointOutcome]:
+        """What becomes of each case."""
+        from eclsim.crrt_study.settings import StudyError
+
+        outcomes = []
+        for name, case in cases:
+            announce(name)
+            try:
+                study = _point(name, crrt_study(case, **vars(self)))
+                outcomes.append(PointOutcome(name, study))
+            except StudyError as error:
+                outcomes.append(PointOutcome(name, None, str(error)))
+        return outcomes
+
+
 def crrt_cohort(
     fitted: FittedCases,
     *,
@@ -139,7 +186,9 @@ def crrt_cohort(
     crrt_flow_ml_min: float | None = None,
     volume_policy: str | None = None,
     scheme_h: str = PUBLISHED,
-    progress: Callable[[str], None] = lambda _: None,
+    folder: Path | None = None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
 ) -> CohortStudy:
     """Run the study for every case, each at its own speed and over the same range of speeds.
 
@@ -150,31 +199,39 @@ def crrt_cohort(
         crrt_flow_ml_min: blood flow of the CRRT; left out, each case's own, else 200 mL/min.
         volume_policy: "as_published", "patient_held" or "both"; left out, what the cases say, else both.
         scheme_h: "published" or "figure".
-        progress: is told what is being computed.
+        folder: keeps the studies; None keeps them for this call alone.
+        executor: runs them; None runs them in this process.
+        progress: called as they are done.
 
     Raises:
         StudyError: If no case can be studied, or the cases state different policies.
+        ExecutionError: the folder holds other studies, or workers cannot be reached.
+        ShardDone: this was a shard.
     """
     from eclsim.crrt_study.settings import StudyError, policy_of_cases
 
-    if volume_policy is None:
-        volume_policy = policy_of_cases(list(fitted.cases.values()))
-    points, lost, chosen = [], dict(fitted.lost), ()
-    for k, (name, case) in enumerate(fitted.cases.items()):
-        progress(f"schemes: {k + 1} of {len(fitted.cases)} data points")
-        try:
-            study = crrt_study(
-                case, schemes=schemes, speeds=speeds, crrt_flow_ml_min=crrt_flow_ml_min,
-                volume_policy=volume_policy, scheme_h=scheme_h,
-            )  # fmt: skip
-        except StudyError as error:
-            lost[name] = str(error)
-            continue
-        chosen = study.schemes
-        points.append(_point(name, study))
+    if executor is None:
+        executor = Executor(Distribution(), in_process)
+    policy = volume_policy or policy_of_cases(list(fitted.cases.values()))
+    compute = StudyGroup(_fixed(schemes), _fixed(speeds), crrt_flow_ml_min, policy, scheme_h)
+    groups = [tuple((n, fitted.cases[n]) for n in names if n in fitted.cases) for names in fitted.groups]
+    tasks = Tasks(
+        "schemes", "groups of data points", compute, groups, {**fitted.inputs, "study": vars(compute)}
+    )
+    # Studies with other options do not disturb each other, so the fits can be used again.
+    mark = hashlib.sha256(json.dumps(vars(compute)).encode()).hexdigest()[:8]
+    place = None if folder is None else folder / f"studies-{mark}"
+    outcomes = [one for group in executor.complete(tasks, place, _FORMAT, progress) for one in group]
+    by_name = {one.name: one for one in outcomes}
+    lost = {**fitted.lost, **{one.name: one.lost for one in outcomes if one.lost}}
+    points = tuple(study for name in fitted.cases if (study := by_name[name].study) is not None)
     if not points:
         raise StudyError("no data point can be studied: " + "; ".join(f"{k}: {v}" for k, v in lost.items()))
-    return CohortStudy(tuple(points), chosen, fitted, crrt_flow_ml_min, lost)
+    return CohortStudy(points, tuple(select_schemes(schemes, scheme_h)), fitted, crrt_flow_ml_min, lost)
+
+
+def _fixed(values: str | Sequence[Value]) -> str | tuple[Value, ...]:
+    return values if isinstance(values, str) else tuple(values)
 
 
 def _point(name: str, study: CrrtStudy) -> PointResult:

@@ -22,7 +22,7 @@ class ShardDone(Exception):  # noqa: N818 - no error: the work of one shard ends
     """A shard has left its results in the folder; the rest is for the others and the merge."""
 
     def __init__(self, shard: Shard, unit: str, folder: Path):
-        super().__init__(f"shard {shard}: its {unit} are in {folder}; when all are: eclsim merge {folder}")
+        super().__init__(f"shard {shard}: its {unit} are in {folder}")
 
 
 @dataclass(frozen=True)
@@ -86,6 +86,10 @@ class Distribution:
         """Whether results that are there are kept."""
         return self.resume or self.merge or self.shard is not None
 
+    def numbers(self, total: int) -> range:
+        """Numbers of the tasks to run: those of the shard, else all."""
+        return range(total) if self.shard is None else self.shard.numbers(total)
+
     @contextmanager
     def running(self, preload: Iterable[str] = ()) -> Iterator[Executor]:
         """What runs tasks. Enter it before they are planned: local Dask workers start meanwhile.
@@ -134,22 +138,34 @@ class Executor:
             ExecutionError: the folder does not fit, a result is missing, or the workers cannot be reached.
             ShardDone: this was a shard, whose results are in the folder now.
         """
+        results = self.own(tasks, folder, format, progress)
+        if (shard := self.distribution.shard) is not None and folder is not None:
+            raise ShardDone(shard, tasks.unit, folder)
+        return list(results.values())
+
+    def own(
+        self,
+        tasks: Tasks[Argument, Result],
+        folder: Path | None,
+        format: Format[Result],
+        progress: Progress | None = None,
+    ) -> dict[int, Result]:
+        """Results by number: those of a shard, else all. Arguments are those of `complete`."""
         if folder is None and self.distribution.continues:
             raise ExecutionError(f"{tasks.title}: --resume, --shard and merge need a folder, --out DIR")
-        numbers = range(len(tasks.arguments))
+        numbers = self.distribution.numbers(len(tasks.arguments))
         with nullcontext(folder) if folder else TemporaryDirectory(prefix="eclsim-") as place:
             store = TaskFolder(Path(place), tasks.inputs, format)
             self.open(store, numbers)
-            self.run_shard(tasks, store, store.folder, progress)
             run_tasks(tasks, store, numbers, self.run, progress)
-            return [store.load(number) for number in numbers]
+            return {number: store.load(number) for number in numbers}
 
     def run_shard(
         self, tasks: Tasks[Argument, Result], store: Store[Result], folder: Path, progress: Progress | None
     ) -> None:
         """Run the tasks of the shard, if it is one, and end with `ShardDone`."""
         if (shard := self.distribution.shard) is not None:
-            run_tasks(tasks, store, shard.numbers(len(tasks.arguments)), self.run, progress)
+            run_tasks(tasks, store, self.distribution.numbers(len(tasks.arguments)), self.run, progress)
             raise ShardDone(shard, tasks.unit, folder)
 
     def open(self, store: TaskFolder[Result], numbers: range) -> None:
@@ -158,8 +174,7 @@ class Executor:
         if chosen.merge and not store.file.exists():
             raise ExecutionError(f"{store.file.parent}: holds no shards ({store.file.name} is missing)")
         store.open(resume=chosen.continues, force=chosen.force)
-        own = numbers if chosen.shard is None else chosen.shard.numbers(len(numbers))
-        for number in store.finished().intersection(own):
+        for number in store.finished().intersection(numbers):
             store.load(number)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from eclsim.cases.writing import write_case
 from eclsim.files import csv_text, write_json, write_text
-from eclsim.identification.cohort_fit import named, r_squared, stem
+from eclsim.identification.cohort import named, r_squared, stem
 from eclsim.identification.profiles import RISE_90
 from eclsim.identification.verdict import DOUBTFUL_DIFFERENCE, POOR_DIFFERENCE
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from eclsim.files import csv_text, write_json, write_text
-from eclsim.identification.cohort_fit import stem
+from eclsim.identification.cohort import stem
 from eclsim.identification.track_results import TrackedPoint
 
 SUMMARY = "track.json"

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.cases.cohort import read_cohort
-from eclsim.identification.cohort_fit import FitStore, fit_cohort, pairs, r_squared
+from eclsim.execution import Distribution
+from eclsim.identification.cohort import fit_cohort, pairs, r_squared
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.objective import Box, Objective, Target
 from eclsim.identification.profiles import CostCurves, slices
@@ -74,9 +75,11 @@ def reproduce_cohort(
     """
     reading = read_cohort(cohort or SYNTHETIC)
     settings = FitSettings(multi_start=MultiStart.quick(explore))
-    store = FitStore(folder, reading.digest, settings)
-    store.open(resume=resume and (folder / "settings.json").exists(), force=not resume)
-    results = fit_cohort(reading.points, settings, store, lambda text: progress(f"cohort: {text}"))
+    with Distribution(resume=resume, force=not resume).running() as executor:
+        results = fit_cohort(
+            reading.points, settings, digest=reading.digest, folder=folder, executor=executor,
+            progress=lambda state: progress(f"cohort: {state}"),
+        )  # fmt: skip
     r2 = r_squared(results)
     chosen = next(k for k, result in enumerate(results) if result["cost"] is not None)
     found = _slices(reading.points[chosen], results[chosen], settings)

@@ -195,7 +195,7 @@ class SampleFolder:
         """Make the folder, or check that it holds the same analysis, perhaps with another number of rows."""
         if executor.distribution.force:
             self.samples.unlink(missing_ok=True)
-        executor.open(self.blocks, range(self.design.blocks))
+        executor.open(self.blocks, executor.distribution.numbers(self.design.blocks))
 
     def finished(self) -> set[int]:
         """Blocks that are done."""

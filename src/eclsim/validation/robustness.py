@@ -13,6 +13,7 @@ import numpy as np
 
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
+from eclsim.execution import Tasks, json_format
 from eclsim.orbit.model import Model
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch, SolvedOrbits, start_state
@@ -21,6 +22,7 @@ from eclsim.outputs.signals import output_names
 from eclsim.outputs.steady_beat import measured, steady_beat
 from eclsim.paper.comparison import Check, Row, at_least, at_most
 from eclsim.parameters.identification import BOUNDS
+from eclsim.validation.effort import Effort
 from eclsim.validation.reference_cases import reference_model
 
 CONFIGURATIONS = {
@@ -41,6 +43,9 @@ RECHECK_TOLERANCE = 1e-6
 SETTLING_BEATS = 400
 """Plain beats from the published start that tell the native output of a patient without a steady beat."""
 SEED = 2025
+CHUNK = 512
+"""Points of a configuration that are solved side by side; a task of the sweep."""
+SWEPT = ("status", "output", "drift", "beats", "moved")
 NEEDED_SHARE = 0.999
 NAMED = 5
 """Points of a configuration that are looked at one by one."""
@@ -113,9 +118,9 @@ def configuration_model(name: str) -> Model:
     return model_of(case.model_copy(update={"ecmo": reference_case(second).ecmo}))
 
 
-def sweep(name: str, count: int) -> Sweep:
-    """Solve a configuration at `count` points of the bounds."""
-    model, points = configuration_model(name), sobol_points(count)
+def sweep(name: str, points: dict[str, np.ndarray]) -> Sweep:
+    """Solve a configuration at some points of the bounds."""
+    model, count = configuration_model(name), len(next(iter(points.values())))
     beat = steady_beat(Batch(model.circuit, {**model.values, **points}, count), _left_outputs(model.circuit))
     orbits, output = beat.orbits, beat.values.sum(axis=0)
     drift, moved = orbits.drift.copy(), np.full(count, np.nan)
@@ -127,6 +132,44 @@ def sweep(name: str, count: int) -> Sweep:
     if len(rest):
         output[rest], drift[rest] = _waited(model, orbits, rest)
     return Sweep(name, points, beat.status, output, drift, orbits.beats, moved)
+
+
+Chunk = tuple[str, int, int]
+"""A configuration, its first point and the one after its last."""
+
+
+@dataclass(frozen=True)
+class SweepChunk:
+    """Solves some of `count` points of a configuration."""
+
+    count: int
+
+    def __call__(self, chunk: Chunk) -> dict[str, list[float]]:
+        """The arrays of the sweep, by name."""
+        name, first, last = chunk
+        points = {parameter: values[first:last] for parameter, values in sobol_points(self.count).items()}
+        done = sweep(name, points)
+        return {field: getattr(done, field).tolist() for field in SWEPT}
+
+
+def sweeps(count: int, effort: Effort) -> list[Sweep]:
+    """All configurations at `count` points of the bounds."""
+    chunks = [
+        (name, first, min(first + CHUNK, count))
+        for name in CONFIGURATIONS
+        for first in range(0, count, CHUNK)
+    ]
+    inputs = {"points": count, "chunks": chunks, "seed": SEED}
+    tasks = Tasks("robustness", "chunks of points", SweepChunk(count), chunks, inputs)
+    results = effort.complete(tasks, json_format(dict[str, list[float]]))
+    points = sobol_points(count)
+    found = []
+    for name in CONFIGURATIONS:
+        own = [result for chunk, result in zip(chunks, results, strict=True) if chunk[0] == name]
+        arrays = {field: np.concatenate([result[field] for result in own]) for field in SWEPT}
+        whole = {"status": arrays.pop("status").astype(int), "beats": arrays.pop("beats").astype(int)}
+        found.append(Sweep(name, points, **whole, **arrays))
+    return found
 
 
 def _left_outputs(circuit: Circuit) -> tuple[str, ...]:
@@ -148,12 +191,12 @@ def _waited(model: Model, orbits: SolvedOrbits, members: np.ndarray) -> tuple[np
     return output[members], drift
 
 
-def checks(points: int) -> list[Check]:
+def checks(effort: Effort) -> list[Check]:
     """All configurations; what is not steady is named, with its drift."""
     rows: list[Row] = []
     remarks: list[str] = []
-    for name in CONFIGURATIONS:
-        found = sweep(name, points)
+    points = effort.points
+    for found in sweeps(points, effort):
         rows += _rows(found)
         remarks += _remarks(found)
     title = f"Robustness: {points} Sobol points of the fit bounds x {len(CONFIGURATIONS)} configurations"

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eclsim.beat.heartbeat import beat_program
+from eclsim.execution import Tasks, json_format
 from eclsim.orbit.iteration import compiled_search
 from eclsim.orbit.model import Model
 from eclsim.orbit.steady import Batch, solve, start_state
@@ -20,6 +21,7 @@ from eclsim.outputs.results import simulate
 from eclsim.paper.comparison import Check, Row, at_most, near
 from eclsim.parameters import shi_hose2009
 from eclsim.patient.circulation import shi_hose_circulation
+from eclsim.validation.effort import Effort
 from eclsim.validation.reference_cases import (
     QUICK,
     case_names,
@@ -42,10 +44,11 @@ BEATS = 1000
 ADAPTIVE_QUICK = ("cvs_healthy_75bpm", "va_ecmo_default", "lvad_hvad_2600")
 
 
-def adaptive_check(quick: bool = False) -> Check:
+def adaptive_check(effort: Effort) -> Check:
     """Outputs of both solvers for the reference cases."""
-    names = ADAPTIVE_QUICK if quick else case_names()
-    rows = tuple(row for name in names for row in _both(name))
+    names = ADAPTIVE_QUICK if effort.quick else case_names()
+    tasks = Tasks("adaptive", "cases", _both, names, {"cases": list(names)})
+    rows = tuple(row for both in effort.complete(tasks, json_format(list[Row])) for row in both)
     title = f"Semi-implicit beat against Dopri8 with adaptive steps ({len(names)} cases)"
     beyond = [row for row in rows if row.holds and abs(row.percent or 0.0) > 100.0 * RELATIVE]
     remarks = tuple(

@@ -4,41 +4,30 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from eclsim.paper.comparison import Check, Row, worst
 from eclsim.validation import gradients, measurements, reference_cases, robustness, solvers
+from eclsim.validation.effort import Effort
 from eclsim.validation.timing import machine
-
-
-@dataclass(frozen=True)
-class Effort:
-    """How much to compute.
-
-    Args:
-        quick: a case of each kind of circuit instead of all.
-        points: points of the robustness sweep in each configuration.
-    """
-
-    quick: bool = False
-    points: int = 512
-
 
 PARTS: dict[str, Callable[[Effort], list[Check]]] = {
     "reference": lambda effort: reference_cases.checks(effort.quick),
     "gradients": lambda _: gradients.checks(),
     "shi-hose": lambda _: [solvers.shi_hose_check()],
-    "adaptive": lambda effort: [solvers.adaptive_check(effort.quick)],
+    "adaptive": lambda effort: [solvers.adaptive_check(effort)],
     "invariants": lambda effort: [
         solvers.periodicity_check(effort.quick),
         solvers.conservation_check(effort.quick),
     ],
-    "robustness": lambda effort: robustness.checks(effort.points),
+    "robustness": lambda effort: robustness.checks(effort),
     "paper": lambda _: [measurements.paper_check()],
     "devices": lambda _: [measurements.devices_check()],
     "patients": lambda _: [measurements.healthy_check(), *measurements.effects_checks()],
 }
 """Parts of the validation by the name that `--only` takes."""
+PRELOAD = ("eclsim.validation.suite", "eclsim.outputs.evaluation")
+"""What a worker needs before its first task."""
 
 
 def run(

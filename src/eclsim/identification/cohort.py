@@ -1,0 +1,249 @@
+"""Fitting a cohort: groups of data points as tasks, kept as soon as they are done, on one machine or many."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from eclsim.cases.writing import case_text
+from eclsim.execution import Executor, Progress, Tasks, announce, json_format
+from eclsim.files import file_stem, write_text
+from eclsim.identification.fit import fit_cases
+from eclsim.identification.settings import FitSettings
+
+if TYPE_CHECKING:
+    from eclsim.cases.case import Case
+    from eclsim.cases.cohort import CohortPoint, CohortReading
+    from eclsim.circuit.network import Circuit
+
+GROUP = 8
+"""Data points that are fitted side by side; what an interruption costs at most."""
+PRELOAD = ("scipy.optimize", "eclsim.identification.cohort", "eclsim.outputs.evaluation")
+"""What a worker needs before its first group."""
+PRESSURES = ("SP", "DP", "MAP", "MPAP", "PCWP")
+FLOWS = ("CO", "PF")
+GROUPS, CASES = "groups", "cases"
+"""Folders of the results and of the fitted case files."""
+
+
+@dataclass(frozen=True)
+class KeptFit:
+    """A fit as it is kept: its numbers, and the text of the fitted case (None where nothing was found)."""
+
+    numbers: dict[str, Any]
+    case: str | None
+
+
+_FORMAT = json_format(list[KeptFit])
+Group = tuple["CohortPoint", ...]
+
+
+@dataclass(frozen=True)
+class FitGroup:
+    """Fits the points of a group side by side."""
+
+    settings: FitSettings
+
+    def __call__(self, group: Group) -> list[KeptFit]:
+        """The fits, in the order of the points."""
+        fits = fit_cases([(point.name, point.case) for point in group], self.settings, announce)
+        return [
+            KeptFit(
+                numbers={
+                    **fit.as_object(),
+                    "patient_id": point.patient_id, "measurement": point.measurement, "line": point.line,
+                },
+                case=case_text(named(fit.case, fit.name)) if fit.simulated else None,
+            )
+            for point, fit in zip(group, fits, strict=True)
+        ]  # fmt: skip
+
+
+def fit_tasks(
+    points: Sequence[CohortPoint], settings: FitSettings, digest: str
+) -> Tasks[Group, list[KeptFit]]:
+    """The groups of a cohort.
+
+    Args:
+        points: of the cohort.
+        settings: what is free, how it is weighted, how widely to look.
+        digest: of the cohort's file.
+    """
+    inputs = {"cohort_file": digest, "points": len(points), **settings.as_object()}
+    return Tasks(
+        "fits", "groups of data points", FitGroup(settings), _groups(points, bool(settings.shared)), inputs
+    )
+
+
+def fit_cohort(
+    points: Sequence[CohortPoint],
+    settings: FitSettings,
+    *,
+    digest: str,
+    folder: Path | None,
+    executor: Executor,
+    progress: Progress | None = None,
+) -> list[dict[str, Any]]:
+    """Fit all points; results in their order. The fitted case files go to the folder.
+
+    Args:
+        points: of the cohort.
+        settings: what is free, how it is weighted, how widely to look.
+        digest: of the cohort's file.
+        folder: keeps the fits; None keeps them for this call alone.
+        executor: runs the groups.
+        progress: called as groups are done, and with what is being done.
+
+    Raises:
+        ExecutionError: the folder holds other fits, or workers cannot be reached.
+        ShardDone: this was a shard.
+    """
+    tasks = fit_tasks(points, settings, digest)
+    place = None if folder is None else folder / GROUPS
+    fits = [fit for group in executor.complete(tasks, place, _FORMAT, progress) for fit in group]
+    if folder is not None:
+        _write_cases(folder / CASES, fits)
+    by_name = {fit.numbers["id"]: fit.numbers for fit in fits}
+    return [by_name[point.name] for point in points]
+
+
+def _write_cases(folder: Path, fits: Sequence[KeptFit]) -> None:
+    """Write the fitted case files; those of earlier runs go."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for old in folder.glob("*.toml"):
+        old.unlink()
+    for fit in fits:
+        if fit.case is not None:
+            write_text(fit.case, folder / f"{stem(fit.numbers['id'])}.toml")
+
+
+def stem(name: str) -> str:
+    """A file name for a data point; names that differ get file names that differ."""
+    return file_stem(name, slashes=True)
+
+
+def named(case: Case, name: str) -> Case:
+    """The case under the name of its data point, where that is short enough for an id."""
+    if len(name) > 64:
+        return case
+    return case.model_copy(update={"patient": case.patient.model_copy(update={"id": name})})
+
+
+def _groups(points: Sequence[CohortPoint], by_patient: bool) -> list[Group]:
+    """Points with the same circuit, some at a time, or all of a patient."""
+    from eclsim.orbit.model import circuit_of
+
+    by_circuit: dict[tuple[Circuit, str], list[CohortPoint]] = {}
+    for point in points:
+        key = (circuit_of(point.case), point.patient_id if by_patient else "")
+        by_circuit.setdefault(key, []).append(point)
+    size = len(points) if by_patient else GROUP
+    return [tuple(same[k : k + size]) for same in by_circuit.values() for k in range(0, len(same), size)]
+
+
+# --- for studies of many patients ----------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class FittedCases:
+    """Cases with their own parameters.
+
+    Args:
+        cases: by name of the data point; of a shard, its own.
+        misfits: root mean square of the relative differences of each fit, by name; empty if they came fitted.
+        lost: data points that could not be fitted, and why.
+        words: how the parameters were found.
+        groups: names that are studied together, all of them.
+        inputs: all that the cases follow from, as plain data.
+    """
+
+    cases: Mapping[str, Case]
+    misfits: Mapping[str, float]
+    lost: Mapping[str, str]
+    words: str
+    groups: tuple[tuple[str, ...], ...]
+    inputs: Mapping[str, object] = field(default_factory=dict)
+
+
+def fit_points(
+    reading: CohortReading,
+    settings: FitSettings,
+    *,
+    folder: Path | None,
+    executor: Executor,
+    progress: Progress | None = None,
+) -> FittedCases:
+    """The fitted cases of a table; of a shard, those of its own groups.
+
+    Args:
+        reading: of the table.
+        settings: of the fits.
+        folder: keeps the fits.
+        executor: runs the groups.
+        progress: called as groups are done.
+    """
+    tasks = fit_tasks(reading.points, settings, reading.digest)
+    place = None if folder is None else folder / GROUPS
+    results = executor.own(tasks, place, _FORMAT, progress)
+    cases, misfits, lost = {}, {}, {}
+    for number, fits in results.items():
+        for point, fit in zip(tasks.arguments[number], fits, strict=True):
+            numbers = fit.numbers
+            if numbers["cost"] is None:
+                lost[point.name] = numbers["message"]
+                continue
+            cases[point.name] = with_fitted(point.case, numbers)
+            count = sum(cell["measured"] is not None for cell in numbers["outputs"].values())
+            misfits[point.name] = (numbers["cost"] / max(count, 1)) ** 0.5
+    explored = settings.multi_start.points_per_parameter
+    words = f"fitted to the table with {', '.join(settings.parameters)} free, {explored} explored sets each"
+    groups = tuple(tuple(point.name for point in group) for group in tasks.arguments)
+    order = {point.name: k for k, point in enumerate(reading.points)}
+    cases = {name: cases[name] for name in sorted(cases, key=order.__getitem__)}
+    return FittedCases(cases, misfits, lost, words, groups, tasks.inputs)
+
+
+def with_fitted(case: Case, result: Mapping[str, Any]) -> Case:
+    """A case with the parameters of a result of `fit_cohort`."""
+    fitted = {name: cell["value"] for name, cell in result["parameters"].items()}
+    return case.model_copy(update={"parameters": {**case.parameters, **fitted}})
+
+
+def as_they_are(cases: Sequence[Case], where: str) -> FittedCases:
+    """Cases that have their parameters already."""
+    by_name = {case.patient.id: case for case in cases}
+    inputs = {"cases": {name: case_text(case) for name, case in by_name.items()}}
+    return FittedCases(by_name, {}, {}, f"read from {where}", tuple((name,) for name in by_name), inputs)
+
+
+# --- how well a cohort is met --------------------------------------------------------------------------
+
+
+def r_squared(results: Sequence[Mapping[str, Any]]) -> dict[str, float | None]:
+    """R2 of all pressures and of all flows, 1 - sum of squared differences / that about the mean."""
+    return {"pressures": _r_squared(results, PRESSURES), "flows": _r_squared(results, FLOWS)}
+
+
+def pairs(results: Sequence[Mapping[str, Any]], names: Sequence[str]) -> np.ndarray:
+    """Measured and simulated values of some outputs wherever there are both, shape (values, 2)."""
+    found = [
+        (cell["measured"], cell["simulated"])
+        for result in results
+        for name in names
+        if (cell := result["outputs"].get(name))
+        and cell["measured"] is not None
+        and cell["simulated"] is not None
+    ]
+    return np.array(found, dtype=float).reshape(-1, 2)
+
+
+def _r_squared(results: Sequence[Mapping[str, Any]], names: Sequence[str]) -> float | None:
+    values = pairs(results, names)
+    if len(values) < 2 or np.ptp(values[:, 0]) == 0.0:
+        return None
+    measured, simulated = values.T
+    return float(1.0 - np.sum((measured - simulated) ** 2) / np.sum((measured - measured.mean()) ** 2))
