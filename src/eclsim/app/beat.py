@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.app.circuits import page_circuit
-from eclsim.devices.ecmo import OXYGENATORS
 from eclsim.files import finite
 from eclsim.orbit.model import circuit_of
 from eclsim.orbit.status import Status
@@ -98,20 +97,11 @@ def compute_beat(state: PageState, near: Mapping[str, float] | None = None) -> B
         n: np.interp(even, phases, found.waveform(n)) + unstressed_volume(circuit, n, values)
         for n in found.signals
     }
-    said = (*found.findings(), *_label(state, outputs))
+    said = (*found.findings(), *state.case.findings(outputs))
     return Beat(
         circuit, values, 60.0 / values["heart_rate_bpm"], waves, means, outputs, said,
         Status(int(found.status[0])), found.message(),
     )  # fmt: skip
-
-
-def _label(state: PageState, outputs: Mapping[str, float]) -> list[Finding]:
-    """A flow outside of what the oxygenator is labelled for."""
-    if state.case.ecmo is None or not outputs.get("PF", -1.0) >= 0.0:  # backwards is an alarm of its own
-        return []
-    said = OXYGENATORS[state.case.ecmo.oxygenator].label_warning(outputs["PF"])
-    text = f"ECMO flow of {said}"
-    return [Finding("warning", "PF", outputs["PF"], float("nan"), text, concerns=("PF",))] if said else []
 
 
 def plain(beat: Beat, waves: tuple[str, ...]) -> dict[str, Any]:

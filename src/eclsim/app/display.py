@@ -7,7 +7,7 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 from eclsim.app.knobs import connectable
-from eclsim.app.ranges import bounds
+from eclsim.app.ranges import bounds, named_specs
 from eclsim.app.texts import text
 from eclsim.cases.resolve import circuit_of
 from eclsim.devices.description import Control, Curve, KeyFigure, Knob, Sweep, Trace, Views
@@ -123,6 +123,7 @@ def display(case: Case) -> dict[str, Any]:
         "groups": _groups(case),
         "traces": _plain_traces(shown),
         "figures": [_plain_figure(figure) for figure in _in_order([f for _, v in shown for f in v.figures])],
+        "specs": named_specs(case),
         "compared": [output for _, views in shown for output in views.compared],
     }
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from eclsim.outputs.limits import limits_of
 from eclsim.outputs.registry import all_outputs
+
+if TYPE_CHECKING:
+    from eclsim.cases.case import Case
+    from eclsim.devices.description import Output
 
 _CATHETER = "practical table of right heart catheterisation, European Respiratory Society"
 _NURSING = "nursing reference of haemodynamic norms"
@@ -54,14 +58,24 @@ def line_bounds() -> dict[str, list[float]]:
 
 def output_specs() -> dict[str, dict[str, Any]]:
     """Words, unit, definition and reference range of every output, as plain data."""
-    found: dict[str, dict[str, Any]] = {}
-    for name, entry in all_outputs().items():
-        found[name] = {"label": entry.long_name, "unit": entry.unit, "definition": entry.definition}
-        if name in REFERENCE:
-            found[name]["range"] = list(REFERENCE[name])
-        if limits := bounds(name):
-            found[name]["limits"] = limits
+    found = {name: _spec(entry, name, entry.long_name) for name, entry in all_outputs().items()}
     found["crrt_recirculated_fraction"] = {
         "label": "recirculated share of the CRRT flow", "unit": "1", "definition": "steady mixing",
     }  # fmt: skip
     return found
+
+
+def named_specs(case: Case) -> dict[str, dict[str, Any]]:
+    """The same of the outputs of devices that have a name, such as two of a kind."""
+    return {
+        one.output(entry.name): _spec(entry, one.output(entry.name), f"{entry.long_name}, {one.label}")
+        for one in case.instances()
+        for entry in (one.device.outputs if one.name else ())
+    }
+
+
+def _spec(entry: Output, name: str, label: str) -> dict[str, Any]:
+    spec: dict[str, Any] = {"label": label, "unit": entry.unit, "definition": entry.definition}
+    if name in REFERENCE:
+        spec["range"] = list(REFERENCE[name])
+    return spec | ({"limits": limits} if (limits := bounds(name)) else {})

@@ -326,9 +326,9 @@ class Session:
 
         state, case = self.state, self.state.case
         knobs = controls(case)
-        if (parts := display(case)) != self._display:
-            self._display = parts
-            self.send("display", parts)
+        if (connections := [one.key for one in case.instances()]) != self._display:
+            self._display = connections
+            self.send("display", display(case))
         panel = [described(control) for control in knobs]
         if panel != self._panel:
             self._panel = panel

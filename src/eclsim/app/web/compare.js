@@ -43,6 +43,7 @@ export default {
     listening({
       display(display) {
         this.outputs = display.compared;
+        this.named = display.specs;
       },
       saved(saved) {
         this.saved = saved;
@@ -68,7 +69,16 @@ export default {
       },
     }),
   ],
-  data: () => ({ saved: [], pinned: null, beat: null, state: null, panel: [], outputs: [], names: {} }),
+  data: () => ({
+    saved: [],
+    pinned: null,
+    beat: null,
+    state: null,
+    panel: [],
+    outputs: [],
+    named: {},
+    names: {},
+  }),
   computed: {
     columns() {
       const { name, values = {} } = this.state ?? {};
@@ -109,7 +119,7 @@ export default {
       return { key, label, unit: knob?.unit ?? "", cells, kind: "knob" };
     },
     outputRow(name) {
-      const { label, unit } = this.specs[name];
+      const { label, unit } = this.specs[name] ?? this.named[name];
       const why = this.columns.map((s) => s.beat.cautions?.[name]).find(Boolean);
       return {
         key: name,

@@ -37,6 +37,9 @@ export default {
   props: { specs: Object },
   mixins: [
     listening({
+      display(display) {
+        this.named = display.specs;
+      },
       pinned(beat) {
         this.pinned = beat;
       },
@@ -60,7 +63,15 @@ export default {
       },
     }),
   ],
-  data: () => ({ filter: "", beat: null, pinned: null, base: null, latestBands: null, measured: {} }),
+  data: () => ({
+    named: {},
+    filter: "",
+    beat: null,
+    pinned: null,
+    base: null,
+    latestBands: null,
+    measured: {},
+  }),
   computed: {
     isMeasured() {
       return Object.keys(this.measured).length > 0;
@@ -71,8 +82,9 @@ export default {
     rows() {
       if (!this.beat) return [];
       const sought = this.filter.trim().toLowerCase();
-      const known = Object.entries(this.beat.outputs).filter(([name]) => this.specs[name]);
-      const rows = known.map(([name, value]) => this.row(name, value, this.specs[name]));
+      const specs = { ...this.specs, ...this.named };
+      const known = Object.entries(this.beat.outputs).filter(([name]) => specs[name]);
+      const rows = known.map(([name, value]) => this.row(name, value, specs[name]));
       return rows.filter((r) => !sought || `${r.name} ${r.label}`.toLowerCase().includes(sought));
     },
   },

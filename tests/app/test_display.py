@@ -1,0 +1,42 @@
+"""What the views show follows the devices of a case; two of a kind have names and colours of their own."""
+
+from eclsim.app.display import curves_of, display, sweep_of, waves_of
+from eclsim.app.knobs import connect, controls
+from eclsim.cases.presets import PRESETS
+from eclsim.cases.reading import read_mapping
+
+PUMP = {"pump": "HM3", "speed_rpm": 5000.0}
+
+
+def two_pumps():
+    raw = PRESETS["healthy"].case().as_mapping()
+    raw["lvad"] = {
+        "left": {**PUMP, "inlet_site": "lv", "outlet_site": "ao"},
+        "right": {**PUMP, "speed_rpm": 3000.0, "inlet_site": "rv", "outlet_site": "part"},
+    }
+    return read_mapping(raw).case
+
+
+def test_a_connected_device_has_its_traces_tiles_and_curves():
+    healthy = PRESETS["healthy"].case()
+    shown = display(connect(healthy, "lvad"))
+    assert "Qlvadpump" in [trace["signal"] for trace in shown["traces"]]
+    assert "Qlvadpump" not in waves_of(healthy)
+    assert [figure["key"] for figure in shown["figures"]][:4] == ["MAP", "CO", "LVO", "lvad_flow"]
+    assert sweep_of(healthy) is None
+
+
+def test_two_of_a_kind_are_told_apart():
+    case = two_pumps()
+    shown = display(case)
+    pumps = [trace for trace in shown["traces"] if "lvadpump" in trace["signal"]]
+    assert [trace["signal"] for trace in pumps] == ["Qlvad.left.lvadpump", "Qlvad.right.lvadpump"]
+    assert len({trace["colour"] for trace in shown["traces"]}) == len(shown["traces"])
+    assert {"LVAD left", "LVAD right"} <= {group["label"] for group in shown["groups"]}
+    assert "LVAD right" in shown["specs"]["lvad.right.flow"]["label"]
+    assert set(shown["compared"]) >= {"lvad.left.flow", "lvad.right.flow"}
+    assert len({number for number, _ in curves_of(case)}) == len(curves_of(case))
+    assert {"lvad.left.speed_rpm", "lvad.right.speed_rpm"} <= {control.key for control in controls(case)}
+    sweep = sweep_of(case)
+    assert sweep is not None
+    assert sweep.key == "lvad.left.speed_rpm"
