@@ -1,0 +1,45 @@
+"""Shards of a command and their merge, as the command line has them."""
+
+import json
+
+CASE_OPTIONS = (
+    "--samples", 256, "--parameters", "Rmc", "--outputs", "MAP", "--no-second-order", "--no-figures",
+)  # fmt: skip
+
+
+def test_merge_finishes_the_command_of_the_shards(shell):
+    case, out = shell.case(), shell.folder / "out"
+    assert shell.run("sensitivity", case, *CASE_OPTIONS, "--json", shell.folder / "one.json").exit_code == 0
+    for shard in ("2/2", "1/2"):
+        result = shell.run("sensitivity", case, *CASE_OPTIONS, "--out", out, "--shard", shard)
+        assert result.exit_code == 0
+        assert f"when all shards are done: eclsim merge {out}" in result.stderr
+    assert shell.run("merge", out, "--json", shell.folder / "two.json").exit_code == 0
+    one, two = (json.loads((shell.folder / f"{name}.json").read_text()) for name in ("one", "two"))
+    assert one.pop("seconds") != 0
+    two.pop("seconds")
+    assert one == two
+    assert not (out / "command.json").exists()
+
+
+def test_merge_names_what_is_missing(shell):
+    case, out = shell.case(), shell.folder / "out"
+    assert "holds no shards (command.json is missing)" in shell.run("merge", shell.folder).stderr
+    assert shell.run("sensitivity", case, *CASE_OPTIONS, "--out", out, "--shard", "1/2").exit_code == 0
+    result = shell.run("merge", out)
+    assert result.exit_code == 2
+    assert "blocks are missing" in result.stderr
+    assert (out / "command.json").exists(), "the missing shard may still come"
+
+
+def test_shards_are_of_commands_with_many_tasks(shell):
+    case = shell.case()
+    for command in (("identify", case, "--out", shell.folder / "a"), ("crrt-study", case)):
+        result = shell.run(*command, "--shard", "1/2")
+        assert result.exit_code == 2
+        assert (
+            "for cohorts" in result.stderr or "for a cohort" in result.stderr or "--out DIR" in result.stderr
+        )
+    result = shell.run("validate", "--shard", "1/2", "--out", shell.folder / "b")
+    assert result.exit_code == 2
+    assert "--shard: with one part made of tasks, --only robustness or --only adaptive" in result.stderr
