@@ -29,6 +29,8 @@ beat = eclsim.simulate(model, "patient_held")
 assert_type(beat, xr.Dataset)
 assert_type(simulate_many(model, {"Rmc": [0.8, 1.0]}), xr.Dataset)
 assert_type(circulation() + ecmo("ra", "ao"), Circuit)
+assert_type(eclsim.simulate("patient.toml"), xr.Dataset)
+assert_type(eclsim.derivatives(reading, ("MAP",), ("Rmc",)), xr.DataArray)
 eclsim.plot_waveforms(beat)
 
 indices = eclsim.sensitivity("patient.toml", settings=eclsim.SobolSettings(samples=64))

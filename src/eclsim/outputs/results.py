@@ -14,7 +14,7 @@ from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.beat.resolution import RESOLUTIONS
 from eclsim.orbit.equation import OrbitOptions
 from eclsim.orbit.execution import Execution
-from eclsim.orbit.model import Model, nominal_values
+from eclsim.orbit.model import Model, ModelSource, as_model, nominal_values
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import ADAPTIVE, SEMI_IMPLICIT, Batch
 from eclsim.outputs.alarms import impossible
@@ -28,16 +28,16 @@ ALLOWED_GRID_ERROR_PERCENT = 0.5
 
 
 def simulate(
-    model: Model,
-    policy: str | None = None,
+    case: ModelSource,
+    volume_policy: str | None = None,
     options: OrbitOptions | None = None,
     resolution: int | None = None,
 ) -> xr.Dataset:
     """The steady beat of a model.
 
     Args:
-        model: circuit and values.
-        policy: blood volume policy, "as_published" or "patient_held"; left out, the model's.
+        case: path of a case file, what `read_case` returned, a case or a model.
+        volume_policy: blood volume policy, "as_published" or "patient_held"; left out, the case's.
         options: accuracy and effort of the search.
         resolution: of the phase grid; left out, what the circuit's time constants need.
 
@@ -45,7 +45,8 @@ def simulate(
         Waveforms over `phase`, scalar outputs, and in the attributes whether and how it converged; NaN where
         it did not.
     """
-    batch = Batch.of(model, policy)
+    model = as_model(case)
+    batch = Batch.of(model, volume_policy)
     beat = steady_beat(batch, waveforms=None, keep=None, options=options, resolution=resolution)
     return labelled(beat, 0, model.name)
 
@@ -98,20 +99,20 @@ def labelled(beat: SteadyBeat, member: int = 0, name: str = "model") -> xr.Datas
 
 
 def simulate_many(
-    model: Model,
+    case: ModelSource,
     changes: Mapping[str, npt.ArrayLike],
     outputs: Sequence[str] | None = None,
-    policy: str | None = None,
+    volume_policy: str | None = None,
     options: OrbitOptions | None = None,
     execution: Execution | None = None,
 ) -> xr.Dataset:
     """Steady beats of variants of a model.
 
     Args:
-        model: circuit and values that all variants share.
+        case: path of a case file, what `read_case` returned, a case or a model; what all variants share.
         changes: an array (members,) for each parameter that varies, or a number that holds for all.
         outputs: names of the registry; left out, all that the circuit has.
-        policy: blood volume policy; left out, the model's.
+        volume_policy: blood volume policy; left out, the case's.
         options: accuracy and effort of the search.
         execution: how the batch is computed.
 
@@ -124,13 +125,14 @@ def simulate_many(
         ValueError: arrays of different lengths.
         UnknownValueError: a parameter that the circuit does not have.
     """
+    model = as_model(case)
     model.with_values(dict.fromkeys(changes, 0.0))
     lengths = {np.size(v) for v in changes.values() if np.ndim(v) > 0}
     if len(lengths) > 1:
         raise ValueError(f"arrays of {sorted(lengths)} members: all changes need the same length")
     count = lengths.pop() if lengths else 1
     values = {**model.values, **{k: np.asarray(v, dtype=float) for k, v in changes.items()}}
-    batch = Batch(model.circuit, values, count, policy or model.policy)
+    batch = Batch(model.circuit, values, count, volume_policy or model.policy)
     start = model.values if nominal_values(model.circuit) is None else None
     beat = steady_beat(batch, outputs, options=options, start=start, execution=execution)
     data: dict[str, Any] = {n: ("member", beat.output(n), output_labels(n)) for n in beat.names}
@@ -149,20 +151,20 @@ def simulate_many(
 
 
 def derivatives(
-    model: Model,
+    case: ModelSource,
     outputs: Sequence[str],
     parameters: Sequence[str],
-    policy: str | None = None,
+    volume_policy: str | None = None,
     resolution: int | None = None,
     throw: bool = True,
 ) -> xr.DataArray:
     """d output / d parameter of a model's steady beat, exact for the grid.
 
     Args:
-        model: circuit and values.
+        case: path of a case file, what `read_case` returned, a case or a model.
         outputs: names of the registry.
         parameters: names that the circuit reads, or `heart_rate_bpm`.
-        policy: blood volume policy; left out, the model's.
+        volume_policy: blood volume policy; left out, the case's.
         resolution: of the phase grid; left out, what the circuit's time constants need. Twice the resolution
             brings the derivatives from 0.6 % to 0.4 % of the continuous ones.
         throw: False gives NaN and says why in the attributes where there are no derivatives.
@@ -174,7 +176,8 @@ def derivatives(
     Raises:
         NoDerivativesError: no steady beat was found, or its equation is singular.
     """
-    beat = steady_beat(Batch.of(model, policy), outputs, resolution=resolution)
+    model = as_model(case)
+    beat = steady_beat(Batch.of(model, volume_policy), outputs, resolution=resolution)
     status, message = Status(int(beat.status[0])).word, beat.message()
     try:
         found = beat.linearise(outputs, parameters)
