@@ -15,14 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
-from eclsim.identification.density import Posterior
+from eclsim.identification.density import PosteriorDensity, Prior
 from eclsim.identification.diagnostics import diagnose
 from eclsim.identification.gaussian import approximate
-from eclsim.identification.importance import weigh
+from eclsim.identification.importance import importance_sample
 from eclsim.identification.nuts import Sampling, sample
 from eclsim.identification.observation import OUTPUTS, measurement_errors
-from eclsim.identification.prediction import predict
-from eclsim.identification.prior import Prior
+from eclsim.identification.posterior import predict
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
@@ -38,7 +37,7 @@ def prior_of() -> Prior:
     return Prior(NAMES, table[:, 1], table[:, 2], table[:, 0])
 
 
-def starts(posterior: Posterior, seed: int) -> np.ndarray:
+def starts(posterior: PosteriorDensity, seed: int) -> np.ndarray:
     """Best of some random points; the truth plays no part."""
     z = np.random.default_rng(seed).uniform(-1.8, 1.8, (400, len(NAMES)))
     levels = posterior.potential(z, posterior.simulate(z))
@@ -50,17 +49,14 @@ def one_patient(seed: int, method: str) -> dict:
     point = simulated_patient(seed)
     prior, model = prior_of(), model_of(point.case)
     measured = {n: getattr(point.case.measurements, n) for n in OUTPUTS}
-    posterior = Posterior(model, measured, measurement_errors(measured), prior)
+    posterior = PosteriorDensity(model, measured, measurement_errors(measured), prior)
     gaussian = approximate(posterior, starts(posterior, seed))
-    weighted = weigh(posterior, gaussian, seed=seed)
+    weighted = importance_sample(posterior, gaussian, seed=seed)
     doubts = weighted.doubts
     z = weighted.z[weighted.resample(PREDICTED, seed)]
     if method == "nuts":
         chains = sample(posterior, weighted.proposals, SHORT)
-        found = diagnose(
-            NAMES, chains.z, *(chains.statistics[n] for n in ("diverging", "energy", "saturated"))
-        )
-        doubts = found.doubts
+        doubts = diagnose(NAMES, chains.z, chains.statistics).doubts
         z = chains.z.reshape(-1, len(NAMES))
         z = z[:: max(1, len(z) // PREDICTED)]
     faster = model.with_values({"ecmo.speed_rpm": 1.15 * model.values["ecmo.speed_rpm"]})

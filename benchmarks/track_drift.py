@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from eclsim.identification.density import Posterior
+from eclsim.identification.density import PosteriorDensity, Prior
 from eclsim.identification.gaussian import approximate
 from eclsim.identification.least_squares import refine
 from eclsim.identification.objective import Box, Objective, Target
 from eclsim.identification.observation import OUTPUTS, measurement_errors
-from eclsim.identification.track import Tracker
+from eclsim.identification.tracking import Tracker
 from eclsim.orbit.model import model_of
 from eclsim.parameters.identification import BOUNDS
 from eclsim.validation.simulated_patients import NAMES, simulated_series
@@ -34,10 +34,9 @@ def refitted(points):
     squares = refine(objective, np.arange(len(points)), truth, box)
     highest = []
     for model, values, x in zip(models, measured, truth, strict=True):
-        tracker = Tracker()
-        tracker._read(points[0].case)
-        found = approximate(Posterior(model, values, measurement_errors(values), tracker.prior), x[None])
-        highest.append((tracker.prior.x_of(found.centre), found.outputs))
+        prior = Prior.of(box)
+        found = approximate(PosteriorDensity(model, values, measurement_errors(values), prior), x[None])
+        highest.append((prior.x_of(found.centre), found.outputs))
     return (squares.x, squares.outputs), tuple(np.array(v) for v in zip(*highest, strict=True))
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from eclsim.identification.prior import Prior
+from eclsim.identification.density import Prior
 
 
 @dataclass
@@ -68,8 +68,8 @@ class HalfBlind(TwoArms):
         return found
 
 
-class AnalyticFollower:
-    """Stands for a `Follower`: the potential and its gradient of a `CurvedPosterior`."""
+class AnalyticGradient:
+    """Stands for a `GradientEvaluator`: the potential and its gradient of a `CurvedPosterior`."""
 
     last = None
 

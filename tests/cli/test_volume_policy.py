@@ -10,7 +10,7 @@ from eclsim.crrt_study.settings import StudyError, policy_of_cases
 from eclsim.identification.cohort import as_they_are
 from eclsim.identification.fit import fit as fit_case
 from eclsim.identification.multi_start import MultiStart
-from eclsim.identification.posterior import PosteriorSettings, posterior_of
+from eclsim.identification.posterior import PosteriorSettings, density_of
 from eclsim.identification.settings import FitSettings
 from eclsim.orbit.model import model_of
 
@@ -73,12 +73,12 @@ def test_models_fits_and_posteriors_take_the_case_s_policy(held):
     case = read_case(held).case
     assert model_of(case).policy == "patient_held"
     few = MultiStart(points_per_parameter=4, refined_share=0.2, round_size=2, rediscoveries=1)
-    fit = fit_case(case, FitSettings(("Rmc",), multi_start=few))
+    fit = fit_case(case, settings=FitSettings(("Rmc",), multi_start=few))
     assert fit.objective.policy == "patient_held"
-    assert posterior_of(fit, PosteriorSettings()).policy == "patient_held"
-    other = fit_case(case, FitSettings(("Rmc",), multi_start=few, policy="as_published"))
+    assert density_of(fit, PosteriorSettings()).policy == "patient_held"
+    other = fit_case(case, settings=FitSettings(("Rmc",), multi_start=few, volume_policy="as_published"))
     assert other.case.volume_policy == "as_published"
-    assert posterior_of(other, PosteriorSettings()).policy == "as_published"
+    assert density_of(other, PosteriorSettings()).policy == "as_published"
 
 
 def test_a_study_takes_what_the_cases_say_and_does_not_mix(shell, held):

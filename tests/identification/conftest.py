@@ -7,6 +7,7 @@ from eclsim.identification.objective import Box, Objective, Target
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
 from eclsim.parameters.identification import BOUNDS
+from known_posteriors import CurvedPosterior
 
 TRUTH = {"Rmc": 0.85, "Emaxlv": 1.3}
 MEASURED = ("SP", "DP", "MAP", "MPAP", "PCWP", "CO")
@@ -30,3 +31,8 @@ def objective(twin: Case, box: Box) -> Objective:
     assert twin.measurements is not None
     measured = {n: getattr(twin.measurements, n) for n in MEASURED}
     return Objective([Target(model_of(twin), measured, measured)], box.names)
+
+
+@pytest.fixture
+def curved() -> CurvedPosterior:
+    return CurvedPosterior(bend=0.8)

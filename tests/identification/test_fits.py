@@ -28,7 +28,7 @@ TRUTH = {"Rmc": 0.85, "Emaxlv": 1.3}
 
 @pytest.fixture(scope="session")
 def fit(twin):
-    return fit_case(twin, QUICK)
+    return fit_case(twin, settings=QUICK)
 
 
 def test_a_twin_gives_back_its_parameters(fit):
@@ -62,14 +62,24 @@ def test_the_object_is_that_of_the_documentation(fit):
     assert point["correlation"]["Rmc"]["Rmc"] == pytest.approx(1.0)
 
 
+def test_the_labelled_result_has_units(fit):
+    labelled = fit.dataset
+    assert float(labelled["value"].sel(parameter="Rmc")) == fit.parameters["Rmc"].value
+    assert labelled["parameter_units"].sel(parameter="Rmc") == "mmHg s/mL"
+    assert float(labelled["measured"].sel(output="CO")) == fit.measured["CO"]
+    assert labelled["output_units"].sel(output="CO") == "L/min"
+    assert float(labelled["correlation"].sel(parameter="Rmc", with_parameter="Rmc")) == pytest.approx(1.0)
+    assert labelled.attrs["verdict"] == "good"
+
+
 def test_the_same_seed_gives_the_same_numbers(twin, fit):
-    again = fit_case(twin, QUICK).as_object()
+    again = fit_case(twin, settings=QUICK).as_object()
     assert {**again, "seconds": 0} == {**fit.as_object(), "seconds": 0}
 
 
 def test_an_optimum_outside_the_bounds_is_found_at_the_bound(twin):
     narrow = replace(QUICK, bounds={"Rmc": (0.1, 0.7)})
-    found = fit_case(twin, narrow).parameters["Rmc"]
+    found = fit_case(twin, settings=narrow).parameters["Rmc"]
     assert found.value == 0.7
     assert found.at_bound
     assert not found.identifiable
@@ -78,7 +88,7 @@ def test_an_optimum_outside_the_bounds_is_found_at_the_bound(twin):
 
 
 def test_a_lower_bound_gives_an_upper_limit(twin):
-    found = fit_case(twin, replace(QUICK, bounds={"Rmc": (1.5, 2.0)}))
+    found = fit_case(twin, settings=replace(QUICK, bounds={"Rmc": (1.5, 2.0)}))
     assert found.parameters["Rmc"].reason.endswith("a smaller value, so take it as upper limit")
     held_back = [r for r in found.verdict.doubts if r.about == "Rmc"]
     assert "--bounds" in held_back[0].sentence
@@ -99,7 +109,7 @@ def test_a_twin_is_a_good_fit_and_a_contradictory_patient_a_poor_one(twin, fit):
     assert fit.verdict.level == "good"
     assert {"EDVLV", "EDVRV", "right_atrial_pressure"} <= set(fit.implied)
     high = twin.measurements.model_copy(update={"MPAP": twin.measurements.MPAP + 14.0})
-    poor = fit_case(twin.model_copy(update={"measurements": high}), QUICK)
+    poor = fit_case(twin.model_copy(update={"measurements": high}), settings=QUICK)
     assert poor.status == "fitted"
     assert poor.verdict.level == "poor"
     assert poor.verdict.reasons[0].about == "MPAP"
@@ -124,15 +134,15 @@ def test_weights_by_uncertainty_favour_what_is_known_well(twin):
     wrong = twin.measurements.model_copy(update={"MAP": twin.measurements.MAP * 1.08, "SP": None, "DP": None})
     case = twin.model_copy(update={"measurements": wrong})
     only_rmc = replace(QUICK, parameters=("Rmc",), weights="uncertainty")
-    trusted = fit_case(case, replace(only_rmc, uncertainties={"MAP": Uncertainty(0.1)}))
-    doubted = fit_case(case, replace(only_rmc, uncertainties={"MAP": Uncertainty(50.0)}))
+    trusted = fit_case(case, settings=replace(only_rmc, uncertainties={"MAP": Uncertainty(0.1)}))
+    doubted = fit_case(case, settings=replace(only_rmc, uncertainties={"MAP": Uncertainty(50.0)}))
     assert abs(trusted.simulated["MAP"] / wrong.MAP - 1) < 0.01
     assert abs(doubted.simulated["MAP"] / wrong.MAP - 1) > 0.02
 
 
 def test_equal_bounds_fix_a_parameter_in_the_written_case(twin):
     fixed = replace(QUICK, parameters=("Rmc", "Rpmc"), bounds={"Rpmc": (0.08, 0.08)})
-    found = fit_case(twin, fixed)
+    found = fit_case(twin, settings=fixed)
     assert set(found.parameters) == {"Rmc"}
     assert found.case.parameters["Rpmc"] == 0.08
 
@@ -152,7 +162,7 @@ def test_what_cannot_be_fitted_is_said_before_anything_is_computed(twin, changes
     checked = checked_fit(twin, replace(QUICK, **changes))
     assert any(words in str(m) for m in checked.mistakes), checked.mistakes
     with pytest.raises(CaseError):
-        fit_case(twin, replace(QUICK, **changes))
+        fit_case(twin, settings=replace(QUICK, **changes))
 
 
 def test_bounds_as_text():

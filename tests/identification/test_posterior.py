@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from eclsim.cases.case import Case, Measurements, Patient
+from eclsim.identification.files import write_posterior
 from eclsim.identification.fit import fit as fit_case
 from eclsim.identification.multi_start import MultiStart
-from eclsim.identification.posterior import PosteriorSettings, as_object, sample_posterior
+from eclsim.identification.posterior import PosteriorSettings, posterior
 from eclsim.identification.posterior_figures import plot_pairs, plot_predictive
-from eclsim.identification.posterior_files import write_posterior
-from eclsim.identification.posterior_samples import read_samples
+from eclsim.identification.samples import read_samples
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.summary import posterior_text
 from eclsim.identification.verdict import Aspect, Level, Reason
@@ -34,13 +34,13 @@ def faster(case):
 
 @pytest.fixture(scope="module")
 def fit():
-    return fit_case(CASE, QUICK)
+    return fit_case(CASE, settings=QUICK)
 
 
 @pytest.fixture(scope="module")
 def result(fit):
     settings = PosteriorSettings(method="importance")
-    return sample_posterior(fit, settings, [("patient.heart_rate_bpm=100", faster(fit.case))])
+    return posterior(fit, settings=settings, predictions=[("patient.heart_rate_bpm=100", faster(fit.case))])
 
 
 def test_parameters_lie_in_their_bounds_around_the_fit(fit, result):
@@ -55,11 +55,11 @@ def test_parameters_lie_in_their_bounds_around_the_fit(fit, result):
 
 def test_outputs_agree_with_the_measurements(result):
     first = result.predictions[0]
-    for name, value in result.posterior.measured.items():
+    for name, value in result.density.measured.items():
         low, middle, high = first.intervals[first.outputs.index(name)]
         assert low < middle < high
-        assert abs(middle - value) < 2.0 * result.posterior.errors[name]
-        assert high - low < 2 * 1.645 * 1.2 * result.posterior.errors[name]
+        assert abs(middle - value) < 2.0 * result.density.errors[name]
+        assert high - low < 2 * 1.645 * 1.2 * result.density.errors[name]
 
 
 def test_prediction_at_another_heart_rate(fit, result):
@@ -77,8 +77,8 @@ def test_prediction_at_another_heart_rate(fit, result):
 
 
 def test_surer_measurements_give_narrower_intervals(fit, result):
-    sure = {n: Uncertainty(relative=0.01) for n in result.posterior.measured}
-    narrow = sample_posterior(fit, PosteriorSettings(method="importance", uncertainties=sure))
+    sure = {n: Uncertainty(relative=0.01) for n in result.density.measured}
+    narrow = posterior(fit, settings=PosteriorSettings(method="importance", uncertainties=sure))
     assert (np.std(np.log(narrow.flat), axis=0) < 0.6 * np.std(np.log(result.flat), axis=0)).all()
 
 
@@ -90,7 +90,7 @@ def test_draws_are_called_what_they_are(result):
     assert labels(plot_predictive(result))[:2] == [
         "posterior (weighted draws): median and 90 %", "Gaussian approximation, unchecked",
     ]  # fmt: skip
-    table = posterior_text(as_object(result))
+    table = posterior_text(result.as_object())
     assert "Gaussian" not in table
     assert f"{result.weighted.effective:.0f} effective draws, Pareto k {result.weighted.shape:.2f}" in table
     heads = [line.split() for line in table.splitlines() if line.startswith("output")]
@@ -99,19 +99,19 @@ def test_draws_are_called_what_they_are(result):
 
 
 def test_the_gaussian_approximation_is_never_called_posterior(fit):
-    found = sample_posterior(fit, PosteriorSettings(method="gaussian"))
+    found = posterior(fit, settings=PosteriorSettings(method="gaussian"))
     assert not found.trusted
     assert found.verdict == "NOT CHECKED"
     assert found.predictions is found.gaussian_predictions
     assert labels(plot_predictive(found))[0] == "Gaussian approximation, unchecked: median and 90 %"
     for figure in (plot_predictive(found), plot_pairs(found)):
         assert "posterior" not in figure.get_suptitle()
-    assert "posterior" not in posterior_text(as_object(found)).replace("against the posterior", "")
+    assert "posterior" not in posterior_text(found.as_object()).replace("against the posterior", "")
 
 
 def test_doubts_stand_beside_every_prediction(result):
     doubted = replace(result, doubts=("Pareto k of the weights is 0.83 (below 0.7): sample by chains",))
-    table = posterior_text(as_object(doubted))
+    table = posterior_text(doubted.as_object())
     assert table.count("NOT TO BE TRUSTED:\n  Pareto k of the weights is 0.83") == 3
 
 
@@ -120,14 +120,14 @@ def test_draws_without_a_steady_beat_are_counted_and_doubted(result):
     few, many = replace(second, lost=0.004), replace(second, lost=0.05)
     assert not few.doubts
     assert many.lost_draws == 50
-    table = posterior_text(as_object(replace(result, predictions=(first, many))))
+    table = posterior_text(replace(result, predictions=(first, many)).as_object())
     assert "50 of 1000 draws have no steady heartbeat there and are not counted" in table
     assert table.count("NOT TO BE TRUSTED") == 1
     outputs = result.weighted.outputs.copy()
     outputs[:3] = np.nan
     lost = replace(result, weighted=replace(result.weighted, outputs=outputs))
     assert f"3 of the {len(outputs)} weighted draws have no steady heartbeat" in posterior_text(
-        as_object(lost)
+        lost.as_object()
     )
 
 
@@ -135,7 +135,7 @@ def test_predictions_of_a_poor_fit_are_not_trusted(fit):
     poor = fit.judged(
         [Reason(Aspect.AGREEMENT, Level.POOR, "CO", "CO is 6 standard uncertainties from the measurement")]
     )
-    found = sample_posterior(poor, PosteriorSettings(method="gaussian"))
+    found = posterior(poor, settings=PosteriorSettings(method="gaussian"))
     assert found.verdict == "NOT TO BE TRUSTED"
     assert any("POOR FIT" in doubt for doubt in found.doubts)
 
@@ -166,7 +166,7 @@ def test_arviz_opens_the_netcdf(result, tmp_path):
         arviz = pytest.importorskip("arviz")
         data = arviz.from_netcdf(tmp_path / "posterior.nc")
         posterior = data["posterior"]
-        assert np.asarray(posterior["Rmc"]) == pytest.approx(result.draws[:, :, 0])
+        assert np.asarray(posterior["Rmc"]) == pytest.approx(result.samples[:, :, 0])
         assert posterior["Rmc"].dims == ("chain", "draw")
         assert float(np.asarray(data["observed_data"]["CO"])) == 4.0
         assert list(np.asarray(data["predictions"]["settings"])) == [
@@ -182,8 +182,8 @@ def test_chains_agree_with_weighted_draws(fit, result):
     pytest.importorskip("numpyro")
     from eclsim.identification.nuts import Sampling
 
-    sampled = sample_posterior(
-        fit, PosteriorSettings(sampling=Sampling(chains=4, warmup=150, draws=250, seed=1))
+    sampled = posterior(
+        fit, settings=PosteriorSettings(sampling=Sampling(chains=4, warmup=150, draws=250, seed=1))
     )
     assert sampled.diagnostics is not None
     assert sampled.diagnostics.r_hat.max() < 1.05

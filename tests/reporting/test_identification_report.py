@@ -19,7 +19,7 @@ def words(html: str) -> str:
 
 
 def content(*points: dict) -> dict:
-    return fits_object(points, FitSettings(policy="patient_held").as_object())
+    return fits_object(points, FitSettings(volume_policy="patient_held").as_object())
 
 
 def test_the_verdict_comes_first_then_measured_against_fitted(fitted_point):

@@ -19,7 +19,7 @@ from eclsim.app.studies import SPEEDS, plain_curve
 from eclsim.beat.heartbeat import beat_program
 from eclsim.beat.resolution import needed_resolution
 from eclsim.circuit.assembly import assemble
-from eclsim.identification.batch_outputs import SETTLED
+from eclsim.identification.density import SETTLED
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.signals import output_names

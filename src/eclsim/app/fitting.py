@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
     from eclsim.identification.fit import FitResult
+    from eclsim.orbit.model import VolumePolicy
 
 _OPTIONS = (("; or weigh them by uncertainty (--weights uncertainty)", "fit_weigh"),
     (" (--weights uncertainty)", "fit_weighted"), ("--bounds", "fit_bounds_elsewhere"))  # fmt: skip
@@ -173,17 +174,19 @@ def _give_way(pipe: Connection) -> None:
 
 
 def _fit(
-    raw: Mapping[str, Any], policy: str, looking: Mapping[str, int], report: Callable[[str], None]
+    raw: Mapping[str, Any], policy: VolumePolicy, looking: Mapping[str, int], report: Callable[[str], None]
 ) -> FitResult:
     from eclsim.identification.fit import fit
     from eclsim.identification.multi_start import MultiStart
     from eclsim.identification.settings import FitSettings
 
-    settings = FitSettings(multi_start=MultiStart(**looking), policy=policy)
-    return fit(read_mapping(raw).case, settings, report)
+    settings = FitSettings(multi_start=MultiStart(**looking), volume_policy=policy)
+    return fit(read_mapping(raw).case, settings=settings, progress=lambda step: report(str(step)))
 
 
-def _done(job: str, raw: Mapping[str, Any], policy: str, report: Callable[[str], None]) -> tuple[str, Any]:
+def _done(
+    job: str, raw: Mapping[str, Any], policy: VolumePolicy, report: Callable[[str], None]
+) -> tuple[str, Any]:
     from eclsim.app.weighted_draws import plain_posterior
     from eclsim.inputs.mistakes import CaseError
 

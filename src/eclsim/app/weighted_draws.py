@@ -11,14 +11,13 @@ import numpy as np
 from eclsim.app.posterior import MEMBERS
 from eclsim.app.texts import text
 from eclsim.cases.reading import read_mapping
-from eclsim.identification.density import Posterior
+from eclsim.identification.density import Prior
 from eclsim.identification.gaussian import approximate
-from eclsim.identification.importance import weigh
+from eclsim.identification.importance import importance_sample
 from eclsim.identification.objective import Box
 from eclsim.identification.observation import measurement_errors
-from eclsim.identification.prior import Prior
 from eclsim.identification.settings import FitSettings, checked_fit
-from eclsim.orbit.model import model_of
+from eclsim.orbit.model import VolumePolicy, model_of
 
 SHOWN_DRAWS = 4000
 SEED = 0
@@ -32,14 +31,16 @@ class _Reporting(Posterior):
     done: list[int] = field(default_factory=list)
 
     def simulate(self, z: np.ndarray, near: np.ndarray | None = None) -> np.ndarray:
-        """As `Posterior.simulate`."""
+        """As `PosteriorDensity.simulate`."""
         self.report(text("posterior_draws", count=sum(self.done)))
         found = super().simulate(z, near)
         self.done.append(len(z))
         return found
 
 
-def plain_posterior(raw: Mapping[str, Any], policy: str, report: Callable[[str], None]) -> dict[str, Any]:
+def plain_posterior(
+    raw: Mapping[str, Any], policy: VolumePolicy, report: Callable[[str], None]
+) -> dict[str, Any]:
     """Members, intervals and the verdict for a fitted case.
 
     Args:
@@ -52,7 +53,7 @@ def plain_posterior(raw: Mapping[str, Any], policy: str, report: Callable[[str],
     """
     report(text("posterior_preparing"))
     posterior, start = _density(raw, policy, report)
-    weighted = weigh(posterior, approximate(posterior, start[None]), seed=SEED)
+    weighted = importance_sample(posterior, approximate(posterior, start[None]), seed=SEED)
     names = posterior.prior.names
     shown = np.exp(posterior.prior.x_of(weighted.z[weighted.resample(SHOWN_DRAWS, SEED)]))
     chosen = np.random.default_rng(SEED).permutation(weighted.resample(MEMBERS, SEED))
@@ -70,14 +71,12 @@ def plain_posterior(raw: Mapping[str, Any], policy: str, report: Callable[[str],
 
 
 def _density(
-    raw: Mapping[str, Any], policy: str, report: Callable[[str], None]
+    raw: Mapping[str, Any], policy: VolumePolicy, report: Callable[[str], None]
 ) -> tuple[_Reporting, np.ndarray]:
     """The density of a fitted case's parameters, and the logarithms of their fitted values."""
     case = read_mapping(raw).case
-    checked = checked_fit(case, FitSettings(policy=policy))
-    box = Box.of(checked.free)
-    start = np.clip(box.start, box.lower, box.upper)
-    prior = Prior(box.names, box.lower, box.upper, start)
+    checked = checked_fit(case, FitSettings(volume_policy=policy))
+    prior = Prior.of(Box.of(checked.free))
     model = model_of(case).with_values(dict(checked.fixed))
     errors = measurement_errors(checked.targets)
-    return _Reporting(model, dict(checked.targets), errors, prior, policy, report), start
+    return _Reporting(model, dict(checked.targets), errors, prior, policy, report), prior.start

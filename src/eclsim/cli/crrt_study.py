@@ -154,7 +154,7 @@ def _check_case(o: CrrtStudyOptions, case: Case) -> tuple[Target, Mapping[str, S
     """Where the JSON goes and the samples; says everything that is wrong before anything is computed."""
     from eclsim.crrt_study.files import file_names
     from eclsim.crrt_study.settings import case_speed, crrt_flow
-    from eclsim.identification.posterior_samples import read_samples
+    from eclsim.identification.samples import read_samples
 
     samples: list[Mapping[str, Sequence[float]]] = []
     places = Destinations(force=o.force, inputs=[o.file, o.posterior])

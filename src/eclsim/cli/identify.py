@@ -13,7 +13,7 @@ import typer
 from eclsim.cli.cases import TABLES, names_of, read_all, read_table
 from eclsim.cli.console import INCOMPLETE, Progress, fail, note, refuse, say, warn
 from eclsim.cli.destination import Destinations, Target, hand_over, resumable
-from eclsim.cli.options import CaseChanges, Distributed, FreeParameters, argument, option
+from eclsim.cli.options import CaseChanges, Distributed, FreeParameters, VolumePolicy, argument, option
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -125,7 +125,7 @@ def _checked_json(o: IdentifyOptions, cohort: bool) -> tuple[Target, Distributio
 def fit_settings(
     free: FreeParameters,
     *,
-    policy: str | None,
+    policy: VolumePolicy | None,
     weights: Literal["relative", "uncertainty"] = "relative",
     seed: int = 0,
 ) -> FitSettings:
@@ -178,18 +178,18 @@ def _fit_case(o: IdentifyOptions) -> dict[str, Any]:
     note(line for line in checked.notes if line.key in checked.fixed)
 
     from eclsim.identification.files import fits_object, write_fits
-    from eclsim.identification.fit import fit as fit_case
+    from eclsim.identification.fit import fit
     from eclsim.identification.page import write_fit_page
 
     folder = Path(o.out)
     with Progress() as progress:
-        fit = fit_case(reading.case, settings, progress)
+        result = fit(reading.case, settings=settings, progress=progress)
         (folder / "cases").mkdir(parents=True, exist_ok=True)
-        fit = _with_profiles(fit, folder, progress) if fit.simulated else fit
-        fit, posterior = _with_posterior(o, fit, predictions, settings, folder, progress)
-        content = fits_object([fit.as_object()], settings.as_object()) | posterior
+        result = _with_profiles(result, folder, progress) if result.simulated else result
+        result, posterior = _with_posterior(o, result, predictions, folder, progress)
+        content = fits_object([result.as_object()], settings.as_object()) | posterior
         write_fits(folder, content)
-        page = write_fit_page(folder, content, fit.case, folder / "figures")
+        page = write_fit_page(folder, content, result.case, folder / "figures")
     say(f"report: {page}")
     return content
 
@@ -242,7 +242,6 @@ def _with_posterior(
     o: IdentifyOptions,
     fit: FitResult,
     predictions: Sequence[tuple[str, Case]],
-    settings: FitSettings,
     folder: Path,
     progress: Progress,
 ) -> tuple[FitResult, dict[str, Any]]:
@@ -251,7 +250,7 @@ def _with_posterior(
 
     if not (o.samples and fit.simulated):
         return fit, {}
-    posterior = _sample(o, fit, predictions, settings, folder, progress)
+    posterior = _sample(o, fit, predictions, folder, progress)
     if posterior["method"] != "gaussian" and posterior["trusted"]:
         own = fit.as_object()["parameters"]
         fit = fit.judged(interval_agreement(own, posterior["parameters"], "posterior"))
@@ -262,31 +261,24 @@ def _sample(
     o: IdentifyOptions,
     fit: FitResult,
     predictions: Sequence[tuple[str, Case]],
-    settings: FitSettings,
     folder: Path,
     progress: Progress,
 ) -> dict[str, Any]:
     """Sample, and write the files of the draws."""
+    from eclsim.identification.files import write_posterior
     from eclsim.identification.nuts import Sampling
-    from eclsim.identification.posterior import PosteriorSettings, as_object, sample_posterior
-    from eclsim.identification.posterior_files import write_posterior
+    from eclsim.identification.posterior import PosteriorSettings, posterior
 
     chosen = PosteriorSettings(
         method=o.posterior_method if o.posterior else o.predict_with,
         prior=o.prior,
-        uncertainties=settings.uncertainties,
-        sampling=Sampling(o.chains, o.warmup, o.draws, settings.multi_start.seed),
-        policy=settings.policy,
+        sampling=Sampling(o.chains, o.warmup, o.draws, o.seed),
+        volume_policy=fit.settings.volume_policy,
     )
-    fitted = {n: v for n, v in fit.case.parameters.items() if n in settings.parameters}
-    cases = [
-        (written, case.model_copy(update={"parameters": {**case.parameters, **fitted}}))
-        for written, case in predictions
-    ]
-    result = sample_posterior(fit, chosen, cases, progress)
+    result = posterior(fit, settings=chosen, predictions=predictions, progress=progress)
     write_posterior(folder / "posterior", result)
     say(f"posterior: {folder / 'posterior'}")
-    return as_object(result)
+    return result.as_object()
 
 
 # --- a table of data points -----------------------------------------------------------------------

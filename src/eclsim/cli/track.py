@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -17,7 +17,7 @@ from eclsim.cli.options import FreeParameters, Json, ResultsFolder, VolumePolicy
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
-    from eclsim.identification.track import TrackSettings
+    from eclsim.identification.tracking import TrackSettings
 
 Series = Mapping[str, Sequence[tuple[str, "Case"]]]
 """Points of each patient in order of time: their names and cases."""
@@ -59,13 +59,13 @@ def track(options: TrackOptions) -> None:
 
     Each measurement is first held against its forecast (normalised innovation), then updates the parameters:
     an iterated unscented Kalman filter on the steady heartbeat. All intervals are 90 %. Exit status: 0 all
-    points followed, 1 some could not be, 2 bad input.
+    points followed, 1 some could not be or the first estimate fits poorly, 2 bad input.
     """
-    from eclsim.identification.track_files import SUMMARY
+    from eclsim.identification.files import TRACK_SUMMARY
 
     places = Destinations(force=options.force, inputs=options.files)
     target = places.target("--json", options.json)
-    places.folder("--out", options.out, [SUMMARY])
+    places.folder("--out", options.out, [TRACK_SUMMARY])
     places.check()
     series, refused = _series(options)
     settings = _settings(options)
@@ -73,22 +73,30 @@ def track(options: TrackOptions) -> None:
     timed = {patient: _has_times(patient, points) for patient, points in series.items()}
     _note_assumed([p for p, known in timed.items() if not known and len(series[p]) > 1], options.interval)
 
+    from eclsim.identification.files import write_tracks
     from eclsim.identification.summary import series_text
-    from eclsim.identification.track import track as follow
-    from eclsim.identification.track_files import as_object, write_tracks
+    from eclsim.identification.tracking import track as follow
 
     tracks = []
     with Progress() as progress:
         for patient, points in series.items():
-            tracked = follow(points, settings, lambda text, patient=patient: progress(f"{patient}: {text}"))
-            tracks.append(as_object(patient, tracked, None if timed[patient] else options.interval))
+
+            def say(step: object, patient: str = patient) -> None:
+                progress(f"{patient}: {step}")
+
+            tracks.append(follow(points, settings=settings, progress=say).as_object())
         progress("figures and report")
         content = {"series": tracks, "refused": refused, "settings": settings.as_object()}
         write_tracks(Path(options.out), content)
     if hand_over(content, target):
         typer.echo("\n".join(map(series_text, tracks)))
-    if refused or any(point["failed"] for one in tracks for point in one["points"]):
+    if refused or any(_unusable(point) for one in tracks for point in one["points"]):
         raise typer.Exit(INCOMPLETE)
+
+
+def _unusable(point: Mapping[str, Any]) -> bool:
+    """A point that could not be followed, or a first estimate that is a poor fit."""
+    return point["failed"] or (point["verdict"] or {}).get("level") == "poor"
 
 
 def _series(o: TrackOptions) -> tuple[Series, list[str]]:
@@ -152,7 +160,7 @@ def _note_assumed(patients: Sequence[str], interval: float) -> None:
 
 def _settings(o: TrackOptions) -> TrackSettings:
     from eclsim.identification.filtering import DRIFTS
-    from eclsim.identification.track import TrackSettings
+    from eclsim.identification.tracking import TrackSettings
 
     fit = fit_settings(o, policy=o.volume_policy, weights="uncertainty")
     drifts = DRIFTS if o.drift is None else (o.drift,)
@@ -172,7 +180,7 @@ def _check_points(series: Series, settings: TrackSettings) -> None:
     ]
     for patient, points in series.items():
         try:
-            common_policy([case for _, case in points], settings.fit.policy)
+            common_policy([case for _, case in points], settings.fit.volume_policy)
         except CaseError as error:
             wrong += [f"{patient}: {mistake}" for mistake in error.mistakes]
     refuse(wrong)

@@ -1,4 +1,4 @@
-"""One patient's steady beat with exact derivatives, at point after point of the hidden variables.
+"""One patient's steady beat with exact derivatives, at point after point of the latent variables.
 
 A short search for the beat and one step of Newton's method, with the Jacobian that the derivatives need
 anyway, bring the state onto the orbit. All points share a grid in phase, so that the density is smooth.
@@ -18,7 +18,7 @@ import numpy as np
 from eclsim.beat.heartbeat import BeatProgram, beat_program
 from eclsim.beat.resolution import needed_resolution
 from eclsim.circuit.assembly import assemble
-from eclsim.identification.density import Posterior
+from eclsim.identification.density import PosteriorDensity
 from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem, Volume
 from eclsim.orbit.search import affordable, solve_orbits
 from eclsim.orbit.status import NoDerivativesError, Status
@@ -60,7 +60,7 @@ class BloodVolume:
         x: logarithms of the parameters at the centre.
     """
 
-    def __init__(self, posterior: Posterior, x: np.ndarray):
+    def __init__(self, posterior: PosteriorDensity, x: np.ndarray):
         self.posterior = posterior
         self.middle = np.exp(x)
         size = len(x)
@@ -90,17 +90,17 @@ class BloodVolume:
         ).volume()
 
 
-class Follower:
+class GradientEvaluator:
     """Evaluates a posterior and its gradient at one point after the other.
 
     Args:
         posterior: density.
-        centre: hidden variables near which the points stay; where nothing better is known, searches start
+        centre: latent variables near which the points stay; where nothing better is known, searches start
             from the orbit there, and all points have the grid that is needed there.
         by_point: whether what is found at a point must not depend on the points before.
     """
 
-    def __init__(self, posterior: Posterior, centre: np.ndarray, *, by_point: bool = False):
+    def __init__(self, posterior: PosteriorDensity, centre: np.ndarray, *, by_point: bool = False):
         self.posterior, self.by_point = posterior, by_point
         x = posterior.prior.x_of(centre)
         circuit, values = posterior.model.circuit, posterior.values(x)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 GROUP = 8
 """Data points that are fitted side by side; what an interruption costs at most."""
-PRELOAD = ("scipy.optimize", "eclsim.identification.cohort", "eclsim.outputs.evaluation")
+PRELOAD = ("scipy.optimize", "eclsim.identification.cohort", "eclsim.outputs.steady_beat")
 """What a worker needs before its first group."""
 PRESSURES = ("SP", "DP", "MAP", "MPAP", "PCWP")
 FLOWS = ("CO", "PF")
@@ -42,6 +42,10 @@ _FORMAT = json_format(list[KeptFit])
 Group = tuple["CohortPoint", ...]
 
 
+def _announced(step: object) -> None:
+    announce(str(step))
+
+
 @dataclass(frozen=True)
 class FitGroup:
     """Fits the points of a group side by side."""
@@ -50,7 +54,7 @@ class FitGroup:
 
     def __call__(self, group: Group) -> list[KeptFit]:
         """The fits, in the order of the points."""
-        fits = fit_cases([(point.name, point.case) for point in group], self.settings, announce)
+        fits = fit_cases([(point.name, point.case) for point in group], self.settings, _announced)
         return [
             KeptFit(
                 numbers={

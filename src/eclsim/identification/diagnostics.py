@@ -9,7 +9,7 @@ counted, and named where draws are too few.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,68 +49,43 @@ class Diagnostics:
     @property
     def doubts(self) -> tuple[str, ...]:
         """Why the draws are not to be trusted; empty where they are."""
-        return tuple(
-            filter(None, (self._disagreement(), self._too_few(), self._divergence(), self._energy()))
-        )
-
-    def _disagreement(self) -> str:
-        worst = int(np.argmax(np.nan_to_num(self.r_hat, nan=np.inf)))
-        if self.r_hat[worst] < LARGEST_R_HAT:
-            return ""
-        return (
-            f"R-hat of {self.names[worst]} is {self.r_hat[worst]:.3f} (below {LARGEST_R_HAT}): the "
-            "chains disagree; sample longer"
-        )
-
-    def _too_few(self) -> str:
+        doubts = []
+        k = int(np.argmax(np.nan_to_num(self.r_hat, nan=np.inf)))
+        if not self.r_hat[k] < LARGEST_R_HAT:
+            doubts.append(
+                f"R-hat of {self.names[k]} is {self.r_hat[k]:.3f} (below {LARGEST_R_HAT}): the chains "
+                "disagree; sample longer"
+            )
         fewest = np.minimum(self.effective_bulk, self.effective_tail)
-        worst = int(np.argmin(np.nan_to_num(fewest, nan=-1.0)))
-        if fewest[worst] >= FEWEST_EFFECTIVE:
-            return ""
-        cut = f"; {self.saturated} of {self.draws} trajectories were cut at their largest length"
-        return (
-            f"effective sample size of {self.names[worst]} is {fewest[worst]:.0f} (at least "
-            f"{FEWEST_EFFECTIVE}): sample longer{cut if self.saturated else ''}"
-        )
-
-    def _divergence(self) -> str:
-        if self.divergent <= LARGEST_DIVERGENT_SHARE * self.draws:
-            return ""
-        return (
-            f"{self.divergent} of {self.draws} draws diverged (at most {LARGEST_DIVERGENT_SHARE:.0%}): "
-            "doubt the intervals, and narrow --bounds to what is possible"
-        )
-
-    def _energy(self) -> str:
-        worst = int(np.argmin(np.nan_to_num(self.energy_fraction, nan=-1.0)))
-        if self.energy_fraction[worst] >= SMALLEST_ENERGY_FRACTION:
-            return ""
-        return (
-            f"E-BFMI of chain {worst + 1} is {self.energy_fraction[worst]:.2f} (at least "
-            f"{SMALLEST_ENERGY_FRACTION}): the chain hardly reaches the tails; doubt the outer quantiles"
-        )
-
-    @property
-    def trusted(self) -> bool:
-        """Whether every limit is kept."""
-        return not self.doubts
+        k = int(np.argmin(np.nan_to_num(fewest, nan=-1.0)))
+        if not fewest[k] >= FEWEST_EFFECTIVE:
+            cut = f"; {self.saturated} of {self.draws} trajectories were cut at their largest length"
+            doubts.append(
+                f"effective sample size of {self.names[k]} is {fewest[k]:.0f} (at least {FEWEST_EFFECTIVE}): "
+                f"sample longer{cut if self.saturated else ''}"
+            )
+        if self.divergent > LARGEST_DIVERGENT_SHARE * self.draws:
+            doubts.append(
+                f"{self.divergent} of {self.draws} draws diverged (at most {LARGEST_DIVERGENT_SHARE:.0%}): "
+                "doubt the intervals, and narrow --bounds to what is possible"
+            )
+        k = int(np.argmin(np.nan_to_num(self.energy_fraction, nan=-1.0)))
+        if not self.energy_fraction[k] >= SMALLEST_ENERGY_FRACTION:
+            doubts.append(
+                f"E-BFMI of chain {k + 1} is {self.energy_fraction[k]:.2f} (at least "
+                f"{SMALLEST_ENERGY_FRACTION}): the chain hardly reaches the tails; doubt the outer quantiles"
+            )
+        return tuple(doubts)
 
 
-def diagnose(
-    names: Sequence[str],
-    draws: np.ndarray,
-    diverging: np.ndarray,
-    energy: np.ndarray,
-    saturated: np.ndarray,
-) -> Diagnostics:
+def diagnose(names: Sequence[str], draws: np.ndarray, statistics: Mapping[str, np.ndarray]) -> Diagnostics:
     """Diagnostics of draws.
 
     Args:
         names: of the parameters.
         draws: shape (chains, draws, parameters).
-        diverging: whether each diverged, shape (chains, draws).
-        energy: Hamiltonian of each, shape (chains, draws).
-        saturated: whether the trajectory of each was cut at its largest length, shape (chains, draws).
+        statistics: of the sampler: whether each draw is "diverging", its "energy" (Hamiltonian), and whether
+            its trajectory was cut at its largest length ("saturated"), each of shape (chains, draws).
     """
     each = [draws[:, :, k] for k in range(draws.shape[2])]
     return Diagnostics(
@@ -118,10 +93,10 @@ def diagnose(
         np.array([r_hat(d) for d in each]),
         np.array([effective_bulk(d) for d in each]),
         np.array([effective_tail(d) for d in each]),
-        int(diverging.sum()),
-        int(diverging.size),
-        np.array([energy_fraction(e) for e in energy]),
-        int(saturated.sum()),
+        int(statistics["diverging"].sum()),
+        int(statistics["diverging"].size),
+        np.array([energy_fraction(e) for e in statistics["energy"]]),
+        int(statistics["saturated"].sum()),
     )
 
 

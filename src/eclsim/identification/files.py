@@ -1,4 +1,4 @@
-"""The files of fits: JSON, tables, case files and figures."""
+"""The files of fits, posteriors and followed patients: JSON, tables, case files, NetCDF, figures, reports."""
 
 from __future__ import annotations
 
@@ -9,17 +9,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.cases.writing import write_case
-from eclsim.files import csv_text, write_json, write_text
+from eclsim.files import csv_text, whole_file, write_json, write_text
 from eclsim.identification.cohort import named, r_squared, stem
 from eclsim.identification.profiles import RISE_90
+from eclsim.identification.samples import write_samples
 from eclsim.identification.verdict import DOUBTFUL_DIFFERENCE, POOR_DIFFERENCE
 
 if TYPE_CHECKING:
     from eclsim.identification.fit import FitResult
+    from eclsim.identification.posterior import PosteriorResult
     from eclsim.identification.profiles import FitProfiles
     from eclsim.inputs.mistakes import Mistake
 
 SUMMARY = "identification.json"
+TRACK_SUMMARY = "track.json"
+_QUANTILES = ("median", "lower", "upper")
 
 
 def fits_object(
@@ -117,3 +121,66 @@ def write_cohort_figures(folder: Path, content: Mapping[str, Any]) -> list[Path]
         *save_figure(plot_scatter(content["points"], content["r2"]), folder / "scatter"),
         *save_figure(plot_boxes(content["points"]), folder / "boxes"),
     ]
+
+
+def write_posterior(folder: Path, result: PosteriorResult) -> list[Path]:
+    """Write everything about a posterior into a folder and return what was written.
+
+    `arviz.from_netcdf` reads the NetCDF file; `eclsim crrt-study --posterior` takes the samples.
+    """
+    from eclsim.identification.posterior_figures import plot_pairs, plot_predictive, plot_traces
+    from eclsim.reporting.style import save_figure
+
+    folder.mkdir(parents=True, exist_ok=True)
+    netcdf, samples, summary = (folder / f for f in ("posterior.nc", "samples.csv", "posterior.json"))
+    with whole_file(netcdf) as partial:
+        result.draws.to_netcdf(partial, engine="h5netcdf")
+    write_samples(result.names, result.flat, samples)
+    write_json(result.as_object(), summary)
+    figures = {"pairs": plot_pairs(result), "predictive": plot_predictive(result)}
+    if result.chains is not None:
+        figures["traces"] = plot_traces(result)
+    drawn = [path for n, figure in figures.items() for path in save_figure(figure, folder / "figures" / n)]
+    return [netcdf, samples, summary, *drawn]
+
+
+def write_tracks(folder: Path, content: Mapping[str, Any]) -> list[Path]:
+    """Write track.json, report.html, parameters.csv, outputs.csv and figures; return the figures."""
+    from eclsim.identification.track_figures import plot_outputs, plot_parameters
+    from eclsim.identification.track_page import REPORT, track_page
+    from eclsim.reporting.style import save_figure
+
+    folder.mkdir(parents=True, exist_ok=True)
+    write_json(content, folder / TRACK_SUMMARY)
+    each = [(s["id"], p) for s in content["series"] for p in s["points"]]
+    head = ("patient", "id", "parameter", *_QUANTILES)
+    rows = ((s, p["id"], n, *(i[q] for q in _QUANTILES)) for s, p in each for n, i in p["parameters"].items())
+    write_text(csv_text(head, rows), folder / "parameters.csv")
+    write_text(csv_text(_TRACKED_HEAD, _tracked_rows(each)), folder / "outputs.csv")
+    figures, drawings = [], {}
+    for series in content["series"]:
+        for key, plot in (("parameters", plot_parameters), ("outputs", plot_outputs)):
+            figure = plot(series)
+            saved = save_figure(figure, folder / "figures" / f"{stem(series['id'])}_{key}")
+            figures += saved
+            (svg,) = (path for path in saved if path.suffix == ".svg")
+            drawings[series["id"], key] = svg.read_text(encoding="utf-8")
+    write_text(track_page(content, drawings), folder / REPORT)
+    return figures
+
+
+_TRACKED_HEAD = (
+    "patient", "id", "output", "measured", "deviation", "unusual", "used",
+    *(f"forecast_{q}" for q in _QUANTILES), *(f"expected_{q}" for q in _QUANTILES), *_QUANTILES,
+)  # fmt: skip
+
+
+def _tracked_rows(each: Iterable[tuple[str, Mapping[str, Any]]]) -> Iterable[Sequence[object]]:
+    for patient, point in each:
+        names = dict.fromkeys([*point["outputs"], *point["measurements"]])
+        for name in names:
+            held = point["measurements"].get(name, {})
+            kinds = (point["forecast"], point["expected"], point["outputs"])
+            quantiles = [kind.get(name, {}).get(q) for kind in kinds for q in _QUANTILES]
+            given = [held.get(k) for k in ("measured", "deviation", "unusual", "used")]
+            yield (patient, point["id"], name, *given, *quantiles)

@@ -1,6 +1,6 @@
-"""Following hidden variables through time: an iterated unscented Kalman filter, several at once.
+"""Latent variables through time: an iterated unscented Kalman filter, several at once.
 
-What is tracked are the hidden variables z of a `Prior`, in the coordinates u of the `Transport` of the first
+What is tracked are the latent variables z of a `Prior`, in the coordinates u of the `Transport` of the first
 measurement, in which its curved posterior is nearly normal. Between measurements z drifts, over a day as
 
     z(k+1) = sqrt(1 - q^2) z(k) + q e(k),    e(k) standard normal,
@@ -25,12 +25,12 @@ import numpy as np
 from scipy.special import logsumexp, ndtr, ndtri
 
 from eclsim.identification.gaussian import NoSteadyBeatError
-from eclsim.identification.transport import Transport
+from eclsim.identification.proposals import Transport
 
 Simulate = Callable[[np.ndarray], np.ndarray]
-"""Outputs (members, outputs) of hidden variables (members, parameters); NaN without a steady beat."""
+"""Outputs (members, outputs) of latent variables (members, parameters); NaN without a steady beat."""
 DRIFTS = (0.05, 0.12, 0.3)
-"""Standard deviation q of the change of a hidden variable over a day. Near the middle of bounds a factor of
+"""Standard deviation q of the change of a latent variable over a day. Near the middle of bounds a factor of
 100 apart, 0.1 is about 18 % of the parameter."""
 MOST_STEPS = 100
 """A longer time without measurement is not divided further."""
@@ -42,8 +42,8 @@ PULLS = (0.5, 0.2, 0.05)
 
 
 @dataclass(frozen=True)
-class Belief:
-    """A mixture of normal distributions, one of each filter of a bank.
+class GaussianMixture:
+    """What is known at one time: a mixture of normal distributions, one of each filter of a bank.
 
     Args:
         weights: of the filters, sum to 1, shape (filters,).
@@ -67,11 +67,20 @@ class Belief:
         return np.einsum("f,fij->ij", self.weights, self.covariances) + (away.T * self.weights) @ away
 
     def quantiles(self, shares: Sequence[float]) -> np.ndarray:
-        """Of each component by itself, shape (shares, size)."""
+        """Of each component of the vector by itself, by bisection, shape (shares, size)."""
         spreads = np.sqrt(np.einsum("fii->fi", self.covariances))
-        return np.stack([_quantiles(share, self.weights, self.means, spreads) for share in shares])
+        rows = []
+        for share in shares:
+            each = self.means + spreads * ndtri(share)
+            low, high = each.min(axis=0), each.max(axis=0)
+            for _ in range(60):
+                middle = 0.5 * (low + high)
+                below = self.weights @ ndtr((middle - self.means) / spreads) < share * self.weights.sum()
+                low, high = np.where(below, middle, low), np.where(below, high, middle)
+            rows.append(0.5 * (low + high))
+        return np.stack(rows)
 
-    def moved_on(self, drifts: np.ndarray, transport: Transport, days: float = 1.0) -> Belief:
+    def forecast(self, drifts: np.ndarray, transport: Transport, days: float = 1.0) -> GaussianMixture:
         """After some days without measurement.
 
         Args:
@@ -81,45 +90,50 @@ class Belief:
         """
         steps = min(max(1, int(np.ceil(days))), MOST_STEPS)
         each = np.sqrt(-np.expm1(days / steps * np.log1p(-(drifts**2))))
-        moved = self
+        state = self
         for _ in range(steps):
-            moved = moved._drifted(each, transport)
-        return moved
+            state = state._drifted(each, transport)
+        return state
 
-    def _drifted(self, drifts: np.ndarray, transport: Transport) -> Belief:
+    def _drifted(self, drifts: np.ndarray, transport: Transport) -> GaussianMixture:
         """After one step, the drift of z taken to u at each mean."""
         kept = np.sqrt(1.0 - drifts**2)
         means, covariances = self.means.copy(), self.covariances.copy()
         for k, (share, drift) in enumerate(zip(kept, drifts, strict=True)):
-            back = np.linalg.inv(transport.slopes(self.means[k]))
+            back = np.linalg.inv(transport.jacobian(self.means[k]))
             means[k] += back @ ((share - 1.0) * transport.z_of(self.means[k])[0])
             covariances[k] = share**2 * covariances[k] + drift**2 * back @ back.T
-        return Belief(self.weights, means, covariances)
+        return GaussianMixture(self.weights, means, covariances)
 
     def draws(self, count: int, seed: int) -> np.ndarray:
         """Random points of the mixture, shape (about count, size)."""
         random = np.random.default_rng(seed)
         roots = np.linalg.cholesky(self.covariances)
-        parts = [
+        each = [
             mean + random.standard_normal((round(count * weight), len(mean))) @ root.T
             for weight, mean, root in zip(self.weights, self.means, roots, strict=True)
         ]
-        return np.concatenate(parts)
+        return np.concatenate(each)
 
 
 @dataclass(frozen=True)
 class Regression:
-    """A model output that is best straight over a normal distribution: y = mean + slope (z - z mean) + rest.
+    """The best linear model of outputs over a normal distribution: y = mean + slope (z - z mean) + rest.
 
     Args:
         mean: shape (filters, outputs).
         slope: shape (filters, outputs, parameters).
-        rest: covariance of what is not straight, shape (filters, outputs, outputs).
+        rest: covariance of what is not linear, shape (filters, outputs, outputs).
     """
 
     mean: np.ndarray
     slope: np.ndarray
     rest: np.ndarray
+
+    def outputs(self, state: GaussianMixture) -> GaussianMixture:
+        """The outputs expected of a state, the regression being one over that state."""
+        spread = self.slope @ state.covariances @ np.swapaxes(self.slope, 1, 2) + self.rest
+        return GaussianMixture(state.weights, self.mean, spread)
 
 
 def sigma_points(means: np.ndarray, covariances: np.ndarray) -> np.ndarray:
@@ -135,28 +149,28 @@ def sigma_points(means: np.ndarray, covariances: np.ndarray) -> np.ndarray:
 
 
 def regress(simulate: Simulate, means: np.ndarray, covariances: np.ndarray) -> Regression:
-    """Regress the outputs on the hidden variables over each filter's normal distribution.
+    """Regress the outputs on the latent variables over each filter's normal distribution.
 
     Raises:
         NoSteadyBeatError: At a mean.
     """
     points = sigma_points(means, covariances)
     count, each, size = points.shape
-    found = simulate(points.reshape(-1, size)).reshape(count, each, -1)
-    if not np.isfinite(found[:, 0]).all():
+    outputs = simulate(points.reshape(-1, size)).reshape(count, each, -1)
+    if not np.isfinite(outputs[:, 0]).all():
         raise NoSteadyBeatError(
             "no steady heartbeat at the estimate so far: check heart rate and devices of this point"
         )
     for pull in PULLS:
-        lost = ~np.isfinite(found[:, :, 0])
+        lost = ~np.isfinite(outputs[:, :, 0])
         if not lost.any():
             break
         middle = np.repeat(points[:, :1], each, axis=1)[lost]
-        centre = np.repeat(found[:, :1], each, axis=1)[lost]
-        found[lost] = centre + (simulate(middle + pull * (points[lost] - middle)) - centre) / pull
-    found = np.where(np.isfinite(found), found, found[:, :1])
-    mean = found[:, 1:].mean(axis=1)
-    away = found[:, 1:] - mean[:, None]
+        centre = np.repeat(outputs[:, :1], each, axis=1)[lost]
+        outputs[lost] = centre + (simulate(middle + pull * (points[lost] - middle)) - centre) / pull
+    outputs = np.where(np.isfinite(outputs), outputs, outputs[:, :1])
+    mean = outputs[:, 1:].mean(axis=1)
+    away = outputs[:, 1:] - mean[:, None]
     shifts = points[:, 1:] - points[:, :1]
     cross = np.einsum("fno,fnp->fop", away, shifts) / (each - 1)
     slope = np.swapaxes(np.linalg.solve(covariances, np.swapaxes(cross, 1, 2)), 1, 2)
@@ -164,73 +178,57 @@ def regress(simulate: Simulate, means: np.ndarray, covariances: np.ndarray) -> R
     return Regression(mean, slope, spread - slope @ covariances @ np.swapaxes(slope, 1, 2))
 
 
-def outputs_of(regression: Regression, belief: Belief) -> Belief:
-    """The outputs that a belief expects, the regression being one over that belief."""
-    slope = regression.slope
-    spread = slope @ belief.covariances @ np.swapaxes(slope, 1, 2) + regression.rest
-    return Belief(belief.weights, regression.mean, spread)
-
-
 def updated(
-    simulate: Simulate, forecast: Belief, first: Regression, measured: np.ndarray, errors: np.ndarray,
-    used: np.ndarray,
-) -> Belief:  # fmt: skip
-    """The belief after a measurement.
+    simulate: Simulate, forecast: GaussianMixture, first: Regression, measured: np.ndarray,
+    errors: np.ndarray, used: np.ndarray,
+) -> GaussianMixture:  # fmt: skip
+    """What is known after a measurement.
 
     Args:
-        simulate: outputs of hidden variables.
-        forecast: of the hidden variables.
+        simulate: outputs of latent variables.
+        forecast: of the latent variables.
         first: regression over the forecast.
         measured: shape (outputs,).
         errors: standard uncertainties.
         used: which outputs count.
     """
     noise = np.diag(errors[used] ** 2)
-    weights = _reweighted(forecast, outputs_of(first, forecast), measured, noise, used)
-    means, covariances = _linear(forecast, forecast.means, first, measured, noise, used)
+    weights = _reweighted(forecast, first.outputs(forecast), measured, noise, used)
+    means, covariances = _linear_update(forecast, forecast.means, first, measured, noise, used)
     for _ in range(ITERATIONS - 1):
         before = means
         try:
-            found = regress(simulate, means, covariances)
+            again = regress(simulate, means, covariances)
         except NoSteadyBeatError:
             break
-        means, covariances = _linear(forecast, before, found, measured, noise, used)
+        means, covariances = _linear_update(forecast, before, again, measured, noise, used)
         moved = np.abs(means - before) / np.sqrt(np.einsum("fii->fi", covariances))
         if (moved.max(axis=1) * (weights > 0.05)).max() < SMALL_CHANGE:
             break
-    return Belief(weights, means, covariances)
+    return GaussianMixture(weights, means, covariances)
 
 
-def _linear(
-    forecast: Belief, around: np.ndarray, found: Regression, measured: np.ndarray, noise: np.ndarray,
-    used: np.ndarray,
+def _linear_update(
+    forecast: GaussianMixture, around: np.ndarray, regression: Regression, measured: np.ndarray,
+    noise: np.ndarray, used: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Kalman's update of the forecast with a model that is straight around some points."""
-    slope = found.slope[:, used]
-    total = slope @ forecast.covariances @ np.swapaxes(slope, 1, 2) + found.rest[:, used][:, :, used] + noise
+    """Kalman's update of the forecast with a model that is linear around some points."""
+    slope, rest = regression.slope[:, used], regression.rest[:, used][:, :, used]
+    total = slope @ forecast.covariances @ np.swapaxes(slope, 1, 2) + rest + noise
     gain = np.swapaxes(np.linalg.solve(total, slope @ forecast.covariances), 1, 2)
-    expected = found.mean[:, used] + np.einsum("fop,fp->fo", slope, forecast.means - around)
+    expected = regression.mean[:, used] + np.einsum("fop,fp->fo", slope, forecast.means - around)
     means = forecast.means + np.einsum("fpo,fo->fp", gain, measured[used] - expected)
     covariances = forecast.covariances - gain @ total @ np.swapaxes(gain, 1, 2)
     return means, 0.5 * (covariances + np.swapaxes(covariances, 1, 2))
 
 
 def _reweighted(
-    forecast: Belief, outputs: Belief, measured: np.ndarray, noise: np.ndarray, used: np.ndarray
-) -> np.ndarray:
+    forecast: GaussianMixture, outputs: GaussianMixture, measured: np.ndarray, noise: np.ndarray,
+    used: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """Weights of the filters by how probable each has found the measurement."""
     total = outputs.covariances[:, used][:, :, used] + noise
     away = measured[used] - outputs.means[:, used]
     square = np.einsum("fo,fo->f", away, np.linalg.solve(total, away[..., None])[..., 0])
     log = np.log(forecast.weights) - 0.5 * square - 0.5 * np.linalg.slogdet(total)[1]
     return np.exp(log - logsumexp(log)).clip(min=1e-12)
-
-
-def _quantiles(share: float, weights: np.ndarray, means: np.ndarray, spreads: np.ndarray) -> np.ndarray:
-    """Of mixtures of normal distributions, by bisection; means and spreads (normals, size)."""
-    each = means + spreads * ndtri(share)
-    low, high = each.min(axis=0), each.max(axis=0)
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        below = weights @ ndtr((middle - means) / spreads) < share * weights.sum()
-        low, high = np.where(below, middle, low), np.where(below, high, middle)
-    return 0.5 * (low + high)

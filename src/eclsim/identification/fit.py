@@ -11,9 +11,9 @@ import numpy as np
 
 from eclsim.cases.fitting import common_policy
 from eclsim.files import finite
-from eclsim.identification.multi_start import FitStatus, Optimum, Report, identify
+from eclsim.identification.multi_start import FitStatus, Optimum, Progress, identify, silent
 from eclsim.identification.objective import Box, Objective, Target
-from eclsim.identification.observation import measurement_errors
+from eclsim.identification.observation import measurement_errors, unit_of
 from eclsim.identification.precision import correlation, covariance, in_unit, interval, prior_deviations
 from eclsim.identification.profiles import held_fits
 from eclsim.identification.settings import FitSettings, checked_fit, unmeasured_uncertainties
@@ -29,11 +29,14 @@ from eclsim.identification.verdict import (
     search,
 )
 from eclsim.inputs.mistakes import CaseError
-from eclsim.orbit.model import model_of
+from eclsim.orbit.model import CaseSource, as_case, model_of
+from eclsim.parameters import thiel2025
 from eclsim.parameters.adult_ranges import AdultRange, adult_ranges
 from eclsim.sensitivity.collinearity import ScaledSensitivities, propose
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from eclsim.cases.case import Case
 
 AT_BOUND = 1e-6
@@ -85,6 +88,7 @@ class FitResult:
         optimum: where and how the search ended.
         number: of the data point in the objective.
         uncertainties: standard uncertainty of each measurement [mmHg, L/min].
+        settings: what was asked for.
         verdict: whether it is to be used, and why (not).
         implied: outputs of the fitted patient that ranges of adults are known of, in their units.
         profile: 90 % interval of each parameter by its profile likelihood; empty where it was not computed.
@@ -102,6 +106,7 @@ class FitResult:
     optimum: Optimum
     number: int
     uncertainties: Mapping[str, float]
+    settings: FitSettings
     verdict: FitVerdict
     implied: Mapping[str, float] = field(default_factory=dict)
     profile: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -133,6 +138,32 @@ class FitResult:
             else p
             for name, p in self.parameters.items()
         }
+
+    @property
+    def dataset(self) -> xr.Dataset:
+        """Parameters with their 90 % intervals and correlation, and outputs beside the measurements."""
+        import xarray as xr
+
+        names, outputs = list(self.parameters), list(self.simulated or self.measured)
+        columns = ("value", "lower", "upper", "at_bound", "identifiable")
+        data: dict[str, Any] = {
+            column: ("parameter", [getattr(p, column) for p in self.parameters.values()])
+            for column in columns
+        }
+        data["correlation"] = (("parameter", "with_parameter"), self.correlation)
+        rows = {"measured": self.measured, "simulated": self.simulated, "uncertainty": self.uncertainties}
+        data |= {row: ("output", [values.get(n, np.nan) for n in outputs]) for row, values in rows.items()}
+        coordinates = {
+            "parameter": names, "with_parameter": names, "output": outputs,
+            "parameter_units": ("parameter", [thiel2025.PARAMETERS[n].unit for n in names]),
+            "output_units": ("output", [unit_of(n) for n in outputs]),
+        }  # fmt: skip
+        attributes = {
+            "id": self.name, "status": str(self.status), "message": self.status.message,
+            "verdict": str(self.verdict.level), "headline": self.verdict.headline,
+            "sum_of_squares": self.optimum.cost,
+        }  # fmt: skip
+        return xr.Dataset(data, coordinates, attributes)
 
     def as_object(self) -> dict[str, Any]:
         """As plain data for JSON; null for what is not known."""
@@ -175,32 +206,33 @@ class FitResult:
         }  # fmt: skip
 
 
-def fit(case: Case, settings: FitSettings | None = None, report: Report | None = None) -> FitResult:
+def fit(case: CaseSource, *, settings: FitSettings | None = None, progress: Progress = silent) -> FitResult:
     """Fit one case to its measurements: multi-start least squares with exact derivatives.
 
     Args:
         case: with measurements.
         settings: what is free, how it is weighted, how widely to look.
-        report: called with what is being done.
+        progress: called with what is being done.
 
     Raises:
         CaseError: Nothing was measured, bounds that cannot be, or an uncertainty of what was not measured.
     """
-    wrong = unmeasured_uncertainties([case], settings or FitSettings())
+    case, settings = as_case(case), settings or FitSettings()
+    wrong = unmeasured_uncertainties([case], settings)
     if wrong:
         raise CaseError(wrong)
-    return fit_cases([(case.patient.id, case)], settings, report)[0]
+    return fit_cases([(case.patient.id, case)], settings, progress)[0]
 
 
 def fit_cases(
-    cases: Sequence[tuple[str, Case]], settings: FitSettings | None = None, report: Report | None = None
+    cases: Sequence[tuple[str, Case]], settings: FitSettings | None = None, progress: Progress = silent
 ) -> list[FitResult]:
     """Fit cases that have the same circuit, side by side.
 
     Args:
         cases: name and case of each data point.
         settings: what is free, how it is weighted, how widely to look.
-        report: called with what is being done.
+        progress: called with what is being done.
 
     Raises:
         CaseError: A case without measurements, bounds that cannot be, or cases of several volume policies.
@@ -216,9 +248,9 @@ def fit_cases(
         box = box or Box.of(checked.free)
     if box is None:
         return []
-    policy = common_policy([case for _, case in cases], settings.policy)
+    policy = common_policy([case for _, case in cases], settings.volume_policy)
     objective = Objective(targets, box.names, policy)
-    optima = identify(objective, box, settings.multi_start, report)
+    optima = identify(objective, box, settings.multi_start, progress)
     if settings.shared and len(cases) > 1:
         errors = [measurement_errors(t.measured, settings.uncertainties) for t in targets]
         errors = [np.array(list(own.values())) for own in errors]
@@ -252,7 +284,7 @@ def _result(
         return FitResult(
             name, case, target.measured, {}, dict.fromkeys(box.names, nothing),
             np.full((len(box.names),) * 2, np.nan), objective, box, optimum, number, known,
-            FitVerdict(None, tuple(search(optimum.status))),
+            settings, FitVerdict(None, tuple(search(optimum.status))),
         )  # fmt: skip
     rows = [objective.outputs.index(o) for o in target.measured]
     errors = np.array(list(known.values()))
@@ -276,7 +308,7 @@ def _result(
     ]  # fmt: skip
     return FitResult(
         name, case.model_copy(update=changes), target.measured, simulated, parameters, correlation(spread),
-        objective, box, optimum, number, known, FitVerdict(goodness, ()).with_reasons(reasons),
+        objective, box, optimum, number, known, settings, FitVerdict(goodness, ()).with_reasons(reasons),
     )  # fmt: skip
 
 

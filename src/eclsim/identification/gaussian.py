@@ -1,6 +1,6 @@
 """The Gaussian approximation of a posterior: its highest point and the curvature there.
 
-The highest point is found by Levenberg and Marquardt's method on the hidden variables, whose prior adds a
+The highest point is found by Levenberg and Marquardt's method on the latent variables, whose prior adds a
 residual for each. The curvature is that of Gauss and Newton: J' W J + I, with the exact Jacobian J.
 """
 
@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eclsim.identification.beat_derivatives import Follower
-from eclsim.identification.density import Posterior
+from eclsim.identification.beat_derivatives import GradientEvaluator
+from eclsim.identification.density import PosteriorDensity
 
 FARTHEST_START = 2.5
-"""Starts beyond are drawn in: at a bound a hidden variable is infinite and nothing has a slope."""
+"""Starts beyond are drawn in: at a bound a latent variable is infinite and nothing has a slope."""
 ITERATIONS = 40
 ENOUGH = 1e-4
 """Settled when a step promises to lower the potential by less: a hundredth of a standard deviation."""
@@ -28,7 +28,7 @@ class NoSteadyBeatError(ValueError):
 
 @dataclass(frozen=True)
 class Gaussian:
-    """A normal distribution of the hidden variables.
+    """A normal distribution of the latent variables.
 
     Args:
         centre: highest point of the posterior, shape (parameters,).
@@ -45,12 +45,12 @@ class Gaussian:
     potential: float
 
     def draws(self, count: int, seed: int) -> np.ndarray:
-        """Random hidden variables, shape (count, parameters)."""
+        """Random latent variables, shape (count, parameters)."""
         normal = np.random.default_rng(seed).standard_normal((count, len(self.centre)))
         return self.centre + normal @ np.linalg.cholesky(self.covariance).T
 
 
-def approximate(posterior: Posterior, starts: np.ndarray) -> Gaussian:
+def approximate(posterior: PosteriorDensity, starts: np.ndarray) -> Gaussian:
     """The best highest point that is reached from some starts, and the curvature there.
 
     Args:
@@ -68,10 +68,10 @@ def approximate(posterior: Posterior, starts: np.ndarray) -> Gaussian:
     return min(found, key=lambda g: g.potential)
 
 
-def _climb(posterior: Posterior, start: np.ndarray) -> Gaussian | None:
+def _climb(posterior: PosteriorDensity, start: np.ndarray) -> Gaussian | None:
     z = np.clip(start, -FARTHEST_START, FARTHEST_START)
-    follower = Follower(posterior, z)
-    here = follower.linear(z)
+    evaluator = GradientEvaluator(posterior, z)
+    here = evaluator.linear(z)
     if here is None:
         return None
     damping, size = 1e-3, len(z)
@@ -85,7 +85,7 @@ def _climb(posterior: Posterior, start: np.ndarray) -> Gaussian | None:
             break
         step = -np.linalg.solve(curvature + damping * np.diag(np.diag(curvature)), gradient)
         step *= min(1.0, LONGEST_STEP / np.abs(step).max())
-        trial = follower.linear(z + step)
+        trial = evaluator.linear(z + step)
         lower = np.inf if trial is None else float(posterior.potential(z + step, trial[0]))
         if trial is not None and lower < level:
             z, here, level, damping = z + step, trial, lower, damping / 5.0

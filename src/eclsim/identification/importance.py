@@ -2,11 +2,11 @@
 
 All draws of a round are one batch of steady beats, so this takes seconds where chains take minutes. The first
 rounds aim at flatter densities, in which the measurements count for less, so that no arm of the posterior is
-overlooked. Each round fits its proposal (a `Transport` of Student's t distribution) to the weighted draws of
-all rounds before, and all are weighted by the mixture of all proposals: adaptive multiple importance
-sampling, Cornuet, Marin, Mira and Robert 2012, Scandinavian Journal of Statistics 39, 798-812. The largest
-weights are smoothed with a generalised Pareto distribution, whose shape k tells whether they can be trusted:
-Vehtari, Simpson, Gelman, Yao and Gabry 2024, JMLR 25, 1-58; below 0.7 they can.
+overlooked. Each round fits its proposal (Student's t distribution in the coordinates of a `Transport`) to the
+weighted draws of all rounds before, and all are weighted by the mixture of all proposals: adaptive multiple
+importance sampling, Cornuet, Marin, Mira and Robert 2012, Scandinavian Journal of Statistics 39, 798-812. The
+largest weights are smoothed with a generalised Pareto distribution, whose shape k tells whether they can be
+trusted: Vehtari, Simpson, Gelman, Yao and Gabry 2024, JMLR 25, 1-58; below 0.7 they can.
 """
 
 from __future__ import annotations
@@ -16,10 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp
 
-from eclsim.identification.density import Posterior
+from eclsim.identification.density import PosteriorDensity
 from eclsim.identification.gaussian import Gaussian
-from eclsim.identification.mixture import Mixture
-from eclsim.identification.transport import Transport
+from eclsim.identification.proposals import Mixture, Transport
 
 TEMPERS = (0.02, 0.08, 0.25, 0.6, 1.0, 1.0, 1.0)
 """How much the measurements count in each round."""
@@ -32,11 +31,11 @@ MOST_MORE_ROUNDS = 6
 
 
 @dataclass(frozen=True)
-class Weighted:
+class WeightedDraws:
     """Weighted draws of a posterior.
 
     Args:
-        z: hidden variables, shape (draws, parameters).
+        z: latent variables, shape (draws, parameters).
         outputs: of the model there, shape (draws, outputs).
         weights: sum to 1, shape (draws,).
         shape: Pareto k of the largest weights.
@@ -57,17 +56,17 @@ class Weighted:
     @property
     def effective(self) -> float:
         """Effective number of draws."""
-        return 1.0 / float(np.sum(self.weights**2))
+        return effective_number(self.weights)
 
     @property
     def reasons(self) -> tuple[str, ...]:
         """Why the draws are not to be trusted; empty where they are."""
-        found = []
+        reasons = []
         if not self.shape < LARGEST_SHAPE:
-            found.append(f"Pareto k of the weights is {self.shape:.2f} (below {LARGEST_SHAPE})")
+            reasons.append(f"Pareto k of the weights is {self.shape:.2f} (below {LARGEST_SHAPE})")
         if self.effective < FEWEST_EFFECTIVE:
-            found.append(f"{self.effective:.0f} effective draws (at least {FEWEST_EFFECTIVE})")
-        return tuple(found)
+            reasons.append(f"{self.effective:.0f} effective draws (at least {FEWEST_EFFECTIVE})")
+        return tuple(reasons)
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -79,7 +78,7 @@ class Weighted:
         """Draws at which the model has no steady beat; they have no weight."""
         return int((~np.isfinite(self.outputs).all(axis=1)).sum())
 
-    def widened(self) -> tuple[np.ndarray, float]:
+    def tempered(self) -> tuple[np.ndarray, float]:
         """Weights that can be trusted: raised to the largest power up to 1 at which no reason is left.
 
         A smaller power takes the distribution from the posterior towards the proposals, which are wider.
@@ -89,16 +88,16 @@ class Weighted:
         """
 
         def raised(power: float) -> np.ndarray:
-            found = np.where(self.weights > 0.0, np.maximum(self.weights, 1e-300) ** power, 0.0)
-            return found / found.sum()
+            powers = np.where(self.weights > 0.0, np.maximum(self.weights, 1e-300) ** power, 0.0)
+            return powers / powers.sum()
 
         most = 1.0 if self.shape < LARGEST_SHAPE else LARGEST_SHAPE / self.shape
-        if 1.0 / np.sum(raised(most) ** 2) >= FEWEST_EFFECTIVE:
+        if effective_number(raised(most)) >= FEWEST_EFFECTIVE:
             return (self.weights, 1.0) if most == 1.0 else (raised(most), most)
         low = 0.0
         for _ in range(30):
             power = 0.5 * (low + most)
-            enough = 1.0 / np.sum(raised(power) ** 2) >= FEWEST_EFFECTIVE
+            enough = effective_number(raised(power)) >= FEWEST_EFFECTIVE
             low, most = (power, most) if enough else (low, power)
         return raised(low), low
 
@@ -108,13 +107,18 @@ class Weighted:
         return np.searchsorted(np.cumsum(self.weights), places).clip(max=len(self.weights) - 1)
 
 
-def weigh(
-    posterior: Posterior,
+def effective_number(weights: np.ndarray) -> float:
+    """Effective number of draws with weights that sum to 1."""
+    return 1.0 / float(np.sum(weights**2))
+
+
+def importance_sample(
+    posterior: PosteriorDensity,
     gaussian: Gaussian,
     count: int = 1024,
     seed: int = 0,
     tempers: tuple[float, ...] = TEMPERS,
-) -> Weighted:
+) -> WeightedDraws:
     """Draw in rounds, each from a proposal fitted to the rounds before.
 
     Args:
@@ -127,22 +131,21 @@ def weigh(
     random = np.random.default_rng(seed)
     scaled = gaussian.jacobian / posterior.scale[:, None]
     flat = np.linalg.inv(tempers[0] * scaled.T @ scaled + np.eye(len(gaussian.centre)))
-    proposals = [Transport.straight(gaussian.centre, flat)]
+    proposals = [Transport.linear(gaussian.centre, flat)]
     z, outputs = np.empty((0, len(gaussian.centre))), np.empty((0, len(posterior.outputs)))
     weights, shape = np.empty(0), np.inf
     for number in range(len(tempers) + MOST_MORE_ROUNDS):
-        if number >= len(tempers) and shape < GOOD_SHAPE and 1.0 / np.sum(weights**2) > GOOD_EFFECTIVE:
+        planned = number < len(tempers)
+        if not planned and shape < GOOD_SHAPE and effective_number(weights) > GOOD_EFFECTIVE:
             break
         temper = tempers[number + 1] if number + 1 < len(tempers) else 1.0
         new = Mixture((proposals[-1],)).draws(random, count)
-        z, outputs = (
-            np.concatenate([z, new]),
-            np.concatenate([outputs, posterior.simulate(new, gaussian.centre)]),
-        )
+        z = np.concatenate([z, new])
+        outputs = np.concatenate([outputs, posterior.simulate(new, gaussian.centre)])
         density = Mixture(tuple(proposals)).log_density(z)
         weights, shape = smoothed(-posterior.potential(z, outputs, temper) - density)
-        proposals.append(Transport.fitted(z, weights))
-    return Weighted(z, outputs, weights, shape, Mixture(tuple(proposals)))
+        proposals.append(Transport.fit(z, weights))
+    return WeightedDraws(z, outputs, weights, shape, Mixture(tuple(proposals)))
 
 
 def smoothed(log_weights: np.ndarray) -> tuple[np.ndarray, float]:

@@ -27,8 +27,12 @@ SAME_OUTPUTS = 1e-3
 NEXT_TO_NOTHING = 1e-6
 """Sum of squares below which a fit is perfect: outputs within 0.1 %."""
 LARGEST_WEIGHT = 0.995
-Report = Callable[[str], None]
-"""Is called with a sentence that says what is being computed."""
+Progress = Callable[[object], None]
+"""Is called with something whose text says what is being computed."""
+
+
+def silent(step: object) -> None:
+    """Progress that nobody wants to see."""
 
 
 class FitStatus(StrEnum):
@@ -184,7 +188,7 @@ class _Candidates:
 
 
 def identify(
-    problem: LeastSquaresProblem, box: Box, settings: MultiStart | None = None, report: Report | None = None
+    problem: LeastSquaresProblem, box: Box, settings: MultiStart | None = None, progress: Progress = silent
 ) -> list[Optimum]:
     """Fit every data point of a problem; points do not influence each other.
 
@@ -192,18 +196,18 @@ def identify(
         problem: data points that share a circuit.
         box: free parameters and bounds.
         settings: how widely to look.
-        report: called with what is being done.
+        progress: called with what is being done.
     """
-    settings, say = settings or MultiStart(), report or (lambda _: None)
+    settings = settings or MultiStart()
     explored, count = sobol(box, settings), len(problem.weights)
     candidates = []
     for k in range(count):
-        say(f"exploring {len(explored)} sets of parameters (point {k + 1} of {count})")
+        progress(f"exploring {len(explored)} sets of parameters (point {k + 1} of {count})")
         candidates.append(_explore(problem, k, explored, settings))
-    _refine_all(problem, box, candidates, settings, say)
+    _refine_all(problem, box, candidates, settings, progress)
     best = []
     for k, own in enumerate(candidates):
-        say(f"refining the best start to the end (point {k + 1} of {count})")
+        progress(f"refining the best start to the end (point {k + 1} of {count})")
         best.append(_best(problem, box, k, own, settings))
     return best
 
@@ -236,7 +240,11 @@ def mixing_weight(number: int, total: int) -> float:
 
 
 def _refine_all(
-    problem: LeastSquaresProblem, box: Box, candidates: list[_Candidates], settings: MultiStart, say: Report
+    problem: LeastSquaresProblem,
+    box: Box,
+    candidates: list[_Candidates],
+    settings: MultiStart,
+    progress: Progress,
 ) -> None:
     """Rounds of starts, those of all data points side by side."""
     first = 0
@@ -244,7 +252,7 @@ def _refine_all(
         starts = {k: candidates[k].next_starts(first, settings) for k in jobs}
         points = np.concatenate([np.full(len(starts[k]), k) for k in jobs])
         last = min(first + settings.round_size, max(len(candidates[k].x) for k in jobs))
-        say(f"refining starts {first + 1} to {last} of each of {len(jobs)} data points")
+        progress(f"refining starts {first + 1} to {last} of each of {len(jobs)} data points")
         refined = refine(problem, points, np.concatenate([starts[k] for k in jobs]), box, REFINING)
         for k in jobs:
             own = candidates[k]

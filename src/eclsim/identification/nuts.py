@@ -11,15 +11,19 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eclsim.identification.beat_derivatives import Follower
-from eclsim.identification.density import Posterior
-from eclsim.identification.jumps import jumps
-from eclsim.identification.mixture import Mixture
+from eclsim.identification.beat_derivatives import GradientEvaluator
+from eclsim.identification.density import PosteriorDensity
+from eclsim.identification.proposals import Jumps, Mixture
 from eclsim.orbit.execution import in_threads
+
+if TYPE_CHECKING:
+    import jax
+
+    HostPotential = Callable[[jax.Array, jax.Array], tuple[np.ndarray, np.ndarray]]
 
 STATISTICS = (
     "diverging", "num_steps", "accept_prob", "potential_energy", "energy", "step_size", "jumped", "saturated",
@@ -64,7 +68,7 @@ class Chains:
     """Draws of all chains.
 
     Args:
-        z: hidden variables, shape (chains, draws, parameters).
+        z: latent variables, shape (chains, draws, parameters).
         statistics: `STATISTICS` of the sampler, each of shape (chains, draws).
         evaluations: of the potential with its gradient, warm-up counted in.
         without_beat: of these, those at points without a steady beat, which are excluded.
@@ -77,10 +81,10 @@ class Chains:
 
 
 def sample(
-    posterior: Posterior,
+    posterior: PosteriorDensity,
     proposals: Mixture,
     settings: Sampling | None = None,
-    report: Callable[[int, int], None] | None = None,
+    report: Callable[[int, int], None] = lambda done, total: None,
 ) -> Chains:
     """Draw from a posterior.
 
@@ -94,57 +98,54 @@ def sample(
     Raises:
         MissingPackageError: NumPyro is not installed.
     """
-    settings = settings or Sampling()
-    return _Sampler(posterior, proposals, settings, report).run()
+    return _Sampler(posterior, proposals, settings or Sampling(), report).run()
 
 
 class _Sampler:
     def __init__(
         self,
-        posterior: Posterior,
+        posterior: PosteriorDensity,
         proposals: Mixture,
         settings: Sampling,
-        report: Callable[[int, int], None] | None,
+        report: Callable[[int, int], None],
     ):
         self.transport, self.settings, self.report = proposals.transports[-1], settings, report
-        centre, chains = self.transport.centre, range(settings.chains)
-        self.followers = [Follower(posterior, centre, by_point=True) for _ in chains]
-        self.evaluations, self.without_beat = [0] * settings.chains, [0] * settings.chains
+        centre, count = self.transport.centre, settings.chains
+        self.evaluators = [GradientEvaluator(posterior, centre, by_point=True) for _ in range(count)]
+        self.evaluations, self.without_beat = [0] * count, [0] * count
         self.done = 0
         self.lock = threading.Lock()
         self.init, self.advance, self.energy = self._compile()
-        draws = settings.warmup + settings.draws
-        self.jumps = jumps(proposals, settings.chains, draws, settings.seed)
+        self.jumps = Jumps.draw(proposals, count, settings.warmup + settings.draws, settings.seed)
 
     def run(self) -> Chains:
-        found = in_threads(self._chain, list(range(self.settings.chains)))
-        statistics = {n: np.stack([s[n] for _, s in found]) for n in STATISTICS}
-        draws = np.stack([z for z, _ in found])
+        chains = in_threads(self._chain, list(range(self.settings.chains)))
+        statistics = {n: np.stack([s[n] for _, s in chains]) for n in STATISTICS}
+        draws = np.stack([z for z, _ in chains])
         return Chains(draws, statistics, sum(self.evaluations), sum(self.without_beat))
 
-    def potential(self, chain: Any, z: Any) -> tuple[np.ndarray, np.ndarray]:
+    def potential(self, chain: jax.Array | int, z: jax.Array | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """On the host: U and dU/dz."""
         number = int(chain)
         self.evaluations[number] += 1
-        u, gradient = self.followers[number].potential(np.asarray(z))
+        u, gradient = self.evaluators[number].potential(np.asarray(z))
         self.without_beat[number] += not np.isfinite(u)
         return np.asarray(u), gradient
 
-    def _z(self, u: np.ndarray) -> np.ndarray:
-        return self.transport.z_of(u)[0]
-
-    def _compile(self) -> tuple[Any, Any, Any]:
+    def _compile(self) -> tuple[Callable[..., Any], Callable[..., Any], Callable[..., Any]]:
+        """NumPyro's functions that begin a chain and advance it, and the potential with its gradient."""
         import jax
 
-        hmc = _numpyro_hmc()
-        init, advance = hmc(
-            potential_fn_gen=lambda chain: lambda u: self._moved_potential(chain, u), algo="NUTS"
-        )
-        energy = jax.value_and_grad(lambda u, chain: self._moved_potential(chain, u))
+        try:
+            from numpyro.infer.hmc import hmc
+        except ImportError:
+            raise MissingPackageError("sampling needs NumPyro: pip install 'eclsim[bayes]'") from None
+        init, advance = hmc(potential_fn_gen=lambda chain: lambda u: self._transported(chain, u), algo="NUTS")
+        energy = jax.value_and_grad(lambda u, chain: self._transported(chain, u))
         return init, jax.jit(lambda state, chain: advance(state, (chain,), {})), jax.jit(energy)
 
-    def _moved_potential(self, chain: Any, u: Any) -> Any:
-        """Of the sampler's coordinates, for JAX to differentiate."""
+    def _transported(self, chain: jax.Array, u: jax.Array) -> jax.Array:
+        """Potential in the sampler's coordinates, for JAX to differentiate."""
         import jax.numpy as jnp
 
         z, log_slope = self.transport.z_of(u, jnp)
@@ -156,7 +157,7 @@ class _Sampler:
         size = len(self.transport.centre)
         for k in range(TRIES):
             u = OVERDISPERSION * 0.8**k * random.standard_normal(size)
-            if np.isfinite(self.potential(chain, self._z(u))[0]):
+            if np.isfinite(self.potential(chain, self.transport.z_of(u)[0])[0]):
                 return u
         return np.zeros(size)
 
@@ -182,57 +183,46 @@ class _Sampler:
             moved = self.advance(state, chain)
             state = self._jumped(moved, chain, k)
             if k >= settings.warmup:
-                draws.append(self._z(np.asarray(state.z)))
-                own = {"jumped": state is not moved, "saturated": moved.num_steps >= 2**settings.deepest - 1}
+                draws.append(self.transport.z_of(np.asarray(state.z))[0])
+                own = {
+                    "jumped": state is not moved, "saturated": moved.num_steps >= 2**settings.deepest - 1,
+                    "step_size": state.adapt_state.step_size,
+                }  # fmt: skip
                 for name, values in kept.items():
-                    values.append(np.asarray(own[name] if name in own else _statistic(state, name)))
-            self._say()
+                    values.append(np.asarray(own[name] if name in own else getattr(state, name)))
+            self._count()
         return np.stack(draws), {name: np.array(values) for name, values in kept.items()}
 
     def _jumped(self, state: Any, chain: int, draw: int) -> Any:
-        """The state after a proposed jump, taken or not."""
+        """The sampler's state after a proposed jump, taken or not."""
         import jax
 
         z, log_slope = self.transport.z_of(np.asarray(state.z))
-        level = self.jumps.level(z, float(state.potential_energy + log_slope))
+        ratio = self.jumps.log_ratio(z, float(state.potential_energy + log_slope))
         u, log_slope = self.transport.u_of(self.jumps.z[chain, draw])
         potential, gradient = self.energy(u, chain)
-        if self.jumps.refused(chain, draw, level, float(potential + log_slope)):
+        if self.jumps.refused(chain, draw, ratio, float(potential + log_slope)):
             return state
         return state._replace(z=jax.numpy.asarray(u), potential_energy=potential, z_grad=gradient)
 
-    def _say(self) -> None:
+    def _count(self) -> None:
         with self.lock:
             self.done += 1
-            if self.report is not None:
-                total = self.settings.chains * (self.settings.warmup + self.settings.draws)
-                self.report(self.done, total)
+            self.report(self.done, self.settings.chains * (self.settings.warmup + self.settings.draws))
 
 
-def _statistic(state: Any, name: str) -> Any:
-    return state.adapt_state.step_size if name == "step_size" else getattr(state, name)
-
-
-def _numpyro_hmc() -> Any:
-    try:
-        from numpyro.infer.hmc import hmc
-    except ImportError:
-        raise MissingPackageError("sampling needs NumPyro: pip install 'eclsim[bayes]'") from None
-    return hmc
-
-
-def _host_potential(host: Callable[[Any, Any], Any], chain: Any, z: Any) -> Any:
+def _host_potential(host: HostPotential, chain: jax.Array, z: jax.Array) -> jax.Array:
     """The host's potential as a function that JAX can differentiate: value and gradient in one call."""
     import jax
     import jax.numpy as jnp
 
     shapes = jax.ShapeDtypeStruct((), jnp.float64), jax.ShapeDtypeStruct(z.shape, jnp.float64)
 
-    def both(z: Any) -> Any:
+    def both(z: jax.Array) -> tuple[jax.Array, jax.Array]:
         return jax.pure_callback(host, shapes, chain, z)
 
     @jax.custom_vjp
-    def value(z: Any) -> Any:
+    def value(z: jax.Array) -> jax.Array:
         return both(z)[0]
 
     value.defvjp(both, lambda gradient, weight: (weight * gradient,))

@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from eclsim.identification.density import Posterior
+from eclsim._version import __version__
+from eclsim.files import finite
+from eclsim.identification.density import PosteriorDensity, Prior, PriorKind, simulate_members
 from eclsim.identification.diagnostics import Diagnostics, diagnose
 from eclsim.identification.fit import FitResult
 from eclsim.identification.gaussian import Gaussian, approximate
-from eclsim.identification.importance import Weighted, weigh
+from eclsim.identification.importance import WeightedDraws, importance_sample, weighted_quantile
+from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.nuts import Chains, Sampling, sample
-from eclsim.identification.observation import OUTPUTS, measurement_errors
-from eclsim.identification.prediction import Predicted, predict
-from eclsim.identification.prior import Prior, PriorKind
+from eclsim.identification.observation import OUTPUTS, measurement_errors, unit_of
 from eclsim.identification.verdict import Level
-from eclsim.orbit.model import Model, model_of
+from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
+from eclsim.outputs.signals import output_names
+from eclsim.parameters import thiel2025
 
 if TYPE_CHECKING:
-    from eclsim.cases.case import Case
+    import xarray as xr
+
     from eclsim.sensitivity.uncertainties import Uncertainty
 
 Method = Literal["gaussian", "importance", "nuts"]
@@ -32,31 +36,86 @@ KINDS: dict[Method, str] = {
     "gaussian": "Gaussian approximation",
 }
 STARTS = 5
-PREDICTED_DRAWS = 1000
 SAME_START = 0.05
+PREDICTED_DRAWS = 1000
+QUANTILES = np.array([0.05, 0.5, 0.95])
+LARGEST_LOST_SHARE = 0.02
+"""Of draws without a steady beat: beyond, the intervals speak of too particular a part of the posterior."""
 UNCHECKED = (
     "a Gaussian approximation, which nothing has checked against the posterior: where that is curved or cut "
     "by a bound, medians and intervals are off"
 )
+ARVIZ_NAMES = {
+    "diverging": "diverging", "num_steps": "n_steps", "accept_prob": "acceptance_rate",
+    "potential_energy": "lp", "energy": "energy", "step_size": "step_size",
+    "jumped": "jumped", "saturated": "reached_max_treedepth",
+}  # fmt: skip
+"""The sampler's statistics and their names in ArviZ; `lp` is minus the potential, without constants."""
 
 
 @dataclass(frozen=True)
 class PosteriorSettings:
-    """How the posterior is found.
+    """How the posterior is sampled.
 
     Args:
         method: "nuts", chains; "importance", weighted draws; "gaussian", the approximation alone, unchecked.
         prior: what is known before any measurement.
-        uncertainties: standard uncertainties of measurements that differ from the defaults.
+        uncertainties: standard uncertainties of measurements that differ from the defaults; None, the fit's.
         sampling: how long chains are.
-        policy: blood volume policy; None, the one that the patient was fitted with.
+        volume_policy: blood volume policy; None, the one that the patient was fitted with.
     """
 
     method: Method = "nuts"
     prior: PriorKind = "log-uniform"
-    uncertainties: Mapping[str, Uncertainty] = field(default_factory=dict)
+    uncertainties: Mapping[str, Uncertainty] | None = None
     sampling: Sampling = field(default_factory=Sampling)
-    policy: str | None = None
+    volume_policy: VolumePolicy | None = None
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Outputs of draws of a posterior at some settings.
+
+    Args:
+        settings: what differs from the measured settings, as written; empty for those themselves.
+        outputs: names.
+        values: shape (draws, outputs); NaN where a draw has no steady beat.
+        intervals: 5 %, 50 % and 95 % quantile of each output, shape (outputs, 3).
+        lost: share of the draws without a steady beat; the intervals speak of the others.
+    """
+
+    settings: str
+    outputs: tuple[str, ...]
+    values: np.ndarray
+    intervals: np.ndarray
+    lost: float
+
+    @property
+    def label(self) -> str:
+        """The settings in words."""
+        return self.settings or "as measured"
+
+    @property
+    def lost_draws(self) -> int:
+        """Draws without a steady beat."""
+        return round(self.lost * len(self.values))
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Why the intervals are not to be trusted, whatever the draws; empty where they are."""
+        if self.lost <= LARGEST_LOST_SHARE:
+            return ()
+        return (
+            f"{self.lost_draws} of {len(self.values)} draws have no steady heartbeat at these settings (at "
+            f"most {LARGEST_LOST_SHARE:.0%}): the intervals speak of the others alone; choose settings "
+            "closer to the measured ones",
+        )
+
+    def column(self, output: str) -> np.ndarray:
+        """Values of one output; NaN where the circuit lacks it, shape (draws,)."""
+        if output not in self.outputs:
+            return np.full(len(self.values), np.nan)
+        return self.values[:, self.outputs.index(output)]
 
 
 @dataclass(frozen=True)
@@ -65,28 +124,28 @@ class PosteriorResult:
 
     Args:
         name: of the data point.
-        posterior: density.
+        density: of the latent variables.
         gaussian: its approximation.
-        draws: of the parameters in their units, shape (chains, draws, parameters).
-        chains: what the sampler says; None where it was not asked.
+        samples: of the parameters in their units, shape (chains, draws, parameters).
+        chains: of the sampler; None where it was not asked.
         weighted: weighted draws; None where they were not asked for.
         diagnostics: of the chains; None without.
         predictions: by settings; the first are the measured settings.
         gaussian_predictions: the same from the Gaussian approximation.
         doubts: why the result is not to be trusted; empty where it is.
-        settings: how it was found.
+        settings: how it was sampled.
         seconds: wall time.
     """
 
     name: str
-    posterior: Posterior
+    density: PosteriorDensity
     gaussian: Gaussian
-    draws: np.ndarray
+    samples: np.ndarray
     chains: Chains | None
-    weighted: Weighted | None
+    weighted: WeightedDraws | None
     diagnostics: Diagnostics | None
-    predictions: tuple[Predicted, ...]
-    gaussian_predictions: tuple[Predicted, ...]
+    predictions: tuple[Prediction, ...]
+    gaussian_predictions: tuple[Prediction, ...]
     doubts: tuple[str, ...]
     settings: PosteriorSettings
     seconds: float
@@ -98,7 +157,7 @@ class PosteriorResult:
 
     @property
     def checked(self) -> bool:
-        """Whether anything could have found the draws wrong."""
+        """Whether anything could have shown the draws to be wrong."""
         return self.settings.method != "gaussian"
 
     @property
@@ -116,84 +175,142 @@ class PosteriorResult:
     @property
     def names(self) -> tuple[str, ...]:
         """Free parameters."""
-        return self.posterior.prior.names
+        return self.density.prior.names
 
     @property
     def flat(self) -> np.ndarray:
-        """Draws of all chains, shape (draws, parameters)."""
-        return self.draws.reshape(-1, self.draws.shape[-1])
+        """Samples of all chains, shape (draws, parameters)."""
+        return self.samples.reshape(-1, self.samples.shape[-1])
 
     def gaussian_draws(self, count: int = PREDICTED_DRAWS) -> np.ndarray:
         """Parameters drawn from the Gaussian approximation, in their units, shape (draws, parameters)."""
         z = self.gaussian.draws(count, self.settings.sampling.seed)
-        return np.exp(self.posterior.prior.x_of(z))
+        return np.exp(self.density.prior.x_of(z))
+
+    @property
+    def draws(self) -> xr.DataTree:
+        """Draws, statistics of the sampler, predictions and measurements, a group each.
+
+        Groups and names are those of ArviZ's schema, whose functions take it as it is.
+        """
+        return _tree(self)
+
+    def as_object(self) -> dict[str, Any]:
+        """As plain data for JSON; null for what is not known."""
+        exact, gaussian = (np.quantile(v, QUANTILES, axis=0).T for v in (self.flat, self.gaussian_draws()))
+        d, c, w = self.diagnostics, self.chains, self.weighted
+        parameters = {
+            n: {
+                "median": exact[k, 1], "lower": exact[k, 0], "upper": exact[k, 2],
+                "gaussian": _interval(gaussian[k]),
+                **({} if d is None else {
+                    "r_hat": d.r_hat[k], "effective_bulk": d.effective_bulk[k],
+                    "effective_tail": d.effective_tail[k],
+                }),
+            }
+            for k, n in enumerate(self.names)
+        }  # fmt: skip
+        predictions = [
+            {
+                "settings": p.label,
+                "outputs": {
+                    n: {**_interval(p.intervals[k]), "gaussian": _interval(g.intervals[k])}
+                    for k, n in enumerate(p.outputs)
+                },
+                "without_steady_beat": p.lost,
+                "draws": len(p.values),
+                "draws_without_steady_beat": p.lost_draws,
+                "doubts": [*self.doubts, *p.doubts],
+            }
+            for p, g in zip(self.predictions, self.gaussian_predictions, strict=True)
+        ]
+        return {
+            "method": self.settings.method,
+            "kind": self.kind,
+            "trusted": self.trusted,
+            "checked": self.checked,
+            "verdict": self.verdict,
+            "doubts": list(self.doubts),
+            "prior": self.settings.prior,
+            "uncertainties": dict(self.density.errors),
+            "parameters": parameters,
+            "predictions": predictions,
+            "divergent": None if d is None else d.divergent,
+            "energy_fraction": None if d is None else d.energy_fraction.tolist(),
+            "cut_trajectories": None if d is None else d.saturated,
+            "jumps_taken": None if c is None else float(c.statistics["jumped"].mean()),
+            "evaluations": None if c is None else c.evaluations,
+            "evaluations_without_steady_beat": None if c is None else c.without_beat,
+            "draws": len(self.flat),
+            "pareto_k": None if w is None else finite(w.shape),
+            "effective_draws": None if w is None else w.effective,
+            "weighted_draws": None if w is None else len(w.z),
+            "weighted_draws_without_steady_beat": None if w is None else w.without_beat,
+            "seconds": round(self.seconds, 3),
+        }
 
 
-def posterior_of(fit: FitResult, settings: PosteriorSettings) -> Posterior:
-    """The posterior density of a fitted data point's parameters."""
-    box = fit.box
-    start = np.clip(box.start, box.lower, box.upper)
-    prior = Prior(box.names, box.lower, box.upper, start, settings.prior)
-    errors = measurement_errors(fit.measured, settings.uncertainties)
-    policy = settings.policy or fit.case.volume_policy
-    return Posterior(model_of(fit.case), dict(fit.measured), errors, prior, policy)
-
-
-def sample_posterior(
+def posterior(
     fit: FitResult,
+    *,
     settings: PosteriorSettings | None = None,
-    predictions: Sequence[tuple[str, Case]] = (),
-    report: Callable[[str], None] | None = None,
+    predictions: Sequence[tuple[str, CaseSource]] = (),
+    progress: Progress = silent,
 ) -> PosteriorResult:
-    """Find the posterior of a fitted data point and what it predicts.
+    """Sample the posterior of a fitted data point's parameters, and predict outputs with it.
 
     Args:
         fit: with a steady beat.
-        settings: how it is found.
-        predictions: settings as written and the fitted case with them.
-        report: called with what is being done.
+        settings: how it is sampled.
+        predictions: label and case at other settings; the fitted parameters are replaced in it.
+        progress: called with what is being done.
 
     Raises:
         NoSteadyBeatError: The fit has none.
         MissingPackageError: NumPyro is needed and not there.
     """
     settings = settings or PosteriorSettings()
-    say = report or (lambda _: None)
     started = time.perf_counter()
-    posterior = posterior_of(fit, settings)
-    gaussian = approximate(posterior, _starts(fit))
+    density = density_of(fit, settings)
+    gaussian = approximate(density, _starts(fit))
     chains = weighted = diagnostics = None
-    seed = settings.sampling.seed
+    seed, doubts = settings.sampling.seed, ()
     if settings.method == "gaussian":
-        z = gaussian.draws(PREDICTED_DRAWS, seed)[None]
-        doubts: tuple[str, ...] = (UNCHECKED,)
+        z, doubts = gaussian.draws(PREDICTED_DRAWS, seed)[None], (UNCHECKED,)
     else:
-        say("weighted draws")
-        weighted = weigh(posterior, gaussian, seed=seed)
-        doubts = weighted.doubts
-        z = weighted.z[weighted.resample(4 * PREDICTED_DRAWS, seed)][None]
+        progress("weighted draws")
+        weighted = importance_sample(density, gaussian, seed=seed)
+        z, doubts = weighted.z[weighted.resample(4 * PREDICTED_DRAWS, seed)][None], weighted.doubts
     if settings.method == "nuts" and weighted is not None:
         chains = sample(
-            posterior, weighted.proposals, settings.sampling, lambda n, of: say(f"draw {n} of {of}")
+            density, weighted.proposals, settings.sampling, lambda n, of: progress(f"draw {n} of {of}")
         )
-        statistics = chains.statistics
-        of_trajectories = (statistics[name] for name in ("diverging", "energy", "saturated"))
-        diagnostics = diagnose(posterior.prior.names, chains.z, *of_trajectories)
+        diagnostics = diagnose(density.prior.names, chains.z, chains.statistics)
         z, doubts = chains.z, diagnostics.doubts
     if fit.verdict.level is Level.POOR:
         doubts = (*doubts, f"{fit.verdict.headline}; what it predicts is not this patient")
-    draws = np.exp(posterior.prior.x_of(z))
-    say("predictions")
-    models = [("", model_of(fit.case)), *((written, model_of(case)) for written, case in predictions)]
-    exact = _predictions(models, posterior, draws.reshape(-1, draws.shape[-1]))
+    samples = np.exp(density.prior.x_of(z))
+    progress("predictions")
+    models = [("", model_of(fit.case)), *((label, _fitted_model(fit, case)) for label, case in predictions)]
+    exact = _predict_all(models, density, samples.reshape(-1, samples.shape[-1]))
     by_gaussian = exact
     if settings.method != "gaussian":
-        of_gaussian = np.exp(posterior.prior.x_of(gaussian.draws(PREDICTED_DRAWS, seed)))
-        by_gaussian = _predictions(models, posterior, of_gaussian)
+        of_gaussian = np.exp(density.prior.x_of(gaussian.draws(PREDICTED_DRAWS, seed)))
+        by_gaussian = _predict_all(models, density, of_gaussian)
     return PosteriorResult(
-        fit.name, posterior, gaussian, draws, chains, weighted, diagnostics, exact, by_gaussian, doubts,
+        fit.name, density, gaussian, samples, chains, weighted, diagnostics, exact, by_gaussian, doubts,
         settings, time.perf_counter() - started,
     )  # fmt: skip
+
+
+def density_of(fit: FitResult, settings: PosteriorSettings) -> PosteriorDensity:
+    """The posterior density of a fitted data point's parameters."""
+    given = fit.settings.uncertainties if settings.uncertainties is None else settings.uncertainties
+    policy = settings.volume_policy or fit.case.volume_policy
+    errors = measurement_errors(fit.measured, given)
+    return PosteriorDensity(
+        model_of(fit.case), dict(fit.measured), errors, Prior.of(fit.box, settings.prior), policy
+    )
 
 
 def _starts(fit: FitResult) -> np.ndarray:
@@ -206,92 +323,105 @@ def _starts(fit: FitResult) -> np.ndarray:
     return np.stack(chosen)
 
 
-def _predictions(
-    models: Sequence[tuple[str, Model]], posterior: Posterior, draws: np.ndarray
-) -> tuple[Predicted, ...]:
-    from eclsim.outputs.signals import output_names
+def _fitted_model(fit: FitResult, source: CaseSource) -> Model:
+    """The model of a case with the fitted patient's parameters."""
+    case = as_case(source)
+    fitted = {n: v for n, v in fit.case.parameters.items() if n in fit.settings.names}
+    return model_of(case.model_copy(update={"parameters": {**case.parameters, **fitted}}))
 
+
+def _predict_all(
+    models: Sequence[tuple[str, Model]], density: PosteriorDensity, draws: np.ndarray
+) -> tuple[Prediction, ...]:
     chosen = draws[:: max(1, len(draws) // PREDICTED_DRAWS)][:PREDICTED_DRAWS]
-    parameters = {n: chosen[:, k] for k, n in enumerate(posterior.prior.names)}
-    found = []
-    for written, model in models:
+    parameters = {n: chosen[:, k] for k, n in enumerate(density.prior.names)}
+    each = []
+    for label, model in models:
         known = output_names(model.circuit)
         outputs = tuple(o for o in OUTPUTS if o in known)
-        found.append(predict(model, parameters, outputs, written, posterior.policy))
-    return tuple(found)
+        each.append(predict(model, parameters, outputs, label, density.policy))
+    return tuple(each)
 
 
-def intervals_of(draws: np.ndarray) -> np.ndarray:
-    """5 %, 50 % and 95 % quantile of each parameter, shape (parameters, 3)."""
-    return np.quantile(draws, (0.05, 0.5, 0.95), axis=0).T
+def predict(
+    model: Model,
+    parameters: Mapping[str, np.ndarray],
+    outputs: tuple[str, ...],
+    settings: str = "",
+    policy: str = AS_PUBLISHED,
+) -> Prediction:
+    """Simulate draws of the parameters with a model's other values.
 
-
-def as_object(result: PosteriorResult) -> dict[str, Any]:
-    """As plain data for JSON; null for what is not known."""
-    exact, approximate_ones = intervals_of(result.flat), intervals_of(result.gaussian_draws())
-    d = result.diagnostics
-    parameters = {
-        n: {
-            "median": exact[k, 1], "lower": exact[k, 0], "upper": exact[k, 2],
-            "gaussian": _interval(approximate_ones[k]),
-            **({} if d is None else {
-                "r_hat": d.r_hat[k], "effective_bulk": d.effective_bulk[k],
-                "effective_tail": d.effective_tail[k],
-            }),
-        }
-        for k, n in enumerate(result.names)
-    }  # fmt: skip
-    return {
-        "method": result.settings.method,
-        "kind": result.kind,
-        "trusted": result.trusted,
-        "checked": result.checked,
-        "verdict": result.verdict,
-        "doubts": list(result.doubts),
-        "prior": result.settings.prior,
-        "uncertainties": dict(result.posterior.errors),
-        "parameters": parameters,
-        "predictions": [
-            {
-                "settings": p.settings or "as measured",
-                "outputs": {
-                    n: {**_interval(p.intervals[k]), "gaussian": _interval(g.intervals[k])}
-                    for k, n in enumerate(p.outputs)
-                },
-                "without_steady_beat": p.lost,
-                "draws": len(p.values),
-                "draws_without_steady_beat": p.lost_draws,
-                "doubts": [*result.doubts, *p.doubts],
-            }
-            for p, g in zip(result.predictions, result.gaussian_predictions, strict=True)
-        ],
-        "divergent": None if d is None else d.divergent,
-        "energy_fraction": None if d is None else d.energy_fraction.tolist(),
-        "cut_trajectories": None if d is None else d.saturated,
-        **_chain_counts(result.chains),
-        "draws": int(result.flat.shape[0]),
-        **_weight_counts(result.weighted),
-        "seconds": round(result.seconds, 3),
-    }  # fmt: skip
-
-
-def _chain_counts(chains: Chains | None) -> dict[str, Any]:
-    names = ("jumps_taken", "evaluations", "evaluations_without_steady_beat")
-    if chains is None:
-        return dict.fromkeys(names)
-    jumped = float(chains.statistics["jumped"].mean())
-    return dict(zip(names, (jumped, chains.evaluations, chains.without_beat), strict=True))
-
-
-def _weight_counts(weighted: Weighted | None) -> dict[str, Any]:
-    names = ("pareto_k", "effective_draws", "weighted_draws", "weighted_draws_without_steady_beat")
-    if weighted is None:
-        return dict.fromkeys(names)
-    shape = weighted.shape if np.isfinite(weighted.shape) else None
-    counts = (shape, weighted.effective, len(weighted.z), weighted.without_beat)
-    return dict(zip(names, counts, strict=True))
+    Args:
+        model: circuit and values, with the settings asked for.
+        parameters: draws of each free parameter, in its unit, shape (draws,).
+        outputs: names of the registry.
+        settings: what to call it.
+        policy: blood volume policy.
+    """
+    count = len(next(iter(parameters.values())))
+    medians = {n: float(np.median(v)) for n, v in parameters.items()}
+    values = simulate_members(
+        model, {**model.values, **parameters}, count, outputs, policy, {**model.values, **medians}
+    )
+    solved = np.isfinite(values).all(axis=1)
+    intervals = np.full((len(outputs), 3), np.nan)
+    if solved.any():
+        weights = np.ones(int(solved.sum()))
+        each = [weighted_quantile(values[solved, k], weights, QUANTILES) for k in range(len(outputs))]
+        intervals = np.stack(each)
+    return Prediction(settings, outputs, values, intervals, float(1.0 - solved.mean()))
 
 
 def _interval(quantiles: np.ndarray) -> dict[str, float | None]:
-    values = [float(q) if np.isfinite(q) else None for q in quantiles]
-    return {"lower": values[0], "median": values[1], "upper": values[2]}
+    lower, median, upper = (finite(float(q)) for q in quantiles)
+    return {"lower": lower, "median": median, "upper": upper}
+
+
+def _tree(result: PosteriorResult) -> xr.DataTree:
+    import xarray as xr
+
+    density, first = result.density, result.predictions[0]
+    chains, draws, _ = result.samples.shape
+    of_chains = {"chain": np.arange(chains), "draw": np.arange(draws)}
+    of_predictions = {"chain": [0], "draw": np.arange(len(first.values))}
+    pair, outputs = ("chain", "draw"), tuple(dict.fromkeys(n for p in result.predictions for n in p.outputs))
+    attributes = {
+        "inference_library": "eclsim", "inference_library_version": __version__,
+        "sampler": result.settings.method, "prior": result.settings.prior, "trusted": int(result.trusted),
+        "doubts": "; ".join(result.doubts), "blood_volume_policy": density.policy,
+    }  # fmt: skip
+
+    def of_outputs(dims: tuple[str, ...], values: Mapping[str, Any]) -> dict[str, xr.Variable]:
+        return {n: xr.Variable(dims, v, {"units": unit_of(n)}) for n, v in values.items()}
+
+    random = np.random.default_rng(result.settings.sampling.seed)
+    replicated = {  # what would be measured again: outputs of draws, with measurement noise
+        n: (first.column(n) + density.errors[n] * random.standard_normal(len(first.values)))[None]
+        for n in density.outputs
+    }
+    predicted = {n: np.stack([p.column(n) for p in result.predictions], axis=1)[None] for n in outputs}
+    labels = {**of_predictions, "settings": [p.label for p in result.predictions]}
+    groups: dict[str, tuple[dict[str, xr.Variable], Mapping[str, Any]]] = {
+        "posterior": (
+            {
+                n: xr.Variable(pair, result.samples[:, :, k], {"units": thiel2025.PARAMETERS[n].unit})
+                for k, n in enumerate(result.names)
+            },
+            of_chains,
+        ),
+        "sample_stats": ({}, of_chains),
+        "posterior_predictive": (of_outputs(pair, replicated), of_predictions),
+        "predictions": (of_outputs((*pair, "settings"), predicted), labels),
+        "observed_data": (of_outputs((), density.measured), {}),
+        "constant_data": (of_outputs((), density.errors), {}),
+    }
+    if result.chains is None:
+        del groups["sample_stats"]
+    else:
+        for own, name in ARVIZ_NAMES.items():
+            values = result.chains.statistics[own]
+            groups["sample_stats"][0][name] = xr.Variable(pair, -values if name == "lp" else values)
+    return xr.DataTree.from_dict(
+        {group: xr.Dataset(data, coords, attributes) for group, (data, coords) in groups.items()}
+    )

@@ -30,7 +30,7 @@ def plot_traces(result: Any) -> Figure:
     Args:
         result: an `eclsim.identification.posterior.PosteriorResult` with chains.
     """
-    names, draws = result.names, result.draws
+    names, draws = result.names, result.samples
     with figure_style():
         fig = new_figure(height_mm=16 + 30 * len(names))
         fig.suptitle(_title(result, "draws of each chain, and their distributions"))
@@ -136,8 +136,8 @@ def _intervals(ax: Axes, result: Any, name: str) -> None:
                 markersize=3.5,
                 label=label if not row else "",
             )
-    if name in result.posterior.outputs:
-        value, error = result.posterior.measured[name], result.posterior.errors[name]
+    if name in result.density.outputs:
+        value, error = result.density.measured[name], result.density.errors[name]
         ax.errorbar(value, 0.36, xerr=1.645 * error, fmt="D", color=GREY, markersize=3, linewidth=0.9,
                     capsize=2, label="measured and its 90 %")  # fmt: skip
 
@@ -155,7 +155,7 @@ def _histogram(ax: Axes, values: np.ndarray, gaussian: np.ndarray | None) -> Non
 
 def _ellipse(ax: Axes, result: Any, j: int, i: int) -> None:
     """The 90 % ellipse of two hidden variables, in the parameters."""
-    gaussian, prior = result.gaussian, result.posterior.prior
+    gaussian, prior = result.gaussian, result.density.prior
     root = np.linalg.cholesky(gaussian.covariance[np.ix_([j, i], [j, i])])
     angle = np.linspace(0.0, 2.0 * np.pi, 90)
     circle = np.sqrt(4.605) * np.stack([np.cos(angle), np.sin(angle)], axis=1)

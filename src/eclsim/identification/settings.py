@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from eclsim.cases.fitting import CheckedFit, check_fit
 from eclsim.identification.multi_start import MultiStart
 from eclsim.inputs.mistakes import Mistake
+from eclsim.orbit.model import VolumePolicy, circuit_of
 from eclsim.parameters import did_you_mean, thiel2025
 from eclsim.parameters.identification import BOUNDS
 from eclsim.sensitivity.uncertainties import DEFAULTS, Uncertainty
@@ -31,7 +32,7 @@ class FitSettings:
             (simulated - measured) / standard uncertainty.
         uncertainties: standard uncertainties of measurements that differ from the defaults.
         multi_start: how widely to look.
-        policy: blood volume policy; None, that of the cases.
+        volume_policy: blood volume policy; None, that of the cases.
         shared: free parameters that all data points of a patient of a cohort have in common.
     """
 
@@ -40,7 +41,7 @@ class FitSettings:
     weights: Literal["relative", "uncertainty"] = "relative"
     uncertainties: Mapping[str, Uncertainty] = field(default_factory=dict)
     multi_start: MultiStart = field(default_factory=MultiStart)
-    policy: str | None = None
+    volume_policy: VolumePolicy | None = None
     shared: tuple[str, ...] = ()
 
     @property
@@ -61,15 +62,13 @@ class FitSettings:
             "round_size": m.round_size,
             "rediscoveries": m.rediscoveries,
             "seed": m.seed,
-            "blood_volume_policy": self.policy,
+            "blood_volume_policy": self.volume_policy,
             "shared": list(self.shared),
         }
 
 
 def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
     """Targets and bounds of a case, checked, with everything there is to say."""
-    from eclsim.orbit.model import circuit_of
-
     wanted = {name: _bounds(name, case, settings.bounds) for name in settings.names}
     checked = check_fit(case, wanted)
     read = ("heart_rate_bpm", *circuit_of(case).parameter_names())

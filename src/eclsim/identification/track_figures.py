@@ -76,7 +76,7 @@ def plot_parameters(series: Mapping[str, Any]) -> Figure:
     """Every parameter after each measurement: median and 90 %.
 
     Args:
-        series: of `eclsim.identification.track_files.as_object`.
+        series: of `TrackResult.as_object`.
     """
     points, time = series["points"], TimeAxis.of(series)
     names = list(dict.fromkeys(n for p in points for n in p["parameters"]))
@@ -95,7 +95,7 @@ def plot_outputs(series: Mapping[str, Any]) -> Figure:
     """Every output: where it was expected, what was measured, and what the model says afterwards.
 
     Args:
-        series: of `eclsim.identification.track_files.as_object`.
+        series: of `TrackResult.as_object`.
     """
     points, time = series["points"], TimeAxis.of(series)
     names = list(dict.fromkeys(n for p in points for n in p["outputs"]))

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from eclsim.identification.filtering import Belief, outputs_of, regress, sigma_points, updated
+from eclsim.identification.filtering import GaussianMixture, regress, sigma_points, updated
 from eclsim.identification.gaussian import NoSteadyBeatError
-from eclsim.identification.transport import Transport
+from eclsim.identification.proposals import Transport
 
 SLOPE = np.array([[2.0, 0.5, 0.0], [0.0, -1.0, 1.5]])
 OFFSET = np.array([10.0, -3.0])
@@ -20,7 +20,7 @@ def straight(z):
 
 @pytest.fixture
 def belief():
-    return Belief(np.ones(1), MEAN[None], COVARIANCE[None])
+    return GaussianMixture(np.ones(1), MEAN[None], COVARIANCE[None])
 
 
 def test_sigma_points_have_the_moments(belief):
@@ -30,7 +30,7 @@ def test_sigma_points_have_the_moments(belief):
 
 
 def test_outputs_of_a_straight_model(belief):
-    outputs = outputs_of(regress(straight, belief.means, belief.covariances), belief)
+    outputs = regress(straight, belief.means, belief.covariances).outputs(belief)
     assert outputs.mean == pytest.approx(straight(MEAN))
     assert outputs.covariance == pytest.approx(SLOPE @ COVARIANCE @ SLOPE.T)
 
@@ -56,7 +56,7 @@ def test_an_output_that_is_not_used_changes_nothing(belief):
 
 def test_the_filter_that_foresaw_the_measurement_gains_weight():
     means = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
-    both = Belief(np.array([0.5, 0.5]), means, np.stack([0.1 * COVARIANCE] * 2))
+    both = GaussianMixture(np.array([0.5, 0.5]), means, np.stack([0.1 * COVARIANCE] * 2))
     first = regress(straight, both.means, both.covariances)
     measured = straight(means[1])
     found = updated(straight, both, first, measured, np.ones(2), np.array([True, True]))
@@ -66,7 +66,7 @@ def test_the_filter_that_foresaw_the_measurement_gains_weight():
 
 def test_a_curved_model_is_linearised_around_the_estimate():
     """y = exp(z): one regression over a wide forecast is far off, iterating is not."""
-    wide = Belief(np.ones(1), np.zeros((1, 1)), np.ones((1, 1, 1)))
+    wide = GaussianMixture(np.ones(1), np.zeros((1, 1)), np.ones((1, 1, 1)))
     first = regress(np.exp, wide.means, wide.covariances)
     errors = np.array([0.05])
     found = updated(np.exp, wide, first, np.array([4.0]), errors, np.array([True]))
@@ -90,32 +90,32 @@ def test_without_a_steady_beat_at_the_mean_it_says_so(belief):
 
 
 def test_drift_widens_and_draws_back_to_the_prior():
-    transport = Transport.straight(np.array([1.0, -1.0]), np.diag([0.25, 0.04]))
-    narrow = Belief(np.ones(1), np.zeros((1, 2)), 0.01 * np.eye(2)[None])
+    transport = Transport.linear(np.array([1.0, -1.0]), np.diag([0.25, 0.04]))
+    narrow = GaussianMixture(np.ones(1), np.zeros((1, 2)), 0.01 * np.eye(2)[None])
     drifts = np.array([0.3])
-    moved = narrow.moved_on(drifts, transport)
+    moved = narrow.forecast(drifts, transport)
     z_mean = transport.z_of(moved.means[0])[0]
     assert z_mean == pytest.approx(np.sqrt(1.0 - 0.09) * np.array([1.0, -1.0]))
-    spread = transport.slopes(np.zeros(2))
+    spread = transport.jacobian(np.zeros(2))
     of_z = spread @ moved.covariances[0] @ spread.T
     assert np.diag(of_z) == pytest.approx(0.91 * 0.01 * np.array([0.25, 0.04]) + 0.09)
     later = narrow
     for _ in range(200):
-        later = later.moved_on(drifts, transport)
+        later = later.forecast(drifts, transport)
     assert transport.z_of(later.means[0])[0] == pytest.approx(0.0, abs=1e-3)
     assert np.diag(spread @ later.covariances[0] @ spread.T) == pytest.approx(1.0, rel=1e-3)
 
 
 def test_drift_depends_on_the_time_that_has_passed():
     """Its variance is proportional to time while that is short, and steps of any length add up."""
-    transport = Transport.straight(np.zeros(2), np.eye(2))
-    narrow = Belief(np.ones(1), np.array([[0.5, -0.5]]), 1e-6 * np.eye(2)[None])
+    transport = Transport.linear(np.zeros(2), np.eye(2))
+    narrow = GaussianMixture(np.ones(1), np.array([[0.5, -0.5]]), 1e-6 * np.eye(2)[None])
     drifts = np.array([0.12])
 
     def after(*days):
         moved = narrow
         for each in days:
-            moved = moved.moved_on(drifts, transport, each)
+            moved = moved.forecast(drifts, transport, each)
         return moved.means[0, 0], moved.covariances[0, 0, 0]
 
     hour, three_hours = after(1 / 24)[1] - 1e-6, after(3 / 24)[1] - 1e-6
@@ -128,7 +128,7 @@ def test_drift_depends_on_the_time_that_has_passed():
 
 
 def test_quantiles_of_a_mixture():
-    both = Belief(np.array([0.3, 0.7]), np.array([[0.0], [4.0]]), np.array([[[1.0]], [[4.0]]]))
+    both = GaussianMixture(np.array([0.3, 0.7]), np.array([[0.0], [4.0]]), np.array([[[1.0]], [[4.0]]]))
     (low,), (high,) = both.quantiles((0.05, 0.95))
     share = 0.3 * norm.cdf(low) + 0.7 * norm.cdf((low - 4.0) / 2.0)
     assert share == pytest.approx(0.05)

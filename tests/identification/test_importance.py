@@ -6,14 +6,13 @@ import pytest
 from eclsim.identification.gaussian import Gaussian
 from eclsim.identification.importance import (
     FEWEST_EFFECTIVE,
-    Weighted,
+    WeightedDraws,
+    importance_sample,
     pareto_fit,
     smoothed,
-    weigh,
     weighted_quantile,
 )
-from eclsim.identification.mixture import Mixture
-from eclsim.identification.transport import Transport
+from eclsim.identification.proposals import Mixture, Transport
 
 
 def gaussian_of(posterior):
@@ -25,7 +24,7 @@ def gaussian_of(posterior):
 
 
 def test_moments_of_a_curved_posterior(curved):
-    found = weigh(curved, gaussian_of(curved), count=1500, seed=1)
+    found = importance_sample(curved, gaussian_of(curved), count=1500, seed=1)
     mean, covariance = curved.moments()
     weighted = found.weights @ found.z
     away = found.z - weighted
@@ -69,13 +68,13 @@ def doubtful(exponent, count=2000, shape=0.4):
     """Draws of a standard normal distribution, weighted by its density to a power."""
     z = np.random.default_rng(3).standard_normal((count, 2))
     weights = np.exp(-0.5 * exponent * np.sum(z**2, axis=1))
-    proposal = Mixture((Transport.straight(np.zeros(2), np.eye(2)),))
-    return Weighted(z, z, weights / weights.sum(), shape, proposal)
+    proposal = Mixture((Transport.linear(np.zeros(2), np.eye(2)),))
+    return WeightedDraws(z, z, weights / weights.sum(), shape, proposal)
 
 
 def test_weights_that_are_trusted_are_not_widened():
     found = doubtful(0.5)
-    weights, power = found.widened()
+    weights, power = found.tempered()
     assert power == 1.0
     assert weights is found.weights
 
@@ -83,7 +82,7 @@ def test_weights_that_are_trusted_are_not_widened():
 @pytest.mark.parametrize("found", [doubtful(40.0), doubtful(0.5, shape=1.2)], ids=["few", "heavy tail"])
 def test_weights_in_doubt_are_widened_until_they_can_be_trusted(found):
     assert found.reasons
-    weights, power = found.widened()
+    weights, power = found.tempered()
     assert 0.0 < power < 1.0
     assert weights.sum() == pytest.approx(1.0)
     assert 1.0 / np.sum(weights**2) >= FEWEST_EFFECTIVE
@@ -95,4 +94,4 @@ def test_draws_without_a_steady_beat_are_counted():
     found = doubtful(0.5)
     outputs = found.z.copy()
     outputs[:7] = np.nan
-    assert Weighted(found.z, outputs, found.weights, 0.4, found.proposals).without_beat == 7
+    assert WeightedDraws(found.z, outputs, found.weights, 0.4, found.proposals).without_beat == 7

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, norm, truncnorm
 
-from eclsim.identification.prior import DEVIATIONS_TO_BOUNDS, Prior
+from eclsim.identification.density import DEVIATIONS_TO_BOUNDS, Prior
 
 LOWER, UPPER, START = np.log([0.1, 0.02]), np.log([10.0, 8.0]), np.log([1.0, 0.5])
 

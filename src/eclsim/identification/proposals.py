@@ -1,6 +1,7 @@
-"""Coordinates in which a curved posterior is nearly a standard normal distribution.
+"""Distributions that a posterior's draws are proposed from: Student's t, transported to curved coordinates.
 
-A triangular map (Parno and Marzouk 2018, SIAM/ASA J. Uncertain. Quantif. 6, 645-682): one variable after the
+The coordinates are those in which a curved posterior is nearly a standard normal distribution, by a
+triangular map (Parno and Marzouk 2018, SIAM/ASA J. Uncertain. Quantif. 6, 645-682): one variable after the
 other, those least determined by the measurements first,
 
     z_k = m_k(z_1 .. z_k-1) + exp(s_k(z_1 .. z_k-1)) g_k(u_k)
@@ -8,16 +9,23 @@ other, those least determined by the measurements first,
 with m quadratic and s linear in the variables before, which are squashed so that neither grows without limit
 where no draws were, and g the sinh-arcsinh function, which makes room for a wall on one side and a long tail
 on the other (Jones and Pewsey 2009, Biometrika 96, 761). Whatever the coefficients, the map is one to one, so
-they decide how fast a sampler is, never what it finds.
+they decide how fast a sampler is, never what it samples.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
+from scipy.special import gammaln, logsumexp
 
+if TYPE_CHECKING:
+    import jax
+
+Array = TypeVar("Array", np.ndarray, "jax.Array")
 SQUASH = 3.0
 """Standard deviations beyond which a variable moves the coefficients little further."""
 RIDGE = 0.01
@@ -26,11 +34,12 @@ ROUNDS = 4
 DIFFERENCE = 1e-5
 LARGEST_LOG_SCALE = 1.5
 """Largest change of s by the variables before."""
-DIFFERENCE = 1e-5
 SHAPE_RIDGE = 0.003
 SHAPE_BOUNDS = ((-2.0, 2.0), (-2.0, 2.0), (-1.5, 1.5), (-0.7, 0.7))
 FEWEST_EFFECTIVE = 150.0
-"""With fewer effective draws the map stays straight."""
+"""With fewer effective draws the map stays linear."""
+DEGREES = 5.0
+"""Of freedom of Student's t distribution: its tails are longer than those of a posterior."""
 
 
 @dataclass(frozen=True)
@@ -55,8 +64,8 @@ class Transport:
     shapes: np.ndarray
 
     @classmethod
-    def straight(cls, centre: np.ndarray, covariance: np.ndarray) -> Transport:
-        """The map of a normal distribution: m is straight, s constant."""
+    def linear(cls, centre: np.ndarray, covariance: np.ndarray) -> Transport:
+        """The map of a normal distribution: m is linear, s constant."""
         size = len(centre)
         spread = np.sqrt(np.diag(covariance))
         order = np.argsort(-spread, kind="stable")
@@ -68,39 +77,39 @@ class Transport:
         return cls(order, centre, spread, middles, scales, np.zeros((size, 4)))
 
     @classmethod
-    def fitted(cls, z: np.ndarray, weights: np.ndarray) -> Transport:
+    def fit(cls, z: np.ndarray, weights: np.ndarray) -> Transport:
         """The map that takes weighted draws nearest to a standard normal distribution."""
         weights = weights / weights.sum()
         centre = weights @ z
         away = z - centre
         covariance = (away.T * weights) @ away + 1e-9 * np.eye(len(centre))
-        found = cls.straight(centre, covariance)
+        linear = cls.linear(centre, covariance)
         if 1.0 / np.sum(weights**2) < FEWEST_EFFECTIVE:
-            return found
-        standard = (away / found.spread)[:, found.order]
-        middles, scales = np.zeros_like(found.middles), np.zeros_like(found.scales)
+            return linear
+        standard = (away / linear.spread)[:, linear.order]
+        middles, scales = np.zeros_like(linear.middles), np.zeros_like(linear.scales)
         shapes = np.zeros((z.shape[1], 4))
         try:
             for k in range(z.shape[1]):
                 rest = _fit_one(k, standard, weights, middles[k], scales[k])
                 shapes[k] = _fit_shape(rest, weights)
         except np.linalg.LinAlgError:  # draws in a plane: nothing to fit a curve to
-            return found
-        return cls(found.order, centre, found.spread, middles, scales, shapes)
+            return linear
+        return cls(linear.order, centre, linear.spread, middles, scales, shapes)
 
-    def z_of(self, u: Any, xp: Any = np) -> tuple[Any, Any]:
+    def z_of(self, u: Array, xp: ModuleType = np) -> tuple[Array, Array]:
         """Variables and the logarithm of |dz/du|, for u of shape (..., size); `xp` is numpy or jax.numpy."""
-        found: list[Any] = []
-        log_slope = float(np.log(self.spread).sum())
+        standard = []
+        log_slope = xp.asarray(np.log(self.spread).sum())
         for k in range(len(self.order)):
-            middle, scale = _at(k, found, self.middles[k], self.scales[k], xp)
-            value, log_change = _bent(u[..., k], self.shapes[k], xp)
-            found.append(middle + xp.exp(scale) * value)
+            middle, scale = _coefficients(k, standard, self.middles[k], self.scales[k], xp)
+            value, log_change = _sinh_arcsinh(u[..., k], self.shapes[k], xp)
+            standard.append(middle + xp.exp(scale) * value)
             log_slope = log_slope + scale + log_change
-        standard = xp.stack([found[k] for k in np.argsort(self.order)], axis=-1)
-        return self.centre + self.spread * standard, log_slope
+        ordered = xp.stack([standard[k] for k in np.argsort(self.order)], axis=-1)
+        return self.centre + self.spread * ordered, log_slope
 
-    def slopes(self, u: np.ndarray) -> np.ndarray:
+    def jacobian(self, u: np.ndarray) -> np.ndarray:
         """dz/du at one point, shape (size, size)."""
         shifts = DIFFERENCE * np.eye(len(u))
         return (self.z_of(u + shifts)[0] - self.z_of(u - shifts)[0]).T / (2.0 * DIFFERENCE)
@@ -111,13 +120,13 @@ class Transport:
         before = [standard[..., k] for k in range(len(self.order))]
         u, log_slope = [], np.full(z.shape[:-1], np.log(self.spread).sum())
         for k in range(len(self.order)):
-            middle, scale = _at(k, before[:k], self.middles[k], self.scales[k], np)
-            u.append(_straightened((before[k] - middle) * np.exp(-scale), self.shapes[k]))
-            log_slope = log_slope + scale + _bent(u[-1], self.shapes[k], np)[1]
+            middle, scale = _coefficients(k, before[:k], self.middles[k], self.scales[k], np)
+            u.append(_inverse_sinh_arcsinh((before[k] - middle) * np.exp(-scale), self.shapes[k]))
+            log_slope = log_slope + scale + _sinh_arcsinh(u[-1], self.shapes[k], np)[1]
         return np.stack(u, axis=-1), log_slope
 
 
-def _bent(u: Any, shape: np.ndarray, xp: Any) -> tuple[Any, Any]:
+def _sinh_arcsinh(u: Array, shape: np.ndarray, xp: ModuleType) -> tuple[Array, Array]:
     """g(u) and the logarithm of its slope."""
     location, log_scale, skew, log_tail = shape
     inner = (xp.arcsinh(u) + skew) * np.exp(log_tail)
@@ -125,7 +134,7 @@ def _bent(u: Any, shape: np.ndarray, xp: Any) -> tuple[Any, Any]:
     return location + np.exp(log_scale) * xp.sinh(inner), slope
 
 
-def _straightened(value: np.ndarray, shape: np.ndarray) -> np.ndarray:
+def _inverse_sinh_arcsinh(value: np.ndarray, shape: np.ndarray) -> np.ndarray:
     """Back from g."""
     location, log_scale, skew, log_tail = shape
     return np.sinh(np.arcsinh((value - location) * np.exp(-log_scale)) * np.exp(-log_tail) - skew)
@@ -136,18 +145,20 @@ def _fit_shape(rest: np.ndarray, weights: np.ndarray) -> np.ndarray:
     from scipy.optimize import minimize
 
     def loss(shape: np.ndarray) -> float:
-        u = _straightened(rest, shape)
-        found = weights @ (0.5 * u**2 + _bent(u, shape, np)[1]) + SHAPE_RIDGE * shape @ shape
-        return float(found) if np.isfinite(found) else 1e10
+        u = _inverse_sinh_arcsinh(rest, shape)
+        total = weights @ (0.5 * u**2 + _sinh_arcsinh(u, shape, np)[1]) + SHAPE_RIDGE * shape @ shape
+        return float(total) if np.isfinite(total) else 1e10
 
     return minimize(loss, np.zeros(4), method="L-BFGS-B", bounds=SHAPE_BOUNDS).x
 
 
-def _squashed(value: Any, xp: Any) -> Any:
+def _squashed(value: Array, xp: ModuleType) -> Array:
     return value / xp.sqrt(1.0 + (value / SQUASH) ** 2)
 
 
-def _at(k: int, before: list[Any], middles: np.ndarray, scales: np.ndarray, xp: Any) -> tuple[Any, Any]:
+def _coefficients(
+    k: int, before: Sequence[Array], middles: np.ndarray, scales: np.ndarray, xp: ModuleType
+) -> tuple[Array, Array]:
     """m and s of the k-th variable; of those before, squares and products are squashed."""
     squashed = [_squashed(b, xp) for b in before]
     middle, scale, change, place = middles[0], scales[0], 0.0, k + 1
@@ -172,8 +183,7 @@ def _fit_one(
     ones = np.ones((len(standard), 1))
     columns = np.concatenate([ones, before, *(p[:, None] for p in products)], axis=1)
     spread_columns = np.concatenate([ones, squashed], axis=1)
-    log_scale = np.zeros(len(standard))
-    rest = standard[:, k]
+    log_scale, rest, coefficients = np.zeros(len(standard)), standard[:, k], middles
     for _ in range(ROUNDS):
         precision = weights * np.exp(-2.0 * log_scale)
         ridge = RIDGE * precision.sum() * np.diag([0.0, *[1.0] * (columns.shape[1] - 1)])
@@ -198,3 +208,74 @@ def _fit_scale(rest: np.ndarray, columns: np.ndarray, weights: np.ndarray, scale
         curvature = 2.0 * (columns.T * square) @ columns + ridge
         step = -np.linalg.solve(curvature, gradient)
         scales += step * min(1.0, 0.5 / max(float(np.abs(step).max()), 1e-12))
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """Equal shares of Student's t distributions in the coordinates of several transports."""
+
+    transports: tuple[Transport, ...]
+
+    def draws(self, random: np.random.Generator, count: int) -> np.ndarray:
+        """Latent variables, shape (count, size); as many from each distribution as chance has it."""
+        size = len(self.transports[0].centre)
+        normal = random.standard_normal((count, size))
+        u = normal / np.sqrt(random.chisquare(DEGREES, count) / DEGREES)[:, None]
+        z = np.empty_like(u)
+        source = random.integers(len(self.transports), size=count)
+        for k, transport in enumerate(self.transports):
+            z[source == k] = transport.z_of(u[source == k])[0]
+        return z
+
+    def log_density(self, z: np.ndarray) -> np.ndarray:
+        """Logarithm of the density at points of shape (..., size)."""
+        size = z.shape[-1]
+        terms = []
+        for transport in self.transports:
+            u, log_slope = transport.u_of(z)
+            terms.append(-0.5 * (DEGREES + size) * np.log1p(np.sum(u**2, axis=-1) / DEGREES) - log_slope)
+        constant = (
+            gammaln(0.5 * (DEGREES + size)) - gammaln(0.5 * DEGREES) - 0.5 * size * np.log(DEGREES * np.pi)
+        )
+        return logsumexp(terms, axis=0) - np.log(len(terms)) + constant
+
+
+@dataclass(frozen=True)
+class Jumps:
+    """Jumps across the posterior, between the short trajectories of a sampler: one for each draw of a chain.
+
+    A point is proposed from the distributions that the weighted draws of the posterior came from, and taken
+    or not by the rule of Metropolis for proposals that do not depend on the present point. Whatever the
+    proposals, the chain keeps its distribution; good ones carry it between arms of the posterior that no
+    trajectory joins: Gabrié, Rotskoff and Vanden-Eijnden 2022, PNAS 119, e2109420119. The rule holds only if
+    the potential is a function of the point, the same for the one that is left and the one that is entered.
+
+    Args:
+        z: latent variables, shape (chains, draws, parameters).
+        log_density: logarithm of the density they were drawn from, shape (chains, draws).
+        log_chance: logarithm of a number between 0 and 1, below which the ratio of the densities must be.
+        mixture: what they were drawn from.
+    """
+
+    z: np.ndarray
+    log_density: np.ndarray
+    log_chance: np.ndarray
+    mixture: Mixture
+
+    @classmethod
+    def draw(cls, mixture: Mixture, chains: int, draws: int, seed: int) -> Jumps:
+        """Proposals for some chains."""
+        random = np.random.default_rng([seed, chains, draws])
+        z = mixture.draws(random, chains * draws)
+        shape = (chains, draws)
+        chance = np.log(random.random(shape))
+        return cls(z.reshape(*shape, -1), mixture.log_density(z).reshape(shape), chance, mixture)
+
+    def log_ratio(self, z: np.ndarray, potential: float) -> float:
+        """Logarithm of posterior over proposal density at a point, up to a constant."""
+        return -potential - float(self.mixture.log_density(z))
+
+    def refused(self, chain: int, draw: int, log_ratio: float, potential: float) -> bool:
+        """Whether a jump from a point of that ratio to the proposal, with its potential, is refused."""
+        there = -potential - self.log_density[chain, draw]
+        return not self.log_chance[chain, draw] + log_ratio - there <= 0.0

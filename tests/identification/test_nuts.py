@@ -5,20 +5,19 @@ import pytest
 
 from eclsim.identification import nuts
 from eclsim.identification.diagnostics import diagnose
-from eclsim.identification.mixture import Mixture
-from eclsim.identification.transport import Transport
-from known_posteriors import AnalyticFollower, HalfBlind, TwoArms
+from eclsim.identification.proposals import Mixture, Transport
+from known_posteriors import AnalyticGradient, HalfBlind, TwoArms
 
 pytest.importorskip("numpyro")
 
 
 @pytest.fixture
 def analytic(monkeypatch):
-    monkeypatch.setattr(nuts, "Follower", AnalyticFollower)
+    monkeypatch.setattr(nuts, "GradientEvaluator", AnalyticGradient)
 
 
 def straight(mean, covariance):
-    return Mixture((Transport.straight(mean, covariance),))
+    return Mixture((Transport.linear(mean, covariance),))
 
 
 SHORT = nuts.Sampling(chains=4, warmup=200, draws=500, seed=3)
@@ -33,7 +32,7 @@ def test_moments_of_a_curved_posterior(curved, analytic):
     assert flat.mean(axis=0) == pytest.approx(mean, abs=0.05)
     assert np.cov(flat.T) == pytest.approx(covariance, abs=0.06)
     statistics = found.statistics
-    report = diagnose(("a", "b"), found.z, *(statistics[n] for n in ("diverging", "energy", "saturated")))
+    report = diagnose(("a", "b"), found.z, statistics)
     assert report.r_hat.max() < 1.02
     assert report.energy_fraction.min() > 0.5
     assert (statistics["saturated"] == (statistics["num_steps"] >= 7)).all()
@@ -68,22 +67,22 @@ def test_an_arm_that_can_be_left_can_be_entered(analytic):
 def test_the_sampler_asks_for_a_potential_that_depends_on_the_point_alone(curved, monkeypatch):
     asked = []
 
-    class Asked(AnalyticFollower):
+    class Asked(AnalyticGradient):
         def __init__(self, posterior, centre, by_point=False):
             super().__init__(posterior, centre)
             asked.append(by_point)
 
-    monkeypatch.setattr(nuts, "Follower", Asked)
+    monkeypatch.setattr(nuts, "GradientEvaluator", Asked)
     nuts.sample(curved, straight(*curved.moments()), nuts.Sampling(chains=2, warmup=5, draws=5))
     assert asked == [True, True]
 
 
 def test_points_without_a_steady_beat_are_counted(curved, monkeypatch):
-    class Walled(AnalyticFollower):
+    class Walled(AnalyticGradient):
         def potential(self, z):
             return super().potential(z) if z[0] < 0.6 else (np.inf, np.zeros(2))
 
-    monkeypatch.setattr(nuts, "Follower", Walled)
+    monkeypatch.setattr(nuts, "GradientEvaluator", Walled)
     found = nuts.sample(
         curved, straight(*curved.moments()), nuts.Sampling(chains=2, warmup=30, draws=30, seed=1)
     )

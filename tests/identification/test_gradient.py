@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from eclsim.identification.beat_derivatives import BloodVolume, Follower
-from eclsim.identification.density import Posterior
+from eclsim.identification.beat_derivatives import BloodVolume, GradientEvaluator
+from eclsim.identification.density import PosteriorDensity, Prior
 from eclsim.identification.observation import measurement_errors
-from eclsim.identification.prior import Prior
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
 from eclsim.parameters.identification import BOUNDS
@@ -22,7 +21,7 @@ def posterior_of(names, policy="as_published"):
     prior = Prior(names, table[:, 1], table[:, 2], table[:, 0])
     measured = {n: getattr(point.case.measurements, n) for n in OUTPUTS}
     model = model_of(point.case).with_values(dict(point.truth))
-    return Posterior(model, measured, measurement_errors(measured), prior, policy)
+    return PosteriorDensity(model, measured, measurement_errors(measured), prior, policy)
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +35,7 @@ def centre(posterior):
 
 
 def test_outputs_are_those_of_a_simulation(posterior, centre):
-    follower = Follower(posterior, centre)
+    follower = GradientEvaluator(posterior, centre)
     follower.potential(centre)
     z = centre + np.array([0.1, -0.05, 0.08])
     outputs, _ = follower.linear(z)
@@ -47,7 +46,7 @@ def test_outputs_are_those_of_a_simulation(posterior, centre):
 
 
 def test_gradient_is_the_derivative_of_the_potential(posterior, centre):
-    follower = Follower(posterior, centre)
+    follower = GradientEvaluator(posterior, centre)
     z = centre + np.array([0.15, 0.1, -0.1])
     _, gradient = follower.potential(z)
     for k in range(len(NAMES)):
@@ -58,7 +57,7 @@ def test_gradient_is_the_derivative_of_the_potential(posterior, centre):
 
 def test_by_point_the_path_changes_no_bit(posterior, centre):
     z = centre + np.array([0.1, 0.1, 0.1])
-    direct, round_about = (Follower(posterior, centre, by_point=True) for _ in range(2))
+    direct, round_about = (GradientEvaluator(posterior, centre, by_point=True) for _ in range(2))
     for step in (0.3, -0.3, 2.5, 0.2):
         round_about.potential(centre + step)
     value, gradient = direct.potential(z)
@@ -69,7 +68,10 @@ def test_by_point_the_path_changes_no_bit(posterior, centre):
 
 def test_along_a_path_the_potential_is_nearly_the_same(posterior, centre):
     z = centre + np.array([0.1, 0.1, 0.1])
-    direct, followed = Follower(posterior, centre, by_point=True), Follower(posterior, centre)
+    direct, followed = (
+        GradientEvaluator(posterior, centre, by_point=True),
+        GradientEvaluator(posterior, centre),
+    )
     for step in (0.3, -0.3, 0.2):
         followed.potential(centre + step)
     assert direct.potential(z)[0] == pytest.approx(followed.potential(z)[0], abs=2e-3)
@@ -77,7 +79,7 @@ def test_along_a_path_the_potential_is_nearly_the_same(posterior, centre):
 
 def test_many_members_side_by_side_agree(posterior, centre):
     z = centre + 0.2 * np.random.default_rng(0).standard_normal((16, len(NAMES)))
-    follower = Follower(posterior, centre)
+    follower = GradientEvaluator(posterior, centre)
     one_by_one = np.stack([follower.linear(each)[0] for each in z])
     assert posterior.simulate(z, centre) == pytest.approx(one_by_one, rel=2e-4)
 

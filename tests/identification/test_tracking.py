@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from eclsim.cases.case import Case, Measurements, Patient
-from eclsim.identification import track as track_module
-from eclsim.identification.filtering import Belief
+from eclsim.identification import tracking as track_module
+from eclsim.identification.filtering import GaussianMixture
 from eclsim.identification.observation import elapsed_hours, measurement_errors
 from eclsim.identification.settings import FitSettings
-from eclsim.identification.track import Tracker, TrackSettings, track
-from eclsim.identification.track_results import Fitting
+from eclsim.identification.track_result import InnovationTest
+from eclsim.identification.tracking import Tracker, TrackSettings, track
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
@@ -44,7 +44,7 @@ def series(truth):
 
 @pytest.fixture(scope="module")
 def tracked(series):
-    return track([(str(k), case) for k, (case, _) in enumerate(series)], SETTINGS)
+    return track([(str(k), case) for k, (case, _) in enumerate(series)], settings=SETTINGS).points
 
 
 def test_follows_the_drift(tracked, truth):
@@ -149,11 +149,11 @@ def renamed(case, patient_id):
 def test_another_patient_is_refused(series):
     tracker = Tracker(SETTINGS)
     tracker.update("0", series[0][0])
-    belief = tracker.belief
+    estimate = tracker.estimate
     for use in (lambda case: tracker.update("1", case), tracker.forecast):
         with pytest.raises(CaseError, match="another patient"):
             use(renamed(series[1][0], "U"))
-    assert tracker.belief is belief
+    assert tracker.estimate is estimate
 
 
 def test_an_id_written_otherwise_is_the_same_patient(series):
@@ -181,7 +181,7 @@ def test_names_that_are_times_say_how_much_has_passed(series):
     quick = ("2024-03-01T08:00", "2024-03-01T09:00", "2024-03-01T09:30")
     slow = ("2024-03-01", "2024-03-11", "2024-03-21")
     hourly, every_ten_days = (
-        track(list(zip(names, cases, strict=True)), SETTINGS) for names in (quick, slow)
+        track(list(zip(names, cases, strict=True)), settings=SETTINGS).points for names in (quick, slow)
     )
     assert [p.hours for p in hourly] == [None, 1.0, 0.5]
     assert [p.hours for p in every_ten_days] == [None, 240.0, 240.0]
@@ -207,18 +207,41 @@ def test_a_doubtful_first_estimate_is_widened_and_said(series, tracked, monkeypa
         assert width(found, name) > 1.1 * width(tracked[0], name)
 
 
+def test_a_first_measurement_that_the_model_cannot_give_has_a_poor_verdict(series, tracked):
+    assert tracked[0].verdict.level == "good"
+    assert tracked[1].verdict is None
+    right = series[0][0]
+    wrong = right.measurements.model_copy(update={"SP": 2.5 * right.measurements.SP})
+    first = track([("0", right.model_copy(update={"measurements": wrong}))], settings=SETTINGS)
+    (point,) = first.points
+    assert point.verdict.level == "poor"
+    assert point.message.startswith("first estimate: POOR FIT, not to be used: the largest difference")
+    assert first.as_object()["points"][0]["verdict"]["reasons"][0]["about"] in MEASURED
+
+
+def test_the_labelled_result_has_what_the_points_have(series):
+    result = track([(str(k), case) for k, (case, _) in enumerate(series[:2])], settings=SETTINGS)
+    labelled, last = result.dataset, result.points[-1]
+    found = labelled["parameters"].sel(point="1", parameter="Rmc", quantile=0.5)
+    assert float(found) == last.parameters["Rmc"].median
+    assert float(labelled["measured"].sel(point="1", output="CO")) == last.innovations["CO"].measured
+    assert np.isnan(labelled["forecast"].sel(point="0")).all()
+    assert labelled["parameter_units"].sel(parameter="Rmc") == "mmHg s/mL"
+    assert result.assumed_interval_hours == 24.0
+
+
 def test_what_is_being_done_is_reported(series):
     said = []
-    track([("0", series[0][0]), ("1", series[1][0])], SETTINGS, said.append)
+    track([("0", series[0][0]), ("1", series[1][0])], settings=SETTINGS, progress=said.append)
     assert said[0] == "measurement 1 of 2"
     assert "measurement 1 of 2: weighted draws" in said
     assert said[-1] == "measurement 2 of 2"
 
 
 def test_one_output_far_from_the_forecast_is_said_though_all_together_fit():
-    outputs = Belief(np.ones(1), np.zeros((1, 7)), 0.5 * np.eye(7)[None])
+    outputs = GaussianMixture(np.ones(1), np.zeros((1, 7)), 0.5 * np.eye(7)[None])
     values = np.array([3.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    found = Fitting.of(values, np.full(7, np.sqrt(0.5)), outputs, np.full(7, True))
+    found = InnovationTest.of(values, np.full(7, np.sqrt(0.5)), outputs, np.full(7, True))
     assert found.probability > 0.05
     assert found.unusual.tolist() == [True] + [False] * 6
     assert found.message("abcdefg") == "a is far from the forecast, though all together fit: used; check it"

@@ -1,0 +1,85 @@
+"""Samples of a patient's parameters as a table: what a posterior writes, and a study of doubts reads."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from eclsim.cases.cohort_table import read_table
+from eclsim.files import csv_text, write_text
+from eclsim.inputs.mistakes import CaseError
+from eclsim.parameters import did_you_mean, thiel2025
+
+OPEN = ("total_blood_volume_ml", "heart_rate_bpm")
+"""Quantities of a patient, beside the tables' parameters, that may be uncertain."""
+MOST = 1000
+MOST_MISTAKES = 20
+
+
+class SamplesError(ValueError):
+    """A file that holds no samples; names every mistake."""
+
+
+def write_samples(names: tuple[str, ...], draws: np.ndarray, path: Path) -> None:
+    """Write draws (draws, parameters) as a table, a column each; `eclsim crrt-study --posterior` takes it."""
+    write_text(csv_text(names, draws[:: max(1, len(draws) // MOST)].tolist()), path)
+
+
+def read_samples(path: str | Path) -> dict[str, list[float]]:
+    """Values by parameter, one per sample; of more than 1000 samples every n-th is taken.
+
+    Args:
+        path: table with a head of parameter names in the units of the tables; a row for each sample. Columns
+            are separated by commas, semicolons or tabs.
+
+    Raises:
+        SamplesError: With every mistake.
+    """
+    try:
+        table = read_table(path)
+    except CaseError as error:
+        needed = "no samples; needed are a head of parameter names and a row for each sample"
+        raise SamplesError(str(error).replace("no patients", needed)) from None
+    head = table.header
+    mistakes = [str(mistake) for mistake in table.mistakes]
+    mistakes += [_unknown(path, name) for name in head if name not in (*thiel2025.PARAMETERS, *OPEN)]
+    twice = sorted({n for n in head if head.count(n) > 1})
+    mistakes += [f"{path}: column {name} is there twice" for name in twice]
+    values = []
+    for line, cells in table.rows:
+        if len(cells) != len(head):
+            mistakes.append(f"{path}:{line}: {len(cells)} values, the head has {len(head)}")
+        values.append([_value(cell) for cell in cells])
+        found = zip(head, cells, values[-1], strict=False)
+        mistakes += [f"{path}:{line}: {wrong}" for each in found if (wrong := _mistake(*each))]
+    if mistakes:
+        more = len(mistakes) - MOST_MISTAKES
+        raise SamplesError("; ".join(mistakes[:MOST_MISTAKES]) + (f"; and {more} more" if more > 0 else ""))
+    kept = values[:: math.ceil(len(values) / MOST)]
+    return {name: [row[k] for row in kept] for k, name in enumerate(head)}
+
+
+def _unknown(path: str | Path, name: str) -> str:
+    hint = did_you_mean(name, (*thiel2025.PARAMETERS, *OPEN))
+    return f"{path}: column '{name[:40]}' is no parameter" + (f"; did you mean {hint}?" if hint else "")
+
+
+def _mistake(name: str, cell: str, value: float) -> str:
+    """What is wrong with a value; empty where nothing is."""
+    if not (math.isfinite(value) and value > 0.0):
+        comma = math.isfinite(_value(cell.replace(",", ".")))
+        hint = f": '{cell}' has a decimal comma; write a decimal point" if "," in cell and comma else ""
+        return f"{name} is no number above 0{hint}"
+    known = thiel2025.PARAMETERS.get(name)
+    if known is not None and not known.accepts(value):
+        return f"{name} = {value:g}: outside the allowed range; allowed: {known.allowed}"
+    return ""
+
+
+def _value(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return math.nan

@@ -1,0 +1,355 @@
+"""Following a patient: parameters, forecasts and doubts, from one measurement to the next."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.stats import qmc
+
+from eclsim.cases.ids import plain_id
+from eclsim.identification.density import PosteriorDensity, Prior, PriorKind, simulate_members
+from eclsim.identification.filtering import DRIFTS, GaussianMixture, Regression, regress, updated
+from eclsim.identification.gaussian import Gaussian, NoSteadyBeatError, approximate
+from eclsim.identification.importance import WeightedDraws, importance_sample
+from eclsim.identification.multi_start import Progress, silent
+from eclsim.identification.objective import Box
+from eclsim.identification.observation import OUTPUTS, elapsed_hours, measurement_errors
+from eclsim.identification.proposals import Transport
+from eclsim.identification.settings import FitSettings, checked_fit
+from eclsim.identification.track_result import (
+    SHARES,
+    UNUSUAL_SERIES,
+    Innovation,
+    InnovationTest,
+    Interval,
+    TrackedPoint,
+    TrackResult,
+)
+from eclsim.identification.verdict import FitVerdict, agreement, goodness_of
+from eclsim.inputs.mistakes import CaseError, Mistake, shown
+from eclsim.orbit.model import CaseSource, Model, as_case, model_of
+from eclsim.outputs.signals import output_names
+
+if TYPE_CHECKING:
+    from eclsim.cases.case import Case
+    from eclsim.circuit import Circuit
+
+HOURS_PER_DAY = 24.0
+EXPLORED = 512
+CLIMBS = 4
+DRAWS = 512
+DRAWN = 4000
+
+
+@dataclass(frozen=True)
+class TrackSettings:
+    """What is tracked and how.
+
+    Args:
+        fit: free parameters, bounds, uncertainties of the measurements, blood volume policy.
+        prior: what is known before the first measurement.
+        drifts: standard deviations of the change of a latent variable over a day; each has a filter of its
+            own, and the measurements choose.
+        seed: of the search for the first estimate.
+        interval_hours: time from one measurement to the next where it is not known.
+    """
+
+    fit: FitSettings = field(default_factory=FitSettings)
+    prior: PriorKind = "log-uniform"
+    drifts: tuple[float, ...] = DRIFTS
+    seed: int = 0
+    interval_hours: float = HOURS_PER_DAY
+
+    def as_object(self) -> dict[str, Any]:
+        """As plain data for JSON."""
+        of_fit = self.fit.as_object()
+        kept = ("parameters", "bounds", "uncertainties", "blood_volume_policy")
+        return {
+            **{name: of_fit[name] for name in kept},
+            "prior": self.prior, "drifts": list(self.drifts), "seed": self.seed,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Estimate:
+    """What is known of a patient: the prior, coordinates, and the latent variables in them."""
+
+    prior: Prior
+    transport: Transport
+    state: GaussianMixture
+
+    def parameters(self, seed: int) -> dict[str, Interval]:
+        draws, _ = self.transport.z_of(self.state.draws(DRAWN, seed))
+        rows = np.exp(self.prior.x_of(np.quantile(draws, SHARES, axis=0))).T.tolist()
+        return {n: Interval(*row) for n, row in zip(self.prior.names, rows, strict=True)}
+
+
+class Tracker:
+    """Follows one patient.
+
+    Args:
+        settings: what is tracked and how.
+        progress: called with what is being done.
+    """
+
+    def __init__(
+        self,
+        settings: TrackSettings | None = None,
+        progress: Progress = silent,
+    ):
+        self.settings = settings or TrackSettings()
+        self.progress = progress
+        self.patient: str | None = None
+        self.drifts = np.array(self.settings.drifts)
+        self.estimate: _Estimate | None = None
+        self._prior: Prior | None = None
+        self._starts: dict[Circuit, dict[str, float]] = {}
+
+    def update(self, name: str, case: Case, hours: float | None = None) -> TrackedPoint:
+        """Forecast a measurement, hold it against that, and learn from it.
+
+        Args:
+            name: of the point.
+            case: patient, devices and measurements at this time.
+            hours: since the measurement before; left out, the interval of the settings.
+
+        Raises:
+            CaseError: Nothing measured, bounds that cannot be, another patient, or a time that runs back.
+        """
+        started = time.perf_counter()
+        self._check_patient(case)
+        days = self._days(hours)
+        prior, model, measured = self._read(case)
+        since = None if self.patient is None else days * HOURS_PER_DAY
+        self.patient = case.patient.id
+        try:
+            if self.estimate is None:
+                point = self._first(name, prior, model, measured)
+            else:
+                point = self._next(name, self._forecast(self.estimate, days), model, measured)
+        except NoSteadyBeatError as error:
+            point = self._failed(name, measured, str(error), days)
+        return replace(point, seconds=time.perf_counter() - started, hours=since)
+
+    def forecast(
+        self, case: Case, hours: float | None = None
+    ) -> tuple[dict[str, Interval], dict[str, Interval]]:
+        """Outputs expected at the next time with the devices of a case: of the model, and as measured.
+
+        Args:
+            case: patient and devices then.
+            hours: from the last measurement; left out, the interval of the settings.
+
+        Raises:
+            CaseError: Another patient, or a time before the last measurement.
+            RuntimeError: Before the first measurement.
+        """
+        if self.estimate is None:
+            raise RuntimeError("nothing to forecast from: no measurement yet")
+        self._check_patient(case)
+        model = model_of(case).with_values(checked_fit(case, self.settings.fit).fixed)
+        forecast = self._forecast(self.estimate, self._days(hours))
+        names, _, regression = self._regression(forecast, model)
+        outputs = regression.outputs(forecast.state)
+        return _intervals(names, outputs), self._expected(names, outputs, {})
+
+    def _check_patient(self, case: Case) -> None:
+        if self.patient is not None and plain_id(case.patient.id) != plain_id(self.patient):
+            message = "another patient than the one followed so far"
+            raise CaseError([Mistake("patient.id", message, shown(case.patient.id), shown(self.patient))])
+
+    def _days(self, hours: float | None) -> float:
+        hours = self.settings.interval_hours if hours is None else hours
+        if not 0.0 <= hours < np.inf:
+            message = "the time since the measurement before"
+            raise CaseError([Mistake("hours", message, shown(float(hours)), "0 or more hours")])
+        return hours / HOURS_PER_DAY
+
+    def _read(self, case: Case) -> tuple[Prior, Model, dict[str, float]]:
+        """Prior, model and measurements of a case."""
+        checked = checked_fit(case, self.settings.fit)
+        if checked.mistakes:
+            raise CaseError(checked.mistakes)
+        if self._prior is None:
+            self._prior = Prior.of(Box.of(checked.free), self.settings.prior)
+        return self._prior, model_of(case).with_values(checked.fixed), dict(checked.targets)
+
+    def _first(self, name: str, prior: Prior, model: Model, measured: Mapping[str, float]) -> TrackedPoint:
+        """The posterior of the first measurement by itself."""
+        settings = self.settings
+        density = PosteriorDensity(model, measured, self._errors(measured), prior, self._policy(model))
+        unit = qmc.Sobol(len(prior.names), rng=np.random.default_rng(settings.seed)).random(EXPLORED)
+        points = 1.6 * (2.0 * unit - 1.0)
+        self.progress("exploring")
+        levels = density.potential(points, density.simulate(points))
+        self.progress("climbing to the highest points")
+        best = points[np.argsort(levels, kind="stable")[:CLIMBS]]
+        gaussian = approximate(density, prior.x_of(best))
+        self.progress("weighted draws")
+        weighted = importance_sample(density, gaussian, DRAWS, settings.seed)
+        weights, power = weighted.tempered()
+        transport = weighted.transport if power == 1.0 else Transport.fit(weighted.z, weights)
+        u, _ = transport.u_of(weighted.z)
+        mean = weights @ u
+        covariance = ((u - mean).T * weights) @ (u - mean)
+        one = GaussianMixture(np.ones(1), mean[None], covariance[None])
+        count = len(self.drifts)
+        state = GaussianMixture(
+            np.full(count, 1.0 / count), np.tile(mean, (count, 1)), np.tile(covariance, (count, 1, 1))
+        )
+        self.estimate = _Estimate(prior, transport, state)
+        self._starts[model.circuit] = _numbers(density.values(prior.x_of(transport.z_of(mean)[0])))
+        names, _, regression = self._regression(replace(self.estimate, state=one), model)
+        verdict = _verdict(density, gaussian)
+        return TrackedPoint(
+            name, {n: Innovation(v) for n, v in measured.items()}, self.estimate.parameters(settings.seed),
+            _intervals(names, regression.outputs(one)), self._drift(state), verdict=verdict,
+            message=_doubt(verdict, weighted, power),
+        )  # fmt: skip
+
+    def _next(
+        self, name: str, forecast: _Estimate, model: Model, measured: Mapping[str, float]
+    ) -> TrackedPoint:
+        """Hold a measurement against its forecast, and update."""
+        names, simulate, first = self._regression(forecast, model)
+        outputs = first.outputs(forecast.state)
+        errors = self._errors(measured)
+        values = np.array([measured.get(n, np.nan) for n in names])
+        scales = np.array([errors.get(n, np.inf) for n in names])
+        given = np.isfinite(values)
+        test = InnovationTest.of(values, scales, outputs, given)
+        used = given & ~test.left_out
+        state = updated(simulate, forecast.state, first, values, scales, used)
+        self.estimate = replace(forecast, state=state)
+        innovations = {
+            n: Innovation(float(values[k]), float(test.deviations[k]), bool(test.unusual[k]), bool(used[k]))
+            for k, n in enumerate(names)
+            if given[k]
+        }
+        # Outputs after the update, to first order in what the update moved.
+        means = first.mean + np.einsum("fop,fp->fo", first.slope, state.means - forecast.state.means)
+        after = _intervals(names, replace(first, mean=means).outputs(state))
+        return TrackedPoint(
+            name, innovations, self.estimate.parameters(self.settings.seed), after, self._drift(state),
+            _intervals(names, outputs), self._expected(names, outputs, errors), test.chi_square,
+            test.probability, test.probability < UNUSUAL_SERIES, message=test.message(names),
+        )  # fmt: skip
+
+    def _failed(self, name: str, measured: Mapping[str, float], message: str, days: float) -> TrackedPoint:
+        """A point without a steady beat: only time has passed."""
+        innovations = {n: Innovation(v, used=False) for n, v in measured.items()}
+        parameters: dict[str, Interval] = {}
+        if self.estimate is not None:
+            self.estimate = self._forecast(self.estimate, days)
+            parameters = self.estimate.parameters(self.settings.seed)
+        return TrackedPoint(name, innovations, parameters, {}, np.nan, message=message, failed=True)
+
+    def _forecast(self, estimate: _Estimate, days: float) -> _Estimate:
+        return replace(estimate, state=estimate.state.forecast(self.drifts, estimate.transport, days))
+
+    def _regression(
+        self, estimate: _Estimate, model: Model
+    ) -> tuple[tuple[str, ...], Callable[[np.ndarray], np.ndarray], Regression]:
+        """Outputs that can be measured, the model as a function of u, and its regression over an estimate."""
+        density = PosteriorDensity(model, {}, {}, estimate.prior, self._policy(model))
+        names = tuple(n for n in OUTPUTS if n in output_names(model.circuit))
+        if model.circuit not in self._starts:
+            known = self.estimate or estimate
+            middle = known.transport.z_of(known.state.mean)[0]
+            self._starts[model.circuit] = _numbers(density.values(density.prior.x_of(middle)))
+        start = self._starts[model.circuit]
+
+        def simulate(u: np.ndarray) -> np.ndarray:
+            values = density.values(density.prior.x_of(estimate.transport.z_of(u)[0]))
+            return simulate_members(model, values, len(u), names, density.policy, start)
+
+        return names, simulate, regress(simulate, estimate.state.means, estimate.state.covariances)
+
+    def _expected(
+        self, names: Sequence[str], outputs: GaussianMixture, known: Mapping[str, float]
+    ) -> dict[str, Interval]:
+        """Where measurements of outputs are expected, with their standard uncertainties."""
+        typical = dict(zip(names, outputs.mean.tolist(), strict=True))
+        errors = {**self._errors(typical), **known}
+        noise = np.diag([errors[n] ** 2 for n in names])
+        return _intervals(names, replace(outputs, covariances=outputs.covariances + noise))
+
+    def _errors(self, values: Mapping[str, float]) -> dict[str, float]:
+        return measurement_errors(values, self.settings.fit.uncertainties)
+
+    def _policy(self, model: Model) -> str:
+        return self.settings.fit.volume_policy or model.policy
+
+    def _drift(self, state: GaussianMixture) -> float:
+        return float(np.sqrt(state.weights @ self.drifts**2))
+
+
+def _intervals(names: Sequence[str], outputs: GaussianMixture) -> dict[str, Interval]:
+    """Median and 90 % of each output."""
+    rows = outputs.quantiles(SHARES).T.tolist()
+    return {n: Interval(*row) for n, row in zip(names, rows, strict=True)}
+
+
+def _numbers(values: Mapping[str, float | np.ndarray]) -> dict[str, float]:
+    return {name: float(value) for name, value in values.items()}
+
+
+def _verdict(density: PosteriorDensity, gaussian: Gaussian) -> FitVerdict:
+    """Whether the model can give the first measurements, at the highest point of their posterior."""
+    simulated = dict(zip(density.outputs, gaussian.outputs.tolist(), strict=True))
+    scaled = gaussian.jacobian / density.scale[:, None]
+    goodness = goodness_of(density.measured, simulated, density.errors, scaled, gaussian.covariance)
+    reasons = agreement(density.measured, simulated, goodness, "uncertainty")
+    return FitVerdict(goodness, ()).with_reasons(reasons)
+
+
+def _doubt(verdict: FitVerdict, weighted: WeightedDraws, power: float) -> str:
+    """What is doubtful about the first estimate, and what was done; empty where nothing is."""
+    doubts = []
+    if verdict.doubts:
+        doubts.append(f"first estimate: {verdict.headline}")
+    if power < 1.0:
+        doubts.append(
+            f"the first estimate is uncertain in itself: {'; '.join(weighted.reasons)}; its intervals are "
+            f"widened (weights to the power {power:.2f}), and later measurements narrow them"
+        )
+    return "; ".join(doubts)
+
+
+def track(
+    points: Sequence[tuple[str, CaseSource]],
+    *,
+    settings: TrackSettings | None = None,
+    progress: Progress = silent,
+) -> TrackResult:
+    """Follow one patient through a series of measurements.
+
+    Args:
+        points: name and case of each, in order of time; names that are times say how far apart they are.
+        settings: what is tracked and how.
+        progress: called with what is being done.
+
+    Raises:
+        CaseError: No points, or as `Tracker.update`.
+    """
+    settings = settings or TrackSettings()
+    if not points:
+        raise CaseError([Mistake("points", "nothing to follow", allowed="one measurement or more")])
+    known = elapsed_hours([name for name, _ in points])
+    hours = known or [None] * len(points)
+    done: list[TrackedPoint] = []
+
+    def say(step: object) -> None:
+        progress(f"measurement {len(done) + 1} of {len(points)}" + (f": {step}" if step else ""))
+
+    tracker, patient = Tracker(settings, say), ""
+    for (name, source), passed in zip(points, hours, strict=True):
+        say("")
+        case = as_case(source)
+        patient = patient or case.patient.id
+        done.append(tracker.update(name, case, passed))
+    return TrackResult(patient, tuple(done), None if known else settings.interval_hours)
