@@ -11,7 +11,7 @@ import numpy as np
 from eclsim.app.posterior import MEMBERS
 from eclsim.app.texts import text
 from eclsim.cases.reading import read_mapping
-from eclsim.identification.density import Prior
+from eclsim.identification.density import PosteriorDensity, Prior
 from eclsim.identification.gaussian import approximate
 from eclsim.identification.importance import importance_sample
 from eclsim.identification.objective import Box
@@ -24,7 +24,7 @@ SEED = 0
 
 
 @dataclass(frozen=True)
-class _Reporting(Posterior):
+class _Reporting(PosteriorDensity):
     """A density that says how many beats it has computed, and so can be stopped by what it tells."""
 
     report: Callable[[str], None] = print
