@@ -135,6 +135,10 @@ class PosteriorDensity:
         free = {name: np.exp(x[..., k]) for k, name in enumerate(self.prior.names)}
         return {**self.model.values, **free}
 
+    def numbers(self, z: np.ndarray) -> dict[str, float]:
+        """Parameter values at one point."""
+        return {name: float(value) for name, value in self.values(self.prior.x_of(z)).items()}
+
     def potential(self, z: np.ndarray, outputs: np.ndarray, temper: float = 1.0) -> np.ndarray:
         """U of members, shape (members,), from their outputs (members, outputs).
 
@@ -154,7 +158,7 @@ class PosteriorDensity:
             z: latent variables, shape (members, parameters).
             near: latent variables that all members are close to.
         """
-        start = None if near is None else self.values(self.prior.x_of(near))
+        start = None if near is None else self.numbers(near)
         values = self.values(self.prior.x_of(z))
         return simulate_members(self.model, values, len(z), self.outputs, self.policy, start)
 
@@ -165,7 +169,7 @@ def simulate_members(
     count: int,
     outputs: tuple[str, ...],
     policy: str = AS_PUBLISHED,
-    near: Values | None = None,
+    near: Mapping[str, float] | None = None,
 ) -> np.ndarray:
     """Outputs of members that share a circuit, shape (members, outputs); NaN where no beat is determined.
 

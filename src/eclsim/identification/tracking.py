@@ -202,7 +202,7 @@ class Tracker:
             np.full(count, 1.0 / count), np.tile(mean, (count, 1)), np.tile(covariance, (count, 1, 1))
         )
         self.estimate = _Estimate(prior, transport, state)
-        self._starts[model.circuit] = _numbers(density.values(prior.x_of(transport.z_of(mean)[0])))
+        self._starts[model.circuit] = density.numbers(transport.z_of(mean)[0])
         names, _, regression = self._regression(replace(self.estimate, state=one), model)
         verdict = _verdict(density, gaussian)
         return TrackedPoint(
@@ -259,8 +259,7 @@ class Tracker:
         names = tuple(n for n in OUTPUTS if n in output_names(model.circuit))
         if model.circuit not in self._starts:
             known = self.estimate or estimate
-            middle = known.transport.z_of(known.state.mean)[0]
-            self._starts[model.circuit] = _numbers(density.values(density.prior.x_of(middle)))
+            self._starts[model.circuit] = density.numbers(known.transport.z_of(known.state.mean)[0])
         start = self._starts[model.circuit]
 
         def simulate(u: np.ndarray) -> np.ndarray:
@@ -292,10 +291,6 @@ def _intervals(names: Sequence[str], outputs: GaussianMixture) -> dict[str, Inte
     """Median and 90 % of each output."""
     rows = outputs.quantiles(SHARES).T.tolist()
     return {n: Interval(*row) for n, row in zip(names, rows, strict=True)}
-
-
-def _numbers(values: Mapping[str, float | np.ndarray]) -> dict[str, float]:
-    return {name: float(value) for name, value in values.items()}
 
 
 def _verdict(density: PosteriorDensity, gaussian: Gaussian) -> FitVerdict:
