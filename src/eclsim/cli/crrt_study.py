@@ -256,7 +256,7 @@ def _fitted(
     from eclsim.identification.settings import FitSettings
 
     policy = "patient_held" if o.volume_policy == "patient_held" else "as_published"
-    settings = FitSettings(multi_start=MultiStart.quick(o.explore), policy=policy)
+    settings = FitSettings(multi_start=MultiStart.quick(o.explore), volume_policy=policy)
     folder = None if o.out is None else Path(o.out) / FITS
     return fit_points(reading, settings, folder=folder, executor=executor, progress=progress)
 
