@@ -292,9 +292,13 @@ class BeatProgram:
         return volumes
 
 
-@lru_cache(maxsize=64)
 def beat_program(circuit: Circuit, resolution: int = 1) -> BeatProgram:
     """The beat of a circuit on the grid of that resolution; compiled on first use and kept."""
+    return _program(circuit.without_exchanges(), resolution)
+
+
+@lru_cache(maxsize=64)
+def _program(circuit: Circuit, resolution: int) -> BeatProgram:
     return BeatProgram(assemble(circuit), PhaseGrid(resolution))
 
 

@@ -6,6 +6,7 @@ from eclsim.circuit.network import (
     Compartment,
     Connection,
     Control,
+    Exchange,
     StartPressure,
     StartVolume,
     maximum_of,
@@ -15,6 +16,6 @@ from eclsim.circuit.network import (
 from eclsim.circuit.validation import CircuitError, validate
 
 __all__ = [
-    "Choice", "Circuit", "CircuitError", "Compartment", "Connection", "Control", "StartPressure",
-    "StartVolume", "maximum_of", "mean_of", "minimum_of", "validate",
+    "Choice", "Circuit", "CircuitError", "Compartment", "Connection", "Control", "Exchange",
+    "StartPressure", "StartVolume", "maximum_of", "mean_of", "minimum_of", "validate",
 ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""A circuit is tables: compartments that store blood, connections that carry it, controllers that regulate.
+"""A circuit is tables: compartments, the connections between them, controllers, and exchanges.
 
 A circuit is data. It is joined to others with `+`, put under a prefix where there are two of a kind, read
 on one screen with `print`, and compared and hashed like any value; nothing in it computes.
@@ -12,11 +12,14 @@ from enum import Enum
 from typing import NamedTuple
 
 from eclsim.circuit.signals import Kind, Signal
-from eclsim.components.base import Key, Path, Renaming, Storage, names_in, renamed_key
+from eclsim.components.base import Exchanger, Key, Path, Renaming, Storage, names_in, renamed_key
 from eclsim.components.controllers import Controller
+from eclsim.components.tubes import TubeVolume
 
 HEART_RATE = "heart_rate_bpm"
 """The parameter that every circuit has beside those of its laws."""
+BLOOD_VOLUME = "total_blood_volume_ml"
+"""The patient's blood [mL]; shares of it are start volumes."""
 SHARED_PARAMETERS = ("etaB", "rhoB")
 """What the blood of all circuits has in common: these parameters keep their names under a prefix."""
 
@@ -65,6 +68,8 @@ class Compartment:
         start: stressed volume at the start; the sum over a circuit fixes the blood volume.
         total_fraction: share of total blood volume held at the start, for plots of absolute volumes; None
             where the stressed volume is the absolute one.
+        rest_volume: volume [mL] held beside the stressed one whatever the pressure: what fills a rigid shell
+            or a tube. Blood in it takes part in transport, not in pressures; see `total_volumes`.
     """
 
     name: str
@@ -72,19 +77,29 @@ class Compartment:
     group: str = "patient"
     start: StartPressure | StartVolume = field(default_factory=StartPressure)
     total_fraction: Key | None = None
+    rest_volume: Key | TubeVolume = 0.0
 
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters of its law, of its share of all blood, and of its start."""
         keys = (*names_in(self.total_fraction), *self.start.keys)
         return self.component.parameter_names() + sum(map(names_in, keys), ())
 
+    def content_names(self) -> tuple[str, ...]:
+        """Names of the parameters of its rest volume, which the beat does not ask for."""
+        rest = self.rest_volume
+        return rest.parameter_names() if isinstance(rest, TubeVolume) else names_in(rest)
+
     def renamed(self, name: Renaming, parameter: Renaming, group: Renaming) -> Compartment:
         """The same compartment under other names."""
-        fraction = None if self.total_fraction is None else renamed_key(self.total_fraction, parameter)
+        fraction, rest = self.total_fraction, self.rest_volume
         return Compartment(
-            name(self.name), self.component.renamed(parameter), group(self.group),
-            self.start.renamed(parameter), fraction,
-        )  # fmt: skip
+            name(self.name),
+            self.component.renamed(parameter),
+            group(self.group),
+            self.start.renamed(parameter),
+            None if fraction is None else renamed_key(fraction, parameter),
+            rest.renamed(parameter) if isinstance(rest, TubeVolume) else renamed_key(rest, parameter),
+        )
 
 
 @dataclass(frozen=True)
@@ -201,17 +216,43 @@ class Control:
 
 
 @dataclass(frozen=True)
+class Exchange:
+    """A named place where what is dissolved in blood enters or leaves it.
+
+    Args:
+        name: of the exchange.
+        component: its law.
+        at: the compartment whose blood takes part or the connection along which it happens.
+        group: as of a compartment.
+    """
+
+    name: str
+    component: Exchanger
+    at: str
+    group: str = "patient"
+
+    def content_names(self) -> tuple[str, ...]:
+        """Names of the parameters of its law, which the beat does not ask for."""
+        return self.component.parameter_names()
+
+    def renamed(self, name: Renaming, parameter: Renaming, group: Renaming, site: Renaming) -> Exchange:
+        """The same exchange under other names; `site` names its place."""
+        return Exchange(name(self.name), self.component.renamed(parameter), site(self.at), group(self.group))
+
+
+@dataclass(frozen=True)
 class Circuit:
-    """Compartments, the connections between them, and controllers that act on their parameters."""
+    """Compartments, connections between them, controllers that act on their parameters, and exchanges."""
 
     compartments: tuple[Compartment, ...] = ()
     connections: tuple[Connection, ...] = ()
     controllers: tuple[Control, ...] = ()
+    exchanges: tuple[Exchange, ...] = ()
 
     def __hash__(self) -> int:
         """Computed once: every cache of compiled programs asks for it."""
         if "_hash" not in self.__dict__:
-            tables = (self.compartments, self.connections, self.controllers)
+            tables = (self.compartments, self.connections, self.controllers, self.exchanges)
             object.__setattr__(self, "_hash", hash(tables))
         return self.__dict__["_hash"]
 
@@ -221,6 +262,7 @@ class Circuit:
             self.compartments + other.compartments,
             self.connections + other.connections,
             self.controllers + other.controllers,
+            self.exchanges + other.exchanges,
         )
 
     def __str__(self) -> str:
@@ -233,18 +275,32 @@ class Circuit:
         lines = ["compartments", *stores, "connections", *paths]
         if self.controllers:
             lines += ["controllers", *(f"  {c.name:<12} {c.group:<8} {_wiring(c)}" for c in self.controllers)]
+        if self.exchanges:
+            lines += [
+                "exchanges",
+                *(f"  {e.name:<12} {e.group:<8} {e.at}  {e.component}" for e in self.exchanges),
+            ]
         return "\n".join(lines)
 
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of all parameters that the circuit reads, each once, in order of appearance."""
+        """Names of all parameters that the beat reads, each once, in order of appearance."""
         entries = (*self.compartments, *self.connections, *self.controllers)
         return tuple(dict.fromkeys(name for entry in entries for name in entry.parameter_names()))
+
+    def content_names(self) -> tuple[str, ...]:
+        """Names of the parameters of rest volumes and exchanges, which the beat does not ask for."""
+        entries = (*self.compartments, *self.exchanges)
+        return tuple(dict.fromkeys(name for entry in entries for name in entry.content_names()))
+
+    def without_exchanges(self) -> Circuit:
+        """What the beat needs of the circuit."""
+        return replace(self, exchanges=()) if self.exchanges else self
 
     def renamed(self, name: Renaming, parameter: Renaming, group: Renaming) -> Circuit:
         """The same circuit under other names; sites outside of it keep theirs.
 
         Args:
-            name: of a compartment, connection or controller.
+            name: of an entry of a table.
             parameter: of a parameter.
             group: of a group.
         """
@@ -258,6 +314,7 @@ class Circuit:
             tuple(c.renamed(*names) for c in self.compartments),
             tuple(c.renamed(*names, site) for c in self.connections),
             tuple(c.renamed(*names, place) for c in self.controllers),
+            tuple(e.renamed(*names, place) for e in self.exchanges),
         )
 
     def prefixed(self, prefix: str, shared: Collection[str] = SHARED_PARAMETERS) -> Circuit:

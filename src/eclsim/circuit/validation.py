@@ -20,7 +20,8 @@ class CircuitError(ValueError):
 
 def validate(circuit: Circuit) -> None:
     """Raise `CircuitError` with every mistake of the circuit."""
-    mistakes = _duplicates(circuit) + _unknown_sites(circuit) + _loose_ends(circuit) + _controls(circuit)
+    mistakes = _duplicates(circuit) + _unknown_sites(circuit) + _loose_ends(circuit)
+    mistakes += _controls(circuit) + _exchanges(circuit)
     if not circuit.compartments:
         mistakes.append("the circuit has no compartments: add at least one store of blood")
     if mistakes:
@@ -32,6 +33,7 @@ def _duplicates(circuit: Circuit) -> list[str]:
         "compartment": circuit.compartments,
         "connection": circuit.connections,
         "controller": circuit.controllers,
+        "exchange": circuit.exchanges,
     }
     return [
         f"{what} '{name}' appears {count} times: names are unique"
@@ -91,6 +93,16 @@ def _controls(circuit: Circuit) -> list[str]:
                 mistakes.append(f"{start}: it acts on '{name}', and so does controller '{acting[name]}'")
             acting[name] = control.name
     return mistakes
+
+
+def _exchanges(circuit: Circuit) -> list[str]:
+    """Exchanges at a place that the circuit does not have."""
+    places = dict.fromkeys(entry.name for entry in (*circuit.compartments, *circuit.connections))
+    return [
+        f"exchange '{e.name}': '{e.at}' is no compartment or connection of the circuit{_hint(e.at, places)}"
+        for e in circuit.exchanges
+        if e.at not in places
+    ]
 
 
 def _hint(name: str, known: Collection[str]) -> str:

@@ -1,11 +1,14 @@
-"""How much blood a compartment holds at the start."""
+"""How much blood a compartment holds: at the start, beside what makes its pressure, and in all."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from eclsim.circuit.network import Compartment, StartPressure
+from eclsim.circuit.network import BLOOD_VOLUME, Circuit, Compartment, StartPressure
 from eclsim.components.base import Number, Storage, Values, value_of
+from eclsim.components.tubes import TubeVolume
 
 LARGEST_VOLUME_ML = 2.0**17
 """Volume, filled or sucked out, up to which a pressure is looked for [mL]."""
@@ -24,6 +27,41 @@ def start_volume(compartment: Compartment, values: Values) -> Number:
         return (pressure - at_rest) / stiffness
     volume = value_of(values, start.volume)
     return volume if start.fraction_of is None else volume * value_of(values, start.fraction_of)
+
+
+def unstressed_volume(circuit: Circuit, name: str, values: Values) -> Number:
+    """Volume [mL] that a vessel of the patient holds at zero pressure: its share of all blood less the start.
+
+    Zero for chambers and extracorporeal compartments, whose stressed volume is all that pressures know of.
+    """
+    compartment = circuit.compartment(name)
+    if compartment.total_fraction is None or not isinstance(compartment.start, StartPressure):
+        return 0.0
+    total = value_of(values, compartment.total_fraction) * values[BLOOD_VOLUME]
+    law = compartment.component
+    with np.errstate(divide="ignore"):
+        own = law.constants({n: np.asarray(values[n], dtype=float) for n in law.parameter_names()})
+    return total - value_of(values, compartment.start.pressure) / law.pressure(0.0, 0.0, own)[1]
+
+
+def total_volumes(circuit: Circuit, values: Values, stressed: Sequence[Number]) -> list[Number]:
+    """All blood in each compartment [mL]: stressed, unstressed and rest volume.
+
+    Args:
+        circuit: its compartments.
+        values: of its parameters (`parameter_names`, `content_names`).
+        stressed: stressed volume of each compartment [mL].
+    """
+    return [
+        volume + unstressed_volume(circuit, c.name, values) + rest_volume(c, values)
+        for c, volume in zip(circuit.compartments, stressed, strict=True)
+    ]
+
+
+def rest_volume(compartment: Compartment, values: Values) -> Number:
+    """Volume [mL] that a compartment holds beside the stressed one whatever the pressure."""
+    rest = compartment.rest_volume
+    return rest.volume(values) if isinstance(rest, TubeVolume) else value_of(values, rest)
 
 
 def filled_to(component: Storage, pressure: Number, values: Values) -> Number:

@@ -1,10 +1,10 @@
 """Components: the physics, one law each. `all_storages` and `all_paths` list them for the tests."""
 
-from eclsim.components.base import Activation, Path, Storage
+from eclsim.components.base import Activation, Exchanger, Path, Storage
 from eclsim.components.chambers import AtrialBump, Atrium, LinearChamber, Ventricle, VentricularSystole
 from eclsim.components.controllers import Controller, ControlState
 from eclsim.components.pumps import RollerPump, RotaryPump
-from eclsim.components.tubes import Cannula, Tube
+from eclsim.components.tubes import Cannula, Tube, TubeVolume
 from eclsim.components.valves import HeartValve
 from eclsim.components.vessels import Artery, ElasticVessel, Resistance
 
@@ -13,6 +13,7 @@ all_paths = (Resistance, Artery, Tube, HeartValve, Cannula, RotaryPump, RollerPu
 
 __all__ = [
     "Activation", "Artery", "AtrialBump", "Atrium", "Cannula", "ControlState", "Controller",
-    "ElasticVessel", "HeartValve", "LinearChamber", "Path", "Resistance", "RollerPump", "RotaryPump",
-    "Storage", "Tube", "Ventricle", "VentricularSystole", "all_paths", "all_storages",
+    "ElasticVessel", "Exchanger", "HeartValve", "LinearChamber", "Path", "Resistance", "RollerPump",
+    "RotaryPump", "Storage", "Tube", "TubeVolume", "Ventricle", "VentricularSystole", "all_paths",
+    "all_storages",
 ]  # fmt: skip

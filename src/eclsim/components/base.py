@@ -1,4 +1,4 @@
-"""What a component is: a `Storage` keeps blood, a `Path` carries it.
+"""What a component is: a `Storage` keeps blood, a `Path` carries it, an `Exchanger` changes what is in it.
 
 A component states its law and the parameters that the law needs, nothing else: no solver, no file, no plot.
 The circuit says where it stands. Values reach a component as a mapping from parameter name to number or array
@@ -158,6 +158,13 @@ class Path(Component, ABC, Generic[Constants]):
     def sharpened(self: Own, smoothing: float) -> Own:
         """The law for an explicit solver; `smoothing` [mmHg] where it rounds a kink off, as a valve does."""
         return self
+
+
+class Exchanger(Component):
+    """The law of a place where what is dissolved in blood enters or leaves it.
+
+    An oxygenator, the lungs, tissue or a dialyzer. The beat does not ask for it: it moves no blood.
+    """
 
 
 def _newton_flow(

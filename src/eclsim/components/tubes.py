@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from eclsim.components.base import Key, Number, Path, Values, value_of
+from eclsim.components.base import Component, Key, Number, Path, Values, value_of
 from eclsim.components.vessels import Inertial, InertialResistance
 from eclsim.units import ML_S_PER_L_MIN, PA_PER_MMHG
 
@@ -48,6 +48,18 @@ class Tube(InertialResistance):
         resistance = 128.0 * value_of(values, self.viscosity) * metres / (math.pi * bore**4) * to_mmhg_ml
         density = value_of(values, self.density) / CUBIC_METRE_PER_ML
         return Inertial(resistance, density * metres / (math.pi / 4.0 * bore**2) * to_mmhg_ml)
+
+
+@dataclass(frozen=True)
+class TubeVolume(Component):
+    """What a tube holds at zero pressure [mL], pi d^2 l / 4, from length l and inner diameter d [cm]."""
+
+    length: Key
+    diameter: Key
+
+    def volume(self, values: Values) -> Number:
+        """Volume [mL]."""
+        return math.pi / 4.0 * value_of(values, self.diameter) ** 2 * value_of(values, self.length)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ Source: Thiel et al. 2025, Figure 1 and Table S-3.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
@@ -103,10 +104,17 @@ class Crrt(Section):
 def crrt(access_site: Site, return_site: Site) -> Circuit:
     """A CRRT circuit between two sites: compartments of the ECMO circuit or of the patient."""
     from eclsim.circuit.network import Circuit, Compartment, Connection
-    from eclsim.components import ElasticVessel, Resistance, RollerPump, Tube
+    from eclsim.components import ElasticVessel, Resistance, RollerPump, Tube, TubeVolume
 
-    names = tuple(CrrtDevice.compartments)
-    compartments = tuple(Compartment(name, ElasticVessel("C" + name), GROUP) for name in names)
+    (dialyzer,) = DIALYZERS.values()
+    compartments = tuple(
+        Compartment(name, ElasticVessel("C" + name), GROUP, rest_volume=TubeVolume("L" + name, "D" + name))
+        if name != "crrtfil"
+        else Compartment(
+            name, ElasticVessel("C" + name), GROUP, rest_volume=dialyzer.priming_volume_ml or math.nan
+        )
+        for name in CrrtDevice.compartments
+    )
     connections = (
         Connection("crrttuin", Tube("Lcrrttuin", "Dcrrttuin"), access_site, "crrttuin", GROUP),
         Connection("crrtpump", RollerPump("crrt.flow_ml_min"), "crrttuin", "crrttupf", GROUP),

@@ -9,6 +9,7 @@ cannulae and oxygenators from the makers' data sheets, as published with the cod
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -52,6 +53,8 @@ if TYPE_CHECKING:
 
 GROUP = "ecmo"
 LINES = ("drainage", "return")
+TUBES = ("ecmotudp", "ecmotupo", "ecmotuor")
+"""Compartments that are tubes."""
 
 # Beyond these a cardiac output on V-A ECMO is rather a total with the pump flow in it.
 _LARGEST_INDEX = 5.5  # L/min/m^2
@@ -288,10 +291,13 @@ def ecmo(
             `ecmo.pump.a` ...).
     """
     from eclsim.circuit.network import Circuit, Compartment, Connection
-    from eclsim.components import Cannula, ElasticVessel, Resistance, RollerPump, RotaryPump, Tube
+    from eclsim.components import Cannula, ElasticVessel, Resistance, RollerPump, RotaryPump, Tube, TubeVolume
 
-    names = tuple(POSITIONS.values())
-    compartments = tuple(Compartment(name, ElasticVessel("C" + name), GROUP) for name in names)
+    rest = {tube: TubeVolume("L" + tube, "D" + tube) for tube in TUBES} | {"ecmooxy": "ecmo.oxygenator_ml"}
+    compartments = tuple(
+        Compartment(name, ElasticVessel("C" + name), GROUP, rest_volume=rest.get(name, 0.0))
+        for name in POSITIONS.values()
+    )
     pump: Path = (
         RollerPump("ecmo.roller_l_min", "l/min") if roller else RotaryPump("ecmo.speed_rpm", "ecmo.pump.")
     )
@@ -421,6 +427,7 @@ class EcmoDevice(Device[Ecmo]):
         """
         values = {
             "Recmooxy": OXYGENATORS[section.oxygenator].resistance,
+            "ecmo.oxygenator_ml": OXYGENATORS[section.oxygenator].priming_volume_ml or math.nan,
             "ecmo.drainage_fr": section.drainage_fr,
             "ecmo.return_fr": section.return_fr,
         }

@@ -66,7 +66,7 @@ class Model:
     def with_values(self, changes: Mapping[str, float] | None = None, **more: float) -> Model:
         """The same circuit with some parameters changed; a misspelt name lists its neighbours."""
         wanted = {**(changes or {}), **more}
-        known = (HEART_RATE, *self.circuit.parameter_names())
+        known = (HEART_RATE, *self.circuit.parameter_names(), *self.circuit.content_names())
         for name in wanted:
             if name not in known:
                 near = difflib.get_close_matches(name, known, n=3)

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from eclsim.beat.recording import MEAN, RATE, all_signals, has_mean, has_rate
+from eclsim.circuit import volumes
 from eclsim.circuit.assembly import assemble
-from eclsim.circuit.network import Circuit, StartPressure
-from eclsim.components.base import Values, value_of
+from eclsim.circuit.network import Circuit
+from eclsim.circuit.signals import Kind, Signal
+from eclsim.components.base import Number, Values
 from eclsim.outputs.registry import available, output
 
-BLOOD_VOLUME = "total_blood_volume_ml"
-UNITS = {"P": "mmHg", "Q": "mL/s", "V": "mL"}
-WORDS = {"P": "pressure in", "Q": "flow through", "V": "blood volume of"}
+WORDS = {Kind.PRESSURE: "pressure in", Kind.FLOW: "flow through", Kind.VOLUME: "blood volume of"}
 
 
 def output_names(circuit: Circuit) -> tuple[str, ...]:
@@ -33,29 +31,15 @@ def needed_signals(
     return tuple(sorted(signals | rates | means))
 
 
-def signal_labels(circuit: Circuit, signal: str) -> dict[str, str]:
+def signal_labels(circuit: Circuit, name: str) -> dict[str, str]:
     """Unit and long name of a waveform: P or V + compartment, Q + connection, P + pump (head)."""
-    kind, place = signal[0], signal[1:]
-    head = kind == "P" and all(c.name != place for c in circuit.compartments)
-    return {"units": UNITS[kind], "long_name": f"head of {place}" if head else f"{WORDS[kind]} {place}"}
+    signal = Signal.parse(name)
+    head = signal.kind is Kind.PRESSURE and all(c.name != signal.place for c in circuit.compartments)
+    words = "head of" if head else WORDS[signal.kind]
+    return {"units": signal.kind.unit, "long_name": f"{words} {signal.place}"}
 
 
-def unstressed_volume(circuit: Circuit, signal: str, values: Values) -> float | np.ndarray:
-    """What a waveform of a volume adds to the stressed volume [mL]; 0 for other waveforms.
-
-    It is what a vessel holds at zero pressure: its share of all blood less the stressed start. Zero for
-    chambers and extracorporeal compartments, whose stressed volume is all they hold.
-    """
-    compartment = circuit.compartment(signal[1:]) if signal[0] == "V" else None
-    if (
-        compartment is None
-        or compartment.total_fraction is None
-        or not isinstance(compartment.start, StartPressure)
-    ):
-        return 0.0
-    total = value_of(values, compartment.total_fraction) * values[BLOOD_VOLUME]
-    law = compartment.component
-    with np.errstate(divide="ignore"):
-        own = law.constants({n: np.asarray(values[n], dtype=float) for n in law.parameter_names()})
-    shift = total - value_of(values, compartment.start.pressure) / law.pressure(0.0, 0.0, own)[1]
-    return np.asarray(shift, dtype=float)
+def unstressed_volume(circuit: Circuit, name: str, values: Values) -> Number:
+    """What the waveform of a volume adds to the stressed volume [mL]; 0 for other waveforms."""
+    signal = Signal.parse(name)
+    return volumes.unstressed_volume(circuit, signal.place, values) if signal.kind is Kind.VOLUME else 0.0

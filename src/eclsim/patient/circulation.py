@@ -9,7 +9,14 @@ Sources: Thiel et al., section 2.2 and Table S-1; Shi et al. 2009 for `shi_hose_
 
 from __future__ import annotations
 
-from eclsim.circuit.network import Circuit, Compartment, Connection, StartPressure, StartVolume
+from eclsim.circuit.network import (
+    BLOOD_VOLUME,
+    Circuit,
+    Compartment,
+    Connection,
+    StartPressure,
+    StartVolume,
+)
 from eclsim.components import (
     Artery,
     AtrialBump,
@@ -22,7 +29,6 @@ from eclsim.components import (
     VentricularSystole,
 )
 
-BLOOD_VOLUME = "total_blood_volume_ml"
 SHI_HOSE_NAMES = {"pas": "pas", "part": "pat", "pvn": "pvn", "ao": "sas", "sart": "sat", "svn": "svn"}
 """Our name of a vessel and the one in the parameter set of Shi and Hose."""
 
