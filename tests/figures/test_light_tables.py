@@ -5,7 +5,7 @@ import sys
 
 TABLES = """
 import sys
-from eclsim.reporting.schematic_layout import NODES
+from eclsim.reporting.schematic_layout import plan_of
 from eclsim.reporting.schematic_routes import route
 sys.exit("matplotlib" in sys.modules)
 """

@@ -8,18 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 from eclsim.app.display import PATIENT, ink
 from eclsim.app.texts import ENGLISH, text
-from eclsim.devices.device import Naming
-from eclsim.devices.ecmo import POSITIONS
-from eclsim.devices.registry import device_of
-from eclsim.orbit.model import circuit_of
+from eclsim.cases.resolve import circuit_of
+from eclsim.devices.registry import instances_in, naming_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from eclsim.cases.case import Case
     from eclsim.circuit import Circuit
-    from eclsim.circuit.network import Connection
-    from eclsim.reporting.schematic_layout import Layout
+    from eclsim.reporting.schematic_layout import Attachment, Bridge, Layout, Plan, Wire
+    from eclsim.reporting.schematic_routes import Path
 
 WIDER_MM = 1.5
 """Boxes are wider by this on either side than those of the printed figure."""
@@ -28,10 +24,9 @@ TALLNESS = 1.35
 MOST_STRETCH = 1.7
 NARROWER = 0.75
 """Without lines of devices the patient's ring is drawn narrower, and so larger."""
-_ROOM: dict[str, tuple[float, float]] = {
-    "crrt": (2.5, 0.0), "ecmo_upper": (3.0, 0.0), "lungs": (2.5, 0.0), "body": (0.0, 3.5),
-}  # fmt: skip
-"""Space [mm] above and below a row that larger letters take beyond the printed figure's."""
+_FIRST_ROW_MM, _LAST_ROW_MM = (2.5, 0.0), (0.0, 3.5)
+"""Space [mm] above and below that larger letters take beyond the printed figure's, in each frame's first row
+and the patient's last."""
 
 
 def drawing_of(case: Case) -> dict[str, Any]:
@@ -41,14 +36,12 @@ def drawing_of(case: Case) -> dict[str, Any]:
 
 @lru_cache(maxsize=512)
 def _drawing(circuit: Circuit) -> dict[str, Any]:
-    from eclsim.reporting.schematic_layout import MIDDLE, TITLE_HEIGHT
-    from eclsim.reporting.schematic_routes import attachments_of, lanes_needed, route
+    from eclsim.reporting.schematic_layout import MIDDLE, TITLE_HEIGHT, plan_of
+    from eclsim.reporting.schematic_routes import route
 
-    names = [c.name for c in circuit.compartments]
-    attachments = attachments_of(circuit.connections, names)
-    bands = [b for b, node in (("below_crrt", "crrttuin"), ("below_ecmo", "ecmodrain")) if node in names]
-    page, sides = _page(names, lanes_needed(attachments, bands), bool(attachments or _pumps(circuit)))
-    paths = route(attachments, page)
+    plan = plan_of(circuit)
+    page, sides = _page(plan)
+    paths = route(plan, page)
     reach = [x for path in paths.values() for x, _ in path]
     left, right = min([sides[0], *reach]) - 2.0, max([sides[1], *reach]) + 2.0
     top = TITLE_HEIGHT - 2.0
@@ -60,157 +53,131 @@ def _drawing(circuit: Circuit) -> dict[str, Any]:
              "title": [MIDDLE, _title_height(page, g)], "ink": ink(g), **_frame_texts(g)}
             for g, (y0, y1) in page.frames.items()
         ],
-        "boxes": _boxes(circuit, page),
-        "wires": _wires(circuit.connections, page),
-        "lines": [_line(a, groups[a.name], paths[a.name], page) for a in attachments]
-        + _assist(circuit, page),
+        "boxes": _boxes(circuit, plan, page),
+        "wires": [_wire(wire, plan, groups[wire.name], page) for wire in plan.wires],
+        "lines": [_line(line, paths[line.name], page) for line in plan.lines]
+        + [_bridge(bridge, plan, groups[bridge.name], page) for bridge in plan.bridges],
     }  # fmt: skip
 
 
-def _page(names: Sequence[str], lanes: dict[str, int], wide: bool) -> tuple[Layout, tuple[float, float]]:
+def _page(plan: Plan) -> tuple[Layout, tuple[float, float]]:
     """The page, stretched to fill the pane, and the left and right side of its frames."""
-    from eclsim.reporting.schematic_layout import BOX_WIDTH, FRAME, MIDDLE, ROWS, arrange
+    from eclsim.reporting.schematic_layout import BODY, BOX_WIDTH, FRAME, MIDDLE, arrange
 
-    extra = {row: _ROOM.get(row, (0.0, 0.0)) for row in ROWS}
-    rows = {row: (above + extra[row][0], below + extra[row][1]) for row, (above, below) in ROWS.items()}
-    page, sides = arrange(names, lanes, rows), FRAME
-    if not wide and "spare" not in page.frames:
+    more = {row: _FIRST_ROW_MM if row[1] == 0 else (0.0, 0.0) for row in plan.heights}
+    more |= {BODY: _LAST_ROW_MM}
+    rows = {row: (up + more[row][0], down + more[row][1]) for row, (up, down) in plan.heights.items()}
+    page, sides = arrange(plan, rows), FRAME
+    if not (plan.lines or plan.bridges or plan.spare):
         half = NARROWER * (MIDDLE - 30.0) + 0.5 * BOX_WIDTH + WIDER_MM + 2.0
         sides = (MIDDLE - half, MIDDLE + half)
     stretch = min(max(TALLNESS * (sides[1] - sides[0]) / page.height, 1.0), MOST_STRETCH)
-    page = arrange(names, lanes, {row: (stretch * up, stretch * down) for row, (up, down) in rows.items()})
+    page = arrange(plan, {row: (stretch * up, stretch * down) for row, (up, down) in rows.items()})
     if sides is not FRAME:
         page.places = {n: (MIDDLE + NARROWER * (x - MIDDLE), y) for n, (x, y) in page.places.items()}
     return page, sides
 
 
-def _naming(group: str) -> Naming | None:
-    """The device that a group of the circuit is, with its instance; None of the patient."""
-    device = device_of(group)
-    return Naming(device, group.partition(".")[2]) if device else None
-
-
 def _frame_texts(group: str) -> dict[str, str]:
     """Title of a frame and the unit of its flows."""
-    device = _naming(group)
-    label = device.label if device else ENGLISH.get(f"frame_{group}", group)
-    unit = (device.views() if device else PATIENT).flow_unit.unit
+    names = naming_of(group)
+    label = ENGLISH.get(f"frame_{group}", group) if names is None else names.label
+    unit = (PATIENT if names is None else names.views()).flow_unit.unit
     return {"label": label, "flows": "" if group == "spare" else text("frame_flows", unit=unit)}
 
 
 def _flow(group: str, name: str) -> dict[str, Any]:
     """How the flow of a connection is written, and the output whose limits mark it."""
-    device = _naming(group)
-    views = device.views() if device else PATIENT
+    names = naming_of(group)
+    views = PATIENT if names is None else names.views()
     return {"ink": ink(group), **asdict(views.flow_unit), "output": views.flow_outputs.get(name, "")}
 
 
-def _moved(group: str, name: str) -> dict[str, str]:
+def _moved(line: Attachment) -> dict[str, str]:
     """The knob that a line is moved by, the letter on its handle and what it is called."""
-    device = _naming(group)
-    own = device and device.own(name)
-    if not device or not own or not device.device.lines:
+    names = naming_of(line.frame)
+    lines = {} if names is None else {names.place(own): key for key, own in names.device.lines.items()}
+    if names is None or line.name not in lines:
         return {"moves": ""}
-    connections = list(device.device.connections)
-    line = dict(zip((connections[0], connections[-1]), device.device.lines, strict=True)).get(own)
-    if line is None:
-        return {"moves": ""}
-    about = text("schematic_line", device=device.label, line=device.device.connections[own])
-    return {"moves": f"{group}.{line}", "letter": line[0].upper(), "about": about}
+    key = lines[line.name]
+    about = text("schematic_line", device=names.label, line=line.mark.words)
+    return {"moves": f"{names.key}.{key}", "letter": key[0].upper(), "about": about}
 
 
 def _title_height(page: Layout, group: str) -> float:
     """Where a frame's title stands: in the middle, where there is neither label nor line."""
-    places = {"crrt": ("crrt", 10.5), "ecmo": ("ecmo_upper", 13.0), "patient": ("heart_upper", -1.0)}
-    if group not in places:
+    from eclsim.reporting.schematic_layout import HEART_UPPER, PATIENT, SPARE
+
+    if group == SPARE or (group == PATIENT and HEART_UPPER not in page.rows):
         return -page.frames[group][1] + 4.6
-    row, below = places[group]
-    return -page.rows[row] + below
+    if group == PATIENT:
+        return -page.rows[HEART_UPPER] - 1.0
+    return -page.rows[group, 0] + (13.0 if (group, 1) in page.rows else 10.5)
 
 
-def _pumps(circuit: Circuit) -> bool:
-    return any(c.name == "lvadpump" for c in circuit.connections)
-
-
-def _boxes(circuit: Circuit, page: Layout) -> list[dict[str, Any]]:
-    from eclsim.reporting.schematic_layout import NODES
-
-    positions = {node: position for position, node in POSITIONS.items()}
+def _boxes(circuit: Circuit, plan: Plan, page: Layout) -> list[dict[str, Any]]:
+    positions = {node: site for names in instances_in(circuit) for site, node in names.sites().items()}
     found = []
     for compartment in circuit.compartments:
         left, bottom, right, top = page.box(compartment.name)
-        place = NODES.get(compartment.name)
+        names = naming_of(compartment.group)
+        own = compartment.name if names is None else names.own(compartment.name)
+        words = plan.places[compartment.name].words if compartment.name in plan.places else compartment.name
         found.append({
             "name": compartment.name, "group": compartment.group,
             "position": positions.get(compartment.name, ""),
-            "text": place.words if place else compartment.name, "ink": ink(compartment.group),
-            "short": ENGLISH.get(f"box_{compartment.name}", place.words if place else compartment.name),
+            "text": words, "short": ENGLISH.get(f"box_{own}", words),
+            "ink": ink(compartment.group),
             "x": left - WIDER_MM, "y": -top, "w": right - left + 2 * WIDER_MM, "h": top - bottom,
         })  # fmt: skip
     return found
 
 
-def _wires(connections: Sequence[Connection], page: Layout) -> list[dict[str, Any]]:
-    """Lines between neighbours."""
-    from eclsim.reporting.schematic_layout import MIDDLE, NODES, WIRES
+def _wire(wire: Wire, plan: Plan, group: str, page: Layout) -> dict[str, Any]:
+    """A line between neighbours."""
+    from eclsim.reporting.schematic_layout import BODY, MIDDLE
 
-    found = []
-    for connection in connections:
-        wire = WIRES.get(connection.name)
-        if wire is None or (connection.source, connection.target) != (wire.source, wire.target):
-            continue
-        start, stop = _between(page.box(wire.source), page.box(wire.target))
-        level = start[1] == stop[1]
-        row = NODES[wire.source].row
-        x, y = 0.5 * (start[0] + stop[0]), -0.5 * (start[1] + stop[1])
-        if level:
-            label = (x, y + 10.2 if row == "body" else y - 11.8, "middle")
-        else:
-            label = (x + (5.0 if x < MIDDLE else -5.0), y - 1.0, "start" if x < MIDDLE else "end")
-        found.append({
-            "name": connection.name, "text": ENGLISH.get(f"wire_{connection.name}", wire.words),
-            **_flow(connection.group, connection.name),
-            "symbol": "roller" if connection.component.given_flow else wire.symbol,
-            "path": [_down(start), _down(stop)], "at": [x, y], "label": label,
-        })  # fmt: skip
-    return found
+    start, stop = _between(page.box(wire.source), page.box(wire.target))
+    x, y = 0.5 * (start[0] + stop[0]), -0.5 * (start[1] + stop[1])
+    if start[1] == stop[1]:
+        label = (x, y + 10.2 if plan.places[wire.source].row == BODY else y - 11.8, "middle")
+    else:
+        label = (x + (5.0 if x < MIDDLE else -5.0), y - 1.0, "start" if x < MIDDLE else "end")
+    return {
+        "name": wire.name, "text": ENGLISH.get(f"wire_{wire.name}", wire.mark.words),
+        "symbol": wire.mark.symbol, "path": [_down(start), _down(stop)], "at": [x, y], "label": label,
+        **_flow(group, wire.name),
+    }  # fmt: skip
 
 
-def _line(attachment: Any, group: str, path: Any, page: Layout) -> dict[str, Any]:
+def _line(line: Attachment, path: Path, page: Layout) -> dict[str, Any]:
     """A device's line to its site, in the direction of flow; `site` is the end that can be moved."""
     from eclsim.reporting.schematic_layout import MIDDLE
     from eclsim.reporting.schematic_routes import stub_middle
 
-    port = attachment.port
-    points = [_down(p) for p in (path if port.into_device else path[::-1])]
-    x, y = stub_middle(page, port)
+    points = [_down(p) for p in (path if line.into_device else path[::-1])]
+    x, y = stub_middle(page, line)
     side = 5.0 if x < MIDDLE else -5.0
     return {
-        "name": attachment.name, "text": port.words, "symbol": port.symbol, "path": points,
+        "name": line.name, "text": line.mark.words, "symbol": line.mark.symbol, "path": points,
         "at": [x, -y], "label": (x + side, -y - 1.0, "start" if side > 0 else "end"),
-        "end": _down(path[0]), "site": attachment.site,
-        **_moved(group, attachment.name), **_flow(group, attachment.name),
+        "end": _down(path[0]), "site": line.site, **_moved(line), **_flow(line.frame, line.name),
     }  # fmt: skip
 
 
-def _assist(circuit: Circuit, page: Layout) -> list[dict[str, Any]]:
-    """The LVAD inside the ring of the patient."""
-    from eclsim.reporting.schematic_layout import MIDDLE
-    from eclsim.reporting.schematic_routes import PUMP_RADIUS, pump_paths
+def _bridge(bridge: Bridge, plan: Plan, group: str, page: Layout) -> dict[str, Any]:
+    """A pump or shunt inside the ring of the patient."""
+    from eclsim.reporting.schematic_routes import bridge_label, bridge_paths
 
-    pump = next((c for c in circuit.connections if c.name == "lvadpump"), None)
-    if pump is None or not isinstance(pump.source, str) or not isinstance(pump.target, str):
-        return []
-    paths = pump_paths(pump.source, pump.target, page)
-    if paths is None:
-        return []
-    inlet, outlet = paths
-    x, y = outlet[0][0], outlet[0][1] + PUMP_RADIUS
-    return [{
-        "name": "lvadpump", "text": "LVAD", "symbol": "pump", **_flow("lvad", "lvadpump"),
-        "path": [_down(p) for p in inlet], "more": [_down(p) for p in outlet], "at": [x, -y],
-        "label": (MIDDLE + 5.5, -y - 1.0, "start"), "end": _down(inlet[0]), "site": pump.source, "moves": "",
-    }]  # fmt: skip
+    into, out = bridge_paths(plan, page, bridge)
+    (x, y), align = bridge_label(plan, page, bridge)
+    names = naming_of(group)
+    return {
+        "name": bridge.name, "text": names.label if names else bridge.name, "symbol": bridge.mark.symbol,
+        **_flow(group, bridge.name), "path": [_down(p) for p in into], "more": [_down(p) for p in out],
+        "at": [into[-1][0], -y], "label": (x, -y - 1.0, "start" if align == "left" else "end"),
+        "end": _down(into[0]), "site": bridge.source, "moves": "",
+    }  # fmt: skip
 
 
 def _between(first: Any, second: Any) -> tuple[Any, Any]:

@@ -14,12 +14,15 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
 from eclsim.devices.description import (
+    Box,
     Control,
     Curve,
     Finding,
     FlowUnit,
     Knob,
     Limit,
+    Look,
+    Mark,
     Trace,
     Views,
     difference,
@@ -146,10 +149,28 @@ class CrrtDevice(Device[Crrt]):
             "crrttuout": "return line",
         }
     )
+    boxes = MappingProxyType(
+        {
+            "crrttuin": Box(0, 0, "Before pump"),
+            "crrttupf": Box(1, 0, "After pump"),
+            "crrtfil": Box(2, 0, "Before dialyzer"),
+            "crrttuout": Box(3, 0, "After dialyzer"),
+        }
+    )
+    marks = MappingProxyType(
+        {
+            "crrttuin": Mark("tube", "access line"),
+            "crrtpump": Mark("roller", "roller pump"),
+            "crrttupf": Mark("tube", "tube"),
+            "crrtfil": Mark("exchanger", "dialyzer"),
+            "crrttuout": Mark("tube", "return line"),
+        }
+    )
+    look = Look("#00734F", "#EDF7F3", 1.5, (0, (4, 1.5)), "^")
     products = tuple(DIALYZERS.values())
     parameters = tuple(p for p in thiel2025.PARAMETERS.values() if p.group == GROUP)
     nominal = MappingProxyType({"crrt.flow_ml_min": 200.0})
-    lines = ("access_site", "return_site")
+    lines = MappingProxyType({"access_site": "crrttuin", "return_site": "crrttuout"})
     usual = MappingProxyType({"flow_ml_min": 200.0, "access_site": "post_oxy", "return_site": "pre_oxy"})
     outputs = (
         mean_flow("crrt_flow", "mean blood flow of the CRRT", "Qcrrtpump"),

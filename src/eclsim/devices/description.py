@@ -143,6 +143,53 @@ class Finding:
 
 
 @dataclass(frozen=True)
+class Box:
+    """Where the box of a compartment stands in a device's frame of the drawing.
+
+    Args:
+        column: 0 (left) to 3 (right).
+        row: 0 at the top; lines to other sites leave from the lowest row.
+        words: what stands in it.
+    """
+
+    column: int
+    row: int
+    words: str
+
+
+@dataclass(frozen=True)
+class Mark:
+    """How a connection is marked in the drawing.
+
+    Args:
+        symbol: "pump", "roller", "exchanger", "cannula", "resistance", "valve" or "tube".
+        words: what stands beside it.
+    """
+
+    symbol: str
+    words: str
+
+
+@dataclass(frozen=True)
+class Look:
+    """Look of a device in figures; dash patterns tell devices apart in grey print.
+
+    Args:
+        colour: of lines.
+        fill: of the ground behind it.
+        width: of lines [pt].
+        dash: as matplotlib takes it.
+        marker: of its points in dot charts.
+    """
+
+    colour: str
+    fill: str
+    width: float = 1.5
+    dash: str | tuple[float, tuple[float, ...]] = "-"
+    marker: str = "D"
+
+
+@dataclass(frozen=True)
 class Knob:
     """A number that can be turned on the page.
 

@@ -18,7 +18,18 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
-from eclsim.devices.description import Control, Finding, Limit, Output, Sweep, Views, plain_control
+from eclsim.devices.description import (
+    Box,
+    Control,
+    Finding,
+    Limit,
+    Look,
+    Mark,
+    Output,
+    Sweep,
+    Views,
+    plain_control,
+)
 from eclsim.devices.products import Product
 from eclsim.inputs.mistakes import Remarks
 from eclsim.inputs.sections import Raw, Section
@@ -53,8 +64,14 @@ class Device(ABC, Generic[S]):
     """Sites in it that other devices can be connected to, and the compartment that stands there."""
     position_words: ClassVar[Mapping[str, str]] = _EMPTY
     """These sites in words."""
-    lines: ClassVar[Sequence[str]] = ()
-    """Keys of its section that say where lines end that can be moved to such sites."""
+    lines: ClassVar[Mapping[str, str]] = _EMPTY
+    """Keys of its section that say where lines end that can be moved to such sites, and their connections."""
+    boxes: ClassVar[Mapping[str, Box]] = _EMPTY
+    """Where its compartments stand in the drawing; left out, in flow direction."""
+    marks: ClassVar[Mapping[str, Mark]] = _EMPTY
+    """How its connections are marked in the drawing; left out, by their laws and `connections`."""
+    look: ClassVar[Look] = Look("#7A4A72", "#F8F2F6", 1.3, (0, (1.5, 1.2)), "v")
+    """Its colour and line in figures."""
     products: ClassVar[Sequence[Product]] = ()
     """What it may be made of, with constants and sources."""
     parameters: ClassVar[Sequence[Parameter]] = ()
@@ -203,6 +220,18 @@ class Naming:
         own = any(name == parameter.key for parameter in self.device.parameters)
         return f"{self.key}.{name}" if own else name
 
+    def sites(self) -> dict[str, str]:
+        """Its positions for other devices, as case files name them, and the compartment that stands there."""
+        return {self.place(position): self.place(node) for position, node in self.device.positions.items()}
+
+    def site_words(self) -> dict[str, str]:
+        """The same positions in words."""
+        words = self.device.position_words
+        return {
+            self.place(position): f"{words.get(position, position)} {self.name}".strip()
+            for position in self.device.positions
+        }
+
     def views(self) -> Views:
         """What the views of the page show of it, under its own names."""
         own, name = self.device.views, self.name
@@ -255,18 +284,6 @@ class Instance(Naming):
         if not self.name:
             return circuit
         return circuit.renamed(self.place, self.parameter, lambda group: self.key)
-
-    def sites(self) -> dict[str, str]:
-        """Its positions for other devices, as case files name them, and the compartment that stands there."""
-        return {self.place(position): self.place(node) for position, node in self.device.positions.items()}
-
-    def site_words(self) -> dict[str, str]:
-        """The same positions in words."""
-        words = self.device.position_words
-        return {
-            self.place(position): f"{words.get(position, position)} {self.name}".strip()
-            for position in self.device.positions
-        }
 
 
 @dataclass(frozen=True)

@@ -19,12 +19,15 @@ from pydantic import BaseModel, ConfigDict
 from eclsim.devices.description import (
     CAUTION,
     COLLAPSE_MMHG,
+    Box,
     Control,
     Curve,
     Finding,
     KeyFigure,
     Knob,
     Limit,
+    Look,
+    Mark,
     Sweep,
     Trace,
     Views,
@@ -340,6 +343,28 @@ class EcmoDevice(Device[Ecmo]):
             "ecmoreturn": "return cannula",
         }
     )
+    boxes = MappingProxyType(
+        {
+            "ecmodrain": Box(0, 1, "After drainage"),
+            "ecmotudp": Box(0, 0, "Before pump"),
+            "ecmotupo": Box(1, 0, "After pump"),
+            "ecmooxy": Box(2, 0, "Before oxygenator"),
+            "ecmotuor": Box(3, 0, "After oxygenator"),
+            "ecmoreturn": Box(3, 1, "Before return"),
+        }
+    )
+    marks = MappingProxyType(
+        {
+            "ecmodrain": Mark("cannula", "drainage cannula"),
+            "ecmotudp": Mark("tube", "tube"),
+            "ecmopump": Mark("pump", "pump"),
+            "ecmotupo": Mark("tube", "tube"),
+            "ecmooxy": Mark("exchanger", "oxygenator"),
+            "ecmotuor": Mark("tube", "tube"),
+            "ecmoreturn": Mark("cannula", "return cannula"),
+        }
+    )
+    look = Look("#0072B2", "#EEF5FA", 2.0, marker="s")
     positions, position_words = POSITIONS, POSITION_WORDS
     products = (*PUMPS.values(), *CANNULAE.values(), *OXYGENATORS.values())
     parameters = tuple(p for p in thiel2025.PARAMETERS.values() if p.group == GROUP)

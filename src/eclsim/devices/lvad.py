@@ -19,6 +19,8 @@ from eclsim.devices.description import (
     KeyFigure,
     Knob,
     Limit,
+    Look,
+    Mark,
     Sweep,
     Trace,
     Views,
@@ -106,6 +108,8 @@ class LvadDevice(Device[Lvad]):
 
     key, name, section = GROUP, "LVAD", Lvad
     connections = MappingProxyType({"lvadpump": "LVAD pump"})
+    marks = MappingProxyType({"lvadpump": Mark("pump", "LVAD pump")})
+    look = Look("#A84A00", "#FBF1EA", 2.0, (0, (6, 1.3, 1.2, 1.3)), "D")
     products = tuple(PUMPS.values())
     nominal = MappingProxyType({"lvad.speed_rpm": 2600.0, **pump_values(GROUP, PUMPS["HVAD"])})
     outputs = (

@@ -133,3 +133,8 @@ def named_output(name: str) -> tuple[Naming, Output] | None:
         return next(((names, entry) for names, entry in owners if entry.name == name), None)
     names = Naming(device, name.removeprefix(f"{device.key}.").partition(".")[0])
     return next(((names, entry) for entry in device.outputs if names.output(entry.name) == name), None)
+
+
+def naming_of(group: str) -> Naming | None:
+    """The instance of a device behind a group such as "lvad.left"; None for the patient and users' own."""
+    return next(iter(namings([group])), None)

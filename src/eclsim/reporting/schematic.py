@@ -1,32 +1,38 @@
-"""The circuit as a schematic: patient, ECMO, CRRT and LVAD, with mean pressures and flows."""
+"""The circuit as a schematic: patient and devices, with mean pressures and flows."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from eclsim.reporting.schematic_labels import Labels
+from eclsim.devices.registry import device_of, naming_of
+from eclsim.reporting.beat_values import beat_mean, case_name, in_unit, summary_lines
+from eclsim.reporting.numbers import number
 from eclsim.reporting.schematic_layout import (
     BOX_HEIGHT,
     FRAME,
+    HEART_UPPER,
     MIDDLE,
-    NODES,
+    PATIENT,
+    PATIENT_PLACES,
+    PER_BRIDGE,
+    SPARE,
     TITLE_HEIGHT,
-    WIRES,
     Layout,
+    Plan,
     arrange,
+    fixed_site,
+    plan_of,
 )
-from eclsim.reporting.schematic_pen import Pen, stroke_of
+from eclsim.reporting.schematic_pen import Pen, look_of
 from eclsim.reporting.schematic_routes import (
     PUMP_RADIUS,
-    Attachment,
     Path,
     Point,
-    attachments_of,
-    fixed_site,
-    lanes_needed,
-    pump_paths,
+    bridge_label,
+    bridge_paths,
     route,
     stub_middle,
 )
@@ -36,14 +42,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from eclsim.circuit import Circuit
-    from eclsim.circuit.network import Connection
 
-_FRAME_WORDS = {
-    "patient": "Patient",
-    "ecmo": "ECMO circuit",
-    "crrt": "CRRT circuit",
-    "spare": "Further compartments",
-}
 _HEART_SIDES = (("rv", "ra"), ("la", "lv"))
 
 
@@ -59,8 +58,8 @@ def draw_circuit(
     """Draws a circuit as a schematic, lines of devices leading to the sites they are attached to.
 
     Args:
-        circuit: any circuit. Compartments without a place in the layout tables stand in a spare row;
-            connections without one are drawn as arcs.
+        circuit: any circuit. Compartments that belong to no device and have no place in the patient stand in
+            a spare row; connections without a place are drawn as arcs.
         result: the simulated case; its mean pressures [mmHg] and flows [L/min, CRRT mL/min] are written at
             the compartments and connections. Without it names alone are drawn.
         values: of the parameters that choose sites (`Choice`), such as `model.values`: the chosen sites are
@@ -72,24 +71,77 @@ def draw_circuit(
         The figure that was drawn into.
     """
     circuit = circuit.with_chosen_sites(values or {})
-    names = [compartment.name for compartment in circuit.compartments]
-    attachments = attachments_of(circuit.connections, names)
-    devices = [
-        band for band, node in (("below_crrt", "crrttuin"), ("below_ecmo", "ecmodrain")) if node in names
-    ]
-    page = arrange(names, lanes_needed(attachments, devices))
-    paths = route(attachments, page)
-    undrawn = [c for c in circuit.connections if fixed_site(c.source) is None or fixed_site(c.target) is None]
-    pen = _pen(ax, page, paths.values(), extra=5.0 if undrawn else 0.0)
-    labels = Labels(result)
-    _draw_frames(pen, page, labels, title)
-    rest = _draw_wires(pen, page, labels, [c for c in circuit.connections if c not in undrawn])
-    rest = _draw_attachments(pen, page, labels, attachments, paths, rest)
-    rest = _draw_assist_pump(pen, page, labels, rest)
-    _draw_nodes(pen, page, labels, circuit)
-    _draw_others(pen, page, labels, rest)
-    _note_undrawn(pen, page, undrawn)
+    plan = plan_of(circuit)
+    page = arrange(plan)
+    paths = route(plan, page)
+    labels = Labels(result, {part.name: part.group for part in (*circuit.compartments, *circuit.connections)})
+    pen = _pen(ax, page, paths.values(), extra=5.0 if plan.undrawn else 0.0)
+    _draw_frames(pen, plan, page, labels, title)
+    _draw_wires(pen, plan, page, labels)
+    _draw_lines(pen, plan, page, labels, paths)
+    _draw_bridges(pen, plan, page, labels)
+    _draw_boxes(pen, plan, page, labels)
+    _draw_others(pen, plan, page, labels, circuit)
+    _note_undrawn(pen, page, plan.undrawn)
     return pen.figure
+
+
+@dataclass(frozen=True)
+class Labels:
+    """Numbers and words of one circuit; without a result they hold names only.
+
+    Args:
+        result: the simulated case.
+        groups: of compartments and connections.
+    """
+
+    result: "xr.Dataset | None"
+    groups: Mapping[str, str]
+
+    def box(self, plan: Plan, name: str) -> tuple[str, str, str]:
+        """Words, key and mean pressure of a compartment; the pressure is empty without a result."""
+        pressure = self._mean(f"P{name}", "mmHg", 1)
+        if name not in plan.places:
+            return plain_text(name, 18), "", pressure
+        names = naming_of(self.groups[name])
+        own = names.own(name) or name if names else name
+        positions = {} if names is None else {node: at for at, node in names.device.positions.items()}
+        key = f"{positions[own]} ({own})" if own in positions else own
+        return plain_text(plan.places[name].words, 22), plain_text(key, 24), pressure
+
+    def flow(self, name: str) -> str:
+        """Mean flow of a connection in the unit of its device; empty without a result."""
+        device = device_of(self.groups[name])
+        unit = "L/min" if device is None else device.views.flow_unit.unit
+        return self._mean(f"Q{name}", unit, 2 if unit == "L/min" else 0)
+
+    def head(self, pump: str) -> str:
+        """Mean pressure rise over a pump."""
+        mean = self._mean(f"P{pump}", "mmHg", 0)
+        return f"rise {mean}" if mean else ""
+
+    def title(self, title: str | None) -> str:
+        """The given title, or the name of the case."""
+        if title is not None:
+            return plain_text(title, 60)
+        return "Circuit" if self.result is None else case_name(self.result)
+
+    def subtitle(self) -> str:
+        """What the numbers are, and under which policy on blood volume they hold."""
+        if self.result is None:
+            return "Compartments (boxes) and connections (arrows)"
+        policy = self.result.attrs.get("blood_volume_policy")
+        means = "Mean pressures and mean flows over one beat"
+        return f"{means}; blood volume: {plain_text(policy).replace('_', ' ')}" if policy else means
+
+    def summary(self) -> Iterator[str]:
+        """The main outputs, one a line."""
+        return iter(()) if self.result is None else iter(summary_lines(self.result))
+
+    def _mean(self, name: str, unit: str, digits: int) -> str:
+        if self.result is None or name not in self.result:
+            return ""
+        return f"{number(in_unit(beat_mean(self.result, name), unit), digits)} {unit}"
 
 
 def _pen(ax: Axes | None, page: Layout, paths: Iterable[Path], extra: float) -> Pen:
@@ -111,37 +163,39 @@ def _pen(ax: Axes | None, page: Layout, paths: Iterable[Path], extra: float) -> 
     return Pen(ax, scale)
 
 
-def _draw_frames(pen: Pen, page: Layout, labels: Labels, title: str | None) -> None:
+def _draw_frames(pen: Pen, plan: Plan, page: Layout, labels: Labels, title: str | None) -> None:
     left = pen.ax.get_xlim()[0] + 3.0
     pen.text(left, -4.0, labels.title(title), size=9.5, weight="bold", ha="left")
     pen.text(left, -TITLE_HEIGHT + 3.4, labels.subtitle(), size=7, ha="left", color=GREY)
-    for group, (bottom, top) in page.frames.items():
-        pen.frame(FRAME[0], bottom + 1.0, FRAME[1], top - 1.0, stroke_of(group))
-        x, y = (MIDDLE, page.rows["ecmo_lower"]) if group == "ecmo" else (15.5, top - 4.2)
-        pen.text(
-            x,
-            y,
-            _FRAME_WORDS[group],
-            size=8,
-            weight="bold",
-            ha="center" if group == "ecmo" else "left",
-            color=stroke_of(group).colour,
-        )
+    for frame, (bottom, top) in page.frames.items():
+        look = look_of(frame)
+        pen.frame(FRAME[0], bottom + 1.0, FRAME[1], top - 1.0, look)
+        words = "Further compartments" if frame == SPARE else plan.frames[frame]
+        x, y, align = _title_place(plan, page, frame)
+        pen.text(x, y, plain_text(words, 40), size=8, weight="bold", ha=align, color=look.colour)
     for upper, lower in _HEART_SIDES:
         if upper in page.places and lower in page.places:
             left, bottom, _, _ = page.box(lower)
             _, _, right, top = page.box(upper)
             pen.shade(left - 1.5, bottom - 1.5, right + 1.5, top + 1.5)
-    if "heart_upper" in page.rows:
+    if HEART_UPPER in page.rows:
+        y = page.rows[HEART_UPPER] + 9.0 + PER_BRIDGE * max(len(plan.bridges) - 1, 0)
         for line, text in enumerate(labels.summary()):
-            pen.text(MIDDLE, page.rows["heart_upper"] + 9.0 - 3.9 * line, text, size=7)
+            pen.text(MIDDLE, y - 3.9 * line, text, size=7)
 
 
-def _draw_nodes(pen: Pen, page: Layout, labels: Labels, circuit: "Circuit") -> None:
-    for compartment in circuit.compartments:
-        x, y = page.places[compartment.name]
-        pen.box(page.box(compartment.name), stroke_of(compartment.group), gid=f"node-{compartment.name}")
-        words, key, pressure = labels.node(compartment.name)
+def _title_place(plan: Plan, page: Layout, frame: str) -> tuple[float, float, str]:
+    """Where the title of a frame stands: between the outer boxes of its second row, else at its top left."""
+    second = [place.x for place in plan.places.values() if place.row == (frame, 1)]
+    if frame != PATIENT and second and all(abs(x - MIDDLE) > 30.0 for x in second):
+        return MIDDLE, page.rows[frame, 1], "center"
+    return 15.5, page.frames[frame][1] - 4.2, "left"
+
+
+def _draw_boxes(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
+    for name, (x, y) in page.places.items():
+        pen.box(page.box(name), look_of(labels.groups[name]), gid=f"node-{name}")
+        words, key, pressure = labels.box(plan, name)
         lines = [
             (words, 7.0, "normal", "black"),
             (key, 6.0, "normal", GREY),
@@ -149,46 +203,30 @@ def _draw_nodes(pen: Pen, page: Layout, labels: Labels, circuit: "Circuit") -> N
         ]
         shown = [line for line in lines if line[0]]
         for index, (text, size, weight, colour) in enumerate(shown):
-            pen.text(
-                x, y + 3.5 * ((len(shown) - 1) / 2 - index), text, size=size, weight=weight, color=colour
-            )
+            height = y + 3.5 * ((len(shown) - 1) / 2 - index)
+            pen.text(x, height, text, size=size, weight=weight, color=colour)
 
 
-def _draw_wires(
-    pen: Pen, page: Layout, labels: Labels, connections: "Sequence[Connection]"
-) -> "list[Connection]":
-    """Draws the connections between neighbours; returns the others."""
-    rest = []
-    for connection in connections:
-        wire = WIRES.get(connection.name)
-        ends = (fixed_site(connection.source), fixed_site(connection.target))
-        if wire is None or ends != (wire.source, wire.target) or not set(ends) <= set(page.places):
-            rest.append(connection)
-            continue
+def _draw_wires(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
+    """Draws the connections between neighbours."""
+    for wire in plan.wires:
         start, stop = pen.between(page.box(wire.source), page.box(wire.target))
         middle = (0.5 * (start[0] + stop[0]), 0.5 * (start[1] + stop[1]))
-        stroke = stroke_of(connection.group)
-        pen.line([start, stop], stroke)
-        symbol = "roller" if connection.component.given_flow else wire.symbol
-        pen.symbol(symbol, middle, (stop[0] - start[0], stop[1] - start[1]), stroke)
+        look = look_of(labels.groups[wire.name])
+        pen.line([start, stop], look)
+        pen.symbol(wire.mark.symbol, middle, (stop[0] - start[0], stop[1] - start[1]), look)
+        below = wire.source in PATIENT_PLACES and plan.places[wire.source].row[1] == 3
         _label_wire(
-            pen,
-            middle,
-            wire.words,
-            labels.flow(connection.name),
-            NODES[wire.source].row,
-            level=start[1] == stop[1],
+            pen, middle, wire.mark.words, labels.flow(wire.name), level=start[1] == stop[1], below=below
         )
-    return rest
 
 
-def _label_wire(pen: Pen, middle: Point, words: str, flow: str, row: str, *, level: bool) -> None:
+def _label_wire(pen: Pen, middle: Point, words: str, flow: str, *, level: bool, below: bool) -> None:
     x, y = middle
     if not level:
-        pen.label_beside(
-            (x + (5.0 if x < MIDDLE else -5.0), y), [words, flow], "left" if x < MIDDLE else "right"
-        )
-    elif row == "body":
+        at = (x + (5.0 if x < MIDDLE else -5.0), y)
+        pen.label_beside(at, [words, flow], "left" if x < MIDDLE else "right")
+    elif below:
         pen.text(x, y - BOX_HEIGHT / 2 - 2.6, words, size=6.5)
         pen.text(x, y - BOX_HEIGHT / 2 - 5.9, flow, size=7, weight="bold")
     else:
@@ -196,68 +234,52 @@ def _label_wire(pen: Pen, middle: Point, words: str, flow: str, row: str, *, lev
         pen.text(x, y + BOX_HEIGHT / 2 + 2.3, flow, size=7, weight="bold")
 
 
-def _draw_attachments(
-    pen: Pen,
-    page: Layout,
-    labels: Labels,
-    attachments: Sequence[Attachment],
-    paths: Mapping[str, Path],
-    connections: "Sequence[Connection]",
-) -> "list[Connection]":
-    groups = {connection.name: connection.group for connection in connections}
-    for attachment in attachments:
-        port = attachment.port
-        stroke = stroke_of(groups[attachment.name])
-        path = paths[attachment.name] if port.into_device else paths[attachment.name][::-1]
-        pen.line(path, stroke, gid=f"line-{attachment.name}")
-        middle = stub_middle(page, port)
-        pen.symbol(port.symbol, middle, (0.0, -1.0), stroke)  # cannula tips point to the patient
+def _draw_lines(pen: Pen, plan: Plan, page: Layout, labels: Labels, paths: Mapping[str, Path]) -> None:
+    """Draws the lines that run in lanes."""
+    for line in plan.lines:
+        look = look_of(line.frame)
+        path = paths[line.name] if line.into_device else paths[line.name][::-1]
+        pen.line(path, look, gid=f"line-{line.name}")
+        middle = stub_middle(page, line)
+        pen.symbol(line.mark.symbol, middle, (0.0, -1.0), look)  # cannula tips point to the patient
         x, y = middle
         side = 5.0 if x < MIDDLE else -5.0
         pen.label_beside(
-            (x + side, y), [port.words, labels.flow(attachment.name)], "left" if side > 0 else "right"
+            (x + side, y), [line.mark.words, labels.flow(line.name)], "left" if side > 0 else "right"
         )
-    drawn = {attachment.name for attachment in attachments}
-    return [connection for connection in connections if connection.name not in drawn]
 
 
-def _draw_assist_pump(
-    pen: Pen, page: Layout, labels: Labels, connections: "Sequence[Connection]"
-) -> "list[Connection]":
-    """Draws the LVAD inside the ring of the patient; returns the other connections."""
-    pump = next((c for c in connections if c.name == "lvadpump"), None)
-    if pump is None:
-        return list(connections)
-    inlet, outlet = fixed_site(pump.source), fixed_site(pump.target)
-    paths = pump_paths(inlet, outlet, page) if inlet and outlet else None
-    if paths is None:
-        return list(connections)
-    stroke = stroke_of("lvad")
-    for path in paths:
-        pen.line(path, stroke, gid="line-lvadpump")
-    at = paths[1][0]
-    pen.symbol("pump", (at[0], at[1] + PUMP_RADIUS), (0.0, -1.0), stroke)
-    lines = ["LVAD pump", labels.flow("lvadpump"), labels.head("lvadpump")]
-    pen.label_beside((MIDDLE + 5.5, at[1] + PUMP_RADIUS), [line for line in lines if line], "left")
-    return [connection for connection in connections if connection is not pump]
+def _draw_bridges(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
+    """Draws assist pumps and shunts inside the ring of the patient."""
+    for bridge in plan.bridges:
+        look = look_of(labels.groups[bridge.name])
+        into, out = bridge_paths(plan, page, bridge)
+        for path in (into, out):
+            pen.line(path, look, gid=f"line-{bridge.name}")
+        direction = out[0][1] - into[-1][1]
+        middle = (MIDDLE, into[-1][1] + PUMP_RADIUS * (1.0 if direction > 0 else -1.0))
+        pen.symbol(bridge.mark.symbol, middle, (0.0, direction), look)
+        at, align = bridge_label(plan, page, bridge)
+        lines = [plain_text(bridge.mark.words, 24), labels.flow(bridge.name), labels.head(bridge.name)]
+        pen.label_beside(at, lines, align)
 
 
-def _draw_others(pen: Pen, page: Layout, labels: Labels, connections: "Sequence[Connection]") -> None:
-    """Draws connections that the layout does not know as arcs, labels where there is room."""
+def _draw_others(pen: Pen, plan: Plan, page: Layout, labels: Labels, circuit: "Circuit") -> None:
+    """Draws connections without a place as arcs, labels where there is room."""
     blocked = [page.box(name) for name in page.places]
-    for connection in connections:
+    for connection in (c for c in circuit.connections if c.name in plan.others):
         source, target = fixed_site(connection.source), fixed_site(connection.target)
         if source not in page.places or target not in page.places or source == target:
             continue
-        stroke = stroke_of(connection.group)
-        middle = pen.arc(page.box(source), page.box(target), stroke, blocked)
+        look = look_of(connection.group)
+        middle = pen.arc(page.box(source), page.box(target), look, blocked)
         text = " ".join([plain_text(connection.name, 18), labels.flow(connection.name)]).strip()
-        pen.text_where_free(middle, text, blocked, size=6.5, colour=stroke.colour)
+        pen.text_where_free(middle, text, blocked, size=6.5, colour=look.colour)
 
 
-def _note_undrawn(pen: Pen, page: Layout, connections: "Sequence[Connection]") -> None:
+def _note_undrawn(pen: Pen, page: Layout, connections: Sequence[str]) -> None:
     if connections:
-        names = ", ".join(plain_text(c.name, 18) for c in connections)
+        names = ", ".join(plain_text(name, 18) for name in connections)
         note = plain_text(f"Not drawn, site chosen by a parameter: {names}", 120)
         left = pen.ax.get_xlim()[0] + 3.0
         pen.text(left, -page.height - 2.0, note, size=6.5, ha="left", color=GREY)

@@ -1,15 +1,28 @@
-"""Where the schematic puts each compartment and connection: tables in millimetres, and the page made of them.
+"""Where the schematic puts each compartment and connection: places in millimetres, and the page made of them.
 
 The patient is a ring: right heart up the left side, lungs at the top, left heart down the right side, body at
-the bottom. Devices stand above the patient, ECMO below CRRT. Lines between devices and sites run in lanes
-around them.
+the bottom. Devices stand in frames above the patient. Lines between devices and sites run in lanes around
+them; a device without compartments of its own, such as an assist pump, stands inside the ring.
 """
 
-from collections.abc import Iterable, Mapping
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal
+
+from eclsim.devices.description import Box, Mark
+from eclsim.devices.device import Naming
+from eclsim.devices.registry import instances_in
+
+if TYPE_CHECKING:
+    from eclsim.circuit import Circuit
+    from eclsim.circuit.network import Connection
 
 Side = Literal["left", "right", "up", "down"]
+Row = tuple[str, int]
+"""Frame and number of a row, counted from its top."""
 
 BOX_WIDTH = 28.5
 BOX_HEIGHT = 12.0
@@ -20,113 +33,276 @@ LEFT_LANE, RIGHT_LANE = 10.0, 170.0
 FRAME = (13.0, 167.0)
 TITLE_HEIGHT = 12.0
 STUB = 12.5
+PATIENT, SPARE = "patient", "spare"
+LUNGS, HEART_UPPER, HEART_LOWER, BODY = ((PATIENT, row) for row in range(4))
+PER_BRIDGE = 27.0
+"""Height [mm] that a second pump inside the ring takes."""
+_SPARE_ROW = 22.0
+_PATIENT_HEIGHTS = {
+    LUNGS: (15.0, 6.0),
+    HEART_UPPER: (19.0, 6.0),
+    HEART_LOWER: (19.0, 6.0),
+    BODY: (19.0, 14.5),
+}
+"""Space [mm] above and below the middle line of a row; labels of wires stand in it."""
 
 
 @dataclass(frozen=True)
-class NodePlace:
-    """Place of one compartment: column centre [mm], row, its words, and the side that faces the lanes."""
+class Place:
+    """Place of one compartment: row, middle of its column [mm], words, and the side that faces the lanes."""
 
+    row: Row
     x: float
-    row: str
     words: str
     side: Side
 
 
 @dataclass(frozen=True)
-class WirePlace:
-    """How the connection between two neighbouring compartments is drawn: its ends, symbol and words."""
+class Wire:
+    """A connection between two neighbours."""
 
+    name: str
     source: str
     target: str
-    symbol: str
-    words: str
+    mark: Mark
 
 
 @dataclass(frozen=True)
-class PortPlace:
-    """A device's line to a site: the device's compartment, which way blood flows, its words."""
+class Attachment:
+    """A line between a device's compartment and a site, which runs in lanes.
 
+    Args:
+        name: of the connection.
+        site: the compartment outside of the device.
+        node: the compartment of the device.
+        frame: of the device.
+        into_device: whether blood flows from the site into the device.
+        mark: what stands at its device's end.
+    """
+
+    name: str
+    site: str
     node: str
-    symbol: str
-    words: str
+    frame: str
     into_device: bool
-    band: str
+    mark: Mark
 
 
-NODES: Mapping[str, NodePlace] = {
-    "pas": NodePlace(30, "lungs", "Pulmonary sinus", "left"),
-    "part": NodePlace(90, "lungs", "Pulmonary arteries", "up"),
-    "pvn": NodePlace(150, "lungs", "Pulmonary veins", "right"),
-    "rv": NodePlace(30, "heart_upper", "Right ventricle", "left"),
-    "la": NodePlace(150, "heart_upper", "Left atrium", "right"),
-    "ra": NodePlace(30, "heart_lower", "Right atrium", "left"),
-    "lv": NodePlace(150, "heart_lower", "Left ventricle", "right"),
-    "svn": NodePlace(30, "body", "Systemic veins", "left"),
-    "sart": NodePlace(90, "body", "Systemic arteries", "down"),
-    "ao": NodePlace(150, "body", "Aorta", "right"),
-    "ecmodrain": NodePlace(30, "ecmo_lower", "After drainage", "left"),
-    "ecmotudp": NodePlace(30, "ecmo_upper", "Before pump", "up"),
-    "ecmotupo": NodePlace(70, "ecmo_upper", "After pump", "up"),
-    "ecmooxy": NodePlace(110, "ecmo_upper", "Before oxygenator", "up"),
-    "ecmotuor": NodePlace(150, "ecmo_upper", "After oxygenator", "up"),
-    "ecmoreturn": NodePlace(150, "ecmo_lower", "Before return", "right"),
-    "crrttuin": NodePlace(30, "crrt", "Before pump", "up"),
-    "crrttupf": NodePlace(70, "crrt", "After pump", "up"),
-    "crrtfil": NodePlace(110, "crrt", "Before dialyzer", "up"),
-    "crrttuout": NodePlace(150, "crrt", "After dialyzer", "up"),
+@dataclass(frozen=True)
+class Bridge:
+    """A connection of a device without compartments, between two sites of the patient."""
+
+    name: str
+    source: str
+    target: str
+    mark: Mark
+
+
+PATIENT_PLACES: Mapping[str, Place] = {
+    "pas": Place(LUNGS, 30, "Pulmonary sinus", "left"),
+    "part": Place(LUNGS, 90, "Pulmonary arteries", "up"),
+    "pvn": Place(LUNGS, 150, "Pulmonary veins", "right"),
+    "rv": Place(HEART_UPPER, 30, "Right ventricle", "left"),
+    "la": Place(HEART_UPPER, 150, "Left atrium", "right"),
+    "ra": Place(HEART_LOWER, 30, "Right atrium", "left"),
+    "lv": Place(HEART_LOWER, 150, "Left ventricle", "right"),
+    "svn": Place(BODY, 30, "Systemic veins", "left"),
+    "sart": Place(BODY, 90, "Systemic arteries", "down"),
+    "ao": Place(BODY, 150, "Aorta", "right"),
 }
-
-WIRES: Mapping[str, WirePlace] = {
-    "ra": WirePlace("ra", "rv", "valve", "tricuspid valve"),
-    "rv": WirePlace("rv", "pas", "valve", "pulmonary valve"),
-    "pas": WirePlace("pas", "part", "tube", "pulmonary artery"),
-    "part": WirePlace("part", "pvn", "resistance", "lungs"),
-    "pvn": WirePlace("pvn", "la", "tube", "pulmonary veins"),
-    "la": WirePlace("la", "lv", "valve", "mitral valve"),
-    "lv": WirePlace("lv", "ao", "valve", "aortic valve"),
-    "ao": WirePlace("ao", "sart", "tube", "aorta"),
-    "sart": WirePlace("sart", "svn", "resistance", "organs"),
-    "svn": WirePlace("svn", "ra", "tube", "venous return"),
-    "ecmotudp": WirePlace("ecmodrain", "ecmotudp", "tube", "tube"),
-    "ecmopump": WirePlace("ecmotudp", "ecmotupo", "pump", "pump"),
-    "ecmotupo": WirePlace("ecmotupo", "ecmooxy", "tube", "tube"),
-    "ecmooxy": WirePlace("ecmooxy", "ecmotuor", "exchanger", "oxygenator"),
-    "ecmotuor": WirePlace("ecmotuor", "ecmoreturn", "tube", "tube"),
-    "crrtpump": WirePlace("crrttuin", "crrttupf", "roller", "roller pump"),
-    "crrttupf": WirePlace("crrttupf", "crrtfil", "tube", "tube"),
-    "crrtfil": WirePlace("crrtfil", "crrttuout", "exchanger", "dialyzer"),
-}
-
-PORTS: Mapping[str, PortPlace] = {
-    "ecmodrain": PortPlace("ecmodrain", "cannula", "drainage cannula", True, "below_ecmo"),
-    "ecmoreturn": PortPlace("ecmoreturn", "cannula", "return cannula", False, "below_ecmo"),
-    "crrttuin": PortPlace("crrttuin", "tube", "access line", True, "below_crrt"),
-    "crrttuout": PortPlace("crrttuout", "tube", "return line", False, "below_crrt"),
-}
-
-# Row or band of lanes -> space [mm] above and below its middle line. Labels of wires stand in that space.
-ROWS: Mapping[str, tuple[float, float]] = {
-    "crrt": (15.0, 6.0 + STUB),
-    "ecmo_upper": (14.5, 6.0),
-    "ecmo_lower": (19.0, 6.0 + STUB),
-    "lungs": (15.0, 6.0),
-    "heart_upper": (19.0, 6.0),
-    "heart_lower": (19.0, 6.0),
-    "body": (19.0, 14.5),
-}
-_GROUPS = (
-    ("crrt", ("crrt",)),
-    ("ecmo", ("ecmo_upper", "ecmo_lower")),
-    ("patient", ("lungs", "heart_upper", "heart_lower", "body")),
+_PATIENT_WIRES = (
+    Wire("ra", "ra", "rv", Mark("valve", "tricuspid valve")),
+    Wire("rv", "rv", "pas", Mark("valve", "pulmonary valve")),
+    Wire("pas", "pas", "part", Mark("tube", "pulmonary artery")),
+    Wire("part", "part", "pvn", Mark("resistance", "lungs")),
+    Wire("pvn", "pvn", "la", Mark("tube", "pulmonary veins")),
+    Wire("la", "la", "lv", Mark("valve", "mitral valve")),
+    Wire("lv", "lv", "ao", Mark("valve", "aortic valve")),
+    Wire("ao", "ao", "sart", Mark("tube", "aorta")),
+    Wire("sart", "sart", "svn", Mark("resistance", "organs")),
+    Wire("svn", "svn", "ra", Mark("tube", "venous return")),
 )
-_SPARE_ROW = 22.0
+
+
+@dataclass
+class Plan:
+    """What stands and runs where, without measures.
+
+    Args:
+        frames: title of each frame, from the top; the patient's is the last.
+        places: of compartments.
+        spare: compartments without a place, in rows of their own.
+        wires: connections between neighbours.
+        lines: connections in lanes.
+        bridges: connections inside the patient's ring.
+        others: names of connections that are drawn as arcs.
+        undrawn: names of connections whose site is chosen by a parameter.
+    """
+
+    frames: dict[str, str] = field(default_factory=dict)
+    places: dict[str, Place] = field(default_factory=dict)
+    spare: list[str] = field(default_factory=list)
+    wires: list[Wire] = field(default_factory=list)
+    lines: list[Attachment] = field(default_factory=list)
+    bridges: list[Bridge] = field(default_factory=list)
+    others: list[str] = field(default_factory=list)
+    undrawn: list[str] = field(default_factory=list)
+
+    @cached_property
+    def heights(self) -> dict[Row, tuple[float, float]]:
+        """Space [mm] above and below the middle line of each row."""
+        rows = dict.fromkeys(sorted(place.row for place in self.places.values()))
+        found: dict[Row, tuple[float, float]] = {}
+        for frame, number in rows:
+            last = max(row for of, row in rows if of == frame)
+            stub = STUB if number == last else 0.0
+            found[frame, number] = (15.0 if number == 0 else 19.0, 6.0 + stub)
+        found |= {row: height for row, height in _PATIENT_HEIGHTS.items() if row in rows}
+        if HEART_UPPER in found:
+            above, below = found[HEART_UPPER]
+            found[HEART_UPPER] = (above + PER_BRIDGE * max(len(self.bridges) - 1, 0), below)
+        return found
+
+    def bands(self, line: Attachment) -> tuple[str, ...]:
+        """Bands of lanes that a line runs through, nearest to its site first: each is below a frame."""
+        place = self.places[line.site]
+        if place.side == "down":
+            return place.row[0], line.frame
+        if place.side == "up" and (above := self._above(place.row[0])) != line.frame:
+            return above, line.frame
+        return (line.frame,)
+
+    def lanes(self) -> dict[str, int]:
+        """How many lines run through each band."""
+        found: dict[str, int] = {}
+        for line in self.lines:
+            for band in self.bands(line):
+                found[band] = found.get(band, 0) + 1
+        return found
+
+    def _above(self, frame: str) -> str:
+        order = list(self.frames)
+        return order[max(order.index(frame) - 1, 0)]
+
+
+def plan_of(circuit: Circuit) -> Plan:
+    """The plan of a circuit with fixed sites."""
+    plan = Plan()
+    instances = instances_in(circuit)
+    groups = {c.name: c.group for c in circuit.compartments}
+    for names in reversed(instances):
+        own = [c.name for c in circuit.compartments if c.group == names.key]
+        if own:
+            plan.frames[names.key] = f"{names.device.name} circuit {names.name}".strip()
+            plan.places |= _device_places(names, own)
+    known = {name: place for name, place in PATIENT_PLACES.items() if name in groups}
+    if known:
+        plan.frames[PATIENT] = "Patient"
+        plan.places |= known
+    plan.spare = [name for name in groups if name not in plan.places]
+    by_group = {names.key: names for names in instances}
+    for connection in circuit.connections:
+        _add(plan, connection, by_group.get(connection.group), groups)
+    return plan
+
+
+def fixed_site(site: object) -> str | None:
+    """The compartment a site names; None where it is chosen per patient among several."""
+    if isinstance(site, str):
+        return site
+    sites = getattr(site, "sites", ())
+    return sites[0] if len(sites) == 1 else None
+
+
+def _add(plan: Plan, connection: Connection, names: Naming | None, groups: Mapping[str, str]) -> None:
+    """Put a connection where it belongs in a plan."""
+    name = connection.name
+    source, target = fixed_site(connection.source), fixed_site(connection.target)
+    if source is None or target is None:
+        plan.undrawn.append(name)
+        return
+    if names is None:
+        wire = next((wire for wire in _PATIENT_WIRES if wire.name == name), None)
+        if wire is not None and (source, target) == (wire.source, wire.target):
+            plan.wires.append(wire)
+        else:
+            plan.others.append(name)
+        return
+    mark = _mark(names, connection)
+    own = [end for end in (source, target) if groups.get(end) == names.key]
+    site = next((end for end in (source, target) if end not in own), "")
+    if len(own) == 2 and _neighbours(plan, source, target):
+        plan.wires.append(Wire(name, source, target, mark))
+    elif len(own) == 1 and site in plan.places and _can_leave(plan, own[0], site):
+        plan.lines.append(Attachment(name, site, own[0], names.key, target in own, mark))
+    elif not own and source != target and {source, target} <= set(PATIENT_PLACES) & set(plan.places):
+        plan.bridges.append(Bridge(name, source, target, mark))
+    else:
+        plan.others.append(name)
+
+
+def _device_places(names: Naming, compartments: Sequence[str]) -> dict[str, Place]:
+    """Places of a device's compartments: its own, or in flow direction."""
+    own = {name: names.own(name) or name for name in compartments}
+    boxes = {name: names.device.boxes.get(own[name]) for name in compartments}
+    if any(box is None for box in boxes.values()):
+        words = (names.device.compartments.get(own[name], own[name]) for name in compartments)
+        boxes = dict(zip(compartments, _in_flow_direction([w.capitalize() for w in words]), strict=True))
+    found = {}
+    for name, box in boxes.items():
+        assert box is not None  # all have one
+        side: Side = "up" if box.row == 0 else "left" if box.column == 0 else "right"
+        found[name] = Place((names.key, box.row), COLUMNS[box.column], box.words, side)
+    return found
+
+
+def _in_flow_direction(words: Sequence[str]) -> list[Box]:
+    """Boxes in a row; of more than four the first and the last stand below it, where lines begin and end."""
+    columns = {1: (1,), 2: (0, 3), 3: (0, 1, 3)}
+    if len(words) <= 4:
+        places = [(column, 0) for column in columns.get(len(words), (0, 1, 2, 3))]
+    elif len(words) <= 6:
+        upper = columns.get(len(words) - 2, (0, 1, 2, 3))
+        places = [(0, 1), *((column, 0) for column in upper), (3, 1)]
+    else:
+        places = [(k % 4 if k // 4 % 2 == 0 else 3 - k % 4, k // 4) for k in range(len(words))]
+    return [Box(*place, text) for place, text in zip(places, words, strict=True)]
+
+
+def _mark(names: Naming, connection: Connection) -> Mark:
+    """How a connection of a device is marked, the name of a named instance behind its words."""
+    own = names.own(connection.name) or connection.name
+    law = connection.component
+    symbol = "roller" if law.given_flow else "valve" if law.one_way else "tube"
+    mark = names.device.marks.get(own) or Mark(symbol, names.device.connections.get(own, own))
+    alone = not names.device.compartments
+    words = f"{mark.words} {names.name}".strip() if alone else mark.words
+    return Mark("roller" if law.given_flow else mark.symbol, words)
+
+
+def _neighbours(plan: Plan, first: str, second: str) -> bool:
+    """Whether two boxes of a frame stand in one row or column with none between them."""
+    a, b = plan.places[first], plan.places[second]
+    if a.row == b.row:
+        low, high = sorted((a.x, b.x))
+        return low < high and not any(p.row == a.row and low < p.x < high for p in plan.places.values())
+    return a.x == b.x and abs(a.row[1] - b.row[1]) == 1
+
+
+def _can_leave(plan: Plan, node: str, site: str) -> bool:
+    """Whether a line can run from the lower side of a device's box to a site."""
+    frame, row = plan.places[node].row
+    lowest = max(place.row[1] for place in plan.places.values() if place.row[0] == frame)
+    target = plan.places[site]
+    topmost = target.side == "up" and next(iter(plan.frames)) == target.row[0]
+    return row == lowest and not topmost
 
 
 @dataclass
 class Layout:
-    """The page of one circuit: heights of rows and bands of lanes, frames of groups, places of all boxes."""
+    """The page of one plan: heights of rows and bands of lanes, frames, places of all boxes [mm]."""
 
-    rows: dict[str, float] = field(default_factory=dict)
+    rows: dict[Row, float] = field(default_factory=dict)
     bands: dict[str, float] = field(default_factory=dict)
     frames: dict[str, tuple[float, float]] = field(default_factory=dict)
     places: dict[str, tuple[float, float]] = field(default_factory=dict)
@@ -138,44 +314,32 @@ class Layout:
         return x - BOX_WIDTH / 2, y - BOX_HEIGHT / 2, x + BOX_WIDTH / 2, y + BOX_HEIGHT / 2
 
 
-def arrange(
-    names: Iterable[str], lanes: Mapping[str, int], heights: Mapping[str, tuple[float, float]] = ROWS
-) -> Layout:
-    """Places compartments on a page that grows downwards from 0.
+def arrange(plan: Plan, heights: Mapping[Row, tuple[float, float]] | None = None) -> Layout:
+    """Places the compartments of a plan on a page that grows downwards from 0.
 
     Args:
-        names: the compartments; those without a place of their own go to spare rows at the bottom.
-        lanes: how many lines run through each band ("below_crrt", "below_ecmo", "below_patient").
-        heights: space [mm] above and below the middle line of each row.
+        plan: what stands where; compartments without a place go to spare rows at the bottom.
+        heights: space [mm] above and below the middle line of each row; left out, the plan's.
     """
-    names = list(names)
-    used = {NODES[name].row for name in names if name in NODES}
+    heights = plan.heights if heights is None else heights
+    lanes = plan.lanes()
     page = Layout()
     y = -TITLE_HEIGHT
-    for group, rows in _GROUPS:
-        if not used & set(rows):
-            continue
+    for frame in plan.frames:
         top = y
-        for row in rows:
+        for row in (row for row in heights if row[0] == frame):
             above, below = heights[row]
             page.rows[row] = y - above
             y -= above + below
-        page.frames[group] = (y, top)
-        band = f"below_{group}"
-        page.bands[band] = y - 2.0
-        y -= 3.0 + LANE_PITCH * lanes.get(band, 0)
-    page.places = {name: (NODES[name].x, page.rows[NODES[name].row]) for name in names if name in NODES}
-    y = _place_spare(page, [name for name in names if name not in NODES], y)
-    page.height = -y
-    return page
-
-
-def _place_spare(page: Layout, spare: list[str], y: float) -> float:
-    for index, name in enumerate(spare):
+        page.frames[frame] = (y, top)
+        page.bands[frame] = y - 2.0
+        y -= 3.0 + LANE_PITCH * lanes.get(frame, 0)
+    page.places = {name: (place.x, page.rows[place.row]) for name, place in plan.places.items()}
+    for index, name in enumerate(plan.spare):
         row, column = divmod(index, len(COLUMNS))
         page.places[name] = (COLUMNS[column], y - 10.0 - BOX_HEIGHT / 2 - row * _SPARE_ROW)
-    rows = -(-len(spare) // len(COLUMNS))
-    if rows:
-        page.frames["spare"] = (y - 4.0 - rows * _SPARE_ROW, y - 2.0)
+    if rows := -(-len(plan.spare) // len(COLUMNS)):
+        page.frames[SPARE] = (y - 4.0 - rows * _SPARE_ROW, y - 2.0)
         y -= 6.0 + rows * _SPARE_ROW
-    return y
+    page.height = -y
+    return page

@@ -1,4 +1,4 @@
-"""Draws boxes, lines and labels in millimetres onto axes of any size."""
+"""Draws boxes, lines, symbols and labels in millimetres onto axes of any size."""
 
 import math
 from collections.abc import Sequence
@@ -9,12 +9,13 @@ import numpy as np
 from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import FancyArrowPatch, FancyBboxPatch, Rectangle
+from matplotlib.patches import Circle, FancyArrowPatch, FancyBboxPatch, Patch, Polygon, Rectangle
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
-from eclsim.reporting.schematic_symbols import draw_arrow_head, draw_symbol
-from eclsim.reporting.style import OKABE_ITO
+from eclsim.devices.description import Look
+from eclsim.devices.device import Device
+from eclsim.devices.registry import device_of
 
 Point = tuple[float, float]
 Box = tuple[float, float, float, float]
@@ -23,28 +24,13 @@ Box = tuple[float, float, float, float]
 _BENDS = (0.0, 0.12, -0.12, 0.24, -0.24, 0.36, -0.36, 0.5, -0.5)
 
 
-@dataclass(frozen=True)
-class Stroke:
-    """Look of one group's lines; dash patterns tell the groups apart in grey print."""
-
-    colour: str
-    width: float
-    dash: object
-    fill: str
+_PATIENT = Look("#222222", "#F7F7F7", 1.3)
 
 
-_STROKES = {
-    "patient": Stroke("#222222", 1.3, "-", "#F7F7F7"),
-    "ecmo": Stroke(OKABE_ITO["blue"], 2.0, "-", "#EEF5FA"),
-    "crrt": Stroke("#00734F", 1.5, (0, (4, 1.5)), "#EDF7F3"),
-    "lvad": Stroke("#A84A00", 2.0, (0, (6, 1.3, 1.2, 1.3)), "#FBF1EA"),
-}
-_OTHER = Stroke("#7A4A72", 1.3, (0, (1.5, 1.2)), "#F8F2F6")
-
-
-def stroke_of(group: str) -> Stroke:
-    """The look of a group; groups of a user's own share one."""
-    return _STROKES.get(group, _OTHER)
+def look_of(group: str) -> Look:
+    """The look of the patient or of a device; groups of a user's own share one."""
+    device = device_of(group)
+    return _PATIENT if group == "patient" else Device.look if device is None else device.look
 
 
 @dataclass
@@ -76,7 +62,7 @@ class Pen:
                 at[0], y, line, size=7 if index else 6.5, weight="bold" if index else "normal", ha=align
             )
 
-    def frame(self, left: float, bottom: float, right: float, top: float, stroke: Stroke) -> None:
+    def frame(self, left: float, bottom: float, right: float, top: float, look: Look) -> None:
         """Tinted background of one group."""
         style = "round,pad=0,rounding_size=2.5"
         self.ax.add_patch(
@@ -86,7 +72,7 @@ class Pen:
                 top - bottom,
                 boxstyle=style,
                 zorder=0,
-                facecolor=stroke.fill,
+                facecolor=look.fill,
                 edgecolor="#C9C9C9",
                 linewidth=0.6 * self.scale,
             )
@@ -100,7 +86,7 @@ class Pen:
             )
         )
 
-    def box(self, box: Box, stroke: Stroke, gid: str) -> None:
+    def box(self, box: Box, look: Look, gid: str) -> None:
         """A white box with rounded corners."""
         left, bottom, right, top = box
         patch = FancyBboxPatch(
@@ -109,45 +95,49 @@ class Pen:
             top - bottom,
             boxstyle="round,pad=0,rounding_size=1.5",
             facecolor="white",
-            edgecolor=stroke.colour,
+            edgecolor=look.colour,
             linewidth=0.9 * self.scale,
             zorder=4,
         )
         patch.set_gid(gid)
         self.ax.add_patch(patch)
 
-    def line(self, points: Sequence[Point], stroke: Stroke, gid: str | None = None) -> None:
+    def line(self, points: Sequence[Point], look: Look, gid: str | None = None) -> None:
         """A line with an arrow head at its end; a white outline shows where it crosses others."""
         (x0, y0), (x1, y1) = points[-2], points[-1]
         length = math.hypot(x1 - x0, y1 - y0) or 1.0
         direction = ((x1 - x0) / length, (y1 - y0) / length)
-        size = 2.6 if stroke.width < 1.8 else 3.2
+        size = 2.6 if look.width < 1.8 else 3.2
         end = (x1 - 0.8 * size * direction[0], y1 - 0.8 * size * direction[1])
         xs, ys = zip(*points[:-1], end, strict=True)
         (line,) = self.ax.plot(
             xs,
             ys,
-            color=stroke.colour,
-            linewidth=stroke.width * self.scale,
+            color=look.colour,
+            linewidth=look.width * self.scale,
             zorder=3,
-            linestyle=stroke.dash,
+            linestyle=look.dash,
             solid_joinstyle="round",
             solid_capstyle="butt",
         )
         line.set_path_effects(
             [
                 patheffects.Stroke(
-                    linewidth=(stroke.width + 2.2) * self.scale, foreground="white", capstyle="butt"
+                    linewidth=(look.width + 2.2) * self.scale, foreground="white", capstyle="butt"
                 ),
                 patheffects.Normal(),
             ]
         )
         line.set_gid(gid)
-        draw_arrow_head(self.ax, (x1, y1), direction, stroke.colour, size)
+        head = _turned([(0.0, 0.0), (-size, 0.42 * size), (-size, -0.42 * size)], (x1, y1), direction)
+        self.ax.add_patch(Polygon(head, closed=True, facecolor=look.colour, edgecolor="none", zorder=6))
 
-    def symbol(self, kind: str, at: Point, direction: Point, stroke: Stroke) -> None:
+    def symbol(self, kind: str, at: Point, direction: Point, look: Look) -> None:
         """A symbol over a line, pointing along it."""
-        draw_symbol(self.ax, kind, at, direction, stroke.colour, 1.1 * self.scale)
+        for patch in _patches(kind, at, direction, look.colour):
+            patch.set_linewidth(1.1 * self.scale)
+            patch.set_zorder(5)
+            self.ax.add_patch(patch)
 
     def between(self, first: Box, second: Box) -> tuple[Point, Point]:
         """Ends of a straight line between two boxes of one row or one column."""
@@ -158,7 +148,7 @@ class Pen:
             )
         return ((x, first[3]), (x, second[1])) if second[1] > first[3] else ((x, first[1]), (x, second[3]))
 
-    def arc(self, first: Box, second: Box, stroke: Stroke, blocked: Sequence[Box]) -> Point:
+    def arc(self, first: Box, second: Box, look: Look, blocked: Sequence[Box]) -> Point:
         """A bent arrow between two boxes anywhere on the page, past boxes and text; returns its middle."""
         start, stop = _border(first, _middle(second)), _border(second, _middle(first))
         obstacles = [*self._texts(), *(Bbox.from_extents(*box) for box in blocked)]
@@ -167,7 +157,7 @@ class Pen:
         arrow = FancyArrowPatch(
             start, stop, connectionstyle=f"arc3,rad={bend}", arrowstyle="-|>", zorder=3, shrinkA=0, shrinkB=0
         )
-        arrow.set(color=stroke.colour, linestyle=stroke.dash, linewidth=stroke.width * self.scale)
+        arrow.set(color=look.colour, linestyle=look.dash, linewidth=look.width * self.scale)
         arrow.set_mutation_scale(8 * self.scale)
         self.ax.add_patch(arrow)
         return curves[bend][len(curves[bend]) // 2]
@@ -226,3 +216,46 @@ def _border(box: Box, towards: Point) -> Point:
     dx, dy = towards[0] - x, towards[1] - y
     reach = max(abs(dx) / (0.5 * (box[2] - box[0])), abs(dy) / (0.5 * (box[3] - box[1])), 1e-9)
     return x + dx / reach, y + dy / reach
+
+
+def _patches(kind: str, at: Point, direction: Point, colour: str) -> list[Patch]:
+    """A symbol around a point, pointing along a direction of flow."""
+
+    def shape(points: list[Point], face: str = "white", closed: bool = True) -> Polygon:
+        return Polygon(
+            _turned(points, at, direction),
+            closed=closed,
+            fill=face != "none",
+            facecolor=face,
+            edgecolor=colour,
+        )
+
+    match kind:
+        case "valve":
+            flap = [(-2.4, 2.2), (2.4, 0.0), (-2.4, -2.2)]
+            return [shape(flap), shape([(2.4, 2.2), (2.4, -2.2)], "none", closed=False)]
+        case "pump":
+            return [
+                Circle(at, 3.3, facecolor="white", edgecolor=colour),
+                shape([(-1.7, 2.83), (3.3, 0.0), (-1.7, -2.83)]),
+            ]
+        case "roller":
+            rollers = _turned([(0.0, 2.1), (0.0, -2.1)], at, direction)
+            arm = shape([(0.0, 2.1), (0.0, -2.1)], "none", closed=False)
+            ring = Circle(at, 3.3, facecolor="white", edgecolor=colour)
+            return [ring, arm, *(Circle(p, 1.0, facecolor=colour, edgecolor=colour) for p in rollers)]
+        case "exchanger":
+            membrane = shape([(-3.3, -3.0), (3.3, 3.0)], "none", closed=False)
+            return [shape([(-3.3, -3.0), (3.3, -3.0), (3.3, 3.0), (-3.3, 3.0)]), membrane]
+        case "cannula":
+            return [shape([(-2.8, 1.6), (2.8, 0.7), (2.8, -0.7), (-2.8, -1.6)])]
+        case "resistance":
+            return [shape([(-3.3, 1.3), (3.3, 1.3), (3.3, -1.3), (-3.3, -1.3)])]
+        case _:
+            return []
+
+
+def _turned(points: list[Point], at: Point, direction: Point) -> list[Point]:
+    length = math.hypot(*direction) or 1.0
+    c, s = direction[0] / length, direction[1] / length
+    return [(at[0] + c * x - s * y, at[1] + s * x + c * y) for x, y in points]

@@ -4,89 +4,46 @@ Every line has a lane of its own beside and between the blocks; of all ways to s
 with the fewest crossings is taken.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
 from itertools import pairwise, permutations, product
-from typing import TYPE_CHECKING
 
 from eclsim.reporting.schematic_layout import (
+    BODY,
     BOX_HEIGHT,
     BOX_WIDTH,
+    HEART_LOWER,
     LANE_PITCH,
     LEFT_LANE,
+    LUNGS,
     MIDDLE,
-    NODES,
-    PORTS,
+    PER_BRIDGE,
     RIGHT_LANE,
     STUB,
+    Attachment,
+    Bridge,
     Layout,
-    PortPlace,
+    Plan,
     Side,
 )
-
-if TYPE_CHECKING:
-    from eclsim.circuit import Connection
 
 Point = tuple[float, float]
 Path = list[Point]
 _OVERLAP_PENALTY = 50.0
 _LONGEST_SEARCH = 4
 PUMP_RADIUS = 3.3
+_CHANNEL, _CHANNEL_PITCH = 28.0, 4.0
+"""Distance [mm] of the lines of the first pump inside the ring from its middle, and between lines."""
 
 
-@dataclass(frozen=True)
-class Attachment:
-    """One line of a device: the connection's name, the site, and the device's port."""
-
-    name: str
-    site: str
-    port: PortPlace
-
-
-def fixed_site(site: object) -> str | None:
-    """The compartment a site names; None where it is chosen per patient among several."""
-    if isinstance(site, str):
-        return site
-    sites = getattr(site, "sites", ())
-    return sites[0] if len(sites) == 1 else None
-
-
-def attachments_of(connections: "Iterable[Connection]", names: Sequence[str]) -> list[Attachment]:
-    """The lines of devices that run in lanes: a device's own end, and a site with a place in the layout."""
-    found = []
-    for connection in connections:
-        port = PORTS.get(connection.name)
-        if port is None:
-            continue
-        source, target = fixed_site(connection.source), fixed_site(connection.target)
-        site, end = (source, target) if port.into_device else (target, source)
-        if (
-            end == port.node
-            and site is not None
-            and site in NODES
-            and {site, end} <= set(names)
-            and site != end
-        ):
-            found.append(Attachment(connection.name, site, port))
-    return found
-
-
-def lanes_needed(attachments: Sequence[Attachment], device_bands: Sequence[str]) -> dict[str, int]:
-    """How many lines run through each band of lanes."""
-    count: dict[str, int] = {}
-    for attachment in attachments:
-        for band in _bands_of(attachment, device_bands):
-            count[band] = count.get(band, 0) + 1
-    return count
-
-
-def route(attachments: Sequence[Attachment], page: Layout) -> dict[str, Path]:
-    """Corner points of each line, from the site to the device's port."""
-    if not attachments:
+def route(plan: Plan, page: Layout) -> dict[str, Path]:
+    """Corner points of each line, from the site to the device."""
+    if not plan.lines:
         return {}
     best: tuple[float, dict[str, Path]] = (float("inf"), {})
-    for order, flips in _choices(len(attachments)):
-        paths = _paths([attachments[i] for i in order], page, flips)
+    for order, flips in _choices(len(plan.lines)):
+        paths = _paths(plan, page, [plan.lines[i] for i in order], flips)
         cost = _cost(list(paths.values()))
         if cost < best[0]:
             best = (cost, paths)
@@ -98,65 +55,55 @@ def _choices(count: int) -> Iterator[tuple[Sequence[int], tuple[bool, ...]]]:
     return product(orders, product((False, True), repeat=3))
 
 
-def _side(attachment: Attachment) -> Side:
-    return NODES[attachment.site].side
-
-
-def _lane_side(attachment: Attachment) -> Side:
-    """The side a line goes round the blocks: its site's, or its port's where the site faces up or down."""
-    side = _side(attachment)
+def _lane_side(plan: Plan, line: Attachment) -> Side:
+    """The side a line goes round the blocks: its site's, or its device's where the site faces up or down."""
+    side = plan.places[line.site].side
     if side in ("left", "right"):
         return side
-    return "left" if NODES[attachment.port.node].x < MIDDLE else "right"
+    return "left" if plan.places[line.node].x < MIDDLE else "right"
 
 
-def _bands_of(attachment: Attachment, device_bands: Sequence[str]) -> tuple[str, ...]:
-    """Bands a line runs through, nearest to its site first."""
-    if _side(attachment) == "down":
-        return ("below_patient", attachment.port.band)
-    if _side(attachment) == "up":
-        first = "below_crrt" if NODES[attachment.site].row == "ecmo_upper" else device_bands[-1]
-        if first != attachment.port.band:
-            return (first, attachment.port.band)
-    return (attachment.port.band,)
-
-
-def _paths(ordered: Sequence[Attachment], page: Layout, flips: tuple[bool, ...]) -> dict[str, Path]:
-    bands = [band for band in ("below_crrt", "below_ecmo") if band in page.bands]
+def _paths(
+    plan: Plan, page: Layout, ordered: Sequence[Attachment], flips: tuple[bool, ...]
+) -> dict[str, Path]:
     flip_left, flip_right, flip_bands = flips
     users: dict[str, list[Attachment]] = {}
-    for attachment in ordered:
-        for key in (*_bands_of(attachment, bands), _lane_side(attachment), attachment.site):
-            users.setdefault(key, []).append(attachment)
+    for line in ordered:
+        keys = (*(f"below {band}" for band in plan.bands(line)), _lane_side(plan, line), f"at {line.site}")
+        for key in keys:
+            users.setdefault(key, []).append(line)
 
-    def rank(key: str, attachment: Attachment, flip: bool) -> int:
-        order = users[key].index(attachment)
+    def rank(key: str, line: Attachment, flip: bool) -> int:
+        order = users[key].index(line)
         return len(users[key]) - 1 - order if flip else order
 
     paths = {}
-    for attachment in ordered:
-        side = _lane_side(attachment)
-        lane = rank(side, attachment, flip_left if side == "left" else flip_right)
+    for line in ordered:
+        side = _lane_side(plan, line)
+        lane = rank(side, line, flip_left if side == "left" else flip_right)
         lane_x = LEFT_LANE - LANE_PITCH * lane if side == "left" else RIGHT_LANE + LANE_PITCH * lane
         heights = [
-            page.bands[band] - LANE_PITCH * (0.5 + rank(band, attachment, flip_bands))
-            for band in _bands_of(attachment, bands)
+            page.bands[band] - LANE_PITCH * (0.5 + rank(f"below {band}", line, flip_bands))
+            for band in plan.bands(line)
         ]
-        slot = rank(attachment.site, attachment, flip_left) - 0.5 * (len(users[attachment.site]) - 1)
-        paths[attachment.name] = _path(attachment, page, lane_x, heights, slot)
+        at_site = f"at {line.site}"
+        slot = rank(at_site, line, flip_left) - 0.5 * (len(users[at_site]) - 1)
+        paths[line.name] = _path(plan, page, line, lane_x, heights, slot)
     return paths
 
 
-def _path(attachment: Attachment, page: Layout, lane_x: float, heights: list[float], slot: float) -> Path:
-    x, y = page.places[attachment.site]
-    port_x, port_y = page.places[attachment.port.node]
+def _path(
+    plan: Plan, page: Layout, line: Attachment, lane_x: float, heights: list[float], slot: float
+) -> Path:
+    x, y = page.places[line.site]
+    port_x, port_y = page.places[line.node]
     end = [(port_x, heights[-1]), (port_x, port_y - BOX_HEIGHT / 2)]
-    side = _side(attachment)
+    side = plan.places[line.site].side
     if side in ("left", "right"):
         edge = x - BOX_WIDTH / 2 if side == "left" else x + BOX_WIDTH / 2
         level = y + 3.0 * slot
         return [(edge, level), (lane_x, level), (lane_x, heights[-1]), *end]
-    start_x = x + 5.0 * slot + _clearance(attachment, x, port_x, slot)
+    start_x = x + 5.0 * slot + _clearance(x, port_x, slot)
     start_y = y + BOX_HEIGHT / 2 if side == "up" else y - BOX_HEIGHT / 2
     path = [(start_x, start_y), (start_x, heights[0])]
     if len(heights) > 1:
@@ -164,16 +111,16 @@ def _path(attachment: Attachment, page: Layout, lane_x: float, heights: list[flo
     return path + end
 
 
-def _clearance(attachment: Attachment, x: float, port_x: float, slot: float) -> float:
+def _clearance(x: float, port_x: float, slot: float) -> float:
     """Moves a line aside where another device's line comes down over the same box."""
     if x == port_x or slot or x not in (30.0, 150.0):
         return 0.0
     return 5.0 if x == 30.0 else -5.0
 
 
-def stub_middle(page: Layout, port: PortPlace) -> Point:
-    """Middle of the straight piece below a device's port, where its symbol and label stand."""
-    x, y = page.places[port.node]
+def stub_middle(page: Layout, line: Attachment) -> Point:
+    """Middle of the straight piece below a device's box, where symbol and label of a line stand."""
+    x, y = page.places[line.node]
     return x, y - BOX_HEIGHT / 2 - STUB / 2
 
 
@@ -203,30 +150,39 @@ def _span(piece: tuple[Point, Point], axis: int) -> tuple[float, float]:
     return low, high
 
 
-def pump_paths(inlet: str, outlet: str, page: Layout) -> tuple[Path, Path] | None:
-    """Inlet and outlet line of a pump inside the patient's ring; None where a site is not on the ring.
+def bridge_paths(plan: Plan, page: Layout, bridge: Bridge) -> tuple[Path, Path]:
+    """Line into and line out of a symbol inside the patient's ring; the symbol stands between their ends.
 
-    The outlet line starts at the pump's lower end, the inlet line ends at its upper end.
+    Of several the next stands above the one before, its lines nearer to the middle.
     """
-    if inlet == outlet or not {inlet, outlet} <= set(_RING) or not {inlet, outlet} <= set(page.places):
-        return None
-    middle = page.rows["heart_lower"]
-    inlet_path = [*_inner_path(inlet, page, middle + 8.0, spare=0.0), (MIDDLE, middle + PUMP_RADIUS)]
-    outlet_path = [*_inner_path(outlet, page, middle - 8.0, spare=4.0), (MIDDLE, middle - PUMP_RADIUS)]
-    return inlet_path, outlet_path[::-1]
+    number = plan.bridges.index(bridge)
+    middle = page.rows[HEART_LOWER] + PER_BRIDGE * number
+    channel = _CHANNEL - 2.0 * _CHANNEL_PITCH * number
+    upwards = number > 0 and page.places[bridge.target][1] > page.places[bridge.source][1]
+    sign = -1.0 if upwards else 1.0
+    into = _inner_path(plan, page, bridge.source, middle + 8.0 * sign, channel, number)
+    out = _inner_path(plan, page, bridge.target, middle - 8.0 * sign, channel + _CHANNEL_PITCH, number)
+    into.append((MIDDLE, middle + PUMP_RADIUS * sign))
+    out.append((MIDDLE, middle - PUMP_RADIUS * sign))
+    return into, out[::-1]
 
 
-_RING = ("pas", "part", "pvn", "rv", "la", "ra", "lv", "svn", "sart", "ao")
+def bridge_label(plan: Plan, page: Layout, bridge: Bridge) -> tuple[Point, str]:
+    """Where the label of a bridge stands, and its alignment: away from the lines of several on the right."""
+    sites = [site for other in plan.bridges for site in (other.source, other.target)]
+    on_the_right = len(plan.bridges) > 1 and all(page.places[site][0] > MIDDLE for site in sites)
+    height = page.rows[HEART_LOWER] + PER_BRIDGE * plan.bridges.index(bridge)
+    return ((MIDDLE - 5.5, height), "right") if on_the_right else ((MIDDLE + 5.5, height), "left")
 
 
-def _inner_path(site: str, page: Layout, level: float, spare: float) -> Path:
+def _inner_path(plan: Plan, page: Layout, site: str, level: float, distance: float, number: int) -> Path:
     """From the inner side of a box of the ring to the middle of the page at the given height."""
     x, y = page.places[site]
     if site == "sart":
         return [(x - 8.0, y + BOX_HEIGHT / 2), (x - 8.0, level), (MIDDLE, level)]
     if site == "part":
         below = y - BOX_HEIGHT / 2
-        channel = MIDDLE - 28.0 - spare
+        channel = MIDDLE - distance
         return [
             (x - 8.0, below),
             (x - 8.0, below - 3.0),
@@ -234,8 +190,8 @@ def _inner_path(site: str, page: Layout, level: float, spare: float) -> Path:
             (channel, level),
             (MIDDLE, level),
         ]
-    row = NODES[site].row
-    height = y + {"lungs": -4.0, "body": 4.0}.get(row, 0.0)
+    row = plan.places[site].row
+    height = y + {LUNGS: 3.0 * number - 4.0, BODY: 4.0 - 3.0 * number}.get(row, -3.0 * number)
     inwards = 1.0 if x < MIDDLE else -1.0
-    channel = MIDDLE - inwards * (28.0 + spare)
+    channel = MIDDLE - inwards * distance
     return [(x + inwards * BOX_WIDTH / 2, height), (channel, height), (channel, level), (MIDDLE, level)]
