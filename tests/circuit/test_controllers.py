@@ -9,7 +9,9 @@ from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Control, Statistic, maximum_of, mean_of, minimum_of
 from eclsim.orbit.equation import OrbitOptions
 from eclsim.orbit.execution import Execution
+from eclsim.orbit.independent import AdaptiveBeats
 from eclsim.orbit.steady import Batch, solve, start_state
+from eclsim.orbit.transient import follow
 from eclsim.outputs.results import derivatives
 from eclsim.outputs.steady_beat import steady_beat
 from model_catalogue import CIRCUITS, model, regulated
@@ -46,6 +48,29 @@ def test_the_steady_value_is_where_marching_beat_by_beat_ends(case):
         state = np.asarray(step(state, packed)[0])
     assert abs(orbit[-1]) > 0.02, "the controller has something to do"
     np.testing.assert_allclose(state, orbit, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("case", ["resistance and heart rate", "resistance by the smallest pressure"])
+def test_the_independent_path_regulates_to_the_same_beat(case):
+    patient = regulated(*CASES[case])
+    orbit = solved(patient).states[:, 0]
+    beats, state = AdaptiveBeats(patient), orbit
+    for _ in range(60):
+        state = beats.beat(state)
+    scales = assemble(patient.circuit).layout.scales
+    assert (np.abs(state - orbit) <= 3e-3 * np.abs(orbit) + 1e-2 * scales).all()
+
+
+def test_a_course_in_time_has_beats_of_the_length_in_effect():
+    patient = regulated(*CASES["resistance and heart rate"])
+    course = follow(patient, 30.0, ("Vlv",))
+    starts = course.time[:: course.steps_per_beat]
+    lengths = np.diff(starts)
+    assert lengths[0] == pytest.approx(60.0 / patient.values["heart_rate_bpm"])
+    effect = assemble(patient.circuit).in_effect(patient.values, course.state)
+    assert lengths[-1] == pytest.approx(60.0 / float(effect["heart_rate_bpm"]), rel=1e-2)
+    assert abs(lengths[-1] / lengths[0] - 1.0) > 0.02
+    assert course.time[-1] <= 30.0
 
 
 def test_what_is_read_is_the_output_and_reaches_its_set_point():

@@ -20,10 +20,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from eclsim.beat.compilation import compiled
-from eclsim.beat.heartbeat import HEART_RATE
+from eclsim.beat.grid import PhaseGrid
 from eclsim.beat.recording import Moment, Recorder
 from eclsim.circuit.assembly import Assembly, Constants, assemble
-from eclsim.circuit.network import Circuit
+from eclsim.circuit.network import HEART_RATE, Circuit, Statistic
 from eclsim.orbit.model import AS_PUBLISHED, PATIENT_HELD, Model
 from eclsim.orbit.steady import start_state
 
@@ -53,6 +53,7 @@ class ExplicitCircuit:
             law, own = assembly.circuit.connections[j].component, constants.paths[j]
             push = self._push(j, pressures, constants)
             changes.append((push - law.pressure_drop(flows[j], own)) / law.inertance(own))
+        changes += [0.0] * len(assembly.layout.controllers.states)
         return jnp.stack([c + 0.0 * state[0] for c in changes])
 
     def signals(
@@ -158,8 +159,9 @@ class AdaptiveProgram:
         return _signals(self, names)
 
     def _advance(self, state: Any, packed: Any, start: Any, end: Any) -> Any:
-        constants = self.explicit.assembly.constants(dict(zip(self.names, packed, strict=True)))
-        period = 60.0 / packed[0]
+        assembly = self.explicit.assembly
+        values = assembly.in_effect(dict(zip(self.names, packed, strict=True)), state)
+        constants, period = assembly.constants(values), 60.0 / values[HEART_RATE]
         try:
             import diffrax
         except ModuleNotFoundError:
@@ -190,10 +192,12 @@ def adaptive_program(circuit: Circuit, tolerance: float = AdaptiveOptions.tolera
 @lru_cache(maxsize=64)
 def _signals(program: AdaptiveProgram, names: tuple[str, ...]) -> Any:
     def all_points(states: Any, phases: Any, packed: Any) -> Any:
-        constants = program.explicit.assembly.constants(dict(zip(program.names, packed, strict=True)))
+        assembly, given = program.explicit.assembly, dict(zip(program.names, packed, strict=True))
 
         def one(state: Any, phase: Any) -> Any:
-            return program.explicit.signals(names, state, phase, constants, 60.0 / packed[0])
+            values = assembly.in_effect(given, state)
+            constants, period = assembly.constants(values), 60.0 / values[HEART_RATE]
+            return program.explicit.signals(names, state, phase, constants, period)
 
         return jax.vmap(one)(states, phases)
 
@@ -211,7 +215,7 @@ class AdaptiveBeats:
 
     def beat(self, state: np.ndarray) -> np.ndarray:
         """State after one beat."""
-        return self.along(state, self.program.break_points)[-1]
+        return self.record(state, self.program.break_points, ())[0]
 
     def along(self, state: np.ndarray, phases: np.ndarray) -> np.ndarray:
         """States at increasing phases, the first of them where `state` stands; shape (phases, states)."""
@@ -228,9 +232,37 @@ class AdaptiveBeats:
     ) -> tuple[np.ndarray, np.ndarray]:
         """State after one beat, and signals at the given phases of 0 to 1, shape (phases, signals)."""
         stops = np.union1d(phases, self.program.break_points)
+        if self.model.circuit.controllers:
+            stops = np.union1d(stops, PhaseGrid().phases)
         states = self.along(state, stops)
+        after = self._regulated(stops, states)
+        if not names:
+            return after, np.empty((len(phases), 0))
         wanted = states[np.searchsorted(stops, phases)]
-        return states[-1], np.asarray(self.program.signals(names)(wanted, phases, self.packed))
+        return after, np.asarray(self.program.signals(names)(wanted, phases, self.packed))
+
+    def _regulated(self, phases: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """State at the end of a beat, after the controllers have read it."""
+        controllers, assembly = self.model.circuit.controllers, self.program.explicit.assembly
+        if not controllers:
+            return states[-1]
+        reads = [reading for control in controllers for reading in control.reads]
+        series = self.program.signals(tuple(str(r.signal) for r in reads))(states, phases, self.packed)
+        statistics = {
+            Statistic.MEAN: lambda values: np.trapezoid(values, phases),
+            Statistic.MAXIMUM: np.max,
+            Statistic.MINIMUM: np.min,
+        }
+        readings = [
+            statistics[r.statistic](values) for r, values in zip(reads, np.asarray(series).T, strict=True)
+        ]
+        given = dict(zip(self.program.names, self.packed, strict=True))
+        period = 60.0 / assembly.in_effect(given, states[0])[HEART_RATE]
+        after = states[-1].copy()
+        after[assembly.layout.controllers.where] = assembly.next_control_states(
+            states[0], readings, period, given
+        )
+        return after
 
     def wait(self, policy: str = AS_PUBLISHED) -> Waited:
         """Beat after beat from the published initial state until nothing changes any more.

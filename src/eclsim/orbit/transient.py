@@ -71,15 +71,18 @@ def follow(
         raise InvalidInputError(mistakes)
     state = primed_start(model, policy) if start is None else np.asarray(start, dtype=float)
     grid, record = _recorder(model, signals, solver)
-    period = 60.0 / model.values[HEART_RATE]
-    beats = math.ceil(seconds / period * (1.0 - 1e-12))
-    pieces = [_at_start(model, state, signals)]
-    for _ in range(beats):
+    assembly, elapsed = assemble(model.circuit), 0.0
+    times, pieces = [np.zeros(1)], [_at_start(model, state, signals)]
+    while elapsed < seconds * (1.0 - 1e-12):
+        # A controller may act on the heart rate, so that beats differ in length.
+        period = 60.0 / float(assembly.in_effect(model.values, state)[HEART_RATE])
         state, recorded = record(state)
+        times.append(elapsed + grid.phases[1:] * period)
+        elapsed += period
         pieces.append(recorded)
-    phases = np.concatenate([[0.0], *(k + grid.phases[1:] for k in range(beats))])
-    kept = phases * period <= seconds * (1.0 + 1e-12)
-    return Course(phases[kept] * period, np.concatenate(pieces)[kept], state, grid.n_steps)
+    time = np.concatenate(times)
+    kept = time <= seconds * (1.0 + 1e-12)
+    return Course(time[kept], np.concatenate(pieces)[kept], state, grid.n_steps)
 
 
 def primed_start(model: Model, policy: str = AS_PUBLISHED) -> np.ndarray:
