@@ -12,13 +12,14 @@ from typing import NamedTuple
 
 # Rooms in order: each may import those before it. `eclsim` itself re-exports names of all of them.
 ROOMS = (
-    "units", "execution", "blood", "components", "circuit", "parameters", "patient", "inputs", "devices",
-    "cases", "beat", "orbit", "outputs", "reporting", "simulation", "sensitivity", "identification",
-    "crrt_study", "paper", "validation", "app", "cli",
+    "units", "execution", "blood", "gas", "components", "circuit", "parameters", "patient", "inputs",
+    "devices", "cases", "beat", "orbit", "outputs", "reporting", "simulation", "sensitivity",
+    "identification", "crrt_study", "paper", "validation", "app", "cli",
 )  # fmt: skip
 PHYSICS = {"units", "components", "circuit"}
 ALLOWED = {room: set(ROOMS[:place]) for place, room in enumerate(ROOMS)} | {
     "blood": {"units"},
+    "gas": {"units", "blood"},
     "parameters": {"units", "components"},
     "inputs": {"units", "parameters"},
     "beat": {*PHYSICS, "execution"},

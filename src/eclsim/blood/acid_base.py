@@ -31,6 +31,15 @@ def bicarbonate(pco2: Array, ph: Array, temperature: Array = 37.0) -> Array:
     return solubility * pco2 * 10.0 ** (ph - 6.1 - 0.00472 * cold)
 
 
+def excess_of(pco2: Array, ph: Array, saturation: Array, blood: Blood) -> Array:
+    """By how much bicarbonate exceeds what the buffers leave of it [mmol/L]; zero at equilibrium."""
+    neutral = 7.4 + NEUTRAL_PH_SLOPE * (37.0 - blood.temperature)
+    base = blood.base_excess + 0.2 * blood.haemoglobin * (1.0 - saturation)
+    left = base / (1.0 - 0.0143 * blood.haemoglobin)
+    buffered = (9.5 + 1.63 * blood.haemoglobin) * (ph - neutral)
+    return bicarbonate(pco2, ph, blood.temperature) - 24.5 - left + buffered
+
+
 def ph_of(pco2: Array, blood: Blood, saturation_at: Callable[[Array], Array]) -> Array:
     """The pH at which both equations agree.
 
@@ -39,14 +48,9 @@ def ph_of(pco2: Array, blood: Blood, saturation_at: Callable[[Array], Array]) ->
         blood: its base excess, haemoglobin and temperature.
         saturation_at: oxygen saturation [-] as a function of pH.
     """
-    neutral = 7.4 + NEUTRAL_PH_SLOPE * (37.0 - blood.temperature)
-    buffers = 9.5 + 1.63 * blood.haemoglobin
 
     def excess(ph: Array) -> Array:
-        bound = (blood.base_excess + 0.2 * blood.haemoglobin * (1.0 - saturation_at(ph))) / (
-            1.0 - 0.0143 * blood.haemoglobin
-        )
-        return bicarbonate(pco2, ph, blood.temperature) - 24.5 - bound + buffers * (ph - neutral)
+        return excess_of(pco2, ph, saturation_at(ph), blood)
 
     def improved(ph: Array) -> Array:
         value, slope = jax.jvp(excess, (ph,), (jnp.ones_like(ph),))

@@ -1,0 +1,146 @@
+"""How blood carries what is dissolved in it: balances of well mixed compartments with the beat's mean flows.
+
+Every compartment mixes what flows into it. With the means over a beat of the forward and the backward flow of
+each connection, the steady balance of a content c is
+
+    sum over what arrives (flow x content it carries) = sum over what leaves (flow x content drawn),
+
+linear in the contents of the compartments. Exchangers change what their connection carries, so the blood of
+every compartment is a mixture of what leaves the exchangers, with shares that follow from the flows alone.
+One solution serves oxygen, carbon dioxide, a tracer and any solute.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+DIFFUSION_L_MIN = 1e-9
+"""Exchange along every connection in both directions, so that standing blood has a content too."""
+
+
+@dataclass(frozen=True)
+class Drainage:
+    """A connection that may draw the blood of the veins before it has mixed with that of its compartment.
+
+    Args:
+        connection: position of the connection.
+        returns: positions of connections that bring blood to the compartment and are no veins.
+        mixing: parameter: 1 = the compartment's blood is drawn, 0 = that of the veins.
+    """
+
+    connection: int
+    returns: tuple[int, ...]
+    mixing: str
+
+
+class Flows(NamedTuple):
+    """Compartments joined by flows.
+
+    Attributes:
+        leaves: which compartment each connection begins at, (compartments, connections).
+        enters: which it ends at, likewise.
+        forward: mean over the beat of the forward flow of each connection [L/min], (connections,).
+        backward: of its backward flow, positive, likewise.
+    """
+
+    leaves: Array
+    enters: Array
+    forward: Array
+    backward: Array
+
+
+def balanced(flows: Flows) -> Flows:
+    """The nearest flows that leave every compartment as much as they enter it, to rounding.
+
+    A beat that is periodic to 1e-9 fills or empties its compartments a little; gas would be made from that.
+    """
+    change = flows.enters - flows.leaves
+    net = flows.forward - flows.backward
+    laplacian = change @ change.T + 1.0 / change.shape[0]
+    extra = -change.T @ jnp.linalg.solve(laplacian, change @ net)
+    forward = flows.forward + jnp.maximum(extra, 0.0) + DIFFUSION_L_MIN
+    backward = flows.backward + jnp.maximum(-extra, 0.0) + DIFFUSION_L_MIN
+    return flows._replace(forward=forward, backward=backward)
+
+
+class Mixtures(NamedTuple):
+    """What blood is made of, as shares of the blood that leaves each exchanger.
+
+    Attributes:
+        compartments: shares in each compartment, (compartments, exchangers); rows sum to 1.
+        drawn: shares in what each connection draws forward, (connections, exchangers).
+        inlets: shares in what enters each exchanger, (exchangers, exchangers).
+        streams: flow through each exchanger [L/min], (exchangers,).
+    """
+
+    compartments: Array
+    drawn: Array
+    inlets: Array
+    streams: Array
+
+
+def mixtures(
+    flows: Flows, exchangers: Sequence[int], drainages: Sequence[tuple[Drainage, Array]] = ()
+) -> Mixtures:
+    """Solve the balances for blood of content 1 behind each exchanger.
+
+    An exchanger acts on the larger one of its connection's two streams; the other passes unchanged.
+
+    Args:
+        flows: balanced.
+        exchangers: positions of the connections they sit on, each once.
+        drainages: with the value of each one's mixing.
+    """
+    leaves, enters, forward, backward = flows
+    at = np.asarray(exchangers, dtype=int)
+    sent = np.zeros((forward.shape[0], len(at)))
+    sent[at, np.arange(len(at))] = 1.0
+    ahead = forward >= backward
+    acts = sent.sum(axis=1)
+    forward_acts, backward_acts = jnp.where(ahead, acts, 0.0), jnp.where(ahead, 0.0, acts)
+    arriving = (forward * forward_acts)[:, None] * sent, (backward * backward_acts)[:, None] * sent
+    drawn, drawn_sent = _drawn(flows, forward_acts, backward_acts, arriving, drainages)
+    behind = enters.T  # what a backward stream carries off is the blood of its connection's target
+
+    change = enters - leaves
+    lost_forward, lost_backward = enters * (forward * forward_acts), leaves * (backward * backward_acts)
+    pull = change * forward - lost_forward
+    matrix = pull @ drawn - (change * backward + lost_backward) @ behind
+    given = pull @ drawn_sent + enters @ arriving[0] + leaves @ arriving[1]
+    compartments = jnp.linalg.solve(matrix, -given)
+    all_drawn = drawn @ compartments + drawn_sent
+    inlets = jnp.where(ahead[:, None], all_drawn, behind @ compartments)[at]
+    return Mixtures(compartments, all_drawn, inlets, jnp.maximum(forward, backward)[at])
+
+
+def _drawn(
+    flows: Flows,
+    forward_acts: Array,
+    backward_acts: Array,
+    arriving: tuple[Array, Array],
+    drainages: Sequence[tuple[Drainage, Array]],
+) -> tuple[Array, Array]:
+    """What every connection draws forward, as shares of compartments and of what exchangers send."""
+    leaves, enters, forward, backward = flows
+    drawn, drawn_sent = jnp.asarray(leaves.T), jnp.zeros_like(arriving[0])
+    for drainage, mixing in drainages:
+        here = leaves[:, drainage.connection]
+        veins = np.ones(forward.shape[0])
+        veins[[drainage.connection, *drainage.returns]] = 0.0
+        to, back = (here @ enters) * veins, (here @ leaves) * veins
+        total = to @ forward + back @ backward
+        from_sources = (to * forward * (1.0 - forward_acts)) @ leaves.T
+        from_targets = (back * backward * (1.0 - backward_acts)) @ enters.T
+        from_exchangers = to @ arriving[0] + back @ arriving[1]
+        j = drainage.connection
+        drawn = drawn.at[j].set(
+            mixing * leaves[:, j] + (1.0 - mixing) * (from_sources + from_targets) / total
+        )
+        drawn_sent = drawn_sent.at[j].set((1.0 - mixing) * from_exchangers / total)
+    return drawn, drawn_sent

@@ -1,0 +1,75 @@
+"""Small circulations with given flows, for tests of transport and exchange."""
+
+from dataclasses import dataclass
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from eclsim.gas.exchangers import Exchanger, MembraneLung, NativeLung, Points, Tissue
+from eclsim.gas.steady import solve
+from eclsim.gas.transport import Drainage, Flows, balanced, mixtures
+
+PATIENT = {
+    "gas.vo2_ml_min": 250.0, "gas.respiratory_quotient": 0.8, "gas.alveolar_ventilation_l_min": 4.0,
+    "gas.fio2": 0.5, "gas.shunt_fraction": 1.0, "gas.haemoglobin_g_dl": 10.0, "gas.base_excess_mmol_l": 0.0,
+    "gas.temperature_c": 37.0, "gas.oxygen_capacity_ml_g": 1.34, "ecmo.sweep_l_min": 5.0, "ecmo.fdo2": 1.0,
+    "ecmo.oxygenator.oxygen_transfer": 0.0518, "ecmo.oxygenator.oxygen_exponent": 0.740,
+    "ecmo.oxygenator.carbon_dioxide_transfer": 7.1, "ecmo.oxygenator.clotted_fraction": 0.0,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class GivenGases(Exchanger):
+    """Blood leaves with given partial pressures, but for a shunt: an oxygenator or a lung of the textbook."""
+
+    connection: str
+    po2: float
+    pco2: float
+    shunt: float = 0.0
+
+    @property
+    def points(self):
+        return 1
+
+    def parameter_names(self):
+        return ()
+
+    def outlet(self, inlet, inside: Points, values):
+        return self.shunt * inlet + (1.0 - self.shunt) * inside.content[:, 0]
+
+    def missing(self, flow, inlet, inside: Points, values):
+        given = jnp.array([self.po2, self.pco2])
+        return (10.0 * flow * (jnp.log(inside.pressure[:, 0]) - jnp.log(given)))[:, None]
+
+
+def flows_of(paths, forward, backward=None):
+    """Flows of connections (name, source, target) between compartments in order of appearance."""
+    names = list(dict.fromkeys(end for _, *ends in paths for end in ends))
+    leaves, enters = np.zeros((2, len(names), len(paths)))
+    for j, (_, source, target) in enumerate(paths):
+        leaves[names.index(source), j] = enters[names.index(target), j] = 1.0
+    forward = jnp.asarray(forward, dtype=float)
+    return Flows(leaves, enters, forward, 0.0 * forward if backward is None else jnp.asarray(backward))
+
+
+VENO_VENOUS = (
+    ("ra", "ra", "pa"), ("lung", "pa", "art"), ("tissue", "art", "sv"), ("svn", "sv", "ra"),
+    ("drain", "ra", "pre"), ("oxy", "pre", "post"), ("return", "post", "ra"),
+)  # fmt: skip
+EXCHANGERS = (Tissue("tissue"), NativeLung("lung"), MembraneLung("oxy"))
+
+
+def veno_venous(output, ecmo, mixing=1.0, exchangers=EXCHANGERS, law="severinghaus1979", **values):
+    """Gas state of a patient on V-V ECMO with one right atrium, flows in L/min."""
+    named = {key.replace("gas_", "gas.").replace("ecmo_", "ecmo."): value for key, value in values.items()}
+    return _solved(exchangers, law, jnp.stack([output] * 4 + [ecmo] * 3), mixing, PATIENT | named)
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def _solved(exchangers, law, forward, mixing, values):
+    flows = balanced(flows_of(VENO_VENOUS, forward))
+    at = [[path[0] for path in VENO_VENOUS].index(e.connection) for e in exchangers]
+    mixed = mixtures(flows, at, [(Drainage(4, (6,), "mixing"), mixing)])
+    return solve(exchangers, mixed, values, law), mixed
