@@ -12,7 +12,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from eclsim.circuit.signals import Kind, Signal
-from eclsim.components.base import Exchanger, Key, Path, Renaming, Storage, names_in, renamed_key
+from eclsim.components.base import Component, Exchanger, Key, Path, Renaming, Storage, names_in, renamed
 from eclsim.components.controllers import Controller
 from eclsim.components.tubes import TubeVolume
 
@@ -25,36 +25,18 @@ SHARED_PARAMETERS = ("etaB", "rhoB")
 
 
 @dataclass(frozen=True)
-class StartPressure:
+class StartPressure(Component):
     """Start: the compartment is filled to a pressure [mmHg] (`Key`: parameter or number)."""
 
     pressure: Key = 0.0
 
-    @property
-    def keys(self) -> tuple[Key, ...]:
-        """What it reads."""
-        return (self.pressure,)
-
-    def renamed(self, parameter: Renaming) -> StartPressure:
-        """The same start from other parameters."""
-        return StartPressure(renamed_key(self.pressure, parameter))
-
 
 @dataclass(frozen=True)
-class StartVolume:
+class StartVolume(Component):
     """Start: a stressed volume, `volume` [mL] or, with `fraction_of`, that share of another quantity [mL]."""
 
     volume: Key
     fraction_of: Key | None = None
-
-    @property
-    def keys(self) -> tuple[Key, ...]:
-        """What it reads."""
-        return (self.volume,) if self.fraction_of is None else (self.volume, self.fraction_of)
-
-    def renamed(self, parameter: Renaming) -> StartVolume:
-        """The same start from other parameters."""
-        return StartVolume(*(renamed_key(key, parameter) for key in self.keys))
 
 
 @dataclass(frozen=True)
@@ -81,24 +63,21 @@ class Compartment:
 
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters of its law, of its share of all blood, and of its start."""
-        keys = (*names_in(self.total_fraction), *self.start.keys)
-        return self.component.parameter_names() + sum(map(names_in, keys), ())
+        return sum(map(names_in, (self.component, self.total_fraction, self.start)), ())
 
     def content_names(self) -> tuple[str, ...]:
         """Names of the parameters of its rest volume, which the beat does not ask for."""
-        rest = self.rest_volume
-        return rest.parameter_names() if isinstance(rest, TubeVolume) else names_in(rest)
+        return names_in(self.rest_volume)
 
     def renamed(self, name: Renaming, parameter: Renaming, group: Renaming) -> Compartment:
         """The same compartment under other names."""
-        fraction, rest = self.total_fraction, self.rest_volume
         return Compartment(
             name(self.name),
             self.component.renamed(parameter),
             group(self.group),
             self.start.renamed(parameter),
-            None if fraction is None else renamed_key(fraction, parameter),
-            rest.renamed(parameter) if isinstance(rest, TubeVolume) else renamed_key(rest, parameter),
+            renamed(self.total_fraction, parameter),
+            renamed(self.rest_volume, parameter),
         )
 
 

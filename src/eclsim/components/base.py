@@ -27,6 +27,7 @@ Key = str | float | tuple[str, ...]
 """Where a value comes from: a parameter's name, a number meant as it stands, or names to be summed."""
 Renaming = Callable[[str], str]
 Own = TypeVar("Own", bound="Component")
+Source = TypeVar("Source", bound="Key | Component | None")
 Constants = TypeVar("Constants")
 
 
@@ -37,18 +38,22 @@ def value_of(values: Values, key: Key) -> Number:
     return values[key] if isinstance(key, str) else key
 
 
-def names_in(key: Key | None) -> tuple[str, ...]:
-    """Parameter names that a key refers to."""
-    if isinstance(key, tuple):
-        return key
-    return (key,) if isinstance(key, str) else ()
+def names_in(source: Key | Component | None) -> tuple[str, ...]:
+    """Parameter names that a key refers to or that a law reads."""
+    if isinstance(source, Component):
+        return source.parameter_names()
+    if isinstance(source, tuple):
+        return source
+    return (source,) if isinstance(source, str) else ()
 
 
-def renamed_key(key: Key, parameter: Renaming) -> Key:
-    """A key with other parameter names."""
-    if isinstance(key, tuple):
-        return tuple(map(parameter, key))
-    return parameter(key) if isinstance(key, str) else key
+def renamed(source: Source, parameter: Renaming) -> Source:
+    """A key or law of other parameters."""
+    if isinstance(source, Component):
+        return source.renamed(parameter)
+    if isinstance(source, tuple):
+        return tuple(map(parameter, source))  # pyright: ignore[reportReturnType]  # a tuple of names
+    return parameter(source) if isinstance(source, str) else source  # pyright: ignore[reportReturnType]
 
 
 class Component:
@@ -60,7 +65,7 @@ class Component:
     """Fields whose parameters make no sense below zero, such as a resistance."""
 
     def _keys(self) -> tuple[str, ...]:
-        return tuple(f.name for f in fields(self) if f.type in ("Key", Key))  # pyright: ignore[reportArgumentType]  # laws are dataclasses
+        return tuple(f.name for f in fields(self) if f.type in ("Key", "Key | None", Key))  # pyright: ignore[reportArgumentType]  # laws are dataclasses
 
     def names_of(self, wanted: Iterable[str]) -> tuple[str, ...]:
         """Parameter names in some fields."""
@@ -72,7 +77,7 @@ class Component:
 
     def renamed(self: Own, parameter: Renaming) -> Own:
         """The same law of other parameters; a law with names in fields that are no `Key` overrides it."""
-        changes = {field: renamed_key(getattr(self, field), parameter) for field in self._keys()}
+        changes = {field: renamed(getattr(self, field), parameter) for field in self._keys()}
         other = replace(self, **changes)  # pyright: ignore[reportType, reportArgumentType]  # laws are dataclasses
         missed = set(other.parameter_names()) - set(map(parameter, self.parameter_names()))
         if missed:

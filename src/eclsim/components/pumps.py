@@ -14,7 +14,7 @@ from eclsim.components.base import (
     Renaming,
     Values,
     names_in,
-    renamed_key,
+    renamed,
     value_of,
 )
 from eclsim.units import ML_S_PER_L_MIN, convert, quantity_of, units_of
@@ -75,7 +75,7 @@ class RotaryPump(Path[PumpCurve]):
     def renamed(self, parameter: Renaming) -> RotaryPump:
         """The same pump of other parameters."""
         prefix = parameter(self.prefix + CURVE[0]).removesuffix(CURVE[0])
-        return replace(self, speed=renamed_key(self.speed, parameter), prefix=prefix)
+        return replace(self, speed=renamed(self.speed, parameter), prefix=prefix)
 
     def constants(self, values: Values) -> PumpCurve:
         """The curve at the pump's speed."""

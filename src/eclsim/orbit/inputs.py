@@ -13,7 +13,7 @@ import numpy as np
 from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Choice, Circuit, StartPressure, StartVolume
-from eclsim.components.base import names_in, value_of
+from eclsim.components.base import value_of
 
 
 class InvalidInputError(ValueError):
@@ -82,7 +82,7 @@ def allowed_values(circuit: Circuit) -> Allowed:
         least.update(part.component.names_of(part.component.not_negative))
     for compartment in circuit.compartments:
         if isinstance(compartment.start, StartVolume):
-            least.update((*names_in(compartment.start.volume), *names_in(compartment.start.fraction_of)))
+            least.update(compartment.start.parameter_names())
     names = (HEART_RATE, *circuit.parameter_names())
     ends = (site for c in circuit.connections for site in (c.source, c.target))
     sites = {site.parameter: site.sites for site in ends if isinstance(site, Choice)}
