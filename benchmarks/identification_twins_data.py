@@ -23,7 +23,7 @@ from eclsim.cases.cohort import read_cohort
 from eclsim.cases.fitting import TARGETS
 from eclsim.orbit.model import model_of
 from eclsim.outputs.independent import simulate_adaptive
-from eclsim.parameters.identification import BOUNDS
+from eclsim.parameters.thiel2025 import BOUNDS
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent / "examples"

@@ -25,7 +25,7 @@ from eclsim.identification.posterior import predict
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
-from eclsim.parameters.identification import BOUNDS
+from eclsim.parameters.thiel2025 import BOUNDS
 from eclsim.validation.simulated_patients import NAMES, simulated_patient
 
 PREDICTED = 400

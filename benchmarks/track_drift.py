@@ -20,7 +20,7 @@ from eclsim.identification.objective import Box, Objective, Target
 from eclsim.identification.observation import OUTPUTS, measurement_errors
 from eclsim.identification.tracking import Tracker
 from eclsim.orbit.model import model_of
-from eclsim.parameters.identification import BOUNDS
+from eclsim.parameters.thiel2025 import BOUNDS
 from eclsim.validation.simulated_patients import NAMES, simulated_series
 
 

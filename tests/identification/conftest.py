@@ -6,7 +6,7 @@ from eclsim.cases.case import Case, Measurements, Patient
 from eclsim.identification.objective import Box, Objective, Target
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
-from eclsim.parameters.identification import BOUNDS
+from eclsim.parameters.thiel2025 import BOUNDS
 from known_posteriors import CurvedPosterior
 
 TRUTH = {"Rmc": 0.85, "Emaxlv": 1.3}

@@ -8,7 +8,7 @@ from eclsim.identification.density import PosteriorDensity, Prior
 from eclsim.identification.observation import measurement_errors
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
-from eclsim.parameters.identification import BOUNDS
+from eclsim.parameters.thiel2025 import BOUNDS
 from eclsim.validation.simulated_patients import simulated_patient
 
 NAMES = ("Csart", "Emaxlv", "Rmc")

@@ -15,7 +15,7 @@ from eclsim.identification.settings import FitSettings
 from eclsim.identification.shared_fit import SharedObjective, refine_shared
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
-from eclsim.parameters.identification import BOUNDS
+from eclsim.parameters.thiel2025 import BOUNDS
 
 MEASURED = ("SP", "DP", "MAP", "MPAP", "CO")
 TRUTH = ({"Csart": 1.4, "Rmc": 0.8}, {"Csart": 1.4, "Rmc": 0.5})

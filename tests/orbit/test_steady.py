@@ -205,7 +205,7 @@ WILD = {
     "a heart that stands still": ({"heart_rate_bpm": 0.0}, "invalid_input", "heart_rate_bpm = 0: allowed"),
     "not a number": ({"Rsvn": float("nan")}, "invalid_input", "Rsvn = nan: not a number"),
     "less than no blood": ({"total_blood_volume_ml": -1.0}, "invalid_input", "total_blood_volume_ml = -1"),
-    "a stone aorta": ({"Cao": 1e-9}, "not_converged", "the flow through 'ao' swings with a period"),
+    "a stone aorta": ({"Cao": 1e-9}, "not_converged", "the flow through 'ao' oscillates with a period"),
     "a heart rate of a million": ({"heart_rate_bpm": 1e6}, "not_converged", "no steady beat found"),
     "an explosive ventricle": ({"LV_Pd_kappa": 50.0}, "not_converged", "no steady beat found"),
 }  # fmt: skip

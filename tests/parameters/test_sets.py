@@ -1,7 +1,7 @@
 import pytest
 
 from eclsim.parameters import UnknownParameterError, all_parameters, default, find, shi_hose2009, thiel2025
-from eclsim.parameters.identification import BOUNDS
+from eclsim.parameters.thiel2025 import BOUNDS
 
 EVERY_PARAMETER = [*thiel2025.PARAMETERS.values(), *shi_hose2009.PARAMETERS.values()]
 TABLE_S1 = [

@@ -16,8 +16,8 @@ from eclsim.app.circuits import page_circuit
 from eclsim.app.display import curves_of, sweep_of, waves_of
 from eclsim.app.state import key_of
 from eclsim.app.studies import SPEEDS, plain_curve
+from eclsim.beat.grid import needed_resolution
 from eclsim.beat.heartbeat import beat_program
-from eclsim.beat.resolution import needed_resolution
 from eclsim.circuit.assembly import assemble
 from eclsim.identification.density import SETTLED
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution

@@ -10,7 +10,7 @@ from eclsim.app.circuits import page_circuit
 from eclsim.app.display import curves_of, plain_curves, sweep_of
 from eclsim.app.ranges import LINES, line_bounds
 from eclsim.app.state import key_of
-from eclsim.beat.resolution import needed_resolution
+from eclsim.beat.grid import needed_resolution
 from eclsim.circuit.assembly import assemble
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.limits import level

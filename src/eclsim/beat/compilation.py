@@ -1,39 +1,205 @@
-"""Compile a whole beat into one machine-code function.
+"""Compile a whole beat into one machine-code function, and keep it on disk.
 
-On the CPU, XLA runs a loop as a sequence of small kernels and pays about 50 ns for each; a step of a circuit
-has hundreds, so a beat of one patient would cost 17 ms. Marked as a small call, the loop is compiled into one
-function: 0.4 ms, and five times less for a batch as well (docs, page Numerics). The optimiser's first level
-compiles such a function three times faster than its last, and the code is no slower; 512-bit vectors make a
-batch 1.5 times faster where the processor has them.
+On the CPU, XLA runs a loop as a sequence of small functions and pays about 50 ns for each; a step of a
+circuit has hundreds, so a beat of one patient would cost 17 ms. Marked as a small call, the loop is compiled
+into one function: 0.4 ms, five times less for a batch as well (docs, page Numerics). The optimiser's first
+level compiles such a function three times faster than its last, and the code is no slower; 512-bit vectors
+make a batch 1.5 times faster where the processor has them.
+
+A new process neither traces nor lowers what an earlier one compiled. JAX's own cache is asked after tracing,
+which costs 0.4 s for a beat and 3 s for its tangents. Here the key is known before: the sources that make a
+program, the circuit, what is asked of it and the shapes. Only circuits of eclsim's own components are kept:
+what a user's class computes cannot be read off its name.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+import dataclasses
+import hashlib
+import os
+import pickle
+import re
+import threading
+from collections.abc import Callable, Hashable, Iterator
+from enum import Enum
+from functools import lru_cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import ParamSpec, TypeVar
 
 import jax
+import numpy as np
+from jax.experimental.compilation_cache import compilation_cache
 from jax.experimental.xla_metadata import set_xla_metadata
+from jax.stages import Compiled, Lowered, Wrapped
+from numpy.typing import ArrayLike
 
-from eclsim import runtime as _runtime  # noqa: F401  (double precision before the first array)
-from eclsim.beat.program_store import StoredProgram
+from eclsim.runtime import cache_folder  # its import sets double precision, before the first array
 
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+Key = tuple[Hashable, ...]
+Shapes = tuple[tuple[int, ...], ...]
 COMPILER_OPTIONS = {"xla_backend_optimization_level": 1, "xla_cpu_prefer_vector_width": 512}
+PACKAGE = Path(__file__).parents[1]
 
 
-def compiled(function: Callable[..., Any], key: tuple[Any, ...] | None = None) -> Callable[..., Any]:
-    """The function, compiled on first use: as one kernel on the CPU and as usual elsewhere.
+def compiled(function: Callable[Arguments, Result], key: Key | None = None) -> Callable[Arguments, Result]:
+    """The function, compiled on first use: as one machine-code function on the CPU and as usual elsewhere.
 
     Args:
-        function: of arrays.
+        function: of arrays, given by position.
         key: what tells it from all other functions, for the store on disk (see `StoredProgram`).
     """
     inner = jax.jit(function)
     if jax.default_backend() != "cpu":
         return inner
 
-    def call(*arguments: Any) -> Any:
-        found = inner(*arguments)
-        return set_xla_metadata(found, inlineable="false", xla_cpu_small_call="true")
+    def call(*arguments: jax.Array) -> object:
+        result = inner(*arguments)  # pyright: ignore[reportCallIssue]  # arrays, as the function takes them
+        return set_xla_metadata(result, inlineable="false", xla_cpu_small_call="true")
 
-    return StoredProgram(jax.jit(call, compiler_options=COMPILER_OPTIONS), key, function.__module__)
+    program = StoredProgram(jax.jit(call, compiler_options=COMPILER_OPTIONS), key, function.__module__)
+    return program  # pyright: ignore[reportReturnType]  # takes and returns what the function does
+
+
+class StoredProgram:
+    """A compiled function that is taken from disk where it lies there, for each shape of its arguments.
+
+    Args:
+        function: to be compiled, already wrapped in `jax.jit`; takes and returns arrays.
+        key: what tells it from all others, hashable; None keeps it out of the store.
+        module: name of the module whose code it is; what that imports is part of the key.
+    """
+
+    def __init__(self, function: Wrapped, key: Key | None, module: str = __name__):
+        self.function = function
+        self.key = key
+        self.module = module
+        self._ready: dict[Shapes, Wrapped | Compiled] = {}
+        self._lock = threading.Lock()
+
+    def __call__(self, *arguments: ArrayLike) -> object:
+        """Run it."""
+        shapes = tuple([np.shape(a) for a in arguments])
+        program = self._ready.get(shapes)
+        if program is None:
+            with self._lock:
+                program = self._ready.get(shapes) or self._get(shapes, arguments)
+                self._ready[shapes] = program
+        return program(*arguments)
+
+    def _get(self, shapes: Shapes, arguments: tuple[ArrayLike, ...]) -> Wrapped | Compiled:
+        file = _file(self.key, shapes, self.module)
+        if file is None:
+            return self.function
+        return _load(file) or _save(file, _compiled_afresh(self.function.lower(*arguments)))
+
+
+@lru_cache(maxsize=1024)
+def _described(part: Hashable) -> str | None:
+    """All there is to say of a part of a key; None if something in it is not eclsim's own."""
+    return repr(part) if all(map(_is_ours, _contents(part))) else None
+
+
+def _contents(value: object) -> Iterator[object]:
+    """A value and everything in it."""
+    yield value
+    if isinstance(value, (tuple, list)):
+        for item in value:
+            yield from _contents(item)
+    elif dataclasses.is_dataclass(value):
+        for entry in dataclasses.fields(value):
+            yield from _contents(getattr(value, entry.name))
+
+
+def _is_ours(value: object) -> bool:
+    """Whether a value is plain, or of a class that is part of eclsim: its text says all about it."""
+    if value is None or isinstance(value, (str, int, float, tuple, list)):
+        return True
+    known = dataclasses.is_dataclass(value) or isinstance(value, Enum)
+    return known and type(value).__module__.partition(".")[0] == "eclsim"
+
+
+def _file(key: Key | None, shapes: Shapes, module: str = __name__) -> Path | None:
+    folder = cache_folder() if key is not None else None
+    descriptions = [_described(part) for part in key or ()]
+    if folder is None or None in descriptions:
+        return None
+    text = f"{_sources(module)}\n{shapes}\n{descriptions}"
+    return folder / f"eclsim-{hashlib.sha256(text.encode()).hexdigest()[:40]}"
+
+
+@lru_cache(maxsize=16)
+def _sources(module: str) -> str:
+    """Fingerprint of all code that the programs of a module are made by, and of what compiles it."""
+    digest = hashlib.sha256(f"{version('jax')} {version('jaxlib')}".encode())
+    for file in imported_files(module):
+        digest.update(file.relative_to(PACKAGE).as_posix().encode() + file.read_bytes())
+    return digest.hexdigest()
+
+
+IMPORTS = re.compile(r"^from (eclsim[\w.]*) import (\([^)]*\)|[^\n]*)|^import (eclsim[\w.]*)", re.MULTILINE)
+
+
+def imported_files(module: str) -> list[Path]:
+    """Files of eclsim that a module imports when it is loaded, itself included, in alphabetical order."""
+    waiting, files = [module], dict[Path, None]()
+    while waiting:
+        name = waiting.pop()
+        file = _file_of(name)
+        if file is None or file in files:
+            continue
+        files[file] = None
+        waiting += [name.rpartition(".")[0]]
+        for base, names, plain in IMPORTS.findall(file.read_text(encoding="utf-8")):
+            waiting += [plain or base, *(f"{base}.{part}" for part in re.findall(r"\w+", names))]
+    return sorted(files)
+
+
+def _file_of(module: str) -> Path | None:
+    """File of a module of eclsim; None for a name that is none."""
+    head, _, rest = module.partition(".")
+    path = PACKAGE.joinpath(*rest.split(".")) if rest else PACKAGE
+    files = (path / "__init__.py", path.with_suffix(".py"))
+    return next((f for f in files if head == "eclsim" and f.is_file()), None)
+
+
+_COMPILING = threading.Lock()
+
+
+def _compiled_afresh(lowered: Lowered) -> Compiled:
+    """Compile past JAX's own cache: what comes from there lacks its kernels when it is written again."""
+    with _COMPILING:
+        jax.config.update("jax_enable_compilation_cache", False)
+        compilation_cache.reset_cache()
+        try:
+            return lowered.compile()
+        finally:
+            jax.config.update("jax_enable_compilation_cache", True)
+            compilation_cache.reset_cache()
+
+
+def _load(file: Path) -> Compiled | None:
+    """The program in a file; None where there is none or it cannot be read."""
+    from jax.experimental.serialize_executable import deserialize_and_load
+
+    try:
+        return deserialize_and_load(*pickle.loads(file.read_bytes()))
+    except FileNotFoundError:
+        return None
+    except Exception:  # whatever a damaged file or another XLA raises, compiling again is the answer
+        return None
+
+
+def _save(file: Path, program: Compiled) -> Compiled:
+    """Write a program so that no reader ever sees half of it; a full or read-only disk is no mistake."""
+    from jax.experimental.serialize_executable import serialize
+
+    part = file.with_name(f"{file.name}.{os.getpid()}.part")
+    try:
+        part.write_bytes(pickle.dumps(serialize(program)))
+        os.replace(part, file)
+    except (OSError, ValueError, NotImplementedError):
+        part.unlink(missing_ok=True)
+    return program

@@ -8,14 +8,22 @@ curves fall on grid points.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 
 import numpy as np
+
+from eclsim.circuit.assembly import Assembly, End
+from eclsim.circuit.network import HEART_RATE
+from eclsim.components.base import Values
 
 STEPS_PER_BLOCK = 10
 SEGMENTS = ((0.45, 24), (0.6, 6), (0.9, 3), (1.0, 7))
 """End of each segment and its number of blocks at resolution 1."""
+LARGEST_ANGLE = 0.7
+"""Largest step times angular frequency: outputs are within 0.1 % of the converged ones (docs, Numerics)."""
+RESOLUTIONS = (1, 2, 3, 4, 6, 8)
 
 
 @dataclass(frozen=True)
@@ -53,3 +61,54 @@ class PhaseGrid:
     def systolic_step(self) -> float:
         """Step in systole, in phase."""
         return float(self.block_steps[0])
+
+
+def needed_resolution(assembly: Assembly, values: Values) -> np.ndarray:
+    """Resolution of the grid for each patient; an integer array shaped like the parameters."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        speeds = [speed for speed, _ in oscillations(assembly, values)]
+        fastest = reduce(np.maximum, speeds, np.zeros(()))
+        step = PhaseGrid(1).systolic_step * 60.0 / np.asarray(values[HEART_RATE], dtype=float)
+        wanted = np.ceil(np.nan_to_num(step * fastest / LARGEST_ANGLE, nan=1.0, posinf=math.inf))
+    allowed = np.array(RESOLUTIONS)
+    return allowed[np.minimum(np.searchsorted(allowed, wanted), len(allowed) - 1)]
+
+
+def oscillations(assembly: Assembly, values: Values) -> list[tuple[np.ndarray, str]]:
+    """Angular frequency [1/s] of each flow with inertia against the compliances it joins, and its name."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # As arrays, so that a compliance of zero is an infinite stiffness and no exception.
+        constants = assembly.constants({k: np.asarray(v, dtype=float) for k, v in values.items()})
+    stiffness = [
+        np.asarray(c.component.pressure(0.0, 0.0, law)[1] if c.component.constant_stiffness else 0.0)
+        for c, law in zip(assembly.circuit.compartments, constants.storages, strict=True)
+    ]
+
+    def stiffest(end: End) -> np.ndarray:
+        return reduce(np.maximum, [stiffness[position] for position in end.positions], np.zeros(()))
+
+    speeds = []
+    for j in assembly.inertial:
+        source, target = assembly.ends[j]
+        connection = assembly.circuit.connections[j]
+        inertance = np.asarray(connection.component.inertance(constants.paths[j]))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            speed = np.sqrt(np.divide(stiffest(source) + stiffest(target), inertance))
+        speeds.append((speed, connection.name))
+    return speeds
+
+
+def grid_warning(assembly: Assembly, values: Values, resolution: int) -> str | None:
+    """A sentence where one patient's grid is too coarse for what oscillates in it; None where it is fine."""
+    # Without inertia nothing oscillates.
+    speeds = [(float(speed), name) for speed, name in oscillations(assembly, values) if np.isfinite(speed)]
+    speed, name = max(speeds, default=(0.0, ""))
+    angle = PhaseGrid(1).systolic_step / resolution * 60.0 / float(values[HEART_RATE]) * speed
+    if angle <= LARGEST_ANGLE:
+        return None
+    return (
+        f"the step in time is too coarse: the flow through '{name}' oscillates with a period of "
+        f"{2e3 * math.pi / speed:.2g} ms against the compliances at its ends, which needs a step "
+        f"{angle / LARGEST_ANGLE:.3g} times finer; numbers may be off by more than 0.1 %: check that "
+        "inertance and these compliances, or compare with the adaptive solver"
+    )

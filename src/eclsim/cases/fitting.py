@@ -65,7 +65,7 @@ def check_fit(case: Case, bounds: Mapping[str, tuple[float, float, float]]) -> C
     Args:
         case: Its measurements are the targets.
         bounds: Start value, lower and upper bound of each free parameter, in the parameter's unit,
-            such as `eclsim.parameters.identification.BOUNDS`.
+            such as `eclsim.parameters.thiel2025.BOUNDS`.
     """
     checked = CheckedFit()
     if case.ecmo is not None and case.ecmo.flow_l_min is not None:

@@ -72,7 +72,7 @@ def list_parameters(options: ListOptions) -> None:
 def explain(options: ExplainOptions) -> None:
     """Show all that is known of one parameter, and its bounds when it is fitted."""
     from eclsim.parameters import UnknownParameterError, find
-    from eclsim.parameters.identification import BOUNDS
+    from eclsim.parameters.thiel2025 import BOUNDS
 
     try:
         parameter = find(options.name)

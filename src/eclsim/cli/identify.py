@@ -132,7 +132,7 @@ def fit_settings(
     """Settings from options as they were written; with any mistake say all and leave with exit status 2."""
     from eclsim.identification.multi_start import MultiStart
     from eclsim.identification.settings import FitSettings, read_bounds
-    from eclsim.parameters.identification import BOUNDS
+    from eclsim.parameters.thiel2025 import BOUNDS
     from eclsim.sensitivity.inputs import InputError
     from eclsim.sensitivity.uncertainties import DEFAULTS, read_uncertainties
 

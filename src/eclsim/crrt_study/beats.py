@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eclsim.beat.resolution import needed_resolution
+from eclsim.beat.grid import needed_resolution
 from eclsim.cases.resolve import resolve_parameters
 from eclsim.circuit import Choice, Circuit
 from eclsim.circuit.assembly import assemble

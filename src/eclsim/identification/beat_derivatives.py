@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from eclsim.beat.grid import needed_resolution
 from eclsim.beat.heartbeat import BeatProgram, beat_program
-from eclsim.beat.resolution import needed_resolution
 from eclsim.circuit.assembly import assemble
 from eclsim.identification.density import PosteriorDensity
 from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem, Volume

@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from eclsim.beat.resolution import needed_resolution
+from eclsim.beat.grid import needed_resolution
 from eclsim.circuit.assembly import assemble
 from eclsim.identification.observation import OUTPUTS
 from eclsim.orbit.equation import Anchor, OrbitOptions

@@ -11,7 +11,7 @@ from eclsim.identification.multi_start import MultiStart
 from eclsim.inputs.mistakes import Mistake
 from eclsim.orbit.model import VolumePolicy, circuit_of
 from eclsim.parameters import did_you_mean, thiel2025
-from eclsim.parameters.identification import BOUNDS
+from eclsim.parameters.thiel2025 import BOUNDS
 from eclsim.sensitivity.uncertainties import DEFAULTS, Uncertainty
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from eclsim.beat.grid import grid_warning, needed_resolution
 from eclsim.beat.heartbeat import HEART_RATE, BeatProgram, beat_program
-from eclsim.beat.resolution import grid_doubt, needed_resolution
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
 from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem, Orbits, Volume
@@ -124,12 +124,12 @@ class SolvedOrbits(Orbits):
             after[:, own] = search.wait(states[:, own], packed, beats)
         return after
 
-    def grid_doubt(self, member: int = 0) -> str | None:
+    def grid_warning(self, member: int = 0) -> str | None:
         """A sentence where the grid is too coarse for what oscillates in a member; None where it is fine."""
         if self.status[member] == Status.INVALID_INPUT or self.adaptive_tolerance is not None:
             return None
         values = self.batch.member(member)
-        return grid_doubt(assemble(self.batch.circuit), values, int(self.resolution[member]))
+        return grid_warning(assemble(self.batch.circuit), values, int(self.resolution[member]))
 
 
 def solve(

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from eclsim.beat.grid import PhaseGrid
+from eclsim.beat.grid import PhaseGrid, needed_resolution
 from eclsim.beat.heartbeat import HEART_RATE, beat_program
-from eclsim.beat.resolution import needed_resolution
 from eclsim.circuit.assembly import assemble
 from eclsim.orbit.independent import AdaptiveBeats, adaptive_program
 from eclsim.orbit.inputs import InvalidInputError, allowed_values

@@ -9,9 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from eclsim.beat.grid import PhaseGrid
+from eclsim.beat.grid import RESOLUTIONS, PhaseGrid
 from eclsim.beat.heartbeat import HEART_RATE
-from eclsim.beat.resolution import RESOLUTIONS
 from eclsim.orbit.equation import OrbitOptions
 from eclsim.orbit.execution import Execution
 from eclsim.orbit.model import Model, ModelSource, as_model, nominal_values

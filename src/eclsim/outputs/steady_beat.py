@@ -132,7 +132,7 @@ class SteadyBeat:
             native = f"native output {self.native_l_min[member]:.3g} L/min, "
             text += f" ({native if status is Status.NO_EJECTION else ''}residual {residual:.1e}, "
             text += f"drift {drift:.2g} mL a beat)"
-        doubt = self.orbits.grid_doubt(member)
+        doubt = self.orbits.grid_warning(member)
         return f"{text}; {doubt}" if doubt else text
 
     def determined_only(self) -> SteadyBeat:
@@ -152,7 +152,7 @@ class SteadyBeat:
             circuit = self.batch.circuit.with_chosen_sites(self.batch.member(member))
             ranges = {name: (low, high) for name, (low, high) in zip(self.signals, extremes, strict=True)}
             found = findings(self.outputs(member), ranges, circuit)
-        if doubt := self.orbits.grid_doubt(member):
+        if doubt := self.orbits.grid_warning(member):
             found.append(Finding("warning", "grid", float("nan"), float("nan"), doubt))
         return found
 

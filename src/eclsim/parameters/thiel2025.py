@@ -20,6 +20,7 @@ times the start value) and for disease, narrow enough to catch a value in anothe
 from __future__ import annotations
 
 from types import MappingProxyType
+from typing import NamedTuple
 
 from eclsim.parameters.parameter import Parameter
 
@@ -150,3 +151,28 @@ TABLE_S4: MappingProxyType[str, float] = MappingProxyType(
     }
 )
 """Fitted values of the patient in whom the paper compares the CRRT connection schemes."""
+
+
+class Bounds(NamedTuple):
+    """Start value, lower and upper bound of a fitted parameter, in the parameter's unit."""
+
+    start: float
+    lower: float
+    upper: float
+
+
+ProxyType[str, Bounds] = MappingProxyType(
+    {
+        "Csart": Bounds(0.9, 0.09, 9.0),
+        "Edla": Bounds(0.2125, 0.02125, 2.125),
+        "Emaxlv": Bounds(1.8, 0.18, 18.0),
+        "Emaxrv": Bounds(0.45, 0.045, 4.5),
+        "Rmc": Bounds(0.5, 0.05, 5.0),
+        "Rpmc": Bounds(0.05, 0.005, 0.5),
+        "Rsvn": Bounds(0.01, 0.001, 0.1),
+    }
+)
+"""The seven parameters that are fitted to a patient: those that the paper's global sensitivity analysis selected.
+
+The bounds of the published code run from a tenth to ten times the start value.
+"""

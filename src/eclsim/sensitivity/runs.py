@@ -130,7 +130,7 @@ class SteadyBeatEvaluator:
 
 def design_resolution(circuit: Circuit, base: Mapping[str, float], design: Design) -> int:
     """Resolution of the grid that the most demanding run of a design needs."""
-    from eclsim.beat.resolution import needed_resolution
+    from eclsim.beat.grid import needed_resolution
     from eclsim.circuit.assembly import assemble
 
     values = {**base, **design.settings(design.unit())}

@@ -21,7 +21,7 @@ from eclsim.outputs.results import simulate
 from eclsim.outputs.signals import output_names
 from eclsim.outputs.steady_beat import measured, steady_beat
 from eclsim.paper.comparison import Check, Row, at_least, at_most
-from eclsim.parameters.identification import BOUNDS
+from eclsim.parameters.thiel2025 import BOUNDS
 from eclsim.validation.effort import Effort
 from eclsim.validation.reference_cases import reference_model
 

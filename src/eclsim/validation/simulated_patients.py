@@ -13,7 +13,7 @@ from eclsim.identification.observation import OUTPUTS
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
-from eclsim.parameters.identification import BOUNDS
+from eclsim.parameters.thiel2025 import BOUNDS
 from eclsim.sensitivity.uncertainties import DEFAULTS
 
 NAMES = tuple(BOUNDS)

@@ -7,9 +7,9 @@ import jax
 import numpy as np
 import pytest
 
-from eclsim.beat import program_store as stored
+from eclsim.beat import compilation
+from eclsim.beat.compilation import StoredProgram
 from eclsim.beat.heartbeat import beat_program
-from eclsim.beat.program_store import StoredProgram
 from eclsim.circuit.network import Circuit
 from eclsim.components import Resistance
 from eclsim.patient.circulation import circulation
@@ -24,7 +24,7 @@ def never(_):
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    monkeypatch.setattr(stored, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(compilation, "cache_folder", lambda: tmp_path)
     return tmp_path
 
 
@@ -44,7 +44,7 @@ def test_other_shapes_and_other_keys_are_other_programs(folder):
 
 def test_other_sources_make_another_program(folder, monkeypatch):
     StoredProgram(jax.jit(lambda x: 2.0 * x), KEY)(X)
-    monkeypatch.setattr(stored, "_sources", lambda module: "edited")
+    monkeypatch.setattr(compilation, "_sources", lambda module: "edited")
     np.testing.assert_array_equal(StoredProgram(jax.jit(lambda x: 3.0 * x), KEY)(X), 3.0 * X)
 
 
@@ -61,9 +61,11 @@ def test_other_sources_make_another_program(folder, monkeypatch):
 )
 def test_the_fingerprint_covers_whatever_the_code_imports(edited, counts, tmp_path, monkeypatch):
     package = tmp_path / "eclsim"
-    shutil.copytree(stored.PACKAGE, package, ignore=shutil.ignore_patterns("data", "static", "__pycache__"))
-    monkeypatch.setattr(stored, "PACKAGE", package)
-    fingerprint = stored._sources.__wrapped__
+    shutil.copytree(
+        compilation.PACKAGE, package, ignore=shutil.ignore_patterns("data", "static", "__pycache__")
+    )
+    monkeypatch.setattr(compilation, "PACKAGE", package)
+    fingerprint = compilation._sources.__wrapped__
     before = fingerprint("eclsim.beat.heartbeat")
     with (package / edited).open("a", encoding="utf-8") as file:
         file.write("# another line\n")
@@ -80,7 +82,7 @@ def test_a_damaged_file_is_compiled_again(folder, damage):
 
 
 def test_a_folder_that_cannot_be_written_is_no_mistake(tmp_path, monkeypatch):
-    monkeypatch.setattr(stored, "cache_folder", lambda: tmp_path / "missing")
+    monkeypatch.setattr(compilation, "cache_folder", lambda: tmp_path / "missing")
     np.testing.assert_array_equal(StoredProgram(jax.jit(lambda x: 2.0 * x), KEY)(X), 2.0 * X)
 
 
@@ -94,11 +96,11 @@ def test_circuits_with_components_of_others_are_not_kept(folder):
     path = next(c for c in own.connections if type(c.component) is Resistance)
     other = replace(path, component=Narrowed(**vars(path.component)))
     circuit = Circuit(own.compartments, tuple(other if c is path else c for c in own.connections))
-    assert stored._file(("beat", beat_program(own)), ()) is not None
-    assert stored._file(("beat", beat_program(circuit)), ()) is None
+    assert compilation._file(("beat", beat_program(own)), ()) is not None
+    assert compilation._file(("beat", beat_program(circuit)), ()) is None
 
 
 def test_different_circuits_have_different_descriptions():
-    found = {stored._described(beat_program(circulation(), level)) for level in (1, 2)}
+    found = {compilation._described(beat_program(circulation(), level)) for level in (1, 2)}
     assert len(found) == 2
     assert None not in found
