@@ -6,6 +6,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
+
 from eclsim.gas.exchangers import Exchanger, MembraneLung, NativeLung, Points, Tissue
 from eclsim.gas.steady import solve
 from eclsim.gas.transport import Drainage, Flows, balanced, mixtures

@@ -4,13 +4,13 @@ import json
 
 import numpy as np
 import pytest
-from eclsim.identification.batch_outputs import simulate_members
 
 from eclsim.app.beat import compute_beat, plain
 from eclsim.app.knobs import turn
 from eclsim.app.state import PageState
 from eclsim.cases.presets import PRESETS
 from eclsim.devices.ecmo import ecmo
+from eclsim.identification.density import simulate_members
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import Batch, solve, start_state
 from eclsim.outputs.alarms import findings

@@ -161,7 +161,7 @@ class Bounds(NamedTuple):
     upper: float
 
 
-ProxyType[str, Bounds] = MappingProxyType(
+BOUNDS: MappingProxyType[str, Bounds] = MappingProxyType(
     {
         "Csart": Bounds(0.9, 0.09, 9.0),
         "Edla": Bounds(0.2125, 0.02125, 2.125),
@@ -172,7 +172,7 @@ ProxyType[str, Bounds] = MappingProxyType(
         "Rsvn": Bounds(0.01, 0.001, 0.1),
     }
 )
-"""The seven parameters that are fitted to a patient: those that the paper's global sensitivity analysis selected.
+"""The seven parameters that are fitted to a patient, selected by the paper's global sensitivity analysis.
 
 The bounds of the published code run from a tenth to ten times the start value.
 """
