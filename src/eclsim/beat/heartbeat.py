@@ -50,7 +50,7 @@ class StepConstants(NamedTuple):
 class Tables(NamedTuple):
     """What differs from step to step; along the first axes blocks and steps.
 
-    Args:
+    Attributes:
         activations: at both stages, (2, curves).
         weights: of each signal in a sum over the beat, (signals,).
         readings: weights of the step in means over the beat (`Readings.weights`).

@@ -22,7 +22,7 @@ RATE, MEAN = Form.RATE.value, Form.MEAN.value
 class Moment(NamedTuple):
     """The end of a step.
 
-    Args:
+    Attributes:
         volumes: of all compartments [mL].
         flows: through all connections [mL/s].
         activations: of all curves.

@@ -19,7 +19,7 @@ from eclsim.circuit.signals import Kind, Signal
 class State(NamedTuple):
     """One number of a state.
 
-    Args:
+    Attributes:
         name: of the state.
         scale: its typical change, its weight in the norms of a search.
         smallest_size: a relative change refers to this size at least.

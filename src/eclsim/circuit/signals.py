@@ -33,7 +33,7 @@ class Form(Enum):
 class Signal(NamedTuple):
     """A waveform of the beat.
 
-    Args:
+    Attributes:
         kind: pressure [mmHg], flow [mL/s] or stressed volume [mL].
         place: a compartment; of a flow, and of the pressure gained across a pump, the connection.
         form: value, rate or mean.
