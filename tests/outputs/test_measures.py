@@ -1,10 +1,12 @@
 """Measures on waveforms whose values are known."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from eclsim.beat.grid import PhaseGrid
 from eclsim.beat.recording import RATE
+from eclsim.outputs.derivatives import LinearMeasures
 from eclsim.outputs.measures import Measures
 
 PHASES = PhaseGrid(1).phases
@@ -86,3 +88,37 @@ def test_a_batch_is_measured_like_each_alone():
             assert getattr(together, ask)("p", "v")[k] == pytest.approx(
                 getattr(alone, ask)("p", "v"), rel=1e-10
             )
+
+
+def test_forward_and_backward_flow_are_means_of_what_goes_either_way():
+    flow = 50.0 * np.sin(TURN) + 10.0
+    found = measures(Qcannula=np.stack([flow, np.full_like(flow, -20.0)], axis=1))
+    share = np.arcsin(0.2) / (2.0 * np.pi) + 0.25  # of half a beat, with flow ahead
+    ahead = 2.0 * share * 10.0 + 50.0 / np.pi * np.sqrt(1.0 - 0.04)
+    assert found.forward("cannula") == pytest.approx([0.06 * ahead, 0.0], rel=2e-4)
+    assert found.backward("cannula")[1] == pytest.approx(1.2, rel=1e-12)
+    net = found.forward("cannula") - found.backward("cannula")
+    np.testing.assert_allclose(net, 0.06 * found.mean("Qcannula"), rtol=1e-12)
+
+
+def _quotient(numbers):
+    return jnp.stack([numbers[0] / numbers[1], jnp.exp(-numbers[2])])
+
+
+def test_a_law_is_applied_to_measures_and_parameters_with_its_derivatives():
+    waves = {"Px": 90.0 + 10.0 * np.sin(TURN), "Qy": 30.0 + np.cos(TURN)}
+
+    def computed(kind, shift=0.0, dose=0.3):
+        m = kind({**waves, "Px": waves["Px"] + shift}, PHASES, None, {"dose": dose})
+        return m, m.apply(_quotient, [m.mean("Px"), m.forward("y"), m.parameter("dose")])
+
+    _, plain = computed(Measures)
+    linear, duals = computed(LinearMeasures)
+    assert [d.value for d in duals] == pytest.approx([float(v) for v in plain], rel=1e-14)
+    step = 1e-4
+    high, low = (float(computed(Measures, shift=s)[1][0]) for s in (step, -step))
+    by_pressure = sum(
+        slope * linear.sums[key].sum() for key, slope in duals[0].slopes.items() if key[0] == "Px"
+    )
+    assert by_pressure == pytest.approx((high - low) / (2.0 * step), rel=1e-6)
+    assert duals[1].slopes["dose"] == pytest.approx(-np.exp(-0.3), rel=1e-14)

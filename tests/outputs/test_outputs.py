@@ -1,5 +1,7 @@
 """The registry: every output is described, computed and differentiated by its own formula."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from eclsim.beat.grid import PhaseGrid
 from eclsim.beat.recording import RATE
 from eclsim.outputs.derivatives import Dual, LinearMeasures
 from eclsim.outputs.measures import Measures
-from eclsim.outputs.registry import UnknownOutputError, all_outputs, available, contract, output
+from eclsim.outputs.registry import Output, UnknownOutputError, all_outputs, available, contract, output
 
 PHASES = PhaseGrid(1).phases
 TURN = 2.0 * np.pi * PHASES
@@ -53,6 +55,15 @@ def test_outputs_exist_where_their_waveforms_do():
     assert {"SP", "CO", "stroke_work_lv", "aortic_valve_flow"} <= names
     assert not {"PF", "lvad_flow", "crrt_access_pressure"} & names
     assert "PF" in {entry.name for entry in available(patient | {"Qecmopump"})}
+
+
+def test_outputs_that_read_parameters_exist_where_these_do():
+    entry = Output("dose", "dose", "mmHg", "its parameter", ("Pao",), lambda m: m.parameter("x.dose"))
+    entry = replace(entry, parameters=("x.dose",))
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("eclsim.outputs.registry._MORE", (entry,))
+        assert entry not in available({"Pao"})
+        assert entry in available({"Pao"}, {"x.dose"})
 
 
 def test_a_misspelt_output_names_its_neighbours():

@@ -6,16 +6,23 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from eclsim.inputs.fields import Field
 from eclsim.patient.sites import PATIENT_SITES
 from eclsim.units import ML_S_PER_L_MIN
 
+if TYPE_CHECKING:
+    from jax import Array
+
+    from eclsim.circuit.network import Circuit
+
 _EMPTY: Mapping[str, str] = MappingProxyType({})
 
 Numbers = Any
 """One number for each patient: a float, an array, or either with its derivatives."""
+Law = Callable[["Array"], "Array"]
+"""A differentiable function of numbers of one patient, (n,) to (m,); it is compiled once for each object."""
 Kind = Literal["collapse", "alarm", "warning"]
 GRAVEST_FIRST: tuple[Kind, ...] = ("collapse", "alarm", "warning")
 """Kinds of limits. Beyond a "collapse" the numbers cannot be those of a patient."""
@@ -34,6 +41,12 @@ class BeatMeasures(Protocol):
     def at_start(self, name: str) -> Numbers: ...  # noqa: D102
     def largest_ratio(self, above: str, below: str) -> Numbers: ...  # noqa: D102
     def loop_area(self, pressure: str, volume: str) -> Numbers: ...  # noqa: D102
+    def forward(self, connection: str) -> Numbers: ...  # noqa: D102
+    def backward(self, connection: str) -> Numbers: ...  # noqa: D102
+    def parameter(self, name: str) -> Numbers: ...  # noqa: D102
+    def apply(self, function: Law, numbers: Sequence[Numbers]) -> Sequence[Numbers]: ...  # noqa: D102
+    @property
+    def circuit(self) -> Circuit: ...  # noqa: D102
 
 
 @dataclass(frozen=True)
@@ -49,6 +62,9 @@ class Output:
         compute: from the measures of a beat.
         extremes: waveforms whose largest or smallest value it reads, so that their rates are wanted too.
         in_contract: whether it is one of the main outputs that every result file leads with.
+        parameters: that it reads besides; it exists only in circuits that have them. Where it is not to be
+            trusted it is NaN.
+        all_flows: whether it follows from the flows of all connections.
     """
 
     name: str
@@ -59,6 +75,8 @@ class Output:
     compute: Callable[[BeatMeasures], Numbers]
     extremes: tuple[str, ...] = ()
     in_contract: bool = False
+    parameters: tuple[str, ...] = ()
+    all_flows: bool = False
 
 
 def mean(name: str, long_name: str, signal: str) -> Output:

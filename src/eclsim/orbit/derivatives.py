@@ -81,7 +81,8 @@ def orbit_derivatives(
     Args:
         problem: of one member.
         state: on its orbit or close to it, shape (states,).
-        parameters: names, among those that the circuit reads and `heart_rate_bpm`.
+        parameters: names, among those that the circuit reads and `heart_rate_bpm`; of others the beat does
+            not depend on.
         volume_slopes: d blood volume / d parameter [mL per unit], shape (parameters,).
         signals: signal of each weighted sum (see `Recorder`).
         weights: weights of each sum at the end of every step, shape (steps, sums).
@@ -94,7 +95,9 @@ def orbit_derivatives(
     padded = -(-(n + m) // MULTIPLE) * MULTIPLE
     directions = np.zeros((padded, n)), np.zeros((padded, len(packed)))
     directions[0][:n] = np.eye(n)
-    directions[1][range(n, n + m), [program.names.index(name) for name in parameters]] = 1.0
+    for k, name in enumerate(parameters):
+        if name in program.names:
+            directions[1][n + k, program.names.index(name)] = 1.0
     table = np.zeros((program.grid.n_steps, 0)) if weights is None else weights
     after, *found = map(np.asarray, _tangents(program, signals)(state, packed, *directions, table))
     end, sums = (tangents[: n + m].T for tangents in found)

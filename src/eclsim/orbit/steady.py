@@ -60,8 +60,17 @@ class Batch:
 
     def member(self, which: int) -> dict[str, float]:
         """Parameters of one member."""
-        values = {n: self.values[n] for n in (HEART_RATE, *self.circuit.parameter_names())}
-        return {k: float(v if np.ndim(v) == 0 else np.asarray(v)[which]) for k, v in values.items()}
+        return {name: self._of(name, which) for name in (HEART_RATE, *self.circuit.parameter_names())}
+
+    def _of(self, name: str, which: int) -> float:
+        value = self.values[name]
+        return float(value if np.ndim(value) == 0 else np.asarray(value)[which])
+
+    def read_by_outputs(self, parameters: Sequence[str], members: np.ndarray) -> dict[str, np.ndarray]:
+        """Some parameters of some members, each of shape (members,)."""
+        return {
+            n: np.broadcast_to(np.asarray(self.values[n], float), (self.count,))[members] for n in parameters
+        }
 
     def volume(self) -> Volume:
         """The blood volume condition of the policy."""
@@ -78,7 +87,7 @@ class Batch:
     def volume_slopes(self, parameters: Sequence[str], member: int = 0) -> np.ndarray:
         """d blood volume / d parameter of one member [mL per unit], by a complex step; (parameters,)."""
         counted = [self.policy == AS_PUBLISHED or c.group == "patient" for c in self.circuit.compartments]
-        values = self.member(member)
+        values = {name: self._of(name, member) for name in parameters} | self.member(member)
         shifts = 1j * COMPLEX_STEP * np.eye(len(parameters))
         shifted = values | {
             name: values[name] + shift for name, shift in zip(parameters, shifts, strict=True)

@@ -12,10 +12,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from eclsim.circuit.network import Circuit
+from eclsim.devices.description import Law
 from eclsim.orbit.derivatives import OrbitDerivatives, orbit_derivatives
 from eclsim.orbit.equation import OrbitProblem
 from eclsim.orbit.iteration import compiled_search
-from eclsim.outputs.measures import Measures, Points, whole_beat
+from eclsim.outputs.measures import Measures, Points, compiled, compiled_jacobian, whole_beat
 from eclsim.outputs.registry import output
 from eclsim.outputs.signals import needed_signals
 
@@ -83,9 +85,29 @@ class LinearMeasures(Measures):
     `sums` holds for each its weights at the grid points, shape (points,).
     """
 
-    def __init__(self, waveforms: Mapping[str, np.ndarray], phases: np.ndarray):
-        super().__init__(waveforms, phases)
+    def __init__(
+        self,
+        waveforms: Mapping[str, np.ndarray],
+        phases: np.ndarray,
+        circuit: Circuit | None = None,
+        parameters: Mapping[str, float] | None = None,
+    ):
+        super().__init__(waveforms, phases, circuit, parameters)
         self.sums: dict[Sum, np.ndarray] = {}
+
+    def parameter(self, name: str) -> Dual:
+        """A parameter, which depends on itself."""
+        return Dual(float(self._parameters[name]), {name: 1.0})
+
+    def apply(self, function: Law, numbers: Sequence[Dual | float]) -> Sequence[Dual]:
+        """A function of some numbers by the chain rule."""
+        given = [_dual(number) for number in numbers]
+        at = np.array([number.value for number in given])
+        values, slopes = compiled(function)(at[None])[0], np.asarray(compiled_jacobian(function)(at))
+        keys = list(dict.fromkeys(key for number in given for key in number.slopes))
+        total = slopes @ np.array([[number.slopes.get(key, 0.0) for key in keys] for number in given])
+        rows = (dict(zip(keys, row, strict=True)) for row in total.tolist())
+        return [Dual(float(value), row) for value, row in zip(values, rows, strict=True)]
 
     def _product(self, weights: Mapping[str, np.ndarray]) -> Dual:
         found = self._whole(weights)
@@ -130,6 +152,8 @@ def linearise(
     outputs: Sequence[str],
     parameters: Sequence[str],
     volume_slopes: np.ndarray,
+    values: Mapping[str, float] | None = None,
+    circuit: Circuit | None = None,
 ) -> Linearisation:
     """Outputs of one member's orbit and their exact derivatives.
 
@@ -137,30 +161,32 @@ def linearise(
         problem: of one member.
         state: on its orbit or close to it, shape (states,).
         outputs: names of the registry.
-        parameters: names that the circuit reads, or `heart_rate_bpm`.
+        parameters: names that the circuit reads, or `heart_rate_bpm`; those that the beat does not read act
+            on outputs alone.
         volume_slopes: d blood volume / d parameter [mL per unit], shape (parameters,).
+        values: of the parameters that the outputs read.
+        circuit: with exchanges, which the beat does not ask for; left out, the program's.
 
     Raises:
         NoDerivativesError: the equation of the beat is singular.
     """
     program = problem.program
-    signals = needed_signals(program.assembly.circuit, outputs)
+    circuit = circuit or program.assembly.circuit
+    signals = needed_signals(circuit, outputs)
     names, recorded = compiled_search(program, 1).record(state[:, None], problem.packed, signals)
     series = whole_beat(recorded[..., 0])
     waveforms = {name: np.ascontiguousarray(series[:, names.index(name)]) for name in signals}
-    measures = LinearMeasures(waveforms, program.grid.phases)
-    found = [output(name).compute(measures) for name in outputs]
+    measures = LinearMeasures(waveforms, program.grid.phases, circuit, values)
+    found = [_dual(output(name).compute(measures)) for name in outputs]
     keys = sorted(measures.sums)
-    weights = np.array([measures.sums[key] for key in keys])
+    weights = np.array([measures.sums[key] for key in keys]).reshape(len(keys), -1)
     weights[:, -1] += weights[:, 0]
     summed = tuple(name for name, _ in keys)
     orbit = orbit_derivatives(problem, state, parameters, volume_slopes, summed, weights[:, 1:].T)
-    place = {key: k for k, key in enumerate(keys)}
-    slopes = np.zeros((len(found), len(keys)))
-    for row, number in zip(slopes, found, strict=True):
-        for key, slope in number.slopes.items():
-            row[place[key]] = slope
-    values = np.array([float(number.value) for number in found])
+    slopes = np.array([[number.slopes.get(key, 0.0) for key in keys] for number in found])
+    direct = np.array([[number.slopes.get(name, 0.0) for name in parameters] for number in found])
+    slopes, direct = slopes.reshape(-1, len(keys)), direct.reshape(-1, len(parameters))
+    at = np.array([number.value for number in found])
     return Linearisation(
-        values, slopes @ orbit.sums, orbit, values + slopes @ (orbit.sums_of_states @ orbit.step)
+        at, slopes @ orbit.sums + direct, orbit, at + slopes @ (orbit.sums_of_states @ orbit.step)
     )

@@ -16,7 +16,7 @@ from eclsim.orbit.steady import Batch, SolvedOrbits, start_state
 from eclsim.outputs.measures import Measures
 from eclsim.outputs.registry import output
 from eclsim.outputs.results import labelled
-from eclsim.outputs.signals import output_names
+from eclsim.outputs.signals import needed_parameters, output_names
 from eclsim.outputs.steady_beat import Waveforms, judged, statistics_of
 
 RECORDED = PhaseGrid(4)
@@ -44,8 +44,11 @@ def simulate_adaptive(
     plain = all_signals(beats.program.explicit.assembly)
     _, recorded = beats.record(waited.state, RECORDED.phases, with_rates(model.circuit, plain))
     names = with_rates(model.circuit, plain)
-    measures = Measures({n: recorded[:, [k]] for k, n in enumerate(names)}, RECORDED.phases)
-    outputs = {n: output(n).compute(measures) for n in output_names(model.circuit)}
+    known = output_names(model.circuit)
+    parameters = batch.read_by_outputs(needed_parameters(known), np.array([0]))
+    waves = {n: recorded[:, [k]] for k, n in enumerate(names)}
+    measures = Measures(waves, RECORDED.phases, model.circuit, parameters)
+    outputs = {n: output(n).compute(measures) for n in known}
     series = recorded[:, [names.index(n) for n in plain]]
     beat = judged(
         _orbits(batch, waited, refused, beats.options.tolerance), tuple(outputs), outputs, plain,

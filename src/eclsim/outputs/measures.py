@@ -12,13 +12,18 @@ the dependence on the waveforms follow from them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import cached_property
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property, lru_cache
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from eclsim.beat.recording import MEAN, RATE
+from eclsim.circuit.network import Circuit
+from eclsim.devices.description import Law
+from eclsim.units import ML_S_PER_L_MIN
 
 SMALLEST_VOLUME = 1e-6
 """Divisor [mL] in place of a volume that is zero or less."""
@@ -33,11 +38,20 @@ class Measures:
         waveforms: by name, arrays (points[, patients]) over a whole beat, first and last point the same
             phase; pressures [mmHg], flows [mL/s], volumes [mL]; rates per unit of phase are name + `RATE`.
         phases: grid points from 0 to 1, shape (points,).
+        circuit: whose beat it is.
+        parameters: numbers, or one for each patient, for the outputs that read parameters.
     """
 
-    def __init__(self, waveforms: Mapping[str, np.ndarray], phases: np.ndarray):
+    def __init__(
+        self,
+        waveforms: Mapping[str, np.ndarray],
+        phases: np.ndarray,
+        circuit: Circuit | None = None,
+        parameters: Mapping[str, Any] | None = None,
+    ):
         self.waveforms = waveforms
         self._widths = np.diff(phases)
+        self._circuit, self._parameters = circuit, parameters or {}
         self._found: dict[tuple[str, ...], Any] = {}
 
     def mean(self, name: str) -> Any:
@@ -63,6 +77,39 @@ class Measures:
     def at_start(self, name: str) -> Any:
         """Value at phase 0, where the ventricles begin to contract."""
         return self._sum([(name, np.zeros(self.waveforms[name].shape[1:], dtype=int), 1.0)])
+
+    @property
+    def circuit(self) -> Circuit:
+        """The circuit whose beat it is."""
+        return self._circuit or Circuit()
+
+    def forward(self, connection: str) -> Any:
+        """Mean [L/min] of the flow of a connection where it is positive, else 0."""
+        return self._kept(("forward", connection), lambda: self._one_way("Q" + connection, 1.0))
+
+    def backward(self, connection: str) -> Any:
+        """Mean [L/min] of the flow against its direction; forward less backward is the mean."""
+        return self._kept(("backward", connection), lambda: self._one_way("Q" + connection, -1.0))
+
+    def _one_way(self, flow: str, sign: float) -> Any:
+        moved = flow + MEAN in self.waveforms
+        name, weights = (flow + MEAN, np.r_[0.0, self._widths]) if moved else (flow, self._trapezoid)
+        where = sign * self.waveforms[name] > 0.0
+        return self._whole({name: sign / ML_S_PER_L_MIN * (where.T * weights).T})
+
+    def parameter(self, name: str) -> Any:
+        """A parameter."""
+        return self._parameters[name]
+
+    def apply(self, function: Law, numbers: Sequence[Any]) -> Sequence[Any]:
+        """A function of some numbers, shape (n,), that gives others; computed once for the same numbers."""
+        table = np.stack(np.broadcast_arrays(*numbers))
+
+        def compute() -> Sequence[Any]:
+            found = np.asarray(compiled(function)(table.reshape(len(table), -1).T))
+            return list(found.T.reshape(-1, *table.shape[1:]))
+
+        return self._kept(("apply", repr(id(function)), table.tobytes().hex()), compute)
 
     def loop_area(self, pressure: str, volume: str) -> Any:
         """Work [mmHg mL] that a chamber does on its blood in a beat, -(loop integral of P dV)."""
@@ -145,6 +192,18 @@ class Measures:
 def whole_beat(recorded: np.ndarray) -> np.ndarray:
     """Signals at all grid points from phase 0 to 1: the steady beat starts where it ends."""
     return np.concatenate([recorded[-1:], recorded])
+
+
+@lru_cache(maxsize=64)
+def compiled(function: Law) -> Callable[[np.ndarray], jax.Array]:
+    """A function of one patient's numbers for many patients, shape (patients, numbers)."""
+    return jax.jit(jax.vmap(lambda numbers: jnp.asarray(function(numbers))))
+
+
+@lru_cache(maxsize=64)
+def compiled_jacobian(function: Law) -> Callable[[np.ndarray], jax.Array]:
+    """Its derivatives, of one patient, shape (results, numbers)."""
+    return jax.jit(jax.jacfwd(function))
 
 
 def _stationary(rise: Any, second: Any, third: Any, fall: Any) -> np.ndarray:

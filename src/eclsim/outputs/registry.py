@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -14,7 +14,8 @@ from eclsim.devices.registry import devices, named_output, namings
 from eclsim.units import ML_S_PER_L_MIN
 
 if TYPE_CHECKING:
-    from eclsim.devices.description import BeatMeasures, Numbers
+    from eclsim.circuit.network import Circuit
+    from eclsim.devices.description import BeatMeasures, Law, Numbers
 
 __all__ = [
     "CHAMBERS", "VALVES", "Output", "UnknownOutputError", "all_outputs", "available", "contract", "output",
@@ -152,6 +153,22 @@ class _RenamedMeasures:
     def loop_area(self, pressure: str, volume: str) -> Numbers:
         return self._measures.loop_area(self._names.signal(pressure), self._names.signal(volume))
 
+    def forward(self, connection: str) -> Numbers:
+        return self._measures.forward(self._names.place(connection))
+
+    def backward(self, connection: str) -> Numbers:
+        return self._measures.backward(self._names.place(connection))
+
+    def parameter(self, name: str) -> Numbers:
+        return self._measures.parameter(self._names.parameter(name))
+
+    def apply(self, function: Law, numbers: Sequence[Numbers]) -> Sequence[Numbers]:
+        return self._measures.apply(function, numbers)
+
+    @property
+    def circuit(self) -> Circuit:
+        return self._measures.circuit
+
 
 @lru_cache(maxsize=1024)
 def _of_instance(entry: Output, names: Naming) -> Output:
@@ -168,6 +185,7 @@ def _of_instance(entry: Output, names: Naming) -> Output:
         definition=definition,
         needs=tuple(map(names.signal, entry.needs)),
         extremes=tuple(map(names.signal, entry.extremes)),
+        parameters=tuple(map(names.parameter, entry.parameters)),
         compute=lambda measures: entry.compute(_RenamedMeasures(measures, names)),
     )
 
@@ -193,12 +211,16 @@ def _of_devices(instances: Iterable[Naming] | None) -> list[Output]:
     return [_of_instance(entry, one) for one in names for entry in one.device.outputs]
 
 
-def available(signals: Collection[str]) -> tuple[Output, ...]:
-    """Outputs that a circuit with these waveforms has."""
+def available(signals: Collection[str], parameters: Collection[str] = ()) -> tuple[Output, ...]:
+    """Outputs that a circuit with these waveforms and parameters has."""
     groups = (".".join(signal[1:].split(".")[:2]) for signal in signals if "." in signal)
     instances = [*map(Naming, devices().values()), *namings(groups)]
     found = all_outputs(instances)
-    return tuple(entry for entry in found.values() if all(signal in signals for signal in entry.needs))
+    return tuple(
+        entry
+        for entry in found.values()
+        if all(name in signals for name in entry.needs) and all(p in parameters for p in entry.parameters)
+    )
 
 
 def output(name: str) -> Output:

@@ -17,7 +17,8 @@ WORDS = {Kind.PRESSURE: "pressure in", Kind.FLOW: "flow through", Kind.VOLUME: "
 
 def output_names(circuit: Circuit) -> tuple[str, ...]:
     """All outputs that a circuit has, in the order of the registry."""
-    return tuple(o.name for o in available(all_signals(assemble(circuit))))
+    parameters = {*circuit.parameter_names(), *circuit.content_names()}
+    return tuple(o.name for o in available(all_signals(assemble(circuit)), parameters))
 
 
 def needed_signals(
@@ -26,9 +27,16 @@ def needed_signals(
     """Signals that outputs and waveforms are computed from, with the rates that place extremes."""
     entries = [output(name) for name in outputs]
     signals = {*waveforms, *(signal for entry in entries for signal in entry.needs)}
+    if any(entry.all_flows for entry in entries):
+        signals |= {"Q" + connection.name for connection in circuit.connections}
     rates = {signal + RATE for entry in entries for signal in entry.extremes if has_rate(circuit, signal)}
     means = {signal + MEAN for signal in signals if has_mean(circuit, signal)}
     return tuple(sorted(signals | rates | means))
+
+
+def needed_parameters(outputs: Sequence[str]) -> tuple[str, ...]:
+    """Parameters that outputs read besides waveforms."""
+    return tuple(dict.fromkeys(name for one in outputs for name in output(one).parameters))
 
 
 def signal_labels(circuit: Circuit, name: str) -> dict[str, str]:

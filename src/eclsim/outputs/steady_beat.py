@@ -26,7 +26,7 @@ from eclsim.outputs.derivatives import Linearisation, linearise
 from eclsim.outputs.measures import Measures, whole_beat
 from eclsim.outputs.registry import output
 from eclsim.outputs.sealed import sealed, shut_valves, valve_flows
-from eclsim.outputs.signals import needed_signals, output_names
+from eclsim.outputs.signals import needed_parameters, needed_signals, output_names
 
 NO_EJECTION_L_MIN = 0.02
 """Native output below which the heart is said not to eject."""
@@ -167,7 +167,10 @@ class SteadyBeat:
         program = beat_program(self.batch.circuit, int(self.orbits.resolution[member]))
         problem = OrbitProblem(program, self.batch.packed(program), self.batch.volume()).take([member])
         slopes = self.batch.volume_slopes(parameters, member)
-        return linearise(problem, self.orbits.states[:, member], outputs, parameters, slopes)
+        at, read = np.array([member]), needed_parameters(outputs)
+        values = {name: float(v[0]) for name, v in self.batch.read_by_outputs(read, at).items()}
+        state, circuit = self.orbits.states[:, member], self.batch.circuit
+        return linearise(problem, state, outputs, parameters, slopes, values, circuit)
 
 
 def steady_beat(
@@ -217,7 +220,9 @@ def measured(
         recorded, series, phases = _recorded(orbits, members, needed_signals(circuit, names, signals))
         if len(members) == 1:  # a sum down a single column rounds in another order
             series = np.repeat(series, 2, axis=-1)
-        measures = Measures({name: series[:, k] for k, name in enumerate(recorded)}, phases)
+        parameters = orbits.batch.read_by_outputs(needed_parameters(names), members)
+        waves = {name: series[:, k] for k, name in enumerate(recorded)}
+        measures = Measures(waves, phases, circuit, parameters)
         for row, name in zip(values, names, strict=True):
             row[members] = output(name).compute(measures)[: len(members)]
         statistics[:, :, members] = statistics_of(measures, signals)[..., : len(members)]
@@ -268,7 +273,8 @@ def judged(
     status, circuit = np.array(orbits.status), orbits.batch.circuit
     native = _native_output(outputs, orbits.batch.count)
     status[(status == Status.NOT_CONVERGED) & (native < NO_EJECTION_L_MIN)] = Status.NO_EJECTION
-    finite = np.isfinite(list(outputs.values())).all(axis=0) if outputs else True
+    beats = [values for name, values in outputs.items() if not output(name).parameters]
+    finite = np.isfinite(beats).all(axis=0) if beats else True
     status[(status != Status.INVALID_INPUT) & ~(finite & np.isfinite(statistics).all(axis=(0, 1)))] = (
         Status.NOT_FINITE
     )
