@@ -7,15 +7,25 @@ import pytest
 
 from eclsim.beat.grid import PhaseGrid
 from eclsim.beat.recording import RATE
+from eclsim.devices.crrt import crrt
+from eclsim.devices.ecmo import ecmo
+from eclsim.devices.registry import parameters
 from eclsim.outputs.derivatives import Dual, LinearMeasures
 from eclsim.outputs.measures import Measures
 from eclsim.outputs.registry import Output, UnknownOutputError, all_outputs, available, contract, output
+from eclsim.patient.circulation import circulation
 
 PHASES = PhaseGrid(1).phases
 TURN = 2.0 * np.pi * PHASES
 PLACES = ("ao", "pas", "pvn", "ra", "la", "rv", "lv", "svn")
 
 OUTPUTS = all_outputs()
+CIRCUIT = circulation() + ecmo("ra", "ao") + crrt("ecmotuor", "ecmooxy", dialysis=True)
+PARAMETERS = {name: parameter.value for name, parameter in parameters().items()} | {
+    "crrt.dialysate_ml_h": 1000.0, "crrt.replacement_pre_ml_h": 300.0, "crrt.replacement_post_ml_h": 800.0,
+    "crrt.net_ultrafiltration_ml_h": 100.0, "crrt.haematocrit_in": 0.3, "crrt.citrate_mmol_l": 3.0,
+    "crrt.fluid_bicarbonate_mmol_l": 32.0, "crrt.plasma_bicarbonate_mmol_l": 24.0,
+}  # fmt: skip
 
 
 def waveforms(amount=0.0):
@@ -32,11 +42,15 @@ def waveforms(amount=0.0):
     return found
 
 
+def computed(entry, read, amount=0.0):
+    return entry.compute(Measures(waveforms(amount), PHASES, CIRCUIT, read))
+
+
 def test_names_are_unique_and_all_are_described():
     assert len({entry.long_name for entry in OUTPUTS.values()}) == len(OUTPUTS)
     for name, entry in OUTPUTS.items():
         assert name == entry.name
-        assert entry.unit in {"mmHg", "L/min", "mL", "%", "mmHg mL", "mL/s"}
+        assert entry.unit in {"mmHg", "L/min", "mL", "%", "mmHg mL", "mL/s", "1", "mL/h", "mL/min", "mmol/h"}
         assert entry.definition
         assert entry.needs
         assert set(entry.extremes) <= set(entry.needs)
@@ -74,14 +88,20 @@ def test_a_misspelt_output_names_its_neighbours():
 @pytest.mark.parametrize("name", OUTPUTS)
 def test_every_output_is_differentiated_exactly(name):
     entry, step = OUTPUTS[name], 1e-5
-    base = LinearMeasures(waveforms(), PHASES)
+    read = {name: PARAMETERS[name] for name in entry.parameters}
+    base = LinearMeasures(waveforms(), PHASES, CIRCUIT, read)
     found = entry.compute(base)
-    assert found.value == pytest.approx(float(entry.compute(Measures(waveforms(), PHASES))), rel=1e-12)
+    assert found.value == pytest.approx(float(computed(entry, read)), rel=1e-12)
     before, after = waveforms(), waveforms(1.0)
     change = {key: after[key] - before[key] for key in before}
-    exact = sum(slope * base.sums[key] @ change[key[0]] for key, slope in found.slopes.items())
-    high, low = (float(entry.compute(Measures(waveforms(s), PHASES))) for s in (step, -step))
+    waves = {key: slope for key, slope in found.slopes.items() if key in base.sums}
+    exact = sum(slope * base.sums[key] @ change[key[0]] for key, slope in waves.items())
+    high, low = (float(computed(entry, read, s)) for s in (step, -step))
     assert exact == pytest.approx((high - low) / (2 * step), rel=1e-5, abs=1e-7)
+    for parameter, value in read.items():
+        step = 1e-4 * value
+        high, low = (float(computed(entry, read | {parameter: value + s})) for s in (step, -step))
+        assert found.slopes[parameter] == pytest.approx((high - low) / (2 * step), rel=1e-5, abs=1e-9)
 
 
 def test_flows_are_given_in_litres_a_minute():

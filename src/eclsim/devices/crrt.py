@@ -4,16 +4,21 @@
         ==tube==> return site
 
 Source: Thiel et al. 2025, Figure 1 and Table S-3.
+
+With a flow of dialysate, replacement fluid or net ultrafiltration in its section the dialyzer also clears
+solutes (`eclsim.components.dialysis`). The fluids change no pressure: they are slow beside a steady beat.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
 from eclsim.devices.description import (
+    BeatMeasures,
     Box,
     Control,
     Curve,
@@ -23,6 +28,8 @@ from eclsim.devices.description import (
     Limit,
     Look,
     Mark,
+    Numbers,
+    Output,
     Trace,
     Views,
     difference,
@@ -35,8 +42,10 @@ from eclsim.devices.ecmo import ECMO, POSITIONS
 from eclsim.devices.products import Dialyzer, by_key
 from eclsim.inputs.fields import Field, number
 from eclsim.inputs.mistakes import Remarks, shown
+from eclsim.inputs.numbers import RefusedValueError, read_number
 from eclsim.inputs.sections import Raw, Section, read_name
 from eclsim.parameters import thiel2025
+from eclsim.parameters.parameter import Parameter
 from eclsim.patient.sites import ARTERIAL_SITES, PATIENT_SITES, VENOUS_SITES
 from eclsim.units import convert
 
@@ -62,6 +71,45 @@ ALARMS_MMHG = MappingProxyType({"access": (-250.0, 250.0), "return": (-50.0, 350
 SANSOM_ACCESS_MMHG = 190.0
 """Access pressure above which early circuit failure is more likely (Sansom 2023, cited by Thiel et al.)."""
 _MACHINE = "usual alarm of CRRT machines"
+
+FLUIDS = ("dialysate_ml_h", "replacement_pre_ml_h", "replacement_post_ml_h", "net_ultrafiltration_ml_h")
+"""Keys of flows; dialysis is computed where one of them is given."""
+USUAL_FLUID = MappingProxyType(
+    {
+        "fluid_bicarbonate_mmol_l": 32.0, "haematocrit_in": 0.30, "plasma_bicarbonate_mmol_l": 24.0,
+        "citrate_mmol_l": 0.0,
+    }
+)  # fmt: skip
+"""Values where dialysis is computed and these keys are left out."""
+_FILTER = "AN69 ST filter of 1.5 m2"
+_ESTIMATE = f"{_FILTER}, estimated from urea by size; at CRRT flows clearance hardly depends on it"
+FILTER_PARAMETERS = tuple(
+    Parameter(key, value, unit, words, source, low, high, GROUP)
+    for key, value, unit, words, source, low, high in (
+        (
+            "Kufcrrtfil", 37.0, "mL/h/mmHg", "Ultrafiltration coefficient of dialyzer in blood",
+            f"{_FILTER}, of the size of high-flux membranes (20 to 40 a m2); not verified", 2.0, 300.0,
+        ),
+        (
+            "KoAurea", 300.0, "mL/min", "Mass transfer area product of dialyzer for urea",
+            f"{_FILTER}, 200 a m2; not verified; at CRRT flows clearance hardly depends on it", 5.0, 3000.0,
+        ),
+        ("KoAcreatinine", 230.0, "mL/min", "The same for creatinine", _ESTIMATE, 5.0, 3000.0),
+        ("KoApotassium", 300.0, "mL/min", "The same for potassium", _ESTIMATE, 5.0, 3000.0),
+        ("KoAco2", 240.0, "mL/min", "The same for bicarbonate and dissolved CO2", _ESTIMATE, 5.0, 3000.0),
+        ("KoAcitrate", 170.0, "mL/min", "The same for citrate", _ESTIMATE, 5.0, 3000.0),
+    )
+)  # fmt: skip
+HAEMATOCRIT = f"{GROUP}.haematocrit_in"
+SETTINGS = (
+    *(f"{GROUP}.{key}" for key in FLUIDS), HAEMATOCRIT, f"{GROUP}.fluid_bicarbonate_mmol_l",
+    f"{GROUP}.plasma_bicarbonate_mmol_l", f"{GROUP}.citrate_mmol_l", *(p.key for p in FILTER_PARAMETERS),
+)  # fmt: skip
+"""Parameters of the dialyzer, in the order of `eclsim.components.dialysis.Settings`."""
+SOLUTES = ("urea", "creatinine", "potassium")
+"""Solutes whose clearances are outputs."""
+LARGEST_FILTRATION_FRACTION = 0.25
+_DIALYSIS_SIGNALS = ("Qcrrtpump", "Pcrrtfil", "Pcrrttuout")
 
 ON_THE_PATIENT = MappingProxyType({"access_site": "svn", "return_site": "ra"})
 """Sites without an ECMO circuit."""
@@ -95,6 +143,23 @@ def _site(description: str) -> Field:
     return Field(description, "name", names=names, aliases=MappingProxyType(nodes), read=_read_site)
 
 
+def _fluid(description: str, typical: float) -> Field:
+    return number(description, "mL/h", 0, 20000, typical, required=False)
+
+
+def _read_haematocrit(value: object, field: Field) -> object:
+    """A fraction; a percentage is refused with what it means."""
+    if isinstance(value, (int, float)) and not isinstance(value, bool) and 10.0 <= value <= 70.0:
+        raise RefusedValueError("a percentage; a fraction belongs here", field.allowed, f"{value / 100.0:g}")
+    return read_number(value, replace(field, read=None))
+
+
+_HAEMATOCRIT = Field(
+    "Haematocrit of the blood in the access line", "number", "1", 0.05, 0.7, 0.3, required=False,
+    read=_read_haematocrit,
+)  # fmt: skip
+
+
 class Crrt(Section):
     """The CRRT circuit: blood flow in mL/min, access and return where its lines are connected."""
 
@@ -102,11 +167,34 @@ class Crrt(Section):
     flow_ml_min: Annotated[float, number("Blood flow of the CRRT pump", "mL/min", 10, 600, 200)]
     access_site: Annotated[str, _site("Where the access line drains")]
     return_site: Annotated[str, _site("Where the return line ends")]
+    dialysate_ml_h: Annotated[float | None, _fluid("Flow of dialysate", 1000.0)] = None
+    replacement_pre_ml_h: Annotated[float | None, _fluid("Replacement fluid before the filter", 1000.0)] = (
+        None
+    )
+    replacement_post_ml_h: Annotated[float | None, _fluid("Replacement fluid behind the filter", 1000.0)] = (
+        None
+    )
+    net_ultrafiltration_ml_h: Annotated[float | None, _fluid("Fluid taken from the patient", 100.0)] = None
+    fluid_bicarbonate_mmol_l: Annotated[
+        float | None, number("Bicarbonate of all fluids", "mmol/L", 0, 60, 32, required=False)
+    ] = None
+    haematocrit_in: Annotated[float | None, _HAEMATOCRIT] = None
+    plasma_bicarbonate_mmol_l: Annotated[
+        float | None, number("Total CO2 of the patient's plasma", "mmol/L", 2, 80, 24, required=False)
+    ] = None
+    citrate_mmol_l: Annotated[
+        float | None, number("Regional citrate, mmol for a L of blood", "mmol/L", 0, 10, 3, required=False)
+    ] = None
+
+    @property
+    def dialyses(self) -> bool:
+        """Whether a flow of fluid is given."""
+        return any(getattr(self, key) is not None for key in FLUIDS)
 
 
-def crrt(access_site: Site, return_site: Site) -> Circuit:
+def crrt(access_site: Site, return_site: Site, dialysis: bool = False) -> Circuit:
     """A CRRT circuit between two sites: compartments of the ECMO circuit or of the patient."""
-    from eclsim.circuit.network import Circuit, Compartment, Connection
+    from eclsim.circuit.network import Circuit, Compartment, Connection, Exchange
     from eclsim.components import ElasticVessel, Resistance, RollerPump, Tube, TubeVolume
 
     (dialyzer,) = DIALYZERS.values()
@@ -125,7 +213,64 @@ def crrt(access_site: Site, return_site: Site) -> Circuit:
         Connection("crrtfil", Resistance("Rcrrtfil"), "crrtfil", "crrttuout", GROUP),
         Connection("crrttuout", Tube("Lcrrttuout", "Dcrrttuout"), "crrttuout", return_site, GROUP),
     )
-    return Circuit(compartments, connections)
+    if not dialysis:
+        return Circuit(compartments, connections)
+    from eclsim.components.dialysis import Hemofilter
+
+    return Circuit(
+        compartments, connections, (), (Exchange("dialyzer", Hemofilter(SETTINGS), "crrtfil", GROUP),)
+    )
+
+
+# --- dialysis -------------------------------------------------------------------------------------
+
+
+def _dialysis(name: str, field: str, long_name: str, unit: str, definition: str) -> Output:
+    """A number of what the filter does, a field of `eclsim.components.dialysis.Performance`."""
+    compute = lambda m: getattr(performance(m), field)  # noqa: E731
+    return Output(name, long_name, unit, definition, _DIALYSIS_SIGNALS, compute, parameters=SETTINGS)
+
+
+def performance(m: BeatMeasures) -> Any:
+    """What the filter does in a beat (`eclsim.components.dialysis.Performance`)."""
+    from eclsim.components import dialysis
+
+    blood = m.mean("Qcrrtpump") * 60.0
+    numbers: list[Numbers] = [blood, m.mean("Pcrrtfil"), m.mean("Pcrrttuout"), *map(m.parameter, SETTINGS)]
+    return dialysis.Performance(*m.apply(dialysis.performance, numbers))
+
+
+_OUTPUTS = (
+    _dialysis("effluent_ml_h", "effluent", "effluent of the CRRT", "mL/h", "dialysate, replacement and net"),
+    _dialysis(
+        "filtration_fraction", "filtration_fraction", "filtration fraction", "1",
+        "ultrafiltrate / (plasma flow + replacement before the filter)",
+    ),
+    _dialysis(
+        "transmembrane_pressure", "transmembrane_pressure", "transmembrane pressure of the dialyzer", "mmHg",
+        "ultrafiltrate / Kuf",
+    ),
+    _dialysis(
+        "effluent_pressure", "effluent_pressure", "pressure of the effluent", "mmHg",
+        "mean pressure of the blood in the dialyzer - transmembrane pressure",
+    ),
+    *(
+        _dialysis(
+            f"clearance_{name}", name, f"clearance of {name} by the dialyzer", "mL/min",
+            "removed / concentration in the water that enters the dialyzer",
+        )
+        for name in SOLUTES
+    ),
+    _dialysis(
+        "base_gain", "base_gain", "bicarbonate gained from the CRRT", "mmol/h",
+        "from fluids and citrate (3 each), less what is removed",
+    ),
+    _dialysis(
+        "crrt_carbon_dioxide_removal", "carbon_dioxide", "carbon dioxide removed by the dialyzer", "mL/min",
+        "STPD, as bicarbonate and dissolved, less what the fluids bring",
+    ),
+    _dialysis("citrate_load", "citrate", "citrate that reaches the patient", "mmol/h", "dose - removed"),
+)  # fmt: skip
 
 
 class CrrtDevice(Device[Crrt]):
@@ -168,7 +313,7 @@ class CrrtDevice(Device[Crrt]):
     )
     look = Look("#00734F", "#EDF7F3", 1.5, (0, (4, 1.5)), "^")
     products = tuple(DIALYZERS.values())
-    parameters = tuple(p for p in thiel2025.PARAMETERS.values() if p.group == GROUP)
+    parameters = (*(p for p in thiel2025.PARAMETERS.values() if p.group == GROUP), *FILTER_PARAMETERS)
     nominal = MappingProxyType({"crrt.flow_ml_min": 200.0})
     lines = MappingProxyType({"access_site": "crrttuin", "return_site": "crrttuout"})
     usual = MappingProxyType({"flow_ml_min": 200.0, "access_site": "post_oxy", "return_site": "pre_oxy"})
@@ -179,6 +324,7 @@ class CrrtDevice(Device[Crrt]):
         difference(
             "crrt_filter_pressure_drop", "mean pressure drop of the dialyzer", "Pcrrtfil", "Pcrrttuout"
         ),
+        *_OUTPUTS,
     )
     limits = (
         *(
@@ -189,6 +335,18 @@ class CrrtDevice(Device[Crrt]):
         Limit(
             "crrt_access_pressure", "warning", "above", SANSOM_ACCESS_MMHG,
             "early circuit failure is more likely", "Sansom et al. 2023",
+        ),
+        Limit(
+            "filtration_fraction", "warning", "above", LARGEST_FILTRATION_FRACTION,
+            "blood thickens in the dialyzer and clots it", "Joannidis and Oudemans-van Straaten 2007",
+        ),
+        Limit(
+            "transmembrane_pressure", "warning", "above", 300.0, "the membrane clogs",
+            "usual warning of CRRT machines",
+        ),
+        Limit(
+            "transmembrane_pressure", "alarm", "above", 450.0, "the membrane may tear",
+            "largest allowed for AN69 filters (maker's instructions)",
         ),
     )  # fmt: skip
     views = Views(
@@ -212,11 +370,16 @@ class CrrtDevice(Device[Crrt]):
 
     def circuit(self, section: Crrt) -> Circuit:
         """The circuit between its sites."""
-        return crrt(section.access_site, section.return_site)
+        return crrt(section.access_site, section.return_site, section.dialyses)
 
     def values(self, section: Crrt) -> dict[str, float]:
-        """Flow of the roller pump."""
-        return {"crrt.flow_ml_min": section.flow_ml_min}
+        """Flow of the roller pump, and with dialysis of the fluids."""
+        values = {"flow_ml_min": section.flow_ml_min}
+        if section.dialyses:
+            given = section.model_dump(exclude_none=True)
+            values |= {key: given.get(key, 0.0) for key in FLUIDS}
+            values |= {key: given.get(key, usual) for key, usual in USUAL_FLUID.items()}
+        return {f"{GROUP}.{key}": value for key, value in values.items()}
 
     def summary(self, section: Crrt) -> str:
         """Blood flow."""
@@ -228,6 +391,11 @@ class CrrtDevice(Device[Crrt]):
             Knob("flow_ml_min", "Blood flow", "mL/min", 50, 400, 5),
             picker("access_site", "Access line at", sites, sites, line="access"),
             picker("return_site", "Return line at", sites, sites, line="return"),
+            *(
+                Knob(key, Crrt.fields()[key].description, "mL/h", 0, 4000 if key != FLUIDS[3] else 500, 50)
+                for key in FLUIDS
+                if getattr(section, key) is not None
+            ),
         ]
 
     def reconnected(self, raw: dict[str, Any], sites: Collection[str]) -> dict[str, Any]:
@@ -249,6 +417,7 @@ class CrrtDevice(Device[Crrt]):
             remarks.warning(f"{key}.return_site", "drains an artery into a vein: a shunt", shown(back))
         if "ecmo" in circuits and access in POSITIONS and back in POSITIONS:
             _check_flow(f"{key}.flow_ml_min", values.get("flow_ml_min"), circuits["ecmo"], remarks)
+        _check_fluids(values, key, remarks)
 
     def findings(self, names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
         """A CRRT that draws more from an ECMO circuit than the circuit carries."""
@@ -285,6 +454,24 @@ def _check_position(key: str, site: str | None, circuits: dict[str, Raw], remark
     named = [f"{other}.{position}" for other in circuits for position in POSITIONS]
     allowed = ", ".join((*PATIENT_SITES, *named)) + f", or add [{section}]"
     remarks.error(key, message, shown(site), allowed)
+
+
+def _check_fluids(values: Raw, key: str, remarks: Remarks) -> None:
+    """Fluids that the plasma can give, and keys that say nothing without them."""
+    given = {name: values[name] for name in FLUIDS if values.get(name) is not None}
+    idle = [name for name in USUAL_FLUID if values.get(name) is not None]
+    if not given:
+        for name in idle:
+            remarks.warning(
+                f"{key}.{name}", f"has no effect without one of {', '.join(FLUIDS)}", shown(values[name])
+            )
+        return
+    effluent, haematocrit = sum(given.values()), values.get("haematocrit_in") or USUAL_FLUID["haematocrit_in"]
+    plasma = 60.0 * values.get("flow_ml_min", math.inf) * (1.0 - haematocrit)
+    if effluent >= plasma:
+        message = f"the effluent, {effluent:g} mL/h with all fluids, is no less than the flow of plasma"
+        largest = max(given, key=lambda name: given[name])
+        remarks.error(f"{key}.{largest}", message, shown(given[largest]), f"effluent below {plasma:.0f} mL/h")
 
 
 def _check_flow(key: str, drawn: float | None, ecmo: Raw, remarks: Remarks) -> None:

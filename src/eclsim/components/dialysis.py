@@ -1,0 +1,275 @@
+r"""What a hemofilter takes from blood: convection and diffusion, before and after dilution, in closed form.
+
+    blood ->--(+ fluid before)--[==== fibres ====]--(+ fluid after)-->
+                   effluent <---[== counter-current ==]---< dialysate
+
+Water is filtered at the same rate J all along the fibres, and a solute crosses their wall by convection and
+diffusion together (Patlak, Goldstein and Hoffman 1963, J Theor Biol 5:426): per length it loses
+J c_b + B (c_b - c_d) with B = J / (exp(J / KoA) - 1). With blood water entering at Qb, dialysate at Qd and
+effluent leaving at Qe = Qd + J, the difference c_b - c_d obeys an equation that separates, and
+
+    K = Qe ((Qb - J) - q Qb) / ((Qb - J) - q Qe),   q = (Qd / Qe)^(1 + B/J) / (1 - J / Qb)^(B/J).
+
+Its limits are the usual formulas, exactly: hemofiltration (Qd = 0) K = J; dialysis (J = 0)
+K = Qb (e^Z - 1) / (e^Z - Qb/Qd) with Z = (KoA/Qb)(1 - Qb/Qd) (Michaels 1966); a large membrane K = Qe.
+
+A solute of which only the share `sieving` passes is filtered as if the blood carried Qb / sieving of its
+filterable concentration: K = sieving J in hemofiltration, at most sieving Qe.
+
+Definitions of flows, filtration fraction and transmembrane pressure: Neri et al. 2016 (Crit Care 20:318).
+Flows in mL/min here, concentrations in water.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jax import Array
+
+from eclsim.components.base import Exchanger, Renaming
+
+PLASMA_WATER = 0.93
+"""Share of plasma that is water; proteins take up the rest (textbook value)."""
+CARBON_DIOXIDE_ML_PER_MMOL = 22.26
+"""Volume of a mmol of carbon dioxide at 0 C and 760 mmHg."""
+UREA_RED_CELL_WATER = 0.80
+"""Urea leaves red cells while blood passes: their water, 0.72, with a partition of 1.11 (Colton 1970)."""
+BASE_PER_CITRATE = 3.0
+"""Bicarbonate that a molecule of citrate becomes when it is metabolised."""
+
+
+class Solute(NamedTuple):
+    """What decides how a solute is carried and how it passes the membrane.
+
+    Attributes:
+        red_cell_water: share of red cells that gives the solute off while blood passes the filter.
+        sieving: of the concentration in plasma water.
+        area_product: KoA of the filter in question [mL/min].
+    """
+
+    red_cell_water: float
+    sieving: float
+    area_product: Array | float
+
+    def water_flow(self, blood: Array, haematocrit: Array) -> Array:
+        """Flow of the water that carries the solute [mL/min]."""
+        return blood * (PLASMA_WATER * (1.0 - haematocrit) + self.red_cell_water * haematocrit)
+
+
+class Fluids(NamedTuple):
+    """Flows of fluid [mL/min].
+
+    Attributes:
+        dialysate: of fresh dialysate.
+        before: of replacement fluid into the blood before the filter.
+        after: behind it.
+        net: what the patient loses.
+    """
+
+    dialysate: Array
+    before: Array
+    after: Array
+    net: Array
+
+    @property
+    def ultrafiltrate(self) -> Array:
+        """Water that crosses the membrane."""
+        return self.before + self.after + self.net
+
+    @property
+    def effluent(self) -> Array:
+        """What leaves the filter on the side of the dialysate."""
+        return self.dialysate + self.ultrafiltrate
+
+
+@dataclass(frozen=True)
+class Hemofilter(Exchanger):
+    """A filter and the fluids that run through it; the beat does not read it, outputs do (`performance`).
+
+    Args:
+        settings: names of its parameters, in the order of `Settings`.
+    """
+
+    settings: tuple[str, ...]
+
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters, in the order of `Settings`."""
+        return self.settings
+
+    def renamed(self, parameter: Renaming) -> Hemofilter:
+        """The same filter of other parameters."""
+        return Hemofilter(tuple(map(parameter, self.settings)))
+
+
+class Settings(NamedTuple):
+    """What is set at a filter and what it is made of.
+
+    Attributes:
+        dialysate: flow [mL/h].
+        before: replacement before the filter [mL/h].
+        after: replacement behind it [mL/h].
+        net: net ultrafiltration [mL/h].
+        haematocrit: of the blood that enters [-].
+        fluid_bicarbonate: bicarbonate of the fluids [mmol/L].
+        plasma_bicarbonate: total CO2 of the plasma that enters [mmol/L].
+        citrate: dose of regional citrate [mmol per L of blood].
+        permeability: Kuf of the membrane in blood [mL/h/mmHg].
+        urea: KoA [mL/min].
+        creatinine: KoA [mL/min].
+        potassium: KoA [mL/min].
+        carbon_dioxide: KoA of bicarbonate and dissolved CO2 [mL/min].
+        citrate_ion: KoA [mL/min].
+    """
+
+    dialysate: Array
+    before: Array
+    after: Array
+    net: Array
+    haematocrit: Array
+    fluid_bicarbonate: Array
+    plasma_bicarbonate: Array
+    citrate: Array
+    permeability: Array
+    urea: Array
+    creatinine: Array
+    potassium: Array
+    carbon_dioxide: Array
+    citrate_ion: Array
+
+    @property
+    def fluids(self) -> Fluids:
+        """Flows [mL/min]."""
+        return Fluids(*(flow / 60.0 for flow in self[:4]))
+
+    def solute(self, name: str) -> Solute:
+        """A solute as this filter clears it; all of these pass an AN69 membrane freely (Troyanov 2003)."""
+        return Solute(UREA_RED_CELL_WATER if name == "urea" else 0.0, 1.0, getattr(self, name))
+
+
+class Performance(NamedTuple):
+    """What a filter does.
+
+    Attributes:
+        effluent: [mL/h].
+        filtration_fraction: [-].
+        transmembrane_pressure: that the ultrafiltration takes [mmHg].
+        effluent_pressure: mean pressure of the blood in the fibres less that [mmHg].
+        urea: clearance [mL/min].
+        creatinine: clearance [mL/min].
+        potassium: clearance [mL/min].
+        base_gain: bicarbonate that the patient gains, with that from citrate [mmol/h].
+        carbon_dioxide: removal as bicarbonate and dissolved, less what the fluids bring [mL/min STPD].
+        citrate: that reaches the patient [mmol/h].
+    """
+
+    effluent: Array
+    filtration_fraction: Array
+    transmembrane_pressure: Array
+    effluent_pressure: Array
+    urea: Array
+    creatinine: Array
+    potassium: Array
+    base_gain: Array
+    carbon_dioxide: Array
+    citrate: Array
+
+
+def performance(numbers: Array) -> Array:
+    """What a filter does, in the order of `Performance`.
+
+    Args:
+        numbers: blood flow [mL/min], pressure of the blood before and behind the fibres [mmHg], `Settings`.
+    """
+    blood, inlet, outlet, *rest = numbers
+    settings = Settings(*rest)
+    fluids, haematocrit = settings.fluids, settings.haematocrit
+
+    def cleared(name: str) -> Array:
+        solute = settings.solute(name)
+        return clearance(solute.water_flow(blood, haematocrit), fluids, solute)
+
+    lost = removed(
+        cleared("carbon_dioxide"), settings.plasma_bicarbonate, settings.fluid_bicarbonate, fluids.net
+    )
+    dose = 1e-3 * settings.citrate * blood
+    plasma_water = settings.solute("citrate_ion").water_flow(blood, haematocrit)
+    load = dose * (1.0 - cleared("citrate_ion") / plasma_water)
+    transmembrane = 60.0 * fluids.ultrafiltrate / settings.permeability
+    found = Performance(
+        60.0 * fluids.effluent,
+        filtration_fraction(blood, haematocrit, fluids),
+        transmembrane,
+        0.5 * (inlet + outlet) - transmembrane,
+        cleared("urea"),
+        cleared("creatinine"),
+        cleared("potassium"),
+        60.0 * (BASE_PER_CITRATE * load - lost),
+        CARBON_DIOXIDE_ML_PER_MMOL * lost,
+        60.0 * load,
+    )
+    return jnp.stack(jnp.broadcast_arrays(*found))
+
+
+def clearance(water: Array, fluids: Fluids, solute: Solute) -> Array:
+    """Clearance of a filter [mL/min], of the blood before the fluid that dilutes it.
+
+    Args:
+        water: flow of the water that carries the solute to the filter [mL/min].
+        fluids: flows of fluid.
+        solute: what is cleared.
+    """
+    inside = (water + fluids.before) / solute.sieving
+    fibres = _filterable(inside, fluids.dialysate, fluids.ultrafiltrate, jnp.asarray(solute.area_product))
+    return solute.sieving * fibres * water / (water + fluids.before)
+
+
+def _filterable(blood: Array, dialysate: Array, filtered: Array, area_product: Array) -> Array:
+    """The closed form for a solute that passes freely; not a number where more is filtered than enters."""
+    effluent = dialysate + filtered
+    blood = jnp.where(jnp.abs(blood - effluent) < 1e-7 * blood, (1.0 + 1e-7) * blood, blood)
+    peclet = filtered / area_product
+    mixing = area_product * _bernoulli(peclet)  # B; A = B + J
+    # (B/J) ln(1 - J/Qb) and (A/J) ln(1 + J/Qd), both finite without filtration.
+    along_blood = -mixing / blood * _log1p_ratio(-filtered / blood)
+    fresh = jnp.maximum(dialysate, 1e-9)
+    along_dialysate = (mixing + filtered) / fresh * _log1p_ratio(filtered / fresh)
+    q = jnp.exp(-along_dialysate - along_blood)
+    left = blood - filtered
+    cleared = effluent * (left - q * blood) / (left - q * effluent)
+    return jnp.where(effluent > 0.0, jnp.where(left > 0.0, cleared, jnp.nan), 0.0)
+
+
+def _bernoulli(x: Array) -> Array:
+    """x / (e^x - 1), smooth at 0."""
+    small = jnp.abs(x) < 1e-4
+    safe = jnp.where(small, 1.0, x)
+    return jnp.where(small, 1.0 - 0.5 * x + x * x / 12.0, safe / jnp.expm1(safe))
+
+
+def _log1p_ratio(x: Array) -> Array:
+    """ln(1 + x) / x, smooth at 0."""
+    small = jnp.abs(x) < 1e-4
+    safe = jnp.where(small, 1.0, x)
+    return jnp.where(small, 1.0 - x * (0.5 - x * (1.0 / 3.0 - 0.25 * x)), jnp.log1p(safe) / safe)
+
+
+def filtration_fraction(blood: Array, haematocrit: Array, fluids: Fluids) -> Array:
+    """Share of the plasma, with what dilutes it, that is filtered off."""
+    return fluids.ultrafiltrate / (blood * (1.0 - haematocrit) + fluids.before)
+
+
+def removed(cleared: Array, plasma: Array, fluid: Array, net: Array) -> Array:
+    """What a patient loses of a solute [mmol/min] that is in all fluids too.
+
+    Were blood and fluids alike, the patient would lose it with the net ultrafiltrate alone; what blood has
+    more is cleared.
+
+    Args:
+        cleared: clearance [mL/min].
+        plasma: concentration in plasma water [mmol/L].
+        fluid: concentration in all fluids [mmol/L].
+        net: net ultrafiltration [mL/min].
+    """
+    return 1e-3 * (cleared * (plasma - fluid) + net * fluid)

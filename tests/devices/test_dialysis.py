@@ -1,0 +1,99 @@
+"""Dialysis of the CRRT from the case file on: off by default, its outputs, derivatives, and mistakes."""
+
+import numpy as np
+import pytest
+
+import eclsim
+from eclsim.cases import CaseError, read_case
+from eclsim.devices.crrt import SETTINGS, SOLUTES, crrt
+from eclsim.outputs.limits import broken_limits
+from eclsim.validation.reference_cases import DATA
+
+FLUIDS = {"dialysate_ml_h": 1000, "replacement_post_ml_h": 1000, "net_ultrafiltration_ml_h": 100}
+CASE = DATA / "cases" / "s4_crrt_g_3425.toml"
+
+
+def written(folder, **keys):
+    """The reference case with scheme g and some more keys of [crrt]."""
+    lines = "".join(f"{key} = {value}\n" for key, value in keys.items())
+    file = folder / "case.toml"
+    file.write_text(CASE.read_text().replace("[crrt]\n", "[crrt]\n" + lines))
+    return file
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory):
+    return read_case(written(tmp_path_factory.mktemp("dialysis"), **FLUIDS)).case
+
+
+def test_without_fluids_nothing_of_it_is_there():
+    plain = crrt("svn", "ra")
+    assert not plain.exchanges
+    assert not set(SETTINGS) & {*plain.parameter_names(), *plain.content_names()}
+    with_fluids = crrt("svn", "ra", dialysis=True)
+    assert with_fluids.without_exchanges() == plain
+    assert set(SETTINGS) <= set(with_fluids.content_names())
+
+
+def test_a_beat_has_clearances_and_the_same_pressures(case):
+    found, plain = eclsim.simulate(case), eclsim.simulate(CASE)
+    for name in plain.data_vars:
+        np.testing.assert_array_equal(found[name].values, plain[name].values)
+    assert set(found.data_vars) - set(plain.data_vars) >= {f"clearance_{solute}" for solute in SOLUTES}
+    assert found["effluent_ml_h"] == pytest.approx(2100.0)
+    assert found["filtration_fraction"] == pytest.approx(1100.0 / (200.0 * 60.0 * 0.7), rel=1e-9)
+    mean = 0.5 * float(found["Pcrrtfil"].attrs["mean"] + found["Pcrrttuout"].attrs["mean"])
+    assert found["effluent_pressure"] == pytest.approx(mean - float(found["transmembrane_pressure"]))
+    assert 34.5 < float(found["clearance_urea"]) < 35.0
+
+
+def test_derivatives_and_batches_are_those_of_single_beats(case):
+    outputs = ["clearance_urea", "filtration_fraction", "effluent_pressure"]
+    parameters = ["crrt.dialysate_ml_h", "crrt.flow_ml_min", "ecmo.speed_rpm", "KoAurea"]
+    exact = eclsim.derivatives(case, outputs, parameters)
+    for name in parameters:
+        value = float(exact["parameter_value"].sel(parameter=name))
+        step = 1e-3 * value
+        many = eclsim.simulate_many(case, {name: [value - step, value + step]}, outputs)
+        for output in outputs:
+            slope = float(np.diff(many[output].values)[0]) / (2.0 * step)
+            assert float(exact.sel(output=output, parameter=name)) == pytest.approx(slope, rel=3e-4, abs=1e-7)
+
+
+def test_more_filtered_than_there_is_plasma_is_no_number_and_no_failure(case):
+    many = eclsim.simulate_many(
+        case, {"crrt.replacement_post_ml_h": [1000.0, 13000.0]}, ["clearance_urea", "MAP"]
+    )
+    assert list(many["status"].values) == ["converged", "converged"]
+    assert np.isfinite(many["clearance_urea"].values).tolist() == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"haematocrit_in": 30, **FLUIDS}, r"haematocrit_in = 30: .*percentage.*0\.3"),
+        ({"dialysate_ml_h": -5}, r"dialysate_ml_h = -5: .*outside the allowed range.*0 to 20000 mL/h"),
+        (
+            {"dialysate_ml_h": 1000, "replacement_post_ml_h": 9000},
+            r"post_ml_h = 9000: .*effluent.*8400 mL/h",
+        ),
+        ({"dialysate_ml_hr": 5}, r"dialysate_ml_hr = 5: unknown key.*dialysate_ml_h"),
+    ],
+)
+def test_mistakes_are_one_line_each(tmp_path, keys, message):
+    with pytest.raises(CaseError, match=message) as refused:
+        read_case(written(tmp_path, **keys))
+    assert len(str(refused.value).splitlines()) == 1
+
+
+def test_keys_without_a_flow_are_pointed_out(tmp_path):
+    reading = read_case(written(tmp_path, fluid_bicarbonate_mmol_l=32))
+    assert any("has no effect" in str(remark) for remark in reading.warnings)
+    assert not reading.case.crrt.dialyses
+
+
+def test_limits_of_filtration_and_of_the_membrane():
+    broken = broken_limits({"filtration_fraction": 0.3, "transmembrane_pressure": 460.0})
+    assert [(b.quantity, b.kind) for b in broken] == [
+        ("transmembrane_pressure", "alarm"), ("filtration_fraction", "warning"),
+    ]  # fmt: skip
