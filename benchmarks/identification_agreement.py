@@ -20,10 +20,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from eclsim.cases.cohort import read_cohort
-from eclsim.identification.least_squares import EXACT, refine
+from eclsim.identification.least_squares import EXACT, polish, refine
 from eclsim.identification.multi_start import MultiStart, identify, sobol
 from eclsim.identification.objective import Box, Objective, Target
-from eclsim.identification.polishing import polish
 from eclsim.identification.settings import FitSettings, checked_fit
 from eclsim.orbit.model import model_of
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from eclsim.identification.density import PosteriorDensity, Prior
 from eclsim.identification.diagnostics import diagnose
-from eclsim.identification.gaussian import approximate
+from eclsim.identification.gradient import approximate
 from eclsim.identification.importance import importance_sample
 from eclsim.identification.nuts import Sampling, sample
 from eclsim.identification.observation import OUTPUTS, measurement_errors

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from eclsim.identification.density import PosteriorDensity, Prior
-from eclsim.identification.gaussian import approximate
+from eclsim.identification.gradient import approximate
 from eclsim.identification.least_squares import refine
 from eclsim.identification.objective import Box, Objective, Target
 from eclsim.identification.observation import OUTPUTS, measurement_errors

@@ -1,6 +1,7 @@
 """A function of the parameters in the place of the simulated patient, for tests of the search alone."""
 
 from collections.abc import Callable
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -25,7 +26,8 @@ class FunctionObjective:
 
     def evaluate(self, points, x: np.ndarray, options=None, resolution=None, tangents=None) -> Evaluation:
         found = self.function(x - self.shifts[points][:, None])
-        evaluation = Evaluation(None, found, found)  # type: ignore[arg-type]  # no orbits here
+        beats = SimpleNamespace(status=np.zeros(len(x)))  # no orbits here
+        evaluation = Evaluation(beats, found, found)  # type: ignore[arg-type]
         object.__setattr__(evaluation, "points", points)
         return evaluation
 

@@ -25,7 +25,7 @@ def test_the_sensitivity_table_says_what_its_stars_and_its_last_line_mean():
     ("value", "words"), [(0.98, "share of the variation"), (-3.3, "below 0: the fits miss")]
 )
 def test_r2_of_a_cohort_is_explained_and_a_negative_one_is_called_bad(value: float, words: str):
-    from eclsim.identification.summary import fits_text
+    from eclsim.identification.report import fits_text
 
     point = {"id": "P01", "cost": 1.0, "parameters": {}, "starts_agreeing": 1, "status": "fitted"}
     point["verdict"] = {"level": "good", "reasons": []}

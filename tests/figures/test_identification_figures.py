@@ -5,8 +5,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from eclsim.identification.fit_figures import plot_correlation, plot_profiles, plot_residuals
-from eclsim.identification.search_figures import plot_boxes, plot_scatter, plot_slices, plot_starts
+from eclsim.identification.fit_figures import (
+    plot_boxes,
+    plot_correlation,
+    plot_profiles,
+    plot_residuals,
+    plot_scatter,
+    plot_slices,
+    plot_starts,
+)
 from eclsim.reporting.style import save_figure
 
 
@@ -92,5 +99,5 @@ def test_starts_are_told_apart_by_where_they_ended():
     left, right = plot_starts(starts, ("a", "b"), -np.ones(2), np.ones(2)).axes
     drawn = {line.get_label(): line.get_ydata().tolist() for line in left.lines}
     assert drawn["refined, the optimum"] == [0.1, 0.1]
-    assert drawn["refined, elsewhere"] == [0.4]
+    assert drawn["refined, another end"] == [0.4]
     assert [line.get_ydata().tolist() for line in right.lines] == [[0.0, 0.75], [0.5, 1.0], [0.5, 1.0]]

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import norm
 
 from eclsim.identification.filtering import GaussianMixture, regress, sigma_points, updated
-from eclsim.identification.gaussian import NoSteadyBeatError
+from eclsim.identification.gradient import NoSteadyBeatError
 from eclsim.identification.proposals import Transport
 
 SLOPE = np.array([[2.0, 0.5, 0.0], [0.0, -1.0, 1.5]])

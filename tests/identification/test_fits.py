@@ -8,16 +8,22 @@ import numpy as np
 import pytest
 
 from eclsim.cases import CaseError, read_case
+from eclsim.cases.case import Case, Measurements, Patient
 from eclsim.cases.cohort import CohortPoint
+from eclsim.cases.presets import PRESETS
 from eclsim.execution import Distribution, ExecutionError, Shard, ShardDone
 from eclsim.identification import cohort
 from eclsim.identification.cohort import fit_cohort, r_squared, stem
 from eclsim.identification.files import fits_object, write_fits, write_fitted_case
 from eclsim.identification.fit import fit as fit_case
+from eclsim.identification.fit import held_against_its_beat
+from eclsim.identification.gradient import NoSteadyBeatError
 from eclsim.identification.multi_start import FitStatus, MultiStart, Optimum, Starts
+from eclsim.identification.posterior import PosteriorSettings, posterior
 from eclsim.identification.profiles import with_profiles
+from eclsim.identification.report import fits_text
 from eclsim.identification.settings import FitSettings, checked_fit, read_bounds
-from eclsim.identification.verdict import interval_agreement
+from eclsim.identification.verdict import Aspect, Level, interval_agreement
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
 from eclsim.sensitivity.uncertainties import Uncertainty
@@ -234,7 +240,7 @@ def test_a_point_without_any_steady_beat_is_kept_as_such(points, tmp_path, monke
     none, flat = np.zeros((0, 2)), np.zeros(0)
     nothing = Optimum(
         np.full(2, np.nan), np.full(6, np.nan), np.inf, np.full((6, 2), np.nan),
-        Starts(none, none, flat, flat, flat > 0), 20, 20, FitStatus.NO_STEADY_BEAT,
+        Starts(none, none, flat, flat, flat > 0), 20, 20, 0, FitStatus.NO_STEADY_BEAT,
     )  # fmt: skip
     monkeypatch.setattr("eclsim.identification.fit.identify", lambda *_: [nothing])
     (result,) = fitted(points[:1], tmp_path)
@@ -245,6 +251,41 @@ def test_a_point_without_any_steady_beat_is_kept_as_such(points, tmp_path, monke
     assert list((tmp_path / "cases").iterdir()) == []
     assert r_squared([result]) == {"pressures": None, "flows": None}
     write_fits(tmp_path, fits_object([result], QUICK.as_object()))
+
+
+@pytest.fixture(scope="module")
+def shut() -> Case:
+    """At this pump speed and elastance no valve of the heart opens."""
+    patient = Patient(id="S01", sex="female", age_years=60, heart_rate_bpm=120)
+    return Case(
+        patient=patient, ecmo=PRESETS["paper"].case().ecmo,
+        measurements=Measurements(MAP=80.0, PF=3.5), parameters={"Emaxlv": 0.1},
+    )  # fmt: skip
+
+
+def test_where_valves_stay_shut_at_all_explored_sets_the_fit_says_so(shut):
+    settings = replace(QUICK, parameters=("Emaxlv",), bounds={"Emaxlv": (0.08, 0.18)})
+    fit = fit_case(shut, settings=settings)
+    assert fit.status is FitStatus.ONE_OF_MANY
+    assert fit.optimum.shut == fit.optimum.explored
+    assert fit.verdict.level is Level.POOR
+    assert "valves stay shut all beat" in fit.verdict.reasons[0].sentence
+    point = fits_object([fit.as_object()], settings.as_object())["points"][0]
+    assert point["status"] == "one_of_many"
+    assert "one of many" in fits_text({"points": [point]})
+    with pytest.raises(NoSteadyBeatError):
+        posterior(fit, settings=PosteriorSettings(method="gaussian"))
+
+
+def test_a_fit_that_ends_where_valves_stay_shut_is_poor_and_trusted_nowhere(fit, shut):
+    sealed = held_against_its_beat(replace(fit, case=shut))
+    assert sealed.status is FitStatus.ONE_OF_MANY
+    assert sealed.verdict.level is Level.POOR
+    (reason,) = [r for r in sealed.verdict.doubts if r.aspect is Aspect.SEARCH]
+    assert "no blood passes the tricuspid" in reason.sentence
+    assert not any(p.identifiable for p in sealed.parameters.values())
+    assert sealed.as_object()["status"] == "one_of_many"
+    assert fit.status is FitStatus.FITTED
 
 
 def test_names_of_files_differ_for_names_that_differ():

@@ -1,10 +1,12 @@
 """Exact derivatives along a path of a patient on ECMO."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from eclsim.identification.beat_derivatives import BloodVolume, GradientEvaluator
 from eclsim.identification.density import PosteriorDensity, Prior
+from eclsim.identification.gradient import GradientEvaluator, NoSteadyBeatError, approximate
 from eclsim.identification.observation import measurement_errors
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
@@ -84,13 +86,26 @@ def test_many_members_side_by_side_agree(posterior, centre):
     assert posterior.simulate(z, centre) == pytest.approx(one_by_one, rel=2e-4)
 
 
-def test_blood_volume_is_straight_in_a_compliance_but_not_in_a_product():
-    straight = BloodVolume(posterior_of(NAMES), np.zeros(3))
-    assert straight.straight
-    assert straight.slopes[0] > 0.0
-    assert straight.slopes[1:] == pytest.approx(0.0, abs=1e-6)
-    product = BloodVolume(posterior_of(("Csart", "P0sart")), np.log([1.0, 80.0]))
-    assert not product.straight
-    volume, slopes = product.at(np.array([2.0, 70.0]))
-    assert slopes == pytest.approx([70.0, 2.0], rel=1e-4)
-    assert volume.target[0] == pytest.approx(product.target - 80.0 + 140.0)
+def test_the_blood_volume_of_a_product_is_followed_exactly():
+    """Stressed volume P0 Csart is no linear function of the two; outputs and gradient follow it."""
+    posterior = posterior_of(("Csart", "P0sart"))
+    centre = posterior.prior.z_of(np.log([1.0, 80.0]))
+    evaluator = GradientEvaluator(posterior, centre)
+    z = centre + np.array([0.3, -0.2])
+    outputs, slopes = evaluator.linear(z)
+    assert outputs == pytest.approx(posterior.simulate(z[None])[0], rel=1e-4)
+    for k in range(2):
+        shift = 1e-3 * np.eye(2)[k]
+        ends = [evaluator.linear(z + s)[0] for s in (shift, -shift)]
+        assert slopes[:, k] == pytest.approx((ends[0] - ends[1]) / 2e-3, rel=2e-2, abs=2e-2)
+
+
+def test_a_highest_point_behind_shut_valves_is_refused():
+    """No derivatives there: the patient's beat is one of many."""
+    posterior = posterior_of(NAMES)
+    shut = replace(posterior, model=posterior.model.with_values({"Emaxrv": 0.02, "Rmc": 0.3}))
+    fixed = replace(shut, prior=Prior(("Csart",), np.log([1.0]), np.log([2.0]), np.log([1.5])))
+    fixed = replace(fixed, model=fixed.model.with_values({"Emaxlv": 0.1, "ecmo.speed_rpm": 4500.0}))
+    assert GradientEvaluator(fixed, np.zeros(1)).linear(np.zeros(1)) is None
+    with pytest.raises(NoSteadyBeatError):
+        approximate(fixed, np.log([[1.5]]))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from eclsim.identification.gaussian import Gaussian
+from eclsim.identification.gradient import Gaussian
 from eclsim.identification.importance import (
     FEWEST_EFFECTIVE,
     WeightedDraws,

@@ -5,9 +5,8 @@ import pytest
 from scipy.optimize import least_squares
 
 from eclsim.devices.ecmo import ecmo
-from eclsim.identification.least_squares import EXACT, refine
+from eclsim.identification.least_squares import EXACT, polish, refine
 from eclsim.identification.objective import Box, Objective, Target
-from eclsim.identification.polishing import polish
 from eclsim.identification.profiles import slices
 from eclsim.orbit.model import Model, model_of, nominal_values
 from eclsim.patient.circulation import circulation

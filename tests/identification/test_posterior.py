@@ -13,9 +13,9 @@ from eclsim.identification.fit import fit as fit_case
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.posterior import PosteriorSettings, posterior
 from eclsim.identification.posterior_figures import plot_pairs, plot_predictive
+from eclsim.identification.report import posterior_text
 from eclsim.identification.samples import read_samples
 from eclsim.identification.settings import FitSettings
-from eclsim.identification.summary import posterior_text
 from eclsim.identification.verdict import Aspect, Level, Reason
 from eclsim.sensitivity.uncertainties import Uncertainty
 

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from eclsim.identification.least_squares import EXACT, Termination, refine
+from eclsim.identification.least_squares import EXACT, Termination, polish, refine
 from eclsim.identification.objective import Box
-from eclsim.identification.polishing import polish
 from eclsim.identification.profiles import held_fits, held_values, interval_90, profiles
 from function_objective import FunctionObjective
 

@@ -9,10 +9,9 @@ from eclsim.cases.case import Case, Measurements, Patient
 from eclsim.cases.cohort import CohortPoint
 from eclsim.execution import Distribution
 from eclsim.identification.cohort import fit_cohort
-from eclsim.identification.multi_start import MultiStart
-from eclsim.identification.objective import Box, Objective, Target
+from eclsim.identification.multi_start import MultiStart, refine_shared
+from eclsim.identification.objective import Box, Objective, SharedObjective, Target
 from eclsim.identification.settings import FitSettings
-from eclsim.identification.shared_fit import SharedObjective, refine_shared
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
 from eclsim.parameters.thiel2025 import BOUNDS

@@ -37,5 +37,6 @@ def fitted_point() -> dict:
         },
         "correlation": {"Rmc": {"Rmc": 1.0, "Edla": -0.95}, "Edla": {"Rmc": -0.95, "Edla": 1.0}},
         "starts_agreeing": 3, "starts_refined": 12, "explored": 2000, "explored_without_steady_beat": 7,
+        "explored_one_of_many": 3,
         "seconds": 1.0, "status": "fitted", "message": "optimum found",
     }  # fmt: skip

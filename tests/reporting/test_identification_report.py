@@ -6,7 +6,7 @@ import re
 import pytest
 
 from eclsim.identification.files import fits_object
-from eclsim.identification.page import cohort_page, fit_page, write_fit_page
+from eclsim.identification.report import cohort_page, fit_page, write_fit_page
 from eclsim.identification.settings import FitSettings
 from eclsim.paper.patient import paper_case
 from system_browser import system_browser

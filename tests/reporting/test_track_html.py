@@ -2,8 +2,8 @@
 
 import pytest
 
-from eclsim.identification.track_figures import TimeAxis
-from eclsim.identification.track_page import track_page
+from eclsim.identification.posterior_figures import TimeAxis
+from eclsim.identification.report import track_page
 
 RANGE = {"lower": 70.0, "median": 80.0, "upper": 90.0}
 

@@ -207,8 +207,7 @@ def plain_fit(fit: FitResult) -> dict[str, Any]:
     from eclsim.identification.verdict import headline
     from eclsim.parameters import default
 
-    usable = fit.status.value != "no_steady_beat"
-    found = fit.as_object() | {"usable": usable, "case": fit.case.as_mapping()}
+    found = fit.as_object() | {"usable": bool(fit.simulated), "case": fit.case.as_mapping()}
     found["headline"] = headline(found["verdict"])
     found["verdict"]["reasons"] = [on_the_page(reason) for reason in found["verdict"]["reasons"]]
     for name, parameter in found["parameters"].items():

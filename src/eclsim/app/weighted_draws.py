@@ -12,7 +12,7 @@ from eclsim.app.posterior import MEMBERS
 from eclsim.app.texts import text
 from eclsim.cases.reading import read_mapping
 from eclsim.identification.density import PosteriorDensity, Prior
-from eclsim.identification.gaussian import approximate
+from eclsim.identification.gradient import approximate
 from eclsim.identification.importance import importance_sample
 from eclsim.identification.objective import Box
 from eclsim.identification.observation import measurement_errors

@@ -89,7 +89,7 @@ def identify(options: IdentifyOptions) -> None:
     target, distribution = _checked_json(options, cohort)
     content, refused = _fit_cohort(options, distribution) if cohort else (_fit_case(options), False)
     if hand_over(content, target):
-        from eclsim.identification.summary import fits_text
+        from eclsim.identification.report import fits_text
 
         typer.echo(fits_text(content))
     if refused or any(p["status"] != "fitted" or p["verdict"]["level"] == "poor" for p in content["points"]):
@@ -179,7 +179,7 @@ def _fit_case(o: IdentifyOptions) -> dict[str, Any]:
 
     from eclsim.identification.files import fits_object, write_fits
     from eclsim.identification.fit import fit
-    from eclsim.identification.page import write_fit_page
+    from eclsim.identification.report import write_fit_page
 
     folder = Path(o.out)
     with Progress() as progress:
@@ -295,7 +295,7 @@ def _fit_cohort(o: IdentifyOptions, distribution: Distribution) -> tuple[dict[st
     from eclsim.execution import ExecutionError
     from eclsim.identification.cohort import PRELOAD, fit_cohort
     from eclsim.identification.files import fits_object, write_cohort_figures, write_fits
-    from eclsim.identification.page import write_fit_page
+    from eclsim.identification.report import write_fit_page
 
     folder = Path(o.out)
     try:

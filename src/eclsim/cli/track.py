@@ -74,7 +74,7 @@ def track(options: TrackOptions) -> None:
     _note_assumed([p for p, known in timed.items() if not known and len(series[p]) > 1], options.interval)
 
     from eclsim.identification.files import write_tracks
-    from eclsim.identification.summary import series_text
+    from eclsim.identification.report import series_text
     from eclsim.identification.tracking import track as follow
 
     tracks = []

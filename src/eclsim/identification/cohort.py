@@ -13,6 +13,7 @@ from eclsim.cases.writing import case_text
 from eclsim.execution import Executor, Progress, Tasks, announce, json_format
 from eclsim.files import file_stem, write_text
 from eclsim.identification.fit import fit_cases
+from eclsim.identification.observation import FLOWS, PRESSURES, measured_and_simulated
 from eclsim.identification.settings import FitSettings
 
 if TYPE_CHECKING:
@@ -24,8 +25,6 @@ GROUP = 8
 """Data points that are fitted side by side; what an interruption costs at most."""
 PRELOAD = ("scipy.optimize", "eclsim.identification.cohort", "eclsim.outputs.steady_beat")
 """What a worker needs before its first group."""
-PRESSURES = ("SP", "DP", "MAP", "MPAP", "PCWP")
-FLOWS = ("CO", "PF")
 GROUPS, CASES = "groups", "cases"
 """Folders of the results and of the fitted case files."""
 
@@ -232,21 +231,8 @@ def r_squared(results: Sequence[Mapping[str, Any]]) -> dict[str, float | None]:
     return {"pressures": _r_squared(results, PRESSURES), "flows": _r_squared(results, FLOWS)}
 
 
-def pairs(results: Sequence[Mapping[str, Any]], names: Sequence[str]) -> np.ndarray:
-    """Measured and simulated values of some outputs wherever there are both, shape (values, 2)."""
-    found = [
-        (cell["measured"], cell["simulated"])
-        for result in results
-        for name in names
-        if (cell := result["outputs"].get(name))
-        and cell["measured"] is not None
-        and cell["simulated"] is not None
-    ]
-    return np.array(found, dtype=float).reshape(-1, 2)
-
-
 def _r_squared(results: Sequence[Mapping[str, Any]], names: Sequence[str]) -> float | None:
-    values = pairs(results, names)
+    values = measured_and_simulated(results, names)
     if len(values) < 2 or np.ptp(values[:, 0]) == 0.0:
         return None
     measured, simulated = values.T

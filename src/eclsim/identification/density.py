@@ -23,9 +23,8 @@ from typing import Literal
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from eclsim.identification.objective import WORTH_SIDE_BY_SIDE, Box
+from eclsim.identification.objective import Box, execution_of
 from eclsim.orbit.equation import OrbitOptions
-from eclsim.orbit.execution import SIDE_BY_SIDE, Execution
 from eclsim.orbit.model import AS_PUBLISHED, Model
 from eclsim.orbit.steady import Batch, Values
 from eclsim.outputs.steady_beat import steady_beat
@@ -182,6 +181,5 @@ def simulate_members(
         near: values that all members are close to.
     """
     batch = Batch(model.circuit, values, count, policy)
-    execution = Execution(width=SIDE_BY_SIDE if count >= WORTH_SIDE_BY_SIDE else 1)
-    beat = steady_beat(batch, outputs, options=SETTLED, start=near, execution=execution)
+    beat = steady_beat(batch, outputs, options=SETTLED, start=near, execution=execution_of(count))
     return beat.determined_only().values.T

@@ -80,9 +80,14 @@ def write_fitted_case(folder: Path, fit: FitResult) -> Path:
 
 def write_fit_figures(folder: Path, fit: FitResult, profiled: FitProfiles) -> list[Path]:
     """Slices, profiles, convergence of the starts, residuals and correlation of one fit."""
-    from eclsim.identification.fit_figures import plot_correlation, plot_profiles, plot_residuals
+    from eclsim.identification.fit_figures import (
+        plot_correlation,
+        plot_profiles,
+        plot_residuals,
+        plot_slices,
+        plot_starts,
+    )
     from eclsim.identification.profiles import slices
-    from eclsim.identification.search_figures import plot_slices, plot_starts
     from eclsim.parameters import thiel2025
     from eclsim.reporting.style import save_figure
 
@@ -102,10 +107,10 @@ def write_fit_figures(folder: Path, fit: FitResult, profiled: FitProfiles) -> li
         "correlation": plot_correlation(fit.box.names, fit.correlation),
     }
     written = [path for name, figure in figures.items() for path in save_figure(figure, folder / name)]
-    table, found = folder / "profiles.csv", profiled.refitted
+    table, refitted = folder / "profiles.csv", profiled.refitted
     rows = [
         (name, value, cost if np.isfinite(cost) else None)
-        for name, values, costs in zip(found.names, found.values, found.costs, strict=True)
+        for name, values, costs in zip(refitted.names, refitted.values, refitted.costs, strict=True)
         for value, cost in zip(values.tolist(), costs.tolist(), strict=True)
     ]
     write_text(csv_text(("parameter", "value", "chi_square"), rows), table)
@@ -114,7 +119,7 @@ def write_fit_figures(folder: Path, fit: FitResult, profiled: FitProfiles) -> li
 
 def write_cohort_figures(folder: Path, content: Mapping[str, Any]) -> list[Path]:
     """Scatter and box plots of measured and simulated values."""
-    from eclsim.identification.search_figures import plot_boxes, plot_scatter
+    from eclsim.identification.fit_figures import plot_boxes, plot_scatter
     from eclsim.reporting.style import save_figure
 
     return [
@@ -146,8 +151,8 @@ def write_posterior(folder: Path, result: PosteriorResult) -> list[Path]:
 
 def write_tracks(folder: Path, content: Mapping[str, Any]) -> list[Path]:
     """Write track.json, report.html, parameters.csv, outputs.csv and figures; return the figures."""
-    from eclsim.identification.track_figures import plot_outputs, plot_parameters
-    from eclsim.identification.track_page import REPORT, track_page
+    from eclsim.identification.posterior_figures import plot_outputs, plot_parameters
+    from eclsim.identification.report import REPORT, track_page
     from eclsim.reporting.style import save_figure
 
     folder.mkdir(parents=True, exist_ok=True)

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import logsumexp, ndtr, ndtri
 
-from eclsim.identification.gaussian import NoSteadyBeatError
+from eclsim.identification.gradient import NoSteadyBeatError
 from eclsim.identification.proposals import Transport
 
 Simulate = Callable[[np.ndarray], np.ndarray]

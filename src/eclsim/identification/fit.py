@@ -11,13 +11,18 @@ import numpy as np
 
 from eclsim.cases.fitting import common_policy
 from eclsim.files import finite
-from eclsim.identification.multi_start import FitStatus, Optimum, Progress, identify, silent
-from eclsim.identification.objective import Box, Objective, Target
+from eclsim.identification.multi_start import (
+    FitStatus,
+    Optimum,
+    Progress,
+    fit_shared,
+    identify,
+    silent,
+)
+from eclsim.identification.objective import Box, Objective, Target, correlation, in_unit
 from eclsim.identification.observation import measurement_errors, unit_of
-from eclsim.identification.precision import correlation, covariance, in_unit, interval, prior_deviations
 from eclsim.identification.profiles import held_fits
 from eclsim.identification.settings import FitSettings, checked_fit, unmeasured_uncertainties
-from eclsim.identification.shared_fit import fit_shared
 from eclsim.identification.verdict import (
     Aspect,
     FitVerdict,
@@ -146,7 +151,7 @@ class FitResult:
 
         names, outputs = list(self.parameters), list(self.simulated or self.measured)
         columns = ("value", "lower", "upper", "at_bound", "identifiable")
-        data: dict[str, Any] = {
+        data: dict[str, tuple[str | tuple[str, ...], object]] = {
             column: ("parameter", [getattr(p, column) for p in self.parameters.values()])
             for column in columns
         }
@@ -200,6 +205,7 @@ class FitResult:
             "starts_refined": len(self.optimum.starts.agreeing),
             "explored": self.optimum.explored,
             "explored_without_steady_beat": self.optimum.dropped,
+            "explored_one_of_many": self.optimum.shut,
             "seconds": round(self.seconds, 3),
             "status": str(self.status),
             "message": self.status.message,
@@ -259,7 +265,7 @@ def fit_cases(
         _result(name, case, objective, k, box, optimum, settings)
         for k, ((name, case), optimum) in enumerate(zip(cases, optima, strict=True))
     ]
-    results = [_plausible(result) for result in _without_compensated(results, objective, box)]
+    results = [held_against_its_beat(result) for result in _without_compensated(results, objective, box)]
     seconds = (time.perf_counter() - started) / len(cases)
     return [replace(result, seconds=seconds) for result in results]
 
@@ -279,7 +285,7 @@ def _result(
 ) -> FitResult:  # fmt: skip
     target = objective.targets[number]
     known = measurement_errors(target.measured, settings.uncertainties)
-    if optimum.status is FitStatus.NO_STEADY_BEAT:
+    if not optimum.exists:
         nothing = FittedParameter(np.nan, np.nan, np.nan, False, False, optimum.status.message)
         return FitResult(
             name, case, target.measured, {}, dict.fromkeys(box.names, nothing),
@@ -289,9 +295,7 @@ def _result(
     rows = [objective.outputs.index(o) for o in target.measured]
     errors = np.array(list(known.values()))
     scaled = ScaledSensitivities(tuple(target.measured), box.names, optimum.jacobian[rows] / errors[:, None])
-    spread = covariance(scaled.matrix, prior_deviations(box.lower, box.upper))
-    if optimum.shared is not None:
-        spread = optimum.shared.covariance
+    spread = box.covariance(scaled.matrix) if optimum.shared is None else optimum.shared.covariance
     simulated = dict(zip(objective.outputs, optimum.outputs.tolist(), strict=True))
     goodness = goodness_of(target.measured, simulated, known, scaled.matrix, spread)
     gains = _gains_beyond_bounds(objective, number, optimum, box, goodness.chi_square)
@@ -350,8 +354,8 @@ def _held_back(parameters: Mapping[str, FittedParameter], gains: np.ndarray) -> 
     ]  # fmt: skip
 
 
-def _plausible(result: FitResult) -> FitResult:
-    """The fit with the volumes and pressures of the fitted patient held against those of adults."""
+def held_against_its_beat(result: FitResult) -> FitResult:
+    """The fit with the fitted patient's beat held against what is determined, and against adults."""
     if not result.simulated:
         return result
     from eclsim.outputs.alarms import findings
@@ -361,6 +365,9 @@ def _plausible(result: FitResult) -> FitResult:
     if not beat.attrs["converged"]:
         sentence = f"`eclsim simulate` of the fitted case: {beat.attrs['message']}"
         return result.judged([Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", sentence)])
+    if beat.attrs["one_of_many"]:
+        optimum = replace(result.optimum, status=FitStatus.ONE_OF_MANY)
+        return replace(result, optimum=optimum).judged(search(optimum.status, str(beat.attrs["message"])))
     outputs = {str(n): float(v) for n, v in beat.items() if v.ndim == 0}
     extremes = {str(n): (float(v.min()), float(v.max())) for n, v in beat.items() if v.dims == ("phase",)}
     collapsed = [f.sentence for f in findings(outputs, extremes) if f.kind == "collapse"]
@@ -377,7 +384,6 @@ def _parameters(
     excluded = propose(scaled).excluded if optimum.shared is None else optimum.shared.excluded
     agreed = optimum.starts.end[optimum.starts.agreeing]
     differ = np.expm1(np.ptp(agreed, axis=0)) if len(agreed) else np.zeros(len(box.names))
-    before = prior_deviations(box.lower, box.upper)
     parameters = {}
     for k, name in enumerate(box.names):
         reason = excluded.get(name, "")
@@ -385,9 +391,9 @@ def _parameters(
             reason = _at_bound("lower" if low[k] else "upper", bool(gains[k] > PUSHED))
         elif not reason and differ[k] > SAME_PARAMETER:
             reason = f"starts that fit equally well differ by {100 * differ[k]:.0f} %"
-        elif not reason and errors[k] > DETERMINED * before[k]:
+        elif not reason and errors[k] > DETERMINED * box.prior_deviations[k]:
             reason = f"fitted with the others, its standard error is a factor of {np.exp(errors[k]):.2g}"
-        lower, upper = interval(optimum.x[k], errors[k], box.lower[k], box.upper[k])
+        lower, upper = box.interval(k, optimum.x[k], errors[k])
         value = in_unit(optimum.x[k])
         parameters[name] = FittedParameter(value, lower, upper, bool(low[k] or high[k]), not reason, reason)
     return parameters

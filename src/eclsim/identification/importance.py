@@ -17,7 +17,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from eclsim.identification.density import PosteriorDensity
-from eclsim.identification.gaussian import Gaussian
+from eclsim.identification.gradient import Gaussian
 from eclsim.identification.proposals import Mixture, Transport
 
 TEMPERS = (0.02, 0.08, 0.25, 0.6, 1.0, 1.0, 1.0)

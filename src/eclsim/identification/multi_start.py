@@ -6,16 +6,24 @@ in rounds side by side, so "the best so far" is that of the rounds before.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
 
-from eclsim.identification.least_squares import EXACT, Refinement, Termination, Tolerances, refine
-from eclsim.identification.objective import Box, LeastSquaresProblem
-from eclsim.identification.polishing import MOST_ITERATIONS, polish
+from eclsim.identification.least_squares import (
+    EXACT,
+    MOST_ITERATIONS,
+    Refinement,
+    Termination,
+    Tolerances,
+    polish,
+    refine,
+)
+from eclsim.identification.objective import Box, LeastSquaresProblem, Objective, SharedObjective
 from eclsim.orbit.equation import OrbitOptions
+from eclsim.sensitivity.collinearity import ScaledSensitivities, propose
 
 EXPLORING = OrbitOptions(tolerance=3e-2, error_tolerance=1e-1, newton_iterations=0)
 """Enough to rank points: outputs differ from those of the exact orbit by 1e-4 (median), 1 % (99 % of all)."""
@@ -27,6 +35,9 @@ SAME_OUTPUTS = 1e-3
 NEXT_TO_NOTHING = 1e-6
 """Sum of squares below which a fit is perfect: outputs within 0.1 %."""
 LARGEST_WEIGHT = 0.995
+SHARES = (0.2, 0.5, 0.8)
+"""Further starts of common parameters: shares of the way between their bounds."""
+LAST_SHARED = Tolerances(1e-6, 1e-12, 1e-8, 40, EXACT.orbits)
 Progress = Callable[[object], None]
 """Is called with something whose text says what is being computed."""
 
@@ -41,6 +52,7 @@ class FitStatus(StrEnum):
     FITTED = "fitted"
     NOT_SETTLED = "not_settled"
     NO_STEADY_BEAT = "no_steady_beat"
+    ONE_OF_MANY = "one_of_many"
 
     @property
     def message(self) -> str:
@@ -56,6 +68,11 @@ _MESSAGES = {
     ),
     FitStatus.NO_STEADY_BEAT: (
         "no explored set of parameters has a steady heartbeat: check heart rate, devices and fixed parameters"
+    ),
+    FitStatus.ONE_OF_MANY: (
+        "valves stay shut all beat, so that the steady heartbeat is one of many and the measurements do not "
+        "determine what lies behind them: check pump speed, CO and heart rate, and raise the lower bounds of "
+        "Emaxlv and Emaxrv"
     ),
 }
 
@@ -129,13 +146,14 @@ class Optimum:
     """The best fit of one data point.
 
     Args:
-        x: logarithms of the parameters; NaN if there is none.
+        x: logarithms of the parameters; NaN if no set of them has a steady beat of its own.
         outputs: of the model, in the order of the objective.
         cost: sum of squared residuals.
         jacobian: d output / d log parameter, shape (outputs, parameters).
         starts: all that were refined.
         explored: points explored.
         dropped: of these without a steady beat.
+        shut: of these with one of many, behind valves that stay shut.
         status: how it ended.
         shared: of a fit with other data points; None where the point was fitted by itself.
     """
@@ -147,8 +165,14 @@ class Optimum:
     starts: Starts
     explored: int
     dropped: int
+    shut: int
     status: FitStatus
     shared: SharedEstimate | None = None
+
+    @property
+    def exists(self) -> bool:
+        """Whether there is a best fit, be it a poor one."""
+        return bool(np.isfinite(self.x).all())
 
     @property
     def agreeing(self) -> int:
@@ -164,6 +188,7 @@ class _Candidates:
     costs: np.ndarray
     explored: int
     dropped: int
+    shut: int
     begin: list[np.ndarray] = field(default_factory=list)
     first_costs: list[float] = field(default_factory=list)
     refined: list[Refinement] = field(default_factory=list)
@@ -227,11 +252,14 @@ def _explore(
     problem: LeastSquaresProblem, point: int, explored: np.ndarray, settings: MultiStart
 ) -> _Candidates:
     """Rank sets of parameters for one data point by cost; keep the best share that has a steady beat."""
-    costs = problem.evaluate(np.full(len(explored), point), explored, EXPLORING, COARSE).costs
+    evaluation = problem.evaluate(np.full(len(explored), point), explored, EXPLORING, COARSE)
+    costs = evaluation.costs
     kept = max(round(settings.refined_share * len(explored)), 2)
     order = np.argsort(costs, kind="stable")[:kept]
     order = order[np.isfinite(costs[order])]
-    return _Candidates(explored[order], costs[order], len(explored), int((~np.isfinite(costs)).sum()))
+    shut = int(evaluation.one_of_many.sum())
+    dropped = int((~np.isfinite(costs)).sum()) - shut
+    return _Candidates(explored[order], costs[order], len(explored), dropped, shut)
 
 
 def mixing_weight(number: int, total: int) -> float:
@@ -282,20 +310,20 @@ def _best(
 ) -> Optimum:
     """Refine the best start to the end."""
     size, count = len(box.names), len(problem.outputs)
-    explored, dropped = candidates.explored, candidates.dropped
+    explored = candidates.explored, candidates.dropped, candidates.shut
     if not candidates.refined or not np.isfinite((ended := candidates.so_far()).costs).any():
         none, flat = np.zeros((0, size)), np.zeros(0)
         nothing = Starts(none, none, flat, flat, np.zeros(0, dtype=bool))
         return Optimum(
             np.full(size, np.nan), np.full(count, np.nan), np.inf, np.full((count, size), np.nan), nothing,
-            explored, dropped, FitStatus.NO_STEADY_BEAT,
+            *explored, FitStatus.ONE_OF_MANY if candidates.shut else FitStatus.NO_STEADY_BEAT,
         )  # fmt: skip
     last = _to_the_end(problem, point, ended.x[[np.argmin(ended.costs)]], box, settings.polishing)
     first_costs = np.array(candidates.first_costs)
     starts = Starts(np.concatenate(candidates.begin), ended.x, first_costs, ended.costs, agreeing(ended))
     settled = last.terminations[0] == Termination.SETTLED
     return Optimum(
-        last.x[0], last.outputs[0], float(last.costs[0]), last.jacobians[0], starts, explored, dropped,
+        last.x[0], last.outputs[0], float(last.costs[0]), last.jacobians[0], starts, *explored,
         FitStatus.FITTED if settled else FitStatus.NOT_SETTLED,
     )  # fmt: skip
 
@@ -314,3 +342,89 @@ def _to_the_end(
         best = last.x
     assert last is not None
     return last
+
+
+# --- data points of one patient with parameters in common --------------------------------------------------
+
+
+def refine_shared(
+    objective: Objective, box: Box, common: Sequence[int], own: np.ndarray
+) -> tuple[SharedObjective, Refinement]:
+    """Fit all points of an objective with common parameters.
+
+    Args:
+        objective: data points of one patient.
+        box: bounds of the parameters of one point.
+        common: places of those that are shared.
+        own: best fit of each point by itself, shape (points, parameters).
+    """
+    problem = SharedObjective(objective, common)
+    space = problem.box(box)
+    starts = np.tile(problem.joined(own), (1 + len(SHARES), 1))
+    first = np.arange(len(common))
+    starts[1:, first] = space.lower[first] + np.outer(SHARES, space.width[first])
+    points = np.zeros(len(starts), dtype=int)
+    rough = refine(problem, points, starts, space, replace(REFINING, cost=1e-3, floor=1e-9))
+    best = rough.x[[np.argmin(rough.costs)]]
+    level = int(problem.resolutions(points[:1], best)[0])
+    return problem, refine(problem, points[:1], best, space, replace(LAST_SHARED, resolution=level))
+
+
+def fit_shared(
+    objective: Objective,
+    box: Box,
+    separate: Sequence[Optimum],
+    errors: Sequence[np.ndarray],
+    shared: Sequence[str],
+) -> list[Optimum]:
+    """The optima of points that were fitted one by one, fitted again with common parameters.
+
+    Args:
+        objective: the points of one patient.
+        box: bounds of the parameters of one point.
+        separate: optimum of each point by itself.
+        errors: standard uncertainties of the measurements of each point.
+        shared: names of the common parameters.
+    """
+    if not all(o.exists for o in separate):
+        return list(separate)
+    common = [box.names.index(n) for n in shared if n in box.names]
+    problem, refined = refine_shared(objective, box, common, np.stack([o.x for o in separate]))
+    height, space = len(objective.outputs), problem.box(box)
+    jacobian, outputs = refined.jacobians[0], refined.outputs[0]
+    scaled = _scaled(objective, jacobian, errors, space)
+    spread = space.covariance(scaled.matrix)
+    excluded = propose(scaled).excluded
+    settled = refined.terminations[0] == Termination.SETTLED
+    optima = []
+    for k, before in enumerate(separate):
+        rows, places = slice(k * height, (k + 1) * height), problem.places[k]
+        residuals = (outputs[rows] - objective.measured[k]) * objective.weights[k]
+        reasons = {
+            name: excluded[space.names[place]]
+            for name, place in zip(box.names, places, strict=True)
+            if space.names[place] in excluded
+        }
+        optima.append(
+            replace(
+                before, x=refined.x[0, places], outputs=outputs[rows], cost=float(np.sum(residuals**2)),
+                jacobian=jacobian[rows][:, places],
+                status=FitStatus.FITTED if settled else FitStatus.NOT_SETTLED,
+                starts=replace(before.starts, agreeing=np.zeros(len(before.starts.agreeing), dtype=bool)),
+                shared=SharedEstimate(spread[np.ix_(places, places)], reasons),
+            )
+        )  # fmt: skip
+    return optima
+
+
+def _scaled(
+    objective: Objective, jacobian: np.ndarray, errors: Sequence[np.ndarray], space: Box
+) -> ScaledSensitivities:
+    """Sensitivities of everything that was measured of the patient, in standard uncertainties."""
+    rows, names = [], []
+    height = len(objective.outputs)
+    for k, (target, own) in enumerate(zip(objective.targets, errors, strict=True)):
+        for name, error in zip(target.measured, own, strict=True):
+            rows.append(jacobian[k * height + objective.outputs.index(name)] / error)
+            names.append(f"{name} of point {k + 1}")
+    return ScaledSensitivities(tuple(names), space.names, np.array(rows))

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eclsim.identification.beat_derivatives import GradientEvaluator
 from eclsim.identification.density import PosteriorDensity
+from eclsim.identification.gradient import GradientEvaluator
 from eclsim.identification.proposals import Jumps, Mixture
 from eclsim.orbit.execution import in_threads
 

@@ -9,23 +9,28 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
-from eclsim.beat.grid import needed_resolution
-from eclsim.circuit.assembly import assemble
 from eclsim.identification.observation import OUTPUTS
 from eclsim.orbit.equation import Anchor, OrbitOptions
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution, in_threads
 from eclsim.orbit.model import AS_PUBLISHED, Model
-from eclsim.orbit.status import NoDerivativesError
+from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.signals import output_names
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 
 WORTH_SIDE_BY_SIDE = 8
 """From so many members the program for many is quicker, half empty or not, once it is compiled."""
+NORMAL_90 = 1.6448536269514722
+"""Half width of the central 90 % of a normal distribution, in standard deviations."""
+_DIGITS = 12
+
+
+def execution_of(members: int) -> Execution:
+    """How so many members are computed."""
+    return Execution(width=SIDE_BY_SIDE if members >= WORTH_SIDE_BY_SIDE else 1)
 
 
 @dataclass(frozen=True)
@@ -70,9 +75,41 @@ class Box:
         """Logarithm of upper over lower bound, shape (parameters,)."""
         return self.upper - self.lower
 
+    @property
+    def prior_deviations(self) -> np.ndarray:
+        """Standard deviations of logarithms that lie anywhere between their bounds, shape (parameters,)."""
+        return self.width / np.sqrt(12.0)
+
     def clip(self, x: np.ndarray) -> np.ndarray:
         """The nearest point inside."""
         return np.clip(x, self.lower, self.upper)
+
+    def covariance(self, scaled: np.ndarray) -> np.ndarray:
+        """Covariance of the logarithms at an optimum (Gaussian approximation), (parameters, parameters).
+
+        Before any measurement a parameter lies between its bounds, each logarithm as likely as any other.
+        Without this, one that the measurements say nothing about would make all intervals infinite.
+
+        Args:
+            scaled: d output / d log parameter in standard uncertainties, shape (outputs, parameters).
+        """
+        return np.linalg.inv(scaled.T @ scaled + np.diag(1.0 / self.prior_deviations**2))
+
+    def interval(self, k: int, x: float, error: float) -> tuple[float, float]:
+        """The central 90 % of a parameter from its logarithm and standard error, cut at the bounds."""
+        reach = NORMAL_90 * error
+        return in_unit(max(x - reach, self.lower[k])), in_unit(min(x + reach, self.upper[k]))
+
+
+def in_unit(x: float) -> float:
+    """A parameter from its logarithm, without the rounding of going there and back."""
+    return float(f"{np.exp(x):.{_DIGITS}g}")
+
+
+def correlation(covariance: np.ndarray) -> np.ndarray:
+    """Correlation matrix of a covariance matrix."""
+    deviation = np.sqrt(np.diag(covariance))
+    return covariance / np.outer(deviation, deviation)
 
 
 @dataclass(frozen=True)
@@ -106,7 +143,7 @@ class Evaluation:
 
     Args:
         steady: their steady beats.
-        outputs: shape (members, outputs); NaN where no steady beat was found.
+        outputs: shape (members, outputs); NaN where none was found or it is one of many.
         residuals: weighted differences, 0 where nothing was measured, shape (members, outputs).
     """
 
@@ -116,44 +153,14 @@ class Evaluation:
 
     @cached_property
     def costs(self) -> np.ndarray:
-        """Sum of squared residuals; infinite where no steady beat was found, shape (members,)."""
+        """Sum of squared residuals; infinite where there are no outputs, shape (members,)."""
         total = np.sum(self.residuals**2, axis=1)
         return np.where(np.isfinite(total), total, np.inf)
 
-
-class LeastSquaresProblem(Protocol):
-    """What a search asks for: separate data points (`Objective`), or several with common parameters."""
-
     @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names of the outputs of one member."""
-        ...
-
-    @property
-    def weights(self) -> np.ndarray:
-        """1 / scale of each difference, 0 where nothing was measured, shape (data points, outputs)."""
-        ...
-
-    def evaluate(
-        self,
-        points: np.ndarray,
-        x: np.ndarray,
-        options: OrbitOptions | None = None,
-        resolution: int | None = None,
-        tangents: Sequence[Tangents] | None = None,
-    ) -> Evaluation:
-        """Residuals of members, each at parameters and for a data point of its own."""
-        ...
-
-    def linearise(
-        self, evaluation: Evaluation, members: Sequence[int], x: np.ndarray
-    ) -> tuple[np.ndarray, list[Tangents | None]]:
-        """d output / d log parameter of some members, and what `tangents` of `evaluate` takes."""
-        ...
-
-    def resolutions(self, points: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Resolution of the grid that each member needs."""
-        ...
+    def one_of_many(self) -> np.ndarray:
+        """Members whose beat is steady and not determined: valves stay shut, shape (members,)."""
+        return self.steady.status == Status.ONE_OF_MANY
 
 
 class Objective:
@@ -205,18 +212,16 @@ class Objective:
             tangents: a solved beat close to each member, from where the search for its own starts.
         """
         start = None if tangents is None else _extrapolated([t for (t,) in tangents], x)
-        execution = Execution(width=SIDE_BY_SIDE if len(points) >= WORTH_SIDE_BY_SIDE else 1)
         steady = steady_beat(
             self._batch(points, x), self.outputs, options=options, start=start, resolution=resolution,
-            execution=execution,
-        )  # fmt: skip
+            execution=execution_of(len(points)),
+        ).determined_only()  # fmt: skip
         outputs = steady.values.T
         return Evaluation(steady, outputs, (outputs - self.measured[points]) * self.weights[points])
 
     def resolutions(self, points: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Resolution of the grid that each member needs, shape (members,)."""
-        batch = self._batch(points, x)
-        return np.broadcast_to(needed_resolution(assemble(self.circuit), batch.values), (len(points),))
+        return self._batch(points, x).resolutions()
 
     def linearise(
         self, evaluation: Evaluation, members: Sequence[int], x: np.ndarray
@@ -234,11 +239,11 @@ class Objective:
 
         def one(k: int) -> tuple[np.ndarray, Tangents | None]:
             try:
-                found = evaluation.steady.linearise(self.outputs, self.names, int(members[k]))
+                linear = evaluation.steady.linearise(self.outputs, self.names, int(members[k]))
             except NoDerivativesError:
                 return np.full((len(self.outputs), len(self.names)), np.nan), None
             unit = np.exp(x[k])
-            return found.slopes * unit, (Tangent(x[k], found.orbit.anchor, found.orbit.states * unit),)
+            return linear.slopes * unit, (Tangent(x[k], linear.orbit.anchor, linear.orbit.states * unit),)
 
         slopes, tangents = zip(*in_threads(one, list(range(len(members)))), strict=True)
         return np.stack(slopes), list(tangents)
@@ -254,3 +259,88 @@ def _extrapolated(tangents: Sequence[Tangent], x: np.ndarray) -> Anchor:
     """Where the search for the beats of members starts, each from a solved beat close to it."""
     states = [tangent.state(own) for tangent, own in zip(tangents, x, strict=True)]
     return Anchor(np.stack(states, axis=1), np.stack([t.anchor.inverse for t in tangents], axis=2))
+
+
+class SharedObjective:
+    """The points of an objective as one: residuals one after the other, parameters the common ones first.
+
+    Args:
+        objective: its data points are those of one patient.
+        common: places of the parameters that all points share.
+    """
+
+    def __init__(self, objective: Objective, common: Sequence[int]):
+        self.single = objective
+        size, self.count = len(objective.names), len(objective.targets)
+        own = [k for k in range(size) if k not in common]
+        # For each point: where each of its parameters stands among those of all.
+        self.places = np.zeros((self.count, size), dtype=int)
+        for point in range(self.count):
+            self.places[point, list(common)] = np.arange(len(common))
+            self.places[point, own] = len(common) + point * len(own) + np.arange(len(own))
+        self.size = len(common) + self.count * len(own)
+        self.weights = objective.weights.reshape(1, -1)
+        self.outputs = objective.outputs * self.count
+
+    def evaluate(
+        self,
+        points: np.ndarray,
+        x: np.ndarray,
+        options: OrbitOptions | None = None,
+        resolution: int | None = None,
+        tangents: Sequence[Tangents] | None = None,
+    ) -> Evaluation:
+        """All points at some sets of common and own parameters, (members, all parameters)."""
+        beats = None if tangents is None else [(beat,) for of_member in tangents for beat in of_member]
+        single = self.single.evaluate(self._points(points), self.rows(x), options, resolution, beats)
+        shape = (len(points), len(self.outputs))
+        return Evaluation(single.steady, single.outputs.reshape(shape), single.residuals.reshape(shape))
+
+    def linearise(
+        self, evaluation: Evaluation, members: Sequence[int], x: np.ndarray
+    ) -> tuple[np.ndarray, list[Tangents | None]]:
+        """d output / d log parameter, shape (members, all outputs, all parameters), and the beats."""
+        rows = [m * self.count + point for m in members for point in range(self.count)]
+        blocks, beats = self.single.linearise(evaluation, rows, self.rows(x))
+        jacobian = np.zeros((len(members), self.count, len(self.single.outputs), self.size))
+        for k, block in enumerate(blocks):
+            member, point = divmod(k, self.count)
+            jacobian[member, point][:, self.places[point]] = block
+        tangents: list[Tangents | None] = []
+        for k in range(0, len(beats), self.count):
+            solved = [beat for of_point in beats[k : k + self.count] if of_point for beat in of_point]
+            tangents.append(tuple(solved) if len(solved) == self.count else None)
+        return jacobian.reshape(len(members), -1, self.size), tangents
+
+    def resolutions(self, points: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Resolution that the most demanding point of each member needs."""
+        single = self.single.resolutions(self._points(points), self.rows(x))
+        return single.reshape(len(points), -1).max(axis=1)
+
+    def _points(self, members: np.ndarray) -> np.ndarray:
+        return np.tile(np.arange(self.count), len(members))
+
+    def rows(self, x: np.ndarray) -> np.ndarray:
+        """Parameters of each member and point, shape (members * points, parameters)."""
+        return x[:, self.places].reshape(-1, self.places.shape[1])
+
+    def joined(self, own: np.ndarray) -> np.ndarray:
+        """All parameters from those of each point (points, parameters): common ones are averaged."""
+        total, times = np.zeros(self.size), np.zeros(self.size)
+        np.add.at(total, self.places, own)
+        np.add.at(times, self.places, 1.0)
+        return total / times
+
+    def box(self, box: Box) -> Box:
+        """Bounds of all parameters."""
+        ends = (np.tile(v, (self.count, 1)) for v in (box.start, box.lower, box.upper))
+        names = np.empty(self.size, dtype=object)
+        for point, places in enumerate(self.places):
+            for name, place in zip(box.names, places, strict=True):
+                common = int((self.places == place).sum()) == self.count
+                names[place] = name if common and self.count > 1 else f"{name} of point {point + 1}"
+        return Box(tuple(map(str, names)), *(self.joined(v) for v in ends))
+
+
+LeastSquaresProblem = Objective | SharedObjective
+"""Separate data points, or several with common parameters."""

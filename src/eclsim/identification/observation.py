@@ -5,15 +5,18 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from typing import Any
+
+import numpy as np
 
 from eclsim.cases.cohort_rows import when
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.sensitivity.uncertainties import DEFAULTS, Uncertainty, standard_uncertainties
 
-OUTPUTS = ("SP", "DP", "MAP", "MPAP", "PCWP", "CO", "PF")
-"""What can be fitted."""
 PRESSURES = ("SP", "DP", "MAP", "MPAP", "PCWP")
 FLOWS = ("CO", "PF")
+OUTPUTS = PRESSURES + FLOWS
+"""What can be fitted."""
 SECONDS_PER_HOUR = 3600.0
 _TIME_IN_FILE_NAME = re.compile(r"(\d{4}-\d\d-\d\d)[T_ ](\d\d)[-.]?(\d\d)")
 
@@ -21,6 +24,13 @@ _TIME_IN_FILE_NAME = re.compile(r"(\d{4}-\d\d-\d\d)[T_ ](\d\d)[-.]?(\d\d)")
 def unit_of(output: str) -> str:
     """Unit of an output that can be fitted."""
     return "L/min" if output in FLOWS else "mmHg"
+
+
+def measured_and_simulated(results: Sequence[Mapping[str, Any]], names: Sequence[str]) -> np.ndarray:
+    """Values of some outputs of data points, as in JSON files, wherever there are both, shape (values, 2)."""
+    cells = [result["outputs"].get(name) or {} for result in results for name in names]
+    pairs = [(cell.get("measured"), cell.get("simulated")) for cell in cells]
+    return np.array([pair for pair in pairs if None not in pair], dtype=float).reshape(-1, 2)
 
 
 def measurement_errors(

@@ -14,7 +14,7 @@ from eclsim.files import finite
 from eclsim.identification.density import PosteriorDensity, Prior, PriorKind, simulate_members
 from eclsim.identification.diagnostics import Diagnostics, diagnose
 from eclsim.identification.fit import FitResult
-from eclsim.identification.gaussian import Gaussian, approximate
+from eclsim.identification.gradient import Gaussian, approximate
 from eclsim.identification.importance import WeightedDraws, importance_sample, weighted_quantile
 from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.nuts import Chains, Sampling, sample

@@ -1,13 +1,17 @@
-"""Figures of a posterior: traces of the chains, pairs of parameters, predictions against measurements."""
+"""Figures of a posterior (traces, pairs, predictions) and of a followed patient (parameters, outputs)."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, MaxNLocator
 
+from eclsim.identification.observation import unit_of
 from eclsim.parameters import thiel2025
 from eclsim.reporting.style import (
     GREY,
@@ -19,17 +23,24 @@ from eclsim.reporting.style import (
     plain_text,
 )
 
+if TYPE_CHECKING:
+    from eclsim.identification.diagnostics import Diagnostics
+    from eclsim.identification.posterior import PosteriorResult
+
 SHOWN = 1500
 """At most so many draws are drawn."""
 BINS = 28
+_ACROSS = 2
+MOST_NAMES = 8
+LONGEST_NAME = 6
+"""Where names are longer, the axis counts the measurements."""
+HOURS_PER_DAY = 24.0
+DAYS_FROM = 72.0
+"""A course longer than so many hours has days on its axis."""
 
 
-def plot_traces(result: Any) -> Figure:
-    """Draws of every parameter in order, chain by chain, and the distribution of each chain.
-
-    Args:
-        result: an `eclsim.identification.posterior.PosteriorResult` with chains.
-    """
+def plot_traces(result: PosteriorResult) -> Figure:
+    """Draws of every parameter in order, chain by chain, and the distribution of each chain."""
     names, draws = result.names, result.samples
     with figure_style():
         fig = new_figure(height_mm=16 + 30 * len(names))
@@ -58,12 +69,8 @@ def plot_traces(result: Any) -> Figure:
     return fig
 
 
-def plot_pairs(result: Any) -> Figure:
-    """Draws of every pair of parameters, with the 90 % ellipse of the Gaussian approximation.
-
-    Args:
-        result: an `eclsim.identification.posterior.PosteriorResult`.
-    """
+def plot_pairs(result: PosteriorResult) -> Figure:
+    """Draws of every pair of parameters, with the 90 % ellipse of the Gaussian approximation."""
     names = result.names
     size = len(names)
     flat = result.flat[:: max(1, len(result.flat) // SHOWN)]
@@ -89,12 +96,8 @@ def plot_pairs(result: Any) -> Figure:
     return fig
 
 
-def plot_predictive(result: Any) -> Figure:
-    """What the draws say of every output, at all settings, beside what was measured.
-
-    Args:
-        result: an `eclsim.identification.posterior.PosteriorResult`.
-    """
+def plot_predictive(result: PosteriorResult) -> Figure:
+    """What the draws say of every output, at all settings, beside what was measured."""
     outputs = list(dict.fromkeys(n for p in result.predictions for n in p.outputs))
     across = 4
     down = -(-len(outputs) // across)
@@ -112,13 +115,13 @@ def plot_predictive(result: Any) -> Figure:
             ]
             ax.set_yticklabels(labels if k % across == 0 else [], fontsize=6)
             ax.set_ylim(rows - 0.4, -0.6)
-            ax.set_xlabel(f"{name} [{'L/min' if name in ('CO', 'PF') else 'mmHg'}]")
+            ax.set_xlabel(f"{name} [{unit_of(name)}]")
         handles, labels = fig.axes[0].get_legend_handles_labels()
         fig.legend(handles, labels, loc="outside lower center", ncols=3, columnspacing=1.4, fontsize=7)
     return fig
 
 
-def _intervals(ax: Axes, result: Any, name: str) -> None:
+def _intervals(ax: Axes, result: PosteriorResult, name: str) -> None:
     name_of_gaussian = "Gaussian approximation, unchecked" + ("" if result.checked else ": median and 90 %")
     of_gaussian = (result.gaussian_predictions, 0.12, "vermillion", "s", name_of_gaussian)
     styles = [(result.predictions, -0.12, "blue", "o", f"{result.kind}: median and 90 %"), of_gaussian]
@@ -128,14 +131,8 @@ def _intervals(ax: Axes, result: Any, name: str) -> None:
                 continue
             low, middle, high = p.intervals[p.outputs.index(name)]
             ax.plot([low, high], [row + shift] * 2, color=OKABE_ITO[colour], linewidth=1.6)
-            ax.plot(
-                middle,
-                row + shift,
-                marker,
-                color=OKABE_ITO[colour],
-                markersize=3.5,
-                label=label if not row else "",
-            )
+            dot = {"color": OKABE_ITO[colour], "markersize": 3.5}
+            ax.plot(middle, row + shift, marker, label="" if row else label, **dot)
     if name in result.density.outputs:
         value, error = result.density.measured[name], result.density.errors[name]
         ax.errorbar(value, 0.36, xerr=1.645 * error, fmt="D", color=GREY, markersize=3, linewidth=0.9,
@@ -153,7 +150,7 @@ def _histogram(ax: Axes, values: np.ndarray, gaussian: np.ndarray | None) -> Non
     ax.set_yticks([])
 
 
-def _ellipse(ax: Axes, result: Any, j: int, i: int) -> None:
+def _ellipse(ax: Axes, result: PosteriorResult, j: int, i: int) -> None:
     """The 90 % ellipse of two hidden variables, in the parameters."""
     gaussian, prior = result.gaussian, result.density.prior
     root = np.linalg.cholesky(gaussian.covariance[np.ix_([j, i], [j, i])])
@@ -165,7 +162,7 @@ def _ellipse(ax: Axes, result: Any, j: int, i: int) -> None:
     ax.plot(drawn[:, j], drawn[:, i], color=OKABE_ITO["vermillion"], linewidth=0.9)
 
 
-def _sparse(ax: Axes, names: Any, i: int, j: int, size: int) -> None:
+def _sparse(ax: Axes, names: Sequence[str], i: int, j: int, size: int) -> None:
     """Names on the outer axes; two numbers on each."""
     for axis, shown in ((ax.xaxis, i == size - 1), (ax.yaxis, j == 0 and i > 0)):
         if axis is ax.yaxis and i == j:
@@ -179,7 +176,7 @@ def _sparse(ax: Axes, names: Any, i: int, j: int, size: int) -> None:
         ax.set_ylabel(_axis(names[i]), fontsize=6.5)
 
 
-def _mixing(diagnostics: Any, k: int) -> str:
+def _mixing(diagnostics: Diagnostics, k: int) -> str:
     effective = min(diagnostics.effective_bulk[k], diagnostics.effective_tail[k])
     return f"R-hat {diagnostics.r_hat[k]:.3f}, {effective:.0f} effective draws"
 
@@ -188,12 +185,132 @@ def _axis(name: str) -> str:
     return f"{name}\n[{thiel2025.PARAMETERS[name].unit}]"
 
 
-def _of_pairs(result: Any) -> str:
+def _of_pairs(result: PosteriorResult) -> str:
     if not result.checked:
         return f"{result.kind}, draws (points) and 90 % (line)"
     return f"{result.kind}, draws (points); Gaussian approximation, 90 % (line)"
 
 
-def _title(result: Any, what: str) -> str:
+def _title(result: PosteriorResult, what: str) -> str:
     first = plain_text(result.name) + (f": {result.verdict}" if result.verdict else "")
     return f"{first}\n{what}"
+
+
+# --- following a patient ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class TimeAxis:
+    """Where measurements stand on the axis of time.
+
+    Args:
+        at: of each measurement.
+        label: of the axis.
+        names: of the measurements, where the axis counts them; empty where it is time.
+    """
+
+    at: np.ndarray
+    label: str
+    names: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, series: Mapping[str, Any]) -> TimeAxis:
+        """Time where it is known, else one measurement after the other."""
+        points = series["points"]
+        if series.get("assumed_interval_hours") is not None or len(points) < 2:
+            names = tuple(plain_text(p["id"]) for p in points)
+            at = np.arange(1.0, len(points) + 1.0)
+            if max(map(len, names)) <= LONGEST_NAME:
+                return cls(at, "measurement", names)
+            return cls(at, "number of the measurement")
+        hours = np.cumsum([p["hours_since_last"] or 0.0 for p in points])
+        if hours[-1] > DAYS_FROM:
+            return cls(hours / HOURS_PER_DAY, "days since the first measurement")
+        return cls(hours, "hours since the first measurement")
+
+    @property
+    def step(self) -> float:
+        """What a sign may take of the axis without touching its neighbour's."""
+        return (float(np.ptp(self.at)) or 2.0) / 60.0
+
+    def draw(self, ax: Axes, last_row: bool) -> None:
+        """Ticks and label."""
+        margin = 3.0 * self.step if np.ptp(self.at) else 1.0
+        ax.set_xlim(self.at.min() - margin, self.at.max() + margin)
+        if self.names:
+            every = -(-len(self.names) // MOST_NAMES)
+            chosen = range(0, len(self.names), every)
+            ax.xaxis.set_major_locator(FixedLocator([self.at[k] for k in chosen]))
+            ax.set_xticklabels([self.names[k] for k in chosen])
+        else:
+            ax.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+        if last_row:
+            ax.set_xlabel(self.label, color=GREY)
+
+
+def plot_parameters(series: Mapping[str, Any]) -> Figure:
+    """Every parameter after each measurement: median and 90 %."""
+    points, time = series["points"], TimeAxis.of(series)
+    names = list(dict.fromkeys(n for p in points for n in p["parameters"]))
+    with figure_style():
+        fig, panels = _panels(series, "parameters: median and 90 % after each measurement", len(names))
+        for k, (ax, name) in enumerate(zip(panels, names, strict=True)):
+            _band(ax, time, [p["parameters"].get(name) for p in points], "blue", "after the measurement")
+            ax.set_yscale("log")
+            plain_log_ticks(ax.yaxis)
+            ax.set_ylabel(f"{name} [{thiel2025.PARAMETERS[name].unit}]")
+            time.draw(ax, k >= len(names) - _ACROSS)
+    return fig
+
+
+def plot_outputs(series: Mapping[str, Any]) -> Figure:
+    """Every output: where it was expected, what was measured, and what the model says afterwards."""
+    points, time = series["points"], TimeAxis.of(series)
+    names = list(dict.fromkeys(n for p in points for n in p["outputs"]))
+    with figure_style():
+        fig, panels = _panels(series, "outputs: expected beforehand, measured, and afterwards", len(names))
+        for k, (ax, name) in enumerate(zip(panels, names, strict=True)):
+            expected = [p["expected"].get(name) for p in points]
+            _band(ax, time, expected, "sky blue", "90 % of measurements expected")
+            _band(ax, time, [p["outputs"].get(name) for p in points], "blue", "model afterwards, 90 %")
+            _measured(ax, time, [p["measurements"].get(name) for p in points])
+            ax.yaxis.set_major_locator(MaxNLocator(4))
+            ax.set_ylabel(f"{name} [{unit_of(name)}]")
+            time.draw(ax, k >= len(names) - _ACROSS)
+        each = [zip(*ax.get_legend_handles_labels(), strict=True) for ax in panels]
+        legend = {label: handle for pairs in reversed(each) for handle, label in pairs}
+        order = dict.fromkeys(label for ax in panels for label in ax.get_legend_handles_labels()[1])
+        fig.legend([legend[label] for label in order], list(order), loc="outside lower center", ncols=2)
+    return fig
+
+
+def _panels(series: Mapping[str, Any], what: str, count: int) -> tuple[Figure, list[Axes]]:
+    down = -(-count // _ACROSS)
+    fig = new_figure(height_mm=30 + 36 * down)
+    fig.suptitle(f"{plain_text(series['id'])}\n{what}")
+    return fig, [fig.add_subplot(down, _ACROSS, k + 1) for k in range(count)]
+
+
+def _band(
+    ax: Axes, time: TimeAxis, intervals: Sequence[Mapping[str, float] | None], colour: str, label: str
+) -> None:
+    rows = [[np.nan] * 3 if i is None else [i["lower"], i["median"], i["upper"]] for i in intervals]
+    low, middle, high = np.array(rows, dtype=float).T
+    single = colour == "sky blue"
+    width = 5.5 if single else 1.6
+    alpha = 0.55 if single else 1.0
+    ax.vlines(time.at, low, high, color=OKABE_ITO[colour], linewidth=width, alpha=alpha, label=label)
+    if not single:
+        ax.plot(time.at, middle, "-o", color=OKABE_ITO[colour], linewidth=0.8, markersize=3)
+
+
+def _measured(ax: Axes, time: TimeAxis, held: Sequence[Mapping[str, Any] | None]) -> None:
+    for usual, colour, marker, label in (
+        (True, "black", "D", "measured"),
+        (False, "vermillion", "X", "measured, does not fit"),
+    ):
+        chosen = {k: h["measured"] for k, h in enumerate(held) if h is not None and h["unusual"] != usual}
+        at, values = list(chosen), list(chosen.values())
+        if at:
+            ax.plot(time.at[at] + time.step, values, marker, color=OKABE_ITO[colour], linestyle="",
+                    markersize=3.2 if usual else 5.5, label=label)  # fmt: skip

@@ -17,7 +17,6 @@ import numpy as np
 
 from eclsim.identification.least_squares import Refinement, Tolerances, refine
 from eclsim.identification.objective import Box, LeastSquaresProblem, Objective, Target
-from eclsim.identification.precision import covariance, prior_deviations
 from eclsim.identification.verdict import interval_agreement
 from eclsim.orbit.equation import OrbitOptions
 
@@ -239,7 +238,7 @@ def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles]:
     one = np.zeros(1, dtype=int)
     best = refine(likelihood, one, fit.optimum.x[None], fit.box, replace(REFITTING, resolution=1))
     scaled = best.jacobians[0] * likelihood.weights[0][:, None]
-    spread = covariance(scaled, prior_deviations(fit.box.lower, fit.box.upper))
+    spread = fit.box.covariance(scaled)
     further = best.x[0][:, None] + np.outer(np.sqrt(np.diag(spread)), STANDARD_STEPS)
     refitted = profiles(likelihood, fit.box, best.x[0], steps=STEPS, further=further)
     intervals = {

@@ -13,7 +13,7 @@ from scipy.stats import qmc
 from eclsim.cases.ids import plain_id
 from eclsim.identification.density import PosteriorDensity, Prior, PriorKind, simulate_members
 from eclsim.identification.filtering import DRIFTS, GaussianMixture, Regression, regress, updated
-from eclsim.identification.gaussian import Gaussian, NoSteadyBeatError, approximate
+from eclsim.identification.gradient import Gaussian, NoSteadyBeatError, approximate
 from eclsim.identification.importance import WeightedDraws, importance_sample
 from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.objective import Box

@@ -232,12 +232,13 @@ def agreement(
     return reasons
 
 
-def search(status: FitStatus) -> list[Reason]:
-    """What the end of the search says."""
+def search(status: FitStatus, beat: str = "") -> list[Reason]:
+    """What the end of the search says; `beat`: how the search for the fitted patient's beat ended."""
     if status is FitStatus.FITTED:
         return []
-    level = Level.POOR if status is FitStatus.NO_STEADY_BEAT else Level.DOUBTFUL
-    return [Reason(Aspect.SEARCH, level, "", status.message)]
+    level = Level.DOUBTFUL if status is FitStatus.NOT_SETTLED else Level.POOR
+    sentence = f"{status.message} ({beat})" if beat else status.message
+    return [Reason(Aspect.SEARCH, level, "", sentence)]
 
 
 def plausibility(

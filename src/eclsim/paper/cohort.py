@@ -16,9 +16,10 @@ import numpy as np
 
 from eclsim.cases.cohort import read_cohort
 from eclsim.execution import Distribution
-from eclsim.identification.cohort import fit_cohort, pairs, r_squared
+from eclsim.identification.cohort import fit_cohort, r_squared
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.objective import Box, Objective, Target
+from eclsim.identification.observation import measured_and_simulated
 from eclsim.identification.profiles import CostCurves, slices
 from eclsim.identification.settings import FitSettings, checked_fit
 from eclsim.orbit.model import model_of
@@ -131,7 +132,9 @@ def _fit_rows(
                 "3.2", f"R² of {kind}", "1", printed, found, decimals=2, reason=noise, other_data=True
             )
         )
-    flow, wedge = (float(np.diff(pairs(results, (name,)), axis=1).mean()) for name in ("PF", "PCWP"))
+    flow, wedge = (
+        float(np.diff(measured_and_simulated(results, (name,)), axis=1).mean()) for name in ("PF", "PCWP")
+    )
     bias = "by {:+.2f} on average"
     return [
         *rows,

@@ -1,0 +1,506 @@
+"""Fits, posteriors and followed patients as terminal text and as HTML pages, from what their JSON holds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from eclsim.files import write_text
+from eclsim.identification.observation import unit_of
+from eclsim.identification.verdict import Aspect, Level, headline, signed
+from eclsim.orbit.model import POLICY_WORDS
+from eclsim.parameters import thiel2025
+from eclsim.reporting.html import Table, render
+from eclsim.reporting.numbers import MISSING, interval, number
+from eclsim.reporting.text_table import text_table
+
+if TYPE_CHECKING:
+    from eclsim.cases.case import Case
+
+Data = Mapping[str, Any]
+"""Part of a JSON file."""
+REPORT = "report.html"
+CORRELATED = 0.9
+"""Two estimates with a larger correlation, of either sign, move together."""
+_SIGNS = {"poor": "!!", "doubtful": "! ", "good": "- "}
+ONE_FIT = {
+    "residuals": (
+        "Differences from the measurements, in standard uncertainties. Beyond the dashed lines a fit is "
+        "doubtful, beyond the solid ones it is poor."
+    ),
+    "profiles": (
+        "How far each parameter can move. Chi-square with the others fitted again (dots) and held (grey); "
+        "where the dots stay below the dashed line, the value is within the 90 % interval. A flat profile is "
+        "a parameter that the measurements do not determine."
+    ),
+    "correlation": (
+        "Correlation of the estimates. Near +1 or -1 the measurements fix a combination of the two "
+        "parameters, not each."
+    ),
+    "starts": (
+        "The search. Every start before and after its refinement, and where between the bounds it ended."
+    ),
+    "slices": (
+        "What was minimised, along each parameter with the others held at the optimum (dot). Crosses: no "
+        "steady heartbeat."
+    ),
+}
+"""Figures of one fit, in order, with their captions."""
+COHORT = {
+    "scatter": "Simulated against measured values of all data points, poor fits included.",
+    "boxes": "Distributions of measured and simulated values.",
+}
+TRACKED = {
+    "outputs": (
+        "Outputs. Pale bars: where 90 % of measurements were expected beforehand. Diamonds: measured. Dark "
+        "bars: what the model says afterwards, median and 90 %."
+    ),
+    "parameters": "Parameters after each measurement, median and 90 %.",
+}
+"""Figures of a followed patient, in order, with their captions."""
+
+
+def _figures(value: float | None, digits: int = 4) -> str:
+    """A number in the terminal."""
+    return "-" if value is None else f"{value:.{digits}g}"
+
+
+def _names(points: Sequence[Data], key: str) -> list[str]:
+    """Names of the parameters or outputs of several points, each once."""
+    return list(dict.fromkeys(name for point in points for name in point[key]))
+
+
+def _differences(point: Data) -> Mapping[str, float]:
+    goodness = point["verdict"]["goodness"]
+    return {} if goodness is None else goodness["differences"]
+
+
+# --- fits in the terminal -----------------------------------------------------------------------------
+
+
+def fits_text(content: Data) -> str:
+    """One fit at length, or a row for each of several; draws where there are any; how much fits explain."""
+    points = content["points"]
+    lines = [_one_fit(points[0]) if len(points) == 1 else _several_fits(points)]
+    if "posterior" in content:
+        lines.append(posterior_text(content["posterior"]))
+    if len(points) > 1:
+        lines += [f"R2 of {k}: {v:.4f}{_about_r2(v)}" for k, v in content["r2"].items() if v is not None]
+    return "\n".join(lines)
+
+
+def _about_r2(value: float) -> str:
+    """What the number means: it is no square, and below zero it does not speak for the fits."""
+    if value >= 0.0:
+        return " (share of the variation among the measured values that the fits explain; 1: all of it)"
+    return " (below 0: the fits miss the measured values by more than these differ from their mean)"
+
+
+def _one_fit(point: Data) -> str:
+    off = _differences(point)
+    outputs = [
+        (n, _figures(c["measured"]), _figures(c["simulated"]), signed(off[n]) if n in off else "-")
+        for n, c in point["outputs"].items()
+    ]
+    rows = [
+        (
+            n, *(_figures(p[q]) for q in ("value", "lower", "upper")), thiel2025.PARAMETERS[n].unit,
+            "yes" if p["identifiable"] else "no: " + p["reason"],
+        )
+        for n, p in point["parameters"].items()
+    ]  # fmt: skip
+    head = ("parameter", "value", "5 %", "95 %", "unit", "determined by the measurements")
+    share = f"{point['starts_agreeing']} of {point['starts_refined']} starts agree"
+    return "\n".join((
+        f"{point['id']}: {headline(point['verdict'])}",
+        *(f"  {_SIGNS[r['level']]} {r['sentence']}" for r in point["verdict"]["reasons"]),
+        "",
+        f"Search: {point['message']} ({share}, {point['seconds']:.1f} s)",
+        f"Sum of squared residuals: {_figures(point['cost'])}",
+        text_table(("output", "measured", "fitted", "standard uncertainties off"), outputs, (1, 2, 3)),
+        "",
+        text_table(head, rows, numeric=(1, 2, 3)),
+    ))  # fmt: skip
+
+
+def _several_fits(points: Sequence[Data]) -> str:
+    names, rows, lines = _names(points, "parameters"), [], []
+    for p in points:
+        level, cells = p["verdict"]["level"], (p["parameters"][n] for n in names)
+        values = (_figures(cell["value"]) + ("*" if cell["at_bound"] else "") for cell in cells)
+        rows.append((p["id"], level, _figures(p["cost"]), *values, str(p["starts_agreeing"]), p["status"]))
+        if level != Level.GOOD:
+            lines.append(f"{p['id']}: {level}: {p['verdict']['reasons'][0]['sentence']}")
+    head = ("id", "verdict", "cost", *names, "agree", "status")
+    table = text_table(head, rows, numeric=range(2, len(head) - 1))
+    return "\n".join((table, "* at a bound", "", f"{_counted(points)} of {len(points)} fits", *lines))
+
+
+def _counted(points: Sequence[Data]) -> str:
+    """How many fits have each verdict."""
+    levels = [p["verdict"]["level"] for p in points]
+    return ", ".join(f"{levels.count(level)} {level}" for level in Level)
+
+
+# --- draws in the terminal ----------------------------------------------------------------------------
+
+
+def posterior_text(content: Data) -> str:
+    """Parameters and predictions with intervals, and beside each of them whether to trust it."""
+    lines = [
+        "",
+        f"{content['kind']}, {_quality(content)}, prior {content['prior']}, {content['seconds']:.0f} s",
+        *_doubted(content["verdict"], content["doubts"]),
+    ]
+    chains = content["method"] == "nuts"
+    shown = ("median", "lower", "upper", *(("r_hat", "effective_bulk", "effective_tail") if chains else ()))
+    rows = [(n, *(_figures(p[q]) for q in shown)) for n, p in content["parameters"].items()]
+    more = ("R-hat", "effective draws", "in the tails") if chains else ()
+    head = ("parameter", "median", "5 %", "95 %", *more)
+    lines.append(text_table(head, rows, range(1, len(head))))
+    for prediction in content["predictions"]:
+        lines += ["", *_prediction(content, prediction)]
+    for counted, of, what in (
+        ("weighted_draws_without_steady_beat", "weighted_draws", "weighted draws"),
+        ("evaluations_without_steady_beat", "evaluations", "points that the chains tried"),
+    ):
+        if content[counted]:
+            share = f"{content[counted]} of the {content[of]} {what}"
+            lines.append(f"{share} have no steady heartbeat: excluded as impossible")
+    return "\n".join(lines)
+
+
+def _quality(content: Data) -> str:
+    """How many draws, and what they are worth where they are weighted."""
+    if content["method"] != "importance":
+        return f"{content['draws']} draws"
+    shape = "not known" if content["pareto_k"] is None else f"{content['pareto_k']:.2f}"
+    return f"{content['effective_draws']:.0f} effective draws, Pareto k {shape}"
+
+
+def _prediction(content: Data, prediction: Data) -> Iterator[str]:
+    yield f"{prediction['settings']}: {content['kind']}, without the noise of a measurement"
+    verdict = content["verdict"] or ("NOT TO BE TRUSTED" if prediction["doubts"] else "")
+    yield from _doubted(verdict, prediction["doubts"])
+    quantiles = ("median", "lower", "upper")
+    rows = [(n, *(_figures(p[q]) for q in quantiles)) for n, p in prediction["outputs"].items()]
+    yield text_table(("output", "median", "5 %", "95 %"), rows, range(1, 4))
+    if without := prediction["draws_without_steady_beat"]:
+        yield f"{without} of {prediction['draws']} draws have no steady heartbeat there and are not counted"
+
+
+def _doubted(verdict: str, doubts: Sequence[str]) -> list[str]:
+    return [f"{verdict}:", *(f"  {doubt}" for doubt in doubts)] if doubts else []
+
+
+# --- a series of measurements in the terminal ---------------------------------------------------------
+
+
+def series_text(series: Data) -> str:
+    """Medians after each measurement, what is to be said of it, and the parameters as they are now."""
+    points = series["points"]
+    names = _names(points, "parameters")
+    rows = [
+        (
+            p["id"], *(_figures(p["parameters"].get(n, {}).get("median"), 3) for n in names),
+            _figures(p["probability"], 3),
+        )
+        for p in points
+    ]  # fmt: skip
+    head = ("id", *names, "p")
+    lines = [f"{series['id']}: medians after each measurement, and how probable its deviations were"]
+    lines.append(text_table(head, rows, numeric=range(1, len(head))))
+    lines += [f"  !  {p['id']}: {p['message']}" for p in points if p["message"]]
+    if not names:
+        return "\n".join(lines)
+    known = [p for p in points if p["parameters"]][-1]
+    now = [
+        (n, *(_figures(i[q], 3) for q in ("median", "lower", "upper")), thiel2025.PARAMETERS[n].unit)
+        for n, i in known["parameters"].items()
+    ]
+    head = (f"after {known['id']}", "median", "5 %", "95 %", "unit")
+    return "\n".join([*lines, "", text_table(head, now, numeric=range(1, 4))]) + "\n"
+
+
+# --- the page of a fit --------------------------------------------------------------------------------
+
+
+def write_fit_page(
+    folder: Path, content: Data, case: Case | None = None, drawings: Path | None = None
+) -> Path:
+    """Write the page of a fit, or of a cohort's fits.
+
+    Args:
+        folder: for the page.
+        content: as in identification.json.
+        case: of a single fit; None for a cohort.
+        drawings: folder with the figures as SVG; None without.
+    """
+    captions = COHORT if case is None else ONE_FIT
+    drawn = {} if drawings is None else {n: drawings / f"{n}.svg" for n in captions}
+    svgs = {n: path.read_text(encoding="utf-8") for n, path in drawn.items() if path.exists()}
+    text = cohort_page(content, svgs) if case is None else fit_page(content, case, svgs)
+    write_text(text, folder / REPORT)
+    return folder / REPORT
+
+
+def fit_page(content: Data, case: Case, drawings: Mapping[str, str]) -> str:
+    """The page of one fit; `drawings` are SVG texts by name."""
+    (point,) = content["points"]
+    verdict, posterior = point["verdict"], content.get("posterior")
+    sentences = {good: [r["sentence"] for r in verdict["reasons"] if (r["level"] == Level.GOOD) is good]
+                 for good in (True, False)}  # fmt: skip
+    return render(
+        "identification/fit.html",
+        title=f"{point['id']}: fit to measurements",
+        about=_about(case),
+        headline=headline(verdict),
+        level=verdict["level"],
+        doubts=sentences[False],
+        remarks=sentences[True],
+        outputs=_outputs_table(point),
+        parameters=_parameters_table(point, posterior),
+        undetermined=[
+            f"{n}: {p['reason']}." for n, p in point["parameters"].items() if not p["identifiable"]
+        ],
+        correlated=_correlated(point["correlation"]),
+        implied=_implied_table(point) if point["implied"] else None,
+        posterior=posterior,
+        predictions=[(p, _prediction_table(p)) for p in posterior["predictions"]] if posterior else [],
+        method=_method(content["settings"], point),
+        drawings=drawings,
+        captions=ONE_FIT,
+    )
+
+
+def _about(case: Case) -> str:
+    """The patient, and every device with the keys of its section."""
+    patient = case.patient
+    lines = [f"{patient.sex}, {patient.age_years:g} years, {patient.heart_rate_bpm:g} beats/min"]
+    for one in case.instances():
+        written = one.section.model_dump(exclude_none=True)
+        keys = (f"{key} {_written(value)}" for key, value in written.items())
+        lines.append(f"{one.device.name}{f' ({one.name})' if one.name else ''}: {', '.join(keys)}")
+    return ". ".join(lines) + "."
+
+
+def _written(value: object) -> str:
+    if isinstance(value, Mapping):
+        return " ".join(f"{key} {_written(each)}" for key, each in value.items())
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _outputs_table(point: Data) -> Table:
+    off, rows = _differences(point), []
+    for name, cell in point["outputs"].items():
+        known = point["uncertainties"].get(name)
+        measured = "not measured" if known is None else f"{cell['measured']:.4g} ± {known:.2g}"
+        apart = signed(off[name]) if name in off else ""
+        rows.append((name, unit_of(name), measured, number(cell["simulated"]), apart))
+    measured, off = "measured ± standard uncertainty", "difference in standard uncertainties"
+    return Table(("output", "unit", measured, "fitted", off), rows, numeric=(2, 3, 4))
+
+
+def _parameters_table(point: Data, posterior: Data | None) -> Table:
+    after = {} if posterior is None else posterior["parameters"]
+    head = ["parameter", "unit", "value", "90 % interval (Gaussian)"]
+    profiled = any(p["profile"] for p in point["parameters"].values())
+    head += ["by the profile likelihood"] * profiled + ["by the posterior"] * bool(after)
+    rows = []
+    for name, p in point["parameters"].items():
+        known = thiel2025.PARAMETERS[name]
+        row = [f"{name}: {known.description}", known.unit, number(p["value"])]
+        low, high = p["profile"] or (None, None)
+        row += [interval(p["lower"], p["upper"]), *[interval(low, high)] * profiled]
+        if after:
+            row.append(interval(after[name]["lower"], after[name]["upper"]) if name in after else "")
+        rows.append([*row, "yes" if p["identifiable"] else "no"])
+    return Table([*head, "determined"], rows, numeric=range(2, len(head)))
+
+
+def _correlated(correlation: Mapping[str, Mapping[str, float | None]]) -> list[str]:
+    names = list(correlation)
+    return [
+        f"{a} and {b} move together (correlation {correlation[a][b]:+.2f})."
+        for k, a in enumerate(names)
+        for b in names[:k]
+        if abs(correlation[a][b] or 0.0) > CORRELATED
+    ]
+
+
+def _implied_table(point: Data) -> Table:
+    flagged = {
+        r["about"] for r in point["verdict"]["reasons"] if r["aspect"] == Aspect.PLAUSIBILITY and r["about"]
+    }
+    rows = []
+    for name, cell in point["implied"].items():
+        low, high = cell["healthy"]
+        outside = "" if low <= cell["value"] <= high else "outside of health"
+        measured = " (measured)" if name in point["uncertainties"] else ""
+        rows.append(
+            (f"{name}: {cell['words']}{measured}", cell["unit"], number(cell["value"], digits=3),
+             interval(low, high), "implausible" if name in flagged else outside, cell["source"])
+        )  # fmt: skip
+    head = ("output", "unit", "fitted patient", "in health", "", "source of the range")
+    return Table(head, rows, numeric=(2, 3))
+
+
+def _prediction_table(prediction: Data) -> Table:
+    rows = [
+        (name, unit_of(name), number(o["median"]), interval(o["lower"], o["upper"]))
+        for name, o in prediction["outputs"].items()
+    ]
+    return Table(("output", "unit", "median", "90 % interval"), rows, numeric=(2, 3))
+
+
+def _method(settings: Data, point: Data | None = None) -> list[str]:
+    lines = []
+    if point is not None:
+        agree = f"{point['starts_agreeing']} of {point['starts_refined']} refined starts agree"
+        lines += [
+            f"Search: {point['message']} ({agree}; {point['explored']:,} sets of parameters explored, "
+            f"{point['explored_without_steady_beat']:,} of them without a steady heartbeat, "
+            f"{point['explored_one_of_many']:,} with one of many, behind valves that stay shut).",
+            f"Sum of squared residuals: {number(point['cost'])}.",
+        ]
+    divided = "the measured value" if settings["weights"] == "relative" else "its standard uncertainty"
+    policy = settings["blood_volume_policy"]
+    volume = "that of each case" if policy is None else f"{POLICY_WORDS[policy]} ({policy})"
+    return [
+        *lines,
+        f"Differences were divided by {divided}.",
+        f"Free parameters: {', '.join(dict.fromkeys([*settings['parameters'], *settings['shared']]))}.",
+        f"Blood volume: {volume}.",
+        f"Seed {settings['seed']}.",
+        "The 90 % intervals speak of measurement error alone, not of what the model leaves out.",
+    ]
+
+
+def cohort_page(content: Data, drawings: Mapping[str, str]) -> str:
+    """The page of a cohort's fits; `drawings` are SVG texts by name."""
+    points = content["points"]
+    rows = []
+    for point in points:
+        level, reasons = point["verdict"]["level"], point["verdict"]["reasons"]
+        rows.append((point["id"], level, "" if level == Level.GOOD else reasons[0]["sentence"]))
+    names = _names(points, "parameters")
+    head = ["data point", *(f"{n} [{thiel2025.PARAMETERS[n].unit}]" for n in names)]
+    return render(
+        "identification/cohort.html",
+        title=f"Fits of {len(points)} data points",
+        counted=_counted(points),
+        doubtful=any(level != Level.GOOD for _, level, _ in rows),
+        refused=[r["message"] for r in content["refused"]],
+        verdicts=Table(("data point", "verdict", "chief reason"), rows),
+        parameters=Table(head, [[p["id"], *(_cell(p["parameters"].get(n)) for n in names)] for p in points]),
+        r2=content["r2"],
+        captions=COHORT,
+        drawings=drawings,
+        method=_method(content["settings"]),
+    )
+
+
+def _cell(parameter: Data | None) -> str:
+    if parameter is None or parameter["value"] is None:
+        return MISSING
+    value = number(parameter["value"], digits=3)
+    if not parameter["identifiable"]:
+        return f"({value})"
+    return f"{value}, {interval(parameter['lower'], parameter['upper'])}"
+
+
+# --- the page of followed patients --------------------------------------------------------------------
+
+
+def track_page(content: Data, drawings: Mapping[tuple[str, str], str]) -> str:
+    """The page: where each patient stands, what did not fit, the course, what is assumed.
+
+    Args:
+        content: as in track.json.
+        drawings: figures as SVG text, by id of the patient and key of `TRACKED`.
+    """
+    ids = [series["id"] for series in content["series"]]
+    return render(
+        "identification/track.html",
+        title=f"Following {ids[0]}" if len(ids) == 1 else f"Following {len(ids)} patients",
+        refused=content["refused"],
+        patients=[_patient(series) for series in content["series"]],
+        rates=", ".join(f"{drift:g}" for drift in content["settings"]["drifts"]),
+        drawings=drawings,
+        captions=TRACKED,
+    )
+
+
+def _patient(series: Data) -> dict[str, object]:
+    points = series["points"]
+    state = _state(points)
+    course = [
+        (p["id"], number(p["hours_since_last"]), number(p["probability"]),
+         p["message"] or ("fits" if p["probability"] is not None else "first estimate"))
+        for p in points
+    ]  # fmt: skip
+    head = ("Measurement", "Hours since the last", "Probability", "Remark")
+    return {
+        "id": series["id"],
+        "last": points[-1]["id"],
+        "state": state,
+        "doubtful": len(state) > 1 or points[-1]["failed"],
+        "outputs": _tracked_outputs(points[-1]),
+        "parameters": _tracked_parameters(points),
+        "course": Table(head, course, numeric=(0, 1, 2)),
+        "assumed_hours": series["assumed_interval_hours"] if len(points) > 1 else None,
+    }
+
+
+def _state(points: Sequence[Data]) -> list[str]:
+    """Whether the last measurement fits, and what was remarked before."""
+    last = points[-1]
+    if last["failed"]:
+        first = f"{last['id']} could not be used: the estimate is of the measurement before"
+    elif last["probability"] is None:
+        first = f"{last['id']} is the only measurement: nothing to hold it against yet"
+    elif last["unusual"]:
+        first = f"{last['id']} does not fit the patient so far"
+    elif last["message"]:
+        first = f"{last['id']} fits the patient so far as a whole, not in every output"
+    else:
+        first = f"{last['id']} fits the patient so far (probability {last['probability']:.2g})"
+    return [first, *(f"{p['id']}: {p['message']}" for p in points if p["message"])]
+
+
+def _tracked_outputs(point: Data) -> Table:
+    rows = []
+    for name in dict.fromkeys([*point["outputs"], *point["measurements"]]):
+        held = point["measurements"].get(name, {})
+        off = held.get("deviation")
+        unusual = "unusual" if held.get("unusual") else ""
+        rows.append(
+            (f"{name} [{unit_of(name)}]", number(held.get("measured")), _range(point["expected"].get(name)),
+             MISSING if off is None else f"{off:+.1f}", _median(point["outputs"].get(name)),
+             unusual if held.get("used", True) else "not used")
+        )  # fmt: skip
+    head = ("Output", "Measured", "Expected", "Deviation [SD]", "Model afterwards", "Remark")
+    return Table(head, rows, numeric=(1, 2, 3, 4))
+
+
+def _tracked_parameters(points: Sequence[Data]) -> Table | None:
+    known = [p for p in points if p["parameters"]]
+    if not known:
+        return None
+    first, last = known[0], known[-1]
+    rows = [
+        (name, thiel2025.PARAMETERS[name].unit, _median(first["parameters"][name]), _median(now),
+         f"{now['median'] / first['parameters'][name]['median']:.2f}")
+        for name, now in last["parameters"].items()
+    ]  # fmt: skip
+    head = ("Parameter", "Unit", f"After {first['id']}", f"After {last['id']}", "Ratio of medians")
+    return Table(head, rows, numeric=(2, 3, 4))
+
+
+def _median(limits: Mapping[str, float] | None) -> str:
+    return MISSING if limits is None else f"{limits['median']:.3g} ({_range(limits)})"
+
+
+def _range(limits: Mapping[str, float] | None) -> str:
+    return MISSING if limits is None else interval(limits["lower"], limits["upper"])
