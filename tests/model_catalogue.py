@@ -7,7 +7,7 @@ from eclsim.devices.ecmo import POSITIONS, ecmo
 from eclsim.devices.lvad import lvad
 from eclsim.orbit.model import Model, nominal_values
 from eclsim.parameters.thiel2025 import TABLE_S4
-from eclsim.patient.circulation import circulation
+from eclsim.patient.circulation import Anatomy, circulation
 from user_components import SetPointControl
 
 PLACES = tuple(POSITIONS.values())
@@ -28,6 +28,8 @@ PATIENT = TABLE_S4 | {"heart_rate_bpm": 120.0, "total_blood_volume_ml": 3427.0}
 DEVICES = {"ecmo.speed_rpm": 3425.0, "ecmo.drainage_fr": 21.0, "ecmo.return_fr": 17.0}
 
 CHOSEN_SITES = crrt(Choice(PLACES, "crrt.access_site"), Choice(PLACES, "crrt.return_site"))
+REGIONS = Anatomy(True, True, frozenset({"aortic"}), frozenset({"mitral"}))
+"""A patient in regions with bronchial return, a leaking and a stenosed valve."""
 CIRCUITS: dict[str, Circuit] = {
     "none": circulation(),
     "V-A": circulation() + ecmo("ra", "ao"),
@@ -37,6 +39,7 @@ CIRCUITS: dict[str, Circuit] = {
     "V-A, CRRT anywhere": circulation() + ecmo("ra", "ao") + CHOSEN_SITES,
     "CRRT at the patient": circulation() + crrt("svn", "ra"),
     "LVAD": circulation() + lvad(),
+    "regions, femoral V-A": circulation(REGIONS) + ecmo("ivc", "lower"),
     "all together": circulation() + ecmo("ra", "ao") + crrt(*SCHEMES["g"]) + lvad(),
 }
 

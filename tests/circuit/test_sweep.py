@@ -11,7 +11,8 @@ from eclsim.outputs.results import simulate
 from eclsim.patient.circulation import shi_hose_circulation
 from model_catalogue import CIRCUITS, model
 
-PUBLISHED = {**CIRCUITS, "Shi and Hose": shi_hose_circulation()}
+ALL = {**CIRCUITS, "Shi and Hose": shi_hose_circulation()}
+PUBLISHED = {name: circuit for name, circuit in ALL.items() if "regions" not in name}
 
 
 def reordered(circuit: Circuit, seed: int | None = None) -> Circuit:
@@ -33,10 +34,10 @@ def test_the_published_tables_are_in_the_order_of_the_sweep(name):
     assert sweep_order(circuit) == tuple(range(len(circuit.connections)))
 
 
-@pytest.mark.parametrize("name", PUBLISHED)
+@pytest.mark.parametrize("name", ALL)
 @pytest.mark.parametrize("seed", [None, 1, 2])
 def test_the_order_of_the_tables_does_not_matter(name, seed):
-    assert names_in_order(reordered(PUBLISHED[name], seed)) == names_in_order(PUBLISHED[name])
+    assert names_in_order(reordered(ALL[name], seed)) == names_in_order(ALL[name])
 
 
 def test_every_connection_is_solved_once_in_any_circuit():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from component_catalogue import FLOWS, GIVEN_FLOW, ONE_WAY, PATHS, ROTARY_PUMPS
-from eclsim.components import RollerPump, all_paths
+from eclsim.components import HeartValve, LeakingValve, Orifice, RollerPump, all_paths
 from eclsim.devices import ecmo, lvad
 from eclsim.devices.ecmo import CANNULAE
 
@@ -187,6 +187,30 @@ def test_a_tube_follows_hagen_poiseuille_in_si_units():
 
 
 def test_flags_say_what_a_path_is():
-    assert ONE_WAY == ("valve",)
+    assert ONE_WAY == ("valve", "stenosed valve", "leaking valve")
+    assert [name for name, (law, _) in PATHS.items() if law.leaks] == ["leaking valve"]
     assert GIVEN_FLOW == ("crrt roller pump", "ecmo roller pump")
     assert {name for name, (law, _) in PATHS.items() if law.linear} == {"resistance", "artery", "tube"}
+
+
+def test_an_orifice_of_a_square_centimetre_lets_50_ml_a_second_pass_for_a_root_of_a_mmhg():
+    values = {"area": 1.0, "rhoB": 0.00106}
+    coefficient = Orifice("area").value(values)
+    assert coefficient == pytest.approx(50.155, abs=0.001)
+    # Bernoulli: 4 m/s make 63.6 mmHg in blood of this density (the bedside's 4 v^2 says 64).
+    assert (400.0 / coefficient) ** 2 == pytest.approx(63.6, abs=0.05)
+
+
+@pytest.mark.parametrize("load", [1e-9, 0.05])
+@pytest.mark.parametrize("area", [0.1, 0.4])
+def test_a_leaking_valve_passes_an_orifice_of_its_area_backwards(area, load):
+    values = {"CQ": 350.0, "area": area, "rhoB": 0.00106}
+    law = LeakingValve("CQ", Orifice("area"))
+    own = law.constants(values)
+    flow = float(law.flow(-81.0, load, own))
+    leak = 50.155 * area
+    assert flow == pytest.approx(0.5 * (load * leak - (load**2 * leak**2 + 4 * 81.0) ** 0.5) * leak, rel=1e-5)
+    whole = HeartValve("CQ")
+    assert float(law.flow(12.0, load, own)) == pytest.approx(
+        float(whole.flow(12.0, load, whole.constants(values))), rel=1e-12
+    )

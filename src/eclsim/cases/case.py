@@ -8,13 +8,20 @@ from typing import Any, Literal
 from pydantic import ConfigDict, Field, SerializeAsAny, ValidationInfo, model_validator
 
 from eclsim.cases.checking import check_case
-from eclsim.cases.sections import Measurements, Patient, device_sections, within
+from eclsim.cases.sections import (
+    PATIENT_SECTIONS,
+    Measurements,
+    Patient,
+    Physiology,
+    device_sections,
+    within,
+)
 from eclsim.devices.description import Finding
 from eclsim.devices.device import Instance, device_key, instance_key
 from eclsim.devices.registry import PublishedDevices, devices
 from eclsim.inputs.mistakes import CaseError
 from eclsim.inputs.sections import CHECKED, Section, plain
-from eclsim.patient.sites import PATIENT_SITES
+from eclsim.patient.sites import patient_sites
 
 __all__ = ["Case", "Measurements", "Patient"]
 
@@ -38,6 +45,7 @@ class Case(PublishedDevices):
     blood_volume_policy: Policy | None = None
     patient: Patient
     measurements: Measurements | None = None
+    physiology: Physiology | None = None
     other_devices: Mapping[str, SerializeAsAny[Section]] = Field(default_factory=dict)
     parameters: dict[str, float] = Field(default_factory=dict)
 
@@ -87,7 +95,8 @@ class Case(PublishedDevices):
 
     def sites(self) -> dict[str, str]:
         """Where a device can be connected, in words: positions in other devices, and the patient."""
-        return {k: words for one in self.instances() for k, words in one.site_words().items()} | PATIENT_SITES
+        own = patient_sites(self.physiology is not None and self.physiology.regional)
+        return {k: words for one in self.instances() for k, words in one.site_words().items()} | own
 
     def findings(self, outputs: Mapping[str, float]) -> list[Finding]:
         """What there is to say about a beat in view of what the case names, such as a label's range."""
@@ -112,7 +121,9 @@ class Case(PublishedDevices):
         return found | ({"parameters": self.parameters} if self.parameters else {})
 
 
-_BEFORE_DEVICES = ("format", "blood_volume_policy", "patient", "measurements")
+_BEFORE_DEVICES = (
+    "format", "blood_volume_policy", "patient", "measurements", *(one.section for one in PATIENT_SECTIONS)
+)  # fmt: skip
 
 
 def _nested(mapping: dict[str, Any], by_key: Mapping[str, Any]) -> dict[str, Any]:

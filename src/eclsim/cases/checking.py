@@ -9,6 +9,7 @@ from typing import Any
 from eclsim.cases.overrides import check_parameters
 from eclsim.cases.plausibility import check_plausibility
 from eclsim.cases.sections import (
+    PATIENT_SECTIONS,
     POLICY,
     POLICY_KEY,
     Measurements,
@@ -58,7 +59,7 @@ def check_case(raw: object) -> Checked:
             checked.error(short(key), "unknown key or section", shown(raw[key]), ", ".join(top_level), hint)
     if POLICY_KEY in raw:
         check_field(POLICY_KEY, raw[POLICY_KEY], POLICY, checked.values, checked)
-    for section in (Patient, Measurements):
+    for section in (Patient, Measurements, *PATIENT_SECTIONS):
         if section.section in raw:
             key = section.section
             checked.values[key] = check_section(section, raw[key], key, checked, other_place)
@@ -67,7 +68,10 @@ def check_case(raw: object) -> Checked:
         needed = ", ".join(name for name, item in Patient.fields().items() if item.required)
         checked.error("patient", "this section is missing", allowed=f"[patient] with {needed}")
     parameters = check_parameters(raw.get("parameters", {}), connected, checked)
-    values = CaseValues(checked.values.get("patient", {}), checked.values.get("measurements", {}), connected)
+    own = {one.section: checked.values.get(one.section, {}) for one in PATIENT_SECTIONS}
+    values = CaseValues(
+        checked.values.get("patient", {}), checked.values.get("measurements", {}), connected, own
+    )
     checked.values["parameters"] = parameters
     check_plausibility(values, parameters, checked)
     return checked

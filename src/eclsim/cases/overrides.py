@@ -11,7 +11,7 @@ from eclsim.inputs.fields import Field
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.numbers import RefusedValueError, read_number, suspected_unit
 from eclsim.inputs.sections import Raw
-from eclsim.parameters import did_you_mean, thiel2025
+from eclsim.parameters import did_you_mean, physiology, thiel2025
 from eclsim.parameters.parameter import Parameter
 
 _FRACTION_TOLERANCE = 1e-6
@@ -36,7 +36,7 @@ def check_parameters(raw: object, connected: Mapping[str, Raw], remarks: Remarks
     for written, value in _flat(raw):
         key = thiel2025.ALIASES.get(written, written)
         parameter = parameter_of(key, connected)
-        if parameter is None:
+        if parameter is None or key.startswith(f"{physiology.SECTION}."):
             _refuse_unknown(written, value, remarks)
         elif key in values:
             remarks.error(f"parameters.{written}", f"given twice, also as {key}", shown(value))
@@ -79,7 +79,8 @@ def _check_value(
 def _refuse_unknown(written: str, value: object, remarks: Remarks) -> None:
     short = written if len(written) <= 64 else written[:60] + "..."
     hint = did_you_mean(written, (*parameters(), *thiel2025.ALIASES)) or ""
-    places = [place for place in places_of(written) if place.endswith(f".{written}")]
+    own = written.removeprefix(f"{physiology.SECTION}.")
+    places = [place for place in places_of(own) if place.endswith(f".{own}")]
     allowed = "names of the parameter tables (eclsim parameters lists them)"
     key = f"parameters.{short}"
     remarks.error(key, "unknown parameter", shown(value), allowed, places[0] if places else hint)

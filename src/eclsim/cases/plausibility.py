@@ -12,8 +12,10 @@ from eclsim.devices.device import CaseValues, device_key
 from eclsim.devices.registry import device_of, devices
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.sections import Raw, looks_identifiable
-from eclsim.parameters import thiel2025
+from eclsim.parameters import physiology, thiel2025
+from eclsim.parameters.physiology import SECTION
 from eclsim.patient.anthropometry import body_mass_index, mean_height_weight, total_blood_volume_ml
+from eclsim.patient.sites import ONLY_REGIONAL, SAME_IN_REGIONS, patient_sites
 
 _VESSELS = ("ao", "sart", "svn", "pas", "part", "pvn")
 _CHAMBERS = ("ra", "rv", "la", "lv")
@@ -42,10 +44,37 @@ def check_plausibility(case: CaseValues, parameters: Mapping[str, float], remark
         message = "a pump flow was measured, but the case has no [ecmo] section"
         remarks.warning("measurements.PF", message, shown(pump_flow))
     _check_blood(case.patient, parameters, remarks)
+    _check_regions(case, parameters, remarks)
     for key, values in case.devices.items():
         device = device_of(device_key(key))
         assert device is not None  # a section of no device is an unknown key
         device.check(values, case, key, remarks)
+
+
+def _check_regions(case: CaseValues, parameters: Mapping[str, float], remarks: Remarks) -> None:
+    """Sites that the patient does not have, and settings of regions where there are none."""
+    own = case.physiology.get(SECTION, {})
+    regional = own.get("regional", False)
+    usual = physiology.PARAMETERS[physiology.UPPER_SHARE].value
+    if not regional and own.get("upper_share", usual) != usual:
+        message = "without effect: the patient has no regions; add regional = true"
+        remarks.warning(f"{SECTION}.upper_share", message, shown(own["upper_share"]))
+    if not regional:
+        for name in parameters:
+            if name in physiology.PARAMETERS and not name.startswith(SECTION):
+                message = f"without effect: the patient has no regions; add [{SECTION}] regional = true"
+                remarks.warning(f"parameters.{name}", message, shown(parameters[name]))
+    for key, values in case.devices.items():
+        for name, site in values.items():
+            if not isinstance(site, str) or not name.endswith("site"):
+                continue
+            if regional and site in SAME_IN_REGIONS:
+                message = f"is divided in a patient with regions: read as {shown(SAME_IN_REGIONS[site])}"
+                remarks.note(f"{key}.{name}", message, shown(site))
+            elif not regional and site in ONLY_REGIONAL:
+                allowed = f"{', '.join(patient_sites())}, or add [{SECTION}] regional = true"
+                message = "a site of a patient with regions"
+                remarks.error(f"{key}.{name}", message, shown(site), allowed)
 
 
 def _check_patient(patient: Raw, refused: Collection[str], remarks: Remarks) -> None:

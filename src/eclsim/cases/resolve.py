@@ -10,19 +10,41 @@ from typing import TYPE_CHECKING
 
 from eclsim.devices.registry import nominal_value, parameters
 from eclsim.patient.anthropometry import mean_height_weight, total_blood_volume_ml
+from eclsim.patient.sites import SAME_IN_REGIONS
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
     from eclsim.cases.sections import Patient
     from eclsim.circuit.network import Circuit, Site
+    from eclsim.patient.circulation import Anatomy
+
+
+def anatomy_of(case: Case) -> Anatomy:
+    """What the patient has beyond the published circulation."""
+    from eclsim.patient.circulation import FLOW_COEFFICIENTS, Anatomy
+
+    own = case.physiology
+    if own is None:
+        return Anatomy()
+    given = own.model_dump(exclude_none=True)
+
+    def valves(what: str) -> frozenset[str]:
+        return frozenset(name for name in FLOW_COEFFICIENTS if given.get(f"{name}_{what}_cm2"))
+
+    return Anatomy(own.regional, own.bronchial_fraction > 0.0, valves("regurgitation"), valves("stenosis"))
+
+
+def _patient(case: Case) -> tuple[Circuit, dict[str, Site]]:
+    """The patient, and what stands in for vessels that are divided in regions."""
+    from eclsim.patient.circulation import circulation
+
+    anatomy = anatomy_of(case)
+    return circulation(anatomy), dict(SAME_IN_REGIONS) if anatomy.regional else {}
 
 
 def circuit_of(case: Case) -> Circuit:
     """Patient plus the devices whose sections the case has."""
-    from eclsim.patient.circulation import circulation
-
-    circuit = circulation()
-    nodes: dict[str, Site] = {}
+    circuit, nodes = _patient(case)
     for instance in case.instances():
         nodes |= instance.sites()
         circuit += instance.circuit()
@@ -36,11 +58,10 @@ def switched_circuit(case: Case) -> tuple[Circuit, dict[str, float]]:
     of all of these: moving a line is another value then, not another circuit. Such devices come last.
     """
     from eclsim.circuit.network import Choice, Circuit
-    from eclsim.patient.circulation import circulation
 
     instances = case.instances()
-    circuit, switched, chosen = circulation(), Circuit(), dict[str, float]()
-    nodes = {site: node for one in instances for site, node in one.sites().items()}
+    (circuit, nodes), switched, chosen = _patient(case), Circuit(), dict[str, float]()
+    nodes |= {site: node for one in instances for site, node in one.sites().items()}
     for one in instances:
         at = {line: getattr(one.section, line) for line in one.device.lines}
         sites = next((s for o in instances if at and set(at.values()) <= set(s := o.sites())), None)
@@ -76,6 +97,8 @@ def resolve_parameters(case: Case) -> dict[str, float]:
     values = {key: parameter.value for key, parameter in parameters().items()}
     values["heart_rate_bpm"] = case.patient.heart_rate_bpm
     values["total_blood_volume_ml"] = blood_volume_ml(case.patient)
+    if case.physiology is not None:
+        values |= case.physiology.values()
     for instance in case.instances():
         values |= instance.values()
         common = {key: value for key, value in case.parameters.items() if instance.parameter(key) in values}

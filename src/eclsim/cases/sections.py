@@ -9,7 +9,9 @@ from typing import Annotated, Any, Literal
 from eclsim.devices.device import AnyDevice, device_key
 from eclsim.devices.registry import device_of, devices
 from eclsim.inputs.fields import Field, measured, number, one_of
+from eclsim.inputs.numbers import RefusedValueError
 from eclsim.inputs.sections import Section
+from eclsim.parameters import physiology
 from eclsim.patient.anthropometry import MAXIMUM_AGE_YEARS, MINIMUM_AGE_YEARS
 
 POLICY_KEY = "blood_volume_policy"
@@ -51,13 +53,59 @@ class Measurements(Section):
     PF: Annotated[float | None, measured("ECMO pump flow", "L/min", 0, 10, 3)] = None
 
 
+def _read_switch(value: object, field: Field) -> bool:
+    if isinstance(value, bool):
+        return value
+    hint = str(value).lower() if str(value).lower() in field.names else ""
+    raise RefusedValueError("true or false belongs here, without quotes", field.allowed, hint)
+
+
+def switch(description: str) -> Field:
+    """A key that is true or false."""
+    return Field(description, "name", required=False, names=("true", "false"), read=_read_switch)
+
+
+def _physiology(name: str) -> Field:
+    parameter = physiology.PARAMETERS[f"{physiology.SECTION}.{name}"]
+    unit = "" if parameter.unit == "1" else parameter.unit
+    share = f"{parameter.minimum:g} to {parameter.maximum:g}, a share and no percentage" if not unit else ""
+    return number(
+        parameter.description, unit, parameter.minimum, parameter.maximum, parameter.value, required=False,
+        allowed=share,
+    )  # fmt: skip
+
+
+class Physiology(Section):
+    """What the patient has beyond the published circulation; areas are effective orifice areas in cm^2."""
+
+    section = physiology.SECTION
+    regional: Annotated[bool, switch("Regions: upper and lower body, aortic arch, two venae cavae")] = False
+    upper_share: Annotated[float, _physiology("upper_share")] = 0.35
+    bronchial_fraction: Annotated[float, _physiology("bronchial_fraction")] = 0.0
+    aortic_regurgitation_cm2: Annotated[float, _physiology("aortic_regurgitation_cm2")] = 0.0
+    mitral_regurgitation_cm2: Annotated[float, _physiology("mitral_regurgitation_cm2")] = 0.0
+    tricuspid_regurgitation_cm2: Annotated[float, _physiology("tricuspid_regurgitation_cm2")] = 0.0
+    pulmonary_regurgitation_cm2: Annotated[float, _physiology("pulmonary_regurgitation_cm2")] = 0.0
+    aortic_stenosis_cm2: Annotated[float | None, _physiology("aortic_stenosis_cm2")] = None
+    mitral_stenosis_cm2: Annotated[float | None, _physiology("mitral_stenosis_cm2")] = None
+    tricuspid_stenosis_cm2: Annotated[float | None, _physiology("tricuspid_stenosis_cm2")] = None
+    pulmonary_stenosis_cm2: Annotated[float | None, _physiology("pulmonary_stenosis_cm2")] = None
+
+    def values(self) -> dict[str, float]:
+        """Values of the parameters of the circuit."""
+        given = self.model_dump(exclude={"regional"}, exclude_none=True)
+        return {f"{self.section}.{name}": value for name, value in given.items()}
+
+
+PATIENT_SECTIONS: tuple[type[Section], ...] = (Physiology,)
+"""Optional sections of what the patient has beyond the published model."""
 MEASURED = tuple(Measurements.fields())
 """Names of what may have been measured."""
 
 
 def sections() -> dict[str, type[Section]]:
     """All sections by name, in the order in which they are written."""
-    found: dict[str, type[Section]] = {"patient": Patient, "measurements": Measurements}
+    found: dict[str, type[Section]] = {one.section: one for one in (Patient, Measurements, *PATIENT_SECTIONS)}
     return found | {key: device.section for key, device in devices().items()}
 
 

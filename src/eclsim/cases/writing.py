@@ -7,7 +7,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eclsim.cases.sections import POLICY, POLICY_KEY, Measurements, Patient
+from eclsim.cases.sections import PATIENT_SECTIONS, POLICY, POLICY_KEY, Measurements, Patient
 from eclsim.devices.registry import parameter_of
 from eclsim.files import write_text
 
@@ -28,7 +28,7 @@ def case_text(case: Case) -> str:
     if POLICY_KEY in mapping:
         document[POLICY_KEY] = mapping[POLICY_KEY]
         document[POLICY_KEY].comment(POLICY.description)
-    for section in (Patient, Measurements):
+    for section in (Patient, Measurements, *PATIENT_SECTIONS):
         if section.section in mapping:
             document[section.section] = _table(section, mapping[section.section])
     for instance in case.instances():
@@ -60,8 +60,9 @@ def _table(section: type[Section], values: Raw) -> Table:
     table = tomlkit.table()
     for name, item in section.fields().items():
         if name in values:
-            table[name] = _toml_value(values[name])
-            table[name].comment(f"{item.description}{f' [{item.unit}]' if item.unit else ''}")
+            written = _toml_value(values[name])
+            table.add(name, written)
+            written.comment(f"{item.description}{f' [{item.unit}]' if item.unit else ''}")
     return table
 
 

@@ -23,7 +23,7 @@ _FIELDS = ("key", "value", "unit", "minimum", "maximum", "group", "description",
 class ParameterSet:
     """Options of the commands of `eclsim parameters`."""
 
-    set_name: Literal["thiel2025", "shi_hose2009"] = option(
+    set_name: Literal["thiel2025", "physiology", "shi_hose2009"] = option(
         "thiel2025", "Published set of parameters.", "--set"
     )
 
@@ -102,15 +102,20 @@ def export(options: ExportOptions) -> None:
     elif options.format_name == "json":
         text = json_text({"parameters": rows})
     else:  # a section that a case file can take over, with unit and meaning as comments
-        lines = [f"{p.key} = {p.value!r}  # {p.description} [{p.unit}]" for p in parameters]
-        text = "\n".join(["[parameters]", *lines]) + "\n"
+        lines: dict[str, list[str]] = {}
+        for p in parameters:
+            section, _, key = p.key.rpartition(".")
+            line = f"{key} = {p.value!r}  # {p.description} [{p.unit}]"
+            lines.setdefault(section or "parameters", []).append(line)
+        text = "\n".join(line for name, own in lines.items() for line in (f"[{name}]", *own)) + "\n"
     typer.echo(text, nl=False)
 
 
 def _set(name: str) -> Mapping[str, Parameter]:
-    from eclsim.parameters import shi_hose2009, thiel2025
+    from eclsim.parameters import physiology, shi_hose2009, thiel2025
 
-    return {"thiel2025": thiel2025, "shi_hose2009": shi_hose2009}[name].PARAMETERS
+    sets = {"thiel2025": thiel2025, "physiology": physiology, "shi_hose2009": shi_hose2009}
+    return sets[name].PARAMETERS
 
 
 # --- devices --------------------------------------------------------------------------------------

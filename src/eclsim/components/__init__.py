@@ -1,19 +1,19 @@
 """Components: the physics, one law each. `all_storages` and `all_paths` list them for the tests."""
 
-from eclsim.components.base import Activation, Exchanger, Path, Storage
+from eclsim.components.base import Activation, Complement, Derived, Exchanger, Path, Scaled, Storage
 from eclsim.components.chambers import AtrialBump, Atrium, LinearChamber, Ventricle, VentricularSystole
 from eclsim.components.controllers import Controller, ControlState
 from eclsim.components.pumps import RollerPump, RotaryPump
 from eclsim.components.tubes import Cannula, Tube, TubeVolume
-from eclsim.components.valves import HeartValve
+from eclsim.components.valves import HeartValve, LeakingValve, Orifice
 from eclsim.components.vessels import Artery, ElasticVessel, Resistance
 
 all_storages = (ElasticVessel, Atrium, Ventricle, LinearChamber)
-all_paths = (Resistance, Artery, Tube, HeartValve, Cannula, RotaryPump, RollerPump)
+all_paths = (Resistance, Artery, Tube, HeartValve, LeakingValve, Cannula, RotaryPump, RollerPump)
 
 __all__ = [
-    "Activation", "Artery", "AtrialBump", "Atrium", "Cannula", "ControlState", "Controller",
-    "ElasticVessel", "Exchanger", "HeartValve", "LinearChamber", "Path", "Resistance", "RollerPump",
-    "RotaryPump", "Storage", "Tube", "TubeVolume", "Ventricle", "VentricularSystole", "all_paths",
-    "all_storages",
+    "Activation", "Artery", "AtrialBump", "Atrium", "Cannula", "Complement", "ControlState", "Controller",
+    "Derived", "ElasticVessel", "Exchanger", "HeartValve", "LeakingValve", "LinearChamber", "Orifice", "Path",
+    "Resistance", "RollerPump", "RotaryPump", "Scaled", "Storage", "Tube", "TubeVolume", "Ventricle",
+    "VentricularSystole", "all_paths", "all_storages",
 ]  # fmt: skip

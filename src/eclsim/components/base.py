@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from types import ModuleType
 from typing import ClassVar, Generic, TypeVar
 
@@ -23,8 +23,6 @@ Number = float | np.ndarray | jax.Array
 """A number, or one for each patient of a batch."""
 Values = Mapping[str, Number]
 """Value of each parameter."""
-Key = str | float | tuple[str, ...]
-"""Where a value comes from: a parameter's name, a number meant as it stands, or names to be summed."""
 Renaming = Callable[[str], str]
 Own = TypeVar("Own", bound="Component")
 Source = TypeVar("Source", bound="Key | Component | None")
@@ -35,6 +33,8 @@ def value_of(values: Values, key: Key) -> Number:
     """Value behind a key."""
     if isinstance(key, tuple):
         return sum((values[name] for name in key[1:]), start=values[key[0]])
+    if isinstance(key, Derived):
+        return key.value(values)
     return values[key] if isinstance(key, str) else key
 
 
@@ -88,6 +88,62 @@ class Component:
         return other
 
 
+class Derived(Component, ABC):
+    """A value that follows from others, such as a share of a total; stands where a name does."""
+
+    @abstractmethod
+    def value(self, values: Values) -> Number:
+        """The value."""
+
+
+Key = str | float | tuple[str, ...] | Derived
+"""Where a value comes from: a parameter's name, a number, names to be summed, or a derived value."""
+
+
+@dataclass(frozen=True)
+class Scaled(Derived):
+    """A value times factors, over divisors: a branch's share of a total.
+
+    Args:
+        of: the total.
+        by: factors.
+        over: divisors.
+    """
+
+    of: Key
+    by: tuple[Key, ...] = ()
+    over: tuple[Key, ...] = ()
+
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names in the total, the factors and the divisors."""
+        return sum(map(names_in, (self.of, *self.by, *self.over)), ())
+
+    def renamed(self, parameter: Renaming) -> Scaled:
+        """The same of other parameters."""
+        by, over = (tuple(renamed(key, parameter) for key in keys) for keys in (self.by, self.over))
+        return Scaled(renamed(self.of, parameter), by, over)
+
+    def value(self, values: Values) -> Number:
+        """The product."""
+        found = value_of(values, self.of)
+        for key in self.by:
+            found = found * value_of(values, key)
+        for key in self.over:
+            found = found / value_of(values, key)
+        return found
+
+
+@dataclass(frozen=True)
+class Complement(Derived):
+    """What shares leave of 1."""
+
+    of: Key
+
+    def value(self, values: Values) -> Number:
+        """1 less the sum."""
+        return 1.0 - value_of(values, self.of)
+
+
 class Activation(ABC):
     """When a chamber contracts: activation (0 at rest, 1 at peak) over the phase t / T of the beat."""
 
@@ -132,6 +188,8 @@ class Path(Component, ABC, Generic[Constants]):
     """Whether the drop is resistance * flow with a resistance that is constant over the beat."""
     one_way: ClassVar[bool] = False
     """Whether it opens and shuts: then its flow at the ends of steps does not say what moved meanwhile."""
+    leaks: ClassVar[bool] = False
+    """Whether blood passes it backwards although it is one-way: what lies behind it is never shut in."""
     given_flow: ClassVar[bool] = False
     """Whether the flow is given whatever the pressures."""
 

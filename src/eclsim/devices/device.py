@@ -294,11 +294,13 @@ class CaseValues:
         patient: values of [patient].
         measurements: of [measurements].
         devices: of each connected device, by the key of its section.
+        physiology: of the sections on what the patient has beyond the published model, by name.
     """
 
     patient: Raw
     measurements: Raw
     devices: Mapping[str, Raw]
+    physiology: Mapping[str, Raw] = field(default_factory=dict)
 
     def of(self, device: str) -> dict[str, Raw]:
         """The instances of a device, by the key of their section."""

@@ -14,7 +14,7 @@ from eclsim.devices.device import AnyDevice, Naming, device_key
 from eclsim.devices.ecmo import ECMO, Ecmo
 from eclsim.devices.lvad import LVAD, Lvad
 from eclsim.devices.products import Product
-from eclsim.parameters import thiel2025
+from eclsim.parameters import all_parameters
 from eclsim.parameters.parameter import Parameter
 from eclsim.patient.sites import ARTERIAL_SITES
 
@@ -51,7 +51,7 @@ def device_of(key: str) -> AnyDevice | None:
 
 def parameters() -> Mapping[str, Parameter]:
     """Every parameter that a case file may set, of the patient and of all devices."""
-    return thiel2025.PARAMETERS | {p.key: p for device in devices().values() for p in device.parameters}
+    return all_parameters() | {p.key: p for device in devices().values() for p in device.parameters}
 
 
 def parameter_of(name: str, connected: Collection[str]) -> Parameter | None:

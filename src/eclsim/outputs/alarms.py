@@ -20,9 +20,9 @@ __all__ = ["CAUTION", "Finding", "findings", "impossible"]
 KINDS = (*GRAVEST_FIRST, CAUTION)
 _THIN_WALLED = {
     "ra": "right atrium", "svn": "systemic veins", "rv": "right ventricle", "pvn": "pulmonary veins",
-    "la": "left atrium",
+    "la": "left atrium", "svc": "superior vena cava", "ivc": "inferior vena cava",
 }  # fmt: skip
-_SIDES = (("svn", "ra", "rv"), ("pvn", "la", "lv"))
+_SIDES = (("svn", "svc", "ivc", "ra", "rv"), ("pvn", "la", "lv"))
 _PARTED_L_MIN = 0.1
 
 

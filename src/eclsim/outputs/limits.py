@@ -24,6 +24,7 @@ _FORRESTER = "Forrester et al. 1976"
 _OWN = "a convention of this project"
 _HIGH_VENOUS = "congestion of liver and kidneys"
 _CONGESTION = "congestion of the lungs"
+_CAVAL = ("superior_caval_pressure", "inferior_caval_pressure")
 
 _PATIENT = (
     Limit("MAP", "alarm", "below", 55.0, "organs are not perfused", _WALSH),
@@ -36,8 +37,14 @@ _PATIENT = (
     ),
     Limit("right_atrial_pressure", "warning", "above", 12.0, _HIGH_VENOUS, "usual target 8 to 12 mmHg"),
     Limit("right_atrial_pressure", "alarm", "above", 20.0, _HIGH_VENOUS, _OWN),
-    Limit("venous_pressure", "warning", "above", 12.0, _HIGH_VENOUS, "usual target 8 to 12 mmHg"),
-    Limit("venous_pressure", "alarm", "above", 20.0, _HIGH_VENOUS, _OWN),
+    *(
+        limit
+        for name in ("venous_pressure", *_CAVAL)
+        for limit in (
+            Limit(name, "warning", "above", 12.0, _HIGH_VENOUS, "usual target 8 to 12 mmHg"),
+            Limit(name, "alarm", "above", 20.0, _HIGH_VENOUS, _OWN),
+        )
+    ),
     Limit("MPAP", "warning", "above", 20.0, "pulmonary hypertension", "ESC/ERS 2022"),
     Limit("MPAP", "alarm", "above", 40.0, "severe pulmonary hypertension", _OWN),
     *(
@@ -67,11 +74,11 @@ _IMPOSSIBLE = tuple(
         name, "alarm", "below", 0.0, "the great veins collapse, and flow that drains them is not to be had",
         "pressure of the surroundings",
     )
-    for name in ("right_atrial_pressure", "venous_pressure")
+    for name in ("right_atrial_pressure", "venous_pressure", *_CAVAL)
 )  # fmt: skip
 
 _ALIKE = (
-    ("right_atrial_pressure", "venous_pressure"),
+    ("right_atrial_pressure", "venous_pressure", *_CAVAL),
     ("PCWP", "left_atrial_pressure", "end_diastolic_pressure_lv"),
 )
 """Outputs that say the same about a patient: the gravest limit of them is said, not each."""
@@ -80,6 +87,8 @@ _PLACES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "ao": ("MAP", "pulse_pressure"),
         "sart": ("MAP",),
         "svn": ("venous_pressure",),
+        "svc": ("superior_caval_pressure",),
+        "ivc": ("inferior_caval_pressure",),
         "ra": ("right_atrial_pressure",),
         "pas": ("MPAP",),
         "part": ("MPAP",),

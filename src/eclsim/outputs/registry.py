@@ -101,6 +101,16 @@ def _ventricle(place: str) -> tuple[Output, ...]:
     )  # fmt: skip
 
 
+_REGIONS = (
+    mean("upper_body_pressure", "mean pressure in the arteries of the upper body (right radial)", "Pupper"),
+    mean("lower_body_pressure", "mean pressure in the arteries of the lower body (femoral)", "Plower"),
+    mean("superior_caval_pressure", "mean pressure in the superior vena cava", "Psvc"),
+    mean("inferior_caval_pressure", "mean pressure in the inferior vena cava", "Pivc"),
+    mean_flow("upper_body_flow", "flow through the organs of the upper body", "Qupper"),
+    mean_flow("lower_body_flow", "flow through the organs of the lower body", "Qlower"),
+)
+"""What the patient in regions has in place of `venous_pressure` and `systemic_flow`."""
+
 _MORE = (
     Output(
         "pulse_pressure", "arterial pulse pressure", "mmHg", "SP - DP", ("Pao",),
@@ -126,6 +136,8 @@ _MORE = (
         for at, valve in VALVES.items()
     ),
     mean_flow("systemic_flow", "systemic flow, through all organs but the lungs", "Qsart"),
+    *_REGIONS,
+    mean_flow("bronchial_flow", "flow from the systemic arteries into the pulmonary veins", "Qbronchial"),
 )  # fmt: skip
 
 

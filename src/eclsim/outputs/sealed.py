@@ -11,14 +11,15 @@ from dataclasses import dataclass
 
 from eclsim.circuit.network import Circuit
 from eclsim.outputs.registry import CHAMBERS, VALVES, UnknownOutputError, output
+from eclsim.patient.sites import ONLY_REGIONAL
 
 SHUT_L_MIN = 1e-6
 """Mean flow of a valve that a search with its tolerance cannot tell from none: some 1e-5 mL a beat."""
 _VESSELS: dict[str, str] = {
     **dict.fromkeys(("pas", "part", "pvn"), "pulmonary vessels"),
-    **dict.fromkeys(("ao", "sart", "svn"), "systemic vessels"),
+    **dict.fromkeys(("ao", "sart", "svn", *ONLY_REGIONAL), "systemic vessels"),
 }
-_FILLED_BY_THE_REST = ("ra", "svn")
+_FILLED_BY_THE_REST = ("ra", "svn", "svc", "ivc")
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,8 @@ def sealed(outputs: Mapping[str, float], circuit: Circuit) -> Sealed | None:
         circuit: with fixed sites.
     """
     laws = {c.name: c.component for c in circuit.connections}
-    valves = tuple(name for name in shut_valves(outputs) if name in laws and laws[name].one_way)
+    shut = (name for name in shut_valves(outputs) if name in laws)
+    valves = tuple(name for name in shut if laws[name].one_way and not laws[name].leaks)
     parts = _parts(circuit, valves) if valves else []
     if len(parts) < 2:
         return None

@@ -6,7 +6,7 @@ and the dialyzer, `anthropometry` height, weight and blood volume, `identificati
 
 from __future__ import annotations
 
-from eclsim.parameters import thiel2025
+from eclsim.parameters import physiology, thiel2025
 from eclsim.parameters.parameter import Parameter
 from eclsim.parameters.spelling import did_you_mean, nearest
 
@@ -35,8 +35,8 @@ class UnknownParameterError(KeyError):
 
 
 def all_parameters() -> dict[str, Parameter]:
-    """Every parameter a case file may set, by key, in the order of the paper's tables."""
-    return dict(thiel2025.PARAMETERS)
+    """Every parameter a case file may set, by key: the paper's tables, then what goes beyond them."""
+    return {**thiel2025.PARAMETERS, **physiology.PARAMETERS}
 
 
 def default(key: str) -> Parameter:
@@ -45,7 +45,7 @@ def default(key: str) -> Parameter:
     Raises:
         UnknownParameterError: With the nearest spellings.
     """
-    parameter = thiel2025.PARAMETERS.get(thiel2025.ALIASES.get(key, key))
+    parameter = all_parameters().get(thiel2025.ALIASES.get(key, key))
     if parameter is None:
         raise UnknownParameterError(key)
     return parameter
@@ -58,7 +58,7 @@ def find(name: str) -> Parameter:
         UnknownParameterError: With the nearest spellings.
     """
     wanted = name.strip().lower()
-    for parameter in thiel2025.PARAMETERS.values():
+    for parameter in all_parameters().values():
         if wanted in (parameter.key.lower(), parameter.description.lower()):
             return parameter
     return default(name)

@@ -4,10 +4,15 @@
       +------------------------------------------------------------------------------------------------+
       ==> flow with inertia, --> without
 
+What else a patient may have is an `Anatomy`: other regions (`eclsim.patient.regional`), bronchial return,
+valves of a given area, valves that leak. Without it the tables are the published ones.
+
 Sources: Thiel et al., section 2.2 and Table S-1; Shi et al. 2009 for `shi_hose_circulation`.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 from eclsim.circuit.network import (
     BLOOD_VOLUME,
@@ -21,20 +26,81 @@ from eclsim.components import (
     Artery,
     AtrialBump,
     Atrium,
+    Complement,
     ElasticVessel,
     HeartValve,
+    LeakingValve,
     LinearChamber,
+    Orifice,
+    Path,
     Resistance,
+    Scaled,
     Ventricle,
     VentricularSystole,
 )
+from eclsim.parameters.physiology import BRONCHIAL, SECTION, VALVES
+from eclsim.patient import regional
+
+FLOW_COEFFICIENTS = {"tricuspid": "CQtri", "pulmonary": "CQpa", "mitral": "CQmi", "aortic": "CQao"}
+"""Published flow coefficient of each valve."""
 
 SHI_HOSE_NAMES = {"pas": "pas", "part": "pat", "pvn": "pvn", "ao": "sas", "sart": "sat", "svn": "svn"}
 """Our name of a vessel and the one in the parameter set of Shi and Hose."""
 
 
-def circulation() -> Circuit:
-    """The cardiovascular system of Thiel et al.: ten compartments, ten connections, 14 states."""
+@dataclass(frozen=True)
+class Anatomy:
+    """What a patient has beyond the published circulation.
+
+    Args:
+        regional: upper and lower body, aortic arch, descending aorta and two venae cavae.
+        bronchial: a path from the systemic arteries to the pulmonary veins.
+        regurgitant: valves that leak ("aortic", "mitral", "tricuspid", "pulmonary").
+        stenosed: valves that open to an area of their own in place of the published coefficient.
+    """
+
+    regional: bool = False
+    bronchial: bool = False
+    regurgitant: frozenset[str] = frozenset()
+    stenosed: frozenset[str] = frozenset()
+
+    def valve(self, name: str) -> Path:
+        """The law of a valve."""
+        published, area = FLOW_COEFFICIENTS[name], f"{SECTION}.{name}_{{}}_cm2"
+        coefficient = Orifice(area.format("stenosis")) if name in self.stenosed else published
+        if name in self.regurgitant:
+            return LeakingValve(coefficient, Orifice(area.format("regurgitation")))
+        return HeartValve(coefficient)
+
+
+def circulation(anatomy: Anatomy | None = None) -> Circuit:
+    """The cardiovascular system of Thiel et al.: ten compartments, ten connections, 14 states.
+
+    Args:
+        anatomy: what the patient has beyond it.
+    """
+    anatomy = anatomy or Anatomy()
+    body = regional.systemic(anatomy.bronchial) if anatomy.regional else _systemic(anatomy.bronchial)
+    return _heart_and_lungs(anatomy) + body
+
+
+def _systemic(bronchial: bool) -> Circuit:
+    """Aorta, systemic arteries and veins."""
+    organs = Artery(("Rsart", "Rmc"), "Lsart")
+    if bronchial:
+        rest = (Complement(BRONCHIAL),)
+        organs = Artery(Scaled(("Rsart", "Rmc"), (), rest), Scaled("Lsart", (), rest))
+    connections = (
+        Connection("ao", Artery("Rao", "Lao"), "ao", "sart"),
+        Connection("sart", organs, "sart", "svn"),
+        Connection("svn", Resistance("Rsvn"), "svn", "ra"),
+    )
+    beside = (regional.bronchial_return("sart"),) if bronchial else ()
+    return Circuit((_vessel("ao"), _vessel("sart"), _vessel("svn")), connections + beside)
+
+
+def _heart_and_lungs(anatomy: Anatomy) -> Circuit:
+    """Four chambers and the pulmonary circulation."""
     compartments = (
         Compartment("ra", Atrium("Edra", "Emaxra"), start=_share("ra")),
         Compartment(
@@ -47,21 +113,16 @@ def circulation() -> Circuit:
         Compartment(
             "lv", Ventricle("Emaxlv", "LV_Pd_alpha", "LV_Pd_kappa", "LV_Pd_beta"), start=_share("lv")
         ),
-        _vessel("ao"),
-        _vessel("sart"),
-        _vessel("svn"),
     )
+    valves = {chamber: anatomy.valve(name) for name, chamber in VALVES.items()}
     connections = (
-        Connection("ra", HeartValve("CQtri"), "ra", "rv"),
-        Connection("rv", HeartValve("CQpa"), "rv", "pas"),
+        Connection("ra", valves["ra"], "ra", "rv"),
+        Connection("rv", valves["rv"], "rv", "pas"),
         Connection("pas", Artery("Rpas", "Lpas"), "pas", "part"),
         Connection("part", Artery(("Rpart", "Rpmc"), "Lpart"), "part", "pvn"),
         Connection("pvn", Resistance("Rpvn"), "pvn", "la"),
-        Connection("la", HeartValve("CQmi"), "la", "lv"),
-        Connection("lv", HeartValve("CQao"), "lv", "ao"),
-        Connection("ao", Artery("Rao", "Lao"), "ao", "sart"),
-        Connection("sart", Artery(("Rsart", "Rmc"), "Lsart"), "sart", "svn"),
-        Connection("svn", Resistance("Rsvn"), "svn", "ra"),
+        Connection("la", valves["la"], "la", "lv"),
+        Connection("lv", valves["lv"], "lv", "ao"),
     )
     return Circuit(compartments, connections)
 

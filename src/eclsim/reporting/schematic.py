@@ -11,7 +11,9 @@ from eclsim.devices.registry import device_of, naming_of
 from eclsim.reporting.beat_values import beat_mean, case_name, in_unit, summary_lines
 from eclsim.reporting.numbers import number
 from eclsim.reporting.schematic_layout import (
+    BODY,
     BOX_HEIGHT,
+    BOX_WIDTH,
     FRAME,
     HEART_UPPER,
     MIDDLE,
@@ -22,6 +24,7 @@ from eclsim.reporting.schematic_layout import (
     TITLE_HEIGHT,
     Layout,
     Plan,
+    Wire,
     arrange,
     fixed_site,
     plan_of,
@@ -210,22 +213,38 @@ def _draw_boxes(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
 def _draw_wires(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
     """Draws the connections between neighbours."""
     for wire in plan.wires:
+        if path := _around(page, wire):
+            look, (x, y) = look_of(labels.groups[wire.name]), path[0]
+            pen.line(path, look)
+            pen.label_beside(
+                (x + 1.0, y + BOX_HEIGHT / 2 + 3.0), [wire.mark.words, labels.flow(wire.name)], "left"
+            )
+            continue
         start, stop = pen.between(page.box(wire.source), page.box(wire.target))
         middle = (0.5 * (start[0] + stop[0]), 0.5 * (start[1] + stop[1]))
         look = look_of(labels.groups[wire.name])
         pen.line([start, stop], look)
         pen.symbol(wire.mark.symbol, middle, (stop[0] - start[0], stop[1] - start[1]), look)
-        below = wire.source in PATIENT_PLACES and plan.places[wire.source].row[1] == 3
+        below = wire.source in PATIENT_PLACES and plan.places[wire.source].row[1] >= BODY[1]
         _label_wire(
             pen, middle, wire.mark.words, labels.flow(wire.name), level=start[1] == stop[1], below=below
         )
 
 
+def _around(page: Layout, wire: Wire) -> Path:
+    """Way of a connection up its column past a box in between, on the left; empty where there is none."""
+    (x, low), (other, high) = page.places[wire.source], page.places[wire.target]
+    if x != other or not any(x == at and low < y < high for at, y in page.places.values()):
+        return []
+    edge = x - BOX_WIDTH / 2
+    return [(edge, low + 3.0), (edge - 1.4, low + 3.0), (edge - 1.4, high - 3.0), (edge, high - 3.0)]
+
+
 def _label_wire(pen: Pen, middle: Point, words: str, flow: str, *, level: bool, below: bool) -> None:
     x, y = middle
     if not level:
-        at = (x + (5.0 if x < MIDDLE else -5.0), y)
-        pen.label_beside(at, [words, flow], "left" if x < MIDDLE else "right")
+        beside = x < MIDDLE or below
+        pen.label_beside((x + (5.0 if beside else -5.0), y), [words, flow], "left" if beside else "right")
     elif below:
         pen.text(x, y - BOX_HEIGHT / 2 - 2.6, words, size=6.5)
         pen.text(x, y - BOX_HEIGHT / 2 - 5.9, flow, size=7, weight="bold")

@@ -34,7 +34,7 @@ FRAME = (13.0, 167.0)
 TITLE_HEIGHT = 12.0
 STUB = 12.5
 PATIENT, SPARE = "patient", "spare"
-LUNGS, HEART_UPPER, HEART_LOWER, BODY = ((PATIENT, row) for row in range(4))
+LUNGS, HEART_UPPER, HEART_LOWER, BODY, LOWER_BODY = ((PATIENT, row) for row in range(5))
 PER_BRIDGE = 27.0
 """Height [mm] that a second pump inside the ring takes."""
 _SPARE_ROW = 22.0
@@ -43,6 +43,7 @@ _PATIENT_HEIGHTS = {
     HEART_UPPER: (19.0, 6.0),
     HEART_LOWER: (19.0, 6.0),
     BODY: (19.0, 14.5),
+    LOWER_BODY: (19.0, 14.5),
 }
 """Space [mm] above and below the middle line of a row; labels of wires stand in it."""
 
@@ -109,6 +110,12 @@ PATIENT_PLACES: Mapping[str, Place] = {
     "svn": Place(BODY, 30, "Systemic veins", "left"),
     "sart": Place(BODY, 90, "Systemic arteries", "down"),
     "ao": Place(BODY, 150, "Aorta", "right"),
+    "arch": Place(BODY, 110, "Aortic arch", "up"),
+    "upper": Place(BODY, 70, "Upper body", "up"),
+    "svc": Place(BODY, 30, "Superior cava", "left"),
+    "descending": Place(LOWER_BODY, 110, "Descending aorta", "right"),
+    "lower": Place(LOWER_BODY, 70, "Lower body", "down"),
+    "ivc": Place(LOWER_BODY, 30, "Inferior cava", "left"),
 }
 _PATIENT_WIRES = (
     Wire("ra", "ra", "rv", Mark("valve", "tricuspid valve")),
@@ -121,6 +128,14 @@ _PATIENT_WIRES = (
     Wire("ao", "ao", "sart", Mark("tube", "aorta")),
     Wire("sart", "sart", "svn", Mark("resistance", "organs")),
     Wire("svn", "svn", "ra", Mark("tube", "venous return")),
+    Wire("ao", "ao", "arch", Mark("tube", "aorta")),
+    Wire("archupper", "arch", "upper", Mark("tube", "arch vessels")),
+    Wire("arch", "arch", "descending", Mark("tube", "descending aorta")),
+    Wire("descending", "descending", "lower", Mark("tube", "aorta")),
+    Wire("upper", "upper", "svc", Mark("resistance", "organs")),
+    Wire("lower", "lower", "ivc", Mark("resistance", "organs")),
+    Wire("svc", "svc", "ra", Mark("tube", "venous return")),
+    Wire("ivc", "ivc", "ra", Mark("tube", "venous return")),
 )
 
 
@@ -222,8 +237,8 @@ def _add(plan: Plan, connection: Connection, names: Naming | None, groups: Mappi
         plan.undrawn.append(name)
         return
     if names is None:
-        wire = next((wire for wire in _PATIENT_WIRES if wire.name == name), None)
-        if wire is not None and (source, target) == (wire.source, wire.target):
+        wires = (w for w in _PATIENT_WIRES if (w.name, w.source, w.target) == (name, source, target))
+        if wire := next(wires, None):
             plan.wires.append(wire)
         else:
             plan.others.append(name)

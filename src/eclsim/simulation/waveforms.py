@@ -40,10 +40,10 @@ PARTS: dict[str, tuple[Panel, ...]] = {
         Panel("Left chambers", "mL", ("Vlv", "Vla")),
     ),
     "systemic": (
-        Panel("Arteries", "mmHg", ("Pao", "Psart")),
-        Panel("Veins", "mmHg", ("Psvn", "Pra")),
-        Panel("Flows", "mL/s", ("Qao", "Qsart", "Qsvn")),
-        Panel("Volumes", "mL", ("Vao", "Vsart", "Vsvn"), change=True),
+        Panel("Arteries", "mmHg", ("Pao", "Psart", "Pupper", "Plower")),
+        Panel("Veins", "mmHg", ("Psvn", "Psvc", "Pivc", "Pra")),
+        Panel("Flows", "mL/s", ("Qao", "Qsart", "Qsvn", "Qupper", "Qlower")),
+        Panel("Volumes", "mL", ("Vao", "Vsart", "Vsvn", "Vsvc", "Vivc"), change=True),
     ),
     "pulmonary": (
         Panel("Arteries", "mmHg", ("Ppas", "Ppart")),

@@ -1,0 +1,73 @@
+"""Parameters of the patient beyond the published model: regions of the body, bronchial return, valve areas.
+
+What is measured, fitted or assumed:
+
+- Shares of vessels: how the totals of Table S-1 of Thiel et al. (2025) are distributed over regions, from the
+  volumes at zero pressure of Heldt (2004), those of an average man: a literature synthesis. Compliances are
+  divided as the volumes are (vessels of one wall); Heldt's own compliances would put 16 % into the descending
+  aorta, and 9 % of the veins' into the superior cava, and change the published patient by up to 9 %.
+- Upper body's share of flow: measured, the superior vena cava's share of systemic flow by Doppler; 35 % from
+  the age of six on (Salim et al. 1995).
+- Bronchial return, areas of valves: whatever the patient has; the values here are only where a search starts.
+
+The keys that begin with `physiology.` are set in the section [physiology] of a case file, the others in
+[parameters].
+"""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+
+from eclsim.parameters.parameter import Parameter
+
+SECTION = "physiology"
+VALVES = MappingProxyType({"tricuspid": "ra", "pulmonary": "rv", "mitral": "la", "aortic": "lv"})
+"""Valves, and the chamber that each lets blood out of."""
+UPPER_SHARE, BRONCHIAL = f"{SECTION}.upper_share", f"{SECTION}.bronchial_fraction"
+
+_HELDT = "Heldt 2004 (doctoral thesis, MIT), parameters of the circulation"
+_SALIM = "Salim et al. 1995, doi 10.1161/01.CIR.92.7.1943: superior caval flow of children over 6 years"
+
+# key, value, unit, description, source, minimum, maximum
+_SETTINGS = (
+    ("upper_share", 0.35, "1", "Upper body's share of systemic flow at equal pressures", _SALIM, 0.1, 0.6),
+    ("bronchial_fraction", 0.015, "1", "Share of systemic conductance that drains into pulmonary veins",
+     "1 to 2 % of cardiac output in health (textbooks of physiology)", 0.0, 0.3),
+)  # fmt: skip
+
+# kind, start value [cm2], description, minimum, maximum
+_AREAS = (
+    ("regurgitation", 0.3, "Effective regurgitant orifice area of the {} valve", 0.0, 5.0),
+    ("stenosis", 1.0, "Effective orifice area of the open {} valve", 0.1, 15.0),
+)
+
+# key, value, description, how it follows from Heldt's table
+_SHARES = (
+    ("arch_vessel_share", 5.0 / 751.0, "Aortic arch: share of compliance and blood of arteries (sart)",
+     "brachiocephalic arteries 5 of 751 mL"),
+    ("descending_vessel_share", 26.0 / 751.0, "Descending aorta: likewise",
+     "thoracic and abdominal aorta 26 of 751 mL"),
+    ("upper_vessel_share", 200.0 / 751.0, "Arteries of the upper body: likewise; the rest is below",
+     "200 of 751 mL"),
+    ("svc_vessel_share", 661.0 / 2665.0, "Superior cava: share of compliance and blood of veins (svn)",
+     "upper body veins and superior vena cava 661 of 2665 mL"),
+    ("ascending_drop_share", 0.72, "Share of Rao and Lao before the arch branches",
+     "inertance 0.00050 of 0.00050 + 0.65 x 0.00030 mmHg s2/mL"),
+    ("descending_drop_share", 0.52, "Share of the rest that lies between arch and descending aorta",
+     "resistance 0.011 of 0.021 mmHg s/mL"),
+)  # fmt: skip
+
+
+def _all_parameters() -> dict[str, Parameter]:
+    found = [Parameter(f"{SECTION}.{row[0]}", *row[1:], SECTION) for row in _SETTINGS]
+    for valve in VALVES:
+        for what, start, words, lowest, highest in _AREAS:
+            key, text = f"{SECTION}.{valve}_{what}_cm2", words.format(valve)
+            found.append(Parameter(key, start, "cm2", text, "the patient's own", lowest, highest, SECTION))
+    for key, value, words, derivation in _SHARES:
+        found.append(Parameter(key, value, "1", words, f"{_HELDT}: {derivation}", 0.001, 0.95, SECTION))
+    return {parameter.key: parameter for parameter in found}
+
+
+PARAMETERS: MappingProxyType[str, Parameter] = MappingProxyType(_all_parameters())
+"""All parameters by key; every one has its effect only where [physiology] asks for it."""

@@ -1,0 +1,161 @@
+"""A patient in regions: totals are those of the published one, and so are the numbers of a beat."""
+
+import numpy as np
+import pytest
+
+from eclsim.cases.reading import read_mapping
+from eclsim.cases.resolve import circuit_of, nominal_values
+from eclsim.circuit.assembly import assemble
+from eclsim.circuit.volumes import unstressed_volume
+from eclsim.orbit.model import model_of
+from eclsim.outputs.registry import contract
+from eclsim.outputs.results import simulate
+from eclsim.patient.circulation import Anatomy, circulation
+from eclsim.simulation.single import simulate_case
+
+PATIENT = {
+    "id": "P", "sex": "female", "age_years": 70, "height_cm": 165, "weight_kg": 60, "heart_rate_bpm": 90,
+}  # fmt: skip
+VA = {"pump": "Rotaflow", "speed_rpm": 3000, "oxygenator": "Quadrox-i Adult", "mode": "VA"}
+FAILING = {"Emaxlv": 0.6, "Emaxrv": 0.2, "Rmc": 0.8}
+ARTERIES = ("arch", "descending", "upper", "lower")
+
+
+def case(regional=True, upper_share=0.35, **sections):
+    physiology = {"regional": regional, "upper_share": upper_share} | sections.pop("physiology", {})
+    return read_mapping({"format": 1, "patient": PATIENT, "physiology": physiology} | sections).case
+
+
+def laws(regional, upper_share=0.35):
+    """Compartments and connections by name, each with the constants of its law."""
+    circuit = circulation(Anatomy(regional=regional))
+    values = {**nominal_values(circuit), "physiology.upper_share": upper_share}
+    constants = assemble(circuit).constants(values)
+    stores = dict(zip((c.name for c in circuit.compartments), constants.storages, strict=True))
+    paths = dict(zip((c.name for c in circuit.connections), constants.paths, strict=True))
+    return circuit, values, stores, paths
+
+
+def test_without_a_section_or_with_its_defaults_the_circuit_is_the_published_one():
+    plain = read_mapping({"format": 1, "patient": PATIENT}).case
+    assert circuit_of(plain) == circuit_of(case(regional=False)) == circulation()
+    assert str(circulation()).count("\n") == 21  # ten compartments, ten connections
+
+
+@pytest.mark.parametrize("upper_share", [0.2, 0.35, 0.5])
+def test_regions_add_to_the_published_totals(upper_share):
+    _, _, stores, paths = laws(False)
+    circuit, _, divided, parts = laws(True, upper_share)
+    compliance = lambda table, names: sum(1.0 / table[name].stiffness for name in names)  # noqa: E731
+    assert compliance(divided, ARTERIES) == pytest.approx(compliance(stores, ["sart"]), rel=1e-14)
+    assert compliance(divided, ["svc", "ivc"]) == pytest.approx(compliance(stores, ["svn"]), rel=1e-14)
+    assert 1 / (1 / parts["svc"] + 1 / parts["ivc"]) == pytest.approx(paths["svn"], rel=1e-14)
+    for what in ("resistance", "inertance"):
+        part = {name: getattr(path, what) for name, path in parts.items() if hasattr(path, what)}
+        whole = {name: getattr(path, what) for name, path in paths.items() if hasattr(path, what)}
+        side_by_side = 1 / (1 / part["upper"] + 1 / part["lower"])
+        assert side_by_side == pytest.approx(whole["sart"], rel=1e-14)
+        # From the root to either body the drop of the published aorta, at the body's share of flow.
+        upper = part["ao"] + upper_share * part["archupper"]
+        lower = part["ao"] + (1 - upper_share) * (part["arch"] + part["descending"])
+        assert upper == pytest.approx(whole["ao"], rel=1e-14)
+        assert lower == pytest.approx(whole["ao"], rel=1e-14)
+    assert len(circuit.compartments) == 14
+
+
+def test_blood_at_the_start_is_that_of_the_published_patient():
+    held = {}
+    for regional in (False, True):
+        circuit, values, _, _ = laws(regional)
+        stressed = assemble(circuit).start_volumes(values)
+        rest = [unstressed_volume(circuit, c.name, values) for c in circuit.compartments]
+        held[regional] = sum(stressed), sum(rest)
+    np.testing.assert_allclose(held[True], held[False], rtol=1e-13)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("devices", [{}, {"ecmo": VA}], ids=["no device", "central V-A ECMO"])
+def test_numbers_of_a_beat_are_those_of_the_published_patient(devices):
+    divided, whole = (
+        simulate_case(case(regional, parameters=FAILING, **devices)) for regional in (True, False)
+    )
+    assert divided.attrs["converged"] == whole.attrs["converged"] == 1
+    for name in (entry.name for entry in contract() if entry.name in whole):
+        assert float(divided[name]) == pytest.approx(float(whole[name]), rel=0.01), name
+    share = float(divided["upper_body_flow"] / (divided["upper_body_flow"] + divided["lower_body_flow"]))
+    assert share == pytest.approx(0.35, abs=0.002)
+
+
+def beat_mean(result, name):
+    """Mean over the beat, whose grid is denser where valves move."""
+    values, time = result[name].values, result["time"].values
+    return float(np.trapezoid(values, time) / (time[-1] - time[0]))
+
+
+@pytest.mark.slow
+def test_a_femoral_return_feeds_the_lower_body_first_and_a_cava_is_drained_first():
+    femoral = {name: value for name, value in VA.items() if name != "mode"} | {
+        "drainage_site": "svc", "drainage_cannula": "venous", "drainage_fr": 25, "speed_rpm": 4000,
+        "return_site": "lower", "return_cannula": "arterial", "return_fr": 19,
+    }  # fmt: skip
+    failing = FAILING | {"Emaxlv": 0.4}
+    result = simulate_case(case(parameters=failing, ecmo=femoral, blood_volume_policy="patient_held"))
+    assert result.attrs["converged"]
+    number = {name: float(result[name]) for name in result.data_vars if result[name].ndim == 0}
+    assert number["lower_body_pressure"] > number["MAP"] > number["upper_body_pressure"]
+    assert number["superior_caval_pressure"] < number["right_atrial_pressure"]
+    assert beat_mean(result, "Qdescending") < 0.0
+    assert beat_mean(result, "Qsvc") < 0.0 < beat_mean(result, "Qivc")
+    # What the lower body does not take of the pump's flow, the upper body takes beside the heart's.
+    surplus = number["PF"] - number["lower_body_flow"]
+    assert surplus == pytest.approx(number["upper_body_flow"] - number["LVO"], abs=1e-3)
+
+
+@pytest.mark.slow
+def test_bronchial_return_is_a_share_of_the_systemic_conductance_and_passes_the_right_heart():
+    model = model_of(case(regional=False, physiology={"bronchial_fraction": 0.05}))
+    result = simulate(model)
+    bronchial, systemic = float(result["bronchial_flow"]), float(result["systemic_flow"])
+    conductance = 0.06 / (model.values["Rsart"] + model.values["Rmc"])  # L/min/mmHg
+    artery, lungs, veins = (beat_mean(result, "P" + name) for name in ("sart", "pvn", "svn"))
+    assert bronchial == pytest.approx(0.05 * conductance * (artery - lungs), rel=1e-4)
+    assert systemic == pytest.approx(0.95 * conductance * (artery - veins), rel=1e-4)
+    assert float(result["LVO"]) - float(result["CO"]) == pytest.approx(bronchial, abs=1e-4)
+
+
+@pytest.mark.slow
+def test_on_central_va_ecmo_bronchial_return_distends_the_left_ventricle():
+    """The experiment of docs/regional-patient.md: EF near 15 %, the patient's volume held."""
+
+    def beat(rpm, fraction):
+        weak = case(
+            False, parameters={"Emaxlv": 0.3}, blood_volume_policy="patient_held",
+            physiology={"bronchial_fraction": fraction}, ecmo=VA | {"speed_rpm": rpm},
+        )  # fmt: skip
+        result = simulate_case(weak)
+        assert result.attrs["converged"]
+        return float(result["EDVLV"]), float(result["PCWP"])
+
+    without, more = [beat(rpm, 0.0) for rpm in (1500, 4000)], [beat(rpm, 0.02) for rpm in (1500, 4000)]
+    for volumes in (without, more):
+        assert volumes[1][0] > volumes[0][0] + 1.0
+        assert volumes[1][1] > volumes[0][1]
+    assert more[1][0] > without[1][0] + 0.2
+    assert more[1][1] > without[1][1] + 0.08
+
+
+@pytest.mark.slow
+def test_valves_of_a_given_area_obey_the_orifice_equation_in_the_beat():
+    areas = {"aortic_stenosis_cm2": 0.8, "mitral_regurgitation_cm2": 0.4}
+    result = simulate_case(case(False, physiology=areas))
+    assert result.attrs["converged"]
+    per_cm2 = 100.0 * (2.0 * 133.322387415 / 1060.0) ** 0.5
+    forward, gradient = result["Qlv"].values, (result["Plv"] - result["Pao"]).values
+    open_valve = forward > 20.0
+    expected = 0.8 * per_cm2 * np.sqrt(gradient[open_valve])
+    np.testing.assert_allclose(forward[open_valve], expected, rtol=1e-4)
+    assert 30.0 < gradient.max() < 150.0
+    back, drive = result["Qla"].values, (result["Plv"] - result["Pla"]).values
+    leak = back < -20.0
+    np.testing.assert_allclose(-back[leak], 0.4 * per_cm2 * np.sqrt(drive[leak]), rtol=1e-4)
+    assert float(result["mitral_valve_flow"]) == pytest.approx(float(result["LVO"]), abs=1e-4)
