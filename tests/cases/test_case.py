@@ -14,7 +14,8 @@ from eclsim.cases import (
 from eclsim.devices import ecmo, lvad
 from eclsim.devices.ecmo import OXYGENATORS, Ecmo, RollerPump
 from eclsim.devices.lvad import Lvad
-from eclsim.parameters import all_parameters, thiel2025
+from eclsim.devices.registry import parameters
+from eclsim.parameters import thiel2025
 from eclsim.patient.anthropometry import mean_height_weight, total_blood_volume_ml
 
 PATIENT = Patient(id="P01", sex="female", age_years=70, height_cm=165, weight_kg=60, heart_rate_bpm=120)
@@ -39,7 +40,7 @@ def test_a_case_cannot_be_changed():
 
 def test_without_devices_only_tables_patient_and_blood_volume_are_resolved():
     values = resolve_parameters(Case(patient=PATIENT))
-    assert set(values) == {*all_parameters(), "heart_rate_bpm", "total_blood_volume_ml"}
+    assert set(values) == {*parameters(), "heart_rate_bpm", "total_blood_volume_ml"}
     assert values["heart_rate_bpm"] == 120
     assert values["total_blood_volume_ml"] == pytest.approx(57 * 60 / (60 / 1.65**2 / 22) ** 0.5)
     assert values["Rmc"] == 0.5

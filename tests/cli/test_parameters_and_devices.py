@@ -8,7 +8,7 @@ import pytest
 from eclsim.cases import read_mapping
 from eclsim.devices import ecmo, lvad
 from eclsim.devices.ecmo import CANNULAE, OXYGENATORS
-from eclsim.parameters import all_parameters, shi_hose2009
+from eclsim.parameters import all_parameters, physiology, shi_hose2009, thiel2025
 
 PUMPS = {**ecmo.PUMPS, **lvad.PUMPS}
 
@@ -44,16 +44,18 @@ def test_explaining_one(shell):
     assert "did you mean Rmc" in refused.stderr
 
 
-@pytest.mark.parametrize("name", ["thiel2025", "shi_hose2009"])
+@pytest.mark.parametrize("name", ["thiel2025", "physiology", "shi_hose2009"])
 def test_exports_agree(shell, name):
     as_csv = shell.run("parameters", "export", "--format", "csv", "--set", name).stdout
     as_json = shell.run("parameters", "export", "--format", "json", "--set", name).stdout
     as_toml = shell.run("parameters", "export", "--format", "toml", "--set", name).stdout
     values = {row["key"]: float(row["value"]) for row in csv.DictReader(io.StringIO(as_csv))}
     assert {row["key"]: row["value"] for row in json.loads(as_json)["parameters"]} == values
-    assert tomllib.loads(as_toml)["parameters"] == values
-    expected = all_parameters() if name == "thiel2025" else shi_hose2009.PARAMETERS
-    assert values == {key: parameter.value for key, parameter in expected.items()}
+    sections = tomllib.loads(as_toml)
+    settings = {f"physiology.{key}": value for key, value in sections.get("physiology", {}).items()}
+    assert settings | sections["parameters"] == values
+    expected = {"thiel2025": thiel2025, "physiology": physiology, "shi_hose2009": shi_hose2009}[name]
+    assert values == {key: parameter.value for key, parameter in expected.PARAMETERS.items()}
 
 
 def test_the_toml_export_is_a_section_of_a_case_file(shell):

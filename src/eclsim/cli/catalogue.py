@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from eclsim.devices.device import AnyDevice
     from eclsim.parameters import Parameter
 
+SetName = Literal["all", "thiel2025", "physiology", "shi_hose2009"]
 _FIELDS = ("key", "value", "unit", "minimum", "maximum", "group", "description", "source")
 
 
@@ -23,14 +24,14 @@ _FIELDS = ("key", "value", "unit", "minimum", "maximum", "group", "description",
 class ParameterSet:
     """Options of the commands of `eclsim parameters`."""
 
-    set_name: Literal["thiel2025", "physiology", "shi_hose2009"] = option(
-        "thiel2025", "Published set of parameters.", "--set"
-    )
+    set_name: SetName = option("thiel2025", "Set of parameters.", "--set")
 
 
 @dataclass(frozen=True, kw_only=True)
 class ListOptions(ParameterSet):
     """Options of `eclsim parameters list`."""
+
+    set_name: SetName = option("all", "Set of parameters; all: those that a case file may set.", "--set")
 
     group: str | None = option(
         None, "Only this group: blood, systemic, pulmonary, heart, ecmo, crrt or initial."
@@ -112,8 +113,10 @@ def export(options: ExportOptions) -> None:
 
 
 def _set(name: str) -> Mapping[str, Parameter]:
-    from eclsim.parameters import physiology, shi_hose2009, thiel2025
+    from eclsim.parameters import all_parameters, physiology, shi_hose2009, thiel2025
 
+    if name == "all":
+        return all_parameters()
     sets = {"thiel2025": thiel2025, "physiology": physiology, "shi_hose2009": shi_hose2009}
     return sets[name].PARAMETERS
 
