@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from functools import cached_property
 from typing import NamedTuple
 
 from eclsim.circuit.signals import Kind, Signal
@@ -263,6 +264,10 @@ class Circuit:
 
     def parameter_names(self) -> tuple[str, ...]:
         """Names of all parameters that the beat reads, each once, in order of appearance."""
+        return self._names_read
+
+    @cached_property
+    def _names_read(self) -> tuple[str, ...]:
         entries = (*self.compartments, *self.connections, *self.controllers)
         return tuple(dict.fromkeys(name for entry in entries for name in entry.parameter_names()))
 

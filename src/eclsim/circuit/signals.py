@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import Enum
+from functools import lru_cache
 from typing import NamedTuple
 
 
@@ -46,11 +47,12 @@ class Signal(NamedTuple):
     def __str__(self) -> str:
         return self.kind.value + self.place + self.form.value
 
-    @classmethod
-    def parse(cls, name: str) -> Signal:
+    @staticmethod
+    @lru_cache(maxsize=4096)
+    def parse(name: str) -> Signal:
         """The signal of a name; `ValueError` where the name begins with none of the letters."""
         form = next(f for f in (Form.RATE, Form.MEAN, Form.VALUE) if name.endswith(f.value))
-        return cls(Kind(name[:1]), name[1 : len(name) - len(form.value)], form)
+        return Signal(Kind(name[:1]), name[1 : len(name) - len(form.value)], form)
 
     @property
     def plain(self) -> Signal:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
+from functools import lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -125,8 +126,18 @@ def assist_flows(outputs: Mapping[str, float], circuit: Circuit | None = None) -
     return found
 
 
+def registered() -> tuple[int, ...]:
+    """Which devices there are now; what is remembered of them holds as long as this is the same."""
+    return tuple(map(id, devices().values()))
+
+
 def named_output(name: str) -> tuple[Naming, Output] | None:
     """The instance and its device's output of a name such as "lvad.left.flow"; None where it is another's."""
+    return _named_output(name, registered())
+
+
+@lru_cache(maxsize=4096)
+def _named_output(name: str, among: tuple[int, ...]) -> tuple[Naming, Output] | None:
     device = device_of(name)
     if device is None:
         owners = ((Naming(one), entry) for one in devices().values() for entry in one.outputs)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from eclsim.devices.description import Output, highest, lowest, mean, mean_flow
 from eclsim.devices.device import Naming
-from eclsim.devices.registry import devices, named_output, namings
+from eclsim.devices.registry import devices, named_output, namings, registered
 from eclsim.units import ML_S_PER_L_MIN
 
 if TYPE_CHECKING:
@@ -214,8 +214,16 @@ def all_outputs(instances: Iterable[Naming] | None = None) -> dict[str, Output]:
     Args:
         instances: of devices; left out, the only instance of each device.
     """
+    if instances is None:
+        return dict(_usual(registered()))
     more = [entry for entry in _of_devices(instances) if not entry.in_contract]
     return {entry.name: entry for entry in (*contract(instances), *_MORE, *more)}
+
+
+@lru_cache(maxsize=8)
+def _usual(registered: tuple[int, ...]) -> Mapping[str, Output]:
+    """All outputs of the patient and of the only instance of each device, as long as these are registered."""
+    return all_outputs([Naming(device) for device in devices().values()])
 
 
 def _of_devices(instances: Iterable[Naming] | None) -> list[Output]:
@@ -237,7 +245,7 @@ def available(signals: Collection[str], parameters: Collection[str] = ()) -> tup
 
 def output(name: str) -> Output:
     """The output of that name; a misspelt one lists its neighbours."""
-    found = all_outputs().get(name)
+    found = _usual(registered()).get(name)
     if found is not None:
         return found
     known = named_output(name)

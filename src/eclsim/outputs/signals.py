@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 from eclsim.beat.recording import MEAN, RATE, all_signals, has_mean, has_rate
 from eclsim.circuit import volumes
@@ -10,6 +11,7 @@ from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
 from eclsim.circuit.signals import Kind, Signal
 from eclsim.components.base import Number, Values
+from eclsim.devices.registry import registered
 from eclsim.outputs.registry import available, output
 
 WORDS = {Kind.PRESSURE: "pressure in", Kind.FLOW: "flow through", Kind.VOLUME: "blood volume of"}
@@ -17,6 +19,11 @@ WORDS = {Kind.PRESSURE: "pressure in", Kind.FLOW: "flow through", Kind.VOLUME: "
 
 def output_names(circuit: Circuit) -> tuple[str, ...]:
     """All outputs that a circuit has, in the order of the registry."""
+    return _output_names(circuit, registered())
+
+
+@lru_cache(maxsize=256)
+def _output_names(circuit: Circuit, among: tuple[int, ...]) -> tuple[str, ...]:
     parameters = {*circuit.parameter_names(), *circuit.content_names()}
     return tuple(o.name for o in available(all_signals(assemble(circuit)), parameters))
 
