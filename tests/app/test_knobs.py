@@ -12,6 +12,7 @@ from eclsim.app.knobs import (
     value_of,
 )
 from eclsim.cases.presets import PRESETS
+from eclsim.cases.reading import read_mapping
 from eclsim.devices.description import Knob, Picker
 from eclsim.devices.ecmo import OTHER_MODE, ROLLER_PUMP
 from eclsim.inputs.mistakes import CaseError
@@ -135,3 +136,17 @@ def test_ecmo_takes_any_two_compartments_and_draws_them(drained, returned, mode)
 def test_a_pump_cannot_run_in_a_circle():
     with pytest.raises(CaseError, match="in a circle"):
         turn(CASES["paper"], "ecmo.return_site", CASES["paper"].ecmo.drainage_site)
+
+
+def test_a_patient_in_regions_offers_its_own_sites_and_has_a_drawing():
+    raw = PRESETS["paper"].case().as_mapping() | {"physiology": {"regional": True}}
+    case = turn(read_mapping(raw).case, "ecmo.mode", "VV")
+    sites = {c.key: [name for name, _ in c.options] for c in controls(case) if isinstance(c, Picker)}
+    assert {"svc", "ivc", "lower"} <= set(sites["crrt.access_site"])
+    for key in ("ecmo.drainage_site", "ecmo.return_site", "crrt.access_site"):
+        assert "svn" not in sites[key]
+        assert value_of(case, key) in sites[key], "what a picker shows is one of its choices"
+    assert value_of(case, "ecmo.drainage_site") == "ivc"
+    wires = {wire["name"]: wire["path"] for wire in drawing_of(case)["wires"]}
+    assert {"ao", "archupper", "arch", "descending", "upper", "lower", "svc", "ivc"} <= set(wires)
+    assert len(wires["ivc"]) == 4, "past the superior cava"

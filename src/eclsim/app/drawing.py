@@ -62,13 +62,13 @@ def _drawing(circuit: Circuit) -> dict[str, Any]:
 
 def _page(plan: Plan) -> tuple[Layout, tuple[float, float]]:
     """The page, stretched to fill the pane, and the left and right side of its frames."""
-    from eclsim.reporting.schematic_layout import BODY, BOX_WIDTH, FRAME, MIDDLE, arrange
+    from eclsim.reporting.schematic_layout import BODY, BOX_WIDTH, FRAME, LOWER_BODY, MIDDLE, arrange
 
     more = {row: _FIRST_ROW_MM if row[1] == 0 else (0.0, 0.0) for row in plan.heights}
-    more |= {BODY: _LAST_ROW_MM}
+    more |= {BODY: _LAST_ROW_MM, LOWER_BODY: _LAST_ROW_MM}
     rows = {row: (up + more[row][0], down + more[row][1]) for row, (up, down) in plan.heights.items()}
     page, sides = arrange(plan, rows), FRAME
-    if not (plan.lines or plan.bridges or plan.spare):
+    if not (plan.lines or plan.bridges or plan.spare or LOWER_BODY in plan.heights):
         half = NARROWER * (MIDDLE - 30.0) + 0.5 * BOX_WIDTH + WIDER_MM + 2.0
         sides = (MIDDLE - half, MIDDLE + half)
     stretch = min(max(TALLNESS * (sides[1] - sides[0]) / page.height, 1.0), MOST_STRETCH)
@@ -135,19 +135,33 @@ def _boxes(circuit: Circuit, plan: Plan, page: Layout) -> list[dict[str, Any]]:
 
 def _wire(wire: Wire, plan: Plan, group: str, page: Layout) -> dict[str, Any]:
     """A line between neighbours."""
-    from eclsim.reporting.schematic_layout import BODY, MIDDLE
+    from eclsim.reporting.schematic_layout import BOX_HEIGHT, MIDDLE
+    from eclsim.reporting.schematic_routes import detour
 
-    start, stop = _between(page.box(wire.source), page.box(wire.target))
+    path = detour(page, wire, WIDER_MM) or list(_between(page.box(wire.source), page.box(wire.target)))
+    start, stop = path[0], path[-1]
     x, y = 0.5 * (start[0] + stop[0]), -0.5 * (start[1] + stop[1])
-    if start[1] == stop[1]:
-        label = (x, y + 10.2 if plan.places[wire.source].row == BODY else y - 11.8, "middle")
+    body = _in_body(plan, wire.source)
+    if len(path) > 2:
+        label = (x + 3.0, -start[1] - 0.5 * BOX_HEIGHT - 5.0, "start")
+    elif start[1] == stop[1]:
+        label = (x, y + 10.2 if body else y - 11.8, "middle")
     else:
-        label = (x + (5.0 if x < MIDDLE else -5.0), y - 1.0, "start" if x < MIDDLE else "end")
+        right = x < MIDDLE or body
+        label = (x + (5.0 if right else -5.0), y - 1.0, "start" if right else "end")
     return {
         "name": wire.name, "text": ENGLISH.get(f"wire_{wire.name}", wire.mark.words),
-        "symbol": wire.mark.symbol, "path": [_down(start), _down(stop)], "at": [x, y], "label": label,
+        "symbol": wire.mark.symbol, "path": [_down(p) for p in path], "at": [x, y], "label": label,
         **_flow(group, wire.name),
     }  # fmt: skip
+
+
+def _in_body(plan: Plan, name: str) -> bool:
+    """Whether a box stands in the rows of the body, whose labels are below their lines."""
+    from eclsim.reporting.schematic_layout import BODY
+
+    frame, row = plan.places[name].row
+    return frame == BODY[0] and row >= BODY[1]
 
 
 def _line(line: Attachment, path: Path, page: Layout) -> dict[str, Any]:

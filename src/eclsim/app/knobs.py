@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,7 @@ from eclsim.inputs.fields import Field
 from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, shown
 from eclsim.inputs.numbers import RefusedValueError, read_number
 from eclsim.parameters import thiel2025
-from eclsim.patient.sites import PATIENT_SITES
+from eclsim.patient.sites import PATIENT_SITES, SAME_IN_REGIONS
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -37,9 +38,17 @@ def controls(case: Case) -> list[Control]:
     ]
     sites = case.sites()
     for one in case.instances():
-        own = one.device.controls(one.section, sites)
+        own = (_offered(control, sites) for control in one.device.controls(one.section, sites))
         found += [replace(control, key=f"{one.key}.{control.key}", group=one.key) for control in own]
     return found
+
+
+def _offered(control: Control, sites: Mapping[str, str]) -> Control:
+    """A choice without the compartments that this patient does not have."""
+    if isinstance(control, Knob):
+        return control
+    options = [option for option in control.options if option[0] in sites or option[0] not in PATIENT_SITES]
+    return replace(control, options=options)
 
 
 _OF_THE_PATIENT = (
@@ -62,7 +71,10 @@ def value_of(case: Case, key: str) -> float | str:
     if section == "parameters":
         return _parameter(case, name)
     one = case.instance(section)
-    return case.setting(section, name) if one is None else one.device.shown(one.section, name)
+    value = case.setting(section, name) if one is None else one.device.shown(one.section, name)
+    if isinstance(value, str) and value in SAME_IN_REGIONS and value not in case.sites():
+        return SAME_IN_REGIONS[value]
+    return value
 
 
 def turn(case: Case, key: str, value: Any) -> Case:

@@ -13,7 +13,6 @@ from eclsim.reporting.numbers import number
 from eclsim.reporting.schematic_layout import (
     BODY,
     BOX_HEIGHT,
-    BOX_WIDTH,
     FRAME,
     HEART_UPPER,
     MIDDLE,
@@ -24,7 +23,6 @@ from eclsim.reporting.schematic_layout import (
     TITLE_HEIGHT,
     Layout,
     Plan,
-    Wire,
     arrange,
     fixed_site,
     plan_of,
@@ -36,6 +34,7 @@ from eclsim.reporting.schematic_routes import (
     Point,
     bridge_label,
     bridge_paths,
+    detour,
     route,
     stub_middle,
 )
@@ -213,7 +212,7 @@ def _draw_boxes(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
 def _draw_wires(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
     """Draws the connections between neighbours."""
     for wire in plan.wires:
-        if path := _around(page, wire):
+        if path := detour(page, wire):
             look, (x, y) = look_of(labels.groups[wire.name]), path[0]
             pen.line(path, look)
             pen.label_beside(
@@ -229,15 +228,6 @@ def _draw_wires(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
         _label_wire(
             pen, middle, wire.mark.words, labels.flow(wire.name), level=start[1] == stop[1], below=below
         )
-
-
-def _around(page: Layout, wire: Wire) -> Path:
-    """Way of a connection up its column past a box in between, on the left; empty where there is none."""
-    (x, low), (other, high) = page.places[wire.source], page.places[wire.target]
-    if x != other or not any(x == at and low < y < high for at, y in page.places.values()):
-        return []
-    edge = x - BOX_WIDTH / 2
-    return [(edge, low + 3.0), (edge - 1.4, low + 3.0), (edge - 1.4, high - 3.0), (edge, high - 3.0)]
 
 
 def _label_wire(pen: Pen, middle: Point, words: str, flow: str, *, level: bool, below: bool) -> None:

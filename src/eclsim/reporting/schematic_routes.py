@@ -26,6 +26,7 @@ from eclsim.reporting.schematic_layout import (
     Layout,
     Plan,
     Side,
+    Wire,
 )
 
 Point = tuple[float, float]
@@ -116,6 +117,22 @@ def _clearance(x: float, port_x: float, slot: float) -> float:
     if x == port_x or slot or x not in (30.0, 150.0):
         return 0.0
     return 5.0 if x == 30.0 else -5.0
+
+
+def detour(page: Layout, wire: Wire, wider: float = 0.0) -> Path:
+    """Way of a connection up its column past a box in between, on the left; empty where there is none.
+
+    Args:
+        page: with the boxes.
+        wire: the connection.
+        wider: by how much the boxes are drawn wider on either side [mm].
+    """
+    (x, low), (other, high) = page.places[wire.source], page.places[wire.target]
+    if x != other or not any(x == at and low < y < high for at, y in page.places.values()):
+        return []
+    edge = x - BOX_WIDTH / 2 - wider
+    aside = edge - 1.4 + 0.4 * wider
+    return [(edge, low + 3.0), (aside, low + 3.0), (aside, high - 3.0), (edge, high - 3.0)]
 
 
 def stub_middle(page: Layout, line: Attachment) -> Point:
