@@ -65,6 +65,11 @@ class CrrtStudyOptions(Distributed):
         "patient keeps the stressed volume; both: side by side. Left out, what the case file says, else "
         "both.",
     )
+    rule: str | None = option(
+        None,
+        "Rule of ranking: criteria in order, and limits, as TOML; left out, the usual rule.",
+        metavar="RULE.toml",
+    )
     posterior: str | None = option(
         None,
         "Samples of the patient's parameters, a column each: tells how surely limits are kept.",
@@ -102,11 +107,13 @@ def _first_policy(o: CrrtStudyOptions) -> str | None:
 
 
 def _check_options(o: CrrtStudyOptions, more: Mapping[str, Callable[[], object]]) -> list[str]:
+    from eclsim.crrt_study.rule import read_rule
     from eclsim.crrt_study.schemes import select_schemes
     from eclsim.simulation.value_ranges import parse_speeds
 
     return mistakes_in(
         {
+            "--rule": lambda: read_rule(o.rule),
             "--schemes": lambda: select_schemes(o.schemes, o.scheme_h),
             "--speeds": lambda: parse_speeds(o.speeds),
             **more,
@@ -173,19 +180,17 @@ def _check_case(o: CrrtStudyOptions, case: Case) -> tuple[Target, Mapping[str, S
 
 
 def _compute(o: CrrtStudyOptions, case: Case, samples: Mapping[str, Sequence[float]] | None) -> CrrtStudy:
+    from eclsim.crrt_study.rule import RuleError
     from eclsim.crrt_study.study import crrt_study
 
-    with Progress() as progress:
-        return crrt_study(
-            case,
-            schemes=o.schemes,
-            scheme_h=o.scheme_h,
-            speeds=o.speeds,
-            crrt_flow_ml_min=o.crrt_flow,
-            volume_policy=o.volume_policy,
-            samples=samples,
-            progress=progress,
-        )
+    try:
+        with Progress() as progress:
+            return crrt_study(
+                case, schemes=o.schemes, scheme_h=o.scheme_h, speeds=o.speeds, crrt_flow_ml_min=o.crrt_flow,
+                volume_policy=o.volume_policy, samples=samples, rule=o.rule, progress=progress,
+            )  # fmt: skip
+    except RuleError as error:
+        fail(error)
 
 
 # --- a table of measurements, or a folder of cases ------------------------------------------------
@@ -273,6 +278,7 @@ def _compute_cohort(
         crrt_flow_ml_min=o.crrt_flow,
         volume_policy=o.volume_policy,
         scheme_h=o.scheme_h,
+        rule=o.rule,
         folder=None if o.out is None else Path(o.out),
         executor=executor,
         progress=progress,

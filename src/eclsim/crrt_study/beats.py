@@ -19,14 +19,14 @@ from eclsim.cases.resolve import resolve_parameters
 from eclsim.circuit import Choice, Circuit
 from eclsim.circuit.assembly import assemble
 from eclsim.crrt_study.missing_beats import NOT_ASKED
-from eclsim.devices.crrt import crrt
+from eclsim.devices.crrt import CRRT, Crrt, crrt
 from eclsim.devices.ecmo import POSITIONS
 from eclsim.orbit.model import AS_PUBLISHED, PATIENT_HELD, circuit_of
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.recirculation import recirculated_fraction
 from eclsim.outputs.results import output_labels
-from eclsim.outputs.signals import unstressed_volume
+from eclsim.outputs.signals import output_names, unstressed_volume
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 
 if TYPE_CHECKING:
@@ -136,8 +136,9 @@ def study_circuits(case: Case, schemes: Sequence[Scheme], crrt_flow_ml_min: floa
     without = circuit_of(alone)
     others = dict.fromkeys(node for s in schemes for node in s.nodes if node not in POSITIONS.values())
     nodes = (*POSITIONS.values(), *sorted(others))
-    circuit = without + crrt(Choice(nodes, ACCESS), Choice(nodes, RETURN))
-    values = resolve_parameters(alone) | {"crrt.flow_ml_min": crrt_flow_ml_min}
+    section = case.crrt or Crrt(flow_ml_min=crrt_flow_ml_min, access_site="post_oxy", return_site="pre_oxy")
+    circuit = without + crrt(Choice(nodes, ACCESS), Choice(nodes, RETURN), section.dialyses)
+    values = resolve_parameters(alone) | CRRT.values(section) | {"crrt.flow_ml_min": crrt_flow_ml_min}
     return StudyCircuits(circuit, without, values, nodes, tuple(schemes))
 
 
@@ -147,6 +148,15 @@ def study_circuits(case: Case, schemes: Sequence[Scheme], crrt_flow_ml_min: floa
 UNITS = {"P": "mmHg", "Q": "mL/s", "V": "mL"}
 WORDS = {"P": "pressure in", "Q": "flow out of", "V": "stressed blood volume of"}
 GROUPS = ("patient", "ecmo", "crrt")
+
+
+EXTRA = ("patient_volume_change", "recirculated_fraction", "past_oxygenator")
+
+
+def quantities(circuits: StudyCircuits) -> tuple[str, ...]:
+    """Names of the numbers of a scheme's beat: means of pressures and flows, outputs, and what is added."""
+    signals = (s for s in map(str, circuits.circuit.signals()) if s[0] in "PQ")
+    return (*signals, *output_names(circuits.circuit), *EXTRA)
 
 
 def means(
@@ -171,6 +181,11 @@ def means(
         dims, np.stack([_recirculation(circuits, r).reshape(shape) for r in runs]),
         {"units": "1", "long_name": "share of the access flow that comes straight from the return line"},
     )  # fmt: skip
+    passing = np.array([[s.past_oxygenator] for s in circuits.schemes]) * data["Qcrrtpump"][1]
+    data["past_oxygenator"] = (
+        dims, passing / (passing + data["Qecmooxy"][1]),
+        {"units": "1", "long_name": "share of the ECMO's blood that the CRRT carries past the oxygenator"},
+    )  # fmt: skip
     coordinates = {
         "policy": list(policies),
         "scheme": [s.letter for s in circuits.schemes],
@@ -178,6 +193,7 @@ def means(
         "connection": ("scheme", [s.name for s in circuits.schemes]),
         "access_site": ("scheme", [s.access_site for s in circuits.schemes]),
         "return_site": ("scheme", [s.return_site for s in circuits.schemes]),
+        "behind_oxygenator": ("scheme", [s.returns_behind_oxygenator for s in circuits.schemes]),
     }
     return xr.Dataset(data, coordinates)
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from eclsim.crrt_study.ranking import Ranked, first_choice
+from eclsim.crrt_study.rule import USUAL, Rule, RuleError, read_rule
 from eclsim.crrt_study.schemes import NINE, PUBLISHED, Scheme, select_schemes
 from eclsim.crrt_study.study import USUAL_SPEEDS, CrrtStudy, crrt_study
 from eclsim.execution import Distribution, Executor, Progress, Tasks, announce, json_format
@@ -77,6 +78,7 @@ class CohortStudy:
         fitted: the cases and how they were found.
         crrt_flow_ml_min: blood flow of the CRRT; None if each case has its own.
         lost: data points without a study, and why.
+        rule: by which schemes are ranked.
     """
 
     points: tuple[PointResult, ...]
@@ -84,6 +86,7 @@ class CohortStudy:
     fitted: FittedCases
     crrt_flow_ml_min: float | None
     lost: dict[str, str]
+    rule: Rule = USUAL
 
     @property
     def policies(self) -> tuple[str, ...]:
@@ -162,6 +165,7 @@ class StudyGroup:
     crrt_flow_ml_min: float | None
     volume_policy: str
     scheme_h: str
+    rule: dict[str, object]
 
     def __call__(self, cases: tuple[tuple[str, Case], ...]) -> list[PointOutcome]:
         """What becomes of each case."""
@@ -173,7 +177,7 @@ class StudyGroup:
             try:
                 study = _point(name, crrt_study(case, **vars(self)))
                 outcomes.append(PointOutcome(name, study))
-            except StudyError as error:
+            except (StudyError, RuleError) as error:
                 outcomes.append(PointOutcome(name, None, str(error)))
         return outcomes
 
@@ -186,6 +190,7 @@ def crrt_cohort(
     crrt_flow_ml_min: float | None = None,
     volume_policy: str | None = None,
     scheme_h: str = PUBLISHED,
+    rule: str | Path | Rule | None = None,
     folder: Path | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
@@ -199,6 +204,7 @@ def crrt_cohort(
         crrt_flow_ml_min: blood flow of the CRRT; left out, each case's own, else 200 mL/min.
         volume_policy: "as_published", "patient_held" or "both"; left out, what the cases say, else both.
         scheme_h: "published" or "figure".
+        rule: of ranking, as in `crrt_study`.
         folder: keeps the studies; None keeps them for this call alone.
         executor: runs them; None runs them in this process.
         progress: called as they are done.
@@ -213,7 +219,9 @@ def crrt_cohort(
     if executor is None:
         executor = Executor(Distribution(), in_process)
     policy = volume_policy or policy_of_cases(list(fitted.cases.values()))
-    compute = StudyGroup(_fixed(schemes), _fixed(speeds), crrt_flow_ml_min, policy, scheme_h)
+    judged_by = read_rule(rule)
+    own = judged_by.as_object()
+    compute = StudyGroup(_fixed(schemes), _fixed(speeds), crrt_flow_ml_min, policy, scheme_h, own)
     groups = [tuple((n, fitted.cases[n]) for n in names if n in fitted.cases) for names in fitted.groups]
     tasks = Tasks(
         "schemes", "groups of data points", compute, groups, {**fitted.inputs, "study": vars(compute)}
@@ -227,7 +235,8 @@ def crrt_cohort(
     points = tuple(study for name in fitted.cases if (study := by_name[name].study) is not None)
     if not points:
         raise StudyError("no data point can be studied: " + "; ".join(f"{k}: {v}" for k, v in lost.items()))
-    return CohortStudy(points, tuple(select_schemes(schemes, scheme_h)), fitted, crrt_flow_ml_min, lost)
+    chosen = tuple(select_schemes(schemes, scheme_h))
+    return CohortStudy(points, chosen, fitted, crrt_flow_ml_min, lost, judged_by)
 
 
 def _fixed(values: str | Sequence[Value]) -> str | tuple[Value, ...]:

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from eclsim.crrt_study.cohort import answer, summaries
-from eclsim.crrt_study.ranking import ORDER, place
+from eclsim.crrt_study.ranking import place
 from eclsim.files import csv_text, json_text, write_text
 from eclsim.orbit.model import POLICY_WORDS
 from eclsim.reporting.html import Table, render, svg_text
@@ -185,7 +185,8 @@ def _page(study: CohortStudy, drawn: str) -> str:
         beats_missing=bool(study.unsettled),
         main=POLICY_WORDS[main],
         ranks=drawn,
-        order=ORDER,
+        order=[criterion.sentence for criterion in study.rule.criteria],
+        rule=study.rule.name,
         point_table=_points_table(study),
         parameters=study.fitted.words,
     )

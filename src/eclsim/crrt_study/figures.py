@@ -13,8 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from eclsim.devices.crrt import ALARMS_MMHG, SANSOM_ACCESS_MMHG
-from eclsim.devices.ecmo import SUCTION_MMHG
+from eclsim.crrt_study.limits import LIMITS, Limit
 from eclsim.reporting.style import GREY, OKABE_ITO, PAGE_WIDTH_MM, figure_style, new_figure, plain_text
 
 if TYPE_CHECKING:
@@ -37,12 +36,13 @@ def unknown(means: xr.Dataset) -> list[str]:
 
 
 @figure_style()
-def plot_crrt_beat(waveforms: xr.Dataset, means: xr.Dataset) -> Figure:
+def plot_crrt_beat(waveforms: xr.Dataset, means: xr.Dataset, judged: tuple[Limit, ...] = LIMITS) -> Figure:
     """Two beats of every scheme at one speed: pressures of the patient, right ventricle, access and return.
 
     Args:
         waveforms: over `scheme` and `phase`, with `time` [s].
         means: cycle means over `scheme` at the same speed.
+        judged: limits that are drawn.
     """
     highest, lowest = extremes(means)
     fig, grid = _four_panels(_room(means, highest, lowest))
@@ -52,7 +52,9 @@ def plot_crrt_beat(waveforms: xr.Dataset, means: xr.Dataset) -> Figure:
         (grid[1, 0], "access", "c) Access line"),
         (grid[1, 1], "return", "d) Return line"),
     ):
-        _draw_line_pressure(ax, waveforms, line, highest, lowest)
+        ends = _curves(ax, waveforms, _PRESSURES[line], highest, lowest)
+        _alarms(ax, line, judged)
+        label_ends(ax, ends, highest, lowest)
         ax.set_title(title, loc="left")
     explain_colours(grid[0, 0], highest, lowest, missing=unknown(means))
     return fig
@@ -131,34 +133,32 @@ def _draw_loops(ax: Axes, waveforms: xr.Dataset, highest: str, lowest: str) -> N
     ax.set_title("b) Right ventricle", loc="left")
 
 
-def _draw_line_pressure(ax: Axes, waveforms: xr.Dataset, line: str, highest: str, lowest: str) -> None:
-    ends = _curves(ax, waveforms, _PRESSURES[line], highest, lowest)
-    _alarms(ax, line)
-    label_ends(ax, ends, highest, lowest)
-
-
 _PRESSURES = {"access": "Pcrrttuin", "return": "Pcrrttuout"}
 
 
-def _alarms(ax: Axes, line: str) -> None:
-    low, high = ALARMS_MMHG[line]
+def _alarms(ax: Axes, line: str, judged: tuple[Limit, ...]) -> None:
+    bounds = {limit.name: (limit.low, limit.high) for limit in judged}
+    low, high = bounds[f"{line}_alarm"]
     limit_line(ax, high, f"high alarm {high:g}")
     limit_line(ax, low, f"low alarm {low:g}".replace("-", "−"), above=False)
     if line == "access":
-        limit_line(ax, SANSOM_ACCESS_MMHG, f"{SANSOM_ACCESS_MMHG:g} (Sansom 2023)", dotted=True)
+        sansom = " (Sansom 2023)" * (judged == LIMITS)
+        limit_line(ax, bounds["access_190"][1], f"{bounds['access_190'][1]:g}{sansom}", dotted=True)
     bottom, top = ax.get_ylim()
-    bottom, top = min(bottom, low), max(top, high)
+    finite = [bound for bound in (low, high) if np.isfinite(bound)]
+    bottom, top = min(bottom, *finite, np.inf), max(top, *finite, -np.inf)
     room = 0.10 * (top - bottom)
     ax.set_ylim(bottom - room, top + room)
 
 
 @figure_style()
-def plot_crrt_speeds(means: xr.Dataset, case_speed: float) -> Figure:
+def plot_crrt_speeds(means: xr.Dataset, case_speed: float, judged: tuple[Limit, ...] = LIMITS) -> Figure:
     """Cycle means of every scheme over the ECMO flow: patient, drainage cannula, access and return line.
 
     Args:
         means: over `scheme` and `speed`; pressures [mmHg] and `PF` [L/min].
         case_speed: speed [rpm] that is marked; it also decides which schemes stand out.
+        judged: limits that are drawn.
     """
     highest, lowest = extremes(means.sel(speed=case_speed))
     gaps = bool(np.isnan(means["Psart"].values).any())
@@ -173,16 +173,15 @@ def plot_crrt_speeds(means: xr.Dataset, case_speed: float) -> Figure:
     grid[0, 0].set_ylim(bottom=min(-9.0, grid[0, 0].get_ylim()[0]))
     grid[0, 0].set_title("a) Patient", loc="left")
     label_ends(grid[0, 1], _over_flow(grid[0, 1], means, "Pecmodrain", highest, lowest), highest, lowest)
-    limit_line(
-        grid[0, 1], SUCTION_MMHG, f"suction feared below {SUCTION_MMHG:g}".replace("-", "−"), dotted=True
-    )
+    suction = next(limit.low for limit in judged if limit.name == "suction")
+    limit_line(grid[0, 1], suction, f"suction feared below {suction:g}".replace("-", "−"), dotted=True)
     grid[0, 1].set_title("b) ECMO drainage cannula", loc="left")
     for ax, line, title in (
         (grid[1, 0], "access", "c) Access line"),
         (grid[1, 1], "return", "d) Return line"),
     ):
         ends = _over_flow(ax, means, _PRESSURES[line], highest, lowest)
-        _alarms(ax, line)
+        _alarms(ax, line, judged)
         label_ends(ax, ends, highest, lowest)
         ax.set_title(title, loc="left")
     at = means["PF"].sel(speed=case_speed).median().item()
@@ -262,13 +261,16 @@ def _say_unknown(ax: Axes, rows: np.ndarray, which: np.ndarray) -> None:
 
 
 @figure_style()
-def plot_crrt_limits(limits: xr.Dataset, case_flow: float, ranked: list[str]) -> Figure:
+def plot_crrt_limits(
+    limits: xr.Dataset, case_flow: float, ranked: list[str], judged: tuple[Limit, ...] = LIMITS
+) -> Figure:
     """Largest ECMO flow that every scheme keeps each limit up to.
 
     Args:
         limits: `largest_flow`, `flow_at_most` and `state` over `scheme` and `limit`.
         case_flow: ECMO flow [L/min] of the case, marked; NaN if it is not known.
         ranked: schemes from best to worst, top to bottom.
+        judged: limits that were judged.
     """
     fig = new_figure(PAGE_WIDTH_MM, 22 + 6.5 * max(len(ranked), 5))  # room for label and legend
     ax = fig.subplots()
@@ -284,11 +286,12 @@ def plot_crrt_limits(limits: xr.Dataset, case_flow: float, ranked: list[str]) ->
             rows[open_], further, left=kept[open_], height=0.55, facecolor="white", edgecolor=GREY,
             linestyle=":", hatch="////", linewidth=0.6, label="not known: no steady beat found",
         )  # fmt: skip
+    bounds = {limit.name: (limit.low, limit.high) for limit in judged}
     marks = {
         "access_alarm": ("access alarm", OKABE_ITO["blue"], "<"),
         "return_alarm": ("return alarm", OKABE_ITO["vermillion"], ">"),
-        "access_190": ("access above 190 mmHg", OKABE_ITO["bluish green"], "o"),
-        "suction": (f"drainage below {SUCTION_MMHG:g} mmHg".replace("-", "−"), "black", "|"),
+        "access_190": (f"access above {bounds['access_190'][1]:g} mmHg", OKABE_ITO["bluish green"], "o"),
+        "suction": (f"drainage below {bounds['suction'][0]:g} mmHg".replace("-", "−"), "black", "|"),
     }
     for name, (words, colour, marker) in marks.items():
         one = limits.sel(limit=name, scheme=ranked)

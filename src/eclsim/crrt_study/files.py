@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.crrt_study.beats import SPLIT, SUMMARISED
-from eclsim.crrt_study.limits import LIMITS
+from eclsim.crrt_study.limits import Limit
 from eclsim.crrt_study.ranking import choice, first_choice
+from eclsim.crrt_study.report import EXCHANGE_COLUMNS
 from eclsim.files import Json, finite, frame_text, json_text, whole_file, write_text
 from eclsim.orbit.model import AS_PUBLISHED
 
@@ -68,9 +69,11 @@ def write_json(study: CrrtStudy, destination: Path | str) -> None:
 
 MEANS = (
     "Psart", "Psvn", "Ppart", "Pcrrttuin", "Pcrrttuout", "Pecmodrain", "PF", "MAP", "CO", "EDVRV", "ESVRV",
-    "SP", "DP", "MPAP", "PCWP", "lowest_drainage_pressure", "recirculated_fraction",
+    "SP", "DP", "MPAP", "PCWP", "lowest_drainage_pressure", "recirculated_fraction", "past_oxygenator",
 )  # fmt: skip
 """Cycle means [mmHg], flows [L/min] and volumes [mL] of each scheme."""
+EXCHANGE = (*(n for n, *_ in EXCHANGE_COLUMNS if n not in MEANS), "effluent_ml_h", "transmembrane_pressure")
+"""Outputs of dialysis and gas exchange of each scheme, where a study has them."""
 DIFFERENCES = ("difference", "uptake", "flow")
 
 
@@ -80,6 +83,7 @@ def study_object(study: CrrtStudy) -> dict[str, Json]:
         "id": study.case.patient.id,
         "converged": study.converged,
         "crrt_flow_ml_min": study.crrt_flow_ml_min,
+        "rule": {**study.rule.as_object(), "in_words": [c.sentence for c in study.rule.criteria]},
         "not_known": [
             {
                 "policy": one.policy,
@@ -95,6 +99,10 @@ def study_object(study: CrrtStudy) -> dict[str, Json]:
     if study.uncertainty is not None:
         content["uncertainty"] = _uncertainty(study.uncertainty)
     return {key: finite(value) for key, value in content.items()}
+
+
+def _names(study: CrrtStudy) -> list[str]:
+    return [*MEANS, *(name for name in EXCHANGE if name in study.means)]
 
 
 def _values(one: xr.Dataset, names: Sequence[str] | Mapping[str, str]) -> dict[str, object]:
@@ -114,7 +122,8 @@ def _policy(study: CrrtStudy, policy: str) -> dict[str, object]:
             "access_site": scheme.access_site,
             "return_site": scheme.return_site,
             "note": scheme.note,
-            "means": _values(one, MEANS),
+            "returns_behind_oxygenator": scheme.returns_behind_oxygenator,
+            "means": _values(one, _names(study)),
             "patient_volume_change_ml": one["patient_volume_change"].item(),
             **_values(one, ("converged", "status")),
         }
@@ -131,7 +140,7 @@ def _policy(study: CrrtStudy, policy: str) -> dict[str, object]:
         "without_crrt": _values(alone, [*(n for n in MEANS if n in alone), "converged", "status"]),
         "summary": _summary(study.summary.sel(at_case)),
         "speeds": _at_speeds(study, policy),
-        "limits": _limits(study.limits.sel(policy=policy)),
+        "limits": _limits(study.limits.sel(policy=policy), study.rule.limits),
         "first_choice": None if best is None else best.letter,
         "first_choice_in_words": choice(study, policy),
         "ranking": [asdict(ranked) for ranked in study.ranking[policy]],
@@ -147,7 +156,7 @@ def _summary(summary: xr.Dataset) -> dict[str, object]:
 def _at_speeds(study: CrrtStudy, policy: str) -> list[dict[str, object]]:
     """All schemes at every speed; read from plain arrays, as there are thousands of numbers."""
     means = study.means.sel(policy=policy)
-    names = ("converged", "status", *MEANS)
+    names = ("converged", "status", *_names(study))
     values = {name: means[name].transpose("scheme", "speed").values.tolist() for name in names}
     letters = means["scheme"].values.tolist()
     return [
@@ -169,11 +178,11 @@ _LIMIT_KEYS = {
 }  # fmt: skip
 
 
-def _limits(limits: xr.Dataset) -> dict[str, object]:
+def _limits(limits: xr.Dataset, judged: Sequence[Limit]) -> dict[str, object]:
     definitions = {
         limit.name: {"quantity": limit.quantity, "low_mmhg": limit.low, "high_mmhg": limit.high,
                      "meaning": limit.meaning}
-        for limit in LIMITS
+        for limit in judged
     }  # fmt: skip
     schemes = {
         letter: {
@@ -209,7 +218,7 @@ def tables(study: CrrtStudy) -> dict[str, pd.DataFrame]:
     `means` has a row for each policy, scheme and speed, `summary` for each policy and speed, `limits` for
     each policy, scheme and limit, `ranking` for each policy and scheme, `uptake` for each scheme.
     """
-    means = study.means[[*MEANS, "patient_volume_change", "converged", "status"]]
+    means = study.means[[*_names(study), "patient_volume_change", "converged", "status"]]
     words = ("median", "variation", "variation_percent", "highest", "lowest")
     summary = study.summary[["schemes_known", *(f"{name}_{word}" for name in SUMMARISED for word in words)]]
     about = ("policy", "scheme", "connection", "access_site", "return_site", "speed")
@@ -251,6 +260,7 @@ def ranking_table(study: CrrtStudy) -> pd.DataFrame:
                     "largest_flow [L/min]": one.largest_flow,
                     "flow_at_most [L/min]": one.flow_at_most,
                     "margin [mmHg]": one.margin,
+                    "decided_by": one.decided_by,
                     "why_no_rank": one.why_no_rank,
                     "reasons": "; ".join(one.reasons),
                 }
@@ -285,7 +295,7 @@ def write_netcdf(study: CrrtStudy, path: Path) -> None:
 def _written(data: xr.Dataset) -> list[str]:
     """Names of the variables of the means that go to NetCDF."""
     names = [str(name) for name in data.data_vars]
-    return [n for n in names if n in (*MEANS, *MORE) or (n[0] == "P" and "Q" + n[1:] in names)]
+    return [n for n in names if n in (*MEANS, *EXCHANGE, *MORE) or (n[0] == "P" and "Q" + n[1:] in names)]
 
 
 def write_groups(groups: dict[str, xr.Dataset], path: Path) -> None:

@@ -95,12 +95,13 @@ class Kept:
     broken_below: tuple[float, ...] = ()
 
 
-def largest_flows(means: xr.Dataset, case_speed: float) -> xr.Dataset:
+def largest_flows(means: xr.Dataset, case_speed: float, judged: tuple[Limit, ...] = LIMITS) -> xr.Dataset:
     """What each scheme keeps at the case's speed, and up to which ECMO flow.
 
     Args:
         means: over `policy`, `scheme` and `speed`; pressures, `PF` [L/min] and `status`, NaN without a beat.
         case_speed: speed [rpm] of the case, one of the speeds.
+        judged: limits that are judged.
 
     Returns:
         Over `policy`, `scheme` and `limit` (the last one, "crrt", is all limits of the CRRT lines together):
@@ -110,16 +111,17 @@ def largest_flows(means: xr.Dataset, case_speed: float) -> xr.Dataset:
     """
     import xarray as xr
 
-    keys = [limit.name for limit in LIMITS] + [CRRT_LIMITS]
+    keys = [limit.name for limit in judged] + [CRRT_LIMITS]
     shape = (means.sizes["policy"], means.sizes["scheme"], len(keys))
-    few = means[[*dict.fromkeys(limit.quantity for limit in LIMITS), "PF", "status"]]
+    few = means[[*dict.fromkeys(limit.quantity for limit in judged), "PF", "status"]]
     speeds = means["speed"].values
     margin, throughout = np.full(shape, np.nan), np.zeros(shape, dtype=bool)
     kept, said = np.empty(shape, dtype=object), np.empty(shape, dtype=object)
     for p, s in np.ndindex(shape[:2]):
         one = few.isel(policy=p, scheme=s)
         flow, missing = one["PF"].values, no_beat(speeds.tolist(), one["status"].values.astype(str).tolist())
-        for k, margins in enumerate(_margins(one).values()):
+        values = {limit.quantity: one[limit.quantity].values for limit in judged}
+        for k, margins in enumerate(_margins(values, judged).values()):
             margin[p, s, k] = margins[speeds == case_speed][0]
             throughout[p, s, k] = bool((margins >= 0.0).all())
             kept[p, s, k] = kept_up_to(speeds, flow, margins)
@@ -148,9 +150,10 @@ _COLUMNS = {
 }
 
 
-def _margins(one: xr.Dataset) -> dict[str, np.ndarray]:
-    margins = {limit.name: limit.margin(one[limit.quantity].values) for limit in LIMITS}
-    margins[CRRT_LIMITS] = np.min([margins[limit.name] for limit in LIMITS if limit.of_crrt], axis=0)
+def _margins(values: Mapping[str, np.ndarray], judged: tuple[Limit, ...]) -> dict[str, np.ndarray]:
+    """Margin of each limit, and the smallest of those of the CRRT lines."""
+    margins = {limit.name: limit.margin(values[limit.quantity]) for limit in judged}
+    margins[CRRT_LIMITS] = np.min([margins[limit.name] for limit in judged if limit.of_crrt], axis=0)
     return margins
 
 
@@ -247,7 +250,11 @@ QUANTILES = (0.05, 0.5, 0.95)
 
 
 def uncertainty(
-    circuits: StudyCircuits, speed: float, policy: str, samples: Mapping[str, Sequence[float]]
+    circuits: StudyCircuits,
+    speed: float,
+    policy: str,
+    samples: Mapping[str, Sequence[float]],
+    judged: tuple[Limit, ...] = LIMITS,
 ) -> xr.Dataset:
     """Probability that every scheme keeps each limit, and the spread of its pressures.
 
@@ -256,6 +263,7 @@ def uncertainty(
         speed: pump speed [rpm].
         policy: blood volume policy.
         samples: values by parameter, one per sample.
+        judged: limits that are judged.
 
     Returns:
         Over `scheme`: `settled`, the share of the samples whose steady beat was found. Of these alone:
@@ -269,8 +277,7 @@ def uncertainty(
     records = circuits.run_patients(np.array([speed]), policy, patients)
     shape = (len(circuits.schemes), -1)
     settled = records.determined.reshape(shape)
-    margins = {limit.name: limit.margin(value(records, limit.quantity).reshape(shape)) for limit in LIMITS}
-    margins[CRRT_LIMITS] = np.min([margins[limit.name] for limit in LIMITS if limit.of_crrt], axis=0)
+    margins = _margins({o.quantity: value(records, o.quantity).reshape(shape) for o in judged}, judged)
     kept = np.stack([(m >= 0.0).sum(axis=1) for m in margins.values()], axis=1)
     found, every = settled.sum(axis=1)[:, None], settled.shape[1]
     dims = ("scheme", "limit")

@@ -1,34 +1,23 @@
-"""Which scheme to prefer, and why: a fixed order of reasons, each a number of the study.
-
-A scheme has a place only where every number that decides it is known.
-"""
+"""Which scheme to prefer by a rule, and why; a place only where every number that decides it is known."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from eclsim.crrt_study.limits import CRRT_LIMITS, KEPT_TO_THE_END
 from eclsim.crrt_study.missing_beats import listed, no_beat, schemes_named
+from eclsim.crrt_study.rule import FLOW, USUAL, Rule
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from eclsim.crrt_study.schemes import Scheme
     from eclsim.crrt_study.study import CrrtStudy
-
-ORDER = (
-    "keeps the machine's pressure alarms at this speed",
-    "keeps the access pressure below 190 mmHg at this speed",
-    "draws and returns above atmospheric pressure (no air can be drawn in)",
-    "keeps its limits up to the larger ECMO flow, in steps of 0.1 L/min",
-    "recirculates less, in steps of 1 %",
-    "stands further from its nearest limit at this speed",
-)
-"""What counts, in this order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +42,8 @@ class Ranked:
         places: best and worst place that what is known allows, among the schemes whose beat at the case's
             speed was found; None for the others.
         why_no_rank: what is not known; empty for a scheme with a rank.
+        numbers: quantities of the rule.
+        decided_by: criterion that puts it behind the one before it; empty for the first and for a tie.
     """
 
     letter: str
@@ -68,6 +59,8 @@ class Ranked:
     flow_at_most: float = np.nan
     places: tuple[int, int] | None = None
     why_no_rank: str = ""
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    decided_by: str = ""
 
     @property
     def known(self) -> bool:
@@ -80,17 +73,27 @@ class Ranked:
         return self.flow_at_most == self.largest_flow or bool(np.isnan(self.flow_at_most))
 
 
-def rank(means: xr.Dataset, limits: xr.Dataset, schemes: tuple[Scheme, ...]) -> tuple[Ranked, ...]:
+def rank(
+    means: xr.Dataset, limits: xr.Dataset, schemes: tuple[Scheme, ...], rule: Rule = USUAL
+) -> tuple[Ranked, ...]:
     """Schemes from best to worst for one policy at one speed; those without a place last.
 
     Args:
         means: over `scheme`, at the case's speed and one policy.
         limits: of `largest_flows`, over `scheme` and `limit`, likewise.
         schemes: those of the study.
+        rule: by which.
     """
-    judged = [_judge(means.sel(scheme=s.letter), limits.sel(scheme=s.letter), s) for s in schemes]
+    judged = [_judge(means.sel(scheme=s.letter), limits.sel(scheme=s.letter), s, rule) for s in schemes]
     known, unknown = [r for r in judged if r.known], [r for r in judged if not r.known]
-    placed = sorted((_placed(one, known) for one in known), key=lambda r: (r.places, _key(r)))
+
+    def order(one: Ranked) -> tuple[object, ...]:
+        return (one.places, *(c.key(one.numbers[c.quantity]) for c in rule.criteria))
+
+    placed = sorted((_placed(one, known, rule) for one in known), key=order)
+    for k, (before, one) in enumerate(itertools.pairwise(placed), 1):
+        by = rule.decides(before.numbers, one.numbers)
+        placed[k] = replace(one, decided_by="" if by is None else by.sentence)
     return (*placed, *unknown)
 
 
@@ -109,70 +112,66 @@ def candidates(ranking: Sequence[Ranked]) -> list[Ranked]:
     return [one for one in ranking if one.places is not None and one.places[0] == 1]
 
 
-def _placed(one: Ranked, known: Sequence[Ranked]) -> Ranked:
+def _placed(one: Ranked, known: Sequence[Ranked], rule: Rule) -> Ranked:
     """With the best and the worst place among the schemes that are known, and the rank where they agree."""
     others = [other for other in known if other is not one]
-    better = sum(_before(other, one) is True for other in others)
-    open_against = [other for other in others if _before(other, one) is None]
+    better = sum(_before(other, one, rule) is True for other in others)
+    open_against = [other for other in others if _before(other, one, rule) is None]
     places = (1 + better, 1 + better + len(open_against))
     if not open_against:
         return replace(one, rank=places[0], places=places)
     named = [other.letter for other in open_against if not other.flow_known]
     others_keep = f"scheme {named[0]} keeps its" if len(named) == 1 else f"schemes {listed(named)} keep their"
-    whose = f"{others_keep if one.flow_known else 'it keeps its'} limits"
-    why = f"place {places[0]} to {places[1]}: not known up to which ECMO flow {whose}"
+    which = f"{others_keep if one.flow_known else 'it keeps its'} limits"
+    why = f"place {places[0]} to {places[1]}: not known up to which ECMO flow {which}"
     return replace(one, places=places, why_no_rank=why)
 
 
-def _before(one: Ranked, other: Ranked) -> bool | None:
+def _before(one: Ranked, other: Ranked, rule: Rule) -> bool | None:
     """Whether a scheme is better than another; None where what is known does not tell."""
-    if _until_flow(one) != _until_flow(other) or (one.flow_known and other.flow_known):
-        return bool(_key(one) < _key(other))
-    if _tenths(one.largest_flow) > _tenths(other.flow_at_most):
-        return True
-    return False if _tenths(other.largest_flow) > _tenths(one.flow_at_most) else None
+    for criterion in rule.criteria:
+        if criterion.quantity == FLOW and not (one.flow_known and other.flow_known):
+            if criterion.key(one.largest_flow) < criterion.key(other.flow_at_most):
+                return True
+            return False if criterion.key(other.largest_flow) < criterion.key(one.flow_at_most) else None
+        mine, theirs = (criterion.key(r.numbers[criterion.quantity]) for r in (one, other))
+        if mine != theirs:
+            return mine < theirs
+    return False
 
 
-def _until_flow(one: Ranked) -> tuple[bool, ...]:
-    return not one.alarms_kept, not one.access_190_kept, one.lowest_site_pressure < 0.0
-
-
-def _key(one: Ranked) -> tuple[float, ...]:
-    return (
-        *_until_flow(one),
-        -_tenths(one.largest_flow),
-        np.round(np.nan_to_num(one.recirculated), 2),
-        -one.margin,
-    )
-
-
-def _tenths(flow: float) -> float:
-    """A flow in steps of 0.1 L/min; one that keeps the limits nowhere is the smallest."""
-    return -np.inf if np.isnan(flow) else float(np.round(flow, 1))
-
-
-def _judge(one: xr.Dataset, limits: xr.Dataset, scheme: Scheme) -> Ranked:
+def _judge(one: xr.Dataset, limits: xr.Dataset, scheme: Scheme, rule: Rule) -> Ranked:
     margin = {str(k): float(limits["margin"].sel(limit=k)) for k in limits["limit"].values}
     both = limits.sel(limit=CRRT_LIMITS)
     missing = no_beat([float(one["speed"])], [str(one["status"].item())])
+    numbers = {
+        **margin,
+        "alarms": min(margin["access_alarm"], margin["return_alarm"]),
+        "margin": margin[CRRT_LIMITS],
+        "lowest_site_pressure": min(float(one["P" + node]) for node in scheme.nodes),
+        FLOW: float(both["largest_flow"]),
+    }
+    asked = [c.quantity for c in rule.criteria]
+    numbers |= {name: float(one[name]) for name in (*asked, "recirculated_fraction") if name not in numbers}
     ranked = Ranked(
         letter=scheme.letter,
         rank=None,
-        alarms_kept=None if missing else margin["access_alarm"] >= 0.0 and margin["return_alarm"] >= 0.0,
+        alarms_kept=None if missing else numbers["alarms"] >= 0.0,
         access_190_kept=None if missing else margin["access_190"] >= 0.0,
-        lowest_site_pressure=min(float(one["P" + node]) for node in scheme.nodes),
-        largest_flow=float(both["largest_flow"]),
+        lowest_site_pressure=numbers["lowest_site_pressure"],
+        largest_flow=numbers[FLOW],
         throughout=both["state"].item() == KEPT_TO_THE_END,
-        recirculated=float(one["recirculated_fraction"]),
-        margin=margin[CRRT_LIMITS],
+        recirculated=numbers["recirculated_fraction"],
+        margin=numbers["margin"],
         reasons=(),
         flow_at_most=float(both["flow_at_most"]),
         why_no_rank=f"no place: {missing}" if missing else "",
+        numbers={name: numbers[name] for name in asked},
     )
-    return replace(ranked, reasons=tuple(_sentences(ranked, one, both["in_words"].item())))
+    return replace(ranked, reasons=tuple(_sentences(ranked, one, both["in_words"].item(), scheme, rule)))
 
 
-def _sentences(one: Ranked, means: xr.Dataset, kept: str) -> list[str]:
+def _sentences(one: Ranked, means: xr.Dataset, kept: str, scheme: Scheme, rule: Rule) -> list[str]:
     if not one.known:
         return [one.why_no_rank.removeprefix("no place: "), kept]
     access, giving = float(means["Pcrrttuin"]), float(means["Pcrrttuout"])
@@ -180,7 +179,8 @@ def _sentences(one: Ranked, means: xr.Dataset, kept: str) -> list[str]:
     if not one.alarms_kept:
         said.append("breaks a pressure alarm of the machine")
     if not one.access_190_kept:
-        said.append("access pressure above 190 mmHg: early failure of the CRRT circuit is more likely")
+        bound = next(limit.high for limit in rule.limits if limit.name == "access_190")
+        said.append(f"access pressure above {bound:g} mmHg: early failure of the CRRT circuit is more likely")
     if one.lowest_site_pressure < 0.0:
         said.append(f"a line attaches at {_whole(one.lowest_site_pressure)} mmHg: a leak there draws in air")
     said.append(kept)
@@ -188,6 +188,10 @@ def _sentences(one: Ranked, means: xr.Dataset, kept: str) -> list[str]:
         said.append(
             f"{100.0 * one.recirculated:.0f} % of the access flow comes straight from the return line"
         )
+    if scheme.returns_behind_oxygenator:
+        said.append("returns behind the oxygenator: no trap for air or clots from the CRRT")
+    if (share := float(means["past_oxygenator"])) > 0.0:
+        said.append(f"carries {100.0 * share:.1f} % of the ECMO's blood past the oxygenator")
     return said
 
 
@@ -213,7 +217,9 @@ def choice(study: CrrtStudy, policy: str) -> list[str]:
     if best is not None:
         name = f"scheme {best.letter} ({next(s.name for s in study.schemes if s.letter == best.letter)})"
         if not unknown:
-            return [f"First choice for this patient: {name}", *best.reasons]
+            second = next((one for one in ranking if one.decided_by), None)
+            by = [f"before scheme {second.letter} by: {second.decided_by}"] if second else []
+            return [f"First choice for this patient: {name}", *by, *best.reasons]
         of = f"the {len(ranking) - len(unknown)} of {len(ranking)} schemes whose beat was found"
         answer = f"No first choice can be named; best of {of} at {study.case_speed:.0f} rpm: {name}"
         return [answer, *best.reasons, *left_out]

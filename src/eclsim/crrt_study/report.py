@@ -11,9 +11,8 @@ import numpy as np
 
 from eclsim.crrt_study.limits import KEPT_TO_THE_END, kept
 from eclsim.crrt_study.missing_beats import not_known
-from eclsim.crrt_study.ranking import ORDER, choice, choice_elsewhere, place
-from eclsim.devices.crrt import ALARMS_MMHG, SANSOM_ACCESS_MMHG
-from eclsim.devices.ecmo import POSITIONS, SUCTION_MMHG
+from eclsim.crrt_study.ranking import choice, choice_elsewhere, place
+from eclsim.devices.ecmo import POSITIONS
 from eclsim.orbit.model import AS_PUBLISHED, POLICY_WORDS
 from eclsim.reporting.html import Table, render, svg_text
 from eclsim.reporting.numbers import number
@@ -75,7 +74,9 @@ def study_page(study: CrrtStudy, drawings: Mapping[str, str], policy: str | None
         not_known=not_known(study),
         known=known,
         ranking=_ranking_table(study, main),
-        order=ORDER,
+        order=[criterion.sentence for criterion in study.rule.criteria],
+        rule=study.rule.name,
+        exchange=_exchange_table(study, main),
         notes=[f"Scheme {scheme.letter}: {scheme.note}." for scheme in study.schemes if scheme.note],
         policy_means=[
             (POLICY_WORDS[one], _means_table(study, one))
@@ -89,7 +90,7 @@ def study_page(study: CrrtStudy, drawings: Mapping[str, str], policy: str | None
         policies=[words for policy, words in POLICY_WORDS.items() if policy in study.policies],
         published_policy=AS_PUBLISHED in study.policies,
         lines_on_patient=not nodes <= set(POSITIONS.values()),
-        suction=number(SUCTION_MMHG),
+        gas="SaO2" in study.means,
         drawings=drawings,
         captions=_captions(study, main, known),
     )
@@ -119,13 +120,50 @@ def _ranking_table(study: CrrtStudy, policy: str) -> Table:
     rows = [
         (
             place(r), r.letter, names[r.letter], kept(r.largest_flow, r.flow_at_most, r.throughout),
+            r.decided_by or "–",
             "; ".join([r.why_no_rank] * bool(r.known and r.why_no_rank) + list(r.reasons)),
         )
         for r in study.ranking[policy]
     ]  # fmt: skip
-    return Table(
-        ["Rank", "Scheme", "Access – return", "Limits kept up to [L/min]", "Why"], rows, numeric=(0, 3)
-    )
+    head = [
+        "Rank",
+        "Scheme",
+        "Access – return",
+        "Limits kept up to [L/min]",
+        "Behind the one above by",
+        "Why",
+    ]
+    return Table(head, rows, numeric=(0, 3))
+
+
+EXCHANGE_COLUMNS = (
+    ("recirculated_fraction", "Recirculation [%]", 100.0, 0),
+    ("past_oxygenator", "Blood past the oxygenator [%]", 100.0, 1),
+    ("effective_clearance_urea", "Effective clearance [mL/min]: urea", 1.0, 1),
+    ("effective_clearance_creatinine", "creatinine", 1.0, 1),
+    ("effective_clearance_potassium", "potassium", 1.0, 1),
+    ("filtration_fraction", "Filtration fraction [%]", 100.0, 0),
+    ("effluent_pressure", "Effluent pressure [mmHg]", 1.0, 0),
+    ("SreturnO2", "Reaches the patient: SO2 [%]", 1.0, 1),
+    ("PreturnCO2", "PCO2 [mmHg]", 1.0, 1),
+    ("SaO2", "SaO2 [%]", 1.0, 1),
+    ("PaCO2", "PaCO2 [mmHg]", 1.0, 1),
+)
+"""What the CRRT does to the blood: name, head, factor and decimals, of what a study has."""
+
+
+def _exchange_table(study: CrrtStudy, policy: str) -> Table:
+    means = study.means.sel(policy=policy, speed=study.case_speed)
+    columns = [column for column in EXCHANGE_COLUMNS if column[0] in means]
+    rows = []
+    for one in study.ranking[policy]:
+        here = means.sel(scheme=one.letter)
+        before = "before" if here["return_site"].item() in POSITIONS else "on the patient"
+        where = "behind" if bool(here["behind_oxygenator"]) else before
+        numbers = (number(factor * float(here[name]), digits) for name, _, factor, digits in columns)
+        rows.append([one.letter, where, *numbers])
+    head = ["Scheme", "Returns: oxygenator", *(words for _, words, _, _ in columns)]
+    return Table(head, rows, numeric=range(2, len(head)))
 
 
 def _means_table(study: CrrtStudy, policy: str) -> Table:
@@ -190,13 +228,13 @@ def _limits_table(study: CrrtStudy, policy: str) -> Table:
                 number(float(limits["margin"].sel(scheme=ranked.letter, limit="crrt")), 0),
             ]
         )
-    access, giving = ALARMS_MMHG["access"], ALARMS_MMHG["return"]
+    bounds = {limit.name: (f"{limit.low:g}", f"{limit.high:g}") for limit in study.rule.limits}
     head = [
         "Scheme",
-        f"Access alarms {access[0]:g} to {access[1]:g} mmHg",
-        f"Return alarms {giving[0]:g} to {giving[1]:g} mmHg",
-        f"Access ≤ {SANSOM_ACCESS_MMHG:g} mmHg",
-        f"Drainage ≥ {SUCTION_MMHG:g} mmHg",
+        f"Access alarms {' to '.join(bounds['access_alarm'])} mmHg",
+        f"Return alarms {' to '.join(bounds['return_alarm'])} mmHg",
+        f"Access ≤ {bounds['access_190'][1]} mmHg",
+        f"Drainage ≥ {bounds['suction'][0]} mmHg",
         "All of the CRRT lines",
         "Margin at this speed [mmHg]",
     ]
@@ -285,14 +323,14 @@ def drawings(study: CrrtStudy, policy: str | None = None) -> dict[str, str]:
 
     policy, speed = main_policy(study, policy), study.case_speed
     means = study.means.sel(policy=policy)
-    ranked = study.ranking[policy]
+    ranked, judged = study.ranking[policy], study.rule.limits
     best_first = [one.letter for one in ranked]
     flow = float(study.without_crrt["PF"].sel(policy=policy, speed=speed))
     figures = {
         "schemes": draw_schemes(study.schemes, {one.letter: place(one) for one in ranked}),
-        "beat": plot_crrt_beat(study.waveforms.sel(policy=policy), means.sel(speed=speed)),
-        "speeds": plot_crrt_speeds(means, speed),
-        "limits": plot_crrt_limits(study.limits.sel(policy=policy), flow, best_first),
+        "beat": plot_crrt_beat(study.waveforms.sel(policy=policy), means.sel(speed=speed), judged),
+        "speeds": plot_crrt_speeds(means, speed, judged),
+        "limits": plot_crrt_limits(study.limits.sel(policy=policy), flow, best_first, judged),
     }
     if study.uptake is not None:
         figures["uptake"] = plot_crrt_uptake(

@@ -18,6 +18,11 @@ NEGATIVE_PRESSURE_POSITIONS = ("post_dc", "pre_pump")
 """Positions between drainage cannula and pump, where the pressure falls below the atmosphere's."""
 
 
+BEFORE_OXYGENATOR = ("post_dc", "pre_pump", "post_pump", "pre_oxy")
+BEHIND_OXYGENATOR = ("post_oxy", "pre_rc")
+"""Positions by their side of the oxygenator."""
+
+
 @dataclass(frozen=True, slots=True)
 class Scheme:
     """Where the CRRT draws blood and where it gives it back.
@@ -44,6 +49,16 @@ class Scheme:
         """Compartments of the circuit that the two lines attach to."""
         sites = (self.access_site, self.return_site)
         return tuple(ECMO_POSITIONS.get(site, site) for site in sites)  # pyright: ignore[reportReturnType]
+
+    @property
+    def returns_behind_oxygenator(self) -> bool:
+        """Whether what is given back meets no oxygenator: no trap for air or clots before the patient."""
+        return self.return_site in BEHIND_OXYGENATOR
+
+    @property
+    def past_oxygenator(self) -> bool:
+        """Whether blood is drawn before the oxygenator and given back behind it."""
+        return self.returns_behind_oxygenator and self.access_site in BEFORE_OXYGENATOR
 
 
 def site_words(site: str) -> str:

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eclsim.crrt_study.rule import USUAL, Rule, check_quantities, read_rule
 from eclsim.crrt_study.schemes import NINE, PUBLISHED, Scheme, select_schemes
 from eclsim.crrt_study.settings import AS_PUBLISHED, BOTH, case_speed, crrt_flow, policies_of
 from eclsim.orbit.model import CaseSource, as_case
@@ -46,6 +48,7 @@ class CrrtStudy:
             policy was studied.
         ranking: schemes from best to worst, by policy.
         uncertainty: how surely each scheme keeps its limits; None unless samples were given.
+        rule: by which schemes are ranked.
     """
 
     case: Case
@@ -60,6 +63,7 @@ class CrrtStudy:
     uptake: xr.Dataset | None
     ranking: dict[str, tuple[Ranked, ...]]
     uncertainty: xr.Dataset | None = None
+    rule: Rule = USUAL
 
     @property
     def policies(self) -> tuple[str, ...]:
@@ -106,6 +110,7 @@ def crrt_study(
     volume_policy: str | None = None,
     scheme_h: str = PUBLISHED,
     samples: Mapping[str, Sequence[float]] | None = None,
+    rule: str | Path | Mapping[str, object] | Rule | None = None,
     progress: Callable[[object], None] = lambda _: None,
 ) -> CrrtStudy:
     """Run the study for one case.
@@ -119,10 +124,12 @@ def crrt_study(
         scheme_h: "published" or "figure", see `SCHEME_H`.
         samples: values by parameter, one per sample of the patient's posterior; the limits are then held
             against each, at the case's speed and the first policy.
+        rule: a centre's own rule of ranking or its file, see `eclsim.crrt_study.rule`; left out, the usual.
         progress: is told what is being computed.
 
     Raises:
         CaseError: If the file cannot be read.
+        RuleError: If the rule cannot be read, or asks for what is not computed.
         StudyError: If the case has no ECMO circuit with a rotary pump, or the policy is none.
         SchemeError: If a scheme cannot be read.
         SpeedError: If a speed cannot be read.
@@ -135,10 +142,12 @@ def crrt_study(
     case = as_case(case)
     chosen = select_schemes(schemes, scheme_h)
     policies = policies_of(volume_policy or case.blood_volume_policy or BOTH)
+    judged_by = read_rule(rule)
     own = case_speed(case)
     rpm = np.unique([*(parse_speeds(speeds) if isinstance(speeds, str) else speeds), own]).astype(float)
     flow = crrt_flow(case, crrt_flow_ml_min)
     circuits = study_circuits(case, chosen, flow)
+    check_quantities(judged_by, crrt_datasets.quantities(circuits))
     at = np.arange(len(chosen)) * len(rpm) + int(np.flatnonzero(rpm == own)[0])
     runs, alone = [], []
     for k, policy in enumerate(policies):
@@ -156,15 +165,16 @@ def crrt_study(
     doubt = None
     if samples:
         progress("samples of the patient's parameters")
-        doubt = uncertainty(circuits, own, policies[0], samples)
+        doubt = uncertainty(circuits, own, policies[0], samples, judged_by.limits)
     progress("limits and ranking")
     means = crrt_datasets.means(circuits, runs, alone, policies, rpm)
-    limits = largest_flows(means, own)
+    limits = largest_flows(means, own, judged_by.limits)
     ranking = {
-        policy: rank(means.sel(policy=policy, speed=own), limits.sel(policy=policy), chosen)
+        policy: rank(means.sel(policy=policy, speed=own), limits.sel(policy=policy), chosen, judged_by)
         for policy in policies
     }
     return CrrtStudy(
         case, chosen, own, flow, means, crrt_datasets.without(alone, policies, rpm),
         crrt_datasets.waveforms(circuits, runs, policies), summarise(means), limits, uptake, ranking, doubt,
+        judged_by,
     )  # fmt: skip

@@ -1,0 +1,226 @@
+"""By what schemes are ranked: quantities with bounds or directions, in order; a centre may set its own.
+
+A rule's file is TOML:
+
+    name = "our centre"
+    [limits]                             # left out: the usual ones
+    access_alarm = [-200, 250]           # mmHg; likewise return_alarm, access_190, suction; inf for none
+    [[criteria]]                         # left out: the usual ones; a later one counts where earlier ones tie
+    quantity = "alarms"
+    at_least = 0
+    [[criteria]]
+    quantity = "effective_clearance_urea"
+    prefer = "larger"
+    step = 0.5
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Collection, Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
+
+from eclsim.crrt_study.limits import LIMITS, Limit
+from eclsim.parameters import did_you_mean
+
+FLOW = "largest_flow"
+JUDGED = ("alarms", "margin", *(limit.name for limit in LIMITS), "lowest_site_pressure", FLOW)
+"""Quantities that a rule may use besides all pressures, flows and outputs of the study."""
+
+
+class RuleError(ValueError):
+    """A rule that cannot be used; a line for each mistake."""
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """One point of a rule.
+
+    Args:
+        quantity: of the study, at the case's speed.
+        at_least: bound that it keeps or breaks.
+        at_most: likewise.
+        prefer: which is better, where there is no bound.
+        step: differences below it count as a tie.
+        words: what it asks for.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+    quantity: str
+    at_least: float | None = None
+    at_most: float | None = None
+    prefer: Literal["larger", "smaller"] | None = None
+    step: float = 0.0
+    words: str = ""
+
+    def __post_init__(self) -> None:
+        """One of bound and direction."""
+        if (self.prefer is None) == (self.at_least is None and self.at_most is None):
+            raise ValueError('allowed: at_least or at_most, or prefer = "larger" or "smaller"')
+        if self.step < 0.0:
+            raise ValueError(f"step = {self.step:g}: allowed: zero or above")
+
+    def key(self, value: float) -> float:
+        """What to sort by: the smaller, the better; an unknown value is worst."""
+        if self.prefer is None:
+            low, high = self.at_least, self.at_most
+            return float(not ((low is None or value >= low) and (high is None or value <= high)))
+        if math.isnan(value):
+            return math.inf
+        rounded = float(np.round(value / self.step)) if self.step else value
+        return -rounded if self.prefer == "larger" else rounded
+
+    @property
+    def sentence(self) -> str:
+        """What it asks for, in words."""
+        if self.words:
+            return self.words
+        bounds = {"at least": self.at_least, "at most": self.at_most}
+        asked = [f"{word} {bound:g}" for word, bound in bounds.items() if bound is not None]
+        said = " and ".join(asked) or f"the {self.prefer}"
+        return f"{self.quantity}: {said}" + (f", in steps of {self.step:g}" if self.step else "")
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A rule.
+
+    Args:
+        name: whose it is.
+        criteria: in order.
+        limits: of machine and circuit.
+    """
+
+    name: str
+    criteria: tuple[Criterion, ...]
+    limits: tuple[Limit, ...] = LIMITS
+
+    def decides(self, one: Mapping[str, float], other: Mapping[str, float]) -> Criterion | None:
+        """The first criterion in which two schemes differ."""
+        differing = (c for c in self.criteria if c.key(one[c.quantity]) != c.key(other[c.quantity]))
+        return next(differing, None)
+
+    def as_object(self) -> dict[str, object]:
+        """As plain data, which `read_rule` takes too; an infinite bound is None."""
+        criteria = [{k: v for k, v in asdict(one).items() if v not in (None, "")} for one in self.criteria]
+        bounds = {o.name: [None if math.isinf(b) else b for b in (o.low, o.high)] for o in self.limits}
+        return {"name": self.name, "criteria": criteria, "limits": bounds}
+
+
+USUAL = Rule(
+    "the usual rule",
+    (
+        Criterion("alarms", at_least=0.0, words="keeps the machine's pressure alarms at this speed"),
+        Criterion(
+            "access_190", at_least=0.0, words="keeps the access pressure below 190 mmHg at this speed"
+        ),
+        Criterion(
+            "lowest_site_pressure", at_least=0.0,
+            words="draws and returns above atmospheric pressure (no air can be drawn in)",
+        ),
+        Criterion(
+            FLOW, prefer="larger", step=0.1,
+            words="keeps its limits up to the larger ECMO flow, in steps of 0.1 L/min",
+        ),
+        Criterion(
+            "recirculated_fraction", prefer="smaller", step=0.01, words="recirculates less, in steps of 1 %"
+        ),
+        Criterion("margin", prefer="larger", words="stands further from its nearest limit at this speed"),
+    ),
+)  # fmt: skip
+
+
+class _File(BaseModel):
+    """What a rule's file holds."""
+
+    model_config = ConfigDict(extra="forbid", strict=False)
+    name: str
+    criteria: tuple[Criterion, ...] = USUAL.criteria
+    limits: dict[str, tuple[float | None, float | None]] = {}
+
+    @field_validator("criteria")
+    @classmethod
+    def _some(cls, value: tuple[Criterion, ...]) -> tuple[Criterion, ...]:
+        if not value:
+            raise ValueError("allowed: one or more [[criteria]]")
+        return value
+
+    @field_validator("limits")
+    @classmethod
+    def _known(cls, value: Mapping[str, tuple[float | None, float | None]]) -> object:
+        names = [limit.name for limit in LIMITS]
+        for name, bounds in value.items():
+            if name not in names:
+                raise ValueError(f"'{name}' is no limit; allowed: {', '.join(names)}{_hint(name, names)}")
+            low, high = _bounds(bounds)
+            if not low < high:
+                raise ValueError(f"{name} = [{low:g}, {high:g}]: allowed: low below high, mmHg")
+        return value
+
+    def rule(self) -> Rule:
+        """The rule."""
+        limits = []
+        for limit in LIMITS:
+            low, high = _bounds(self.limits.get(limit.name, (limit.low, limit.high)))
+            limits.append(replace(limit, low=low, high=high))
+        return Rule(self.name, self.criteria, tuple(limits))
+
+
+def _bounds(given: tuple[float | None, float | None]) -> tuple[float, float]:
+    low, high = given
+    return -math.inf if low is None else low, math.inf if high is None else high
+
+
+def read_rule(source: str | Path | Mapping[str, object] | Rule | None) -> Rule:
+    """A rule from its file, from the same as a mapping, or as it is; None is the usual one.
+
+    Raises:
+        RuleError: it cannot be read; a line for all that is wrong.
+    """
+    if source is None or isinstance(source, Rule):
+        return source or USUAL
+    place, content = "rule", source
+    if not isinstance(source, Mapping):
+        place = str(source)
+        try:
+            content = {"name": Path(place).stem, **tomllib.loads(Path(place).read_text(encoding="utf-8"))}
+        except (OSError, ValueError) as error:
+            raise RuleError(f"{place}: cannot be read as TOML: {error}") from None
+    try:
+        return _File.model_validate(content).rule()
+    except ValidationError as refused:
+        raise RuleError("\n".join(f"{place}: {_mistake(error)}" for error in refused.errors())) from None
+
+
+def _mistake(error: Mapping[str, object]) -> str:
+    """One line for what pydantic refuses."""
+    path = [str(word) for word in error["loc"]]  # pyright: ignore[reportGeneralTypeIssues]  # a tuple
+    said = str(error["msg"]).removeprefix("Value error, ")
+    if error["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+        known = [f.name for f in fields(Criterion)] if "criteria" in path else list(_File.model_fields)
+        said = f"unknown key; allowed: {', '.join(known)}{_hint(path[-1], known)}"
+    return f"{'.'.join(path)} = {error['input']}: {said}" if path else said
+
+
+def check_quantities(rule: Rule, known: Collection[str]) -> None:
+    """Raise `RuleError` for quantities that a study does not have."""
+    names = (*JUDGED, *known)
+    lines = [
+        f"{rule.name}: quantity = '{c.quantity}': not computed for this case; allowed: {', '.join(JUDGED)}, "
+        f"any output of it{_hint(c.quantity, names)}"
+        for c in rule.criteria
+        if c.quantity not in names
+    ]
+    if lines:
+        raise RuleError("\n".join(lines))
+
+
+def _hint(word: str, known: Collection[str]) -> str:
+    nearest = did_you_mean(word, known)
+    return f"; did you mean {nearest}?" if nearest else ""

@@ -1,0 +1,105 @@
+"""A centre's own rule of ranking: what it may hold, what it changes, and that the usual one is as it was."""
+
+import json
+
+import numpy as np
+import pytest
+
+from eclsim.crrt_study.files import study_object
+from eclsim.crrt_study.ranking import rank
+from eclsim.crrt_study.rule import USUAL, Criterion, Rule, RuleError, check_quantities, read_rule
+from eclsim.crrt_study.schemes import nine_schemes
+from eclsim.crrt_study.study import crrt_study
+from eclsim.paper.patient import paper_case
+
+
+def ranked_by(study, *criteria, limits=USUAL.limits):
+    at = {"policy": "as_published"}
+    means = study.means.sel(at | {"speed": study.case_speed})
+    return rank(means, study.limits.sel(at), study.schemes, Rule("own", criteria, limits))
+
+
+def test_the_usual_rule_is_written_and_read_again(tmp_path):
+    text = json.dumps(USUAL.as_object())
+    assert read_rule(json.loads(text)) == USUAL
+    assert read_rule(None) is USUAL
+    file = tmp_path / "ours.toml"
+    file.write_text("[limits]\nreturn_alarm = [-20, inf]\n")
+    own = read_rule(file)
+    assert own.name == "ours"
+    assert own.criteria == USUAL.criteria
+    assert [limit.high for limit in own.limits if limit.name == "return_alarm"] == [np.inf]
+
+
+def test_order_and_direction_of_criteria_decide(study):
+    by_flow = ranked_by(study, Criterion("PF", prefer="larger"))
+    flows = [one.numbers["PF"] for one in by_flow]
+    assert flows == sorted(flows, reverse=True)
+    assert by_flow[0].decided_by == ""
+    assert by_flow[1].decided_by == "PF: the larger"
+    steps = ranked_by(
+        study, Criterion("PF", prefer="larger", step=100.0), Criterion("margin", prefer="larger")
+    )
+    margins = [one.margin for one in steps]
+    assert margins == sorted(margins, reverse=True)
+
+
+def test_schemes_that_tie_in_all_criteria_share_a_place(study):
+    ranking = ranked_by(study, Criterion("lowest_site_pressure", at_least=0.0))
+    assert sorted(one.rank for one in ranking) == [1] * 5 + [6] * 4
+    assert sum(bool(one.decided_by) for one in ranking) == 1
+
+
+def test_venous_blood_past_the_oxygenator_can_be_a_criterion(study):
+    ranking = ranked_by(study, Criterion("past_oxygenator", at_most=0.0), *USUAL.criteria)
+    assert {one.letter for one in ranking[-2:]} == {"e", "f"}
+    assert ranking[-2].decided_by == "past_oxygenator: at most 0"
+    share = study.means["past_oxygenator"].sel(policy="as_published", speed=3425.0, scheme="e")
+    assert float(share) == pytest.approx(0.054, abs=0.001), "0.2 of 3.7 L/min"
+    behind = study.means["behind_oxygenator"].to_series()
+    assert sorted(behind.index[behind]) == ["d", "e", "f"]
+
+
+def test_a_rule_for_dialysis_ranks_by_clearance_and_an_unknown_quantity_is_refused():
+    case = paper_case()
+    crrt = {"flow_ml_min": 200.0, "access_site": "post_oxy", "return_site": "pre_oxy"}
+    crrt |= {"dialysate_ml_h": 2000.0}
+    case = type(case).model_validate({**case.model_dump(exclude_none=True), "crrt": crrt})
+    rule = {"name": "dose", "criteria": [{"quantity": "clearance_urea", "prefer": "larger"}]}
+    options = {"schemes": "g,h", "speeds": "3425", "volume_policy": "as_published"}
+    study = crrt_study(case, **options, rule=rule)
+    assert "clearance_urea" in study.ranking["as_published"][0].numbers
+    found = study_object(study)
+    assert found["rule"]["name"] == "dose"
+    assert found["rule"]["in_words"] == ["clearance_urea: the larger"]
+    rule["criteria"][0]["quantity"] = "clearance_ureas"
+    with pytest.raises(RuleError, match=r"clearance_ureas.*did you mean clearance_urea\?"):
+        crrt_study(case, **options, rule=rule)
+    check_quantities(USUAL, ("recirculated_fraction",))
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("nam = 'x'", r"nam = x: unknown key.*did you mean name"),
+        ("[limits]\nacces_alarm = [0, 1]", r"is no limit.*did you mean access_alarm"),
+        ("[limits]\naccess_alarm = [5, 1]", r"low below high"),
+        ("criteria = []", r"one or more"),
+        ("[[criteria]]\nquantity = 'alarms'", r"at_least or at_most, or prefer"),
+        ("[[criteria]]\nquantity = 'alarms'\nprefer = 'bigger'", r"criteria.0.prefer = bigger: .*larger"),
+        ("[[criteria]]\nquantity = 'PF'\nprefer = 'larger'\nstep = -1", r"zero or above"),
+        ("[[criteria", r"cannot be read as TOML"),
+    ],
+)
+def test_mistakes_in_a_rule_are_said(tmp_path, content, message):
+    file = tmp_path / "rule.toml"
+    file.write_text(content)
+    with pytest.raises(RuleError, match=message) as refused:
+        read_rule(file)
+    assert all(line.startswith(str(file)) for line in str(refused.value).splitlines())
+
+
+def test_schemes_know_their_side_of_the_oxygenator():
+    nine = nine_schemes()
+    assert [k for k, s in nine.items() if s.returns_behind_oxygenator] == ["d", "e", "f"]
+    assert [k for k, s in nine.items() if s.past_oxygenator] == ["e", "f"]
