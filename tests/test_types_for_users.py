@@ -19,6 +19,7 @@ import xarray as xr
 
 import eclsim
 from eclsim import Circuit, circulation, ecmo, model_of, read_case, simulate_many
+from eclsim import FitResult, PosteriorResult, TrackResult
 from eclsim.crrt_study.study import CrrtStudy
 from eclsim.sensitivity.identifiability import Identifiability
 from eclsim.sensitivity.results import SensitivityResult
@@ -37,6 +38,16 @@ indices = eclsim.sensitivity("patient.toml", settings=eclsim.SobolSettings(sampl
 assert_type(indices, SensitivityResult)
 assert_type(indices.dataset, xr.Dataset)
 assert_type(eclsim.identifiability(reading), Identifiability)
+fit = eclsim.fit("patient.toml", settings=eclsim.FitSettings(("Rmc",)))
+assert_type(fit, FitResult)
+assert_type(fit.dataset, xr.Dataset)
+chosen = eclsim.PosteriorSettings(method="importance")
+draws = eclsim.posterior(fit, settings=chosen, predictions=[("", reading)])
+assert_type(draws, PosteriorResult)
+assert_type(draws.draws, xr.DataTree)
+course = eclsim.track([("08:00", reading), ("12:00", reading.case)])
+assert_type(course, TrackResult)
+assert_type(course.dataset, xr.Dataset)
 study = eclsim.crrt_study(reading.case, speeds=[3000.0])
 assert_type(study, CrrtStudy)
 assert_type(study.means, xr.Dataset)

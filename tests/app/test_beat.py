@@ -9,7 +9,7 @@ from eclsim.app.knobs import turn
 from eclsim.app.ranges import output_specs
 from eclsim.app.state import PageState
 from eclsim.cases.presets import PRESETS
-from eclsim.simulation.single import simulate_case
+from eclsim.simulation.single import simulate
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +18,7 @@ def paper() -> PageState:
 
 
 def test_outputs_and_waveforms_are_those_of_simulate(paper):
-    beat, reference = compute_beat(paper), simulate_case(paper.case)
+    beat, reference = compute_beat(paper), simulate(paper.case)
     assert beat.converged
     for name, value in beat.outputs.items():
         assert value == pytest.approx(float(reference[name]), rel=1e-5, abs=1e-4), name
@@ -32,7 +32,7 @@ def test_moving_a_crrt_line_keeps_the_compiled_circuit(paper):
     moved = turn(paper.case, "crrt.access_site", "pre_pump")
     assert page_circuit(moved)[0] is page_circuit(paper.case)[0]
     beat = compute_beat(paper.with_case(moved))
-    reference = simulate_case(moved)
+    reference = simulate(moved)
     assert beat.outputs["crrt_access_pressure"] == pytest.approx(
         float(reference["crrt_access_pressure"]), abs=0.01
     )

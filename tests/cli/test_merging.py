@@ -2,6 +2,10 @@
 
 import json
 
+import pytest
+
+from eclsim.paper.cohort import SYNTHETIC
+
 CASE_OPTIONS = (
     "--samples", 256, "--parameters", "Rmc", "--outputs", "MAP", "--no-second-order", "--no-figures",
 )  # fmt: skip
@@ -30,6 +34,24 @@ def test_merge_names_what_is_missing(shell):
     assert result.exit_code == 2
     assert "blocks are missing" in result.stderr
     assert (out / "command.json").exists(), "the missing shard may still come"
+
+
+@pytest.mark.slow
+def test_shards_of_the_paper_do_their_share_of_every_long_part(shell):
+    out = shell.folder / "paper"
+    lines = SYNTHETIC.read_text().splitlines()
+    table = shell.folder / "two.csv"
+    table.write_text("\n".join([lines[0], *lines[1:3]]) + "\n")
+    chosen = ("--parts", "sensitivity,cohort", "--samples", 8, "--cohort", table, "--explore", 8)
+    for shard in ("1/2", "2/2"):
+        result = shell.run("reproduce", out, *chosen, "--shard", shard)
+        assert result.exit_code == 0, result.stderr
+        assert f"when all shards are done: eclsim merge {out}" in result.stderr
+        assert not (out / "index.html").exists()
+    assert shell.run("merge", out, "--json", shell.folder / "merged.json").exit_code == 0
+    whole = shell.run("reproduce", shell.folder / "one", *chosen, "--json", "-")
+    assert json.loads((shell.folder / "merged.json").read_text()) == json.loads(whole.stdout)
+    assert (out / "figure_3.svg").exists()
 
 
 def test_shards_are_of_commands_with_many_tasks(shell):

@@ -14,7 +14,7 @@ from eclsim.outputs.limits import (
     worst,
 )
 from eclsim.outputs.registry import all_outputs
-from eclsim.simulation.single import simulate_case
+from eclsim.simulation.single import simulate
 
 
 def test_every_limit_is_of_an_output_and_has_meaning_and_source():
@@ -73,7 +73,7 @@ def test_a_compartment_takes_the_worst_of_its_outputs():
 
 
 def test_the_healthy_adult_breaks_no_limit():
-    result = simulate_case(PRESETS["healthy"].case())
+    result = simulate(PRESETS["healthy"].case())
     assert result.attrs["warnings"] == []
     assert not result.attrs["impossible"]
 

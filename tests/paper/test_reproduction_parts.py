@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from eclsim.execution import Distribution
 from eclsim.paper.cohort import SYNTHETIC, reproduce_cohort
 from eclsim.paper.comparison import Verdict
 from eclsim.paper.printed import TABLE_2
@@ -114,11 +115,13 @@ def test_statements_about_the_sensitivity_are_read_off_the_indices():
 @pytest.mark.slow
 def test_a_stopped_analysis_is_gone_on_with(tmp_path):
     said = []
-    first = reproduce_circulation(tmp_path, 8, False, said.append)
+    with Distribution(force=True).running() as executor:
+        first = reproduce_circulation(tmp_path, 8, executor, said.append)
     assert len(first.rows) == len(TABLE_2) + 12
     (kept,) = (tmp_path / "assumed").glob("samples.parquet")
     before = kept.stat().st_mtime_ns
-    again = reproduce_circulation(tmp_path, 8, True)
+    with Distribution(resume=True).running() as executor:
+        again = reproduce_circulation(tmp_path, 8, executor)
     assert kept.stat().st_mtime_ns == before
     assert [row.got for row in again.rows] == [row.got for row in first.rows]
 
@@ -128,7 +131,8 @@ def test_a_cohort_of_two_points_is_fitted_compared_and_kept(tmp_path):
     lines = SYNTHETIC.read_text().splitlines()
     table = tmp_path / "two.csv"
     table.write_text("\n".join([lines[0], *lines[1:3]]) + "\n")
-    found = reproduce_cohort(tmp_path / "fits", table, 8, False)
+    with Distribution().running() as executor:
+        found = reproduce_cohort(tmp_path / "fits", table, 8, executor)
     assert not found.synthetic
     assert found.sliced == "P01/1"
     assert np.nanmin(found.slices.costs) >= 0.99 * found.slices.cost
@@ -137,7 +141,8 @@ def test_a_cohort_of_two_points_is_fitted_compared_and_kept(tmp_path):
     assert rows["2.1", "number of data points"].got == 2
     assert rows["3.2", "R² of pressures"].got > 0.95
     said: list[str] = []
-    again = reproduce_cohort(tmp_path / "fits", table, 8, True, said.append)
+    with Distribution(resume=True).running() as executor:
+        again = reproduce_cohort(tmp_path / "fits", table, 8, executor, said.append)
     assert again.results == found.results
     assert said == ["cohort: fits: 1 of 1 groups of data points"]  # and no task is run
     assert replace(again, slices=found.slices) == replace(found, slices=found.slices)

@@ -8,7 +8,7 @@ from eclsim.cases import read_mapping
 from eclsim.simulation import summary
 from eclsim.simulation.files import write_csv
 from eclsim.simulation.json_object import case_object
-from eclsim.simulation.single import simulate_case
+from eclsim.simulation.single import simulate
 
 PERSON = {"id": "P01", "sex": "male", "age_years": 60, "heart_rate_bpm": 90}
 ECMO = {"pump": "Rotaflow", "speed_rpm": 3425, "oxygenator": "Quadrox-i Adult", "mode": "VA"}
@@ -17,7 +17,7 @@ LVAD = {"pump": "HM3", "speed_rpm": 6500, "inlet_site": "lv", "outlet_site": "ao
 
 
 def simulated(**sections):
-    return simulate_case(read_mapping({"format": 1, "patient": PERSON, **sections}).case)
+    return simulate(read_mapping({"format": 1, "patient": PERSON, **sections}).case)
 
 
 def shown(capsys, results):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from eclsim.cases.reading import read_case
-from eclsim.simulation.single import simulate_case, simulate_transient
+from eclsim.simulation.single import simulate, simulate_transient
 
 CASE = """format = 1
 [patient]
@@ -24,7 +24,7 @@ def case(tmp_path_factory):
 
 @pytest.mark.parametrize("solver", ["semi-implicit", "adaptive"])
 def test_a_case_has_a_steady_beat_and_a_course_by_either_solver(case, solver):
-    beat = simulate_case(case, solver=solver)
+    beat = simulate(case, solver=solver)
     course = simulate_transient(case, 24.0, solver=solver, names=["Pao"])
     assert beat.attrs["id"] == course.attrs["id"] == "P07"
     assert beat.attrs["solver"] == course.attrs["solver"] == solver
@@ -35,7 +35,7 @@ def test_a_case_has_a_steady_beat_and_a_course_by_either_solver(case, solver):
 
 
 def test_all_waveforms_are_kept_if_none_is_named(case):
-    beat, course = simulate_case(case), simulate_transient(case, 0.3)
+    beat, course = simulate(case), simulate_transient(case, 0.3)
     waves = {name for name, variable in beat.data_vars.items() if variable.ndim == 1}
     assert set(course.data_vars) == waves
     assert all(np.isfinite(course[name]).all() for name in waves)

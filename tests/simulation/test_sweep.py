@@ -5,7 +5,7 @@ import pytest
 
 from eclsim.cases import read_mapping
 from eclsim.cases.settings import apply_settings
-from eclsim.simulation.single import SPEED_FOUND, simulate_case
+from eclsim.simulation.single import SPEED_FOUND, simulate
 from eclsim.simulation.sweep import (
     LARGEST_COUNT,
     Sweep,
@@ -73,7 +73,7 @@ def test_what_is_no_sweep_says_what_is(text, words):
 def test_every_beat_is_that_of_the_case_by_itself(key, values):
     sweep = swept(key, *values)
     for value, result in zip(sweep.values, sweep.results, strict=True):
-        alone = simulate_case(apply_settings(CASE, [f"{key}={value}"]))
+        alone = simulate(apply_settings(CASE, [f"{key}={value}"]))
         for name in ("MAP", "CO", "PF", "EDVLV"):
             assert float(result[name]) == pytest.approx(float(alone[name]), rel=1e-6)
         assert result.attrs["warnings"] == pytest.approx(alone.attrs["warnings"])
@@ -83,7 +83,7 @@ def test_every_beat_is_that_of_the_case_by_itself(key, values):
 def test_names_can_be_swept_too():
     sweep = swept("ecmo.oxygenator", "Quadrox-i Adult", "Quadrox-i Small Adult")
     assert not sweep.numeric
-    alone = [simulate_case(apply_settings(CASE, [f"ecmo.oxygenator={value}"])) for value in sweep.values]
+    alone = [simulate(apply_settings(CASE, [f"ecmo.oxygenator={value}"])) for value in sweep.values]
     flows = [float(result["PF"]) for result in sweep.results]
     assert flows == pytest.approx([float(result["PF"]) for result in alone], rel=1e-6)
     assert abs(flows[0] - flows[1]) > 0.01

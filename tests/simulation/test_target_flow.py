@@ -5,12 +5,14 @@ import json
 import numpy as np
 import pytest
 
+import eclsim
 from eclsim.cases import CaseError, read_mapping
 from eclsim.cases.settings import apply_settings
+from eclsim.cases.writing import case_text
 from eclsim.devices.device import UnsolvedFlowError
 from eclsim.orbit.model import model_of
 from eclsim.simulation.json_object import case_object
-from eclsim.simulation.single import simulate_case, simulate_transient
+from eclsim.simulation.single import SPEED_FOUND, simulate, simulate_transient
 from eclsim.simulation.target_flow import TOLERANCE_L_MIN, FlowNotReachedError, speed_for_flow, with_speed
 
 PATIENT = {
@@ -36,12 +38,22 @@ def case(flow: float = 4.0, **more):
     ],
 )
 def test_the_beat_has_the_flow_that_was_asked_for(settings, more, policy):
-    result = simulate_case(apply_settings(case(**more), settings), volume_policy=policy)
+    result = simulate(apply_settings(case(**more), settings), volume_policy=policy)
     assert result.attrs["converged"]
     assert float(result["PF"]) == pytest.approx(4.0, abs=TOLERANCE_L_MIN)
     solved = case_object(result)["solved"]["ecmo.speed_rpm"]
     assert 2000 < solved < 5000
     assert case_object(result)["target"] == {"ecmo.flow_l_min": 4.0}
+
+
+def test_the_public_function_solves_for_the_speed_of_a_file(tmp_path):
+    """The same beat as of `eclsim simulate FILE`, whose speed is solved for."""
+    file = tmp_path / "P01.toml"
+    file.write_text(case_text(case()), encoding="utf-8")
+    beat = eclsim.simulate(file)
+    assert float(beat["PF"]) == pytest.approx(4.0, abs=TOLERANCE_L_MIN)
+    assert beat.attrs[SPEED_FOUND] == simulate(case()).attrs[SPEED_FOUND]
+    assert eclsim.simulate(model_of(with_speed(case())[0]))["MAP"] == beat["MAP"]
 
 
 def test_the_speed_found_gives_the_same_beat_when_it_is_set():
@@ -50,14 +62,14 @@ def test_the_speed_found_gives_the_same_beat_when_it_is_set():
     assert solved.ecmo is not None
     assert (solved.ecmo.flow_l_min, solved.ecmo.speed_rpm) == (None, found.speed_rpm)
     assert str(found) == f"ecmo.flow_l_min = 4 needs {found.speed_rpm:.0f} rpm"
-    assert float(simulate_case(solved)["MAP"]) == pytest.approx(float(simulate_case(case())["MAP"]), abs=1e-6)
+    assert float(simulate(solved)["MAP"]) == pytest.approx(float(simulate(case())["MAP"]), abs=1e-6)
     assert with_speed(solved) == (solved, None)
 
 
 def test_a_flow_out_of_reach_names_the_highest_and_gives_no_numbers():
     with pytest.raises(FlowNotReachedError, match=r"highest flow reached is 6\.\d\d L/min, at 5000 rpm"):
         with_speed(case(8.0))
-    result = simulate_case(case(8.0))
+    result = simulate(case(8.0))
     assert (result.attrs["converged"], result.attrs["status"]) == (0, "flow_not_reached")
     written = case_object(result)
     assert (written["outputs"], written["waveforms"], written["residual"]) == ({}, {}, None)

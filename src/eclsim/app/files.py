@@ -302,9 +302,9 @@ def _study(state: PageState, stem: str) -> tuple[str, bytes]:
 
 
 def _simulated(state: PageState) -> xr.Dataset:
-    from eclsim.simulation.single import simulate_case
+    from eclsim.simulation.single import simulate
 
-    return simulate_case(state.case, volume_policy=state.policy)
+    return simulate(state.case, volume_policy=state.policy)
 
 
 if __name__ == "__main__":

@@ -9,10 +9,12 @@ from eclsim.cli.console import fail
 from eclsim.cli.crrt_study import crrt_study
 from eclsim.cli.identify import identify
 from eclsim.cli.options import COMMAND, MERGE, argument, as_command, option
+from eclsim.cli.paper import reproduce
 from eclsim.cli.sensitivity import sensitivity
 from eclsim.cli.validate import validate
 
-_COMMANDS = {function.__name__: function for function in (crrt_study, identify, sensitivity, validate)}
+_DISTRIBUTED = (crrt_study, identify, reproduce, sensitivity, validate)
+_COMMANDS = {function.__name__: function for function in _DISTRIBUTED}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,7 +27,7 @@ Value = TypeVar("Value")
 VolumePolicy = Literal["as_published", "patient_held"]
 _SHOWN = "shown on the command line as"
 MERGE, COMMAND = "merge", "command.json"
-WHERE = ("out", "json", "workers", "dask", "shard", "resume", "force")
+WHERE = ("out", "folder", "json", "workers", "dask", "shard", "resume", "force")
 """Options that change no result: each shard has its own."""
 
 
@@ -89,7 +89,7 @@ def as_command(function: Callable[..., None]) -> Callable[..., None]:
             try:
                 function(options)
             except ShardDone as done:
-                say(f"{done}; when all shards are done: eclsim merge {options.out}")
+                say(f"{done}; when all shards are done: eclsim merge {options.held[0]}")
             options.record(function.__name__)
 
     only = inspect.Parameter.KEYWORD_ONLY
@@ -215,7 +215,7 @@ class Distributed(Resumable, ResultsFolder):
         """Where tasks run, and which; adds to the mistakes what cannot be."""
         from eclsim.execution import Distribution, ExecutionError, Shard
 
-        if self.out is None and self.continues:
+        if self.held[0] is None and self.continues:
             mistakes.append("--resume and --shard need --out DIR")
         try:
             if self.merges:
@@ -234,9 +234,10 @@ class Distributed(Resumable, ResultsFolder):
 
         from eclsim.files import write_json
 
-        if self.out is None or self.shard is None:
+        folder, _ = self.held
+        if folder is None or self.shard is None:
             return
-        file = Path(self.out) / COMMAND
+        file = Path(folder) / COMMAND
         if self.merges:
             file.unlink(missing_ok=True)
             return

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,17 +11,18 @@ import typer
 
 from eclsim.cli.cases import names_of, read_table
 from eclsim.cli.console import Progress, did_you_mean, fail, say
-from eclsim.cli.destination import Destinations, resumable, writing
-from eclsim.cli.options import Force, ResultsFolder, argument, option
-from eclsim.paper.reproduction import PARTS, USUAL_EXPLORE, USUAL_SAMPLES, ReproductionSettings
+from eclsim.cli.destination import Destinations, Target, hand_over, resumable, writing
+from eclsim.cli.options import Distributed, argument, option
+from eclsim.paper.reproduction import INDEX, PARTS, USUAL_EXPLORE, USUAL_SAMPLES, ReproductionSettings
 
 if TYPE_CHECKING:
+    from eclsim.execution import Distribution
     from eclsim.paper.comparison import Row
     from eclsim.paper.reproduction import Reproduction
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReproduceOptions(ResultsFolder, Force):
+class ReproduceOptions(Distributed):
     """Options of `eclsim reproduce`."""
 
     folder: str | None = argument(None, "DIR", "The same as --out DIR.", show_default=False)
@@ -53,8 +54,8 @@ class ReproduceOptions(ResultsFolder, Force):
 
     @property
     def held(self) -> tuple[str | None, str]:
-        """Either of the two names the folder."""
-        return self.out if self.out is not None else self.folder, ""
+        """Either of the two names the folder; shards run side by side."""
+        return self.out if self.out is not None else self.folder, super().held[1]
 
 
 def reproduce(options: ReproduceOptions) -> None:
@@ -65,23 +66,37 @@ def reproduce(options: ReproduceOptions) -> None:
 
     Exit status: 0 done, 2 bad input.
     """
-    folder, parts = _checked(options)
+    from eclsim.execution import ExecutionError
+    from eclsim.paper.report import as_object, write_reproduction
+    from eclsim.paper.reproduction import RUNS
+    from eclsim.paper.reproduction import reproduce as recompute
+
+    folder, target, parts, distribution = _checked(options)
     cohort = None if options.cohort is None else Path(options.cohort)
-    settings = ReproductionSettings(options.samples, options.explore, cohort, options.resume)
+    settings = ReproductionSettings(options.samples, options.explore, cohort)
     if options.cohort is not None:
         read_table(options.cohort)
-    with resumable(folder), Progress() as progress:
-        result = _compute(folder, settings, parts, progress)
-    _show(result, folder)
+    try:
+        with resumable(folder), writing(folder), Progress() as progress:
+            folder.mkdir(exist_ok=True)
+            result = recompute(folder / RUNS, settings, parts, progress, distribution)
+            write_reproduction(result, folder, progress)
+    except ExecutionError as error:
+        fail(error)
+    if hand_over(as_object(result), target):
+        _show(result)
+    say(f"all figures and tables: {folder / INDEX}")
 
 
-def _checked(o: ReproduceOptions) -> tuple[Path, Sequence[str]]:
+def _checked(o: ReproduceOptions) -> tuple[Path, Target, Sequence[str], Distribution]:
     from eclsim.paper.reproduction import RUNS, file_names
 
     if o.folder is not None and o.out is not None:
         fail(f"{o.folder} and --out {o.out}: two folders; one of them")
-    places = Destinations(force=o.force, resume=o.resume)
+    places = Destinations(force=o.force, resume=o.continues)
     folder = places.folder("--out", o.held[0], (*file_names(), RUNS))
+    target = places.target("--json", o.json)
+    distribution = o.distribution(places.mistakes)
     if folder is None:
         fail("no folder to write to; give one, such as --out reproduction")
     parts = tuple(dict.fromkeys(names_of(o.parts) or ()))
@@ -93,37 +108,17 @@ def _checked(o: ReproduceOptions) -> tuple[Path, Sequence[str]]:
     if o.samples & (o.samples - 1):
         places.mistakes.append(f"--samples {o.samples}: allowed: a power of two, such as 256 or 2048")
     places.check()
-    return folder, parts
+    return folder, target, parts, replace(distribution, force=not distribution.continues)
 
 
-def _compute(
-    folder: Path, settings: ReproductionSettings, parts: Sequence[str], progress: Progress
-) -> Reproduction:
-    from eclsim.execution import ExecutionError
-    from eclsim.paper.report import write_reproduction
-    from eclsim.paper.reproduction import RUNS
-    from eclsim.paper.reproduction import reproduce as recompute
-
-    try:
-        with writing(folder):
-            folder.mkdir(exist_ok=True)
-            result = recompute(folder / RUNS, settings, parts, progress)
-            write_reproduction(result, folder, progress)
-    except ExecutionError as error:
-        fail(error)
-    return result
-
-
-def _show(result: Reproduction, folder: Path) -> None:
+def _show(result: Reproduction) -> None:
     from eclsim.paper.comparison import Verdict
     from eclsim.paper.report import counts
-    from eclsim.paper.reproduction import INDEX
 
     typer.echo(counts(result.rows))
     for row in result.rows:
         if row.verdict is Verdict.DIFFERS:
             typer.echo(f"  {row.source}: {row.name}: {both_values(row)}; {row.reason}")
-    say(f"all figures and tables: {folder / INDEX}")
 
 
 def both_values(row: Row) -> str:

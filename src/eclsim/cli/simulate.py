@@ -128,6 +128,9 @@ def _each(
     o: SimulateOptions, readings: Sequence[CaseReading], labels: Sequence[str] | None = None
 ) -> Sequence[xr.Dataset]:
     """The beat of each case, written and shown; labels say what is before and what after a change."""
+    from eclsim.simulation.single import simulate as steady
+    from eclsim.simulation.single import simulate_transient
+
     cases = [reading.case for reading in readings]
     names = _waveforms(o, cases)
     places = _places(o, [case.patient.id for case in cases])
@@ -135,9 +138,11 @@ def _each(
     with Progress() as progress:
         for case in cases:
             progress(f"simulating {case.patient.id}")
-            results.append(_compute(case, o))
+            results.append(steady(case, solver=o.solver, check_grid=o.check_grid))
     courses = [
-        _compute_course(case, o, names) if "phase" in result.dims else None
+        simulate_transient(case, o.transient, solver=o.solver, names=names)
+        if "phase" in result.dims
+        else None
         for case, result in zip(cases, results, strict=True)
         if o.transient
     ]
@@ -164,18 +169,6 @@ def _waveforms(o: SimulateOptions, cases: Sequence[Case]) -> tuple[str, ...] | N
     if o.out is None and o.csv is None:
         fail("--save: without --out or --csv no waveform is written; give one of them")
     return wanted
-
-
-def _compute(case: Case, o: SimulateOptions) -> xr.Dataset:
-    from eclsim.simulation.single import simulate_case
-
-    return simulate_case(case, solver=o.solver, check_grid=o.check_grid)
-
-
-def _compute_course(case: Case, o: SimulateOptions, names: Sequence[str] | None) -> xr.Dataset:
-    from eclsim.simulation.single import simulate_transient
-
-    return simulate_transient(case, o.transient, solver=o.solver, names=names)
 
 
 def _write(

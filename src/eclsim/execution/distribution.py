@@ -15,6 +15,7 @@ from eclsim.execution.threads import using_threads
 
 Argument = TypeVar("Argument")
 Result = TypeVar("Result")
+Whole = TypeVar("Whole")
 _NAMED = 10
 
 
@@ -159,6 +160,22 @@ class Executor:
             self.open(store, numbers)
             run_tasks(tasks, store, numbers, self.run, progress)
             return {number: store.load(number) for number in numbers}
+
+    def each(self, works: Iterable[Callable[[], Whole]]) -> list[Whole]:
+        """What several works return, one after the other; a shard does its share of all before it ends.
+
+        Raises:
+            ShardDone: these were shards, whose results are in their folders now.
+        """
+        results, ended = [], None
+        for work in works:
+            try:
+                results.append(work())
+            except ShardDone as done:
+                ended = done
+        if ended is not None:
+            raise ended
+        return results
 
     def run_shard(
         self, tasks: Tasks[Argument, Result], store: Store[Result], folder: Path, progress: Progress | None

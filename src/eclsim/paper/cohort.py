@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.cases.cohort import read_cohort
-from eclsim.execution import Distribution
+from eclsim.execution import Executor
 from eclsim.identification.cohort import fit_cohort, r_squared
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.objective import Box, Objective, Target
@@ -62,7 +62,7 @@ def reproduce_cohort(
     folder: Path,
     cohort: Path | None,
     explore: int,
-    resume: bool,
+    executor: Executor,
     progress: Callable[[str], None] = lambda _: None,
 ) -> CohortComparison:
     """Fit the cohort and compare.
@@ -71,16 +71,15 @@ def reproduce_cohort(
         folder: keeps the fits.
         cohort: table of measurements; None takes the synthetic cohort.
         explore: explored sets of parameters for each free one.
-        resume: whether to go on with what the folder holds.
+        executor: runs the fits.
         progress: is told what is being computed.
     """
     reading = read_cohort(cohort or SYNTHETIC)
     settings = FitSettings(multi_start=MultiStart.quick(explore))
-    with Distribution(resume=resume, force=not resume).running() as executor:
-        results = fit_cohort(
-            reading.points, settings, digest=reading.digest, folder=folder, executor=executor,
-            progress=lambda state: progress(f"cohort: {state}"),
-        )  # fmt: skip
+    results = fit_cohort(
+        reading.points, settings, digest=reading.digest, folder=folder, executor=executor,
+        progress=lambda state: progress(f"cohort: {state}"),
+    )  # fmt: skip
     r2 = r_squared(results)
     chosen = next(k for k, result in enumerate(results) if result["cost"] is not None)
     found = _slices(reading.points[chosen], results[chosen], settings)

@@ -251,6 +251,6 @@ def _circuit(study: CrrtStudy) -> Figure:
     """Patient, ECMO and CRRT with the means of the case, which is connected as in scheme g."""
     from eclsim.orbit.model import model_of
     from eclsim.reporting.schematic import draw_circuit
-    from eclsim.simulation.single import simulate_case
+    from eclsim.simulation.single import simulate
 
-    return draw_circuit(model_of(study.case).circuit, simulate_case(study.case))
+    return draw_circuit(model_of(study.case).circuit, simulate(study.case))

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from eclsim.execution import Distribution
 
 if TYPE_CHECKING:
     from eclsim.paper.cohort import CohortComparison
@@ -22,6 +25,8 @@ USUAL_EXPLORE = 30
 
 INDEX = "index.html"
 FILES = (INDEX, "reproduction.csv", "reproduction.json")
+PRELOAD = ("scipy.stats", "eclsim.sensitivity.runs", "eclsim.identification.cohort")
+"""What a worker needs before its first task."""
 RUNS = "runs"
 """Folder of what takes long, so that it can be gone on with."""
 
@@ -34,13 +39,11 @@ class ReproductionSettings:
         samples: rows N of the sensitivity analyses; the paper has 2048.
         explore: explored sets of parameters for each free one in the fits of the cohort.
         cohort: table of measurements; None takes the synthetic cohort.
-        resume: whether to go on with what is there.
     """
 
     samples: int = USUAL_SAMPLES
     explore: int = USUAL_EXPLORE
     cohort: Path | None = None
-    resume: bool = False
 
 
 @dataclass(frozen=True)
@@ -78,6 +81,7 @@ def reproduce(
     settings: ReproductionSettings | None = None,
     parts: Sequence[str] = PARTS,
     progress: Callable[[str], None] = lambda _: None,
+    distribution: Distribution | None = None,
 ) -> Reproduction:
     """Compute everything and set it beside the paper.
 
@@ -86,23 +90,31 @@ def reproduce(
         settings: how much is computed.
         parts: of `PARTS`; the CRRT study is always done.
         progress: is told what is being computed.
+        distribution: where the runs of the long parts are computed, and which of them; left out, here, anew.
+
+    Raises:
+        ExecutionError: a folder holds something else, or workers cannot be reached.
+        ShardDone: this was a shard, whose runs are in the folder now.
     """
     from eclsim.paper.cohort import reproduce_cohort
     from eclsim.paper.crrt import reproduce_crrt, table_rows
     from eclsim.paper.sensitivity import reproduce_circulation, reproduce_positions
 
     chosen = settings or ReproductionSettings()
+    distribution = distribution or Distribution(force=True)
     crrt = reproduce_crrt(progress)
-    sensitivity = positions = cohort = None
-    if "sensitivity" in parts:
-        sensitivity = reproduce_circulation(folder / "sensitivity", chosen.samples, chosen.resume, progress)
-    if "positions" in parts:
-        positions = reproduce_positions(
-            folder / "positions", crrt.unstated, chosen.samples, chosen.resume, progress
-        )
-    if "cohort" in parts:
-        cohort = reproduce_cohort(folder / "cohort", chosen.cohort, chosen.explore, chosen.resume, progress)
-    return Reproduction(crrt, sensitivity, positions, cohort, tuple(table_rows()))
+    with distribution.running(PRELOAD) as executor:
+        long_parts: dict[str, Callable[[Path], object]] = {
+            "sensitivity": lambda at: reproduce_circulation(at, chosen.samples, executor, progress),
+            "positions": lambda at: reproduce_positions(
+                at, crrt.unstated, chosen.samples, executor, progress
+            ),
+            "cohort": lambda at: reproduce_cohort(at, chosen.cohort, chosen.explore, executor, progress),
+        }
+        names = [name for name in long_parts if name in parts]
+        results = executor.each([partial(long_parts[name], folder / name) for name in names])
+    compared: dict[str, Any] = dict.fromkeys(long_parts) | dict(zip(names, results, strict=True))
+    return Reproduction(crrt, tables=tuple(table_rows()), **compared)
 
 
 # --- everything that is numbered in the paper -----------------------------------------------------

@@ -13,13 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from eclsim.cases.case import Case
-from eclsim.execution import Distribution
+from eclsim.execution import Executor
 from eclsim.orbit.model import model_of
 from eclsim.paper.comparison import Row, Verdict, printed_number, statement
 from eclsim.paper.patient import Unstated, explained_case, paper_case
@@ -72,14 +73,14 @@ def healthy_parameters_case(average: bool) -> Case:
 
 
 def reproduce_circulation(
-    folder: Path, samples: int, resume: bool, progress: Progress = lambda _: None
+    folder: Path, samples: int, executor: Executor, progress: Progress = lambda _: None
 ) -> CirculationComparison:
     """Run the analyses and compare.
 
     Args:
-        folder: keeps the runs; what is there of the same design is taken over with `resume`.
+        folder: keeps the runs.
         samples: rows N of each design, a power of two.
-        resume: whether to go on with what the folder holds.
+        executor: runs them.
         progress: is told what is being computed.
     """
 
@@ -90,13 +91,14 @@ def reproduce_circulation(
             case,
             settings=SobolSettings(samples=samples, second_order=False, values=values),
             folder=folder / f"{name}{'_' if state else ''}{state}",
-            distribution=Distribution(resume=resume, force=not resume),
+            distribution=executor,
             progress=lambda p: progress(f"{words}: {p.done} of {p.total} blocks"),
         )
 
     woman, man = healthy_parameters_case(False), healthy_parameters_case(True)
-    assumed, average = run("assumed", woman), run("average", man)
-    states = {state: run("average", man, state) for state in TARGETS}
+    analyses = [partial(run, "assumed", woman), *(partial(run, "average", man, s) for s in ("", *TARGETS))]
+    assumed, average, *others = executor.each(analyses)
+    states = dict(zip(TARGETS, others, strict=True))
     rows = (*_table_2(assumed.indices, average.indices), *_statements(assumed, average, states))
     return CirculationComparison(rows, assumed, average, states, samples)
 
@@ -241,7 +243,7 @@ def reproduce_positions(
     folder: Path,
     unstated: Unstated,
     samples: int,
-    resume: bool,
+    executor: Executor,
     progress: Progress = lambda _: None,
 ) -> PositionsComparison:
     """Run both analyses and compare.
@@ -250,7 +252,7 @@ def reproduce_positions(
         folder: keeps the runs.
         unstated: of the patient, as found with the numbers of section 3.3.
         samples: rows N of each design, a power of two.
-        resume: whether to go on with what the folder holds.
+        executor: runs them.
         progress: is told what is being computed.
     """
     case = explained_case(unstated)
@@ -260,14 +262,15 @@ def reproduce_positions(
     redrawn = replace(plan, evaluator=RedrawnChoices(plan.evaluator, choices))
 
     def run(analysis: Analysis, name: str, title: str) -> SensitivityResult:
-        with Distribution(resume=resume, force=not resume).running() as executor:
-            return run_analysis(
-                analysis, folder / name, executor,
-                progress=lambda p: progress(f"{title}: {p.done} of {p.total} blocks"),
-            )  # fmt: skip
+        return run_analysis(
+            analysis, folder / name, executor,
+            progress=lambda p: progress(f"{title}: {p.done} of {p.total} blocks"),
+        )  # fmt: skip
 
-    designed = run(plan, "designed", "sensitivity to the CRRT's positions")
-    drawn = run(redrawn, "drawn", "the same, positions drawn over the design")
+    designed, drawn = executor.each((
+        partial(run, plan, "designed", "sensitivity to the CRRT's positions"),
+        partial(run, redrawn, "drawn", "the same, positions drawn over the design"),
+    ))  # fmt: skip
     return PositionsComparison(tuple(position_rows(designed, drawn)), designed, drawn, samples)
 
 

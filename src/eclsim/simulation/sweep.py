@@ -42,7 +42,7 @@ class Sweep:
         unit: of the values, empty for names.
         values: numbers, or names.
         own: the case's own value, None where it has none.
-        results: the beat at each value, as `simulate_case` gives it.
+        results: the beat at each value, as `eclsim.simulate` gives it.
     """
 
     case_id: str
