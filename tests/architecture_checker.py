@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 # Rooms in order: each may import those before it. `eclsim` itself re-exports names of all of them.
 ROOMS = (
-    "units", "execution", "blood", "gas", "components", "circuit", "parameters", "patient", "inputs",
+    "units", "execution", "blood", "gas", "components", "circuit", "parameters", "patient", "regulation",
+    "inputs",
     "devices", "cases", "beat", "orbit", "outputs", "reporting", "simulation", "sensitivity",
     "identification", "crrt_study", "paper", "validation", "app", "cli",
 )  # fmt: skip

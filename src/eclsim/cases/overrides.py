@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from eclsim.cases.sections import places_of
+from eclsim.cases.sections import PATIENT_SECTIONS, places_of
 from eclsim.devices.device import device_key
 from eclsim.devices.registry import devices, parameter_of, parameters
 from eclsim.inputs.fields import Field
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.numbers import RefusedValueError, read_number, suspected_unit
 from eclsim.inputs.sections import Raw
-from eclsim.parameters import did_you_mean, physiology, thiel2025
+from eclsim.parameters import did_you_mean, thiel2025
 from eclsim.parameters.parameter import Parameter
 
 _FRACTION_TOLERANCE = 1e-6
@@ -36,7 +36,7 @@ def check_parameters(raw: object, connected: Mapping[str, Raw], remarks: Remarks
     for written, value in _flat(raw):
         key = thiel2025.ALIASES.get(written, written)
         parameter = parameter_of(key, connected)
-        if parameter is None or key.startswith(f"{physiology.SECTION}."):
+        if parameter is None or _of_patient_section(key):
             _refuse_unknown(written, value, remarks)
         elif key in values:
             remarks.error(f"parameters.{written}", f"given twice, also as {key}", shown(value))
@@ -46,6 +46,12 @@ def check_parameters(raw: object, connected: Mapping[str, Raw], remarks: Remarks
     _check_fractions(values, remarks)
     _check_atria(values, remarks)
     return values
+
+
+def _of_patient_section(key: str) -> bool:
+    """Whether a parameter is set in a section of its own."""
+    section, _, name = key.partition(".")
+    return any(one.section == section and name in one.fields() for one in PATIENT_SECTIONS)
 
 
 def _flat(raw: Raw) -> Iterator[tuple[str, object]]:
@@ -79,7 +85,7 @@ def _check_value(
 def _refuse_unknown(written: str, value: object, remarks: Remarks) -> None:
     short = written if len(written) <= 64 else written[:60] + "..."
     hint = did_you_mean(written, (*parameters(), *thiel2025.ALIASES)) or ""
-    own = written.removeprefix(f"{physiology.SECTION}.")
+    own = written.partition(".")[2] if _of_patient_section(written) else written
     places = [place for place in places_of(own) if place.endswith(f".{own}")]
     allowed = "names of the parameter tables (eclsim parameters lists them)"
     key = f"parameters.{short}"

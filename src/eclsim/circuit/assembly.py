@@ -127,12 +127,12 @@ class Assembly:
             quantities[position] = quantities[position] + weight * amount
 
     def in_effect(self, values: Values, state: States) -> Values:
-        """Values of the parameters during the beat from a state: those given, but where a controller acts."""
+        """Values of the parameters during the beat from a state: those given, but where controllers act."""
         if not self.circuit.controllers:
             return values
         acted = dict(values)
         for control, states in zip(self.circuit.controllers, self._control_states(state), strict=True):
-            law, given = control.component, [values[name] for name in control.acts_on]
+            law, given = control.component, [acted[name] for name in control.acts_on]
             acted.update(
                 zip(control.acts_on, law.in_effect(states, given, law.constants(values)), strict=True)
             )

@@ -27,9 +27,17 @@ SHARED_PARAMETERS = ("etaB", "rhoB")
 
 @dataclass(frozen=True)
 class StartPressure(Component):
-    """Start: the compartment is filled to a pressure [mmHg] (`Key`: parameter or number)."""
+    """Start: the compartment is filled to a pressure [mmHg] (`Key`: parameter or number).
+
+    Args:
+        pressure: mmHg.
+        given: blood [mL] that comes on top, or is missing.
+        unstressed: change of unstressed volume [mL] that comes about after it was filled: no blood is given.
+    """
 
     pressure: Key = 0.0
+    given: Key = 0.0
+    unstressed: Key = 0.0
 
 
 @dataclass(frozen=True)

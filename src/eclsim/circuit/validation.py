@@ -6,7 +6,7 @@ import difflib
 from collections import Counter
 from collections.abc import Collection
 
-from eclsim.circuit.network import HEART_RATE, Circuit, sites_of
+from eclsim.circuit.network import HEART_RATE, Circuit, Control, sites_of
 from eclsim.circuit.signals import Form
 
 
@@ -74,9 +74,9 @@ def _loose_ends(circuit: Circuit) -> list[str]:
 
 
 def _controls(circuit: Circuit) -> list[str]:
-    """Readings that do not exist, and parameters that do not exist or that two controllers act on."""
+    """Readings and parameters that do not exist, and parameters that two controllers set."""
     signals, parameters = list(map(str, circuit.signals())), (HEART_RATE, *circuit.parameter_names())
-    mistakes, acting = [], dict[str, str]()
+    mistakes, acting = [], dict[str, Control]()
     for control in circuit.controllers:
         start = f"controller '{control.name}'"
         for reading in control.reads:
@@ -89,9 +89,9 @@ def _controls(circuit: Circuit) -> list[str]:
             if name not in parameters:
                 hint = _hint(name, parameters)
                 mistakes.append(f"{start}: it acts on '{name}', which is no parameter of the circuit{hint}")
-            elif name in acting:
-                mistakes.append(f"{start}: it acts on '{name}', and so does controller '{acting[name]}'")
-            acting[name] = control.name
+            elif name in acting and not (control.component.relative and acting[name].component.relative):
+                mistakes.append(f"{start}: it acts on '{name}', and so does controller '{acting[name].name}'")
+            acting[name] = control
     return mistakes
 
 

@@ -24,7 +24,10 @@ def start_volume(compartment: Compartment, values: Values) -> Number:
         if not law.constant_stiffness:
             return filled_to(law, pressure, values)
         at_rest, stiffness = law.pressure(0.0, 0.0, law.constants(values))
-        return (pressure - at_rest) / stiffness
+        filled = (pressure - at_rest) / stiffness
+        if start.given == start.unstressed == 0.0:
+            return filled
+        return filled + value_of(values, start.given) - value_of(values, start.unstressed)
     volume = value_of(values, start.volume)
     return volume if start.fraction_of is None else volume * value_of(values, start.fraction_of)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Generic, NamedTuple
+from typing import ClassVar, Generic, NamedTuple
 
 from eclsim.components.base import Component, Constants, Number, Values
 
@@ -30,10 +30,13 @@ class Controller(Component, ABC, Generic[Constants]):
     on readings and states, and `in_effect` should stay within what the circuit can be computed with.
     """
 
+    relative: ClassVar[bool] = False
+    """Whether it multiplies or shifts what it is given, so that several such may act on one parameter."""
+
     @property
     @abstractmethod
     def states(self) -> tuple[ControlState, ...]:
-        """What it keeps from beat to beat, at least one number."""
+        """What it keeps from beat to beat; none where it acts the same whatever the beat."""
 
     def constants(self, values: Values) -> Constants:
         """What can be computed once from the parameters; handed back to the methods below."""

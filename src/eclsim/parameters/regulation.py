@@ -1,0 +1,37 @@
+"""Parameters of regulation, drugs and fluid.
+
+All are settings of a patient's regulation and of their treatment, none is a property of the published model:
+at the values here a circuit that has them is the published one, but for the reflex, which then answers to
+every departure from its set point.
+"""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+
+from eclsim.parameters.parameter import Parameter
+
+REGULATION, FLUID = "regulation", "fluid"
+GAIN = f"{REGULATION}.baroreflex"
+SET_POINT, VENOUS_SET_POINT = f"{REGULATION}.set_point_mmHg", f"{REGULATION}.venous_set_point_mmHg"
+UNSTRESSED = "unstressed_volume_ml"
+EXTRA_VOLUME = f"{FLUID}.extra_volume_ml"
+MODELS = ("ursino1998", "heldt2004")
+"""Published reflexes, by the name in a case file."""
+
+# key, value, unit, description, source, minimum, maximum, group
+_TABLE = (
+    (GAIN, 1.0, "1", "Gain of all reflexes: 1 as published, 0 none",
+     "1: the published reflex of healthy adults", 0.0, 1.2, REGULATION),
+    (SET_POINT, 92.0, "mmHg", "Mean arterial pressure at which reflexes do nothing",
+     "Ursino 1998; of a patient their own pressure at rest", 20.0, 160.0, REGULATION),
+    (VENOUS_SET_POINT, 5.0, "mmHg", "Mean right atrial pressure at which reflexes do nothing",
+     "Heldt 2004; of a patient their own pressure at rest", -10.0, 40.0, REGULATION),
+    (UNSTRESSED, 0.0, "mL", "Systemic veins' unstressed volume beyond that of the published patient",
+     "0: the published patient", -3000.0, 3000.0, REGULATION),
+    (EXTRA_VOLUME, 0.0, "mL", "Blood given or, negative, lost before the steady beat",
+     "0: the published patient", -3000.0, 5000.0, FLUID),
+)  # fmt: skip
+
+PARAMETERS: MappingProxyType[str, Parameter] = MappingProxyType({row[0]: Parameter(*row) for row in _TABLE})
+"""All parameters by key; each has its effect only where the section of a case file asks for it."""

@@ -1,0 +1,49 @@
+"""Published regulation in a circuit's tables: controllers, and veins whose unstressed volume can change."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from eclsim.circuit.network import Circuit, Compartment, Control, StartPressure
+from eclsim.components import ElasticVessel
+from eclsim.components.base import Key, Scaled, names_in
+from eclsim.parameters.regulation import EXTRA_VOLUME, REGULATION, UNSTRESSED
+from eclsim.regulation.heldt2004 import HELDT_2004
+from eclsim.regulation.reflex import Reflex, ReflexModel
+from eclsim.regulation.ursino1998 import URSINO_1998
+
+REFLEXES: dict[str, ReflexModel] = {model.name: model for model in (URSINO_1998, HELDT_2004)}
+"""Published reflexes by name."""
+SYSTEMIC_VEINS = "Csvn"
+"""Compliance of the systemic veins, which take up whatever blood comes, goes or is shifted."""
+
+
+def with_volume_offset(circuit: Circuit) -> Circuit:
+    """The circuit with systemic veins that have an unstressed volume and may be given blood.
+
+    P = (V - Vu) / C, where V is the published stressed volume at Vu = 0. Blood given (`EXTRA_VOLUME`) changes
+    the sum of all V, a change of Vu does not: it shifts blood between what makes pressure and what does not.
+    """
+    return replace(circuit, compartments=tuple(map(_with_offset, circuit.compartments)))
+
+
+def _with_offset(compartment: Compartment) -> Compartment:
+    law, start = compartment.component, compartment.start
+    if not (isinstance(law, ElasticVessel) and SYSTEMIC_VEINS in names_in(law.compliance)):
+        return compartment
+    assert isinstance(start, StartPressure)
+
+    def own(total: str) -> Key:
+        return replace(law.compliance, of=total) if isinstance(law.compliance, Scaled) else total
+
+    return replace(
+        compartment,
+        component=replace(law, unstressed=own(UNSTRESSED)),
+        start=replace(start, given=own(EXTRA_VOLUME), unstressed=own(UNSTRESSED)),
+    )
+
+
+def with_reflex(circuit: Circuit, model: ReflexModel) -> Circuit:
+    """A circuit with volume offset, regulated by a published reflex."""
+    control = Control(REGULATION, Reflex(model), model.reads, model.acts_on)
+    return circuit + Circuit(controllers=(control,))

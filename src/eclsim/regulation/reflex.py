@@ -1,0 +1,178 @@
+"""A reflex: pressures read off a beat, pathways to organs, and what each of them does there.
+
+What is published is data (`ReflexModel`); `Reflex` is the controller that any such data make. All curves are
+used around a set point: an effector is multiplied by what its published curve does on the way from the set
+point to the pressure read, so that a patient at the set point is as without the reflex.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
+
+import jax.numpy as jnp
+
+from eclsim.circuit.network import BLOOD_VOLUME, Reading
+from eclsim.components.base import Key, Number, Values, value_of
+from eclsim.components.controllers import Controller, ControlState
+from eclsim.parameters.regulation import GAIN, SET_POINT, UNSTRESSED, VENOUS_SET_POINT
+
+
+class Pathway(NamedTuple):
+    """A nerve's way to some organs.
+
+    Attributes:
+        name: of the pathway, and of the controller's state.
+        lag_s: delay and time constant together [s]: the mean time by which the effect is late. The beat at
+            rest does not depend on it.
+        scale: typical change of the drive along it, in the drive's unit.
+    """
+
+    name: str
+    lag_s: float
+    scale: float
+
+
+@dataclass(frozen=True)
+class Effector:
+    """What pathways do to one parameter: theta_i + sum over pathways of gain * drive, of beds in parallel.
+
+    Args:
+        parameter: it acts on.
+        reference: published value theta_i of each bed at the set point; one for what has no beds.
+        gains: of each bed, one for each pathway.
+        inverse: whether the published quantity is the inverse of the parameter: the period of the heart rate,
+            the end-systolic compliance of the elastance.
+    """
+
+    parameter: str
+    reference: tuple[float, ...]
+    gains: tuple[tuple[float, ...], ...]
+    inverse: bool = False
+
+    def factor(self, drives: Sequence[Number]) -> Number:
+        """Value of the parameter relative to that at the set point; exactly 1 where all drives are 0."""
+        changed: Number = 0.0
+        for reference, gains in zip(self.reference, self.gains, strict=True):
+            shift = sum((g * d for g, d in zip(gains, drives, strict=True) if g), start=0.0)
+            changed = changed + 1.0 / (reference + shift)
+        factor = sum(1.0 / reference for reference in self.reference) / changed
+        return 1.0 / factor if self.inverse else factor
+
+
+@dataclass(frozen=True)
+class ReflexModel:
+    """A published set of reflexes.
+
+    Args:
+        name: as in a case file.
+        source: where its numbers come from.
+        reads: pressures, the arterial one first, then the right atrial one where it is read.
+        published_set_points: of the pressures read [mmHg].
+        pathways: in the order of drives.
+        drives: from the deviations of the pressures from their set points [mmHg] to the drive along each
+            pathway, 0 at the set point.
+        effectors: what the pathways act on, but for the veins.
+        venous_gains_ml: change of venous unstressed volume per unit of drive, of each pathway [mL].
+        blood_volume_ml: of the published subject [mL]; a patient's veins change in proportion to theirs.
+    """
+
+    name: str
+    source: str
+    reads: tuple[Reading, ...]
+    published_set_points: tuple[float, ...]
+    pathways: tuple[Pathway, ...]
+    drives: Callable[[Sequence[Number]], Sequence[Number]]
+    effectors: tuple[Effector, ...]
+    venous_gains_ml: tuple[float, ...]
+    blood_volume_ml: float
+
+    @property
+    def acts_on(self) -> tuple[str, ...]:
+        """Parameters in the order of `effects`."""
+        return (*(effector.parameter for effector in self.effectors), UNSTRESSED)
+
+    def effects(self, drives: Sequence[Number], blood_volume_ml: Number) -> list[Number]:
+        """Factor of each effector's parameter, and last the change of unstressed volume [mL]."""
+        share = blood_volume_ml / self.blood_volume_ml
+        veins = sum((g * d for g, d in zip(self.venous_gains_ml, drives, strict=True) if g), start=0.0)
+        return [*(effector.factor(drives) for effector in self.effectors), share * veins]
+
+    def steady_effects(
+        self, deviations: Sequence[Number], gain: Number, blood_volume_ml: Number
+    ) -> list[Number]:
+        """The same where pressures have been so for long; deviations from the set points in mmHg."""
+        return self.effects([gain * drive for drive in self.drives(deviations)], blood_volume_ml)
+
+
+class ReflexConstants(NamedTuple):
+    """Gain, set points of the pressures read [mmHg], and the patient's blood volume [mL]."""
+
+    gain: Number
+    set_points: tuple[Number, ...]
+    blood_volume_ml: Number
+
+
+@dataclass(frozen=True)
+class Reflex(Controller[ReflexConstants]):
+    """The controller of a published reflex; its states are the drives along the pathways.
+
+        pressures --> [ curves ] --> drives --> [ lags ] --> gain * drive --> factors of parameters
+
+    A drive follows that of the last beat's mean pressures with its pathway's lag, as a first-order filter.
+
+    Args:
+        model: what is published.
+        gain: 1 for the published reflex, less in sedation, 0 for none.
+        set_point: arterial pressure at which it does nothing [mmHg].
+        venous_set_point: right atrial pressure at which it does nothing [mmHg], where it is read.
+        blood_volume: the patient's blood [mL].
+    """
+
+    model: ReflexModel
+    gain: Key = GAIN
+    set_point: Key = SET_POINT
+    venous_set_point: Key = VENOUS_SET_POINT
+    blood_volume: Key = BLOOD_VOLUME
+    relative: ClassVar = True
+    not_negative: ClassVar = ("gain",)
+
+    @property
+    def states(self) -> tuple[ControlState, ...]:
+        """Drive along each pathway."""
+        return tuple(ControlState(pathway.name, pathway.scale) for pathway in self.model.pathways)
+
+    def constants(self, values: Values) -> ReflexConstants:
+        """Gain, set points, blood volume."""
+        keys = (self.set_point, self.venous_set_point)
+        points = tuple(value_of(values, key) for key, _ in zip(keys, self.model.reads, strict=False))
+        return ReflexConstants(value_of(values, self.gain), points, value_of(values, self.blood_volume))
+
+    def start(self, constants: ReflexConstants) -> Sequence[Number]:
+        """At the set point."""
+        return [0.0] * len(self.model.pathways)
+
+    def in_effect(
+        self, states: Sequence[Number], values: Sequence[Number], constants: ReflexConstants
+    ) -> Sequence[Number]:
+        """Parameters times their factors, and the unstressed volume shifted."""
+        drives = [constants.gain * state for state in states]
+        *factors, shift = self.model.effects(drives, constants.blood_volume_ml)
+        *given, unstressed = values
+        return [*(value * factor for value, factor in zip(given, factors, strict=True)), unstressed + shift]
+
+    def next_states(
+        self,
+        states: Sequence[Number],
+        readings: Sequence[Number],
+        period: Number,
+        constants: ReflexConstants,
+    ) -> Sequence[Number]:
+        """Each drive a beat's part of the way towards that of the pressures read."""
+        deviations = [read - point for read, point in zip(readings, constants.set_points, strict=True)]
+        wanted = self.model.drives(deviations)
+        return [
+            state - jnp.expm1(-period / pathway.lag_s) * (drive - state)
+            for state, drive, pathway in zip(states, wanted, self.model.pathways, strict=True)
+        ]

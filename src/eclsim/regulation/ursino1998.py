@@ -1,0 +1,102 @@
+"""Arterial baroreflex of Ursino 1998 (Am J Physiol 275:H1733, doi 10.1152/ajpheart.1998.275.5.H1733).
+
+    carotid firing      f_cs = (f_min + f_max e^x) / (1 + e^x),  x = (P - P_n) / k_a
+    sympathetic firing  f_es = f_es,inf + (f_es,0 - f_es,inf) e^(-k_es f_cs)
+    vagal firing        f_ev = (f_ev,0 + f_ev,inf e^y) / (1 + e^y),  y = (f_cs - f_cs,0) / k_ev
+    sympathetic effect  G ln(f_es - f_es,min + 1) above the threshold f_es,min, else 0
+    vagal effect        G f_ev
+
+The numbers were read in two repositories that rebuilt the model, not in the article itself. The published
+baroreceptor also answers to the rate of pressure, whose mean over a beat is zero; its curve sees the mean
+pressure here, so that what pulsatility does to the firing is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import jax.numpy as jnp
+
+from eclsim.circuit.network import HEART_RATE, mean_of
+from eclsim.components.base import Number
+from eclsim.regulation.reflex import Effector, Pathway, ReflexModel
+
+SET_POINT_MMHG = 92.0
+SLOPE_MMHG = 11.758
+LEAST_FIRING, MOST_FIRING = 2.52, 47.78
+SYMPATHETIC_AT_HIGH_PRESSURE, SYMPATHETIC_AT_LOW_PRESSURE, SYMPATHETIC_RATE = 2.10, 16.11, 0.0675
+THRESHOLD = 2.66
+VAGAL_AT_LOW_PRESSURE, VAGAL_AT_HIGH_PRESSURE, VAGAL_MIDDLE, VAGAL_SLOPE = 3.2, 6.3, 25.0, 7.06
+"""Firing in spikes per second; pressures in mmHg."""
+
+
+def carotid_firing(deviation: Number) -> Number:
+    """Firing of the carotid sinus [1/s] at a pressure that far above the set point [mmHg]."""
+    rise = jnp.exp(deviation / SLOPE_MMHG)
+    return (LEAST_FIRING + MOST_FIRING * rise) / (1.0 + rise)
+
+
+def sympathetic_firing(carotid: Number) -> Number:
+    """Firing of sympathetic fibres [1/s]."""
+    span = SYMPATHETIC_AT_LOW_PRESSURE - SYMPATHETIC_AT_HIGH_PRESSURE
+    return SYMPATHETIC_AT_HIGH_PRESSURE + span * jnp.exp(-SYMPATHETIC_RATE * carotid)
+
+
+def vagal_firing(carotid: Number) -> Number:
+    """Firing of vagal fibres [1/s]."""
+    rise = jnp.exp((carotid - VAGAL_MIDDLE) / VAGAL_SLOPE)
+    return (VAGAL_AT_LOW_PRESSURE + VAGAL_AT_HIGH_PRESSURE * rise) / (1.0 + rise)
+
+
+def sympathetic_effect(deviation: Number) -> Number:
+    """What gains of sympathetic effectors are multiplied by [-]."""
+    firing = sympathetic_firing(carotid_firing(deviation))
+    return jnp.log(jnp.maximum(firing - THRESHOLD + 1.0, 1.0))
+
+
+def _drives(deviations: Sequence[Number]) -> list[Number]:
+    (deviation,) = deviations
+    sympathetic = sympathetic_effect(deviation) - sympathetic_effect(0.0)
+    vagal = vagal_firing(carotid_firing(deviation)) - vagal_firing(carotid_firing(0.0))
+    return [sympathetic, sympathetic, sympathetic, sympathetic, vagal]
+
+
+_AT_REST, _VAGAL_AT_REST = float(sympathetic_effect(0.0)), float(vagal_firing(carotid_firing(0.0)))
+PATHWAYS = (
+    Pathway("contractility", 2.0 + 8.0, 1.0),
+    Pathway("resistance", 2.0 + 6.0, 1.0),
+    Pathway("veins", 5.0 + 20.0, 1.0),
+    Pathway("sinus_sympathetic", 2.0 + 2.0, 1.0),
+    Pathway("sinus_vagal", 0.2 + 1.5, 1.0),
+)
+"""Delay plus time constant of each [s]."""
+
+
+def _sympathetic(pathway: str, theta: float, gain: float) -> tuple[float, tuple[float, ...]]:
+    """Value at the set point, and gains of all pathways, of an effector theta + gain * effect."""
+    return theta + gain * _AT_REST, tuple(gain if p.name == pathway else 0.0 for p in PATHWAYS)
+
+
+def _effector(parameter: str, *beds: tuple[float, tuple[float, ...]], inverse: bool = False) -> Effector:
+    return Effector(parameter, tuple(b[0] for b in beds), tuple(b[1] for b in beds), inverse)
+
+
+_PERIOD = 0.58 - 0.13 * _AT_REST + 0.09 * _VAGAL_AT_REST
+"""Heart period at the set point [s]."""
+URSINO_1998 = ReflexModel(
+    name="ursino1998",
+    source="Ursino 1998, Am J Physiol 275:H1733",
+    reads=(mean_of("Pao"),),
+    published_set_points=(SET_POINT_MMHG,),
+    pathways=PATHWAYS,
+    drives=_drives,
+    effectors=(
+        _effector("Emaxlv", _sympathetic("contractility", 2.392, 0.475)),
+        _effector("Emaxrv", _sympathetic("contractility", 1.412, 0.282)),
+        # Splanchnic and other organs; the brain's and the lungs' vessels are not regulated by it.
+        _effector("Rmc", _sympathetic("resistance", 2.49, 0.695), _sympathetic("resistance", 0.78, 0.53)),
+        _effector(HEART_RATE, (_PERIOD, (0.0, 0.0, 0.0, -0.13, 0.09)), inverse=True),
+    ),
+    venous_gains_ml=(0.0, 0.0, -265.4 - 132.5, 0.0, 0.0),
+    blood_volume_ml=5300.0,
+)

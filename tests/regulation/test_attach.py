@@ -1,0 +1,132 @@
+"""Regulated circuits: unchanged at rest, solved together with the beat, exact to first order."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eclsim.beat.heartbeat import beat_program
+from eclsim.circuit.assembly import assemble
+from eclsim.orbit.equation import OrbitOptions
+from eclsim.orbit.execution import Execution
+from eclsim.orbit.independent import AdaptiveBeats
+from eclsim.orbit.model import Model, nominal_values
+from eclsim.orbit.steady import Batch, solve, start_state
+from eclsim.outputs.results import derivatives
+from eclsim.outputs.steady_beat import steady_beat
+from eclsim.parameters.regulation import (
+    EXTRA_VOLUME,
+    GAIN,
+    PARAMETERS,
+    SET_POINT,
+    UNSTRESSED,
+    VENOUS_SET_POINT,
+)
+from eclsim.regulation.attach import REFLEXES, with_reflex, with_volume_offset
+from model_catalogue import model
+
+ACCURATE = OrbitOptions(tolerance=1e-11, error_tolerance=1e-10)
+PRESSURES = ("MAP", "right_atrial_pressure")
+OUTPUTS = ("MAP", "CO", "EDVLV", "PCWP")
+SETTINGS = {key: parameter.value for key, parameter in PARAMETERS.items()}
+
+
+def offset(changes=None):
+    """The paper's patient, with veins whose unstressed volume can change."""
+    plain = model("none")
+    return Model(with_volume_offset(plain.circuit), {**plain.values, **SETTINGS}).with_values(changes)
+
+
+def reflex(which, changes):
+    plain = offset()
+    return replace(plain, circuit=with_reflex(plain.circuit, REFLEXES[which])).with_values(changes)
+
+
+def beat(patient, names=OUTPUTS, **options):
+    return steady_beat(Batch.of(patient), names, options=ACCURATE, **options)
+
+
+@pytest.fixture(scope="module")
+def rest():
+    """Pressures of the unregulated patient, which are the set points."""
+    found = beat(model("none"), PRESSURES).outputs()
+    return {SET_POINT: found["MAP"], VENOUS_SET_POINT: found["right_atrial_pressure"]}
+
+
+def test_an_offset_of_zero_is_the_published_patient_in_every_bit():
+    plain, with_offset = (steady_beat(Batch.of(one)) for one in (model("none"), offset()))
+    assert plain.names == with_offset.names
+    np.testing.assert_array_equal(plain.values, with_offset.values)
+
+
+def test_blood_given_is_blood_and_unstressed_volume_is_not():
+    patients = (offset(), offset({EXTRA_VOLUME: 300.0}), offset({UNSTRESSED: -300.0}))
+    plain, given, shifted = (beat(patient) for patient in patients)
+    assert given.volume("patient") - plain.volume("patient") == pytest.approx(300.0, abs=1e-6)
+    assert shifted.volume("patient") == pytest.approx(plain.volume("patient"), abs=1e-6)
+    np.testing.assert_allclose(given.values, shifted.values, rtol=1e-9)
+    assert given.outputs()["CO"] > 1.1 * plain.outputs()["CO"]
+
+
+def test_blood_given_equals_veins_that_were_filled_to_a_higher_pressure():
+    """Another way to the same: the published start pressure of the veins, raised by 300 mL / Csvn."""
+    plain = model("none")
+    fuller = plain.with_values({"P0svn": plain.values["P0svn"] + 300.0 / plain.values["Csvn"]})
+    np.testing.assert_allclose(beat(fuller).values, beat(offset({EXTRA_VOLUME: 300.0})).values, rtol=1e-9)
+
+
+@pytest.mark.parametrize("which", REFLEXES)
+def test_a_patient_at_rest_is_unchanged(which, rest):
+    plain, regulated = beat(model("none")), beat(reflex(which, rest))
+    np.testing.assert_allclose(regulated.values, plain.values, rtol=1e-8)
+    assert regulated.volume("patient") == pytest.approx(plain.volume("patient"), abs=1e-6)
+
+
+@pytest.mark.parametrize("which", REFLEXES)
+def test_lost_blood_is_answered_and_the_solved_beat_is_where_marching_ends(which, rest):
+    patient = reflex(which, {**rest, EXTRA_VOLUME: -150.0})
+    regulated, bled = beat(patient), beat(offset({EXTRA_VOLUME: -150.0}))
+    kept, lost = (rest[SET_POINT] - one.outputs()["MAP"] for one in (regulated, bled))
+    assert 0.0 < kept < 0.6 * lost
+    assert regulated.volume("patient") == pytest.approx(bled.volume("patient"), abs=1e-6)
+    program, state = beat_program(patient.circuit), start_state(patient)
+    packed = np.array([patient.values[name] for name in program.names])
+    step = program.trace(program.signals)
+    for _ in range(1500):
+        state = np.asarray(step(state, packed)[0])
+    np.testing.assert_allclose(state, regulated.orbits.states[:, 0], rtol=1e-6, atol=1e-6)
+
+
+def test_the_independent_path_regulates_to_the_same_beat(rest):
+    patient = reflex("heldt2004", {**rest, EXTRA_VOLUME: -150.0})
+    orbit = solve(Batch.of(patient), ACCURATE).states[:, 0]
+    beats, state = AdaptiveBeats(patient), orbit
+    for _ in range(40):
+        state = beats.beat(state)
+    layout = assemble(patient.circuit).layout
+    for block in (layout.volumes, layout.controllers):
+        np.testing.assert_allclose(state[block.where], orbit[block.where], rtol=3e-3, atol=3e-3)
+
+
+@pytest.mark.parametrize("which", REFLEXES)
+def test_derivatives_match_central_differences(which, rest):
+    patient = reflex(which, {**rest, EXTRA_VOLUME: -150.0, GAIN: 0.7})
+    parameters = (GAIN, SET_POINT, EXTRA_VOLUME, UNSTRESSED, "Rmc", "Emaxlv", "heart_rate_bpm")
+    parameters += (VENOUS_SET_POINT,) if which == "heldt2004" else ()
+    exact = derivatives(patient, OUTPUTS, parameters).values
+    steps = np.array([max(1e-4 * abs(patient.values[p]), 1e-2 * (p == UNSTRESSED)) for p in parameters])
+    shifts = np.concatenate([np.diag(steps), -np.diag(steps)])
+    values = {p: patient.values[p] + shifts[:, k] for k, p in enumerate(parameters)}
+    many = Batch(patient.circuit, {**patient.values, **values}, len(shifts))
+    table = steady_beat(many, OUTPUTS, options=ACCURATE, execution=Execution(width=1)).values
+    numeric = (table[:, : len(steps)] - table[:, len(steps) :]) / (2.0 * steps)
+    size = np.array([max(abs(patient.values[p]), 100.0 * (p == UNSTRESSED)) for p in parameters])
+    outputs = beat(patient).values
+    np.testing.assert_allclose(exact * size / outputs, numeric * size / outputs, rtol=1e-3, atol=1e-4)
+
+
+def test_searches_begin_at_the_published_patient():
+    circuit = reflex("heldt2004", {}).circuit
+    nominal = nominal_values(circuit)
+    assert nominal is not None
+    assert {key: nominal[key] for key in SETTINGS} == SETTINGS
