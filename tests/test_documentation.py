@@ -2,13 +2,17 @@
 
 import re
 import shlex
+import shutil
 from pathlib import Path
 
 import pytest
 
+from eclsim.devices.registry import devices, forget_device
+
 REPOSITORY = Path(__file__).parents[1]
 PAGES = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").rglob("*.md"))]
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+SNIPPET = re.compile(r'^--8<-- "(.*)"$', re.MULTILINE)
 LINK = re.compile(r"\]\((?!https?://|mailto:|#)([^)#\s]+)[^)]*\)")
 
 
@@ -19,8 +23,19 @@ def name(page: Path) -> str:
 @pytest.mark.parametrize("page", [p for p in PAGES if BLOCK.search(p.read_text(encoding="utf-8"))], ids=name)
 def test_python_examples_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
-    code = "\n".join(BLOCK.findall(page.read_text(encoding="utf-8")))
-    exec(compile(code, str(page), "exec"), {"__name__": "example"})
+    for case in (REPOSITORY / "examples").glob("*.toml"):
+        shutil.copy(case, tmp_path)
+    code = "\n".join(BLOCK.findall(SNIPPET.sub(included, page.read_text(encoding="utf-8"))))
+    before = set(devices())
+    try:
+        exec(compile(code, str(page), "exec"), {"__name__": "example"})
+    finally:
+        for key in set(devices()) - before:
+            forget_device(key)
+
+
+def included(snippet: re.Match[str]) -> str:
+    return (REPOSITORY / snippet[1]).read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("page", [*PAGES, REPOSITORY / "CONTRIBUTING.md"], ids=name)

@@ -11,6 +11,7 @@ from eclsim.crrt_study.study import crrt_study as crrt_study
 from eclsim.devices.crrt import crrt as crrt
 from eclsim.devices.ecmo import ecmo as ecmo
 from eclsim.devices.lvad import lvad as lvad
+from eclsim.devices.registry import register_device as register_device
 from eclsim.execution import Distribution as Distribution
 from eclsim.execution import Shard as Shard
 from eclsim.identification.fit import FitResult as FitResult

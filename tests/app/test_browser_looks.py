@@ -16,6 +16,7 @@ import pytest
 from eclsim.app.knobs import connect
 from eclsim.app.state import PageState, link_of
 from eclsim.app.texts import text
+from eclsim.cases import read_mapping
 from eclsim.cases.presets import PRESETS
 from page_in_browser import LAPTOP, PHONE, eventually, expect, picture, show, turn, wait_for
 
@@ -43,6 +44,14 @@ FAULTS_OF_THE_SCHEMATIC = """(smallest) => {
     for (const t of g.querySelectorAll('text'))
       if (!within(box(t, 0.15), frame)) faults.push(`${t.textContent}: not in its box`);
   const labels = texts.filter((t) => !t.closest('.box, .handle')).map((t) => [t, box(t, 0.2)]);
+  const onScreen = svg.getScreenCTM();
+  const pieces = [...svg.querySelectorAll('polyline.wire')].flatMap((line) => {
+    const ends = [...line.points].map((point) => point.matrixTransform(onScreen));
+    return ends.slice(1).map((b, k) => ({
+      left: Math.min(ends[k].x, b.x), right: Math.max(ends[k].x, b.x),
+      top: Math.min(ends[k].y, b.y), bottom: Math.max(ends[k].y, b.y),
+    }));
+  });
   for (const [t, own] of labels) {
     for (const rect of svg.querySelectorAll('.frame rect')) {
       const frame = box(rect);
@@ -51,6 +60,7 @@ FAULTS_OF_THE_SCHEMATIC = """(smallest) => {
     for (const [g, frame] of boxes) {
       if (meet(own, frame)) faults.push(`${t.textContent}: over the box ${g.textContent}`);
     }
+    if (pieces.some((piece) => meet(own, piece))) faults.push(`${t.textContent}: struck through by a line`);
     for (const [other, its] of labels) {
       if (other !== t && meet(own, its)) faults.push(`${t.textContent}: over ${other.textContent}`);
     }
@@ -63,15 +73,20 @@ FAULTS_OF_THE_SCHEMATIC = """(smallest) => {
 }"""
 CONNECTED = [
     ("paper", ()), ("paper", ("lvad",)), ("healthy", ()), ("healthy", ("crrt",)), ("lvad", ()),
-    ("vv-ecmo", ()),
+    ("vv-ecmo", ()), ("healthy", ("two pumps",)),
 ]  # fmt: skip
+TWO_PUMPS = {
+    "left": {"pump": "HM3", "speed_rpm": 4900, "inlet_site": "lv", "outlet_site": "ao"},
+    "right": {"pump": "HVAD", "speed_rpm": 1900, "inlet_site": "ra", "outlet_site": "pas"},
+}
 
 
 @pytest.mark.parametrize(("preset", "devices"), CONNECTED)
 def test_the_schematic_can_be_read(open_page, served, shots, preset, devices):
     case = PRESETS[preset].case()
     for device in devices:
-        case = connect(case, device)
+        two = device == "two pumps"
+        case = read_mapping(case.as_mapping() | {"lvad": TWO_PUMPS}).case if two else connect(case, device)
     page = open_page(url=f"{served.url}/#{link_of(PageState(case))}")
     page.locator(".ecl-schematic .box").first.wait_for()
     picture(page, shots, "_".join(("schematic", preset, *devices)))

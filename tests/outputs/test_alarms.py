@@ -104,7 +104,7 @@ def test_output_of_lungs_and_ventricle_are_told_apart_where_devices_part_them():
 
 def test_a_return_behind_the_right_ventricle_tells_what_co_is():
     behind = {"CO": 2.7, "LVO": 8.2, "pulmonary_valve_flow": 2.7, "pulmonary_flow": 8.2, "systemic_flow": 8.2}
-    ((kind, sentence),) = said(behind)
+    ((kind, sentence),) = said(behind, circulation() + ecmo("ra", "pas"))
     assert kind == "caution"
     assert "CO 2.70 L/min is the flow through the pulmonary artery before the ECMO return" in sentence
     assert "the left ventricle itself ejects 8.20 L/min (LVO), the lungs get 8.20 L/min" in sentence

@@ -9,10 +9,11 @@ import pytest
 
 from eclsim.cases import read_case
 from eclsim.cli import main
+from eclsim.devices.crrt import SCHEMES
 from eclsim.orbit.status import Status
 from eclsim.sensitivity.analysis import Analysis, SobolSettings, plan_analysis, sensitivity
 from eclsim.sensitivity.identifiability import identifiability
-from eclsim.sensitivity.inputs import CARDIOVASCULAR, SCHEMES, Categorical, InputError, varied
+from eclsim.sensitivity.inputs import CARDIOVASCULAR, Categorical, InputError, varied
 from eclsim.sensitivity.patients import TARGETS, StateError, state_values
 from eclsim.sensitivity.results import conclude
 from eclsim.sensitivity.uncertainties import Uncertainty

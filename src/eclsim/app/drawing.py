@@ -50,7 +50,7 @@ def _drawing(circuit: Circuit) -> dict[str, Any]:
         "view": [left, top, right - left, page.height - top + 1.0],
         "frames": [
             {"group": g, "x": sides[0], "y": -y1 + 1.0, "w": sides[1] - sides[0], "h": y1 - y0 - 2.0,
-             "title": [MIDDLE, _title_height(page, g)], "ink": ink(g), **_frame_texts(g)}
+             "title": [MIDDLE, _title_height(plan, page, g)], "ink": ink(g), **_frame_texts(g)}
             for g, (y0, y1) in page.frames.items()
         ],
         "boxes": _boxes(circuit, plan, page),
@@ -104,14 +104,14 @@ def _moved(line: Attachment) -> dict[str, str]:
     return {"moves": f"{names.key}.{key}", "letter": key[0].upper(), "about": about}
 
 
-def _title_height(page: Layout, group: str) -> float:
+def _title_height(plan: Plan, page: Layout, group: str) -> float:
     """Where a frame's title stands: in the middle, where there is neither label nor line."""
-    from eclsim.reporting.schematic_layout import HEART_UPPER, PATIENT, SPARE
+    from eclsim.reporting.schematic_layout import HEART_UPPER, PATIENT, PER_BRIDGE, SPARE
 
     if group == SPARE or (group == PATIENT and HEART_UPPER not in page.rows):
         return -page.frames[group][1] + 4.6
     if group == PATIENT:
-        return -page.rows[HEART_UPPER] - 1.0
+        return -page.rows[HEART_UPPER] - 1.0 - PER_BRIDGE * max(len(plan.bridges) - 1, 0)
     return -page.rows[group, 0] + (13.0 if (group, 1) in page.rows else 10.5)
 
 

@@ -8,6 +8,7 @@ import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
+from functools import cache
 from typing import TYPE_CHECKING
 
 from eclsim.cases.ids import plain_id
@@ -20,10 +21,6 @@ if TYPE_CHECKING:
 
 _PRESSURES = ("SP", "DP", "MAP", "MPAP", "PCWP")
 _ENOUGH_ROWS = 4
-_UNITS = {
-    item.name: item.unit for kind in sections().values() for item in kind.fields().values() if item.unit
-}
-_UNITS |= {"ecmo_speed_rpm": "rpm"}
 _TIME = re.compile(r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d(\.\d+)?)?(Z|[+-]\d\d:?\d\d)?)?")
 
 
@@ -35,17 +32,24 @@ class Doubts:
     warnings: list[Mistake] = field(default_factory=list)
 
 
+@cache
+def _units() -> dict[str, str]:
+    """Units of the columns that have one."""
+    fields = (item for kind in sections().values() for item in kind.fields().values())
+    return {item.name: item.unit for item in fields if item.unit} | {"ecmo_speed_rpm": "rpm"}
+
+
 def expected_unit(column: str, text: str) -> tuple[str, str] | None:
     """The unit of a column and the one that a text names; None if it names none."""
     named = known_unit(text.strip("[]() "))
-    unit = _UNITS.get(column)
+    unit = _units().get(column)
     return (unit, named) if unit is not None and named is not None else None
 
 
 def is_units_row(row: Mapping[str, str]) -> bool:
     """Whether the cells of a row are units, not values."""
     named = [column for column, text in row.items() if expected_unit(column, text)]
-    return len(named) >= 2 and not any(_number(row.get(name, "")) is not None for name in _UNITS)
+    return len(named) >= 2 and not any(_number(row.get(name, "")) is not None for name in _units())
 
 
 def across_rows(rows: Mapping[int, Mapping[str, str]]) -> tuple[set[int], Doubts]:

@@ -81,8 +81,30 @@ def _show_version(wanted: bool) -> None:
         raise typer.Exit
 
 
+def _load_devices(files: list[str] | None) -> None:
+    """Run the files that hold devices of the user's own; processes started later do so themselves."""
+    if not files:
+        return
+    from eclsim.devices.registry import FILES, DeviceError, load_device_file
+
+    os.environ[FILES] = os.pathsep.join(map(os.path.abspath, files))
+    try:
+        for file in files:
+            load_device_file(file)
+    except DeviceError as error:
+        fail(f"--device {error}")
+
+
 @app.callback()
 def _options(
+    device: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="FILE.py",
+            callback=_load_devices,
+            help="Python file that registers a device of your own; it is run. May be given more than once.",
+        ),
+    ] = None,
     version: Annotated[
         bool,
         typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and leave."),

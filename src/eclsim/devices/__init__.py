@@ -1,1 +1,42 @@
-"""Devices that are connected to a patient: ECMO, CRRT and LVAD, and their constants."""
+"""Devices that are connected to a patient: a file each, and the registry.
+
+What stands here is for writing a device of one's own; `eclsim.register_device` makes it known.
+"""
+
+from eclsim.devices.description import (
+    CAUTION,
+    Box,
+    Curve,
+    Finding,
+    KeyFigure,
+    Knob,
+    Limit,
+    Look,
+    Mark,
+    Output,
+    Picker,
+    Sweep,
+    Trace,
+    Views,
+    difference,
+    highest,
+    lowest,
+    mean,
+    mean_flow,
+    picker,
+)
+from eclsim.devices.device import CaseValues, Device, Instance, Naming
+from eclsim.devices.plausibility import check_cannula, check_sites, check_speed, patient_site
+from eclsim.devices.products import CannulaType, Dialyzer, Oxygenator, Product, PumpCurve, by_key, pump_values
+from eclsim.inputs.fields import Field, measured, number, one_of
+from eclsim.inputs.mistakes import Remarks, shown
+from eclsim.inputs.sections import Raw, Section
+from eclsim.parameters.parameter import Parameter
+
+__all__ = [
+    "CAUTION", "Box", "CannulaType", "CaseValues", "Curve", "Device", "Dialyzer", "Field", "Finding",
+    "Instance", "KeyFigure", "Knob", "Limit", "Look", "Mark", "Naming", "Output", "Oxygenator", "Parameter",
+    "Picker", "Product", "PumpCurve", "Raw", "Remarks", "Section", "Sweep", "Trace", "Views", "by_key",
+    "check_cannula", "check_sites", "check_speed", "difference", "highest", "lowest", "mean", "mean_flow",
+    "measured", "number", "one_of", "patient_site", "picker", "pump_values", "shown",
+]  # fmt: skip

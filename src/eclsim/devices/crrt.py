@@ -316,6 +316,12 @@ class CrrtDevice(Device[Crrt]):
     parameters = (*(p for p in thiel2025.PARAMETERS.values() if p.group == GROUP), *FILTER_PARAMETERS)
     nominal = MappingProxyType({"crrt.flow_ml_min": 200.0})
     lines = MappingProxyType({"access_site": "crrttuin", "return_site": "crrttuout"})
+    schemes = MappingProxyType(
+        {
+            letter: MappingProxyType({"access_site": access, "return_site": back})
+            for letter, (access, back) in SCHEMES.items()
+        }
+    )
     usual = MappingProxyType({"flow_ml_min": 200.0, "access_site": "post_oxy", "return_site": "pre_oxy"})
     outputs = (
         mean_flow("crrt_flow", "mean blood flow of the CRRT", "Qcrrtpump"),

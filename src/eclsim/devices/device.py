@@ -72,6 +72,8 @@ class Device(ABC, Generic[S]):
     """How its connections are marked in the drawing; left out, by their laws and `connections`."""
     look: ClassVar[Look] = Look("#7A4A72", "#F8F2F6", 1.3, (0, (1.5, 1.2)), "v")
     """Its colour and line in figures."""
+    schemes: ClassVar[Mapping[str, Mapping[str, str]]] = _EMPTY
+    """Usual ways of connecting these lines by name: the position of each key."""
     products: ClassVar[Sequence[Product]] = ()
     """What it may be made of, with constants and sources."""
     parameters: ClassVar[Sequence[Parameter]] = ()
@@ -142,6 +144,10 @@ class Device(ABC, Generic[S]):
     def reconnected(self, raw: dict[str, Any], sites: Collection[str]) -> dict[str, Any]:
         """Its section with lines moved whose sites have gone with another device."""
         return raw
+
+    def sizes(self, section: S, key: str) -> Sequence[float]:
+        """The values that a number of its section comes in, such as a maker's sizes; empty if any."""
+        return ()
 
     def sweep(self, section: S) -> Sweep | None:
         """The speed of its pump that can be swept, and its usual range; None without one."""

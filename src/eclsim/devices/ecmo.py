@@ -38,9 +38,16 @@ from eclsim.devices.description import (
     picker,
 )
 from eclsim.devices.device import CaseValues, Device, Naming, UnsolvedFlowError
-from eclsim.devices.lvad import pump_values
 from eclsim.devices.plausibility import check_cannula, check_sites, check_speed, patient_site
-from eclsim.devices.products import UNVALIDATED, CannulaType, Oxygenator, PumpCurve, by_key, makers_names
+from eclsim.devices.products import (
+    UNVALIDATED,
+    CannulaType,
+    Oxygenator,
+    PumpCurve,
+    by_key,
+    makers_names,
+    pump_values,
+)
 from eclsim.inputs.fields import Field, number, one_of
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.numbers import RefusedValueError, read_number
@@ -525,6 +532,11 @@ class EcmoDevice(Device[Ecmo]):
         if key in ("drainage_site", "return_site"):
             changed.pop("mode", None)
         return changed
+
+    def sizes(self, section: Ecmo, key: str) -> tuple[float, ...]:
+        """The maker's sizes of a cannula [Fr]."""
+        kinds = {"drainage_fr": section.drainage_cannula, "return_fr": section.return_cannula}
+        return tuple(map(float, CANNULAE[kinds[key]].sizes_fr)) if key in kinds else ()
 
     def sweep(self, section: Ecmo) -> Sweep | None:
         """The speed of a rotary pump."""

@@ -30,7 +30,7 @@ from eclsim.devices.description import (
 )
 from eclsim.devices.device import CaseValues, Device, Naming
 from eclsim.devices.plausibility import check_sites, check_speed, patient_site
-from eclsim.devices.products import UNVALIDATED, PumpCurve, by_key, makers_names
+from eclsim.devices.products import UNVALIDATED, PumpCurve, by_key, makers_names, pump_values
 from eclsim.inputs.fields import number, one_of
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.sections import Raw, Section
@@ -78,11 +78,6 @@ class Lvad(Section):
     speed_rpm: Annotated[float, number("Speed", "rpm", 0, 15000, 5000)]
     inlet_site: Annotated[str, patient_site("Compartment that is drained")]
     outlet_site: Annotated[str, patient_site("Compartment that receives")]
-
-
-def pump_values(device: str, pump: PumpCurve) -> dict[str, float]:
-    """Constants of a pump's curve by the names that `RotaryPump` reads."""
-    return {f"{device}.pump.{name}": value for name, value in pump.constants.items()}
 
 
 def lvad(

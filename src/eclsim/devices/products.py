@@ -247,6 +247,11 @@ class Dialyzer(Exchanger):
 P = TypeVar("P", bound=Product)
 
 
+def pump_values(device: str, pump: PumpCurve) -> dict[str, float]:
+    """Constants of a pump's curve by the names that `RotaryPump` reads."""
+    return {f"{device}.pump.{name}": value for name, value in pump.constants.items()}
+
+
 def by_key(products: Iterable[P]) -> MappingProxyType[str, P]:
     """Products by the name users write."""
     return MappingProxyType({product.key: product for product in products})

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import os
+import re
+import sys
+import warnings
 from collections.abc import Collection, Iterable, Mapping
 from functools import lru_cache
-from types import MappingProxyType
+from importlib.metadata import entry_points
+from importlib.util import module_from_spec, spec_from_file_location
 from typing import TYPE_CHECKING
 
 from pydantic import BaseModel
 
 from eclsim.devices.crrt import CRRT, Crrt
 from eclsim.devices.description import Output
-from eclsim.devices.device import AnyDevice, Naming, device_key
+from eclsim.devices.device import AnyDevice, Device, Naming, device_key
 from eclsim.devices.ecmo import ECMO, Ecmo
 from eclsim.devices.lvad import LVAD, Lvad
 from eclsim.devices.products import Product
+from eclsim.inputs.sections import Section
 from eclsim.parameters import all_parameters
 from eclsim.parameters.parameter import Parameter
 from eclsim.patient.sites import ARTERIAL_SITES
@@ -22,14 +28,27 @@ from eclsim.patient.sites import ARTERIAL_SITES
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
 
-_REGISTERED: dict[str, AnyDevice] = {
-    device.key: device
-    for device in (
-        ECMO,
-        CRRT,
-        LVAD,
-    )
-}
+_PACKAGE: tuple[AnyDevice, ...] = (
+    ECMO,
+    CRRT,
+    LVAD,
+)
+_OTHERS: dict[str, AnyDevice] = {}
+_LOADED: set[str] = set()
+"""Files that were run, and the group of entry points once it was looked through."""
+ENTRY_POINTS = "eclsim.devices"
+"""Group of entry points under which an installed package offers devices."""
+FILES = "ECLSIM_DEVICES"
+"""Environment variable: Python files with devices, with the separator of PATH; workers inherit it."""
+RESERVED = (
+    "format", "blood_volume_policy", "patient", "measurements", "physiology", "gas", "regulation", "drugs",
+    "fluid", "events", "parameters", "heart", "vessels",
+)  # fmt: skip
+_KEY = re.compile(r"[a-z][a-z0-9_]*")
+
+
+class DeviceError(ValueError):
+    """A device that cannot be registered, or a file that registers none; says why."""
 
 
 class PublishedDevices(BaseModel):
@@ -42,7 +61,94 @@ class PublishedDevices(BaseModel):
 
 def devices() -> Mapping[str, AnyDevice]:
     """All devices by the name of their section, in the order in which case files are written."""
-    return MappingProxyType(_REGISTERED)
+    _load_others()
+    return {device.key: device for device in _PACKAGE} | _OTHERS
+
+
+def register_device(device: AnyDevice | type[AnyDevice]) -> AnyDevice:
+    """Make a device of one's own known: case files, outputs, figures and the page then have it.
+
+    Args:
+        device: a device, or its class; registered again, as in a notebook, it replaces the one before.
+
+    Raises:
+        DeviceError: Its key cannot be that of a section, or its section is not described.
+    """
+    made = device() if isinstance(device, type) else device
+    _check(made)
+    _OTHERS[made.key] = made
+    return made
+
+
+def forget_device(key: str) -> None:
+    """Take back the registration of a device that is not of the package."""
+    _OTHERS.pop(key, None)
+
+
+def load_device_file(file: str) -> list[AnyDevice]:
+    """Run a Python file that registers devices of one's own; the file can do whatever a program can.
+
+    Returns:
+        What it registered.
+
+    Raises:
+        DeviceError: It cannot be read or run, or registers nothing.
+    """
+    path = os.path.abspath(file)
+    name = "eclsim_device_" + re.sub(r"\W", "_", os.path.splitext(os.path.basename(path))[0])
+    before = dict(_OTHERS)
+    spec = spec_from_file_location(name, path)
+    if not os.path.isfile(path) or spec is None or spec.loader is None:
+        raise DeviceError(f"{file}: no Python file")
+    module = sys.modules[name] = module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        del sys.modules[name]
+        raise DeviceError(f"{file}: {type(error).__name__}: {error}") from error
+    _LOADED.add(path)
+    found = [device for key, device in _OTHERS.items() if before.get(key) is not device]
+    if not found:
+        raise DeviceError(f"{file}: registers no device; call eclsim.register_device(YourDevice) in it")
+    return found
+
+
+def _load_others() -> None:
+    """Devices of installed packages, and of the files that the environment names; once."""
+    if ENTRY_POINTS in _LOADED:
+        return
+    _LOADED.add(ENTRY_POINTS)
+    for entry in entry_points(group=ENTRY_POINTS):
+        try:
+            register_device(entry.load())
+        except Exception as error:
+            warnings.warn(f"device {entry.name} ({entry.value}) is left out: {error}", stacklevel=2)
+    for file in filter(None, os.environ.get(FILES, "").split(os.pathsep)):
+        if os.path.abspath(file) not in _LOADED:
+            load_device_file(file)
+
+
+def _check(device: AnyDevice) -> None:
+    """Refuse a device that a case file could not hold."""
+    if not isinstance(device, Device):
+        raise DeviceError(f"{device!r} is no device: make it a subclass of eclsim.devices.Device")
+    key = getattr(device, "key", "")
+    taken = (*RESERVED, *(one.key for one in _PACKAGE))
+    if not _KEY.fullmatch(key) or key in taken:
+        allowed = f"small letters, digits and _, and none of {', '.join(taken)}"
+        raise DeviceError(f"device key {key!r}; allowed: {allowed}")
+    section = getattr(device, "section", None)
+    if not (isinstance(section, type) and issubclass(section, Section)):
+        raise DeviceError(f"device {key}: `section` is a subclass of eclsim.devices.Section")
+    if getattr(section, "section", None) != key:
+        raise DeviceError(
+            f"device {key}: `section` of {section.__name__} is its name in a case file, {key!r}"
+        )
+    try:
+        section.fields()
+    except ValueError:
+        message = "each attribute is annotated with its Field, as in Annotated[float, number(...)]"
+        raise DeviceError(f"device {key}, {section.__name__}: {message}") from None
 
 
 def device_of(key: str) -> AnyDevice | None:
@@ -55,7 +161,7 @@ def parameters() -> Mapping[str, Parameter]:
     return all_parameters() | {p.key: p for device in devices().values() for p in device.parameters}
 
 
-def parameter_of(name: str, connected: Collection[str]) -> Parameter | None:
+def parameter_of(name: str, connected: Collection[str] = ()) -> Parameter | None:
     """The parameter of a name, also of a named instance (`ecmo.left.Recmooxy`); None if there is none.
 
     Args:
@@ -126,9 +232,9 @@ def assist_flows(outputs: Mapping[str, float], circuit: Circuit | None = None) -
     return found
 
 
-def registered() -> tuple[int, ...]:
+def registered() -> tuple[AnyDevice, ...]:
     """Which devices there are now; what is remembered of them holds as long as this is the same."""
-    return tuple(map(id, devices().values()))
+    return tuple(devices().values())
 
 
 def named_output(name: str) -> tuple[Naming, Output] | None:
@@ -137,7 +243,7 @@ def named_output(name: str) -> tuple[Naming, Output] | None:
 
 
 @lru_cache(maxsize=4096)
-def _named_output(name: str, among: tuple[int, ...]) -> tuple[Naming, Output] | None:
+def _named_output(name: str, among: tuple[AnyDevice, ...]) -> tuple[Naming, Output] | None:
     device = device_of(name)
     if device is None:
         owners = ((Naming(one), entry) for one in devices().values() for entry in one.outputs)

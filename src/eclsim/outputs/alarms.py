@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from eclsim.devices.description import CAUTION, COLLAPSE_MMHG, GRAVEST_FIRST, Finding, Limit
 from eclsim.devices.device import device_key
-from eclsim.devices.registry import assist_flows, devices, instances_in, namings
+from eclsim.devices.registry import assist_flows, devices, instances_in, naming_of, namings
 from eclsim.outputs.limits import CLOSED_L_MIN, broken_limits
 from eclsim.outputs.registry import CHAMBERS, output
 from eclsim.outputs.sealed import sealed
@@ -22,6 +22,7 @@ _THIN_WALLED = {
     "ra": "right atrium", "svn": "systemic veins", "rv": "right ventricle", "pvn": "pulmonary veins",
     "la": "left atrium", "svc": "superior vena cava", "ivc": "inferior vena cava",
 }  # fmt: skip
+_PULMONARY_ARTERY = ("pas", "part")
 _SIDES = (("svn", "svc", "ivc", "ra", "rv"), ("pvn", "la", "lv"))
 _PARTED_L_MIN = 0.1
 
@@ -40,7 +41,7 @@ def findings(
     """
     found = [_broken(limit, outputs[limit.quantity]) for limit in broken_limits(outputs)]
     found += _collapsed(extremes, {} if circuit is None else _drained(circuit))
-    found += _aortic_valve(outputs, circuit) + _different_flows(outputs)
+    found += _aortic_valve(outputs, circuit) + _different_flows(outputs, circuit)
     if circuit is not None:
         found += _shut_in(outputs, circuit)
         for names in instances_in(circuit):
@@ -116,7 +117,7 @@ def _aortic_valve(outputs: Mapping[str, float], circuit: Circuit | None) -> list
     return [Finding("warning", "aortic_valve_flow", aortic, CLOSED_L_MIN, text, concerns=("LVO",))]
 
 
-def _different_flows(outputs: Mapping[str, float]) -> list[Finding]:
+def _different_flows(outputs: Mapping[str, float], circuit: Circuit | None) -> list[Finding]:
     """What CO is where a device makes it another flow than what a ventricle ejects or what the lungs get."""
     lungs, left = outputs.get("CO"), outputs.get("LVO")
     if lungs is None or left is None:
@@ -131,12 +132,21 @@ def _different_flows(outputs: Mapping[str, float]) -> list[Finding]:
     }
     if not apart:
         return []
-    place = "pulmonary artery before the ECMO return" if "the lungs get {}" in apart else "lungs"
+    place = "lungs"
+    if "the lungs get {}" in apart:
+        place = f"pulmonary artery before the {_returned_there(circuit)}return"
     said = [words.format(f"{flow:.2f} L/min") for words, flow in apart.items()]
     if "systemic_flow" in outputs:
         said.append(f"the organs get {outputs['systemic_flow']:.2f} L/min")
     text = f"CO {lungs:.2f} L/min is the flow through the {place}; {', '.join(said)}"
     return [Finding(CAUTION, "CO", lungs, next(iter(apart.values())), text, concerns=("CO", "LVO"))]
+
+
+def _returned_there(circuit: Circuit | None) -> str:
+    """What the device is called that returns blood to the pulmonary artery."""
+    paths = () if circuit is None else circuit.connections
+    found = (naming_of(path.group) for path in paths if path.target in _PULMONARY_ARTERY)
+    return next((f"{names.label} " for names in found if names), "")
 
 
 def _shut_in(outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:

@@ -221,7 +221,7 @@ def all_outputs(instances: Iterable[Naming] | None = None) -> dict[str, Output]:
 
 
 @lru_cache(maxsize=8)
-def _usual(registered: tuple[int, ...]) -> Mapping[str, Output]:
+def _usual(registered: tuple[object, ...]) -> Mapping[str, Output]:
     """All outputs of the patient and of the only instance of each device, as long as these are registered."""
     return all_outputs([Naming(device) for device in devices().values()])
 

@@ -23,7 +23,7 @@ def output_names(circuit: Circuit) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=256)
-def _output_names(circuit: Circuit, among: tuple[int, ...]) -> tuple[str, ...]:
+def _output_names(circuit: Circuit, among: tuple[object, ...]) -> tuple[str, ...]:
     parameters = {*circuit.parameter_names(), *circuit.content_names()}
     return tuple(o.name for o in available(all_signals(assemble(circuit)), parameters))
 

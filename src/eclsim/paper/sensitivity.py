@@ -26,13 +26,13 @@ from eclsim.paper.comparison import Row, Verdict, printed_number, statement
 from eclsim.paper.patient import Unstated, explained_case, paper_case
 from eclsim.paper.printed import RUNS, SAMPLES, TABLE_2
 from eclsim.sensitivity.analysis import SobolSettings, plan_analysis, run_analysis, sensitivity
-from eclsim.sensitivity.inputs import ACCESS, CARDIOVASCULAR, RETURN, Categorical
+from eclsim.sensitivity.inputs import CARDIOVASCULAR, Categorical
 from eclsim.sensitivity.patients import TARGETS, state_values
 from eclsim.sensitivity.results import Indices, SensitivityResult
 from eclsim.sensitivity.runs import Analysis, Evaluator, Runs
 
 ADDITIVE, SMALL = 0.05, 0.1
-SPEED = "ecmo.speed_rpm"
+SPEED, ACCESS, RETURN = "ecmo.speed_rpm", "crrt.access_site", "crrt.return_site"
 DRAWN_SEED = 7
 NEGLIGIBLE, PAIR = 0.05, 0.05
 _CUT = "which rows make up 90 % of PCWP is decided at the cut, see the documentation, page Sensitivity"

@@ -261,8 +261,9 @@ def _device_places(names: Naming, compartments: Sequence[str]) -> dict[str, Plac
     own = {name: names.own(name) or name for name in compartments}
     boxes = {name: names.device.boxes.get(own[name]) for name in compartments}
     if any(box is None for box in boxes.values()):
-        words = (names.device.compartments.get(own[name], own[name]) for name in compartments)
-        boxes = dict(zip(compartments, _in_flow_direction([w.capitalize() for w in words]), strict=True))
+        words = [names.device.compartments.get(own[name], own[name]) for name in compartments]
+        capitalised = [text[:1].upper() + text[1:] for text in words]
+        boxes = dict(zip(compartments, _in_flow_direction(capitalised), strict=True))
     found = {}
     for name, box in boxes.items():
         assert box is not None  # all have one

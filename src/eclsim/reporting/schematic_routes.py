@@ -34,7 +34,7 @@ Path = list[Point]
 _OVERLAP_PENALTY = 50.0
 _LONGEST_SEARCH = 4
 PUMP_RADIUS = 3.3
-_CHANNEL, _CHANNEL_PITCH = 28.0, 4.0
+_CHANNEL, _CHANNEL_PITCH = 25.0, 3.5
 """Distance [mm] of the lines of the first pump inside the ring from its middle, and between lines."""
 
 
@@ -174,11 +174,17 @@ def bridge_paths(plan: Plan, page: Layout, bridge: Bridge) -> tuple[Path, Path]:
     """
     number = plan.bridges.index(bridge)
     middle = page.rows[HEART_LOWER] + PER_BRIDGE * number
-    channel = _CHANNEL - 2.0 * _CHANNEL_PITCH * number
+    channel = _CHANNEL - 9.0 * number
     upwards = number > 0 and page.places[bridge.target][1] > page.places[bridge.source][1]
     sign = -1.0 if upwards else 1.0
-    into = _inner_path(plan, page, bridge.source, middle + 8.0 * sign, channel, number)
-    out = _inner_path(plan, page, bridge.target, middle - 8.0 * sign, channel + _CHANNEL_PITCH, number)
+    earlier = [site for other in plan.bridges[:number] for site in (other.source, other.target)]
+    into, out = (
+        _inner_path(plan, page, site, level, distance, earlier.count(site))
+        for site, level, distance in (
+            (bridge.source, middle + 8.0 * sign, channel),
+            (bridge.target, middle - 8.0 * sign, channel + _CHANNEL_PITCH),
+        )
+    )
     into.append((MIDDLE, middle + PUMP_RADIUS * sign))
     out.append((MIDDLE, middle - PUMP_RADIUS * sign))
     return into, out[::-1]
@@ -192,8 +198,8 @@ def bridge_label(plan: Plan, page: Layout, bridge: Bridge) -> tuple[Point, str]:
     return ((MIDDLE - 5.5, height), "right") if on_the_right else ((MIDDLE + 5.5, height), "left")
 
 
-def _inner_path(plan: Plan, page: Layout, site: str, level: float, distance: float, number: int) -> Path:
-    """From the inner side of a box of the ring to the middle of the page at the given height."""
+def _inner_path(plan: Plan, page: Layout, site: str, level: float, distance: float, earlier: int) -> Path:
+    """From the inner side of a box, beside the lines that reach it already, to the middle at a height."""
     x, y = page.places[site]
     if site == "sart":
         return [(x - 8.0, y + BOX_HEIGHT / 2), (x - 8.0, level), (MIDDLE, level)]
@@ -208,7 +214,7 @@ def _inner_path(plan: Plan, page: Layout, site: str, level: float, distance: flo
             (MIDDLE, level),
         ]
     row = plan.places[site].row
-    height = y + {LUNGS: 3.0 * number - 4.0, BODY: 4.0 - 3.0 * number}.get(row, -3.0 * number)
+    height = y + {LUNGS: 2.5 * earlier - 4.5, BODY: 4.5 - 2.5 * earlier}.get(row, -3.0 * earlier)
     inwards = 1.0 if x < MIDDLE else -1.0
     channel = MIDDLE - inwards * distance
     return [(x + inwards * BOX_WIDTH / 2, height), (channel, height), (channel, level), (MIDDLE, level)]

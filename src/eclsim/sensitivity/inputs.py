@@ -13,13 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.circuit.network import Choice, Circuit
-from eclsim.devices.crrt import SCHEMES as CRRT_SCHEMES
-from eclsim.devices.crrt import crrt
-from eclsim.devices.ecmo import CANNULAE, POSITIONS, PUMPS
-from eclsim.parameters import did_you_mean, thiel2025
+from eclsim.devices.registry import devices, parameter_of
+from eclsim.parameters import did_you_mean
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
+    from eclsim.devices.device import Instance
 
 CARDIOVASCULAR = (
     "Rao", "Rsart", "Rmc", "Rsvn", "Rpas", "Rpart", "Rpmc", "Rpvn",
@@ -33,11 +32,8 @@ GROUPS = {"R": "resistance", "C": "compliance", "L": "inertance", "E": "elastanc
 MOST_LISTED = 60
 OUTPUTS = ("SP", "DP", "MAP", "MPAP", "PCWP", "CO", "PF")
 
-SCHEMES = dict(CRRT_SCHEMES)
-"""Access and return position of the paper's nine connection schemes (Figure 2)."""
-
-SCHEME, ACCESS, RETURN = "crrt.scheme", "crrt.access_site", "crrt.return_site"
-_SITES = tuple(POSITIONS)
+SCHEME = "scheme"
+"""Of a device with usual ways of connecting its lines: the input that chooses among them."""
 
 
 Description = dict[str, Any]
@@ -160,41 +156,69 @@ def varied(
         groups: kinds (R, C, L, E, see `GROUPS`) whose parameters are one factor together.
         perturbation_percent: half width of the range of each number.
     """
-    circuit = _circuit(case, include)
-    known = [*dict.fromkeys(("heart_rate_bpm", *circuit.parameter_names())), SCHEME, ACCESS, RETURN]
+    lines = _line_inputs(case)
+    circuit, positions = _circuit(case, [name for name in include if name in lines])
+    known = [*dict.fromkeys(("heart_rate_bpm", *circuit.parameter_names())), *lines]
     wanted = [*parameters, *include]
     mistakes = unknown_names(wanted, known, "parameter that this case reads") + _wrong_groups(
         groups, parameters
     )
     if not 0.0 < perturbation_percent < 100.0:
         mistakes.append(f"perturbation {perturbation_percent:g} %: allowed: above 0 and below 100 %")
-    if SCHEME in include and {ACCESS, RETURN} & set(include):
-        mistakes.append(f"{SCHEME}: sets both sites already; leave out {ACCESS} and {RETURN}, or {SCHEME}")
+    for scheme in (name for name in include if lines.get(name)):
+        if also := [name for name in lines[scheme] if name in include]:
+            mistakes.append(f"{scheme}: sets all lines already; leave out {' and '.join(also)}, or {scheme}")
     if mistakes:
         raise InputError(mistakes)
-    base = dict(base)
-    if case.crrt is not None and {SCHEME, ACCESS, RETURN} & set(include):
-        base |= {
-            site: float(_site(getattr(case.crrt, site.removeprefix("crrt.")))) for site in (ACCESS, RETURN)
-        }
+    base = dict(base) | positions
     names = [*dict.fromkeys([*parameters, *include])]
-    inputs = tuple(_input(name, case, base, perturbation_percent / 100.0) for name in names)
+    inputs = tuple(_input(name, case, circuit, base, perturbation_percent / 100.0) for name in names)
     _check_ranges(inputs, case)
     kinds = {n: letter_of(n) for n in parameters}
     labels = tuple(kinds[n] if kinds.get(n) in groups else n for n in names) if groups else ()
     return Varied(circuit, base, inputs, labels)
 
 
-def _circuit(case: Case, include: Sequence[str]) -> Circuit:
-    from eclsim.orbit.model import circuit_of
+def _line_inputs(case: Case) -> dict[str, tuple[str, ...]]:
+    """Inputs that say where lines are, such as `crrt.scheme`; of a scheme the lines that it sets."""
+    connected = [(one.key, one.device) for one in case.instances()]
+    absent = [(k, device) for k, device in devices().items() if device not in [d for _, d in connected]]
+    found: dict[str, tuple[str, ...]] = {}
+    for key, device in (*connected, *absent):
+        lines = tuple(f"{key}.{line}" for line in device.lines)
+        found |= {f"{key}.{SCHEME}": lines} if device.schemes else {}
+        found |= dict.fromkeys(lines, ())
+    return found
 
-    if not {SCHEME, ACCESS, RETURN} & set(include):
-        return circuit_of(case)
-    if case.ecmo is None or case.crrt is None:
-        raise InputError([f"{SCHEME}, {ACCESS}, {RETURN}: the case needs the sections [ecmo] and [crrt]"])
-    sites = tuple(POSITIONS.values())
-    without = circuit_of(case.model_copy(update={"crrt": None}))
-    return without + crrt(Choice(sites, ACCESS), Choice(sites, RETURN))
+
+def _circuit(case: Case, moved: Sequence[str]) -> tuple[Circuit, dict[str, float]]:
+    """The circuit, with lines on switches where any of them is an input, and where each stands."""
+    from eclsim.cases.resolve import circuit_of, switched_circuit
+
+    if not moved:
+        return circuit_of(case), {}
+    circuit, positions = switched_circuit(case)
+    wrong = []
+    for name in moved:
+        section, _, line = name.rpartition(".")
+        wanted = [name] if line != SCHEME else [key for key in positions if key.startswith(f"{section}.")]
+        if not wanted or not set(wanted) <= set(positions):
+            wrong.append(_cannot_be_moved(case, name))
+    if wrong:
+        raise InputError(wrong)
+    return circuit, positions
+
+
+def _cannot_be_moved(case: Case, name: str) -> str:
+    """Why the lines of a device are no input of this case."""
+    section = name.rpartition(".")[0]
+    one = case.instance(section)
+    sites = [site for other in case.instances() for site in other.sites()]
+    if one is None or not sites:
+        others = [key for key, device in devices().items() if device.positions]
+        return f"{name}: the case needs the sections {' and '.join(f'[{k}]' for k in (*others, section))}"
+    at = ", ".join(str(getattr(one.section, line)) for line in one.device.lines)
+    return f"{section} at {at}: as an input each line is at one of {', '.join(sites)}"
 
 
 def unknown_names(names: Sequence[str], known: Sequence[str], kind: str) -> list[str]:
@@ -210,7 +234,7 @@ def unknown_names(names: Sequence[str], known: Sequence[str], kind: str) -> list
 
 def letter_of(name: str) -> str:
     """Group of a parameter by what its unit measures; empty where it belongs to none."""
-    parameter = thiel2025.PARAMETERS.get(name)
+    parameter = parameter_of(name)
     measured = None if parameter is None else parameter.quantity
     return next((letter for letter, quantity in GROUPS.items() if quantity == measured), "")
 
@@ -226,31 +250,49 @@ def _wrong_groups(groups: Sequence[str], parameters: Sequence[str]) -> list[str]
     ]
 
 
-def _site(site: str) -> int:
-    if site not in _SITES:
-        raise InputError([f"crrt site {site}: as an input it is one of {', '.join(_SITES)}"])
-    return _SITES.index(site)
-
-
-def _input(name: str, case: Case, base: Mapping[str, float], share: float) -> Input:
-    if name == SCHEME:
-        access, back = (tuple(float(_SITES.index(pair[k])) for pair in SCHEMES.values()) for k in (0, 1))
-        return Categorical(SCHEME, tuple(SCHEMES), ((ACCESS, access), (RETURN, back)))
-    if name in (ACCESS, RETURN):
-        return Categorical(name, _SITES, ((name, tuple(float(k) for k in range(len(_SITES)))),))
-    if name in ("ecmo.drainage_fr", "ecmo.return_fr"):
-        return _cannula_sizes(name, case, base[name], share)
+def _input(name: str, case: Case, circuit: Circuit, base: Mapping[str, float], share: float) -> Input:
+    section, _, key = name.rpartition(".")
+    one = case.instance(section)
+    choices = {
+        site.parameter: site
+        for path in circuit.connections
+        for site in (path.source, path.target)
+        if isinstance(site, Choice)
+    }
+    if one is not None and key == SCHEME:
+        return _schemes(name, one, case)
+    if name in choices:
+        labels = tuple(one.sites()) if (one := _at(case, choices[name])) else choices[name].sites
+        return Categorical(name, labels, ((name, tuple(float(k) for k in range(len(labels)))),))
+    sizes = one.device.sizes(one.section, key) if one is not None else ()
+    if sizes:
+        return _within(name, sizes, base[name], share)
     return Continuous(name, *sorted((base[name] * (1.0 - share), base[name] * (1.0 + share))))
 
 
-def _cannula_sizes(name: str, case: Case, size: float, share: float) -> Categorical:
+def _at(case: Case, choice: Choice) -> Instance | None:
+    """The device whose positions a line can be moved to."""
+    return next((one for one in case.instances() if tuple(one.sites().values()) == choice.sites), None)
+
+
+def _schemes(name: str, one: Instance, case: Case) -> Categorical:
+    """The usual ways of connecting the lines of a device."""
+    at = {getattr(one.section, line) for line in one.device.lines}
+    (other,) = (o for o in case.instances() if at <= set(o.sites()))
+    places = list(other.device.positions)
+    settings = tuple(
+        (f"{one.key}.{line}", tuple(float(places.index(way[line])) for way in one.device.schemes.values()))
+        for line in one.device.lines
+    )
+    return Categorical(name, tuple(one.device.schemes), settings)
+
+
+def _within(name: str, sizes: Sequence[float], size: float, share: float) -> Categorical:
     """The maker's sizes within the perturbation."""
-    assert case.ecmo is not None
-    kind = case.ecmo.drainage_cannula if name == "ecmo.drainage_fr" else case.ecmo.return_cannula
-    sizes = [float(s) for s in CANNULAE[kind].sizes_fr if abs(s - size) <= share * size]
-    if len(sizes) < 2:
+    inside = [s for s in sizes if abs(s - size) <= share * size]
+    if len(inside) < 2:
         raise InputError([f"{name}: fewer than two sizes within {100 * share:g} % of {size:g} Fr"])
-    return Categorical(name, tuple(f"{s:g} Fr" for s in sizes), ((name, tuple(sizes)),))
+    return Categorical(name, tuple(f"{s:g} Fr" for s in inside), ((name, tuple(inside)),))
 
 
 def _check_ranges(inputs: Sequence[Input], case: Case) -> None:
@@ -271,10 +313,15 @@ def _check_ranges(inputs: Sequence[Input], case: Case) -> None:
 
 
 def _allowed(name: str, case: Case) -> tuple[float, float] | None:
-    if name in thiel2025.PARAMETERS:
-        parameter = thiel2025.PARAMETERS[name]
+    """Range of a parameter, of a speed, or of another number of a device's section."""
+    if (parameter := parameter_of(name, [one.key for one in case.instances()])) is not None:
         return parameter.minimum, parameter.maximum
-    if name == "ecmo.speed_rpm" and case.ecmo is not None and isinstance(case.ecmo.pump, str):
-        low, high = PUMPS[case.ecmo.pump].speed_range_rpm
-        return float(low), float(high)
-    return None
+    section, _, key = name.rpartition(".")
+    one = case.instance(section)
+    if one is None:
+        return None
+    sweep = one.device.sweep(one.section)
+    if sweep is not None and sweep.key == key:
+        return float(sweep.low), float(sweep.high)
+    field = one.device.section.fields().get(key)
+    return None if field is None else (field.minimum, field.maximum)

@@ -1,0 +1,233 @@
+"""A device in a file of a user's own goes all the way of the devices of the package."""
+
+import json
+import sys
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from typing import Annotated
+
+import pytest
+
+from eclsim.app.display import display
+from eclsim.app.drawing import drawing_of
+from eclsim.app.knobs import connect, connectable, controls, turn, value_of
+from eclsim.cases import CaseError, apply_settings, read_case, read_mapping
+from eclsim.cases.presets import PRESETS
+from eclsim.cases.writing import case_text
+from eclsim.cli import main
+from eclsim.devices import Device, Section, registry
+from eclsim.devices.registry import DeviceError, devices, forget_device, load_device_file, register_device
+from eclsim.orbit.model import model_of
+from eclsim.outputs.results import simulate
+from eclsim.reporting.schematic import draw_circuit
+from eclsim.sensitivity.inputs import InputError, varied
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+FILE, CASE = EXAMPLES / "percutaneous_rvad.py", EXAMPLES / "percutaneous_rvad.toml"
+
+
+@pytest.fixture(autouse=True)
+def forgotten(monkeypatch):
+    """What a test registers is gone after it."""
+    before = set(devices())
+    monkeypatch.setenv(registry.FILES, "")
+    yield
+    for key in set(devices()) - before:
+        forget_device(key)
+
+
+@pytest.fixture
+def rvad():
+    (device,) = load_device_file(str(FILE))
+    return device
+
+
+@pytest.fixture(scope="module")
+def beats():
+    """Beats of the example with one and with two devices, each solved once."""
+    load_device_file(str(FILE))
+    alone = read_case(CASE).case
+    two = alone.as_mapping()
+    section = two["rvad"]
+    two["rvad"] = {"a": section | {"speed_rpm": 1000.0}, "b": section | {"speed_rpm": 1200.0}}
+    two = read_mapping(two).case
+    simulated = {name: (case, simulate(model_of(case))) for name, case in (("alone", alone), ("two", two))}
+    forget_device("rvad")
+    return simulated
+
+
+def test_without_it_the_section_is_unknown():
+    with pytest.raises(CaseError, match=r"rvad.*unknown key or section"):
+        read_case(CASE)
+
+
+def test_its_mistakes_are_those_of_a_section(rvad, tmp_path):
+    text = CASE.read_text().replace("cannula_fr = 23", "cannula_fr = 7").replace('"part"', '"prt"')
+    file = tmp_path / "case.toml"
+    file.write_text(text)
+    with pytest.raises(CaseError) as caught:
+        read_case(file)
+    first, second = map(str, caught.value.mistakes)
+    assert "rvad.outlet_site" in first
+    assert "did you mean part?" in first
+    assert "rvad.cannula_fr = 7" in second
+    assert "7 mm = 21 Fr" in second
+    assert "no [rvad] section" in str(read_mapping(_with_parameter("Crvadin", 0.2)).warnings[0])
+
+
+def _with_parameter(key, value):
+    return PRESETS["healthy"].case().as_mapping() | {"parameters": {key: value}}
+
+
+def test_a_case_with_it_is_written_and_read_back(rvad):
+    case = read_case(CASE).case
+    assert case.instance("rvad").section.speed_rpm == 1500
+    assert "speed_rpm = 1500 # Pump speed [rpm]" in case_text(case)
+    assert apply_settings(case, ["rvad.speed_rpm=2000"]).setting("rvad", "speed_rpm") == 2000
+
+
+def test_its_flow_joins_the_right_ventricles_and_its_outputs_are_there(rvad, beats):
+    _, beat = beats["alone"]
+    assert beat.attrs["converged"]
+    flow = float(beat["rvad_flow"])
+    assert flow == pytest.approx(2.65, abs=0.05)
+    assert flow + float(beat["pulmonary_valve_flow"]) == pytest.approx(
+        float(beat["pulmonary_flow"]), abs=1e-4
+    )
+    assert beat["rvad_head"].attrs["units"] == "mmHg"
+    assert any("before the RVAD return" in sentence for sentence in beat.attrs["warnings"])
+
+
+def test_two_of_a_kind_have_names_of_their_own(rvad, beats):
+    case, beat = beats["two"]
+    assert [one.key for one in case.instances()] == ["rvad.a", "rvad.b"]
+    assert 0.5 < float(beat["rvad.a.flow"]) < float(beat["rvad.b.flow"])
+    assert "Prvad.a.rvadin" in beat
+    assert "RVAD flow, a" in beat["rvad.a.flow"].attrs["long_name"]
+    changed = apply_settings(case, ["rvad.a.Crvadin=0.2"])
+    values = model_of(changed).values
+    assert (values["rvad.a.Crvadin"], values["rvad.b.Crvadin"]) == (0.2, 0.1)
+
+
+def test_its_limits_raise_alarms(rvad):
+    case = apply_settings(read_case(CASE).case, ["rvad.speed_rpm=3500"])
+    warnings = simulate(model_of(case)).attrs["warnings"]
+    assert any(
+        "lowest pressure before the RVAD pump" in w and "suction: lower the speed" in w for w in warnings
+    )
+
+
+def test_it_is_drawn(rvad, beats):
+    for name, boxes in (("alone", ["rvadin", "rvadout"]), ("two", ["rvad.a.rvadin", "rvad.b.rvadout"])):
+        case, beat = beats[name]
+        figure = draw_circuit(model_of(case).circuit, beat)
+        gids = {str(patch.get_gid()) for patch in figure.axes[0].patches}
+        assert {f"node-{box}" for box in boxes} <= gids
+        words = {text.get_text() for text in figure.axes[0].texts}
+        title = "RVAD circuit" if name == "alone" else "RVAD circuit a"
+        assert {"drainage cannula", "return cannula", "Before RVAD pump", title} <= words
+
+
+def test_the_page_has_its_knobs_views_and_drawing(rvad):
+    case = read_case(CASE).case
+    keys = [control.key for control in controls(case)]
+    assert {"rvad.speed_rpm", "rvad.pump", "rvad.inlet_site"} <= set(keys)
+    assert turn(case, "rvad.speed_rpm", "1800").setting("rvad", "speed_rpm") == 1800
+    assert value_of(case, "rvad.cannula_fr") == 23
+    assert "Qrvadpump" in [trace["signal"] for trace in display(case)["traces"]]
+    assert {"rvadin", "rvadout"} <= {box["name"] for box in drawing_of(case)["boxes"]}
+    assert "rvad" in connectable()
+    connected = connect(PRESETS["healthy"].case(), "rvad")
+    assert connected.instance("rvad") is not None
+    assert connect(connected, "rvad").instances() == ()
+
+
+def test_its_settings_are_inputs_of_a_sensitivity_analysis(rvad):
+    case = read_case(CASE).case
+    values = model_of(case).values
+    design = varied(case, values, parameters=("Rmc",), include=("rvad.speed_rpm", "Crvadin"))
+    assert [one.name for one in design.inputs] == ["Rmc", "rvad.speed_rpm", "Crvadin"]
+    with pytest.raises(InputError, match=r"rvad\.speed_rpm: the perturbation reaches .* 1000 to 5000"):
+        varied(case, values, parameters=(), include=("rvad.speed_rpm",), perturbation_percent=50.0)
+
+
+def test_the_command_line_takes_its_file(capsys):
+    with pytest.raises(SystemExit) as left:
+        main(["--device", str(FILE), "devices", "rvad"])
+    assert not left.value.code
+    shown = capsys.readouterr().out
+    assert "[rvad]: RVAD" in shown
+    assert "Crvadin" in shown
+
+
+@pytest.mark.slow
+def test_a_command_simulates_a_case_with_it(capsys):
+    with pytest.raises(SystemExit) as left:
+        main(["--device", str(FILE), "simulate", str(CASE), "--json", "-"])
+    assert not left.value.code
+    (case,) = json.loads(capsys.readouterr().out)["cases"]
+    assert case["more_outputs"]["rvad_flow"] == pytest.approx(2.65, abs=0.05)
+    assert case["waveforms"]["Prvadin"]["mean"] < 0
+
+
+def test_a_file_that_registers_nothing_or_fails_is_refused(tmp_path, capsys):
+    for text, why in (("x = 1\n", "registers no device"), ("1 / 0\n", "ZeroDivisionError")):
+        file = tmp_path / "own.py"
+        file.write_text(text)
+        with pytest.raises(DeviceError, match=why):
+            load_device_file(str(file))
+    with pytest.raises(DeviceError, match="no Python file"):
+        load_device_file(str(tmp_path / "missing.py"))
+    with pytest.raises(SystemExit) as left:
+        main(["--device", str(tmp_path / "missing.py"), "devices"])
+    assert left.value.code == 2
+    assert "no Python file" in capsys.readouterr().err
+
+
+def test_a_case_file_cannot_name_code(tmp_path):
+    text = CASE.read_text().replace("format = 1", f'format = 1\ndevice = "{FILE}"')
+    file = tmp_path / "case.toml"
+    file.write_text(text)
+    with pytest.raises(CaseError, match=r"device = .*unknown key or section"):
+        read_case(file)
+    assert "eclsim_device_percutaneous_rvad" not in sys.modules or "rvad" not in devices()
+
+
+class Shunt(Section):
+    section = "shunt"
+    resistance: Annotated[float, "no field"]
+
+
+@pytest.mark.parametrize(
+    ("key", "section", "why"),
+    [
+        ("lvad", Shunt, "none of"),
+        ("patient", Shunt, "none of"),
+        ("A b", Shunt, "small letters"),
+        ("shunt", object, "is a subclass of"),
+        ("other", Shunt, "its name in a case file"),
+        ("shunt", Shunt, "annotated with its Field"),
+    ],
+)
+def test_a_device_that_no_case_file_could_hold_is_refused(key, section, why):
+    own = type(
+        "Own", (Device,), {"key": key, "name": "Own", "section": section, "circuit": None, "values": None}
+    )
+    own.__abstractmethods__ = frozenset()
+    with pytest.raises(DeviceError, match=why):
+        register_device(own)
+
+
+def test_an_installed_package_offers_devices(monkeypatch):
+    sys.path.insert(0, str(EXAMPLES))
+    try:
+        entry = EntryPoint("rvad", "percutaneous_rvad:RvadDevice", registry.ENTRY_POINTS)
+        broken = EntryPoint("none", "no_such_module:Device", registry.ENTRY_POINTS)
+        monkeypatch.setattr(registry, "entry_points", lambda group: [broken, entry])
+        monkeypatch.setattr(registry, "_LOADED", set())
+        with pytest.warns(UserWarning, match=r"device none .* is left out"):
+            assert "rvad" in devices()
+        assert devices()["rvad"].name == "RVAD"
+    finally:
+        sys.path.remove(str(EXAMPLES))
+        sys.modules.pop("percutaneous_rvad", None)
