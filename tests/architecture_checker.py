@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 # Rooms in order: each may import those before it. `eclsim` itself re-exports names of all of them.
 ROOMS = (
-    "units", "execution", "blood", "gas", "components", "circuit", "parameters", "patient", "regulation",
+    "units", "execution", "blood", "components", "circuit", "gas", "parameters", "patient", "regulation",
     "inputs",
     "devices", "cases", "beat", "orbit", "outputs", "reporting", "simulation", "sensitivity",
     "identification", "crrt_study", "paper", "validation", "app", "cli",
@@ -20,7 +20,7 @@ ROOMS = (
 PHYSICS = {"units", "components", "circuit"}
 ALLOWED = {room: set(ROOMS[:place]) for place, room in enumerate(ROOMS)} | {
     "blood": {"units"},
-    "gas": {"units", "blood"},
+    "gas": {*PHYSICS, "blood"},
     "parameters": {"units", "components"},
     "inputs": {"units", "parameters"},
     "beat": {*PHYSICS, "execution"},

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from eclsim.gas.exchangers import Exchanger, MembraneLung, NativeLung, Points, Tissue
+from eclsim.components.exchangers import GasExchanger, MembraneLung, NativeLung, Points, Tissue
 from eclsim.gas.steady import solve
 from eclsim.gas.transport import Drainage, Flows, balanced, mixtures
 
@@ -21,10 +21,9 @@ PATIENT = {
 
 
 @dataclass(frozen=True)
-class GivenGases(Exchanger):
+class GivenGases(GasExchanger):
     """Blood leaves with given partial pressures, but for a shunt: an oxygenator or a lung of the textbook."""
 
-    connection: str
     po2: float
     pco2: float
     shunt: float = 0.0
@@ -32,9 +31,6 @@ class GivenGases(Exchanger):
     @property
     def points(self):
         return 1
-
-    def parameter_names(self):
-        return ()
 
     def outlet(self, inlet, inside: Points, values):
         return self.shunt * inlet + (1.0 - self.shunt) * inside.content[:, 0]
@@ -58,7 +54,7 @@ VENO_VENOUS = (
     ("ra", "ra", "pa"), ("lung", "pa", "art"), ("tissue", "art", "sv"), ("svn", "sv", "ra"),
     ("drain", "ra", "pre"), ("oxy", "pre", "post"), ("return", "post", "ra"),
 )  # fmt: skip
-EXCHANGERS = (Tissue("tissue"), NativeLung("lung"), MembraneLung("oxy"))
+EXCHANGERS, PLACES = (Tissue(), NativeLung(), MembraneLung()), ("tissue", "lung", "oxy")
 
 
 def veno_venous(output, ecmo, mixing=1.0, exchangers=EXCHANGERS, law="severinghaus1979", **values):
@@ -70,6 +66,6 @@ def veno_venous(output, ecmo, mixing=1.0, exchangers=EXCHANGERS, law="severingha
 @partial(jax.jit, static_argnums=(0, 1))
 def _solved(exchangers, law, forward, mixing, values):
     flows = balanced(flows_of(VENO_VENOUS, forward))
-    at = [[path[0] for path in VENO_VENOUS].index(e.connection) for e in exchangers]
+    at = [[path[0] for path in VENO_VENOUS].index(place) for place in PLACES]
     mixed = mixtures(flows, at, [(Drainage(4, (6,), "mixing"), mixing)])
     return solve(exchangers, mixed, values, law), mixed

@@ -64,6 +64,10 @@ _FACTORS: dict[str, tuple[str, float]] = {
     "kg/mL": ("density", 1.0),
     "g/mL": ("density", 0.001),
     "kg/m^3": ("density", 1e-6),
+    "g/dL": ("mass concentration", 1.0),
+    "g/L": ("mass concentration", 0.1),
+    "1": ("fraction", 1.0),
+    "%": ("fraction", 0.01),
 }
 
 _SPELLINGS = {

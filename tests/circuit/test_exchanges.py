@@ -27,7 +27,7 @@ LUNG = Exchange("lung", Membrane(70.0), "part")
 
 
 def with_exchanges(name, *exchanges):
-    return CIRCUITS[name] + Circuit(exchanges=exchanges)
+    return CIRCUITS[name].without_exchanges() + Circuit(exchanges=exchanges)
 
 
 def test_exchanges_are_joined_printed_and_hashed_with_the_circuit():
@@ -47,7 +47,7 @@ def test_the_beat_does_not_ask_for_them():
 
 
 def test_under_a_prefix_they_go_along():
-    circuit = ecmo("ra", "ao") + Circuit(exchanges=(OXYGENATOR, LUNG))
+    circuit = ecmo("ra", "ao").without_exchanges() + Circuit(exchanges=(OXYGENATOR, LUNG))
     own, outside = circuit.prefixed("ecmo.left").exchanges
     assert own == Exchange(
         "ecmo.left.oxygenator", Membrane("ecmo.left.area"), "ecmo.left.ecmooxy", "ecmo.left"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from eclsim import blood
-from eclsim.gas.exchangers import MembraneLung, Tissue
+from eclsim.components.exchangers import MembraneLung, Tissue
 from eclsim.gas.steady import solve
 from eclsim.gas.transport import balanced, mixtures
 from gas_networks import EXCHANGERS, PATIENT, GivenGases, flows_of, veno_venous
@@ -36,7 +36,7 @@ def saturation(state, exchanger, which="outlets", **values):
     ("output", "ecmo", "recirculation", "shunt", "vo2", "hb", "arterial", "venous"), TABLE
 )
 def test_balances_of_veno_venous_ecmo(output, ecmo, recirculation, shunt, vo2, hb, arterial, venous):
-    exchangers = (Tissue("tissue"), GivenGases("lung", 100.0, 40.0, shunt), GivenGases("oxy", 400.0, 40.0))
+    exchangers = (Tissue(), GivenGases(100.0, 40.0, shunt), GivenGases(400.0, 40.0))
     mixing = recirculation * output / (ecmo * (1.0 - recirculation))
     values = {"gas_vo2_ml_min": vo2, "gas_haemoglobin_g_dl": hb}
     state, mixed = veno_venous(output, ecmo, mixing, exchangers, **values)
@@ -67,7 +67,7 @@ def test_exchange_meets_demand_and_is_conserved():
 
 def test_venous_saturation_does_not_depend_on_output_at_complete_shunt():
     """With a given saturation behind the oxygenator and nothing drawn twice (Joyce 2024)."""
-    exchangers = (Tissue("tissue"), GivenGases("lung", 100.0, 40.0, 1.0), GivenGases("oxy", 400.0, 40.0))
+    exchangers = (Tissue(), GivenGases(100.0, 40.0, 1.0), GivenGases(400.0, 40.0))
     low, high = (veno_venous(q, 3.3, 0.0, exchangers)[0].outlets[0, TISSUE] for q in (6.0, 10.0))
     assert low == pytest.approx(float(high), rel=1e-6)
 
@@ -130,7 +130,7 @@ INLET = blood.gases_with_saturation(saturation=0.60, pco2=45.0, haemoglobin=12.0
 
 @partial(jax.jit, static_argnums=2)
 def _passed(flow, sweep, cells):
-    exchangers = (GivenGases("source", float(INLET.po2), 45.0), MembraneLung("oxy", cells=cells))
+    exchangers = (GivenGases(float(INLET.po2), 45.0), MembraneLung(cells=cells))
     flows = balanced(flows_of((("source", "a", "b"), ("oxy", "b", "a")), jnp.stack([flow, flow])))
     values = PATIENT | {"gas.haemoglobin_g_dl": 12.0, "ecmo.sweep_l_min": sweep}
     return solve(exchangers, mixtures(flows, [0, 1]), values)

@@ -8,6 +8,7 @@ from typing import Any, Literal
 from pydantic import ConfigDict, Field, SerializeAsAny, ValidationInfo, model_validator
 
 from eclsim.cases.checking import check_case
+from eclsim.cases.gas import Gas
 from eclsim.cases.sections import (
     PATIENT_SECTIONS,
     Measurements,
@@ -46,6 +47,7 @@ class Case(PublishedDevices):
     patient: Patient
     measurements: Measurements | None = None
     physiology: Physiology | None = None
+    gas: Gas | None = None
     other_devices: Mapping[str, SerializeAsAny[Section]] = Field(default_factory=dict)
     parameters: dict[str, float] = Field(default_factory=dict)
 

@@ -68,7 +68,8 @@ def check_case(raw: object) -> Checked:
         needed = ", ".join(name for name, item in Patient.fields().items() if item.required)
         checked.error("patient", "this section is missing", allowed=f"[patient] with {needed}")
     parameters = check_parameters(raw.get("parameters", {}), connected, checked)
-    own = {one.section: checked.values.get(one.section, {}) for one in PATIENT_SECTIONS}
+    present = (one.section for one in PATIENT_SECTIONS if one.section in checked.values)
+    own = {name: checked.values[name] for name in present}
     values = CaseValues(
         checked.values.get("patient", {}), checked.values.get("measurements", {}), connected, own
     )

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from eclsim.devices.registry import nominal_value, parameters
-from eclsim.patient.anthropometry import mean_height_weight, total_blood_volume_ml
+from eclsim.patient.anthropometry import mean_height_weight, oxygen_consumption, total_blood_volume_ml
 from eclsim.patient.sites import SAME_IN_REGIONS
 
 if TYPE_CHECKING:
@@ -36,10 +36,13 @@ def anatomy_of(case: Case) -> Anatomy:
 
 def _patient(case: Case) -> tuple[Circuit, dict[str, Site]]:
     """The patient, and what stands in for vessels that are divided in regions."""
-    from eclsim.patient.circulation import circulation
+    from eclsim.patient.circulation import circulation, gas_exchanges
 
     anatomy = anatomy_of(case)
-    return circulation(anatomy), dict(SAME_IN_REGIONS) if anatomy.regional else {}
+    patient = circulation(anatomy)
+    if case.gas is not None:
+        patient += gas_exchanges(anatomy)
+    return patient, dict(SAME_IN_REGIONS) if anatomy.regional else {}
 
 
 def circuit_of(case: Case) -> Circuit:
@@ -99,6 +102,9 @@ def resolve_parameters(case: Case) -> dict[str, float]:
     values["total_blood_volume_ml"] = blood_volume_ml(case.patient)
     if case.physiology is not None:
         values |= case.physiology.values()
+    if case.gas is not None:
+        values["gas.vo2_ml_min"] = oxygen_consumption(*height_weight(case.patient))
+        values |= {f"gas.{name}": number for name, number in case.gas.model_dump(exclude_none=True).items()}
     for instance in case.instances():
         values |= instance.values()
         common = {key: value for key, value in case.parameters.items() if instance.parameter(key) in values}

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
+from eclsim.cases.gas import Gas
 from eclsim.devices.device import AnyDevice, device_key
 from eclsim.devices.registry import device_of, devices
 from eclsim.inputs.fields import Field, measured, number, one_of
@@ -97,7 +98,7 @@ class Physiology(Section):
         return {f"{self.section}.{name}": value for name, value in given.items()}
 
 
-PATIENT_SECTIONS: tuple[type[Section], ...] = (Physiology,)
+PATIENT_SECTIONS: tuple[type[Section], ...] = (Physiology, Gas)
 """Optional sections of what the patient has beyond the published model."""
 MEASURED = tuple(Measurements.fields())
 """Names of what may have been measured."""

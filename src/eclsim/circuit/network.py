@@ -15,13 +15,14 @@ from typing import NamedTuple
 from eclsim.circuit.signals import Kind, Signal
 from eclsim.components.base import Component, Exchanger, Key, Path, Renaming, Storage, names_in, renamed
 from eclsim.components.controllers import Controller
+from eclsim.components.exchangers import BLOOD
 from eclsim.components.tubes import TubeVolume
 
 HEART_RATE = "heart_rate_bpm"
 """The parameter that every circuit has beside those of its laws."""
 BLOOD_VOLUME = "total_blood_volume_ml"
 """The patient's blood [mL]; shares of it are start volumes."""
-SHARED_PARAMETERS = ("etaB", "rhoB")
+SHARED_PARAMETERS = ("etaB", "rhoB", *BLOOD)
 """What the blood of all circuits has in common: these parameters keep their names under a prefix."""
 
 
@@ -110,13 +111,24 @@ Site = str | Choice
 
 @dataclass(frozen=True)
 class Connection:
-    """A named path for blood from one compartment to another; a positive flow leaves `source`."""
+    """A named path for blood from one compartment to another; a positive flow leaves `source`.
+
+    Args:
+        name: key of the connection.
+        component: its law.
+        source: compartment that it begins at.
+        target: where it ends.
+        group: as of a compartment.
+        mixing: what it draws where blood of other groups is returned to its source: 1, the blood of the
+            source; 0, that of the source's own inflows, not yet mixed with what was returned.
+    """
 
     name: str
     component: Path
     source: Site
     target: Site
     group: str = "patient"
+    mixing: Key = 1.0
 
     @property
     def sites(self) -> tuple[Site, Site]:
@@ -128,6 +140,10 @@ class Connection:
         chosen = tuple(site.parameter for site in self.sites if isinstance(site, Choice))
         return self.component.parameter_names() + chosen
 
+    def content_names(self) -> tuple[str, ...]:
+        """Names of the parameters of what it draws, which the beat does not ask for."""
+        return names_in(self.mixing)
+
     def renamed(self, name: Renaming, parameter: Renaming, group: Renaming, site: Renaming) -> Connection:
         """The same connection under other names; `site` names the compartments at its ends."""
 
@@ -136,8 +152,8 @@ class Connection:
                 return Choice(tuple(map(site, of.sites)), parameter(of.parameter))
             return site(of)
 
-        law = self.component.renamed(parameter)
-        return Connection(name(self.name), law, end(self.source), end(self.target), group(self.group))
+        law, mixing = self.component.renamed(parameter), renamed(self.mixing, parameter)
+        return Connection(name(self.name), law, end(self.source), end(self.target), group(self.group), mixing)
 
 
 class Statistic(Enum):
@@ -280,8 +296,8 @@ class Circuit:
         return tuple(dict.fromkeys(name for entry in entries for name in entry.parameter_names()))
 
     def content_names(self) -> tuple[str, ...]:
-        """Names of the parameters of rest volumes and exchanges, which the beat does not ask for."""
-        entries = (*self.compartments, *self.exchanges)
+        """Names of the parameters of rest volumes, mixing and exchanges, which the beat does not ask for."""
+        entries = (*self.compartments, *self.connections, *self.exchanges)
         return tuple(dict.fromkeys(name for entry in entries for name in entry.content_names()))
 
     def without_exchanges(self) -> Circuit:

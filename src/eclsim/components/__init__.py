@@ -3,6 +3,7 @@
 from eclsim.components.base import Activation, Complement, Derived, Exchanger, Path, Scaled, Storage
 from eclsim.components.chambers import AtrialBump, Atrium, LinearChamber, Ventricle, VentricularSystole
 from eclsim.components.controllers import Controller, ControlState
+from eclsim.components.exchangers import GasExchanger, MembraneLung, NativeLung, Tissue
 from eclsim.components.pumps import RollerPump, RotaryPump
 from eclsim.components.tubes import Cannula, Tube, TubeVolume
 from eclsim.components.valves import HeartValve, LeakingValve, Orifice
@@ -13,7 +14,8 @@ all_paths = (Resistance, Artery, Tube, HeartValve, LeakingValve, Cannula, Rotary
 
 __all__ = [
     "Activation", "Artery", "AtrialBump", "Atrium", "Cannula", "Complement", "ControlState", "Controller",
-    "Derived", "ElasticVessel", "Exchanger", "HeartValve", "LeakingValve", "LinearChamber", "Orifice", "Path",
-    "Resistance", "RollerPump", "RotaryPump", "Scaled", "Storage", "Tube", "TubeVolume", "Ventricle",
+    "Derived", "ElasticVessel", "Exchanger", "GasExchanger", "HeartValve", "LeakingValve", "LinearChamber",
+    "MembraneLung", "NativeLung", "Orifice", "Path", "Resistance", "RollerPump", "RotaryPump", "Scaled",
+    "Storage", "Tissue", "Tube", "TubeVolume", "Ventricle",
     "VentricularSystole", "all_paths", "all_storages",
 ]  # fmt: skip

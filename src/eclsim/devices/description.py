@@ -23,6 +23,8 @@ Numbers = Any
 """One number for each patient: a float, an array, or either with its derivatives."""
 Law = Callable[["Array"], "Array"]
 """A differentiable function of numbers of one patient, (n,) to (m,); it is compiled once for each object."""
+GASES = "gas.vo2_ml_min"
+"""Parameter that a circuit has exactly if its gases are computed."""
 Kind = Literal["collapse", "alarm", "warning"]
 GRAVEST_FIRST: tuple[Kind, ...] = ("collapse", "alarm", "warning")
 """Kinds of limits. Beyond a "collapse" the numbers cannot be those of a patient."""
@@ -45,6 +47,8 @@ class BeatMeasures(Protocol):
     def backward(self, connection: str) -> Numbers: ...  # noqa: D102
     def parameter(self, name: str) -> Numbers: ...  # noqa: D102
     def apply(self, function: Law, numbers: Sequence[Numbers]) -> Sequence[Numbers]: ...  # noqa: D102
+    def gas(self, what: str, where: str, place: str) -> Numbers: ...  # noqa: D102
+    def kept(self, key: tuple[str, ...], measure: Callable[[], Any]) -> Any: ...  # noqa: D102
     @property
     def circuit(self) -> Circuit: ...  # noqa: D102
 
@@ -108,6 +112,26 @@ def difference(name: str, long_name: str, high: str, low: str) -> Output:
     """Mean difference of two pressures [mmHg]."""
     definition = f"mean of {high} - {low}"
     return Output(name, long_name, "mmHg", definition, (high, low), lambda m: m.mean(high) - m.mean(low))
+
+
+def gas_sample(
+    name: str, long_name: str, where: str, place: str, what: str, needs: tuple[str, ...]
+) -> Output:
+    """A gas of a sample of blood: saturation [%], or a partial pressure [mmHg]; where gas is computed.
+
+    Args:
+        name: of the output.
+        long_name: in words.
+        where: "in" a compartment, "drawn" by a connection, "behind" an exchange.
+        place: name of the compartment or connection.
+        what: "SO2", "PO2" or "PCO2".
+        needs: waveforms without which it does not exist.
+    """
+    unit, factor = ("%", 100.0) if what == "SO2" else ("mmHg", 1.0)
+    return Output(
+        name, long_name, unit, f"of the blood {where} {place}", needs,
+        lambda m: factor * m.gas(what, where, place), parameters=(GASES,), all_flows=True,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

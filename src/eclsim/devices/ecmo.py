@@ -19,6 +19,7 @@ from pydantic import BaseModel, ConfigDict
 from eclsim.devices.description import (
     CAUTION,
     COLLAPSE_MMHG,
+    GASES,
     Box,
     Control,
     Curve,
@@ -28,10 +29,12 @@ from eclsim.devices.description import (
     Limit,
     Look,
     Mark,
+    Output,
     Sweep,
     Trace,
     Views,
     difference,
+    gas_sample,
     lowest,
     mean,
     mean_flow,
@@ -42,17 +45,18 @@ from eclsim.devices.plausibility import check_cannula, check_sites, check_speed,
 from eclsim.devices.products import (
     UNVALIDATED,
     CannulaType,
+    Membrane,
     Oxygenator,
     PumpCurve,
     by_key,
     makers_names,
     pump_values,
 )
-from eclsim.inputs.fields import Field, number, one_of
+from eclsim.inputs.fields import Field, number, one_of, setting
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.numbers import RefusedValueError, read_number
 from eclsim.inputs.sections import Raw, Section, read_name
-from eclsim.parameters import thiel2025
+from eclsim.parameters import gas, thiel2025
 from eclsim.patient.anthropometry import body_surface
 from eclsim.patient.sites import ARTERIAL_SITES, PATIENT_SITES, VENOUS_SITES
 from eclsim.units import ML_S_PER_L_MIN
@@ -63,6 +67,8 @@ if TYPE_CHECKING:
 
 GROUP = "ecmo"
 LINES = ("drainage", "return")
+GAS_KEYS = ("sweep_l_min", "fdo2", "drainage_mixing")
+"""Keys of the section that only gas exchange reads."""
 TUBES = ("ecmotudp", "ecmotupo", "ecmotuor")
 """Compartments that are tubes."""
 
@@ -111,19 +117,21 @@ CANNULAE = by_key(
 """Cannulae: arterial ones return; venous ones drain, and return in veno-venous ECMO."""
 
 _LABEL = "unvalidated pressure drop; label flow from FDA clearance K150267"
+_RATED_7, _RATED_5 = Membrane(7.0, 0.03646, 7.1), Membrane(5.0, 0.03337, 5.13)
+"""Membranes of 1.8 and 1.3 m2: oxygen from the rated flow, carbon dioxide by area from Khadka et al. 2024."""
 OXYGENATORS = by_key(
     (
         Oxygenator(
             key="Quadrox-i Adult", resistance=0.6744, priming_volume_ml=335.0, label_flow_l_min=(0.5, 7.0),
-            evidence=_LABEL,
+            evidence=_LABEL, membrane=_RATED_7,
         ),
         Oxygenator(
             key="Quadrox-i Small Adult", resistance=0.5174, priming_volume_ml=295.0,
-            label_flow_l_min=(0.5, 5.0), evidence=_LABEL,
+            label_flow_l_min=(0.5, 5.0), evidence=_LABEL, membrane=_RATED_5,
         ),
         Oxygenator(
             key="Nautilus MC3", resistance=0.6312, priming_volume_ml=None, label_flow_l_min=None,
-            evidence=UNVALIDATED,
+            evidence=UNVALIDATED, membrane=_RATED_7,
         ),
     )
 )  # fmt: skip
@@ -245,6 +253,9 @@ class Ecmo(Section):
     return_site: Annotated[str, patient_site("Compartment that receives", required=False)]
     return_cannula: Annotated[str, _cannula("Type of return cannula")]
     return_fr: Annotated[float, _size("Size of return cannula")]
+    sweep_l_min: Annotated[float | None, setting(gas.PARAMETERS["ecmo.sweep_l_min"])] = None
+    fdo2: Annotated[float | None, setting(gas.PARAMETERS["ecmo.fdo2"])] = None
+    drainage_mixing: Annotated[float | None, setting(gas.PARAMETERS["ecmo.drainage_mixing"])] = None
     mode: Annotated[
         Literal["VA", "VV"] | None, one_of("Fills in usual sites and cannulae", tuple(USUAL), required=False)
     ] = None
@@ -264,6 +275,11 @@ class Ecmo(Section):
                 allowed = fields[name].allowed + ', or mode = "VA" or "VV" for the usual ones'
                 remarks.error(f"{key}.{name}", "missing", allowed=allowed)
         _check_speed_or_flow(raw, values, key, remarks)
+
+
+def _gas_setting(section: Ecmo, name: str) -> float:
+    given = getattr(section, name)
+    return gas.PARAMETERS[f"ecmo.{name}"].value if given is None else given
 
 
 def _check_speed_or_flow(raw: Raw, values: Raw, key: str, remarks: Remarks) -> None:
@@ -300,8 +316,17 @@ def ecmo(
         roller: True for a roller pump (`ecmo.roller_l_min`), else a rotary pump (`ecmo.speed_rpm`,
             `ecmo.pump.a` ...).
     """
-    from eclsim.circuit.network import Circuit, Compartment, Connection
-    from eclsim.components import Cannula, ElasticVessel, Resistance, RollerPump, RotaryPump, Tube, TubeVolume
+    from eclsim.circuit.network import Circuit, Compartment, Connection, Exchange
+    from eclsim.components import (
+        Cannula,
+        ElasticVessel,
+        MembraneLung,
+        Resistance,
+        RollerPump,
+        RotaryPump,
+        Tube,
+        TubeVolume,
+    )
 
     rest = {tube: TubeVolume("L" + tube, "D" + tube) for tube in TUBES} | {"ecmooxy": "ecmo.oxygenator_ml"}
     compartments = tuple(
@@ -314,7 +339,7 @@ def ecmo(
     drainage = Cannula("ecmo.drainage_fr", CANNULAE[drainage_cannula].coefficients)
     back = Cannula("ecmo.return_fr", CANNULAE[return_cannula].coefficients)
     connections = (
-        Connection("ecmodrain", drainage, drainage_site, "ecmodrain", GROUP),
+        Connection("ecmodrain", drainage, drainage_site, "ecmodrain", GROUP, "ecmo.drainage_mixing"),
         Connection("ecmotudp", Tube("Lecmotudp", "Decmotudp"), "ecmodrain", "ecmotudp", GROUP),
         Connection("ecmopump", pump, "ecmotudp", "ecmotupo", GROUP),
         Connection("ecmotupo", Tube("Lecmotupo", "Decmotupo"), "ecmotupo", "ecmooxy", GROUP),
@@ -322,7 +347,42 @@ def ecmo(
         Connection("ecmotuor", Tube("Lecmotuor", "Decmotuor"), "ecmotuor", "ecmoreturn", GROUP),
         Connection("ecmoreturn", back, "ecmoreturn", return_site, GROUP),
     )
-    return Circuit(compartments, connections)
+    return Circuit(
+        compartments, connections, exchanges=(Exchange("ecmooxy", MembraneLung(), "ecmooxy", GROUP),)
+    )
+
+
+_DRAWN, _BEHIND = ("drawn", "ecmodrain"), ("behind", "ecmooxy")
+
+
+def _gas_output(name: str, long_name: str, unit: str, definition: str, what: str, sign: float) -> Output:
+    where = ("drawn", "ecmodrain") if what == "recirculated" else ("at", "ecmooxy")
+    return Output(
+        name, long_name, unit, definition, ("Qecmooxy",), lambda m: sign * m.gas(what, *where),
+        parameters=(GASES,), all_flows=True,
+    )  # fmt: skip
+
+
+GAS_OUTPUTS = (
+    gas_sample("SpreO2", "oxygen saturation of the drained blood", *_DRAWN, "SO2", ("Qecmodrain",)),
+    gas_sample("PpreO2", "PO2 of the drained blood", *_DRAWN, "PO2", ("Qecmodrain",)),
+    gas_sample("PpreCO2", "PCO2 of the drained blood", *_DRAWN, "PCO2", ("Qecmodrain",)),
+    gas_sample("SpostO2", "oxygen saturation behind the oxygenator", *_BEHIND, "SO2", ("Qecmooxy",)),
+    gas_sample("PpostO2", "PO2 behind the oxygenator", *_BEHIND, "PO2", ("Qecmooxy",)),
+    gas_sample("PpostCO2", "PCO2 behind the oxygenator", *_BEHIND, "PCO2", ("Qecmooxy",)),
+    _gas_output(
+        "VO2_oxygenator", "oxygen uptake of the oxygenator (STPD)", "mL/min", "gained by blood", "gained", 1.0
+    ),
+    _gas_output(
+        "VCO2_oxygenator", "carbon dioxide removed by the oxygenator (STPD)", "mL/min", "lost by blood",
+        "gained_co2", -1.0,
+    ),
+    _gas_output(
+        "recirculation_fraction", "recirculated share of the drained blood", "1",
+        "share of the drained blood that came straight from the return cannula, as a tracer has it",
+        "recirculated", 1.0,
+    ),
+)  # fmt: skip
 
 
 class EcmoDevice(Device[Ecmo]):
@@ -374,7 +434,10 @@ class EcmoDevice(Device[Ecmo]):
     look = Look("#0072B2", "#EEF5FA", 2.0, marker="s")
     positions, position_words = POSITIONS, POSITION_WORDS
     products = (*PUMPS.values(), *CANNULAE.values(), *OXYGENATORS.values())
-    parameters = tuple(p for p in thiel2025.PARAMETERS.values() if p.group == GROUP)
+    parameters = (
+        *(p for p in thiel2025.PARAMETERS.values() if p.group == GROUP),
+        *(p for p in gas.PARAMETERS.values() if p.key.startswith("ecmo.oxygenator.")),
+    )
     nominal = MappingProxyType(
         {
             "ecmo.speed_rpm": 3000.0, "ecmo.drainage_fr": 23.0, "ecmo.return_fr": 17.0,
@@ -395,6 +458,7 @@ class EcmoDevice(Device[Ecmo]):
             "oxygenator_pressure_drop", "mean pressure drop of the oxygenator", "Pecmooxy", "Pecmotuor"
         ),
         mean("return_cannula_pressure", "mean pressure before the ECMO return cannula", "Pecmoreturn"),
+        *GAS_OUTPUTS,
     )
     limits = (
         Limit(
@@ -411,6 +475,11 @@ class EcmoDevice(Device[Ecmo]):
         Limit(
             "pump_inlet_pressure", "alarm", "below", COLLAPSE_MMHG,
             "cavitation and haemolysis: lower the pump speed", _ELSO,
+        ),
+        Limit(
+            "PpostO2", "warning", "below", 100.0,
+            "the oxygenator does not saturate the blood: flow above its rated flow, a clot, or a low FdO2",
+            "a convention of this project",
         ),
         *(
             limit
@@ -462,6 +531,8 @@ class EcmoDevice(Device[Ecmo]):
             "ecmo.oxygenator_ml": OXYGENATORS[section.oxygenator].priming_volume_ml or math.nan,
             "ecmo.drainage_fr": section.drainage_fr,
             "ecmo.return_fr": section.return_fr,
+            **{f"ecmo.{name}": _gas_setting(section, name) for name in GAS_KEYS},
+            **OXYGENATORS[section.oxygenator].gas_values(),
         }
         if isinstance(section.pump, RollerPump):
             return values | {"ecmo.roller_l_min": section.pump.roller_l_min}
@@ -547,13 +618,15 @@ class EcmoDevice(Device[Ecmo]):
 
     def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
         """Sites, mode, cannulae, speed, and the measured flows."""
-        check_sites(key, values, "drainage_site", "return_site", remarks)
+        if not _mixes_in_a_vein(values, case):
+            check_sites(key, values, "drainage_site", "return_site", remarks)
         _check_mode(values, key, remarks)
         for line in LINES:
             kind, size = values.get(f"{line}_cannula"), values.get(f"{line}_fr")
             if kind is not None and size is not None:
                 check_cannula(f"{key}.{line}_fr", size, CANNULAE[kind], remarks)
         check_speed(key, values, PUMPS, remarks)
+        _check_sweep(values, case, key, remarks)
         alone = len(case.of(self.key)) == 1
         _check_pump_flow(values, case.measurements if alone else {}, key, remarks)
         if alone:
@@ -583,6 +656,24 @@ class EcmoDevice(Device[Ecmo]):
             return []
         sentence = f"{names.label} flow of {warning}"
         return [Finding("warning", name, flow, float("nan"), sentence, concerns=(name,))]
+
+
+def _mixes_in_a_vein(values: Raw, case: CaseValues) -> bool:
+    """Whether drainage and return share a venous compartment: with gas exchange that is recirculation."""
+    site = values.get("return_site")
+    return "gas" in case.physiology and site in VENOUS_SITES and values.get("drainage_site") == site
+
+
+def _check_sweep(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
+    """Settings of the sweep gas without [gas], and a sweep that is assumed."""
+    with_gas = "gas" in case.physiology
+    for name in GAS_KEYS:
+        if name in values and not with_gas:
+            message = "without effect: gases are computed where the case has a [gas] section"
+            remarks.warning(f"{key}.{name}", message, shown(values[name]))
+    if with_gas and "sweep_l_min" not in values:
+        assumed = gas.PARAMETERS["ecmo.sweep_l_min"].value
+        remarks.note(f"{key}.sweep_l_min", f"left out, so assumed: {assumed:g} L/min")
 
 
 def _check_mode(values: Raw, key: str, remarks: Remarks) -> None:

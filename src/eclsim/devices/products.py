@@ -200,15 +200,44 @@ class Exchanger(Product):
         yield f"  priming volume     {_number(self.priming_volume_ml)} mL"
 
 
+@dataclass(frozen=True)
+class Membrane:
+    """A membrane for gas exchange.
+
+    Attributes:
+        rated_flow_l_min: at which blood of saturation 0.65 (12 g/dL, PCO2 45 mmHg, 37 C) leaves with 0.95,
+            with as much pure oxygen as blood [L/min].
+        oxygen_transfer: [mL/min/mmHg at 1 L/min], what makes it so.
+        carbon_dioxide_transfer: [mL/min/mmHg at 1 L/min].
+    """
+
+    rated_flow_l_min: float
+    oxygen_transfer: float
+    carbon_dioxide_transfer: float
+
+
 @dataclass(frozen=True, kw_only=True)
 class Oxygenator(Exchanger):
-    """An oxygenator; `label_flow_l_min` is the lowest and highest flow of its label, None if not at hand."""
+    """An oxygenator.
+
+    Attributes:
+        label_flow_l_min: lowest and highest flow of its label [L/min], None if not at hand.
+        membrane: how well it exchanges gas.
+    """
 
     title = "Oxygenators"
     head = ("name", "R [mmHg s/mL]", "label flow [L/min]", "priming [mL]", "checked against")
     numeric = (1, 3)
 
     label_flow_l_min: tuple[float, float] | None
+    membrane: Membrane
+
+    def gas_values(self) -> dict[str, float]:
+        """Its parameters of gas exchange."""
+        return {
+            "ecmo.oxygenator.oxygen_transfer": self.membrane.oxygen_transfer,
+            "ecmo.oxygenator.carbon_dioxide_transfer": self.membrane.carbon_dioxide_transfer,
+        }
 
     def label_warning(self, flow_l_min: float) -> str | None:
         """What to say about a flow [L/min] outside the label, or None inside it or without one."""
@@ -226,9 +255,12 @@ class Oxygenator(Exchanger):
         return self.key, f"{self.resistance:g}", _range(self.label_flow_l_min), volume, self.evidence
 
     def details(self) -> Iterator[str]:
-        """Resistance, priming volume and label."""
+        """Resistance, priming volume, label, and the membrane."""
         yield from super().details()
         yield f"  label flow         {_range(self.label_flow_l_min)} L/min"
+        yield f"  rated flow         {self.membrane.rated_flow_l_min:g} L/min"
+        yield f"  O2 transfer        {self.membrane.oxygen_transfer:g} mL/min/mmHg at 1 L/min"
+        yield f"  CO2 transfer       {self.membrane.carbon_dioxide_transfer:g} mL/min/mmHg at 1 L/min"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,12 +4,12 @@ Unknowns are the logarithms of PO2 and PCO2 at the points inside the exchangers,
 them: contents are then explicit. What enters an exchanger is a mixture of what leaves the others, so that a
 patient with ECMO has about 20 unknowns however many compartments there are. Newton's method, with pH
 eliminated point by point; derivatives with respect to all parameters and flows by the implicit function
-theorem.
+theorem. Samples of mixed blood are solved along the way, each by itself.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -21,7 +21,8 @@ from eclsim import runtime as _runtime  # noqa: F401  (double precision before t
 from eclsim.blood.acid_base import excess_of
 from eclsim.blood.gases import law_named
 from eclsim.blood.types import Blood
-from eclsim.gas.exchangers import Exchanger, Points
+from eclsim.components.base import Values
+from eclsim.components.exchangers import BLOOD, GasExchanger, Points
 from eclsim.gas.transport import Mixtures
 
 ITERATIONS = 150
@@ -33,15 +34,15 @@ INERTIA = 5.0
 LOWEST, HIGHEST = -14.0, 8.0
 """Of the logarithm of a partial pressure in mmHg."""
 
-Values = Mapping[str, Array]
-
 
 class GasState(NamedTuple):
     """The steady gas state of one patient.
 
     Attributes:
-        pressure: logarithm of PO2 and PCO2 at the points of all exchangers, (2, points).
+        pressure: logarithm of PO2 and PCO2 at the points of all exchangers, then of the samples, (2, points).
         ph: there, (points,).
+        saturation: there [-], (points,).
+        content: there [mL/dL], (2, points).
         outlets: contents of what leaves each exchanger [mL/dL], (2, exchangers).
         inlets: contents of what enters each exchanger [mL/dL], (2, exchangers).
         gained: gas that blood gained in each exchanger [mL/min STPD], (2, exchangers).
@@ -51,6 +52,8 @@ class GasState(NamedTuple):
 
     pressure: Array
     ph: Array
+    saturation: Array
+    content: Array
     outlets: Array
     inlets: Array
     gained: Array
@@ -69,53 +72,24 @@ class _Local(NamedTuple):
     acid_by: Array  # change of pH with the pressures (2, points)
 
 
-def blood_of(values: Values) -> Blood:
-    """What describes the blood of a patient apart from its gases."""
-    return Blood(
-        values["gas.haemoglobin_g_dl"],
-        values["gas.base_excess_mmol_l"],
-        values["gas.temperature_c"],
-        values["gas.oxygen_capacity_ml_g"],
-    )
+class _Network(NamedTuple):
+    """What the equations of all exchangers need besides the unknowns."""
 
+    exchangers: tuple[GasExchanger, ...]
+    mixed: Mixtures
+    samples: Array  # shares of what leaves the exchangers, (samples, exchangers)
+    values: Values
+    law: str
 
-def solve(
-    exchangers: Sequence[Exchanger], mixed: Mixtures, values: Values, law: str = "severinghaus1979"
-) -> GasState:
-    """The steady gas state of one patient; map over patients with `jax.vmap`.
+    @property
+    def count(self) -> int:
+        """Number of points inside exchangers."""
+        return sum(e.points for e in self.exchangers)
 
-    Args:
-        exchangers: in the order of `mixed`.
-        mixed: what enters each exchanger.
-        values: parameters of the exchangers and of the blood.
-        law: of the blood.
-    """
-    frozen = jax.lax.stop_gradient((mixed, dict(values)))
-    step = partial(_newton_step, tuple(exchangers), *frozen, law)
-    acid = partial(_acid_step, law, blood_of(frozen[1]))
-
-    def unfinished(state: _Search) -> Array:
-        return (state.steps < ITERATIONS) & (state.error > TOLERANCE)
-
-    def improve(state: _Search) -> _Search:
-        move, move_ph, size = step(state.pressure, state.ph, state.inertia)
-        pressure = jnp.clip(state.pressure + jnp.clip(move, -LARGEST_STEP, LARGEST_STEP), LOWEST, HIGHEST)
-        ph = jnp.clip(state.ph + jnp.clip(move_ph, -0.5, 0.5), 4.0, 12.0)
-        ph = acid(pressure, acid(pressure, ph))
-        error = jnp.maximum(jnp.abs(move).max(), jnp.abs(move_ph).max())
-        # Inertia follows what is missing, so that the last steps are Newton's.
-        ratio = jnp.clip(size / state.missing, 0.1, 2.0)
-        inertia = jnp.where((size < 1e-4) | (state.inertia < 1e-6), 0.0, 0.5 * state.inertia * ratio)
-        return _Search(pressure, ph, inertia, size, state.steps + 1, error)
-
-    count = sum(e.points for e in exchangers)
-    pressure = jnp.log(jnp.stack([jnp.full(count, 60.0), jnp.full(count, 42.0)]))
-    far = jnp.array(jnp.inf)
-    start = _Search(pressure, jnp.full(count, 7.4), jnp.array(INERTIA), far, jnp.array(0), far)
-    end = jax.lax.while_loop(unfinished, improve, start)
-    # One more step from the solution carries its derivatives exactly.
-    move, move_ph, _ = _newton_step(tuple(exchangers), mixed, values, law, end.pressure, end.ph, 0.0)
-    return _state(exchangers, mixed, values, law, end.pressure + move, end.ph + move_ph, end.steps, end.error)
+    def frozen(self) -> _Network:
+        """The same, not differentiated."""
+        mixed, samples, values = jax.lax.stop_gradient((self.mixed, self.samples, dict(self.values)))
+        return _Network(self.exchangers, mixed, samples, values, self.law)
 
 
 class _Search(NamedTuple):
@@ -129,24 +103,64 @@ class _Search(NamedTuple):
     error: Array
 
 
-def _state(
-    exchangers: Sequence[Exchanger],
+def blood_of(values: Values) -> Blood:
+    """What describes the blood of a patient apart from its gases."""
+    return Blood(*(values[name] for name in BLOOD))
+
+
+def solve(
+    exchangers: Sequence[GasExchanger],
     mixed: Mixtures,
     values: Values,
-    law: str,
-    pressure: Array,
-    ph: Array,
-    steps: Array,
-    error: Array,
+    law: str = "severinghaus1979",
+    samples: Array | None = None,
 ) -> GasState:
-    content, slope, _ = _properties(law, blood_of(values), pressure, ph)
-    outlets, inlets = _streams(exchangers, mixed, Points(jnp.exp(pressure), content, slope), values)
+    """The steady gas state of one patient; map over patients with `jax.vmap`.
+
+    Args:
+        exchangers: in the order of `mixed`.
+        mixed: what enters each exchanger.
+        values: parameters of the exchangers and of the blood.
+        law: of the blood.
+        samples: blood whose gases are wanted too, as shares of what leaves each exchanger, (samples,
+            exchangers).
+    """
+    samples = jnp.zeros((0, len(exchangers))) if samples is None else samples
+    network = _Network(tuple(exchangers), mixed, samples, values, law)
+    fixed = network.frozen()
+    acid = partial(_acid_step, law, blood_of(fixed.values))
+
+    def unfinished(state: _Search) -> Array:
+        return (state.steps < ITERATIONS) & (state.error > TOLERANCE)
+
+    def improve(state: _Search) -> _Search:
+        move, move_ph, size = _newton_step(fixed, state.pressure, state.ph, state.inertia)
+        pressure = jnp.clip(state.pressure + jnp.clip(move, -LARGEST_STEP, LARGEST_STEP), LOWEST, HIGHEST)
+        ph = jnp.clip(state.ph + jnp.clip(move_ph, -0.5, 0.5), 4.0, 12.0)
+        ph = jax.lax.fori_loop(0, 2, lambda _, at: acid(pressure, at), ph)
+        error = jnp.maximum(jnp.abs(move).max(), jnp.abs(move_ph).max())
+        # Inertia follows what is missing, so that the last steps are Newton's.
+        ratio = jnp.clip(size / state.missing, 0.1, 2.0)
+        inertia = jnp.where((size < 1e-4) | (state.inertia < 1e-6), 0.0, 0.5 * state.inertia * ratio)
+        return _Search(pressure, ph, inertia, size, state.steps + 1, error)
+
+    points = network.count + samples.shape[0]
+    pressure = jnp.log(jnp.stack([jnp.full(points, 60.0), jnp.full(points, 42.0)]))
+    far = jnp.array(jnp.inf)
+    start = _Search(pressure, jnp.full(points, 7.4), jnp.array(INERTIA), far, jnp.array(0), far)
+    end = jax.lax.while_loop(unfinished, improve, start)
+    # One more step from the solution carries its derivatives exactly.
+    move, move_ph, _ = _newton_step(network, end.pressure, end.ph, 0.0)
+    pressure, ph = end.pressure + move, end.ph + move_ph
+    content, slope, saturation, _ = _properties(law, blood_of(values), pressure, ph)
+    inside = Points(jnp.exp(pressure), content, slope)
+    outlets, inlets = _streams(network, inside)
     gained = 10.0 * mixed.streams * (outlets - inlets)
-    return GasState(pressure, ph, outlets, inlets, gained, steps, error)
+    return GasState(pressure, ph, saturation, content, outlets, inlets, gained, end.steps, end.error)
 
 
-def _properties(law: str, blood: Blood, pressure: Array, ph: Array) -> tuple[Array, Array, Array]:
-    """Contents (2, points), slope of the saturation curve, residual of the acid-base equation (points,)."""
+def _properties(law: str, blood: Blood, pressure: Array, ph: Array) -> tuple[Array, Array, Array, Array]:
+    """Contents (2, points), slope of the saturation curve, saturation, residual of the acid-base equation."""
     chosen = law_named(law)
     po2, pco2 = jnp.exp(pressure[0]), jnp.exp(pressure[1])
 
@@ -157,102 +171,101 @@ def _properties(law: str, blood: Blood, pressure: Array, ph: Array) -> tuple[Arr
     content = jnp.stack(
         [chosen.oxygen_content(po2, pco2, ph, blood), chosen.carbon_dioxide_content(po2, pco2, ph, blood)]
     )
-    return content, slope, jnp.asarray(excess_of(pco2, ph, saturated, blood))
+    return content, slope, saturated, jnp.asarray(excess_of(pco2, ph, saturated, blood))
 
 
 def _local(law: str, blood: Blood, pressure: Array, ph: Array) -> _Local:
     """Properties of blood at all points with their derivatives; every point depends on itself alone."""
-    one, none = jnp.ones_like(ph), jnp.zeros_like(ph)
+    at, along = jax.linearize(partial(_properties, law, blood), pressure, ph)
+    content, slope, _, residual = at
+    directions = jnp.broadcast_to(jnp.eye(3)[:, :, None], (3, 3, ph.shape[0]))
+    content_by, slope_by, _, residual_by = jax.vmap(lambda d: along(d[:2], d[2]))(directions)
+    acid_by, acid = -residual_by[:2] / residual_by[2], -residual / residual_by[2]
+    return _Local(
+        content + content_by[2] * acid,
+        slope + slope_by[2] * acid,
+        jnp.swapaxes(content_by[:2] + content_by[2] * acid_by[:, None], 0, 1),
+        slope_by[:2] + slope_by[2] * acid_by,
+        acid,
+        acid_by,
+    )
 
-    def along(oxygen: Array, carbon_dioxide: Array, acid: Array) -> tuple[Array, Array, Array]:
-        tangent = (jnp.stack([oxygen, carbon_dioxide]), acid)
-        return jax.jvp(partial(_properties, law, blood), (pressure, ph), tangent)[1]
 
-    content, slope, residual = _properties(law, blood, pressure, ph)
-    by = [along(one, none, none), along(none, one, none)]
-    content_ph, slope_ph, residual_ph = along(none, none, one)
-    acid_by = jnp.stack([-b[2] / residual_ph for b in by])
-    content_by = jnp.stack([b[0] + content_ph * a for b, a in zip(by, acid_by, strict=True)], axis=1)
-    slope_by = jnp.stack([b[1] + slope_ph * a for b, a in zip(by, acid_by, strict=True)])
-    acid = -residual / residual_ph
-    return _Local(content + content_ph * acid, slope + slope_ph * acid, content_by, slope_by, acid, acid_by)
-
-
-def _streams(
-    exchangers: Sequence[Exchanger], mixed: Mixtures, inside: Points, values: Values
-) -> tuple[Array, Array]:
+def _streams(network: _Network, inside: Points) -> tuple[Array, Array]:
     """Contents of what leaves and of what enters each exchanger, both (2, exchangers).
 
     A lung lets blood past it, so what leaves depends on what enters, and that on what leaves the others:
     linear, and solved here.
     """
-    parts = _parts(exchangers, inside)
-    none, one = jnp.zeros(2), jnp.ones(2)
-    offset = jnp.stack([e.outlet(none, p, values) for e, p in zip(exchangers, parts, strict=True)], axis=1)
-    passed = (
-        jnp.stack([e.outlet(one, p, values) for e, p in zip(exchangers, parts, strict=True)], axis=1) - offset
-    )
-    matrix = jnp.eye(len(exchangers)) - passed[0][:, None] * mixed.inlets
+    parts, mixed = _parts(network, inside), network.mixed
+
+    def leaving(inlet: Array) -> Array:
+        pairs = zip(network.exchangers, parts, strict=True)
+        return jnp.stack([e.outlet(inlet, p, network.values) for e, p in pairs], axis=1)
+
+    offset = leaving(jnp.zeros(2))
+    passed = leaving(jnp.ones(2)) - offset
+    matrix = jnp.eye(len(parts)) - passed[0][:, None] * mixed.inlets
     outlets = jnp.linalg.solve(matrix, offset.T).T
     return outlets, (mixed.inlets @ outlets.T).T
 
 
-def _parts(exchangers: Sequence[Exchanger], inside: Points) -> list[Points]:
+def _parts(network: _Network, inside: Points) -> list[Points]:
     """The points of each exchanger."""
     parts, first = [], 0
-    for exchanger in exchangers:
+    for exchanger in network.exchangers:
         own = slice(first, first + exchanger.points)
         parts.append(Points(inside.pressure[:, own], inside.content[:, own], inside.slope[own]))
         first += exchanger.points
     return parts
 
 
-def _missing(exchangers: Sequence[Exchanger], mixed: Mixtures, values: Values, inside: Points) -> Array:
-    """What the equations of all exchangers miss [mL/dL of the blood that passes], (2, points)."""
-    _, inlets = _streams(exchangers, mixed, inside, values)
-    parts = _parts(exchangers, inside)
-    return jnp.concatenate(
-        [
-            e.missing(mixed.streams[k], inlets[:, k], part, values) / (10.0 * mixed.streams[k])
-            for k, (e, part) in enumerate(zip(exchangers, parts, strict=True))
-        ],
-        axis=1,
-    )
+def _missing(network: _Network, inside: Points) -> tuple[Array, Array]:
+    """What the equations of all exchangers miss [mL/dL of the blood that passes], (2, points); outlets."""
+    outlets, inlets = _streams(network, inside)
+    streams = network.mixed.streams
+    missed = [
+        e.missing(streams[k], inlets[:, k], part, network.values) / (10.0 * streams[k])
+        for k, (e, part) in enumerate(zip(network.exchangers, _parts(network, inside), strict=True))
+    ]
+    return jnp.concatenate(missed, axis=1), outlets
 
 
 def _acid_step(law: str, blood: Blood, pressure: Array, ph: Array) -> Array:
     """pH after one step towards the acid-base balance at given pressures."""
     residual, slope = jax.jvp(
-        lambda at: _properties(law, blood, pressure, at)[2], (ph,), (jnp.ones_like(ph),)
+        lambda at: _properties(law, blood, pressure, at)[3], (ph,), (jnp.ones_like(ph),)
     )
     return ph - jnp.clip(residual / slope, -0.5, 0.5)
 
 
 def _newton_step(
-    exchangers: tuple[Exchanger, ...],
-    mixed: Mixtures,
-    values: Values,
-    law: str,
-    pressure: Array,
-    ph: Array,
-    inertia: Array | float,
+    network: _Network, pressure: Array, ph: Array, inertia: Array | float
 ) -> tuple[Array, Array, Array]:
-    """Newton's step for the pressures and for pH, and the largest equation not met [mL/min].
+    """Newton's step for the pressures and for pH, and the largest equation not met [mL/dL].
 
     The Jacobian is not differentiated. With inertia [L/min] the contents change as in blood that is stored:
     an implicit step in time, which leads to the steady state from anywhere.
     """
-    local = _local(law, blood_of(values), pressure, ph)
-    missing = partial(_missing, exchangers, mixed, values)
-    inside = Points(jnp.exp(pressure), local.content, local.slope)
-    fixed, where = jax.lax.stop_gradient((local, inside))
-    jacobian = jax.jacfwd(missing)(where)
-    count = pressure.shape[1]
-    by = jacobian.pressure * where.pressure
-    by = by + jnp.einsum("giaj,abj->gibj", jacobian.content, fixed.content_by)
-    by = by + jacobian.slope[:, :, None, :] * fixed.slope_by
-    stored = inertia * jnp.einsum("gai,ij->giaj", fixed.content_by, jnp.eye(count))
+    count = network.count
+    local = _local(network.law, blood_of(network.values), pressure, ph)
+    fixed, where = jax.lax.stop_gradient((local, pressure))
+    steady = network.frozen()
+
+    def linear(move: Array) -> tuple[Array, Array]:
+        content = fixed.content[:, :count] + (fixed.content_by[:, :, :count] * move).sum(axis=1)
+        slope = fixed.slope[:count] + (fixed.slope_by[:, :count] * move).sum(axis=0)
+        return _missing(steady, Points(jnp.exp(where[:, :count]) * (1.0 + move), content, slope))
+
+    by, outlets_by = jax.jacfwd(linear)(jnp.zeros((2, count)))
+    stored = inertia * jnp.einsum("gai,ij->giaj", fixed.content_by[:, :, :count], jnp.eye(count))
     matrix = jax.lax.stop_gradient(by + stored).reshape(2 * count, 2 * count)
-    value = missing(inside)
+    inside = Points(jnp.exp(pressure), local.content, local.slope)
+    value, outlets = _missing(network, inside)
     move = -jnp.linalg.solve(matrix, value.reshape(-1)).reshape(2, count)
+    outlets = outlets + jnp.einsum("geaj,aj->ge", jax.lax.stop_gradient(outlets_by), move)
+    (a, b), (c, d) = fixed.content_by[:, :, count:]
+    oxygen, carbon_dioxide = outlets @ network.samples.T - local.content[:, count:]
+    sampled = jnp.stack([d * oxygen - b * carbon_dioxide, a * carbon_dioxide - c * oxygen]) / (a * d - b * c)
+    move = jnp.concatenate([move, sampled], axis=1)
     return move, local.acid + (fixed.acid_by * move).sum(axis=0), jnp.abs(value).max()

@@ -20,6 +20,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from eclsim.components.base import Key
+
 DIFFUSION_L_MIN = 1e-9
 """Exchange along every connection in both directions, so that standing blood has a content too."""
 
@@ -31,12 +33,12 @@ class Drainage:
     Args:
         connection: position of the connection.
         returns: positions of connections that bring blood to the compartment and are no veins.
-        mixing: parameter: 1 = the compartment's blood is drawn, 0 = that of the veins.
+        mixing: parameter or number: 1 = the compartment's blood is drawn, 0 = that of the veins.
     """
 
     connection: int
     returns: tuple[int, ...]
-    mixing: str
+    mixing: Key
 
 
 class Flows(NamedTuple):

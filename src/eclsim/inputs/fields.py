@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal
 
+from eclsim.parameters.parameter import Parameter
+
 _NONE: Mapping[str, str] = MappingProxyType({})
 
 
@@ -77,3 +79,13 @@ def one_of(
 def measured(description: str, unit: str, minimum: float, maximum: float, typical: float) -> Field:
     """A number that may not have been measured."""
     return number(description, unit, minimum, maximum, typical, required=False, may_be_missing=True)
+
+
+def setting(parameter: Parameter) -> Field:
+    """A number with the meaning, unit and range of a parameter; left out, it has a default."""
+    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+    allowed = f"{parameter.minimum:g} to {parameter.maximum:g}{unit}"
+    return Field(
+        parameter.description, "number", parameter.unit, parameter.minimum, parameter.maximum,
+        parameter.value or 1.0, required=False, also_allowed=allowed,
+    )  # fmt: skip

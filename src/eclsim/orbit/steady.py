@@ -67,9 +67,11 @@ class Batch:
         return float(value if np.ndim(value) == 0 else np.asarray(value)[which])
 
     def read_by_outputs(self, parameters: Sequence[str], members: np.ndarray) -> dict[str, np.ndarray]:
-        """Some parameters of some members, each of shape (members,)."""
+        """Those of some parameters that have a value, of some members, each of shape (members,)."""
         return {
-            n: np.broadcast_to(np.asarray(self.values[n], float), (self.count,))[members] for n in parameters
+            n: np.broadcast_to(np.asarray(self.values[n], float), (self.count,))[members]
+            for n in parameters
+            if n in self.values
         }
 
     def volume(self) -> Volume:

@@ -103,7 +103,7 @@ class LinearMeasures(Measures):
         """A function of some numbers by the chain rule."""
         given = [_dual(number) for number in numbers]
         at = np.array([number.value for number in given])
-        values, slopes = compiled(function)(at[None])[0], np.asarray(compiled_jacobian(function)(at))
+        values, slopes = np.asarray(compiled(function)(at)), np.asarray(compiled_jacobian(function)(at))
         keys = list(dict.fromkeys(key for number in given for key in number.slopes))
         total = slopes @ np.array([[number.slopes.get(key, 0.0) for key in keys] for number in given])
         rows = (dict(zip(keys, row, strict=True)) for row in total.tolist())

@@ -8,6 +8,8 @@ import xarray as xr
 from eclsim.beat.grid import PhaseGrid
 from eclsim.beat.heartbeat import beat_program
 from eclsim.beat.recording import all_signals, with_rates
+from eclsim.devices.description import GASES
+from eclsim.gas.network import STATUS
 from eclsim.orbit.independent import AdaptiveBeats, AdaptiveOptions, Waited
 from eclsim.orbit.inputs import allowed_values
 from eclsim.orbit.model import Model
@@ -45,14 +47,16 @@ def simulate_adaptive(
     _, recorded = beats.record(waited.state, RECORDED.phases, with_rates(model.circuit, plain))
     names = with_rates(model.circuit, plain)
     known = output_names(model.circuit)
-    parameters = batch.read_by_outputs(needed_parameters(known), np.array([0]))
+    parameters = batch.read_by_outputs(needed_parameters(model.circuit, known), np.array([0]))
     waves = {n: recorded[:, [k]] for k, n in enumerate(names)}
     measures = Measures(waves, RECORDED.phases, model.circuit, parameters)
     outputs = {n: output(n).compute(measures) for n in known}
+    with_gas = any(GASES in output(n).parameters for n in known)
+    gas_status = np.asarray(measures.gas(*STATUS) if with_gas else [0], dtype=int)
     series = recorded[:, [names.index(n) for n in plain]]
     beat = judged(
         _orbits(batch, waited, refused, beats.options.tolerance), tuple(outputs), outputs, plain,
-        statistics_of(measures, plain), {0: Waveforms(RECORDED.phases, series)},
+        statistics_of(measures, plain), {0: Waveforms(RECORDED.phases, series)}, gas_status,
     )  # fmt: skip
     return labelled(beat, 0, model.name)
 

@@ -20,6 +20,8 @@ CLOSED_L_MIN = 0.02
 _SSC = "target in shock, Surviving Sepsis Campaign 2021"
 _WALSH = "Walsh et al. 2013: kidney and heart injury after minutes"
 _ESC = "ESC/ESH 2018"
+_ELSO_VV = "ELSO 2021, V-V ECMO in adults"
+_HYPOXIA = "organs get blood with too little oxygen"
 _FORRESTER = "Forrester et al. 1976"
 _OWN = "a convention of this project"
 _HIGH_VENOUS = "congestion of liver and kidneys"
@@ -59,6 +61,28 @@ _PATIENT = (
         "end_diastolic_pressure_lv", "warning", "above", 16.0, "raised filling of the left ventricle",
         "ESC 2016",
     ),
+    *(
+        limit
+        for name in ("SaO2", "SaO2_lower")
+        for limit in (
+            Limit(name, "warning", "below", 88.0, _HYPOXIA, _ELSO_VV),
+            Limit(name, "alarm", "below", 80.0, _HYPOXIA, _ELSO_VV),
+        )
+    ),
+    Limit("PaO2", "warning", "above", 300.0, "hyperoxia: lower FdO2 or FiO2", "ELSO 2021, V-A ECMO"),
+    Limit("PaCO2", "warning", "above", 60.0, "hypercapnia: raise sweep or ventilation", _OWN),
+    Limit("PaCO2", "alarm", "above", 80.0, "severe hypercapnia: raise sweep or ventilation", _OWN),
+    Limit("PaCO2", "warning", "below", 30.0, "the brain's vessels constrict: lower the sweep", _OWN),
+    Limit(
+        "DO2", "warning", "below", 500.0, "oxygen delivery is low: raise flow or haemoglobin",
+        "280 mL/min/m2 (Ranucci et al. 2005) at 1.8 m2",
+    ),
+    Limit(
+        "DO2", "alarm", "below", 300.0, "oxygen delivery is critical: raise flow or haemoglobin",
+        "4.5 mL/min/kg (Ronco et al. 1993) at 67 kg",
+    ),
+    Limit("O2ER", "warning", "above", 0.5, "most of the delivered oxygen is extracted", _OWN),
+    Limit("O2ER", "alarm", "above", 0.7, "extraction is critical: consumption falls with delivery", _OWN),
 )  # fmt: skip
 
 _NO_CHAMBER = "no chamber ejects so; its volume is negative"
@@ -80,6 +104,7 @@ _IMPOSSIBLE = tuple(
 _ALIKE = (
     ("right_atrial_pressure", "venous_pressure", *_CAVAL),
     ("PCWP", "left_atrial_pressure", "end_diastolic_pressure_lv"),
+    ("SaO2", "SaO2_lower"),
 )
 """Outputs that say the same about a patient: the gravest limit of them is said, not each."""
 _PLACES: Mapping[str, tuple[str, ...]] = MappingProxyType(

@@ -17,14 +17,16 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from eclsim.beat.recording import MEAN, RATE
 from eclsim.circuit.network import Circuit
 from eclsim.devices.description import Law
+from eclsim.gas.network import Quantity, gas_of
 from eclsim.units import ML_S_PER_L_MIN
 
+SIDE_BY_SIDE = 32
+"""Members whose laws are computed together."""
 SMALLEST_VOLUME = 1e-6
 """Divisor [mL] in place of a volume that is zero or less."""
 Points = list[tuple[str, Any, Any]]
@@ -57,16 +59,16 @@ class Measures:
     def mean(self, name: str) -> Any:
         """Mean over the beat: of what moved in each step where that is known, else trapezoidal rule."""
         if name + MEAN in self.waveforms:
-            return self._kept(("mean", name), lambda: self._whole({name + MEAN: np.r_[0.0, self._widths]}))
-        return self._kept(("mean", name), lambda: self._whole({name: self._trapezoid}))
+            return self.kept(("mean", name), lambda: self._whole({name + MEAN: np.r_[0.0, self._widths]}))
+        return self.kept(("mean", name), lambda: self._whole({name: self._trapezoid}))
 
     def maximum(self, name: str) -> Any:
         """Largest value over the beat."""
-        return self._kept(("maximum", name), lambda: self._sum(self._extreme(name, 1.0)))
+        return self.kept(("maximum", name), lambda: self._sum(self._extreme(name, 1.0)))
 
     def minimum(self, name: str) -> Any:
         """Smallest value over the beat."""
-        return self._kept(("minimum", name), lambda: self._sum(self._extreme(name, -1.0)))
+        return self.kept(("minimum", name), lambda: self._sum(self._extreme(name, -1.0)))
 
     def largest_ratio(self, above: str, below: str) -> Any:
         """Largest quotient of two waveforms, such as P / V."""
@@ -85,11 +87,11 @@ class Measures:
 
     def forward(self, connection: str) -> Any:
         """Mean [L/min] of the flow of a connection where it is positive, else 0."""
-        return self._kept(("forward", connection), lambda: self._one_way("Q" + connection, 1.0))
+        return self.kept(("forward", connection), lambda: self._one_way("Q" + connection, 1.0))
 
     def backward(self, connection: str) -> Any:
         """Mean [L/min] of the flow against its direction; forward less backward is the mean."""
-        return self._kept(("backward", connection), lambda: self._one_way("Q" + connection, -1.0))
+        return self.kept(("backward", connection), lambda: self._one_way("Q" + connection, -1.0))
 
     def _one_way(self, flow: str, sign: float) -> Any:
         moved = flow + MEAN in self.waveforms
@@ -102,22 +104,35 @@ class Measures:
         return self._parameters[name]
 
     def apply(self, function: Law, numbers: Sequence[Any]) -> Sequence[Any]:
-        """A function of some numbers, shape (n,), that gives others; computed once for the same numbers."""
+        """A function of some numbers, shape (n,), that gives others."""
         table = np.stack(np.broadcast_arrays(*numbers))
+        flat = table.reshape(len(table), -1)
+        if (flat == flat[:, :1]).all():
+            found = np.repeat(np.asarray(compiled(function)(flat[:, 0]))[:, None], flat.shape[1], axis=1)
+        else:
+            count = flat.shape[1]
+            blocks = np.arange(-(-count // SIDE_BY_SIDE) * SIDE_BY_SIDE).reshape(-1, SIDE_BY_SIDE) % count
+            parts = [np.asarray(compiled_side_by_side(function)(flat[:, block])) for block in blocks]
+            found = np.concatenate(parts, axis=1)[:, :count]
+        return list(found.reshape(-1, *table.shape[1:]))
 
-        def compute() -> Sequence[Any]:
-            found = np.asarray(compiled(function)(table.reshape(len(table), -1).T))
-            return list(found.T.reshape(-1, *table.shape[1:]))
+    def gas(self, what: str, where: str, place: str) -> Any:
+        """A number of the gas state (`eclsim.gas.network.Quantity`)."""
+        return self.kept(("gas",), self._gas)[Quantity(what, where, place)]
 
-        return self._kept(("apply", repr(id(function)), table.tobytes().hex()), compute)
+    def _gas(self) -> dict[Quantity, Any]:
+        function = gas_of(self.circuit)
+        flows = [flow(name) for flow in (self.forward, self.backward) for name in function.connections]
+        numbers = [*flows, *map(self.parameter, function.parameters)]
+        return dict(zip(function.quantities, self.apply(function.compute, numbers), strict=True))
 
     def loop_area(self, pressure: str, volume: str) -> Any:
         """Work [mmHg mL] that a chamber does on its blood in a beat, -(loop integral of P dV)."""
         p, v = self.waveforms[pressure], self.waveforms[volume]
         return self._product({pressure: _midpoint(-v), volume: _midpoint(p)})
 
-    def _kept(self, key: tuple[str, ...], measure: Any) -> Any:
-        """Measure once: several outputs share an extreme."""
+    def kept(self, key: tuple[str, ...], measure: Callable[[], Any]) -> Any:
+        """Measure once: several outputs share an extreme or a solution."""
         if key not in self._found:
             self._found[key] = measure()
         return self._found[key]
@@ -196,8 +211,14 @@ def whole_beat(recorded: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def compiled(function: Law) -> Callable[[np.ndarray], jax.Array]:
-    """A function of one patient's numbers for many patients, shape (patients, numbers)."""
-    return jax.jit(jax.vmap(lambda numbers: jnp.asarray(function(numbers))))
+    """A function of one patient's numbers."""
+    return jax.jit(function)
+
+
+@lru_cache(maxsize=64)
+def compiled_side_by_side(function: Law) -> Callable[[np.ndarray], jax.Array]:
+    """A function of `SIDE_BY_SIDE` patients' numbers, shape (numbers, patients)."""
+    return jax.jit(jax.vmap(function, in_axes=1, out_axes=1))
 
 
 @lru_cache(maxsize=64)

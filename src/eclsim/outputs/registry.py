@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from eclsim.devices.description import Output, highest, lowest, mean, mean_flow
 from eclsim.devices.device import Naming
 from eclsim.devices.registry import devices, named_output, namings, registered
+from eclsim.outputs.gas import GAS_OUTPUTS
 from eclsim.units import ML_S_PER_L_MIN
 
 if TYPE_CHECKING:
@@ -138,6 +139,7 @@ _MORE = (
     mean_flow("systemic_flow", "systemic flow, through all organs but the lungs", "Qsart"),
     *_REGIONS,
     mean_flow("bronchial_flow", "flow from the systemic arteries into the pulmonary veins", "Qbronchial"),
+    *GAS_OUTPUTS,
 )  # fmt: skip
 
 
@@ -176,6 +178,12 @@ class _RenamedMeasures:
 
     def apply(self, function: Law, numbers: Sequence[Numbers]) -> Sequence[Numbers]:
         return self._measures.apply(function, numbers)
+
+    def gas(self, what: str, where: str, place: str) -> Numbers:
+        return self._measures.gas(what, where, self._names.place(place))
+
+    def kept(self, key: tuple[str, ...], measure: Callable[[], Numbers]) -> Numbers:
+        return self._measures.kept((self._names.key, *key), measure)
 
     @property
     def circuit(self) -> Circuit:

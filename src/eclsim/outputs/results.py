@@ -11,6 +11,7 @@ import xarray as xr
 
 from eclsim.beat.grid import RESOLUTIONS, PhaseGrid
 from eclsim.beat.heartbeat import HEART_RATE
+from eclsim.gas.network import GasStatus
 from eclsim.orbit.equation import OrbitOptions
 from eclsim.orbit.execution import Execution
 from eclsim.orbit.model import Model, ModelSource, as_model, nominal_values
@@ -92,6 +93,8 @@ def labelled(beat: SteadyBeat, member: int = 0, name: str = "model") -> xr.Datas
         "impossible": int(impossible(found)),
         "one_of_many": int(status is Status.ONE_OF_MANY),
     }
+    if "VO2" in beat.names:
+        attributes["gas_status"] = GasStatus(int(beat.gas_status[member])).word
     phase = variable("phase", phases, units="1", long_name="phase of the beat")
     time = variable("phase", phases * period, units="s", long_name="time")
     return xr.Dataset(data, coords={"phase": phase, "time": time}, attrs=attributes)
@@ -138,6 +141,8 @@ def simulate_many(
     data["status"] = ("member", [Status(int(status)).word for status in beat.status])
     data["message"] = ("member", [beat.message(k) for k in range(count)])
     data["beats"] = ("member", beat.orbits.beats)
+    if "VO2" in beat.names:
+        data["gas_status"] = ("member", [GasStatus(int(status)).word for status in beat.gas_status])
     residual = {"long_name": "largest relative change over a beat"}
     data["residual"] = ("member", beat.orbits.residual, residual)
     coordinates = {k: ("member", np.broadcast_to(values[k], (count,))) for k in changes}

@@ -12,6 +12,7 @@ from eclsim.circuit.network import Circuit
 from eclsim.circuit.signals import Kind, Signal
 from eclsim.components.base import Number, Values
 from eclsim.devices.registry import registered
+from eclsim.gas.network import switches
 from eclsim.outputs.registry import available, output
 
 WORDS = {Kind.PRESSURE: "pressure in", Kind.FLOW: "flow through", Kind.VOLUME: "blood volume of"}
@@ -41,9 +42,13 @@ def needed_signals(
     return tuple(sorted(signals | rates | means))
 
 
-def needed_parameters(outputs: Sequence[str]) -> tuple[str, ...]:
-    """Parameters that outputs read besides waveforms."""
-    return tuple(dict.fromkeys(name for one in outputs for name in output(one).parameters))
+def needed_parameters(circuit: Circuit, outputs: Sequence[str]) -> tuple[str, ...]:
+    """Parameters that outputs read besides waveforms: where all flows are read, what they carry too."""
+    entries = [output(name) for name in outputs]
+    names = [name for entry in entries for name in entry.parameters]
+    if any(entry.all_flows for entry in entries):
+        names += [*circuit.content_names(), *switches(circuit)]
+    return tuple(dict.fromkeys(names))
 
 
 def signal_labels(circuit: Circuit, name: str) -> dict[str, str]:

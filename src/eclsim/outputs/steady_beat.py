@@ -16,6 +16,8 @@ from eclsim.beat.recording import all_signals
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
 from eclsim.components.base import Values
+from eclsim.devices.description import GASES
+from eclsim.gas.network import STATUS, GasStatus
 from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution, in_threads
 from eclsim.orbit.inputs import allowed_values
@@ -28,6 +30,8 @@ from eclsim.outputs.registry import output
 from eclsim.outputs.sealed import sealed, shut_valves, valve_flows
 from eclsim.outputs.signals import needed_parameters, needed_signals, output_names
 
+DEMAND_MET = 0.99
+"""Share of the oxygen demand below which consumption is said to be forced down."""
 NO_EJECTION_L_MIN = 0.02
 """Native output below which the heart is said not to eject."""
 NATIVE_OUTPUT = ("aortic_valve_flow", "lvad_flow", "CO")
@@ -55,6 +59,8 @@ class SteadyBeat:
         signals: names of the waveforms (P, Q, V and where; mmHg, mL/s, stressed mL).
         statistics: mean, smallest and largest value of each over the beat, shape (3, signals, members).
         waveforms: whole beats of the members that were to be kept.
+        gas_status: how the search for the steady gas state ended, a `GasStatus`, shape (members,); zeros
+            where gases are not computed.
     """
 
     orbits: SolvedOrbits
@@ -66,6 +72,7 @@ class SteadyBeat:
     signals: tuple[str, ...]
     statistics: np.ndarray
     waveforms: Mapping[int, Waveforms]
+    gas_status: np.ndarray
 
     @property
     def batch(self) -> Batch:
@@ -151,10 +158,26 @@ class SteadyBeat:
             extremes = self.statistics[1:, :, member].T.tolist()
             circuit = self.batch.circuit.with_chosen_sites(self.batch.member(member))
             ranges = {name: (low, high) for name, (low, high) in zip(self.signals, extremes, strict=True)}
-            found = findings(self.outputs(member), ranges, circuit)
+            found = findings(self.outputs(member), ranges, circuit) + self._gas_findings(member)
         if doubt := self.orbits.grid_warning(member):
             found.append(Finding("warning", "grid", float("nan"), float("nan"), doubt))
         return found
+
+    def _gas_findings(self, member: int) -> list[Finding]:
+        """What there is to say about gases besides limits."""
+        read = tuple(name for name in self.names if GASES in output(name).parameters)
+        status = GasStatus(int(self.gas_status[member]))
+        if status is not GasStatus.STEADY:
+            return [Finding("alarm", "VO2", float("nan"), float("nan"), status.message, concerns=read)]
+        if "VO2" not in read:
+            return []
+        vo2 = float(self.output("VO2")[member])
+        demand = float(self.batch.read_by_outputs([GASES], np.array([member]))[GASES][0])
+        if vo2 > DEMAND_MET * demand:
+            return []
+        text = f"oxygen consumption {vo2:.0f} mL/min is below the {demand:.0f} mL/min that the tissues want: "
+        text += "supply forces it down"
+        return [Finding("alarm", "VO2", vo2, demand, text, concerns=("VO2",))]
 
     def linearise(self, outputs: Sequence[str], parameters: Sequence[str], member: int = 0) -> Linearisation:
         """Outputs of a member to first order in parameters that the circuit reads or `heart_rate_bpm`.
@@ -164,10 +187,13 @@ class SteadyBeat:
         """
         if not self.converged[member]:
             raise NoDerivativesError(Status(int(self.status[member])), self.message(member))
+        gases = GasStatus(int(self.gas_status[member]))
+        if gases is not GasStatus.STEADY and any(GASES in output(name).parameters for name in outputs):
+            raise NoDerivativesError(Status(int(self.status[member])), gases.message)
         program = beat_program(self.batch.circuit, int(self.orbits.resolution[member]))
         problem = OrbitProblem(program, self.batch.packed(program), self.batch.volume()).take([member])
         slopes = self.batch.volume_slopes(parameters, member)
-        at, read = np.array([member]), needed_parameters(outputs)
+        at, read = np.array([member]), needed_parameters(self.batch.circuit, outputs)
         values = {name: float(v[0]) for name, v in self.batch.read_by_outputs(read, at).items()}
         state, circuit = self.orbits.states[:, member], self.batch.circuit
         return linearise(problem, state, outputs, parameters, slopes, values, circuit)
@@ -215,22 +241,26 @@ def measured(
     signals = all_signals(assemble(circuit)) if waveforms is None else tuple(waveforms)
     values, statistics = np.full((len(names), count), np.nan), np.full((3, len(signals), count), np.nan)
     kept: dict[int, Waveforms] = {}
+    with_gas, gas_status = any(GASES in output(name).parameters for name in names), np.zeros(count, dtype=int)
 
     def measure(members: np.ndarray) -> None:
         recorded, series, phases = _recorded(orbits, members, needed_signals(circuit, names, signals))
         if len(members) == 1:  # a sum down a single column rounds in another order
             series = np.repeat(series, 2, axis=-1)
-        parameters = orbits.batch.read_by_outputs(needed_parameters(names), members)
+        parameters = orbits.batch.read_by_outputs(needed_parameters(circuit, names), members)
         waves = {name: series[:, k] for k, name in enumerate(recorded)}
         measures = Measures(waves, phases, circuit, parameters)
         for row, name in zip(values, names, strict=True):
             row[members] = output(name).compute(measures)[: len(members)]
+        if with_gas:
+            gas_status[members] = measures.gas(*STATUS)[: len(members)]
         statistics[:, :, members] = statistics_of(measures, signals)[..., : len(members)]
         own = series[:, [recorded.index(signal) for signal in signals]]
         kept.update({m: Waveforms(phases, own[..., k]) for k, m in enumerate(members.tolist()) if m in keep})
 
     in_threads(measure, _blocks(orbits), threads)
-    return judged(orbits, wanted, dict(zip(names, values, strict=True)), signals, statistics, kept)
+    outcome = dict(zip(names, values, strict=True))
+    return judged(orbits, wanted, outcome, signals, statistics, kept, gas_status)
 
 
 def _blocks(orbits: SolvedOrbits) -> list[np.ndarray]:
@@ -259,6 +289,7 @@ def judged(
     signals: tuple[str, ...],
     statistics: np.ndarray,
     waveforms: Mapping[int, Waveforms],
+    gas_status: np.ndarray,
 ) -> SteadyBeat:
     """What became of each member, once its beat is measured; what did not converge loses its numbers.
 
@@ -269,6 +300,7 @@ def judged(
         signals: names of the waveforms.
         statistics: of the waveforms, see `SteadyBeat`.
         waveforms: of the members that are kept.
+        gas_status: how the search for the steady gas state of each ended.
     """
     status, circuit = np.array(orbits.status), orbits.batch.circuit
     native = _native_output(outputs, orbits.batch.count)
@@ -286,7 +318,9 @@ def judged(
             if found is not None:
                 undetermined[member], status[member] = found.reason, Status.ONE_OF_MANY
     values = np.array([outputs[name] for name in names]).reshape(len(names), orbits.batch.count)
-    beat = SteadyBeat(orbits, status, native, undetermined, names, values, signals, statistics, waveforms)
+    beat = SteadyBeat(
+        orbits, status, native, undetermined, names, values, signals, statistics, waveforms, gas_status
+    )
     return beat._without(~beat.converged)
 
 

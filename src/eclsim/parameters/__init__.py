@@ -6,7 +6,7 @@ and the dialyzer, `anthropometry` height, weight and blood volume, `identificati
 
 from __future__ import annotations
 
-from eclsim.parameters import physiology, regulation, thiel2025
+from eclsim.parameters import gas, physiology, regulation, thiel2025
 from eclsim.parameters.parameter import Parameter
 from eclsim.parameters.spelling import did_you_mean, nearest
 
@@ -36,11 +36,11 @@ class UnknownParameterError(KeyError):
 
 def all_parameters() -> dict[str, Parameter]:
     """Every parameter a case file may set, by key: the paper's tables, then what goes beyond them."""
-    return {**thiel2025.PARAMETERS, **physiology.PARAMETERS, **regulation.PARAMETERS}
+    return {**thiel2025.PARAMETERS, **physiology.PARAMETERS, **regulation.PARAMETERS, **gas.PARAMETERS}
 
 
 def default(key: str) -> Parameter:
-    """The parameter of a key, exactly as written in the paper's tables (`Rmc`, also `ηB`).
+    """The parameter of a key, exactly as written in its table (`Rmc`, also `ηB`).
 
     Raises:
         UnknownParameterError: With the nearest spellings.

@@ -19,6 +19,7 @@ from eclsim.circuit.network import (
     Circuit,
     Compartment,
     Connection,
+    Exchange,
     StartPressure,
     StartVolume,
 )
@@ -31,10 +32,12 @@ from eclsim.components import (
     HeartValve,
     LeakingValve,
     LinearChamber,
+    NativeLung,
     Orifice,
     Path,
     Resistance,
     Scaled,
+    Tissue,
     Ventricle,
     VentricularSystole,
 )
@@ -125,6 +128,18 @@ def _heart_and_lungs(anatomy: Anatomy) -> Circuit:
         Connection("lv", valves["lv"], "lv", "ao"),
     )
     return Circuit(compartments, connections)
+
+
+def gas_exchanges(anatomy: Anatomy | None = None) -> Circuit:
+    """What exchanges oxygen and carbon dioxide in the patient, to be joined to the circulation."""
+    tissues = (Exchange("tissue", Tissue(), "sart"),)
+    if anatomy is not None and anatomy.regional:
+        share = f"{SECTION}.upper_share"
+        tissues = (
+            Exchange("upper_tissue", Tissue(share=share), "upper"),
+            Exchange("lower_tissue", Tissue(share=Complement(share)), "lower"),
+        )
+    return Circuit(exchanges=(*tissues, Exchange("lung", NativeLung(), "part")))
 
 
 def shi_hose_circulation() -> Circuit:

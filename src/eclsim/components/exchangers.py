@@ -1,21 +1,23 @@
 """Where blood takes up or gives off oxygen and carbon dioxide: tissue, native lung and membrane lung.
 
-An exchanger sits on a connection. Blood that passes enters with given contents and is followed at `points`
-inside; at the last one it leaves (a lung mixes what bypassed it to that). The logarithms of both partial
-pressures at these points are the unknowns of the gas state, and `missing` says by how much the exchanger's
-equations are not met: one for each gas and point, in mL/min STPD (a lung's in mL/min times mmHg over 713).
+The circuit says along which connection it happens. Blood that passes enters with given contents and is
+followed at `points` inside; at the last one it leaves (a lung mixes what bypassed it to that). The logarithms
+of both partial pressures at these points are the unknowns of the gas state, and `missing` says by how much
+the exchanger's equations are not met: one for each gas and point, in mL/min STPD (a lung's in mL/min times
+mmHg over 713).
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+
+from eclsim.components.base import Exchanger, Key, Number, Values, value_of
 
 BAROMETRIC_MMHG, WATER_VAPOUR_MMHG = 760.0, 47.0
 DRY_MMHG = BAROMETRIC_MMHG - WATER_VAPOUR_MMHG
@@ -29,7 +31,9 @@ AIR_CARBON_DIOXIDE = 4e-4
 RADAU = np.array([[5.0, -1.0], [9.0, 3.0]]) / 12.0
 """Weights of the rates at 1/3 and at the end of a cell (Radau IIA)."""
 
-Values = Mapping[str, Array]
+HAEMOGLOBIN, OXYGEN_CAPACITY = "gas.haemoglobin_g_dl", "gas.oxygen_capacity_ml_g"
+BLOOD = (HAEMOGLOBIN, "gas.base_excess_mmol_l", "gas.temperature_c", OXYGEN_CAPACITY)
+"""Parameters of the blood, which is the same everywhere."""
 
 
 class Points(NamedTuple):
@@ -46,23 +50,17 @@ class Points(NamedTuple):
     slope: Array
 
 
-class Exchanger(ABC):
-    """A place where gases enter or leave the blood of a connection.
+class GasExchanger(Exchanger, ABC):
+    """The law of a place where oxygen and carbon dioxide enter or leave the blood of a connection."""
 
-    Attributes:
-        connection: name of the connection it sits on.
-    """
-
-    connection: str
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters that the law reads, those of the blood among them."""
+        return (*super().parameter_names(), *BLOOD)
 
     @property
     @abstractmethod
     def points(self) -> int:
         """Number of points inside at which the partial pressures are unknown."""
-
-    @abstractmethod
-    def parameter_names(self) -> tuple[str, ...]:
-        """Names of the parameters that it reads."""
 
     @abstractmethod
     def outlet(self, inlet: Array, inside: Points, values: Values) -> Array:
@@ -81,7 +79,7 @@ class Exchanger(ABC):
 
 
 @dataclass(frozen=True)
-class Tissue(Exchanger):
+class Tissue(GasExchanger):
     """Tissue that consumes oxygen and gives off carbon dioxide.
 
         in --(capillaries, VO2 = demand (1 - exp(-(PO2 / critical)^2)), VCO2 = RQ VO2)--> out
@@ -90,38 +88,37 @@ class Tissue(Exchanger):
     supply does not allow it, consumption falls smoothly.
 
     Args:
-        connection: the capillaries, such as `sart`.
         demand: parameter, oxygen that is wanted [mL/min STPD].
         quotient: parameter, carbon dioxide given off for each oxygen taken up [-].
-        share: of the demand that is this tissue's [-].
+        share: of the demand that is this tissue's [-], a parameter or a number.
         critical: PO2 at which consumption is 63 % of demand [mmHg].
     """
 
-    connection: str
-    demand: str = "gas.vo2_ml_min"
-    quotient: str = "gas.respiratory_quotient"
-    share: float = 1.0
+    demand: Key = "gas.vo2_ml_min"
+    quotient: Key = "gas.respiratory_quotient"
+    share: Key = 1.0
     critical: float = 4.0
 
     @property
     def points(self) -> int:  # noqa: D102  (as documented in the base class; so below)
         return 1
 
-    def parameter_names(self) -> tuple[str, ...]:  # noqa: D102
-        return (self.demand, self.quotient)
+    def wanted(self, values: Values) -> Number:
+        """Oxygen that this tissue wants [mL/min STPD]."""
+        return value_of(values, self.share) * value_of(values, self.demand)
 
     def outlet(self, inlet: Array, inside: Points, values: Values) -> Array:  # noqa: D102
         return inside.content[:, 0]
 
     def missing(self, flow: Array, inlet: Array, inside: Points, values: Values) -> Array:  # noqa: D102
         met = -jnp.expm1(-((inside.pressure[0, 0] / self.critical) ** 2))
-        consumed = self.share * values[self.demand] * met
+        consumed = self.wanted(values) * met
         gained = 10.0 * flow * (inside.content[:, 0] - inlet)
-        return (gained - consumed * jnp.stack([-1.0, values[self.quotient]]))[:, None]
+        return (gained - consumed * jnp.stack([-1.0, value_of(values, self.quotient)]))[:, None]
 
 
 @dataclass(frozen=True)
-class NativeLung(Exchanger):
+class NativeLung(GasExchanger):
     """The lung: alveoli in equilibrium with the blood that passes them, and a shunt past them (Riley).
 
         in --+--(alveoli)--> point --+--> out
@@ -132,37 +129,32 @@ class NativeLung(Exchanger):
     lung's respiratory quotient can be anything. Without ventilation the blood passes unchanged.
 
     Args:
-        connection: the pulmonary capillaries, such as `part`.
         ventilation: parameter, inspired alveolar ventilation [L/min BTPS].
         oxygen: parameter, inspired fraction of oxygen [-].
         shunt: parameter, share of the flow that passes no alveolus [-].
     """
 
-    connection: str
-    ventilation: str = "gas.alveolar_ventilation_l_min"
-    oxygen: str = "gas.fio2"
-    shunt: str = "gas.shunt_fraction"
+    ventilation: Key = "gas.alveolar_ventilation_l_min"
+    oxygen: Key = "gas.fio2"
+    shunt: Key = "gas.shunt_fraction"
 
     @property
     def points(self) -> int:  # noqa: D102
         return 1
 
-    def parameter_names(self) -> tuple[str, ...]:  # noqa: D102
-        return (self.ventilation, self.oxygen, self.shunt)
-
     def outlet(self, inlet: Array, inside: Points, values: Values) -> Array:  # noqa: D102
-        return inlet + (1.0 - values[self.shunt]) * (inside.content[:, 0] - inlet)
+        return inlet + (1.0 - value_of(values, self.shunt)) * (inside.content[:, 0] - inlet)
 
     def missing(self, flow: Array, inlet: Array, inside: Points, values: Values) -> Array:  # noqa: D102
-        gas = 1000.0 * BTPS_TO_STPD * values[self.ventilation]
-        gained = 10.0 * flow * (1.0 - values[self.shunt]) * (inside.content[:, 0] - inlet)
+        gas = 1000.0 * BTPS_TO_STPD * value_of(values, self.ventilation)
+        gained = 10.0 * flow * (1.0 - value_of(values, self.shunt)) * (inside.content[:, 0] - inlet)
         expired = gas - gained[0] - gained[1]
-        inspired = gas * jnp.stack([values[self.oxygen], AIR_CARBON_DIOXIDE])
+        inspired = gas * jnp.stack([value_of(values, self.oxygen), AIR_CARBON_DIOXIDE])
         return (gained + inside.pressure[:, 0] / DRY_MMHG * expired - inspired)[:, None]
 
 
 @dataclass(frozen=True)
-class MembraneLung(Exchanger):
+class MembraneLung(GasExchanger):
     """A bundle of hollow fibres with blood outside and sweep gas inside, both followed along it.
 
         in --|point 1 .. point n|--> out;   sweep gas along the same way
@@ -178,35 +170,34 @@ class MembraneLung(Exchanger):
     its share of the membrane.
 
     Args:
-        connection: the oxygenator, such as `ecmooxy`.
-        prefix: of the parameters `oxygen_transfer` [mL/min/mmHg at 1 L/min], `oxygen_exponent` [-],
-            `carbon_dioxide_transfer` [mL/min/mmHg at 1 L/min], `clotted_fraction` [-].
+        oxygen_transfer: parameter, k_O2 [mL/min/mmHg at 1 L/min].
+        oxygen_exponent: parameter, b [-].
+        carbon_dioxide_transfer: parameter, k_CO2 [mL/min/mmHg at 1 L/min].
+        clotted_fraction: parameter, share of the membrane that is lost [-].
         sweep: parameter, flow of the sweep gas [L/min, flowmeter at 20 C].
         oxygen: parameter, fraction of oxygen in it [-].
         cells: from inlet to outlet, with two points in each.
     """
 
-    connection: str
-    prefix: str = "ecmo.oxygenator."
-    sweep: str = "ecmo.sweep_l_min"
-    oxygen: str = "ecmo.fdo2"
+    oxygen_transfer: Key = "ecmo.oxygenator.oxygen_transfer"
+    oxygen_exponent: Key = "ecmo.oxygenator.oxygen_exponent"
+    carbon_dioxide_transfer: Key = "ecmo.oxygenator.carbon_dioxide_transfer"
+    clotted_fraction: Key = "ecmo.oxygenator.clotted_fraction"
+    sweep: Key = "ecmo.sweep_l_min"
+    oxygen: Key = "ecmo.fdo2"
     cells: int = 4
 
     @property
     def points(self) -> int:  # noqa: D102
         return 2 * self.cells
 
-    def parameter_names(self) -> tuple[str, ...]:  # noqa: D102
-        own = ("oxygen_transfer", "oxygen_exponent", "carbon_dioxide_transfer", "clotted_fraction")
-        return (self.sweep, self.oxygen, *(self.prefix + name for name in own))
-
     def outlet(self, inlet: Array, inside: Points, values: Values) -> Array:  # noqa: D102
         return inside.content[:, -1]
 
     def missing(self, flow: Array, inlet: Array, inside: Points, values: Values) -> Array:  # noqa: D102
-        gas = 1000.0 * FLOWMETER_TO_STPD * values[self.sweep]
+        gas = 1000.0 * FLOWMETER_TO_STPD * value_of(values, self.sweep)
         gained = 10.0 * flow * (inside.content - inlet[:, None])
-        supplied = gas * jnp.stack([values[self.oxygen], AIR_CARBON_DIOXIDE])[:, None]
+        supplied = gas * jnp.stack([value_of(values, self.oxygen), AIR_CARBON_DIOXIDE])[:, None]
         left = gas - gained[0] - gained[1] + 1e-6
         partial = DRY_MMHG * (supplied - gained) / left
         rates = self.transfer(flow, inside.slope, values) * (partial - inside.pressure) * (gas / (gas + 1e-3))
@@ -217,9 +208,9 @@ class MembraneLung(Exchanger):
 
     def transfer(self, flow: Array, slope: Array, values: Values) -> Array:
         """Permeance of the whole membrane [mL/min/mmHg] for both gases at the points, shape (2, points)."""
-        open_share = 1.0 - values[self.prefix + "clotted_fraction"]
-        capacity = values["gas.oxygen_capacity_ml_g"] * values["gas.haemoglobin_g_dl"] * slope / 0.0031
-        oxygen = values[self.prefix + "oxygen_transfer"] * flow ** values[self.prefix + "oxygen_exponent"]
-        carbon_dioxide = values[self.prefix + "carbon_dioxide_transfer"] * flow**0.6
-        boosted = oxygen * jnp.cbrt(1.0 + capacity)
-        return open_share * jnp.stack([boosted, jnp.broadcast_to(carbon_dioxide, boosted.shape)])
+        open_share = 1.0 - value_of(values, self.clotted_fraction)
+        binding = values[OXYGEN_CAPACITY] * values[HAEMOGLOBIN]
+        oxygen = value_of(values, self.oxygen_transfer) * flow ** value_of(values, self.oxygen_exponent)
+        boosted = oxygen * jnp.cbrt(1.0 + binding * slope / 0.0031)
+        carbon_dioxide = value_of(values, self.carbon_dioxide_transfer) * flow**0.6
+        return jnp.asarray(open_share) * jnp.stack([boosted, jnp.broadcast_to(carbon_dioxide, boosted.shape)])

@@ -1,0 +1,258 @@
+"""The gas exchange of a circuit: from the mean flows of a beat to the gases of its blood.
+
+A circuit's table of exchanges says where blood takes up or gives off gas, its connections how blood gets
+there. Everything that a result may be asked for is a `Quantity`, and `gas_of` maps mean flows and parameters
+to all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import lru_cache
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from eclsim.circuit.network import Choice, Circuit, Exchange, sites_of
+from eclsim.components.base import Values, names_in, value_of
+from eclsim.components.exchangers import GasExchanger, Tissue
+from eclsim.gas.steady import GasState, solve
+from eclsim.gas.transport import Drainage, Flows, Mixtures, balanced, mixtures
+
+PATIENT = "patient"
+SAMPLED = ("sart", "upper", "lower", "pas")
+"""Compartments whose blood is analysed, where a circuit has them."""
+GASES = ("PO2", "PCO2", "pH", "SO2", "oxygen", "carbon_dioxide")
+"""What is known of a sample: mmHg, mmHg, -, 0 to 1, and contents [mL/dL]."""
+WORST_ERROR = 1e-8
+SMALLEST_SUPPLY = 0.1
+"""Share of its demand below which a tissue is said to get no oxygen."""
+LARGEST_PCO2 = 300.0
+"""PCO2 [mmHg] above which carbon dioxide is said not to be removed; no law of blood holds there."""
+
+
+class GasStatus(IntEnum):
+    """Outcome of solving for the steady gas state of one patient."""
+
+    STEADY = 0
+    NO_OXYGEN = 1
+    NO_REMOVAL = 2
+    NOT_CONVERGED = 3
+
+    @property
+    def word(self) -> str:
+        """The name in lower case, as results and files have it."""
+        return self.name.lower()
+
+    @property
+    def message(self) -> str:
+        """What it means and what to do."""
+        return _MESSAGES[self]
+
+
+_MESSAGES = {
+    GasStatus.STEADY: "steady gas state found",
+    GasStatus.NO_OXYGEN: (
+        "no steady gas state: less than a tenth of the oxygen that it needs reaches a tissue, as in a loop "
+        "of blood that passes no lung; raise the ventilation or the sweep, lower the shunt, or move a cannula"
+    ),
+    GasStatus.NO_REMOVAL: (
+        "no steady gas state: carbon dioxide is produced and hardly removed (PCO2 above 300 mmHg); raise the "
+        "sweep or the alveolar ventilation"
+    ),
+    GasStatus.NOT_CONVERGED: (
+        "no steady gas state found: check the keys of [gas] and the sweep against their ranges"
+    ),
+}
+
+
+class Quantity(NamedTuple):
+    """A number of the gas state.
+
+    Args:
+        what: a name of `GASES`; "gained" gas or "gained_co2", "supplied" and "demanded" oxygen [mL/min STPD]
+            of an exchange; "recirculated" share of what an exchange sent; or "status".
+        where: "in" a compartment, "drawn" by a connection, "behind" an exchange, or "at" an exchange.
+        place: name of the compartment or connection.
+    """
+
+    what: str
+    where: str = ""
+    place: str = ""
+
+
+STATUS = Quantity("status")
+
+
+def gas_exchanges(circuit: Circuit) -> tuple[Exchange, ...]:
+    """The exchanges of oxygen and carbon dioxide."""
+    return tuple(e for e in circuit.exchanges if isinstance(e.component, GasExchanger))
+
+
+def without_gas(circuit: Circuit) -> Circuit:
+    """The circuit of a patient whose gases are not asked for."""
+    kept = tuple(e for e in circuit.exchanges if not isinstance(e.component, GasExchanger))
+    return Circuit(circuit.compartments, circuit.connections, circuit.controllers, kept)
+
+
+def flows_of(circuit: Circuit, forward: Array, backward: Array, values: Values) -> Flows:
+    """Balanced mean flows of a circuit.
+
+    Args:
+        circuit: sites that parameters choose may be in it.
+        forward: mean forward flow of each connection [L/min], in the order of the circuit.
+        backward: mean backward flow, positive.
+        values: of the parameters that choose sites (`switches`).
+    """
+    place = {c.name: k for k, c in enumerate(circuit.compartments)}
+    ends = []
+    for sites in ([c.source for c in circuit.connections], [c.target for c in circuit.connections]):
+        columns = []
+        for site in sites:
+            column = np.zeros((len(place), len(sites_of(site))))
+            column[[place[name] for name in sites_of(site)], np.arange(len(sites_of(site)))] = 1.0
+            chosen = (
+                jnp.arange(column.shape[1]) == values[site.parameter] if isinstance(site, Choice) else [1.0]
+            )
+            columns.append(column @ jnp.asarray(chosen, dtype=float))
+        ends.append(jnp.stack(columns, axis=1))
+    return balanced(Flows(ends[0], ends[1], forward, backward))
+
+
+def switches(circuit: Circuit) -> tuple[str, ...]:
+    """Parameters that choose the sites of connections."""
+    ends = (site for c in circuit.connections for site in c.sites)
+    return tuple(dict.fromkeys(site.parameter for site in ends if isinstance(site, Choice)))
+
+
+def drainages(circuit: Circuit) -> tuple[Drainage, ...]:
+    """Connections that may draw blood before what is returned to their source has mixed with it."""
+    groups = {c.name: c.group for c in circuit.compartments}
+    found = []
+    for j, connection in enumerate(circuit.connections):
+        source = connection.source
+        if connection.mixing == 1.0 or not isinstance(source, str):
+            continue
+        returns = tuple(
+            k
+            for k, other in enumerate(circuit.connections)
+            if source in sites_of(other.target) and other.group != groups[source]
+        )
+        if returns:
+            found.append(Drainage(j, returns, connection.mixing))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class GasFunction:
+    """The gas state of a circuit as a function of numbers.
+
+    Args:
+        connections: whose mean forward, then backward flows come first [L/min].
+        parameters: that come next.
+        quantities: what it gives.
+        compute: the function, from an array (numbers,) to an array (quantities,).
+    """
+
+    connections: tuple[str, ...]
+    parameters: tuple[str, ...]
+    quantities: tuple[Quantity, ...]
+    compute: Callable[[Array], Array]
+
+
+@lru_cache(maxsize=64)
+def gas_of(circuit: Circuit, law: str = "severinghaus1979") -> GasFunction:
+    """The gas state of a circuit with exchanges, by a law of the blood."""
+    exchanges, names = gas_exchanges(circuit), tuple(c.name for c in circuit.connections)
+    laws = [e.component for e in exchanges if isinstance(e.component, GasExchanger)]
+    own = [n for e in exchanges for n in e.component.parameter_names()]
+    mixing = [n for d in drainages(circuit) for n in names_in(d.mixing)]
+    parameters = tuple(dict.fromkeys((*own, *mixing, *switches(circuit))))
+    samples = _samples(circuit)
+    quantities = tuple(Quantity(gas, where, at) for where, at in samples for gas in GASES)
+    quantities += tuple(Quantity("recirculated", "drawn", at) for at, _ in _drawn(circuit))
+    quantities += tuple(
+        Quantity(what, "at", e.at)
+        for e in exchanges
+        for what in ("gained", "gained_co2", "supplied", "demanded")
+    )
+
+    def compute(numbers: Array) -> Array:
+        count = len(names)
+        values = dict(zip(parameters, numbers[2 * count :], strict=True))
+        flows = flows_of(circuit, numbers[:count], numbers[count : 2 * count], values)
+        at = [names.index(e.at) for e in exchanges]
+        drawn = [(d, jnp.asarray(value_of(values, d.mixing))) for d in drainages(circuit)]
+        mixed = mixtures(flows, at, drawn)
+        state = solve(laws, mixed, values, law, _shares(circuit, samples, mixed))
+        sampled = slice(state.ph.shape[0] - len(samples), None)
+        gases = (*jnp.exp(state.pressure), state.ph, state.saturation, *state.content)
+        recirculated = [mixed.drawn[names.index(at), k] for at, k in _drawn(circuit)]
+        found = jnp.concatenate(
+            [jnp.stack(gases)[:, sampled].T.reshape(-1), jnp.array(recirculated)]
+            + [_exchanged(e, k, mixed, state, values) for k, e in enumerate(exchanges)]
+        )
+        status = _status(exchanges, state, values)
+        return jnp.append(jnp.where(status == GasStatus.STEADY, found, jnp.nan), status)
+
+    return GasFunction(names, parameters, (*quantities, STATUS), compute)
+
+
+def _drawn(circuit: Circuit) -> list[tuple[str, int]]:
+    """Connections that draw the patient's blood into a group with an exchange, and the exchange's number."""
+    groups = {c.name: c.group for c in circuit.compartments}
+    return [
+        (c.name, k)
+        for k, exchange in enumerate(gas_exchanges(circuit))
+        for c in circuit.connections
+        if exchange.group != PATIENT and c.group == exchange.group
+        if all(groups[site] == PATIENT for site in sites_of(c.source))
+    ]
+
+
+def _samples(circuit: Circuit) -> tuple[tuple[str, str], ...]:
+    """Where blood is analysed, and the compartment or connection."""
+    compartments = [("in", c.name) for c in circuit.compartments if c.name in SAMPLED]
+    behind = [("behind", e.at) for e in gas_exchanges(circuit) if e.group != PATIENT]
+    drawn = dict.fromkeys(("drawn", name) for name, _ in _drawn(circuit))
+    return (*compartments, *drawn, *behind)
+
+
+def _shares(circuit: Circuit, samples: Sequence[tuple[str, str]], mixed: Mixtures) -> Array:
+    """Samples as shares of what leaves each exchanger, (samples, exchangers)."""
+    stores, paths = ([entry.name for entry in t] for t in (circuit.compartments, circuit.connections))
+    sources = [e.at for e in gas_exchanges(circuit)]
+    shares = {
+        "in": lambda at: mixed.compartments[stores.index(at)],
+        "drawn": lambda at: mixed.drawn[paths.index(at)],
+        "behind": lambda at: jnp.eye(len(sources))[sources.index(at)],
+    }
+    return jnp.stack([shares[where](at) for where, at in samples])
+
+
+def _exchanged(exchange: Exchange, k: int, mixed: Mixtures, state: GasState, values: Values) -> Array:
+    """Gas gained, oxygen supplied and demanded at an exchange [mL/min STPD]."""
+    law = exchange.component
+    demanded = law.wanted(values) if isinstance(law, Tissue) else jnp.zeros(())
+    supplied = 10.0 * mixed.streams[k] * state.inlets[0, k]
+    return jnp.stack([*state.gained[:, k], supplied, demanded])
+
+
+def _status(exchanges: Sequence[Exchange], state: GasState, values: Values) -> Array:
+    """A `GasStatus`."""
+    tissues = [(k, e.component) for k, e in enumerate(exchanges) if isinstance(e.component, Tissue)]
+    met = jnp.stack([-state.gained[0, k] / law.wanted(values) for k, law in tissues] or [jnp.ones(())]).min()
+    pco2 = jnp.exp(state.pressure[1]).max()
+    return jnp.where(
+        met < SMALLEST_SUPPLY,
+        GasStatus.NO_OXYGEN,
+        jnp.where(
+            pco2 > LARGEST_PCO2,
+            GasStatus.NO_REMOVAL,
+            jnp.where(state.error < WORST_ERROR, GasStatus.STEADY, GasStatus.NOT_CONVERGED),
+        ),
+    )

@@ -1,0 +1,75 @@
+"""Outputs of gas exchange: gases of the arterial and mixed venous blood, supply and demand of the tissues."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from eclsim.devices.description import GASES, Output, gas_sample
+
+if TYPE_CHECKING:
+    from eclsim.devices.description import BeatMeasures, Numbers
+
+ARTERY = ("upper", "sart")
+"""Compartment of the right radial artery: the first that a circuit has."""
+
+
+def _artery(m: BeatMeasures) -> str:
+    names = [c.name for c in m.circuit.compartments]
+    return next(name for name in ARTERY if name in names)
+
+
+def _sum(m: BeatMeasures, what: str, law: str) -> Numbers:
+    """Sum of a quantity over all tissues, or over all lungs of the patient."""
+    places = [e.at for e in m.circuit.exchanges if type(e.component).__name__ == law]
+    return sum((m.gas(what, "at", place) for place in places[1:]), m.gas(what, "at", places[0]))
+
+
+def _of_artery(name: str, words: str, unit: str, what: str, factor: float = 1.0) -> Output:
+    return Output(
+        name, f"{words} of the right radial artery", unit,
+        "of the blood in the systemic arteries (of the upper body, where there are two)", (),
+        lambda m: factor * m.gas(what, "in", _artery(m)), parameters=(GASES,), all_flows=True,
+    )  # fmt: skip
+
+
+def _total(name: str, words: str, unit: str, definition: str, what: str, law: str, sign: float) -> Output:
+    return Output(
+        name, words, unit, definition, (), lambda m: sign * _sum(m, what, law), parameters=(GASES,),
+        all_flows=True,
+    )  # fmt: skip
+
+
+_STPD = "mL/min"
+GAS_OUTPUTS = (
+    _of_artery("SaO2", "oxygen saturation", "%", "SO2", 100.0),
+    _of_artery("PaO2", "PO2", "mmHg", "PO2"),
+    _of_artery("PaCO2", "PCO2", "mmHg", "PCO2"),
+    _of_artery("pHa", "pH", "1", "pH"),
+    *(
+        gas_sample(f"{name}_lower", f"{words} of the femoral artery", "in", "lower", what, ("Qlower",))
+        for name, words, what in (
+            ("SaO2", "oxygen saturation", "SO2"), ("PaO2", "PO2", "PO2"), ("PaCO2", "PCO2", "PCO2"),
+        )
+    ),
+    gas_sample("SvO2", "oxygen saturation in the pulmonary artery", "in", "pas", "SO2", ("Qpas",)),
+    _total(
+        "VO2", "oxygen consumption (STPD)", _STPD, "what the tissues take up; below demand where supply "
+        "forces it to", "gained", "Tissue", -1.0,
+    ),
+    _total(
+        "VO2_lung", "oxygen uptake of the lungs (STPD)", _STPD, "gained by blood", "gained", "NativeLung", 1.0
+    ),
+    _total(
+        "VCO2_lung", "carbon dioxide removed by the lungs (STPD)", _STPD, "lost by blood", "gained_co2",
+        "NativeLung", -1.0,
+    ),
+    _total(
+        "DO2", "oxygen delivery (STPD)", _STPD, "flow to the tissues times the oxygen content that it has",
+        "supplied", "Tissue", 1.0,
+    ),
+    Output(
+        "O2ER", "oxygen extraction ratio", "1", "VO2 / DO2", (),
+        lambda m: -1.0 * _sum(m, "gained", "Tissue") / _sum(m, "supplied", "Tissue"),
+        parameters=(GASES,), all_flows=True,
+    ),
+)  # fmt: skip

@@ -1,0 +1,161 @@
+"""The gas exchange of whole circuits: conservation, closed forms, status, derivatives, batches."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import eclsim
+from eclsim.cases.reading import read_mapping
+from eclsim.components.exchangers import Tissue
+from eclsim.gas.network import gas_exchanges, gas_of
+from eclsim.orbit.model import model_of
+
+VV = {
+    "format": 1,
+    "patient": {
+        "id": "vv", "sex": "male", "age_years": 45, "height_cm": 178, "weight_kg": 80, "heart_rate_bpm": 95,
+    },
+    "gas": {
+        "haemoglobin_g_dl": 9.0, "base_excess_mmol_l": 0.0, "temperature_c": 37.0, "vo2_ml_min": 250.0,
+        "respiratory_quotient": 0.8, "fio2": 0.5, "alveolar_ventilation_l_min": 2.0, "shunt_fraction": 0.8,
+    },
+    "ecmo": {
+        "pump": "Rotaflow", "speed_rpm": 3400, "oxygenator": "Quadrox-i Adult", "drainage_site": "ra",
+        "drainage_cannula": "venous", "drainage_fr": 25, "return_site": "ra", "return_cannula": "venous",
+        "return_fr": 21, "sweep_l_min": 4.0, "fdo2": 1.0, "drainage_mixing": 0.3,
+    },
+}  # fmt: skip
+
+
+def model(**changes):
+    """The model of the case above, with keys such as `gas_fio2` or `ecmo_sweep_l_min` changed."""
+    raw = {section: dict(keys) if isinstance(keys, dict) else keys for section, keys in VV.items()}
+    for key, value in changes.items():
+        section, _, name = key.partition("_")
+        raw[section][name] = value
+    return model_of(read_mapping(raw).case)
+
+
+@pytest.fixture(scope="module")
+def steady():
+    return eclsim.simulate(model())
+
+
+def test_what_the_lungs_exchange_is_what_the_tissues_do(steady):
+    taken_up = float(steady.VO2_lung + steady.VO2_oxygenator)
+    given_off = float(steady.VCO2_lung + steady.VCO2_oxygenator)
+    assert taken_up == pytest.approx(250.0, rel=1e-8)
+    assert given_off == pytest.approx(0.8 * 250.0, rel=1e-8)
+    assert float(steady.VO2) == pytest.approx(250.0, rel=1e-8)
+
+
+def test_fick_holds_between_artery_and_pulmonary_artery(steady):
+    """Shunted and oxygenated blood mix: VO2_lung = CO (CaO2 - CvO2)."""
+    contents = [
+        eclsim.blood.gases_with_saturation(saturation=s / 100.0, pco2=p, haemoglobin=9.0).oxygen
+        for s, p in ((float(steady.SaO2), float(steady.PaCO2)),)
+    ]
+    assert 10.0 * float(steady.systemic_flow) * float(contents[0]) == pytest.approx(
+        float(steady.DO2), rel=1e-3
+    )
+
+
+def test_recirculation_is_the_closed_form(steady):
+    flow, output, mixing = float(steady.PF), float(steady.CO), 0.3
+    assert float(steady.recirculation_fraction) == pytest.approx(
+        mixing * flow / (output + mixing * flow), rel=1e-4
+    )
+
+
+def test_other_sites_recirculate_what_the_atrium_throws_back():
+    """Drained from the veins and returned to the atrium, only blood that flows back is drawn again."""
+    apart = eclsim.simulate(model(ecmo_drainage_site="svn"))
+    mixed = float(apart.PF / (apart.CO + apart.PF))
+    assert 0.0 < float(apart.recirculation_fraction) < 0.5 * mixed
+
+
+@pytest.mark.parametrize(
+    ("changes", "status"),
+    [
+        ({"ecmo_sweep_l_min": 0.0, "gas_alveolar_ventilation_l_min": 0.0}, "no_oxygen"),
+        ({"ecmo_sweep_l_min": 0.0, "gas_shunt_fraction": 1.0}, "no_oxygen"),
+        ({"ecmo_sweep_l_min": 0.0, "gas_alveolar_ventilation_l_min": 0.15, "gas_fio2": 1.0}, "no_removal"),
+    ],
+)
+def test_without_a_steady_state_there_are_no_numbers_but_a_finding(changes, status):
+    result = eclsim.simulate(model(**changes))
+    assert result.attrs["gas_status"] == status
+    assert result.attrs["status"] == "converged"
+    assert np.isnan([float(result.SaO2), float(result.VO2_oxygenator)]).all()
+    assert np.isfinite(result.MAP)
+    assert any("no steady gas state" in sentence for sentence in result.attrs["warnings"])
+
+
+def test_consumption_below_demand_is_said():
+    result = eclsim.simulate(model(ecmo_sweep_l_min=0.0, gas_shunt_fraction=0.95, gas_fio2=0.21))
+    if result.attrs["gas_status"] == "steady":
+        assert float(result.VO2) < 0.99 * 250.0
+        assert any("below the 250 mL/min" in sentence for sentence in result.attrs["warnings"])
+
+
+DERIVED = ("SaO2", "PaCO2", "PpostO2", "recirculation_fraction", "DO2", "MAP")
+BY = {
+    "ecmo.speed_rpm": 2.0, "ecmo.sweep_l_min": 1e-3, "gas.haemoglobin_g_dl": 1e-3, "Rmc": 1e-4,
+    "ecmo.drainage_mixing": 1e-3, "gas.shunt_fraction": 1e-4,
+}  # fmt: skip
+
+
+@pytest.mark.slow
+def test_derivatives_are_those_of_differences():
+    base = model()
+    exact = eclsim.derivatives(base, DERIVED, list(BY))
+    for name, step in BY.items():
+        changes = {name: base.values[name] + step * np.array([-1.0, 1.0])}
+        both = eclsim.simulate_many(base, changes, DERIVED)
+        for output in DERIVED:
+            difference = float(np.diff(both[output].values)[0]) / (2.0 * step)
+            found = float(exact.sel(output=output, parameter=name))
+            scale = abs(float(exact.sel(output=output).value)) / abs(base.values[name])
+            assert found == pytest.approx(difference, rel=2e-3, abs=2e-4 * scale), (output, name)
+
+
+def test_batches_give_what_single_patients_do():
+    base = model()
+    many = eclsim.simulate_many(
+        base,
+        {"ecmo.sweep_l_min": np.array([1.0, 4.0, 8.0]), "gas.haemoglobin_g_dl": np.array([8.0, 9.0, 11.0])},
+    )
+    alone = eclsim.simulate(base)
+    for name in ("SaO2", "PaCO2", "VO2_oxygenator", "O2ER"):
+        assert float(many[name][1]) == pytest.approx(float(alone[name]), rel=1e-9)
+    assert (np.diff(many.PaCO2.values) < 0.0).all()
+    assert list(many.gas_status.values) == ["steady"] * 3
+
+
+def test_without_the_section_nothing_is_added():
+    raw = {key: value for key, value in VV.items() if key != "gas"}
+    raw["ecmo"] = {**VV["ecmo"], "drainage_site": "svn"}
+    reading = read_mapping(raw)
+    result = eclsim.simulate(reading.case)
+    assert "SaO2" not in result
+    assert "gas_status" not in result.attrs
+    assert any("without effect" in warning.message for warning in reading.warnings)
+
+
+def test_shares_of_tissues_add_to_the_demand():
+    circuit = model().circuit
+    (tissue,) = (e for e in circuit.exchanges if isinstance(e.component, Tissue))
+    halves = tuple(
+        replace(tissue, name=f"tissue_{at}", component=Tissue(share=0.5), at=at) for at in ("sart", "ao")
+    )
+    others = tuple(e for e in circuit.exchanges if e is not tissue)
+    base = model()
+    split = eclsim.simulate(replace(base, circuit=replace(circuit, exchanges=(*halves, *others))))
+    assert float(split.VO2) == pytest.approx(250.0, rel=1e-6)
+
+
+def test_the_network_lists_what_it_reads():
+    circuit = model().circuit
+    assert {e.name for e in gas_exchanges(circuit)} == {"tissue", "lung", "ecmooxy"}
+    assert set(gas_of(circuit).parameters) <= set(circuit.content_names())
