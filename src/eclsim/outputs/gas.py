@@ -27,14 +27,14 @@ def _sum(m: BeatMeasures, what: str, law: str) -> Numbers:
 def _of_artery(name: str, words: str, unit: str, what: str, factor: float = 1.0) -> Output:
     return Output(
         name, f"{words} of the right radial artery", unit,
-        "of the blood in the systemic arteries (of the upper body, where there are two)", (),
+        "of the blood in the systemic arteries (of the upper body, where there are two)", ("Qpas",),
         lambda m: factor * m.gas(what, "in", _artery(m)), parameters=(GASES,), all_flows=True,
     )  # fmt: skip
 
 
 def _total(name: str, words: str, unit: str, definition: str, what: str, law: str, sign: float) -> Output:
     return Output(
-        name, words, unit, definition, (), lambda m: sign * _sum(m, what, law), parameters=(GASES,),
+        name, words, unit, definition, ("Qpas",), lambda m: sign * _sum(m, what, law), parameters=(GASES,),
         all_flows=True,
     )  # fmt: skip
 
@@ -68,7 +68,7 @@ GAS_OUTPUTS = (
         "supplied", "Tissue", 1.0,
     ),
     Output(
-        "O2ER", "oxygen extraction ratio", "1", "VO2 / DO2", (),
+        "O2ER", "oxygen extraction ratio", "1", "VO2 / DO2", ("Qpas",),
         lambda m: -1.0 * _sum(m, "gained", "Tissue") / _sum(m, "supplied", "Tissue"),
         parameters=(GASES,), all_flows=True,
     ),
