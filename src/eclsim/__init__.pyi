@@ -14,6 +14,10 @@ from eclsim.devices.lvad import lvad as lvad
 from eclsim.devices.registry import register_device as register_device
 from eclsim.execution import Distribution as Distribution
 from eclsim.execution import Shard as Shard
+from eclsim.goals.goal import Goal as Goal
+from eclsim.goals.goal import Setting as Setting
+from eclsim.goals.search import Reached as Reached
+from eclsim.goals.search import reach as reach
 from eclsim.identification.fit import FitResult as FitResult
 from eclsim.identification.fit import fit as fit
 from eclsim.identification.multi_start import MultiStart as MultiStart

@@ -22,6 +22,7 @@ from eclsim.cli.merging import merge
 from eclsim.cli.options import as_command
 from eclsim.cli.paper import demo, reproduce
 from eclsim.cli.sensitivity import identifiability, sensitivity
+from eclsim.cli.settings import settings
 from eclsim.cli.simulate import simulate
 from eclsim.cli.track import track
 from eclsim.cli.validate import benchmark, validate
@@ -57,6 +58,7 @@ for name, function, summary in (
     ("identify", identify, "Fit a patient's own model to what was measured."),
     ("import", import_data, "Turn clinical data into a cohort to identify."),
     ("track", track, "Follow a patient's parameters from measurement to measurement."),
+    ("settings", settings, "Search for the smallest settings that reach goals."),
     ("devices", devices, "List devices and their ranges, or explain one."),
     ("demo", demo, "Simulate the paper's patient, with figures and its numbers."),
     ("validate", validate, "Hold eclsim against published results."),

@@ -92,6 +92,8 @@ class Device(ABC, Generic[S]):
     """Keys of its section that name a product, and the parameter that follows from it."""
     carries_circulation: ClassVar[bool] = False
     """Whether it can keep the arterial pressure up without a pulse."""
+    adjusted: ClassVar[Sequence[str]] = ()
+    """Keys of its section that are turned to reach goals, the dearest first; small values are sought."""
     views: ClassVar[Views] = Views()
     """What the views of the page show of it besides its knobs and its place in the circuit."""
     assist_flow: ClassVar[str] = ""

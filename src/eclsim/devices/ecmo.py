@@ -494,6 +494,7 @@ class EcmoDevice(Device[Ecmo]):
         {"pump": "Rotaflow", "speed_rpm": 3000.0, "oxygenator": "Quadrox-i Adult", "mode": "VA"}
     )
     set_by_products = MappingProxyType({"oxygenator": "Recmooxy"})
+    adjusted = ("speed_rpm", "sweep_l_min")
     alike = (_POSITIVE, ("lowest_drainage_pressure", "pump_inlet_pressure"))
     carries_circulation = True
     views = Views(

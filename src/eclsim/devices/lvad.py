@@ -120,6 +120,7 @@ class LvadDevice(Device[Lvad]):
     usual = MappingProxyType({"pump": "HM3", "speed_rpm": 5000.0, "inlet_site": "lv", "outlet_site": "ao"})
     carries_circulation = True
     assist_flow = "lvad_flow"
+    adjusted = ("speed_rpm",)
     views = Views(
         traces=(
             Trace(

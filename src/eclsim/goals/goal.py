@@ -1,0 +1,216 @@
+"""What outputs should be, and which settings may be turned for it: as users write both."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from eclsim.devices.description import Knob
+from eclsim.parameters import did_you_mean
+
+if TYPE_CHECKING:
+    from eclsim.cases.case import Case
+
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_ONE_SIDE = re.compile(rf"(\S+?)\s*(>=|<=|>|<|≥|≤)\s*({_NUMBER})")
+_TWO_SIDES = re.compile(rf"(\S+?)\s*(?:=|:|in|\s)\s*({_NUMBER})\s*(?:\.\.|to)\s*({_NUMBER})")
+ALLOWED = "goals such as MAP > 65, PCWP < 18 or PaCO2 35..45, with commas between"
+
+
+class GoalError(ValueError):
+    """Goals or settings that cannot be meant; one line for each mistake."""
+
+    def __init__(self, mistakes: Sequence[str]):
+        self.mistakes = tuple(mistakes)
+        super().__init__("\n".join(mistakes))
+
+
+@dataclass(frozen=True)
+class Goal:
+    """Bounds of an output.
+
+    Args:
+        output: its name.
+        low: smallest value, in the output's unit; minus infinity for none.
+        high: largest value; infinity for none.
+    """
+
+    output: str
+    low: float = -math.inf
+    high: float = math.inf
+
+    def __str__(self) -> str:
+        if math.isinf(self.high):
+            return f"{self.output} > {self.low:g}"
+        if math.isinf(self.low):
+            return f"{self.output} < {self.high:g}"
+        return f"{self.output} {self.low:g}..{self.high:g}"
+
+    @property
+    def scale(self) -> float:
+        """What a miss is measured in: a hundredth of the bound, at least 0.01 of the output's unit."""
+        bounds = [abs(bound) for bound in (self.low, self.high) if math.isfinite(bound)]
+        return max(0.01 * max(bounds), 0.01)
+
+    def excess(self, value: float) -> float:
+        """By how much a value is beyond the nearer bound, in the output's unit; negative within."""
+        return max(self.low - value, value - self.high)
+
+    def at_bound(self, value: float) -> bool:
+        """Whether a value is at a bound or beyond it, to the accuracy of a search."""
+        return self.excess(value) >= -1e-3 * self.scale
+
+    def inside(self) -> Goal:
+        """The goal with bounds so little narrower that what reaches it breaks no limit by rounding."""
+        margin = min(1e-5 * self.scale, 0.25 * (self.high - self.low))
+        return Goal(self.output, self.low + margin, self.high - margin)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A number that may be turned.
+
+    Args:
+        name: of the parameter, such as "ecmo.speed_rpm" or "Rmc".
+        low: smallest value, in the parameter's unit.
+        high: largest value.
+        unit: of the value.
+    """
+
+    name: str
+    low: float
+    high: float
+    unit: str = ""
+
+
+def read_goals(text: str | Sequence[Goal], outputs: Sequence[str]) -> tuple[Goal, ...]:
+    """Goals as users write them.
+
+    Args:
+        text: such as "MAP > 65, PaCO2 35..45"; strict or not makes no difference.
+        outputs: names that the case has.
+
+    Raises:
+        GoalError: with every mistake.
+    """
+    goals, wrong = [], []
+    for part in text.split(",") if isinstance(text, str) else text:
+        try:
+            goal = _read(part.strip()) if isinstance(part, str) else part
+        except GoalError as error:
+            wrong += error.mistakes
+            continue
+        if goal.output not in outputs:
+            wrong.append(f"{goal.output}: this case has no such output{_hint(goal.output, outputs)}")
+        elif not goal.low <= goal.high:
+            wrong.append(f"{goal.output}: from {goal.low:g} to {goal.high:g}; the first must not be larger")
+        goals.append(goal)
+    names = [goal.output for goal in goals]
+    wrong += [f"{name}: two goals; write both bounds as {name} LOW..HIGH" for name in _repeated(names)]
+    if not goals and not wrong:
+        wrong.append(f"no goals; allowed: {ALLOWED}")
+    if wrong:
+        raise GoalError(wrong)
+    return tuple(goals)
+
+
+def _read(text: str) -> Goal:
+    if match := _ONE_SIDE.fullmatch(text):
+        output, sign, bound = match[1], match[2], float(match[3])
+        return Goal(output, low=bound) if sign in (">", ">=", "≥") else Goal(output, high=bound)
+    if match := _TWO_SIDES.fullmatch(text):
+        output, low, high = match.groups()
+        return Goal(output, float(low), float(high))
+    raise GoalError([f"'{text}' is no goal; allowed: {ALLOWED}"])
+
+
+def _hint(name: str, known: Sequence[str]) -> str:
+    near = did_you_mean(name, known)
+    return f"; did you mean {near}?" if near else ""
+
+
+def _repeated(names: Sequence[str]) -> list[str]:
+    return [name for name in dict.fromkeys(names) if names.count(name) > 1]
+
+
+def usual_settings(case: Case, known: Sequence[str]) -> tuple[Setting, ...]:
+    """What is turned on the devices of a case to reach goals, the dearest first, over the range of the page.
+
+    Args:
+        case: with its devices.
+        known: parameters of the case that may be turned.
+    """
+    settings = []
+    for one in case.instances():
+        knobs = _knobs(case, one.key)
+        for key in one.device.adjusted:
+            name = f"{one.key}.{key}"
+            if key in knobs and name in known:
+                settings.append(Setting(name, knobs[key].low, knobs[key].high, knobs[key].unit))
+    return tuple(settings)
+
+
+def read_settings(
+    text: str | Sequence[Setting] | None, case: Case, values: Mapping[str, float]
+) -> tuple[Setting, ...]:
+    """Settings as users write them: names, each with or without bounds ("ecmo.speed_rpm=2000..4000, Rmc").
+
+    Args:
+        text: left out, the usual ones of the devices of the case.
+        case: whose ranges hold where no bounds are written.
+        values: of all parameters that may be turned.
+
+    Raises:
+        GoalError: with every mistake.
+    """
+    if text is None:
+        settings = usual_settings(case, tuple(values))
+        if not settings:
+            raise GoalError(["nothing to turn: no device with a speed; name parameters and bounds to vary"])
+        return settings
+    if not isinstance(text, str):
+        return tuple(text)
+    settings, wrong = [], []
+    for part in text.split(","):
+        name, _, bounds = (piece.strip() for piece in part.partition("="))
+        if name not in values:
+            wrong.append(f"{name}: this case has no such parameter{_hint(name, tuple(values))}")
+            continue
+        setting = _bounded(case, name)
+        if bounds:
+            match = re.fullmatch(rf"({_NUMBER})\s*(?:\.\.|:)\s*({_NUMBER})", bounds)
+            if match is None or float(match[1]) >= float(match[2]):
+                wrong.append(f"{name} = '{bounds}'; allowed: LOW..HIGH, such as 2000..4000")
+                continue
+            setting = Setting(name, float(match[1]), float(match[2]), setting.unit if setting else "")
+        if setting is None:
+            wrong.append(f"{name}: no usual range; write bounds, {name}=LOW..HIGH")
+            continue
+        settings.append(setting)
+    wrong += [f"{name}: given twice" for name in _repeated([setting.name for setting in settings])]
+    if wrong:
+        raise GoalError(wrong)
+    return tuple(settings)
+
+
+def _bounded(case: Case, name: str) -> Setting | None:
+    """A setting over the range of its knob on the page, or of the table of parameters."""
+    from eclsim.devices.registry import parameter_of
+
+    section, _, key = name.rpartition(".")
+    knob = _knobs(case, section).get(key)
+    if knob is not None:
+        return Setting(name, knob.low, knob.high, knob.unit)
+    entry = parameter_of(name, [one.key for one in case.instances()])
+    return None if entry is None else Setting(name, entry.minimum, entry.maximum, entry.unit)
+
+
+def _knobs(case: Case, section: str) -> dict[str, Knob]:
+    one = case.instance(section)
+    if one is None:
+        return {}
+    controls = one.device.controls(one.section, case.sites())
+    return {control.key: control for control in controls if isinstance(control, Knob)}

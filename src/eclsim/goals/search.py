@@ -1,0 +1,359 @@
+"""The smallest settings that reach goals, by exact derivatives of the steady beat.
+
+With settings x over their ranges, u = (x - low) / (high - low), what is minimised is
+
+    sum of weight_k u_k + penalty * sum of the goals' misses,
+
+the first setting weighing most. Every step solves the linear program of the beat to first order within a
+trust region (sequential linear programming with an exact penalty, Fletcher and Sainz de la Maza 1989, doi
+10.1007/BF01582292): at a solution that as many goals determine as there are settings it converges as fast as
+Newton's method. Where goals exclude each other the same search ends at the smallest sum of misses, each in
+hundredths of its bound; what stands in the way is found by leaving out the goals at their bounds, one by one.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy.optimize import linprog
+
+from eclsim.goals.goal import Goal, GoalError, Setting, read_goals, read_settings
+from eclsim.orbit.model import CaseSource, Model, as_case, model_of
+from eclsim.orbit.status import NoDerivativesError, Status
+from eclsim.orbit.steady import Batch
+from eclsim.outputs.registry import output
+from eclsim.outputs.signals import output_names
+from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
+from eclsim.simulation.target_flow import with_speed
+
+if TYPE_CHECKING:
+    from eclsim.outputs.alarms import Finding
+
+PENALTY = 30.0
+"""Of a miss by one scale of its goal (`Goal.scale`); a setting counts at most 1 over its whole range."""
+LATER = 0.05
+"""Weight of each further setting, of the weight of the one before."""
+MET = 1e-4
+"""Largest miss, in scales of the goal, of a goal that is reached."""
+SMALLEST_REGION = 1e-9
+MOST_STEPS = 80
+SCANNED = {1: 9, 2: 7, 3: 5}
+"""Values of each setting that are tried first, by the number of settings; with more of them, three."""
+
+
+class GoalResult(NamedTuple):
+    """One goal at the settings.
+
+    Args:
+        goal: what was asked for.
+        value: what the output is, in its unit.
+        met: whether it is reached.
+        binding: whether it is at its bound, or missed: smaller settings would break it.
+        slopes: d output / d setting, in the units of both, by setting.
+    """
+
+    goal: Goal
+    value: float
+    met: bool
+    binding: bool
+    slopes: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Reached:
+    """What `reach` found.
+
+    Args:
+        id: of the case.
+        settings: what was turned, with the ranges.
+        values: of each setting, in its unit; NaN where no steady beat was found at all.
+        goals: how each goal stands there.
+        reached: whether all goals are met.
+        message: in words; where a goal is not reached, why.
+        without: for each goal that stands in the way, the settings that reach all others (none: neither do).
+        outputs: all outputs of the beat, by name.
+        findings: limits that it breaks and how its numbers are to be read.
+        beats: solved on the way.
+    """
+
+    id: str
+    settings: tuple[Setting, ...]
+    values: tuple[float, ...]
+    goals: tuple[GoalResult, ...]
+    reached: bool
+    message: str
+    without: Mapping[str, Mapping[str, float] | None] = field(default_factory=dict)
+    outputs: Mapping[str, float] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+    beats: int = 0
+
+    def as_object(self) -> dict[str, object]:
+        """As plain data for JSON."""
+        return {
+            "id": self.id,
+            "reached": self.reached,
+            "message": self.message,
+            "settings": [
+                {"name": s.name, "value": v, "unit": s.unit, "low": s.low, "high": s.high}
+                for s, v in zip(self.settings, self.values, strict=True)
+            ],
+            "goals": [
+                {
+                    "goal": str(g.goal), "output": g.goal.output, "low": g.goal.low, "high": g.goal.high,
+                    "value": g.value, "met": g.met, "binding": g.binding, "slopes": dict(g.slopes),
+                }
+                for g in self.goals
+            ],
+            "without": {goal: None if found is None else dict(found) for goal, found in self.without.items()},
+            "outputs": dict(self.outputs),
+            "warnings": [finding.sentence for finding in self.findings],
+            "beats": self.beats,
+        }  # fmt: skip
+
+
+def reach(
+    case: CaseSource,
+    goals: str | Sequence[Goal],
+    *,
+    vary: str | Sequence[Setting] | None = None,
+    volume_policy: str | None = None,
+) -> Reached:
+    """The smallest settings that reach goals, or which goals cannot be reached together and why.
+
+    Args:
+        case: path of a case file, what `read_case` returned, or a case.
+        goals: such as "MAP > 65, drainage_pressure > -80, PaCO2 35..45".
+        vary: what is turned, the dearest first: "ecmo.speed_rpm=2000..4000, ecmo.sweep_l_min"; left out, the
+            speeds (and sweep) of the devices, over the ranges of their knobs on the page.
+        volume_policy: blood volume policy; left out, the case's.
+
+    Raises:
+        GoalError: goals or settings that cannot be meant, with every mistake.
+        CaseError: the file is no case.
+    """
+    known = with_speed(as_case(case), volume_policy)[0]
+    model = model_of(known)
+    names = output_names(model.circuit)
+    wrong: list[str] = []
+    parsed: tuple[Goal, ...] = ()
+    settings: tuple[Setting, ...] = ()
+    try:
+        parsed = read_goals(goals, names)
+    except GoalError as error:
+        wrong += error.mistakes
+    try:
+        settings = read_settings(vary, known, model.values)
+    except GoalError as error:
+        wrong += error.mistakes
+    if wrong:
+        raise GoalError(wrong)
+    return _reached(_Bedside(model, settings, volume_policy), parsed)
+
+
+class _Point(NamedTuple):
+    """Goals' outputs at one place of the settings, and their slopes along the settings' ranges."""
+
+    place: np.ndarray
+    values: np.ndarray
+    slopes: np.ndarray
+
+
+class _Bedside:
+    """The patient, as a function of the settings."""
+
+    def __init__(self, model: Model, settings: tuple[Setting, ...], policy: str | None):
+        self.model, self.settings, self.policy = model, settings, policy
+        self.low = np.array([setting.low for setting in settings])
+        self.span = np.array([setting.high for setting in settings]) - self.low
+        self.beats = 0
+
+    def values_at(self, places: np.ndarray) -> dict[str, np.ndarray]:
+        """Values of the settings at places of shape (settings, members)."""
+        numbers = self.low[:, None] + self.span[:, None] * places
+        return {setting.name: row for setting, row in zip(self.settings, numbers, strict=True)}
+
+    def beat(self, places: np.ndarray, outputs: Sequence[str] | None) -> SteadyBeat:
+        """Steady beats at places (settings, members)."""
+        self.beats += places.shape[1]
+        values = {**self.model.values, **self.values_at(places)}
+        return steady_beat(Batch(self.model.circuit, values, places.shape[1], self._policy), outputs)
+
+    @property
+    def _policy(self) -> str:
+        return self.policy or self.model.policy
+
+    def point(self, place: np.ndarray, outputs: Sequence[str]) -> _Point | None:
+        """Outputs and slopes at a place; None where there is no determined steady beat."""
+        beat = self.beat(place[:, None], outputs)
+        if not beat.determined[0]:
+            return None
+        try:
+            linear = beat.linearise(outputs, [setting.name for setting in self.settings])
+        except NoDerivativesError:
+            return None
+        found = _Point(place, linear.values, linear.slopes * self.span)
+        return found if np.isfinite(found.values).all() and np.isfinite(found.slopes).all() else None
+
+    def scan(self, outputs: Sequence[str]) -> tuple[np.ndarray, np.ndarray, list[str]]:
+        """Places all over the ranges (settings, members), the outputs there, and what became of each."""
+        count = SCANNED.get(len(self.settings), 3)
+        axis = np.linspace(0.0, 1.0, count)
+        places = np.array(list(itertools.product(axis, repeat=len(self.settings)))).T
+        beat = self.beat(places, outputs)
+        values = np.where(beat.determined, beat.values, np.nan)
+        return places, values, [beat.message(k) for k in range(places.shape[1])]
+
+
+def _reached(bedside: _Bedside, goals: tuple[Goal, ...]) -> Reached:
+    """Search, and where it ends short of a goal, ask what stands in the way."""
+    start, message = _best_start(bedside, goals)
+    if start is None:
+        nowhere = tuple(GoalResult(goal, np.nan, False, False, {}) for goal in goals)
+        none, name = tuple(np.nan for _ in bedside.settings), bedside.model.name
+        return Reached(name, bedside.settings, none, nowhere, False, message, beats=bedside.beats)
+    end = _search(bedside, goals, start)
+    numbers = {name: float(value[0]) for name, value in bedside.values_at(end.place[:, None]).items()}
+    results = tuple(
+        GoalResult(
+            goal,
+            float(value),
+            goal.excess(value) <= MET * goal.scale,
+            goal.at_bound(value),
+            {s.name: float(d / span) for s, d, span in zip(bedside.settings, row, bedside.span, strict=True)},
+        )
+        for goal, value, row in zip(goals, end.values, end.slopes, strict=True)
+    )
+    reached = all(result.met for result in results)
+    without = {} if reached else _without(bedside, goals, results, start)
+    whole = bedside.beat(end.place[:, None], None)
+    return Reached(
+        bedside.model.name,
+        bedside.settings,
+        tuple(numbers.values()),
+        results,
+        reached,
+        _words(bedside.settings, numbers, results, without),
+        without,
+        whole.outputs(),
+        tuple(whole.findings()),
+        bedside.beats,
+    )
+
+
+def _without(
+    bedside: _Bedside, goals: tuple[Goal, ...], results: Sequence[GoalResult], start: np.ndarray
+) -> dict[str, Mapping[str, float] | None]:
+    """For each goal that may stand in the way of a missed one: the settings that reach all but it, if any."""
+    found: dict[str, Mapping[str, float] | None] = {}
+    missed = sum(not result.met for result in results)
+    for left_out in [result.goal for result in results if result.binding and (result.met or missed > 1)]:
+        rest = tuple(goal for goal in goals if goal is not left_out)
+        end = _search(bedside, rest, start)
+        met = all(g.excess(v) <= MET * g.scale for g, v in zip(rest, end.values, strict=True))
+        values = {name: float(value[0]) for name, value in bedside.values_at(end.place[:, None]).items()}
+        found[str(left_out)] = values if met else None
+    return found
+
+
+def _best_start(bedside: _Bedside, goals: Sequence[Goal]) -> tuple[np.ndarray | None, str]:
+    """The best of places all over the ranges; None, and why, where no steady beat was found at any."""
+    places, values, messages = bedside.scan([goal.output for goal in goals])
+    merits = np.array([_merit(goals, u, v) for u, v in zip(places.T, values.T, strict=True)])
+    known = np.isfinite(merits)
+    if not known.any():
+        return None, f"no steady beat was found anywhere in the ranges: {messages[0]}"
+    return places[:, int(np.nanargmin(merits))], ""
+
+
+def _merit(goals: Sequence[Goal], place: np.ndarray, values: np.ndarray) -> float:
+    """What is minimised; NaN where there are no outputs."""
+    if not np.isfinite(values).all():
+        return np.nan
+    misses = [max(g.inside().excess(v), 0.0) / g.scale for g, v in zip(goals, values, strict=True)]
+    return float(_weights(len(place)) @ place + PENALTY * sum(misses))
+
+
+def _weights(count: int) -> np.ndarray:
+    return LATER ** np.arange(count)
+
+
+def _search(bedside: _Bedside, goals: Sequence[Goal], start: np.ndarray) -> _Point:
+    """Where the search ends."""
+    outputs = [goal.output for goal in goals]
+    now = bedside.point(start, outputs)
+    if now is None:
+        raise NoDerivativesError(Status.NOT_CONVERGED, "the steady beat at the best start has no derivatives")
+    merit, region = _merit(goals, now.place, now.values), 0.25
+    move, expected = _linear_program(goals, now, region)
+    for _ in range(MOST_STEPS):
+        if merit - expected <= 1e-12 or region < SMALLEST_REGION:
+            break
+        trial = bedside.point(np.clip(now.place + move, 0.0, 1.0), outputs)
+        gained = np.nan if trial is None else merit - _merit(goals, trial.place, trial.values)
+        ratio = gained / (merit - expected)
+        if trial is not None and ratio > 0.05:
+            now, merit = trial, merit - gained
+            region = min(2.0 * region, 1.0) if ratio > 0.75 else region
+        else:
+            region = 0.25 * float(np.abs(move).max())
+        move, expected = _linear_program(goals, now, region)
+    return now
+
+
+def _linear_program(goals: Sequence[Goal], at: _Point, region: float) -> tuple[np.ndarray, float]:
+    """Best move within the region to first order, and the merit expected there."""
+    count = len(at.place)
+    rows, limits = [], []
+    for goal, value, slopes in zip(goals, at.values, at.slopes, strict=True):
+        inner = goal.inside()
+        for bound, sign in ((inner.low, -1.0), (inner.high, 1.0)):
+            if np.isfinite(bound):
+                rows.append(sign * slopes / goal.scale)
+                limits.append(sign * (bound - value) / goal.scale)
+    moves = [(max(-region, -u), min(region, 1.0 - u)) for u in at.place]
+    solved = linprog(
+        np.concatenate([_weights(count), np.full(len(rows), PENALTY)]),
+        A_ub=np.hstack([np.array(rows), -np.eye(len(rows))]),
+        b_ub=np.array(limits),
+        bounds=[*moves, *((0.0, None) for _ in rows)],
+    )
+    return solved.x[:count], float(_weights(count) @ at.place + solved.fun)
+
+
+def _words(
+    settings: Sequence[Setting],
+    values: Mapping[str, float],
+    results: Sequence[GoalResult],
+    without: Mapping[str, Mapping[str, float] | None],
+) -> str:
+    """What was found, in sentences."""
+    where = " and ".join(f"{s.name} = {values[s.name]:.4g} {s.unit}".rstrip() for s in settings)
+    if all(result.met for result in results):
+        stops = [str(result.goal) for result in results if result.binding]
+        least = f"; less is stopped by {' and '.join(stops)}" if stops else ", the lowest of the range"
+        return f"all goals are reached with {where}{least}"
+    missed = [r for r in results if not r.met]
+    text = "; ".join(
+        f"{r.goal} is not reached: {r.value:.4g} {output(r.goal.output).unit} at best" for r in missed
+    )
+    text += f" beside the other goals, with {where}" if len(results) > 1 else f", with {where}"
+    ends = [_at_end(s, values[s.name]) for s in settings]
+    if any(ends):
+        text += f" ({', '.join(filter(None, ends))})"
+    for goal, found in without.items():
+        if found is not None:
+            numbers = " and ".join(f"{name} = {value:.4g}" for name, value in found.items())
+            text += f"; without {goal} all others are reached, with {numbers}"
+    return text
+
+
+def _at_end(setting: Setting, value: float) -> str:
+    """Whether a setting stands at an end of its range, in words."""
+    span = setting.high - setting.low
+    if value >= setting.high - 1e-6 * span:
+        return f"{setting.name} at its highest"
+    return f"{setting.name} at its lowest" if value <= setting.low + 1e-6 * span else ""

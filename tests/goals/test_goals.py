@@ -1,0 +1,149 @@
+"""Settings that reach goals: what users may write, the smallest that do, goals that exclude each other."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import eclsim
+from eclsim.cases.presets import PRESETS
+from eclsim.cli import main
+from eclsim.goals.goal import Goal, GoalError, Setting, read_goals, read_settings
+from eclsim.goals.search import reach
+from eclsim.orbit.model import model_of
+from eclsim.outputs.results import simulate, simulate_many
+from eclsim.simulation.target_flow import with_speed
+
+CASE = PRESETS["paper"].case()
+OUTPUTS = ("MAP", "PF", "PCWP", "drainage_pressure")
+
+
+def run_command(*arguments) -> int:
+    with pytest.raises(SystemExit) as stop:
+        main([str(a) for a in arguments])
+    return int(stop.value.code or 0)
+
+
+def test_goals_are_read_in_the_usual_spellings():
+    text = "MAP >= 65, PCWP<18, PF 3..4.5, drainage_pressure = -80 to -20"
+    assert read_goals(text, OUTPUTS) == (
+        Goal("MAP", low=65.0), Goal("PCWP", high=18.0), Goal("PF", 3.0, 4.5),
+        Goal("drainage_pressure", -80.0, -20.0),
+    )  # fmt: skip
+    assert str(Goal("MAP", low=65.0)) == "MAP > 65"
+    assert str(Goal("PF", 3.0, 4.5)) == "PF 3..4.5"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("MAP ~ 65", "'MAP ~ 65' is no goal"),
+        ("MAPP > 65", "no such output; did you mean MAP"),
+        ("MAP 70..65", "the first must not be larger"),
+        ("MAP > 65, MAP < 80", "two goals; write both bounds as MAP LOW..HIGH"),
+        ("", "'' is no goal"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(text, message):
+    with pytest.raises(GoalError, match=message.replace(".", r"\.")):
+        read_goals(text, OUTPUTS)
+
+
+def test_settings_have_the_ranges_of_their_knobs_or_their_own():
+    values = model_of(CASE).values
+    (speed,) = read_settings(None, CASE, values)
+    assert speed == Setting("ecmo.speed_rpm", 0.0, 5000.0, "rpm")
+    named = read_settings("ecmo.speed_rpm=2000..4000, Rmc", CASE, values)
+    assert named[0] == Setting("ecmo.speed_rpm", 2000.0, 4000.0, "rpm")
+    assert (named[1].low, named[1].high) == (0.02, 8.0)
+    with pytest.raises(GoalError) as caught:
+        read_settings("ecmo.sped_rpm, Rmc=3..1, Cao, Cao", CASE, values)
+    assert "did you mean ecmo.speed_rpm" in caught.value.mistakes[0]
+    assert "LOW..HIGH" in caught.value.mistakes[1]
+    assert caught.value.mistakes[-1] == "Cao: given twice"
+
+
+@pytest.fixture(scope="module")
+def flow():
+    return reach(CASE, "PF > 4, drainage_pressure > -80")
+
+
+def test_the_lowest_speed_for_a_flow_is_that_of_the_search_for_a_flow(flow):
+    """Two independent ways: sequential linear programs on derivatives, and false position on values."""
+    assert flow.reached
+    assert CASE.ecmo is not None
+    wanted = CASE.model_copy(
+        update={"ecmo": CASE.ecmo.model_copy(update={"flow_l_min": 4.0, "speed_rpm": None})}
+    )
+    _, speed = with_speed(wanted)
+    assert speed is not None
+    assert flow.values[0] == pytest.approx(speed.speed_rpm, abs=0.01)
+    at_bound, other = flow.goals
+    assert (at_bound.met, at_bound.binding) == (True, True)
+    assert (other.met, other.binding) == (True, False)
+    assert "less is stopped by PF > 4" in flow.message
+
+
+def test_slopes_are_those_of_neighbouring_beats(flow):
+    speeds = flow.values[0] + np.array([-1.0, 1.0])
+    beside = simulate_many(CASE, {"ecmo.speed_rpm": speeds}, ("PF", "drainage_pressure"))
+    for goal in flow.goals:
+        difference = np.diff(beside[goal.goal.output].to_numpy())[0] / 2.0
+        assert goal.slopes["ecmo.speed_rpm"] == pytest.approx(difference, rel=1e-3)
+
+
+def test_the_result_is_the_beat_at_these_settings(flow):
+    model = model_of(CASE).with_values({"ecmo.speed_rpm": flow.values[0]})
+    beat = simulate(model)
+    for goal in flow.goals:
+        assert goal.value == pytest.approx(float(beat[goal.goal.output]), rel=1e-6)
+    assert flow.outputs["MAP"] == pytest.approx(float(beat["MAP"]), rel=1e-6)
+
+
+def test_goals_that_exclude_each_other_are_named():
+    result = reach(CASE, "PF > 5.5, drainage_pressure > -60, MAP > 20")
+    assert not result.reached
+    missed, stops, met = result.goals
+    assert (missed.met, met.met, met.binding) == (False, True, False)
+    assert stops.binding
+    assert list(result.without) == ["drainage_pressure > -60"] or len(result.without) == 2
+    assert any(str(goal) in result.message for goal in result.without)
+
+
+def test_a_goal_out_of_reach_alone_ends_at_the_end_of_the_range():
+    result = reach(CASE, "PF > 9")
+    assert not result.reached
+    assert result.values == pytest.approx((5000.0,))
+    assert "ecmo.speed_rpm at its highest" in result.message
+    assert not result.without
+
+
+def test_two_settings_meet_two_goals_and_the_first_is_the_dearest():
+    result = reach(CASE, "MAP 65..75, PF > 3.0", vary="ecmo.speed_rpm=1500..5000, Rmc=0.5..1.5")
+    assert result.reached
+    speed, resistance = result.values
+    beside = simulate(model_of(CASE).with_values({"ecmo.speed_rpm": speed, "Rmc": resistance}))
+    assert 65.0 <= float(beside["MAP"]) <= 75.0
+    slower = simulate_many(
+        CASE, {"ecmo.speed_rpm": np.full(5, speed - 5.0), "Rmc": np.linspace(0.5, 1.5, 5)}, ("MAP", "PF")
+    )
+    both = (slower["PF"] >= 3.0) & (slower["MAP"] >= 65.0) & (slower["MAP"] <= 75.0)
+    assert not bool(both.any())
+
+
+def test_all_mistakes_are_said_at_once_and_the_command_ends_with_two(tmp_path, capsys):
+    file = tmp_path / "case.toml"
+    file.write_text(
+        Path(eclsim.__file__).with_name("validation").joinpath("data/cases/s4_crrt_g_3425.toml").read_text()
+    )
+    with pytest.raises(GoalError) as caught:
+        reach(file, "MAPP > 65", vary="Rmcc")
+    assert len(caught.value.mistakes) == 2
+    assert run_command("settings", file, "--goal", "MAPP > 65") == 2
+    assert "did you mean" in capsys.readouterr().err
+    out = tmp_path / "settings.json"
+    assert run_command("settings", file, "--goal", "PF > 9", "--json", out) == 1
+    content = json.loads(out.read_text())
+    assert content["reached"] is False
+    assert content["goals"][0]["high"] is None
