@@ -14,8 +14,7 @@ from typing import NamedTuple
 ROOMS = (
     "units", "execution", "blood", "components", "circuit", "gas", "parameters", "patient", "regulation",
     "inputs", "devices", "cases", "beat", "orbit", "outputs", "reporting", "simulation", "goals",
-    "sensitivity",
-    "identification", "crrt_study", "paper", "validation", "app", "cli",
+    "sensitivity", "identification", "crrt_study", "paper", "validation", "app", "cli",
 )  # fmt: skip
 PHYSICS = {"units", "components", "circuit"}
 ALLOWED = {room: set(ROOMS[:place]) for place, room in enumerate(ROOMS)} | {
