@@ -2,7 +2,10 @@ import numpy as np
 import pytest
 
 from eclsim.cases.reading import read_case
+from eclsim.reporting.beat_values import beat_mean
+from eclsim.simulation.json_object import case_object
 from eclsim.simulation.single import simulate, simulate_transient
+from eclsim.validation.reference_cases import waveform_statistics
 
 CASE = """format = 1
 [patient]
@@ -32,6 +35,18 @@ def test_a_case_has_a_steady_beat_and_a_course_by_either_solver(case, solver):
     last = course["Pao"].where(course["time"] > 24.0 - 0.75, drop=True)
     assert float(last.max()) == pytest.approx(float(beat["SP"]), rel=1e-3)
     assert float(last.min()) == pytest.approx(float(beat["DP"]), rel=2e-3)
+
+
+def test_the_mean_of_a_waveform_is_one_number_everywhere(case):
+    beat = simulate(case)
+    written = case_object(beat)
+    flows = {q: written["waveforms"][q]["mean"] for q in ("Qra", "Qrv", "Qla", "Qlv")}
+    for valve, flow in zip(("tricuspid", "pulmonary", "mitral", "aortic"), flows.values(), strict=True):
+        assert flow * 0.06 == pytest.approx(written["more_outputs"][f"{valve}_valve_flow"], rel=1e-12)
+    assert max(flows.values()) == pytest.approx(min(flows.values()), rel=1e-6)  # what one gives the next gets
+    assert flows["Qlv"] == beat_mean(beat, "Qlv") == waveform_statistics(beat, "Qlv")["mean"]
+    for name, found in written["waveforms"].items():
+        assert (found["min"], found["max"]) == (float(beat[name].min()), float(beat[name].max()))
 
 
 def test_all_waveforms_are_kept_if_none_is_named(case):

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eclsim.outputs.registry import VALVES
 from eclsim.reporting.numbers import number
 from eclsim.reporting.style import plain_text
 from eclsim.units import convert, quantity_of
@@ -18,16 +17,14 @@ if TYPE_CHECKING:
 
 
 def beat_mean(result: "xr.Dataset", name: str) -> float:
-    """Mean of a waveform over the beat, in the waveform's unit.
+    """Mean of a waveform over the beat, in the waveform's unit: the one measured with the steady beat.
 
-    Of a valve's flow the output, which counts what moved; else by the trapezoidal rule on the phase grid.
+    Of a waveform that was made otherwise, such as the difference of two, by the trapezoidal rule.
     """
-    moved = scalar(result, f"{VALVES.get(name[1:])}_valve_flow") if name[0] == "Q" else None
-    if moved is not None:
-        return convert(moved, "L/min", "mL/s")
+    if "mean" in result[name].attrs:
+        return float(result[name].attrs["mean"])
     phase = np.asarray(result["phase"].values, dtype=float)
-    values = np.asarray(result[name].values, dtype=float)
-    return float(np.trapezoid(values, phase) / (phase[-1] - phase[0]))
+    return float(np.trapezoid(result[name].values, phase) / (phase[-1] - phase[0]))
 
 
 def beat_period(result: "xr.Dataset") -> float:

@@ -64,21 +64,14 @@ def _solved(result: xr.Dataset) -> dict[str, Any]:
     }
 
 
-def beat_mean(values: np.ndarray, phase: np.ndarray) -> float:
-    """Mean over the beat: weighted with time by the trapezoid rule, as the grid is not uniform."""
-    return float(np.trapezoid(values, phase) / (phase[-1] - phase[0]))
-
-
 def _statistics(result: xr.Dataset, name: str) -> dict[str, float] | None:
     """Mean, smallest and largest value of a waveform; None for what is none or is not finite."""
     variable = result[name]
     if variable.dims != ("phase",):
         return None
-    values = np.asarray(variable, dtype=float)
-    if not np.all(np.isfinite(values)):
-        return None
-    mean = beat_mean(values, np.asarray(result["phase"], dtype=float))
-    return {"mean": mean, "min": float(values.min()), "max": float(values.max())}
+    statistics = {"mean": "mean", "min": "minimum", "max": "maximum"}
+    found = {key: float(variable.attrs[attribute]) for key, attribute in statistics.items()}
+    return found if np.all(np.isfinite(list(found.values()))) else None
 
 
 def _numbers(result: xr.Dataset, names: Sequence[str]) -> dict[str, float]:

@@ -9,8 +9,6 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from eclsim.paper.comparison import Check, Explanation, Row, near
 from eclsim.paper.printed import AT_CASE, MEDIAN, TEXT, OfScheme, OverSchemes, Printed
 from eclsim.reporting.beat_values import beat_mean, scalar
@@ -127,10 +125,9 @@ def waveform_rows(name: str) -> list[Row]:
 
 
 def waveform_statistics(result: xr.Dataset, signal: str) -> dict[str, float]:
-    """Mean, minimum and maximum of a waveform on the grid of the beat."""
-    series = result[signal].values
-    mean = np.trapezoid(series, result["phase"].values)
-    return {"mean": float(mean), "min": float(series.min()), "max": float(series.max())}
+    """Mean, minimum and maximum of a waveform over the beat."""
+    about = result[signal].attrs
+    return {"mean": about["mean"], "min": about["minimum"], "max": about["maximum"]}
 
 
 @lru_cache(maxsize=1)
