@@ -182,8 +182,9 @@ def _draw_frames(pen: Pen, plan: Plan, page: Layout, labels: Labels, title: str 
             pen.shade(left - 1.5, bottom - 1.5, right + 1.5, top + 1.5)
     if HEART_UPPER in page.rows:
         y = page.rows[HEART_UPPER] + 9.0 + PER_BRIDGE * max(len(plan.bridges) - 1, 0)
+        beside = any(page.places[site][0] < MIDDLE for b in plan.bridges[1:] for site in (b.source, b.target))
         for line, text in enumerate(labels.summary()):
-            pen.text(MIDDLE, y - 3.9 * line, text, size=7)
+            pen.text(MIDDLE + (4.0 if beside else 0.0), y - 3.9 * line, text, size=7)
 
 
 def _title_place(plan: Plan, page: Layout, frame: str) -> tuple[float, float, str]:

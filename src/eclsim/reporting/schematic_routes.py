@@ -174,7 +174,7 @@ def bridge_paths(plan: Plan, page: Layout, bridge: Bridge) -> tuple[Path, Path]:
     """
     number = plan.bridges.index(bridge)
     middle = page.rows[HEART_LOWER] + PER_BRIDGE * number
-    channel = _CHANNEL - 9.0 * number
+    channel = _CHANNEL - 8.0 * number
     upwards = number > 0 and page.places[bridge.target][1] > page.places[bridge.source][1]
     sign = -1.0 if upwards else 1.0
     earlier = [site for other in plan.bridges[:number] for site in (other.source, other.target)]
