@@ -165,8 +165,8 @@ def test_the_beats_without_crrt_count_among_those_not_found(study):
 class Losing(StudyCircuits):
     """A circuits on which the beats of the last sample are not found."""
 
-    def run_patients(self, speeds, policy, patients):
-        found = super().run_patients(speeds, policy, patients)
+    def run(self, speeds, policy, keep=(), patient_volume_ml=None, patients=None):
+        found = super().run(speeds, policy, keep, patient_volume_ml, patients)
         last = np.arange(len(found.status)) % 4 == 3
         statistics, values = (np.where(last, np.nan, table) for table in (found.statistics, found.values))
         status = np.where(last, Status.NO_EJECTION, found.status)

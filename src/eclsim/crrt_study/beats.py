@@ -10,14 +10,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eclsim.beat.grid import needed_resolution
 from eclsim.cases.resolve import resolve_parameters
 from eclsim.circuit import Choice, Circuit
-from eclsim.circuit.assembly import assemble
 from eclsim.crrt_study.missing_beats import NOT_ASKED
 from eclsim.devices.crrt import CRRT, Crrt, crrt
 from eclsim.devices.ecmo import POSITIONS
@@ -26,7 +24,7 @@ from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.recirculation import recirculated_fraction
 from eclsim.outputs.results import output_labels
-from eclsim.outputs.signals import output_names, unstressed_volume
+from eclsim.outputs.signals import output_names, signal_labels, unstressed_volume
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 
 if TYPE_CHECKING:
@@ -35,6 +33,8 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
     from eclsim.crrt_study.schemes import Scheme
 
+Variables = dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, str]]]
+"""What a dataset is made from: dimensions, values and labels by name."""
 ACCESS, RETURN, SPEED = "crrt.access_site", "crrt.return_site", "ecmo.speed_rpm"
 START_PRESSURE, VENOUS_COMPLIANCE = "P0svn", "Csvn"
 
@@ -63,47 +63,30 @@ class StudyCircuits:
         policy: str,
         keep: Sequence[int] = (),
         patient_volume_ml: float | None = None,
+        patients: Mapping[str, np.ndarray] | None = None,
     ) -> SteadyBeat:
-        """Steady beats of all schemes at all speeds, schemes slowest.
+        """Steady beats of all schemes at all speeds, schemes slowest, then speeds, then variants.
 
         Args:
             speeds: pump speeds [rpm].
             policy: blood volume policy.
             keep: members whose waveforms are kept.
             patient_volume_ml: stressed volume of the patient, with `patient_held`; left out, the case's own.
+            patients: parameters in which variants of the patient differ, each (variants,); on one grid.
         """
-        values = self._values(patient_volume_ml)
-        places = self._places()
-        start = values | {ACCESS: places[0, 0], RETURN: places[0, 1]}
+        values, places, patients = self._values(patient_volume_ml), self._places(), patients or {}
+        variants = len(next(iter(patients.values()), [0.0]))
+        per_scheme = len(speeds) * variants
         members = values | {
-            ACCESS: np.repeat(places[:, 0], len(speeds)),
-            RETURN: np.repeat(places[:, 1], len(speeds)),
-            SPEED: np.tile(speeds, len(self.schemes)),
-        }
-        batch = Batch(self.circuit, members, len(self.schemes) * len(speeds), policy)
-        return steady_beat(batch, waveforms=None, keep=keep, start=start).determined_only()
-
-    def run_patients(self, speeds: np.ndarray, policy: str, patients: Mapping[str, np.ndarray]) -> SteadyBeat:
-        """Steady beats of variants of the patient: schemes slowest, then speeds, then patients.
-
-        Args:
-            speeds: pump speeds [rpm].
-            policy: blood volume policy.
-            patients: parameters that differ, each of shape (patients,).
-        """
-        count = len(next(iter(patients.values())))
-        places = self._places()
-        per_scheme = len(speeds) * count
-        members = self.values | {
             ACCESS: np.repeat(places[:, 0], per_scheme),
             RETURN: np.repeat(places[:, 1], per_scheme),
-            SPEED: np.tile(np.repeat(speeds, count), len(places)),
+            SPEED: np.tile(np.repeat(speeds, variants), len(places)),
         }
-        members |= {name: np.tile(values, len(places) * len(speeds)) for name, values in patients.items()}
-        start = self.values | {ACCESS: places[0, 0], RETURN: places[0, 1]}
+        members |= {name: np.tile(own, len(places) * len(speeds)) for name, own in patients.items()}
+        start = values | {ACCESS: places[0, 0], RETURN: places[0, 1]}
         batch = Batch(self.circuit, members, len(places) * per_scheme, policy)
-        resolution = _resolution(self.circuit, members)
-        found = steady_beat(batch, waveforms=None, start=start, resolution=resolution)
+        finest = int(batch.resolutions().max()) if patients else None
+        found = steady_beat(batch, waveforms=None, keep=keep, start=start, resolution=finest)
         return found.determined_only()
 
     def _places(self) -> np.ndarray:
@@ -125,11 +108,6 @@ class StudyCircuits:
         return self.values | {START_PRESSURE: start}
 
 
-def _resolution(circuit: Circuit, members: Mapping[str, Any]) -> int:
-    """One grid for all members: the finest that any of them needs."""
-    return int(np.max(needed_resolution(assemble(circuit), members)))
-
-
 def study_circuits(case: Case, schemes: Sequence[Scheme], crrt_flow_ml_min: float) -> StudyCircuits:
     """The circuits of a case with ECMO; its own CRRT section, if any, gives way to the schemes."""
     alone = case.model_copy(update={"crrt": None})
@@ -145,8 +123,6 @@ def study_circuits(case: Case, schemes: Sequence[Scheme], crrt_flow_ml_min: floa
 # --- labelled datasets ----------------------------------------------------------------------------
 
 
-UNITS = {"P": "mmHg", "Q": "mL/s", "V": "mL"}
-WORDS = {"P": "pressure in", "Q": "flow out of", "V": "stressed blood volume of"}
 GROUPS = ("patient", "ecmo", "crrt")
 
 
@@ -216,7 +192,7 @@ def waveforms(circuits: StudyCircuits, runs: Sequence[SteadyBeat], policies: Seq
     for k, signal in enumerate(first.signals):
         values = np.stack([[r.waveforms[m].values[:, k] for m in sorted(r.waveforms)] for r in runs])
         values = values + unstressed_volume(circuits.circuit, signal, circuits.values)
-        data[signal] = (("policy", "scheme", "phase"), values, _labels(signal))
+        data[signal] = (("policy", "scheme", "phase"), values, signal_labels(circuits.circuit, signal))
     period = 60.0 / circuits.values["heart_rate_bpm"]
     coordinates = {
         "policy": list(policies),
@@ -227,22 +203,20 @@ def waveforms(circuits: StudyCircuits, runs: Sequence[SteadyBeat], policies: Seq
     return xr.Dataset(data, coordinates)
 
 
-def _variables(
-    records: Sequence[SteadyBeat], dims: tuple[str, ...], shape: tuple[int, ...]
-) -> dict[str, Any]:
+def _variables(records: Sequence[SteadyBeat], dims: tuple[str, ...], shape: tuple[int, ...]) -> Variables:
     """Means of all pressures and flows, all outputs, volumes by group, and how each beat was found."""
-    first = records[0]
+    first, circuit = records[0], records[0].batch.circuit
 
     def stacked(rows: list[np.ndarray]) -> np.ndarray:
         return np.stack([np.asarray(row).reshape(shape) for row in rows])
 
-    data: dict[str, Any] = {}
+    data: Variables = {}
     for signal in (s for s in first.signals if s[0] in "PQ"):
-        labels = _labels(signal) | {"cell_methods": "phase: mean"}
+        labels = signal_labels(circuit, signal) | {"cell_methods": "phase: mean"}
         data[signal] = (dims, stacked([r.mean(signal) for r in records]), labels)
     for name in first.names:
         data[name] = (dims, stacked([r.output(name) for r in records]), output_labels(name))
-    for group in (g for g in GROUPS if any(c.group == g for c in first.batch.circuit.compartments)):
+    for group in (g for g in GROUPS if any(c.group == g for c in circuit.compartments)):
         labels = {"units": "mL", "long_name": f"stressed volume of {group} at phase 0"}
         data[f"{group}_volume"] = (dims, stacked([r.volume(group) for r in records]), labels)
     data["converged"] = (dims, stacked([r.determined for r in records]), {"long_name": "steady beat found"})
@@ -250,12 +224,6 @@ def _variables(
     data["status"] = (dims, stacked(words), {"long_name": "how the search for the steady beat ended"})
     data["beats"] = (dims, stacked([r.orbits.beats for r in records]), {"long_name": "beats computed"})
     return data
-
-
-def _labels(signal: str) -> dict[str, str]:
-    kind, place = signal[0], signal[1:]
-    words = f"head of {place}" if kind == "P" and place.endswith("pump") else f"{WORDS[kind]} {place}"
-    return {"units": UNITS[kind], "long_name": words}
 
 
 def _recirculation(circuits: StudyCircuits, records: SteadyBeat) -> np.ndarray:
@@ -298,7 +266,7 @@ def summarise(means: xr.Dataset) -> xr.Dataset:
     """
     import xarray as xr
 
-    found: dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, str]]] = {}
+    found: Variables = {}
     letters = means["scheme"].values.astype(str)
     dims = tuple(str(d) for d in means[SUMMARISED[0]].dims if d != "scheme")
     for name in SUMMARISED:
@@ -356,14 +324,14 @@ def split_differences(
     if without.determined[0]:
         primed = circuits.run(np.array([speed]), PATIENT_HELD, patient_volume_ml=volume)
         status = [Status(k).word for k in primed.status]
-    found: dict[str, Any] = {"status": ("scheme", np.array(status))}
+    found: Variables = {"status": (("scheme",), np.array(status), {})}
     for name in SPLIT:
         base = float(value(without, name)[0])
         total = value(published, name)[at] - base
         flow = np.full_like(total, np.nan) if primed is None else value(primed, name) - base
         for word, part in (("difference", total), ("uptake", total - flow), ("flow", flow)):
-            found[f"{name}_{word}"] = ("scheme", part)
-    found["blood_taken_up"] = ("scheme", volume - published.volume("patient")[at], {"units": "mL"})
+            found[f"{name}_{word}"] = (("scheme",), part, {})
+    found["blood_taken_up"] = (("scheme",), volume - published.volume("patient")[at], {"units": "mL"})
     attributes = {"compared_with": "patient on ECMO without CRRT", "blood_volume_policy": AS_PUBLISHED}
     return xr.Dataset(found, {"scheme": letters}, attributes)
 

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -22,8 +22,6 @@ from eclsim.reporting.numbers import number
 from eclsim.reporting.style import GREY, OKABE_ITO, PAGE_WIDTH_MM, figure_style, new_figure, plain_text
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from eclsim.crrt_study.cohort import CohortStudy, PointResult
 
 _WIDTH_OF_PIPES = 140
@@ -125,10 +123,10 @@ def _of(known: int, total: int) -> str:
     return "" if known == total else f" of {known}"
 
 
-def _point_rows(study: CohortStudy) -> list[dict[str, Any]]:
+def _point_rows(study: CohortStudy) -> list[dict[str, object]]:
     rows = []
     for point in study.points:
-        row: dict[str, Any] = {
+        row: dict[str, object] = {
             "id": point.name, "speed_rpm": point.speed, "ecmo_flow_l_min": point.flow,
             "MAP_mmhg": point.pressure, "blood_taken_up_ml": point.taken_up,
             "unsettled": point.beats_not_found, "not_known": "; ".join(point.unsettled),
@@ -149,12 +147,11 @@ def _order(point: PointResult, policy: str) -> str:
     )
 
 
-def _csv(rows: Sequence[dict[str, Any]]) -> str:
+def _csv(rows: Sequence[dict[str, object]]) -> str:
     return csv_text(list(rows[0]), (row.values() for row in rows), digits=6)
 
 
-def _figure(study: CohortStudy) -> Any:
-
+def _figure(study: CohortStudy) -> Figure:
     policy = study.policies[0]
     letters = [one.letter for one in summaries(study, policy)]
     places, limits = np.full((2, len(study.points), len(letters)), np.nan)

@@ -9,11 +9,11 @@ import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eclsim.crrt_study.beats import value
+from eclsim.crrt_study.beats import Variables, value
 from eclsim.crrt_study.missing_beats import no_beat, speeds_in_words
 from eclsim.devices.crrt import ALARMS_MMHG, SANSOM_ACCESS_MMHG
 from eclsim.devices.ecmo import SUCTION_MMHG
@@ -128,7 +128,7 @@ def largest_flows(means: xr.Dataset, case_speed: float, judged: tuple[Limit, ...
             noun = "its limits" if keys[k] == CRRT_LIMITS else "it"
             said[p, s, k] = in_words(kept[p, s, k], missing, noun)
     dims = ("policy", "scheme", "limit")
-    data: dict[str, Any] = {
+    data: Variables = {
         name: (dims, np.array([getattr(one, field) for one in kept.flat]).reshape(shape), about)
         for name, (field, about) in _COLUMNS.items()
     }
@@ -274,18 +274,18 @@ def uncertainty(
     import xarray as xr
 
     patients = {name: np.asarray(values, dtype=float) for name, values in samples.items()}
-    records = circuits.run_patients(np.array([speed]), policy, patients)
+    records = circuits.run(np.array([speed]), policy, patients=patients)
     shape = (len(circuits.schemes), -1)
     settled = records.determined.reshape(shape)
     margins = _margins({o.quantity: value(records, o.quantity).reshape(shape) for o in judged}, judged)
     kept = np.stack([(m >= 0.0).sum(axis=1) for m in margins.values()], axis=1)
     found, every = settled.sum(axis=1)[:, None], settled.shape[1]
     dims = ("scheme", "limit")
-    data = {
+    data: Variables = {
         "probability_kept": (dims, np.where(found > 0, kept / np.maximum(found, 1), np.nan), {"units": "1"}),
         "probability_at_least": (dims, kept / every, {"units": "1"}),
         "probability_at_most": (dims, (kept + every - found) / every, {"units": "1"}),
-        "settled": ("scheme", settled.mean(axis=1), {"units": "1"}),
+        "settled": (("scheme",), settled.mean(axis=1), {"units": "1"}),
     }
     for name in QUANTITIES:
         with warnings.catch_warnings():  # NaN where no beat was found

@@ -254,8 +254,9 @@ def _uncertainty(study: CrrtStudy, policy: str) -> dict[str, object] | None:
             spread.append(f"{middle} ({low} to {high})")
         shares = [_share(one.sel(limit=k)) for k in ("access_alarm", "return_alarm", "access_190", "crrt")]
         rows.append([ranked.letter, f"{percent(float(one['settled']))} %", *spread, *shares])
+    high = next(limit.high for limit in study.rule.limits if limit.name == "access_190")
     head = ["Scheme", "Beat found in", "Arterial [mmHg]", "Access [mmHg]", "Return [mmHg]"]
-    head += ["Access alarms kept", "Return alarms kept", "Access ≤ 190 mmHg", "All of the CRRT lines"]
+    head += ["Access alarms kept", "Return alarms kept", f"Access ≤ {high:g} mmHg", "All of the CRRT lines"]
     return {
         "samples": found.attrs["samples"],
         "policy": POLICY_WORDS[found.attrs["blood_volume_policy"]],

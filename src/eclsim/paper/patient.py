@@ -120,7 +120,7 @@ def _on_grid(case: Case, printed: list[Printed]) -> np.ndarray:
     speeds = np.array([LOW, AT_CASE, HIGH])
     rate, volume = np.meshgrid(RATES_BPM, VOLUMES_ML, indexing="ij")
     patients = {HEART_RATE: rate.ravel(), BLOOD_VOLUME: volume.ravel()}
-    records = circuits.run_patients(speeds, AS_PUBLISHED, patients)
+    records = circuits.run(speeds, AS_PUBLISHED, patients=patients)
     shape = (len(circuits.schemes), len(speeds), *rate.shape)
     dims = ("scheme", "speed", "rate", "volume")
     data = {name: (dims, value(records, name).reshape(shape)) for name in SUMMARISED}
