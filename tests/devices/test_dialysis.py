@@ -45,10 +45,14 @@ def test_a_beat_has_clearances_and_the_same_pressures(case):
     mean = 0.5 * float(found["Pcrrtfil"].attrs["mean"] + found["Pcrrttuout"].attrs["mean"])
     assert found["effluent_pressure"] == pytest.approx(mean - float(found["transmembrane_pressure"]))
     assert 34.5 < float(found["clearance_urea"]) < 35.0
+    again, water = float(found["crrt_recirculated_fraction"]), 200.0 * (0.93 * 0.7 + 0.8 * 0.3)
+    cleared = float(found["clearance_urea"])
+    expected = cleared * (1.0 - again) / (1.0 - again * (1.0 - cleared / water))
+    assert float(found["effective_clearance_urea"]) == pytest.approx(expected, rel=1e-6)
 
 
 def test_derivatives_and_batches_are_those_of_single_beats(case):
-    outputs = ["clearance_urea", "filtration_fraction", "effluent_pressure"]
+    outputs = ["clearance_urea", "filtration_fraction", "effluent_pressure", "effective_clearance_urea"]
     parameters = ["crrt.dialysate_ml_h", "crrt.flow_ml_min", "ecmo.speed_rpm", "KoAurea"]
     exact = eclsim.derivatives(case, outputs, parameters)
     for name in parameters:

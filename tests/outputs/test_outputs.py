@@ -33,7 +33,8 @@ def waveforms(amount=0.0):
     """Smooth waveforms of every signal that an output needs, changed by an amount of another shape."""
     rng = np.random.default_rng(8)
     found = {}
-    for name in sorted({signal for entry in OUTPUTS.values() for signal in entry.needs}):
+    flows = {"Q" + connection.name for connection in CIRCUIT.connections}
+    for name in sorted(flows | {signal for entry in OUTPUTS.values() for signal in entry.needs}):
         height, lag, second = rng.uniform(5.0, 15.0), rng.uniform(0.0, 6.0), rng.uniform(0.0, 6.0)
         wave = 90.0 + height * np.sin(TURN + lag) + 2.0 * np.sin(2.0 * TURN + second)
         rate = 2.0 * np.pi * (height * np.cos(TURN + lag) + 4.0 * np.cos(2.0 * TURN + second))

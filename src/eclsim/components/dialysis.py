@@ -162,6 +162,8 @@ class Performance(NamedTuple):
         base_gain: bicarbonate that the patient gains, with that from citrate [mmol/h].
         carbon_dioxide: removal as bicarbonate and dissolved, less what the fluids bring [mL/min STPD].
         citrate: that reaches the patient [mmol/h].
+        urea_water: flow of the water that carries urea to the filter [mL/min].
+        plasma_water: flow of the plasma's water, which carries the others [mL/min].
     """
 
     effluent: Array
@@ -174,6 +176,8 @@ class Performance(NamedTuple):
     base_gain: Array
     carbon_dioxide: Array
     citrate: Array
+    urea_water: Array
+    plasma_water: Array
 
 
 def performance(numbers: Array) -> Array:
@@ -195,6 +199,7 @@ def performance(numbers: Array) -> Array:
     )
     dose = 1e-3 * settings.citrate * blood
     plasma_water = settings.solute("citrate_ion").water_flow(blood, haematocrit)
+    urea_water = settings.solute("urea").water_flow(blood, haematocrit)
     load = dose * (1.0 - cleared("citrate_ion") / plasma_water)
     transmembrane = 60.0 * fluids.ultrafiltrate / settings.permeability
     found = Performance(
@@ -208,6 +213,8 @@ def performance(numbers: Array) -> Array:
         60.0 * (BASE_PER_CITRATE * load - lost),
         CARBON_DIOXIDE_ML_PER_MMOL * lost,
         60.0 * load,
+        urea_water,
+        plasma_water,
     )
     return jnp.stack(jnp.broadcast_arrays(*found))
 

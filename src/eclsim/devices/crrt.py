@@ -12,7 +12,7 @@ solutes (`eclsim.components.dialysis`). The fluids change no pressure: they are 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
@@ -235,9 +235,23 @@ def performance(m: BeatMeasures) -> Any:
     """What the filter does in a beat (`eclsim.components.dialysis.Performance`)."""
     from eclsim.components import dialysis
 
-    blood = m.mean("Qcrrtpump") * 60.0
-    numbers: list[Numbers] = [blood, m.mean("Pcrrtfil"), m.mean("Pcrrttuout"), *map(m.parameter, SETTINGS)]
-    return dialysis.Performance(*m.apply(dialysis.performance, numbers))
+    def compute() -> dialysis.Performance:
+        pressures = m.mean("Pcrrtfil"), m.mean("Pcrrttuout")
+        numbers: list[Numbers] = [60.0 * m.mean("Qcrrtpump"), *pressures, *map(m.parameter, SETTINGS)]
+        return dialysis.Performance(*m.apply(dialysis.performance, numbers))
+
+    return m.kept((GROUP, "performance"), compute)
+
+
+def _effective(m: BeatMeasures, solute: str) -> Numbers:
+    """Clearance [mL/min] of the blood that leaves the tissues (`eclsim.gas.solutes`)."""
+
+    def compute() -> Sequence[Numbers]:
+        done = performance(m)
+        cleared = [getattr(done, name) for name in SOLUTES]
+        return m.cleared("crrtfil", cleared, [done.urea_water, done.plasma_water, done.plasma_water])
+
+    return m.kept((GROUP, "effective"), compute)[SOLUTES.index(solute)]
 
 
 _OUTPUTS = (
@@ -258,6 +272,14 @@ _OUTPUTS = (
         _dialysis(
             f"clearance_{name}", name, f"clearance of {name} by the dialyzer", "mL/min",
             "removed / concentration in the water that enters the dialyzer",
+        )
+        for name in SOLUTES
+    ),
+    *(
+        Output(
+            f"effective_clearance_{name}", f"clearance of {name} for the patient", "mL/min",
+            "removed / concentration in the blood that leaves the tissues: recirculation taken off",
+            _DIALYSIS_SIGNALS, lambda m, name=name: _effective(m, name), parameters=SETTINGS, all_flows=True,
         )
         for name in SOLUTES
     ),

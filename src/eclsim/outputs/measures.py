@@ -22,7 +22,8 @@ import numpy as np
 from eclsim.beat.recording import MEAN, RATE
 from eclsim.circuit.network import Circuit
 from eclsim.devices.description import Law
-from eclsim.gas.network import Quantity, gas_of
+from eclsim.gas.network import GasFunction, Quantity, gas_of
+from eclsim.gas.solutes import SoluteFunction, effective_clearances
 from eclsim.units import ML_S_PER_L_MIN
 
 SIDE_BY_SIDE = 32
@@ -122,9 +123,16 @@ class Measures:
 
     def _gas(self) -> dict[Quantity, Any]:
         function = gas_of(self.circuit)
+        return dict(zip(function.quantities, self._carried(function, ()), strict=True))
+
+    def cleared(self, at: str, clearances: Sequence[Any], water: Sequence[Any]) -> Sequence[Any]:
+        """Effective clearances [mL/min] of a filter on a connection (`eclsim.gas.solutes`)."""
+        return self._carried(effective_clearances(self.circuit, at), (*clearances, *water))
+
+    def _carried(self, function: GasFunction | SoluteFunction, more: Sequence[Any]) -> Sequence[Any]:
+        """A function of the mean flows of all connections, of parameters and of some more numbers."""
         flows = [flow(name) for flow in (self.forward, self.backward) for name in function.connections]
-        numbers = [*flows, *map(self.parameter, function.parameters)]
-        return dict(zip(function.quantities, self.apply(function.compute, numbers), strict=True))
+        return self.apply(function.compute, [*flows, *map(self.parameter, function.parameters), *more])
 
     def loop_area(self, pressure: str, volume: str) -> Any:
         """Work [mmHg mL] that a chamber does on its blood in a beat, -(loop integral of P dV)."""

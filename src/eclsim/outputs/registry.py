@@ -182,6 +182,9 @@ class _RenamedMeasures:
     def gas(self, what: str, where: str, place: str) -> Numbers:
         return self._measures.gas(what, where, self._names.place(place))
 
+    def cleared(self, at: str, clearances: Sequence[Numbers], water: Sequence[Numbers]) -> Sequence[Numbers]:
+        return self._measures.cleared(self._names.place(at), clearances, water)
+
     def kept(self, key: tuple[str, ...], measure: Callable[[], Numbers]) -> Numbers:
         return self._measures.kept((self._names.key, *key), measure)
 
