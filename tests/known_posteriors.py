@@ -21,7 +21,7 @@ class CurvedPosterior:
     def prior(self):
         return Prior(("a", "b"), np.log([0.1, 0.1]), np.log([10.0, 10.0]), np.zeros(2))
 
-    def simulate(self, z, near=None):
+    def simulate(self, z, centre=None):
         self.calls += len(z)
         return np.stack([10.0 * z[..., 0], z[..., 1] + self.bend * z[..., 0] ** 2], axis=-1)
 
@@ -51,7 +51,7 @@ class TwoArms(CurvedPosterior):
     scale: np.ndarray = field(default_factory=lambda: np.array([0.5]))
     outputs: tuple = ("first",)
 
-    def simulate(self, z, near=None):
+    def simulate(self, z, centre=None):
         return (9.0 * z[..., 0] ** 2 - z[..., 1])[..., None]
 
     def jacobian(self, z):
@@ -61,7 +61,7 @@ class TwoArms(CurvedPosterior):
 class HalfBlind(TwoArms):
     """Many members side by side find no beat in the right arm, where one by one all is well."""
 
-    def simulate(self, z, near=None):
+    def simulate(self, z, centre=None):
         found = super().simulate(z)
         if z.ndim > 1:
             found[z[:, 0] > 0.0] = np.nan

@@ -26,8 +26,8 @@ from eclsim.identification.posterior import PosteriorResult as PosteriorResult
 from eclsim.identification.posterior import PosteriorSettings as PosteriorSettings
 from eclsim.identification.posterior import posterior as posterior
 from eclsim.identification.settings import FitSettings as FitSettings
-from eclsim.identification.track_result import TrackResult as TrackResult
 from eclsim.identification.tracking import Tracker as Tracker
+from eclsim.identification.tracking import TrackResult as TrackResult
 from eclsim.identification.tracking import TrackSettings as TrackSettings
 from eclsim.identification.tracking import track as track
 from eclsim.orbit.equation import OrbitOptions as OrbitOptions

@@ -117,9 +117,9 @@ def test_doubts_stand_beside_every_prediction(result):
 
 def test_draws_without_a_steady_beat_are_counted_and_doubted(result):
     first, second = result.predictions
-    few, many = replace(second, lost=0.004), replace(second, lost=0.05)
+    few, many = replace(second, without_beat=0.004), replace(second, lost=0.05)
     assert not few.doubts
-    assert many.lost_draws == 50
+    assert many.draws_without_beat == 50
     table = posterior_text(replace(result, predictions=(first, many)).as_object())
     assert "50 of 1000 draws have no steady heartbeat there and are not counted" in table
     assert table.count("NOT TO BE TRUSTED") == 1

@@ -5,11 +5,10 @@ import pytest
 
 from eclsim.cases.case import Case, Measurements, Patient
 from eclsim.identification import tracking as track_module
-from eclsim.identification.filtering import GaussianMixture
-from eclsim.identification.observation import elapsed_hours, measurement_errors
+from eclsim.identification.filtering import GaussianMixture, InnovationTest
+from eclsim.identification.observation import measurement_errors
 from eclsim.identification.settings import FitSettings
-from eclsim.identification.track_result import InnovationTest
-from eclsim.identification.tracking import Tracker, TrackSettings, track
+from eclsim.identification.tracking import Tracker, TrackSettings, elapsed_hours, track
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate

@@ -114,7 +114,7 @@ def test_a_model_is_never_built_at_a_speed_that_was_not_solved():
 
 
 def test_a_fit_refuses_a_target_in_one_sentence():
-    from eclsim.cases.fitting import check_fit
+    from eclsim.identification.settings import check_fit
 
     (mistake,) = check_fit(case(measurements={"MAP": 80}), {"Rmc": (1.0, 0.5, 2.0)}).mistakes
     assert "a fit needs the speed that the pump ran at" in str(mistake)

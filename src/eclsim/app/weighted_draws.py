@@ -30,10 +30,10 @@ class _Reporting(PosteriorDensity):
     report: Callable[[str], None] = print
     done: list[int] = field(default_factory=list)
 
-    def simulate(self, z: np.ndarray, near: np.ndarray | None = None) -> np.ndarray:
+    def simulate(self, z: np.ndarray, centre: np.ndarray | None = None) -> np.ndarray:
         """As `PosteriorDensity.simulate`."""
         self.report(text("posterior_draws", count=sum(self.done)))
-        found = super().simulate(z, near)
+        found = super().simulate(z, centre)
         self.done.append(len(z))
         return found
 

@@ -82,14 +82,16 @@ class Case(PublishedDevices):
 
     def instances(self) -> tuple[Instance, ...]:
         """All devices connected, in the order of the registry."""
-        found = []
+        result = []
         for key, device in devices().items():
             only = getattr(self, key, None) if key in PublishedDevices.model_fields else None
             if only is not None:
-                found.append(Instance(device, section=only))
+                result.append(Instance(device, section=only))
             others = {k: section for k, section in self.other_devices.items() if device_key(k) == key}
-            found += [Instance(device, k.partition(".")[2], section=section) for k, section in others.items()]
-        return tuple(found)
+            result += [
+                Instance(device, k.partition(".")[2], section=section) for k, section in others.items()
+            ]
+        return tuple(result)
 
     def instance(self, key: str) -> Instance | None:
         """The device of a section such as "lvad" or "lvad.left"; None where it is not connected."""
@@ -116,11 +118,11 @@ class Case(PublishedDevices):
     def as_mapping(self) -> dict[str, Any]:
         """The case as a case file holds it: sections and keys that are absent are left out."""
         dumped = self.model_dump(exclude_none=True)
-        found = {key: dumped[key] for key in _BEFORE_DEVICES if key in dumped}
-        found = _nested(
-            found, {one.key: one.section.model_dump(exclude_none=True) for one in self.instances()}
+        result = {key: dumped[key] for key in _BEFORE_DEVICES if key in dumped}
+        result = _nested(
+            result, {one.key: one.section.model_dump(exclude_none=True) for one in self.instances()}
         )
-        return found | ({"parameters": self.parameters} if self.parameters else {})
+        return result | ({"parameters": self.parameters} if self.parameters else {})
 
 
 _BEFORE_DEVICES = (
@@ -130,21 +132,21 @@ _BEFORE_DEVICES = (
 
 def _nested(mapping: dict[str, Any], by_key: Mapping[str, Any]) -> dict[str, Any]:
     """The mapping with sections put in, such as {"lvad": {"left": ...}} for "lvad.left"."""
-    found = dict(mapping)
+    result = dict(mapping)
     for key, section in by_key.items():
         device, _, name = key.partition(".")
-        found[device] = {**found.get(device, {}), name: section} if name else section
-    return found
+        result[device] = {**result.get(device, {}), name: section} if name else section
+    return result
 
 
 def _with_other_devices(values: dict[str, Any]) -> dict[str, Any]:
     """Values as `Case` has them: sections that are no attributes of it are among `other_devices`."""
-    found = {key: value for key, value in values.items() if key not in devices()}
+    result = {key: value for key, value in values.items() if key not in devices()}
     others: dict[str, Section] = {}
     for device, name, section in device_sections(values):
         if not name and device.key in PublishedDevices.model_fields:
-            found[device.key] = section
+            result[device.key] = section
         else:
             key = instance_key(device.key, name)
             others[key] = device.section.model_validate(section, context=CHECKED)
-    return found | ({"other_devices": others} if others else {})
+    return result | ({"other_devices": others} if others else {})

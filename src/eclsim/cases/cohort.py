@@ -109,24 +109,26 @@ def read_cohort(path: str | os.PathLike[str]) -> CohortReading:
         CaseError: Where the file as a whole cannot be used.
     """
     table = read_table(path)
-    found = _Rows(table)
-    found.check_header()
-    cells = found.cells()
+    result = _Rows(table)
+    result.check_header()
+    cells = result.cells()
     refused_lines, doubts = across_rows(cells)
-    found.refused += doubts.mistakes
-    found.warnings += doubts.warnings
-    points = [p for line, row in cells.items() if line not in refused_lines and (p := found.point(line, row))]
+    result.refused += doubts.mistakes
+    result.warnings += doubts.warnings
+    points = [
+        p for line, row in cells.items() if line not in refused_lines and (p := result.point(line, row))
+    ]
     ordered, notes = in_order_of_time(points)
-    found.notes += notes
-    found.refused += table.mistakes
+    result.notes += notes
+    result.refused += table.mistakes
 
-    def placed(said: Sequence[Mistake]) -> tuple[Mistake, ...]:
-        put = (m.at(table.file, m.line) for m in said)
+    def placed(message: Sequence[Mistake]) -> tuple[Mistake, ...]:
+        put = (m.at(table.file, m.line) for m in message)
         return tuple(sorted(dict.fromkeys(put), key=lambda m: m.line or 0))
 
     return CohortReading(
-        tuple(ordered), placed(found.refused), placed(found.warnings),
-        placed([*table.notes, *found.notes]), table.file, table.digest,
+        tuple(ordered), placed(result.refused), placed(result.warnings),
+        placed([*table.notes, *result.notes]), table.file, table.digest,
     )  # fmt: skip
 
 
@@ -149,8 +151,8 @@ class _Rows:
             if header.count(name) > 1
         ]
         if not any(name in known for name in header):
-            found = ", ".join(header)
-            shortened = found if len(found) <= 60 else found[:57] + "..."
+            result = ", ".join(header)
+            shortened = result if len(result) <= 60 else result[:57] + "..."
             message = f"its first line names no column of a cohort: {shortened}"
             allowed = f"a header such as {ID},{MEASUREMENT},sex,age_years,..."
             raise CaseError([Mistake("", message, allowed=allowed, file=self.table.file)])
@@ -177,7 +179,7 @@ class _Rows:
 
     def cells(self) -> dict[int, dict[str, str]]:
         """Cells by column of every row that has as many as the header, by line."""
-        found: dict[int, dict[str, str]] = {}
+        result: dict[int, dict[str, str]] = {}
         for line, row in self.table.rows:
             if len(row) != len(self.table.header):
                 message = f"{len(row)} cells where the header has {len(self.table.header)}"
@@ -192,15 +194,15 @@ class _Rows:
             if is_units_row(named):
                 self._check_units(named, line)
                 continue
-            found[line] = named
-        return found
+            result[line] = named
+        return result
 
     def _check_units(self, row: dict[str, str], line: int) -> None:
         wrong = {k: v for k, v in row.items() if (unit := expected_unit(k, v)) and unit[0] != unit[1]}
         if wrong:
-            said = ", ".join(f"{k} in {v}" for k, v in wrong.items())
+            text = ", ".join(f"{k} in {v}" for k, v in wrong.items())
             wanted = ", ".join(f"{k} in {(expected_unit(k, v) or ('',))[0]}" for k, v in wrong.items())
-            message = f"a row of units says {said}"
+            message = f"a row of units says {text}"
             raise CaseError([Mistake("", message, allowed=wanted, file=self.table.file, line=line)])
         self.notes.append(Mistake("", "a row of units, the usual ones; no patient", line=line))
 
@@ -217,8 +219,8 @@ class _Rows:
                 wrong.append(Mistake(", ".join(MEASURED), "nothing measured, so nothing to fit"))
             if not wrong:
                 self.warnings += [self._in_columns(m).at("", line) for m in reading.warnings]
-                told = (m for m in reading.notes if m.key not in ("ecmo.mode", "measurements.CO"))
-                self.notes += [self._in_columns(m).at("", line) for m in told]
+                message = (m for m in reading.notes if m.key not in ("ecmo.mode", "measurements.CO"))
+                self.notes += [self._in_columns(m).at("", line) for m in message]
                 return CohortPoint(reading.case.patient.id, row[MEASUREMENT], line, reading.case)
         self.refused += [m.at("", line) for m in wrong]
         return None

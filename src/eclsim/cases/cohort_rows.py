@@ -114,12 +114,12 @@ def _repeats(rows: Mapping[int, Mapping[str, str]], doubts: Doubts) -> set[int]:
 def _alike(rows: Mapping[int, Mapping[str, str]], doubts: Doubts) -> None:
     """Ids that a reader would take for the same."""
     first: dict[str, tuple[str, int]] = {}
-    told = set()
+    text = set()
     for line, row in rows.items():
         name = unicodedata.normalize("NFC", row["patient_id"])
         known, where = first.setdefault(plain_id(name), (name, line))
-        if known != name and name not in told:
-            told.add(name)
+        if known != name and name not in text:
+            text.add(name)
             message = f"differs from the id in line {where} in case, spaces or form alone; two patients"
             doubts.warnings.append(Mistake("patient_id", message, shown(name[:80]), line=line))
 
@@ -143,7 +143,7 @@ def _one_patient(rows: Mapping[int, Mapping[str, str]], doubts: Doubts) -> None:
 def _in_kilopascal(rows: Mapping[int, Mapping[str, str]], doubts: Doubts) -> set[int]:
     """Rows whose pressures are all smaller than those of the others by the factor from mmHg to kPa."""
     usual = {name: _median(_number(row.get(name, "")) for row in rows.values()) for name in _PRESSURES}
-    found = set()
+    result = set()
     for line, row in rows.items():
         values = {name: _number(row.get(name, "")) for name in _PRESSURES}
         ratios = {name: v / u for name, v in values.items() if v and (u := usual[name])}
@@ -152,8 +152,8 @@ def _in_kilopascal(rows: Mapping[int, Mapping[str, str]], doubts: Doubts) -> set
             message = f"about 7.5 times smaller than in the other rows, as are {', '.join(list(ratios)[1:])}"
             hint = f"{values[name]:g} kPa = {values[name] * MMHG_PER_KPA:.4g} mmHg"  # pyright: ignore[reportOptionalOperand]  # has a ratio
             doubts.mistakes.append(Mistake(name, message, row[name], "mmHg", hint, line=line))
-            found.add(line)
-    return found
+            result.add(line)
+    return result
 
 
 def _median(values: Iterable[float | None]) -> float | None:

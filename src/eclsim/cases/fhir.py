@@ -28,21 +28,21 @@ def read_bundle(
     """
     file = os.fsdecode(path)
     bundle = _json_of(file)
-    found = Imported()
+    result = Imported()
     patients, kept = {}, []
-    for number, resource in _resources(bundle, found):
+    for number, resource in _resources(bundle, result):
         place = f"entry {number}"
         if resource.get("resourceType") == "Patient":
             patients[str(resource.get("id", ""))] = resource
         elif resource.get("resourceType") == "Observation":
-            kept += _observations(resource, place, found)
+            kept += _observations(resource, place, result)
         else:
             kind = str(resource.get("resourceType"))
-            found.warnings.append(
+            result.warnings.append(
                 Mistake(place, "neither a Patient nor an Observation: not read", shown(kind))
             )
-    about = {name: _about(name, patients.get(name), kept, found) for name in {o.patient for o in kept}}
-    return kept, about, found
+    about = {name: _about(name, patients.get(name), kept, result) for name in {o.patient for o in kept}}
+    return kept, about, result
 
 
 def _json_of(file: str) -> Mapping[str, Any]:
@@ -55,24 +55,24 @@ def _json_of(file: str) -> Mapping[str, Any]:
     return content
 
 
-def _resources(bundle: Mapping[str, Any], found: Imported) -> Iterator[tuple[int, Mapping[str, Any]]]:
+def _resources(bundle: Mapping[str, Any], result: Imported) -> Iterator[tuple[int, Mapping[str, Any]]]:
     for number, entry in enumerate(bundle["entry"], start=1):
         resource = entry.get("resource") if isinstance(entry, dict) else None
         if isinstance(resource, dict):
             yield number, resource
         else:
-            found.mistakes.append(Mistake(f"entry {number}", "holds no resource"))
+            result.mistakes.append(Mistake(f"entry {number}", "holds no resource"))
 
 
-def _observations(resource: Mapping[str, Any], place: str, found: Imported) -> list[Observation]:
+def _observations(resource: Mapping[str, Any], place: str, result: Imported) -> list[Observation]:
     """The values of one Observation: its own, or those of its components (as of blood pressure panels)."""
     if resource.get("status") in _NOT_VALID:
-        found.notes.append(Mistake(place, f"status {resource['status']}: not read"))
+        result.notes.append(Mistake(place, f"status {resource['status']}: not read"))
         return []
     reference = _mapping(resource.get("subject")).get("reference", "")
     patient = str(reference).rpartition("/")[2].removeprefix("urn:uuid:")
     if not patient:
-        found.mistakes.append(Mistake(place, "no subject: whose value is it?"))
+        result.mistakes.append(Mistake(place, "no subject: whose value is it?"))
         return []
     when = resource.get("effectiveDateTime") or resource.get("effectiveInstant")
     when = when or _mapping(resource.get("effectivePeriod")).get("start") or ""
@@ -80,7 +80,7 @@ def _observations(resource: Mapping[str, Any], place: str, found: Imported) -> l
     values = [(code_of(part), part) for part in parts if "valueQuantity" in part or part is not resource]
     if not values and "dataAbsentReason" not in resource:
         if code_of(resource) in BY_CODE:
-            found.mistakes.append(Mistake(place, "no valueQuantity: a number with a unit is needed"))
+            result.mistakes.append(Mistake(place, "no valueQuantity: a number with a unit is needed"))
         return []
     read = []
     for code, part in values:
@@ -88,21 +88,21 @@ def _observations(resource: Mapping[str, Any], place: str, found: Imported) -> l
         if code not in BY_CODE:
             read.append(Observation(patient, str(when), code, 0.0, "", place))
         elif "dataAbsentReason" in part:
-            found.notes.append(Mistake(place, f"{BY_CODE[code].column}: absent, with a reason; missing"))
+            result.notes.append(Mistake(place, f"{BY_CODE[code].column}: absent, with a reason; missing"))
         else:
-            read += _value(patient, str(when), code, quantity, place, found)
+            read += _value(patient, str(when), code, quantity, place, result)
     return read
 
 
 def _value(
-    patient: str, when: str, code: str, quantity: Mapping[str, Any], place: str, found: Imported
+    patient: str, when: str, code: str, quantity: Mapping[str, Any], place: str, result: Imported
 ) -> list[Observation]:
     value, key = quantity.get("value"), f"{place} {BY_CODE[code].column}"
     if isinstance(value, bool) or not isinstance(value, int | float):
-        found.mistakes.append(Mistake(key, "no number", shown(value) if value is not None else ""))
+        result.mistakes.append(Mistake(key, "no number", shown(value) if value is not None else ""))
         return []
     if quantity.get("comparator"):
-        found.mistakes.append(Mistake(key, "a limit, not a value", f"{quantity['comparator']}{value}"))
+        result.mistakes.append(Mistake(key, "a limit, not a value", f"{quantity['comparator']}{value}"))
         return []
     unit = str(quantity.get("code") or quantity.get("unit") or "")
     return [Observation(patient, when, code, float(value), unit, place)]
@@ -123,18 +123,18 @@ def code_of(part: Mapping[str, Any]) -> str:
 
 
 def _about(
-    name: str, resource: Mapping[str, Any] | None, kept: list[Observation], found: Imported
+    name: str, resource: Mapping[str, Any] | None, kept: list[Observation], result: Imported
 ) -> dict[str, str]:
     """Sex, and age at the first observation, as cells of a cohort."""
     if resource is None:
-        found.warnings.append(Mistake(name, "no Patient resource: sex and age are not known"))
+        result.warnings.append(Mistake(name, "no Patient resource: sex and age are not known"))
         return {}
     cells = {}
     gender = resource.get("gender")
     if gender in ("female", "male"):
         cells["sex"] = str(gender)
     else:
-        found.mistakes.append(
+        result.mistakes.append(
             Mistake(f"Patient {name} gender", "needed for the blood volume", shown(gender), "female, male")
         )
     try:
@@ -142,7 +142,7 @@ def _about(
         seen = date.fromisoformat(min(o.time for o in kept if o.patient == name)[:10])
     except ValueError:
         message = "no full date, so no age"
-        found.mistakes.append(Mistake(f"Patient {name} birthDate", message, allowed="1955-04-17"))
+        result.mistakes.append(Mistake(f"Patient {name} birthDate", message, allowed="1955-04-17"))
         return cells
     cells["age_years"] = str(seen.year - born.year - ((seen.month, seen.day) < (born.month, born.day)))
     return cells

@@ -35,17 +35,17 @@ def import_cohort(
         CaseError: With everything that is wrong.
     """
     bundle = Path(os.fsdecode(path)).suffix.lower() == ".json"
-    observations, about, found = (read_bundle if bundle else read_long_table)(path)
-    data_points(observations, about, within, found)
+    observations, about, result = (read_bundle if bundle else read_long_table)(path)
+    data_points(observations, about, within, result)
     file = os.fsdecode(path)
-    if found.mistakes:
-        said = [] if found.rows else [*found.warnings, *found.notes]
-        raise CaseError([m.at(file, m.line) for m in [*said, *found.mistakes]])
-    found.warnings = [m.at(file, m.line) for m in found.warnings]
-    found.notes = [m.at(file, m.line) for m in found.notes]
+    if result.mistakes:
+        message = [] if result.rows else [*result.warnings, *result.notes]
+        raise CaseError([m.at(file, m.line) for m in [*message, *result.mistakes]])
+    result.warnings = [m.at(file, m.line) for m in result.warnings]
+    result.notes = [m.at(file, m.line) for m in result.notes]
     if base is not None:
-        _fill(found, base, file)
-    return found
+        _fill(result, base, file)
+    return result
 
 
 def as_table(rows: list[dict[str, str]]) -> str:
@@ -54,7 +54,7 @@ def as_table(rows: list[dict[str, str]]) -> str:
     return csv_text(used, ([row.get(column, "") for column in used] for row in rows))
 
 
-def _fill(found: Imported, base: Case, file: str) -> None:
+def _fill(result: Imported, base: Case, file: str) -> None:
     given = {f"patient.{k}": v for k, v in base.patient.model_dump(exclude_none=True).items()}
     if base.ecmo is not None:
         given |= {f"ecmo.{k}": v for k, v in base.ecmo.model_dump(exclude_none=True).items()}
@@ -62,13 +62,13 @@ def _fill(found: Imported, base: Case, file: str) -> None:
         if column == "patient_id" or not isinstance(value := given.get(key), str | float | int):
             continue
         text = value if isinstance(value, str) else f"{value:g}"
-        empty = [row for row in found.rows if not row.get(column)]
+        empty = [row for row in result.rows if not row.get(column)]
         for row in empty:
             row[column] = text
         if empty and key.startswith("patient."):
-            message = f"{text} of the base case, in {len(empty)} of {len(found.rows)} data points"
-            found.notes.append(Mistake(column, message, file=file))
+            message = f"{text} of the base case, in {len(empty)} of {len(result.rows)} data points"
+            result.notes.append(Mistake(column, message, file=file))
     if base.ecmo is not None:
-        found.notes.append(
+        result.notes.append(
             Mistake("ecmo", "circuit of the base case, where the file says nothing", file=file)
         )

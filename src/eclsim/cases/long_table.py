@@ -38,38 +38,38 @@ def read_long_table(
             wrong.append(Mistake(name, message, allowed=", ".join(COLUMNS), suggestion=near))
     if wrong:
         raise CaseError([m.at(table.file, None) for m in wrong])
-    found, kept, about = Imported(notes=list(table.notes), mistakes=list(table.mistakes)), [], {}
+    result, kept, about = Imported(notes=list(table.notes), mistakes=list(table.mistakes)), [], {}
     place = {name: table.header.index(name) for name in COLUMNS}
     for line, cells in table.rows:
         if len(cells) != len(table.header):
             message = f"{len(cells)} cells where the header has {len(table.header)}"
-            found.mistakes.append(Mistake("", message, line=line))
+            result.mistakes.append(Mistake("", message, line=line))
             continue
         row = {name: cells[k].strip() for name, k in place.items()}
         if not row["patient"]:
-            found.mistakes.append(Mistake("patient", "empty", line=line))
+            result.mistakes.append(Mistake("patient", "empty", line=line))
         elif row["code"] in ABOUT:
-            _say_about(row, about.setdefault(row["patient"], {}), line, found)
+            _say_about(row, about.setdefault(row["patient"], {}), line, result)
         else:
-            kept += _observation(row, line, found)
-    return kept, about, found
+            kept += _observation(row, line, result)
+    return kept, about, result
 
 
-def _say_about(row: dict[str, str], cells: dict[str, str], line: int, found: Imported) -> None:
+def _say_about(row: dict[str, str], cells: dict[str, str], line: int, result: Imported) -> None:
     if cells.setdefault(row["code"], row["value"]) != row["value"]:
         both = f"{cells[row['code']]} and {row['value']}"
-        found.mistakes.append(Mistake(row["code"], "two values for one patient", both, line=line))
+        result.mistakes.append(Mistake(row["code"], "two values for one patient", both, line=line))
 
 
-def _observation(row: dict[str, str], line: int, found: Imported) -> list[Observation]:
+def _observation(row: dict[str, str], line: int, result: Imported) -> list[Observation]:
     if row["code"] in BY_CODE and is_missing(row["value"]):
-        found.notes.append(Mistake(BY_CODE[row["code"]].column, "missing", line=line))
+        result.notes.append(Mistake(BY_CODE[row["code"]].column, "missing", line=line))
         return []
     if not _NUMBER.fullmatch(row["value"]):
         if row["code"] in BY_CODE:
             allowed = "a number with a decimal point"
             key = BY_CODE[row["code"]].column
-            found.mistakes.append(Mistake(key, "no number", shown(row["value"]), allowed, line=line))
+            result.mistakes.append(Mistake(key, "no number", shown(row["value"]), allowed, line=line))
             return []
         return [Observation(row["patient"], row["time"], row["code"], 0.0, row["unit"], line=line)]
     return [

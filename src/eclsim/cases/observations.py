@@ -57,7 +57,7 @@ def data_points(
     observations: Iterable[Observation],
     about: dict[str, dict[str, str]],
     within: timedelta,
-    found: Imported,
+    result: Imported,
 ) -> None:
     """Put observations into rows.
 
@@ -65,7 +65,7 @@ def data_points(
         observations: In any order.
         about: What is known of each patient besides, by pseudonym: cells by column.
         within: Observations of a patient up to so long after the first of a data point belong to it.
-        found: Gets rows, mistakes, warnings and notes.
+        result: Gets rows, mistakes, warnings and notes.
     """
     placed: dict[str, list[tuple[datetime, Observation, Measurable, float]]] = {}
     unread: dict[str, int] = {}
@@ -74,34 +74,34 @@ def data_points(
         if what is None:
             unread[seen.code] = unread.get(seen.code, 0) + 1
             continue
-        entry = _checked(seen, what, found)
+        entry = _checked(seen, what, result)
         if entry is not None:
             placed.setdefault(seen.patient, []).append((entry[0], seen, what, entry[1]))
     for code, count in unread.items():
         times = f"{count} times" if count > 1 else "once"
-        found.warnings.append(Mistake("", f"code {shown(code)}, {times}: not read"))
+        result.warnings.append(Mistake("", f"code {shown(code)}, {times}: not read"))
     for patient in sorted(placed):
-        _rows_of(patient, placed[patient], about.get(patient, {}), within, found)
-    if not found.rows and not found.mistakes:
-        found.mistakes.append(Mistake("", "nothing that can be fitted", allowed=", ".join(BY_CODE)))
+        _rows_of(patient, placed[patient], about.get(patient, {}), within, result)
+    if not result.rows and not result.mistakes:
+        result.mistakes.append(Mistake("", "nothing that can be fitted", allowed=", ".join(BY_CODE)))
 
 
-def _checked(seen: Observation, what: Measurable, found: Imported) -> tuple[datetime, float] | None:
+def _checked(seen: Observation, what: Measurable, result: Imported) -> tuple[datetime, float] | None:
     """Time and converted value, or None with the reason kept."""
     key = f"{seen.place} {what.column}".strip()
     when, wrong = _time(seen.time)
     if wrong:
-        found.mistakes.append(Mistake(key, wrong, shown(seen.time), "2024-03-01T08:00", line=seen.line))
+        result.mistakes.append(Mistake(key, wrong, shown(seen.time), "2024-03-01T08:00", line=seen.line))
     if not math.isfinite(seen.value):
-        found.mistakes.append(Mistake(key, "no finite number", f"{seen.value}", line=seen.line))
+        result.mistakes.append(Mistake(key, "no finite number", f"{seen.value}", line=seen.line))
         return None
     try:
         value, converted = in_unit_of(seen.value, seen.unit, what)
     except UnitError as error:
-        found.mistakes.append(Mistake(key, str(error), f"{seen.value:g}", line=seen.line))
+        result.mistakes.append(Mistake(key, str(error), f"{seen.value:g}", line=seen.line))
         return None
     if converted:
-        found.notes.append(Mistake(f"{seen.patient} {seen.time} {what.column}", converted, line=seen.line))
+        result.notes.append(Mistake(f"{seen.patient} {seen.time} {what.column}", converted, line=seen.line))
     return (when, value) if when is not None else None
 
 
@@ -119,10 +119,10 @@ def _rows_of(
     entries: Sequence[tuple[datetime, Observation, Measurable, float]],
     about: dict[str, str],
     within: timedelta,
-    found: Imported,
+    result: Imported,
 ) -> None:
     if len({when.tzinfo is None for when, *_ in entries}) > 1:
-        found.mistakes.append(Mistake(patient, "times with and without a zone: they have no order"))
+        result.mistakes.append(Mistake(patient, "times with and without a zone: they have no order"))
         return
     first: datetime | None = None
     row: dict[str, str] = {}
@@ -130,18 +130,18 @@ def _rows_of(
     for when, seen, what, value in sorted(entries, key=lambda e: (e[0], e[2].column)):
         if first is None or when - first > within:
             first, row = when, {"patient_id": patient, "measurement": seen.time.strip(), **about}
-            found.rows.append(row)
+            result.rows.append(row)
         elif when > first:
             spread += 1
         text = f"{value:.10g}"
         if row.get(what.column, text) != text and what.column not in about:
             both = f"{row[what.column]} and {text} {what.unit}"
             message = "two values of one data point: which one is right?"
-            found.mistakes.append(
+            result.mistakes.append(
                 Mistake(f"{patient} {row['measurement']} {what.column}", message, both, line=seen.line)
             )
         row[what.column] = text
     if spread:
         minutes = within.total_seconds() / 60.0
         message = f"{spread} values up to {minutes:g} min after the first of a data point belong to it"
-        found.notes.append(Mistake(patient, message))
+        result.notes.append(Mistake(patient, message))

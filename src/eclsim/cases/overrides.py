@@ -58,7 +58,7 @@ def _flat(raw: Raw) -> Iterator[tuple[str, object]]:
     """Keys and values; a dotted key such as `ecmo.left.Recmooxy` may be written without quotes."""
     for key, value in raw.items():
         if isinstance(value, Mapping) and device_key(str(key)) in devices():
-            yield from ((f"{key}.{inner}", found) for inner, found in _flat(value))
+            yield from ((f"{key}.{inner}", result) for inner, result in _flat(value))
         else:
             yield str(key), value
 

@@ -98,8 +98,8 @@ def read_mapping(raw: Any, file: str = "") -> CaseReading:
 def _checked(raw: Any, file: str, lines: Mapping[str, int], set_keys: set[str]) -> CaseReading:
     checked = check_case(raw)
 
-    def placed(found: list[Mistake]) -> tuple[Mistake, ...]:
-        put = [_placed(mistake, file, lines, set_keys) for mistake in found]
+    def placed(result: list[Mistake]) -> tuple[Mistake, ...]:
+        put = [_placed(mistake, file, lines, set_keys) for mistake in result]
         return tuple(sorted(put, key=lambda mistake: mistake.line or 0))
 
     if checked.mistakes:
@@ -136,18 +136,18 @@ def _parse(text: str, file: str) -> dict[str, Any]:
         raise CaseError([_syntax_mistake(str(error), text, file)]) from None
 
 
-def _syntax_mistake(said: str, text: str, file: str) -> Mistake:
+def _syntax_mistake(reason: str, text: str, file: str) -> Mistake:
     """A TOML error with its line and, for the usual slips, what was meant."""
-    place = re.search(r"\(at (?:line (\d+), column \d+|(end of document))\)", said)
-    if "integer string conversion" in said:
+    place = re.search(r"\(at (?:line (\d+), column \d+|(end of document))\)", reason)
+    if "integer string conversion" in reason:
         return Mistake(
             "", "a whole number of thousands of digits: no quantity of a case has so many", file=file
         )
-    if "Cannot overwrite a value" in said:
-        said = said.replace(
+    if "Cannot overwrite a value" in reason:
+        reason = reason.replace(
             "Cannot overwrite a value", "this key is there already, with another line's value"
         )
-    message = f"no valid TOML: {re.sub(r' *[(]at .*[)]$', '', said)}"
+    message = f"no valid TOML: {re.sub(r' *[(]at .*[)]$', '', reason)}"
     if place is None or place[1] is None:
         return Mistake("", message, file=file, line=text.count("\n") + 1 if place else None)
     number = int(place[1])
@@ -161,35 +161,35 @@ def _syntax_mistake(said: str, text: str, file: str) -> Mistake:
 
 def _meant(written: str) -> str:
     key = written.partition("=")[0].strip()
-    if found := _COMMA_VALUE.search(written):
-        return f"{key} = {found[1]}.{found[2]} (a decimal point)"
-    if found := _SLASH_VALUE.search(written):
-        return f"SP = {found[1]} and DP = {found[2]} on two lines"
-    if found := _UNIT_VALUE.search(written):
+    if result := _COMMA_VALUE.search(written):
+        return f"{key} = {result[1]}.{result[2]} (a decimal point)"
+    if result := _SLASH_VALUE.search(written):
+        return f"SP = {result[1]} and DP = {result[2]} on two lines"
+    if result := _UNIT_VALUE.search(written):
         meant = number_meant(written.partition("=")[2].partition("#")[0])
-        words = "a number without a unit" if meant == found[1] else "digits alone"
+        words = "a number without a unit" if meant == result[1] else "digits alone"
         return f"{key} = {meant} ({words})" if meant else ""
-    if found := _WORD_VALUE.search(written):
-        return f'{key} = "{found[1]}" (text in quotes)'
+    if result := _WORD_VALUE.search(written):
+        return f'{key} = "{result[1]}" (text in quotes)'
     return ""
 
 
 def lines_of_keys(text: str) -> dict[str, int]:
     """Line, from 1, of every section ("patient") and key ("patient.age_years") of a valid TOML text."""
-    found: dict[str, int] = {}
+    result: dict[str, int] = {}
     section = ""
     in_long_text = False
     for number, line in enumerate(text.split("\n"), start=1):
         if not in_long_text:
             if header := _HEADER.match(line):
                 section = _dotted(header[1])
-                found.setdefault(section, number)
+                result.setdefault(section, number)
             elif key := _KEY.match(line):
                 path = f"{section}.{_dotted(key[1])}" if section else _dotted(key[1])
-                found.setdefault(path, number)
+                result.setdefault(path, number)
         if len(_LONG_TEXT.findall(line)) % 2:
             in_long_text = not in_long_text
-    return found
+    return result
 
 
 def _dotted(name: str) -> str:

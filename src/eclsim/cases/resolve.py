@@ -126,14 +126,14 @@ def nominal_values(circuit: Circuit) -> Mapping[str, float] | None:
         for site in (connection.source, connection.target)
         if not isinstance(site, str)
     }
-    found: dict[str, float] = {}
+    result: dict[str, float] = {}
     for name in ("heart_rate_bpm", *circuit.parameter_names()):
         value = 0.0 if name in chosen else nominal_value(name)
         value = known.get(name) if value is None else value
         if value is None:
             return None
-        found[name] = float(value)
-    return MappingProxyType(found)
+        result[name] = float(value)
+    return MappingProxyType(result)
 
 
 def height_weight(patient: Patient) -> tuple[float, float]:

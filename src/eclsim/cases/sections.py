@@ -106,8 +106,10 @@ MEASURED = tuple(Measurements.fields())
 
 def sections() -> dict[str, type[Section]]:
     """All sections by name, in the order in which they are written."""
-    found: dict[str, type[Section]] = {one.section: one for one in (Patient, Measurements, *PATIENT_SECTIONS)}
-    return found | {key: device.section for key, device in devices().items()}
+    result: dict[str, type[Section]] = {
+        one.section: one for one in (Patient, Measurements, *PATIENT_SECTIONS)
+    }
+    return result | {key: device.section for key, device in devices().items()}
 
 
 def section_of(key: str) -> type[Section] | None:

@@ -32,7 +32,7 @@ def parse_settings(settings: Iterable[str]) -> dict[tuple[str, str], Any]:
 
 def _parsed(settings: Iterable[str]) -> tuple[dict[tuple[str, str], Any], list[Mistake]]:
     """What `parse_settings` gives, and a note for each setting that a later one of the same key overrules."""
-    found: dict[tuple[str, str], Any] = {}
+    result: dict[tuple[str, str], Any] = {}
     mistakes, notes = [], []
     for setting in settings:
         name, equals, text = setting.partition("=")
@@ -43,13 +43,13 @@ def _parsed(settings: Iterable[str]) -> tuple[dict[tuple[str, str], Any], list[M
             mistakes.append(_unknown(name.strip(), text))
         else:
             value = _value_of(text.strip())
-            if path in found and found[path] != value:
-                message = f"given more than once: wins over the earlier {shown(found[path])}"
+            if path in result and result[path] != value:
+                message = f"given more than once: wins over the earlier {shown(result[path])}"
                 notes.append(Mistake(".".join(path), message, shown(value), file=PLACE))
-            found[path] = value
+            result[path] = value
     if mistakes:
         raise CaseError(mistakes)
-    return found, notes
+    return result, notes
 
 
 def merge_settings(

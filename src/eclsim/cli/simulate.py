@@ -111,7 +111,7 @@ def _places(o: SimulateOptions, ids: Sequence[str], tables: Sequence[str] = ("ou
     """Where results of the cases with these ids go; with anything wrong leave with exit status 2."""
     stems = file_stems(ids)
     places = Destinations(force=o.force, inputs=o.case_files)
-    found = Places(
+    result = Places(
         json=places.target("--json", o.json),
         out=places.file("--out", o.out, NETCDF),
         figures=places.folder("--figures", o.figures, stems=stems),
@@ -121,7 +121,7 @@ def _places(o: SimulateOptions, ids: Sequence[str], tables: Sequence[str] = ("ou
     if o.transient and not (o.out or o.csv):
         places.mistakes.append("--transient needs --out FILE.nc or --csv DIR to write the course to")
     places.check()
-    return found
+    return result
 
 
 def _each(

@@ -139,7 +139,7 @@ def _check_one_patient(files: Sequence[tuple[str, str]]) -> None:
 
 def _has_times(patient: str, points: Sequence[tuple[str, Case]]) -> bool:
     """Whether the names of a patient's measurements are times, in their order."""
-    from eclsim.identification.observation import elapsed_hours
+    from eclsim.identification.tracking import elapsed_hours
     from eclsim.inputs.mistakes import CaseError
 
     try:
@@ -168,8 +168,7 @@ def _settings(o: TrackOptions) -> TrackSettings:
 
 
 def _check_points(series: Series, settings: TrackSettings) -> None:
-    from eclsim.cases.fitting import common_policy
-    from eclsim.identification.settings import checked_fit
+    from eclsim.identification.settings import checked_fit, common_policy
     from eclsim.inputs.mistakes import CaseError
 
     wrong = [

@@ -231,7 +231,7 @@ def crrt_cohort(
     place = None if folder is None else folder / f"studies-{mark}"
     outcomes = [one for group in executor.complete(tasks, place, _FORMAT, progress) for one in group]
     by_name = {one.name: one for one in outcomes}
-    lost = {**fitted.lost, **{one.name: one.lost for one in outcomes if one.lost}}
+    lost = {**fitted.not_fitted, **{one.name: one.lost for one in outcomes if one.lost}}
     points = tuple(study for name in fitted.cases if (study := by_name[name].study) is not None)
     if not points:
         raise StudyError("no data point can be studied: " + "; ".join(f"{k}: {v}" for k, v in lost.items()))

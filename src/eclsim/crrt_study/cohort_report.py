@@ -57,7 +57,7 @@ def cohort_json(study: CohortStudy) -> str:
         },
         "first_not_known": {policy: list(study.undecided(policy)) for policy in study.policies},
         "points": _point_rows(study),
-        "parameters": study.fitted.words,
+        "parameters": study.fitted.description,
         "lost": dict(study.lost),
     }
     return json_text(content)
@@ -185,7 +185,7 @@ def _page(study: CohortStudy, drawn: str) -> str:
         order=[criterion.sentence for criterion in study.rule.criteria],
         rule=study.rule.name,
         point_table=_points_table(study),
-        parameters=study.fitted.words,
+        parameters=study.fitted.description,
     )
 
 

@@ -158,16 +158,16 @@ class FittedCases:
     Args:
         cases: by name of the data point; of a shard, its own.
         misfits: root mean square of the relative differences of each fit, by name; empty if they came fitted.
-        lost: data points that could not be fitted, and why.
-        words: how the parameters were found.
+        not_fitted: data points that could not be fitted, and why.
+        description: how the parameters were found.
         groups: names that are studied together, all of them.
         inputs: all that the cases follow from, as plain data.
     """
 
     cases: Mapping[str, Case]
     misfits: Mapping[str, float]
-    lost: Mapping[str, str]
-    words: str
+    not_fitted: Mapping[str, str]
+    description: str
     groups: tuple[tuple[str, ...], ...]
     inputs: Mapping[str, object] = field(default_factory=dict)
 
@@ -192,22 +192,24 @@ def fit_points(
     tasks = fit_tasks(reading.points, settings, reading.digest)
     place = None if folder is None else folder / GROUPS
     results = executor.own(tasks, place, _FORMAT, progress)
-    cases, misfits, lost = {}, {}, {}
+    cases, misfits, not_fitted = {}, {}, {}
     for number, fits in results.items():
         for point, fit in zip(tasks.arguments[number], fits, strict=True):
             numbers = fit.numbers
             if numbers["cost"] is None:
-                lost[point.name] = numbers["message"]
+                not_fitted[point.name] = numbers["message"]
                 continue
             cases[point.name] = with_fitted(point.case, numbers)
             count = sum(cell["measured"] is not None for cell in numbers["outputs"].values())
             misfits[point.name] = (numbers["cost"] / max(count, 1)) ** 0.5
     explored = settings.multi_start.points_per_parameter
-    words = f"fitted to the table with {', '.join(settings.parameters)} free, {explored} explored sets each"
+    description = (
+        f"fitted to the table with {', '.join(settings.parameters)} free, {explored} explored sets each"
+    )
     groups = tuple(tuple(point.name for point in group) for group in tasks.arguments)
     order = {point.name: k for k, point in enumerate(reading.points)}
     cases = {name: cases[name] for name in sorted(cases, key=order.__getitem__)}
-    return FittedCases(cases, misfits, lost, words, groups, tasks.inputs)
+    return FittedCases(cases, misfits, not_fitted, description, groups, tasks.inputs)
 
 
 def with_fitted(case: Case, result: Mapping[str, Any]) -> Case:

@@ -150,14 +150,14 @@ class PosteriorDensity:
         likelihood = np.where(np.isfinite(misfit), 0.5 * temper * misfit, np.inf)
         return likelihood + 0.5 * np.sum(np.square(z), axis=-1)
 
-    def simulate(self, z: np.ndarray, near: np.ndarray | None = None) -> np.ndarray:
+    def simulate(self, z: np.ndarray, centre: np.ndarray | None = None) -> np.ndarray:
         """Outputs of many members side by side, shape (members, outputs); NaN without a steady beat.
 
         Args:
             z: latent variables, shape (members, parameters).
-            near: latent variables that all members are close to.
+            centre: latent variables that all members are close to.
         """
-        start = None if near is None else self.numbers(near)
+        start = None if centre is None else self.numbers(centre)
         values = self.values(self.prior.x_of(z))
         return simulate_members(self.model, values, len(z), self.outputs, self.policy, start)
 
@@ -168,7 +168,7 @@ def simulate_members(
     count: int,
     outputs: tuple[str, ...],
     policy: str = AS_PUBLISHED,
-    near: Mapping[str, float] | None = None,
+    start: Mapping[str, float] | None = None,
 ) -> np.ndarray:
     """Outputs of members that share a circuit, shape (members, outputs); NaN where no beat is determined.
 
@@ -178,8 +178,8 @@ def simulate_members(
         count: number of members.
         outputs: names of the registry.
         policy: blood volume policy.
-        near: values that all members are close to.
+        start: values that all members are close to, at whose beat searches begin.
     """
     batch = Batch(model.circuit, values, count, policy)
-    beat = steady_beat(batch, outputs, options=SETTLED, start=near, execution=execution_of(count))
+    beat = steady_beat(batch, outputs, options=SETTLED, start=start, execution=execution_of(count))
     return beat.determined_only().values.T

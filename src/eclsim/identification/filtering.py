@@ -23,6 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import logsumexp, ndtr, ndtri
+from scipy.stats import chi2
 
 from eclsim.identification.gradient import NoSteadyBeatError
 from eclsim.identification.proposals import Transport
@@ -39,6 +40,10 @@ SMALL_CHANGE = 0.3
 """The estimate is not linearised again once it has moved by less, in its own standard deviations."""
 PULLS = (0.5, 0.2, 0.05)
 """A sigma point without a steady beat is drawn in to these shares of its distance."""
+UNUSUAL_SERIES = 0.01
+"""A measurement whose outputs together are less probable than this does not fit the patient so far."""
+UNUSUAL_OUTPUT = 0.001
+"""An output that by itself is less probable than this does not fit the others."""
 
 
 @dataclass(frozen=True)
@@ -162,12 +167,12 @@ def regress(simulate: Simulate, means: np.ndarray, covariances: np.ndarray) -> R
             "no steady heartbeat at the estimate so far: check heart rate and devices of this point"
         )
     for pull in PULLS:
-        lost = ~np.isfinite(outputs[:, :, 0])
-        if not lost.any():
+        missing = ~np.isfinite(outputs[:, :, 0])
+        if not missing.any():
             break
-        middle = np.repeat(points[:, :1], each, axis=1)[lost]
-        centre = np.repeat(outputs[:, :1], each, axis=1)[lost]
-        outputs[lost] = centre + (simulate(middle + pull * (points[lost] - middle)) - centre) / pull
+        middle = np.repeat(points[:, :1], each, axis=1)[missing]
+        centre = np.repeat(outputs[:, :1], each, axis=1)[missing]
+        outputs[missing] = centre + (simulate(middle + pull * (points[missing] - middle)) - centre) / pull
     outputs = np.where(np.isfinite(outputs), outputs, outputs[:, :1])
     mean = outputs[:, 1:].mean(axis=1)
     away = outputs[:, 1:] - mean[:, None]
@@ -232,3 +237,70 @@ def _reweighted(
     square = np.einsum("fo,fo->f", away, np.linalg.solve(total, away[..., None])[..., 0])
     log = np.log(forecast.weights) - 0.5 * square - 0.5 * np.linalg.slogdet(total)[1]
     return np.exp(log - logsumexp(log)).clip(min=1e-12)
+
+
+# --- measurements held against their forecast --------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class InnovationTest:
+    """Whether measurements fit their forecast.
+
+    Args:
+        deviations: of each output in standard deviations; NaN where nothing was measured.
+        unusual: outputs that do not fit the others.
+        left_out: of these, those that the update goes without.
+        chi_square: of all together.
+        probability: of a larger one.
+    """
+
+    deviations: np.ndarray
+    unusual: np.ndarray
+    left_out: np.ndarray
+    chi_square: float
+    probability: float
+
+    @classmethod
+    def of(
+        cls, values: np.ndarray, scales: np.ndarray, outputs: GaussianMixture, given: np.ndarray
+    ) -> InnovationTest:
+        """Hold measurements against the outputs expected.
+
+        One output that does not fit, while all others do, is left out of the update: a clotted line is
+        likelier than a heart that changed so. Where several do not fit, the patient has changed.
+        """
+        total = outputs.covariance + np.diag(np.where(given, scales, 1.0) ** 2)
+        away = values - outputs.mean
+        deviations = away / np.sqrt(np.diag(total))
+        square, probability = _chi_square(away, total, given)
+        unusual = given & (np.abs(np.nan_to_num(deviations)) > np.sqrt(chi2.isf(UNUSUAL_OUTPUT, 1)))
+        left_out = np.zeros_like(given)
+        if probability < UNUSUAL_SERIES and given.sum() > 2:
+            rests = []
+            for k in np.flatnonzero(given):
+                others = given.copy()
+                others[k] = False
+                rests.append((_chi_square(away, total, others)[0], k))
+            rest, k = min(rests)
+            by_itself = chi2.sf(square - rest, 1) < UNUSUAL_OUTPUT
+            if by_itself and chi2.sf(rest, given.sum() - 1) > UNUSUAL_SERIES:
+                unusual[k] = left_out[k] = True
+        return cls(deviations, unusual, left_out, square, probability)
+
+    def message(self, names: Sequence[str]) -> str:
+        """What does not fit, and what was done; empty where all does."""
+        if self.left_out.any():
+            which = ", ".join(n for n, out in zip(names, self.left_out, strict=True) if out)
+            return f"{which} does not fit the forecast and the other measurements: not used; check it"
+        if self.probability < UNUSUAL_SERIES:
+            return "the measurements do not fit the patient so far: a sudden change, or a mistake in several"
+        if self.unusual.any():
+            which = ", ".join(n for n, odd in zip(names, self.unusual, strict=True) if odd)
+            return f"{which} is far from the forecast, though all together fit: used; check it"
+        return ""
+
+
+def _chi_square(away: np.ndarray, total: np.ndarray, chosen: np.ndarray) -> tuple[float, float]:
+    a, t = away[chosen], total[np.ix_(chosen, chosen)]
+    square = float(a @ np.linalg.solve(t, a))
+    return square, float(chi2.sf(square, len(a)))

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eclsim.cases.fitting import common_policy
 from eclsim.files import finite
 from eclsim.identification.multi_start import (
     FitStatus,
@@ -22,7 +21,12 @@ from eclsim.identification.multi_start import (
 from eclsim.identification.objective import Box, Objective, Target, correlation, in_unit
 from eclsim.identification.observation import measurement_errors, unit_of
 from eclsim.identification.profiles import held_fits
-from eclsim.identification.settings import FitSettings, checked_fit, unmeasured_uncertainties
+from eclsim.identification.settings import (
+    FitSettings,
+    checked_fit,
+    common_policy,
+    unmeasured_uncertainties,
+)
 from eclsim.identification.verdict import (
     Aspect,
     FitVerdict,

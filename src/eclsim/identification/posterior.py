@@ -39,7 +39,7 @@ STARTS = 5
 SAME_START = 0.05
 PREDICTED_DRAWS = 1000
 QUANTILES = np.array([0.05, 0.5, 0.95])
-LARGEST_LOST_SHARE = 0.02
+LARGEST_SHARE = 0.02
 """Of draws without a steady beat: beyond, the intervals speak of too particular a part of the posterior."""
 UNCHECKED = (
     "a Gaussian approximation, which nothing has checked against the posterior: where that is curved or cut "
@@ -81,14 +81,14 @@ class Prediction:
         outputs: names.
         values: shape (draws, outputs); NaN where a draw has no steady beat.
         intervals: 5 %, 50 % and 95 % quantile of each output, shape (outputs, 3).
-        lost: share of the draws without a steady beat; the intervals speak of the others.
+        without_beat: share of the draws without a steady beat; the intervals speak of the others.
     """
 
     settings: str
     outputs: tuple[str, ...]
     values: np.ndarray
     intervals: np.ndarray
-    lost: float
+    without_beat: float
 
     @property
     def label(self) -> str:
@@ -96,19 +96,19 @@ class Prediction:
         return self.settings or "as measured"
 
     @property
-    def lost_draws(self) -> int:
+    def draws_without_beat(self) -> int:
         """Draws without a steady beat."""
-        return round(self.lost * len(self.values))
+        return round(self.without_beat * len(self.values))
 
     @property
     def doubts(self) -> tuple[str, ...]:
         """Why the intervals are not to be trusted, whatever the draws; empty where they are."""
-        if self.lost <= LARGEST_LOST_SHARE:
+        if self.without_beat <= LARGEST_SHARE:
             return ()
+        counted = f"{self.draws_without_beat} of {len(self.values)} draws"
         return (
-            f"{self.lost_draws} of {len(self.values)} draws have no steady heartbeat at these settings (at "
-            f"most {LARGEST_LOST_SHARE:.0%}): the intervals speak of the others alone; choose settings "
-            "closer to the measured ones",
+            f"{counted} have no steady heartbeat at these settings (at most {LARGEST_SHARE:.0%}): the intervals "
+            "speak of the others alone; choose settings closer to the measured ones",
         )
 
     def column(self, output: str) -> np.ndarray:
@@ -217,9 +217,9 @@ class PosteriorResult:
                     n: {**_interval(p.intervals[k]), "gaussian": _interval(g.intervals[k])}
                     for k, n in enumerate(p.outputs)
                 },
-                "without_steady_beat": p.lost,
+                "without_steady_beat": p.without_beat,
                 "draws": len(p.values),
-                "draws_without_steady_beat": p.lost_draws,
+                "draws_without_steady_beat": p.draws_without_beat,
                 "doubts": [*self.doubts, *p.doubts],
             }
             for p, g in zip(self.predictions, self.gaussian_predictions, strict=True)

@@ -52,8 +52,8 @@ def read_samples(path: str | Path) -> dict[str, list[float]]:
         if len(cells) != len(head):
             mistakes.append(f"{path}:{line}: {len(cells)} values, the head has {len(head)}")
         values.append([_value(cell) for cell in cells])
-        found = zip(head, cells, values[-1], strict=False)
-        mistakes += [f"{path}:{line}: {wrong}" for each in found if (wrong := _mistake(*each))]
+        result = zip(head, cells, values[-1], strict=False)
+        mistakes += [f"{path}:{line}: {wrong}" for each in result if (wrong := _mistake(*each))]
     if mistakes:
         more = len(mistakes) - MOST_MISTAKES
         raise SamplesError("; ".join(mistakes[:MOST_MISTAKES]) + (f"; and {more} more" if more > 0 else ""))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
-from eclsim.cases.fitting import CheckedFit, check_fit
 from eclsim.identification.multi_start import MultiStart
-from eclsim.inputs.mistakes import Mistake
+from eclsim.identification.observation import OUTPUTS
+from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.orbit.model import VolumePolicy, circuit_of
 from eclsim.parameters import did_you_mean, thiel2025
 from eclsim.parameters.thiel2025 import BOUNDS
@@ -67,6 +68,31 @@ class FitSettings:
         }
 
 
+@dataclass(slots=True)
+class CheckedFit:
+    """What can be fitted, and everything there is to say about it.
+
+    Attributes:
+        targets: measured values by name [mmHg, L/min].
+        free: start value, lower and upper bound of each parameter that is free.
+        fixed: value of each parameter whose bounds are equal.
+        mistakes: errors; with any of them nothing can be fitted.
+        warnings: doubts.
+        notes: what was left out or fixed.
+    """
+
+    targets: dict[str, float] = field(default_factory=dict)
+    free: dict[str, tuple[float, float, float]] = field(default_factory=dict)
+    fixed: dict[str, float] = field(default_factory=dict)
+    mistakes: list[Mistake] = field(default_factory=list)
+    warnings: list[Mistake] = field(default_factory=list)
+    notes: list[Mistake] = field(default_factory=list)
+
+    def wrong(self, key: str, message: str, value: str = "", allowed: str = "", hint: str = "") -> None:
+        """Add a mistake."""
+        self.mistakes.append(Mistake(key, message, value, allowed, hint))
+
+
 def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
     """Targets and bounds of a case, checked, with everything there is to say."""
     wanted = {name: _bounds(name, case, settings.bounds) for name in settings.names}
@@ -74,23 +100,84 @@ def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
     read = ("heart_rate_bpm", *circuit_of(case).parameter_names())
     for name in [*checked.free, *checked.fixed]:
         if name not in read:
-            checked.mistakes.append(
-                Mistake(name, "not read by the circuit of this case, so it cannot be fitted")
-            )
+            checked.wrong(name, "not read by the circuit of this case, so it cannot be fitted")
         elif wanted[name][1] <= 0.0:
-            checked.mistakes.append(
-                Mistake(name, "is sought on a logarithmic scale: its lower bound must be above 0")
-            )
+            checked.wrong(name, "is sought on a logarithmic scale: its lower bound must be above 0")
     for name in settings.bounds:
         if name not in settings.names:
-            hint = did_you_mean(name, settings.names) or ""
-            allowed = ", ".join(settings.names)
-            checked.mistakes.append(
-                Mistake(name, "bounds of a parameter that is not free", "", allowed, hint)
-            )
+            hint, allowed = did_you_mean(name, settings.names) or "", ", ".join(settings.names)
+            checked.wrong(name, "bounds of a parameter that is not free", "", allowed, hint)
     if not checked.mistakes and not checked.free:
-        checked.mistakes.append(Mistake("parameters", "none is free"))
+        checked.wrong("parameters", "none is free")
     return checked
+
+
+def check_fit(case: Case, bounds: Mapping[str, tuple[float, float, float]]) -> CheckedFit:
+    """Check targets and bounds before anything is fitted; never raises.
+
+    Args:
+        case: its measurements are the targets.
+        bounds: start value, lower and upper bound of each free parameter, in the parameter's unit,
+            such as `eclsim.parameters.thiel2025.BOUNDS`.
+    """
+    checked = CheckedFit()
+    if case.ecmo is not None and case.ecmo.flow_l_min is not None:
+        allowed = "ecmo.speed_rpm in its place; a measured pump flow is measurements.PF"
+        message = "a target, while a fit needs the speed that the pump ran at"
+        checked.wrong("ecmo.flow_l_min", message, shown(case.ecmo.flow_l_min), allowed)
+    for name in OUTPUTS:
+        value = getattr(case.measurements, name, None)
+        if value is None or (name == "PF" and case.ecmo is None):
+            checked.notes.append(Mistake(f"measurements.{name}", "not measured, so not fitted"))
+        else:
+            checked.targets[name] = value
+    if not checked.targets:
+        checked.wrong("measurements", "nothing to fit", allowed=", ".join(OUTPUTS))
+    for key, limits in bounds.items():
+        _check_bounds(key, limits, checked)
+    if 0 < len(checked.targets) < len(checked.free):
+        counts = f"{len(checked.targets)} targets for {len(checked.free)} free parameters"
+        checked.warnings.append(Mistake("measurements", f"under-determined: {counts}"))
+    return checked
+
+
+def _check_bounds(key: str, limits: tuple[float, float, float], checked: CheckedFit) -> None:
+    start, lower, upper = limits
+    written, parameter = f"{start:g}, {lower:g} to {upper:g}", thiel2025.PARAMETERS.get(key)
+    if parameter is None:
+        allowed = "names of the parameter tables (eclsim parameters lists them)"
+        hint = did_you_mean(key, thiel2025.PARAMETERS) or ""
+        checked.wrong(key, "unknown parameter", allowed=allowed, hint=hint)
+    elif not all(math.isfinite(number) for number in limits):
+        checked.wrong(key, "start and bounds must be finite", written, parameter.allowed)
+    elif lower > upper:
+        hint = f"{upper:g} to {lower:g}"
+        checked.wrong(key, "lower bound above upper bound", written, parameter.allowed, hint)
+    elif not lower <= start <= upper:
+        checked.wrong(key, "start value outside its bounds", written, parameter.allowed)
+    elif not (parameter.accepts(lower) and parameter.accepts(upper)):
+        checked.wrong(key, "bounds outside the allowed range", written, parameter.allowed)
+    elif lower == upper:
+        checked.fixed[key] = start
+        checked.notes.append(Mistake(key, "bounds are equal: fixed, not fitted", shown(start)))
+    else:
+        checked.free[key] = (start, lower, upper)
+
+
+def common_policy(cases: Sequence[Case], wanted: str | None = None) -> str:
+    """The blood volume policy that cases are fitted with together: the one wanted, else their own.
+
+    Raises:
+        CaseError: The cases say different things.
+    """
+    if wanted is not None:
+        return wanted
+    policies = {case.volume_policy: case.patient.id for case in cases}
+    if len(policies) > 1:
+        each = ", ".join(f"{policy} in {name}" for policy, name in policies.items())
+        message = "cases that go together have the same policy; --volume-policy chooses one for all"
+        raise CaseError([Mistake("blood_volume_policy", message, each)])
+    return next(iter(policies))
 
 
 def unmeasured_uncertainties(cases: Iterable[Case], settings: FitSettings) -> list[Mistake]:
@@ -130,20 +217,20 @@ def read_bounds(text: str) -> dict[str, tuple[float, float]]:
     Raises:
         ValueError: With one line for each part that is no pair of numbers.
     """
-    found, wrong = {}, []
+    result, wrong = {}, []
     for part in (p.strip() for p in text.split(",") if p.strip()):
         name, _, numbers = part.partition("=")
         lower, _, upper = numbers.partition(":")
-        if name.strip() in found:
+        if name.strip() in result:
             wrong.append(f"--bounds {part}: {name.strip()} is given twice; leave one of them out")
             continue
         try:
-            found[name.strip()] = float(lower), float(upper)
+            result[name.strip()] = float(lower), float(upper)
         except ValueError:
             wrong.append(f"--bounds {part}: allowed: NAME=LOWER:UPPER, such as Rmc=0.1:2")
     if wrong:
         raise ValueError("\n".join(wrong))
-    return found
+    return result
 
 
 def parameter_names(text: str) -> Sequence[str]:

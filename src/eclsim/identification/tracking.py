@@ -2,43 +2,50 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.stats import qmc
 
+from eclsim.cases.cohort_rows import when
 from eclsim.cases.ids import plain_id
 from eclsim.identification.density import PosteriorDensity, Prior, PriorKind, simulate_members
-from eclsim.identification.filtering import DRIFTS, GaussianMixture, Regression, regress, updated
+from eclsim.identification.filtering import (
+    DRIFTS,
+    UNUSUAL_SERIES,
+    GaussianMixture,
+    InnovationTest,
+    Regression,
+    regress,
+    updated,
+)
 from eclsim.identification.gradient import Gaussian, NoSteadyBeatError, approximate
 from eclsim.identification.importance import WeightedDraws, importance_sample
 from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.objective import Box
-from eclsim.identification.observation import OUTPUTS, elapsed_hours, measurement_errors
+from eclsim.identification.observation import OUTPUTS, measurement_errors, unit_of
 from eclsim.identification.proposals import Transport
 from eclsim.identification.settings import FitSettings, checked_fit
-from eclsim.identification.track_result import (
-    SHARES,
-    UNUSUAL_SERIES,
-    Innovation,
-    InnovationTest,
-    Interval,
-    TrackedPoint,
-    TrackResult,
-)
 from eclsim.identification.verdict import FitVerdict, agreement, goodness_of
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.orbit.model import CaseSource, Model, as_case, model_of
 from eclsim.outputs.signals import output_names
+from eclsim.parameters import thiel2025
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from eclsim.cases.case import Case
     from eclsim.circuit import Circuit
 
-HOURS_PER_DAY = 24.0
+SHARES = (0.05, 0.5, 0.95)
+HOURS_PER_DAY, SECONDS_PER_HOUR = 24.0, 3600.0
+_TIME_IN_FILE_NAME = re.compile(r"(\d{4}-\d\d-\d\d)[T_ ](\d\d)[-.]?(\d\d)")
 EXPLORED = 512
 CLIMBS = 4
 DRAWS = 512
@@ -72,6 +79,161 @@ class TrackSettings:
             **{name: of_fit[name] for name in kept},
             "prior": self.prior, "drifts": list(self.drifts), "seed": self.seed,
         }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Median and central 90 %, in the unit of the quantity."""
+
+    lower: float
+    median: float
+    upper: float
+
+    def as_object(self) -> dict[str, float]:
+        """As plain data."""
+        return {"median": self.median, "lower": self.lower, "upper": self.upper}
+
+
+@dataclass(frozen=True)
+class Innovation:
+    """A measurement held against its forecast.
+
+    Args:
+        measured: value [mmHg or L/min].
+        deviation: (measured - forecast) / standard deviation of the difference; None without a forecast.
+        unusual: whether it does not fit.
+        used: whether the parameters were updated with it.
+    """
+
+    measured: float
+    deviation: float | None = None
+    unusual: bool = False
+    used: bool = True
+
+
+@dataclass(frozen=True)
+class TrackedPoint:
+    """One time of a series.
+
+    Args:
+        name: of the point.
+        innovations: of each measurement.
+        parameters: after the update.
+        outputs: of the model, after the update.
+        drift: standard deviation of the change of a latent variable, as the measurements so far have it.
+        forecast: what the model's outputs were expected to be; empty at the first point.
+        expected: where 90 % of measurements were expected: the forecast with measurement noise.
+        chi_square: of all innovations together; None at the first point.
+        probability: of a larger one.
+        unusual: whether the measurements together do not fit the patient so far.
+        verdict: on the first estimate: whether the model can give the measurements; None at later points.
+        message: what there is to say; empty where all is well.
+        failed: whether the point could not be used.
+        hours: since the measurement before, known or assumed; None at the first point.
+        seconds: wall time of forecast and update.
+    """
+
+    name: str
+    innovations: Mapping[str, Innovation]
+    parameters: Mapping[str, Interval]
+    outputs: Mapping[str, Interval]
+    drift: float
+    forecast: Mapping[str, Interval] = field(default_factory=dict)
+    expected: Mapping[str, Interval] = field(default_factory=dict)
+    chi_square: float | None = None
+    probability: float | None = None
+    unusual: bool = False
+    verdict: FitVerdict | None = None
+    message: str = ""
+    failed: bool = False
+    hours: float | None = None
+    seconds: float = 0.0
+
+    def as_object(self) -> dict[str, Any]:
+        """As plain data for JSON; null for what is not known."""
+
+        def each(intervals: Mapping[str, Interval]) -> dict[str, dict[str, float]]:
+            return {n: i.as_object() for n, i in intervals.items()}
+
+        return {
+            "id": self.name,
+            "hours_since_last": self.hours,
+            "forecast": each(self.forecast),
+            "expected": each(self.expected),
+            "measurements": {n: dict(vars(i)) for n, i in self.innovations.items()},
+            "chi_square": self.chi_square,
+            "probability": self.probability,
+            "unusual": self.unusual,
+            "parameters": each(self.parameters),
+            "outputs": each(self.outputs),
+            "drift": self.drift,
+            "seconds": round(self.seconds, 3),
+            "failed": self.failed,
+            "verdict": None if self.verdict is None else self.verdict.as_object(),
+            "message": self.message,
+        }
+
+
+@dataclass(frozen=True)
+class TrackResult:
+    """A patient followed through a series of measurements.
+
+    Args:
+        patient: id.
+        points: in order of time.
+        assumed_interval_hours: from one measurement to the next; None where their names are times.
+    """
+
+    patient: str
+    points: tuple[TrackedPoint, ...]
+    assumed_interval_hours: float | None
+
+    @property
+    def dataset(self) -> xr.Dataset:
+        """Parameters, forecasts and measurements over the points, with units; NaN for what is not known."""
+        import xarray as xr
+
+        points = self.points
+        parameters = list(dict.fromkeys(n for p in points for n in p.parameters))
+        outputs = [n for n in OUTPUTS if any(n in p.outputs or n in p.innovations for p in points)]
+
+        def intervals(each: Sequence[Mapping[str, Interval]], names: Sequence[str]) -> np.ndarray:
+            nothing = Interval(np.nan, np.nan, np.nan)
+            result = [[own.get(n, nothing) for n in names] for own in each]
+            return np.array([[(i.lower, i.median, i.upper) for i in row] for row in result])
+
+        def of_measured(attribute: str) -> np.ndarray:
+            rows = [[getattr(p.innovations.get(n), attribute, None) for n in outputs] for p in points]
+            return np.array(rows, dtype=float)
+
+        of_parameters = ("point", "parameter", "quantile")
+        of_points, of_outputs = ("point", "output"), ("point", "output", "quantile")
+        data = {
+            "parameters": (of_parameters, intervals([p.parameters for p in points], parameters)),
+            "forecast": (of_outputs, intervals([p.forecast for p in points], outputs)),
+            "expected": (of_outputs, intervals([p.expected for p in points], outputs)),
+            "outputs": (of_outputs, intervals([p.outputs for p in points], outputs)),
+            "measured": (of_points, of_measured("measured")),
+            "deviation": (of_points, of_measured("deviation")),
+        }  # fmt: skip
+        for name, unit in (("chi_square", "1"), ("probability", "1"), ("drift", "1"), ("hours", "h")):
+            values = np.array([getattr(p, name) for p in points], dtype=float)
+            data[name] = ("point", values, {"units": unit})
+        coordinates = {
+            "point": [p.name for p in points], "parameter": parameters, "output": outputs,
+            "quantile": list(SHARES),
+            "parameter_units": ("parameter", [thiel2025.PARAMETERS[n].unit for n in parameters]),
+            "output_units": ("output", [unit_of(n) for n in outputs]),
+        }  # fmt: skip
+        return xr.Dataset(data, coordinates, {"patient": self.patient})
+
+    def as_object(self) -> dict[str, Any]:
+        """As plain data for JSON; null for what is not known."""
+        return {
+            "id": self.patient,
+            "assumed_interval_hours": self.assumed_interval_hours,
+            "points": [p.as_object() for p in self.points],
+        }
 
 
 @dataclass(frozen=True)
@@ -348,3 +510,32 @@ def track(
         patient = patient or case.patient.id
         done.append(tracker.update(name, case, passed))
     return TrackResult(patient, tuple(done), None if known else settings.interval_hours)
+
+
+def elapsed_hours(names: Sequence[str]) -> list[float | None] | None:
+    """Hours from each measurement to the next, or None where the names are no times.
+
+    Args:
+        names: of the measurements in their order, such as 2024-03-01T08:00, in file names 2024-03-01T08-00.
+
+    Returns:
+        None for the first, hours for every other; None instead of all where a name is no time, or where some
+        have a time zone and others not.
+
+    Raises:
+        CaseError: A time before the one before it.
+    """
+    times = [when(_TIME_IN_FILE_NAME.sub(r"\1T\2:\3", name)) for name in names]
+    known = [t for t in times if t is not None]
+    if len(known) < len(names) or len({t.tzinfo is None for t in known}) > 1:
+        return None
+    hours = [(later - earlier).total_seconds() / SECONDS_PER_HOUR for earlier, later in pairwise(known)]
+    wrong = [
+        Mistake("measurement", f"earlier than {shown(names[k])}, which comes before it", shown(names[k + 1]),
+                "measurements in order of time")
+        for k, passed in enumerate(hours)
+        if passed < 0.0
+    ]  # fmt: skip
+    if wrong:
+        raise CaseError(wrong)
+    return [None, *hours]

@@ -100,10 +100,10 @@ class Design:
 
     def settings(self, unit: np.ndarray) -> dict[str, np.ndarray]:
         """Values of every parameter that the inputs set, each of shape (runs,)."""
-        found: dict[str, np.ndarray] = {}
+        result: dict[str, np.ndarray] = {}
         for k, chosen in enumerate(self.inputs):
-            found |= chosen.settings(unit[:, k])
-        return found
+            result |= chosen.settings(unit[:, k])
+        return result
 
     def block_rows(self, block: int) -> tuple[int, int]:
         """First row and row after the last of a block."""

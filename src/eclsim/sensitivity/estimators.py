@@ -125,13 +125,13 @@ def _second_order(
     """Closed second-order term less both first orders, shape (1 + resamples, factors, factors, outputs)."""
     assert samples.BA is not None
     factors = samples.AB.shape[1]
-    found = np.full((len(weights), factors, factors, samples.A.shape[-1]), np.nan)
+    result = np.full((len(weights), factors, factors, samples.A.shape[-1]), np.nan)
     both = samples.A * samples.B
     for j in range(factors - 1):
         terms = samples.BA[:, j, None] * samples.AB[:, j + 1 :] - both[:, None]
         closed = _over(_means(weights, terms), variance)
-        found[:, j, j + 1 :] = closed - first[:, j, None] - first[:, j + 1 :]
-    return found
+        result[:, j, j + 1 :] = closed - first[:, j, None] - first[:, j + 1 :]
+    return result
 
 
 def _with_width(resampled: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:

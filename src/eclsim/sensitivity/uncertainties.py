@@ -56,7 +56,7 @@ def standard_uncertainties(values: Mapping[str, float], known: Mapping[str, Unce
 
 def read_uncertainties(text: str) -> dict[str, Uncertainty]:
     """Read "SP=4,CO=10%": numbers in the unit of the output, or percent of its value."""
-    found, wrong = {}, []
+    result, wrong = {}, []
     for part in (p.strip() for p in text.split(",") if p.strip()):
         name, _, number = (p.strip() for p in part.partition("="))
         try:
@@ -67,7 +67,7 @@ def read_uncertainties(text: str) -> dict[str, Uncertainty]:
             wrong.append(
                 f"--uncertainty {part}: allowed: NAME=VALUE or NAME=PERCENT%, above 0, such as CO=10%"
             )
-        elif name in found:
+        elif name in result:
             wrong.append(f"--uncertainty {part}: {name} is given twice; leave one of them out")
         elif number.endswith("%") and value > 100.0:
             wrong.append(
@@ -75,10 +75,10 @@ def read_uncertainties(text: str) -> dict[str, Uncertainty]:
                 "or leave the measurement out"
             )
         else:
-            found[name] = Uncertainty(relative=value / 100.0) if number.endswith("%") else Uncertainty(value)
+            result[name] = Uncertainty(relative=value / 100.0) if number.endswith("%") else Uncertainty(value)
     if wrong:
         raise InputError(wrong)
-    return found
+    return result
 
 
 def uncertainties_of(outputs: Sequence[str], given: Mapping[str, Uncertainty]) -> dict[str, Uncertainty]:

@@ -3,7 +3,7 @@
 import pytest
 
 from eclsim.cases import read_mapping
-from eclsim.cases.fitting import check_fit
+from eclsim.identification.settings import check_fit
 from eclsim.parameters.thiel2025 import BOUNDS
 
 ALL = {"SP": 101, "DP": 47, "MAP": 70, "MPAP": 26, "PCWP": 9, "CO": 5.8, "PF": 2.2}
