@@ -117,7 +117,7 @@ def test_doubts_stand_beside_every_prediction(result):
 
 def test_draws_without_a_steady_beat_are_counted_and_doubted(result):
     first, second = result.predictions
-    few, many = replace(second, without_beat=0.004), replace(second, lost=0.05)
+    few, many = replace(second, without_beat=0.004), replace(second, without_beat=0.05)
     assert not few.doubts
     assert many.draws_without_beat == 50
     table = posterior_text(replace(result, predictions=(first, many)).as_object())

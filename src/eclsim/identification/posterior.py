@@ -107,8 +107,8 @@ class Prediction:
             return ()
         counted = f"{self.draws_without_beat} of {len(self.values)} draws"
         return (
-            f"{counted} have no steady heartbeat at these settings (at most {LARGEST_SHARE:.0%}): the intervals "
-            "speak of the others alone; choose settings closer to the measured ones",
+            f"{counted} have no steady heartbeat at these settings (at most {LARGEST_SHARE:.0%}): the "
+            "intervals speak of the others alone; choose settings closer to the measured ones",
         )
 
     def column(self, output: str) -> np.ndarray:

@@ -183,12 +183,12 @@ def _line_inputs(case: Case) -> dict[str, tuple[str, ...]]:
     """Inputs that say where lines are, such as `crrt.scheme`; of a scheme the lines that it sets."""
     connected = [(one.key, one.device) for one in case.instances()]
     absent = [(k, device) for k, device in devices().items() if device not in [d for _, d in connected]]
-    found: dict[str, tuple[str, ...]] = {}
+    result: dict[str, tuple[str, ...]] = {}
     for key, device in (*connected, *absent):
         lines = tuple(f"{key}.{line}" for line in device.lines)
-        found |= {f"{key}.{SCHEME}": lines} if device.schemes else {}
-        found |= dict.fromkeys(lines, ())
-    return found
+        result |= {f"{key}.{SCHEME}": lines} if device.schemes else {}
+        result |= dict.fromkeys(lines, ())
+    return result
 
 
 def _circuit(case: Case, moved: Sequence[str]) -> tuple[Circuit, dict[str, float]]:
