@@ -26,6 +26,7 @@ from eclsim.outputs.recirculation import recirculated_fraction
 from eclsim.outputs.results import output_labels
 from eclsim.outputs.signals import output_names, signal_labels, unstressed_volume
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
+from eclsim.patient.sites import SAME_IN_REGIONS
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -193,6 +194,7 @@ def waveforms(circuits: StudyCircuits, runs: Sequence[SteadyBeat], policies: Seq
         values = np.stack([[r.waveforms[m].values[:, k] for m in sorted(r.waveforms)] for r in runs])
         values = values + unstressed_volume(circuits.circuit, signal, circuits.values)
         data[signal] = (("policy", "scheme", "phase"), values, signal_labels(circuits.circuit, signal))
+    data |= _divided(data)
     period = 60.0 / circuits.values["heart_rate_bpm"]
     coordinates = {
         "policy": list(policies),
@@ -214,6 +216,7 @@ def _variables(records: Sequence[SteadyBeat], dims: tuple[str, ...], shape: tupl
     for signal in (s for s in first.signals if s[0] in "PQ"):
         labels = signal_labels(circuit, signal) | {"cell_methods": "phase: mean"}
         data[signal] = (dims, stacked([r.mean(signal) for r in records]), labels)
+    data |= _divided(data)
     for name in first.names:
         data[name] = (dims, stacked([r.output(name) for r in records]), output_labels(name))
     for group in (g for g in GROUPS if any(c.group == g for c in circuit.compartments)):
@@ -224,6 +227,12 @@ def _variables(records: Sequence[SteadyBeat], dims: tuple[str, ...], shape: tupl
     data["status"] = (dims, stacked(words), {"long_name": "how the search for the steady beat ended"})
     data["beats"] = (dims, stacked([r.orbits.beats for r in records]), {"long_name": "beats computed"})
     return data
+
+
+def _divided(data: Variables) -> Variables:
+    """Pressures of vessels that are divided in a patient with regions, by the names of the whole ones."""
+    parts = {f"P{vessel}": f"P{part}" for vessel, part in SAME_IN_REGIONS.items()}
+    return {vessel: data[part] for vessel, part in parts.items() if part in data}
 
 
 def _recirculation(circuits: StudyCircuits, records: SteadyBeat) -> np.ndarray:
@@ -337,5 +346,10 @@ def split_differences(
 
 
 def value(records: SteadyBeat, name: str) -> np.ndarray:
-    """A quantity by name: an output of the registry, else the mean of a waveform."""
-    return records.output(name) if name in records.names else records.mean(name)
+    """A quantity by name: an output of the registry, else the mean of a waveform.
+
+    A vessel that is divided in a patient with regions is read where `SAME_IN_REGIONS` says.
+    """
+    if name in records.names:
+        return records.output(name)
+    return records.mean(name if name in records.signals else name[0] + SAME_IN_REGIONS[name[1:]])
