@@ -9,6 +9,7 @@ from eclsim.components import (
     HeartValve,
     LeakingValve,
     LinearChamber,
+    OpenOrifice,
     Orifice,
     Path,
     Resistance,
@@ -46,6 +47,7 @@ PATHS: dict[str, tuple[Path, dict[str, float]]] = {
     "tube": (Tube("l", "d"), {"l": 200.0, "d": 0.9625, "etaB": 0.003, "rhoB": 0.00106}),
     "valve": (HeartValve("CQ"), {"CQ": 350.0}),
     "stenosed valve": (HeartValve(Orifice("area")), {"area": 0.8, "rhoB": 0.00106}),
+    "hole": (OpenOrifice(Orifice("area")), {"area": 0.5, "rhoB": 0.00106}),
     "leaking valve": (
         LeakingValve("CQ", Orifice("area")),
         {"CQ": 350.0, "area": 0.3, "rhoB": 0.00106},

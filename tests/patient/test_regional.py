@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import eclsim
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.resolve import circuit_of, nominal_values
 from eclsim.circuit.assembly import assemble
@@ -11,7 +12,6 @@ from eclsim.orbit.model import model_of
 from eclsim.outputs.registry import contract
 from eclsim.outputs.results import simulate
 from eclsim.patient.circulation import Anatomy, circulation
-from eclsim.simulation.single import simulate_case
 
 PATIENT = {
     "id": "P", "sex": "female", "age_years": 70, "height_cm": 165, "weight_kg": 60, "heart_rate_bpm": 90,
@@ -77,7 +77,7 @@ def test_blood_at_the_start_is_that_of_the_published_patient():
 @pytest.mark.parametrize("devices", [{}, {"ecmo": VA}], ids=["no device", "central V-A ECMO"])
 def test_numbers_of_a_beat_are_those_of_the_published_patient(devices):
     divided, whole = (
-        simulate_case(case(regional, parameters=FAILING, **devices)) for regional in (True, False)
+        eclsim.simulate(case(regional, parameters=FAILING, **devices)) for regional in (True, False)
     )
     assert divided.attrs["converged"] == whole.attrs["converged"] == 1
     for name in (entry.name for entry in contract() if entry.name in whole):
@@ -99,7 +99,7 @@ def test_a_femoral_return_feeds_the_lower_body_first_and_a_cava_is_drained_first
         "return_site": "lower", "return_cannula": "arterial", "return_fr": 19,
     }  # fmt: skip
     failing = FAILING | {"Emaxlv": 0.4}
-    result = simulate_case(case(parameters=failing, ecmo=femoral, blood_volume_policy="patient_held"))
+    result = eclsim.simulate(case(parameters=failing, ecmo=femoral, blood_volume_policy="patient_held"))
     assert result.attrs["converged"]
     number = {name: float(result[name]) for name in result.data_vars if result[name].ndim == 0}
     assert number["lower_body_pressure"] > number["MAP"] > number["upper_body_pressure"]
@@ -132,7 +132,7 @@ def test_on_central_va_ecmo_bronchial_return_distends_the_left_ventricle():
             False, parameters={"Emaxlv": 0.3}, blood_volume_policy="patient_held",
             physiology={"bronchial_fraction": fraction}, ecmo=VA | {"speed_rpm": rpm},
         )  # fmt: skip
-        result = simulate_case(weak)
+        result = eclsim.simulate(weak)
         assert result.attrs["converged"]
         return float(result["EDVLV"]), float(result["PCWP"])
 
@@ -147,7 +147,7 @@ def test_on_central_va_ecmo_bronchial_return_distends_the_left_ventricle():
 @pytest.mark.slow
 def test_valves_of_a_given_area_obey_the_orifice_equation_in_the_beat():
     areas = {"aortic_stenosis_cm2": 0.8, "mitral_regurgitation_cm2": 0.4}
-    result = simulate_case(case(False, physiology=areas))
+    result = eclsim.simulate(case(False, physiology=areas))
     assert result.attrs["converged"]
     per_cm2 = 100.0 * (2.0 * 133.322387415 / 1060.0) ** 0.5
     forward, gradient = result["Qlv"].values, (result["Plv"] - result["Pao"]).values

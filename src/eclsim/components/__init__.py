@@ -6,16 +6,16 @@ from eclsim.components.controllers import Controller, ControlState
 from eclsim.components.exchangers import GasExchanger, MembraneLung, NativeLung, Tissue
 from eclsim.components.pumps import RollerPump, RotaryPump
 from eclsim.components.tubes import Cannula, Tube, TubeVolume
-from eclsim.components.valves import HeartValve, LeakingValve, Orifice
+from eclsim.components.valves import HeartValve, LeakingValve, OpenOrifice, Orifice
 from eclsim.components.vessels import Artery, ElasticVessel, Resistance
 
 all_storages = (ElasticVessel, Atrium, Ventricle, LinearChamber)
-all_paths = (Resistance, Artery, Tube, HeartValve, LeakingValve, Cannula, RotaryPump, RollerPump)
+all_paths = (Resistance, Artery, Tube, HeartValve, LeakingValve, OpenOrifice, Cannula, RotaryPump, RollerPump)
 
 __all__ = [
     "Activation", "Artery", "AtrialBump", "Atrium", "Cannula", "Complement", "ControlState", "Controller",
     "Derived", "ElasticVessel", "Exchanger", "GasExchanger", "HeartValve", "LeakingValve", "LinearChamber",
-    "MembraneLung", "NativeLung", "Orifice", "Path", "Resistance", "RollerPump", "RotaryPump", "Scaled",
-    "Storage", "Tissue", "Tube", "TubeVolume", "Ventricle",
+    "MembraneLung", "NativeLung", "OpenOrifice", "Orifice", "Path", "Resistance", "RollerPump", "RotaryPump",
+    "Scaled", "Storage", "Tissue", "Tube", "TubeVolume", "Ventricle",
     "VentricularSystole", "all_paths", "all_storages",
 ]  # fmt: skip

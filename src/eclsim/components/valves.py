@@ -120,3 +120,30 @@ class LeakingValve(Path[LeakingConstants]):
         width = 1e-12 if isinstance(load, float) and load == 0.0 else 0.0  # a slope at rest without a load
         squared = jnp.where(pressure_difference > 0.0, *constants) * jnp.abs(pressure_difference)
         return 2.0 * pressure_difference / (load + jnp.sqrt(load * load + squared + width))
+
+
+@dataclass(frozen=True)
+class OpenOrifice(Path[Number]):
+    """A hole: turbulent flow in either direction.
+
+        source o---) (---o target      Q = CQ sqrt(dp) if dp > 0, else -CQ sqrt(-dp)
+
+    Args:
+        coefficient: CQ [mL/(s mmHg^1/2)], such as `Orifice` of its effective area.
+    """
+
+    coefficient: Key
+    above_zero: ClassVar = ("coefficient",)
+
+    def constants(self, values: Values) -> Number:
+        """1 / CQ^2 [mmHg s^2/mL^2]."""
+        return 1.0 / value_of(values, self.coefficient) ** 2
+
+    def pressure_drop(self, flow: Number, constants: Number) -> Number:
+        """Q |Q| / CQ^2 [mmHg]."""
+        return constants * flow * jnp.abs(flow)
+
+    def flow(self, pressure_difference: Number, load: Number, constants: Number) -> Number:
+        """Flow [mL/s] in either direction; its slope at rest stays finite without a load."""
+        squared = load * load + 4.0 * constants * jnp.abs(pressure_difference) + 1e-12
+        return 2.0 * pressure_difference / (load + jnp.sqrt(squared))

@@ -20,6 +20,9 @@ from eclsim.devices.device import AnyDevice, Device, Naming, device_key
 from eclsim.devices.ecmo import ECMO, Ecmo
 from eclsim.devices.lvad import LVAD, Lvad
 from eclsim.devices.products import Product
+from eclsim.devices.renox import RENOX, Renox
+from eclsim.devices.septostomy import SEPTOSTOMY, Septostomy
+from eclsim.devices.vent import VENT, Vent
 from eclsim.inputs.sections import Section
 from eclsim.parameters import all_parameters
 from eclsim.parameters.parameter import Parameter
@@ -32,6 +35,9 @@ _PACKAGE: tuple[AnyDevice, ...] = (
     ECMO,
     CRRT,
     LVAD,
+    RENOX,
+    VENT,
+    SEPTOSTOMY,
 )
 _OTHERS: dict[str, AnyDevice] = {}
 _LOADED: set[str] = set()
@@ -57,6 +63,9 @@ class PublishedDevices(BaseModel):
     ecmo: Ecmo | None = None
     crrt: Crrt | None = None
     lvad: Lvad | None = None
+    renox: Renox | None = None
+    vent: Vent | None = None
+    septostomy: Septostomy | None = None
 
 
 def devices() -> Mapping[str, AnyDevice]:

@@ -1,0 +1,167 @@
+"""RenOx: oxygenator and dialyzer in one housing, in the ECMO circuit in place of its oxygenator.
+
+    pre_oxy --[ gas fibres and dialysate fibres side by side ]--> post_oxy
+
+The outlook of Thiel et al. (2025): no lines, so no blood for their filling, no access and return pressures
+with their alarms, and no blood that goes in a circle. The dialysate fibres see the whole ECMO flow and the
+pressure of the ECMO circuit: their clearance is that of `eclsim.components.dialysis` at this flow, and what
+drives water out is the pressure of the blood, 200 mmHg and more, unless the effluent is throttled.
+
+No data of such a device are public: pressure drop and gas exchange are those of the oxygenator that [ecmo]
+names, the dialysate fibres have the membrane of the CRRT filter (1.5 m2). Combined devices under
+development: Martins Costa et al. 2022, doi 10.3389/fmedt.2022.909990.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Any
+
+from eclsim.devices.crrt import FILTER_PARAMETERS, SOLUTES, USUAL_FLUID, Crrt
+from eclsim.devices.description import BeatMeasures, Finding, Numbers, Output
+from eclsim.devices.device import CaseValues, Device, Naming
+from eclsim.inputs.fields import number
+from eclsim.inputs.mistakes import Remarks
+from eclsim.inputs.sections import Raw, Section
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from eclsim.circuit.network import Circuit
+
+GROUP = "renox"
+_ASSUMED = "assumed: the membrane of the CRRT filter, no data of such a device are public"
+MEMBRANE = tuple(
+    replace(p, key=p.key.replace("crrtfil", "").replace("K", f"{GROUP}_K", 1), source=_ASSUMED, group=GROUP)
+    for p in FILTER_PARAMETERS
+)
+_FLUIDS = ("dialysate_ml_h", "replacement_pre_ml_h", "replacement_post_ml_h", "net_ultrafiltration_ml_h")
+_BLOOD = ("haematocrit_in", "fluid_bicarbonate_mmol_l", "plasma_bicarbonate_mmol_l", "citrate_mmol_l")
+SETTINGS = (*(f"{GROUP}.{key}" for key in (*_FLUIDS, *_BLOOD)), *(p.key for p in MEMBRANE))
+"""Parameters of the dialysate fibres, in the order of `eclsim.components.dialysis.Settings`."""
+_PERMEABILITY = MEMBRANE[0].key
+_SIGNALS = ("Qecmooxy", "Pecmooxy", "Pecmotuor")
+
+
+class Renox(Section):
+    """The dialysate side: flows in mL/h. Replacement fluid and citrate have no place in such a device."""
+
+    section = GROUP
+    dialysate_ml_h: Annotated[float, number("Flow of dialysate", "mL/h", 0, 20000, 2000)]
+    net_ultrafiltration_ml_h: Annotated[
+        float, number("Fluid taken from the patient", "mL/h", 0, 5000, 100, required=False)
+    ] = 0.0
+    haematocrit_in: Annotated[float | None, Crrt.fields()["haematocrit_in"]] = None
+    fluid_bicarbonate_mmol_l: Annotated[float | None, Crrt.fields()["fluid_bicarbonate_mmol_l"]] = None
+    plasma_bicarbonate_mmol_l: Annotated[float | None, Crrt.fields()["plasma_bicarbonate_mmol_l"]] = None
+
+
+def performance(m: BeatMeasures) -> Any:
+    """What the dialysate fibres do in a beat (`eclsim.components.dialysis.Performance`)."""
+    from eclsim.components import dialysis
+
+    blood = m.mean("Qecmooxy") * 60.0
+    numbers: list[Numbers] = [blood, m.mean("Pecmooxy"), m.mean("Pecmotuor"), *map(m.parameter, SETTINGS)]
+    return dialysis.Performance(*m.apply(dialysis.performance, numbers))
+
+
+def _free_filtration(m: BeatMeasures) -> Numbers:
+    """Water [mL/h] that the pressure of the blood drives through the membrane against an open effluent."""
+    return 0.5 * (m.mean("Pecmooxy") + m.mean("Pecmotuor")) * m.parameter(_PERMEABILITY)
+
+
+def _output(name: str, field: str, long_name: str, unit: str, definition: str) -> Output:
+    compute = lambda m: getattr(performance(m), field)  # noqa: E731
+    return Output(f"{GROUP}_{name}", long_name, unit, definition, _SIGNALS, compute, parameters=SETTINGS)
+
+
+class RenoxDevice(Device[Renox]):
+    """Oxygenator and dialyzer in one housing."""
+
+    key, name, section = GROUP, "RenOx", Renox
+    parameters = MEMBRANE
+    nominal = MappingProxyType(
+        {
+            f"{GROUP}.dialysate_ml_h": 2000.0, f"{GROUP}.replacement_pre_ml_h": 0.0,
+            f"{GROUP}.replacement_post_ml_h": 0.0, f"{GROUP}.net_ultrafiltration_ml_h": 100.0,
+            **{f"{GROUP}.{key}": USUAL_FLUID[key] for key in _BLOOD},
+        }
+    )  # fmt: skip
+    usual = MappingProxyType({"dialysate_ml_h": 2000.0, "net_ultrafiltration_ml_h": 100.0})
+    outputs = (
+        _output("effluent_ml_h", "effluent", "effluent of the RenOx", "mL/h", "dialysate and net"),
+        _output(
+            "filtration_fraction", "filtration_fraction", "filtration fraction of the RenOx", "1",
+            "ultrafiltrate / plasma flow",
+        ),
+        _output(
+            "transmembrane_pressure", "transmembrane_pressure",
+            "transmembrane pressure that the ultrafiltration of the RenOx takes", "mmHg",
+            "ultrafiltrate / Kuf",
+        ),
+        _output(
+            "effluent_pressure", "effluent_pressure", "pressure that the effluent of the RenOx is held at",
+            "mmHg",
+            "mean pressure of the blood in the housing - transmembrane pressure",
+        ),
+        *(
+            _output(
+                f"clearance_{name}", name, f"clearance of {name} by the RenOx", "mL/min",
+                "removed / concentration in the water that enters",
+            )
+            for name in SOLUTES
+        ),
+        _output("base_gain", "base_gain", "bicarbonate gained from the RenOx", "mmol/h",
+                "from the dialysate, less what is removed"),
+        Output(
+            f"{GROUP}_free_ultrafiltration_ml_h", "ultrafiltration of the RenOx with an open effluent",
+            "mL/h",
+            "Kuf times the mean pressure of the blood in the housing: what a failing control lets out",
+            _SIGNALS, _free_filtration, parameters=SETTINGS,
+        ),
+    )  # fmt: skip
+
+    def circuit(self, section: Renox) -> Circuit:
+        """The exchange along the oxygenator; it moves no blood."""
+        from eclsim.circuit.network import Circuit, Exchange
+        from eclsim.components.dialysis import Hemofilter
+
+        return Circuit(exchanges=(Exchange(GROUP, Hemofilter(SETTINGS), "ecmooxy", GROUP),))
+
+    def values(self, section: Renox) -> dict[str, float]:
+        """Flows of fluid, and the blood and the fluid that meet."""
+        given = section.model_dump(exclude_none=True)
+        return dict(self.nominal) | {f"{GROUP}.{key}": value for key, value in given.items()}
+
+    def summary(self, section: Renox) -> str:
+        """Dialysate and net ultrafiltration."""
+        return f"dialysate {section.dialysate_ml_h:g}, net {section.net_ultrafiltration_ml_h:g} mL/h"
+
+    def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
+        """It needs the one ECMO circuit that it is part of."""
+        circuits = case.of("ecmo")
+        if list(circuits) != ["ecmo"]:
+            message = "stands in an ECMO circuit for its oxygenator, but the case has no [ecmo] section"
+            if circuits:
+                message = "stands in the only ECMO circuit, but the case has several or a named one"
+            remarks.error(key, message, allowed="one [ecmo] section")
+        if key != GROUP:
+            remarks.error(key, "two in one circuit are not modelled", allowed=f"one [{GROUP}] section")
+
+    def section_findings(self, section: Renox, names: Naming, outputs: Mapping[str, float]) -> list[Finding]:
+        """How much water leaves where nothing holds the effluent's pressure."""
+        name = f"{GROUP}_free_ultrafiltration_ml_h"
+        free = outputs.get(name)
+        if free is None or not free > 10.0 * max(section.net_ultrafiltration_ml_h, 10.0):
+            return []
+        text = (
+            f"{names.label}: the pressure of the ECMO circuit would filter {free:.0f} mL/h through an open "
+            f"effluent, where {section.net_ultrafiltration_ml_h:g} mL/h is set: the effluent has to be held at "
+            f"{outputs[f'{GROUP}_effluent_pressure']:.0f} mmHg"
+        )
+        concerns = (f"{GROUP}_effluent_pressure",)
+        return [Finding("warning", name, free, section.net_ultrafiltration_ml_h, text, concerns=concerns)]
+
+
+RENOX = RenoxDevice()

@@ -1,0 +1,86 @@
+"""A vent: a cannula from the left heart or the pulmonary artery into the drainage line of the ECMO.
+
+    lv | la | pas --(cannula)--> post_dc of the ECMO circuit
+
+It unloads the left ventricle on V-A ECMO by the suction of the ECMO pump. Cannula: the arterial one of
+`eclsim.devices.ecmo.CANNULAE` at 15 Fr; other sizes as orifices, flow in proportion to the squared diameter.
+"""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated
+
+from eclsim.devices.description import Control, Knob, Limit, Look, Mark, mean_flow, picker
+from eclsim.devices.device import CaseValues, Device
+from eclsim.devices.ecmo import CANNULAE
+from eclsim.inputs.fields import number, one_of
+from eclsim.inputs.mistakes import Remarks
+from eclsim.inputs.sections import Raw, Section
+from eclsim.patient.sites import PATIENT_SITES
+from eclsim.units import ML_S_PER_L_MIN
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from eclsim.circuit.network import Circuit
+
+GROUP = "vent"
+SITES = ("lv", "la", "pas")
+_SMALLEST, _LARGEST = 8.0, 23.0
+_REFERENCE_FR = 15.0
+_COEFFICIENT = ML_S_PER_L_MIN / CANNULAE["arterial"].resistance(_REFERENCE_FR) ** 0.5
+"""Flow coefficient [mL/(s mmHg^1/2)] at 15 Fr, the smallest arterial cannula of the maker's list."""
+
+
+class Vent(Section):
+    """The vent: where it drains, size in Fr."""
+
+    section = GROUP
+    site: Annotated[str, one_of("What is drained", SITES)]
+    fr: Annotated[float, number("Size of the vent", "Fr", _SMALLEST, _LARGEST, 15)]
+
+
+class VentDevice(Device[Vent]):
+    """A vent of the left side of the heart into the ECMO circuit."""
+
+    key, name, section = GROUP, "Vent", Vent
+    connections = MappingProxyType({"vent": "vent"})
+    marks = MappingProxyType({"vent": Mark("cannula", "vent")})
+    look = Look("#A65E00", "#FBF4EC", 1.6, marker="P")
+    nominal = MappingProxyType({"vent.fr": 15.0})
+    usual = MappingProxyType({"site": "lv", "fr": 15.0})
+    outputs = (mean_flow("vent_flow", "flow through the vent into the ECMO circuit", "Qvent"),)
+    limits = (
+        Limit("vent_flow", "alarm", "below", 0.0, "blood runs through the vent into the heart", "physics"),
+    )
+
+    def circuit(self, section: Vent) -> Circuit:
+        """One cannula."""
+        from eclsim.circuit.network import Circuit, Connection
+        from eclsim.components import OpenOrifice, Scaled
+
+        path = OpenOrifice(Scaled(_COEFFICIENT / _REFERENCE_FR**2, ("vent.fr", "vent.fr")))
+        return Circuit(connections=(Connection("vent", path, section.site, "post_dc", GROUP),))
+
+    def values(self, section: Vent) -> dict[str, float]:
+        """Size of the cannula."""
+        return {"vent.fr": section.fr}
+
+    def summary(self, section: Vent) -> str:
+        """Site and size."""
+        return f"{section.site} {section.fr:g} Fr"
+
+    def controls(self, section: Vent, sites: Mapping[str, str]) -> list[Control]:
+        """Size and site."""
+        found: list[Control] = [Knob("fr", "Vent", "Fr", _SMALLEST, _LARGEST, 1)]
+        return [*found, picker("site", "Vent of", SITES, PATIENT_SITES)]
+
+    def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
+        """It needs the one ECMO circuit that it drains into."""
+        if "ecmo" not in case.devices:
+            message = "drains into the ECMO circuit, but the case has no [ecmo] section"
+            remarks.error(key, message, allowed="one [ecmo] section beside it")
+
+
+VENT = VentDevice()
