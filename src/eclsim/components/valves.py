@@ -145,5 +145,5 @@ class OpenOrifice(Path[Number]):
 
     def flow(self, pressure_difference: Number, load: Number, constants: Number) -> Number:
         """Flow [mL/s] in either direction; its slope at rest stays finite without a load."""
-        squared = load * load + 4.0 * constants * jnp.abs(pressure_difference) + 1e-12
+        squared = load * load + 4.0 * constants * jnp.abs(pressure_difference) + 1e-18
         return 2.0 * pressure_difference / (load + jnp.sqrt(squared))

@@ -157,7 +157,7 @@ class RenoxDevice(Device[Renox]):
             return []
         text = (
             f"{names.label}: the pressure of the ECMO circuit would filter {free:.0f} mL/h through an open "
-            f"effluent, where {section.net_ultrafiltration_ml_h:g} mL/h is set: the effluent has to be held at "
+            f"effluent, where {section.net_ultrafiltration_ml_h:g} mL/h is set: hold the effluent at "
             f"{outputs[f'{GROUP}_effluent_pressure']:.0f} mmHg"
         )
         concerns = (f"{GROUP}_effluent_pressure",)

@@ -1,0 +1,94 @@
+"""Vent, septostomy and RenOx: closed forms in the beat, blood conserved, mistakes."""
+
+import numpy as np
+import pytest
+
+import eclsim
+from eclsim.cases import CaseError
+from eclsim.cases.reading import read_mapping
+from eclsim.components import dialysis
+from eclsim.devices.ecmo import CANNULAE
+from eclsim.devices.renox import SETTINGS
+from eclsim.orbit.model import model_of
+
+PATIENT = {"id": "P", "sex": "female", "age_years": 70, "heart_rate_bpm": 90}
+ECMO = {"pump": "Rotaflow", "speed_rpm": 3200, "oxygenator": "Quadrox-i Adult", "mode": "VA"}
+FAILING = {"Emaxlv": 0.5, "Emaxrv": 0.3, "Rmc": 0.8}
+
+
+def case(**sections):
+    raw = {"format": 1, "blood_volume_policy": "patient_held", "patient": PATIENT, "parameters": FAILING}
+    return read_mapping(raw | {"ecmo": ECMO} | sections).case
+
+
+@pytest.fixture(scope="module")
+def alone():
+    return eclsim.simulate(case())
+
+
+@pytest.mark.slow
+def test_a_vent_is_an_orifice_of_its_size_that_unloads_the_left_ventricle(alone):
+    vented = eclsim.simulate(case(vent={"site": "lv", "fr": 12}))
+    assert vented.attrs["converged"]
+    drop = (vented["Plv"] - vented["Pecmodrain"]).values
+    at_15 = 1000.0 / 60.0 / CANNULAE["arterial"].resistance(15.0) ** 0.5
+    expected = np.sign(drop) * at_15 * (12.0 / 15.0) ** 2 * np.sqrt(np.abs(drop))
+    np.testing.assert_allclose(vented["Qvent"].values, expected, atol=0.02)
+    flow = {name: float(vented[name]) for name in ("vent_flow", "CO", "LVO", "PF")}
+    assert flow["vent_flow"] == pytest.approx(flow["CO"] - flow["LVO"], abs=1e-4)
+    assert float(vented["EDVLV"]) < float(alone["EDVLV"]) - 2.0
+    assert float(vented["PCWP"]) < float(alone["PCWP"])
+
+
+@pytest.mark.slow
+def test_a_hole_in_the_septum_parts_the_outputs_of_the_ventricles(alone):
+    opened = eclsim.simulate(case(septostomy={"diameter_mm": 8}))
+    assert opened.attrs["converged"]
+    area = 0.61 * np.pi / 4.0 * 0.8**2
+    drop = (opened["Pla"] - opened["Pra"]).values
+    expected = np.sign(drop) * 50.155 * area * np.sqrt(np.abs(drop))
+    np.testing.assert_allclose(opened["Qseptostomy"].values, expected, atol=0.02)
+    shunt = float(opened["septostomy_flow"])
+    assert shunt == pytest.approx(float(opened["CO"] - opened["LVO"]), abs=1e-4)
+    assert shunt > 0.1
+    assert float(opened["left_atrial_pressure"]) < float(alone["left_atrial_pressure"]) - 1.0
+
+
+def test_renox_moves_no_blood_and_clears_as_its_fibres_do_at_the_flow_of_the_ecmo(alone):
+    own = case(renox={"dialysate_ml_h": 2000, "net_ultrafiltration_ml_h": 100})
+    found = eclsim.simulate(own)
+    for name in alone.data_vars:
+        np.testing.assert_array_equal(found[name].values, alone[name].values)
+    values = model_of(own).values
+    settings = dialysis.Settings(*(values[name] for name in SETTINGS))
+    blood = float(found["PF"]) * 1000.0
+    urea = settings.solute("urea")
+    expected = dialysis.clearance(urea.water_flow(blood, settings.haematocrit), settings.fluids, urea)
+    assert float(found["renox_clearance_urea"]) == pytest.approx(float(expected), rel=1e-6)
+    assert float(found["renox_clearance_urea"]) == pytest.approx(2100.0 / 60.0, rel=0.005)  # effluent-limited
+    mean = 0.5 * float(found["pre_oxygenator_pressure"] + found["post_oxygenator_pressure"])
+    assert float(found["renox_effluent_pressure"]) == pytest.approx(mean - 100.0 / 37.0, rel=1e-6)
+    assert float(found["renox_free_ultrafiltration_ml_h"]) == pytest.approx(37.0 * mean, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("sections", "line"),
+    [
+        ({"vent": {"site": "rv", "fr": 12}}, 'vent.site = "rv": unknown name; allowed: lv, la, pas'),
+        ({"vent": {"site": "lv", "fr": 45}}, "vent.fr = 45: outside the allowed range"),
+        ({"septostomy": {"diameter_mm": 0.8}}, "septostomy.diameter_mm = 0.8: outside the allowed range"),
+        ({"renox": {"net_ultrafiltration_ml_h": 100}}, "renox.dialysate_ml_h: missing"),
+    ],
+)
+def test_mistakes_are_one_line_each(sections, line):
+    with pytest.raises(CaseError) as caught:
+        case(**sections)
+    assert len(caught.value.mistakes) == 1
+    assert str(caught.value).startswith(line)
+
+
+@pytest.mark.parametrize("section", [{"vent": {"site": "lv", "fr": 12}}, {"renox": {"dialysate_ml_h": 2000}}])
+def test_what_needs_an_ecmo_circuit_says_so(section):
+    raw = {"format": 1, "patient": PATIENT}
+    with pytest.raises(CaseError, match=r"the case has no \[ecmo\] section; allowed: one \[ecmo\] section"):
+        read_mapping(raw | section)
