@@ -88,7 +88,6 @@ class RenoxDevice(Device[Renox]):
             **{f"{GROUP}.{key}": USUAL_FLUID[key] for key in _BLOOD},
         }
     )  # fmt: skip
-    usual = MappingProxyType({"dialysate_ml_h": 2000.0, "net_ultrafiltration_ml_h": 100.0})
     outputs = (
         _output("effluent_ml_h", "effluent", "effluent of the RenOx", "mL/h", "dialysate and net"),
         _output(

@@ -49,7 +49,6 @@ class VentDevice(Device[Vent]):
     marks = MappingProxyType({"vent": Mark("cannula", "vent")})
     look = Look("#A65E00", "#FBF4EC", 1.6, marker="P")
     nominal = MappingProxyType({"vent.fr": 15.0})
-    usual = MappingProxyType({"site": "lv", "fr": 15.0})
     outputs = (mean_flow("vent_flow", "flow through the vent into the ECMO circuit", "Qvent"),)
     limits = (
         Limit("vent_flow", "alarm", "below", 0.0, "blood runs through the vent into the heart", "physics"),
