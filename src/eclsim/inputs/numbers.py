@@ -61,7 +61,8 @@ def suspected_unit(number: float, unit: str, typical: float, allowed: tuple[floa
             continue
         distance = abs(math.log(converted / typical))
         if distance < best_distance:
-            best, best_distance = f"{number:g} {other} = {converted:.4g} {unit}", distance
+            meant = f"{converted:.4g}" if unit == "1" else f"{converted:.4g} {unit}"
+            best, best_distance = f"{number:g} {other} = {meant}", distance
     return best
 
 

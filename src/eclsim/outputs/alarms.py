@@ -56,15 +56,16 @@ def impossible(said: Collection[Finding]) -> bool:
 
 def _broken(limit: Limit, value: float) -> Finding:
     entry = output(limit.quantity)
+    unit = "" if entry.unit == "1" else f" {entry.unit}"
     sentence = (
-        f"{entry.long_name} {_number(value, entry.unit)} is {limit.side} {limit.value:g} {entry.unit}: "
+        f"{entry.long_name} {_number(value, entry.unit)} is {limit.side} {limit.value:g}{unit}: "
         f"{limit.meaning} ({limit.source})"
     )
     return Finding(limit.kind, limit.quantity, value, limit.value, sentence, limit.source, (limit.quantity,))
 
 
 def _number(value: float, unit: str) -> str:
-    return f"{value:.2f} {unit}" if unit == "L/min" else f"{value:.1f} {unit}"
+    return f"{value:.2f} {unit}".removesuffix(" 1") if unit in ("L/min", "1") else f"{value:.1f} {unit}"
 
 
 def _collapsed(extremes: Mapping[str, tuple[float, float]], drained: Mapping[str, str]) -> list[Finding]:

@@ -76,3 +76,33 @@ _TABLE = (
 )  # fmt: skip
 PARAMETERS = MappingProxyType({row[0]: Parameter(*row) for row in _TABLE})
 """By name, keys of case files among them."""
+
+_ABSOLUTE = MappingProxyType(
+    {
+        "gas.base_excess_mmol_l": 5.0, "gas.temperature_c": 1.5, "gas.respiratory_quotient": 0.1,
+        "gas.shunt_fraction": 0.2, "ecmo.fdo2": 0.25, "ecmo.drainage_mixing": 0.25,
+        "ecmo.oxygenator.clotted_fraction": 0.25, "ecmo.oxygenator.oxygen_exponent": 0.1,
+    }
+)  # fmt: skip
+"""Half widths that stand for 25 % where a percentage of the value says nothing, such as that of a base excess."""
+SENSITIVITY = (
+    "gas.haemoglobin_g_dl", "gas.base_excess_mmol_l", "gas.temperature_c", "gas.vo2_ml_min",
+    "gas.respiratory_quotient", "gas.fio2", "gas.alveolar_ventilation_l_min", "gas.shunt_fraction",
+    "ecmo.sweep_l_min", "ecmo.fdo2", "ecmo.drainage_mixing", "ecmo.oxygenator.oxygen_transfer",
+)  # fmt: skip
+"""Inputs of an analysis of gas exchange."""
+
+
+def varied(name: str, value: float, share: float) -> tuple[float, float] | None:
+    """Range of a parameter of gas exchange around a value, within what is allowed; None for others.
+
+    Args:
+        name: of the parameter.
+        value: in its unit.
+        share: half width as a share of the value, such as 0.25.
+    """
+    parameter = PARAMETERS.get(name)
+    if parameter is None:
+        return None
+    half = _ABSOLUTE[name] * share / 0.25 if name in _ABSOLUTE else share * abs(value)
+    return max(value - half, parameter.minimum), min(value + half, parameter.maximum)

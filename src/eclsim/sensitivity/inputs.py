@@ -14,7 +14,7 @@ import numpy as np
 
 from eclsim.circuit.network import Choice, Circuit
 from eclsim.devices.registry import devices, parameter_of
-from eclsim.parameters import did_you_mean
+from eclsim.parameters import did_you_mean, gas
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -158,7 +158,8 @@ def varied(
     """
     lines = _line_inputs(case)
     circuit, positions = _circuit(case, [name for name in include if name in lines])
-    known = [*dict.fromkeys(("heart_rate_bpm", *circuit.parameter_names())), *lines]
+    read = ("heart_rate_bpm", *circuit.parameter_names(), *(circuit.content_names() if case.gas else ()))
+    known = [*dict.fromkeys(read), *lines]
     wanted = [*parameters, *include]
     mistakes = unknown_names(wanted, known, "parameter that this case reads") + _wrong_groups(
         groups, parameters
@@ -267,6 +268,8 @@ def _input(name: str, case: Case, circuit: Circuit, base: Mapping[str, float], s
     sizes = one.device.sizes(one.section, key) if one is not None else ()
     if sizes:
         return _within(name, sizes, base[name], share)
+    if (own := gas.varied(name, base[name], share)) is not None:
+        return Continuous(name, *own)
     return Continuous(name, *sorted((base[name] * (1.0 - share), base[name] * (1.0 + share))))
 
 

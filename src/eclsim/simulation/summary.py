@@ -40,6 +40,14 @@ _GROUPS = (
             "oxygenator_pressure_drop", "return_cannula_pressure",
         ),
     ),
+    ("Gases", ("SaO2", "PaO2", "PaCO2", "pHa", "SaO2_lower", "SvO2", "VO2", "DO2", "O2ER")),
+    (
+        "Oxygenator",
+        (
+            "SpreO2", "SpostO2", "PpostO2", "PpostCO2", "VO2_oxygenator", "VCO2_oxygenator",
+            "recirculation_fraction",
+        ),
+    ),
     ("CRRT lines", ("crrt_access_pressure", "crrt_return_pressure")),
 )  # fmt: skip
 """What clinicians ask for, in their order; an output that no case has is left out."""
@@ -190,7 +198,7 @@ def _grid_error(result: xr.Dataset) -> str:
 
 
 def _digits(about: Mapping[str, Any]) -> int:
-    return 2 if about.get("units") == "L/min" else 1
+    return 2 if about.get("units") in ("L/min", "1") else 1
 
 
 def cell(result: xr.Dataset, name: str) -> str:
