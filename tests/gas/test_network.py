@@ -6,10 +6,17 @@ import numpy as np
 import pytest
 
 import eclsim
+from eclsim.cases import CaseError
 from eclsim.cases.reading import read_mapping
-from eclsim.components.exchangers import Tissue
+from eclsim.components.exchangers import MembraneLung, Tissue
+from eclsim.devices.ecmo import OXYGENATORS
 from eclsim.gas.network import gas_exchanges, gas_of
+from eclsim.gas.steady import solve
+from eclsim.gas.transport import balanced, mixtures
 from eclsim.orbit.model import model_of
+from eclsim.parameters import gas
+from eclsim.sensitivity.inputs import varied
+from gas_networks import PATIENT, GivenGases, flows_of
 
 VV = {
     "format": 1,
@@ -159,3 +166,57 @@ def test_the_network_lists_what_it_reads():
     circuit = model().circuit
     assert {e.name for e in gas_exchanges(circuit)} == {"tissue", "lung", "ecmooxy"}
     assert set(gas_of(circuit).parameters) <= set(circuit.content_names())
+
+
+def test_gas_inputs_vary_within_what_is_allowed():
+    case = read_mapping(VV).case
+    chosen = varied(case, model().values, parameters=("Rmc",), include=gas.SENSITIVITY)
+    ranges = {one.name: (one.low, one.high) for one in chosen.inputs}
+    assert len(ranges) == 13
+    assert ranges["ecmo.fdo2"] == (0.75, 1.0)
+    assert ranges["gas.base_excess_mmol_l"] == (-5.0, 5.0)
+    assert ranges["gas.haemoglobin_g_dl"] == pytest.approx((6.75, 11.25))
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "says"),
+    [
+        ("gas_fio2", 40, "40 % = 0.4"),
+        ("gas_shunt_fraction", 40, "40 % = 0.4"),
+        ("gas_haemoglobin_g_dl", 100, "100 g/L = 10 g/dL"),
+        ("ecmo_sweep_l_min", -1, "0 to 20 L/min"),
+        ("ecmo_fdo2", 0.1, "0.21 to 1"),
+        ("ecmo_fdo2", 95, "95 % = 0.95"),
+    ],
+)
+def test_a_value_in_another_unit_is_one_line_that_names_it(key, value, says):
+    with pytest.raises(CaseError) as caught:
+        model(**{key: value})
+    assert len(caught.value.mistakes) == 1
+    assert says in str(caught.value)
+
+
+def test_haemoglobin_that_may_be_in_mmol_is_named_and_not_converted():
+    raw = {**VV, "gas": {**VV["gas"], "haemoglobin_g_dl": 6.2}}
+    reading = read_mapping(raw)
+    assert reading.case.gas.haemoglobin_g_dl == 6.2
+    assert any("6.2 mmol/L = 10.0 g/dL" in str(warning) for warning in reading.warnings)
+
+
+def test_consumption_follows_from_the_body_where_it_is_left_out():
+    raw = {**VV, "gas": {key: value for key, value in VV["gas"].items() if key != "vo2_ml_min"}}
+    assert model_of(read_mapping(raw).case).values["gas.vo2_ml_min"] == pytest.approx(
+        126.0 * (178 * 80 / 3600) ** 0.5
+    )
+
+
+@pytest.mark.parametrize("name", OXYGENATORS)
+def test_an_oxygenator_saturates_blood_to_95_percent_at_its_rated_flow(name):
+    membrane = OXYGENATORS[name].membrane
+    inlet = eclsim.blood.gases_with_saturation(saturation=0.65, pco2=45.0, haemoglobin=12.0)
+    law = MembraneLung(membrane.oxygen_transfer, 0.74, membrane.carbon_dioxide_transfer, 0.0)
+    flow = membrane.rated_flow_l_min
+    flows = balanced(flows_of((("source", "a", "b"), ("oxy", "b", "a")), [flow, flow]))
+    values = PATIENT | {"gas.haemoglobin_g_dl": 12.0, "ecmo.sweep_l_min": flow}
+    state = solve((GivenGases(float(inlet.po2), 45.0), law), mixtures(flows, [0, 1]), values)
+    assert float(state.saturation[-1]) == pytest.approx(0.95, abs=2e-4)

@@ -84,7 +84,7 @@ _ABSOLUTE = MappingProxyType(
         "ecmo.oxygenator.clotted_fraction": 0.25, "ecmo.oxygenator.oxygen_exponent": 0.1,
     }
 )  # fmt: skip
-"""Half widths that stand for 25 % where a percentage of the value says nothing, such as that of a base excess."""
+"""Half widths that stand for 25 % where a percentage of the value says nothing, as of a base excess."""
 SENSITIVITY = (
     "gas.haemoglobin_g_dl", "gas.base_excess_mmol_l", "gas.temperature_c", "gas.vo2_ml_min",
     "gas.respiratory_quotient", "gas.fio2", "gas.alveolar_ventilation_l_min", "gas.shunt_fraction",

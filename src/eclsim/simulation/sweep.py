@@ -151,8 +151,12 @@ def _one_circuit(key: str, cases: Mapping[Value, Case]) -> Circuit:
 
 
 def _check_effect(key: str, circuit: Circuit, values: Sequence[Mapping[str, float]], count: int) -> None:
-    read = ("heart_rate_bpm", *circuit.parameter_names())
-    if count > 1 and len(values) == count and all(one[n] == values[0][n] for one in values for n in read):
+    read = ("heart_rate_bpm", *circuit.parameter_names(), *circuit.content_names())
+    if (
+        count > 1
+        and len(values) == count
+        and all(one.get(n) == values[0].get(n) for one in values for n in read)
+    ):
         raise SweepError(f"{key}: changes nothing that the simulation reads; sweep a setting or a parameter")
 
 
