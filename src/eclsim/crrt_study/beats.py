@@ -117,7 +117,10 @@ def study_circuits(case: Case, schemes: Sequence[Scheme], crrt_flow_ml_min: floa
     nodes = (*POSITIONS.values(), *sorted(others))
     section = case.crrt or Crrt(flow_ml_min=crrt_flow_ml_min, access_site="post_oxy", return_site="pre_oxy")
     circuit = without + crrt(Choice(nodes, ACCESS), Choice(nodes, RETURN), section.dialyses)
-    values = resolve_parameters(alone) | CRRT.values(section) | {"crrt.flow_ml_min": crrt_flow_ml_min}
+    values = resolve_parameters(alone) | CRRT.values(section)
+    if case.gas is not None:
+        values |= CRRT.values_of_blood(section, case.gas.haemoglobin_g_dl)
+    values["crrt.flow_ml_min"] = crrt_flow_ml_min
     return StudyCircuits(circuit, without, values, nodes, tuple(schemes))
 
 

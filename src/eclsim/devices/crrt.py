@@ -100,6 +100,8 @@ FILTER_PARAMETERS = tuple(
         ("KoAcitrate", 170.0, "mL/min", "The same for citrate", _ESTIMATE, 5.0, 3000.0),
     )
 )  # fmt: skip
+RED_CELL_HAEMOGLOBIN = 33.3
+"""Haemoglobin in a dL of red cells [g], the usual mean corpuscular concentration."""
 HAEMATOCRIT = f"{GROUP}.haematocrit_in"
 SETTINGS = (
     *(f"{GROUP}.{key}" for key in FLUIDS), HAEMATOCRIT, f"{GROUP}.fluid_bicarbonate_mmol_l",
@@ -408,6 +410,12 @@ class CrrtDevice(Device[Crrt]):
             values |= {key: given.get(key, 0.0) for key in FLUIDS}
             values |= {key: given.get(key, usual) for key, usual in USUAL_FLUID.items()}
         return {f"{GROUP}.{key}": value for key, value in values.items()}
+
+    def values_of_blood(self, section: Crrt, haemoglobin_g_dl: float) -> dict[str, float]:
+        """Haematocrit of the blood in the access line."""
+        if not section.dialyses or section.haematocrit_in is not None:
+            return {}
+        return {HAEMATOCRIT: haemoglobin_g_dl / RED_CELL_HAEMOGLOBIN}
 
     def summary(self, section: Crrt) -> str:
         """Blood flow."""

@@ -110,6 +110,10 @@ class Device(ABC, Generic[S]):
     def values(self, section: S) -> dict[str, float]:
         """Values of the parameters of the circuit that `parameters` does not hold, or holds otherwise."""
 
+    def values_of_blood(self, section: S, haemoglobin_g_dl: float) -> dict[str, float]:
+        """Values that its section leaves to the patient's haemoglobin, where a case has it."""
+        return {}
+
     def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
         """Say what is contradictory (an error) or doubtful (a warning) about a section that was read.
 
@@ -280,10 +284,12 @@ class Instance(Naming):
 
     section: Section = field(kw_only=True)
 
-    def values(self) -> dict[str, float]:
-        """Values of all its parameters."""
+    def values(self, haemoglobin_g_dl: float | None = None) -> dict[str, float]:
+        """Values of all its parameters; the patient's haemoglobin, where it is known."""
         values = {parameter.key: parameter.value for parameter in self.device.parameters}
         values |= self.device.values(self.section)
+        if haemoglobin_g_dl is not None:
+            values |= self.device.values_of_blood(self.section, haemoglobin_g_dl)
         return {self.parameter(name): value for name, value in values.items()}
 
     def circuit(self) -> Circuit:

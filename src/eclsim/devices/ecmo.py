@@ -370,6 +370,14 @@ GAS_OUTPUTS = (
     gas_sample("SpostO2", "oxygen saturation behind the oxygenator", *_BEHIND, "SO2", ("Qecmooxy",)),
     gas_sample("PpostO2", "PO2 behind the oxygenator", *_BEHIND, "PO2", ("Qecmooxy",)),
     gas_sample("PpostCO2", "PCO2 behind the oxygenator", *_BEHIND, "PCO2", ("Qecmooxy",)),
+    gas_sample(
+        "SreturnO2", "oxygen saturation of the blood that the ECMO returns", "drawn", "ecmoreturn", "SO2",
+        ("Qecmoreturn",),
+    ),
+    gas_sample(
+        "PreturnCO2", "PCO2 of the blood that the ECMO returns", "drawn", "ecmoreturn", "PCO2",
+        ("Qecmoreturn",),
+    ),
     _gas_output(
         "VO2_oxygenator", "oxygen uptake of the oxygenator (STPD)", "mL/min", "gained by blood", "gained", 1.0
     ),

@@ -219,7 +219,16 @@ def _samples(circuit: Circuit) -> tuple[tuple[str, str], ...]:
     compartments = [("in", c.name) for c in circuit.compartments if c.name in SAMPLED]
     behind = [("behind", e.at) for e in gas_exchanges(circuit) if e.group != PATIENT]
     drawn = dict.fromkeys(("drawn", name) for name, _ in _drawn(circuit))
-    return (*compartments, *drawn, *behind)
+    groups = {c.name: c.group for c in circuit.compartments}
+    exchanging = {e.group for e in gas_exchanges(circuit)} - {PATIENT}
+    returned = [
+        ("drawn", c.name)
+        for c in circuit.connections
+        if c.group in exchanging
+        and all(groups[site] != PATIENT for site in sites_of(c.source))
+        and all(groups[site] == PATIENT for site in sites_of(c.target))
+    ]
+    return (*compartments, *drawn, *behind, *returned)
 
 
 def _shares(circuit: Circuit, samples: Sequence[tuple[str, str]], mixed: Mixtures) -> Array:
