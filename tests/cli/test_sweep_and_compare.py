@@ -4,6 +4,11 @@ import json
 
 import pytest
 
+from eclsim.cases.presets import PRESETS
+from eclsim.cases.writing import case_text
+from eclsim.cli.sweep import read
+from eclsim.devices.registry import parameter_of
+
 
 def rows(text: str) -> dict[str, list[str]]:
     return {line.split()[0]: line.split() for line in text.splitlines() if line.strip()}
@@ -94,3 +99,12 @@ def test_two_files_are_compared_and_a_case_without_a_beat_has_no_change(shell):
     assert float(before) > 20
     assert (after, unit) == ("-", "mmHg")
     assert f"{files[0]}, after: ecmo.flow_l_min = 9 cannot be reached" in lost.stderr
+
+
+def test_a_constant_of_a_device_can_be_varied(tmp_path):
+    """Its unit is that of the device's parameter, though the paper's tables do not have it."""
+    file = tmp_path / "P01.toml"
+    file.write_text(case_text(PRESETS["paper"].case()), encoding="utf-8")
+    readings = read(str(file), ["crrt.dialysate_ml_h=1000"], "KoAurea=300,500")
+    assert readings.unit == parameter_of("KoAurea").unit != ""
+    assert [case.parameters["KoAurea"] for case in readings.cases.values()] == [300.0, 500.0]

@@ -8,7 +8,7 @@ from eclsim.sensitivity.results import Indices
 
 
 def test_the_sensitivity_table_says_what_its_stars_and_its_last_line_mean():
-    from eclsim.sensitivity.summary import indices_text
+    from eclsim.sensitivity.results import indices_text
 
     total = np.array([[0.7, 0.25, 0.02], [0.01, 0.02, 0.9]])
     width = np.full_like(total, 0.001)

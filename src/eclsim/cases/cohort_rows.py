@@ -11,7 +11,6 @@ from datetime import datetime
 from functools import cache
 from typing import TYPE_CHECKING
 
-from eclsim.cases.ids import plain_id
 from eclsim.cases.sections import sections
 from eclsim.inputs.mistakes import Mistake, shown
 from eclsim.units import MMHG_PER_KPA, known_unit
@@ -25,7 +24,7 @@ _TIME = re.compile(r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d(\.\d+)?)?(Z|[+-]\d\d:?\
 
 
 @dataclass(slots=True)
-class Doubts:
+class RowRemarks:
     """Errors and warnings about rows, each with its line."""
 
     mistakes: list[Mistake] = field(default_factory=list)
@@ -52,13 +51,18 @@ def is_units_row(row: Mapping[str, str]) -> bool:
     return len(named) >= 2 and not any(_number(row.get(name, "")) is not None for name in _units())
 
 
-def across_rows(rows: Mapping[int, Mapping[str, str]]) -> tuple[set[int], Doubts]:
+def across_rows(rows: Mapping[int, Mapping[str, str]]) -> tuple[set[int], RowRemarks]:
     """Lines that other rows make unusable, and everything there is to say."""
-    doubts = Doubts()
-    lines = _repeats(rows, doubts) | _in_kilopascal(rows, doubts)
-    _alike(rows, doubts)
-    _one_patient(rows, doubts)
-    return lines, doubts
+    remarks = RowRemarks()
+    lines = _repeats(rows, remarks) | _in_kilopascal(rows, remarks)
+    _alike(rows, remarks)
+    _one_patient(rows, remarks)
+    return lines, remarks
+
+
+def plain_id(written: str) -> str:
+    """The form in which ids of patients are equal that differ in case, spaces or Unicode form alone."""
+    return unicodedata.normalize("NFKC", "".join(written.split())).casefold()
 
 
 def when(label: str) -> datetime | None:
@@ -93,7 +97,7 @@ def in_order_of_time(points: Sequence[CohortPoint]) -> tuple[list[CohortPoint], 
     return ordered, notes
 
 
-def _repeats(rows: Mapping[int, Mapping[str, str]], doubts: Doubts) -> set[int]:
+def _repeats(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> set[int]:
     """All rows of a data point that is there twice: which one is right cannot be known."""
     lines: dict[tuple[str, datetime | str], list[int]] = {}
     for line, row in rows.items():
@@ -107,11 +111,11 @@ def _repeats(rows: Mapping[int, Mapping[str, str]], doubts: Doubts) -> set[int]:
     for line, same in repeated.items():
         others = ", ".join(str(k) for k in same if k != line)
         message = f"the same patient and measurement as in line {others}"
-        doubts.mistakes.append(Mistake("measurement", message, shown(rows[line]["measurement"]), line=line))
+        remarks.mistakes.append(Mistake("measurement", message, shown(rows[line]["measurement"]), line=line))
     return set(repeated)
 
 
-def _alike(rows: Mapping[int, Mapping[str, str]], doubts: Doubts) -> None:
+def _alike(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> None:
     """Ids that a reader would take for the same."""
     first: dict[str, tuple[str, int]] = {}
     text = set()
@@ -121,10 +125,10 @@ def _alike(rows: Mapping[int, Mapping[str, str]], doubts: Doubts) -> None:
         if known != name and name not in text:
             text.add(name)
             message = f"differs from the id in line {where} in case, spaces or form alone; two patients"
-            doubts.warnings.append(Mistake("patient_id", message, shown(name[:80]), line=line))
+            remarks.warnings.append(Mistake("patient_id", message, shown(name[:80]), line=line))
 
 
-def _one_patient(rows: Mapping[int, Mapping[str, str]], doubts: Doubts) -> None:
+def _one_patient(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> None:
     """What does not change between the measurements of one adult, and yet does in the rows of an id."""
     first: dict[tuple[str, str], tuple[str, int]] = {}
     for line, row in rows.items():
@@ -137,10 +141,10 @@ def _one_patient(rows: Mapping[int, Mapping[str, str]], doubts: Doubts) -> None:
             number = _number(text)
             if known != text and (number is None or number != _number(known)):
                 message = f"{known} in line {where}, under the same patient_id: one patient, or two?"
-                doubts.warnings.append(Mistake(column, message, text[:80], line=line))
+                remarks.warnings.append(Mistake(column, message, text[:80], line=line))
 
 
-def _in_kilopascal(rows: Mapping[int, Mapping[str, str]], doubts: Doubts) -> set[int]:
+def _in_kilopascal(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> set[int]:
     """Rows whose pressures are all smaller than those of the others by the factor from mmHg to kPa."""
     usual = {name: _median(_number(row.get(name, "")) for row in rows.values()) for name in _PRESSURES}
     result = set()
@@ -151,7 +155,7 @@ def _in_kilopascal(rows: Mapping[int, Mapping[str, str]], doubts: Doubts) -> set
             name = next(iter(ratios))
             message = f"about 7.5 times smaller than in the other rows, as are {', '.join(list(ratios)[1:])}"
             hint = f"{values[name]:g} kPa = {values[name] * MMHG_PER_KPA:.4g} mmHg"  # pyright: ignore[reportOptionalOperand]  # has a ratio
-            doubts.mistakes.append(Mistake(name, message, row[name], "mmHg", hint, line=line))
+            remarks.mistakes.append(Mistake(name, message, row[name], "mmHg", hint, line=line))
             result.add(line)
     return result
 

@@ -20,7 +20,7 @@ class Observation:
     Attributes:
         patient: Pseudonym.
         time: When, as written (ISO 8601).
-        code: Any of the codes of `eclsim.cases.clinical_codes`, or a column's name.
+        code: One of the codes of `eclsim.cases.clinical_codes`, or a column's name.
         value: The number.
         unit: As written.
         place: What messages call it, such as "entry 7"; empty where `line` says it.

@@ -82,7 +82,7 @@ def _with_policy(merged: dict[str, Any], policy: str, file: str) -> list[Mistake
     return [Mistake(POLICY_KEY, message, shown(policy), file=POLICY_PLACE)]
 
 
-def read_mapping(raw: Any, file: str = "") -> CaseReading:
+def read_mapping(raw: object, file: str = "") -> CaseReading:
     """Check a case given as nested mappings, such as a form's values.
 
     Args:
@@ -95,7 +95,7 @@ def read_mapping(raw: Any, file: str = "") -> CaseReading:
     return _checked(raw, file, {}, set())
 
 
-def _checked(raw: Any, file: str, lines: Mapping[str, int], set_keys: set[str]) -> CaseReading:
+def _checked(raw: object, file: str, lines: Mapping[str, int], set_keys: set[str]) -> CaseReading:
     checked = check_case(raw)
 
     def placed(result: list[Mistake]) -> tuple[Mistake, ...]:

@@ -106,7 +106,7 @@ def _in_place_of(section: str, key: str) -> list[str]:
     return [pair[1 - pair.index(key)] for pair in pairs if key in pair]
 
 
-def _value_of(text: str) -> Any:
+def _value_of(text: str) -> object:
     """The value as TOML reads it; anything else is text, so that quotes may be left out."""
     if too_deep(text):
         return text

@@ -106,7 +106,7 @@ def names_of(text: str | None) -> tuple[str, ...] | None:
 
 def _id_collisions(readings: Iterable[CaseReading]) -> list[str]:
     """Ids that differ, but that a reader would take for the same."""
-    from eclsim.cases.ids import plain_id
+    from eclsim.cases.cohort_rows import plain_id
 
     first: dict[str, CaseReading] = {}
     lines = []

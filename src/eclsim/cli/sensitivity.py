@@ -186,7 +186,7 @@ def _write_files(o: SensitivityOptions, folder: Path, result: SensitivityResult)
 
 
 def _show(o: SensitivityOptions, content: object, results: Mapping[str, Indices], target: Target) -> None:
-    from eclsim.sensitivity.summary import failures, indices_text, pairs_text
+    from eclsim.sensitivity.results import failures, indices_text, pairs_text
 
     for state, indices in results.items():
         warn(failures(indices, state))
@@ -259,7 +259,7 @@ def identifiability(options: IdentifiabilityOptions) -> None:
         with writing(folder):
             write_identifiability_figures(result, folder / "figures")
     if shown:
-        from eclsim.sensitivity.summary import identifiability_text
+        from eclsim.sensitivity.identifiability import identifiability_text
 
         typer.echo(identifiability_text(result, options.limit))
 

@@ -103,9 +103,10 @@ def _value(case: Case, section: str, name: str) -> Value:
 
 def _unit(section: str, name: str) -> str:
     from eclsim.cases.sections import section_of
-    from eclsim.parameters import thiel2025
+    from eclsim.devices.registry import parameter_of
 
     if section == "parameters":
-        return thiel2025.PARAMETERS[name].unit
+        parameter = parameter_of(name)
+        return "" if parameter is None else parameter.unit
     kind = section_of(section)
     return "" if kind is None else kind.fields()[name].unit

@@ -124,7 +124,7 @@ def _check_each_once(files: Sequence[str]) -> None:
 
 def _check_one_patient(files: Sequence[tuple[str, str]]) -> None:
     """Case files are one series: with files of different patients nothing is followed."""
-    from eclsim.cases.ids import plain_id
+    from eclsim.cases.cohort_rows import plain_id
 
     by_id: dict[str, list[tuple[str, str]]] = {}
     for file, name in files:

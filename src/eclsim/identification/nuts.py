@@ -22,6 +22,7 @@ from eclsim.orbit.execution import in_threads
 
 if TYPE_CHECKING:
     import jax
+    from numpyro.infer.hmc import HMCState
 
     HostPotential = Callable[[jax.Array, jax.Array], tuple[np.ndarray, np.ndarray]]
 
@@ -193,7 +194,7 @@ class _Sampler:
             self._count()
         return np.stack(draws), {name: np.array(values) for name, values in kept.items()}
 
-    def _jumped(self, state: Any, chain: int, draw: int) -> Any:
+    def _jumped(self, state: HMCState, chain: int, draw: int) -> HMCState:
         """The sampler's state after a proposed jump, taken or not."""
         import jax
 

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.stats import qmc
 
-from eclsim.cases.cohort_rows import when
-from eclsim.cases.ids import plain_id
+from eclsim.cases.cohort_rows import plain_id, when
 from eclsim.identification.density import PosteriorDensity, Prior, PriorKind, simulate_members
 from eclsim.identification.filtering import (
     DRIFTS,

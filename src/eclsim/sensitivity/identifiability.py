@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.orbit.model import CaseSource, VolumePolicy, as_case, model_of
+from eclsim.reporting.text_table import text_table
 from eclsim.sensitivity.collinearity import (
     FisherInformation,
     Proposal,
@@ -187,3 +188,52 @@ def _check_names(parameters: Sequence[str], outputs: Sequence[str], model: Model
     wrong += unknown_names(outputs, output_names(model.circuit), "output of this case")
     if wrong:
         raise InputError(wrong)
+
+
+# --- in the terminal --------------------------------------------------------------------------------
+
+
+def identifiability_text(result: Identifiability, limit: float) -> str:
+    """Measurements, collinearity of all sets, the set proposed, and why others are left out."""
+    p = result.proposal
+    effect = dict(zip(result.scaled.parameters, result.scaled.effect, strict=True))
+    chosen = [(n, f"{effect[n]:.3g}", f"{100 * p.relative_errors[n]:.3g} %") for n in p.chosen]
+    return "\n".join((
+        "Measurements and their standard uncertainties (a percentage is one of the measured value)",
+        _measurements(result),
+        *_far_off(result),
+        "\nCollinearity index of all sets of a size (above the limit: cannot be told apart)",
+        _subsets(result, limit),
+        f"\nProposed to fit together (collinearity index {p.collinearity:.2f})",
+        text_table(("parameter", "effect", "least standard error"), chosen, numeric=(1, 2)),
+        "\nLeft out",
+        text_table(("parameter", "reason"), list(p.excluded.items())),
+    ))  # fmt: skip
+
+
+def _measurements(result: Identifiability) -> str:
+    measured = {o: f"{value:.4g}" for o, value in result.measured.items()}
+    rows = [
+        (o, measured.get(o, "-"), f"{result.simulated[o]:.4g}", f"±{u:.3g}")
+        for o, u in result.uncertainties.items()
+    ]
+    return text_table(("output", "measured", "simulated", "uncertainty"), rows, numeric=(1, 2, 3))
+
+
+def _far_off(result: Identifiability) -> list[str]:
+    if not result.far_off:
+        return []
+    off = ", ".join(f"{o} by {abs(d):.0f}" for o, d in result.far_off.items())
+    return [
+        f"The model misses these measurements, in standard uncertainties: {off}. What follows holds near the "
+        "model's values: fit the case first (eclsim identify) and analyse the fitted one."
+    ]
+
+
+def _subsets(result: Identifiability, limit: float) -> str:
+    rows = []
+    for s in result.subsets:
+        counts = (str(s.size), str(s.count), str(s.below_limit))
+        rows.append((*counts, f"{s.smallest:.2f}", f"{s.quantiles[1]:.3g}", " ".join(s.best)))
+    head = ("size", "sets", f"up to {limit:g}", "smallest", "median", "set with the smallest")
+    return text_table(head, rows, numeric=range(5))

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.files import csv_text, write_json, write_text
+from eclsim.reporting.text_table import text_table
 from eclsim.sensitivity.design import Design
 from eclsim.sensitivity.estimators import RESAMPLES, Estimates, sobol_indices
 from eclsim.sensitivity.runs import Runs
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 SHARE = 0.9
 """Of the total orders of an output, which the selected factors make up."""
 SMALLEST = 16
+MOST_PAIRS = 20
+FAINTEST = 0.005
+"""Pairs below it are rounding of the first orders and not shown."""
 
 
 @dataclass(frozen=True)
@@ -301,3 +305,57 @@ def _convergence_table(numbers: xr.Dataset) -> pd.DataFrame:
     order = ["rows", "repeats", "output", "factor", "index", "mean", "spread", "mean_conf"]
     frame = numbers.to_dataframe(dim_order=["rows", "output", "factor", "index"]).reset_index()
     return frame.loc[:, order]
+
+
+# --- in the terminal --------------------------------------------------------------------------------
+
+
+def indices_text(indices: Indices, state: str = "") -> str:
+    """Total orders with their half widths, factors by their sums, what is selected marked."""
+    title = "Total order indices" + (f", {state} state" if state else "")
+    selected, e = indices.selected(), indices.estimates
+    rows = []
+    for name, total in indices.sums.items():
+        j = indices.factors.index(name)
+        cells = [
+            f"{e.ST[k, j]:.3f}±{e.ST_conf[k, j]:.3f}{'*' if name in selected[o] else ' '}"
+            for k, o in enumerate(indices.outputs)
+        ]
+        rows.append((name, *cells, f"{total:.2f}"))
+    head = ("factor", *indices.outputs, "sum")
+    return "\n".join((
+        f"{title} ({indices.samples} rows, {indices.evaluations} runs in {indices.seconds:.0f} s)",
+        "* the largest, which together make up 90 % of the sum of the total orders of that output",
+        text_table(head, rows, numeric=range(1, len(head))),
+        f"marked * for at least one output: {', '.join(indices.union())}",
+    ))  # fmt: skip
+
+
+def pairs_text(indices: Indices) -> str:
+    """Second order of the pairs beyond their own half width, the largest first; empty if not computed."""
+    s2, width = indices.estimates.S2, indices.estimates.S2_conf
+    if s2 is None or width is None:
+        return ""
+    pairs = [(k, i, j) for k, i, j in zip(*(s2 > width).nonzero(), strict=True) if s2[k, i, j] > FAINTEST]
+    if not pairs:
+        return "second order: no pair of factors is beyond its 95 % half width"
+    pairs.sort(key=lambda at: -s2[at])
+    outputs, factors = indices.outputs, indices.factors
+    rows = [
+        (outputs[k], factors[i], factors[j], f"{s2[k, i, j]:.3f}±{width[k, i, j]:.3f}")
+        for k, i, j in pairs[:MOST_PAIRS]
+    ]
+    table = text_table(("output", "factor", "with", "S2"), rows, numeric=(3,))
+    left = len(pairs) - MOST_PAIRS
+    more = f"\nand {left} more, in second_order.csv with --out" if left > 0 else ""
+    return f"Second order indices beyond their 95 % half width\n{table}{more}"
+
+
+def failures(indices: Indices, state: str = "") -> list[str]:
+    """How many runs failed, and how."""
+    if not indices.failed:
+        return []
+    kinds = ", ".join(sorted({f.status for f in indices.failed}))
+    without = indices.samples - indices.rows_used
+    failed = f"{len(indices.failed)} of {indices.evaluations} runs failed ({kinds})"
+    return [f"{state + ': ' if state else ''}{failed}; {without} rows are left out"]
