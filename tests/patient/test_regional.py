@@ -9,8 +9,10 @@ from eclsim.cases.resolve import circuit_of, nominal_values
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.volumes import unstressed_volume
 from eclsim.orbit.model import model_of
+from eclsim.orbit.steady import Batch
 from eclsim.outputs.registry import contract
 from eclsim.outputs.results import simulate
+from eclsim.outputs.steady_beat import steady_beat
 from eclsim.patient.circulation import Anatomy, circulation
 
 PATIENT = {
@@ -159,3 +161,53 @@ def test_valves_of_a_given_area_obey_the_orifice_equation_in_the_beat():
     leak = back < -20.0
     np.testing.assert_allclose(-back[leak], 0.4 * per_cm2 * np.sqrt(drive[leak]), rtol=1e-4)
     assert float(result["mitral_valve_flow"]) == pytest.approx(float(result["LVO"]), abs=1e-4)
+
+
+FEMORAL = {
+    "pump": "Rotaflow", "speed_rpm": 3300, "oxygenator": "Quadrox-i Adult", "drainage_site": "ivc",
+    "drainage_cannula": "venous", "drainage_fr": 25, "return_site": "lower", "return_cannula": "arterial",
+    "return_fr": 19,
+}  # fmt: skip
+
+
+def test_without_a_device_all_arterial_blood_is_native():
+    beat = steady_beat(Batch(circulation(Anatomy(regional=True)), model_of(case()).values, 1))
+    for place in ARTERIES:
+        assert beat.output(f"native_share_{place}")[0] == pytest.approx(100.0, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_native_blood_is_conserved_and_reaches_the_heart_before_the_brain():
+    model = model_of(case(ecmo=FEMORAL, parameters=FAILING | {"P0svn": 10}))
+    weak = {"Emaxlv": np.array([0.6, 0.9, 1.4])}
+    beat = steady_beat(Batch(model.circuit, {**model.values, **weak}, 3, "patient_held"))
+    assert beat.determined.all()
+    number = {name: beat.output(name) for name in beat.names}
+    native = {name: number[f"native_share_{name}"] for name in ("ao", *ARTERIES)}
+    # All that passes the aortic valve leaves the arteries again, through one body or the other.
+    left = native["upper"] * number["upper_body_flow"] + native["lower"] * number["lower_body_flow"]
+    np.testing.assert_allclose(left, 100.0 * number["LVO"], rtol=2e-3)
+    order = np.array([native[name] for name in ("ao", "upper", "descending", "lower")])
+    assert (np.diff(order, axis=0) < 0.0).all(), "less along the aorta"
+    assert (np.diff(order, axis=1) > 0.0).all(), "more from a stronger heart"
+    assert native["ao"][0] > 95.0 > 80.0 > native["upper"][0]
+    np.testing.assert_allclose(native["upper"], native["arch"], rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_failing_lungs_on_femoral_va_ecmo_give_the_upper_body_less_oxygen_and_caval_drainage_helps():
+    gas = {"haemoglobin_g_dl": 9, "vo2_ml_min": 220, "fio2": 0.6, "shunt_fraction": 0.7}
+    sweep = {"sweep_l_min": 3, "fdo2": 1.0}
+    numbers = {}
+    for site in ("ivc", "svc"):
+        own = case(
+            gas=gas, ecmo=FEMORAL | sweep | {"drainage_site": site}, parameters=FAILING | {"Emaxlv": 0.9}
+        )
+        result = eclsim.simulate(own)
+        assert result.attrs["converged"]
+        numbers[site] = {name: float(result[name]) for name in ("SaO2", "SaO2_lower", "SvO2", "SpreO2")}
+    for found in numbers.values():
+        assert found["SaO2"] < found["SaO2_lower"] - 5.0
+    assert numbers["ivc"]["SpreO2"] > numbers["ivc"]["SvO2"], "Hou 2015: 83.6 % in the inferior cava"
+    assert numbers["svc"]["SpreO2"] < numbers["svc"]["SvO2"], "Hou 2015: 70.4 % against 73.4 % behind"
+    assert numbers["svc"]["SaO2"] > numbers["ivc"]["SaO2"] + 2.0, "Falk 2023: 54 to 86 %"

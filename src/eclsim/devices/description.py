@@ -49,6 +49,7 @@ class BeatMeasures(Protocol):
     def apply(self, function: Law, numbers: Sequence[Numbers]) -> Sequence[Numbers]: ...  # noqa: D102
     def gas(self, what: str, where: str, place: str) -> Numbers: ...  # noqa: D102
     def cleared(self, at: str, clearances: Sequence[Any], water: Sequence[Any]) -> Sequence[Any]: ...  # noqa: D102
+    def native(self, artery: str) -> Numbers: ...  # noqa: D102
     def kept(self, key: tuple[str, ...], measure: Callable[[], Any]) -> Any: ...  # noqa: D102
     @property
     def circuit(self) -> Circuit: ...  # noqa: D102

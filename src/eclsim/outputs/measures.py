@@ -23,6 +23,7 @@ from eclsim.beat.recording import MEAN, RATE
 from eclsim.circuit.network import Circuit
 from eclsim.devices.description import Law
 from eclsim.gas.network import GasFunction, Quantity, gas_of
+from eclsim.gas.origin import ARTERIES, OriginFunction, native_shares
 from eclsim.gas.solutes import SoluteFunction, effective_clearances
 from eclsim.units import ML_S_PER_L_MIN
 
@@ -129,7 +130,14 @@ class Measures:
         """Effective clearances [mL/min] of a filter on a connection (`eclsim.gas.solutes`)."""
         return self._carried(effective_clearances(self.circuit, at), (*clearances, *water))
 
-    def _carried(self, function: GasFunction | SoluteFunction, more: Sequence[Any]) -> Sequence[Any]:
+    def native(self, artery: str) -> Any:
+        """Share of the blood in an artery that the left heart has pumped (`eclsim.gas.origin`)."""
+        shares = self.kept(("native",), lambda: self._carried(native_shares(self.circuit), ()))
+        return shares[ARTERIES.index(artery)]
+
+    def _carried(
+        self, function: GasFunction | SoluteFunction | OriginFunction, more: Sequence[Any]
+    ) -> Sequence[Any]:
         """A function of the mean flows of all connections, of parameters and of some more numbers."""
         flows = [flow(name) for flow in (self.forward, self.backward) for name in function.connections]
         return self.apply(function.compute, [*flows, *map(self.parameter, function.parameters), *more])

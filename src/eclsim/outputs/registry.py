@@ -109,6 +109,25 @@ _REGIONS = (
     mean("inferior_caval_pressure", "mean pressure in the inferior vena cava", "Pivc"),
     mean_flow("upper_body_flow", "flow through the organs of the upper body", "Qupper"),
     mean_flow("lower_body_flow", "flow through the organs of the lower body", "Qlower"),
+    *(
+        Output(
+            f"native_share_{place}",
+            f"share of native blood in the {words}",
+            "%",
+            "of blood marked at the mitral valve and where devices return to arteries, carried by the mean "
+            "forward and backward flows of the beat",
+            ("Qarchupper",),
+            lambda m, place=place: 100.0 * m.native(place),
+            all_flows=True,
+        )
+        for place, words in (
+            ("ao", "ascending aorta, which feeds the coronary arteries"),
+            ("arch", "aortic arch"),
+            ("upper", "arteries of the upper body: brain, right arm"),
+            ("descending", "descending aorta"),
+            ("lower", "arteries of the lower body"),
+        )
+    ),
 )
 """What the patient in regions has in place of `venous_pressure` and `systemic_flow`."""
 
@@ -184,6 +203,9 @@ class _RenamedMeasures:
 
     def cleared(self, at: str, clearances: Sequence[Numbers], water: Sequence[Numbers]) -> Sequence[Numbers]:
         return self._measures.cleared(self._names.place(at), clearances, water)
+
+    def native(self, artery: str) -> Numbers:
+        return self._measures.native(artery)
 
     def kept(self, key: tuple[str, ...], measure: Callable[[], Numbers]) -> Numbers:
         return self._measures.kept((self._names.key, *key), measure)

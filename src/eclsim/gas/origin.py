@@ -1,0 +1,69 @@
+"""Where the blood of the arteries comes from: from the left heart, or from a pump that returns to arteries.
+
+On V-A ECMO the heart fills the aorta from the root, the pump from its cannula; where the streams meet is the
+mixing point. Blood is marked where it passes the mitral valve and where a device gives it to an artery, and
+the balances of `eclsim.gas.transport` say how much of each reaches a compartment. Mixing inside a
+compartment is complete, so that the mixing point is as sharp as the aorta has compartments.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from jax import Array
+
+from eclsim.circuit.network import Circuit, sites_of
+from eclsim.gas.network import PATIENT, flows_of, switches
+from eclsim.gas.transport import mixtures
+
+MITRAL = "la"
+"""Connection that all native blood passes."""
+ARTERIES = ("ao", "arch", "descending", "upper", "lower")
+"""Arteries of the patient in regions."""
+
+
+@dataclass(frozen=True)
+class OriginFunction:
+    """Native shares of the blood in `ARTERIES` as a function of numbers.
+
+    Args:
+        connections: whose mean forward, then backward flows come first [L/min].
+        parameters: that come next.
+        compute: the function, from an array (numbers,) to an array (arteries,).
+    """
+
+    connections: tuple[str, ...]
+    parameters: tuple[str, ...]
+    compute: Callable[[Array], Array]
+
+
+@lru_cache(maxsize=64)
+def native_shares(circuit: Circuit) -> OriginFunction:
+    """Native shares in a circuit with regions."""
+    names = tuple(c.name for c in circuit.connections)
+    stores = [c.name for c in circuit.compartments]
+    parameters, sources = switches(circuit), [names.index(MITRAL), *_arterial_returns(circuit)]
+    places = np.array([stores.index(name) for name in ARTERIES])
+
+    def compute(numbers: Array) -> Array:
+        count = len(names)
+        values = dict(zip(parameters, numbers[2 * count :], strict=True))
+        flows = flows_of(circuit, numbers[:count], numbers[count : 2 * count], values)
+        shares = mixtures(flows, sources).compartments[places]
+        return shares[:, 0] / shares.sum(axis=1)
+
+    return OriginFunction(names, parameters, compute)
+
+
+def _arterial_returns(circuit: Circuit) -> list[int]:
+    """Positions of the connections by which a device gives blood of its own to an artery."""
+    groups = {c.name: c.group for c in circuit.compartments}
+    return [
+        k
+        for k, c in enumerate(circuit.connections)
+        if all(groups[site] != PATIENT for site in sites_of(c.source))
+        if any(site in ARTERIES for site in sites_of(c.target))
+    ]
