@@ -14,19 +14,23 @@ from eclsim.devices.registry import parameters
 from eclsim.outputs.derivatives import Dual, LinearMeasures
 from eclsim.outputs.measures import Measures
 from eclsim.outputs.registry import Output, UnknownOutputError, all_outputs, available, contract, output
-from eclsim.patient.circulation import circulation
+from eclsim.patient.circulation import Anatomy, circulation
 
 PHASES = PhaseGrid(1).phases
 TURN = 2.0 * np.pi * PHASES
 PLACES = ("ao", "pas", "pvn", "ra", "la", "rv", "lv", "svn")
 
 OUTPUTS = all_outputs()
-CIRCUIT = circulation() + ecmo("ra", "ao") + crrt("ecmotuor", "ecmooxy", dialysis=True)
-PARAMETERS = {name: parameter.value for name, parameter in parameters().items()} | {
-    "crrt.dialysate_ml_h": 1000.0, "crrt.replacement_pre_ml_h": 300.0, "crrt.replacement_post_ml_h": 800.0,
-    "crrt.net_ultrafiltration_ml_h": 100.0, "crrt.haematocrit_in": 0.3, "crrt.citrate_mmol_l": 3.0,
-    "crrt.fluid_bicarbonate_mmol_l": 32.0, "crrt.plasma_bicarbonate_mmol_l": 24.0,
+CIRCUIT = circulation(Anatomy(regional=True)) + ecmo("ivc", "lower")
+CIRCUIT += crrt("ecmotuor", "ecmooxy", dialysis=True)
+DIALYSIS = {
+    "dialysate_ml_h": 1000.0, "replacement_pre_ml_h": 300.0, "replacement_post_ml_h": 800.0,
+    "net_ultrafiltration_ml_h": 100.0, "haematocrit_in": 0.3, "citrate_mmol_l": 3.0,
+    "fluid_bicarbonate_mmol_l": 32.0, "plasma_bicarbonate_mmol_l": 24.0,
 }  # fmt: skip
+PARAMETERS = {name: parameter.value for name, parameter in parameters().items()} | {
+    f"{device}.{key}": value for device in ("crrt", "renox") for key, value in DIALYSIS.items()
+}
 
 
 def waveforms(amount=0.0):

@@ -117,7 +117,7 @@ class RenoxDevice(Device[Renox]):
             f"{GROUP}_free_ultrafiltration_ml_h", "ultrafiltration of the RenOx with an open effluent",
             "mL/h",
             "Kuf times the mean pressure of the blood in the housing: what a failing control lets out",
-            _SIGNALS, _free_filtration, parameters=SETTINGS,
+            _SIGNALS, _free_filtration, parameters=(_PERMEABILITY,),
         ),
     )  # fmt: skip
 
