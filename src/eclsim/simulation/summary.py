@@ -49,6 +49,14 @@ _GROUPS = (
         ),
     ),
     ("CRRT lines", ("crrt_access_pressure", "crrt_return_pressure")),
+    (
+        "Dialysis",
+        (
+            "effluent_ml_h", "filtration_fraction", "transmembrane_pressure", "effluent_pressure",
+            "effective_clearance_urea", "effective_clearance_creatinine", "effective_clearance_potassium",
+            "base_gain", "crrt_carbon_dioxide_removal",
+        ),
+    ),
 )  # fmt: skip
 """What clinicians ask for, in their order; an output that no case has is left out."""
 _SYMBOLS = {
