@@ -21,6 +21,9 @@ from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
 from eclsim.reporting.schematic import draw_circuit
 from eclsim.sensitivity.inputs import InputError, varied
+from eclsim.simulation.mean_flows import plot_mean_flows
+from eclsim.simulation.summary import show
+from eclsim.simulation.waveforms import available_parts, plot_waveforms
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FILE, CASE = EXAMPLES / "percutaneous_rvad.py", EXAMPLES / "percutaneous_rvad.toml"
@@ -126,6 +129,19 @@ def test_it_is_drawn(rvad, beats):
         words = {text.get_text() for text in figure.axes[0].texts}
         title = "RVAD circuit" if name == "alone" else "RVAD circuit a"
         assert {"drainage cannula", "return cannula", "Before RVAD pump", title} <= words
+
+
+def test_figures_and_the_table_of_results_have_it(rvad, beats, capsys):
+    for name, key, flow in (("alone", "rvad", "mean RVAD flow"), ("two", "rvad.b", "mean RVAD flow, b")):
+        _, beat = beats[name]
+        assert key in available_parts(beat)
+        figure = plot_waveforms(beat, key)
+        assert [ax.get_title(loc="left") for ax in figure.axes] == ["Pressures", "Flows", "Pump head"]
+        assert "RVAD" in figure.get_suptitle()
+        rows = [label.get_text() for label in plot_mean_flows(beat).axes[0].get_yticklabels()]
+        assert any(row.startswith("RVAD pump") for row in rows)
+        show([beat])
+        assert flow in capsys.readouterr().out
 
 
 def test_the_page_has_its_knobs_views_and_drawing(rvad):

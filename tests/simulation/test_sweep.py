@@ -15,7 +15,7 @@ from eclsim.simulation.sweep import (
     stops_short,
     sweep_cases,
 )
-from eclsim.simulation.sweep_figures import PANELS, plot_sweep
+from eclsim.simulation.sweep_figures import panels_of, plot_sweep
 from eclsim.simulation.sweep_files import sweep_object, write_csv, write_netcdf
 
 CASE = read_mapping(
@@ -138,7 +138,7 @@ def test_the_files_hold_the_reason_and_no_number_without_a_beat(flows, tmp_path)
 def test_the_figure_has_a_gap_and_a_cross_where_there_is_no_beat(flows):
     table = as_table(flows)
     figure = plot_sweep(table)
-    shown = [panel for panel in PANELS if any(name in table for name, _ in panel.curves)]
+    shown = panels_of(table)
     assert [ax.get_title(loc="left") for ax in figure.axes] == [panel.title for panel in shown]
     for ax in figure.axes:
         assert "[L/min]" in ax.get_xlabel()

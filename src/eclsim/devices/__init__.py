@@ -14,6 +14,7 @@ from eclsim.devices.description import (
     Look,
     Mark,
     Output,
+    Panel,
     Picker,
     Sweep,
     Trace,
@@ -35,8 +36,8 @@ from eclsim.parameters.parameter import Parameter
 
 __all__ = [
     "CAUTION", "Box", "CannulaType", "CaseValues", "Curve", "Device", "Dialyzer", "Field", "Finding",
-    "Instance", "KeyFigure", "Knob", "Limit", "Look", "Mark", "Naming", "Output", "Oxygenator", "Parameter",
-    "Picker", "Product", "PumpCurve", "Raw", "Remarks", "Section", "Sweep", "Trace", "Views", "by_key",
-    "check_cannula", "check_sites", "check_speed", "difference", "highest", "lowest", "mean", "mean_flow",
-    "measured", "number", "one_of", "patient_site", "picker", "pump_values", "shown",
+    "Instance", "KeyFigure", "Knob", "Limit", "Look", "Mark", "Naming", "Output", "Oxygenator", "Panel",
+    "Parameter", "Picker", "Product", "PumpCurve", "Raw", "Remarks", "Section", "Sweep", "Trace", "Views",
+    "by_key", "check_cannula", "check_sites", "check_speed", "difference", "highest", "lowest", "mean",
+    "mean_flow", "measured", "number", "one_of", "patient_site", "picker", "pump_values", "shown",
 ]  # fmt: skip

@@ -30,6 +30,7 @@ from eclsim.devices.description import (
     Mark,
     Numbers,
     Output,
+    Panel,
     Trace,
     Views,
     difference,
@@ -336,6 +337,29 @@ class CrrtDevice(Device[Crrt]):
         }
     )
     look = Look("#00734F", "#EDF7F3", 1.5, (0, (4, 1.5)), "^")
+    panels = (
+        Panel("Before the pump", "mmHg", ("Pcrrttuin",)),
+        Panel("After the pump", "mmHg", ("Pcrrttupf", "Pcrrtfil", "Pcrrttuout")),
+        Panel("Flows", "mL/min", ("Qcrrttuin", "Qcrrtpump", "Qcrrtfil", "Qcrrttuout")),
+        Panel("Pump head", "mmHg", ("Pcrrtpump",)),
+    )
+    swept = (
+        Panel(
+            "CRRT lines", "mmHg", ("crrt_return_pressure", "crrt_access_pressure"),
+            ("return line", "access line"),
+        ),
+    )  # fmt: skip
+    tabled = (
+        ("CRRT lines", ("crrt_access_pressure", "crrt_return_pressure")),
+        (
+            "Dialysis",
+            (
+                "effluent_ml_h", "filtration_fraction", "transmembrane_pressure", "effluent_pressure",
+                "effective_clearance_urea", "effective_clearance_creatinine",
+                "effective_clearance_potassium", "base_gain", "crrt_carbon_dioxide_removal",
+            ),
+        ),
+    )  # fmt: skip
     products = tuple(DIALYZERS.values())
     parameters = (*(p for p in thiel2025.PARAMETERS.values() if p.group == GROUP), *FILTER_PARAMETERS)
     nominal = MappingProxyType({"crrt.flow_ml_min": 200.0})

@@ -215,6 +215,26 @@ class Mark:
 
 
 @dataclass(frozen=True)
+class Panel:
+    """One pair of axes of a figure: waveforms over two beats, or outputs over the values of a sweep.
+
+    Args:
+        title: above it.
+        unit: of the axis.
+        names: of the waveforms or outputs.
+        labels: of the curves; left out, the places in words.
+        change: shows volumes as the difference from their mean, which then stands in the legend: the systemic
+            veins hold twenty times what the aorta holds.
+    """
+
+    title: str
+    unit: str
+    names: tuple[str, ...]
+    labels: tuple[str, ...] = ()
+    change: bool = False
+
+
+@dataclass(frozen=True)
 class Look:
     """Look of a device in figures; dash patterns tell devices apart in grey print.
 

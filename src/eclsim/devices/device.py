@@ -26,6 +26,7 @@ from eclsim.devices.description import (
     Look,
     Mark,
     Output,
+    Panel,
     Sweep,
     Views,
     plain_control,
@@ -72,6 +73,12 @@ class Device(ABC, Generic[S]):
     """How its connections are marked in the drawing; left out, by their laws and `connections`."""
     look: ClassVar[Look] = Look("#7A4A72", "#F8F2F6", 1.3, (0, (1.5, 1.2)), "v")
     """Its colour and line in figures."""
+    panels: ClassVar[Sequence[Panel]] = ()
+    """Its figure of waveforms; left out, pressures and flows in flow direction."""
+    swept: ClassVar[Sequence[Panel]] = ()
+    """Its outputs in the figure of a sweep, besides its flow."""
+    tabled: ClassVar[Sequence[tuple[str, Sequence[str]]] | None] = None
+    """Titles and outputs in the table of results, besides its flows; left out, all that it has."""
     schemes: ClassVar[Mapping[str, Mapping[str, str]]] = _EMPTY
     """Usual ways of connecting these lines by name: the position of each key."""
     products: ClassVar[Sequence[Product]] = ()
@@ -222,6 +229,45 @@ class Naming:
     def output(self, name: str) -> str:
         """Name of one of its outputs, such as "lvad.left.flow" of "lvad_flow"."""
         return f"{self.key}.{name.removeprefix(f'{self.device.key}_')}" if self.name else name
+
+    def words(self, signal: str) -> str:
+        """What the place of one of its waveforms is called."""
+        own = self.own(signal[1:]) or ""
+        words = self.device.connections if signal[0] == "Q" else self.device.compartments
+        return f"{words.get(own, own)} {self.name}".strip()
+
+    def pumps(self) -> tuple[str, ...]:
+        """Connections of it that are pumps."""
+        marks = self.device.marks.items()
+        return tuple(self.place(own) for own, mark in marks if mark.symbol in ("pump", "roller"))
+
+    def flows(self) -> tuple[str, ...]:
+        """Its outputs that are mean flows."""
+        return tuple(self.output(one.name) for one in self.device.outputs if one.unit == "L/min")
+
+    def panels(self) -> tuple[Panel, ...]:
+        """Its figure of waveforms, under its own names."""
+        own = self.device.panels or (
+            Panel("Pressures", "mmHg", tuple(f"P{place}" for place in self.device.compartments)),
+            Panel("Flows", self.device.views.flow_unit.unit, tuple(f"Q{p}" for p in self.device.connections)),
+            Panel("Pump head", "mmHg", tuple(f"P{place}" for place in Naming(self.device).pumps())),
+        )
+        return tuple(replace(panel, names=tuple(map(self.signal, panel.names))) for panel in own)
+
+    def swept(self) -> tuple[Panel, ...]:
+        """Its panels in the figure of a sweep, under its own names."""
+        return tuple(
+            replace(
+                panel, title=f"{panel.title} {self.name}".strip(), names=tuple(map(self.output, panel.names))
+            )
+            for panel in self.device.swept
+        )
+
+    def tabled(self) -> list[tuple[str, tuple[str, ...]]]:
+        """Titles and outputs in the table of results, under its own names."""
+        others = tuple(o.name for o in self.device.outputs if o.unit != "L/min")
+        groups = ((self.device.name, others),) if self.device.tabled is None else self.device.tabled
+        return [(f"{title} {self.name}".strip(), tuple(map(self.output, names))) for title, names in groups]
 
     def parameter(self, name: str) -> str:
         """Name of one of its parameters; of others, such as the viscosity of blood, the name as it is."""

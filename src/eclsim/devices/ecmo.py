@@ -30,6 +30,7 @@ from eclsim.devices.description import (
     Look,
     Mark,
     Output,
+    Panel,
     Sweep,
     Trace,
     Views,
@@ -440,6 +441,38 @@ class EcmoDevice(Device[Ecmo]):
         }
     )
     look = Look("#0072B2", "#EEF5FA", 2.0, marker="s")
+    panels = (
+        Panel("Before the pump", "mmHg", ("Pecmodrain", "Pecmotudp")),
+        Panel("After the pump", "mmHg", ("Pecmotupo", "Pecmooxy", "Pecmotuor", "Pecmoreturn")),
+        Panel("Flows", "L/min", ("Qecmodrain", "Qecmopump", "Qecmooxy", "Qecmoreturn")),
+        Panel("Pump head", "mmHg", ("Pecmopump",)),
+    )
+    swept = (
+        Panel(
+            "ECMO circuit", "mmHg",
+            (
+                "pre_oxygenator_pressure", "return_cannula_pressure", "pump_inlet_pressure",
+                "lowest_drainage_pressure",
+            ),
+            ("before oxygenator", "before return", "before pump", "drainage, lowest"),
+        ),
+    )  # fmt: skip
+    tabled = (
+        (
+            "ECMO circuit",
+            (
+                "lowest_drainage_pressure", "pump_inlet_pressure", "post_pump_pressure",
+                "oxygenator_pressure_drop", "return_cannula_pressure",
+            ),
+        ),
+        (
+            "Oxygenator",
+            (
+                "SpreO2", "SpostO2", "PpostO2", "PpostCO2", "VO2_oxygenator", "VCO2_oxygenator",
+                "recirculation_fraction",
+            ),
+        ),
+    )  # fmt: skip
     positions, position_words = POSITIONS, POSITION_WORDS
     products = (*PUMPS.values(), *CANNULAE.values(), *OXYGENATORS.values())
     parameters = (

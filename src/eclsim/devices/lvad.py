@@ -21,6 +21,7 @@ from eclsim.devices.description import (
     Limit,
     Look,
     Mark,
+    Panel,
     Sweep,
     Trace,
     Views,
@@ -104,6 +105,13 @@ class LvadDevice(Device[Lvad]):
     key, name, section = GROUP, "LVAD", Lvad
     connections = MappingProxyType({"lvadpump": "LVAD pump"})
     marks = MappingProxyType({"lvadpump": Mark("pump", "LVAD pump")})
+    panels = (
+        Panel("Pressures", "mmHg", ("Plv", "Pao")),
+        Panel("Pump head", "mmHg", ("Plvadpump",)),
+        Panel("Flows", "L/min", ("Qlvadpump", "Qlv")),
+        Panel("Left ventricle", "mL", ("Vlv",)),
+    )
+    tabled = ()
     look = Look("#A84A00", "#FBF1EA", 2.0, (0, (6, 1.3, 1.2, 1.3)), "D")
     products = tuple(PUMPS.values())
     nominal = MappingProxyType({"lvad.speed_rpm": 2600.0, **pump_values(GROUP, PUMPS["HVAD"])})

@@ -1,6 +1,9 @@
-"""Words for compartments and connections in figures, keyed by the names of the circuit, in flow order."""
+"""Words for compartments and connections in figures: the patient's, in flow order, and those of devices."""
 
-from eclsim.devices.ecmo import POSITIONS
+from collections.abc import Iterable
+
+from eclsim.devices.device import Naming
+from eclsim.devices.registry import devices, naming_of
 
 COMPARTMENTS = {
     "ao": "aorta",
@@ -19,16 +22,6 @@ COMPARTMENTS = {
     "pvn": "pulmonary veins",
     "la": "left atrium",
     "lv": "left ventricle",
-    "ecmodrain": "after drainage cannula",
-    "ecmotudp": "before pump",
-    "ecmotupo": "after pump",
-    "ecmooxy": "before oxygenator",
-    "ecmotuor": "after oxygenator",
-    "ecmoreturn": "before return cannula",
-    "crrttuin": "access line",
-    "crrttupf": "after roller pump",
-    "crrtfil": "before dialyzer",
-    "crrttuout": "return line",
 }
 
 CONNECTIONS = {
@@ -50,30 +43,30 @@ CONNECTIONS = {
     "pvn": "pulmonary veins",
     "la": "mitral valve",
     "lv": "aortic valve",
-    "ecmodrain": "drainage cannula",
-    "ecmotudp": "tube to pump",
-    "ecmopump": "ECMO pump",
-    "ecmotupo": "tube to oxygenator",
-    "ecmooxy": "oxygenator",
-    "ecmotuor": "tube from oxygenator",
-    "ecmoreturn": "return cannula",
-    "crrttuin": "access line",
-    "crrtpump": "CRRT pump",
-    "crrttupf": "tube to dialyzer",
-    "crrtfil": "dialyzer",
-    "crrttuout": "return line",
-    "lvadpump": "LVAD pump",
 }
 
-# The names users write as CRRT sites, beside the names of the nodes.
-ECMO_POSITIONS = {node: position for position, node in POSITIONS.items()}
 
-GROUPS = {"patient": "Patient", "ecmo": "ECMO", "crrt": "CRRT", "lvad": "LVAD"}
+def naming_at(place: str) -> Naming | None:
+    """The instance of a device that a compartment or connection belongs to; None for the patient's."""
+    key, _, rest = place.partition(".")
+    if rest:
+        return naming_of(f"{key}.{rest.partition('.')[0]}")
+    return next((one for one in map(Naming, devices().values()) if one.own(place)), None)
 
 
-def group_of(name: str) -> str:
-    """The group a waveform belongs to, from the name of its compartment or connection."""
-    for group in ("ecmo", "crrt", "lvad"):
-        if name.startswith(group):
-            return group
-    return "patient"
+def instances_at(places: Iterable[str]) -> list[Naming]:
+    """The instances of devices that compartments or connections belong to, in the order of the registry."""
+    found = {one.key: one for place in places if (one := naming_at(place)) is not None}
+    order = list(devices())
+    return sorted(found.values(), key=lambda one: order.index(one.device.key))
+
+
+def place_words(signal: str) -> str:
+    """What the place of a waveform is called."""
+    kind, place = signal[0], signal[1:]
+    names = naming_at(place)
+    if kind == "P" and (place.endswith("pump") or (names is not None and place in names.pumps())):
+        return "pressure rise over the pump"
+    if names is not None:
+        return names.words(signal)
+    return (CONNECTIONS if kind == "Q" else COMPARTMENTS).get(place, place)

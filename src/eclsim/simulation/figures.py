@@ -46,7 +46,7 @@ def write_case_figures(
         "mean_flows": lambda: plot_mean_flows(result),
     }
     for part in available_parts(result):
-        figures[f"waveforms_{part}"] = lambda part=part: plot_waveforms(result, part)
+        figures[f"waveforms_{part.replace('.', '_')}"] = lambda part=part: plot_waveforms(result, part)
     written = []
     for name, draw in figures.items():
         written += save_figure(draw(), beginning.with_name(f"{beginning.name}_{name}"), formats)

@@ -8,20 +8,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from eclsim.reporting.beat_values import beat_mean, case_name, in_unit
-from eclsim.reporting.names import COMPARTMENTS, CONNECTIONS, GROUPS, group_of
+from eclsim.reporting.names import COMPARTMENTS, CONNECTIONS, instances_at, naming_at, place_words
 from eclsim.reporting.numbers import number
 from eclsim.reporting.style import GREY, OKABE_ITO, PAGE_WIDTH_MM, figure_style, new_figure, plain_text
 
 if TYPE_CHECKING:
     import xarray as xr
 
-_MARKERS = {
-    "patient": ("o", OKABE_ITO["black"]),
-    "ecmo": ("s", OKABE_ITO["blue"]),
-    "crrt": ("^", OKABE_ITO["bluish green"]),
-    "lvad": ("D", OKABE_ITO["vermillion"]),
-}
-
+_PATIENT = ("o", OKABE_ITO["black"])
 _ROOM_FOR_NUMBERS = 0.24
 """Share of the axis that is kept free beside the largest value for its number."""
 
@@ -30,6 +24,7 @@ _ROOM_FOR_NUMBERS = 0.24
 class _Row:
     label: str
     group: str
+    mark: tuple[str, str]
     value: float
 
 
@@ -49,20 +44,30 @@ def plot_mean_flows(result: "xr.Dataset") -> Figure:
     return fig
 
 
-def _rows(result: "xr.Dataset", kind: str, words: dict[str, str], unit: str) -> list[_Row]:
-    """The rows of one chart; waveforms that the tables do not know come last, under their own names."""
+def _rows(result: "xr.Dataset", kind: str, patients: dict[str, str], unit: str) -> list[_Row]:
+    """The rows of one chart, the patient's before those of devices.
+
+    Waveforms that are in no table come last in the patient's group, under their own names.
+    """
     waveforms = [
         str(name)[1:] for name in result.data_vars if str(name).startswith(kind) and _is_curve(result, name)
     ]
-    heads = {name for name in waveforms if kind == "P" and name.endswith("pump")}
-    known = [name for name in words if name in waveforms]
-    others = [name for name in waveforms if name not in words and name not in heads]
+    heads = {name for name in waveforms if kind == "P" and _is_pump(name)}
+    others = [name for name in waveforms if name not in patients and naming_at(name) is None]
+    rows = [("Patient", _PATIENT, n) for n in (*patients, *others) if n in waveforms and n not in heads]
+    for names in instances_at(waveforms):
+        words = names.device.connections if kind == "Q" else names.device.compartments
+        mark = (names.device.look.marker, names.device.look.colour)
+        rows += [(names.label, mark, n) for n in map(names.place, words) if n in waveforms]
     return [
-        _Row(plain_text(words.get(n, n), 28), group_of(n), in_unit(beat_mean(result, kind + n), unit))
-        for group in GROUPS
-        for n in (*known, *others)
-        if group_of(n) == group
+        _Row(plain_text(place_words(kind + n), 28), group, mark, in_unit(beat_mean(result, kind + n), unit))
+        for group, mark, n in rows
     ]
+
+
+def _is_pump(name: str) -> bool:
+    names = naming_at(name)
+    return name.endswith("pump") if names is None else name in names.pumps()
 
 
 def _is_curve(result: "xr.Dataset", name: object) -> bool:
@@ -72,7 +77,7 @@ def _is_curve(result: "xr.Dataset", name: object) -> bool:
 def _headings(*charts: list[_Row]) -> tuple[dict[str, int], int]:
     """The line of each group's heading, the same in all charts, and the number of lines."""
     headings, line = {}, 0
-    for group in GROUPS:
+    for group in dict.fromkeys(row.group for chart in charts for row in chart):
         rows = max(sum(row.group == group for row in chart) for chart in charts)
         if rows:
             headings[group] = line
@@ -88,7 +93,7 @@ def _draw_rows(ax: Axes, rows: list[_Row], headings: dict[str, int], axis_label:
         free[row.group] += 1
     for group in {row.group: None for row in rows}:
         ax.annotate(
-            GROUPS[group],
+            group,
             (0.0, headings[group]),
             xycoords=("axes fraction", "data"),
             xytext=(-4, 0),
@@ -98,7 +103,7 @@ def _draw_rows(ax: Axes, rows: list[_Row], headings: dict[str, int], axis_label:
             weight="bold",
         )
     for where, row in zip(places, rows, strict=True):
-        marker, colour = _MARKERS[row.group]
+        marker, colour = row.mark
         ax.plot([0, row.value], [where, where], color="#C4C4C4", linewidth=0.8, zorder=1)
         ax.plot(row.value, where, marker=marker, color=colour, markersize=4.5, linestyle="none")
         if np.isfinite(row.value):

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from eclsim.devices.registry import devices, named_output
 from eclsim.reporting.text_table import text_table
 from eclsim.simulation.single import SPEED_FOUND
 
@@ -24,7 +25,7 @@ _MANY = (
 _WIDTH_OF_PIPES = 120
 _GROUPS = (
     ("Arteries", ("SP", "DP", "MAP", "pulse_pressure")),
-    ("Flows", ("systemic_flow", "CO", "pulmonary_flow", "LVO", "PF", "lvad_flow", "crrt_flow")),
+    ("Flows", ("systemic_flow", "CO", "pulmonary_flow", "LVO")),
     ("Filling", ("right_atrial_pressure", "MPAP", "SPAP", "DPAP", "PCWP", "end_diastolic_pressure_lv")),
     (
         "Heart",
@@ -33,32 +34,9 @@ _GROUPS = (
             "ESVLA", "EDVRA", "ESVRA",
         ),
     ),
-    (
-        "ECMO circuit",
-        (
-            "lowest_drainage_pressure", "pump_inlet_pressure", "post_pump_pressure",
-            "oxygenator_pressure_drop", "return_cannula_pressure",
-        ),
-    ),
     ("Gases", ("SaO2", "PaO2", "PaCO2", "pHa", "SaO2_lower", "SvO2", "VO2", "DO2", "O2ER")),
-    (
-        "Oxygenator",
-        (
-            "SpreO2", "SpostO2", "PpostO2", "PpostCO2", "VO2_oxygenator", "VCO2_oxygenator",
-            "recirculation_fraction",
-        ),
-    ),
-    ("CRRT lines", ("crrt_access_pressure", "crrt_return_pressure")),
-    (
-        "Dialysis",
-        (
-            "effluent_ml_h", "filtration_fraction", "transmembrane_pressure", "effluent_pressure",
-            "effective_clearance_urea", "effective_clearance_creatinine", "effective_clearance_potassium",
-            "base_gain", "crrt_carbon_dioxide_removal",
-        ),
-    ),
 )  # fmt: skip
-"""What clinicians ask for, in their order; an output that no case has is left out."""
+"""What clinicians ask for, in their order; an output that no case has is left out. Devices add theirs."""
 _SYMBOLS = {
     "pulse_pressure": "PP",
     "right_atrial_pressure": "CVP",
@@ -117,7 +95,7 @@ def _side_by_side(results: Sequence[xr.Dataset], changes: Mapping[str, float] | 
     for head in heads:
         table.add_column(Text(head), justify="right")
     table.add_column("unit")
-    for title, names in _GROUPS:
+    for title, names in _groups(results):
         _add_group(table, title, [n for n in names if _worth_showing(n, results)], results, changes)
     table.add_section()
     none = [""] if compared else []
@@ -134,6 +112,17 @@ def _side_by_side(results: Sequence[xr.Dataset], changes: Mapping[str, float] | 
         errors = (_grid_error(result) for result in results)
         table.add_row("", "largest change on half the step", *errors, *none, "%")
     return table
+
+
+def _groups(results: Sequence[xr.Dataset]) -> list[tuple[str, tuple[str, ...]]]:
+    """Titles and outputs, the flows of devices with those of the patient."""
+    known = (named_output(str(name)) for result in results for name in result.data_vars)
+    instances = {found[0].key: found[0] for found in known if found is not None}.values()
+    order = list(devices())
+    instances = sorted(instances, key=lambda one: order.index(one.device.key))
+    flows = tuple(name for one in instances for name in one.flows())
+    own = [(title, names + flows if title == "Flows" else names) for title, names in _GROUPS]
+    return [*own, *(group for one in instances for group in one.tabled())]
 
 
 def _worth_showing(name: str, results: Sequence[xr.Dataset]) -> bool:

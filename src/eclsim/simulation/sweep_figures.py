@@ -1,13 +1,15 @@
 """The figure of a sweep: outputs over the values of the key that was varied."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from eclsim.devices.description import Panel
+from eclsim.devices.registry import named_output
 from eclsim.reporting.style import (
     GREY,
     PAGE_WIDTH_MM,
@@ -23,60 +25,39 @@ if TYPE_CHECKING:
 MARKERS = ("o", "s", "^", "D")
 
 
-@dataclass(frozen=True)
-class SweepPanel:
-    """Outputs of one unit in one panel: title, axis, and the curves with their labels."""
-
-    title: str
-    axis: str
-    curves: tuple[tuple[str, str], ...]
-
-
 PANELS = (
-    SweepPanel(
-        "Arterial pressure", "Pressure [mmHg]", (("SP", "systolic"), ("MAP", "mean"), ("DP", "diastolic"))
+    Panel("Arterial pressure", "mmHg", ("SP", "MAP", "DP"), ("systolic", "mean", "diastolic")),
+    Panel("Mean flows", "L/min", ("systemic_flow", "CO"), ("organs", "lungs (CO)")),
+    Panel(
+        "Filling pressures", "mmHg", ("MPAP", "PCWP", "right_atrial_pressure"),
+        ("pulmonary", "wedge", "right atrial (CVP)"),
     ),
-    SweepPanel(
-        "Mean flows",
-        "Flow [L/min]",
-        (
-            ("systemic_flow", "organs"),
-            ("CO", "lungs (CO)"),
-            ("PF", "ECMO pump (PF)"),
-            ("lvad_flow", "LVAD"),
-        ),
+    Panel(
+        "Ventricles", "mL", ("EDVLV", "ESVLV", "EDVRV", "ESVRV"),
+        ("left, end-diastolic", "left, end-systolic", "right, end-diastolic", "right, end-systolic"),
     ),
-    SweepPanel(
-        "Filling pressures",
-        "Pressure [mmHg]",
-        (("MPAP", "pulmonary"), ("PCWP", "wedge"), ("right_atrial_pressure", "right atrial (CVP)")),
-    ),
-    SweepPanel(
-        "Ventricles",
-        "Volume [mL]",
-        (
-            ("EDVLV", "left, end-diastolic"),
-            ("ESVLV", "left, end-systolic"),
-            ("EDVRV", "right, end-diastolic"),
-            ("ESVRV", "right, end-systolic"),
-        ),
-    ),
-    SweepPanel(
-        "ECMO circuit",
-        "Pressure [mmHg]",
-        (
-            ("pre_oxygenator_pressure", "before oxygenator"),
-            ("return_cannula_pressure", "before return"),
-            ("pump_inlet_pressure", "before pump"),
-            ("lowest_drainage_pressure", "drainage, lowest"),
-        ),
-    ),
-    SweepPanel(
-        "CRRT lines",
-        "Pressure [mmHg]",
-        (("crrt_return_pressure", "return line"), ("crrt_access_pressure", "access line")),
-    ),
-)
+)  # fmt: skip
+"""Of the patient; flows and circuits of devices are added to them."""
+_AXES = {"mmHg": "Pressure", "L/min": "Flow", "mL": "Volume"}
+
+
+def panels_of(table: "xr.Dataset") -> list[Panel]:
+    """The panels that there are outputs for, those of devices behind the patient's."""
+    known = (named_output(str(name)) for name in table.data_vars)
+    instances = {found[0].key: found[0] for found in known if found is not None}
+    flows = [
+        (curve.output, curve.label)
+        for one in instances.values()
+        for curve in one.views().curves
+        if curve.panel == "flow"
+    ]
+    names, labels = zip(*flows, strict=True) if flows else ((), ())
+    own = (
+        replace(p, names=p.names + names, labels=p.labels + labels) if p.unit == "L/min" else p
+        for p in PANELS
+    )
+    panels = (*own, *(panel for one in instances.values() for panel in one.swept()))
+    return [panel for panel in panels if any(name in table for name in panel.names)]
 
 
 @figure_style()
@@ -90,7 +71,7 @@ def plot_sweep(table: "xr.Dataset") -> Figure:
         table: as `eclsim.simulation.sweep.as_table` gives it: outputs over `value`, `converged`,
             `impossible`.
     """
-    shown = [panel for panel in PANELS if any(name in table for name, _ in panel.curves)]
+    shown = panels_of(table)
     rows = math.ceil(max(len(shown), 1) / 2)
     fig = new_figure(PAGE_WIDTH_MM, 16 + 58 * rows)
     axes = list(fig.subplots(rows, 2, squeeze=False).flat)
@@ -105,12 +86,12 @@ def plot_sweep(table: "xr.Dataset") -> Figure:
     return fig
 
 
-def _draw_panel(ax: Axes, table: "xr.Dataset", panel: SweepPanel) -> None:
+def _draw_panel(ax: Axes, table: "xr.Dataset", panel: Panel) -> None:
     places, names = _axis(table)
     settled = table["converged"].to_numpy().astype(bool)
     hollow = settled & table["impossible"].to_numpy().astype(bool)
     line = "None" if names else None
-    drawn = [(name, label) for name, label in panel.curves if name in table]
+    drawn = [pair for pair in zip(panel.names, panel.labels, strict=True) if pair[0] in table]
     for index, (name, label) in enumerate(drawn):
         values = np.where(settled, table[name].to_numpy().astype(float), np.nan)
         style: dict[str, Any] = {**curve_style(index), "marker": MARKERS[index % len(MARKERS)]}
@@ -129,7 +110,7 @@ def _draw_panel(ax: Axes, table: "xr.Dataset", panel: SweepPanel) -> None:
         ax.set_xticks(places, names)
     unit = table["value"].attrs.get("units", "")
     ax.set_xlabel(plain_text(table.attrs["key"], 40) + (f" [{unit}]" if unit else ""))
-    ax.set_ylabel(panel.axis)
+    ax.set_ylabel(f"{_AXES[panel.unit]} [{panel.unit}]")
     ax.set_title(panel.title, loc="left", pad=3 + 11.5 * math.ceil(len(drawn) / 2))
     ax.legend(
         loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.1, handletextpad=0.5,

@@ -1,33 +1,21 @@
 """Pressures, flows and volumes over two beats, by part of the circuit."""
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from eclsim.devices.description import Panel
+from eclsim.devices.device import Naming
+from eclsim.devices.registry import device_of
 from eclsim.reporting.beat_values import beat_mean, beat_period, case_name, in_unit, summary_lines, two_beats
-from eclsim.reporting.names import COMPARTMENTS, CONNECTIONS
+from eclsim.reporting.names import instances_at, place_words
 from eclsim.reporting.numbers import number
 from eclsim.reporting.style import GREY, PAGE_WIDTH_MM, curve_style, figure_style, new_figure
 
 if TYPE_CHECKING:
     import xarray as xr
-
-
-@dataclass(frozen=True)
-class Panel:
-    """One pair of axes: what it shows, in which unit, of which waveforms.
-
-    `change` shows volumes as the difference from their mean, which then stands in the legend: the systemic
-    veins hold twenty times what the aorta holds.
-    """
-
-    title: str
-    unit: str
-    waveforms: tuple[str, ...]
-    change: bool = False
 
 
 PARTS: dict[str, tuple[Panel, ...]] = {
@@ -51,41 +39,23 @@ PARTS: dict[str, tuple[Panel, ...]] = {
         Panel("Flows", "mL/s", ("Qpas", "Qpart", "Qpvn")),
         Panel("Volumes", "mL", ("Vpas", "Vpart", "Vpvn"), change=True),
     ),
-    "ecmo": (
-        Panel("Before the pump", "mmHg", ("Pecmodrain", "Pecmotudp")),
-        Panel("After the pump", "mmHg", ("Pecmotupo", "Pecmooxy", "Pecmotuor", "Pecmoreturn")),
-        Panel("Flows", "L/min", ("Qecmodrain", "Qecmopump", "Qecmooxy", "Qecmoreturn")),
-        Panel("Pump head", "mmHg", ("Pecmopump",)),
-    ),
-    "crrt": (
-        Panel("Before the pump", "mmHg", ("Pcrrttuin",)),
-        Panel("After the pump", "mmHg", ("Pcrrttupf", "Pcrrtfil", "Pcrrttuout")),
-        Panel("Flows", "mL/min", ("Qcrrttuin", "Qcrrtpump", "Qcrrtfil", "Qcrrttuout")),
-        Panel("Pump head", "mmHg", ("Pcrrtpump",)),
-    ),
-    "lvad": (
-        Panel("Pressures", "mmHg", ("Plv", "Pao")),
-        Panel("Pump head", "mmHg", ("Plvadpump",)),
-        Panel("Flows", "L/min", ("Qlvadpump", "Qlv")),
-        Panel("Left ventricle", "mL", ("Vlv",)),
-    ),
 }
+"""Figures of the patient; those of devices are in their files."""
 
-OVERVIEW = (
-    Panel("Left heart and aorta", "mmHg", ("Plv", "Pla", "Pao")),
-    Panel("Right heart and lungs", "mmHg", ("Prv", "Pra", "Ppas")),
-    Panel("Flows", "L/min", ("Qlv", "Qecmopump", "Qlvadpump", "Qcrrtpump")),
-    Panel("Ventricles", "mL", ("Vlv", "Vrv")),
-)
-
-# A device's figure also shows patient waveforms; these decide whether there is a device at all.
-_OWN_WAVEFORM = {"ecmo": "Qecmopump", "crrt": "Qcrrtpump", "lvad": "Qlvadpump"}
 _QUANTITY = {"mmHg": "Pressure", "mL/s": "Flow", "mL/min": "Flow", "L/min": "Flow", "mL": "Volume"}
 
 
 def available_parts(result: "xr.Dataset") -> list[str]:
-    """The parts of the circuit that this result has waveforms of."""
-    return [part for part in PARTS if _has_part(result, part)]
+    """The parts of the circuit that this result has waveforms of: the patient's, and keys of devices."""
+    patients = [part for part, panels in PARTS.items() if any(n in result for p in panels for n in p.names)]
+    return [*patients, *_instances(result)]
+
+
+def _instances(result: "xr.Dataset") -> dict[str, Naming]:
+    """The devices that the result has waveforms of."""
+    curves = [name for name, values in result.data_vars.items() if values.dims == ("phase",)]
+    places = [str(name)[1:] for name in curves if str(name).startswith("Q")]
+    return {one.key: one for one in instances_at(places)}
 
 
 def plot_waveforms(result: "xr.Dataset", part: str = "heart") -> Figure:
@@ -93,8 +63,8 @@ def plot_waveforms(result: "xr.Dataset", part: str = "heart") -> Figure:
 
     Args:
         result: one simulated case.
-        part: "heart", "systemic", "pulmonary", "ecmo", "crrt" or "lvad". Heart and vessel flows are in mL/s,
-            ECMO and LVAD flows in L/min, CRRT flows in mL/min.
+        part: "heart", "systemic", "pulmonary" or the key of a device, such as that of its section of the case
+            file. Heart and vessel flows are in mL/s, those of devices in L/min or mL/min.
 
     Returns:
         The figure; only waveforms that the result holds are drawn.
@@ -104,30 +74,31 @@ def plot_waveforms(result: "xr.Dataset", part: str = "heart") -> Figure:
     """
     present = available_parts(result)
     if part not in present:
-        known = "" if part in PARTS else " is not a part of the circuit"
+        known = "" if part in PARTS or device_of(part) else " is not a part of the circuit"
         reason = known or " is not in this result"
         raise ValueError(f"part {part!r}{reason}; this result has: {', '.join(present) or 'none'}")
-    title = f"{case_name(result)} – {part.upper() if part in _OWN_WAVEFORM else part}"
-    return _draw_panels(result, PARTS[part], title)
+    names = _instances(result).get(part)
+    title = f"{case_name(result)} – {part if names is None else names.label}"
+    return _draw_panels(result, PARTS[part] if names is None else names.panels(), title)
 
 
 def plot_overview(result: "xr.Dataset") -> Figure:
     """Pressures, flows and ventricular volumes to look at first, over two beats, with the main outputs."""
     lines = summary_lines(result)
     note = "\n".join("   ".join(part) for part in (lines[:4], lines[4:]) if part)
-    return _draw_panels(result, OVERVIEW, case_name(result), note)
-
-
-def _has_part(result: "xr.Dataset", part: str) -> bool:
-    own = _OWN_WAVEFORM.get(part)
-    if own is not None:
-        return own in result
-    return any(name in result for panel in PARTS[part] for name in panel.waveforms)
+    pumps = [pump for one in _instances(result).values() for pump in one.pumps()]
+    panels = (
+        Panel("Left heart and aorta", "mmHg", ("Plv", "Pla", "Pao")),
+        Panel("Right heart and lungs", "mmHg", ("Prv", "Pra", "Ppas")),
+        Panel("Flows", "L/min", ("Qlv", *(f"Q{pump}" for pump in pumps))),
+        Panel("Ventricles", "mL", ("Vlv", "Vrv")),
+    )
+    return _draw_panels(result, panels, case_name(result), note)
 
 
 @figure_style()
 def _draw_panels(result: "xr.Dataset", panels: tuple[Panel, ...], title: str, note: str = "") -> Figure:
-    shown = [panel for panel in panels if any(name in result for name in panel.waveforms)]
+    shown = [panel for panel in panels if any(name in result for name in panel.names)]
     rows = math.ceil(len(shown) / 2)
     fig = new_figure(PAGE_WIDTH_MM, 14 + 54 * rows)
     axes = list(fig.subplots(rows, 2 if len(shown) > 1 else 1, squeeze=False).flat)
@@ -147,11 +118,11 @@ def _draw_panels(result: "xr.Dataset", panels: tuple[Panel, ...], title: str, no
 
 def _draw_panel(ax: Axes, result: "xr.Dataset", panel: Panel, legend_rows: int) -> None:
     factor = in_unit(1.0, panel.unit)
-    names = [name for name in panel.waveforms if name in result]
+    names = [name for name in panel.names if name in result]
     for index, name in enumerate(names):
         time, values = two_beats(result, name)
         mean = beat_mean(result, name)
-        label = _label(name)
+        label = place_words(name)
         if panel.change:
             values = values - mean
             label = f"{label} (mean {number(mean, 0)} mL)"
@@ -164,7 +135,7 @@ def _draw_panel(ax: Axes, result: "xr.Dataset", panel: Panel, legend_rows: int) 
     ax.set_title(panel.title, loc="left", pad=3 + 11.5 * legend_rows)
     ax.legend(
         loc="lower left",
-        bbox_to_anchor=(_legend_start([_label(name) for name in names]), 1.0),
+        bbox_to_anchor=(_legend_start([place_words(name) for name in names]), 1.0),
         ncols=_legend_columns(panel),
         borderaxespad=0.1,
         handletextpad=0.5,
@@ -202,12 +173,4 @@ def _legend_columns(panel: Panel) -> int:
 
 
 def _legend_rows(result: "xr.Dataset", panel: Panel) -> int:
-    return math.ceil(sum(name in result for name in panel.waveforms) / _legend_columns(panel))
-
-
-def _label(name: str) -> str:
-    kind, place = name[0], name[1:]
-    if place.endswith("pump") and kind == "P":
-        return "pressure rise over the pump"
-    words = CONNECTIONS if kind == "Q" else COMPARTMENTS
-    return words.get(place, place)
+    return math.ceil(sum(name in result for name in panel.names) / _legend_columns(panel))
