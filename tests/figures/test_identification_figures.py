@@ -92,7 +92,7 @@ def test_residuals_show_where_a_fit_is_doubtful_and_poor():
 
 def test_starts_are_told_apart_by_where_they_ended():
     starts = SimpleNamespace(
-        begin=np.zeros((3, 2)), end=np.array([[0.0, 1.0], [0.0, 1.0], [-1.0, 0.5]]),
+        end=np.array([[0.0, 1.0], [0.0, 1.0], [-1.0, 0.5]]),
         first_costs=np.array([3.0, 4.0, 5.0]), last_costs=np.array([0.1, 0.1, 0.4]),
         agreeing=np.array([True, True, False]),
     )  # fmt: skip

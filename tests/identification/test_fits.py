@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -240,7 +241,7 @@ def test_a_point_without_any_steady_beat_is_kept_as_such(points, tmp_path, monke
     none, flat = np.zeros((0, 2)), np.zeros(0)
     nothing = Optimum(
         np.full(2, np.nan), np.full(6, np.nan), np.inf, np.full((6, 2), np.nan),
-        Starts(none, none, flat, flat, flat > 0), 20, 20, 0, FitStatus.NO_STEADY_BEAT,
+        Starts(none, flat, flat, flat > 0), 20, 20, 0, FitStatus.NO_STEADY_BEAT,
     )  # fmt: skip
     monkeypatch.setattr("eclsim.identification.fit.identify", lambda *_: [nothing])
     (result,) = fitted(points[:1], tmp_path)
@@ -286,6 +287,23 @@ def test_a_fit_that_ends_where_valves_stay_shut_is_poor_and_trusted_nowhere(fit,
     assert not any(p.identifiable for p in sealed.parameters.values())
     assert sealed.as_object()["status"] == "one_of_many"
     assert fit.status is FitStatus.FITTED
+
+
+def test_a_study_leaves_out_a_patient_whose_fit_ends_where_valves_stay_shut(points, monkeypatch):
+    monkeypatch.setattr(cohort, "fit_cases", lambda cases, *_: [ended(name, case) for name, case in cases])
+    reading = SimpleNamespace(points=points[:2], digest="abc")
+
+    def ended(name, case):
+        shut = name == points[0].name
+        status = FitStatus.ONE_OF_MANY if shut else FitStatus.FITTED
+        numbers = {"id": name, "cost": 0.1, "status": str(status), "message": status.message,
+                   "parameters": {"Rmc": {"value": 0.8}}, "outputs": {"MAP": {"measured": 80.0}}}  # fmt: skip
+        return SimpleNamespace(as_object=lambda: numbers, case=case, name=name, simulated={})
+
+    with Distribution().running() as executor:
+        fitted = cohort.fit_points(reading, QUICK, folder=None, executor=executor)
+    assert list(fitted.cases) == [points[1].name]
+    assert "valves stay shut" in fitted.not_fitted[points[0].name]
 
 
 def test_names_of_files_differ_for_names_that_differ():

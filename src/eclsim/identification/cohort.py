@@ -13,6 +13,7 @@ from eclsim.cases.writing import case_text
 from eclsim.execution import Executor, Progress, Tasks, announce, json_format
 from eclsim.files import file_stem, write_text
 from eclsim.identification.fit import fit_cases
+from eclsim.identification.multi_start import FitStatus
 from eclsim.identification.observation import FLOWS, PRESSURES, measured_and_simulated
 from eclsim.identification.settings import FitSettings
 
@@ -196,7 +197,7 @@ def fit_points(
     for number, fits in results.items():
         for point, fit in zip(tasks.arguments[number], fits, strict=True):
             numbers = fit.numbers
-            if numbers["cost"] is None:
+            if numbers["cost"] is None or numbers["status"] == FitStatus.ONE_OF_MANY:
                 not_fitted[point.name] = numbers["message"]
                 continue
             cases[point.name] = with_fitted(point.case, numbers)

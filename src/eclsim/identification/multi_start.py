@@ -114,14 +114,12 @@ class Starts:
     """Every start that was refined, in order, shape (starts, ...).
 
     Args:
-        begin: logarithms of the parameters where it began.
-        end: and where it ended.
+        end: logarithms of the parameters where it ended.
         first_costs: sum of squares where it began.
         last_costs: and where it ended.
         agreeing: whether it ended in the best optimum.
     """
 
-    begin: np.ndarray
     end: np.ndarray
     first_costs: np.ndarray
     last_costs: np.ndarray
@@ -189,7 +187,6 @@ class _Candidates:
     explored: int
     dropped: int
     shut: int
-    begin: list[np.ndarray] = field(default_factory=list)
     first_costs: list[float] = field(default_factory=list)
     refined: list[Refinement] = field(default_factory=list)
 
@@ -284,7 +281,6 @@ def _refine_all(
         refined = refine(problem, points, np.concatenate([starts[k] for k in jobs]), box, REFINING)
         for k in jobs:
             own = candidates[k]
-            own.begin.append(starts[k])
             own.first_costs += own.costs[first : first + settings.round_size].tolist()
             own.refined.append(refined.take(points == k))
         first += settings.round_size
@@ -313,14 +309,14 @@ def _best(
     explored = candidates.explored, candidates.dropped, candidates.shut
     if not candidates.refined or not np.isfinite((ended := candidates.so_far()).costs).any():
         none, flat = np.zeros((0, size)), np.zeros(0)
-        nothing = Starts(none, none, flat, flat, np.zeros(0, dtype=bool))
+        nothing = Starts(none, flat, flat, np.zeros(0, dtype=bool))
         return Optimum(
             np.full(size, np.nan), np.full(count, np.nan), np.inf, np.full((count, size), np.nan), nothing,
             *explored, FitStatus.ONE_OF_MANY if candidates.shut else FitStatus.NO_STEADY_BEAT,
         )  # fmt: skip
     last = _to_the_end(problem, point, ended.x[[np.argmin(ended.costs)]], box, settings.polishing)
     first_costs = np.array(candidates.first_costs)
-    starts = Starts(np.concatenate(candidates.begin), ended.x, first_costs, ended.costs, agreeing(ended))
+    starts = Starts(ended.x, first_costs, ended.costs, agreeing(ended))
     settled = last.terminations[0] == Termination.SETTLED
     return Optimum(
         last.x[0], last.outputs[0], float(last.costs[0]), last.jacobians[0], starts, *explored,
