@@ -14,14 +14,17 @@ from eclsim.devices.registry import parameters
 from eclsim.outputs.derivatives import Dual, LinearMeasures
 from eclsim.outputs.measures import Measures
 from eclsim.outputs.registry import Output, UnknownOutputError, all_outputs, available, contract, output
+from eclsim.outputs.signals import needed_parameters
 from eclsim.patient.circulation import Anatomy, circulation
+from eclsim.regulation.attach import REFLEXES, with_reflex, with_volume_offset
 
 PHASES = PhaseGrid(1).phases
 TURN = 2.0 * np.pi * PHASES
 PLACES = ("ao", "pas", "pvn", "ra", "la", "rv", "lv", "svn")
 
 OUTPUTS = all_outputs()
-CIRCUIT = circulation(Anatomy(regional=True)) + ecmo("ivc", "lower")
+CIRCUIT = with_reflex(with_volume_offset(circulation(Anatomy(regional=True))), REFLEXES["ursino1998"])
+CIRCUIT += ecmo("ivc", "lower")
 CIRCUIT += crrt("ecmotuor", "ecmooxy", dialysis=True)
 DIALYSIS = {
     "dialysate_ml_h": 1000.0, "replacement_pre_ml_h": 300.0, "replacement_post_ml_h": 800.0,
@@ -31,6 +34,7 @@ DIALYSIS = {
 PARAMETERS = {name: parameter.value for name, parameter in parameters().items()} | {
     f"{device}.{key}": value for device in ("crrt", "renox") for key, value in DIALYSIS.items()
 }
+PARAMETERS |= {"heart_rate_bpm": 80.0, "total_blood_volume_ml": 5000.0}
 
 
 def waveforms(amount=0.0):
@@ -56,7 +60,19 @@ def test_names_are_unique_and_all_are_described():
     assert len({entry.long_name for entry in OUTPUTS.values()}) == len(OUTPUTS)
     for name, entry in OUTPUTS.items():
         assert name == entry.name
-        assert entry.unit in {"mmHg", "L/min", "mL", "%", "mmHg mL", "mL/s", "1", "mL/h", "mL/min", "mmol/h"}
+        assert entry.unit in {
+            "mmHg",
+            "L/min",
+            "mL",
+            "%",
+            "mmHg mL",
+            "mL/s",
+            "1",
+            "mL/h",
+            "mL/min",
+            "mmol/h",
+            "bpm",
+        }
         assert entry.definition
         assert entry.needs
         assert set(entry.extremes) <= set(entry.needs)
@@ -94,7 +110,8 @@ def test_a_misspelt_output_names_its_neighbours():
 @pytest.mark.parametrize("name", [n for n, o in OUTPUTS.items() if GASES not in o.parameters])
 def test_every_output_is_differentiated_exactly(name):
     entry, step = OUTPUTS[name], 1e-5
-    read = {name: PARAMETERS[name] for name in entry.parameters}
+    names = needed_parameters(CIRCUIT, [name]) if entry.in_effect else entry.parameters
+    read = {name: PARAMETERS[name] for name in names}
     base = LinearMeasures(waveforms(), PHASES, CIRCUIT, read)
     found = entry.compute(base)
     assert found.value == pytest.approx(float(computed(entry, read)), rel=1e-12)
@@ -105,9 +122,11 @@ def test_every_output_is_differentiated_exactly(name):
     high, low = (float(computed(entry, read, s)) for s in (step, -step))
     assert exact == pytest.approx((high - low) / (2 * step), rel=1e-5, abs=1e-7)
     for parameter, value in read.items():
-        step = 1e-4 * value
+        step = 1e-4 * (value or 1.0)
         high, low = (float(computed(entry, read | {parameter: value + s})) for s in (step, -step))
-        assert found.slopes[parameter] == pytest.approx((high - low) / (2 * step), rel=1e-5, abs=1e-9)
+        assert found.slopes.get(parameter, 0.0) == pytest.approx(
+            (high - low) / (2 * step), rel=1e-5, abs=1e-9
+        )
 
 
 def test_flows_are_given_in_litres_a_minute():

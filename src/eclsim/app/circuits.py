@@ -5,7 +5,8 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from eclsim.cases.resolve import resolve_parameters, switched_circuit
+from eclsim.cases.resolve import switched_circuit
+from eclsim.orbit.model import values_of
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -19,7 +20,7 @@ def page_circuit(case: Case) -> tuple[Circuit, dict[str, float]]:
     they are fixed, and moving one compiles another circuit.
     """
     circuit, chosen = switched_circuit(case)
-    return _same(circuit), resolve_parameters(case) | chosen
+    return _same(circuit), values_of(case) | chosen
 
 
 @lru_cache(maxsize=256)

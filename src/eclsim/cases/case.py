@@ -9,6 +9,7 @@ from pydantic import ConfigDict, Field, SerializeAsAny, ValidationInfo, model_va
 
 from eclsim.cases.checking import check_case
 from eclsim.cases.gas import Gas
+from eclsim.cases.regulation import Fluid, Regulation
 from eclsim.cases.sections import (
     PATIENT_SECTIONS,
     Measurements,
@@ -48,8 +49,12 @@ class Case(PublishedDevices):
     measurements: Measurements | None = None
     physiology: Physiology | None = None
     gas: Gas | None = None
+    regulation: Regulation | None = None
+    fluid: Fluid | None = None
     other_devices: Mapping[str, SerializeAsAny[Section]] = Field(default_factory=dict)
     parameters: dict[str, float] = Field(default_factory=dict)
+    as_written: Case | None = Field(default=None, exclude=True, repr=False)
+    """The case of the file where settings were put over it; what open set points of reflexes refer to."""
 
     @model_validator(mode="before")
     @classmethod
@@ -109,6 +114,12 @@ class Case(PublishedDevices):
             for one in self.instances()
             for finding in one.device.section_findings(one.section, one, outputs)
         ]
+
+    def at_rest(self) -> Case:
+        """The case that open set points refer to: as it was written, unregulated, without extra volume."""
+        return (self.as_written or self).model_copy(
+            update={"regulation": None, "fluid": None, "as_written": None}
+        )
 
     def setting(self, section: str, name: str) -> Any:
         """A value as a case file holds it, such as "speed_rpm" of "lvad.left"; None if absent."""

@@ -69,7 +69,16 @@ def read_case(
         notes += _with_policy(merged, volume_policy, file)
     set_keys = {f"{section}.{key}" for section, key in parse_settings(settings)}
     reading = _checked(merged, file, lines_of_keys(text), set_keys)
-    return CaseReading(reading.case, reading.warnings, (*reading.notes, *notes), file)
+    case = reading.case
+    if settings and case.regulation and case.regulation.left_open:
+        case = case.model_copy(update={"as_written": _as_written(raw)})
+    return CaseReading(case, reading.warnings, (*reading.notes, *notes), file)
+
+
+def _as_written(raw: dict[str, Any]) -> Case | None:
+    """The case of the file itself; None where it is none without the settings."""
+    checked = check_case(raw)
+    return None if checked.mistakes else Case.model_validate(checked.values, context=CHECKED)
 
 
 def _with_policy(merged: dict[str, Any], policy: str, file: str) -> list[Mistake]:

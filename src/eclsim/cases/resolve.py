@@ -42,7 +42,18 @@ def _patient(case: Case) -> tuple[Circuit, dict[str, Site]]:
     patient = circulation(anatomy)
     if case.gas is not None:
         patient += gas_exchanges(anatomy)
-    return patient, dict(SAME_IN_REGIONS) if anatomy.regional else {}
+    return _regulated(patient, case), dict(SAME_IN_REGIONS) if anatomy.regional else {}
+
+
+def _regulated(patient: Circuit, case: Case) -> Circuit:
+    """The patient with what the case adds of reflexes and volume."""
+    from eclsim.parameters.regulation import EXTRA_VOLUME, UNSTRESSED
+    from eclsim.regulation.attach import REFLEXES, with_reflex, with_volume_offset
+
+    own = case.regulation if case.regulation and case.regulation.baroreflex is not None else None
+    if own or case.fluid or {EXTRA_VOLUME, UNSTRESSED} & case.parameters.keys():
+        patient = with_volume_offset(patient)
+    return with_reflex(patient, REFLEXES[own.model]) if own else patient
 
 
 def circuit_of(case: Case) -> Circuit:
@@ -100,8 +111,8 @@ def resolve_parameters(case: Case) -> dict[str, float]:
     values = {key: parameter.value for key, parameter in parameters().items()}
     values["heart_rate_bpm"] = case.patient.heart_rate_bpm
     values["total_blood_volume_ml"] = blood_volume_ml(case.patient)
-    if case.physiology is not None:
-        values |= case.physiology.values()
+    for section in (case.physiology, case.regulation, case.fluid):
+        values |= {} if section is None else section.values()
     if case.gas is not None:
         values["gas.vo2_ml_min"] = oxygen_consumption(*height_weight(case.patient))
         values |= {f"gas.{name}": number for name, number in case.gas.model_dump(exclude_none=True).items()}

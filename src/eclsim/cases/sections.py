@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
 from eclsim.cases.gas import Gas
+from eclsim.cases.regulation import Fluid, Regulation
 from eclsim.devices.device import AnyDevice, device_key
 from eclsim.devices.registry import device_of, devices
 from eclsim.inputs.fields import Field, measured, number, one_of
@@ -98,7 +99,7 @@ class Physiology(Section):
         return {f"{self.section}.{name}": value for name, value in given.items()}
 
 
-PATIENT_SECTIONS: tuple[type[Section], ...] = (Physiology, Gas)
+PATIENT_SECTIONS: tuple[type[Section], ...] = (Physiology, Gas, Regulation, Fluid)
 """Optional sections of what the patient has beyond the published model."""
 MEASURED = tuple(Measurements.fields())
 """Names of what may have been measured."""

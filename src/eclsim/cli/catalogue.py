@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from eclsim.devices.device import AnyDevice
     from eclsim.parameters import Parameter
 
-SetName = Literal["all", "thiel2025", "physiology", "shi_hose2009"]
+SetName = Literal["all", "thiel2025", "physiology", "regulation", "shi_hose2009"]
 _FIELDS = ("key", "value", "unit", "minimum", "maximum", "group", "description", "source")
 
 
@@ -113,11 +113,14 @@ def export(options: ExportOptions) -> None:
 
 
 def _set(name: str) -> Mapping[str, Parameter]:
-    from eclsim.parameters import all_parameters, physiology, shi_hose2009, thiel2025
+    from eclsim.parameters import all_parameters, physiology, regulation, shi_hose2009, thiel2025
 
     if name == "all":
         return all_parameters()
-    sets = {"thiel2025": thiel2025, "physiology": physiology, "shi_hose2009": shi_hose2009}
+    sets = {
+        "thiel2025": thiel2025, "physiology": physiology, "regulation": regulation,
+        "shi_hose2009": shi_hose2009,
+    }  # fmt: skip
     return sets[name].PARAMETERS
 
 

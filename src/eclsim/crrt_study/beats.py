@@ -14,12 +14,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eclsim.cases.resolve import resolve_parameters
 from eclsim.circuit import Choice, Circuit
 from eclsim.crrt_study.missing_beats import NOT_ASKED
 from eclsim.devices.crrt import CRRT, Crrt, crrt
 from eclsim.devices.ecmo import POSITIONS
-from eclsim.orbit.model import AS_PUBLISHED, PATIENT_HELD, circuit_of
+from eclsim.orbit.model import AS_PUBLISHED, PATIENT_HELD, circuit_of, values_of
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.recirculation import recirculated_fraction
@@ -117,7 +116,7 @@ def study_circuits(case: Case, schemes: Sequence[Scheme], crrt_flow_ml_min: floa
     nodes = (*POSITIONS.values(), *sorted(others))
     section = case.crrt or Crrt(flow_ml_min=crrt_flow_ml_min, access_site="post_oxy", return_site="pre_oxy")
     circuit = without + crrt(Choice(nodes, ACCESS), Choice(nodes, RETURN), section.dialyses)
-    values = resolve_parameters(alone) | CRRT.values(section)
+    values = values_of(alone) | CRRT.values(section)
     if case.gas is not None:
         values |= CRRT.values_of_blood(section, case.gas.haemoglobin_g_dl)
     values["crrt.flow_ml_min"] = crrt_flow_ml_min

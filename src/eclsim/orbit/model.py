@@ -77,7 +77,17 @@ class Model:
 
 def model_of(case: Case) -> Model:
     """The model of a case: its circuit with its parameter values and its blood volume policy."""
-    return Model(circuit_of(case), resolve_parameters(case), case.patient.id, case.volume_policy)
+    return Model(circuit_of(case), values_of(case), case.patient.id, case.volume_policy)
+
+
+def values_of(case: Case) -> dict[str, float]:
+    """A number for every parameter of a case; set points of reflexes that it leaves open are its own."""
+    values = resolve_parameters(case)
+    if case.regulation is None or not case.regulation.left_open:
+        return values
+    from eclsim.orbit.rest import resting_pressures
+
+    return {**values, **resting_pressures(case), **case.regulation.values()}
 
 
 def as_case(source: CaseSource) -> Case:

@@ -85,6 +85,17 @@ _PATIENT = (
     Limit("O2ER", "alarm", "above", 0.7, "extraction is critical: consumption falls with delivery", _OWN),
 )  # fmt: skip
 
+_SATURATED = (
+    Limit(
+        "reflex_use", "warning", "above", 90.0,
+        "the baroreflex saturates: a further fall of pressure is hardly answered", _OWN,
+    ),
+    Limit(
+        "reflex_use", "warning", "below", -90.0,
+        "the baroreflex saturates: a further rise of pressure is hardly answered", _OWN,
+    ),
+)  # fmt: skip
+
 _NO_CHAMBER = "no chamber ejects so; its volume is negative"
 _IMPOSSIBLE = tuple(
     limit
@@ -128,7 +139,12 @@ _PLACES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 def all_limits() -> tuple[Limit, ...]:
     """All limits, of the patient and of the only instance of each device."""
-    return (*_IMPOSSIBLE, *_PATIENT, *(limit for device in devices().values() for limit in device.limits))
+    return (
+        *_IMPOSSIBLE,
+        *_PATIENT,
+        *_SATURATED,
+        *(limit for device in devices().values() for limit in device.limits),
+    )
 
 
 def limits_of(quantity: str, outputs: Collection[str] = ()) -> tuple[Limit, ...]:
@@ -140,7 +156,7 @@ def limits_of(quantity: str, outputs: Collection[str] = ()) -> tuple[Limit, ...]
     """
     known = named_output(quantity)
     if known is None:
-        found = [limit for limit in (*_IMPOSSIBLE, *_PATIENT) if limit.quantity == quantity]
+        found = [limit for limit in (*_IMPOSSIBLE, *_PATIENT, *_SATURATED) if limit.quantity == quantity]
     else:
         names, entry = known
         own = (limit for limit in names.device.limits if limit.quantity == entry.name)

@@ -12,6 +12,7 @@ from eclsim.devices.description import Output, highest, lowest, mean, mean_flow
 from eclsim.devices.device import Naming
 from eclsim.devices.registry import devices, named_output, namings, registered
 from eclsim.outputs.gas import GAS_OUTPUTS
+from eclsim.outputs.regulation import REGULATED
 from eclsim.units import ML_S_PER_L_MIN
 
 if TYPE_CHECKING:
@@ -156,6 +157,7 @@ _MORE = (
         for at, valve in VALVES.items()
     ),
     mean_flow("systemic_flow", "systemic flow, through all organs but the lungs", "Qsart"),
+    *REGULATED,
     *_REGIONS,
     mean_flow("bronchial_flow", "flow from the systemic arteries into the pulmonary veins", "Qbronchial"),
     *GAS_OUTPUTS,

@@ -14,6 +14,7 @@ from eclsim.components.base import Number, Values
 from eclsim.devices.registry import registered
 from eclsim.gas.network import switches
 from eclsim.outputs.registry import available, output
+from eclsim.regulation.effects import parameters_of, steady_controls
 
 WORDS = {Kind.PRESSURE: "pressure in", Kind.FLOW: "flow through", Kind.VOLUME: "blood volume of"}
 
@@ -48,6 +49,8 @@ def needed_parameters(circuit: Circuit, outputs: Sequence[str]) -> tuple[str, ..
     names = [name for entry in entries for name in entry.parameters]
     if any(entry.all_flows for entry in entries):
         names += [*circuit.content_names(), *switches(circuit)]
+    if any(entry.in_effect for entry in entries):
+        names += parameters_of(steady_controls(circuit))
     return tuple(dict.fromkeys(names))
 
 

@@ -7,6 +7,7 @@ point to the pressure read, so that a patient at the set point is as without the
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
@@ -14,9 +15,22 @@ from typing import ClassVar, NamedTuple
 import jax.numpy as jnp
 
 from eclsim.circuit.network import BLOOD_VOLUME, Reading
-from eclsim.components.base import Key, Number, Values, value_of
+from eclsim.components.base import Constants, Key, Number, Values, value_of
 from eclsim.components.controllers import Controller, ControlState
 from eclsim.parameters.regulation import GAIN, SET_POINT, UNSTRESSED, VENOUS_SET_POINT
+
+FAR_MMHG = 1000.0
+"""Deviation of pressure by which a reflex has saturated."""
+
+
+class SteadyController(Controller[Constants], ABC):
+    """A controller whose states at rest follow from what it reads; it multiplies or shifts parameters."""
+
+    relative: ClassVar = True
+
+    @abstractmethod
+    def steady_states(self, readings: Sequence[Number], constants: Constants) -> Sequence[Number]:
+        """States that the readings leave as they are."""
 
 
 class Pathway(NamedTuple):
@@ -105,6 +119,18 @@ class ReflexModel:
         """The same where pressures have been so for long; deviations from the set points in mmHg."""
         return self.effects([gain * drive for drive in self.drives(deviations)], blood_volume_ml)
 
+    def use(self, arterial_deviation: Number) -> Number:
+        """Share of the resistance's range in use: 1 at the lowest arterial pressure, -1 at the highest."""
+        resistance = next(e for e in self.effectors if e.parameter == "Rmc")
+        pathway = next(k for k, gain in enumerate(resistance.gains[0]) if gain)
+
+        def drive(deviation: Number) -> Number:
+            rest = [0.0] * (len(self.reads) - 1)
+            return self.drives([deviation, *rest])[pathway]
+
+        end = jnp.where(arterial_deviation < 0.0, drive(-FAR_MMHG), -drive(FAR_MMHG))
+        return drive(arterial_deviation) / end
+
 
 class ReflexConstants(NamedTuple):
     """Gain, set points of the pressures read [mmHg], and the patient's blood volume [mL]."""
@@ -115,7 +141,7 @@ class ReflexConstants(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Reflex(Controller[ReflexConstants]):
+class Reflex(SteadyController[ReflexConstants]):
     """The controller of a published reflex; its states are the drives along the pathways.
 
         pressures --> [ curves ] --> drives --> [ lags ] --> gain * drive --> factors of parameters
@@ -135,7 +161,6 @@ class Reflex(Controller[ReflexConstants]):
     set_point: Key = SET_POINT
     venous_set_point: Key = VENOUS_SET_POINT
     blood_volume: Key = BLOOD_VOLUME
-    relative: ClassVar = True
     not_negative: ClassVar = ("gain",)
 
     @property
@@ -152,6 +177,10 @@ class Reflex(Controller[ReflexConstants]):
     def start(self, constants: ReflexConstants) -> Sequence[Number]:
         """At the set point."""
         return [0.0] * len(self.model.pathways)
+
+    def steady_states(self, readings: Sequence[Number], constants: ReflexConstants) -> Sequence[Number]:
+        """Drives of the pressures read."""
+        return self.model.drives([r - point for r, point in zip(readings, constants.set_points, strict=True)])
 
     def in_effect(
         self, states: Sequence[Number], values: Sequence[Number], constants: ReflexConstants
@@ -170,8 +199,7 @@ class Reflex(Controller[ReflexConstants]):
         constants: ReflexConstants,
     ) -> Sequence[Number]:
         """Each drive a beat's part of the way towards that of the pressures read."""
-        deviations = [read - point for read, point in zip(readings, constants.set_points, strict=True)]
-        wanted = self.model.drives(deviations)
+        wanted = self.steady_states(readings, constants)
         return [
             state - jnp.expm1(-period / pathway.lag_s) * (drive - state)
             for state, drive, pathway in zip(states, wanted, self.model.pathways, strict=True)

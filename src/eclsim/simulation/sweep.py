@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from eclsim.cases.resolve import resolve_parameters
-from eclsim.orbit.model import circuit_of
+from eclsim.orbit.model import circuit_of, values_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.results import labelled
 from eclsim.outputs.steady_beat import steady_beat
@@ -108,7 +107,7 @@ def sweep_cases(
             results.append(not_reached(case, policy, str(error)))
             continue
         results.append(None)
-        values.append(resolve_parameters(solved))
+        values.append(values_of(solved))
         found.append(speed)
     _check_effect(key, circuit, values, len(cases))
     name = next(iter(cases.values())).patient.id

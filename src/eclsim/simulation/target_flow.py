@@ -56,6 +56,10 @@ def with_speed(case: Case, policy: str | None = None) -> tuple[Case, SpeedFound 
     Raises:
         FlowNotReachedError: No speed in the pump's usual range gives the flow.
     """
+    if case.regulation is not None and case.regulation.left_open:
+        rest = case.at_rest()
+        if rest.ecmo is not None and rest.ecmo.flow_l_min is not None:
+            case = case.model_copy(update={"as_written": with_speed(rest, policy)[0]})
     if case.ecmo is None or case.ecmo.flow_l_min is None or not isinstance(case.ecmo.pump, str):
         return case, None
     flow, span = case.ecmo.flow_l_min, PUMPS[case.ecmo.pump].speed_range_rpm

@@ -1,0 +1,70 @@
+"""The sections [regulation] and [fluid]: reflexes, and blood given or lost."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from eclsim.inputs.fields import Field, number, one_of
+from eclsim.inputs.mistakes import Remarks, shown
+from eclsim.inputs.sections import Raw, Section
+from eclsim.parameters import regulation
+from eclsim.parameters.regulation import MODELS, PARAMETERS
+
+
+def _setting(key: str, allowed: str = "") -> Field:
+    parameter = PARAMETERS[key]
+    unit = "" if parameter.unit == "1" else parameter.unit
+    low, high, typical = parameter.minimum, parameter.maximum, parameter.value or 500.0
+    return number(parameter.description, unit, low, high, typical, required=False, allowed=allowed)
+
+
+class _Settings(Section):
+    """A section whose numbers are parameters of the circuit, by section and key."""
+
+    def values(self) -> dict[str, float]:
+        """Values of the parameters that are given."""
+        given = {
+            f"{self.section}.{name}": value for name, value in self.model_dump(exclude_none=True).items()
+        }
+        return {key: value for key, value in given.items() if key in PARAMETERS}
+
+
+class Regulation(_Settings):
+    """Reflexes. Set points in mmHg; left out, they are the pressures of the case without regulation."""
+
+    section = regulation.REGULATION
+    baroreflex: Annotated[
+        float | None,
+        _setting(regulation.GAIN, "0 to 1.2: 1 is the published reflex, less is sedation, 0 is off"),
+    ] = None
+    model: Annotated[
+        Literal["ursino1998", "heldt2004"], one_of("Published reflex", MODELS, required=False)
+    ] = "ursino1998"
+    set_point_mmHg: Annotated[float | None, _setting(regulation.SET_POINT)] = None  # noqa: N815
+    venous_set_point_mmHg: Annotated[float | None, _setting(regulation.VENOUS_SET_POINT)] = None  # noqa: N815
+
+    @property
+    def left_open(self) -> bool:
+        """Whether a set point is wanted that is not given."""
+        return self.baroreflex is not None and None in (
+            self.set_point_mmHg, self.venous_set_point_mmHg if self.model == "heldt2004" else 0.0
+        )  # fmt: skip
+
+    @classmethod
+    def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
+        """Say what is without effect."""
+        if "baroreflex" not in raw:
+            message = "left out, so nothing is regulated; 1 is the published reflex"
+            remarks.warning(f"{key}.baroreflex", message)
+        if "venous_set_point_mmHg" in values and values.get("model", "ursino1998") == "ursino1998":
+            message = (
+                'without effect: ursino1998 does not read right atrial pressure, model = "heldt2004" does'
+            )
+            remarks.warning(f"{key}.venous_set_point_mmHg", message, shown(values["venous_set_point_mmHg"]))
+
+
+class Fluid(_Settings):
+    """Blood given or, negative, lost before the steady beat, in mL."""
+
+    section = regulation.FLUID
+    extra_volume_ml: Annotated[float, _setting(regulation.EXTRA_VOLUME)] = 0.0

@@ -1,0 +1,78 @@
+"""The sections [regulation] and [fluid]: what they take, refuse and pass on, and what rest is."""
+
+import pytest
+
+from eclsim.cases import CaseError, read_case
+from eclsim.cases.reading import read_mapping
+from eclsim.cases.resolve import circuit_of
+from eclsim.cases.writing import write_case
+from eclsim.orbit.model import model_of, values_of
+from eclsim.parameters.regulation import EXTRA_VOLUME, GAIN, SET_POINT, UNSTRESSED, VENOUS_SET_POINT
+
+PATIENT = {"id": "P", "sex": "male", "age_years": 60, "heart_rate_bpm": 75}
+
+
+def read(**sections):
+    return read_mapping({"format": 1, "patient": PATIENT} | sections)
+
+
+@pytest.mark.parametrize(
+    ("section", "values", "line"),
+    [
+        ("regulation", {"baroreflex": -1},
+         "regulation.baroreflex = -1: outside the allowed range; allowed: 0 to 1.2: 1 is the published "
+         "reflex, less is sedation, 0 is off"),
+        ("regulation", {"baroreflex": 1, "model": "urisno1998"},
+         'regulation.model = "urisno1998": unknown name; allowed: ursino1998, heldt2004; did you mean '
+         "ursino1998?"),
+        ("regulation", {"baroreflex": 1, "set_point_mmHg": 12},
+         "regulation.set_point_mmHg = 12: outside the allowed range; allowed: 20 to 160 mmHg; did you mean "
+         "12 kPa = 90.01 mmHg?"),
+        ("regulation", {"baroreflex": 1, "set_point": 90},
+         "regulation.set_point = 90: unknown key; allowed: baroreflex, model, set_point_mmHg, "
+         "venous_set_point_mmHg; did you mean set_point_mmHg?"),
+        ("fluid", {"extra_volume_ml": -5000},
+         "fluid.extra_volume_ml = -5000: outside the allowed range; allowed: -3000 to 5000 mL"),
+        ("fluid", {"extra_volume_l": 1},
+         "fluid.extra_volume_l = 1: unknown key; allowed: extra_volume_ml; did you mean extra_volume_ml?"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_refused_in_one_line(section, values, line):
+    with pytest.raises(CaseError) as caught:
+        read(**{section: values})
+    assert [str(mistake) for mistake in caught.value.mistakes] == [line]
+
+
+def test_settings_without_effect_are_said():
+    (warning,) = read(regulation={"model": "heldt2004"}).warnings
+    assert "nothing is regulated" in str(warning)
+    (warning,) = read(regulation={"baroreflex": 1, "venous_set_point_mmHg": 5}).warnings
+    assert "ursino1998 does not read right atrial pressure" in str(warning)
+
+
+def test_without_the_sections_the_circuit_is_the_published_one():
+    plain = circuit_of(read().case)
+    assert not plain.controllers
+    assert UNSTRESSED not in plain.parameter_names()
+    assert circuit_of(read(regulation={"model": "heldt2004"}).case) == plain
+
+
+def test_sections_become_tables_and_values():
+    case = read(regulation={"baroreflex": 0.5, "set_point_mmHg": 80}, fluid={"extra_volume_ml": 250}).case
+    model = model_of(case)
+    assert [control.name for control in model.circuit.controllers] == ["regulation"]
+    assert {GAIN: 0.5, SET_POINT: 80.0, EXTRA_VOLUME: 250.0}.items() <= model.values.items()
+    assert EXTRA_VOLUME in model_of(read(parameters={UNSTRESSED: -100}).case).circuit.parameter_names()
+
+
+def test_an_open_set_point_is_the_pressure_of_the_case_as_it_was_written(tmp_path):
+    """So a patient who is at rest in the file answers to what is set over it."""
+    file = tmp_path / "case.toml"
+    write_case(read(regulation={"baroreflex": 1, "model": "heldt2004"}).case, file)
+    own, failing = (values_of(read_case(file, s).case) for s in ((), ["parameters.Emaxlv=0.3"]))
+    assert own[SET_POINT] == failing[SET_POINT]
+    assert own[VENOUS_SET_POINT] == failing[VENOUS_SET_POINT]
+    unregulated = read(parameters={"Emaxlv": 0.3}, regulation={"baroreflex": 1, "model": "heldt2004"}).case
+    assert values_of(unregulated)[SET_POINT] < 0.5 * own[SET_POINT]
+    bled = read_case(file, ["fluid.extra_volume_ml=-500"]).case
+    assert values_of(bled)[SET_POINT] == own[SET_POINT]
