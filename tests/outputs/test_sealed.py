@@ -20,7 +20,7 @@ from eclsim.outputs.steady_beat import steady_beat
 from eclsim.patient.circulation import circulation
 from eclsim.reporting.beat_values import case_name
 from eclsim.sensitivity.runs import SteadyBeatEvaluator
-from eclsim.simulation.json_object import case_object
+from eclsim.simulation.files import case_object
 from model_catalogue import model
 
 WEAK_LEFT = {"Emaxlv": 0.1, "ecmo.speed_rpm": 4500.0}

@@ -6,8 +6,7 @@ import pytest
 
 from eclsim.cases import read_mapping
 from eclsim.simulation import summary
-from eclsim.simulation.files import write_csv
-from eclsim.simulation.json_object import case_object
+from eclsim.simulation.files import case_object, write_csv
 from eclsim.simulation.single import simulate
 
 PERSON = {"id": "P01", "sex": "male", "age_years": 60, "heart_rate_bpm": 90}

@@ -3,7 +3,7 @@ import pytest
 
 from eclsim.cases.reading import read_case
 from eclsim.reporting.beat_values import beat_mean
-from eclsim.simulation.json_object import case_object
+from eclsim.simulation.files import case_object
 from eclsim.simulation.single import simulate, simulate_transient
 from eclsim.validation.reference_cases import waveform_statistics
 

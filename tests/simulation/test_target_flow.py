@@ -11,7 +11,7 @@ from eclsim.cases.settings import apply_settings
 from eclsim.cases.writing import case_text
 from eclsim.devices.device import UnsolvedFlowError
 from eclsim.orbit.model import model_of
-from eclsim.simulation.json_object import case_object
+from eclsim.simulation.files import case_object
 from eclsim.simulation.single import SPEED_FOUND, simulate, simulate_transient
 from eclsim.simulation.target_flow import TOLERANCE_L_MIN, FlowNotReachedError, speed_for_flow, with_speed
 

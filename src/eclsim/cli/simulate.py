@@ -180,7 +180,7 @@ def _write(
     labels: Sequence[str] | None,
 ) -> None:
     from eclsim.simulation import files, summary
-    from eclsim.simulation.json_object import results_object
+    from eclsim.simulation.files import results_object
 
     change = _change(results) if labels else None
     with writing():

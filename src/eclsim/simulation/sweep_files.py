@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eclsim.files import frame_text, whole_file, write_text
-from eclsim.simulation.json_object import case_object
+from eclsim.simulation.files import case_object
 from eclsim.simulation.sweep import Sweep, as_table
 
 if TYPE_CHECKING:
