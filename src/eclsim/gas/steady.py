@@ -26,8 +26,8 @@ from eclsim.components.exchangers import BLOOD, GasExchanger, Points
 from eclsim.gas.transport import Mixtures
 
 ITERATIONS = 150
-TOLERANCE = 1e-10
-"""Of the last step, in the logarithm of a partial pressure."""
+TOLERANCE = 1e-6
+"""Of the last step but one, in the logarithm of a partial pressure; the last one squares it."""
 LARGEST_STEP = 1.0
 INERTIA = 5.0
 """At the start of a search [L/min]."""
@@ -137,7 +137,7 @@ def solve(
         move, move_ph, size = _newton_step(fixed, state.pressure, state.ph, state.inertia)
         pressure = jnp.clip(state.pressure + jnp.clip(move, -LARGEST_STEP, LARGEST_STEP), LOWEST, HIGHEST)
         ph = jnp.clip(state.ph + jnp.clip(move_ph, -0.5, 0.5), 4.0, 12.0)
-        ph = jax.lax.fori_loop(0, 2, lambda _, at: acid(pressure, at), ph)
+        ph = acid(pressure, ph)
         error = jnp.maximum(jnp.abs(move).max(), jnp.abs(move_ph).max())
         # Inertia follows what is missing, so that the last steps are Newton's.
         ratio = jnp.clip(size / state.missing, 0.1, 2.0)
@@ -152,11 +152,12 @@ def solve(
     # One more step from the solution carries its derivatives exactly.
     move, move_ph, _ = _newton_step(network, end.pressure, end.ph, 0.0)
     pressure, ph = end.pressure + move, end.ph + move_ph
+    error = jax.lax.stop_gradient(jnp.maximum(jnp.abs(move).max(), jnp.abs(move_ph).max()))
     content, slope, saturation, _ = _properties(law, blood_of(values), pressure, ph)
     inside = Points(jnp.exp(pressure), content, slope)
     outlets, inlets = _streams(network, inside)
     gained = 10.0 * mixed.streams * (outlets - inlets)
-    return GasState(pressure, ph, saturation, content, outlets, inlets, gained, end.steps, end.error)
+    return GasState(pressure, ph, saturation, content, outlets, inlets, gained, end.steps, error)
 
 
 def _properties(law: str, blood: Blood, pressure: Array, ph: Array) -> tuple[Array, Array, Array, Array]:

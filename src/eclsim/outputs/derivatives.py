@@ -20,6 +20,7 @@ from eclsim.orbit.iteration import compiled_search
 from eclsim.outputs.measures import Measures, Points, compiled, compiled_jacobian, whole_beat
 from eclsim.outputs.registry import output
 from eclsim.outputs.signals import needed_signals
+from eclsim.units import ML_S_PER_L_MIN
 
 Sum = tuple[str, int]
 """A weighted sum that a measure depends on: its signal and its number."""
@@ -108,6 +109,12 @@ class LinearMeasures(Measures):
         total = slopes @ np.array([[number.slopes.get(key, 0.0) for key in keys] for number in given])
         rows = (dict(zip(keys, row, strict=True)) for row in total.tolist())
         return [Dual(float(value), row) for value, row in zip(values, rows, strict=True)]
+
+    def _positive(self, name: str, weights: np.ndarray, sign: float) -> Dual:
+        ahead = sign * self.waveforms[name] > 0.0
+        if not ahead.any():
+            return Dual(0.0)
+        return self._whole({name: sign / ML_S_PER_L_MIN * ahead * weights})
 
     def _product(self, weights: Mapping[str, np.ndarray]) -> Dual:
         found = self._whole(weights)

@@ -17,6 +17,7 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from eclsim.beat.recording import MEAN, RATE
@@ -27,8 +28,10 @@ from eclsim.gas.origin import ARTERIES, OriginFunction, native_shares
 from eclsim.gas.solutes import SoluteFunction, effective_clearances
 from eclsim.units import ML_S_PER_L_MIN
 
-SIDE_BY_SIDE = 32
-"""Members whose laws are computed together."""
+SIDE_BY_SIDE = 16
+"""Members whose laws are computed together; more at once do not fit the processor's caches."""
+DIRECTIONS = 8
+"""In which a law is differentiated at once."""
 SMALLEST_VOLUME = 1e-6
 """Divisor [mL] in place of a volume that is zero or less."""
 Points = list[tuple[str, Any, Any]]
@@ -98,8 +101,11 @@ class Measures:
     def _one_way(self, flow: str, sign: float) -> Any:
         moved = flow + MEAN in self.waveforms
         name, weights = (flow + MEAN, np.r_[0.0, self._widths]) if moved else (flow, self._trapezoid)
-        where = sign * self.waveforms[name] > 0.0
-        return self._whole({name: sign / ML_S_PER_L_MIN * (where.T * weights).T})
+        return self._positive(name, weights, sign)
+
+    def _positive(self, name: str, weights: np.ndarray, sign: float) -> Any:
+        """Weighted sum [L/min] of a flow where it has a sign, else 0."""
+        return weights @ np.maximum(sign * self.waveforms[name], 0.0) / ML_S_PER_L_MIN
 
     def parameter(self, name: str) -> Any:
         """A parameter."""
@@ -240,7 +246,12 @@ def compiled_side_by_side(function: Law) -> Callable[[np.ndarray], jax.Array]:
 @lru_cache(maxsize=64)
 def compiled_jacobian(function: Law) -> Callable[[np.ndarray], jax.Array]:
     """Its derivatives, of one patient, shape (results, numbers)."""
-    return jax.jit(jax.jacfwd(function))
+
+    def jacobian(numbers: jax.Array) -> jax.Array:
+        _, along = jax.linearize(function, numbers)
+        return jax.lax.map(along, jnp.eye(numbers.shape[0]), batch_size=DIRECTIONS).T
+
+    return jax.jit(jacobian)
 
 
 def _stationary(rise: Any, second: Any, third: Any, fall: Any) -> np.ndarray:
