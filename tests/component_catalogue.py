@@ -54,6 +54,10 @@ PATHS: dict[str, tuple[Path, dict[str, float]]] = {
     ),
     "venous cannula": (Cannula("fr", CANNULAE["venous"].coefficients), {"fr": 21.0}),
     "arterial cannula": (Cannula("fr", CANNULAE["arterial"].coefficients), {"fr": 17.0}),
+    "clamped cannula": (
+        Cannula("fr", CANNULAE["arterial"].coefficients, "clamp"),
+        {"fr": 17.0, "clamp": 0.4},
+    ),
     "crrt roller pump": (RollerPump("rate"), {"rate": 200.0}),
     "ecmo roller pump": (RollerPump("rate", "l/min"), {"rate": 4.0}),
 }

@@ -71,12 +71,52 @@ def test_renox_moves_no_blood_and_clears_as_its_fibres_do_at_the_flow_of_the_ecm
     assert float(found["renox_free_ultrafiltration_ml_h"]) == pytest.approx(37.0 * mean, rel=1e-6)
 
 
+@pytest.mark.slow
+def test_a_second_return_takes_its_share_of_the_flow_and_its_clamp_gives_it_back(alone):
+    second = {"second_return_site": "ra", "second_return_fr": 15}
+    drained = {"drainage_site": "svn", "drainage_cannula": "venous", "drainage_fr": 25}
+    flows = {}
+    for clamp in (0.0, 0.6, 1.0):
+        found = eclsim.simulate(case(ecmo=ECMO | drained | second | {"second_return_clamp": clamp}))
+        assert found.attrs["converged"]
+        given = found["Qecmoreturn"].values + found["Qecmoreturn2"].values
+        drop = (found["Pecmoreturn"] - found["Pra"]).values
+        size = CANNULAE["arterial"].resistance(15.0) / max((1.0 - clamp) ** 2, 1e-9)
+        expected = np.sqrt(drop / size) * 1000.0 / 60.0
+        np.testing.assert_allclose(found["Qecmoreturn2"].values, expected, rtol=1e-3, atol=0.02)
+        assert np.isfinite(given).all()
+        flows[clamp] = float(found["second_return_flow"])
+    one = eclsim.simulate(case(ecmo=ECMO | drained))
+    assert flows[0.0] > flows[0.6] > 0.2
+    assert flows[1.0] == pytest.approx(0.0, abs=1e-3)
+    assert float(found["PF"]) == pytest.approx(float(one["PF"]), abs=2e-3)
+
+
+@pytest.mark.slow
+def test_left_atrial_drainage_unloads_the_left_side(alone):
+    found = eclsim.simulate(case(ecmo=ECMO | {"second_drainage_site": "la", "second_drainage_fr": 21}))
+    assert float(found["second_drainage_flow"]) == pytest.approx(float(found["CO"] - found["LVO"]), abs=1e-4)
+    assert float(found["PCWP"]) < float(alone["PCWP"]) - 1.0
+
+
 @pytest.mark.parametrize(
     ("sections", "line"),
     [
         ({"vent": {"site": "rv", "fr": 12}}, 'vent.site = "rv": unknown name; allowed: lv, la, pas'),
         ({"vent": {"site": "lv", "fr": 45}}, "vent.fr = 45: outside the allowed range"),
         ({"septostomy": {"diameter_mm": 0.8}}, "septostomy.diameter_mm = 0.8: outside the allowed range"),
+        (
+            {"ecmo": ECMO | {"second_return_site": "la"}},
+            "ecmo.second_return_fr: missing, while second_return_",
+        ),
+        (
+            {"ecmo": ECMO | {"second_return_site": "ra", "second_return_fr": 15}},
+            'ecmo.second_return_site = "ra": a site of the first cannulae',
+        ),
+        (
+            {"ecmo": ECMO | {"second_return_site": "la", "second_return_fr": 17, "second_return_clamp": 60}},
+            "ecmo.second_return_clamp = 60: outside the allowed range; allowed: 0 to 1",
+        ),
         ({"renox": {"net_ultrafiltration_ml_h": 100}}, "renox.dialysate_ml_h: missing"),
     ],
 )

@@ -13,6 +13,8 @@ from eclsim.components.vessels import Inertial, InertialResistance
 from eclsim.units import ML_S_PER_L_MIN, PA_PER_MMHG
 
 CUBIC_METRE_PER_ML = 1e-6
+ALL_BUT_CLOSED = 1e-9
+"""Keeps the resistance of a closed clamp finite: some 0.001 mL/s leak."""
 TINY = 1e-12
 """Keeps the square root differentiable at zero flow; far below the rounding of a flow [mmHg^2 s^2/mL^2]."""
 
@@ -72,19 +74,24 @@ class Cannula(Path[Number]):
     Args:
         french: size D [Fr].
         coefficients: c3, c2, c1, c0 of R [mmHg min^2/L^2].
+        clamp: share of its area that is closed; a number 0 for none.
 
     Source: Getinge HLS data sheets (water), as fitted in the published code of Thiel et al.
     """
 
     french: Key
     coefficients: tuple[float, float, float, float]
+    clamp: Key = 0.0
     above_zero: ClassVar = ("french",)
 
     def constants(self, values: Values) -> Number:
         """R [mmHg s^2/mL^2]."""
         size = value_of(values, self.french)
         c3, c2, c1, c0 = self.coefficients
-        return (((c3 * size + c2) * size + c1) * size + c0) / ML_S_PER_L_MIN**2
+        resistance = (((c3 * size + c2) * size + c1) * size + c0) / ML_S_PER_L_MIN**2
+        if self.clamp == 0.0:
+            return resistance
+        return resistance / ((1.0 - value_of(values, self.clamp)) ** 2 + ALL_BUT_CLOSED)
 
     def pressure_drop(self, flow: Number, constants: Number) -> Number:
         """R Q |Q| [mmHg]."""

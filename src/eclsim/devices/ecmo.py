@@ -53,17 +53,19 @@ from eclsim.devices.products import (
     makers_names,
     pump_values,
 )
+from eclsim.devices.second_cannulae import CONNECTIONS, MARKS, NOMINAL, SecondCannulae, check_second
+from eclsim.devices.second_cannulae import OUTPUTS as SECOND_OUTPUTS
 from eclsim.inputs.fields import Field, number, one_of, setting
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.numbers import RefusedValueError, read_number
-from eclsim.inputs.sections import Raw, Section, read_name
+from eclsim.inputs.sections import Raw, read_name
 from eclsim.parameters import gas, thiel2025
 from eclsim.patient.anthropometry import body_surface
 from eclsim.patient.sites import ARTERIAL_SITES, PATIENT_SITES, VENOUS_SITES
 from eclsim.units import ML_S_PER_L_MIN
 
 if TYPE_CHECKING:
-    from eclsim.circuit.network import Circuit, Site
+    from eclsim.circuit.network import Circuit, Connection, Site
     from eclsim.components import Path
 
 GROUP = "ecmo"
@@ -232,7 +234,7 @@ def _cannula(description: str) -> Field:
     return one_of(description, tuple(CANNULAE), required=False)
 
 
-class Ecmo(Section):
+class Ecmo(SecondCannulae):
     """The ECMO circuit: pump speed in rpm, cannula sizes in Fr.
 
     A rotary pump has its speed, or the flow [L/min] that `eclsim.simulation.target_flow` solves it for.
@@ -306,6 +308,7 @@ def ecmo(
     drainage_cannula: str = "venous",
     return_cannula: str = "arterial",
     roller: bool = False,
+    second: tuple[Connection, ...] = (),
 ) -> Circuit:
     """An ECMO circuit between two sites.
 
@@ -316,6 +319,7 @@ def ecmo(
         return_cannula: likewise.
         roller: True for a roller pump (`ecmo.roller_l_min`), else a rotary pump (`ecmo.speed_rpm`,
             `ecmo.pump.a` ...).
+        second: further cannulae.
     """
     from eclsim.circuit.network import Circuit, Compartment, Connection, Exchange
     from eclsim.components import (
@@ -347,6 +351,7 @@ def ecmo(
         Connection("ecmooxy", Resistance("Recmooxy"), "ecmooxy", "ecmotuor", GROUP),
         Connection("ecmotuor", Tube("Lecmotuor", "Decmotuor"), "ecmotuor", "ecmoreturn", GROUP),
         Connection("ecmoreturn", back, "ecmoreturn", return_site, GROUP),
+        *second,
     )
     return Circuit(
         compartments, connections, exchanges=(Exchange("ecmooxy", MembraneLung(), "ecmooxy", GROUP),)
@@ -417,6 +422,7 @@ class EcmoDevice(Device[Ecmo]):
             "ecmooxy": "oxygenator",
             "ecmotuor": "tube from oxygenator",
             "ecmoreturn": "return cannula",
+            **CONNECTIONS,
         }
     )
     boxes = MappingProxyType(
@@ -438,6 +444,7 @@ class EcmoDevice(Device[Ecmo]):
             "ecmooxy": Mark("exchanger", "oxygenator"),
             "ecmotuor": Mark("tube", "tube"),
             "ecmoreturn": Mark("cannula", "return cannula"),
+            **MARKS,
         }
     )
     look = Look("#0072B2", "#EEF5FA", 2.0, marker="s")
@@ -483,11 +490,12 @@ class EcmoDevice(Device[Ecmo]):
         {
             "ecmo.speed_rpm": 3000.0, "ecmo.drainage_fr": 23.0, "ecmo.return_fr": 17.0,
             "ecmo.roller_l_min": 3.0, "Recmooxy": OXYGENATORS["Quadrox-i Adult"].resistance,
-            **pump_values(GROUP, PUMPS["Rotaflow"]),
+            **pump_values(GROUP, PUMPS["Rotaflow"]), **NOMINAL,
         }
     )  # fmt: skip
     outputs = (
         mean_flow("PF", "ECMO pump flow", "Qecmopump", in_contract=True),
+        *SECOND_OUTPUTS,
         mean("drainage_pressure", "mean pressure in the ECMO drainage cannula", "Pecmodrain"),
         lowest("lowest_drainage_pressure", "lowest pressure in the ECMO drainage cannula", "Pecmodrain"),
         mean("pump_inlet_pressure", "mean pressure before the ECMO pump", "Pecmotudp"),
@@ -559,7 +567,7 @@ class EcmoDevice(Device[Ecmo]):
         roller = isinstance(section.pump, RollerPump)
         return ecmo(
             section.drainage_site, section.return_site, section.drainage_cannula, section.return_cannula,
-            roller,
+            roller, section.second_connections(CANNULAE),
         )  # fmt: skip
 
     def values(self, section: Ecmo) -> dict[str, float]:
@@ -575,6 +583,7 @@ class EcmoDevice(Device[Ecmo]):
             "ecmo.return_fr": section.return_fr,
             **{f"ecmo.{name}": _gas_setting(section, name) for name in GAS_KEYS},
             **OXYGENATORS[section.oxygenator].gas_values(),
+            **section.second_values(),
         }
         if isinstance(section.pump, RollerPump):
             return values | {"ecmo.roller_l_min": section.pump.roller_l_min}
@@ -667,6 +676,7 @@ class EcmoDevice(Device[Ecmo]):
             kind, size = values.get(f"{line}_cannula"), values.get(f"{line}_fr")
             if kind is not None and size is not None:
                 check_cannula(f"{key}.{line}_fr", size, CANNULAE[kind], remarks)
+        check_second(key, values, CANNULAE, remarks)
         check_speed(key, values, PUMPS, remarks)
         _check_sweep(values, case, key, remarks)
         alone = len(case.of(self.key)) == 1
@@ -676,8 +686,8 @@ class EcmoDevice(Device[Ecmo]):
 
     def findings(self, names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
         """What this model does not show of the left ventricle while a pump returns blood to the arteries."""
-        back = names.place("ecmoreturn")
-        returns = any(c.name == back and c.target in ARTERIAL_SITES for c in circuit.connections)
+        back = (names.place("ecmoreturn"), names.place("ecmoreturn2"))
+        returns = any(c.name in back and c.target in ARTERIAL_SITES for c in circuit.connections)
         if not returns or "EDVLV" not in outputs:
             return []
         text = (

@@ -248,7 +248,12 @@ def _add(plan: Plan, connection: Connection, names: Naming | None, groups: Mappi
     site = next((end for end in (source, target) if end not in own), "")
     if len(own) == 2 and _neighbours(plan, source, target):
         plan.wires.append(Wire(name, source, target, mark))
-    elif len(own) == 1 and site in plan.places and _can_leave(plan, own[0], site):
+    elif (
+        len(own) == 1
+        and site in plan.places
+        and _can_leave(plan, own[0], site)
+        and all(line.node != own[0] for line in plan.lines)
+    ):
         plan.lines.append(Attachment(name, site, own[0], names.key, target in own, mark))
     elif not own and source != target and {source, target} <= set(PATIENT_PLACES) & set(plan.places):
         plan.bridges.append(Bridge(name, source, target, mark))

@@ -1,0 +1,100 @@
+"""Second cannulae of an ECMO circuit: V-VA and V-AV return, bicaval and left atrial (LAVA) drainage.
+
+    second drainage site --(cannula)--> ecmodrain        ecmoreturn --(cannula, clamp)--> second return site
+
+Both join the first line at a Y-piece. Their types follow from their sizes: drainage cannulae are venous ones
+from 19 Fr on, return cannulae arterial ones up to 23 Fr. A clamp narrows the second return to a share of its
+area: its resistance grows with the inverse square of what is left open.
+"""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated
+
+from eclsim.devices.description import Mark, mean_flow
+from eclsim.devices.plausibility import check_cannula, patient_site
+from eclsim.inputs.fields import number
+from eclsim.inputs.sections import Section
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from eclsim.circuit.network import Connection
+    from eclsim.devices.products import CannulaType
+    from eclsim.inputs.mistakes import Remarks
+    from eclsim.inputs.sections import Raw
+
+LINES = MappingProxyType({"drainage": "ecmodrain", "return": "ecmoreturn"})
+CONNECTIONS = MappingProxyType({f"{node}2": f"second {line} cannula" for line, node in LINES.items()})
+MARKS = MappingProxyType({name: Mark("cannula", words) for name, words in CONNECTIONS.items()})
+NOMINAL = MappingProxyType(
+    {"ecmo.second_drainage_fr": 19.0, "ecmo.second_return_fr": 15.0, "ecmo.second_return_clamp": 0.0}
+)
+OUTPUTS = tuple(
+    mean_flow(f"second_{line}_flow", f"flow through the second {line} cannula", f"Q{node}2")
+    for line, node in LINES.items()
+)
+
+
+class SecondCannulae(Section):
+    """Keys of second cannulae, which may be left out."""
+
+    second_drainage_site: Annotated[
+        str | None, patient_site("Compartment that is drained too", required=False)
+    ] = None
+    second_drainage_fr: Annotated[
+        float | None, number("Size of second drainage cannula", "Fr", 15, 29, 19, required=False)
+    ] = None
+    second_return_site: Annotated[
+        str | None, patient_site("Compartment that receives too", required=False)
+    ] = None
+    second_return_fr: Annotated[
+        float | None, number("Size of second return cannula", "Fr", 15, 29, 15, required=False)
+    ] = None
+    second_return_clamp: Annotated[
+        float, number("Clamp on the second return: 0 open, 1 closed", "", 0, 1, 0.5, required=False)
+    ] = 0.0
+
+    def second_values(self) -> dict[str, float]:
+        """Sizes and clamp of the cannulae that are there."""
+        values = {name: getattr(self, name.removeprefix("ecmo.")) for name in NOMINAL}
+        return {name: value for name, value in values.items() if value is not None}
+
+    def second_connections(self, types: Mapping[str, CannulaType]) -> tuple[Connection, ...]:
+        """The cannulae as connections of the ECMO circuit."""
+        from eclsim.circuit.network import Connection
+        from eclsim.components import Cannula
+
+        found = []
+        for line, node in LINES.items():
+            site, size = getattr(self, f"second_{line}_site"), getattr(self, f"second_{line}_fr")
+            if site is None or size is None:
+                continue
+            clamp = "ecmo.second_return_clamp" if line == "return" else 0.0
+            law = Cannula(f"ecmo.second_{line}_fr", _type(line, size, types).coefficients, clamp)
+            ends = (site, node) if line == "drainage" else (node, site)
+            found.append(Connection(f"{node}2", law, *ends, "ecmo"))
+        return tuple(found)
+
+
+def _type(line: str, size: float, types: Mapping[str, CannulaType]) -> CannulaType:
+    """The venous cannulae of larger sizes, the arterial ones of smaller sizes."""
+    smallest = types["venous"].sizes_fr[0] if line == "drainage" else types["arterial"].sizes_fr[-1] + 0.01
+    return types["venous" if size >= smallest else "arterial"]
+
+
+def check_second(key: str, values: Raw, types: Mapping[str, CannulaType], remarks: Remarks) -> None:
+    """Sites with their sizes, other sites than those of the first cannulae, and sizes that there are."""
+    for line in LINES:
+        site, size = values.get(f"second_{line}_site"), values.get(f"second_{line}_fr")
+        for given, missing in (("site", "fr"), ("fr", "site")):
+            there, other = f"second_{line}_{given}", f"second_{line}_{missing}"
+            lacks = values.get(there) is not None and values.get(other) is None
+            if lacks and f"{key}.{other}" not in remarks.refused():
+                remarks.error(f"{key}.{other}", f"missing, while {there} is there")
+        if site is not None and site in (values.get("drainage_site"), values.get("return_site")):
+            message = "a site of the first cannulae"
+            remarks.error(f"{key}.second_{line}_site", message, f'"{site}"', "another compartment")
+        if size is not None:
+            check_cannula(f"{key}.second_{line}_fr", size, _type(line, size, types), remarks)
