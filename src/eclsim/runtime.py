@@ -37,6 +37,8 @@ def _processor_key() -> str:
 
 def _configure() -> None:
     jax.config.update("jax_enable_x64", True)
+    # Dispatched programs wait in the threads that they need themselves: two at a time can wait for ever.
+    jax.config.update("jax_cpu_enable_async_dispatch", False)
     folder = cache_folder()
     if folder is None:
         return

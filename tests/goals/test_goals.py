@@ -8,8 +8,9 @@ import pytest
 
 import eclsim
 from eclsim.cases.presets import PRESETS
+from eclsim.cases.reading import read_case
 from eclsim.cli import main
-from eclsim.goals.goal import Goal, GoalError, Setting, read_goals, read_settings
+from eclsim.goals.goal import Goal, GoalError, Setting, read_goals, read_settings, turnable
 from eclsim.goals.search import reach
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate, simulate_many
@@ -51,7 +52,7 @@ def test_what_cannot_be_meant_is_refused(text, message):
 
 
 def test_settings_have_the_ranges_of_their_knobs_or_their_own():
-    values = model_of(CASE).values
+    values = turnable(model_of(CASE).circuit)
     (speed,) = read_settings(None, CASE, values)
     assert speed == Setting("ecmo.speed_rpm", 0.0, 5000.0, "rpm")
     named = read_settings("ecmo.speed_rpm=2000..4000, Rmc", CASE, values)
@@ -147,3 +148,23 @@ def test_all_mistakes_are_said_at_once_and_the_command_ends_with_two(tmp_path, c
     content = json.loads(out.read_text())
     assert content["reached"] is False
     assert content["goals"][0]["high"] is None
+
+
+@pytest.mark.slow
+def test_with_gas_the_sweep_is_turned_too():
+    """The lowest speed for a saturation: at less, no sweep within the bounds of the carbon dioxide reaches it."""
+    file = Path(__file__).parents[2] / "examples" / "veno_venous_gas.toml"
+    result = reach(file, "SaO2 > 90, PaCO2 30..45")
+    assert result.reached
+    assert [setting.name for setting in result.settings] == ["ecmo.speed_rpm", "ecmo.sweep_l_min"]
+    speed, sweep = result.values
+    sweeps = np.append(np.linspace(1.5, 6.0, 10), sweep)
+    beside = simulate_many(
+        read_case(file),
+        {"ecmo.speed_rpm": np.append(np.full(10, speed - 5.0), speed), "ecmo.sweep_l_min": sweeps},
+        ("SaO2", "PaCO2"),
+    )
+    allowed = (beside["PaCO2"] >= 30.0) & (beside["PaCO2"] <= 45.0)
+    reached = allowed & (beside["SaO2"] >= 90.0)
+    assert int(allowed.sum()) > 3
+    assert list(np.flatnonzero(reached)) == [10]

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from eclsim.devices.description import Knob
-from eclsim.parameters import did_you_mean
+from eclsim.circuit.network import HEART_RATE
+from eclsim.devices.description import GASES, Knob
+from eclsim.parameters import did_you_mean, gas
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
+    from eclsim.circuit.network import Circuit
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _ONE_SIDE = re.compile(rf"(\S+?)\s*(>=|<=|>|<|≥|≤)\s*({_NUMBER})")
@@ -136,6 +138,14 @@ def _repeated(names: Sequence[str]) -> list[str]:
     return [name for name in dict.fromkeys(names) if names.count(name) > 1]
 
 
+def turnable(circuit: Circuit) -> tuple[str, ...]:
+    """Parameters that a circuit's outputs depend on; those of gas exchange only where gases are computed."""
+    read, dissolved = circuit.parameter_names(), circuit.content_names()
+    if GASES not in dissolved:
+        dissolved = tuple(name for name in dissolved if name not in gas.PARAMETERS)
+    return tuple(dict.fromkeys((HEART_RATE, *read, *dissolved)))
+
+
 def usual_settings(case: Case, known: Sequence[str]) -> tuple[Setting, ...]:
     """What is turned on the devices of a case to reach goals, the dearest first, over the range of the page.
 
@@ -143,31 +153,28 @@ def usual_settings(case: Case, known: Sequence[str]) -> tuple[Setting, ...]:
         case: with its devices.
         known: parameters of the case that may be turned.
     """
-    settings = []
+    settings: list[Setting | None] = []
     for one in case.instances():
-        knobs = _knobs(case, one.key)
-        for key in one.device.adjusted:
-            name = f"{one.key}.{key}"
-            if key in knobs and name in known:
-                settings.append(Setting(name, knobs[key].low, knobs[key].high, knobs[key].unit))
-    return tuple(settings)
+        names = (f"{one.key}.{key}" for key in one.device.adjusted)
+        settings += [_bounded(case, name) for name in names if name in known]
+    return tuple(setting for setting in settings if setting is not None)
 
 
 def read_settings(
-    text: str | Sequence[Setting] | None, case: Case, values: Mapping[str, float]
+    text: str | Sequence[Setting] | None, case: Case, known: Sequence[str]
 ) -> tuple[Setting, ...]:
     """Settings as users write them: names, each with or without bounds ("ecmo.speed_rpm=2000..4000, Rmc").
 
     Args:
         text: left out, the usual ones of the devices of the case.
         case: whose ranges hold where no bounds are written.
-        values: of all parameters that may be turned.
+        known: names of all parameters that may be turned.
 
     Raises:
         GoalError: with every mistake.
     """
     if text is None:
-        settings = usual_settings(case, tuple(values))
+        settings = usual_settings(case, known)
         if not settings:
             raise GoalError(["nothing to turn: no device with a speed; name parameters and bounds to vary"])
         return settings
@@ -176,8 +183,8 @@ def read_settings(
     settings, wrong = [], []
     for part in text.split(","):
         name, _, bounds = (piece.strip() for piece in part.partition("="))
-        if name not in values:
-            wrong.append(f"{name}: this case has no such parameter{_hint(name, tuple(values))}")
+        if name not in known:
+            wrong.append(f"{name}: this case has no such parameter{_hint(name, known)}")
             continue
         setting = _bounded(case, name)
         if bounds:

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.optimize import linprog
 
-from eclsim.goals.goal import Goal, GoalError, Setting, read_goals, read_settings
+from eclsim.goals.goal import Goal, GoalError, Setting, read_goals, read_settings, turnable
 from eclsim.orbit.model import CaseSource, Model, as_case, model_of
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import Batch
@@ -146,7 +146,7 @@ def reach(
     except GoalError as error:
         wrong += error.mistakes
     try:
-        settings = read_settings(vary, known, model.values)
+        settings = read_settings(vary, known, turnable(model.circuit))
     except GoalError as error:
         wrong += error.mistakes
     if wrong:
