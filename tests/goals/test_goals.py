@@ -152,7 +152,7 @@ def test_all_mistakes_are_said_at_once_and_the_command_ends_with_two(tmp_path, c
 
 @pytest.mark.slow
 def test_with_gas_the_sweep_is_turned_too():
-    """The lowest speed for a saturation: at less, no sweep within the bounds of the carbon dioxide reaches it."""
+    """The lowest speed for a saturation: at less, no sweep within the bounds of PaCO2 reaches it."""
     file = Path(__file__).parents[2] / "examples" / "veno_venous_gas.toml"
     result = reach(file, "SaO2 > 90, PaCO2 30..45")
     assert result.reached
