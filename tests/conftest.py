@@ -1,6 +1,7 @@
 """What all tests share: short names; compiled programs are dropped when a worker has gathered too many."""
 
 import ctypes
+import functools
 import gc
 import sys
 from collections.abc import Iterator
@@ -34,6 +35,9 @@ def _compiled_programs_are_dropped() -> Iterator[None]:
     yield
     if "jax" in sys.modules and resident_mb() > LARGEST_MB:
         sys.modules["jax"].clear_caches()
+        for cache in gc.get_objects():
+            if isinstance(cache, functools._lru_cache_wrapper) and cache.__module__.startswith("eclsim."):
+                cache.cache_clear()
         gc.collect()
         if sys.platform == "linux":
             ctypes.CDLL(None).malloc_trim(0)
