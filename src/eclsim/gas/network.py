@@ -73,7 +73,7 @@ _MESSAGES = {
 class Quantity(NamedTuple):
     """A number of the gas state.
 
-    Args:
+    Attributes:
         what: a name of `GASES`; "gained" gas or "gained_co2", "supplied" and "demanded" oxygen [mL/min STPD]
             of an exchange; "recirculated" share of what an exchange sent; or "status".
         where: "in" a compartment, "drawn" by a connection, "behind" an exchange, or "at" an exchange.

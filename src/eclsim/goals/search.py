@@ -48,7 +48,7 @@ SCANNED = {1: 9, 2: 7, 3: 5}
 class GoalResult(NamedTuple):
     """One goal at the settings.
 
-    Args:
+    Attributes:
         goal: what was asked for.
         value: what the output is, in its unit.
         met: whether it is reached.
