@@ -70,7 +70,11 @@ MEANS = (
     "SP", "DP", "MPAP", "PCWP", "lowest_drainage_pressure", "recirculated_fraction", "past_oxygenator",
 )  # fmt: skip
 """Cycle means [mmHg], flows [L/min] and volumes [mL] of each scheme."""
-EXCHANGE = (*(n for n, *_ in EXCHANGE_COLUMNS if n not in MEANS), "effluent_ml_h", "transmembrane_pressure")
+EXCHANGE = (
+    *(n for group in EXCHANGE_COLUMNS for n, *_ in group if n not in MEANS),
+    "effluent_ml_h",
+    "transmembrane_pressure",
+)
 """Outputs of dialysis and gas exchange of each scheme, where a study has them."""
 DIFFERENCES = ("difference", "uptake", "flow")
 

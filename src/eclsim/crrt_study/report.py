@@ -76,7 +76,7 @@ def study_page(study: CrrtStudy, drawings: Mapping[str, str], policy: str | None
         ranking=_ranking_table(study, main),
         order=[criterion.sentence for criterion in study.rule.criteria],
         rule=study.rule.name,
-        exchange=_exchange_table(study, main),
+        exchange=_exchange_tables(study, main),
         notes=[f"Scheme {scheme.letter}: {scheme.note}." for scheme in study.schemes if scheme.note],
         policy_means=[
             (POLICY_WORDS[one], _means_table(study, one))
@@ -137,33 +137,45 @@ def _ranking_table(study: CrrtStudy, policy: str) -> Table:
 
 
 EXCHANGE_COLUMNS = (
-    ("recirculated_fraction", "Recirculation [%]", 100.0, 0),
-    ("past_oxygenator", "Blood past the oxygenator [%]", 100.0, 1),
-    ("effective_clearance_urea", "Effective clearance [mL/min]: urea", 1.0, 1),
-    ("effective_clearance_creatinine", "creatinine", 1.0, 1),
-    ("effective_clearance_potassium", "potassium", 1.0, 1),
-    ("filtration_fraction", "Filtration fraction [%]", 100.0, 0),
-    ("effluent_pressure", "Effluent pressure [mmHg]", 1.0, 0),
-    ("SreturnO2", "Reaches the patient: SO2 [%]", 1.0, 1),
-    ("PreturnCO2", "PCO2 [mmHg]", 1.0, 1),
-    ("SaO2", "SaO2 [%]", 1.0, 1),
-    ("PaCO2", "PaCO2 [mmHg]", 1.0, 1),
+    (
+        ("recirculated_fraction", "Recirculation [%]", 100.0, 0),
+        ("past_oxygenator", "Blood past the oxygenator [%]", 100.0, 1),
+    ),
+    (
+        ("effective_clearance_urea", "Urea cleared [mL/min]", 1.0, 1),
+        ("effective_clearance_creatinine", "Creatinine [mL/min]", 1.0, 1),
+        ("effective_clearance_potassium", "Potassium [mL/min]", 1.0, 1),
+        ("filtration_fraction", "Filtration fraction [%]", 100.0, 0),
+        ("effluent_pressure", "Effluent pressure [mmHg]", 1.0, 0),
+    ),
+    (
+        ("SreturnO2", "SO2 from the ECMO [%]", 1.0, 1),
+        ("PreturnCO2", "PCO2 from the ECMO [mmHg]", 1.0, 1),
+        ("SaO2", "SaO2 [%]", 1.0, 1),
+        ("PaCO2", "PaCO2 [mmHg]", 1.0, 1),
+    ),
 )
-"""What the CRRT does to the blood: name, head, factor and decimals, of what a study has."""
+"""What the CRRT does to the blood, a table each: name, head, factor and decimals, of what a study has."""
 
 
-def _exchange_table(study: CrrtStudy, policy: str) -> Table:
+def _exchange_tables(study: CrrtStudy, policy: str) -> list[Table]:
+    """Ways of the blood, clearances (recirculation taken off) and gases, as far as the study has them."""
     means = study.means.sel(policy=policy, speed=study.case_speed)
-    columns = [column for column in EXCHANGE_COLUMNS if column[0] in means]
-    rows = []
-    for one in study.ranking[policy]:
-        here = means.sel(scheme=one.letter)
-        before = "before" if here["return_site"].item() in POSITIONS else "on the patient"
-        where = "behind" if bool(here["behind_oxygenator"]) else before
-        numbers = (number(factor * float(here[name]), digits) for name, _, factor, digits in columns)
-        rows.append([one.letter, where, *numbers])
-    head = ["Scheme", "Returns: oxygenator", *(words for _, words, _, _ in columns)]
-    return Table(head, rows, numeric=range(2, len(head)))
+    tables = []
+    for order, group in enumerate(EXCHANGE_COLUMNS):
+        columns = [column for column in group if column[0] in means]
+        if order and not columns:
+            continue
+        rows = []
+        for one in study.ranking[policy]:
+            here = means.sel(scheme=one.letter)
+            before = "before" if here["return_site"].item() in POSITIONS else "on the patient"
+            where = "behind" if bool(here["behind_oxygenator"]) else before
+            numbers = (number(factor * float(here[name]), digits) for name, _, factor, digits in columns)
+            rows.append([one.letter, where, *numbers])
+        head = ["Scheme", "Returns: oxygenator", *(words for _, words, _, _ in columns)]
+        tables.append(Table(head, rows, numeric=range(2, len(head))))
+    return tables
 
 
 def _means_table(study: CrrtStudy, policy: str) -> Table:
