@@ -692,9 +692,7 @@ class EcmoDevice(Device[Ecmo]):
             return []
         text = (
             f"{names.label} returns to the arteries: do not read distension or unloading of the left "
-            "ventricle off EDVLV, LVEDP and PCWP; without reflexes and bronchial return they follow the "
-            "filling alone (with the pump's flow they rise in a filled patient and fall in an empty one), "
-            "where patients' ventricles distend"
+            f"ventricle off EDVLV, LVEDP and PCWP; {_left_ventricle(circuit)}"
         )
         concerns = tuple(name for name in LEFT_SIDE if name in outputs)
         return [Finding(CAUTION, "EDVLV", outputs["EDVLV"], float("nan"), text, concerns=concerns)]
@@ -708,6 +706,19 @@ class EcmoDevice(Device[Ecmo]):
             return []
         sentence = f"{names.label} flow of {warning}"
         return [Finding("warning", name, flow, float("nan"), sentence, concerns=(name,))]
+
+
+def _left_ventricle(circuit: Circuit) -> str:
+    """Why the filling of the left ventricle on V-A ECMO is not the patient's."""
+    bronchial = any(c.name == "bronchial" for c in circuit.connections)
+    there = {"reflexes": bool(circuit.controllers), "bronchial return": bronchial}
+    missing = " and ".join(name for name, known in there.items() if not known)
+    if not missing:
+        return "they depend on what is held while the flow changes (volume, tone); not validated in patients"
+    return (
+        f"without {missing} they follow the filling alone (with the pump's flow they rise in a filled "
+        "patient and fall in an empty one), where patients' ventricles distend"
+    )
 
 
 def _mixes_in_a_vein(values: Raw, case: CaseValues) -> bool:
