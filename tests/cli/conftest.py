@@ -52,8 +52,12 @@ def small_result(case_id: str, *, converged: bool = True, pump_flow: float | Non
     phase = np.array([0.0, 0.1, 0.5, 1.0])
     pressure = np.array([100.0, 120.0, 60.0, 100.0])
     data = {
-        "Pao": ("phase", pressure, {"units": "mmHg"}),
-        "Vlv": ("phase", np.array([50.0, np.nan, 60.0, 50.0]), {"units": "mL"}),
+        "Pao": ("phase", pressure, {"units": "mmHg", "mean": 87.5, "minimum": 59.5, "maximum": 120.5}),
+        "Vlv": (
+            "phase",
+            np.array([50.0, np.nan, 60.0, 50.0]),
+            {"units": "mL", "mean": np.nan, "minimum": np.nan, "maximum": np.nan},
+        ),
         "SP": ((), 120.0, {"units": "mmHg", "long_name": "systolic arterial pressure"}),
         "DP": ((), np.nan, {"units": "mmHg"}),
         "CO": ((), 4.0, {"units": "L/min"}),
@@ -79,10 +83,10 @@ def instant(monkeypatch):
     """The simulation is replaced; the options it was called with are collected."""
     called = []
 
-    def compute(case, options):
+    def compute(case, **options):
         called.append((case, options))
         flow = 3.7 if case.ecmo is not None else None
         return small_result(case.patient.id, converged=case.patient.id != "never", pump_flow=flow)
 
-    monkeypatch.setattr("eclsim.cli.simulate._compute", compute)
+    monkeypatch.setattr("eclsim.simulation.single.simulate", compute)
     return called

@@ -55,8 +55,9 @@ def rest():
 
 def test_an_offset_of_zero_is_the_published_patient_in_every_bit():
     plain, with_offset = (steady_beat(Batch.of(one)) for one in (model("none"), offset()))
-    assert plain.names == with_offset.names
-    np.testing.assert_array_equal(plain.values, with_offset.values)
+    assert set(plain.names) < set(with_offset.names)
+    for name in plain.names:
+        np.testing.assert_array_equal(plain.output(name), with_offset.output(name))
 
 
 def test_blood_given_is_blood_and_unstressed_volume_is_not():
