@@ -106,7 +106,11 @@ def test_consumption_below_demand_is_said():
     assert any("below the 250 mL/min" in sentence for sentence in result.attrs["warnings"])
 
 
-DERIVED = ("SaO2", "PaCO2", "PpostO2", "recirculation_fraction", "DO2", "MAP")
+DERIVED = (
+    "SaO2", "PaO2", "PaCO2", "pHa", "SvO2", "VO2", "VO2_lung", "VCO2_lung", "DO2", "O2ER", "SpreO2", "PpreO2",
+    "PpreCO2", "SpostO2", "PpostO2", "PpostCO2", "SreturnO2", "PreturnCO2", "VO2_oxygenator", "VCO2_oxygenator",
+    "recirculation_fraction", "MAP",
+)  # fmt: skip
 BY = {
     "ecmo.speed_rpm": 2.0, "ecmo.sweep_l_min": 1e-3, "gas.haemoglobin_g_dl": 1e-3, "Rmc": 1e-4,
     "ecmo.drainage_mixing": 1e-3, "gas.shunt_fraction": 1e-4,
