@@ -108,8 +108,8 @@ def test_consumption_below_demand_is_said():
 
 DERIVED = (
     "SaO2", "PaO2", "PaCO2", "pHa", "SvO2", "VO2", "VO2_lung", "VCO2_lung", "DO2", "O2ER", "SpreO2", "PpreO2",
-    "PpreCO2", "SpostO2", "PpostO2", "PpostCO2", "SreturnO2", "PreturnCO2", "VO2_oxygenator", "VCO2_oxygenator",
-    "recirculation_fraction", "MAP",
+    "PpreCO2", "SpostO2", "PpostO2", "PpostCO2", "SreturnO2", "PreturnCO2", "VO2_oxygenator",
+    "VCO2_oxygenator", "recirculation_fraction", "MAP",
 )  # fmt: skip
 BY = {
     "ecmo.speed_rpm": 2.0, "ecmo.sweep_l_min": 1e-3, "gas.haemoglobin_g_dl": 1e-3, "Rmc": 1e-4,
