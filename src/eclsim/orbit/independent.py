@@ -13,6 +13,7 @@ from collections import deque
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
+from types import ModuleType
 from typing import Any
 
 import jax
@@ -131,6 +132,15 @@ class Waited:
     steady: bool
 
 
+def _solvers() -> ModuleType:
+    """The package of adaptive solvers, which only verification needs."""
+    try:
+        import diffrax
+    except ModuleNotFoundError:
+        raise ImportError("the adaptive solver needs diffrax: pip install 'eclsim[verify]'") from None
+    return diffrax
+
+
 @dataclass(frozen=True)
 class AdaptiveProgram:
     """Compiled integration of one circuit; parameters are packed in the order of `names`."""
@@ -152,6 +162,7 @@ class AdaptiveProgram:
     @cached_property
     def advance(self) -> Any:
         """Compiled map (state, packed, from phase, to phase) -> state; NaN if it took too many steps."""
+        _solvers()  # also where the program lies on disk: what works must not depend on that
         return compiled(self._advance, ("adaptive", self))
 
     def signals(self, names: tuple[str, ...]) -> Any:
@@ -162,10 +173,7 @@ class AdaptiveProgram:
         assembly = self.explicit.assembly
         values = assembly.in_effect(dict(zip(self.names, packed, strict=True)), state)
         constants, period = assembly.constants(values), 60.0 / values[HEART_RATE]
-        try:
-            import diffrax
-        except ModuleNotFoundError:
-            raise ImportError("the adaptive solver needs diffrax: pip install 'eclsim[verify]'") from None
+        diffrax = _solvers()
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(lambda t, y, _: self.explicit.rates(y, t / period, constants)),
             diffrax.Dopri8(),
