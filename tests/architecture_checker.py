@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 # Rooms in order: each may import those before it. `eclsim` itself re-exports names of all of them.
 ROOMS = (
-    "units", "execution", "blood", "components", "circuit", "gas", "parameters", "patient", "regulation",
-    "inputs", "devices", "cases", "beat", "orbit", "outputs", "reporting", "simulation", "goals",
-    "sensitivity", "identification", "crrt_study", "paper", "validation", "app", "cli",
+    "units", "execution", "blood", "components", "circuit", "gas", "parameters", "slow", "patient",
+    "regulation", "inputs", "devices", "cases", "beat", "orbit", "outputs", "reporting", "simulation", "goals",
+    "course", "sensitivity", "identification", "crrt_study", "paper", "validation", "app", "cli",
 )  # fmt: skip
 PHYSICS = {"units", "components", "circuit"}
 ALLOWED = {room: set(ROOMS[:place]) for place, room in enumerate(ROOMS)} | {
@@ -22,6 +22,7 @@ ALLOWED = {room: set(ROOMS[:place]) for place, room in enumerate(ROOMS)} | {
     "gas": {*PHYSICS, "blood"},
     "parameters": {"units", "components"},
     "inputs": {"units", "parameters"},
+    "slow": {"units", "components", "parameters"},
     "beat": {*PHYSICS, "execution"},
 }
 ANY_LAYER_MAY_IMPORT = {"_version", "files", "front_door", "runtime"}

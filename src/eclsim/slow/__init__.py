@@ -1,0 +1,1 @@
+"""What changes over minutes and hours above the steady beat: the form of a slow law."""
