@@ -36,8 +36,6 @@ from eclsim.orbit.model import Model as Model
 from eclsim.orbit.model import model_of as model_of
 from eclsim.orbit.status import Status as Status
 from eclsim.orbit.steady import Batch as Batch
-from eclsim.outputs.results import derivatives as derivatives
-from eclsim.outputs.results import simulate_many as simulate_many
 from eclsim.outputs.steady_beat import SteadyBeat as SteadyBeat
 from eclsim.outputs.steady_beat import steady_beat as steady_beat
 from eclsim.patient.circulation import circulation as circulation
@@ -46,7 +44,9 @@ from eclsim.sensitivity.analysis import SobolSettings as SobolSettings
 from eclsim.sensitivity.analysis import sensitivity as sensitivity
 from eclsim.sensitivity.identifiability import identifiability as identifiability
 from eclsim.simulation.pressure_volume import plot_pressure_volume as plot_pressure_volume
+from eclsim.simulation.single import derivatives as derivatives
 from eclsim.simulation.single import simulate as simulate
+from eclsim.simulation.single import simulate_many as simulate_many
 from eclsim.simulation.waveforms import plot_waveforms as plot_waveforms
 
 __version__: str

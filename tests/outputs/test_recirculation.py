@@ -1,13 +1,16 @@
 import pytest
 
+from eclsim.cases import read_mapping
 from eclsim.circuit import Circuit
 from eclsim.devices.crrt import crrt
 from eclsim.devices.ecmo import ecmo
-from eclsim.outputs.recirculation import recirculated_fraction
+from eclsim.outputs.recirculation import recirculated_fractions
 from eclsim.outputs.results import simulate
 from eclsim.patient.circulation import circulation
 from model_catalogue import CIRCUITS, SCHEMES, model
 
+PATIENT = {"id": "P01", "sex": "female", "age_years": 70, "heart_rate_bpm": 90}
+ECMO = {"pump": "Rotaflow", "speed_rpm": 3400, "oxygenator": "Quadrox-i Adult", "mode": "VA"}
 PUMP, CRRT = 60.0, 200.0 / 60.0
 ORDER = ("ecmodrain", "ecmotudp", "ecmotupo", "ecmooxy", "ecmotuor", "ecmoreturn")
 
@@ -31,7 +34,7 @@ def test_access_behind_the_return_takes_blood_twice(scheme):
     """Closed form: between return and access the circuit carries PF + Qc, of which Qc was there before."""
     access, giving = SCHEMES[scheme]
     circuit = circulation() + ecmo("ra", "ao") + crrt(access, giving)
-    found = recirculated_fraction(circuit, flows(circuit, access, giving))
+    found = recirculated_fractions(circuit, flows(circuit, access, giving))["crrt"]
     assert found == pytest.approx(CRRT / (PUMP + CRRT), rel=1e-12)
 
 
@@ -39,7 +42,8 @@ def test_access_behind_the_return_takes_blood_twice(scheme):
 def test_access_before_the_return_takes_fresh_blood(scheme):
     access, giving = SCHEMES[scheme]
     circuit = circulation() + ecmo("ra", "ao") + crrt(access, giving)
-    assert recirculated_fraction(circuit, flows(circuit, access, giving)) == pytest.approx(0.0, abs=1e-12)
+    found = recirculated_fractions(circuit, flows(circuit, access, giving))
+    assert found["crrt"] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_scheme_g_mixes_as_the_closed_form_says():
@@ -54,11 +58,21 @@ def test_a_pump_that_runs_backwards_turns_the_order_round():
     access, giving = SCHEMES["g"]
     circuit = circulation() + ecmo("ra", "ao") + crrt(access, giving)
     backwards = flows(circuit, access, giving, pump=-PUMP)
-    assert recirculated_fraction(circuit, backwards) == pytest.approx(0.0, abs=1e-12)
+    assert recirculated_fractions(circuit, backwards)["crrt"] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_no_answer_without_crrt_and_nothing_from_the_patient():
     circuit = CIRCUITS["V-A"]
-    assert recirculated_fraction(circuit, {c.name: 1.0 for c in circuit.connections}) is None
+    assert recirculated_fractions(circuit, {c.name: 1.0 for c in circuit.connections}) == {}
     circuit = CIRCUITS["CRRT at the patient"]
-    assert recirculated_fraction(circuit, {c.name: 1.0 for c in circuit.connections}) == 0.0
+    assert recirculated_fractions(circuit, {c.name: 1.0 for c in circuit.connections}) == {"crrt": 0.0}
+
+
+def test_a_named_device_has_its_share_under_its_own_name():
+    site = {"access_site": "post_oxy", "return_site": "pre_oxy", "flow_ml_min": 200}
+    raw = {"ecmo": ECMO, "crrt": {"a": site, "b": site | {"access_site": "svn", "return_site": "ra"}}}
+    result = simulate(read_mapping({"format": 1, "patient": PATIENT, **raw}).case)
+    flow = float(result["PF"])
+    share = 0.2 / (flow + 0.2)
+    assert float(result["crrt.a.recirculated_fraction"]) == pytest.approx(share, rel=2e-3)
+    assert float(result["crrt.b.recirculated_fraction"]) == 0.0

@@ -5,7 +5,7 @@ import pytest
 
 from eclsim.cases import read_mapping
 from eclsim.cases.settings import apply_settings
-from eclsim.simulation.single import SPEED_FOUND, simulate
+from eclsim.simulation.single import simulate
 from eclsim.simulation.sweep import (
     LARGEST_COUNT,
     Sweep,
@@ -17,6 +17,7 @@ from eclsim.simulation.sweep import (
 )
 from eclsim.simulation.sweep_figures import panels_of, plot_sweep
 from eclsim.simulation.sweep_files import sweep_object, write_csv, write_netcdf
+from eclsim.simulation.target_flow import speed_found
 
 CASE = read_mapping(
     {
@@ -107,7 +108,7 @@ def test_another_circuit_and_a_key_without_effect_are_refused(key, values, words
 
 def test_a_flow_is_solved_for_at_each_value_and_what_is_out_of_reach_is_blank(flows):
     assert [bool(result.attrs["converged"]) for result in flows.results] == [True, True, False]
-    speeds = [result.attrs[SPEED_FOUND] for result in flows.results[:2]]
+    speeds = [speed_found(result).speed_rpm for result in flows.results[:2]]
     assert 1000 < speeds[0] < speeds[1] < 5000
     table = as_table(flows)
     np.testing.assert_allclose(table["PF"], [2.0, 4.0, np.nan], atol=1e-6)
@@ -123,7 +124,7 @@ def test_the_files_hold_the_reason_and_no_number_without_a_beat(flows, tmp_path)
     assert written["sweep"]["failed"] == [9.0]
     assert [case["swept"] for case in written["cases"]] == [{"ecmo.flow_l_min": v} for v in (2.0, 4.0, 9.0)]
     assert written["cases"][2]["outputs"] == {}
-    assert written["cases"][1]["solved"]["ecmo.speed_rpm"] == flows.results[1].attrs[SPEED_FOUND]
+    assert written["cases"][1]["solved"]["ecmo.speed_rpm"] == speed_found(flows.results[1]).speed_rpm
     write_csv(flows, tmp_path / "sweep.csv")
     rows = pd.read_csv(tmp_path / "sweep.csv")
     assert list(rows["ecmo.flow_l_min [L/min]"]) == [2.0, 4.0, 9.0]

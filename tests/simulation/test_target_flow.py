@@ -10,10 +10,16 @@ from eclsim.cases import CaseError, read_mapping
 from eclsim.cases.settings import apply_settings
 from eclsim.cases.writing import case_text
 from eclsim.devices.device import UnsolvedFlowError
-from eclsim.orbit.model import model_of
+from eclsim.orbit.model import UnknownValueError, model_of
 from eclsim.simulation.files import case_object
-from eclsim.simulation.single import SPEED_FOUND, simulate, simulate_transient
-from eclsim.simulation.target_flow import TOLERANCE_L_MIN, FlowNotReachedError, speed_for_flow, with_speed
+from eclsim.simulation.single import NOT_REACHED, simulate, simulate_transient
+from eclsim.simulation.target_flow import (
+    TOLERANCE_L_MIN,
+    FlowNotReachedError,
+    speed_found,
+    speeds_for_flows,
+    with_speed,
+)
 
 PATIENT = {
     "id": "P01", "sex": "female", "age_years": 70, "height_cm": 165, "weight_kg": 60, "heart_rate_bpm": 90,
@@ -52,7 +58,7 @@ def test_the_public_function_solves_for_the_speed_of_a_file(tmp_path):
     file.write_text(case_text(case()), encoding="utf-8")
     beat = eclsim.simulate(file)
     assert float(beat["PF"]) == pytest.approx(4.0, abs=TOLERANCE_L_MIN)
-    assert beat.attrs[SPEED_FOUND] == simulate(case()).attrs[SPEED_FOUND]
+    assert speed_found(beat) == speed_found(simulate(case())) == with_speed(case())[1]
     assert eclsim.simulate(model_of(with_speed(case())[0]))["MAP"] == beat["MAP"]
 
 
@@ -124,8 +130,9 @@ def test_a_fit_refuses_a_target_in_one_sentence():
 
 
 def told(function):
-    def flows(speeds):
-        return function(speeds), ["settled" if np.isfinite(f) else "no steady beat" for f in function(speeds)]
+    def flows(members, speeds):
+        found = function(speeds)
+        return found, ["settled" if np.isfinite(flow) else "no steady beat" for flow in found]
 
     return flows
 
@@ -133,8 +140,13 @@ def told(function):
 @pytest.mark.parametrize("power", [1, 3, 9])
 def test_the_search_meets_the_tolerance_on_curves_of_any_bend(power):
     curve = told(lambda s: 6.0 * (s / 5000.0) ** power)
-    speed = speed_for_flow(curve, 2.0, (1000.0, 5000.0))
-    assert 6.0 * (speed / 5000.0) ** power == pytest.approx(2.0, abs=TOLERANCE_L_MIN)
+    wanted = np.array([2.0, 6.0, 1.0, 7.0])
+    speeds, reasons = speeds_for_flows(curve, wanted, (1000.0, 5000.0))
+    within = [not reason for reason in reasons]
+    assert not within[3]
+    np.testing.assert_allclose(
+        6.0 * (speeds / 5000.0) ** power, np.where(within, wanted, np.nan), atol=TOLERANCE_L_MIN
+    )
 
 
 @pytest.mark.parametrize(
@@ -148,5 +160,66 @@ def test_the_search_meets_the_tolerance_on_curves_of_any_bend(power):
     ],
 )
 def test_what_cannot_be_found_is_said(function, wanted, words):
-    with pytest.raises(FlowNotReachedError, match=words):
-        speed_for_flow(told(function), wanted, (1000.0, 5000.0))
+    (speed,), (reason,) = speeds_for_flows(told(function), np.array([wanted]), (1000.0, 5000.0))
+    assert np.isnan(speed)
+    assert words in reason
+
+
+# --- variants and derivatives of a case that names a flow ------------------------------------------
+
+
+def test_each_variant_has_a_speed_of_its_own_and_the_flow():
+    """Each as `simulate` has it alone; a flow beyond reach takes nothing from its neighbours."""
+    resistances = [0.8, 1.2, 1.2]
+    found = eclsim.simulate_many(case(), {"Rmc": resistances, "ecmo.flow_l_min": [4.0, 3.0, 9.0]}, ("MAP",))
+    assert list(found["status"].values) == ["converged", "converged", NOT_REACHED]
+    assert "highest flow reached" in str(found["message"].values[2])
+    for member, flow in ((0, 4.0), (1, 3.0)):
+        alone = simulate(apply_settings(case(flow), [f"Rmc={resistances[member]}"]))
+        solved = speed_found(alone)
+        assert solved is not None
+        assert float(found["ecmo.speed_rpm"][member]) == pytest.approx(solved.speed_rpm, rel=1e-7)
+        assert float(found["MAP"][member]) == pytest.approx(float(alone["MAP"]), rel=1e-8)
+    assert np.isnan([float(found[name][2]) for name in ("MAP", "ecmo.speed_rpm")]).all()
+
+
+def test_a_flow_may_be_varied_in_a_case_with_a_speed():
+    at_speed = apply_settings(case(), ["ecmo.speed_rpm=3000"])
+    found = eclsim.simulate_many(at_speed, {"ecmo.flow_l_min": [3.0]}, ("PF",))
+    assert float(found["PF"][0]) == pytest.approx(3.0, abs=TOLERANCE_L_MIN)
+    with pytest.raises(UnknownValueError, match="follows from the flow"):
+        eclsim.simulate_many(case(), {"ecmo.speed_rpm": [3000.0]})
+
+
+def test_derivatives_hold_the_flow():
+    """Central differences of whole solutions, each with the speed that its flow needs."""
+    names, parameters, steps = ("MAP", "PF", "pump_head"), ("Rmc", "ecmo.flow_l_min"), (1e-3, 1e-3)
+    exact = eclsim.derivatives(case(), names, parameters)
+    at = exact["parameter_value"].values
+    for k, step in enumerate(steps):
+        values = [float(at[k]) + sign * step for sign in (-1.0, 1.0)]
+        low, high = (eclsim.simulate_many(case(), {parameters[k]: [value]}, names) for value in values)
+        for name in names:
+            slope = (float(high[name][0]) - float(low[name][0])) / (2.0 * step)
+            assert float(exact.sel(output=name)[k]) == pytest.approx(slope, rel=2e-3, abs=2e-3)
+    assert float(exact.sel(output="PF", parameter="Rmc")) == pytest.approx(0.0, abs=1e-12)
+    assert speed_found(exact) == with_speed(case())[1]
+    with pytest.raises(UnknownValueError, match="follows from the flow"):
+        eclsim.derivatives(case(), names, ("ecmo.speed_rpm",))
+    with pytest.raises(FlowNotReachedError, match="highest flow"):
+        eclsim.derivatives(case(9.0), names, parameters)
+    nothing = eclsim.derivatives(case(9.0), names, parameters, throw=False)
+    assert nothing.attrs["status"] == NOT_REACHED
+    assert np.isnan(nothing).all()
+
+
+def test_two_flows_at_once_are_refused_and_one_of_a_named_circuit_is_solved_for():
+    circuits = {"a": ECMO | {"flow_l_min": 2.0}, "b": ECMO | {"speed_rpm": 2000.0}}
+    raw = {"format": 1, "patient": PATIENT, "ecmo": circuits}
+    result = simulate(read_mapping(raw).case)
+    assert float(result["ecmo.a.PF"]) == pytest.approx(2.0, abs=TOLERANCE_L_MIN)
+    assert set(case_object(result)["solved"]) == {"ecmo.a.speed_rpm"}
+    circuits["b"] = ECMO | {"flow_l_min": 2.0}
+    refused = simulate(read_mapping(raw).case)
+    assert refused.attrs["status"] == NOT_REACHED
+    assert "only one can be solved for" in refused.attrs["message"]

@@ -15,7 +15,7 @@ from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.alarms import CAUTION, Finding, impossible
 from eclsim.outputs.limits import level, place_levels
-from eclsim.outputs.recirculation import recirculated_fraction
+from eclsim.outputs.recirculation import recirculation
 from eclsim.outputs.signals import unstressed_volume
 from eclsim.outputs.steady_beat import steady_beat
 
@@ -86,11 +86,10 @@ def compute_beat(state: PageState, near: Mapping[str, float] | None = None) -> B
     circuit, values = page_circuit(state.case)
     found = steady_beat(Batch(circuit, values, 1, state.policy), waveforms=None, keep=None, start=near)
     outputs = found.outputs()
-    if state.case.crrt is not None and found.converged[0]:
+    if found.converged[0]:
         fixed = circuit_of(state.case)
         flows = {c.name: float(found.mean("Q" + c.name)[0]) for c in fixed.connections}
-        if (fraction := recirculated_fraction(fixed, flows)) is not None:
-            outputs["crrt_recirculated_fraction"] = fraction
+        outputs |= {name: value for name, (value, _) in recirculation(fixed, flows).items()}
     means = {n: float(found.mean(n)[0]) for n in found.signals if n[0] in "PQ"}
     even, phases = np.linspace(0.0, 1.0, POINTS, endpoint=False), found.waveforms[0].phases
     waves = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from eclsim.outputs.limits import limits_of
+from eclsim.outputs.recirculation import recirculation_labels
 from eclsim.outputs.registry import all_outputs
 
 if TYPE_CHECKING:
@@ -59,10 +60,10 @@ def line_bounds() -> dict[str, list[float]]:
 def output_specs() -> dict[str, dict[str, Any]]:
     """Words, unit, definition and reference range of every output, as plain data."""
     found = {name: _spec(entry, name, entry.long_name) for name, entry in all_outputs().items()}
-    found["crrt_recirculated_fraction"] = {
-        "label": "recirculated share of the CRRT flow", "unit": "1", "definition": "steady mixing",
-    }  # fmt: skip
-    return found
+    return found | {
+        name: {"label": about["long_name"], "unit": about["units"], "definition": about["definition"]}
+        for name, about in recirculation_labels().items()
+    }
 
 
 def named_specs(case: Case) -> dict[str, dict[str, Any]]:

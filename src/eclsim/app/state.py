@@ -143,7 +143,7 @@ def read_state(found: Any) -> PageState:
     if found.get("policy") not in POLICIES:
         raise refused_link("with an unknown blood volume policy")
     case = read_mapping(found.get("case"), "link").case
-    if case.ecmo is not None and case.ecmo.flow_l_min is not None:  # the page writes speeds alone
+    if case.targets():  # the page writes speeds alone
         raise refused_link("with a pump flow in place of a speed")
     names = {name: str(found.get(name) or "")[:LONGEST_NAME] for name in _NAMES}
     if names["verdict"] not in VERDICTS:

@@ -18,7 +18,7 @@ from eclsim.cases.sections import (
     device_sections,
     within,
 )
-from eclsim.devices.description import Finding
+from eclsim.devices.description import Finding, Target
 from eclsim.devices.device import Instance, device_key, instance_key
 from eclsim.devices.registry import PublishedDevices, devices
 from eclsim.inputs.mistakes import CaseError
@@ -101,6 +101,23 @@ class Case(PublishedDevices):
     def instance(self, key: str) -> Instance | None:
         """The device of a section such as "lvad" or "lvad.left"; None where it is not connected."""
         return next((one for one in self.instances() if one.key == key), None)
+
+    def with_section(self, key: str, **changes: Any) -> Case:
+        """The same case with some keys of a device's section changed; the values are right."""
+        one = self.instance(key)
+        assert one is not None
+        section = one.section.model_copy(update=changes)
+        if key in PublishedDevices.model_fields:
+            return self.model_copy(update={key: section})
+        return self.model_copy(update={"other_devices": {**self.other_devices, key: section}})
+
+    def targets(self) -> tuple[tuple[Instance, Target], ...]:
+        """Devices that name a value in place of a setting, such as a pump flow in place of a speed."""
+        return tuple(
+            (one, target)
+            for one in self.instances()
+            if (target := one.device.target) and getattr(one.section, target.key) is not None
+        )
 
     def sites(self) -> dict[str, str]:
         """Where a device can be connected, in words: positions in other devices, and the patient."""

@@ -79,7 +79,7 @@ def with_speeds(readings: Sequence[CaseReading], policy: str | None = None) -> l
     The flow is that under `policy`, or else under the policy of each case. With a flow that cannot be reached
     leave with exit status 2.
     """
-    if not any(reading.case.ecmo and reading.case.ecmo.flow_l_min is not None for reading in readings):
+    if not any(reading.case.targets() for reading in readings):
         return list(readings)
     from dataclasses import replace
 

@@ -229,8 +229,10 @@ def _predictions(o: IdentifyOptions, free: Collection[str]) -> list[tuple[str, C
                 for section, name in parse_settings(changes)
                 if section == "parameters" and name in free
             ]
-            if case.ecmo is not None and case.ecmo.flow_l_min is not None:
-                wrong.append(f"--predict {written}: a target flow; predictions hold ecmo.speed_rpm")
+            wrong += [
+                f"--predict {written}: a target flow; predictions hold {one.key}.{target.setting}"
+                for one, target in case.targets()
+            ]
             cases.append((written, case))
         except CaseError as error:
             wrong += [f"--predict: {mistake.at('', None)}" for mistake in error.mistakes]

@@ -202,20 +202,18 @@ def _write(
 
 def _say_doubts(readings: Sequence[CaseReading], results: Sequence[xr.Dataset]) -> None:
     """What did not converge, limits that a beat breaks, and flows outside the oxygenator's label."""
-    from eclsim.devices.ecmo import OXYGENATORS
-    from eclsim.simulation.single import FLOW_WANTED, NOT_REACHED, SPEED_FOUND
-    from eclsim.simulation.target_flow import SpeedFound
+    from eclsim.simulation.files import outputs_of
+    from eclsim.simulation.single import NOT_REACHED
+    from eclsim.simulation.target_flow import speed_found
 
     for reading, result in zip(readings, results, strict=True):
-        if SPEED_FOUND in result.attrs:
-            note([f"{reading.file}: {SpeedFound(result.attrs[FLOW_WANTED], result.attrs[SPEED_FOUND])}"])
+        if solved := speed_found(result):
+            note([f"{reading.file}: {solved}"])
         lines = [*result.attrs.get("warnings", ())]
         if not result.attrs["converged"]:
             kind = "" if result.attrs.get("status") == NOT_REACHED else "not converged: "
             lines.insert(0, f"{kind}{result.attrs.get('message', '')}")
-        if reading.case.ecmo is not None and "PF" in result:
-            label = OXYGENATORS[reading.case.ecmo.oxygenator].label_warning(float(result["PF"]))
-            lines += [f"ECMO flow of {label}"] if label else []
+        lines += [finding.sentence for finding in reading.case.findings(outputs_of(result))]
         warn(f"{reading.file}: {line}" for line in lines)
 
 

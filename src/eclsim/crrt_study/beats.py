@@ -21,7 +21,7 @@ from eclsim.devices.ecmo import POSITIONS
 from eclsim.orbit.model import AS_PUBLISHED, PATIENT_HELD, circuit_of, values_of
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
-from eclsim.outputs.recirculation import recirculated_fraction
+from eclsim.outputs.recirculation import recirculated_fractions
 from eclsim.outputs.results import output_labels
 from eclsim.outputs.signals import output_names, signal_labels, unstressed_volume
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
@@ -249,8 +249,8 @@ def _recirculation(circuits: StudyCircuits, records: SteadyBeat) -> np.ndarray:
             if not records.determined[member]:
                 found.append(np.nan)
                 continue
-            share = recirculated_fraction(circuit, dict(zip(names, flows[:, member], strict=True)))
-            found.append(np.nan if share is None else share)
+            shares = recirculated_fractions(circuit, dict(zip(names, flows[:, member], strict=True)))
+            found.append(shares["crrt"])
     return np.array(found)
 
 

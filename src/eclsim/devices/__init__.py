@@ -17,6 +17,7 @@ from eclsim.devices.description import (
     Panel,
     Picker,
     Sweep,
+    Target,
     Trace,
     Views,
     difference,
@@ -37,7 +38,7 @@ from eclsim.parameters.parameter import Parameter
 __all__ = [
     "CAUTION", "Box", "CannulaType", "CaseValues", "Curve", "Device", "Dialyzer", "Field", "Finding",
     "Instance", "KeyFigure", "Knob", "Limit", "Look", "Mark", "Naming", "Output", "Oxygenator", "Panel",
-    "Parameter", "Picker", "Product", "PumpCurve", "Raw", "Remarks", "Section", "Sweep", "Trace", "Views",
-    "by_key", "check_cannula", "check_sites", "check_speed", "difference", "highest", "lowest", "mean",
-    "mean_flow", "measured", "number", "one_of", "patient_site", "picker", "pump_values", "shown",
+    "Parameter", "Picker", "Product", "PumpCurve", "Raw", "Remarks", "Section", "Sweep", "Target", "Trace",
+    "Views", "by_key", "check_cannula", "check_sites", "check_speed", "difference", "highest", "lowest",
+    "mean", "mean_flow", "measured", "number", "one_of", "patient_site", "picker", "pump_values", "shown",
 ]  # fmt: skip

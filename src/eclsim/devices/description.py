@@ -393,6 +393,21 @@ class Sweep:
 
 
 @dataclass(frozen=True)
+class Target:
+    """An output that a case may name in place of the setting that gives it.
+
+    Args:
+        key: of the section, such as "flow_l_min".
+        setting: key of the section that is solved for, over the range of the device's `sweep`.
+        output: what is to have the value.
+    """
+
+    key: str
+    setting: str
+    output: str
+
+
+@dataclass(frozen=True)
 class FlowUnit:
     """How flows of a part of the circuit are written: factor from mL/s, decimals, unit."""
 

@@ -28,6 +28,7 @@ from eclsim.devices.description import (
     Output,
     Panel,
     Sweep,
+    Target,
     Views,
     plain_control,
 )
@@ -101,6 +102,8 @@ class Device(ABC, Generic[S]):
     """Whether it can keep the arterial pressure up without a pulse."""
     adjusted: ClassVar[Sequence[str]] = ()
     """Keys of its section that are turned to reach goals, the dearest first; small values are sought."""
+    target: ClassVar[Target | None] = None
+    """What its section may name in place of a setting that is then solved for."""
     views: ClassVar[Views] = Views()
     """What the views of the page show of it besides its knobs and its place in the circuit."""
     assist_flow: ClassVar[str] = ""

@@ -32,6 +32,7 @@ from eclsim.devices.description import (
     Output,
     Panel,
     Sweep,
+    Target,
     Trace,
     Views,
     difference,
@@ -544,6 +545,7 @@ class EcmoDevice(Device[Ecmo]):
     )
     set_by_products = MappingProxyType({"oxygenator": "Recmooxy"})
     adjusted = ("speed_rpm", "sweep_l_min")
+    target = Target("flow_l_min", "speed_rpm", "PF")
     alike = (_POSITIVE, ("lowest_drainage_pressure", "pump_inlet_pressure"))
     carries_circulation = True
     views = Views(

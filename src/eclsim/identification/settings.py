@@ -121,10 +121,11 @@ def check_fit(case: Case, bounds: Mapping[str, tuple[float, float, float]]) -> C
             such as `eclsim.parameters.thiel2025.BOUNDS`.
     """
     checked = CheckedFit()
-    if case.ecmo is not None and case.ecmo.flow_l_min is not None:
-        allowed = "ecmo.speed_rpm in its place; a measured pump flow is measurements.PF"
+    for one, target in case.targets():
+        allowed = f"{one.key}.{target.setting} in its place; a measured pump flow is measurements.PF"
         message = "a target, while a fit needs the speed that the pump ran at"
-        checked.wrong("ecmo.flow_l_min", message, shown(case.ecmo.flow_l_min), allowed)
+        value = shown(getattr(one.section, target.key))
+        checked.wrong(f"{one.key}.{target.key}", message, value, allowed)
     for name in OUTPUTS:
         value = getattr(case.measurements, name, None)
         if value is None or (name == "PF" and case.ecmo is None):

@@ -139,7 +139,7 @@ _MORE = (
     ),
     Output(
         "LVO", "output of the left ventricle itself", "L/min",
-        "mean of Qlv, what passes the aortic valve; an LVAD's flow comes on top", ("Qlv",),
+        "mean of Qlv, what passes the aortic valve; what an assist device pumps comes on top", ("Qlv",),
         lambda m: m.mean("Qlv") / ML_S_PER_L_MIN,
     ),
     mean_flow("pulmonary_flow", "flow through the lungs", "Qpart"),

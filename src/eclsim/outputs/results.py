@@ -18,7 +18,7 @@ from eclsim.orbit.model import Model, ModelSource, as_model, nominal_values
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import ADAPTIVE, SEMI_IMPLICIT, Batch
 from eclsim.outputs.alarms import impossible
-from eclsim.outputs.recirculation import recirculated_fraction
+from eclsim.outputs.recirculation import recirculation
 from eclsim.outputs.registry import contract, output
 from eclsim.outputs.signals import signal_labels, unstressed_volume
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
@@ -254,21 +254,7 @@ def _recirculation(beat: SteadyBeat, member: int) -> dict[str, xr.Variable]:
         return {}
     circuit = beat.batch.circuit.with_chosen_sites(beat.batch.member(member))
     flows = {c.name: float(beat.mean("Q" + c.name)[member]) for c in circuit.connections}
-    fraction = recirculated_fraction(circuit, flows)
-    if fraction is None:
-        return {}
-    definition = (
-        "share of the access flow that left the return line and did not pass the patient (steady mixing)"
-    )
-    return {
-        "crrt_recirculated_fraction": variable(
-            (), fraction, units="1", long_name="recirculated share of the CRRT flow", definition=definition
-        ),
-        "crrt_recirculated_flow": variable(
-            (), fraction * flows["crrtpump"] * 0.06, units="L/min", long_name="recirculated CRRT flow",
-            definition=definition,
-        ),
-    }  # fmt: skip
+    return {n: variable((), v, **about) for n, (v, about) in recirculation(circuit, flows).items()}
 
 
 def variable(dims: str | tuple[str, ...], values: npt.ArrayLike, **labels: Any) -> xr.Variable:

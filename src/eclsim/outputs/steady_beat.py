@@ -17,6 +17,7 @@ from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
 from eclsim.components.base import Values
 from eclsim.devices.description import GASES
+from eclsim.devices.registry import assist_connections, namings
 from eclsim.gas.network import STATUS, GasStatus
 from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution, in_threads
@@ -34,8 +35,6 @@ DEMAND_MET = 0.99
 """Share of the oxygen demand below which consumption is said to be forced down."""
 NO_EJECTION_L_MIN = 0.02
 """Native output below which the heart is said not to eject."""
-NATIVE_OUTPUT = ("aortic_valve_flow", "lvad_flow", "CO")
-"""Outputs that tell what a heart moves: the left, its assist device, the right."""
 
 
 class Waveforms(NamedTuple):
@@ -303,7 +302,7 @@ def judged(
         gas_status: how the search for the steady gas state of each ended.
     """
     status, circuit = np.array(orbits.status), orbits.batch.circuit
-    native = _native_output(outputs, orbits.batch.count)
+    native = _native_output(outputs, circuit, orbits.batch.count)
     status[(status == Status.NOT_CONVERGED) & (native < NO_EJECTION_L_MIN)] = Status.NO_EJECTION
     beats = [values for name, values in outputs.items() if not output(name).parameters]
     finite = np.isfinite(beats).all(axis=0) if beats else True
@@ -333,17 +332,28 @@ def statistics_of(measures: Measures, signals: Sequence[str]) -> np.ndarray:
     return np.stack(rows, axis=1) if rows else np.empty((3, 0, 1))
 
 
-def _native_output(outputs: Mapping[str, np.ndarray], count: int) -> np.ndarray:
-    """The larger of what the left heart with its assist device and the right heart move [L/min].
+def _native_output(outputs: Mapping[str, np.ndarray], circuit: Circuit, count: int) -> np.ndarray:
+    """The larger of what the left heart with its assist devices and the right heart move [L/min].
 
     Infinite in a circuit without an aortic valve, where nothing can be said.
     """
-    aortic, assist, right = (outputs.get(name) for name in NATIVE_OUTPUT)
-    left = np.full(count, np.inf) if aortic is None else aortic + (0.0 if assist is None else assist)
+    left, right = np.full(count, np.inf), outputs.get("CO")
+    if "aortic_valve_flow" in outputs:
+        left = np.sum([outputs[name] for name in left_outputs(circuit)], axis=0)
     return left if right is None else np.maximum(left, right)
+
+
+def left_outputs(circuit: Circuit) -> tuple[str, ...]:
+    """Outputs of a circuit that are what the left heart and its assist devices give."""
+    pumps = assist_connections(circuit)
+    groups = dict.fromkeys(c.group for c in circuit.connections if c.name in pumps)
+    assists = (names.output(names.device.assist_flow) for names in namings(groups))
+    known = output_names(circuit)
+    return tuple(name for name in ("aortic_valve_flow", *assists) if name in known)
 
 
 def judging_outputs(circuit: Circuit) -> tuple[str, ...]:
     """Outputs of a circuit that tell whether its heart ejects and which valves carry blood."""
     known = output_names(circuit)
-    return tuple(n for n in dict.fromkeys((*valve_flows(circuit), *NATIVE_OUTPUT)) if n in known)
+    names = (*valve_flows(circuit), *left_outputs(circuit), "CO")
+    return tuple(name for name in dict.fromkeys(names) if name in known)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eclsim.devices.registry import devices, namings
 from eclsim.reporting.numbers import number
 from eclsim.reporting.style import plain_text
 from eclsim.units import convert, quantity_of
@@ -74,7 +75,8 @@ def summary_lines(result: "xr.Dataset") -> list[str]:
         value = scalar(result, name)
         if value is not None:
             lines.append(f"{name} {number(value, digits)} {unit}")
-    recirculated = scalar(result, "crrt_recirculated_fraction")
-    if recirculated is not None:
-        lines.append(f"CRRT recirculation {number(100 * recirculated, 0)} %")
+    for names in namings(device.key for device in devices().values()):
+        share = scalar(result, f"{names.key}_recirculated_fraction")
+        if share is not None:
+            lines.append(f"{names.label} recirculation {number(100 * share, 0)} %")
     return lines

@@ -10,7 +10,7 @@ import numpy as np
 
 from eclsim import files
 from eclsim.files import finite, frame_text, whole_file, write_text
-from eclsim.simulation.single import FLOW_WANTED, SPEED_FOUND
+from eclsim.simulation.target_flow import speed_found
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -131,6 +131,11 @@ def results_object(results: Iterable[xr.Dataset]) -> dict[str, Any]:
     return {"cases": [case_object(result) for result in results]}
 
 
+def outputs_of(result: xr.Dataset) -> dict[str, float]:
+    """The numbers of a beat by name; NaN where there is none."""
+    return {str(name): float(value) for name, value in result.data_vars.items() if value.ndim == 0}
+
+
 def case_object(result: xr.Dataset) -> dict[str, Any]:
     """One case: outputs in mmHg, L/min and mL, waveforms as mean, min and max over the beat."""
     scalars = {str(name): value for name, value in result.data_vars.items() if value.ndim == 0}
@@ -162,12 +167,10 @@ def case_object(result: xr.Dataset) -> dict[str, Any]:
 
 def _solved(result: xr.Dataset) -> dict[str, Any]:
     """What was solved for, under the keys of a case file."""
-    if SPEED_FOUND not in result.attrs:
+    solved = speed_found(result)
+    if solved is None:
         return {}
-    return {
-        "target": {"ecmo.flow_l_min": float(result.attrs[FLOW_WANTED])},
-        "solved": {"ecmo.speed_rpm": float(result.attrs[SPEED_FOUND])},
-    }
+    return {"target": {solved.flow_key: solved.flow}, "solved": {solved.speed_key: solved.speed_rpm}}
 
 
 def _statistics(result: xr.Dataset, name: str) -> dict[str, float] | None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from eclsim.devices.registry import devices, named_output
 from eclsim.reporting.text_table import text_table
-from eclsim.simulation.single import SPEED_FOUND
+from eclsim.simulation.target_flow import speed_found
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -105,8 +105,8 @@ def _side_by_side(results: Sequence[xr.Dataset], changes: Mapping[str, float] | 
         table.add_row("", "possible in a patient", *verdicts, *none, "")
     policies = [str(result.attrs["blood_volume_policy"]) for result in results]
     table.add_row("", "blood volume", *policies, *none, "")
-    if any(SPEED_FOUND in result.attrs for result in results):
-        speeds = (_speed(result) for result in results)
+    if any(map(speed_found, results)):
+        speeds = (_speed(result) or "-" for result in results)
         table.add_row("", "pump speed for the flow wanted", *speeds, *none, "rpm")
     if any("grid_error_percent" in result.attrs for result in results):
         errors = (_grid_error(result) for result in results)
@@ -185,7 +185,8 @@ def _mark(result: xr.Dataset, name: str) -> str:
 
 
 def _speed(result: xr.Dataset) -> str:
-    return f"{result.attrs[SPEED_FOUND]:.0f}" if SPEED_FOUND in result.attrs else "-"
+    solved = speed_found(result)
+    return "" if solved is None else f"{solved.speed_rpm:.0f}"
 
 
 def _grid_error(result: xr.Dataset) -> str:
@@ -218,14 +219,14 @@ _SWEPT = (
 def sweep_text(sweep: Sweep) -> str:
     """A row for each value; one without a steady beat has its reason in place of numbers."""
     shown = [(name, head) for name, head in _SWEPT if any(name in result for result in sweep.results)]
-    solved = any(SPEED_FOUND in result.attrs for result in sweep.results)
+    solved = any(map(speed_found, sweep.results))
     head = [f"{sweep.key} [{sweep.unit}]" if sweep.unit else sweep.key]
     head += (["rpm"] if solved else []) + [f"{head} " for _, head in shown] + ["beat"]
     rows = []
     for value, result in zip(sweep.values, sweep.results, strict=True):
         settled = bool(result.attrs["converged"])
         numbers = [cell(result, name) if settled else "" for name, _ in shown]
-        speed = [f"{result.attrs[SPEED_FOUND]:.0f}" if SPEED_FOUND in result.attrs else ""] if solved else []
+        speed = [_speed(result)] if solved else []
         rows.append([_value_text(value), *speed, *numbers, _beat_word(result)])
     policy = sweep.results[0].attrs["blood_volume_policy"]
     title = f"{sweep.case_id}: steady beats, blood volume {policy}; mmHg, flows in L/min"

@@ -14,8 +14,8 @@ from eclsim.orbit.model import circuit_of, values_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.results import labelled
 from eclsim.outputs.steady_beat import steady_beat
-from eclsim.simulation.single import FLOW_WANTED, SPEED_FOUND, not_reached
-from eclsim.simulation.target_flow import FlowNotReachedError, SpeedFound, with_speed
+from eclsim.simulation.single import not_reached
+from eclsim.simulation.target_flow import FlowNotReachedError, SpeedFound, speed_found, with_speed
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -132,7 +132,7 @@ def _beats(
     for member, speed in enumerate(found):
         beat = labelled(solved, member, name)
         if speed is not None:
-            beat.attrs |= {FLOW_WANTED: speed.flow_l_min, SPEED_FOUND: speed.speed_rpm}
+            beat.attrs |= speed.attributes()
         beats.append(beat)
     return beats
 
@@ -210,10 +210,11 @@ def as_table(sweep: Sweep) -> xr.Dataset:
         about = next(r[name].attrs for r in results if name in r)
         labels = {k: about[k] for k in ("units", "long_name", "definition") if k in about}
         data[name] = ("value", np.array([_settled(r, name) for r in results]), labels)
-    if any(SPEED_FOUND in r.attrs for r in results):
-        speeds = np.array([r.attrs.get(SPEED_FOUND, np.nan) for r in results])
+    solved = [speed_found(result) for result in results]
+    for key in dict.fromkeys(one.speed_key for one in solved if one):
+        speeds = np.array([np.nan if one is None else one.speed_rpm for one in solved])
         labels = {"units": "rpm", "long_name": "pump speed that gives the flow wanted"}
-        data[SPEED_FOUND] = ("value", speeds, labels)
+        data["solved_" + key.replace(".", "_")] = ("value", speeds, labels)
     for name in ("converged", "impossible"):
         data[name] = ("value", np.array([int(r.attrs.get(name, 0)) for r in results]))
     for name in ("status", "message"):

@@ -1,29 +1,35 @@
-"""The pump speed at which the steady beat has the ECMO pump flow that a case names: PF(speed) = flow."""
+"""The pump speed at which the steady beat has the flow that a case names: PF(speed) = flow.
+
+Devices say what can be named in place of what (`eclsim.devices.description.Target`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
-from eclsim.devices.ecmo import PUMPS
-from eclsim.orbit.model import model_of
+from eclsim.orbit.model import UnknownValueError, model_of
 from eclsim.outputs.results import simulate_many
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from eclsim.cases.case import Case
+    from eclsim.devices.description import Target
+    from eclsim.devices.device import Instance
 
 TOLERANCE_L_MIN = 1e-6
 SCANNED = 9
 """Speeds over the pump's range that are tried first; the flow is sought between two of them."""
 MOST_TRIALS = 60
-SPEED = "ecmo.speed_rpm"
 
-Flows = Callable[[np.ndarray], tuple[np.ndarray, list[str]]]
-"""From speeds [rpm] to flows [L/min], NaN where no steady beat was found, and what was said of each."""
+Flows = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, list[str]]]
+"""From members and their speeds [rpm] to flows [L/min], NaN without a steady beat, and messages."""
 
 
 class FlowNotReachedError(ValueError):
@@ -35,94 +41,265 @@ class SpeedFound:
     """A target and the speed that reaches it.
 
     Args:
-        flow_l_min: pump flow wanted [L/min]; met to `TOLERANCE_L_MIN`.
+        flow_key: key of the target in a case file, such as "ecmo.flow_l_min".
+        flow: pump flow wanted [L/min]; met to `TOLERANCE_L_MIN`.
+        speed_key: key of the speed, such as "ecmo.speed_rpm".
         speed_rpm: what the pump has to run at [rpm].
     """
 
-    flow_l_min: float
+    flow_key: str
+    flow: float
+    speed_key: str
     speed_rpm: float
 
     def __str__(self) -> str:
-        return f"ecmo.flow_l_min = {self.flow_l_min:g} needs {self.speed_rpm:.0f} rpm"
+        return f"{self.flow_key} = {self.flow:g} needs {self.speed_rpm:.0f} rpm"
+
+    def attributes(self) -> dict[str, str | float]:
+        """What a result holds of it, such as "target_ecmo_flow_l_min" and "solved_ecmo_speed_rpm"."""
+        return {
+            "target": self.flow_key, "target_" + self.flow_key.replace(".", "_"): self.flow,
+            "solved": self.speed_key, "solved_" + self.speed_key.replace(".", "_"): self.speed_rpm,
+        }  # fmt: skip
+
+
+def speed_found(result: xr.Dataset) -> SpeedFound | None:
+    """What was solved for a result; None where nothing was."""
+    about = result.attrs
+    if "solved" not in about:
+        return None
+    values = (about[f"{role}_{about[role].replace('.', '_')}"] for role in ("target", "solved"))
+    flow, speed = map(float, values)
+    return SpeedFound(about["target"], flow, about["solved"], speed)
 
 
 def with_speed(case: Case, policy: str | None = None) -> tuple[Case, SpeedFound | None]:
     """The case with the pump speed that gives its target flow, and that speed.
 
     Args:
-        case: with `ecmo.flow_l_min`; any other is handed back as it is, with None.
+        case: with a target such as `ecmo.flow_l_min`; any other is handed back as it is, with None.
         policy: blood volume policy; left out, the case's.
 
     Raises:
         FlowNotReachedError: No speed in the pump's usual range gives the flow.
     """
-    if case.regulation is not None and case.regulation.left_open:
-        rest = case.at_rest()
-        if rest.ecmo is not None and rest.ecmo.flow_l_min is not None:
-            case = case.model_copy(update={"as_written": with_speed(rest, policy)[0]})
-    if case.ecmo is None or case.ecmo.flow_l_min is None or not isinstance(case.ecmo.pump, str):
-        return case, None
-    flow, span = case.ecmo.flow_l_min, PUMPS[case.ecmo.pump].speed_range_rpm
-    model = model_of(_at_speed(case, span[0]))
-
-    def flows(speeds: np.ndarray) -> tuple[np.ndarray, list[str]]:
-        found = simulate_many(model, {SPEED: speeds}, ("PF",), policy)
-        return found["PF"].to_numpy(), [str(text) for text in found["message"].to_numpy()]
-
-    speed = speed_for_flow(flows, flow, span)
-    return _at_speed(case, speed), SpeedFound(flow, speed)
+    solved = solve_speeds(case, {}, policy)
+    if solved is None:
+        return _with_rest_solved(case, policy), None
+    if solved.reasons[0]:
+        raise FlowNotReachedError(solved.reasons[0])
+    return solved.case_at(float(solved.speeds[0])), solved.found(0)
 
 
-def speed_for_flow(flows: Flows, wanted: float, span: tuple[float, float]) -> float:
-    """Speed [rpm] within a range that gives a flow [L/min]; the lowest, should there be several.
-
-    The range is scanned, then the flow is closed in between two speeds by false position (Illinois) with
-    bisection where that stalls.
+@dataclass(frozen=True)
+class SolvedSpeeds:
+    """The speed of each variant of a case that names a flow.
 
     Args:
-        flows: flow at each speed.
-        wanted: flow to reach [L/min].
-        span: lowest and highest speed [rpm].
+        case: that all variants share, whose set points are known.
+        instance: device whose flow is named.
+        target: what of it.
+        changes: of the variants besides flow and speed, an array (members,) or a number each.
+        flows: wanted [L/min], shape (members,).
+        speeds: that give them [rpm], NaN where none does, shape (members,).
+        reasons: why no speed does, empty where one does.
+    """
+
+    case: Case
+    instance: Instance
+    target: Target
+    changes: Mapping[str, npt.ArrayLike]
+    flows: np.ndarray
+    speeds: np.ndarray
+    reasons: tuple[str, ...]
+
+    @property
+    def speed(self) -> str:
+        """Name of the speed among the circuit's parameters."""
+        return self.instance.parameter(f"{self.instance.device.key}.{self.target.setting}")
+
+    @property
+    def flow_key(self) -> str:
+        """Key of the flow in a case file."""
+        return f"{self.instance.key}.{self.target.key}"
+
+    @property
+    def output(self) -> str:
+        """Name of the output that is to have the value."""
+        return self.instance.output(self.target.output)
+
+    def case_at(self, speed: float) -> Case:
+        """The case at a speed in place of the flow."""
+        keys = {self.target.key: None, self.target.setting: speed}
+        return self.case.with_section(self.instance.key, **keys)
+
+    def found(self, member: int) -> SpeedFound:
+        """What was solved for a member."""
+        speed_key = f"{self.instance.key}.{self.target.setting}"
+        return SpeedFound(self.flow_key, float(self.flows[member]), speed_key, float(self.speeds[member]))
+
+
+def solve_speeds(
+    case: Case,
+    changes: Mapping[str, npt.ArrayLike],
+    policy: str | None = None,
+    **how: Any,
+) -> SolvedSpeeds | None:
+    """The speed of each variant of a case that gives its flow; None if no flow is wanted.
+
+    Args:
+        case: that all variants share.
+        changes: as of `eclsim.simulate_many`; a target such as "ecmo.flow_l_min" may be among them.
+        policy: blood volume policy; left out, the case's.
+        how: `options` and `execution` of `eclsim.simulate_many`.
 
     Raises:
-        FlowNotReachedError: The flow is outside what the range gives, or no steady beat was found on the way.
+        FlowNotReachedError: Two flows are wanted at once.
+        UnknownValueError: A speed is changed that follows from the flow.
+        ValueError: Arrays of different lengths.
     """
-    speeds = np.linspace(*span, SCANNED)
-    found, said = flows(speeds)
-    known = np.flatnonzero(np.isfinite(found))
-    if not len(known):
-        raise FlowNotReachedError(_words(wanted, f"no steady beat was found at any speed: {said[-1]}"))
-    for left, right in pairwise(known):
-        if min(found[left], found[right]) <= wanted <= max(found[left], found[right]):
-            return _close_in(flows, wanted, (speeds[left], speeds[right]), (found[left], found[right]))
-    raise FlowNotReachedError(_words(wanted, _out_of_reach(wanted, speeds, found, known)))
+    wanted = {one.key: (one, target) for one, target in case.targets()}
+    for one in case.instances():
+        if one.device.target is not None and f"{one.key}.{one.device.target.key}" in changes:
+            wanted[one.key] = (one, one.device.target)
+    if not wanted:
+        return None
+    if len(wanted) > 1:
+        message = (
+            f"{' and '.join(wanted)} both name a flow: only one can be solved for, give the others a speed"
+        )
+        raise FlowNotReachedError(message)
+    (one, target), known = next(iter(wanted.values())), _with_rest_solved(case, policy)
+    sweep = one.device.sweep(one.section)
+    if sweep is None:
+        raise UnknownValueError(f"{one.key} has no pump speed that could be solved for")
+    flow_key = f"{one.key}.{target.key}"
+    lengths = {np.size(v) for v in changes.values() if np.ndim(v) > 0}
+    if len(lengths) > 1:
+        raise ValueError(f"arrays of {sorted(lengths)} members: all changes need the same length")
+    count = lengths.pop() if lengths else 1
+    others = {name: value for name, value in changes.items() if name != flow_key}
+    flows = np.broadcast_to(
+        np.asarray(changes.get(flow_key, getattr(one.section, target.key)), dtype=float), (count,)
+    )
+    blank = SolvedSpeeds(known, one, target, others, flows, np.full(count, np.nan), ())
+    if blank.speed in others:
+        message = f"{blank.speed} follows from the flow: vary {flow_key}, or give the case a speed"
+        raise UnknownValueError(message)
+    model = model_of(blank.case_at(sweep.low))
+    columns = {name: np.broadcast_to(np.asarray(value, float), (count,)) for name, value in others.items()}
+
+    def flow_at(members: np.ndarray, speeds: np.ndarray) -> tuple[np.ndarray, list[str]]:
+        varied = {name: column[members] for name, column in columns.items()} | {blank.speed: speeds}
+        beats = simulate_many(model, varied, (blank.output,), policy, **how)
+        return beats[blank.output].to_numpy(), [str(text) for text in beats["message"].to_numpy()]
+
+    speeds, reasons = speeds_for_flows(flow_at, flows, (sweep.low, sweep.high))
+    told = tuple(
+        reason and f"{flow_key} = {flows[k]:g} cannot be reached: {reason}"
+        for k, reason in enumerate(reasons)
+    )
+    return SolvedSpeeds(known, one, target, others, flows, speeds, told)
 
 
-def _close_in(flows: Flows, wanted: float, ends: tuple[float, float], values: tuple[float, float]) -> float:
-    (low, high), (below, above) = ends, (values[0] - wanted, values[1] - wanted)
-    for end, excess in ((low, below), (high, above)):
-        if abs(excess) <= TOLERANCE_L_MIN:
-            return float(end)
-    last = 0
-    for trial in range(MOST_TRIALS):
-        secant = (low * above - high * below) / (above - below)
-        speed = secant if trial % 8 != 7 else 0.5 * (low + high)
-        (flow,), (said,) = flows(np.array([speed]))
-        if not np.isfinite(flow):
-            where = f"between {ends[0]:.0f} and {ends[1]:.0f} rpm"
-            why = f"it lies {where}, but no steady beat was found at {speed:.0f} rpm: {said}"
-            raise FlowNotReachedError(_words(wanted, why))
-        excess = flow - wanted
-        if abs(excess) <= TOLERANCE_L_MIN:
-            return float(speed)
-        # An end that stays twice counts half, so that the next trial falls on its side.
-        if (excess > 0.0) == (above > 0.0):
-            high, above, below = speed, excess, below * (0.5 if last == 1 else 1.0)
-            last = 1
+def _with_rest_solved(case: Case, policy: str | None) -> Case:
+    """The case, whose open set points refer to a rest with its speed solved for."""
+    if case.regulation is None or not case.regulation.left_open or not case.at_rest().targets():
+        return case
+    return case.model_copy(update={"as_written": with_speed(case.at_rest(), policy)[0]})
+
+
+# --- the search, on any function of speeds --------------------------------------------------------
+
+
+def speeds_for_flows(
+    flows: Flows, wanted: np.ndarray, span: tuple[float, float]
+) -> tuple[np.ndarray, list[str]]:
+    """Speeds [rpm] within a range that give flows [L/min]; the lowest, should there be several.
+
+    The range is scanned, then each flow is closed in between two speeds by false position (Illinois) with
+    bisection where that stalls; all members go on side by side.
+
+    Args:
+        flows: flow of members at speeds.
+        wanted: flow to reach [L/min], shape (members,).
+        span: lowest and highest speed [rpm].
+
+    Returns:
+        Speeds, NaN where there is none, and for each member why, empty where there is one.
+    """
+    count, tried = len(wanted), np.linspace(*span, SCANNED)
+    found, messages = flows(np.repeat(np.arange(count), SCANNED), np.tile(tried, count))
+    searches = [
+        _Search(wanted[k], tried, found[own], messages[own][-1])
+        for k in range(count)
+        for own in [slice(k * SCANNED, (k + 1) * SCANNED)]
+    ]
+    while going := [k for k, search in enumerate(searches) if search.going]:
+        trials = np.array([searches[k].trial() for k in going])
+        found, messages = flows(np.array(going), trials)
+        for k, speed, flow, message in zip(going, trials, found, messages, strict=True):
+            searches[k].learn(float(speed), float(flow), message)
+    return np.array([search.speed for search in searches]), [search.reason for search in searches]
+
+
+class _Search:
+    """False position for one member, after the scan of the range.
+
+    Args:
+        wanted: flow [L/min].
+        speeds: of the scan, rising.
+        flows: at these speeds, NaN without a steady beat.
+        message: of the last speed.
+    """
+
+    def __init__(self, wanted: float, speeds: np.ndarray, flows: np.ndarray, message: str):
+        self.wanted, self.speed, self.reason, self.trials, self.last = wanted, np.nan, "", 0, 0
+        known = np.flatnonzero(np.isfinite(flows))
+        between = (
+            (left, right)
+            for left, right in pairwise(known)
+            if min(flows[left], flows[right]) <= wanted <= max(flows[left], flows[right])
+        )
+        ends = next(between, None)
+        if not len(known):
+            self.reason = f"no steady beat was found at any speed: {message}"
+        elif ends is None:
+            self.reason = _out_of_reach(wanted, speeds, flows, known)
         else:
-            low, below, above = speed, excess, above * (0.5 if last == -1 else 1.0)
-            last = -1
-    raise FlowNotReachedError(_words(wanted, f"the flow jumps over it between {low:.6g} and {high:.6g} rpm"))
+            self.ends = (self.low, self.high) = tuple(float(speeds[k]) for k in ends)
+            self.below, self.above = (float(flows[k] - wanted) for k in ends)
+            for end, excess in ((self.low, self.below), (self.high, self.above)):
+                if abs(excess) <= TOLERANCE_L_MIN and np.isnan(self.speed):
+                    self.speed = end
+
+    @property
+    def going(self) -> bool:
+        """Whether there is neither a speed nor a reason yet."""
+        return not self.reason and bool(np.isnan(self.speed))
+
+    def trial(self) -> float:
+        """The speed to try next."""
+        secant = (self.low * self.above - self.high * self.below) / (self.above - self.below)
+        return secant if self.trials % 8 != 7 else 0.5 * (self.low + self.high)
+
+    def learn(self, speed: float, flow: float, message: str) -> None:
+        """Take the flow at the speed that was tried."""
+        excess, self.trials = flow - self.wanted, self.trials + 1
+        if not np.isfinite(flow):
+            where = f"between {self.ends[0]:.0f} and {self.ends[1]:.0f} rpm"
+            self.reason = f"it lies {where}, but no steady beat was found at {speed:.0f} rpm: {message}"
+        elif abs(excess) <= TOLERANCE_L_MIN:
+            self.speed = speed
+        # An end that stays twice counts half, so that the next trial falls on its side.
+        elif (excess > 0.0) == (self.above > 0.0):
+            self.high, self.above = speed, excess
+            self.below, self.last = self.below * (0.5 if self.last == 1 else 1.0), 1
+        else:
+            self.low, self.below = speed, excess
+            self.above, self.last = self.above * (0.5 if self.last == -1 else 1.0), -1
+        if self.going and self.trials == MOST_TRIALS:
+            self.reason = f"the flow jumps over it between {self.low:.6g} and {self.high:.6g} rpm"
 
 
 def _out_of_reach(wanted: float, speeds: np.ndarray, found: np.ndarray, known: np.ndarray) -> str:
@@ -134,13 +311,3 @@ def _out_of_reach(wanted: float, speeds: np.ndarray, found: np.ndarray, known: n
     unknown = [f"{speed:.0f}" for k, speed in enumerate(speeds) if k not in known]
     text += f" (pump range {speeds[0]:.0f} to {speeds[-1]:.0f} rpm)"
     return text + (f"; no steady beat was found at {', '.join(unknown)} rpm" if unknown else "")
-
-
-def _words(wanted: float, why: str) -> str:
-    return f"ecmo.flow_l_min = {wanted:g} cannot be reached: {why}"
-
-
-def _at_speed(case: Case, speed: float) -> Case:
-    assert case.ecmo is not None
-    ecmo = case.ecmo.model_copy(update={"flow_l_min": None, "speed_rpm": float(speed)})
-    return case.model_copy(update={"ecmo": ecmo})

@@ -12,14 +12,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from eclsim.circuit.assembly import assemble
-from eclsim.circuit.network import Circuit
 from eclsim.execution import Tasks, json_format
 from eclsim.orbit.model import Model
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch, SolvedOrbits, start_state
 from eclsim.outputs.results import simulate
-from eclsim.outputs.signals import output_names
-from eclsim.outputs.steady_beat import measured, steady_beat
+from eclsim.outputs.steady_beat import left_outputs, measured, steady_beat
 from eclsim.paper.comparison import Check, Row, at_least, at_most
 from eclsim.parameters.thiel2025 import BOUNDS
 from eclsim.validation.effort import Effort
@@ -121,7 +119,7 @@ def configuration_model(name: str) -> Model:
 def sweep(name: str, points: dict[str, np.ndarray]) -> Sweep:
     """Solve a configuration at some points of the bounds."""
     model, count = configuration_model(name), len(next(iter(points.values())))
-    beat = steady_beat(Batch(model.circuit, {**model.values, **points}, count), _left_outputs(model.circuit))
+    beat = steady_beat(Batch(model.circuit, {**model.values, **points}, count), left_outputs(model.circuit))
     orbits, output = beat.orbits, beat.values.sum(axis=0)
     drift, moved = orbits.drift.copy(), np.full(count, np.nan)
     settled, rest = np.flatnonzero(beat.converged), np.flatnonzero(~beat.converged)
@@ -172,12 +170,6 @@ def sweeps(count: int, effort: Effort) -> list[Sweep]:
     return found
 
 
-def _left_outputs(circuit: Circuit) -> tuple[str, ...]:
-    """Outputs that are what the left heart and an LVAD give."""
-    known = output_names(circuit)
-    return tuple(n for n in ("aortic_valve_flow", "lvad_flow") if n in known)
-
-
 def _waited(model: Model, orbits: SolvedOrbits, members: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Left output [L/min] and drift [mL a beat] after many plain beats from the published start."""
     starts = [start_state(replace(model, values=orbits.batch.member(int(k)))) for k in members]
@@ -187,7 +179,7 @@ def _waited(model: Model, orbits: SolvedOrbits, members: np.ndarray) -> tuple[np
     states = orbits.states.copy()
     states[:, members] = before
     taken_as_steady = replace(orbits, states=states, status=np.full(len(orbits.status), Status.CONVERGED))
-    output = measured(taken_as_steady, _left_outputs(model.circuit), (), ()).values.sum(axis=0)
+    output = measured(taken_as_steady, left_outputs(model.circuit), (), ()).values.sum(axis=0)
     return output[members], drift
 
 
