@@ -13,8 +13,10 @@ from typing import NamedTuple
 # Rooms in order: each may import those before it. `eclsim` itself re-exports names of all of them.
 ROOMS = (
     "units", "execution", "blood", "components", "circuit", "gas", "parameters", "slow", "patient",
-    "regulation", "inputs", "devices", "cases", "beat", "orbit", "outputs", "reporting", "simulation",
-    "goals", "course", "sensitivity", "identification", "crrt_study", "paper", "validation", "app", "cli",
+    "regulation",
+    "fluid",
+    "inputs", "devices", "cases", "beat", "orbit", "outputs", "reporting", "simulation", "goals",
+    "course", "sensitivity", "identification", "crrt_study", "paper", "validation", "app", "cli",
 )  # fmt: skip
 PHYSICS = {"units", "components", "circuit"}
 ALLOWED = {room: set(ROOMS[:place]) for place, room in enumerate(ROOMS)} | {

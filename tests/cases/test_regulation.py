@@ -1,4 +1,4 @@
-"""The sections [regulation] and [fluid]: what they take, refuse and pass on, and what rest is."""
+"""The sections [regulation], [fluid] and [solutes]: what they take, refuse and pass on, and what rest is."""
 
 import pytest
 
@@ -10,6 +10,8 @@ from eclsim.orbit.model import model_of, values_of
 from eclsim.parameters.regulation import EXTRA_VOLUME, GAIN, SET_POINT, UNSTRESSED, VENOUS_SET_POINT
 
 PATIENT = {"id": "P", "sex": "male", "age_years": 60, "heart_rate_bpm": 75}
+
+CRRT = {"flow_ml_min": 200, "access_site": "svn", "return_site": "ra", "net_ultrafiltration_ml_h": 100}
 
 
 def read(**sections):
@@ -34,7 +36,22 @@ def read(**sections):
         ("fluid", {"extra_volume_ml": -5000},
          "fluid.extra_volume_ml = -5000: outside the allowed range; allowed: -3000 to 5000 mL"),
         ("fluid", {"extra_volume_l": 1},
-         "fluid.extra_volume_l = 1: unknown key; allowed: extra_volume_ml; did you mean extra_volume_ml?"),
+         "fluid.extra_volume_l = 1: unknown key; allowed: extra_volume_ml, capillary_refill, haematocrit, "
+         "reference_haematocrit, plasma_protein_g_dl, interstitial_protein_g_dl, interstitial_volume_ml, "
+         "filtration_ml_min_mmHg, reflection, lymph_ml_min; did you mean extra_volume_ml?"),
+        ("fluid", {"haematocrit": 30},
+         "fluid.haematocrit = 30: a percentage; a fraction belongs here; allowed: 0.05 to 0.7 1; did you "
+         "mean 0.3?"),
+        ("fluid", {"capillary_refill": "on"},
+         'fluid.capillary_refill = "on": true or false belongs here, without quotes; allowed: true, false'),
+        ("fluid", {"plasma_protein_g_dl": 60},
+         "fluid.plasma_protein_g_dl = 60: outside the allowed range; allowed: 2 to 10 g/dL; did you mean "
+         "60 g/L = 6 g/dL?"),
+        ("fluid", {"plasma_protein_g_dl": 4, "interstitial_protein_g_dl": 4.5},
+         "fluid.interstitial_protein_g_dl = 4.5: no less than that of the plasma, 4 g/dL: nothing would hold "
+         "water there; allowed: below 4 g/dL"),
+        ("solutes", {"potassium_mmol_l": 45},
+         "solutes.potassium_mmol_l = 45: outside the allowed range; allowed: 1.5 to 10 mmol/L"),
     ],
 )  # fmt: skip
 def test_bad_input_is_refused_in_one_line(section, values, line):
@@ -63,6 +80,20 @@ def test_sections_become_tables_and_values():
     assert [control.name for control in model.circuit.controllers] == ["regulation"]
     assert {GAIN: 0.5, SET_POINT: 80.0, EXTRA_VOLUME: 250.0}.items() <= model.values.items()
     assert EXTRA_VOLUME in model_of(read(parameters={UNSTRESSED: -100}).case).circuit.parameter_names()
+
+
+def test_what_fluid_and_solutes_leave_out_follows_from_the_patient():
+    values = values_of(read(fluid={}, solutes={}, gas={"haemoglobin_g_dl": 9.99}).case)
+    assert values["fluid.haematocrit"] == values["fluid.reference_haematocrit"] == pytest.approx(0.3)
+    assert values["fluid.interstitial_volume_ml"] == pytest.approx(
+        2.587 * values["total_blood_volume_ml"], rel=1e-3
+    )
+    assert values["fluid.interstitial_protein_g_dl"] == pytest.approx(2.4)
+    assert 40000 < values["solutes.body_water_ml"] < 48000
+    given = read(fluid={"haematocrit": 0.4}, crrt=CRRT).case
+    assert values_of(given)["crrt.haematocrit_in"] == pytest.approx(0.4)
+    given = read(fluid={}, crrt=CRRT | {"haematocrit_in": 0.2}).case
+    assert values_of(given)["fluid.haematocrit"] == 0.2
 
 
 def test_an_open_set_point_is_the_pressure_of_the_case_as_it_was_written(tmp_path):

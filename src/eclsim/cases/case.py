@@ -8,8 +8,9 @@ from typing import Any, Literal
 from pydantic import ConfigDict, Field, SerializeAsAny, ValidationInfo, model_validator
 
 from eclsim.cases.checking import check_case
+from eclsim.cases.fluid import Fluid, Solutes
 from eclsim.cases.gas import Gas
-from eclsim.cases.regulation import Fluid, Regulation
+from eclsim.cases.regulation import Regulation
 from eclsim.cases.sections import (
     PATIENT_SECTIONS,
     Measurements,
@@ -51,6 +52,7 @@ class Case(PublishedDevices):
     gas: Gas | None = None
     regulation: Regulation | None = None
     fluid: Fluid | None = None
+    solutes: Solutes | None = None
     other_devices: Mapping[str, SerializeAsAny[Section]] = Field(default_factory=dict)
     parameters: dict[str, float] = Field(default_factory=dict)
     as_written: Case | None = Field(default=None, exclude=True, repr=False)

@@ -1,4 +1,4 @@
-"""The sections [regulation] and [fluid]: reflexes, and blood given or lost."""
+"""The section [regulation]: reflexes."""
 
 from __future__ import annotations
 
@@ -61,10 +61,3 @@ class Regulation(_Settings):
                 'without effect: ursino1998 does not read right atrial pressure, model = "heldt2004" does'
             )
             remarks.warning(f"{key}.venous_set_point_mmHg", message, shown(values["venous_set_point_mmHg"]))
-
-
-class Fluid(_Settings):
-    """Blood given or, negative, lost before the steady beat, in mL."""
-
-    section = regulation.FLUID
-    extra_volume_ml: Annotated[float, _setting(regulation.EXTRA_VOLUME)] = 0.0

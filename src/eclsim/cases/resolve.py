@@ -8,6 +8,7 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from eclsim.cases.fluid import fluid_values, haemoglobin
 from eclsim.devices.registry import nominal_value, parameters
 from eclsim.patient.anthropometry import mean_height_weight, oxygen_consumption, total_blood_volume_ml
 from eclsim.patient.sites import SAME_IN_REGIONS
@@ -62,7 +63,14 @@ def circuit_of(case: Case) -> Circuit:
     for instance in case.instances():
         nodes |= instance.sites()
         circuit += instance.circuit()
-    return with_sites(circuit, nodes)
+    return with_sites(_thickened(circuit, case), nodes)
+
+
+def _thickened(circuit: Circuit, case: Case) -> Circuit:
+    """The circuit with resistances that follow the haematocrit, where the case follows its fluid."""
+    from eclsim.fluid.viscosity import with_viscosity
+
+    return circuit if case.fluid is None else with_viscosity(circuit)
 
 
 def switched_circuit(case: Case) -> tuple[Circuit, dict[str, float]]:
@@ -86,7 +94,7 @@ def switched_circuit(case: Case) -> tuple[Circuit, dict[str, float]]:
         choices = {line: Choice(tuple(sites.values()), f"{one.device.key}.{line}") for line in at}
         switched += replace(one, section=one.section.model_copy(update=choices)).circuit()
         chosen |= {names[line]: float(list(sites).index(site)) for line, site in at.items()}
-    return with_sites(circuit + switched, nodes), chosen
+    return with_sites(_thickened(circuit + switched, case), nodes), chosen
 
 
 def with_sites(circuit: Circuit, nodes: Mapping[str, Site]) -> Circuit:
@@ -111,16 +119,16 @@ def resolve_parameters(case: Case) -> dict[str, float]:
     values = {key: parameter.value for key, parameter in parameters().items()}
     values["heart_rate_bpm"] = case.patient.heart_rate_bpm
     values["total_blood_volume_ml"] = blood_volume_ml(case.patient)
-    for section in (case.physiology, case.regulation, case.fluid):
+    for section in (case.physiology, case.regulation):
         values |= {} if section is None else section.values()
     if case.gas is not None:
         values["gas.vo2_ml_min"] = oxygen_consumption(*height_weight(case.patient))
         values |= {f"gas.{name}": number for name, number in case.gas.model_dump(exclude_none=True).items()}
     for instance in case.instances():
-        values |= instance.values(None if case.gas is None else case.gas.haemoglobin_g_dl)
+        values |= instance.values(haemoglobin(case))
         common = {key: value for key, value in case.parameters.items() if instance.parameter(key) in values}
         values |= {instance.parameter(key): value for key, value in common.items()}
-    return values | case.parameters
+    return values | fluid_values(case, values, *height_weight(case.patient)) | case.parameters
 
 
 @lru_cache(maxsize=256)

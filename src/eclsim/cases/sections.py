@@ -6,13 +6,13 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
+from eclsim.cases.fluid import Fluid, Solutes
 from eclsim.cases.gas import Gas
-from eclsim.cases.regulation import Fluid, Regulation
+from eclsim.cases.regulation import Regulation
 from eclsim.devices.device import AnyDevice, device_key
 from eclsim.devices.registry import device_of, devices
 from eclsim.inputs.fields import Field, measured, number, one_of
-from eclsim.inputs.numbers import RefusedValueError
-from eclsim.inputs.sections import Section
+from eclsim.inputs.sections import Section, switch
 from eclsim.parameters import physiology
 from eclsim.patient.anthropometry import MAXIMUM_AGE_YEARS, MINIMUM_AGE_YEARS
 
@@ -55,18 +55,6 @@ class Measurements(Section):
     PF: Annotated[float | None, measured("ECMO pump flow", "L/min", 0, 10, 3)] = None
 
 
-def _read_switch(value: object, field: Field) -> bool:
-    if isinstance(value, bool):
-        return value
-    hint = str(value).lower() if str(value).lower() in field.names else ""
-    raise RefusedValueError("true or false belongs here, without quotes", field.allowed, hint)
-
-
-def switch(description: str) -> Field:
-    """A key that is true or false."""
-    return Field(description, "name", required=False, names=("true", "false"), read=_read_switch)
-
-
 def _physiology(name: str) -> Field:
     parameter = physiology.PARAMETERS[f"{physiology.SECTION}.{name}"]
     unit = "" if parameter.unit == "1" else parameter.unit
@@ -99,7 +87,7 @@ class Physiology(Section):
         return {f"{self.section}.{name}": value for name, value in given.items()}
 
 
-PATIENT_SECTIONS: tuple[type[Section], ...] = (Physiology, Gas, Regulation, Fluid)
+PATIENT_SECTIONS: tuple[type[Section], ...] = (Physiology, Gas, Regulation, Fluid, Solutes)
 """Optional sections of what the patient has beyond the published model."""
 MEASURED = tuple(Measurements.fields())
 """Names of what may have been measured."""

@@ -75,6 +75,7 @@ class Cannula(Path[Number]):
         french: size D [Fr].
         coefficients: c3, c2, c1, c0 of R [mmHg min^2/L^2].
         clamp: share of its area that is closed; a number 0 for none.
+        viscosity: factor of R by which the blood's viscosity counts; a number 1 for none.
 
     Source: Getinge HLS data sheets (water), as fitted in the published code of Thiel et al.
     """
@@ -82,6 +83,7 @@ class Cannula(Path[Number]):
     french: Key
     coefficients: tuple[float, float, float, float]
     clamp: Key = 0.0
+    viscosity: Key = 1.0
     above_zero: ClassVar = ("french",)
 
     def constants(self, values: Values) -> Number:
@@ -89,6 +91,8 @@ class Cannula(Path[Number]):
         size = value_of(values, self.french)
         c3, c2, c1, c0 = self.coefficients
         resistance = (((c3 * size + c2) * size + c1) * size + c0) / ML_S_PER_L_MIN**2
+        if self.viscosity != 1.0:
+            resistance = resistance * value_of(values, self.viscosity)
         if self.clamp == 0.0:
             return resistance
         return resistance / ((1.0 - value_of(values, self.clamp)) ** 2 + ALL_BUT_CLOSED)

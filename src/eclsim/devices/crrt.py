@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -43,8 +42,7 @@ from eclsim.devices.ecmo import ECMO, POSITIONS
 from eclsim.devices.products import Dialyzer, by_key
 from eclsim.inputs.fields import Field, number
 from eclsim.inputs.mistakes import Remarks, shown
-from eclsim.inputs.numbers import RefusedValueError, read_number
-from eclsim.inputs.sections import Raw, Section, read_name
+from eclsim.inputs.sections import Raw, Section, read_name, read_share
 from eclsim.parameters import thiel2025
 from eclsim.parameters.parameter import Parameter
 from eclsim.patient.sites import ARTERIAL_SITES, PATIENT_SITES, VENOUS_SITES
@@ -150,16 +148,9 @@ def _fluid(description: str, typical: float) -> Field:
     return number(description, "mL/h", 0, 20000, typical, required=False)
 
 
-def _read_haematocrit(value: object, field: Field) -> object:
-    """A fraction; a percentage is refused with what it means."""
-    if isinstance(value, (int, float)) and not isinstance(value, bool) and 10.0 <= value <= 70.0:
-        raise RefusedValueError("a percentage; a fraction belongs here", field.allowed, f"{value / 100.0:g}")
-    return read_number(value, replace(field, read=None))
-
-
 _HAEMATOCRIT = Field(
     "Haematocrit of the blood in the access line", "number", "1", 0.05, 0.7, 0.3, required=False,
-    read=_read_haematocrit,
+    read=read_share,
 )  # fmt: skip
 
 

@@ -48,7 +48,7 @@ FILES = "ECLSIM_DEVICES"
 """Environment variable: Python files with devices, with the separator of PATH; workers inherit it."""
 RESERVED = (
     "format", "blood_volume_policy", "patient", "measurements", "physiology", "gas", "regulation", "drugs",
-    "fluid", "events", "parameters", "heart", "vessels",
+    "fluid", "solutes", "events", "parameters", "heart", "vessels",
 )  # fmt: skip
 _KEY = re.compile(r"[a-z][a-z0-9_]*")
 

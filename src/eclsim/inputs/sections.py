@@ -190,6 +190,25 @@ def read_name(value: object, field: Field) -> str:
     raise RefusedValueError("a name belongs here", field.allowed)
 
 
+def read_share(value: object, field: Field) -> object:
+    """A fraction; a percentage is refused with what it means."""
+    if isinstance(value, (int, float)) and not isinstance(value, bool) and 10.0 <= value <= 70.0:
+        raise RefusedValueError("a percentage; a fraction belongs here", field.allowed, f"{value / 100.0:g}")
+    return read_number(value, replace(field, read=None))
+
+
+def _read_switch(value: object, field: Field) -> bool:
+    if isinstance(value, bool):
+        return value
+    hint = str(value).lower() if str(value).lower() in field.names else ""
+    raise RefusedValueError("true or false belongs here, without quotes", field.allowed, hint)
+
+
+def switch(description: str) -> Field:
+    """A key that is true or false."""
+    return Field(description, "name", required=False, names=("true", "false"), read=_read_switch)
+
+
 def looks_identifiable(text: object) -> bool:
     """Whether an id looks like a name, a birth date or a record number of a hospital."""
     if not isinstance(text, str):

@@ -6,7 +6,7 @@ and the dialyzer, `anthropometry` height, weight and blood volume, `identificati
 
 from __future__ import annotations
 
-from eclsim.parameters import gas, physiology, regulation, thiel2025
+from eclsim.parameters import fluid, gas, physiology, regulation, thiel2025
 from eclsim.parameters.parameter import Parameter
 from eclsim.parameters.spelling import did_you_mean, nearest
 
@@ -36,7 +36,8 @@ class UnknownParameterError(KeyError):
 
 def all_parameters() -> dict[str, Parameter]:
     """Every parameter a case file may set, by key: the paper's tables, then what goes beyond them."""
-    return {**thiel2025.PARAMETERS, **physiology.PARAMETERS, **regulation.PARAMETERS, **gas.PARAMETERS}
+    beyond = (physiology, regulation, fluid, gas)
+    return {**thiel2025.PARAMETERS} | {key: p for table in beyond for key, p in table.PARAMETERS.items()}
 
 
 def default(key: str) -> Parameter:

@@ -92,3 +92,10 @@ def oxygen_consumption(height_cm: float, weight_kg: float) -> float:
     their age and sex; 121 +- 22 in those who were mildly sedated.
     """
     return 126.0 * body_surface(height_cm, weight_kg)
+
+
+def body_water_ml(sex: Sex, age_years: float, height_cm: float, weight_kg: float) -> float:
+    """Water of the body [mL] (Watson, Watson and Batt 1980, Am J Clin Nutr 33:27)."""
+    if sex == "female":
+        return 1000.0 * (-2.097 + 0.1069 * height_cm + 0.2466 * weight_kg)
+    return 1000.0 * (2.447 - 0.09516 * age_years + 0.1074 * height_cm + 0.3362 * weight_kg)

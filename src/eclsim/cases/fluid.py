@@ -1,0 +1,128 @@
+"""The sections [fluid] and [solutes]: blood, interstitium and what is dissolved in both at the start."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+from eclsim.devices.crrt import HAEMATOCRIT as HAEMATOCRIT_IN
+from eclsim.devices.crrt import RED_CELL_HAEMOGLOBIN
+from eclsim.inputs.fields import Field, setting
+from eclsim.inputs.mistakes import Remarks, shown
+from eclsim.inputs.sections import Raw, Section, read_share, switch
+from eclsim.parameters import fluid, regulation
+from eclsim.patient.anthropometry import body_water_ml
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from eclsim.cases.case import Case
+
+INTERSTITIAL_PROTEIN = 0.4
+"""Protein of the interstitium over that of the plasma; textbook value, not verified."""
+BICARBONATE_SPACE, CARBON_DIOXIDE_STORE = 500.0, 1.02
+"""For each kg of weight, mL and mL/mmHg; sources with the parameters."""
+
+
+def _fluid(name: str) -> Field:
+    return setting((fluid.PARAMETERS | regulation.PARAMETERS)[f"{fluid.SECTION}.{name}"])
+
+
+def _share(name: str) -> Field:
+    parameter = fluid.PARAMETERS[f"{fluid.SECTION}.{name}"]
+    return Field(
+        parameter.description, "number", "1", parameter.minimum, parameter.maximum, parameter.value,
+        required=False, read=read_share,
+    )  # fmt: skip
+
+
+def _solute(name: str) -> Field:
+    return setting(fluid.PARAMETERS[f"{fluid.SOLUTES}.{name}"])
+
+
+class Fluid(Section):
+    """Blood given or, negative, lost before the steady beat, and where fluid goes in a course."""
+
+    section = fluid.SECTION
+    extra_volume_ml: Annotated[float, _fluid("extra_volume_ml")] = 0.0
+    capillary_refill: Annotated[bool, switch("Fluid crosses the capillary wall, in courses")] = True
+    haematocrit: Annotated[float | None, _share("haematocrit")] = None
+    reference_haematocrit: Annotated[float | None, _share("reference_haematocrit")] = None
+    plasma_protein_g_dl: Annotated[float, _fluid("plasma_protein_g_dl")] = 6.0
+    interstitial_protein_g_dl: Annotated[float | None, _fluid("interstitial_protein_g_dl")] = None
+    interstitial_volume_ml: Annotated[float | None, _fluid("interstitial_volume_ml")] = None
+    filtration_ml_min_mmHg: Annotated[float, _fluid("filtration_ml_min_mmHg")] = 10.0  # noqa: N815
+    reflection: Annotated[float, _fluid("reflection")] = 0.9
+    lymph_ml_min: Annotated[float, _fluid("lymph_ml_min")] = 2.0
+
+    @classmethod
+    def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
+        """Protein that does not stay in the plasma."""
+        inside, outside = values.get("plasma_protein_g_dl", 6.0), values.get("interstitial_protein_g_dl")
+        if isinstance(outside, float) and isinstance(inside, float) and outside >= inside:
+            message = f"no less than that of the plasma, {inside:g} g/dL: nothing would hold water there"
+            remarks.error(
+                f"{key}.interstitial_protein_g_dl", message, shown(outside), f"below {inside:g} g/dL"
+            )
+
+
+class Solutes(Section):
+    """What dialysis clears, as it is at the start and as the body makes it; followed in courses."""
+
+    section = fluid.SOLUTES
+    urea_mmol_l: Annotated[float, _solute("urea_mmol_l")] = 25.0
+    creatinine_umol_l: Annotated[float, _solute("creatinine_umol_l")] = 300.0
+    potassium_mmol_l: Annotated[float, _solute("potassium_mmol_l")] = 4.5
+    bicarbonate_mmol_l: Annotated[float, _solute("bicarbonate_mmol_l")] = 24.0
+    urea_generation_mmol_h: Annotated[float, _solute("urea_generation_mmol_h")] = 15.0
+    creatinine_generation_umol_h: Annotated[float, _solute("creatinine_generation_umol_h")] = 400.0
+    potassium_generation_mmol_h: Annotated[float, _solute("potassium_generation_mmol_h")] = 0.0
+    acid_generation_mmol_h: Annotated[float, _solute("acid_generation_mmol_h")] = 0.0
+    fluid_potassium_mmol_l: Annotated[float, _solute("fluid_potassium_mmol_l")] = 4.0
+    kidney_clearance_ml_min: Annotated[float, _solute("kidney_clearance_ml_min")] = 0.0
+    body_water_ml: Annotated[float | None, _solute("body_water_ml")] = None
+    bicarbonate_space_ml: Annotated[float | None, _solute("bicarbonate_space_ml")] = None
+    carbon_dioxide_store_ml_mmHg: Annotated[  # noqa: N815
+        float | None, _solute("carbon_dioxide_store_ml_mmHg")
+    ] = None
+
+
+def fluid_values(
+    case: Case, values: Mapping[str, float], height_cm: float, weight_kg: float
+) -> dict[str, float]:
+    """Numbers of both sections as far as the case has them; what is left out follows from the patient.
+
+    Args:
+        case: the case.
+        values: its other parameters.
+        height_cm: height.
+        weight_kg: weight.
+    """
+    result: dict[str, float] = {}
+    if (own := case.fluid) is not None:
+        grams = haemoglobin(case)
+        usual = values.get(HAEMATOCRIT_IN, fluid.USUAL_HAEMATOCRIT)
+        haematocrit = own.haematocrit or (usual if grams is None else grams / RED_CELL_HAEMOGLOBIN)
+        inferred = {
+            "haematocrit": haematocrit, "reference_haematocrit": haematocrit,
+            "interstitial_protein_g_dl": INTERSTITIAL_PROTEIN * own.plasma_protein_g_dl,
+            "interstitial_volume_ml": fluid.INTERSTITIUM_TO_BLOOD * values["total_blood_volume_ml"],
+        }  # fmt: skip
+        given = inferred | own.model_dump(exclude_none=True)
+        result |= {f"{fluid.SECTION}.{name}": float(value) for name, value in given.items()}
+    if (solutes := case.solutes) is not None:
+        patient = case.patient
+        inferred = {
+            "body_water_ml": body_water_ml(patient.sex, patient.age_years, height_cm, weight_kg),
+            "bicarbonate_space_ml": BICARBONATE_SPACE * weight_kg,
+            "carbon_dioxide_store_ml_mmHg": CARBON_DIOXIDE_STORE * weight_kg,
+        }
+        given = inferred | solutes.model_dump(exclude_none=True)
+        result |= {f"{fluid.SOLUTES}.{name}": float(value) for name, value in given.items()}
+    return result
+
+
+def haemoglobin(case: Case) -> float | None:
+    """Haemoglobin [g/dL] as far as the case says it, itself or by the haematocrit."""
+    if case.gas is not None:
+        return case.gas.haemoglobin_g_dl
+    return case.fluid and case.fluid.haematocrit and RED_CELL_HAEMOGLOBIN * case.fluid.haematocrit

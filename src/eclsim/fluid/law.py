@@ -1,0 +1,165 @@
+"""Plasma, red cells, interstitium and protein as slow states: what is given, taken, filtered and refilled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from eclsim.circuit.network import BLOOD_VOLUME, Circuit
+from eclsim.components.exchangers import HAEMOGLOBIN
+from eclsim.fluid.starling import EXCLUDED, Spaces, Wall, capillary_pressure, exchange
+from eclsim.parameters.fluid import FCELLS, HAEMATOCRIT, INTERSTITIUM_TO_BLOOD, SECTION
+from eclsim.parameters.physiology import UPPER_SHARE
+from eclsim.parameters.regulation import EXTRA_VOLUME
+from eclsim.slow.law import Named, SlowLaw, SlowState
+
+PACKED = 0.60
+"""Haematocrit of a red cell concentrate; the rest is an additive solution without protein."""
+ALBUMIN_G_ML = 0.05
+"""Protein of the albumin given, iso-oncotic."""
+_TONE = "systemic_resistance_factor"
+_CAVAE = ("superior_caval_pressure", "inferior_caval_pressure")
+_MINUTE, _HOUR = 60.0, 3600.0
+
+
+def _of(name: str) -> str:
+    return f"{SECTION}.{name}"
+
+
+PLASMA, RED_CELLS, INTERSTITIUM = _of("plasma_ml"), _of("red_cells_ml"), _of("interstitium_ml")
+PROTEIN, OUTSIDE_PROTEIN = _of("plasma_protein_g"), _of("interstitial_protein_g")
+GIVEN, REMOVED, REFILLED = _of("given_ml"), _of("removed_ml"), _of("refilled_ml")
+CELLS_MOVED, PROTEIN_MOVED = _of("red_cells_given_ml"), _of("protein_given_g")
+CAPILLARY, ARTERIOLES = _of("capillary_pressure_at_start_mmHg"), _of("resistance_at_start")
+STATES = (
+    SlowState(PLASMA, "mL", 10.0), SlowState(RED_CELLS, "mL", 10.0), SlowState(INTERSTITIUM, "mL", 50.0),
+    SlowState(PROTEIN, "g", 1.0), SlowState(OUTSIDE_PROTEIN, "g", 1.0), SlowState(GIVEN, "mL", 10.0),
+    SlowState(REMOVED, "mL", 10.0), SlowState(REFILLED, "mL", 10.0), SlowState(CELLS_MOVED, "mL", 10.0),
+    SlowState(PROTEIN_MOVED, "g", 1.0), SlowState(CAPILLARY, "mmHg", 1.0), SlowState(ARTERIOLES, "1", 0.1),
+)  # fmt: skip
+"""Blood, interstitium, protein; then what went through the doors: given, removed (bled and filtered),
+refilled, red cells and protein given less taken; then what is remembered of the start."""
+
+
+def blood_at_start(settings: Named) -> tuple[np.ndarray, np.ndarray]:
+    """Plasma and red cells [mL] at the start, blood given before it included."""
+    blood = settings[BLOOD_VOLUME] + settings[EXTRA_VOLUME]
+    cells = FCELLS * settings[HAEMATOCRIT] * blood
+    return blood - cells, cells
+
+
+@dataclass(frozen=True)
+class FluidLaw(SlowLaw):
+    """Fluid of the patient in a course.
+
+    Blood of the patient's own composition is bled and given; crystalloid and albumin join the plasma;
+    ultrafiltration takes plasma without protein. What circuits hold counts as the patient's blood.
+
+    Args:
+        arterial: output, mean arterial pressure.
+        venous: outputs, mean venous pressures (superior, then inferior where there are two).
+        ultrafiltration: parameters, net ultrafiltration [mL/h].
+        haematocrits: parameters beside `fluid.haematocrit` that follow it.
+        gas: whether haemoglobin does, too.
+    """
+
+    arterial: str = "MAP"
+    venous: tuple[str, ...] = ("venous_pressure",)
+    ultrafiltration: tuple[str, ...] = ()
+    haematocrits: tuple[str, ...] = ()
+    gas: bool = False
+
+    @property
+    def states(self) -> tuple[SlowState, ...]:  # noqa: D102  (as documented in the base class; so below)
+        return STATES
+
+    @property
+    def reads(self) -> tuple[str, ...]:  # noqa: D102
+        return (self.arterial, *self.venous, _TONE)
+
+    def start(self, settings: Named, beat: Named) -> Named:  # noqa: D102
+        rest, zero = _rest(settings), np.zeros_like(settings[BLOOD_VOLUME])
+        _, cells = blood_at_start(settings)
+        tone = self._resistance(settings, beat)
+        return {
+            PLASMA: rest.plasma, RED_CELLS: cells, INTERSTITIUM: rest.interstitium,
+            PROTEIN: rest.plasma_protein, OUTSIDE_PROTEIN: rest.interstitial_protein,
+            **dict.fromkeys((GIVEN, REMOVED, REFILLED, CELLS_MOVED, PROTEIN_MOVED), zero),
+            CAPILLARY: self._capillary(settings, beat, np.ones_like(zero)), ARTERIOLES: tone,
+        }  # fmt: skip
+
+    def in_effect(self, states: Named, settings: Named) -> Named:  # noqa: D102
+        plasma, cells = blood_at_start(settings)
+        volume = (states[PLASMA] - plasma) + (states[RED_CELLS] - cells)
+        thickened = (states[RED_CELLS] / (states[PLASMA] + states[RED_CELLS])) / (cells / (plasma + cells))
+        follow = (HAEMATOCRIT, *self.haematocrits, *([HAEMOGLOBIN] if self.gas else []))
+        return {EXTRA_VOLUME: settings[EXTRA_VOLUME] + volume} | {
+            key: settings[key] * thickened for key in follow
+        }
+
+    def rates(self, states: Named, settings: Named, beat: Named, inflows: Named) -> Named:  # noqa: D102
+        zero = np.zeros_like(states[PLASMA])
+        rest = _rest(settings)
+        now = Spaces(
+            states[PLASMA], states[INTERSTITIUM], states[PROTEIN], states[OUTSIDE_PROTEIN], rest.normal
+        )
+        tone = self._resistance(settings, beat) / states[ARTERIOLES]
+        rise = self._capillary(settings, beat, tone) - states[CAPILLARY]
+        open_wall = settings[_of("capillary_refill")] / _MINUTE
+        crossed = exchange(now, rest, rise, _wall(settings))
+        out, protein_out = open_wall * crossed.fluid, open_wall * crossed.protein
+
+        blood = inflows["blood_ml"] - inflows["bleed_ml"]
+        haematocrit = states[RED_CELLS] / (FCELLS * (states[PLASMA] + states[RED_CELLS]))
+        filtered = sum((settings[key] for key in self.ultrafiltration), zero) / _HOUR
+        packed, clear = inflows["red_cells_ml"], inflows["crystalloid_ml"] + inflows["albumin_ml"]
+        cells = PACKED * packed + haematocrit * blood
+        plasma = (1.0 - PACKED) * packed + clear + (1.0 - haematocrit) * blood - filtered
+        protein = ALBUMIN_G_ML * inflows["albumin_ml"]
+        protein = protein + (1.0 - haematocrit) * blood * states[PROTEIN] / states[PLASMA]
+        return {
+            PLASMA: plasma - out, RED_CELLS: cells, INTERSTITIUM: out, PROTEIN: protein - protein_out,
+            OUTSIDE_PROTEIN: protein_out, GIVEN: packed + clear + inflows["blood_ml"],
+            REMOVED: inflows["bleed_ml"] + filtered, REFILLED: -out, CELLS_MOVED: cells,
+            PROTEIN_MOVED: protein, CAPILLARY: zero, ARTERIOLES: zero,
+        }  # fmt: skip
+
+    def _resistance(self, settings: Named, beat: Named) -> np.ndarray:
+        """Of the systemic microcirculation, by reflex, drugs and setting together."""
+        return settings["Rmc"] * beat[_TONE]
+
+    def _capillary(self, settings: Named, beat: Named, tone: np.ndarray) -> np.ndarray:
+        venous = beat[self.venous[0]]
+        if len(self.venous) > 1:
+            upper = settings[UPPER_SHARE]
+            venous = upper * venous + (1.0 - upper) * beat[self.venous[1]]
+        return capillary_pressure(beat[self.arterial], venous, tone)
+
+
+def fluid_law(circuit: Circuit) -> FluidLaw:
+    """The law of fluid of a circuit with a volume offset."""
+    names = (*circuit.parameter_names(), *circuit.content_names())
+    regional = any(c.name == "svc" for c in circuit.compartments)
+    return FluidLaw(
+        venous=_CAVAE if regional else ("venous_pressure",),
+        ultrafiltration=tuple(n for n in names if n.endswith(".net_ultrafiltration_ml_h")),
+        haematocrits=tuple(n for n in names if n.endswith(".haematocrit_in")),
+        gas=HAEMOGLOBIN in names,
+    )
+
+
+def _rest(settings: Named) -> Spaces:
+    """The spaces at the start."""
+    plasma, _ = blood_at_start(settings)
+    normal = INTERSTITIUM_TO_BLOOD * settings[BLOOD_VOLUME]
+    interstitium = settings[_of("interstitial_volume_ml")]
+    return Spaces(
+        plasma, interstitium, 0.01 * plasma * settings[_of("plasma_protein_g_dl")],
+        0.01 * (interstitium - EXCLUDED * normal) * settings[_of("interstitial_protein_g_dl")], normal,
+    )  # fmt: skip
+
+
+def _wall(settings: Named) -> Wall:
+    names = ("filtration_ml_min_mmHg", "reflection", "lymph_ml_min")
+    return Wall(*(settings[_of(name)] for name in names))

@@ -1,0 +1,150 @@
+r"""Fluid and protein across the capillary wall, and back by lymph.
+
+    filtration = LpS [(Pc - Pi) - sigma (pi_p - pi_i)]          (Starling; Kedem and Katchalsky)
+    protein    = (1 - sigma) filtration (c_p + c_i)/2 + PS (c_p - c_i)
+    lymph      = L0 + dL/dPi (Pi - Pi0), never below 0; it carries interstitial fluid with its protein
+
+Oncotic pressure: Landis and Pappenheimer 1963. Pi follows the interstitial volume along a curve that is steep
+below the normal volume and flat in oedema. At the start filtration equals lymph, and PS lets as much protein
+out as lymph brings back: whatever the patient's pressures are, nothing moves until something changes.
+Volumes in mL, concentrations in g/dL, flows in mL/min, protein in g/min.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+DEHYDRATED_PER_MMHG = 0.0607
+"""Share of the normal interstitial volume that leaves for each mmHg, 510 of 8400 mL; human model of Xie et
+al. 1995 (Bull Math Biol 57), not verified."""
+OEDEMA_MMHG = 2.6
+"""Rise of Pi from the normal volume to oedema, where it stays; the same model, not verified."""
+LYMPH_PER_MMHG = 0.36
+"""Rise of lymph flow for each mmHg of Pi, over that at the start: 43 of 120 mL/h; as above, not verified."""
+EXCLUDED = 0.25
+"""Share of the normal interstitial volume that protein cannot enter; as above, not verified."""
+CAPILLARY_SHARE = 0.15
+"""Of the pressure drop from arteries to veins, behind the capillaries' middle; textbook, not verified."""
+
+
+class Spaces(NamedTuple):
+    """Plasma and interstitium.
+
+    Attributes:
+        plasma: volume [mL].
+        interstitium: volume [mL].
+        plasma_protein: [g].
+        interstitial_protein: [g].
+        normal: interstitial volume without oedema [mL].
+    """
+
+    plasma: np.ndarray
+    interstitium: np.ndarray
+    plasma_protein: np.ndarray
+    interstitial_protein: np.ndarray
+    normal: np.ndarray
+
+    @property
+    def concentrations(self) -> tuple[np.ndarray, np.ndarray]:
+        """Protein of plasma and of what it can enter of the interstitium [g/dL]."""
+        room = np.maximum(self.interstitium - EXCLUDED * self.normal, 1.0)
+        return (
+            100.0 * self.plasma_protein / np.maximum(self.plasma, 1.0),
+            100.0 * self.interstitial_protein / room,
+        )
+
+
+class Wall(NamedTuple):
+    """The capillary wall and the lymphatics.
+
+    Attributes:
+        filtration: LpS [mL/min/mmHg].
+        reflection: sigma [-].
+        lymph: flow at the start [mL/min].
+    """
+
+    filtration: np.ndarray
+    reflection: np.ndarray
+    lymph: np.ndarray
+
+
+class Exchange(NamedTuple):
+    """What crosses, from plasma to interstitium.
+
+    Attributes:
+        fluid: filtration less lymph [mL/min].
+        protein: likewise [g/min].
+    """
+
+    fluid: np.ndarray
+    protein: np.ndarray
+
+
+def oncotic_pressure(protein: np.ndarray) -> np.ndarray:
+    """Oncotic pressure [mmHg] of protein [g/dL] (Landis and Pappenheimer 1963)."""
+    return protein * (2.1 + protein * (0.16 + 0.009 * protein))
+
+
+def interstitial_pressure(volume: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """Pressure of the interstitium [mmHg], 0 at the normal volume."""
+    linear = (volume / normal - 1.0) / DEHYDRATED_PER_MMHG
+    over = np.maximum(linear, 0.0) / OEDEMA_MMHG
+    return np.minimum(linear, 0.0) - OEDEMA_MMHG * np.expm1(-over)
+
+
+def capillary_pressure(arterial: np.ndarray, venous: np.ndarray, tone: np.ndarray) -> np.ndarray:
+    """Mean capillary pressure [mmHg].
+
+    Args:
+        arterial: mean pressure [mmHg].
+        venous: mean pressure [mmHg].
+        tone: resistance of the microcirculation over that at the start; arterioles make the difference.
+    """
+    share = CAPILLARY_SHARE / ((1.0 - CAPILLARY_SHARE) * tone + CAPILLARY_SHARE)
+    return venous + share * (arterial - venous)
+
+
+def exchange(now: Spaces, rest: Spaces, pressure_rise: np.ndarray, wall: Wall) -> Exchange:
+    """What crosses the wall now.
+
+    Args:
+        now: volumes and protein.
+        rest: those at the start, in balance.
+        pressure_rise: of the capillaries since then [mmHg].
+        wall: its constants.
+    """
+    (inside, outside), (inside_0, outside_0) = now.concentrations, rest.concentrations
+    swollen = interstitial_pressure(now.interstitium, now.normal) - interstitial_pressure(
+        rest.interstitium, rest.normal
+    )
+    held = (oncotic_pressure(inside) - oncotic_pressure(inside_0)) - (
+        oncotic_pressure(outside) - oncotic_pressure(outside_0)
+    )
+    filtered = wall.lymph + wall.filtration * (pressure_rise - swollen - wall.reflection * held)
+    lymph = wall.lymph * np.maximum(1.0 + LYMPH_PER_MMHG * swollen, 0.0)
+    dragged, dragged_0 = (
+        0.005 * (1.0 - wall.reflection) * flow * (a + b)
+        for flow, a, b in ((filtered, inside, outside), (wall.lymph, inside_0, outside_0))
+    )
+    permeability = (0.01 * wall.lymph * outside_0 - dragged_0) / (inside_0 - outside_0)  # g/min for 1 g/dL
+    moved = dragged + permeability * (inside - outside) - 0.01 * lymph * outside
+    return Exchange(filtered - lymph, moved)
+
+
+def relaxation_time(rest: Spaces, wall: Wall) -> np.ndarray:
+    """Time constant [min] of refill after a small change of capillary pressure, protein staying in place.
+
+    1 / (LpS (dPi/dVi + sigma (d pi_p/dVp + d pi_i/dVi)) + dL/dVi), derivatives at the start.
+    """
+
+    def slope(protein: np.ndarray, volume: np.ndarray) -> np.ndarray:
+        return (2.1 + protein * (0.32 + 0.027 * protein)) * protein / volume
+
+    inside, outside = rest.concentrations
+    over = np.maximum(rest.interstitium / rest.normal - 1.0, 0.0) / DEHYDRATED_PER_MMHG / OEDEMA_MMHG
+    stiffness = np.exp(-over) / (DEHYDRATED_PER_MMHG * rest.normal)
+    room = rest.interstitium - EXCLUDED * rest.normal
+    held = wall.reflection * (slope(inside, rest.plasma) + slope(outside, room))
+    return 1.0 / (wall.filtration * (stiffness + held) + wall.lymph * LYMPH_PER_MMHG * stiffness)

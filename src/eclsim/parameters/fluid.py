@@ -1,0 +1,75 @@
+"""Parameters of fluid and of solutes in time: the blood, the interstitium and the wall between them.
+
+At a circuit's start they change nothing: the haematocrit is the one at which resistances were measured or
+fitted, and filtration, refill and lymph are in balance.
+"""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+
+from eclsim.parameters.parameter import Parameter
+
+SECTION, SOLUTES = "fluid", "solutes"
+HAEMATOCRIT, REFERENCE = f"{SECTION}.haematocrit", f"{SECTION}.reference_haematocrit"
+USUAL_HAEMATOCRIT = 0.30
+FCELLS = 0.9
+"""Haematocrit of all blood over that of large vessels, 0.9 +- 0.05 (Hemodial Int, PMC4937455), abstract."""
+INTERSTITIUM_TO_BLOOD = (1.0 - FCELLS * 0.45) / 0.230
+"""Normal interstitial volume over blood volume: plasma over interstitium is 0.230 in 10 healthy men (Moore
+1966, bromide, abstract), here at a haematocrit of 0.45."""
+_PATIENT = "of the patient; default assumed (intensive care)"
+_NOT_VERIFIED = "textbook value, not verified"
+_VOLUME = "of the patient; left out, 2.59 times the blood volume: Moore 1966 (bromide space, 10 healthy men)"
+
+# section, key, value, unit, description, source, minimum, maximum
+_TABLE = (
+    (SECTION, "haematocrit", USUAL_HAEMATOCRIT, "1", "Haematocrit of the blood",
+     "of the patient; left out, from haemoglobin or haematocrit_in, else 0.30", 0.05, 0.7),
+    (SECTION, "reference_haematocrit", USUAL_HAEMATOCRIT, "1",
+     "Haematocrit at which resistances are those of the tables", "left out, that of the blood", 0.05, 0.7),
+    (SECTION, "capillary_refill", 1.0, "1", "Whether fluid crosses the capillary wall: 1 or 0", "setting",
+     0.0, 1.0),
+    (SECTION, "plasma_protein_g_dl", 6.0, "g/dL", "Protein of the plasma", _PATIENT, 2.0, 10.0),
+    (SECTION, "interstitial_protein_g_dl", 2.4, "g/dL", "Protein of the interstitial fluid it can be in",
+     "of the patient; left out, 0.4 of that of the plasma; textbook value, not verified", 0.2, 8.0),
+    (SECTION, "interstitial_volume_ml", 13000.0, "mL", "Volume of the interstitial fluid", _VOLUME, 3000.0,
+     60000.0),
+    (SECTION, "filtration_ml_min_mmHg", 10.0, "mL/min/mmHg", "Filtration coefficient of all capillaries, LpS",
+     "fitted to haemodialysis, 10.0 +- 8.4: Pietribiasi 2016 (PMID 27483369), abstract", 0.2, 60.0),
+    (SECTION, "reflection", 0.9, "1", "Reflection coefficient of the capillary wall for protein",
+     _NOT_VERIFIED, 0.3, 1.0),
+    (SECTION, "lymph_ml_min", 2.0, "mL/min", "Flow of lymph at the start", _NOT_VERIFIED, 0.1, 20.0),
+    (SOLUTES, "urea_mmol_l", 25.0, "mmol/L", "Urea at the start", _PATIENT, 0.5, 120.0),
+    (SOLUTES, "creatinine_umol_l", 300.0, "umol/L", "Creatinine at the start", _PATIENT, 10.0, 3000.0),
+    (SOLUTES, "potassium_mmol_l", 4.5, "mmol/L", "Potassium at the start", _PATIENT, 1.5, 10.0),
+    (SOLUTES, "bicarbonate_mmol_l", 24.0, "mmol/L", "Bicarbonate of the plasma at the start", _PATIENT, 3.0,
+     60.0),
+    (SOLUTES, "urea_generation_mmol_h", 15.0, "mmol/h", "Urea that the body makes",
+     "10 g of nitrogen a day; assumed", 0.0, 200.0),
+    (SOLUTES, "creatinine_generation_umol_h", 400.0, "umol/h", "Creatinine that the body makes",
+     "about 1 g a day; assumed", 0.0, 3000.0),
+    (SOLUTES, "potassium_generation_mmol_h", 0.0, "mmol/h", "Potassium that is given or set free", "setting",
+     -50.0, 200.0),
+    (SOLUTES, "acid_generation_mmol_h", 0.0, "mmol/h", "Acid that takes bicarbonate away, as lactic acid",
+     "setting; 0, metabolism and kidney are in balance", -100.0, 500.0),
+    (SOLUTES, "fluid_potassium_mmol_l", 4.0, "mmol/L", "Potassium of all fluids of the dialysis", "setting",
+     0.0, 6.0),
+    (SOLUTES, "kidney_clearance_ml_min", 0.0, "mL/min", "What the kidneys still clear", "setting", 0.0,
+     200.0),
+    (SOLUTES, "body_water_ml", 35000.0, "mL", "Water of the body, in which urea and creatinine are",
+     "of the patient; left out, by sex, age, height and weight: Watson 1980 (Am J Clin Nutr 33:27)", 10000.0,
+     90000.0),
+    (SOLUTES, "bicarbonate_space_ml", 35000.0, "mL", "Apparent space of bicarbonate, buffers included",
+     "left out, half the weight: the usual assumption, cited by Garella 1973 (N Engl J Med 289:121)", 5000.0,
+     150000.0),
+    (SOLUTES, "carbon_dioxide_store_ml_mmHg", 105.0, "mL/mmHg",
+     "Carbon dioxide that the tissues store for each mmHg (STPD)",
+     "left out, 1.02 mL/mmHg for each kg: Farhi and Rahn 1955 (dogs, blood not counted), abstract", 5.0,
+     600.0),
+)  # fmt: skip
+
+PARAMETERS: MappingProxyType[str, Parameter] = MappingProxyType(
+    {f"{row[0]}.{row[1]}": Parameter(f"{row[0]}.{row[1]}", *row[2:], row[0]) for row in _TABLE}
+)
+"""All parameters by key; those of [fluid] and [solutes] of a case file."""

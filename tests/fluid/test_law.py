@@ -1,0 +1,175 @@
+"""The law of fluid on its own: rest, closed forms, doors and balances."""
+
+import numpy as np
+import pytest
+
+from eclsim.components.exchangers import HAEMOGLOBIN
+from eclsim.fluid import law as fluid
+from eclsim.fluid.law import FluidLaw
+from eclsim.fluid.starling import (
+    EXCLUDED,
+    Spaces,
+    Wall,
+    capillary_pressure,
+    exchange,
+    interstitial_pressure,
+    oncotic_pressure,
+    relaxation_time,
+)
+from eclsim.parameters.fluid import HAEMATOCRIT, INTERSTITIUM_TO_BLOOD, PARAMETERS
+from eclsim.parameters.regulation import EXTRA_VOLUME
+from eclsim.slow.law import INFLOWS
+
+LAW = FluidLaw(ultrafiltration=("uf",), haematocrits=("crrt.haematocrit_in",), gas=True)
+BEAT = {"MAP": 80.0, "venous_pressure": 6.0, "systemic_resistance_factor": 1.0}
+
+
+def settings(**changes):
+    values = {key: one.value for key, one in PARAMETERS.items()} | {
+        "total_blood_volume_ml": 5200.0, EXTRA_VOLUME: -150.0, "Rmc": 0.5, "uf": 0.0, HAEMOGLOBIN: 10.0,
+        "crrt.haematocrit_in": 0.28,
+    }  # fmt: skip
+    return arrays(values | {f"fluid.{k}" if k != "uf" else k: v for k, v in changes.items()})
+
+
+def arrays(values):
+    return {key: np.array([value]) for key, value in values.items()}
+
+
+def rates(states, values, beat=None, **inflows):
+    return LAW.rates(
+        states, values, arrays(BEAT | (beat or {})), arrays(dict.fromkeys(INFLOWS, 0.0) | inflows)
+    )
+
+
+def course(values, minutes, step_s=15.0, beat=None, **inflows):
+    """States along the classical Runge-Kutta method at steady pressures."""
+    states = LAW.start(values, arrays(BEAT))
+    for _ in range(round(60 * minutes / step_s)):
+        slopes = [rates(states, values, beat, **inflows)]
+        for part in (0.5, 0.5, 1.0):
+            moved = {k: states[k] + part * step_s * slopes[-1][k] for k in states}
+            slopes.append(rates(moved, values, beat, **inflows))
+        a, b, c, d = slopes
+        states = {k: x + step_s / 6.0 * (a[k] + 2.0 * b[k] + 2.0 * c[k] + d[k]) for k, x in states.items()}
+    return states
+
+
+@pytest.fixture
+def spaces():
+    plasma, interstitium = np.array([3500.0]), np.array([13500.0])
+    room = interstitium - EXCLUDED * interstitium
+    return Spaces(plasma, interstitium, 0.06 * plasma, 0.024 * room, interstitium)
+
+
+WALL = Wall(*(np.array([x]) for x in (10.0, 0.9, 2.0)))
+
+
+def test_nothing_moves_at_the_start_and_what_is_set_is_the_cases_own_to_the_bit():
+    values = settings()
+    states = LAW.start(values, arrays(BEAT))
+    assert set(states) == {state.name for state in LAW.states}
+    for name, rate in rates(states, values).items():
+        assert abs(rate).max() < 1e-15, name
+    effect = LAW.in_effect(states, values)
+    assert {key: effect[key] for key in effect} == {key: values[key] for key in effect}
+    assert set(effect) == {EXTRA_VOLUME, HAEMATOCRIT, HAEMOGLOBIN, "crrt.haematocrit_in"}
+
+
+def test_oncotic_pressure_is_that_of_landis_and_pappenheimer():
+    np.testing.assert_allclose(
+        oncotic_pressure(np.array([0.0, 7.0])), [0.0, 2.1 * 7 + 0.16 * 49 + 0.009 * 343]
+    )
+
+
+def test_interstitium_stiffens_below_and_gives_way_above_its_normal_volume():
+    normal, step = np.array(10000.0), 1e-3
+    below, above = (
+        (interstitial_pressure(normal * (1 + d), normal) / d).item() for d in (-step, step)
+    )  # the same slope on both sides
+    assert below == pytest.approx(above, rel=0.01)
+    swollen = interstitial_pressure(normal * np.array([1.5, 2.0]), normal)
+    assert 2.0 < swollen[0] < swollen[1] < 2.61
+
+
+def test_constricted_arterioles_lower_the_pressure_of_capillaries():
+    wide, tight = (capillary_pressure(np.array(90.0), np.array(5.0), np.array(tone)) for tone in (1.0, 2.0))
+    assert wide == pytest.approx(5.0 + 0.15 * 85.0)
+    assert tight < wide
+
+
+def test_refill_relaxes_with_the_time_constant_of_its_linear_form(spaces):
+    """Closed form against the slope of the law itself."""
+
+    def out(volume):
+        now = spaces._replace(plasma=spaces.plasma - volume, interstitium=spaces.interstitium + volume)
+        return exchange(now, spaces, np.zeros(1), WALL).fluid
+
+    slope = (out(1.0) - out(-1.0)) / 2.0  # fluid that leaves for each mL that has left
+    np.testing.assert_allclose(-1.0 / slope, relaxation_time(spaces, WALL), rtol=1e-4)
+    assert out(0.0) == 0.0
+
+
+def test_fluid_given_divides_so_that_what_drives_it_out_carries_its_flow():
+    """At steady pressures, without lymph and with a wall tight to protein: a closed form for slow giving."""
+    values = settings(lymph_ml_min=1e-9, reflection=1.0)
+    start, end = LAW.start(values, arrays(BEAT)), course(values, 240.0, crystalloid_ml=0.01)
+    gained = {name: end[name] - start[name] for name in (fluid.PLASMA, fluid.INTERSTITIUM)}
+    normal = INTERSTITIUM_TO_BLOOD * values["total_blood_volume_ml"]
+
+    def outward(states):
+        room = states[fluid.INTERSTITIUM] - EXCLUDED * normal
+        inside = oncotic_pressure(100.0 * start[fluid.PROTEIN] / states[fluid.PLASMA])
+        outside = oncotic_pressure(100.0 * start[fluid.OUTSIDE_PROTEIN] / room)
+        return outside - inside - interstitial_pressure(states[fluid.INTERSTITIUM], normal)
+
+    assert sum(gained.values()) == pytest.approx(144.0, abs=1e-9)
+    carried = values["fluid.filtration_ml_min_mmHg"] * (outward(end) - outward(start))
+    assert carried == pytest.approx(0.6 * gained[fluid.INTERSTITIUM] / 144.0, rel=0.15)
+    assert carried == pytest.approx(60.0 * rates(end, values, crystalloid_ml=0.01)[fluid.INTERSTITIUM])
+
+
+def test_bleeding_is_refilled_and_blood_thins():
+    values = settings()
+    start = LAW.start(values, arrays(BEAT))
+    fallen = {"MAP": 70.0, "venous_pressure": 4.0, "systemic_resistance_factor": 1.2}
+    end = course(values, 20.0, beat=fallen, bleed_ml=1000.0 / 1200.0)
+    assert end[fluid.REMOVED] == pytest.approx(1000.0)
+    assert 200.0 < end[fluid.REFILLED].item() < 800.0
+    thinned = LAW.in_effect(end, values)
+    assert (thinned[HAEMATOCRIT] < values[HAEMATOCRIT]).all()
+    assert thinned[HAEMOGLOBIN] / 10.0 == pytest.approx(thinned["crrt.haematocrit_in"] / 0.28)
+    dry = course(settings(capillary_refill=0.0), 20.0, beat=fallen, bleed_ml=1000.0 / 1200.0)
+    assert dry[fluid.REFILLED] == 0.0
+    assert dry[fluid.RED_CELLS] < start[fluid.RED_CELLS]
+
+
+@pytest.mark.parametrize(
+    "inflows",
+    [
+        {"crystalloid_ml": 0.3}, {"albumin_ml": 0.2}, {"red_cells_ml": 0.2}, {"blood_ml": 0.3},
+        {"bleed_ml": 0.3, "crystalloid_ml": 0.5, "red_cells_ml": 0.1},
+    ],
+)  # fmt: skip
+def test_fluid_red_cells_and_protein_balance(inflows):
+    values = settings(uf=200.0)
+    start, end = LAW.start(values, arrays(BEAT)), course(values, 60.0, 60.0, **inflows)
+    gained = {name: (end[name] - start[name]).item() for name in start}
+    blood = gained[fluid.PLASMA] + gained[fluid.RED_CELLS]
+    assert blood == pytest.approx(
+        gained[fluid.GIVEN] - gained[fluid.REMOVED] + gained[fluid.REFILLED], abs=1e-6
+    )
+    assert gained[fluid.INTERSTITIUM] == pytest.approx(-gained[fluid.REFILLED], abs=1e-6)
+    assert gained[fluid.RED_CELLS] == pytest.approx(gained[fluid.CELLS_MOVED], abs=1e-6)
+    protein = gained[fluid.PROTEIN] + gained[fluid.OUTSIDE_PROTEIN]
+    assert protein == pytest.approx(gained[fluid.PROTEIN_MOVED], abs=1e-9)
+    wanted = 3600.0 * sum(v for k, v in inflows.items() if k != "bleed_ml")
+    assert gained[fluid.GIVEN] == pytest.approx(wanted)
+    assert gained[fluid.REMOVED] == pytest.approx(200.0 + 3600.0 * inflows.get("bleed_ml", 0.0))
+
+
+def test_giving_back_what_was_bled_at_the_same_time_changes_nothing():
+    values = settings(capillary_refill=0.0)
+    end, start = course(values, 30.0, blood_ml=0.5, bleed_ml=0.5), LAW.start(values, arrays(BEAT))
+    for name in (fluid.PLASMA, fluid.RED_CELLS, fluid.PROTEIN):
+        assert end[name] == pytest.approx(start[name], abs=1e-9)
