@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from eclsim.app.display import PATIENT, ink
 from eclsim.app.texts import ENGLISH, text
 from eclsim.cases.resolve import circuit_of
+from eclsim.devices.device import Naming
 from eclsim.devices.registry import instances_in, naming_of
 
 if TYPE_CHECKING:
@@ -126,11 +127,16 @@ def _boxes(circuit: Circuit, plan: Plan, page: Layout) -> list[dict[str, Any]]:
         found.append({
             "name": compartment.name, "group": compartment.group,
             "position": positions.get(compartment.name, ""),
-            "text": words, "short": ENGLISH.get(f"box_{own}", words),
+            "text": words, "short": ENGLISH.get(f"box_{own}", _short(names, own) or words),
             "ink": ink(compartment.group),
             "x": left - WIDER_MM, "y": -top, "w": right - left + 2 * WIDER_MM, "h": top - bottom,
         })  # fmt: skip
     return found
+
+
+def _short(names: Naming | None, own: str | None) -> str:
+    box = None if names is None else names.device.boxes.get(own or "")
+    return "" if box is None else box.short
 
 
 def _wire(wire: Wire, plan: Plan, group: str, page: Layout) -> dict[str, Any]:

@@ -120,18 +120,12 @@ def _program_key(state: PageState) -> tuple[Any, int]:
 
 
 def _warm_states() -> list[PageState]:
-    """The presets, those with ECMO also with CRRT, then all of them with a slow heart."""
+    """The presets, also with what is often beside them, then all of them with a slow heart."""
     from eclsim.app.knobs import connect, turn
     from eclsim.cases.presets import PRESETS
 
     states = [PageState(preset.case(), origin=key) for key, preset in PRESETS.items()]
-    more = [
-        PageState(connect(state.case, "crrt"))
-        for state in states
-        if state.case.ecmo is not None and state.case.crrt is None
-    ]
-    more += [PageState(connect(s.case, "crrt")) for s in states if s.origin == "paper"]
-    more += [PageState(connect(s.case, "ecmo")) for s in states if s.origin == "lvad"]
+    more = [PageState(connect(one.case(), key)) for one in PRESETS.values() for key in one.often]
     usual = [*states, *more]
     slow = [s.with_case(turn(s.case, "patient.heart_rate_bpm", SLOW_RATE_BPM)) for s in usual]
     return [*usual, *slow]

@@ -290,7 +290,7 @@ def _figures(state: PageState, kind: str, stem: str) -> tuple[str, bytes]:
 
 
 def _study(state: PageState, stem: str) -> tuple[str, bytes]:
-    from eclsim.crrt_study.report import drawings, study_page
+    from eclsim.crrt_study.report import PAGE, drawings, study_page
     from eclsim.crrt_study.settings import StudyError
     from eclsim.crrt_study.study import crrt_study
 
@@ -298,7 +298,7 @@ def _study(state: PageState, stem: str) -> tuple[str, bytes]:
         study = crrt_study(state.case, volume_policy=state.policy)
     except StudyError as error:
         raise ExportError(str(error)) from None
-    return f"{stem}_crrt_study.html", study_page(study, drawings(study)).encode()
+    return f"{stem}_{PAGE}", study_page(study, drawings(study)).encode()
 
 
 def _simulated(state: PageState) -> xr.Dataset:

@@ -162,9 +162,10 @@ def _prepare(pipe: Connection) -> None:
     """Compile what fits need, until somebody wants one."""
     from eclsim.cases.presets import PRESETS
 
-    raw = PRESETS["paper"].case().as_mapping()
+    preset = PRESETS["paper"]
+    raw = preset.case().as_mapping()
     raw["measurements"] = {"SP": 83.0, "DP": 76.0, "MAP": 80.0, "MPAP": 11.0, "CO": 1.4, "PF": 3.5}
-    for sections in (raw, {k: v for k, v in raw.items() if k != "crrt"}):
+    for sections in (raw, {k: v for k, v in raw.items() if k not in preset.often}):
         _fit(sections, "as_published", PREPARING, lambda _: _give_way(pipe))
 
 

@@ -39,22 +39,12 @@ REFERENCE: dict[str, tuple[float, float, str]] = {
 """Adult range of an output, in its unit, and where it comes from."""
 
 
-LINES = {"access": "crrt_access_pressure", "return": "crrt_return_pressure"}
-
-
 def bounds(quantity: str) -> list[dict[str, Any]]:
     """The limits of an output as plain data, the gravest first."""
     return [
         {"kind": limit.kind, "side": limit.side, "value": limit.value, "meaning": limit.meaning}
         for limit in limits_of(quantity)
     ]
-
-
-def line_bounds() -> dict[str, list[float]]:
-    """Lower and upper alarm limit [mmHg] of the two CRRT lines."""
-    return {
-        line: sorted(b["value"] for b in bounds(name) if b["kind"] == "alarm") for line, name in LINES.items()
-    }
 
 
 def output_specs() -> dict[str, dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""What views compute beyond one beat: the speed ramp and the nine CRRT schemes, each one batch."""
+"""What views compute beyond one beat: the speed ramp and the nine schemes, each one batch."""
 
 from __future__ import annotations
 
@@ -8,21 +8,18 @@ import numpy as np
 
 from eclsim.app.circuits import page_circuit
 from eclsim.app.display import curves_of, plain_curves, sweep_of
-from eclsim.app.ranges import LINES, line_bounds
 from eclsim.app.state import key_of
 from eclsim.beat.grid import needed_resolution
 from eclsim.circuit.assembly import assemble
+from eclsim.files import finite
 from eclsim.orbit.steady import Batch
-from eclsim.outputs.limits import level
 from eclsim.outputs.signals import output_names
 from eclsim.outputs.steady_beat import steady_beat
 
 if TYPE_CHECKING:
     from eclsim.app.state import PageState
 
-NODES = {"access": "crrttuin", "return": "crrttuout"}
 SPEEDS = 15
-WAVE_POINTS = 60
 
 
 def ramp(state: PageState) -> dict[str, Any] | None:
@@ -48,48 +45,12 @@ def ramp(state: PageState) -> dict[str, Any] | None:
 
 def schemes(state: PageState) -> dict[str, Any] | None:
     """Line pressures of the nine schemes at the state's own speed; None without a rotary ECMO pump."""
-    from eclsim.crrt_study.beats import study_circuits
-    from eclsim.crrt_study.schemes import nine_schemes
+    from eclsim.crrt_study.preview import nine_at_own_speed
 
-    ecmo = state.case.ecmo
-    if ecmo is None or not isinstance(ecmo.pump, str):
-        return None
-    chosen = tuple(nine_schemes().values())
-    flow = state.case.crrt.flow_ml_min if state.case.crrt is not None else 200.0
-    circuits = study_circuits(state.case, chosen, flow)
-    found = circuits.run(np.array([float(ecmo.speed_rpm or 0.0)]), state.policy, keep=range(len(chosen)))
-    even = np.linspace(0.0, 1.0, WAVE_POINTS)
-    cells = []
-    for k, scheme in enumerate(chosen):
-        cell: dict[str, Any] = {
-            "letter": scheme.letter, "name": scheme.name,
-            "settings": {"crrt.access_site": scheme.access_site, "crrt.return_site": scheme.return_site},
-            "converged": bool(found.determined[k]),
-            "MAP": _number(found.output("MAP")[k]),
-        }  # fmt: skip
-        for line, name in LINES.items():
-            signal = "P" + NODES[line]
-            mean = float(found.mean(signal)[k])
-            wave = np.interp(even, found.waveforms[k].phases, found.waveform(signal, k))
-            cell[line] = {
-                "mean": _number(mean),
-                "level": level(name, mean),
-                "wave": plain_curve(wave) if found.determined[k] else [],
-            }
-        cells.append(cell)
-    return {
-        "of": key_of(state),
-        "cells": cells,
-        "flow": flow,
-        "limits": line_bounds(),
-        "device": "crrt",
-    }
+    found = nine_at_own_speed(state.case, state.policy)
+    return None if found is None else {"of": key_of(state), **found}
 
 
 def plain_curve(values: np.ndarray) -> list[float | None]:
     """Rounded numbers for the browser; null for what is not finite."""
-    return [_number(v) for v in values.tolist()]
-
-
-def _number(value: float) -> float | None:
-    return float(f"{float(value):.5g}") if np.isfinite(value) else None
+    return [finite(float(value), digits=5) for value in values]

@@ -157,8 +157,6 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "box_la": "Left atrium",
         "box_svn": "Syst. veins",
         "box_sart": "Syst. arteries",
-        "box_ecmooxy": "Before oxyg.",
-        "box_ecmotuor": "After oxyg.",
         "wire_pas": "pulm. artery",
         # loops
         "left_ventricle": "Left ventricle",
@@ -171,7 +169,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "now": "now",
         "pinned": "pinned",
         # ramp
-        "ramp_none": "A speed ramp needs ECMO with a rotary pump, or an LVAD.",
+        "ramp_none": "A speed ramp needs a device whose pump has a speed.",
         "ramp_speed": "Pump speed [rpm]",
         "ramp_pressure": "Pressure [mmHg]",
         "ramp_flow": "Flow [L/min]",

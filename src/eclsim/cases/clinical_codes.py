@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from eclsim.devices.registry import devices
 from eclsim.units import convert, known_unit, quantity_of
 
 LOINC, SNOMED = "http://loinc.org", "http://snomed.info/sct"
@@ -43,9 +44,13 @@ MEASURABLES = (
     Measurable("PF", "L/min", "", "251288004"),
     Measurable("height_cm", "cm", "8302-2"),
     Measurable("weight_kg", "kg", "29463-7"),
-    Measurable("ecmo_speed_rpm", "rpm"),
+    *(
+        Measurable(column, device.section.fields()[device.columns.needed[column]].unit)
+        for device in devices().values()
+        for column in device.columns.measured
+    ),
 )
-"""What is read; the pump's speed has no code and goes by its name."""
+"""What is read; a pump's speed has no code and goes by its name."""
 BY_CODE: MappingProxyType[str, Measurable] = MappingProxyType(
     {m.loinc: m for m in MEASURABLES if m.loinc}
     | {m.snomed: m for m in MEASURABLES if m.snomed}

@@ -16,7 +16,9 @@ from typing import TYPE_CHECKING, Any
 from eclsim.cases.cohort_rows import across_rows, expected_unit, in_order_of_time, is_units_row, when
 from eclsim.cases.cohort_table import Table, read_table
 from eclsim.cases.reading import read_mapping
-from eclsim.cases.sections import MEASURED
+from eclsim.cases.sections import MEASURED, sections
+from eclsim.devices.description import Columns
+from eclsim.devices.registry import devices
 from eclsim.files import unguarded
 from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, shown
 from eclsim.inputs.sections import MAXIMUM_ID_LENGTH, looks_identifiable
@@ -27,32 +29,27 @@ if TYPE_CHECKING:
 
 ID, MEASUREMENT = "patient_id", "measurement"
 _ABOUT_PATIENT = ("sex", "age_years", "height_cm", "weight_kg", "heart_rate_bpm")
+_WITH_COLUMNS = [device for device in devices().values() if device.columns != Columns()]
+_UNSAID = {"measurements.CO", *(f"{one.key}.{key}" for one in _WITH_COLUMNS for key in one.columns.usual)}
+"""Keys whose notes are left out: they would be there for every row."""
 COLUMNS: MappingProxyType[str, str] = MappingProxyType(
-    {
-        ID: "patient.id",
-        **{name: f"patient.{name}" for name in _ABOUT_PATIENT},
-        **{name: f"measurements.{name}" for name in MEASURED},
-        "ecmo_pump": "ecmo.pump",
-        "ecmo_speed_rpm": "ecmo.speed_rpm",
-        "oxygenator": "ecmo.oxygenator",
-        "drainage_fr": "ecmo.drainage_fr",
-        "return_fr": "ecmo.return_fr",
-    }
-)  # fmt: skip
+    {ID: "patient.id"}
+    | {name: f"patient.{name}" for name in _ABOUT_PATIENT}
+    | {name: f"measurements.{name}" for name in MEASURED}
+    | {name: f"{one.key}.{key}" for one in _WITH_COLUMNS for name, key in one.columns.needed.items()}
+)
 """Columns that a cohort has, besides `measurement`, and the key of a case file that each one is."""
 OPTIONAL: MappingProxyType[str, str] = MappingProxyType(
-    {
-        "ecmo_mode": "ecmo.mode",
-        "drainage_site": "ecmo.drainage_site",
-        "drainage_cannula": "ecmo.drainage_cannula",
-        "return_site": "ecmo.return_site",
-        "return_cannula": "ecmo.return_cannula",
-    }
+    {name: f"{one.key}.{key}" for one in _WITH_COLUMNS for name, key in one.columns.optional.items()}
 )
 """Columns that a cohort may have; without them ECMO is V-A with its usual sites and cannulae."""
 _NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _SPREADSHEET_ERROR = re.compile(r"#(REF!|DIV/0!|VALUE!|NAME\?|NUM!|NULL!|SPILL!|CALC!)", re.IGNORECASE)
-_TEXT_COLUMNS = {ID, "sex", "ecmo_pump", "oxygenator", *OPTIONAL}
+_TEXT_COLUMNS = {
+    name
+    for name, key in (COLUMNS | OPTIONAL).items()
+    if sections()[key.partition(".")[0]].fields()[key.partition(".")[2]].kind != "number"
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,7 +216,7 @@ class _Rows:
                 wrong.append(Mistake(", ".join(MEASURED), "nothing measured, so nothing to fit"))
             if not wrong:
                 self.warnings += [self._in_columns(m).at("", line) for m in reading.warnings]
-                message = (m for m in reading.notes if m.key not in ("ecmo.mode", "measurements.CO"))
+                message = (m for m in reading.notes if m.key not in _UNSAID)
                 self.notes += [self._in_columns(m).at("", line) for m in message]
                 return CohortPoint(reading.case.patient.id, row[MEASUREMENT], line, reading.case)
         self.refused += [m.at("", line) for m in wrong]
@@ -238,7 +235,7 @@ def _said(mistake: Mistake, wrong: Sequence[Mistake]) -> bool:
 
 def _as_mapping(row: dict[str, str]) -> tuple[dict[str, Any], list[Mistake]]:
     """Sections as a case file holds them; empty cells are left out."""
-    raw: dict[str, Any] = {"format": 1, "patient": {"id": row[ID]}, "measurements": {}, "ecmo": {}}
+    raw: dict[str, Any] = {"format": 1, "patient": {"id": row[ID]}, "measurements": {}}
     wrong = []
     for column, key in (COLUMNS | OPTIONAL).items():
         text = row.get(column, "")
@@ -249,11 +246,10 @@ def _as_mapping(row: dict[str, str]) -> tuple[dict[str, Any], list[Mistake]]:
             continue
         section, _, name = key.partition(".")
         number = column not in _TEXT_COLUMNS and _NUMBER.fullmatch(text)
-        raw[section][name] = NumberAsWritten(text) if number else text
-    if not raw["ecmo"]:
-        del raw["ecmo"]
-    elif not any(row.get(column) for column in OPTIONAL):
-        raw["ecmo"]["mode"] = "VA"
+        raw.setdefault(section, {})[name] = NumberAsWritten(text) if number else text
+    for one in _WITH_COLUMNS:
+        if one.key in raw and not any(row.get(column) for column in one.columns.optional):
+            raw[one.key] |= one.columns.usual
     return raw, wrong
 
 

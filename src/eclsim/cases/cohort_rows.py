@@ -12,6 +12,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from eclsim.cases.sections import sections
+from eclsim.devices.registry import devices
 from eclsim.inputs.mistakes import Mistake, shown
 from eclsim.units import MMHG_PER_KPA, known_unit
 
@@ -35,7 +36,12 @@ class RowRemarks:
 def _units() -> dict[str, str]:
     """Units of the columns that have one."""
     fields = (item for kind in sections().values() for item in kind.fields().values())
-    return {item.name: item.unit for item in fields if item.unit} | {"ecmo_speed_rpm": "rpm"}
+    columns = {
+        column: device.section.fields()[key].unit
+        for device in devices().values()
+        for column, key in device.columns.needed.items()
+    }
+    return {name: unit for name, unit in ({f.name: f.unit for f in fields} | columns).items() if unit}
 
 
 def expected_unit(column: str, text: str) -> tuple[str, str] | None:

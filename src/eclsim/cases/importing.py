@@ -63,8 +63,8 @@ def as_table(rows: list[dict[str, str]]) -> str:
 
 def _fill(result: Imported, base: Case, file: str) -> None:
     given = {f"patient.{k}": v for k, v in base.patient.model_dump(exclude_none=True).items()}
-    if base.ecmo is not None:
-        given |= {f"ecmo.{k}": v for k, v in base.ecmo.model_dump(exclude_none=True).items()}
+    for one in base.instances():
+        given |= {f"{one.key}.{k}": v for k, v in one.section.model_dump(exclude_none=True).items()}
     for column, key in (COLUMNS | OPTIONAL).items():
         if column == "patient_id" or not isinstance(value := given.get(key), str | float | int):
             continue
@@ -75,10 +75,11 @@ def _fill(result: Imported, base: Case, file: str) -> None:
         if empty and key.startswith("patient."):
             message = f"{text} of the base case, in {len(empty)} of {len(result.rows)} data points"
             result.notes.append(Mistake(column, message, file=file))
-    if base.ecmo is not None:
-        result.notes.append(
-            Mistake("ecmo", "circuit of the base case, where the file says nothing", file=file)
-        )
+    result.notes += [
+        Mistake(one.key, "circuit of the base case, where the file says nothing", file=file)
+        for one in base.instances()
+        if one.device.columns.needed
+    ]
 
 
 # --- a long table ------------------------------------------------------------------------------------

@@ -39,10 +39,11 @@ def check_plausibility(case: CaseValues, parameters: Mapping[str, float], remark
             f"above the mean pulmonary artery pressure {mean:g} mmHg by more than 5: physiologically doubtful"
         )
         remarks.warning("measurements.PCWP", message, shown(wedge))
-    pump_flow = case.measurements.get("PF")
-    if pump_flow is not None and not case.of("ecmo"):
-        message = "a pump flow was measured, but the case has no [ecmo] section"
-        remarks.warning("measurements.PF", message, shown(pump_flow))
+    for device in devices().values():
+        for name in (one.name for one in device.outputs if one.in_contract):
+            if name in case.measurements and not case.of(device.key):
+                message = f"a pump flow was measured, but the case has no [{device.key}] section"
+                remarks.warning(f"measurements.{name}", message, shown(case.measurements[name]))
     _check_blood(case.patient, parameters, remarks)
     _check_regions(case, parameters, remarks)
     for key, values in case.devices.items():

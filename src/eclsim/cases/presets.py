@@ -49,6 +49,7 @@ class Preset:
         source: what the criteria rest on.
         aims: the criteria as ranges.
         sections: the case, as a case file holds it.
+        often: devices that are often connected or disconnected beside it; the page has them ready.
     """
 
     key: str
@@ -57,6 +58,7 @@ class Preset:
     source: str
     aims: tuple[Aim, ...]
     sections: Mapping[str, Any]
+    often: tuple[str, ...] = ()
 
     def case(self) -> Case:
         """The checked case."""
@@ -149,6 +151,7 @@ _PRESETS = (
             "crrt": {"flow_ml_min": 200, "access_site": "post_oxy", "return_site": "pre_oxy"},
             "parameters": dict(TABLE_S4),
         },
+        ("crrt",),
     ),
     Preset(
         "vv-ecmo",
@@ -169,6 +172,7 @@ _PRESETS = (
                 "Rpmc": 0.168, "Rmc": 0.56, "Emaxlv": 1.4, "Emaxrv": 0.32, "Csart": 1.1, "P0svn": 17.0,
             },
         },
+        ("crrt",),
     ),
     Preset(
         "lvad",
@@ -187,6 +191,7 @@ _PRESETS = (
             "lvad": {"pump": "HM3", "speed_rpm": 4900.0, "inlet_site": "lv", "outlet_site": "ao"},
             "parameters": {"Emaxlv": 0.632, "Emaxrv": 0.21, "Rmc": 0.82, "Csart": 1.1, "P0svn": 20.5},
         },
+        ("ecmo",),
     ),
 )  # fmt: skip
 

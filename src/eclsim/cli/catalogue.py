@@ -34,7 +34,7 @@ class ListOptions(ParameterSet):
     set_name: SetName = option("all", "Set of parameters; all: those that a case file may set.", "--set")
 
     group: str | None = option(
-        None, "Only this group: blood, systemic, pulmonary, heart, ecmo, crrt or initial."
+        None, "Only this group, such as systemic, heart or the section of a device; a wrong one lists all."
     )
 
 

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
     from eclsim.crrt_study.study import CrrtStudy
 
+PAGE = "crrt_study.html"
+"""What the end of the name of a file with the page is."""
 MEAN_COLUMNS = (
     ("Psart", "Arterial [mmHg]", 1),
     ("Ppart", "Pulm. artery [mmHg]", 1),

@@ -6,6 +6,7 @@ What stands here is for writing a device of one's own; `eclsim.register_device` 
 from eclsim.devices.description import (
     CAUTION,
     Box,
+    Columns,
     Curve,
     Finding,
     KeyFigure,
@@ -36,9 +37,10 @@ from eclsim.inputs.sections import Raw, Section
 from eclsim.parameters.parameter import Parameter
 
 __all__ = [
-    "CAUTION", "Box", "CannulaType", "CaseValues", "Curve", "Device", "Dialyzer", "Field", "Finding",
-    "Instance", "KeyFigure", "Knob", "Limit", "Look", "Mark", "Naming", "Output", "Oxygenator", "Panel",
-    "Parameter", "Picker", "Product", "PumpCurve", "Raw", "Remarks", "Section", "Sweep", "Target", "Trace",
-    "Views", "by_key", "check_cannula", "check_sites", "check_speed", "difference", "highest", "lowest",
-    "mean", "mean_flow", "measured", "number", "one_of", "patient_site", "picker", "pump_values", "shown",
+    "CAUTION", "Box", "CannulaType", "CaseValues", "Columns", "Curve", "Device", "Dialyzer", "Field",
+    "Finding", "Instance", "KeyFigure", "Knob", "Limit", "Look", "Mark", "Naming", "Output",
+    "Oxygenator", "Panel", "Parameter", "Picker", "Product", "PumpCurve", "Raw", "Remarks", "Section",
+    "Sweep", "Target", "Trace", "Views", "by_key", "check_cannula", "check_sites", "check_speed",
+    "difference", "highest", "lowest", "mean", "mean_flow", "measured", "number", "one_of",
+    "patient_site", "picker", "pump_values", "shown",
 ]  # fmt: skip

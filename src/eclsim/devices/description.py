@@ -196,11 +196,13 @@ class Box:
         column: 0 (left) to 3 (right).
         row: 0 at the top; lines to other sites leave from the lowest row.
         words: what stands in it.
+        short: the same where there is little room; left out, `words`.
     """
 
     column: int
     row: int
     words: str
+    short: str = ""
 
 
 @dataclass(frozen=True)
@@ -390,6 +392,23 @@ class Sweep:
     own: float
     low: float
     high: float
+
+
+@dataclass(frozen=True)
+class Columns:
+    """What the table of a cohort says of a device: its columns, and the keys of its section.
+
+    Args:
+        needed: that every such table has; empty cells where the device is absent.
+        optional: that it may have.
+        usual: keys of the section in rows that say nothing in optional columns.
+        measured: those of the columns that clinical data may hold.
+    """
+
+    needed: Mapping[str, str] = field(default_factory=dict)
+    optional: Mapping[str, str] = field(default_factory=dict)
+    usual: Mapping[str, Any] = field(default_factory=dict)
+    measured: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

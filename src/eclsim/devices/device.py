@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from eclsim.devices.description import (
     Box,
+    Columns,
     Control,
     Finding,
     Limit,
@@ -102,6 +103,8 @@ class Device(ABC, Generic[S]):
     """Whether it can keep the arterial pressure up without a pulse."""
     adjusted: ClassVar[Sequence[str]] = ()
     """Keys of its section that are turned to reach goals, the dearest first; small values are sought."""
+    columns: ClassVar[Columns] = Columns()
+    """Its columns in the table of a cohort."""
     target: ClassVar[Target | None] = None
     """What its section may name in place of a setting that is then solved for."""
     views: ClassVar[Views] = Views()

@@ -21,6 +21,7 @@ from eclsim.devices.description import (
     COLLAPSE_MMHG,
     GASES,
     Box,
+    Columns,
     Control,
     Curve,
     Finding,
@@ -431,8 +432,8 @@ class EcmoDevice(Device[Ecmo]):
             "ecmodrain": Box(0, 1, "After drainage"),
             "ecmotudp": Box(0, 0, "Before pump"),
             "ecmotupo": Box(1, 0, "After pump"),
-            "ecmooxy": Box(2, 0, "Before oxygenator"),
-            "ecmotuor": Box(3, 0, "After oxygenator"),
+            "ecmooxy": Box(2, 0, "Before oxygenator", "Before oxyg."),
+            "ecmotuor": Box(3, 0, "After oxygenator", "After oxyg."),
             "ecmoreturn": Box(3, 1, "Before return"),
         }
     )
@@ -546,6 +547,20 @@ class EcmoDevice(Device[Ecmo]):
     set_by_products = MappingProxyType({"oxygenator": "Recmooxy"})
     adjusted = ("speed_rpm", "sweep_l_min")
     target = Target("flow_l_min", "speed_rpm", "PF")
+    columns = Columns(
+        MappingProxyType(
+            {
+                "ecmo_pump": "pump", "ecmo_speed_rpm": "speed_rpm", "oxygenator": "oxygenator",
+                "drainage_fr": "drainage_fr", "return_fr": "return_fr",
+            }
+        ),
+        MappingProxyType(
+            {"ecmo_mode": "mode"}
+            | {f"{line}_{what}": f"{line}_{what}" for line in LINES for what in ("site", "cannula")}
+        ),
+        MappingProxyType({"mode": "VA"}),
+        ("ecmo_speed_rpm",),
+    )  # fmt: skip
     alike = (_POSITIVE, ("lowest_drainage_pressure", "pump_inlet_pressure"))
     carries_circulation = True
     views = Views(
