@@ -14,7 +14,7 @@ from typing import NamedTuple
 ROOMS = (
     "units", "execution", "blood", "components", "circuit", "gas", "parameters", "slow", "patient",
     "regulation",
-    "fluid",
+    "drugs", "fluid",
     "inputs", "devices", "cases", "beat", "orbit", "outputs", "reporting", "simulation", "goals",
     "course", "sensitivity", "identification", "crrt_study", "paper", "validation", "app", "cli",
 )  # fmt: skip

@@ -15,6 +15,7 @@ from eclsim.orbit.steady import Batch, solve, start_state
 from eclsim.outputs.results import derivatives
 from eclsim.outputs.steady_beat import steady_beat
 from eclsim.parameters.regulation import (
+    DRUGS,
     EXTRA_VOLUME,
     GAIN,
     PARAMETERS,
@@ -130,4 +131,5 @@ def test_searches_begin_at_the_published_patient():
     circuit = reflex("heldt2004", {}).circuit
     nominal = nominal_values(circuit)
     assert nominal is not None
-    assert {key: nominal[key] for key in SETTINGS} == SETTINGS
+    own = {key: value for key, value in SETTINGS.items() if not key.startswith(DRUGS)}
+    assert {key: nominal[key] for key in own} == own

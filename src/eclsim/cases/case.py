@@ -10,7 +10,7 @@ from pydantic import ConfigDict, Field, SerializeAsAny, ValidationInfo, model_va
 from eclsim.cases.checking import check_case
 from eclsim.cases.fluid import Fluid, Solutes
 from eclsim.cases.gas import Gas
-from eclsim.cases.regulation import Regulation
+from eclsim.cases.regulation import Drugs, Regulation
 from eclsim.cases.sections import (
     PATIENT_SECTIONS,
     Measurements,
@@ -51,6 +51,7 @@ class Case(PublishedDevices):
     physiology: Physiology | None = None
     gas: Gas | None = None
     regulation: Regulation | None = None
+    drugs: Drugs | None = None
     fluid: Fluid | None = None
     solutes: Solutes | None = None
     other_devices: Mapping[str, SerializeAsAny[Section]] = Field(default_factory=dict)

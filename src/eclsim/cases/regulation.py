@@ -1,4 +1,4 @@
-"""The section [regulation]: reflexes."""
+"""The sections [regulation] and [drugs]: reflexes and infusions."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from typing import Annotated, Any, Literal
 
 from eclsim.inputs.fields import Field, number, one_of
 from eclsim.inputs.mistakes import Remarks, shown
+from eclsim.inputs.numbers import RefusedValueError, read_number
 from eclsim.inputs.sections import Raw, Section
 from eclsim.parameters import regulation
-from eclsim.parameters.regulation import MODELS, PARAMETERS
+from eclsim.parameters.regulation import DRUG_DOSES, MODELS, PARAMETERS
 
 
 def _setting(key: str, allowed: str = "") -> Field:
@@ -61,3 +62,43 @@ class Regulation(_Settings):
                 'without effect: ursino1998 does not read right atrial pressure, model = "heldt2004" does'
             )
             remarks.warning(f"{key}.venous_set_point_mmHg", message, shown(values["venous_set_point_mmHg"]))
+
+
+def _read_dose(value: object, field: Field) -> float:
+    try:
+        return read_number(value, field)
+    except RefusedValueError as error:
+        why = error.mistake
+        given = float(value) if isinstance(value, int | float) else 0.0
+        if field.maximum < given <= 1000.0 * field.typical:
+            meant = f"{given / 1000.0:g}: {given:g} {field.unit} are {given / 1000.0:g} mg/kg/min"
+            raise RefusedValueError(why.message, why.allowed, meant) from None
+        raise
+
+
+def _dose(drug: str) -> Field:
+    parameter, unit = PARAMETERS[regulation.dose(drug)], PARAMETERS[regulation.dose(drug)].unit
+    most, usual = DRUG_DOSES[drug]
+    return Field(parameter.description, "number", unit, 0.0, most, usual, required=False, read=_read_dose)
+
+
+class Drugs(_Settings):
+    """Steady infusions in ug/kg/min, and the patient's sensitivity to each, which multiplies the dose."""
+
+    section = regulation.DRUGS
+    noradrenaline: Annotated[float, _dose("noradrenaline")] = 0.0
+    dobutamine: Annotated[float, _dose("dobutamine")] = 0.0
+    milrinone: Annotated[float, _dose("milrinone")] = 0.0
+    nitroprusside: Annotated[float, _dose("nitroprusside")] = 0.0
+    noradrenaline_sensitivity: Annotated[float, _setting(regulation.sensitivity("noradrenaline"))] = 1.0
+    dobutamine_sensitivity: Annotated[float, _setting(regulation.sensitivity("dobutamine"))] = 1.0
+    milrinone_sensitivity: Annotated[float, _setting(regulation.sensitivity("milrinone"))] = 1.0
+    nitroprusside_sensitivity: Annotated[float, _setting(regulation.sensitivity("nitroprusside"))] = 1.0
+
+    @classmethod
+    def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
+        """Say where the effect of a dose is no longer that of a usual one."""
+        for drug, (_, usual) in DRUG_DOSES.items():
+            if values.get(drug, 0.0) > usual:
+                message = f"beyond the usual {usual:g} ug/kg/min: its effect is extrapolated"
+                remarks.warning(f"{key}.{drug}", message, shown(values[drug]))

@@ -47,14 +47,16 @@ def _patient(case: Case) -> tuple[Circuit, dict[str, Site]]:
 
 
 def _regulated(patient: Circuit, case: Case) -> Circuit:
-    """The patient with what the case adds of reflexes and volume."""
+    """The patient with what the case adds of reflexes, drugs and volume."""
+    from eclsim.drugs.attach import with_drugs
     from eclsim.parameters.regulation import EXTRA_VOLUME, UNSTRESSED
     from eclsim.regulation.attach import REFLEXES, with_reflex, with_volume_offset
 
     own = case.regulation if case.regulation and case.regulation.baroreflex is not None else None
-    if own or case.fluid or {EXTRA_VOLUME, UNSTRESSED} & case.parameters.keys():
+    if own or case.drugs or case.fluid or {EXTRA_VOLUME, UNSTRESSED} & case.parameters.keys():
         patient = with_volume_offset(patient)
-    return with_reflex(patient, REFLEXES[own.model]) if own else patient
+    patient = with_reflex(patient, REFLEXES[own.model]) if own else patient
+    return with_drugs(patient) if case.drugs else patient
 
 
 def circuit_of(case: Case) -> Circuit:
@@ -119,7 +121,7 @@ def resolve_parameters(case: Case) -> dict[str, float]:
     values = {key: parameter.value for key, parameter in parameters().items()}
     values["heart_rate_bpm"] = case.patient.heart_rate_bpm
     values["total_blood_volume_ml"] = blood_volume_ml(case.patient)
-    for section in (case.physiology, case.regulation):
+    for section in (case.physiology, case.regulation, case.drugs):
         values |= {} if section is None else section.values()
     if case.gas is not None:
         values["gas.vo2_ml_min"] = oxygen_consumption(*height_weight(case.patient))

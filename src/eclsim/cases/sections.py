@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from eclsim.cases.fluid import Fluid, Solutes
 from eclsim.cases.gas import Gas
-from eclsim.cases.regulation import Regulation
+from eclsim.cases.regulation import Drugs, Regulation
 from eclsim.devices.device import AnyDevice, device_key
 from eclsim.devices.registry import device_of, devices
 from eclsim.inputs.fields import Field, measured, number, one_of
@@ -87,7 +87,7 @@ class Physiology(Section):
         return {f"{self.section}.{name}": value for name, value in given.items()}
 
 
-PATIENT_SECTIONS: tuple[type[Section], ...] = (Physiology, Gas, Regulation, Fluid, Solutes)
+PATIENT_SECTIONS: tuple[type[Section], ...] = (Physiology, Gas, Regulation, Drugs, Fluid, Solutes)
 """Optional sections of what the patient has beyond the published model."""
 MEASURED = tuple(Measurements.fields())
 """Names of what may have been measured."""

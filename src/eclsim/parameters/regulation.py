@@ -11,13 +11,32 @@ from types import MappingProxyType
 
 from eclsim.parameters.parameter import Parameter
 
-REGULATION, FLUID = "regulation", "fluid"
+REGULATION, FLUID, DRUGS = "regulation", "fluid", "drugs"
 GAIN = f"{REGULATION}.baroreflex"
 SET_POINT, VENOUS_SET_POINT = f"{REGULATION}.set_point_mmHg", f"{REGULATION}.venous_set_point_mmHg"
 UNSTRESSED = "unstressed_volume_ml"
 EXTRA_VOLUME = f"{FLUID}.extra_volume_ml"
 MODELS = ("ursino1998", "heldt2004")
 """Published reflexes, by the name in a case file."""
+
+DRUG_DOSES = {
+    "noradrenaline": (3.0, 1.0),
+    "dobutamine": (40.0, 20.0),
+    "milrinone": (2.0, 0.75),
+    "nitroprusside": (10.0, 3.0),
+}
+"""Drugs that are infused: the largest dose that a case may give, and the largest usual one [ug/kg/min]."""
+
+
+def dose(drug: str) -> str:
+    """Key of a drug's infusion rate [ug/kg/min]."""
+    return f"{DRUGS}.{drug}"
+
+
+def sensitivity(drug: str) -> str:
+    """Key of what a patient's dose is multiplied by: 2 for one who needs half of it."""
+    return f"{DRUGS}.{drug}_sensitivity"
+
 
 # key, value, unit, description, source, minimum, maximum, group
 _TABLE = (
@@ -31,6 +50,10 @@ _TABLE = (
      "0: the published patient", -3000.0, 3000.0, REGULATION),
     (EXTRA_VOLUME, 0.0, "mL", "Blood given or, negative, lost before the steady beat",
      "0: the published patient", -3000.0, 5000.0, FLUID),
+    *((dose(name), 0.0, "ug/kg/min", f"Steady infusion of {name}", "0: not given", 0.0, most, DRUGS)
+      for name, (most, _) in DRUG_DOSES.items()),
+    *((sensitivity(name), 1.0, "1", f"What the patient's dose of {name} is multiplied by",
+       "1: the mean of the patients the drug was studied in", 0.02, 50.0, DRUGS) for name in DRUG_DOSES),
 )  # fmt: skip
 
 PARAMETERS: MappingProxyType[str, Parameter] = MappingProxyType({row[0]: Parameter(*row) for row in _TABLE})

@@ -1,0 +1,171 @@
+"""Fits the effects of drugs to their fit studies, once: what `eclsim.drugs.published` holds.
+
+    python benchmarks/drug_fit.py [FOLDER]
+
+With a folder, the figures of docs/drugs.md are written there and nothing is fitted.
+
+Each drug's five effects at the dose of its fit study are those of the smallest sum of squares of
+(computed - measured) / uncertainty over all quantities measured after the drug and of effect / expected size:
+what no measurement speaks for stays 0. Uncertainty is the standard error of the two means where it is known,
+at least 4 % of the value. Studies marked `test` in the table take no part.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from eclsim.circuit.network import HEART_RATE
+from eclsim.drugs.law import Effects
+from eclsim.drugs.published import PUBLISHED
+from eclsim.parameters.regulation import DRUG_DOSES, UNSTRESSED
+from eclsim.reporting.style import figure_style
+from eclsim.validation.drugs import arms, expected, measured, patient_of, uncertainty
+
+EXPECTED_SIZE = Effects(0.5, 0.5, 0.5, 0.2, 0.05)
+"""Standard deviation of each effect before anything is measured: 50 % of most, 5 % of the blood volume."""
+NONE_KNOWN = {"milrinone": ("heart_rate",), "nitroprusside": ("contractility",)}
+"""Effects that are left at 0: not measured in the fit study, or not there by the drug's mechanism."""
+
+
+def at(patient, effects: np.ndarray, quantities) -> np.ndarray:
+    """Quantities with each row of effects in place of a drug."""
+    heart, systemic, pulmonary, rate = np.exp(effects[:, :4].T)
+    own = patient.values
+    changes = {
+        "Emaxlv": own["Emaxlv"] * heart, "Emaxrv": own["Emaxrv"] * heart, "Rmc": own["Rmc"] * systemic,
+        "Rpmc": own["Rpmc"] * pulmonary, HEART_RATE: own[HEART_RATE] * rate,
+        UNSTRESSED: effects[:, 4] * own["total_blood_volume_ml"],
+    }  # fmt: skip
+    found = measured(patient, changes, quantities)
+    return np.stack([found[name] for name in quantities], axis=-1)
+
+
+def fit(drug: str):
+    own = [arm for arm in arms() if arm.arm == drug and arm.rows[0]["use"] == "fit"]
+    none = ("pulmonary_resistance", *NONE_KNOWN.get(drug, ()))  # no fit study measured pulmonary pressure
+    free = np.array([name not in none for name in Effects._fields])
+    size = np.array(EXPECTED_SIZE)[free]
+
+    def misses(effects: np.ndarray, relative: bool = True) -> np.ndarray:
+        """Of all quantities of all arms, a column for each row of effects."""
+        found = []
+        for arm in own:
+            patient = patient_of(arm)
+            rows = [row for row in arm.rows if row["use"] == "fit"]
+            names = [row["quantity"] for row in rows]
+            before, table = at(patient, np.zeros((1, 5)), names)[0], at(patient, effects, names)
+            wanted = [expected(row, b) for row, b in zip(rows, before, strict=True)]
+            scale = [uncertainty(row, b) if relative else 1.0 for row, b in zip(rows, before, strict=True)]
+            found.append((table - wanted) / scale)
+        return np.concatenate(found, axis=1)
+
+    def full(some: np.ndarray) -> np.ndarray:
+        effects = np.zeros((len(np.atleast_2d(some)), 5))
+        effects[:, free] = np.atleast_2d(some) * size
+        return effects
+
+    def residuals(some: np.ndarray) -> np.ndarray:
+        return np.concatenate([misses(full(some))[0], some])
+
+    def slopes(some: np.ndarray) -> np.ndarray:
+        step = 1e-3
+        table = misses(full(np.vstack([some, some + step * np.eye(len(some))])))
+        return np.vstack([(table[1:] - table[0]).T / step, np.eye(len(some))])
+
+    found = least_squares(residuals, np.zeros(len(size)), jac=slopes)
+    doses = {dict(arm.doses)[drug] for arm in own}
+    share = float(PUBLISHED[drug].share(doses.pop()))
+    spread = np.sqrt(np.diag(np.linalg.inv(found.jac.T @ found.jac))) * size
+    print(f"\n{drug}: {', '.join(arm.study for arm in own)}; share of effects in use {share:.3f}")
+    print("  at the dose", dict(zip(Effects._fields, np.round(full(found.x)[0], 3).tolist(), strict=True)))
+    print(
+        "  +-         ",
+        dict(zip(np.array(Effects._fields)[free].tolist(), np.round(spread, 3).tolist(), strict=True)),
+    )
+    at_most = np.round(full(found.x)[0] / share, 3)
+    print("  at most     Effects(" + ", ".join(f"{e:g}" for e in at_most) + ")")
+    rows = [(arm.study, row) for arm in own for row in arm.rows if row["use"] == "fit"]
+    for (study, row), weighed, plain in zip(
+        rows, misses(full(found.x))[0], misses(full(found.x), False)[0], strict=True
+    ):
+        print(
+            f"  {study} {row['quantity']}: {row['before']} -> {row['after']}, "
+            f"computed less measured {plain:+.3g} ({weighed:+.2f} uncertainties)"
+        )
+
+
+def curves(panels) -> None:
+    """Factors against the dose."""
+    for panel, drug in zip(panels, PUBLISHED.values(), strict=True):
+        doses = np.linspace(0.0, DRUG_DOSES[drug.name][1], 201)
+        heart, systemic, _, rate, veins = (np.asarray(e) * np.ones_like(doses) for e in drug.effects(doses))
+        for name, values in (
+            ("contractility", heart),
+            ("systemic resistance", systemic),
+            ("heart rate", rate),
+        ):
+            panel.plot(doses, np.exp(values), label=name)
+        panel.plot(doses, 1.0 + veins, "--", label="unstressed volume, 1 + share of blood")
+        panel.set_title(drug.name)
+        panel.set_xlabel("dose [ug/kg/min]")
+        panel.set_ylim(0.3, 2.6)
+    panels[0].set_ylabel("factor")
+    panels[0].legend(fontsize=7)
+
+
+def predicted(panels) -> None:
+    """Change with the drug, computed against measured, of studies fitted and of tests."""
+    from eclsim.validation.drugs import QUANTITIES
+
+    marks = dict(zip(QUANTITIES, "os^DvP*Xdh<>pH", strict=False))
+    for panel, use in zip(panels, ("fit", "test"), strict=True):
+        seen = set()
+        for arm in (a for a in arms() if a.rows[0]["use"] == use):
+            rows = [row for row in arm.rows if row["after"]]
+            names = [row["quantity"] for row in rows]
+            found = measured(patient_of(arm), {k: [0.0, d] for k, d in arm.infusions.items()}, names)
+            for row in rows:
+                name = row["quantity"]
+                before, after = found[name]
+                colour = f"C{[*PUBLISHED, 'both'].index(arm.arm)}"
+                change = 100.0 * (float(row["after"]) / float(row["before"]) - 1.0)
+                label = name if name not in seen else None
+                panel.scatter(
+                    change, 100.0 * (after / before - 1.0), marker=marks[name], color=colour, label=label
+                )
+                seen.add(name)
+        panel.plot([-60, 90], [-60, 90], color="grey", linewidth=0.8)
+        panel.axhline(0.0, color="grey", linewidth=0.4)
+        panel.axvline(0.0, color="grey", linewidth=0.4)
+        panel.set_title({"fit": "studies fitted", "test": "tests, never fitted"}[use])
+        panel.set_xlabel("measured change [%]")
+        for handle in panel.legend(fontsize=7, ncols=2).legend_handles:
+            handle.set_color("0.4")
+    panels[0].set_ylabel("computed change [%]")
+
+
+def figures(folder: Path) -> None:
+    from matplotlib import pyplot
+
+    folder.mkdir(parents=True, exist_ok=True)
+    with figure_style():
+        figure, panels = pyplot.subplots(1, 4, figsize=(12.0, 3.2), sharey=True, constrained_layout=True)
+        curves(panels)
+        figure.savefig(folder / "drug-effects.png", dpi=110)
+        figure, panels = pyplot.subplots(1, 2, figsize=(12.0, 5.4), sharey=True, constrained_layout=True)
+        predicted(panels)
+        for k, name in enumerate([*PUBLISHED, "both"]):
+            panels[1].text(
+                0.98, 0.05 + 0.05 * k, name, color=f"C{k}", ha="right", transform=panels[1].transAxes
+            )
+        figure.savefig(folder / "drug-studies.png", dpi=110)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) > 1:
+        figures(Path(sys.argv[1]))
+        sys.exit()
+    for name in PUBLISHED:
+        fit(name)

@@ -1,0 +1,1 @@
+"""Infused drugs: what a dose does to heart, vessels and veins."""

@@ -1,0 +1,43 @@
+"""Drugs with published measurements before and after: shape, effects fitted once, half-lives.
+
+The effects of each are those with which eclsim comes closest to its fit study in a patient made to have that
+study's values before the drug, no reflex acting; `python benchmarks/drug_fit.py` repeats the fit and prints
+what is here. What patients' reflexes did in the studies is therefore part of the effects.
+"""
+
+from __future__ import annotations
+
+from eclsim.drugs.law import Drug, Effects
+
+BELOEIL = "Beloeil 2005 (Br J Anaesth 95:782), read in a public program"
+_ALL = (
+    Drug(
+        "noradrenaline", 0.6, 1.8, Effects(1.212, 1.188, 0.0, -0.06, -0.066), 3.06,
+        source="Hamzaoui 2010 (10.1186/cc9207), septic shock, n 105; the dose, 0.3, is not in the abstract: "
+        "that of later patients of the same unit (Persichini 2012, Adda 2021)",
+        shape_source=f"steepness and largest rise of pressure (98.7 mmHg) of {BELOEIL}; the half dose is "
+        "where the 22 mmHg of Hamzaoui are 22/98.7 of it",
+        half_life_source=f"volume 8.84 L, clearance 2 L/min, of {BELOEIL}",
+    ),
+    Drug(
+        "dobutamine", 10.0, 1.0, Effects(0.645, -1.093, 0.0, 0.124, 0.081), 2.5,
+        source="heart failure: Grose 1986 (J Am Coll Cardiol 7:1107), n 11, dose taken as 10; Akhtar 1975 "
+        "(10.1016/0002-9149(75)90526-3), n 15, 10 ug/kg/min",
+        shape_source="not verified: effects still rise between 5 and 10 ug/kg/min (Akhtar 1975)",
+        half_life_source="2 to 3 min: table 23 of the ACCF/AHA guideline on heart failure",
+    ),
+    Drug(
+        "milrinone", 0.5, 1.0, Effects(0.286, -1.109, 0.0, 0.0, 0.13), 150.0,
+        source="heart failure: Grose 1986 (J Am Coll Cardiol 7:1107), n 11, dose taken as 0.5",
+        shape_source="cardiac index +12 % and +37 % after 12.5 and 75 ug/kg at once (Fitzpatrick 1987, Am "
+        "Heart J 114:97), 50 ug/kg at once taken as 0.5 ug/kg/min",
+        half_life_source="2.5 h: table 23 of the ACCF/AHA guideline on heart failure; 1.7 h in Benotti 1985",
+    ),
+    Drug(
+        "nitroprusside", 1.5, 1.0, Effects(0.0, -0.958, 0.0, 0.079, 0.078), 2.0,
+        source="heart failure: Monrad 1986 (Circulation 73:III-168), n 10, 1.5 ug/kg/min",
+        shape_source="not verified", half_life_source="not verified: minutes",
+    ),
+)  # fmt: skip
+PUBLISHED: dict[str, Drug] = {drug.name: drug for drug in _ALL}
+"""Drugs by name."""

@@ -1,0 +1,265 @@
+"""Drugs against patients before and after: studies that constants were fitted to, and others.
+
+The patient of a study is a man of 170 cm and 70 kg without reflexes, in whom resistance, blood volume,
+contractility and, where the study says it, pulmonary resistance are such that eclsim gives the
+study's values before the drug. The values after it follow from the dose alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from itertools import groupby
+
+import numpy as np
+
+from eclsim.cases.reading import read_mapping
+from eclsim.orbit.model import Model, model_of
+from eclsim.orbit.steady import Batch
+from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
+from eclsim.paper.comparison import Check, Explanation, Row, near
+from eclsim.parameters.regulation import EXTRA_VOLUME, dose
+from eclsim.validation.reference_cases import read_table
+
+SURFACE_M2 = (170.0 * 70.0 / 3600.0) ** 0.5
+"""Mosteller's formula for 170 cm and 70 kg."""
+DYN = 80.0
+"""dyn s/cm^5 in a mmHg min/L."""
+CHAMBERS = ("EDVLV", "EDVRV", "EDVLA", "EDVRA")
+OUTPUTS = (
+    "MAP", "CO", "MPAP", "PCWP", "right_atrial_pressure", "venous_pressure", "end_diastolic_pressure_lv",
+    "ejection_fraction_lv", "heart_rate", *CHAMBERS,
+)  # fmt: skip
+Measured = Mapping[str, np.ndarray]
+
+
+def _rate(beat: SteadyBeat) -> np.ndarray:
+    """Largest rate of rise of left ventricular pressure [mmHg/s]."""
+    rates = []
+    for member, heart_rate in enumerate(beat.output("heart_rate")):
+        wave = beat.waveforms[member]
+        slope = np.diff(beat.waveform("Plv", member)) / np.diff(wave.phases[: len(wave.values)])
+        rates.append(slope.max() * heart_rate / 60.0)
+    return np.array(rates)
+
+
+def _mean_systemic(beat: SteadyBeat) -> np.ndarray:
+    """Pressure that the systemic vessels would have at rest [mmHg]: compliances weigh pressures."""
+    arteries, veins = (sum(beat.batch.member(0)[n] for n in names) for names in (("Cao", "Csart"), ("Csvn",)))
+    pressures = arteries * beat.output("MAP") + veins * beat.output("venous_pressure")
+    return pressures / (arteries + veins)
+
+
+QUANTITIES: dict[str, tuple[str, str, Callable[[SteadyBeat], np.ndarray]]] = {
+    "MAP": ("mean arterial pressure", "mmHg", lambda b: b.output("MAP")),
+    "CO": ("cardiac output", "L/min", lambda b: b.output("CO")),
+    "CI": ("cardiac index", "L/min/m2", lambda b: b.output("CO") / SURFACE_M2),
+    "SVI": (
+        "stroke volume index", "mL/m2", lambda b: 1e3 * b.output("CO") / b.output("heart_rate") / SURFACE_M2,
+    ),
+    "HR": ("heart rate", "bpm", lambda b: b.output("heart_rate")),
+    "PCWP": ("wedge pressure", "mmHg", lambda b: b.output("PCWP")),
+    "LVEDP": ("end-diastolic pressure of the LV", "mmHg", lambda b: b.output("end_diastolic_pressure_lv")),
+    "MPAP": ("mean pulmonary artery pressure", "mmHg", lambda b: b.output("MPAP")),
+    "EF": ("ejection fraction", "%", lambda b: b.output("ejection_fraction_lv")),
+    "SVR": (
+        "systemic vascular resistance", "dyn s/cm5",
+        lambda b: DYN * (b.output("MAP") - b.output("right_atrial_pressure")) / b.output("CO"),
+    ),
+    "PVR": (
+        "pulmonary vascular resistance", "dyn s/cm5",
+        lambda b: DYN * (b.output("MPAP") - b.output("PCWP")) / b.output("CO"),
+    ),
+    "GEDVI": (
+        "global end-diastolic volume", "mL", lambda b: np.sum([b.output(name) for name in CHAMBERS], axis=0),
+    ),
+    "Pms": ("mean systemic pressure", "mmHg", lambda b: _mean_systemic(b)),
+    "dPdt": ("largest dP/dt of the LV", "mmHg/s", _rate),
+}  # fmt: skip
+"""Words, unit and how it is computed, by the name in the table."""
+RELATIVE = ("GEDVI", "dPdt")
+"""Of these the model's patient has another value before the drug; their relative change is compared."""
+TARGETS = {
+    "Rmc": ("MAP", "SVR"), EXTRA_VOLUME: ("CO", "CI", "SVI"), "Emaxlv": ("PCWP", "LVEDP", "EF"),
+    "Rpmc": ("PVR", "MPAP"),
+}  # fmt: skip
+"""What of the patient is changed, and for which quantity before the drug: the first of them that is given."""
+
+
+@dataclass(frozen=True)
+class Arm:
+    """Patients of a study before and after one treatment.
+
+    Args:
+        study: author and year.
+        arm: what was given.
+        doses: ug/kg/min by drug.
+        rows: of the table, one for each quantity.
+    """
+
+    study: str
+    arm: str
+    doses: tuple[tuple[str, float], ...]
+    rows: tuple[Mapping[str, str], ...] = field(hash=False)
+
+    @property
+    def before(self) -> dict[str, float]:
+        """Values before the drug."""
+        given = {row["quantity"]: float(row["before"]) for row in self.rows}
+        if "HR" not in given and {"CI", "SVI"} <= given.keys():
+            given["HR"] = 1e3 * given["CI"] / given["SVI"]
+        return given
+
+    @property
+    def infusions(self) -> dict[str, float]:
+        """Doses by parameter."""
+        return {dose(name): amount for name, amount in self.doses}
+
+
+@lru_cache(maxsize=1)
+def arms() -> tuple[Arm, ...]:
+    """All arms of the table."""
+
+    def key(row: Mapping[str, str]) -> tuple[str, str, str]:
+        return row["study"], row["arm"], row["doses"]
+
+    found = []
+    for (study, arm, doses), rows in groupby(read_table("drugs.csv"), key):
+        pairs = (pair.partition("=") for pair in doses.split())
+        found.append(Arm(study, arm, tuple((n, float(v)) for n, _, v in pairs), tuple(rows)))
+    return tuple(found)
+
+
+def measured(patient: Model, changes: Mapping[str, Sequence[float]], quantities: Sequence[str]) -> Measured:
+    """Quantities of variants of a patient, each of shape (variants,)."""
+    count = max((np.size(v) for v in changes.values()), default=1)
+    values = {**patient.values, **{name: np.asarray(v, dtype=float) for name, v in changes.items()}}
+    waves = {"waveforms": ("Plv",), "keep": None} if "dPdt" in quantities else {}
+    beat = steady_beat(Batch(patient.circuit, values, count, patient.policy), OUTPUTS, **waves)
+    return {name: np.asarray(QUANTITIES[name][2](beat)) for name in quantities}
+
+
+def plain_patient(heart_rate: float) -> Model:
+    """The published patient with the size of the studies' patients, to whom drugs can be given."""
+    body = {"sex": "male", "age_years": 60, "height_cm": 170, "weight_kg": 70}
+    patient = {"id": "P", **body, "heart_rate_bpm": heart_rate}
+    case = {"format": 1, "blood_volume_policy": "patient_held", "patient": patient, "drugs": {}}
+    return model_of(read_mapping(case).case)
+
+
+@lru_cache(maxsize=32)
+def patient_of(arm: Arm) -> Model:
+    """The patient who has an arm's values before the drug, by Newton's method."""
+    before = arm.before
+    patient = plain_patient(before["HR"])
+    wanted = {
+        parameter: next(q for q in quantities if q in before)
+        for parameter, quantities in TARGETS.items()
+        if any(q in before for q in quantities)
+    }
+    goal, logarithmic = np.array([before[q] for q in wanted.values()]), [p != EXTRA_VOLUME for p in wanted]
+    start = [patient.values[parameter] for parameter in wanted]
+    steps = np.where(logarithmic, 1e-3, 1.0)
+    moved, longest = np.zeros(len(wanted)), np.where(logarithmic, 0.4, 400.0)
+
+    def at(points: np.ndarray) -> np.ndarray:
+        columns = zip(wanted, start, points.T, logarithmic, strict=True)
+        values = {p: first * np.exp(x) if log else first + x for p, first, x, log in columns}
+        found = measured(
+            patient.with_values({p: float(v[0]) for p, v in values.items()}), values, list(wanted.values())
+        )
+        return np.stack([found[q] for q in wanted.values()], axis=-1)
+
+    for _ in range(40):
+        table = at(np.vstack([moved, moved + np.diag(steps)]))
+        missing = goal - table[0]
+        if np.all(np.abs(missing) < 1e-6 * np.abs(goal)):
+            break
+        slopes = (table[1:] - table[0]).T / steps
+        step = np.linalg.solve(slopes, missing)
+        moved = moved + step / max(1.0, float(np.max(np.abs(step) / longest)))
+    else:
+        raise ArithmeticError(f"{arm.study}, {arm.arm}: no patient with these values before the drug")
+    last = zip(wanted, start, moved, logarithmic, strict=True)
+    return patient.with_values({p: float(f * np.exp(x) if log else f + x) for p, f, x, log in last})
+
+
+def expected(row: Mapping[str, str], before: float) -> float:
+    """A measured value after the drug, put to the patient's value before it where that is another."""
+    after = float(row["after"])
+    return before * after / float(row["before"]) if row["quantity"] in RELATIVE else after
+
+
+def uncertainty(row: Mapping[str, str], before: float) -> float:
+    """Standard error of a row's change, at least 4 % of its value; see `expected` for `before`."""
+    after, count = float(row["after"]), float(row["n"])
+    spread = [float(row[name]) for name in ("before_sd", "after_sd") if row[name]]
+    error = max(0.04 * abs(after), math.hypot(*spread) / math.sqrt(count) if len(spread) == 2 else 0.0)
+    return error * before / float(row["before"]) if row["quantity"] in RELATIVE else error
+
+
+# --- rows -----------------------------------------------------------------------------------------
+
+ADDA = "Adda 2021 (10.1186/s13054-021-03711-5), 30 patients: 0.32 to 0.26 ug/kg/min; interquartile range"
+PERSICHINI = "Persichini 2012 (10.1097/CCM.0b013e318260c6c3), 16 patients: 0.30 to 0.19 ug/kg/min"
+LEGS_ML = 300.0
+"""Blood that raised legs give [mL]; the row does not depend on it."""
+REASONS = {
+    "PVR": "no fit study measured pulmonary pressures, so no drug acts on pulmonary vessels here",
+    "MPAP": "no fit study measured pulmonary pressures, so no drug acts on pulmonary vessels here",
+    "Lowes 2001 dobutamine": "carvedilol blocks the beta receptors that the drug acts on elsewhere, so that "
+    "constriction is what is left of it; effects are not split by receptor here",
+}
+
+
+def drugs_check() -> Check:
+    """Every quantity after the drug, and of tests also the direction of its change."""
+    rows = [row for arm in arms() for row in _arm_rows(arm)] + _noradrenaline_reduced()
+    bar = "2 standard errors of the change, or 8 % where they are not known; compared, not required"
+    return Check("drugs", "Drugs against patients before and after", bar, tuple(rows), required=False)
+
+
+def _arm_rows(arm: Arm) -> list[Row]:
+    patient, rows = patient_of(arm), [row for row in arm.rows if row["after"]]
+    names = [row["quantity"] for row in rows]
+    doses = {key: [0.0, amount] for key, amount in arm.infusions.items()}
+    found, result = measured(patient, doses, names), []
+    for row in rows:
+        name, use = row["quantity"], row["use"]
+        words, unit, _ = QUANTITIES[name]
+        before, got = map(float, found[name])
+        wanted, error = expected(row, before), uncertainty(row, before)
+        source = f"{arm.study}, n {row['n']}, {row['source']}"
+        reason = REASONS.get(f"{arm.study} {arm.arm}") or REASONS.get(name)
+        why = Explanation(reason) if reason else None
+        label = f"{arm.study}, {arm.arm}: {words} ({use})"
+        result.append(near(label, wanted, got, 2.0 * error, unit, source=source, explanation=why))
+        if use == "test" and abs(wanted - before) > error:
+            ways = (np.sign(wanted - before), np.sign(got - before) * (abs(got - before) > 1e-3 * before))
+            result.append(near(f"{label}: sign", *ways, 0.5, source=source, explanation=why))
+    return result
+
+
+def _noradrenaline_reduced() -> list[Row]:
+    """Less noradrenaline in the septic patient, in percent; and raised legs at both doses."""
+    septic, key = patient_of(arms()[0]), dose("noradrenaline")
+    doses = {key: [0.32, 0.26, 0.30, 0.19]}
+    found = measured(septic, doses, ("MAP", "Pms"))
+    given = measured(septic, doses | {EXTRA_VOLUME: [septic.values[EXTRA_VOLUME] + LEGS_ML] * 4}, ("Pms",))
+    low, high = found["MAP"], found["Pms"]
+    rise = given["Pms"] / high - 1.0
+
+    def change(values: np.ndarray, first: int) -> float:
+        return 100.0 * float(values[first + 1] / values[first] - 1.0)
+
+    stiff = Explanation("veins keep their compliance here when they constrict; in patients they get stiffer")
+    return [
+        Row("Adda 2021: mean arterial pressure (test)", change(low, 0), -20.0, -7.0, "%", -10.0, source=ADDA),
+        Row("Adda 2021: mean systemic pressure (test)", change(high, 0), -19.0, -4.0, "%", -9.0, source=ADDA),
+        Row("Persichini 2012: mean systemic pressure (test)", change(high, 2), -32.0, -11.0, "%", -21.2,
+            source=f"{PERSICHINI}; 2 standard errors of 12 and 10 mmHg"),
+        near("Adda 2021: rise of mean systemic pressure with raised legs, high over low dose (test)",
+             13.0 / 11.0, float(rise[0] / rise[1]), 0.15, source=ADDA, explanation=stiff),
+    ]  # fmt: skip

@@ -1,0 +1,149 @@
+"""Drugs: dose to effect, several at once, with and without reflex, exact derivatives; what a case takes."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from eclsim.cases import CaseError
+from eclsim.cases.reading import read_mapping
+from eclsim.circuit.network import HEART_RATE
+from eclsim.drugs.law import ACTS_ON
+from eclsim.drugs.published import PUBLISHED
+from eclsim.orbit.equation import OrbitOptions
+from eclsim.orbit.model import model_of
+from eclsim.orbit.steady import Batch
+from eclsim.outputs.results import derivatives
+from eclsim.outputs.steady_beat import steady_beat
+from eclsim.parameters.regulation import DRUG_DOSES, DRUGS, UNSTRESSED, dose, sensitivity
+
+ACCURATE = OrbitOptions(tolerance=1e-11, error_tolerance=1e-10)
+PATIENT = {"id": "P", "sex": "male", "age_years": 60, "heart_rate_bpm": 75}
+REFLEX = {"baroreflex": 1.0, "set_point_mmHg": 66.0}
+OUTPUTS = ("MAP", "CO", "EDVLV", "PCWP", "heart_rate")
+
+
+def read(**sections):
+    return read_mapping({"format": 1, "patient": PATIENT} | sections)
+
+
+def model(**sections):
+    return model_of(read(**sections).case)
+
+
+def beat(patient, names=OUTPUTS):
+    return steady_beat(Batch.of(patient), names, options=ACCURATE)
+
+
+def test_no_dose_leaves_every_bit():
+    plain, offered, given = (
+        steady_beat(Batch.of(model(**s))) for s in ({}, {"drugs": {}}, {"drugs": {"dobutamine": 0.0}})
+    )
+    for found in (offered, given):
+        for name in plain.names:
+            np.testing.assert_array_equal(plain.output(name), found.output(name))
+    assert plain.batch.circuit == model().circuit
+    assert not model().circuit.controllers
+
+
+def test_effects_are_the_curves_and_multiply():
+    """What is in effect during the beat against the equations written out."""
+    doses = {"noradrenaline": 0.2, "milrinone": 0.4, "dobutamine": 5.0}
+    patient = model(drugs=doses | {"milrinone_sensitivity": 2.0})
+    felt = {"noradrenaline": 0.2, "milrinone": 0.8, "dobutamine": 5.0}
+    total = np.zeros(5)
+    for name, amount in felt.items():
+        drug = PUBLISHED[name]
+        part = amount**drug.steepness / (amount**drug.steepness + drug.half_dose**drug.steepness)
+        total += part * np.array(drug.at_most)
+    acted = beat(patient).values_in_effect()
+    heart, systemic, pulmonary, rate = np.exp(total[:4])
+    wanted = dict(zip(ACTS_ON, (heart, heart, systemic, pulmonary, rate), strict=False))
+    for name, factor in wanted.items():
+        assert float(acted[name]) == pytest.approx(patient.values[name] * factor, rel=1e-12), name
+    shift = total[4] * patient.values["total_blood_volume_ml"]
+    assert float(acted[UNSTRESSED]) == pytest.approx(shift, rel=1e-12)
+
+
+def test_drug_and_reflex_act_in_either_order():
+    patient = model(drugs={"noradrenaline": 0.2, "nitroprusside": 1.0}, regulation=REFLEX)
+    first, second = patient.circuit.controllers
+    assert {first.name, second.name} == {"regulation", DRUGS}
+    other = replace(patient, circuit=replace(patient.circuit, controllers=(second, first)))
+    np.testing.assert_allclose(beat(other).values, beat(patient).values, rtol=1e-9)
+
+
+def test_the_reflex_answers_to_a_drug():
+    """Noradrenaline raises pressure, so the reflex slows the heart and takes back part of it."""
+    without, withs = (
+        [beat(model(drugs={"noradrenaline": d}, **more)).outputs() for d in (0.0, 0.3)]
+        for more in ({}, {"regulation": REFLEX})
+    )
+    rise, regulated = (after["MAP"] - before["MAP"] for before, after in (without, withs))
+    assert 0.0 < regulated < 0.9 * rise
+    assert withs[1]["heart_rate"] < withs[0]["heart_rate"] - 2.0
+
+
+def test_derivatives_match_central_differences():
+    patient = model(drugs={"noradrenaline": 0.2, "dobutamine": 4.0}, regulation=REFLEX)
+    parameters = (dose("noradrenaline"), sensitivity("noradrenaline"), dose("dobutamine"), dose("milrinone"))
+    exact = derivatives(patient, OUTPUTS, parameters)
+    for name in parameters:
+        own, step = patient.values[name], 1e-4 * max(patient.values[name], 0.5)
+        shifts = (step, -step) if own else (step, 0.0)
+        high, low = (beat(patient.with_values({name: own + s})).values[: len(OUTPUTS), 0] for s in shifts)
+        numeric = (high - low) / (shifts[0] - shifts[1])
+        np.testing.assert_allclose(exact.sel(parameter=name), numeric, rtol=2e-3, atol=1e-6, err_msg=name)
+
+
+def test_a_sensitive_patient_needs_less():
+    usual, sensitive = (
+        beat(model(drugs=d)).values
+        for d in ({"noradrenaline": 0.2}, {"noradrenaline": 0.1, "noradrenaline_sensitivity": 2.0})
+    )
+    np.testing.assert_allclose(usual, sensitive, rtol=1e-12)
+
+
+@pytest.mark.parametrize("drug", PUBLISHED.values(), ids=PUBLISHED)
+def test_published_drugs_are_parameters_with_sources_and_sane_at_any_dose(drug):
+    assert drug.name in DRUG_DOSES
+    assert all((drug.source, drug.shape_source, drug.half_life_source))
+    largest, usual = DRUG_DOSES[drug.name]
+    assert 0.0 < usual <= largest
+    assert float(drug.share(0.0)) == 0.0
+    assert float(drug.share(drug.half_dose)) == pytest.approx(0.5)
+    assert 0.2 < math.exp(min(drug.at_most[:4])) <= math.exp(max(drug.at_most[:4])) < 5.0
+    assert abs(drug.at_most.veins) < 0.2
+    assert set(PUBLISHED) == set(DRUG_DOSES)
+    assert HEART_RATE in ACTS_ON
+
+
+@pytest.mark.parametrize(
+    ("values", "line"),
+    [
+        ({"noradrenaline": 100}, "drugs.noradrenaline = 100: outside the allowed range; allowed: 0 to 3 "
+         "ug/kg/min; did you mean 0.1: 100 ug/kg/min are 0.1 mg/kg/min?"),
+        ({"dobutamine": -2}, "drugs.dobutamine = -2: outside the allowed range; allowed: 0 to 40 ug/kg/min"),
+        ({"milrinone": 500.0}, "drugs.milrinone = 500: outside the allowed range; allowed: 0 to 2 "
+         "ug/kg/min; did you mean 0.5: 500 ug/kg/min are 0.5 mg/kg/min?"),
+        ({"milrinone_sensitivity": 0},
+         "drugs.milrinone_sensitivity = 0: must be above 0; allowed: 0.02 to 50 "),
+    ],
+)  # fmt: skip
+def test_bad_doses_are_refused_in_one_line(values, line):
+    with pytest.raises(CaseError) as caught:
+        read(drugs=values)
+    (mistake,) = caught.value.mistakes
+    assert str(mistake).rstrip() == line.rstrip()
+
+
+def test_an_unknown_drug_names_its_neighbour_and_a_large_dose_is_doubted():
+    with pytest.raises(CaseError) as caught:
+        read(drugs={"noradrenalin": 0.1})
+    assert str(caught.value.mistakes[0]).endswith("did you mean noradrenaline?")
+    with pytest.raises(CaseError) as caught:
+        read(parameters={dose("milrinone"): 0.1})
+    assert str(caught.value.mistakes[0]).endswith("did you mean drugs.milrinone?")
+    (warning,) = read(drugs={"noradrenaline": 2.0}).warnings
+    assert "extrapolated" in str(warning)
