@@ -20,7 +20,7 @@ from eclsim.identification.diagnostics import diagnose
 from eclsim.identification.gradient import approximate
 from eclsim.identification.importance import importance_sample
 from eclsim.identification.nuts import Sampling, sample
-from eclsim.identification.observation import OUTPUTS, measurement_errors
+from eclsim.identification.observation import OF_THE_BEAT, measurement_errors
 from eclsim.identification.posterior import predict
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
@@ -48,7 +48,7 @@ def one_patient(seed: int, method: str) -> dict:
     started = time.perf_counter()
     point = simulated_patient(seed)
     prior, model = prior_of(), model_of(point.case)
-    measured = {n: getattr(point.case.measurements, n) for n in OUTPUTS}
+    measured = {n: getattr(point.case.measurements, n) for n in OF_THE_BEAT}
     posterior = PosteriorDensity(model, measured, measurement_errors(measured), prior)
     gaussian = approximate(posterior, starts(posterior, seed))
     weighted = importance_sample(posterior, gaussian, seed=seed)
@@ -61,14 +61,14 @@ def one_patient(seed: int, method: str) -> dict:
         z = z[:: max(1, len(z) // PREDICTED)]
     faster = model.with_values({"ecmo.speed_rpm": 1.15 * model.values["ecmo.speed_rpm"]})
     truth = {n: point.truth[n] for n in NAMES}
-    at_speed = steady_beat(Batch(faster.circuit, {**faster.values, **truth}, 1), OUTPUTS).values[:, 0]
+    at_speed = steady_beat(Batch(faster.circuit, {**faster.values, **truth}, 1), OF_THE_BEAT).values[:, 0]
     record = {"seed": seed, "doubts": list(doubts), "shape": weighted.shape, "effective": weighted.effective}
     for kind, draws in (("posterior", z), ("gaussian", gaussian.draws(PREDICTED, seed))):
         parameters = dict(zip(NAMES, np.exp(prior.x_of(draws)).T, strict=True))
-        here, there_now = (predict(m, parameters, OUTPUTS) for m in (model, faster))
+        here, there_now = (predict(m, parameters, OF_THE_BEAT) for m in (model, faster))
         limits = np.quantile(np.stack(list(parameters.values()), axis=1), (0.05, 0.95), axis=0)
         values = np.array([point.truth[n] for n in NAMES])
-        outputs = np.array([point.outputs[n] for n in OUTPUTS])
+        outputs = np.array([point.outputs[n] for n in OF_THE_BEAT])
         record[kind] = {
             "parameters": _inside(limits[0], values, limits[1]),
             "outputs": _inside(here.intervals[:, 0], outputs, here.intervals[:, 2]),
@@ -84,7 +84,7 @@ def _inside(lower, value, upper) -> list[bool]:
 def summary(lines: list[dict]) -> dict:
     found = {"patients": len(lines), "doubted": sum(bool(o["doubts"]) for o in lines)}
     for kind in ("posterior", "gaussian"):
-        for what, names in (("parameters", NAMES), ("outputs", OUTPUTS), ("predictions", OUTPUTS)):
+        for what, names in (("parameters", NAMES), ("outputs", OF_THE_BEAT), ("predictions", OF_THE_BEAT)):
             inside = np.array([o[kind][what] for o in lines], dtype=float)
             found[f"{kind} {what}"] = {
                 "all": round(float(inside.mean()), 4),

@@ -39,8 +39,8 @@ def read(physiology, **sections):
         ({"regional": True}, {"crrt": CRRT | {"access_site": "lowr"}},
          'crrt.access_site = "lowr": unknown name; allowed: '),
         ({}, {"parameters": {"physiology.upper_share": 0.3}},
-         "parameters.physiology.upper_share = 0.3: unknown parameter; allowed: names of the parameter tables "
-         "(eclsim parameters lists them); did you mean physiology.upper_share?"),
+         "parameters.physiology.upper_share = 0.3: is set in the section [physiology], not here; allowed: "
+         "upper_share in [physiology]; did you mean physiology.upper_share?"),
     ],
 )  # fmt: skip
 def test_bad_input_is_refused_in_one_line(physiology, sections, line):

@@ -10,10 +10,11 @@ import eclsim
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_case
 from eclsim.cli import main
-from eclsim.goals.goal import Goal, GoalError, Setting, read_goals, read_settings, turnable
+from eclsim.goals.goal import Goal, GoalError, Setting, read_goals, read_settings
 from eclsim.goals.search import reach
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate, simulate_many
+from eclsim.outputs.signals import parameters_read
 from eclsim.simulation.target_flow import with_speed
 
 CASE = PRESETS["paper"].case()
@@ -52,7 +53,7 @@ def test_what_cannot_be_meant_is_refused(text, message):
 
 
 def test_settings_have_the_ranges_of_their_knobs_or_their_own():
-    values = turnable(model_of(CASE).circuit)
+    values = parameters_read(model_of(CASE).circuit)
     (speed,) = read_settings(None, CASE, values)
     assert speed == Setting("ecmo.speed_rpm", 0.0, 5000.0, "rpm")
     named = read_settings("ecmo.speed_rpm=2000..4000, Rmc", CASE, values)

@@ -158,7 +158,8 @@ def test_equal_bounds_fix_a_parameter_in_the_written_case(twin):
     ("changes", "words"),
     [
         ({"parameters": ("Rmcc",)}, "did you mean Rmc"),
-        ({"parameters": ("ecmo.speed_rpm",)}, "ecmo.speed_rpm: unknown parameter; allowed: names"),
+        ({"parameters": ("ecmo.speed",)}, "ecmo.speed: unknown parameter; allowed: names"),
+        ({"parameters": ("gas.shunt_fraction",)}, "not read by the circuit"),
         ({"bounds": {"Rmc": (2.0, 0.1)}}, "lower bound above upper bound"),
         ({"bounds": {"Rsvn": (0.001, 0.1)}}, "not free"),
         ({"parameters": ("Recmooxy",)}, "not read by the circuit"),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from eclsim.identification.objective import Box, correlation, in_unit
+from eclsim.identification.objective import Box, correlation
 
 
 def box_of(*deviations):
@@ -40,4 +40,4 @@ def test_intervals_end_at_the_bounds():
     low, high = Box.of({"Rmc": (2.0, 1.9, 20.0)}).interval(0, np.log(2.0), 0.1)
     assert low == 1.9
     assert high == pytest.approx(2.0 * np.exp(0.16448536))
-    assert in_unit(np.log(4.5)) == 4.5
+    assert Box.of({"a": (1.0, 0.1, 10.0)}).scale.value(0, np.log(4.5)) == 4.5

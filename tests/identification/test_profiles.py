@@ -6,8 +6,10 @@ import pytest
 from eclsim.identification.least_squares import EXACT, Termination, polish, refine
 from eclsim.identification.objective import Box
 from eclsim.identification.profiles import held_fits, held_values, interval_90, profiles
+from eclsim.identification.scale import Scale
 from function_objective import FunctionObjective
 
+LOG = Scale((0.0,))
 BOX = Box(("a", "b"), np.zeros(2), np.full(2, -2.0), np.full(2, 2.0))
 
 
@@ -81,15 +83,15 @@ VALUES = np.exp(np.array([-2.0, -0.6, -0.33, -0.14, 0.0, 0.14, 0.33, 0.6, 2.0]))
 
 
 def test_a_parabola_gives_the_interval_of_a_normal_distribution():
-    lower, upper = interval_90(VALUES, 3.0 + (np.log(VALUES) / 0.2) ** 2)
+    lower, upper = interval_90(VALUES, 3.0 + (np.log(VALUES) / 0.2) ** 2, LOG)
     assert lower == pytest.approx(np.exp(-1.6448536 * 0.2), rel=1e-6)
     assert upper == pytest.approx(np.exp(1.6448536 * 0.2), rel=1e-6)
 
 
 def test_a_flat_profile_reaches_its_ends():
-    assert interval_90(VALUES, np.full(9, 5.0)) == (VALUES[0], VALUES[-1])
+    assert interval_90(VALUES, np.full(9, 5.0), LOG) == (VALUES[0], VALUES[-1])
     one_sided = np.where(VALUES < 1.0, 100.0, 5.0)
-    lower, upper = interval_90(VALUES, one_sided)
+    lower, upper = interval_90(VALUES, one_sided, LOG)
     assert VALUES[3] < lower < 1.0
     assert upper == VALUES[-1]
 
@@ -97,4 +99,4 @@ def test_a_flat_profile_reaches_its_ends():
 def test_an_interval_ends_where_there_is_no_steady_beat():
     costs = np.full(9, 5.0)
     costs[7] = np.nan
-    assert interval_90(VALUES, costs) == (VALUES[0], VALUES[6])
+    assert interval_90(VALUES, costs, LOG) == (VALUES[0], VALUES[6])

@@ -55,9 +55,9 @@ def plain_posterior(
     posterior, start = _density(raw, policy, report)
     weighted = importance_sample(posterior, approximate(posterior, start[None]), seed=SEED)
     names = posterior.prior.names
-    shown = np.exp(posterior.prior.x_of(weighted.z[weighted.resample(SHOWN_DRAWS, SEED)]))
+    shown = posterior.prior.values_of(weighted.z[weighted.resample(SHOWN_DRAWS, SEED)])
     chosen = np.random.default_rng(SEED).permutation(weighted.resample(MEMBERS, SEED))
-    members = np.exp(posterior.prior.x_of(weighted.z[chosen]))
+    members = posterior.prior.values_of(weighted.z[chosen])
     quantiles = np.quantile(shown, (0.05, 0.5, 0.95), axis=0).T.tolist()
     return {
         "names": list(names), "members": members.tolist(), "method": "importance",
@@ -73,7 +73,7 @@ def plain_posterior(
 def _density(
     raw: Mapping[str, Any], policy: VolumePolicy, report: Callable[[str], None]
 ) -> tuple[_Reporting, np.ndarray]:
-    """The density of a fitted case's parameters, and the logarithms of their fitted values."""
+    """The density of a fitted case's parameters, and the coordinates of their fitted values."""
     case = read_mapping(raw).case
     checked = checked_fit(case, FitSettings(volume_policy=policy))
     prior = Prior.of(Box.of(checked.free))

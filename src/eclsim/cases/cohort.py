@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 from eclsim.cases.cohort_rows import across_rows, expected_unit, in_order_of_time, is_units_row, when
 from eclsim.cases.cohort_table import Table, read_table
 from eclsim.cases.reading import read_mapping
-from eclsim.cases.sections import MEASURED, sections
+from eclsim.cases.gas import Gas
+from eclsim.cases.sections import MEASURED, MEASURED_GASES, sections
 from eclsim.devices.description import Columns
 from eclsim.devices.registry import devices
 from eclsim.files import unguarded
@@ -35,14 +36,18 @@ _UNSAID = {"measurements.CO", *(f"{one.key}.{key}" for one in _WITH_COLUMNS for 
 COLUMNS: MappingProxyType[str, str] = MappingProxyType(
     {ID: "patient.id"}
     | {name: f"patient.{name}" for name in _ABOUT_PATIENT}
-    | {name: f"measurements.{name}" for name in MEASURED}
+    | {name: f"measurements.{name}" for name in MEASURED if name not in MEASURED_GASES}
     | {name: f"{one.key}.{key}" for one in _WITH_COLUMNS for name, key in one.columns.needed.items()}
 )
 """Columns that a cohort has, besides `measurement`, and the key of a case file that each one is."""
 OPTIONAL: MappingProxyType[str, str] = MappingProxyType(
     {name: f"{one.key}.{key}" for one in _WITH_COLUMNS for name, key in one.columns.optional.items()}
+    | {key: f"{one.key}.{key}" for one in _WITH_COLUMNS for key in one.columns.settings}
+    | {name: f"measurements.{name}" for name in MEASURED_GASES}
+    | {name: f"{Gas.section}.{name}" for name in Gas.fields()}
 )
-"""Columns that a cohort may have; without them ECMO is V-A with its usual sites and cannulae."""
+"""Columns that a cohort may have; without those of its sites ECMO is V-A with the usual ones, and gases are
+computed where a row has a cell of [gas]."""
 _NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _SPREADSHEET_ERROR = re.compile(r"#(REF!|DIV/0!|VALUE!|NAME\?|NUM!|NULL!|SPILL!|CALC!)", re.IGNORECASE)
 _TEXT_COLUMNS = {

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from eclsim.cases.sections import PATIENT_SECTIONS, places_of
+from eclsim.cases.quantities import PARAMETERS, place_of
+from eclsim.cases.sections import places_of
 from eclsim.devices.device import device_key
 from eclsim.devices.registry import devices, parameter_of, parameters
 from eclsim.inputs.fields import Field
@@ -36,7 +37,13 @@ def check_parameters(raw: object, connected: Mapping[str, Raw], remarks: Remarks
     for written, value in _flat(raw):
         key = thiel2025.ALIASES.get(written, written)
         parameter = parameter_of(key, connected)
-        if parameter is None or _of_patient_section(key):
+        if (place := place_of(key)) is not None and place[0] != PARAMETERS:
+            where = ".".join(place)
+            message = f"is set in the section [{place[0]}], not here"
+            remarks.error(
+                f"parameters.{written}", message, shown(value), f"{place[1]} in [{place[0]}]", where
+            )
+        elif parameter is None:
             _refuse_unknown(written, value, remarks)
         elif key in values:
             remarks.error(f"parameters.{written}", f"given twice, also as {key}", shown(value))
@@ -46,12 +53,6 @@ def check_parameters(raw: object, connected: Mapping[str, Raw], remarks: Remarks
     _check_fractions(values, remarks)
     _check_atria(values, remarks)
     return values
-
-
-def _of_patient_section(key: str) -> bool:
-    """Whether a parameter is set in a section of its own."""
-    section, _, name = key.partition(".")
-    return any(one.section == section and name in one.fields() for one in PATIENT_SECTIONS)
 
 
 def _flat(raw: Raw) -> Iterator[tuple[str, object]]:
@@ -85,8 +86,7 @@ def _check_value(
 def _refuse_unknown(written: str, value: object, remarks: Remarks) -> None:
     short = written if len(written) <= 64 else written[:60] + "..."
     hint = did_you_mean(written, (*parameters(), *thiel2025.ALIASES)) or ""
-    own = written.partition(".")[2] if _of_patient_section(written) else written
-    places = [place for place in places_of(own) if place.endswith(f".{own}")]
+    places = [place for place in places_of(written) if place.endswith(f".{written}")]
     allowed = "names of the parameter tables (eclsim parameters lists them)"
     key = f"parameters.{short}"
     remarks.error(key, "unknown parameter", shown(value), allowed, places[0] if places else hint)

@@ -70,7 +70,7 @@ def read_case(
     set_keys = {f"{section}.{key}" for section, key in parse_settings(settings)}
     reading = _checked(merged, file, lines_of_keys(text), set_keys)
     case = reading.case
-    if settings and case.regulation and case.regulation.left_open:
+    if settings and case.regulation and case.regulation.open_set_points:
         case = case.model_copy(update={"as_written": _as_written(raw)})
     return CaseReading(case, reading.warnings, (*reading.notes, *notes), file)
 

@@ -45,11 +45,12 @@ class Regulation(_Settings):
     venous_set_point_mmHg: Annotated[float | None, _setting(regulation.VENOUS_SET_POINT)] = None  # noqa: N815
 
     @property
-    def left_open(self) -> bool:
-        """Whether a set point is wanted that is not given."""
-        return self.baroreflex is not None and None in (
-            self.set_point_mmHg, self.venous_set_point_mmHg if self.model == "heldt2004" else 0.0
-        )  # fmt: skip
+    def open_set_points(self) -> tuple[str, ...]:
+        """Set points that are wanted and not given."""
+        given = {regulation.SET_POINT: self.set_point_mmHg}
+        if self.model == "heldt2004":
+            given[regulation.VENOUS_SET_POINT] = self.venous_set_point_mmHg
+        return () if self.baroreflex is None else tuple(n for n, value in given.items() if value is None)
 
     @classmethod
     def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:

@@ -37,10 +37,15 @@ class Patient(Section):
     heart_rate_bpm: Annotated[float, number("Heart rate", "bpm", 20, 250, 80)]
 
 
-class Measurements(Section):
-    """What was measured: pressures in mmHg, flows in L/min, None where not measured.
+def _saturation(where: str, typical: float) -> Field:
+    return measured(f"Oxygen saturation {where}", "%", 5, 100, typical)
 
-    CO is the native output, the flow through the lungs; PF is the flow of the ECMO pump.
+
+class Measurements(Section):
+    """What was measured: pressures in mmHg, flows in L/min, saturations in %, None where not measured.
+
+    CO is the native output, the flow through the lungs; PF is the flow of the ECMO pump. Those of gases are
+    fitted where the case has the section [gas].
     """
 
     section = "measurements"
@@ -53,6 +58,16 @@ class Measurements(Section):
         None
     )
     PF: Annotated[float | None, measured("ECMO pump flow", "L/min", 0, 10, 3)] = None
+    SaO2: Annotated[float | None, _saturation("of the right radial artery", 95)] = None
+    PaO2: Annotated[float | None, measured("PO2 of the right radial artery", "mmHg", 15, 700, 90)] = None
+    PaCO2: Annotated[float | None, measured("PCO2 of the right radial artery", "mmHg", 8, 200, 40)] = None
+    SvO2: Annotated[float | None, _saturation("in the pulmonary artery", 70)] = None
+    SpreO2: Annotated[float | None, _saturation("of the blood drained by the ECMO", 70)] = None
+    SpostO2: Annotated[float | None, _saturation("behind the oxygenator", 100)] = None
+    PpostO2: Annotated[float | None, measured("PO2 behind the oxygenator", "mmHg", 15, 760, 300)] = None
+    PexhaustCO2: Annotated[
+        float | None, measured("PCO2 of the gas that leaves the oxygenator", "mmHg", 1, 150, 30)
+    ] = None
 
 
 def _physiology(name: str) -> Field:
@@ -91,6 +106,8 @@ PATIENT_SECTIONS: tuple[type[Section], ...] = (Physiology, Gas, Regulation, Drug
 """Optional sections of what the patient has beyond the published model."""
 MEASURED = tuple(Measurements.fields())
 """Names of what may have been measured."""
+MEASURED_GASES = MEASURED[MEASURED.index("SaO2") :]
+"""Those of gas exchange."""
 
 
 def sections() -> dict[str, type[Section]]:

@@ -7,12 +7,12 @@ from collections.abc import Iterable
 from copy import deepcopy
 from typing import TYPE_CHECKING, Any
 
-from eclsim.cases.sections import POLICY_KEY, is_instance_name, places_of, section_of, sections, within
-from eclsim.devices.device import device_key
-from eclsim.devices.registry import devices, parameters
+from eclsim.cases.quantities import place_of
+from eclsim.cases.sections import POLICY_KEY, places_of, section_of, sections, within
+from eclsim.devices.registry import parameters
 from eclsim.inputs.files import too_deep
 from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, shown
-from eclsim.parameters import did_you_mean, thiel2025
+from eclsim.parameters import did_you_mean
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -36,7 +36,7 @@ def _parsed(settings: Iterable[str]) -> tuple[dict[tuple[str, str], Any], list[M
     mistakes, notes = [], []
     for setting in settings:
         name, equals, text = setting.partition("=")
-        path = _path_of(name.strip())
+        path = place_of(name.strip())
         if not equals or not name.strip():
             mistakes.append(Mistake("", "no setting", shown(setting), _EXPECTED, file=PLACE))
         elif path is None:
@@ -83,20 +83,6 @@ def apply_settings(case: Case, settings: Iterable[str]) -> Case:
 
     merged, _ = merge_settings(case.as_mapping(), settings)
     return read_mapping(merged, file=PLACE).case
-
-
-def _path_of(name: str) -> tuple[str, str] | None:
-    """Section and key of a setting; a section of a named device is such as "lvad.left"."""
-    section, _, key = name.rpartition(".")
-    belongs = section_of(section)
-    instance = section.partition(".")[2]
-    if belongs is not None and key in belongs.fields() and (not instance or is_instance_name(instance)):
-        return section, key
-    key = name.removeprefix("parameters.")
-    key = thiel2025.ALIASES.get(key, key)
-    section, _, own = key.rpartition(".")
-    named = device_key(section) in devices() and is_instance_name(section.partition(".")[2])
-    return ("parameters", key) if (own if named else key) in parameters() else None
 
 
 def _in_place_of(section: str, key: str) -> list[str]:

@@ -226,8 +226,8 @@ def _predictions(o: IdentifyOptions, free: Collection[str]) -> list[tuple[str, C
             wrong += [
                 f"--predict {written}: {name} is free, so every draw has its own; predict a setting, or fix "
                 "it with --bounds"
-                for section, name in parse_settings(changes)
-                if section == "parameters" and name in free
+                for section, key in parse_settings(changes)
+                if (name := key if section == "parameters" else f"{section}.{key}") in free
             ]
             wrong += [
                 f"--predict {written}: a target flow; predictions hold {one.key}.{target.setting}"

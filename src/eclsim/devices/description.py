@@ -403,12 +403,14 @@ class Columns:
         optional: that it may have.
         usual: keys of the section in rows that say nothing in optional columns.
         measured: those of the columns that clinical data may hold.
+        settings: keys of the section that may be columns too, under their own names.
     """
 
     needed: Mapping[str, str] = field(default_factory=dict)
     optional: Mapping[str, str] = field(default_factory=dict)
     usual: Mapping[str, Any] = field(default_factory=dict)
     measured: tuple[str, ...] = ()
+    settings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

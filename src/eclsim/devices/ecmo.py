@@ -69,6 +69,7 @@ from eclsim.units import ML_S_PER_L_MIN
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit, Connection, Site
     from eclsim.components import Path
+    from eclsim.devices.description import BeatMeasures, Numbers
 
 GROUP = "ecmo"
 LINES = ("drainage", "return")
@@ -371,6 +372,15 @@ def _gas_output(name: str, long_name: str, unit: str, definition: str, what: str
     )  # fmt: skip
 
 
+def _exhaust_pco2(m: BeatMeasures) -> Numbers:
+    from eclsim.components.exchangers import AIR_CARBON_DIOXIDE, DRY_MMHG, FLOWMETER_TO_STPD
+
+    oxygen, carbon_dioxide = (m.gas(what, "at", "ecmooxy") for what in ("gained", "gained_co2"))
+    sweep = 1000.0 * FLOWMETER_TO_STPD * m.parameter("ecmo.sweep_l_min")
+    left = sweep - oxygen - carbon_dioxide + 1e-6
+    return DRY_MMHG * (AIR_CARBON_DIOXIDE * sweep - carbon_dioxide) / left
+
+
 GAS_OUTPUTS = (
     gas_sample("SpreO2", "oxygen saturation of the drained blood", *_DRAWN, "SO2", ("Qecmodrain",)),
     gas_sample("PpreO2", "PO2 of the drained blood", *_DRAWN, "PO2", ("Qecmodrain",)),
@@ -392,6 +402,11 @@ GAS_OUTPUTS = (
     _gas_output(
         "VCO2_oxygenator", "carbon dioxide removed by the oxygenator (STPD)", "mL/min", "lost by blood",
         "gained_co2", -1.0,
+    ),
+    Output(
+        "PexhaustCO2", "PCO2 of the gas that leaves the oxygenator", "mmHg",
+        "of the sweep gas with what it has given off and taken up, saturated at 37 C", ("Qecmooxy",),
+        _exhaust_pco2, parameters=(GASES,), all_flows=True,
     ),
     _gas_output(
         "recirculation_fraction", "recirculated share of the drained blood", "1",
@@ -560,6 +575,7 @@ class EcmoDevice(Device[Ecmo]):
         ),
         MappingProxyType({"mode": "VA"}),
         ("ecmo_speed_rpm",),
+        GAS_KEYS,
     )  # fmt: skip
     alike = (_POSITIVE, ("lowest_drainage_pressure", "pump_inlet_pressure"))
     carries_circulation = True

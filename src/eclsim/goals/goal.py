@@ -8,13 +8,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from eclsim.circuit.network import HEART_RATE
-from eclsim.devices.description import GASES, Knob
-from eclsim.parameters import did_you_mean, gas
+from eclsim.devices.description import Knob
+from eclsim.parameters import did_you_mean
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
-    from eclsim.circuit.network import Circuit
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _ONE_SIDE = re.compile(rf"(\S+?)\s*(>=|<=|>|<|≥|≤)\s*({_NUMBER})")
@@ -136,14 +134,6 @@ def _hint(name: str, known: Sequence[str]) -> str:
 
 def _repeated(names: Sequence[str]) -> list[str]:
     return [name for name in dict.fromkeys(names) if names.count(name) > 1]
-
-
-def turnable(circuit: Circuit) -> tuple[str, ...]:
-    """Parameters that a circuit's outputs depend on; those of gas exchange only where gases are computed."""
-    read, dissolved = circuit.parameter_names(), circuit.content_names()
-    if GASES not in dissolved:
-        dissolved = tuple(name for name in dissolved if name not in gas.PARAMETERS)
-    return tuple(dict.fromkeys((HEART_RATE, *read, *dissolved)))
 
 
 def usual_settings(case: Case, known: Sequence[str]) -> tuple[Setting, ...]:

@@ -21,12 +21,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.optimize import linprog
 
-from eclsim.goals.goal import Goal, GoalError, Setting, read_goals, read_settings, turnable
+from eclsim.goals.goal import Goal, GoalError, Setting, read_goals, read_settings
 from eclsim.orbit.model import CaseSource, Model, as_case, model_of
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.registry import output
-from eclsim.outputs.signals import output_names
+from eclsim.outputs.signals import output_names, parameters_read
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 from eclsim.simulation.target_flow import with_speed
 
@@ -146,7 +146,7 @@ def reach(
     except GoalError as error:
         wrong += error.mistakes
     try:
-        settings = read_settings(vary, known, turnable(model.circuit))
+        settings = read_settings(vary, known, parameters_read(model.circuit))
     except GoalError as error:
         wrong += error.mistakes
     if wrong:

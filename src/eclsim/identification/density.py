@@ -24,6 +24,7 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from eclsim.identification.objective import Box, execution_of
+from eclsim.identification.scale import Scale
 from eclsim.orbit.equation import OrbitOptions
 from eclsim.orbit.model import AS_PUBLISHED, Model
 from eclsim.orbit.steady import Batch, Values
@@ -40,14 +41,14 @@ SETTLED = OrbitOptions(tolerance=1e-5, error_tolerance=1e-4, newton_iterations=6
 
 @dataclass(frozen=True)
 class Prior:
-    """Independent priors of the logarithms of the parameters.
+    """Independent priors of the coordinates of the parameters: the logarithms of most (see `scale`).
 
     Args:
         names: of the parameters.
-        lower: logarithm of the lower bounds, shape (parameters,).
+        lower: coordinates of the lower bounds, shape (parameters,).
         upper: of the upper bounds.
         start: of the start values, the median of the log-normal kind before it is cut at the bounds.
-        kind: "log-uniform", each logarithm between the bounds as likely as any other, or "log-normal".
+        kind: "log-uniform", each coordinate between the bounds as likely as any other, or "log-normal".
     """
 
     names: tuple[str, ...]
@@ -61,8 +62,17 @@ class Prior:
         """Of free parameters with bounds."""
         return cls(box.names, box.lower, box.upper, box.clip(box.start), kind)
 
+    @property
+    def scale(self) -> Scale:
+        """The coordinates."""
+        return Scale.of(self.names)
+
+    def values_of(self, z: np.ndarray) -> np.ndarray:
+        """The parameters in their units, shape (..., parameters) as z."""
+        return self.scale.values(self.x_of(z))
+
     def x_of(self, z: np.ndarray) -> np.ndarray:
-        """Logarithms of the parameters, shape (..., parameters) as z."""
+        """Coordinates of the parameters, shape (..., parameters) as z."""
         share = ndtr(z)
         if self.kind == "log-uniform":
             return self.lower + (self.upper - self.lower) * share
@@ -71,7 +81,7 @@ class Prior:
         return np.clip(inside, self.lower, self.upper)
 
     def slopes(self, z: np.ndarray) -> np.ndarray:
-        """d log parameter / dz, shape (..., parameters)."""
+        """d coordinate / dz, shape (..., parameters)."""
         density = np.exp(-0.5 * np.asarray(z) ** 2) / np.sqrt(2.0 * np.pi)
         if self.kind == "log-uniform":
             return (self.upper - self.lower) * density
@@ -80,7 +90,7 @@ class Prior:
         return self._spread() * (last - first) * density / (np.exp(-0.5 * standard**2) / np.sqrt(2.0 * np.pi))
 
     def z_of(self, x: np.ndarray) -> np.ndarray:
-        """Latent variables of logarithms; a parameter at a bound gives -`FARTHEST` or `FARTHEST`."""
+        """Latent variables of coordinates; a parameter at a bound gives -`FARTHEST` or `FARTHEST`."""
         if self.kind == "log-uniform":
             share = (np.asarray(x) - self.lower) / (self.upper - self.lower)
         else:
@@ -130,9 +140,9 @@ class PosteriorDensity:
         return np.array([self.errors[n] for n in self.outputs])
 
     def values(self, x: np.ndarray) -> dict[str, float | np.ndarray]:
-        """Parameter values of members with logarithms (members, parameters), or of one (parameters,)."""
-        free = {name: np.exp(x[..., k]) for k, name in enumerate(self.prior.names)}
-        return {**self.model.values, **free}
+        """Parameter values of members with coordinates (members, parameters), or of one (parameters,)."""
+        free = np.moveaxis(self.prior.scale.values(x), -1, 0)
+        return {**self.model.values, **dict(zip(self.prior.names, free, strict=True))}
 
     def numbers(self, z: np.ndarray) -> dict[str, float]:
         """Parameter values at one point."""

@@ -88,12 +88,12 @@ def write_fit_figures(folder: Path, fit: FitResult, profiled: FitProfiles) -> li
         plot_starts,
     )
     from eclsim.identification.profiles import slices
-    from eclsim.parameters import thiel2025
+    from eclsim.identification.scale import unit_of_parameter
     from eclsim.reporting.style import save_figure
 
     if not len(fit.optimum.starts.agreeing):
         return []
-    units = {n: thiel2025.PARAMETERS[n].unit for n in fit.box.names}
+    units = {n: unit_of_parameter(n) for n in fit.box.names}
     along = slices(fit.objective, fit.box, fit.optimum.x, fit.number)
     figures = {
         "slices": plot_slices(along, units),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from eclsim.cases.quantities import with_values
 from eclsim.files import finite
 from eclsim.identification.multi_start import (
     FitStatus,
@@ -18,9 +19,10 @@ from eclsim.identification.multi_start import (
     identify,
     silent,
 )
-from eclsim.identification.objective import Box, Objective, Target, correlation, in_unit
+from eclsim.identification.objective import Box, Objective, Target, correlation
 from eclsim.identification.observation import measurement_errors, unit_of
 from eclsim.identification.profiles import held_fits
+from eclsim.identification.scale import unit_of_parameter
 from eclsim.identification.settings import (
     FitSettings,
     checked_fit,
@@ -39,7 +41,6 @@ from eclsim.identification.verdict import (
 )
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import CaseSource, as_case, model_of
-from eclsim.parameters import thiel2025
 from eclsim.parameters.adult_ranges import AdultRange, adult_ranges
 from eclsim.sensitivity.collinearity import ScaledSensitivities, propose
 
@@ -164,7 +165,7 @@ class FitResult:
         data |= {row: ("output", [values.get(n, np.nan) for n in outputs]) for row, values in rows.items()}
         coordinates = {
             "parameter": names, "with_parameter": names, "output": outputs,
-            "parameter_units": ("parameter", [thiel2025.PARAMETERS[n].unit for n in names]),
+            "parameter_units": ("parameter", list(map(unit_of_parameter, names))),
             "output_units": ("output", [unit_of(n) for n in outputs]),
         }  # fmt: skip
         attributes = {
@@ -306,16 +307,16 @@ def _result(
     parameters = _parameters(optimum, box, scaled, np.sqrt(np.diag(spread)), gains)
     fitted = {n: p.value for n, p in parameters.items()}
     fixed = {n: target.model.values[n] for n in settings.names if n not in fitted}
-    changes = {
-        "parameters": {**case.parameters, **fixed, **fitted},
-        "blood_volume_policy": objective.policy,
-    }
+    open_ones = () if case.regulation is None else case.regulation.open_set_points
+    held = {n: target.model.values[n] for n in open_ones}
+    changed = with_values(case, {**fixed, **fitted, **held})
+    changed = changed.model_copy(update={"blood_volume_policy": objective.policy})
     reasons = [
         *agreement(target.measured, simulated, goodness, settings.weights), *search(optimum.status),
         *_held_back(parameters, gains),
     ]  # fmt: skip
     return FitResult(
-        name, case.model_copy(update=changes), target.measured, simulated, parameters, correlation(spread),
+        name, changed, target.measured, simulated, parameters, correlation(spread),
         objective, box, optimum, number, known, settings, FitVerdict(goodness, ()).with_reasons(reasons),
     )  # fmt: skip
 
@@ -387,18 +388,18 @@ def _parameters(
     low, high = _at_bounds(optimum, box)
     excluded = propose(scaled).excluded if optimum.shared is None else optimum.shared.excluded
     agreed = optimum.starts.end[optimum.starts.agreeing]
-    differ = np.expm1(np.ptp(agreed, axis=0)) if len(agreed) else np.zeros(len(box.names))
+    differ = np.ptp(agreed, axis=0) if len(agreed) else np.zeros(len(box.names))
     parameters = {}
     for k, name in enumerate(box.names):
         reason = excluded.get(name, "")
         if low[k] or high[k]:
             reason = _at_bound("lower" if low[k] else "upper", bool(gains[k] > PUSHED))
-        elif not reason and differ[k] > SAME_PARAMETER:
-            reason = f"starts that fit equally well differ by {100 * differ[k]:.0f} %"
+        elif not reason and differ[k] > np.log1p(SAME_PARAMETER):
+            reason = f"starts that fit equally well differ by {box.scale.apart(k, differ[k])}"
         elif not reason and errors[k] > DETERMINED * box.prior_deviations[k]:
-            reason = f"fitted with the others, its standard error is a factor of {np.exp(errors[k]):.2g}"
+            reason = f"fitted with the others, its standard error is {box.scale.error(k, errors[k])}"
         lower, upper = box.interval(k, optimum.x[k], errors[k])
-        value = in_unit(optimum.x[k])
+        value = box.scale.value(k, optimum.x[k])
         parameters[name] = FittedParameter(value, lower, upper, bool(low[k] or high[k]), not reason, reason)
     return parameters
 
@@ -426,7 +427,7 @@ def _without_compensated(results: Sequence[FitResult], objective: Objective, box
         reasons = {
             name: (
                 f"follows {box.names[followed[k]]}, which the measurements do not determine: with it "
-                f"elsewhere, {100.0 * np.expm1(moved[k]):.0f} % apart at the same outputs"
+                f"elsewhere, {box.scale.apart(k, moved[k])} apart at the same outputs"
             )
             for k, name in enumerate(box.names)
             if moved[k] > np.log1p(SAME_PARAMETER)

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from eclsim.identification.observation import FLOWS, PRESSURES, measured_and_simulated
+from eclsim.identification.scale import Scale
 from eclsim.reporting.style import GREY, OKABE_ITO, figure_style, new_figure
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ _DOT: dict[str, Any] = {"color": OKABE_ITO["vermillion"], "markersize": 4, "clip
 def _parameter_panels(
     curves: CostCurves, units: Mapping[str, str], label: str, margin_mm: float
 ) -> tuple[Figure, Iterator[tuple[int, Axes]]]:
-    """A figure with a panel for each parameter, its axis logarithmic from bound to bound."""
+    """A figure with a panel for each parameter from bound to bound, its axis as it is sought."""
     count = len(curves.names)
     across = min(count, 3)
     down = -(-count // across)
@@ -37,12 +38,13 @@ def _parameter_panels(
         for k, (name, values) in enumerate(zip(curves.names, curves.values, strict=True)):
             axes = fig.add_subplot(down, across, k + 1)
             yield k, axes
-            axes.set_xscale("log")
+            if not Scale.of([name]).linear[0]:
+                axes.set_xscale("log")
+                wide = values[-1] / values[0] > 8.0
+                axes.xaxis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0)))
+                axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+                axes.xaxis.set_minor_formatter(NullFormatter())
             axes.set_xlim(values[0], values[-1])
-            wide = values[-1] / values[0] > 8.0
-            axes.xaxis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0)))
-            axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-            axes.xaxis.set_minor_formatter(NullFormatter())
             axes.set_xlabel(f"{name} [{unit}]" if (unit := units.get(name, "")) else name)
             if k % across == 0:
                 axes.set_ylabel(label)
@@ -133,7 +135,7 @@ def plot_starts(starts: Starts, names: Sequence[str], lower: np.ndarray, upper: 
         right.set_xticks(range(len(names)), names, rotation=45, ha="right")
         right.set_yticks((0.0, 0.5, 1.0), ("lower\nbound", "middle", "upper\nbound"))
         right.set_ylim(-0.06, 1.06)
-        right.set_ylabel("where it ended (log scale)")
+        right.set_ylabel("where it ended")
     return fig
 
 
@@ -184,7 +186,7 @@ def plot_correlation(names: Sequence[str], matrix: np.ndarray) -> Figure:
         for (row, column), value in np.ndenumerate(matrix):
             colour = "white" if abs(value) > 0.6 else "black"
             axes.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=6, color=colour)
-        fig.colorbar(image, ax=axes, label="correlation of the logarithms", fraction=0.05, pad=0.03)
+        fig.colorbar(image, ax=axes, label="correlation of the estimates", fraction=0.05, pad=0.03)
     return fig
 
 

@@ -26,6 +26,7 @@ from eclsim.orbit.search import solve_orbits
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import Batch, anchor
 from eclsim.outputs.derivatives import Linearisation, linearise
+from eclsim.outputs.signals import needed_parameters
 
 FOLLOWED = OrbitOptions(tolerance=3e-4, error_tolerance=1e-3, newton_iterations=4)
 """Enough to begin with: a step of Newton's method follows."""
@@ -70,14 +71,14 @@ class GradientEvaluator:
         """Outputs, shape (outputs,), and d output / dz (outputs, parameters); None without a steady beat."""
         prior = self.posterior.prior
         x = prior.x_of(z)
-        batch, unit = self._batch(x), np.exp(x)
+        batch, unit = self._batch(x), prior.scale.slopes(x)
         problem = OrbitProblem(self.program, batch.packed(self.program), batch.volume())
         volume_slopes = batch.volume_slopes(prior.names)
         for start, options in self._searches(x):
             orbits = solve_orbits(problem, start, options)
             if orbits.status[0] != Status.CONVERGED:
                 continue
-            linear = self._linearised(problem, orbits.states[:, 0], volume_slopes)
+            linear = self._linearised(batch, problem, orbits.states[:, 0], volume_slopes)
             if linear is not None:
                 orbit = linear.orbit
                 beat = Anchor(orbit.anchor.state + orbit.step, orbit.anchor.inverse)
@@ -99,12 +100,15 @@ class GradientEvaluator:
         return Batch(model.circuit, self.posterior.values(x), 1, policy)
 
     def _linearised(
-        self, problem: OrbitProblem, state: np.ndarray, volume_slopes: np.ndarray
+        self, batch: Batch, problem: OrbitProblem, state: np.ndarray, volume_slopes: np.ndarray
     ) -> Linearisation | None:
         """Outputs and derivatives; None if the state is too far from the orbit or has none."""
         outputs, names = self.posterior.outputs, self.posterior.prior.names
+        read = needed_parameters(batch.circuit, outputs)
         try:
-            linear = linearise(problem, state, outputs, names, volume_slopes)
+            linear = linearise(
+                problem, state, outputs, names, volume_slopes, batch.numbers_for(read), batch.circuit
+            )
         except NoDerivativesError:  # two orbits meet here, and none has derivatives
             return None
         settled = np.isfinite(linear.slopes).all() and linear.orbit.distance < FARTHEST_NEWTON
@@ -147,7 +151,7 @@ def approximate(posterior: PosteriorDensity, starts: np.ndarray) -> Gaussian:
 
     Args:
         posterior: density.
-        starts: logarithms of the parameters, shape (starts, parameters).
+        starts: coordinates of the parameters, shape (starts, parameters).
 
     Raises:
         NoSteadyBeatError: From no start, or the beat at the highest point is one of many.

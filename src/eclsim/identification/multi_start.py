@@ -114,7 +114,7 @@ class Starts:
     """Every start that was refined, in order, shape (starts, ...).
 
     Args:
-        end: logarithms of the parameters where it ended.
+        end: coordinates of the parameters where it ended.
         first_costs: sum of squares where it began.
         last_costs: and where it ended.
         agreeing: whether it ended in the best optimum.
@@ -144,7 +144,7 @@ class Optimum:
     """The best fit of one data point.
 
     Args:
-        x: logarithms of the parameters; NaN if no set of them has a steady beat of its own.
+        x: coordinates of the parameters; NaN if no set of them has a steady beat of its own.
         outputs: of the model, in the order of the objective.
         cost: sum of squared residuals.
         jacobian: d output / d log parameter, shape (outputs, parameters).

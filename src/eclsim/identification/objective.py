@@ -1,7 +1,7 @@
 """What is minimised: differences between the model's steady beat and measurements, for many points at once.
 
-Parameters are sought on a logarithmic scale, on which the paper's bounds (a tenth to ten times the start
-value) are symmetric and a step means the same change for all of them.
+Parameters are sought in coordinates (see `scale`): most by their logarithms, on which the paper's bounds (a
+tenth to ten times the start value) are symmetric and a step means the same change for all of them.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from eclsim.identification.observation import OUTPUTS
+from eclsim.identification.observation import OF_THE_BEAT, OUTPUTS
+from eclsim.identification.scale import Scale
 from eclsim.orbit.equation import Anchor, OrbitOptions
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution, in_threads
 from eclsim.orbit.model import AS_PUBLISHED, Model
@@ -25,7 +26,6 @@ WORTH_SIDE_BY_SIDE = 8
 """From so many members the program for many is quicker, half empty or not, once it is compiled."""
 NORMAL_90 = 1.6448536269514722
 """Half width of the central 90 % of a normal distribution, in standard deviations."""
-_DIGITS = 12
 
 
 def execution_of(members: int) -> Execution:
@@ -54,7 +54,7 @@ class Box:
 
     Args:
         names: of the parameters.
-        start: natural logarithm of the start values, shape (parameters,).
+        start: coordinates of the start values (logarithms of most), shape (parameters,).
         lower: of the lower bounds.
         upper: of the upper bounds.
     """
@@ -67,17 +67,22 @@ class Box:
     @classmethod
     def of(cls, bounds: Mapping[str, tuple[float, float, float]]) -> Box:
         """From start value, lower and upper bound of each, in the parameter's unit."""
-        table = np.log(np.array([tuple(b) for b in bounds.values()], dtype=float).reshape(-1, 3))
-        return cls(tuple(bounds), table[:, 0], table[:, 1], table[:, 2])
+        table = np.array([tuple(b) for b in bounds.values()], dtype=float).reshape(-1, 3)
+        return cls(tuple(bounds), *Scale.of(tuple(bounds)).coordinates(table.T))
+
+    @property
+    def scale(self) -> Scale:
+        """The coordinates."""
+        return Scale.of(self.names)
 
     @property
     def width(self) -> np.ndarray:
-        """Logarithm of upper over lower bound, shape (parameters,)."""
+        """Distance of the bounds, shape (parameters,)."""
         return self.upper - self.lower
 
     @property
     def prior_deviations(self) -> np.ndarray:
-        """Standard deviations of logarithms that lie anywhere between their bounds, shape (parameters,)."""
+        """Standard deviations of coordinates that lie anywhere between their bounds, shape (parameters,)."""
         return self.width / np.sqrt(12.0)
 
     def clip(self, x: np.ndarray) -> np.ndarray:
@@ -85,25 +90,21 @@ class Box:
         return np.clip(x, self.lower, self.upper)
 
     def covariance(self, scaled: np.ndarray) -> np.ndarray:
-        """Covariance of the logarithms at an optimum (Gaussian approximation), (parameters, parameters).
+        """Covariance of the coordinates at an optimum (Gaussian approximation), (parameters, parameters).
 
-        Before any measurement a parameter lies between its bounds, each logarithm as likely as any other.
+        Before any measurement a parameter lies between its bounds, each coordinate as likely as any other.
         Without this, one that the measurements say nothing about would make all intervals infinite.
 
         Args:
-            scaled: d output / d log parameter in standard uncertainties, shape (outputs, parameters).
+            scaled: d output / d coordinate in standard uncertainties, shape (outputs, parameters).
         """
         return np.linalg.inv(scaled.T @ scaled + np.diag(1.0 / self.prior_deviations**2))
 
     def interval(self, k: int, x: float, error: float) -> tuple[float, float]:
-        """The central 90 % of a parameter from its logarithm and standard error, cut at the bounds."""
-        reach = NORMAL_90 * error
-        return in_unit(max(x - reach, self.lower[k])), in_unit(min(x + reach, self.upper[k]))
-
-
-def in_unit(x: float) -> float:
-    """A parameter from its logarithm, without the rounding of going there and back."""
-    return float(f"{np.exp(x):.{_DIGITS}g}")
+        """The central 90 % of a parameter from its coordinate and standard error, cut at the bounds."""
+        reach, scale = NORMAL_90 * error, self.scale
+        ends = max(x - reach, self.lower[k]), min(x + reach, self.upper[k])
+        return scale.value(k, ends[0]), scale.value(k, ends[1])
 
 
 def correlation(covariance: np.ndarray) -> np.ndarray:
@@ -117,9 +118,9 @@ class Tangent:
     """A steady beat to first order in the parameters: where the search for beats close by starts.
 
     Args:
-        x: logarithms of the parameters, shape (parameters,).
+        x: coordinates of the parameters, shape (parameters,).
         anchor: the beat and its inverse Jacobian.
-        states: d state / d log parameter, shape (states, parameters).
+        states: d state / d coordinate, shape (states, parameters).
     """
 
     x: np.ndarray
@@ -180,9 +181,10 @@ class Objective:
         self.targets = tuple(targets)
         self.names = tuple(names)
         self.policy = policy
-        known = output_names(self.circuit)
-        self.outputs = tuple(o for o in OUTPUTS if o in known)
-        missing = {o for t in targets for o in t.measured if o not in self.outputs}
+        self.scale = Scale.of(self.names)
+        known, measured = output_names(self.circuit), {o for t in targets for o in t.measured}
+        self.outputs = tuple(o for o in OUTPUTS if o in known and (o in OF_THE_BEAT or o in measured))
+        missing = measured - {*self.outputs}
         if missing:
             raise ValueError(f"{', '.join(sorted(missing))}: no output of this circuit that can be fitted")
         shape = (len(targets), len(self.outputs))
@@ -205,7 +207,7 @@ class Objective:
 
         Args:
             points: data point of each member, shape (members,).
-            x: logarithms of the parameters, shape (members, parameters).
+            x: coordinates of the parameters, shape (members, parameters).
             options: accuracy and effort of the orbit solver.
             resolution: of the grid of a beat; left out, each member gets what it needs, so that outputs jump
                 by a thousandth where the need changes.
@@ -217,7 +219,9 @@ class Objective:
             execution=execution_of(len(points)),
         ).determined_only()  # fmt: skip
         outputs = steady.values.T
-        return Evaluation(steady, outputs, (outputs - self.measured[points]) * self.weights[points])
+        weights = self.weights[points]
+        differences = np.where(weights > 0.0, outputs - self.measured[points], 0.0) * weights
+        return Evaluation(steady, outputs, differences)
 
     def resolutions(self, points: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Resolution of the grid that each member needs, shape (members,)."""
@@ -226,7 +230,7 @@ class Objective:
     def linearise(
         self, evaluation: Evaluation, members: Sequence[int], x: np.ndarray
     ) -> tuple[np.ndarray, list[Tangents | None]]:
-        """d output / d log parameter of some members, shape (members, outputs, parameters), and their beats.
+        """d output / d coordinate of some members, shape (members, outputs, parameters), and their beats.
 
         NaN where a member has no derivatives: no steady beat was found, or a valve never opens and blood is
         shut in behind it.
@@ -242,7 +246,7 @@ class Objective:
                 linear = evaluation.steady.linearise(self.outputs, self.names, int(members[k]))
             except NoDerivativesError:
                 return np.full((len(self.outputs), len(self.names)), np.nan), None
-            unit = np.exp(x[k])
+            unit = self.scale.slopes(x[k])
             return linear.slopes * unit, (Tangent(x[k], linear.orbit.anchor, linear.orbit.states * unit),)
 
         slopes, tangents = zip(*in_threads(one, list(range(len(members)))), strict=True)
@@ -251,7 +255,7 @@ class Objective:
     def _batch(self, points: np.ndarray, x: np.ndarray) -> Batch:
         names = self.targets[0].model.values
         values = {n: np.array([t.model.values[n] for t in self.targets])[points] for n in names}
-        values |= {n: np.exp(x[:, k]) for k, n in enumerate(self.names)}
+        values |= dict(zip(self.names, self.scale.values(x).T, strict=True))
         return Batch(self.circuit, values, len(points), self.policy)
 
 
@@ -299,7 +303,7 @@ class SharedObjective:
     def linearise(
         self, evaluation: Evaluation, members: Sequence[int], x: np.ndarray
     ) -> tuple[np.ndarray, list[Tangents | None]]:
-        """d output / d log parameter, shape (members, all outputs, all parameters), and the beats."""
+        """d output / d coordinate, shape (members, all outputs, all parameters), and the beats."""
         rows = [m * self.count + point for m in members for point in range(self.count)]
         blocks, beats = self.single.linearise(evaluation, rows, self.rows(x))
         jacobian = np.zeros((len(members), self.count, len(self.single.outputs), self.size))

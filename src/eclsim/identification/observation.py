@@ -7,17 +7,24 @@ from typing import Any
 
 import numpy as np
 
+from eclsim.cases.sections import MEASURED_GASES, Measurements
 from eclsim.sensitivity.uncertainties import DEFAULTS, Uncertainty, standard_uncertainties
 
 PRESSURES = ("SP", "DP", "MAP", "MPAP", "PCWP")
 FLOWS = ("CO", "PF")
-OUTPUTS = PRESSURES + FLOWS
+OF_THE_BEAT = PRESSURES + FLOWS
+"""What can be fitted of the beat itself."""
+GASES = MEASURED_GASES
+"""What can be fitted of gas exchange, where a case has it."""
+OF_ECMO = ("PF", "SpreO2", "SpostO2", "PpostO2", "PexhaustCO2")
+"""What is measured at the ECMO circuit."""
+OUTPUTS = OF_THE_BEAT + GASES
 """What can be fitted."""
 
 
 def unit_of(output: str) -> str:
     """Unit of an output that can be fitted."""
-    return "L/min" if output in FLOWS else "mmHg"
+    return Measurements.fields()[output].unit
 
 
 def measured_and_simulated(results: Sequence[Mapping[str, Any]], names: Sequence[str]) -> np.ndarray:

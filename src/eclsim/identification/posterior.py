@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from eclsim._version import __version__
+from eclsim.cases.quantities import stated, with_values
 from eclsim.files import finite
 from eclsim.identification.density import PosteriorDensity, Prior, PriorKind, simulate_members
 from eclsim.identification.diagnostics import Diagnostics, diagnose
@@ -19,10 +20,10 @@ from eclsim.identification.importance import WeightedDraws, importance_sample, w
 from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.nuts import Chains, Sampling, sample
 from eclsim.identification.observation import OUTPUTS, measurement_errors, unit_of
+from eclsim.identification.scale import unit_of_parameter
 from eclsim.identification.verdict import Level
 from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
 from eclsim.outputs.signals import output_names
-from eclsim.parameters import thiel2025
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -185,7 +186,7 @@ class PosteriorResult:
     def gaussian_draws(self, count: int = PREDICTED_DRAWS) -> np.ndarray:
         """Parameters drawn from the Gaussian approximation, in their units, shape (draws, parameters)."""
         z = self.gaussian.draws(count, self.settings.sampling.seed)
-        return np.exp(self.density.prior.x_of(z))
+        return self.density.prior.values_of(z)
 
     @property
     def draws(self) -> xr.DataTree:
@@ -289,13 +290,13 @@ def posterior(
         z, doubts = chains.z, diagnostics.doubts
     if fit.verdict.level is Level.POOR:
         doubts = (*doubts, f"{fit.verdict.headline}; what it predicts is not this patient")
-    samples = np.exp(density.prior.x_of(z))
+    samples = density.prior.values_of(z)
     progress("predictions")
     models = [("", model_of(fit.case)), *((label, _fitted_model(fit, case)) for label, case in predictions)]
     exact = _predict_all(models, density, samples.reshape(-1, samples.shape[-1]))
     by_gaussian = exact
     if settings.method != "gaussian":
-        of_gaussian = np.exp(density.prior.x_of(gaussian.draws(PREDICTED_DRAWS, seed)))
+        of_gaussian = density.prior.values_of(gaussian.draws(PREDICTED_DRAWS, seed))
         by_gaussian = _predict_all(models, density, of_gaussian)
     return PosteriorResult(
         fit.name, density, gaussian, samples, chains, weighted, diagnostics, exact, by_gaussian, doubts,
@@ -326,8 +327,9 @@ def _starts(fit: FitResult) -> np.ndarray:
 def _fitted_model(fit: FitResult, source: CaseSource) -> Model:
     """The model of a case with the fitted patient's parameters."""
     case = as_case(source)
-    fitted = {n: v for n, v in fit.case.parameters.items() if n in fit.settings.names}
-    return model_of(case.model_copy(update={"parameters": {**case.parameters, **fitted}}))
+    names = (*fit.settings.names, *(case.regulation.open_set_points if case.regulation else ()))
+    fitted = {n: v for n in names if (v := stated(fit.case, n)) is not None}
+    return model_of(with_values(case, fitted))
 
 
 def _predict_all(
@@ -405,7 +407,7 @@ def _tree(result: PosteriorResult) -> xr.DataTree:
     groups: dict[str, tuple[dict[str, xr.Variable], Mapping[str, Any]]] = {
         "posterior": (
             {
-                n: xr.Variable(pair, result.samples[:, :, k], {"units": thiel2025.PARAMETERS[n].unit})
+                n: xr.Variable(pair, result.samples[:, :, k], {"units": unit_of_parameter(n)})
                 for k, n in enumerate(result.names)
             },
             of_chains,

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, MaxNLocator
+from matplotlib.ticker import FixedLocator, MaxNLocator, NullFormatter
 
 from eclsim.identification.observation import unit_of
-from eclsim.parameters import thiel2025
+from eclsim.identification.scale import Scale, axis_label
 from eclsim.reporting.style import (
     GREY,
     OKABE_ITO,
@@ -48,18 +49,16 @@ def plot_traces(result: PosteriorResult) -> Figure:
         for k, name in enumerate(names):
             left = fig.add_subplot(len(names), 2, 2 * k + 1)
             right = fig.add_subplot(len(names), 2, 2 * k + 2)
-            edges = np.geomspace(draws[:, :, k].min(), draws[:, :, k].max(), BINS + 1)
+            edges = _edges(name, draws[:, :, k])
             for chain, values in enumerate(draws[:, :, k]):
                 style = curve_style(chain)
                 left.plot(values, color=style["color"], linewidth=0.35)
                 share = np.histogram(values, edges)[0] / len(values)
                 right.stairs(share, edges, color=style["color"], linestyle=style["linestyle"], linewidth=0.9)
-            left.set_yscale("log")
-            right.set_xscale("log")
             left.set_ylabel(_axis(name))
             right.set_yticks([])
             for axis in (left.yaxis, right.xaxis):
-                plain_log_ticks(axis)
+                _scaled(axis, name)
             if result.diagnostics is not None:
                 right.set_title(_mixing(result.diagnostics, k), loc="right", fontsize=7, fontweight="normal")
             if k == len(names) - 1:
@@ -85,13 +84,11 @@ def plot_pairs(result: PosteriorResult) -> Figure:
                 if j > i:
                     ax.set_visible(False)
                 elif i == j:
-                    _histogram(ax, flat[:, i], gaussian[:, i] if result.checked else None)
+                    _histogram(ax, names[i], flat[:, i], gaussian[:, i] if result.checked else None)
                 else:
                     ax.plot(flat[:, j], flat[:, i], ".", color=OKABE_ITO["blue"], markersize=1.2, alpha=0.5,
                             rasterized=True)  # fmt: skip
                     _ellipse(ax, result, j, i)
-                    ax.set_yscale("log")
-                ax.set_xscale("log")
                 _sparse(ax, names, i, j, size)
     return fig
 
@@ -139,11 +136,28 @@ def _intervals(ax: Axes, result: PosteriorResult, name: str) -> None:
                     capsize=2, label="measured and its 90 %")  # fmt: skip
 
 
-def _histogram(ax: Axes, values: np.ndarray, gaussian: np.ndarray | None) -> None:
+def _edges(name: str, values: np.ndarray) -> np.ndarray:
+    """Ends of the bins of a histogram, equal in the coordinate of a parameter."""
+    between = np.linspace if Scale.of([name]).linear[0] else np.geomspace
+    return between(values.min(), values.max(), BINS + 1)
+
+
+def _scaled(axis: Axis, name: str, gap: float = 0.2, *, shown: bool = True) -> None:
+    """The axis of a parameter: logarithmic, or linear for one that is sought itself."""
+    if not Scale.of([name]).linear[0]:
+        (axis.axes.set_xscale if axis is axis.axes.xaxis else axis.axes.set_yscale)("log")
+        plain_log_ticks(axis, gap, shown=shown)
+        return
+    axis.set_major_locator(MaxNLocator(3))
+    if not shown:
+        axis.set_major_formatter(NullFormatter())
+
+
+def _histogram(ax: Axes, name: str, values: np.ndarray, gaussian: np.ndarray | None) -> None:
     """Shares of draws, and of those of the Gaussian approximation as a line."""
     both = [(values, "blue", True)] + ([] if gaussian is None else [(gaussian, "vermillion", False)])
     every = np.concatenate([drawn for drawn, _, _ in both])
-    edges = np.geomspace(every.min(), every.max(), BINS + 1)
+    edges = _edges(name, every)
     for drawn, colour, fill in both:
         share = np.histogram(drawn, edges)[0] / len(drawn)
         ax.stairs(share, edges, color=OKABE_ITO[colour], fill=fill, alpha=0.5 if fill else 1.0, linewidth=0.9)
@@ -158,7 +172,7 @@ def _ellipse(ax: Axes, result: PosteriorResult, j: int, i: int) -> None:
     circle = np.sqrt(4.605) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     z = np.tile(gaussian.centre, (len(angle), 1))
     z[:, [j, i]] += circle @ root.T
-    drawn = np.exp(prior.x_of(z))
+    drawn = prior.values_of(z)
     ax.plot(drawn[:, j], drawn[:, i], color=OKABE_ITO["vermillion"], linewidth=0.9)
 
 
@@ -167,7 +181,7 @@ def _sparse(ax: Axes, names: Sequence[str], i: int, j: int, size: int) -> None:
     for axis, shown in ((ax.xaxis, i == size - 1), (ax.yaxis, j == 0 and i > 0)):
         if axis is ax.yaxis and i == j:
             continue
-        plain_log_ticks(axis, 0.3, shown=shown)
+        _scaled(axis, names[j if axis is ax.xaxis else i], 0.3, shown=shown)
     ax.tick_params(axis="x", labelrotation=60)
     ax.tick_params(labelsize=6)
     if i == size - 1:
@@ -182,7 +196,7 @@ def _mixing(diagnostics: Diagnostics, k: int) -> str:
 
 
 def _axis(name: str) -> str:
-    return f"{name}\n[{thiel2025.PARAMETERS[name].unit}]"
+    return axis_label(name).replace(" [", "\n[")
 
 
 def _of_pairs(result: PosteriorResult) -> str:
@@ -256,9 +270,8 @@ def plot_parameters(series: Mapping[str, Any]) -> Figure:
         fig, panels = _panels(series, "parameters: median and 90 % after each measurement", len(names))
         for k, (ax, name) in enumerate(zip(panels, names, strict=True)):
             _band(ax, time, [p["parameters"].get(name) for p in points], "blue", "after the measurement")
-            ax.set_yscale("log")
-            plain_log_ticks(ax.yaxis)
-            ax.set_ylabel(f"{name} [{thiel2025.PARAMETERS[name].unit}]")
+            _scaled(ax.yaxis, name)
+            ax.set_ylabel(axis_label(name))
             time.draw(ax, k >= len(names) - _ACROSS)
     return fig
 

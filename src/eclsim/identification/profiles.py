@@ -17,6 +17,7 @@ import numpy as np
 
 from eclsim.identification.least_squares import Refinement, Tolerances, refine
 from eclsim.identification.objective import Box, LeastSquaresProblem, Objective, Target
+from eclsim.identification.scale import Scale
 from eclsim.identification.verdict import interval_agreement
 from eclsim.orbit.equation import OrbitOptions
 
@@ -64,7 +65,7 @@ def slices(
     Args:
         problem: data points.
         box: bounds.
-        x: logarithms of the parameters that the slices go through.
+        x: coordinates of the parameters that the slices go through.
         point: which data point.
         steps: values of each parameter.
     """
@@ -74,7 +75,9 @@ def slices(
     for k in range(size):
         members[k * steps : (k + 1) * steps, k] = along[k]
     costs = _nan_for_none(problem.evaluate(np.full(len(members), point), members).costs)
-    return CostCurves(box.names, np.exp(along), costs[:-1].reshape(size, steps), np.exp(x), float(costs[-1]))
+    values = box.scale.values(along.T).T
+    best = box.scale.values(x)
+    return CostCurves(box.names, values, costs[:-1].reshape(size, steps), best, float(costs[-1]))
 
 
 def profiles(
@@ -91,11 +94,11 @@ def profiles(
     Args:
         problem: data points.
         box: bounds.
-        x: logarithms of the parameters at the optimum.
+        x: coordinates of the parameters at the optimum.
         point: which data point.
         steps: values of each parameter, besides the optimum's own.
         resolution: of the grid of the beats.
-        further: logarithms of each parameter to hold it at as well, shape (parameters, further).
+        further: coordinates of each parameter to hold it at as well, shape (parameters, further).
     """
     size = len(box.names)
     along = box.lower[:, None] + np.linspace(0.0, 1.0, steps) * box.width[:, None]
@@ -111,7 +114,7 @@ def profiles(
     order = np.argsort(values, axis=1, kind="stable")
     costs = np.take_along_axis(np.column_stack([costs, np.full(size, own)]), order, axis=1)
     values = np.take_along_axis(values, order, axis=1)
-    return CostCurves(box.names, np.exp(values), costs, np.exp(x), float(own))
+    return CostCurves(box.names, box.scale.values(values.T).T, costs, box.scale.values(x), float(own))
 
 
 def _nan_for_none(costs: np.ndarray) -> np.ndarray:
@@ -133,9 +136,9 @@ def refit(
         problem: data points.
         points: data point of each fit, shape (fits,).
         box: bounds.
-        x: logarithms of the parameters that the others start from, shape (fits, parameters).
+        x: coordinates of the parameters that the others start from, shape (fits, parameters).
         held: place of the parameter that each fit holds, -1 for none, shape (fits,).
-        values: logarithm that it is held at, shape (fits,).
+        values: coordinate that it is held at, shape (fits,).
         resolution: of the grid of the beats.
     """
     mask = held[:, None] == np.arange(x.shape[1])
@@ -149,7 +152,7 @@ class HeldFits:
 
     Args:
         held: place of the parameter that was held.
-        x: logarithms of the parameters.
+        x: coordinates of the parameters.
         change: largest relative change of a measured output from the optimum's; NaN without a steady beat.
     """
 
@@ -161,7 +164,7 @@ class HeldFits:
         """How far each parameter moves at the same outputs, and the held parameter that it makes up for.
 
         Args:
-            x: logarithms of the parameters at the optimum, shape (parameters,).
+            x: coordinates of the parameters at the optimum, shape (parameters,).
         """
         same = self.change <= SAME_OUTPUTS
         if not same.any():
@@ -181,7 +184,7 @@ def held_fits(
     Args:
         problem: data points.
         box: bounds.
-        optima: logarithms of the parameters of each data point.
+        optima: coordinates of the parameters of each data point.
         undetermined: places of its undetermined parameters.
     """
     plans = [held_values(x, box, chosen) for x, chosen in zip(optima, undetermined, strict=True)]
@@ -201,7 +204,7 @@ def held_fits(
 
 
 def held_values(x: np.ndarray, box: Box, chosen: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Places of the parameters to hold, and logarithms well away from the optimum to hold them at."""
+    """Places of the parameters to hold, and coordinates well away from the optimum to hold them at."""
     plan = [
         (k, value)
         for k in chosen
@@ -242,7 +245,7 @@ def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles]:
     further = best.x[0][:, None] + np.outer(np.sqrt(np.diag(spread)), STANDARD_STEPS)
     refitted = profiles(likelihood, fit.box, best.x[0], steps=STEPS, further=further)
     intervals = {
-        name: interval_90(values, costs)
+        name: interval_90(values, costs, Scale.of([name]))
         for name, values, costs in zip(refitted.names, refitted.values, refitted.costs, strict=True)
     }
     other = {n: {"lower": low, "upper": high} for n, (low, high) in intervals.items()}
@@ -251,16 +254,17 @@ def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles]:
     return replace(fit, profile=intervals).judged(reasons), curves
 
 
-def interval_90(values: np.ndarray, costs: np.ndarray) -> tuple[float, float]:
+def interval_90(values: np.ndarray, costs: np.ndarray, scale: Scale) -> tuple[float, float]:
     """Where a profile has risen by `RISE_90`, in the parameter's unit; its ends where it never does.
 
     Args:
         values: of the parameter, rising.
         costs: chi-square there; NaN without a steady beat, which ends the interval.
+        scale: coordinate of the parameter, along which the interval's ends are interpolated.
     """
     least = int(np.nanargmin(costs))
     rise = np.sqrt(np.where(np.isfinite(costs), np.maximum(costs - costs[least], 0.0), np.inf))
-    limit, x = np.sqrt(RISE_90), np.log(values)
+    limit, x = np.sqrt(RISE_90), scale.coordinates(values[:, None])[:, 0]
     ends = []
     for step, last in ((-1, 0), (1, len(x) - 1)):
         k = least
@@ -270,5 +274,5 @@ def interval_90(values: np.ndarray, costs: np.ndarray) -> tuple[float, float]:
             ends.append(values[k])
             continue
         share = (limit - rise[k]) / (rise[k + step] - rise[k])
-        ends.append(np.exp(x[k] + share * (x[k + step] - x[k])))
+        ends.append(scale.value(0, x[k] + share * (x[k + step] - x[k])))
     return float(ends[0]), float(ends[1])

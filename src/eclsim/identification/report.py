@@ -6,11 +6,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from eclsim.cases.quantities import quantity
 from eclsim.files import write_text
 from eclsim.identification.observation import unit_of
+from eclsim.identification.scale import axis_label, unit_of_parameter
 from eclsim.identification.verdict import Aspect, Level, headline, signed
 from eclsim.orbit.model import POLICY_WORDS
-from eclsim.parameters import thiel2025
 from eclsim.reporting.html import Table, render
 from eclsim.reporting.numbers import MISSING, interval, number
 from eclsim.reporting.text_table import text_table
@@ -105,7 +106,7 @@ def _one_fit(point: Data) -> str:
     ]
     rows = [
         (
-            n, *(_figures(p[q]) for q in ("value", "lower", "upper")), thiel2025.PARAMETERS[n].unit,
+            n, *(_figures(p[q]) for q in ("value", "lower", "upper")), unit_of_parameter(n),
             "yes" if p["identifiable"] else "no: " + p["reason"],
         )
         for n, p in point["parameters"].items()
@@ -216,7 +217,7 @@ def series_text(series: Data) -> str:
         return "\n".join(lines)
     known = [p for p in points if p["parameters"]][-1]
     now = [
-        (n, *(_figures(i[q], 3) for q in ("median", "lower", "upper")), thiel2025.PARAMETERS[n].unit)
+        (n, *(_figures(i[q], 3) for q in ("median", "lower", "upper")), unit_of_parameter(n))
         for n, i in known["parameters"].items()
     ]
     head = (f"after {known['id']}", "median", "5 %", "95 %", "unit")
@@ -309,8 +310,9 @@ def _parameters_table(point: Data, posterior: Data | None) -> Table:
     head += ["by the profile likelihood"] * profiled + ["by the posterior"] * bool(after)
     rows = []
     for name, p in point["parameters"].items():
-        known = thiel2025.PARAMETERS[name]
-        row = [f"{name}: {known.description}", known.unit, number(p["value"])]
+        known = quantity(name)
+        words = name if known is None else f"{name}: {known.description}"
+        row = [words, unit_of_parameter(name), number(p["value"])]
         low, high = p["profile"] or (None, None)
         row += [interval(p["lower"], p["upper"]), *[interval(low, high)] * profiled]
         if after:
@@ -385,7 +387,7 @@ def cohort_page(content: Data, drawings: Mapping[str, str]) -> str:
         level, reasons = point["verdict"]["level"], point["verdict"]["reasons"]
         rows.append((point["id"], level, "" if level == Level.GOOD else reasons[0]["sentence"]))
     names = _names(points, "parameters")
-    head = ["data point", *(f"{n} [{thiel2025.PARAMETERS[n].unit}]" for n in names)]
+    head = ["data point", *map(axis_label, names)]
     return render(
         "identification/cohort.html",
         title=f"Fits of {len(points)} data points",
@@ -490,7 +492,7 @@ def _tracked_parameters(points: Sequence[Data]) -> Table | None:
         return None
     first, last = known[0], known[-1]
     rows = [
-        (name, thiel2025.PARAMETERS[name].unit, _median(first["parameters"][name]), _median(now),
+        (name, unit_of_parameter(name), _median(first["parameters"][name]), _median(now),
          f"{now['median'] / first['parameters'][name]['median']:.2f}")
         for name, now in last["parameters"].items()
     ]  # fmt: skip

@@ -8,9 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from eclsim.cases.cohort_table import read_table
+from eclsim.cases.quantities import quantity
+from eclsim.devices.registry import parameters
 from eclsim.files import csv_text, write_text
+from eclsim.identification.scale import is_linear
 from eclsim.inputs.mistakes import CaseError
-from eclsim.parameters import did_you_mean, thiel2025
+from eclsim.parameters import did_you_mean
 
 OPEN = ("total_blood_volume_ml", "heart_rate_bpm")
 """Quantities of a patient, beside the tables' parameters, that may be uncertain."""
@@ -44,7 +47,7 @@ def read_samples(path: str | Path) -> dict[str, list[float]]:
         raise SamplesError(str(error).replace("no patients", needed)) from None
     head = table.header
     mistakes = [str(mistake) for mistake in table.mistakes]
-    mistakes += [_unknown(path, name) for name in head if name not in (*thiel2025.PARAMETERS, *OPEN)]
+    mistakes += [_unknown(path, name) for name in head if name not in OPEN and quantity(name) is None]
     twice = sorted({n for n in head if head.count(n) > 1})
     mistakes += [f"{path}: column {name} is there twice" for name in twice]
     values = []
@@ -62,17 +65,17 @@ def read_samples(path: str | Path) -> dict[str, list[float]]:
 
 
 def _unknown(path: str | Path, name: str) -> str:
-    hint = did_you_mean(name, (*thiel2025.PARAMETERS, *OPEN))
+    hint = did_you_mean(name, (*parameters(), *OPEN))
     return f"{path}: column '{name[:40]}' is no parameter" + (f"; did you mean {hint}?" if hint else "")
 
 
 def _mistake(name: str, cell: str, value: float) -> str:
     """What is wrong with a value; empty where nothing is."""
-    if not (math.isfinite(value) and value > 0.0):
+    known = quantity(name)
+    if not (math.isfinite(value) and (value > 0.0 or (known is not None and is_linear(known)))):
         comma = math.isfinite(_value(cell.replace(",", ".")))
         hint = f": '{cell}' has a decimal comma; write a decimal point" if "," in cell and comma else ""
         return f"{name} is no number above 0{hint}"
-    known = thiel2025.PARAMETERS.get(name)
     if known is not None and not known.accepts(value):
         return f"{name} = {value:g}: outside the allowed range; allowed: {known.allowed}"
     return ""

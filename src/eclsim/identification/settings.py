@@ -7,12 +7,19 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
+from eclsim.cases.quantities import quantity, stated
+from eclsim.cases.resolve import height_weight
+from eclsim.devices.description import GASES as VO2
+from eclsim.devices.registry import parameters
 from eclsim.identification.multi_start import MultiStart
-from eclsim.identification.observation import OUTPUTS
+from eclsim.identification.observation import GASES, OF_ECMO, OUTPUTS
+from eclsim.identification.scale import Scale, is_linear
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.orbit.model import VolumePolicy, circuit_of
-from eclsim.parameters import did_you_mean, thiel2025
+from eclsim.outputs.signals import parameters_read
+from eclsim.parameters import did_you_mean, usual_bounds
 from eclsim.parameters.thiel2025 import BOUNDS
+from eclsim.patient.anthropometry import oxygen_consumption
 from eclsim.sensitivity.uncertainties import DEFAULTS, Uncertainty
 
 if TYPE_CHECKING:
@@ -95,13 +102,14 @@ class CheckedFit:
 
 def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
     """Targets and bounds of a case, checked, with everything there is to say."""
-    wanted = {name: _bounds(name, case, settings.bounds) for name in settings.names}
+    defaults = _own_defaults(case)
+    wanted = {name: _bounds(name, case, settings.bounds, defaults) for name in settings.names}
     checked = check_fit(case, wanted)
-    read = ("heart_rate_bpm", *circuit_of(case).parameter_names())
+    read = parameters_read(circuit_of(case))
     for name in [*checked.free, *checked.fixed]:
         if name not in read:
             checked.wrong(name, "not read by the circuit of this case, so it cannot be fitted")
-        elif wanted[name][1] <= 0.0:
+        elif wanted[name][1] <= 0.0 and not Scale.of([name]).linear[0]:
             checked.wrong(name, "is sought on a logarithmic scale: its lower bound must be above 0")
     for name in settings.bounds:
         if name not in settings.names:
@@ -110,6 +118,13 @@ def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
     if not checked.mistakes and not checked.free:
         checked.wrong("parameters", "none is free")
     return checked
+
+
+def _own_defaults(case: Case) -> dict[str, float]:
+    """What a case leaves open and follows from the patient: oxygen consumption, from the body surface."""
+    if case.gas is None:
+        return {}
+    return {VO2: oxygen_consumption(*height_weight(case.patient))}
 
 
 def check_fit(case: Case, bounds: Mapping[str, tuple[float, float, float]]) -> CheckedFit:
@@ -128,7 +143,9 @@ def check_fit(case: Case, bounds: Mapping[str, tuple[float, float, float]]) -> C
         checked.wrong(f"{one.key}.{target.key}", message, value, allowed)
     for name in OUTPUTS:
         value = getattr(case.measurements, name, None)
-        if value is None or (name == "PF" and case.ecmo is None):
+        if value is None and name in GASES:
+            continue
+        if value is None or (name in OF_ECMO and case.ecmo is None):
             checked.notes.append(Mistake(f"measurements.{name}", "not measured, so not fitted"))
         else:
             checked.targets[name] = value
@@ -144,10 +161,10 @@ def check_fit(case: Case, bounds: Mapping[str, tuple[float, float, float]]) -> C
 
 def _check_bounds(key: str, limits: tuple[float, float, float], checked: CheckedFit) -> None:
     start, lower, upper = limits
-    written, parameter = f"{start:g}, {lower:g} to {upper:g}", thiel2025.PARAMETERS.get(key)
+    written, parameter = f"{start:g}, {lower:g} to {upper:g}", quantity(key)
     if parameter is None:
-        allowed = "names of the parameter tables (eclsim parameters lists them)"
-        hint = did_you_mean(key, thiel2025.PARAMETERS) or ""
+        allowed = "names that eclsim parameters lists, or keys of sections such as ecmo.speed_rpm"
+        hint = did_you_mean(key, parameters()) or ""
         checked.wrong(key, "unknown parameter", allowed=allowed, hint=hint)
     elif not all(math.isfinite(number) for number in limits):
         checked.wrong(key, "start and bounds must be finite", written, parameter.allowed)
@@ -192,20 +209,25 @@ def unmeasured_uncertainties(cases: Iterable[Case], settings: FitSettings) -> li
     ]  # fmt: skip
 
 
-def _bounds(name: str, case: Case, given: Mapping[str, tuple[float, float]]) -> tuple[float, float, float]:
+def _bounds(
+    name: str, case: Case, given: Mapping[str, tuple[float, float]], defaults: Mapping[str, float]
+) -> tuple[float, float, float]:
     """Start value, lower and upper bound; a case's own value is the start where it is inside the bounds."""
-    known = thiel2025.PARAMETERS.get(name)
+    known = quantity(name)
     if known is None:
         return (0.0, 0.0, 0.0)
-    if name in BOUNDS:
-        start, lower, upper = BOUNDS[name]
+    if (usual := usual_bounds(name)) is not None:
+        start, lower, upper = usual
+    elif is_linear(known):
+        start, lower, upper = float(known.value), known.minimum, known.maximum
     else:
         start = float(known.value)
         lower, upper = max(start / WIDE, known.minimum), min(start * WIDE, known.maximum)
-    own = case.parameters.get(name, start)
+    own = stated(case, name)
+    own = defaults.get(name, start) if own is None else own
     if name in given:
         lower, upper = given[name]
-        middle = (lower * upper) ** 0.5 if 0.0 < lower <= upper else lower
+        middle = (lower * upper) ** 0.5 if 0.0 < lower <= upper else 0.5 * (lower + upper)
         start = start if lower <= start <= upper else middle
     if lower > upper:
         return (lower, lower, upper)

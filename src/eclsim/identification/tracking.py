@@ -29,12 +29,12 @@ from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.objective import Box
 from eclsim.identification.observation import OUTPUTS, measurement_errors, unit_of
 from eclsim.identification.proposals import Transport
+from eclsim.identification.scale import unit_of_parameter
 from eclsim.identification.settings import FitSettings, checked_fit
 from eclsim.identification.verdict import FitVerdict, agreement, goodness_of
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.orbit.model import CaseSource, Model, as_case, model_of
 from eclsim.outputs.signals import output_names
-from eclsim.parameters import thiel2025
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -221,7 +221,7 @@ class TrackResult:
         coordinates = {
             "point": [p.name for p in points], "parameter": parameters, "output": outputs,
             "quantile": list(SHARES),
-            "parameter_units": ("parameter", [thiel2025.PARAMETERS[n].unit for n in parameters]),
+            "parameter_units": ("parameter", list(map(unit_of_parameter, parameters))),
             "output_units": ("output", [unit_of(n) for n in outputs]),
         }  # fmt: skip
         return xr.Dataset(data, coordinates, {"patient": self.patient})
@@ -245,7 +245,7 @@ class _Estimate:
 
     def parameters(self, seed: int) -> dict[str, Interval]:
         draws, _ = self.transport.z_of(self.state.draws(DRAWN, seed))
-        rows = np.exp(self.prior.x_of(np.quantile(draws, SHARES, axis=0))).T.tolist()
+        rows = self.prior.values_of(np.quantile(draws, SHARES, axis=0)).T.tolist()
         return {n: Interval(*row) for n, row in zip(self.prior.names, rows, strict=True)}
 
 

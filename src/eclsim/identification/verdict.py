@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from eclsim.identification.multi_start import FitStatus
+from eclsim.identification.scale import Scale
 from eclsim.parameters.adult_ranges import AdultRange
 
 DOUBTFUL_DIFFERENCE = 2.5
@@ -293,7 +294,7 @@ def interval_agreement(
             )
         elif not its["lower"] <= own["value"] <= its["upper"]:
             verdict = f"the fitted value {own['value']:.3g} is outside of the latter"
-        elif not 1.0 / UNLIKE_WIDTH <= _width(its) / _width(own) <= UNLIKE_WIDTH:
+        elif not 1.0 / UNLIKE_WIDTH <= _width(name, its) / _width(name, own) <= UNLIKE_WIDTH:
             verdict = "take the wider of the two"
         if verdict:
             sentence = (
@@ -304,5 +305,6 @@ def interval_agreement(
     return reasons
 
 
-def _width(interval: Mapping[str, Any]) -> float:
-    return max(float(np.log(interval["upper"] / interval["lower"])), 1e-12)
+def _width(name: str, interval: Mapping[str, Any]) -> float:
+    ends = np.array([[interval["lower"]], [interval["upper"]]])
+    return max(float(np.ptp(Scale.of([name]).coordinates(ends))), 1e-12)

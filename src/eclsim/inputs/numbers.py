@@ -62,7 +62,8 @@ def suspected_unit(number: float, unit: str, typical: float, allowed: tuple[floa
         distance = abs(math.log(converted / typical))
         if distance < best_distance:
             meant = f"{converted:.4g}" if unit == "1" else f"{converted:.4g} {unit}"
-            best, best_distance = f"{number:g} {other} = {meant}", distance
+            written = f"{number:g}" if other == "1" else f"{number:g} {other}"
+            best, best_distance = f"{written} = {meant}", distance
     return best
 
 

@@ -83,7 +83,7 @@ def model_of(case: Case) -> Model:
 def values_of(case: Case) -> dict[str, float]:
     """A number for every parameter of a case; set points of reflexes that it leaves open are its own."""
     values = resolve_parameters(case)
-    if case.regulation is None or not case.regulation.left_open:
+    if case.regulation is None or not case.regulation.open_set_points:
         return values
     from eclsim.orbit.rest import resting_pressures
 

@@ -74,6 +74,10 @@ class Batch:
             if n in self.values
         }
 
+    def numbers_for(self, parameters: Sequence[str], member: int = 0) -> dict[str, float]:
+        """Those of some parameters that have a value, of one member."""
+        return {name: float(v[0]) for name, v in self.read_by_outputs(parameters, np.array([member])).items()}
+
     def volume(self) -> Volume:
         """The blood volume condition of the policy."""
         if self.policy not in POLICIES:

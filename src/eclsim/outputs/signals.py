@@ -8,12 +8,14 @@ from functools import lru_cache
 from eclsim.beat.recording import MEAN, RATE, all_signals, has_mean, has_rate
 from eclsim.circuit import volumes
 from eclsim.circuit.assembly import assemble
-from eclsim.circuit.network import Circuit
+from eclsim.circuit.network import HEART_RATE, Circuit
 from eclsim.circuit.signals import Kind, Signal
 from eclsim.components.base import Number, Values
+from eclsim.devices.description import GASES
 from eclsim.devices.registry import registered
 from eclsim.gas.network import switches
 from eclsim.outputs.registry import available, output
+from eclsim.parameters import gas
 from eclsim.regulation.effects import parameters_of, steady_controls
 
 WORDS = {Kind.PRESSURE: "pressure in", Kind.FLOW: "flow through", Kind.VOLUME: "blood volume of"}
@@ -52,6 +54,14 @@ def needed_parameters(circuit: Circuit, outputs: Sequence[str]) -> tuple[str, ..
     if any(entry.in_effect for entry in entries):
         names += parameters_of(steady_controls(circuit))
     return tuple(dict.fromkeys(names))
+
+
+def parameters_read(circuit: Circuit) -> tuple[str, ...]:
+    """Parameters that a circuit's outputs depend on; those of gas exchange only where gases are computed."""
+    dissolved = circuit.content_names()
+    if GASES not in dissolved:
+        dissolved = tuple(name for name in dissolved if name not in gas.PARAMETERS)
+    return tuple(dict.fromkeys((HEART_RATE, *circuit.parameter_names(), *dissolved)))
 
 
 def signal_labels(circuit: Circuit, name: str) -> dict[str, str]:

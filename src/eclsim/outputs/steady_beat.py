@@ -171,7 +171,7 @@ class SteadyBeat:
         if "VO2" not in read:
             return []
         vo2 = float(self.output("VO2")[member])
-        demand = float(self.batch.read_by_outputs([GASES], np.array([member]))[GASES][0])
+        demand = self.batch.numbers_for([GASES], member)[GASES]
         if vo2 > DEMAND_MET * demand:
             return []
         text = f"oxygen consumption {vo2:.0f} mL/min is below the {demand:.0f} mL/min that the tissues want: "
@@ -192,8 +192,7 @@ class SteadyBeat:
         program = beat_program(self.batch.circuit, int(self.orbits.resolution[member]))
         problem = OrbitProblem(program, self.batch.packed(program), self.batch.volume()).take([member])
         slopes = self.batch.volume_slopes(parameters, member)
-        at, read = np.array([member]), needed_parameters(self.batch.circuit, outputs)
-        values = {name: float(v[0]) for name, v in self.batch.read_by_outputs(read, at).items()}
+        values = self.batch.numbers_for(needed_parameters(self.batch.circuit, outputs), member)
         state, circuit = self.orbits.states[:, member], self.batch.circuit
         return linearise(problem, state, outputs, parameters, slopes, values, circuit)
 

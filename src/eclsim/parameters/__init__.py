@@ -18,6 +18,7 @@ __all__ = [
     "did_you_mean",
     "find",
     "nearest",
+    "usual_bounds",
 ]
 
 
@@ -50,6 +51,11 @@ def default(key: str) -> Parameter:
     if parameter is None:
         raise UnknownParameterError(key)
     return parameter
+
+
+def usual_bounds(key: str) -> thiel2025.Bounds | None:
+    """Start value and bounds that a fit looks between; None for a parameter without usual ones."""
+    return thiel2025.BOUNDS.get(key) or gas.BOUNDS.get(key)
 
 
 def find(name: str) -> Parameter:

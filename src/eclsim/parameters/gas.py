@@ -9,6 +9,7 @@ from __future__ import annotations
 from types import MappingProxyType
 
 from eclsim.parameters.parameter import Parameter
+from eclsim.parameters.thiel2025 import Bounds
 
 PREFIX = "gas."
 _SETTING = "setting; default assumed (protective ventilation on ECMO)"
@@ -76,6 +77,17 @@ _TABLE = (
 )  # fmt: skip
 PARAMETERS = MappingProxyType({row[0]: Parameter(*row) for row in _TABLE})
 """By name, keys of case files among them."""
+
+BOUNDS = MappingProxyType(
+    {
+        "gas.shunt_fraction": Bounds(0.4, 0.0, 1.0), "gas.vo2_ml_min": Bounds(220.0, 60.0, 800.0),
+        "gas.alveolar_ventilation_l_min": Bounds(2.0, 0.2, 20.0),
+        "ecmo.drainage_mixing": Bounds(0.5, 0.0, 1.0),
+        "ecmo.oxygenator.oxygen_transfer": Bounds(0.03646, 0.003646, 0.3646),
+        "ecmo.oxygenator.clotted_fraction": Bounds(0.2, 0.0, 0.99),
+    }
+)  # fmt: skip
+"""Where a fit looks; wide on purpose: intervals that end here say that the measurements leave it open."""
 
 _ABSOLUTE = MappingProxyType(
     {

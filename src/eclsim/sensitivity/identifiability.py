@@ -178,13 +178,12 @@ def _measured(case: Case) -> tuple[str, ...]:
 
 
 def _check_names(parameters: Sequence[str], outputs: Sequence[str], model: Model) -> None:
-    from eclsim.outputs.signals import output_names
+    from eclsim.outputs.signals import output_names, parameters_read
 
-    known = ("heart_rate_bpm", *model.circuit.parameter_names())
     wrong = [
         f"no {kind} given" for kind, names in (("parameter", parameters), ("output", outputs)) if not names
     ]
-    wrong += unknown_names(parameters, known, "parameter of this case")
+    wrong += unknown_names(parameters, parameters_read(model.circuit), "parameter of this case")
     wrong += unknown_names(outputs, output_names(model.circuit), "output of this case")
     if wrong:
         raise InputError(wrong)

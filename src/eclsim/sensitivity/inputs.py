@@ -156,10 +156,11 @@ def varied(
         groups: kinds (R, C, L, E, see `GROUPS`) whose parameters are one factor together.
         perturbation_percent: half width of the range of each number.
     """
+    from eclsim.outputs.signals import parameters_read
+
     lines = _line_inputs(case)
     circuit, positions = _circuit(case, [name for name in include if name in lines])
-    read = ("heart_rate_bpm", *circuit.parameter_names(), *(circuit.content_names() if case.gas else ()))
-    known = [*dict.fromkeys(read), *lines]
+    known = [*parameters_read(circuit), *lines]
     wanted = [*parameters, *include]
     mistakes = unknown_names(wanted, known, "parameter that this case reads") + _wrong_groups(
         groups, parameters

@@ -35,11 +35,19 @@ DEFAULTS: MappingProxyType[str, Uncertainty] = MappingProxyType(
         "PCWP": Uncertainty(2.0),
         "CO": Uncertainty(relative=0.10),
         "PF": Uncertainty(relative=0.05),
+        "SaO2": Uncertainty(1.5),
+        "PaO2": Uncertainty(3.0, 0.05),
+        "PaCO2": Uncertainty(2.0, 0.04),
+        "SvO2": Uncertainty(2.0),
+        "SpreO2": Uncertainty(2.0),
+        "SpostO2": Uncertainty(1.0),
+        "PpostO2": Uncertainty(5.0, 0.05),
+        "PexhaustCO2": Uncertainty(2.0, 0.05),
     }
 )
 """Assumed, for want of the paper's: fluid-filled catheters (transducer, damping, levelling), thermodilution,
-and an ultrasonic flow meter. A percentage is one of the measured value. Give your own devices' where you know
-them."""
+an ultrasonic flow meter; of blood gases the analyser, and the minutes from the sample to the other readings.
+A percentage is one of the measured value. Give your own devices' where you know them."""
 LEAST_FLOW = 0.1
 """A flow measured as 0 has the uncertainty of this one [L/min]."""
 

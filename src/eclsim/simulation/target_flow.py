@@ -204,7 +204,7 @@ def solve_speeds(
 
 def _with_rest_solved(case: Case, policy: str | None) -> Case:
     """The case, whose open set points refer to a rest with its speed solved for."""
-    if case.regulation is None or not case.regulation.left_open or not case.at_rest().targets():
+    if case.regulation is None or not case.regulation.open_set_points or not case.at_rest().targets():
         return case
     return case.model_copy(update={"as_written": with_speed(case.at_rest(), policy)[0]})
 

@@ -1,0 +1,101 @@
+"""The numbers of a case by name, as studies vary and fit them: what each is, and where a case holds it.
+
+A number is a parameter of the tables, which stands in [parameters], or a key of a section of its own, such as
+`gas.shunt_fraction`, `ecmo.speed_rpm` or `lvad.left.speed_rpm`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from eclsim.cases.sections import Patient, is_instance_name, section_of
+from eclsim.devices.registry import devices, parameters
+from eclsim.inputs.sections import Section
+from eclsim.parameters import thiel2025
+from eclsim.parameters.parameter import Parameter
+
+if TYPE_CHECKING:
+    from eclsim.cases.case import Case
+
+PARAMETERS = "parameters"
+HEART_RATE = "heart_rate_bpm"
+
+
+def place_of(name: str) -> tuple[str, str] | None:
+    """Section and key of a number, such as ("lvad.left", "speed_rpm"); None for what no case holds."""
+    if name == HEART_RATE:
+        return Patient.section, name
+    section, _, key = name.rpartition(".")
+    belongs = section_of(section)
+    instance = section.partition(".")[2]
+    if belongs is not None and key in belongs.fields() and (not instance or is_instance_name(instance)):
+        return section, key
+    key = name.removeprefix(f"{PARAMETERS}.")
+    key = thiel2025.ALIASES.get(key, key)
+    return (PARAMETERS, key) if _in_tables(key) is not None else None
+
+
+def quantity(name: str) -> Parameter | None:
+    """What a number of a case is: unit, meaning and allowed range; None where it is none.
+
+    Args:
+        name: of a parameter or of a key, also of a named instance (`ecmo.left.Recmooxy`).
+    """
+    if (known := _in_tables(name)) is not None:
+        return known
+    place = place_of(name)
+    kind = None if place is None else section_of(place[0])
+    field = None if place is None or kind is None else kind.fields()[place[1]]
+    if field is None or field.kind != "number" or field.read is not None:
+        return None
+    return Parameter(
+        name, field.typical, field.unit, field.description, "a case's own", field.minimum, field.maximum,
+        place[0] if place else "",
+    )  # fmt: skip
+
+
+def _in_tables(name: str) -> Parameter | None:
+    """The parameter of a name, that of an instance by the name of its device's."""
+    known, (device, _, rest) = parameters(), name.partition(".")
+    instance, _, own = rest.partition(".")
+    names = (f"{device}.{own}", own) if own and device in devices() and is_instance_name(instance) else ()
+    return next((known[each] for each in (name, *names) if each in known), None)
+
+
+def stated(case: Case, name: str) -> float | None:
+    """The value that a case itself gives a number; None where it leaves it to a default."""
+    place = place_of(name)
+    if place is None:
+        return None
+    value = case.parameters.get(place[1]) if place[0] == PARAMETERS else case.setting(*place)
+    return float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else None
+
+
+def with_values(case: Case, values: Mapping[str, float]) -> Case:
+    """The case with other values of some numbers, each where a case file holds it.
+
+    Args:
+        case: with the sections that hold them.
+        values: by name, within their allowed ranges.
+
+    Raises:
+        ValueError: A number that no case holds.
+    """
+    changes: dict[str, dict[str, float]] = {}
+    for name, value in values.items():
+        place = place_of(name)
+        if place is None:
+            raise ValueError(f"{name}: no number of a case")
+        changes.setdefault(place[0], {})[place[1]] = value
+    for section, own in changes.items():
+        held = getattr(case, section, None)
+        if section == PARAMETERS:
+            case = case.model_copy(update={section: {**case.parameters, **own}})
+        elif case.instance(section) is not None:
+            case = case.with_section(section, **own)
+        elif isinstance(held, Section):
+            case = case.model_copy(update={section: held.model_copy(update=own)})
+        else:
+            raise ValueError(f"{', '.join(own)}: the case has no [{section}] section")
+    return case

@@ -1,0 +1,107 @@
+"""The coordinates in which parameters are sought, sampled and followed.
+
+Most parameters are resistances and the like, sought by their logarithms: a step means the same relative
+change for all of them. What may be zero or negative, such as a shunt fraction, a base excess or a volume
+given, is sought itself, in a unit of which its allowed range has as many as a factor of 100 has in
+logarithms, so that a step is of the same order for all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from eclsim.cases.quantities import quantity
+from eclsim.parameters.parameter import Parameter
+
+RANGE = math.log(100.0)
+"""What the allowed range of a parameter on a linear scale is long in its coordinate."""
+_DIGITS = 12
+
+
+def is_linear(parameter: Parameter) -> bool:
+    """Whether a parameter is sought itself and not by its logarithm: it may be negative, or no part of 1."""
+    return parameter.minimum < 0.0 or (parameter.minimum == 0.0 and parameter.unit == "1")
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Coordinates of some parameters.
+
+    Args:
+        units: what a coordinate of 1 is, of each parameter on a linear scale; 0 for logarithms.
+    """
+
+    units: tuple[float, ...]
+
+    @classmethod
+    def of(cls, names: Sequence[str]) -> Scale:
+        """Of parameters by name."""
+        return _scale(tuple(names))
+
+    @property
+    def linear(self) -> np.ndarray:
+        """Which parameters are sought themselves, shape (parameters,)."""
+        return np.array(self.units) > 0.0
+
+    def coordinates(self, values: np.ndarray) -> np.ndarray:
+        """Of values in their units, shape (..., parameters)."""
+        values, linear = np.asarray(values, dtype=float), self.linear
+        return np.where(linear, values / self._divisors, np.log(np.where(linear, 1.0, values)))
+
+    def values(self, x: np.ndarray) -> np.ndarray:
+        """In their units, of coordinates of shape (..., parameters)."""
+        return np.where(self.linear, x * self._divisors, np.exp(np.where(self.linear, 0.0, x)))
+
+    def slopes(self, x: np.ndarray) -> np.ndarray:
+        """d value / d coordinate, shape (..., parameters) as x."""
+        return np.where(self.linear, self._divisors, np.exp(np.where(self.linear, 0.0, x)))
+
+    def one(self, k: int) -> Scale:
+        """Of one of the parameters."""
+        return Scale((self.units[k],))
+
+    def value(self, k: int, x: float) -> float:
+        """One parameter in its unit, without the rounding of going there and back."""
+        return float(f"{self.one(k).values(np.array([x]))[0]:.{_DIGITS}g}")
+
+    def apart(self, k: int, distance: float) -> str:
+        """Two values at a distance in the coordinate of a parameter: relative, or in its unit."""
+        unit = self.units[k]
+        return f"{distance * unit:.2g}" if unit else f"{100.0 * math.expm1(distance):.0f} %"
+
+    def error(self, k: int, error: float) -> str:
+        """A standard error in words."""
+        unit = self.units[k]
+        return f"{error * unit:.2g}" if unit else f"a factor of {math.exp(error):.2g}"
+
+    @property
+    def _divisors(self) -> np.ndarray:
+        return np.where(self.linear, self.units, 1.0)
+
+
+@lru_cache(maxsize=1024)
+def _scale(names: tuple[str, ...]) -> Scale:
+    known = [quantity(name) for name in names]
+    return Scale(
+        tuple(
+            (p.maximum - p.minimum) / RANGE if p is not None and is_linear(p) else 0.0
+            for p in known
+        )
+    )  # fmt: skip
+
+
+def unit_of_parameter(name: str) -> str:
+    """Unit of a parameter or of a number of a case; empty for none."""
+    known = quantity(name)
+    return "" if known is None or known.unit == "1" else known.unit
+
+
+def axis_label(name: str) -> str:
+    """Name and unit of a parameter for an axis."""
+    unit = unit_of_parameter(name)
+    return f"{name} [{unit}]" if unit else name
