@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 INTERSTITIAL_PROTEIN = 0.4
 """Protein of the interstitium over that of the plasma; textbook value, not verified."""
-BICARBONATE_SPACE, CARBON_DIOXIDE_STORE = 500.0, 1.02
+BICARBONATE_SPACE, CARBON_DIOXIDE_STORE = 500.0, 1.5
 """For each kg of weight, mL and mL/mmHg; sources with the parameters."""
 
 
@@ -112,6 +112,7 @@ def fluid_values(
     if (solutes := case.solutes) is not None:
         patient = case.patient
         inferred = {
+            "followed": 1.0,
             "body_water_ml": body_water_ml(patient.sex, patient.age_years, height_cm, weight_kg),
             "bicarbonate_space_ml": BICARBONATE_SPACE * weight_kg,
             "carbon_dioxide_store_ml_mmHg": CARBON_DIOXIDE_STORE * weight_kg,

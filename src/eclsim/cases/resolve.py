@@ -42,7 +42,7 @@ def _patient(case: Case) -> tuple[Circuit, dict[str, Site]]:
     anatomy = anatomy_of(case)
     patient = circulation(anatomy)
     if case.gas is not None:
-        patient += gas_exchanges(anatomy)
+        patient += gas_exchanges(anatomy, stores=case.solutes is not None)
     return _regulated(patient, case), dict(SAME_IN_REGIONS) if anatomy.regional else {}
 
 

@@ -92,12 +92,16 @@ class Tissue(GasExchanger):
         quotient: parameter, carbon dioxide given off for each oxygen taken up [-].
         share: of the demand that is this tissue's [-], a parameter or a number.
         critical: PO2 at which consumption is 63 % of demand [mmHg].
+        held: where stores of the tissue hold its PCO2, 1; else, 0, it is steady; a number 0 for no stores.
+        stored: parameter, PCO2 that the stores hold [mmHg].
     """
 
     demand: Key = "gas.vo2_ml_min"
     quotient: Key = "gas.respiratory_quotient"
     share: Key = 1.0
     critical: float = 4.0
+    held: Key = 0.0
+    stored: Key = 0.0
 
     @property
     def points(self) -> int:  # noqa: D102  (as documented in the base class; so below)
@@ -114,7 +118,13 @@ class Tissue(GasExchanger):
         met = -jnp.expm1(-((inside.pressure[0, 0] / self.critical) ** 2))
         consumed = self.wanted(values) * met
         gained = 10.0 * flow * (inside.content[:, 0] - inlet)
-        return (gained - consumed * jnp.stack([-1.0, value_of(values, self.quotient)]))[:, None]
+        missed = gained - consumed * jnp.stack([-1.0, value_of(values, self.quotient)])
+        if self.held != 0.0:
+            # As much as blood takes up for the difference in PCO2, some 0.5 mL/dL for each mmHg.
+            apart = 5.0 * flow * (inside.pressure[1, 0] - value_of(values, self.stored))
+            held = value_of(values, self.held)
+            missed = jnp.stack([missed[0], (1.0 - held) * missed[1] + held * apart])
+        return missed[:, None]
 
 
 @dataclass(frozen=True)

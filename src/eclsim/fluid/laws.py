@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+import numpy as np
+
 from eclsim.circuit.network import Circuit
+from eclsim.components.exchangers import HAEMOGLOBIN
 from eclsim.fluid.law import fluid_law
-from eclsim.parameters.fluid import HAEMATOCRIT
+from eclsim.fluid.solutes import solute_laws
+from eclsim.parameters.fluid import HAEMATOCRIT, SOLUTES
 from eclsim.slow.law import SlowLaw
 
 
-def slow_laws(circuit: Circuit) -> tuple[SlowLaw, ...]:
-    """Laws of fluid, and of what is dissolved in it, as far as the circuit follows them."""
-    return (fluid_law(circuit),) if HAEMATOCRIT in circuit.parameter_names() else ()
+def slow_laws(circuit: Circuit, settings: Mapping[str, float | np.ndarray]) -> tuple[SlowLaw, ...]:
+    """Laws of fluid, and of what is dissolved in it, as far as the case follows them.
+
+    Args:
+        circuit: patient and devices.
+        settings: the case's parameters.
+    """
+    fluid = HAEMATOCRIT in circuit.parameter_names()
+    laws: tuple[SlowLaw, ...] = (fluid_law(circuit),) if fluid else ()
+    if np.any(settings.get(f"{SOLUTES}.followed", 0.0)):
+        laws += solute_laws(circuit, fluid, HAEMOGLOBIN in circuit.content_names())
+    return laws

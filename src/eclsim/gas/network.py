@@ -217,7 +217,7 @@ def _drawn(circuit: Circuit) -> list[tuple[str, int]]:
 def _samples(circuit: Circuit) -> tuple[tuple[str, str], ...]:
     """Where blood is analysed, and the compartment or connection."""
     compartments = [("in", c.name) for c in circuit.compartments if c.name in SAMPLED]
-    behind = [("behind", e.at) for e in gas_exchanges(circuit) if e.group != PATIENT]
+    behind = [("behind", e.at) for e in gas_exchanges(circuit) if e.group != PATIENT or _stores(e)]
     drawn = dict.fromkeys(("drawn", name) for name, _ in _drawn(circuit))
     groups = {c.name: c.group for c in circuit.compartments}
     exchanging = {e.group for e in gas_exchanges(circuit)} - {PATIENT}
@@ -229,6 +229,11 @@ def _samples(circuit: Circuit) -> tuple[tuple[str, str], ...]:
         and all(groups[site] == PATIENT for site in sites_of(c.target))
     ]
     return (*compartments, *drawn, *behind, *returned)
+
+
+def _stores(exchange: Exchange) -> bool:
+    """Whether stores of a tissue can hold its PCO2."""
+    return isinstance(exchange.component, Tissue) and exchange.component.held != 0.0
 
 
 def _shares(circuit: Circuit, samples: Sequence[tuple[str, str]], mixed: Mixtures) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from eclsim.devices.description import GASES, Output, gas_sample
+from eclsim.parameters.fluid import SOLUTES
 
 if TYPE_CHECKING:
     from eclsim.devices.description import BeatMeasures, Numbers
@@ -36,6 +37,28 @@ def _total(name: str, words: str, unit: str, definition: str, what: str, law: st
     return Output(
         name, words, unit, definition, ("Qpas",), lambda m: sign * _sum(m, what, law), parameters=(GASES,),
         all_flows=True,
+    )  # fmt: skip
+
+
+def _tissue(suffix: str, at: str, words: str) -> tuple[Output, Output]:
+    """What is known of a tissue that stores carbon dioxide."""
+    tissue = f"{suffix}_tissue".lstrip("_")
+    known = (GASES, f"{SOLUTES}.{tissue}_pco2_mmHg", "gas.respiratory_quotient")
+    end = f"_{suffix}" if suffix else ""
+
+    def stored(m: BeatMeasures) -> Numbers:
+        made = -1.0 * m.parameter("gas.respiratory_quotient") * m.gas("gained", "at", at)
+        return made - m.gas("gained_co2", "at", at)
+
+    return (
+        Output(
+            f"tissue_PCO2{end}", f"PCO2 of {words}", "mmHg", f"of the blood behind {at}", (f"Q{at}",),
+            lambda m: m.gas("PCO2", "behind", at), parameters=known, all_flows=True,
+        ),
+        Output(
+            f"stored_CO2{end}", f"carbon dioxide that {words} put into their stores (STPD)", "mL/min",
+            "made - given to the blood", (f"Q{at}",), stored, parameters=known, all_flows=True,
+        ),
     )  # fmt: skip
 
 
@@ -72,4 +95,7 @@ GAS_OUTPUTS = (
         lambda m: -1.0 * _sum(m, "gained", "Tissue") / _sum(m, "supplied", "Tissue"),
         parameters=(GASES,), all_flows=True,
     ),
+    *_tissue("", "sart", "the tissues"),
+    *_tissue("upper", "upper", "tissues of the upper body"),
+    *_tissue("lower", "lower", "tissues of the lower body"),
 )  # fmt: skip

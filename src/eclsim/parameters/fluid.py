@@ -18,6 +18,9 @@ FCELLS = 0.9
 INTERSTITIUM_TO_BLOOD = (1.0 - FCELLS * 0.45) / 0.230
 """Normal interstitial volume over blood volume: plasma over interstitium is 0.230 in 10 healthy men (Moore
 1966, bromide, abstract), here at a haematocrit of 0.45."""
+TISSUES = ("tissue", "upper_tissue", "lower_tissue")
+"""Exchanges of a patient's tissues, where a circuit has them."""
+STORES_HOLD = f"{SOLUTES}.stores_hold"
 _PATIENT = "of the patient; default assumed (intensive care)"
 _NOT_VERIFIED = "textbook value, not verified"
 _VOLUME = "of the patient; left out, 2.59 times the blood volume: Moore 1966 (bromide space, 10 healthy men)"
@@ -40,6 +43,8 @@ _TABLE = (
     (SECTION, "reflection", 0.9, "1", "Reflection coefficient of the capillary wall for protein",
      _NOT_VERIFIED, 0.3, 1.0),
     (SECTION, "lymph_ml_min", 2.0, "mL/min", "Flow of lymph at the start", _NOT_VERIFIED, 0.1, 20.0),
+    (SOLUTES, "followed", 0.0, "1", "Whether solutes are followed in courses: 1 with [solutes], else 0",
+     "setting", 0.0, 1.0),
     (SOLUTES, "urea_mmol_l", 25.0, "mmol/L", "Urea at the start", _PATIENT, 0.5, 120.0),
     (SOLUTES, "creatinine_umol_l", 300.0, "umol/L", "Creatinine at the start", _PATIENT, 10.0, 3000.0),
     (SOLUTES, "potassium_mmol_l", 4.5, "mmol/L", "Potassium at the start", _PATIENT, 1.5, 10.0),
@@ -65,8 +70,14 @@ _TABLE = (
      150000.0),
     (SOLUTES, "carbon_dioxide_store_ml_mmHg", 105.0, "mL/mmHg",
      "Carbon dioxide that the tissues store for each mmHg (STPD)",
-     "left out, 1.02 mL/mmHg for each kg: Farhi and Rahn 1955 (dogs, blood not counted), abstract", 5.0,
-     600.0),
+     "left out, 1.5 mL/mmHg for each kg, blood included: Farhi and Rahn 1955 (dogs), abstract", 5.0, 600.0),
+    (SOLUTES, "stores_hold", 0.0, "1", "Whether stores hold the PCO2 of tissues, 1, or it is steady, 0",
+     "0; in courses 1", 0.0, 1.0),
+    *(
+        (SOLUTES, f"{tissue}_pco2_mmHg", 45.0, "mmHg", f"PCO2 that stores hold: {tissue}",
+         "state of a course", 1.0, 300.0)
+        for tissue in TISSUES
+    ),
 )  # fmt: skip
 
 PARAMETERS: MappingProxyType[str, Parameter] = MappingProxyType(

@@ -41,6 +41,8 @@ from eclsim.components import (
     Ventricle,
     VentricularSystole,
 )
+from eclsim.components.base import Key
+from eclsim.parameters.fluid import SOLUTES, STORES_HOLD
 from eclsim.parameters.physiology import BRONCHIAL, SECTION, VALVES
 from eclsim.patient import regional
 
@@ -130,16 +132,26 @@ def _heart_and_lungs(anatomy: Anatomy) -> Circuit:
     return Circuit(compartments, connections)
 
 
-def gas_exchanges(anatomy: Anatomy | None = None) -> Circuit:
-    """What exchanges oxygen and carbon dioxide in the patient, to be joined to the circulation."""
-    tissues = (Exchange("tissue", Tissue(), "sart"),)
+def gas_exchanges(anatomy: Anatomy | None = None, stores: bool = False) -> Circuit:
+    """What exchanges oxygen and carbon dioxide in the patient, to be joined to the circulation.
+
+    Args:
+        anatomy: what the patient has beyond the published circulation.
+        stores: whether stores of carbon dioxide can hold the tissues' PCO2.
+    """
+    upper = f"{SECTION}.upper_share"
+    places: dict[str, tuple[str, Key]] = {"tissue": ("sart", 1.0)}
     if anatomy is not None and anatomy.regional:
-        share = f"{SECTION}.upper_share"
-        tissues = (
-            Exchange("upper_tissue", Tissue(share=share), "upper"),
-            Exchange("lower_tissue", Tissue(share=Complement(share)), "lower"),
-        )
+        places = {"upper_tissue": ("upper", upper), "lower_tissue": ("lower", Complement(upper))}
+    tissues = (
+        Exchange(name, Tissue(share=share, **(_store(name) if stores else {})), at)
+        for name, (at, share) in places.items()
+    )
     return Circuit(exchanges=(*tissues, Exchange("lung", NativeLung(), "part")))
+
+
+def _store(tissue: str) -> dict[str, Key]:
+    return {"held": STORES_HOLD, "stored": f"{SOLUTES}.{tissue}_pco2_mmHg"}
 
 
 def shi_hose_circulation() -> Circuit:

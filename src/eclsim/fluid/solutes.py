@@ -1,0 +1,266 @@
+"""Urea, creatinine, potassium and bicarbonate over hours of dialysis, and stores of carbon dioxide.
+
+Urea and creatinine have two pools, water outside and inside of cells; potassium one outside, to which cells
+add what is missing (mobilisation, Agar 2015); bicarbonate its apparent space. Amounts are in mmol; what is
+made, removed and mobilised is a state, so that balances hold. Clearances are those that the beat gives.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from eclsim.blood.acid_base import excess_of
+from eclsim.blood.types import Blood
+from eclsim.circuit.network import Circuit
+from eclsim.components.base import Derived, value_of
+from eclsim.components.dialysis import Hemofilter
+from eclsim.components.exchangers import BLOOD, HAEMOGLOBIN, Tissue
+from eclsim.fluid.law import INTERSTITIUM, PLASMA, blood_at_start
+from eclsim.parameters.fluid import SOLUTES, STORES_HOLD
+from eclsim.slow.law import Named, SlowLaw, SlowState
+
+OUTSIDE_CELLS = 1.0 / 3.0
+"""Share of the body's water outside of cells where fluid is not followed; textbook value."""
+LEAST_INSIDE = 0.2
+"""Share of the body's water that cells have at least, in a patient with oedema."""
+BETWEEN_POOLS = {"urea": 600.0, "creatinine": 280.0}
+"""Transfer between water outside and inside of cells [mL/min]; usual in two-pool models, not verified."""
+POTASSIUM_MOBILISATION = 158.0
+"""Mobilisation clearance of potassium [mL/min], 547 patients (Agar 2015); the number is not verified."""
+STANDARD_PCO2 = 40.0
+BASE_EXCESS = BLOOD[1]
+_MINUTE, _HOUR = 60.0, 3600.0
+
+
+def _of(name: str) -> str:
+    return f"{SOLUTES}.{name}"
+
+
+def _state(solute: str, what: str = "outside") -> str:
+    return _of(f"{solute}_{what}_mmol")
+
+
+@dataclass(frozen=True)
+class Filter:
+    """A dialyzer as solutes see it.
+
+    Args:
+        group: of the device, such as "crrt" or "renox".
+    """
+
+    group: str
+
+    def output(self, name: str) -> str:
+        """Name of an output of the device."""
+        if self.group == "renox":
+            return f"renox_{name.removeprefix('effective_')}"
+        return name if "." not in self.group else f"{self.group}.{name}"
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """Outputs that are read."""
+        cleared = (f"effective_clearance_{name}" for name in (*BETWEEN_POOLS, "potassium"))
+        return tuple(map(self.output, (*cleared, "base_gain")))
+
+    def clearance(self, beat: Named, solute: str) -> np.ndarray:
+        """Of the patient [mL/s]."""
+        return beat[self.output(f"effective_clearance_{solute}")] / _MINUTE
+
+
+@dataclass(frozen=True)
+class SolutesLaw(SlowLaw):
+    """What dialysis clears.
+
+    Args:
+        filters: dialyzers.
+        fluid: whether volumes are followed; else they stay.
+        gas: whether the base excess follows bicarbonate.
+    """
+
+    filters: tuple[Filter, ...] = ()
+    fluid: bool = False
+    gas: bool = False
+
+    @property
+    def states(self) -> tuple[SlowState, ...]:  # noqa: D102  (as documented in the base class; so below)
+        scales = {"urea": 10.0, "creatinine": 0.1, "potassium": 1.0, "bicarbonate": 10.0}
+        pools = {
+            "urea": ("inside",),
+            "creatinine": ("inside",),
+            "potassium": ("mobilised",),
+            "bicarbonate": (),
+        }
+        return tuple(
+            SlowState(_state(solute, what), "mmol", scales[solute])
+            for solute, more in pools.items()
+            for what in ("outside", *more, "made", "removed")
+        )
+
+    @property
+    def reads(self) -> tuple[str, ...]:  # noqa: D102
+        return tuple(name for one in self.filters for name in one.reads)
+
+    def start(self, settings: Named, beat: Named) -> Named:  # noqa: D102
+        outside, inside = _volumes_at_start(settings, self.fluid)
+        amounts = dict.fromkeys((s.name for s in self.states), np.zeros_like(outside))
+        for solute in BETWEEN_POOLS:
+            concentration = _concentration_at_start(settings, solute)
+            amounts[_state(solute)] = 1e-3 * concentration * outside
+            amounts[_state(solute, "inside")] = 1e-3 * concentration * inside
+        amounts[_state("potassium")] = 1e-3 * _concentration_at_start(settings, "potassium") * outside
+        amounts[_state("bicarbonate")] = 1e-3 * settings[_of("bicarbonate_mmol_l")] * _space(settings)
+        return amounts
+
+    def in_effect(self, states: Named, settings: Named) -> Named:  # noqa: D102
+        space = _space(settings)
+        bicarbonate = 1e3 * states[_state("bicarbonate")] / space
+        start = 1e3 * (1e-3 * settings[_of("bicarbonate_mmol_l")] * space) / space
+        keys = tuple(f"{one.group}.plasma_bicarbonate_mmol_l" for one in self.filters)
+        effect = {key: settings[key] + (bicarbonate - start) for key in keys}
+        if self.gas:
+            haemoglobin = settings[HAEMOGLOBIN]
+            gained = _base_excess(bicarbonate, haemoglobin) - _base_excess(start, haemoglobin)
+            effect[BASE_EXCESS] = settings[BASE_EXCESS] + gained
+        return effect
+
+    def rates(self, states: Named, settings: Named, beat: Named, inflows: Named) -> Named:  # noqa: D102
+        start, inside = _volumes_at_start(settings, self.fluid)
+        outside = states[PLASMA] + states[INTERSTITIUM] if self.fluid else start
+        blood = inflows["blood_ml"] - inflows["bleed_ml"]
+        clear = inflows["crystalloid_ml"] + inflows["albumin_ml"]
+        result: dict[str, np.ndarray] = {}
+        for solute, transfer in BETWEEN_POOLS.items():
+            concentration = 1e3 * states[_state(solute)] / outside
+            within = 1e3 * states[_state(solute, "inside")] / inside
+            cleared = sum((f.clearance(beat, solute) for f in self.filters), np.zeros_like(outside))
+            cleared = cleared + settings[_of("kidney_clearance_ml_min")] / _MINUTE - blood
+            removed, moved = (
+                1e-3 * cleared * concentration,
+                1e-3 * transfer / _MINUTE * (within - concentration),
+            )
+            made = _made(settings, solute)
+            result |= {
+                _state(solute): made + moved - removed, _state(solute, "inside"): -moved,
+                _state(solute, "made"): made, _state(solute, "removed"): removed,
+            }  # fmt: skip
+        potassium = 1e3 * states[_state("potassium")] / outside
+        fresh = settings[_of("fluid_potassium_mmol_l")]
+        removed = -1e-3 * (blood * potassium + clear * fresh)
+        for one in self.filters:
+            net = settings[f"{one.group}.net_ultrafiltration_ml_h"] / _HOUR
+            removed = removed + 1e-3 * (one.clearance(beat, "potassium") * (potassium - fresh) + net * fresh)
+        missing = _concentration_at_start(settings, "potassium") - potassium
+        moved, made = 1e-3 * POTASSIUM_MOBILISATION / _MINUTE * missing, _made(settings, "potassium")
+        gain = sum((beat[one.output("base_gain")] for one in self.filters), np.zeros_like(outside)) / _HOUR
+        acid = settings[_of("acid_generation_mmol_h")] / _HOUR
+        return result | {
+            _state("potassium"): made + moved - removed, _state("potassium", "mobilised"): moved,
+            _state("potassium", "made"): made, _state("potassium", "removed"): removed,
+            _state("bicarbonate"): gain - acid, _state("bicarbonate", "made"): -acid,
+            _state("bicarbonate", "removed"): -gain,
+        }  # fmt: skip
+
+    def concentrations(self, states: Named, settings: Named) -> dict[str, np.ndarray]:
+        """Of the plasma [mmol/L]."""
+        start, _ = _volumes_at_start(settings, self.fluid)
+        outside = states[PLASMA] + states[INTERSTITIUM] if self.fluid else start
+        volumes = dict.fromkeys((*BETWEEN_POOLS, "potassium"), outside) | {"bicarbonate": _space(settings)}
+        return {solute: 1e3 * states[_state(solute)] / volume for solute, volume in volumes.items()}
+
+
+@dataclass(frozen=True)
+class CarbonDioxideLaw(SlowLaw):
+    """Stores of carbon dioxide, which hold the PCO2 of tissues: dP/dt = (made - given to the blood) / store.
+
+    Args:
+        tissues: their exchanges, with the share of the store that is theirs.
+    """
+
+    tissues: tuple[tuple[str, Derived | str | float], ...]
+
+    @property
+    def states(self) -> tuple[SlowState, ...]:  # noqa: D102
+        return tuple(SlowState(_pressure(name), "mmHg", 1.0) for name, _ in self.tissues)
+
+    @property
+    def reads(self) -> tuple[str, ...]:  # noqa: D102
+        return tuple(_read(what, name) for name, _ in self.tissues for what in ("tissue_PCO2", "stored_CO2"))
+
+    def start(self, settings: Named, beat: Named) -> Named:  # noqa: D102
+        return {_pressure(name): beat[_read("tissue_PCO2", name)] for name, _ in self.tissues}
+
+    def in_effect(self, states: Named, settings: Named) -> Named:  # noqa: D102
+        own = {_pressure(name): states[_pressure(name)] for name, _ in self.tissues}
+        return own | {STORES_HOLD: np.ones_like(next(iter(own.values())))}
+
+    def rates(self, states: Named, settings: Named, beat: Named, inflows: Named) -> Named:  # noqa: D102
+        store = settings[_of("carbon_dioxide_store_ml_mmHg")]
+        return {
+            _pressure(name): beat[_read("stored_CO2", name)]
+            / (_MINUTE * store * np.asarray(value_of(settings, share)))
+            for name, share in self.tissues
+        }
+
+
+def solute_laws(circuit: Circuit, fluid: bool, gas: bool) -> tuple[SlowLaw, ...]:
+    """Laws of a circuit whose solutes are followed.
+
+    Args:
+        circuit: patient and devices.
+        fluid: whether its fluid is followed.
+        gas: whether its gases are computed.
+    """
+    filters = tuple(Filter(e.group) for e in circuit.exchanges if isinstance(e.component, Hemofilter))
+    tissues = tuple(
+        (e.name, e.component.share)
+        for e in circuit.exchanges
+        if isinstance(e.component, Tissue) and e.component.held == STORES_HOLD
+    )
+    stores = (CarbonDioxideLaw(tissues),) if tissues else ()  # pyright: ignore[reportArgumentType]
+    return (SolutesLaw(filters, fluid, gas), *stores)
+
+
+def _pressure(tissue: str) -> str:
+    return _of(f"{tissue}_pco2_mmHg")
+
+
+def _read(what: str, tissue: str) -> str:
+    region = tissue.removesuffix("tissue").rstrip("_")
+    return f"{what}_{region}" if region else what
+
+
+def _space(settings: Named) -> np.ndarray:
+    return settings[_of("bicarbonate_space_ml")]
+
+
+def _concentration_at_start(settings: Named, solute: str) -> np.ndarray:
+    """mmol/L."""
+    if solute == "creatinine":
+        return 1e-3 * settings[_of("creatinine_umol_l")]
+    return settings[_of(f"{solute}_mmol_l")]
+
+
+def _made(settings: Named, solute: str) -> np.ndarray:
+    """mmol/s."""
+    if solute == "creatinine":
+        return 1e-3 * settings[_of("creatinine_generation_umol_h")] / _HOUR
+    return settings[_of(f"{solute}_generation_mmol_h")] / _HOUR
+
+
+def _volumes_at_start(settings: Named, fluid: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Water outside and inside of cells [mL]."""
+    water = settings[_of("body_water_ml")]
+    if not fluid:
+        return OUTSIDE_CELLS * water, (1.0 - OUTSIDE_CELLS) * water
+    plasma, _ = blood_at_start(settings)
+    outside = plasma + settings["fluid.interstitial_volume_ml"]
+    return outside, np.maximum(water - outside, LEAST_INSIDE * water)
+
+
+def _base_excess(bicarbonate: np.ndarray, haemoglobin: np.ndarray) -> np.ndarray:
+    """Base excess [mmol/L] of oxygenated blood at the standard PCO2 with some bicarbonate [mmol/L]."""
+    ph = 6.1 + np.log10(bicarbonate / (0.0307 * STANDARD_PCO2))
+    blood = Blood(haemoglobin, 0.0, 37.0, 1.34)
+    return (1.0 - 0.0143 * haemoglobin) * excess_of(STANDARD_PCO2, ph, 1.0, blood)

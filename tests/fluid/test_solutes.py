@@ -1,0 +1,171 @@
+"""Solutes under dialysis against closed forms, their balances, and stores of carbon dioxide."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from eclsim.blood.acid_base import bicarbonate, ph_of
+from eclsim.blood.types import Blood
+from eclsim.cases.reading import read_mapping
+from eclsim.components.exchangers import HAEMOGLOBIN
+from eclsim.fluid import solutes as module
+from eclsim.fluid.laws import slow_laws
+from eclsim.fluid.solutes import BASE_EXCESS, CarbonDioxideLaw, Filter, SolutesLaw, _base_excess
+from eclsim.orbit.model import model_of
+from eclsim.orbit.steady import Batch
+from eclsim.outputs.steady_beat import steady_beat
+from eclsim.parameters.fluid import PARAMETERS, STORES_HOLD
+from eclsim.slow.law import INFLOWS
+
+LAW = SolutesLaw((Filter("crrt"),), gas=True)
+BEAT = {
+    "effective_clearance_urea": 30.0, "effective_clearance_creatinine": 28.0,
+    "effective_clearance_potassium": 29.0, "base_gain": 6.0,
+}  # fmt: skip
+SETTINGS = {
+    "crrt.net_ultrafiltration_ml_h": 0.0, "crrt.plasma_bicarbonate_mmol_l": 22.0, BASE_EXCESS: -2.0,
+    HAEMOGLOBIN: 10.0,
+}  # fmt: skip
+
+
+def settings(**changes):
+    values = {key: one.value for key, one in PARAMETERS.items()} | SETTINGS
+    return {k: np.array([v]) for k, v in (values | {f"solutes.{n}": v for n, v in changes.items()}).items()}
+
+
+def after(hours, values, law=LAW, step_s=60.0, **inflows):
+    """States along the classical Runge-Kutta method at a steady beat."""
+    beat = {key: np.array([value]) for key, value in BEAT.items()}
+    given = {kind: np.array([inflows.get(kind, 0.0)]) for kind in INFLOWS}
+    states = law.start(values, beat)
+    for _ in range(round(3600 * hours / step_s)):
+        slopes = [law.rates(states, values, beat, given)]
+        for part in (0.5, 0.5, 1.0):
+            moved = {k: states[k] + part * step_s * slopes[-1][k] for k in states}
+            slopes.append(law.rates(moved, values, beat, given))
+        a, b, c, d = slopes
+        states = {k: x + step_s / 6.0 * (a[k] + 2.0 * b[k] + 2.0 * c[k] + d[k]) for k, x in states.items()}
+    return states
+
+
+def test_one_pool_decays_as_its_exponential(monkeypatch):
+    monkeypatch.setitem(module.BETWEEN_POOLS, "urea", 0.0)
+    values = settings(urea_generation_mmol_h=12.0)
+    volume, cleared, made = 35000.0 / 3.0, 30.0 * 60.0, 12.0
+    end = 1e3 * made / cleared
+    expected = end + (25.0 - end) * np.exp(-cleared * 24.0 / volume)
+    assert LAW.concentrations(after(24.0, values), values)["urea"] == pytest.approx(expected, rel=1e-9)
+
+
+def test_two_pools_follow_their_matrix_exponential():
+    values = settings(urea_generation_mmol_h=12.0)
+    outside, inside, transfer, cleared = 35000.0 / 3.0, 35000.0 * 2.0 / 3.0, 600.0 * 60.0, 30.0 * 60.0
+    matrix = np.array(
+        [[-(transfer + cleared) / outside, transfer / inside], [transfer / outside, -transfer / inside]]
+    )
+    rest = np.linalg.solve(matrix, [-12.0, 0.0])
+    amounts = rest + expm(6.0 * matrix) @ (np.array([25e-3 * outside, 25e-3 * inside]) - rest)
+    states = after(6.0, values)
+    found = [states[f"solutes.urea_{where}_mmol"].item() for where in ("outside", "inside")]
+    np.testing.assert_allclose(found, amounts, rtol=1e-8)
+
+
+def test_solutes_balance_to_rounding():
+    values = settings(acid_generation_mmol_h=4.0, potassium_generation_mmol_h=3.0)
+    start, end = after(0.0, values), after(24.0, values, bleed_ml=0.005, blood_ml=0.002, crystalloid_ml=0.01)
+
+    def gain(solute, what):
+        name = f"solutes.{solute}_{what}_mmol"
+        return (end[name] - start[name]).item()
+
+    for solute, held, sources in (
+        ("urea", ("outside", "inside"), ("made",)), ("creatinine", ("outside", "inside"), ("made",)),
+        ("potassium", ("outside",), ("made", "mobilised")), ("bicarbonate", ("outside",), ("made",)),
+    ):  # fmt: skip
+        stored = sum(gain(solute, what) for what in held)
+        through = sum(gain(solute, what) for what in sources) - gain(solute, "removed")
+        assert stored == pytest.approx(through, abs=1e-9 * start[f"solutes.{solute}_outside_mmol"].item())
+        assert gain(solute, "removed") != 0.0
+
+
+def test_potassium_ends_between_that_of_cells_and_of_the_fluid():
+    values = settings(fluid_potassium_mmol_l=2.0, potassium_mmol_l=6.0)
+    expected = (29.0 * 2.0 + 158.0 * 6.0) / (29.0 + 158.0)
+    assert LAW.concentrations(after(48.0, values, step_s=300.0), values)["potassium"] == pytest.approx(
+        expected
+    )
+
+
+def test_bicarbonate_gained_raises_base_excess_and_what_the_filter_meets():
+    values = settings()
+    start = LAW.in_effect(after(0.0, values), values)
+    assert start["crrt.plasma_bicarbonate_mmol_l"] == 22.0
+    assert start[BASE_EXCESS] == -2.0
+    end = LAW.in_effect(after(24.0, values), values)
+    assert end["crrt.plasma_bicarbonate_mmol_l"] == pytest.approx(22.0 + 24.0 * 6.0 / 35.0)
+    assert end[BASE_EXCESS] > 2.0
+
+
+@pytest.mark.parametrize("wanted", [12.0, 24.0, 34.0])
+def test_base_excess_of_a_bicarbonate_is_that_of_the_blood_laws(wanted):
+    excess = _base_excess(np.array(wanted), np.array(11.0))
+    ph = ph_of(40.0, Blood(11.0, excess), lambda _: 1.0)
+    assert bicarbonate(40.0, ph) == pytest.approx(wanted, rel=1e-9)
+
+
+def model(regional=False, solutes=True):
+    ecmo = {
+        "mode": "VV", "pump": "Rotaflow", "speed_rpm": 2500, "oxygenator": "Quadrox-i Adult",
+        "drainage_fr": 23, "return_fr": 19, "sweep_l_min": 4.0, "drainage_mixing": 0.3,
+    }  # fmt: skip
+    patient = {"id": "P", "sex": "male", "age_years": 60, "heart_rate_bpm": 90}
+    body = {"physiology": {"regional": True}} if regional else {}
+    more = {"solutes": {}} if solutes else {}
+    gas = {"shunt_fraction": 0.8}
+    raw = {"format": 1, "patient": patient, "ecmo": ecmo, "gas": gas} | body | more
+    return model_of(read_mapping(raw).case)
+
+
+def law_of(patient):
+    (found,) = (
+        one for one in slow_laws(patient.circuit, patient.values) if isinstance(one, CarbonDioxideLaw)
+    )
+    return found
+
+
+@pytest.mark.parametrize("regional", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_stores_at_the_steady_pco2_leave_the_steady_state(regional):
+    patient = model(regional)
+    law, values = law_of(patient), {k: np.array([v]) for k, v in patient.values.items()}
+    names = (*law.reads, "PaCO2", "SaO2", "VCO2_oxygenator")
+    steady = steady_beat(Batch.of(patient), names).outputs()
+    start = law.start(values, {k: np.array([steady[k]]) for k in law.reads})
+    held = {key: float(value[0]) for key, value in law.in_effect(start, values).items()}
+    assert held[STORES_HOLD] == 1.0
+    again = steady_beat(Batch.of(patient.with_values(held)), names).outputs()
+    for name in names:
+        assert again[name] == pytest.approx(steady[name], abs=1e-6), name
+    assert all(abs(steady[name]) < 1e-6 for name in law.reads if name.startswith("stored"))
+
+
+def test_stores_fill_with_what_the_blood_does_not_carry_away():
+    patient = model()
+    law, values = law_of(patient), {k: np.array([v]) for k, v in patient.values.items()}
+    names = (*law.reads, "PaCO2", "VCO2_oxygenator", "VCO2_lung", "VO2")
+    steady = steady_beat(Batch.of(patient), names).outputs()
+    high = {STORES_HOLD: 1.0, "solutes.tissue_pco2_mmHg": steady["tissue_PCO2"] + 10.0}
+    found = steady_beat(Batch.of(patient.with_values(high)), names).outputs()
+    assert found["tissue_PCO2"] == pytest.approx(steady["tissue_PCO2"] + 10.0, abs=1e-7)
+    removed = found["VCO2_oxygenator"] + found["VCO2_lung"]
+    assert removed > steady["VCO2_oxygenator"] + steady["VCO2_lung"] + 10.0
+    assert found["stored_CO2"] == pytest.approx(0.8 * found["VO2"] - removed, abs=1e-6)
+    rate = law.rates({}, values, {k: np.array([found[k]]) for k in law.reads}, {})
+    store = patient.values["solutes.carbon_dioxide_store_ml_mmHg"]
+    assert 60.0 * rate["solutes.tissue_pco2_mmHg"] == pytest.approx(found["stored_CO2"] / store)
+
+
+def test_stores_change_no_steady_state():
+    plain, stored = model(solutes=False), model()
+    a, b = (steady_beat(Batch.of(one), ("PaCO2", "SaO2", "SvO2")).values for one in (plain, stored))
+    np.testing.assert_allclose(a, b, rtol=1e-9)
+    assert not slow_laws(plain.circuit, plain.values)
