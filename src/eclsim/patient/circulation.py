@@ -12,7 +12,7 @@ Sources: Thiel et al., section 2.2 and Table S-1; Shi et al. 2009 for `shi_hose_
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from eclsim.circuit.network import (
     BLOOD_VOLUME,
@@ -143,15 +143,13 @@ def gas_exchanges(anatomy: Anatomy | None = None, stores: bool = False) -> Circu
     places: dict[str, tuple[str, Key]] = {"tissue": ("sart", 1.0)}
     if anatomy is not None and anatomy.regional:
         places = {"upper_tissue": ("upper", upper), "lower_tissue": ("lower", Complement(upper))}
-    tissues = (
-        Exchange(name, Tissue(share=share, **(_store(name) if stores else {})), at)
-        for name, (at, share) in places.items()
-    )
+    tissues = []
+    for name, (at, share) in places.items():
+        law = Tissue(share=share)
+        if stores:
+            law = replace(law, held=STORES_HOLD, stored=f"{SOLUTES}.{name}_pco2_mmHg")
+        tissues.append(Exchange(name, law, at))
     return Circuit(exchanges=(*tissues, Exchange("lung", NativeLung(), "part")))
-
-
-def _store(tissue: str) -> dict[str, Key]:
-    return {"held": STORES_HOLD, "stored": f"{SOLUTES}.{tissue}_pco2_mmHg"}
 
 
 def shi_hose_circulation() -> Circuit:
