@@ -13,6 +13,7 @@ from eclsim.app.knobs import (
 )
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_mapping
+from eclsim.cases.sections import PATIENT_SECTIONS
 from eclsim.devices.description import Knob, Picker
 from eclsim.devices.ecmo import OTHER_MODE, ROLLER_PUMP
 from eclsim.inputs.mistakes import CaseError
@@ -20,6 +21,17 @@ from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
 
 CASES = {key: preset.case() for key, preset in PRESETS.items()}
+
+
+def everything_on():
+    """The paper's patient with every optional section and a second return cannula."""
+    case = CASES["paper"]
+    for section in PATIENT_SECTIONS:
+        case = connect(case, section.section)
+    return turn(case, "ecmo.second_return_site", "pas")
+
+
+CASES["everything"] = everything_on()
 EVERY = [(key, control) for key, case in CASES.items() for control in controls(case)]
 
 
@@ -27,6 +39,8 @@ EVERY = [(key, control) for key, case in CASES.items() for control in controls(c
 def test_every_control_turns_and_is_read_back(key, control):
     case = CASES[key]
     wanted = [control.low, control.high] if isinstance(control, Knob) else [k for k, _ in control.options]
+    if key == "everything" and isinstance(control, Picker):  # most sites are taken, or gone without regions
+        wanted = [value_of(case, control.key)]
     for value in wanted:
         shown = value_of(turn(case, control.key, value), control.key)
         assert shown == (pytest.approx(value, abs=1e-3) if isinstance(control, Knob) else value)
@@ -150,3 +164,42 @@ def test_a_patient_in_regions_offers_its_own_sites_and_has_a_drawing():
     wires = {wire["name"]: wire["path"] for wire in drawing_of(case)["wires"]}
     assert {"ao", "archupper", "arch", "descending", "upper", "lower", "svc", "ivc"} <= set(wires)
     assert len(wires["ivc"]) == 4, "past the superior cava"
+
+
+def test_sections_of_the_patient_are_switched_and_knobs_come_with_them():
+    def keys(case, section):
+        return {c.key.partition(".")[2] for c in controls(case) if c.group == section}
+
+    case = CASES["paper"]
+    assert keys(case, "gas") == set()
+    assert not {"sweep_l_min", "fdo2"} & keys(case, "ecmo"), "without effect where no gases are computed"
+    on = connect(case, "gas")
+    assert {"fio2", "shunt_fraction", "haemoglobin_g_dl", "vo2_ml_min"} <= keys(on, "gas")
+    assert {"sweep_l_min", "fdo2"} <= keys(on, "ecmo")
+    assert value_of(on, "ecmo.sweep_l_min") == 4.0
+    assert value_of(on, "gas.vo2_ml_min") == pytest.approx(126.0 * (165 * 60 / 3600) ** 0.5, rel=1e-3)
+    assert turn(on, "ecmo.sweep_l_min", "2,5").ecmo.sweep_l_min == 2.5
+    with pytest.raises(CaseError, match="0.4"):
+        turn(on, "gas.fio2", "40")
+    assert connect(on, "gas") == case
+
+
+def test_regions_are_a_choice_and_leave_no_site_that_is_gone():
+    case = connect(CASES["paper"], "physiology")
+    assert value_of(case, "physiology.regional") == "true"
+    femoral = turn(case, "ecmo.return_site", "lower")
+    with pytest.raises(CaseError, match="lower"):
+        turn(femoral, "physiology.regional", "false")
+    whole = turn(case, "physiology.regional", "false")
+    assert whole.physiology.regional is False
+    assert "physiology.upper_share" not in {c.key for c in controls(whole)}
+
+
+def test_a_second_cannula_is_put_in_and_taken_out():
+    case = CASES["paper"]
+    there = turn(case, "ecmo.second_return_site", "pas")
+    knobs = {c.key for c in controls(there)}
+    assert {"ecmo.second_return_fr", "ecmo.second_return_clamp"} <= knobs
+    clamped = turn(there, "ecmo.second_return_clamp", 0.5)
+    assert clamped.ecmo.second_return_clamp == 0.5
+    assert turn(clamped, "ecmo.second_return_site", "").ecmo == case.ecmo

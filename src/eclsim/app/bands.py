@@ -67,7 +67,7 @@ class Solved:
 
 def beat_bands(state: PageState, members: PosteriorDraws, wanted: Wanted) -> dict[str, Any] | None:
     """Bands of the waveforms and outputs of a state, and loops of members; None if nobody wants them."""
-    circuit, values = page_circuit(state.case)
+    circuit, values = page_circuit(state.computed)
     count = len(members.draws)
     signals = tuple(n for n in waves_of(state.case) if n in beat_program(circuit).signals)
     solved = solve(
@@ -102,7 +102,7 @@ def ramp_bands(state: PageState, members: PosteriorDraws, wanted: Wanted) -> dic
     sweep = sweep_of(state.case)
     if sweep is None:
         return None
-    circuit, values = page_circuit(state.case)
+    circuit, values = page_circuit(state.computed)
     names = tuple(c.output for _, c in curves_of(state.case) if c.output in output_names(circuit))
     count = min(RAMP_MEMBERS, len(members.draws))
     speeds = np.linspace(sweep.low, sweep.high, (SPEEDS + 1) // 2)

@@ -83,7 +83,7 @@ def compute_beat(state: PageState, near: Mapping[str, float] | None = None) -> B
         state: case and blood volume policy.
         near: parameter values of the same circuit to start the search from.
     """
-    circuit, values = page_circuit(state.case)
+    circuit, values = page_circuit(state.computed)
     found = steady_beat(Batch(circuit, values, 1, state.policy), waveforms=None, keep=None, start=near)
     outputs = found.outputs()
     if found.converged[0]:

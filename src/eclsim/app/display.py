@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from eclsim.app.knobs import connectable
 from eclsim.app.ranges import bounds, named_specs
-from eclsim.app.texts import text
+from eclsim.app.texts import ENGLISH, text
 from eclsim.cases.resolve import circuit_of
+from eclsim.cases.sections import PATIENT_SECTIONS
 from eclsim.devices.description import Control, Curve, KeyFigure, Knob, Sweep, Trace, Views
 from eclsim.devices.registry import device_of, devices
 from eclsim.parameters import default
@@ -67,11 +68,6 @@ _COLOURS = (
 _INKS = 4
 """Colours of devices in the style sheet."""
 LOOPS = ("Plv", "Vlv", "Prv", "Vrv")
-
-
-def connected(case: Case) -> list[str]:
-    """Keys of the devices of a case."""
-    return list(dict.fromkeys(one.device.key for one in case.instances()))
 
 
 def ink(group: str) -> str:
@@ -155,7 +151,13 @@ def _groups(case: Case) -> list[dict[str, str]]:
         if key in connectable():
             groups[key] = device.name
         groups |= {one.key: one.label for one in case.instances() if one.device is device}
+    groups |= {one.section: group_name(one.section) for one in PATIENT_SECTIONS}
     return [{"key": key, "label": label} for key, label in groups.items()]
+
+
+def group_name(section: str) -> str:
+    """What the knobs of a section of the patient are called."""
+    return ENGLISH.get(f"group_{section}", section.capitalize())
 
 
 def _plain_traces(shown: Sequence[tuple[str, Views]]) -> list[dict[str, Any]]:
@@ -187,6 +189,8 @@ def described(control: Control) -> dict[str, Any]:
     """A knob or picker as plain data."""
     section, _, name = control.key.partition(".")
     hint = f"{name}: {default(name).description}" if section == "parameters" else ""
+    own = next((one for one in PATIENT_SECTIONS if one.section == section), None)
+    hint = own.fields()[name].description if own else hint
     common = {"key": control.key, "group": control.group, "label": control.label, "hint": hint}
     if isinstance(control, Knob):
         return common | {

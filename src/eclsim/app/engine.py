@@ -115,7 +115,7 @@ def _program_key(state: PageState) -> tuple[Any, int]:
     from eclsim.beat.grid import needed_resolution
     from eclsim.circuit.assembly import assemble
 
-    circuit, values = page_circuit(state.case)
+    circuit, values = page_circuit(state.case, at_rest=False)
     return circuit, int(needed_resolution(assemble(circuit), values))
 
 

@@ -23,6 +23,7 @@ from eclsim.cases.reading import read_case
 from eclsim.files import file_stems
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.inputs.sections import MAXIMUM_ID_LENGTH
+from eclsim.parameters.regulation import SET_POINT, VENOUS_SET_POINT
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -262,10 +263,29 @@ def _as_shown(state: PageState) -> Case:
     case = state.case
     if case.volume_policy != state.policy:
         case = case.with_volume_policy(state.policy)
-    if not state.changed or case.patient.id.endswith(CHANGED):
+    if not state.changed:
+        return case
+    case = _with_set_points(
+        state.computed.model_copy(update={"blood_volume_policy": case.blood_volume_policy})
+    )
+    if case.patient.id.endswith(CHANGED):
         return case
     name = case.patient.id[: MAXIMUM_ID_LENGTH - len(CHANGED)] + CHANGED
     return case.model_copy(update={"patient": case.patient.model_copy(update={"id": name})})
+
+
+def _with_set_points(case: Case) -> Case:
+    """The case with the set points that its reflexes have on the page: a file knows no patient as opened."""
+    if case.as_written is None or case.regulation is None:
+        return case
+    from eclsim.orbit.model import values_of
+
+    values = values_of(case)
+    keys = {"set_point_mmHg": SET_POINT, "venous_set_point_mmHg": VENOUS_SET_POINT}
+    read = list(keys)[: 2 if case.regulation.model == "heldt2004" else 1]
+    given = {name: getattr(case.regulation, name) or round(values[keys[name]], 3) for name in read}
+    update = {"regulation": case.regulation.model_copy(update=given), "as_written": None}
+    return case.model_copy(update=update)
 
 
 def _table(state: PageState, kind: str, stem: str) -> tuple[str, bytes]:

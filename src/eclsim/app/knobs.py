@@ -5,17 +5,19 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from eclsim.app.texts import text
+from eclsim.app.texts import ENGLISH, text
 from eclsim.cases.reading import read_mapping
-from eclsim.cases.sections import by_instance, within
-from eclsim.devices.description import Control, Knob
+from eclsim.cases.resolve import resolve_parameters
+from eclsim.cases.sections import PATIENT_SECTIONS, by_instance, within
+from eclsim.devices.description import Control, Knob, Picker, plain_control
 from eclsim.devices.registry import devices
 from eclsim.inputs.fields import Field
 from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, shown
 from eclsim.inputs.numbers import RefusedValueError, read_number
-from eclsim.parameters import thiel2025
+from eclsim.parameters import physiology, thiel2025
 from eclsim.patient.sites import PATIENT_SITES, SAME_IN_REGIONS
 
 if TYPE_CHECKING:
@@ -25,6 +27,11 @@ VOLUME = "volume_ml"
 _DIGITS = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _COMMA = re.compile(r"[+-]?\d+,\d+", re.ASCII)
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)
+_CONSUMPTION = "gas.vo2_ml_min"
+"""What follows from the body surface where it is left out."""
+_SWITCH = MappingProxyType({"true": True, "false": False})
+_SWITCHED_ON = MappingProxyType({"regulation": {"baroreflex": 1.0}, "physiology": {"regional": True}})
+"""What a section holds when it is switched on; all others have their defaults."""
 _FILLED = ("svn", "pvn")
 """Vessels whose start pressure takes up blood that is given, in this order where blood is taken."""
 VOLUME_FIELD = Field("Blood given or taken", "number", "mL", -200.0, 3000.0, 500.0, name=VOLUME)
@@ -39,8 +46,41 @@ def controls(case: Case) -> list[Control]:
     sites = case.sites()
     for one in case.instances():
         own = (_offered(control, sites) for control in one.device.controls(one.section, sites))
-        found += [replace(control, key=f"{one.key}.{control.key}", group=one.key) for control in own]
+        found += [
+            replace(control, key=f"{one.key}.{control.key}", group=one.key)
+            for control in own
+            if isinstance(control, Picker) or not control.needs or getattr(case, control.needs) is not None
+        ]
+    return [*found, *_of_sections(case)]
+
+
+def _of_sections(case: Case) -> list[Control]:
+    """The fields of the optional sections of the patient that the case has and that have a value."""
+    found: list[Control] = []
+    for one in PATIENT_SECTIONS:
+        for name, field in one.fields().items() if getattr(case, one.section) is not None else ():
+            key, control = f"{one.section}.{name}", plain_control(field)
+            if control is not None and _has_effect(case, key) and value_of(case, key) is not None:
+                words = ENGLISH.get(key, control.label)
+                found.append(replace(control, key=key, label=words, group=one.section))
     return found
+
+
+def _has_effect(case: Case, key: str) -> bool:
+    regional = case.physiology is not None and case.physiology.regional
+    return regional or key != physiology.UPPER_SHARE
+
+
+def _left_out(case: Case, section: str, name: str) -> float | None:
+    """What a number that is left out counts as; None where nothing but a typed number says so."""
+    one = case.instance(section)
+    if one is not None:
+        return resolve_parameters(case).get(one.parameter(f"{one.device.key}.{name}"))
+    key = f"{section}.{name}"
+    if key == _CONSUMPTION:
+        return resolve_parameters(case)[key]
+    own = next(own for own in PATIENT_SECTIONS if own.section == section)
+    return 0.0 if own.fields()[name].minimum == 0.0 else None
 
 
 def _offered(control: Control, sites: Mapping[str, str]) -> Control:
@@ -63,8 +103,8 @@ _OF_THE_PATIENT = (
 """Key, group, unit, both ends of the slider and its step; that of a parameter is logarithmic."""
 
 
-def value_of(case: Case, key: str) -> float | str:
-    """Where a knob or picker stands."""
+def value_of(case: Case, key: str) -> float | str | None:
+    """Where a knob or picker stands; None for what has no value."""
     if key == VOLUME:
         return _given_volume(case)
     section, _, name = key.rpartition(".")
@@ -72,6 +112,10 @@ def value_of(case: Case, key: str) -> float | str:
         return _parameter(case, name)
     one = case.instance(section)
     value = case.setting(section, name) if one is None else one.device.shown(one.section, name)
+    if value is None:
+        return _left_out(case, section, name)
+    if isinstance(value, bool):
+        return str(value).lower()
     if isinstance(value, str) and value in SAME_IN_REGIONS and value not in case.sites():
         return SAME_IN_REGIONS[value]
     return value
@@ -100,7 +144,8 @@ def turn(case: Case, key: str, value: Any) -> Case:
     if key == VOLUME:
         raw["parameters"] |= _start_pressures(case, _volume(value))
     elif one is None:
-        raw[section][name] = value
+        was = raw[section].get(name)
+        raw[section][name] = _SWITCH.get(value, value) if isinstance(was, bool) else value
     else:
         inner = within(raw, section)
         assert inner is not None  # the section of a connected device
@@ -117,21 +162,32 @@ def connectable() -> list[str]:
     return [key for key, device in devices().items() if device.usual]
 
 
-def connect(case: Case, device: str) -> Case:
-    """The case with a device connected in the usual way, or disconnected if it is there (all of them)."""
-    if device not in connectable():
-        raise CaseError([Mistake(str(device)[:64], "no device", allowed=", ".join(connectable()))])
+def switchable() -> list[str]:
+    """What can be switched on and off: devices, and optional sections of the patient."""
+    return [*connectable(), *(one.section for one in PATIENT_SECTIONS)]
+
+
+def connected(case: Case) -> list[str]:
+    """Keys of the devices of a case, and its optional sections of the patient."""
+    sections = (one.section for one in PATIENT_SECTIONS if getattr(case, one.section) is not None)
+    return [*dict.fromkeys(one.device.key for one in case.instances()), *sections]
+
+
+def connect(case: Case, key: str) -> Case:
+    """The case with a device or section in the usual way, or without it (all of it) if it is there."""
+    if key not in switchable():
+        raise CaseError([Mistake(str(key)[:64], "no device", allowed=", ".join(switchable()))])
     raw = case.as_mapping()
-    if device in raw:
-        del raw[device]
+    if key in raw:
+        del raw[key]
     else:
-        raw[device] = dict(devices()[device].usual)
+        raw[key] = dict(devices()[key].usual if key in devices() else _SWITCHED_ON.get(key, {}))
     sites = {site for one in case.instances() if one.device.key in raw for site in one.sites()}
-    for key, other in devices().items():
-        for name, section in by_instance(other, raw[key]).items() if key in raw else ():
+    for place, other in devices().items():
+        for name, section in by_instance(other, raw[place]).items() if place in raw else ():
             if isinstance(section, dict):
                 moved = other.reconnected(section, {*sites, *PATIENT_SITES})
-                raw[key] = {**raw[key], name: moved} if name else moved
+                raw[place] = {**raw[place], name: moved} if name else moved
     return read_mapping(raw).case
 
 

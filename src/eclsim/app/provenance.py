@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from eclsim.app.knobs import controls, value_of
+from eclsim.app.display import group_name
+from eclsim.app.knobs import connected, controls, value_of
 from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
+from eclsim.devices.registry import devices
 
 if TYPE_CHECKING:
     from eclsim.app.state import PageState
@@ -66,18 +68,25 @@ def circuit_words(case: Case) -> str:
 def changes(state: PageState) -> list[str]:
     """What was changed since the patient was opened: names of knobs and devices."""
     start, found = state.start, []
-    before, now = ({one.key: one.label for one in case.instances()} for case in (start.case, state.case))
+    before, now = (_parts(case) for case in (start.case, state.case))
     found += [text("provenance_removed", device=label) for key, label in before.items() if key not in now]
     found += [text("provenance_connected", device=label) for key, label in now.items() if key not in before]
     shared = {c.key for c in controls(start.case)}
     for control in (c for c in controls(state.case) if c.key in shared):
         if value_of(start.case, control.key) != value_of(state.case, control.key):
-            found.append(f"{now.get(control.group, '')} {control.label}".strip())
+            device = "" if state.case.instance(control.group) is None else now[control.group]
+            found.append(f"{device} {control.label}".strip())
     if start.policy != state.policy:
         found.append(text("group_model"))
     if len(found) > MOST_NAMED:
         return [*found[:MOST_NAMED], text("provenance_more", count=len(found) - MOST_NAMED)]
     return found
+
+
+def _parts(case: Case) -> dict[str, str]:
+    """Devices and optional sections of a case in words."""
+    words = {one.key: one.label for one in case.instances()}
+    return words | {key: group_name(key) for key in connected(case) if key not in devices()}
 
 
 def _name(state: PageState) -> str:

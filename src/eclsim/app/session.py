@@ -9,8 +9,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from eclsim.app.display import connected, described, display, shape_of, waves_of
-from eclsim.app.knobs import connect, connectable, controls, turn, value_of
+from eclsim.app.display import described, display, shape_of, waves_of
+from eclsim.app.knobs import connect, connected, controls, switchable, turn, value_of
 from eclsim.app.provenance import provenance, title_of
 from eclsim.app.state import (
     MOST_SAVED,
@@ -312,7 +312,7 @@ class Session:
     def _anchor_values(self, state: PageState) -> Mapping[str, float] | None:
         from eclsim.app.circuits import page_circuit
 
-        if self._anchor is None or page_circuit(state.case)[0] is not self._anchor[0]:
+        if self._anchor is None or page_circuit(state.case, at_rest=False)[0] is not self._anchor[0]:
             return None
         return self._anchor[1]
 
@@ -340,7 +340,7 @@ class Session:
         self.send("state", {
             "values": _values(state), "of": key_of(state), "subject": subject_of(state),
             "provenance": provenance(state),
-            "devices": {key: key in connected(case) for key in connectable()},
+            "devices": {key: key in connected(case) for key in switchable()},
             "policy": state.policy, "key": key, "seq": seq, "opened": opened, "name": title_of(state),
             "origin": state.origin, "link": link_of(state),
             "undo": bool(self.history.past), "redo": bool(self.history.future),

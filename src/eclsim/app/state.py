@@ -66,6 +66,14 @@ class PageState:
         return self.opened or self
 
     @property
+    def computed(self) -> Case:
+        """The case; set points of reflexes that it leaves open are those of the patient as opened."""
+        left_open = self.case.regulation is not None and self.case.regulation.left_open
+        if self.opened is None or not left_open:
+            return self.case
+        return self.case.model_copy(update={"as_written": self.opened.case})
+
+    @property
     def changed(self) -> bool:
         """Whether a knob, device or policy is another one than in the patient as opened."""
         return self.opened is not None

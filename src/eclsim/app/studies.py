@@ -27,7 +27,7 @@ def ramp(state: PageState) -> dict[str, Any] | None:
     sweep = sweep_of(state.case)
     if sweep is None:
         return None
-    circuit, values = page_circuit(state.case)
+    circuit, values = page_circuit(state.computed)
     speeds = np.unique([*np.linspace(sweep.low, sweep.high, SPEEDS), sweep.own])
     members = values | {sweep.key: speeds}
     resolution = int(np.max(needed_resolution(assemble(circuit), members)))

@@ -270,6 +270,7 @@ class Knob:
         step: of the slider and of the arrow keys.
         logarithmic: whether equal ways on the slider are equal factors.
         group: section of the panel, which the page fills in for devices.
+        needs: section of the case without which it has no effect, and is left out.
     """
 
     key: str
@@ -280,6 +281,7 @@ class Knob:
     step: float
     logarithmic: bool = False
     group: str = ""
+    needs: str = ""
 
 
 @dataclass(frozen=True)
@@ -311,12 +313,17 @@ def picker(
     return Picker(key, label, tuple((name, words.get(name, name)) for name in names), line)
 
 
+_SWITCH_WORDS = MappingProxyType({"true": "yes", "false": "no"})
+
+
 def plain_control(field: Field) -> Control | None:
     """How a field of a section can be turned without further words; None for a text."""
     if field.kind == "number":
-        step = 10.0 ** math.floor(math.log10((field.maximum - field.minimum) / 100.0))
-        return Knob(field.name, field.description, field.unit, field.minimum, field.maximum, step)
-    return picker(field.name, field.description, field.names, PATIENT_SITES) if field.names else None
+        step = 10.0 ** math.floor(math.log10((field.maximum - field.minimum) / 40.0))
+        unit = "" if field.unit == "1" else field.unit
+        return Knob(field.name, field.description, unit, field.minimum, field.maximum, step)
+    words = {**PATIENT_SITES, **_SWITCH_WORDS}
+    return picker(field.name, field.description, field.names, words) if field.names else None
 
 
 @dataclass(frozen=True)

@@ -55,7 +55,17 @@ from eclsim.devices.products import (
     makers_names,
     pump_values,
 )
-from eclsim.devices.second_cannulae import CONNECTIONS, MARKS, NOMINAL, SecondCannulae, check_second
+from eclsim.devices.second_cannulae import (
+    CONNECTIONS,
+    MARKS,
+    NO_SITE,
+    NOMINAL,
+    SECOND_SITES,
+    SecondCannulae,
+    check_second,
+    second_controls,
+    with_second,
+)
 from eclsim.devices.second_cannulae import OUTPUTS as SECOND_OUTPUTS
 from eclsim.inputs.fields import Field, number, one_of, setting
 from eclsim.inputs.mistakes import Remarks, shown
@@ -653,6 +663,9 @@ class EcmoDevice(Device[Ecmo]):
             *found,
             picker("drainage_site", "Drained from", drained, PATIENT_SITES),
             picker("return_site", "Returned to", returned, PATIENT_SITES),
+            *second_controls(section, (section.drainage_site, section.return_site), CANNULAE),
+            Knob("sweep_l_min", "Sweep gas", "L/min", 0.0, 12.0, 0.1, needs="gas"),
+            Knob("fdo2", "Oxygen in the sweep (FdO2)", "", 0.21, 1.0, 0.01, needs="gas"),
         ]
 
     def shown(self, section: Ecmo, key: str) -> float | str:
@@ -661,6 +674,8 @@ class EcmoDevice(Device[Ecmo]):
             return ROLLER_PUMP if isinstance(section.pump, RollerPump) else section.pump
         if key == "roller_l_min" and isinstance(section.pump, RollerPump):
             return section.pump.roller_l_min
+        if key in SECOND_SITES:
+            return getattr(section, key) or NO_SITE
         if key != "mode":
             return getattr(section, key)
         if section.drainage_site in VENOUS_SITES and section.return_site in ARTERIAL_SITES:
@@ -683,6 +698,8 @@ class EcmoDevice(Device[Ecmo]):
         if key == "mode":
             kept = {name: raw[name] for name in ("pump", "speed_rpm", "oxygenator") if name in raw}
             return raw if value == OTHER_MODE else kept | {"mode": value}
+        if key in SECOND_SITES:
+            return with_second(raw, key, value)
         changed = {**raw, key: value}
         if key in ("drainage_site", "return_site"):
             changed.pop("mode", None)

@@ -10,15 +10,16 @@ area: its resistance grows with the inverse square of what is left open.
 from __future__ import annotations
 
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
-from eclsim.devices.description import Mark, mean_flow
+from eclsim.devices.description import Control, Knob, Mark, mean_flow, picker
 from eclsim.devices.plausibility import check_cannula, patient_site
 from eclsim.inputs.fields import number
 from eclsim.inputs.sections import Section
+from eclsim.patient.sites import PATIENT_SITES
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Mapping
 
     from eclsim.circuit.network import Connection
     from eclsim.devices.products import CannulaType
@@ -31,6 +32,9 @@ MARKS = MappingProxyType({name: Mark("cannula", words) for name, words in CONNEC
 NOMINAL = MappingProxyType(
     {"ecmo.second_drainage_fr": 19.0, "ecmo.second_return_fr": 15.0, "ecmo.second_return_clamp": 0.0}
 )
+SECOND_SITES = tuple(f"second_{line}_site" for line in LINES)
+NO_SITE = ""
+"""Not what a case file holds, but what a picker shows where there is no second cannula."""
 OUTPUTS = tuple(
     mean_flow(f"second_{line}_flow", f"flow through the second {line} cannula", f"Q{node}2")
     for line, node in LINES.items()
@@ -98,3 +102,36 @@ def check_second(key: str, values: Raw, types: Mapping[str, CannulaType], remark
             remarks.error(f"{key}.second_{line}_site", message, f'"{site}"', "another compartment")
         if size is not None:
             check_cannula(f"{key}.second_{line}_fr", size, _type(line, size, types), remarks)
+
+
+def second_controls(
+    section: SecondCannulae, taken: Collection[str], types: Mapping[str, CannulaType]
+) -> list[Control]:
+    """Sites, sizes and clamp as they are turned on the page.
+
+    Args:
+        section: as it is.
+        taken: sites of the first cannulae.
+        types: of cannulae.
+    """
+    free = [site for site in PATIENT_SITES if site not in taken]
+    sizes = [size for kind in types.values() for size in kind.sizes_fr]
+    found: list[Control] = []
+    for line, words in (("drainage", "Also drained from"), ("return", "Also returned to")):
+        key = f"second_{line}_site"
+        found.append(picker(key, words, (NO_SITE, *free), {**PATIENT_SITES, NO_SITE: "no second cannula"}))
+        if getattr(section, key) is None:
+            continue
+        words = f"Second {line} cannula"
+        found.append(Knob(f"second_{line}_fr", words, "Fr", min(sizes), max(sizes), 1))
+        if line == "return":
+            found.append(Knob("second_return_clamp", "Clamp on the second return", "", 0.0, 1.0, 0.01))
+    return found
+
+
+def with_second(raw: dict[str, Any], key: str, site: str) -> dict[str, Any]:
+    """The section with a second cannula at a site, of a usual size where it has none; or without it."""
+    line = key.removesuffix("_site")
+    if site == NO_SITE:
+        return {name: value for name, value in raw.items() if not name.startswith(line)}
+    return {f"{line}_fr": NOMINAL[f"ecmo.{line}_fr"], **raw, key: site}

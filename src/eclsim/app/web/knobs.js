@@ -16,6 +16,7 @@ export default {
           :aria-label="switchLabel(group)" :title="switchLabel(group)"
           @click="tell('connect', { device: group.key })"><i></i></button>
       </header>
+      <p v-if="errors[group.key]" class="refused" role="alert">{{ errors[group.key] }}</p>
       <template v-for="k in panel.filter((k) => k.group === group.key)" :key="k.key">
         <div v-if="k.options" class="ecl-pick" :class="{ bad: errors[k.key] }">
           <label :for="id(k)">{{ k.label }}</label>
