@@ -5,7 +5,8 @@ import pytest
 
 from eclsim.app.beat import POINTS, compute_beat, plain
 from eclsim.app.circuits import page_circuit
-from eclsim.app.knobs import turn
+from eclsim.app.display import display
+from eclsim.app.knobs import connect, turn
 from eclsim.app.ranges import output_specs
 from eclsim.app.state import PageState
 from eclsim.cases.presets import PRESETS
@@ -83,3 +84,30 @@ def test_strip_tiles_and_schematic_agree(preset):
     assert {name: kind for name, kind in told.items() if beat.levels().get(name, "ok") != "ok"} == {
         name: beat.levels()[name] for name in told if name in marked
     }
+
+
+def with_gas(**changes: float) -> PageState:
+    case = connect(connect(PRESETS["paper"].case(), "crrt"), "gas")
+    for key, value in changes.items():
+        case = turn(case, key.replace("__", "."), value)
+    return PageState(case)
+
+
+def test_blood_gases_stand_everywhere_with_their_colour(paper):
+    assert plain(compute_beat(paper), ())["gas"] is None, "not asked for"
+    beat = compute_beat(with_gas())
+    gas = plain(beat, ())["gas"]
+    assert set(gas["places"]) == {c.name for c in beat.circuit.compartments}
+    assert gas["places"]["sart"]["values"]["SO2"] == pytest.approx(beat.outputs["SaO2"], rel=1e-4)
+    assert gas["places"]["ecmotuor"]["colour"] != gas["places"]["ecmodrain"]["colour"]
+    uptake = [oxygen for oxygen, _ in gas["exchanged"].values()]
+    assert sum(uptake) == pytest.approx(0.0, abs=1e-3)
+    assert set(gas["exchanged"]) == set(display(with_gas().case)["exchangers"])
+    labels = {one["place"]: one["outputs"] for one in display(with_gas().case)["samples"]}
+    assert labels["ecmotuor"]["PO2"] == "PpostO2"
+
+
+def test_without_a_steady_gas_state_the_reason_stands_in_place_of_numbers():
+    gas = plain(compute_beat(with_gas(gas__shunt_fraction=1.0, ecmo__sweep_l_min=0.0)), ())["gas"]
+    assert (gas["places"], gas["exchanged"]) == ({}, {})
+    assert "no steady gas state" in gas["message"]

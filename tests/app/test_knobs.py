@@ -179,7 +179,7 @@ def test_sections_of_the_patient_are_switched_and_knobs_come_with_them():
     assert value_of(on, "ecmo.sweep_l_min") == 4.0
     assert value_of(on, "gas.vo2_ml_min") == pytest.approx(126.0 * (165 * 60 / 3600) ** 0.5, rel=1e-3)
     assert turn(on, "ecmo.sweep_l_min", "2,5").ecmo.sweep_l_min == 2.5
-    with pytest.raises(CaseError, match="0.4"):
+    with pytest.raises(CaseError, match=r"0[.]4"):
         turn(on, "gas.fio2", "40")
     assert connect(on, "gas") == case
 
@@ -203,3 +203,14 @@ def test_a_second_cannula_is_put_in_and_taken_out():
     clamped = turn(there, "ecmo.second_return_clamp", 0.5)
     assert clamped.ecmo.second_return_clamp == 0.5
     assert turn(clamped, "ecmo.second_return_site", "").ecmo == case.ecmo
+
+
+def test_second_cannulae_and_bronchial_return_are_drawn():
+    case = turn(connect(CASES["paper"], "physiology"), "physiology.bronchial_fraction", 0.02)
+    case = turn(case, "ecmo.second_return_site", "pas")
+    drawing = drawing_of(case)
+    lines = {line["name"]: line for line in drawing["lines"]}
+    assert lines["ecmoreturn2"]["ends"] == ["ecmoreturn", "pas"]
+    assert lines["ecmoreturn2"]["at"] != lines["ecmoreturn"]["at"]
+    (bronchial,) = [wire for wire in drawing["wires"] if wire["name"] == "bronchial"]
+    assert bronchial["ends"] == ["descending", "pvn"]

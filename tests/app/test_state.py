@@ -5,7 +5,7 @@ import zlib
 
 import pytest
 
-from eclsim.app.knobs import turn
+from eclsim.app.knobs import connect, turn
 from eclsim.app.state import (
     LARGEST_STATE,
     History,
@@ -17,6 +17,7 @@ from eclsim.app.state import (
     subject_of,
 )
 from eclsim.cases.presets import PRESETS
+from eclsim.cases.reading import read_mapping
 from eclsim.inputs.mistakes import CaseError
 
 
@@ -142,3 +143,16 @@ def test_the_patient_is_the_same_turned_fitted_or_not_and_another_one_is_not():
     assert subject_of(at_speed(first, 3000)) == subject_of(first) != subject_of(other)
     fitted = PageState(at_speed(first, 3000).case, origin="fit", subject=subject_of(first))
     assert subject_of(at_speed(fitted, 2500)) == subject_of(first)
+
+
+def test_reflexes_that_are_switched_on_rest_at_the_pressures_of_the_patient_as_opened():
+    opened = preset_state("healthy")
+    assert opened.computed is opened.case
+    on = opened.with_case(connect(opened.case, "regulation"))
+    weak = on.with_case(turn(on.case, "parameters.Emaxlv", 0.6))
+    assert weak.computed.at_rest() == opened.case
+    assert state_of(link_of(weak)).computed.at_rest() == opened.case
+    own = weak.with_case(
+        read_mapping(weak.case.as_mapping() | {"regulation": {"baroreflex": 1.0, "set_point_mmHg": 80}}).case
+    )
+    assert own.computed is own.case

@@ -13,13 +13,24 @@ from matplotlib.transforms import Bbox
 from eclsim.circuit import Choice, Circuit, Compartment, Connection
 from eclsim.components import ElasticVessel, Resistance
 from eclsim.devices.crrt import crrt
-from eclsim.devices.ecmo import POSITIONS, ecmo
+from eclsim.devices.ecmo import CANNULAE, POSITIONS, Ecmo, ecmo
 from eclsim.devices.lvad import lvad
-from eclsim.patient.circulation import circulation
+from eclsim.patient.circulation import Anatomy, circulation
 from eclsim.reporting.schematic import draw_circuit
 from eclsim.reporting.style import save_figure
 
 PATIENT = circulation()
+REGIONS = circulation(Anatomy(regional=True, bronchial=True))
+
+
+def second(line: str, site: str) -> tuple[Connection, ...]:
+    """A second cannula of an ECMO circuit."""
+    more = {f"second_{line}_site": site, f"second_{line}_fr": 17.0}
+    section = Ecmo(pump="Rotaflow", speed_rpm=3000, oxygenator="Quadrox-i Adult", mode="VA", **more)  # type: ignore[arg-type]
+    return section.second_connections(CANNULAE)
+
+
+VA_SECOND = PATIENT + ecmo("ra", "ao", second=second("return", "pas"))
 SITES = tuple(compartment.name for compartment in PATIENT.compartments)
 SCHEMES = {
     "a": ("post_pump", "pre_oxy"),
@@ -51,6 +62,12 @@ CIRCUITS = {
     "two LVADs": PATIENT + lvad().prefixed("lvad.left") + lvad("ra", "pas").prefixed("lvad.right"),
     "two left LVADs": PATIENT + lvad().prefixed("lvad.a") + lvad("la", "ao").prefixed("lvad.b"),
     "two ECMO circuits": VA + ecmo("svn", "ra").prefixed("ecmo.second"),
+    "regions": REGIONS + ecmo("ivc", "lower"),
+    "regions, V-A": REGIONS + ecmo("ra", "ao") + crrt(POSITIONS["post_oxy"], POSITIONS["pre_oxy"]),
+    "bronchial return": circulation(Anatomy(bronchial=True)),
+    "bronchial return, all": circulation(Anatomy(bronchial=True)) + ecmo("ra", "ao") + lvad(),
+    "V-AV": VA_SECOND,
+    "regions, bicaval": REGIONS + ecmo("ivc", "lower", second=second("drainage", "svc")),
     "all at part": PATIENT + ecmo("part", "part") + crrt("part", "part") + lvad("sart", "part"),
 }
 
@@ -137,6 +154,20 @@ def test_labels_of_a_box_stay_inside_it(name: str):
         inside = [text for _, text in shown_texts(drawn(name)) if box.overlaps(text)]
         assert len(inside) == 3
         assert all(box.x0 < text.x0 and text.x1 < box.x1 for text in inside)
+
+
+def test_saturations_stand_in_their_boxes_with_a_scale():
+    result = constant_result(CIRCUITS["regions, V-A"])
+    for compartment in CIRCUITS["regions, V-A"].compartments:
+        result[f"P{compartment.name}"].attrs["SO2"] = 100.0
+    figure = draw_circuit(CIRCUITS["regions, V-A"], result)
+    assert overlapping_texts(figure) == []
+    for box in boxes(figure).values():
+        inside = [(text.get_text(), at) for text, at in shown_texts(figure) if box.overlaps(at)]
+        assert "100 %" in [words for words, _ in inside]
+        assert all(box.x0 < at.x0 and at.x1 < box.x1 for _, at in inside)
+    words = [text.get_text() for text, _ in shown_texts(figure)]
+    assert {"oxygen saturation", "40 %", "75 %"} <= set(words)
 
 
 @pytest.mark.parametrize("name", [name for name in CIRCUITS if name != "two ECMO circuits"])

@@ -10,19 +10,24 @@ import numpy as np
 
 from eclsim.app.circuits import page_circuit
 from eclsim.files import finite
+from eclsim.gas.network import GasStatus
 from eclsim.orbit.model import circuit_of
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.alarms import CAUTION, Finding, impossible
+from eclsim.outputs.gases_of_places import PlaceGases
 from eclsim.outputs.limits import level, place_levels
 from eclsim.outputs.recirculation import recirculation
 from eclsim.outputs.signals import unstressed_volume
 from eclsim.outputs.steady_beat import steady_beat
+from eclsim.reporting.saturation import colour_of, letters_on
 
 if TYPE_CHECKING:
     from eclsim.app.state import PageState
     from eclsim.circuit import Circuit
 
+GAS_COLUMNS = ("SO2", "PO2", "PCO2", "pH", "O2", "CO2")
+"""What is shown of blood: %, mmHg, mmHg, -, and contents [mL/dL]."""
 POINTS = 200
 """Points of a waveform on the page: 5 ms at 60 beats a minute."""
 
@@ -41,6 +46,8 @@ class Beat:
         findings: limits that are broken and how numbers are to be read, the gravest first.
         status: how the search for the beat ended.
         message: in words.
+        gas_status: how the search for its steady gas state ended; None where gases are not computed.
+        gases: of the blood everywhere, where there is a steady gas state.
     """
 
     circuit: Circuit
@@ -52,6 +59,8 @@ class Beat:
     findings: tuple[Finding, ...]
     status: Status
     message: str
+    gas_status: GasStatus | None = None
+    gases: PlaceGases | None = None
 
     @property
     def converged(self) -> bool:
@@ -100,6 +109,7 @@ def compute_beat(state: PageState, near: Mapping[str, float] | None = None) -> B
     return Beat(
         circuit, values, 60.0 / values["heart_rate_bpm"], waves, means, outputs, said,
         Status(int(found.status[0])), found.message(),
+        GasStatus(int(found.gas_status[0])) if state.case.gas is not None else None, found.gases.get(0),
     )  # fmt: skip
 
 
@@ -118,7 +128,25 @@ def plain(beat: Beat, waves: tuple[str, ...]) -> dict[str, Any]:
         "converged": beat.converged,
         "status": beat.status.word,
         "message": beat.message,
+        "gas": _plain_gases(beat),
     }
+
+
+def _plain_gases(beat: Beat) -> dict[str, Any] | None:
+    """Gases of all compartments with the colours of their saturations; why there are none, where so."""
+    if beat.gas_status is None:
+        return None
+    found: dict[str, Any] = {"message": beat.gas_status.message, "places": {}, "exchanged": {}}
+    if beat.gases is None:
+        return found if beat.converged else found | {"message": beat.message}
+    for place, blood in beat.gases.places.items():
+        percent = 100.0 * float(blood.saturation)
+        numbers = (percent, blood.po2, blood.pco2, blood.ph, blood.oxygen, blood.carbon_dioxide)
+        values = {name: float(number) for name, number in zip(GAS_COLUMNS, numbers, strict=True)}
+        colours = {"colour": colour_of(percent), "letters": letters_on(percent)}
+        found["places"][place] = {"values": finite(values, digits=5), **colours}
+    found["exchanged"] = finite({at: list(both) for at, both in beat.gases.exchanged.items()}, digits=6)
+    return found
 
 
 def _cautions(said: Iterable[Finding]) -> dict[str, str]:

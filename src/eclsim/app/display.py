@@ -11,9 +11,11 @@ from eclsim.app.ranges import bounds, named_specs
 from eclsim.app.texts import ENGLISH, text
 from eclsim.cases.resolve import circuit_of
 from eclsim.cases.sections import PATIENT_SECTIONS
-from eclsim.devices.description import Control, Curve, KeyFigure, Knob, Sweep, Trace, Views
-from eclsim.devices.registry import device_of, devices
+from eclsim.devices.description import Control, Curve, KeyFigure, Knob, Sample, Sweep, Trace, Views
+from eclsim.devices.registry import device_of, devices, naming_of
+from eclsim.gas.network import gas_exchanges
 from eclsim.parameters import default
+from eclsim.reporting.saturation import STOPS, letters_on
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -47,6 +49,8 @@ PATIENT = Views(
         _figure("PCWP", "PCWP", "mmHg", 0),
         _figure("CVP", "right_atrial_pressure", "mmHg", 0),
         _figure("EF", "ejection_fraction_lv", "%", 0),
+        _figure("SaO2", "SaO2", "%", 0, limits=("SaO2", "SaO2_lower")),
+        _figure("PaCO2", "PaCO2", "mmHg", 0),
     ),
     curves=(
         Curve("MAP", text("key_MAP"), "pressure"),
@@ -58,6 +62,20 @@ PATIENT = Views(
     compared=(
         "SP", "DP", "MAP", "MPAP", "PCWP", "right_atrial_pressure", "CO", "ejection_fraction_lv", "EDVLV",
         "stroke_work_lv",
+    ),
+    samples=(
+        *(
+            Sample(place, text("sample_radial"), {"SO2": "SaO2", "PO2": "PaO2", "PCO2": "PaCO2", "pH": "pHa"})
+            for place in ("sart", "upper")
+        ),
+        Sample(
+            "lower", text("sample_femoral"),
+            {"SO2": "SaO2_lower", "PO2": "PaO2_lower", "PCO2": "PaCO2_lower"},
+        ),
+        Sample("ao", text("sample_ao")),
+        Sample("pvn", text("sample_pvn")),
+        Sample("pas", text("sample_pas"), {"SO2": "SvO2"}),
+        *(Sample(place, text(f"sample_{place}")) for place in ("svn", "svc", "ivc")),
     ),
 )  # fmt: skip
 _COLOURS = (
@@ -121,7 +139,20 @@ def display(case: Case) -> dict[str, Any]:
         "figures": [_plain_figure(figure) for figure in _in_order([f for _, v in shown for f in v.figures])],
         "specs": named_specs(case),
         "compared": [output for _, views in shown for output in views.compared],
+        "samples": [vars(s) | {"outputs": dict(s.outputs)} for _, v in shown for s in v.samples],
+        "exchangers": _exchangers(circuit_of(case)),
+        "saturations": [[percent, colour, letters_on(percent)] for percent, colour in STOPS],
     }
+
+
+def _exchangers(circuit: Circuit) -> dict[str, str]:
+    """Connections that exchange gas, in words."""
+    found = {}
+    for exchange in gas_exchanges(circuit):
+        names = naming_of(exchange.group)
+        words = text(f"exchange_{exchange.at}") if names is None else names.words(f"Q{exchange.at}")
+        found[exchange.at] = words if names is None else f"{names.device.name} {words}"
+    return found
 
 
 def _shown(case: Case) -> list[tuple[str, Views]]:

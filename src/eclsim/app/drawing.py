@@ -56,7 +56,7 @@ def _drawing(circuit: Circuit) -> dict[str, Any]:
         ],
         "boxes": _boxes(circuit, plan, page),
         "wires": [_wire(wire, plan, groups[wire.name], page) for wire in plan.wires],
-        "lines": [_line(line, paths[line.name], page) for line in plan.lines]
+        "lines": [_line(line, plan, paths[line.name], page) for line in plan.lines]
         + [_bridge(bridge, plan, groups[bridge.name], page) for bridge in plan.bridges],
     }  # fmt: skip
 
@@ -69,7 +69,8 @@ def _page(plan: Plan) -> tuple[Layout, tuple[float, float]]:
     more |= {BODY: _LAST_ROW_MM, LOWER_BODY: _LAST_ROW_MM}
     rows = {row: (up + more[row][0], down + more[row][1]) for row, (up, down) in plan.heights.items()}
     page, sides = arrange(plan, rows), FRAME
-    if not (plan.lines or plan.bridges or plan.spare or LOWER_BODY in plan.heights):
+    bronchial = any(wire.name == "bronchial" for wire in plan.wires)
+    if not (plan.lines or plan.bridges or plan.spare or bronchial or LOWER_BODY in plan.heights):
         half = NARROWER * (MIDDLE - 30.0) + 0.5 * BOX_WIDTH + WIDER_MM + 2.0
         sides = (MIDDLE - half, MIDDLE + half)
     stretch = min(max(TALLNESS * (sides[1] - sides[0]) / page.height, 1.0), MOST_STRETCH)
@@ -141,15 +142,17 @@ def _short(names: Naming | None, own: str | None) -> str:
 
 def _wire(wire: Wire, plan: Plan, group: str, page: Layout) -> dict[str, Any]:
     """A line between neighbours."""
-    from eclsim.reporting.schematic_layout import BOX_HEIGHT, MIDDLE
+    from eclsim.reporting.schematic_layout import MIDDLE
     from eclsim.reporting.schematic_routes import detour
 
-    path = detour(page, wire, WIDER_MM) or list(_between(page.box(wire.source), page.box(wire.target)))
+    way = detour(page, wire, WIDER_MM)
+    path = way.path if way else list(_between(page.box(wire.source), page.box(wire.target)))
     start, stop = path[0], path[-1]
     x, y = 0.5 * (start[0] + stop[0]), -0.5 * (start[1] + stop[1])
     body = _in_body(plan, wire.source)
-    if len(path) > 2:
-        label = (x + 3.0, -start[1] - 0.5 * BOX_HEIGHT - 5.0, "start")
+    if way:
+        label = (way.label[0], -way.label[1] - 1.0, "start" if way.align == "left" else "end")
+        x, y = path[1][0], -0.5 * (path[1][1] + path[2][1])
     elif start[1] == stop[1]:
         label = (x, y + 10.2 if body else y - 11.8, "middle")
     else:
@@ -157,6 +160,7 @@ def _wire(wire: Wire, plan: Plan, group: str, page: Layout) -> dict[str, Any]:
         label = (x + (5.0 if right else -5.0), y - 1.0, "start" if right else "end")
     return {
         "name": wire.name, "text": ENGLISH.get(f"wire_{wire.name}", wire.mark.words),
+        "ends": [wire.source, wire.target],
         "symbol": wire.mark.symbol, "path": [_down(p) for p in path], "at": [x, y], "label": label,
         **_flow(group, wire.name),
     }  # fmt: skip
@@ -170,17 +174,17 @@ def _in_body(plan: Plan, name: str) -> bool:
     return frame == BODY[0] and row >= BODY[1]
 
 
-def _line(line: Attachment, path: Path, page: Layout) -> dict[str, Any]:
+def _line(line: Attachment, plan: Plan, path: Path, page: Layout) -> dict[str, Any]:
     """A device's line to its site, in the direction of flow; `site` is the end that can be moved."""
-    from eclsim.reporting.schematic_layout import MIDDLE
-    from eclsim.reporting.schematic_routes import stub_middle
+    from eclsim.reporting.schematic_routes import stub_label, stub_middle
 
     points = [_down(p) for p in (path if line.into_device else path[::-1])]
     x, y = stub_middle(page, line)
-    side = 5.0 if x < MIDDLE else -5.0
+    (beside, _), align = stub_label(plan, page, line)
     return {
         "name": line.name, "text": line.mark.words, "symbol": line.mark.symbol, "path": points,
-        "at": [x, -y], "label": (x + side, -y - 1.0, "start" if side > 0 else "end"),
+        "ends": [line.site, line.node] if line.into_device else [line.node, line.site],
+        "at": [x, -y], "label": (beside, -y - 1.0, "start" if align == "left" else "end"),
         "end": _down(path[0]), "site": line.site, **_moved(line), **_flow(line.frame, line.name),
     }  # fmt: skip
 
@@ -196,7 +200,7 @@ def _bridge(bridge: Bridge, plan: Plan, group: str, page: Layout) -> dict[str, A
         "name": bridge.name, "text": names.label if names else bridge.name, "symbol": bridge.mark.symbol,
         **_flow(group, bridge.name), "path": [_down(p) for p in into], "more": [_down(p) for p in out],
         "at": [into[-1][0], -y], "label": (x, -y - 1.0, "start" if align == "left" else "end"),
-        "end": _down(into[0]), "site": bridge.source, "moves": "",
+        "end": _down(into[0]), "site": bridge.source, "moves": "", "ends": [bridge.source, bridge.target],
     }  # fmt: skip
 
 

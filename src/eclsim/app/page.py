@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from eclsim.app.engine import Engine
 
 WEB = Path(__file__).parent / "web"
-STYLES = [WEB / f"{name}.css" for name in ("page", "schematic", "views")]
+STYLES = [WEB / f"{name}.css" for name in ("page", "schematic", "views", "gases")]
 SKIP = "(event) => { event.preventDefault(); document.querySelector('.ecl-knobs').focus(); }"
 """To the knobs without a change of the address, whose part behind # is the patient of a link."""
-VIEWS = ("monitor", "loops", "ramp", "schemes", "outputs", "identify", "compare")
+VIEWS = ("monitor", "loops", "ramp", "schemes", "gases", "outputs", "identify", "compare")
 
 
 class Bridge(Element, component=WEB / "bridge.js", esm={"eclsim-page": str(WEB / "lib")}):
@@ -56,7 +56,7 @@ def _component(script: str) -> Callable[..., Element]:
 MOST_SETTINGS = 10
 SCRIPTS = (
     "provenance", "knobs", "schematic", "keys", "limits", "bands", "monitor", "loops", "ramp", "schemes",
-    "outputs", "identify", "compare",
+    "gases", "outputs", "identify", "compare",
 )  # fmt: skip
 ELEMENTS = {script: _component(script) for script in SCRIPTS}
 
@@ -138,6 +138,8 @@ class BedsidePage:
                 ELEMENTS["ramp"]()
             with ui.tab_panel("schemes"):
                 ELEMENTS["schemes"]().on("use", lambda e: self._use(e.args))
+            with ui.tab_panel("gases"):
+                ELEMENTS["gases"](specs=output_specs()).on("connect", lambda _: self.session.connect("gas"))
             with ui.tab_panel("outputs"):
                 ELEMENTS["outputs"](specs=output_specs())
             with ui.tab_panel("identify"):

@@ -326,14 +326,14 @@ class Session:
 
         state, case = self.state, self.state.case
         knobs = controls(case)
-        if (connections := [one.key for one in case.instances()]) != self._display:
-            self._display = connections
+        shape = shape_of(case)
+        if (parts := (connected(case), [one.key for one in case.instances()], shape)) != self._display:
+            self._display = parts
             self.send("display", display(case))
         panel = [described(control) for control in knobs]
         if panel != self._panel:
             self._panel = panel
             self.send("panel", panel)
-        shape = shape_of(case)
         if shape != self._drawn:
             self._drawn = shape
             self.send("drawing", drawing_of(case))

@@ -17,6 +17,8 @@ LAWS: dict[str, ModuleType] = {"severinghaus1979": standard, "dash2016": dash201
 """Sets of equations by name: modules with `saturation`, `oxygen_content` and `carbon_dioxide_content`."""
 STEPS = 60
 """Of the damped Newton iteration from contents to pressures; most need fewer than ten."""
+SETTLED = 1e-9
+"""Largest of the last steps at which the iteration ends, in the logarithm of a partial pressure."""
 LARGEST_STEP = 1.0
 """In the logarithm of a partial pressure."""
 
@@ -41,6 +43,14 @@ class BloodGases(NamedTuple):
     bicarbonate: jax.Array
     oxygen: jax.Array
     carbon_dioxide: jax.Array
+
+
+class _Search(NamedTuple):
+    """Where the search for pressures is: their logarithms, steps done, the largest of the last steps."""
+
+    at: tuple[jax.Array, jax.Array]
+    steps: jax.Array
+    error: jax.Array
 
 
 def gases(
@@ -158,28 +168,39 @@ def _at_contents(
     start: tuple[jax.Array, jax.Array], wanted: tuple[jax.Array, jax.Array], blood: Blood, law: str
 ) -> BloodGases:
     """Newton's method on the logarithms of both pressures, elementwise."""
+    fixed = jax.lax.stop_gradient((wanted, blood))
 
-    def missing(at: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
+    def missing(
+        at: tuple[jax.Array, jax.Array], to: tuple[jax.Array, jax.Array], blood: Blood
+    ) -> tuple[jax.Array, jax.Array]:
         found = equilibrium(jnp.exp(at[0]), jnp.exp(at[1]), blood, law)
-        return found.oxygen - wanted[0], found.carbon_dioxide - wanted[1]
+        return found.oxygen - to[0], found.carbon_dioxide - to[1]
 
-    def newton(at: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
+    def newton(
+        at: tuple[jax.Array, jax.Array], to: tuple[jax.Array, jax.Array], blood: Blood
+    ) -> tuple[jax.Array, jax.Array]:
         one, none = jnp.ones_like(at[0]), jnp.zeros_like(at[0])
-        value, (a, c) = jax.jvp(missing, (at,), ((one, none),))
-        _, (b, d) = jax.jvp(missing, (at,), ((none, one),))
+        value, (a, c) = jax.jvp(lambda x: missing(x, to, blood), (at,), ((one, none),))
+        _, (b, d) = jax.jvp(lambda x: missing(x, to, blood), (at,), ((none, one),))
         return (d * value[0] - b * value[1]) / (a * d - b * c), (a * value[1] - c * value[0]) / (
             a * d - b * c
         )
 
-    def improved(_: int, at: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
-        move = newton(at)
-        return (
-            jnp.clip(at[0] - jnp.clip(move[0], -LARGEST_STEP, LARGEST_STEP), jnp.log(1e-9), jnp.log(1e6)),
-            jnp.clip(at[1] - jnp.clip(move[1], -LARGEST_STEP, LARGEST_STEP), jnp.log(1e-9), jnp.log(1e6)),
+    def improved(search: _Search) -> _Search:
+        move = newton(search.at, *fixed)
+        at = tuple(
+            jnp.clip(x - jnp.clip(step, -LARGEST_STEP, LARGEST_STEP), jnp.log(1e-9), jnp.log(1e6))
+            for x, step in zip(search.at, move, strict=True)
         )
+        size = jnp.maximum(jnp.abs(move[0]), jnp.abs(move[1])).max(initial=0.0)
+        return _Search((at[0], at[1]), search.steps + 1, size)
 
-    at = jax.lax.stop_gradient(jax.lax.fori_loop(0, STEPS, improved, start))
-    move = newton(at)
+    def unfinished(search: _Search) -> jax.Array:
+        return (search.steps < STEPS) & ~(search.error < SETTLED)  # not a number is not settled either
+
+    begun = _Search(start, jnp.array(0), jnp.array(jnp.inf))
+    at = jax.lax.stop_gradient(jax.lax.while_loop(unfinished, improved, begun).at)
+    move = newton(at, wanted, blood)
     solved = (
         jnp.maximum(jnp.abs(jax.lax.stop_gradient(move[0])), jnp.abs(jax.lax.stop_gradient(move[1]))) < 1e-6
     )

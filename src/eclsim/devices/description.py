@@ -436,6 +436,21 @@ class Target:
 
 
 @dataclass(frozen=True)
+class Sample:
+    """A place whose blood stands in the page's table of gases.
+
+    Args:
+        place: compartment.
+        label: where that is, in words.
+        outputs: whose limits mark the numbers, by "SO2", "PO2", "PCO2" or "pH".
+    """
+
+    place: str
+    label: str
+    outputs: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class FlowUnit:
     """How flows of a part of the circuit are written: factor from mL/s, decimals, unit."""
 
@@ -455,6 +470,7 @@ class Views:
         compared: outputs in the table of saved states.
         flow_unit: of the flows in the schematic.
         flow_outputs: connections whose flow is marked by the limits of an output.
+        samples: places of which blood gases are shown.
     """
 
     traces: tuple[Trace, ...] = ()
@@ -463,3 +479,4 @@ class Views:
     compared: tuple[str, ...] = ()
     flow_unit: FlowUnit = FlowUnit()
     flow_outputs: Mapping[str, str] = field(default_factory=dict)
+    samples: tuple[Sample, ...] = ()

@@ -327,6 +327,13 @@ class Naming:
             outputs(own.compared),
             own.flow_unit,
             {self.place(place): self.output(output) for place, output in own.flow_outputs.items()},
+            tuple(
+                replace(
+                    s, place=self.place(s.place), label=f"{s.label} {name}",
+                    outputs={what: self.output(output) for what, output in s.outputs.items()},
+                )
+                for s in own.samples
+            ),
         )  # fmt: skip
 
 

@@ -32,6 +32,7 @@ from eclsim.devices.description import (
     Mark,
     Output,
     Panel,
+    Sample,
     Sweep,
     Target,
     Trace,
@@ -603,6 +604,13 @@ class EcmoDevice(Device[Ecmo]):
         ),
         compared=("PF", "lowest_drainage_pressure"),
         flow_outputs=MappingProxyType({"ecmopump": "PF"}),
+        samples=(
+            Sample("ecmodrain", "ECMO, drained"),
+            Sample(
+                "ecmotuor", "ECMO, behind the oxygenator",
+                MappingProxyType({"SO2": "SpostO2", "PO2": "PpostO2", "PCO2": "PpostCO2"}),
+            ),
+        ),
     )  # fmt: skip
 
     def circuit(self, section: Ecmo) -> Circuit:

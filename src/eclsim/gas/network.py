@@ -28,6 +28,8 @@ SAMPLED = ("sart", "upper", "lower", "pas")
 """Compartments whose blood is analysed, where a circuit has them."""
 GASES = ("PO2", "PCO2", "pH", "SO2", "oxygen", "carbon_dioxide")
 """What is known of a sample: mmHg, mmHg, -, 0 to 1, and contents [mL/dL]."""
+CONTENTS = GASES[-2:]
+"""What mixes: known of the blood in every compartment."""
 WORST_ERROR = 1e-8
 SMALLEST_SUPPLY = 0.1
 """Share of its demand below which a tissue is said to get no oxygen."""
@@ -76,7 +78,8 @@ class Quantity(NamedTuple):
     Attributes:
         what: a name of `GASES`; "gained" gas or "gained_co2", "supplied" and "demanded" oxygen [mL/min STPD]
             of an exchange; "recirculated" share of what an exchange sent; or "status".
-        where: "in" a compartment, "drawn" by a connection, "behind" an exchange, or "at" an exchange.
+        where: "in" a compartment whose blood is analysed, "mixed" in any (contents alone), "drawn" by a
+            connection, "behind" an exchange, or "at" an exchange.
         place: name of the compartment or connection.
     """
 
@@ -175,6 +178,7 @@ def gas_of(circuit: Circuit, law: str = "severinghaus1979") -> GasFunction:
     samples = _samples(circuit)
     quantities = tuple(Quantity(gas, where, at) for where, at in samples for gas in GASES)
     quantities += tuple(Quantity("recirculated", "drawn", at) for at, _ in _drawn(circuit))
+    quantities += tuple(Quantity(gas, "mixed", c.name) for gas in CONTENTS for c in circuit.compartments)
     quantities += tuple(
         Quantity(what, "at", e.at)
         for e in exchanges
@@ -194,6 +198,7 @@ def gas_of(circuit: Circuit, law: str = "severinghaus1979") -> GasFunction:
         recirculated = [mixed.drawn[names.index(at), k] for at, k in _drawn(circuit)]
         found = jnp.concatenate(
             [jnp.stack(gases)[:, sampled].T.reshape(-1), jnp.array(recirculated)]
+            + [(state.outlets @ mixed.compartments.T).reshape(-1)]
             + [_exchanged(e, k, mixed, state, values) for k, e in enumerate(exchanges)]
         )
         status = _status(exchanges, state, values)

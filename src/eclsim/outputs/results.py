@@ -71,6 +71,9 @@ def labelled(beat: SteadyBeat, member: int = 0, name: str = "model") -> xr.Datas
         statistics = {"mean": float(mean), "minimum": float(lowest), "maximum": float(highest)}
         series = beat.waveforms[member].values[:, k] + shift
         data[signal] = variable("phase", series, **signal_labels(circuit, signal), **statistics)
+    for place, blood in beat.gases[member].places.items() if member in beat.gases else ():
+        gases = {"SO2": 100.0 * blood.saturation, "PO2": blood.po2, "PCO2": blood.pco2}
+        data[f"P{place}"].attrs |= {name: float(value) for name, value in gases.items()}
     data |= {n: variable((), v, **output_labels(n)) for n, v in beat.outputs(member).items()}
     found = beat.findings(member)
     for finding in reversed(found):

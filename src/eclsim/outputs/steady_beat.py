@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -26,11 +27,13 @@ from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import Batch, SolvedOrbits, solve
 from eclsim.outputs.alarms import Finding, findings
 from eclsim.outputs.derivatives import Linearisation, linearise
+from eclsim.outputs.gases_of_places import PlaceGases, gases_of_places
 from eclsim.outputs.measures import Measures, whole_beat
 from eclsim.outputs.registry import output
 from eclsim.outputs.sealed import sealed, shut_valves, valve_flows
 from eclsim.outputs.signals import needed_parameters, needed_signals, output_names
 
+NO_GASES: Mapping[int, PlaceGases] = MappingProxyType({})
 DEMAND_MET = 0.99
 """Share of the oxygen demand below which consumption is said to be forced down."""
 NO_EJECTION_L_MIN = 0.02
@@ -60,6 +63,7 @@ class SteadyBeat:
         waveforms: whole beats of the members that were to be kept.
         gas_status: how the search for the steady gas state ended, a `GasStatus`, shape (members,); zeros
             where gases are not computed.
+        gases: of the members that were kept and have a steady gas state.
     """
 
     orbits: SolvedOrbits
@@ -72,6 +76,7 @@ class SteadyBeat:
     statistics: np.ndarray
     waveforms: Mapping[int, Waveforms]
     gas_status: np.ndarray
+    gases: Mapping[int, PlaceGases]
 
     @property
     def batch(self) -> Batch:
@@ -147,8 +152,9 @@ class SteadyBeat:
 
     def _without(self, lost: np.ndarray) -> SteadyBeat:
         kept = {k: w._replace(values=w.values * np.nan) if lost[k] else w for k, w in self.waveforms.items()}
+        gases = {k: found for k, found in self.gases.items() if not lost[k]}
         values, statistics = (np.where(lost, np.nan, table) for table in (self.values, self.statistics))
-        return replace(self, values=values, statistics=statistics, waveforms=kept)
+        return replace(self, values=values, statistics=statistics, waveforms=kept, gases=gases)
 
     def findings(self, member: int = 0) -> list[Finding]:
         """Limits that a member's beat breaks and how its numbers are to be read, the gravest first."""
@@ -239,6 +245,7 @@ def measured(
     signals = all_signals(assemble(circuit)) if waveforms is None else tuple(waveforms)
     values, statistics = np.full((len(names), count), np.nan), np.full((3, len(signals), count), np.nan)
     kept: dict[int, Waveforms] = {}
+    gases: dict[int, PlaceGases] = {}
     with_gas, gas_status = any(GASES in output(name).parameters for name in names), np.zeros(count, dtype=int)
 
     def measure(members: np.ndarray) -> None:
@@ -252,13 +259,15 @@ def measured(
             row[members] = output(name).compute(measures)[: len(members)]
         if with_gas:
             gas_status[members] = measures.gas(*STATUS)[: len(members)]
+            steady = [k for k, m in enumerate(members.tolist()) if m in keep and not gas_status[m]]
+            gases.update({int(members[k]): gases_of_places(measures, k) for k in steady})
         statistics[:, :, members] = statistics_of(measures, signals)[..., : len(members)]
         own = series[:, [recorded.index(signal) for signal in signals]]
         kept.update({m: Waveforms(phases, own[..., k]) for k, m in enumerate(members.tolist()) if m in keep})
 
     in_threads(measure, _blocks(orbits), threads)
     outcome = dict(zip(names, values, strict=True))
-    return judged(orbits, wanted, outcome, signals, statistics, kept, gas_status)
+    return judged(orbits, wanted, outcome, signals, statistics, kept, gas_status, gases)
 
 
 def _blocks(orbits: SolvedOrbits) -> list[np.ndarray]:
@@ -288,6 +297,7 @@ def judged(
     statistics: np.ndarray,
     waveforms: Mapping[int, Waveforms],
     gas_status: np.ndarray,
+    gases: Mapping[int, PlaceGases] = NO_GASES,
 ) -> SteadyBeat:
     """What became of each member, once its beat is measured; what did not converge loses its numbers.
 
@@ -299,6 +309,7 @@ def judged(
         statistics: of the waveforms, see `SteadyBeat`.
         waveforms: of the members that are kept.
         gas_status: how the search for the steady gas state of each ended.
+        gases: of the members that are kept.
     """
     status, circuit = np.array(orbits.status), orbits.batch.circuit
     native = _native_output(outputs, circuit, orbits.batch.count)
@@ -317,7 +328,7 @@ def judged(
                 undetermined[member], status[member] = found.reason, Status.ONE_OF_MANY
     values = np.array([outputs[name] for name in names]).reshape(len(names), orbits.batch.count)
     beat = SteadyBeat(
-        orbits, status, native, undetermined, names, values, signals, statistics, waveforms, gas_status
+        orbits, status, native, undetermined, names, values, signals, statistics, waveforms, gas_status, gases
     )
     return beat._without(~beat.converged)
 

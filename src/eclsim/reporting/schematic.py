@@ -13,6 +13,7 @@ from eclsim.reporting.numbers import number
 from eclsim.reporting.schematic_layout import (
     BODY,
     BOX_HEIGHT,
+    BOX_WIDTH,
     FRAME,
     HEART_UPPER,
     MIDDLE,
@@ -36,6 +37,7 @@ from eclsim.reporting.schematic_routes import (
     bridge_paths,
     detour,
     route,
+    stub_label,
     stub_middle,
 )
 from eclsim.reporting.style import GREY, MM_PER_INCH, figure_style, plain_text
@@ -45,6 +47,8 @@ if TYPE_CHECKING:
 
     from eclsim.circuit import Circuit
 
+_PILL = 7.6
+"""Width [mm] of the field that holds a saturation."""
 _HEART_SIDES = (("rv", "ra"), ("la", "lv"))
 
 
@@ -77,7 +81,9 @@ def draw_circuit(
     page = arrange(plan)
     paths = route(plan, page)
     labels = Labels(result, {part.name: part.group for part in (*circuit.compartments, *circuit.connections)})
-    pen = _pen(ax, page, paths.values(), extra=5.0 if plan.undrawn else 0.0)
+    with_gas = any(labels.saturation(name) is not None for name in page.places)
+    note, scale = 5.0 if plan.undrawn else 0.0, 5.0 if with_gas else 0.0
+    pen = _pen(ax, page, paths.values(), extra=note + scale)
     _draw_frames(pen, plan, page, labels, title)
     _draw_wires(pen, plan, page, labels)
     _draw_lines(pen, plan, page, labels, paths)
@@ -85,6 +91,8 @@ def draw_circuit(
     _draw_boxes(pen, plan, page, labels)
     _draw_others(pen, plan, page, labels, circuit)
     _note_undrawn(pen, page, plan.undrawn)
+    if with_gas:
+        pen.saturation_scale(FRAME[1], -page.height - note - 2.0)
     return pen.figure
 
 
@@ -110,6 +118,13 @@ class Labels:
         positions = {} if names is None else {node: at for at, node in names.device.positions.items()}
         key = f"{positions[own]} ({own})" if own in positions else own
         return plain_text(plan.places[name].words, 22), plain_text(key, 24), pressure
+
+    def saturation(self, name: str) -> float | None:
+        """Oxygen saturation [%] of the blood in a compartment; None where gases are not computed."""
+        waveform = f"P{name}"
+        if self.result is None or waveform not in self.result:
+            return None
+        return self.result[waveform].attrs.get("SO2")
 
     def flow(self, name: str) -> str:
         """Mean flow of a connection in the unit of its device; empty without a result."""
@@ -205,20 +220,23 @@ def _draw_boxes(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
             (pressure, 7.0, "bold", "black"),
         ]
         shown = [line for line in lines if line[0]]
+        saturation = labels.saturation(name)
         for index, (text, size, weight, colour) in enumerate(shown):
             height = y + 3.5 * ((len(shown) - 1) / 2 - index)
-            pen.text(x, height, text, size=size, weight=weight, color=colour)
+            style = {"size": size, "weight": weight, "color": colour}
+            if saturation is None or text != pressure:
+                pen.text(x, height, text, **style)
+                continue
+            pen.text(x - BOX_WIDTH / 2 + 0.9, height, text, ha="left", **style | {"size": 6.3})
+            pen.saturation((x + BOX_WIDTH / 2 - _PILL / 2 - 0.7, height), saturation, _PILL)
 
 
 def _draw_wires(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
     """Draws the connections between neighbours."""
     for wire in plan.wires:
-        if path := detour(page, wire):
-            look, (x, y) = look_of(labels.groups[wire.name]), path[0]
-            pen.line(path, look)
-            pen.label_beside(
-                (x + 1.0, y + BOX_HEIGHT / 2 + 3.0), [wire.mark.words, labels.flow(wire.name)], "left"
-            )
+        if way := detour(page, wire):
+            pen.line(way.path, look_of(labels.groups[wire.name]))
+            pen.label_beside(way.label, [wire.mark.words, labels.flow(wire.name)], way.align)
             continue
         start, stop = pen.between(page.box(wire.source), page.box(wire.target))
         middle = (0.5 * (start[0] + stop[0]), 0.5 * (start[1] + stop[1]))
@@ -250,13 +268,10 @@ def _draw_lines(pen: Pen, plan: Plan, page: Layout, labels: Labels, paths: Mappi
         look = look_of(line.frame)
         path = paths[line.name] if line.into_device else paths[line.name][::-1]
         pen.line(path, look, gid=f"line-{line.name}")
-        middle = stub_middle(page, line)
-        pen.symbol(line.mark.symbol, middle, (0.0, -1.0), look)  # cannula tips point to the patient
-        x, y = middle
-        side = 5.0 if x < MIDDLE else -5.0
-        pen.label_beside(
-            (x + side, y), [line.mark.words, labels.flow(line.name)], "left" if side > 0 else "right"
-        )
+        # Tips of cannulae point to the patient.
+        pen.symbol(line.mark.symbol, stub_middle(page, line), (0.0, -1.0), look)
+        at, align = stub_label(plan, page, line)
+        pen.label_beside(at, [line.mark.words, labels.flow(line.name)], align)
 
 
 def _draw_bridges(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:

@@ -79,6 +79,7 @@ class Attachment:
         frame: of the device.
         into_device: whether blood flows from the site into the device.
         mark: what stands at its device's end.
+        port: how many lines reach the device's compartment besides, beside which this one runs.
     """
 
     name: str
@@ -87,6 +88,7 @@ class Attachment:
     frame: str
     into_device: bool
     mark: Mark
+    port: int = 0
 
 
 @dataclass(frozen=True)
@@ -136,6 +138,8 @@ _PATIENT_WIRES = (
     Wire("lower", "lower", "ivc", Mark("resistance", "organs")),
     Wire("svc", "svc", "ra", Mark("tube", "venous return")),
     Wire("ivc", "ivc", "ra", Mark("tube", "venous return")),
+    Wire("bronchial", "sart", "pvn", Mark("tube", "bronchial return")),
+    Wire("bronchial", "descending", "pvn", Mark("tube", "bronchial return")),
 )
 
 
@@ -170,7 +174,8 @@ class Plan:
         found: dict[Row, tuple[float, float]] = {}
         for frame, number in rows:
             last = max(row for of, row in rows if of == frame)
-            stub = STUB if number == last else 0.0
+            ports = [1 + line.port for line in self.lines if line.frame == frame]
+            stub = STUB * max(ports, default=1) if number == last else 0.0
             found[frame, number] = (15.0 if number == 0 else 19.0, 6.0 + stub)
         found |= {row: height for row, height in _PATIENT_HEIGHTS.items() if row in rows}
         if HEART_UPPER in found:
@@ -248,13 +253,9 @@ def _add(plan: Plan, connection: Connection, names: Naming | None, groups: Mappi
     site = next((end for end in (source, target) if end not in own), "")
     if len(own) == 2 and _neighbours(plan, source, target):
         plan.wires.append(Wire(name, source, target, mark))
-    elif (
-        len(own) == 1
-        and site in plan.places
-        and _can_leave(plan, own[0], site)
-        and all(line.node != own[0] for line in plan.lines)
-    ):
-        plan.lines.append(Attachment(name, site, own[0], names.key, target in own, mark))
+    elif len(own) == 1 and site in plan.places and _can_leave(plan, own[0], site):
+        port = sum(line.node == own[0] for line in plan.lines)
+        plan.lines.append(Attachment(name, site, own[0], names.key, target in own, mark, port))
     elif not own and source != target and {source, target} <= set(PATIENT_PLACES) & set(plan.places):
         plan.bridges.append(Bridge(name, source, target, mark))
     else:

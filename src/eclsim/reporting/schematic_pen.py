@@ -16,6 +16,7 @@ from matplotlib.transforms import Bbox
 from eclsim.devices.description import Look
 from eclsim.devices.device import Device
 from eclsim.devices.registry import device_of
+from eclsim.reporting.saturation import STOPS, colour_of, letters_on
 
 Point = tuple[float, float]
 Box = tuple[float, float, float, float]
@@ -138,6 +139,21 @@ class Pen:
             patch.set_linewidth(1.1 * self.scale)
             patch.set_zorder(5)
             self.ax.add_patch(patch)
+
+    def saturation(self, at: Point, percent: float, width: float) -> None:
+        """An oxygen saturation [%] on a field of its colour."""
+        (x, y), colour = at, colour_of(percent)
+        corner, style = (x - width / 2, y - 1.55), "round,pad=0,rounding_size=1.0"
+        patch = FancyBboxPatch(corner, width, 3.1, boxstyle=style, facecolor=colour, edgecolor="none")
+        patch.set_zorder(7)
+        self.ax.add_patch(patch)
+        self.text(x, y - 0.1, f"{percent:.0f} %", size=6, weight="bold", color=letters_on(percent))
+
+    def saturation_scale(self, right: float, y: float) -> None:
+        """The scale of saturations as fields from low to high, ending at the right."""
+        for index, (percent, _) in enumerate(reversed(STOPS)):
+            self.saturation((right - 4.5 - 9.0 * index, y), percent, 9.0)
+        self.text(right - 9.0 * len(STOPS) - 1.5, y, "oxygen saturation", size=6.5, ha="right")
 
     def between(self, first: Box, second: Box) -> tuple[Point, Point]:
         """Ends of a straight line between two boxes of one row or one column."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise, permutations, product
+from typing import NamedTuple
 
 from eclsim.reporting.schematic_layout import (
     BODY,
@@ -97,7 +98,7 @@ def _path(
     plan: Plan, page: Layout, line: Attachment, lane_x: float, heights: list[float], slot: float
 ) -> Path:
     x, y = page.places[line.site]
-    port_x, port_y = page.places[line.node]
+    port_x, port_y = port_of(page, line)
     end = [(port_x, heights[-1]), (port_x, port_y - BOX_HEIGHT / 2)]
     side = plan.places[line.site].side
     if side in ("left", "right"):
@@ -119,8 +120,22 @@ def _clearance(x: float, port_x: float, slot: float) -> float:
     return 5.0 if x == 30.0 else -5.0
 
 
-def detour(page: Layout, wire: Wire, wider: float = 0.0) -> Path:
-    """Way of a connection up its column past a box in between, on the left; empty where there is none.
+class Way(NamedTuple):
+    """Way of a connection between boxes that are no neighbours.
+
+    Attributes:
+        path: Corner points.
+        label: Middle of the end of its label.
+        align: Which end of the label that is.
+    """
+
+    path: Path
+    label: Point
+    align: str
+
+
+def detour(page: Layout, wire: Wire, wider: float = 0.0) -> Way | None:
+    """Way of a connection past boxes in between; None where there are none.
 
     Args:
         page: with the boxes.
@@ -128,17 +143,45 @@ def detour(page: Layout, wire: Wire, wider: float = 0.0) -> Path:
         wider: by how much the boxes are drawn wider on either side [mm].
     """
     (x, low), (other, high) = page.places[wire.source], page.places[wire.target]
+    half = BOX_WIDTH / 2 + wider
+    if wire.source == "sart" and wire.target == "pvn":  # inside the ring
+        channel, start, end = 0.5 * (page.places["part"][0] + other), low + BOX_HEIGHT / 2, high - 4.0
+        inside = [(x + 8.0, start), (x + 8.0, start + 3.0), (channel, start + 3.0)]
+        return Way([*inside, (channel, end), (other - half, end)], (channel - 1.5, high - 10.0), "right")
+    if wire.target == "pvn" and low < high:  # outside of the left heart
+        edge, aside = other + half, other + half + 1.4 - 0.4 * wider
+        path = [(x + half, low + 2.0), (aside, low + 2.0), (aside, high - 3.0), (edge, high - 3.0)]
+        return Way(path, (x + half + 2.5, low + 6.5), "left")
     if x != other or not any(x == at and low < y < high for at, y in page.places.values()):
-        return []
-    edge = x - BOX_WIDTH / 2 - wider
+        return None
+    edge = x - half
     aside = edge - 1.4 + 0.4 * wider
-    return [(edge, low + 3.0), (aside, low + 3.0), (aside, high - 3.0), (edge, high - 3.0)]
+    path = [(edge, low + 3.0), (aside, low + 3.0), (aside, high - 3.0), (edge, high - 3.0)]
+    return Way(path, (edge + 1.0, low + 6.0 + BOX_HEIGHT / 2), "left")
+
+
+_PORT = 7.0
+"""Distance [mm] of a second line at a device's box from the first."""
+
+
+def port_of(page: Layout, line: Attachment) -> Point:
+    """Where a line reaches its device's box, as far from its middle line as the middle of the box."""
+    x, y = page.places[line.node]
+    return x + line.port * (_PORT if x < MIDDLE else -_PORT), y
 
 
 def stub_middle(page: Layout, line: Attachment) -> Point:
-    """Middle of the straight piece below a device's box, where symbol and label of a line stand."""
-    x, y = page.places[line.node]
-    return x, y - BOX_HEIGHT / 2 - STUB / 2
+    """Where the symbol of a line stands on the straight piece below its device's box."""
+    x, y = port_of(page, line)
+    return x, y - BOX_HEIGHT / 2 - STUB * (0.5 + line.port)
+
+
+def stub_label(plan: Plan, page: Layout, line: Attachment) -> tuple[Point, str]:
+    """Where the label of a line begins, beside its symbol and all lines of the box, and its alignment."""
+    x, y = stub_middle(page, line)
+    beside = max(other.port for other in plan.lines if other.node == line.node) - line.port
+    away = 5.0 + _PORT * beside
+    return ((x + away, y), "left") if x < MIDDLE else ((x - away, y), "right")
 
 
 def _cost(paths: Sequence[Path]) -> float:

@@ -27,8 +27,8 @@ export default {
           }}<tspan class="unit" :x="f.title[0]" dy="4.7">{{ f.flows }}</tspan></text>
       </g>
       <g v-for="w in wires" :key="w.name" :style="ink(w)">
-        <polyline :points="polyline(w.path)" class="wire" />
-        <polyline v-if="w.more" :points="polyline(w.more)" class="wire" />
+        <polyline :points="polyline(w.path)" class="wire" :style="blood(w)" />
+        <polyline v-if="w.more" :points="polyline(w.more)" class="wire" :style="blood(w)" />
         <g :transform="placed(w)" class="symbol" v-html="symbols[w.symbol] ?? ''"></g>
         <text :x="w.label[0]" :y="w.label[1]" :text-anchor="w.label[2]" class="label">{{ w.text }}</text>
         <text :x="w.label[0]" :y="w.label[1] + 4.4" :text-anchor="w.label[2]"
@@ -37,12 +37,17 @@ export default {
       </g>
       <g v-for="b in drawing.boxes" :key="b.name" class="box" :data-node="b.name" :style="ink(b)"
         :class="[level(b), { target: dragged && b.position, near: dragged?.near === b.name }]">
-        <title>{{ b.text }}: {{ pressure(b) }} mmHg</title>
+        <title>{{ aboutBox(b) }}</title>
         <rect :x="b.x" :y="b.y" :width="b.w" :height="b.h" rx="1.6" />
         <text :x="b.x + b.w / 2" :y="b.y + 4.6" class="name" :textLength="squeezed(b)"
           lengthAdjust="spacingAndGlyphs">{{ b.short }}</text>
-        <text :x="b.x + b.w / 2" :y="b.y + 10.5" class="pressure">{{ signs[level(b)]
-          }}{{ pressure(b) }}</text>
+        <text :x="b.x + (gases[b.name] ? (b.w - 14) / 2 : b.w / 2)" :y="b.y + 10.5" class="pressure">{{
+          signs[level(b)] }}{{ pressure(b) }}</text>
+        <g v-if="gases[b.name]" class="saturation" :style="{ '--blood': gases[b.name].colour }">
+          <rect :x="b.x + b.w - 15" :y="b.y + 6.2" width="14" height="5" rx="2" />
+          <text :x="b.x + b.w - 8" :y="b.y + 10.2" :style="{ fill: gases[b.name].letters }">{{
+            saturation(b) }}</text>
+        </g>
       </g>
       <g v-for="l in movable" :key="l.moves" class="handle" tabindex="0" role="slider" :data-line="l.moves"
         :style="ink(l)" :aria-label="about(l)" :aria-valuetext="l.site"
@@ -60,6 +65,9 @@ export default {
       <span class="key warning">{{ texts.legend_warning }}</span>
       <span class="key alarm">{{ texts.legend_alarm }}</span>
       <span class="key collapse">{{ texts.legend_collapse }}</span>
+      <span v-if="Object.keys(gases).length" class="scale">{{ texts.legend_saturation }}
+        <i v-for="[percent, colour, letters] in stops" :key="percent"
+          :style="{ background: colour, color: letters }">{{ percent }}</i></span>
       <span v-if="movable.length" class="hint" :title="texts.schematic_hint">{{ dragHint }}</span>
     </figcaption>
   </figure>`,
@@ -68,8 +76,11 @@ export default {
       drawing(drawing) {
         this.drawing = drawing;
       },
-      beat({ means, places, levels }) {
-        Object.assign(this, { means, places, levels });
+      display(display) {
+        this.stops = display.saturations;
+      },
+      beat({ means, places, levels, gas }) {
+        Object.assign(this, { means, places, levels, gases: gas?.places ?? {} });
       },
     }),
   ],
@@ -78,6 +89,8 @@ export default {
     means: {},
     places: {},
     levels: {},
+    gases: {},
+    stops: [],
     signs: SIGNS,
     symbols: SYMBOLS,
     dragged: null,
@@ -112,6 +125,19 @@ export default {
       this.pen.font = `100px ${LETTERING}`;
       const width = (this.pen.measureText(box.short).width * LETTERS) / 100;
       return width > box.w - 2 ? box.w - 2 : null;
+    },
+    // What flows through a line has the colour of where it comes from.
+    blood({ name, ends }) {
+      const { colour } = this.gases[ends[this.means[`Q${name}`] < 0 ? 1 : 0]] ?? {};
+      return colour ? { "--blood": colour } : {};
+    },
+    saturation(box) {
+      return `${fixed(this.gases[box.name].values.SO2, 0)} %`;
+    },
+    aboutBox(box) {
+      const { values } = this.gases[box.name] ?? {};
+      const gases = values ? `, SO2 ${fixed(values.SO2, 1)} %, PO2 ${fixed(values.PO2, 0)} mmHg` : "";
+      return `${box.text}: ${this.pressure(box)} mmHg${gases}`;
     },
     pressure(box) {
       return fixed(this.means[`P${box.name}`], 0);

@@ -1,0 +1,47 @@
+"""The colours of oxygen saturation, for the report and the page.
+
+From dark blue to a light red, much like the lower part of matplotlib's plasma: lightness rises all the way,
+to eyes of any colour vision and in grey print. The steps narrow towards 100 %, where clinicians tell
+values apart.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+STOPS = (
+    (40.0, "#0D0887"), (60.0, "#3E1CA8"), (75.0, "#6E2AB2"), (88.0, "#AE4C92"), (95.0, "#DA6068"),
+    (100.0, "#F58C46"),
+)  # fmt: skip
+"""Oxygen saturation [%] and its colour; between them colours are mixed, beyond them they stay."""
+DARK_LETTERS = "#111111"
+LIGHT_LETTERS = "#FFFFFF"
+
+
+def colour_of(saturation: float) -> str:
+    """The colour of a saturation [%]."""
+    red, green, blue = _mixed(saturation)
+    return f"#{red:02X}{green:02X}{blue:02X}"
+
+
+def letters_on(saturation: float) -> str:
+    """The colour of letters that can be read on that of a saturation [%]: contrast of 4.5 and more."""
+    bright = sum(weight * _linear(part) for weight, part in zip(_WEIGHTS, _mixed(saturation), strict=True))
+    return LIGHT_LETTERS if 1.05 / (bright + 0.05) >= 4.5 else DARK_LETTERS
+
+
+_WEIGHTS = (0.2126, 0.7152, 0.0722)
+
+
+def _mixed(saturation: float) -> tuple[int, int, int]:
+    at = min(max(saturation, STOPS[0][0]), STOPS[-1][0])
+    (low, first), (high, second) = next(pair for pair in pairwise(STOPS) if at <= pair[1][0])
+    share = (at - low) / (high - low)
+    parts = ((int(c[k : k + 2], 16) for c in (first, second)) for k in (1, 3, 5))
+    red, green, blue = (round(a + share * (b - a)) for a, b in parts)
+    return red, green, blue
+
+
+def _linear(part: int) -> float:
+    share = part / 255.0
+    return share / 12.92 if share <= 0.04045 else ((share + 0.055) / 1.055) ** 2.4
