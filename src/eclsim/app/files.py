@@ -23,7 +23,6 @@ from eclsim.cases.reading import read_case
 from eclsim.files import file_stems
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.inputs.sections import MAXIMUM_ID_LENGTH
-from eclsim.parameters.regulation import SET_POINT, VENOUS_SET_POINT
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -281,9 +280,7 @@ def _with_set_points(case: Case) -> Case:
     from eclsim.orbit.model import values_of
 
     values = values_of(case)
-    keys = {"set_point_mmHg": SET_POINT, "venous_set_point_mmHg": VENOUS_SET_POINT}
-    read = list(keys)[: 2 if case.regulation.model == "heldt2004" else 1]
-    given = {name: getattr(case.regulation, name) or round(values[keys[name]], 3) for name in read}
+    given = {key.partition(".")[2]: round(values[key], 3) for key in case.regulation.open_set_points}
     update = {"regulation": case.regulation.model_copy(update=given), "as_written": None}
     return case.model_copy(update=update)
 

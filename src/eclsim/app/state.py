@@ -68,7 +68,7 @@ class PageState:
     @property
     def computed(self) -> Case:
         """The case; set points of reflexes that it leaves open are those of the patient as opened."""
-        left_open = self.case.regulation is not None and self.case.regulation.left_open
+        left_open = self.case.regulation is not None and self.case.regulation.open_set_points
         if self.opened is None or not left_open:
             return self.case
         return self.case.model_copy(update={"as_written": self.opened.case})
