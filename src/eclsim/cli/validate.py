@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from eclsim.execution import Distribution
     from eclsim.paper.comparison import Check
 
-PARTS = "reference gradients shi-hose adaptive invariants robustness paper devices dialysis drugs patients"
+PARTS = (
+    "reference gradients shi-hose adaptive invariants robustness "
+    "paper devices dialysis drugs regulation patients"
+)
 SWEEPS = ("robustness", "adaptive")
 """Parts made of tasks that shards can share."""
 _SWEEP_QUICK, _SWEEP, _SWEEP_FULL = 64, 512, 10_000

@@ -73,6 +73,7 @@ from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.numbers import RefusedValueError, read_number
 from eclsim.inputs.sections import Raw, read_name
 from eclsim.parameters import gas, thiel2025
+from eclsim.parameters.regulation import REGULATION
 from eclsim.patient.anthropometry import body_surface
 from eclsim.patient.sites import ARTERIAL_SITES, PATIENT_SITES, VENOUS_SITES
 from eclsim.units import ML_S_PER_L_MIN
@@ -769,7 +770,10 @@ class EcmoDevice(Device[Ecmo]):
 def _left_ventricle(circuit: Circuit) -> str:
     """Why the filling of the left ventricle on V-A ECMO is not the patient's."""
     bronchial = any(c.name == "bronchial" for c in circuit.connections)
-    there = {"reflexes": bool(circuit.controllers), "bronchial return": bronchial}
+    there = {
+        "reflexes": any(c.name == REGULATION for c in circuit.controllers),
+        "bronchial return": bronchial,
+    }
     missing = " and ".join(name for name, known in there.items() if not known)
     if not missing:
         return "they depend on what is held while the flow changes (volume, tone); not validated in patients"

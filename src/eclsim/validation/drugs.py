@@ -14,6 +14,7 @@ from functools import lru_cache
 from itertools import groupby
 
 import numpy as np
+import numpy.typing as npt
 
 from eclsim.cases.reading import read_mapping
 from eclsim.orbit.model import Model, model_of
@@ -21,6 +22,7 @@ from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 from eclsim.paper.comparison import Check, Explanation, Row, near
 from eclsim.parameters.regulation import EXTRA_VOLUME, dose
+from eclsim.validation.matching import with_quantities
 from eclsim.validation.reference_cases import read_table
 
 SURFACE_M2 = (170.0 * 70.0 / 3600.0) ** 0.5
@@ -132,7 +134,7 @@ def arms() -> tuple[Arm, ...]:
     return tuple(found)
 
 
-def measured(patient: Model, changes: Mapping[str, Sequence[float]], quantities: Sequence[str]) -> Measured:
+def measured(patient: Model, changes: Mapping[str, npt.ArrayLike], quantities: Sequence[str]) -> Measured:
     """Quantities of variants of a patient, each of shape (variants,)."""
     count = max((np.size(v) for v in changes.values()), default=1)
     values = {**patient.values, **{name: np.asarray(v, dtype=float) for name, v in changes.items()}}
@@ -151,7 +153,7 @@ def plain_patient(heart_rate: float) -> Model:
 
 @lru_cache(maxsize=32)
 def patient_of(arm: Arm) -> Model:
-    """The patient who has an arm's values before the drug, by Newton's method."""
+    """The patient who has an arm's values before the drug."""
     before = arm.before
     patient = plain_patient(before["HR"])
     wanted = {
@@ -159,31 +161,13 @@ def patient_of(arm: Arm) -> Model:
         for parameter, quantities in TARGETS.items()
         if any(q in before for q in quantities)
     }
-    goal, logarithmic = np.array([before[q] for q in wanted.values()]), [p != EXTRA_VOLUME for p in wanted]
-    start = [patient.values[parameter] for parameter in wanted]
-    steps = np.where(logarithmic, 1e-3, 1.0)
-    moved, longest = np.zeros(len(wanted)), np.where(logarithmic, 0.4, 400.0)
+    names = list(wanted.values())
 
-    def at(points: np.ndarray) -> np.ndarray:
-        columns = zip(wanted, start, points.T, logarithmic, strict=True)
-        values = {p: first * np.exp(x) if log else first + x for p, first, x, log in columns}
-        found = measured(
-            patient.with_values({p: float(v[0]) for p, v in values.items()}), values, list(wanted.values())
-        )
-        return np.stack([found[q] for q in wanted.values()], axis=-1)
+    def measure(values: Mapping[str, np.ndarray]) -> np.ndarray:
+        found = measured(patient, values, names)
+        return np.stack([found[name] for name in names], axis=-1)
 
-    for _ in range(40):
-        table = at(np.vstack([moved, moved + np.diag(steps)]))
-        missing = goal - table[0]
-        if np.all(np.abs(missing) < 1e-6 * np.abs(goal)):
-            break
-        slopes = (table[1:] - table[0]).T / steps
-        step = np.linalg.solve(slopes, missing)
-        moved = moved + step / max(1.0, float(np.max(np.abs(step) / longest)))
-    else:
-        raise ArithmeticError(f"{arm.study}, {arm.arm}: no patient with these values before the drug")
-    last = zip(wanted, start, moved, logarithmic, strict=True)
-    return patient.with_values({p: float(f * np.exp(x) if log else f + x) for p, f, x, log in last})
+    return with_quantities(patient, list(wanted), measure, [before[name] for name in names])
 
 
 def expected(row: Mapping[str, str], before: float) -> float:

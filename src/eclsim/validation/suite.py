@@ -7,7 +7,16 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from eclsim.paper.comparison import Check, Row, worst
-from eclsim.validation import dialysis, drugs, gradients, measurements, reference_cases, robustness, solvers
+from eclsim.validation import (
+    dialysis,
+    drugs,
+    gradients,
+    measurements,
+    reference_cases,
+    regulation,
+    robustness,
+    solvers,
+)
 from eclsim.validation.effort import Effort
 from eclsim.validation.timing import machine
 
@@ -25,6 +34,7 @@ PARTS: dict[str, Callable[[Effort], list[Check]]] = {
     "devices": lambda _: [measurements.devices_check()],
     "dialysis": lambda _: [dialysis.dialysis_check()],
     "drugs": lambda _: [drugs.drugs_check()],
+    "regulation": lambda _: regulation.regulation_checks(),
     "patients": lambda _: [measurements.healthy_check(), *measurements.effects_checks()],
 }
 """Parts of the validation by the name that `--only` takes."""

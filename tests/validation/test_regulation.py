@@ -1,0 +1,30 @@
+"""Experiments with what they held: signs of the left ventricle on V-A ECMO, and the search for the animal."""
+
+import pytest
+
+from eclsim.outputs.results import simulate
+from eclsim.validation import regulation
+from eclsim.validation.matching import UnreachableError, with_outputs
+
+
+def test_curves_are_as_printed():
+    assert all(row.holds for row in regulation.curve_rows())
+
+
+def test_a_patient_is_made_to_have_measured_values_or_it_is_said():
+    plain = regulation.adult(75.0)
+    found = with_outputs(plain, ("Rmc", regulation.EXTRA_VOLUME), {"MAP": 80.0, "CO": 5.0})
+    assert float(simulate(found)["MAP"]) == pytest.approx(80.0, rel=1e-5)
+    assert float(simulate(found)["CO"]) == pytest.approx(5.0, rel=1e-5)
+    with pytest.raises(UnreachableError, match="no Emaxla give"):
+        with_outputs(plain, ("Emaxla",), {"MAP": 200.0})
+
+
+@pytest.mark.slow
+def test_with_filling_held_all_signs_of_the_left_ventricle_are_measured_ones():
+    rows = list(regulation.ecmo_rows())
+    held = [row for row in rows if "right atrial pressure held: sign" in row.name]
+    assert len(held) == 11
+    assert all(row.holds for row in held)
+    missed = [row for row in rows if not row.holds and "volume held: sign" in row.name]
+    assert all(row.explained for row in missed)
