@@ -7,6 +7,9 @@ from eclsim.circuit import Compartment as Compartment
 from eclsim.circuit import Connection as Connection
 from eclsim.circuit import StartPressure as StartPressure
 from eclsim.circuit import StartVolume as StartVolume
+from eclsim.course.course import course as course
+from eclsim.course.course import course_many as course_many
+from eclsim.course.engine import CourseOptions as CourseOptions
 from eclsim.crrt_study.study import crrt_study as crrt_study
 from eclsim.devices.crrt import crrt as crrt
 from eclsim.devices.ecmo import ecmo as ecmo

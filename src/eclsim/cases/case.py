@@ -8,6 +8,7 @@ from typing import Any, Literal
 from pydantic import ConfigDict, Field, SerializeAsAny, ValidationInfo, model_validator
 
 from eclsim.cases.checking import check_case
+from eclsim.cases.events import Event
 from eclsim.cases.fluid import Fluid, Solutes
 from eclsim.cases.gas import Gas
 from eclsim.cases.regulation import Drugs, Regulation
@@ -56,6 +57,7 @@ class Case(PublishedDevices):
     solutes: Solutes | None = None
     other_devices: Mapping[str, SerializeAsAny[Section]] = Field(default_factory=dict)
     parameters: dict[str, float] = Field(default_factory=dict)
+    events: tuple[Event, ...] = ()
     as_written: Case | None = Field(default=None, exclude=True, repr=False)
     """The case of the file where settings were put over it; what open set points of reflexes refer to."""
 
@@ -138,7 +140,7 @@ class Case(PublishedDevices):
     def at_rest(self) -> Case:
         """The case that open set points refer to: as it was written, unregulated, without extra volume."""
         return (self.as_written or self).model_copy(
-            update={"regulation": None, "fluid": None, "as_written": None}
+            update={"regulation": None, "fluid": None, "as_written": None, "events": ()}
         )
 
     def setting(self, section: str, name: str) -> Any:
@@ -153,7 +155,8 @@ class Case(PublishedDevices):
         result = _nested(
             result, {one.key: one.section.model_dump(exclude_none=True) for one in self.instances()}
         )
-        return result | ({"parameters": self.parameters} if self.parameters else {})
+        result |= {"parameters": self.parameters} if self.parameters else {}
+        return result | ({"events": [event.as_object() for event in self.events]} if self.events else {})
 
 
 _BEFORE_DEVICES = (

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from eclsim.cases.events import check_events
 from eclsim.cases.overrides import check_parameters
 from eclsim.cases.plausibility import check_plausibility
 from eclsim.cases.sections import (
@@ -23,6 +24,7 @@ from eclsim.devices.device import CaseValues, instance_key
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.sections import Raw, check_field, check_section, short
 from eclsim.parameters import did_you_mean
+from eclsim.patient.anthropometry import mean_height_weight, total_blood_volume_ml
 
 FORMAT = 1
 
@@ -52,7 +54,7 @@ def check_case(raw: object) -> Checked:
         checked.error("", "a case is a table of sections", shown(raw))
         return checked
     _check_format(raw, checked)
-    top_level = ("format", POLICY_KEY, *sections(), "parameters")
+    top_level = ("format", POLICY_KEY, *sections(), "parameters", "events")
     for key in raw:
         if key not in top_level:
             hint = did_you_mean(str(key), top_level) or other_place(str(key))
@@ -75,7 +77,21 @@ def check_case(raw: object) -> Checked:
     )
     checked.values["parameters"] = parameters
     check_plausibility(values, parameters, checked)
+    if "events" in raw:
+        rest = {key: value for key, value in raw.items() if key != "events"}
+        blood_ml = None if checked.mistakes else _blood_ml(checked.values)
+        checked.values["events"] = check_events(raw["events"], rest, blood_ml, check_case, checked)
     return checked
+
+
+def _blood_ml(values: Raw) -> float:
+    """Blood of a patient at the start of a course [mL]."""
+    own = values["patient"]
+    height, weight = own.get("height_cm"), own.get("weight_kg")
+    if height is None or weight is None:
+        height, weight = mean_height_weight(own["sex"], own["age_years"])
+    extra = values.get("fluid", {}).get("extra_volume_ml", 0.0)
+    return total_blood_volume_ml(own["sex"], own["age_years"], height, weight) + extra
 
 
 def other_place(key: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import tomllib
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -184,15 +185,22 @@ def _meant(written: str) -> str:
 
 
 def lines_of_keys(text: str) -> dict[str, int]:
-    """Line, from 1, of every section ("patient") and key ("patient.age_years") of a valid TOML text."""
+    """Line, from 1, of every section ("patient") and key ("patient.age_years") of a valid TOML text.
+
+    Tables of a list are counted: "events[2]", "events[2].at_min".
+    """
     result: dict[str, int] = {}
     section = ""
-    in_long_text = False
+    in_long_text, tables = False, Counter[str]()
     for number, line in enumerate(text.split("\n"), start=1):
         if not in_long_text:
             if header := _HEADER.match(line):
                 section = _dotted(header[1])
                 result.setdefault(section, number)
+                if line.lstrip().startswith("[["):
+                    tables[section] += 1
+                    section = f"{section}[{tables[section]}]"
+                    result[section] = number
             elif key := _KEY.match(line):
                 path = f"{section}.{_dotted(key[1])}" if section else _dotted(key[1])
                 result.setdefault(path, number)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from copy import deepcopy
 from typing import TYPE_CHECKING, Any
 
@@ -40,7 +40,7 @@ def _parsed(settings: Iterable[str]) -> tuple[dict[tuple[str, str], Any], list[M
         if not equals or not name.strip():
             mistakes.append(Mistake("", "no setting", shown(setting), _EXPECTED, file=PLACE))
         elif path is None:
-            mistakes.append(_unknown(name.strip(), text))
+            mistakes.append(unknown_key(name.strip(), text))
         else:
             value = _value_of(text.strip())
             if path in result and result[path] != value:
@@ -56,14 +56,22 @@ def merge_settings(
     raw: dict[str, Any], settings: Iterable[str], file: str = "the case"
 ) -> tuple[dict[str, Any], list[Mistake]]:
     """A case as mappings with settings put in, and a note for each value of its file that gives way."""
-    merged = deepcopy(raw)
     parsed, notes = _parsed(settings)
-    for (section, key), value in parsed.items():
+    merged, more = put_in(raw, parsed, file)
+    return merged, notes + more
+
+
+def put_in(
+    raw: Mapping[str, Any], values: Mapping[tuple[str, str], Any], file: str = "the case"
+) -> tuple[dict[str, Any], list[Mistake]]:
+    """A case as mappings with values by section and key put in, and a note for each that gives way."""
+    merged, notes = deepcopy(dict(raw)), list[Mistake]()
+    for (section, key), value in values.items():
         target = merged.setdefault(section, {}) if section == "parameters" else within(merged, section)
         if not isinstance(target, dict):
             continue
-        for other in _in_place_of(section, key):
-            if other in target and (section, other) not in parsed:
+        for other in in_place_of(section, key):
+            if other in target and (section, other) not in values:
                 message = f"takes the place of {other} = {shown(target.pop(other))} of {file}"
                 notes.append(Mistake(f"{section}.{key}", message, shown(value), file=PLACE))
         if key in target and target[key] != value:
@@ -102,7 +110,8 @@ def _value_of(text: str) -> object:
         return text
 
 
-def _unknown(name: str, text: str) -> Mistake:
+def unknown_key(name: str, text: str) -> Mistake:
+    """What to say about a key that is none, with the nearest right spelling."""
     paths = [f"{section}.{key}" for section, kind in sections().items() for key in kind.fields()]
     exact = [path for path in places_of(name) if path.endswith(f".{name}")]
     hint = " or ".join(exact) or did_you_mean(name, (*paths, *parameters())) or ""

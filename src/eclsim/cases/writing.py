@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ from eclsim.devices.registry import parameter_of
 from eclsim.files import write_text
 
 if TYPE_CHECKING:
-    from tomlkit.items import Item, Table
+    from tomlkit.items import AoT, Item, Table
 
     from eclsim.cases.case import Case
     from eclsim.inputs.sections import Raw, Section
@@ -41,6 +41,8 @@ def case_text(case: Case) -> str:
         document[instance.device.key][instance.name] = table
     if mapping.get("parameters"):
         document["parameters"] = _parameter_table(case.parameters, [i.key for i in case.instances()])
+    if case.events:
+        document["events"] = _event_tables(mapping["events"])
     return tomlkit.dumps(document)
 
 
@@ -76,6 +78,18 @@ def _parameter_table(values: dict[str, float], connected: Collection[str]) -> Ta
         table[key] = _toml_value(value)
         table[key].comment(f"{parameter.description} [{parameter.unit}]")
     return table
+
+
+def _event_tables(events: Sequence[Raw]) -> AoT:
+    import tomlkit
+
+    tables = tomlkit.aot()
+    for event in events:
+        table = tomlkit.table()
+        for key, value in event.items():
+            table[key] = _toml_value(value)
+        tables.append(table)
+    return tables
 
 
 def _toml_value(value: object) -> Item:

@@ -15,6 +15,7 @@ from eclsim._version import __version__
 from eclsim.cli.app import app as bedside_page
 from eclsim.cli.catalogue import ListOptions, devices, explain, export, list_parameters
 from eclsim.cli.console import fail, say
+from eclsim.cli.course import course
 from eclsim.cli.crrt_study import crrt_study
 from eclsim.cli.identify import identify
 from eclsim.cli.importing import import_data
@@ -50,6 +51,7 @@ parameters = typer.Typer(
 )
 for name, function, summary in (
     ("simulate", simulate, "Simulate the steady heartbeat of each case."),
+    ("course", course, "Follow a case over hours, with its events."),
     ("crrt-study", crrt_study, "Compare all ways of connecting CRRT to a patient's ECMO circuit."),
     ("reproduce", reproduce, "Recompute the numbers of the paper."),
     ("sensitivity", sensitivity, "Sobol indices: what the outputs of a case depend on."),

@@ -120,6 +120,12 @@ def anchor_at(problem: OrbitProblem, state: np.ndarray, beats: int, width: int =
     return Anchor(solved.states[:, 0], np.linalg.pinv(newton.jacobian(solved.states)))
 
 
+def inverse_at(problem: OrbitProblem, states: np.ndarray, width: int = 1) -> np.ndarray:
+    """Inverse Jacobian in scaled states at the orbit of a problem's one member, shape (states, states)."""
+    newton = _Newton(compiled_search(problem.program, width), problem, OrbitOptions())
+    return np.linalg.pinv(newton.jacobian(states[:, None]))
+
+
 def affordable(moves: np.ndarray, states: np.ndarray, largest_steps: np.ndarray) -> np.ndarray:
     """Share of a step that moves no state further than is allowed; shape (members,)."""
     return 1.0 / np.maximum((np.abs(moves) / allowed_moves(states, largest_steps)).max(axis=0), 1.0)

@@ -17,7 +17,7 @@ from eclsim.orbit.execution import Execution, in_threads
 from eclsim.orbit.inputs import allowed_values
 from eclsim.orbit.iteration import CompiledSearch, compiled_search
 from eclsim.orbit.model import AS_PUBLISHED, POLICIES, Model, nominal_values
-from eclsim.orbit.search import anchor_at, solve_orbits
+from eclsim.orbit.search import anchor_at, inverse_at, solve_orbits
 from eclsim.orbit.status import Status
 
 SEMI_IMPLICIT = "semi-implicit"
@@ -228,6 +228,13 @@ def anchor(batch: Batch, level: int, values: Mapping[str, float], width: int = 1
     """Steady beat at some parameter values and its inverse Jacobian, for searches to begin at."""
     names = beat_program(batch.circuit, level).names
     return _anchor(batch.circuit, level, batch.policy, tuple(float(values[n]) for n in names), width)
+
+
+def inverse_jacobian(orbits: SolvedOrbits, member: int) -> np.ndarray:
+    """Inverse Jacobian at a member's orbit in scaled states, with which searches near it begin."""
+    program = orbits.search(member).program
+    problem = OrbitProblem(program, orbits.batch.packed(program), orbits.batch.volume()).take([member])
+    return inverse_at(problem, orbits.states[:, member], orbits.width)
 
 
 @lru_cache(maxsize=256)

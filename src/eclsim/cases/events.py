@@ -1,0 +1,243 @@
+"""Events of a course, `[[events]]` in a case file: settings changed, fluid and blood given or lost."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict
+from pydantic import Field as Default
+
+from eclsim.cases.quantities import place_of
+from eclsim.cases.settings import in_place_of, put_in, unknown_key
+from eclsim.inputs.fields import Field, number
+from eclsim.inputs.mistakes import Mistake, Remarks, shown
+from eclsim.inputs.numbers import RefusedValueError, read_number
+from eclsim.inputs.sections import Raw, short
+from eclsim.parameters import did_you_mean
+from eclsim.slow.law import INFLOWS
+
+LONGEST_MIN = 31 * 1440.0
+"""Longest course [min]."""
+QUICKEST_MIN = 1.0
+"""In which what is given without `over_min` runs in: a bolus takes a minute."""
+LARGEST_ML = 20_000.0
+_TIMES = {
+    "at_min": number("When it begins, in minutes from the start", "min", 0, LONGEST_MIN, 60),
+    "ramp_min": number("In which the settings change, linearly; 0: at once", "min", 0, LONGEST_MIN, 5),
+    "over_min": number("In which it is given", "min", 0.1, LONGEST_MIN, 30),
+}
+_AMOUNT = number("Volume", "mL", 0, LARGEST_ML, 500)
+KEYS = ("at_min", "set", "ramp_min", "give", "over_min")
+Path = tuple[str, str]
+"""Section and key of a setting."""
+Check = Callable[[Raw], Remarks]
+
+
+class Event(BaseModel):
+    """What happens at a moment of a course.
+
+    Attributes:
+        at_min: when it begins [min from the start].
+        set: values by key, any key that `--set` takes.
+        ramp_min: in which they change, linearly [min]; 0: at once.
+        give: volumes [mL] by kind; `bleed_ml` is lost.
+        over_min: in which it is given [min].
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    at_min: float
+    set: dict[str, Any] = Default(default_factory=dict)
+    ramp_min: float = 0.0
+    give: dict[str, float] = Default(default_factory=dict)
+    over_min: float = QUICKEST_MIN
+
+    @property
+    def words(self) -> str:
+        """What happens, in a few words."""
+        changes = [f"{key} = {shown(value)[:40]}" for key, value in self.set.items()]
+        gifts = [f"{kind.removesuffix('_ml').replace('_', ' ')} {ml:g} mL" for kind, ml in self.give.items()]
+        return ", ".join(changes + gifts)
+
+    def as_object(self) -> dict[str, Any]:
+        """As a case file holds it."""
+        kept = {"at_min": self.at_min}
+        kept |= {"set": dict(self.set), "ramp_min": self.ramp_min} if self.set else {}
+        return kept | ({"give": dict(self.give), "over_min": self.over_min} if self.give else {})
+
+
+def check_events(raw: object, case: Raw, blood_ml: float | None, check: Check, remarks: Remarks) -> list[Raw]:
+    """Check the events of a case; never raises.
+
+    Args:
+        raw: of the case file, a list of tables.
+        case: the case without events, as mappings.
+        blood_ml: of the patient before anything is given or taken; None where unknown.
+        check: of a case as mappings.
+        remarks: gets what there is to say.
+
+    Returns:
+        Events as far as they are right.
+    """
+    if not isinstance(raw, Sequence) or isinstance(raw, str):
+        remarks.error("events", "a list of events belongs here", shown(raw), "[[events]], in double brackets")
+        return []
+    checks = _Checks(case, check, remarks)
+    events = [checks.event(f"events[{n}]", one) for n, one in enumerate(raw, start=1)]
+    right = [event for event in events if event]
+    _check_order(raw, remarks)
+    _check_overlap(right, remarks)
+    if blood_ml is not None:
+        _check_blood(right, blood_ml, remarks)
+    return [{k: v for k, v in event.items() if k != "place"} for event in right]
+
+
+class _Checks:
+    """Checks events one after the other; each finds the case as the ones before left it."""
+
+    def __init__(self, case: Raw, check: Check, remarks: Remarks):
+        self.case, self.check, self.remarks = dict(case), check, remarks
+        self.known = set(map(_said, check(case).mistakes))
+
+    def event(self, place: str, raw: object) -> dict[str, Any]:
+        """An event as far as it is right; empty where its time is not known."""
+        if not isinstance(raw, Mapping):
+            self.remarks.error(place, "an event is a table", shown(raw), ", ".join(KEYS))
+            return {}
+        for key in raw:
+            if key not in KEYS:
+                hint = did_you_mean(str(key), KEYS) or ""
+                self.remarks.error(
+                    f"{place}.{short(key)}", "unknown key", shown(raw[key]), ", ".join(KEYS), hint
+                )
+        values: dict[str, Any] = {"place": place}
+        for key, field in _TIMES.items():
+            if key in raw:
+                self._number(f"{place}.{key}", raw[key], field, values, key)
+        self._whole(place, raw)
+        if "set" in raw:
+            values["set"] = self._settings(f"{place}.set", raw["set"], bool(values.get("ramp_min")))
+        if "give" in raw:
+            values["give"] = self._given(f"{place}.give", raw["give"])
+        return values if "at_min" in values else {}
+
+    def _whole(self, place: str, raw: Raw) -> None:
+        if "at_min" not in raw:
+            self.remarks.error(f"{place}.at_min", "missing", allowed=_TIMES["at_min"].allowed)
+        if not {"set", "give"} & raw.keys():
+            self.remarks.error(place, "nothing happens", allowed="set = { ... } or give = { ... }")
+        for key, owner in (("ramp_min", "set"), ("over_min", "give")):
+            if key in raw and owner not in raw:
+                self.remarks.error(f"{place}.{key}", f"goes with {owner} = {{ ... }}", shown(raw[key]))
+
+    def _number(self, place: str, value: object, field: Field, values: dict[str, Any], key: str) -> None:
+        try:
+            values[key] = read_number(value, field)
+        except RefusedValueError as error:
+            why = error.mistake
+            self.remarks.error(place, why.message, shown(value), why.allowed, why.suggestion)
+
+    def _given(self, place: str, raw: object) -> dict[str, float]:
+        values: dict[str, float] = {}
+        if not isinstance(raw, Mapping) or not raw:
+            self.remarks.error(place, "volumes by kind belong here", shown(raw), "{ crystalloid_ml = 500 }")
+            return values
+        for kind, value in raw.items():
+            if kind in INFLOWS:
+                self._number(f"{place}.{kind}", value, _AMOUNT, values, kind)
+                continue
+            hint = did_you_mean(str(kind), INFLOWS) or ""
+            self.remarks.error(f"{place}.{short(kind)}", "unknown", shown(value), ", ".join(INFLOWS), hint)
+        return values
+
+    def _settings(self, place: str, raw: object, ramped: bool) -> dict[str, Any]:
+        values: dict[str, Any] = {}
+        if not isinstance(raw, Mapping) or not raw:
+            self.remarks.error(place, "values by key belong here", shown(raw), '{ "ecmo.speed_rpm" = 3600 }')
+            return values
+        for written, value in _flat(raw):
+            path, key = place_of(written), f"{place}.{short(written)}"
+            if path is None:
+                said = unknown_key(written, shown(value))
+                self.remarks.error(key, said.message, shown(value), said.allowed, said.suggestion)
+            elif path[0] == "measurements" or path == ("patient", "id"):
+                self.remarks.error(key, "changes nothing that a course reads", shown(value))
+            elif path[1] == "flow_l_min" and "speed_rpm" in in_place_of(*path):
+                self.remarks.error(key, "a course holds speeds; set the speed", shown(value))
+            elif ramped and not _is_number(value):
+                self.remarks.error(key, "only numbers change over ramp_min", shown(value))
+            elif self._allowed(key, path, value):
+                values[path[1] if path[0] == "parameters" else ".".join(path)] = value
+        return values
+
+    def _allowed(self, key: str, path: Path, value: object) -> bool:
+        """Whether the case with the value is right; if so the events behind find it."""
+        merged, _ = put_in(self.case, {path: value})
+        checked = self.check(merged)
+        new = [mistake for mistake in checked.mistakes if _said(mistake) not in self.known]
+        for why in new:
+            own = why.key in (".".join(path), path[1])
+            message = why.message if own else f"{why.key}: {why.message}"
+            self.remarks.error(key, message, shown(value), why.allowed, why.suggestion)
+        if not new:
+            self.case = merged
+        return not new
+
+
+def _said(mistake: Mistake) -> tuple[str, str]:
+    return mistake.key, mistake.message
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _flat(raw: Raw, before: str = "") -> list[tuple[str, object]]:
+    """Keys and values, also where `ecmo.speed_rpm` was written without quotes."""
+    found: list[tuple[str, object]] = []
+    for key, value in raw.items():
+        inner = isinstance(value, Mapping) and place_of(f"{before}{key}") is None
+        found += _flat(value, f"{before}{key}.") if inner else [(f"{before}{key}", value)]
+    return found
+
+
+def _check_order(raw: Sequence[object], remarks: Remarks) -> None:
+    last = -1.0
+    for n, one in enumerate(raw, start=1):
+        at = one.get("at_min") if isinstance(one, Mapping) else None
+        if not _is_number(at):
+            continue
+        if at < last:
+            message = f"out of order: the event before is at {last:g} min"
+            remarks.error(f"events[{n}].at_min", message, shown(at), "events in the order of their times")
+        last = max(last, float(at))
+
+
+def _check_overlap(events: Sequence[Raw], remarks: Remarks) -> None:
+    """One key is changed by one event at a time."""
+    last: dict[Path, tuple[float, float]] = {}
+    for event in events:
+        begin = event["at_min"]
+        for key in event.get("set", {}):
+            path = place_of(key)
+            assert path is not None
+            start, end = last.get(path, (-1.0, -1.0))
+            if begin == start or start < begin < end:
+                message = f"overlaps the change of {key} from {start:g} to {end:g} min"
+                remarks.error(
+                    f"{event['place']}.at_min", message, shown(begin), "one change of a key at a time"
+                )
+            last[path] = (begin, begin + event.get("ramp_min", 0.0))
+
+
+def _check_blood(events: Sequence[Raw], blood_ml: float, remarks: Remarks) -> None:
+    """No more blood is taken than there is."""
+    there = blood_ml
+    for event in events:
+        gifts = event.get("give", {})
+        lost = gifts.get("bleed_ml", 0.0)
+        there += sum(ml for kind, ml in gifts.items() if kind != "bleed_ml")
+        if lost >= there:
+            key, message = f"{event['place']}.give.bleed_ml", "more blood than there is"
+            remarks.error(key, message, shown(lost), f"below {there:.0f} mL, what the patient has then")
+        there -= lost

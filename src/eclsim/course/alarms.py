@@ -1,0 +1,115 @@
+"""Limits that a course breaks, each with the time from when to when."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from eclsim.devices.description import CAUTION, GRAVEST_FIRST
+from eclsim.outputs.registry import UnknownOutputError, output
+
+if TYPE_CHECKING:
+    from eclsim.course.moments import Moments
+    from eclsim.devices.description import Finding
+
+
+class Alarm(NamedTuple):
+    """A limit broken for some time.
+
+    Attributes:
+        at_min: from when [min], between two moments where the output crosses its limit.
+        until_min: until when [min]; None where it is broken at the end.
+        kind: "collapse", "alarm", "warning" or "caution".
+        quantity: the output or waveform.
+        limit: that is broken.
+        worst: the value farthest beyond it.
+        sentence: in words, with the time.
+    """
+
+    at_min: float
+    until_min: float | None
+    kind: str
+    quantity: str
+    limit: float
+    worst: float
+    sentence: str
+
+
+def clock_time(minute: float) -> str:
+    """Hours and minutes from the start, such as 03:12."""
+    whole = int(np.floor(minute + 1e-6))
+    return f"{whole // 60:02d}:{whole % 60:02d}"
+
+
+def alarms(moments: Moments, own: np.ndarray, minute: np.ndarray) -> list[Alarm]:
+    """Alarms of one member, the gravest first and then by time.
+
+    Args:
+        moments: with findings.
+        own: positions of the member's moments.
+        minute: times of these [min].
+    """
+    by_limit: dict[tuple[str, str, float], dict[int, Finding]] = {}
+    for k, place in enumerate(own):
+        for finding in moments.findings[place]:
+            limit = finding.limit if finding.kind in GRAVEST_FIRST else 0.0
+            by_limit.setdefault((finding.kind, finding.quantity, limit), {})[k] = finding
+    found = []
+    for broken in by_limit.values():
+        series = moments.values.get(next(iter(broken.values())).quantity)
+        values = None if series is None else series[own]
+        found += [_alarm(run, broken, minute, values) for run in _runs(sorted(broken))]
+    order = [*GRAVEST_FIRST, CAUTION]
+    return sorted(found, key=lambda alarm: (order.index(alarm.kind), alarm.at_min))
+
+
+def _runs(places: list[int]) -> list[list[int]]:
+    """Places in rows without a gap."""
+    runs: list[list[int]] = []
+    for place in places:
+        if runs and place == runs[-1][-1] + 1:
+            runs[-1].append(place)
+        else:
+            runs.append([place])
+    return runs
+
+
+def _alarm(
+    run: list[int], broken: dict[int, Finding], minute: np.ndarray, values: np.ndarray | None
+) -> Alarm:
+    first, last = broken[run[0]], run[-1]
+    at = _crossing(run[0] - 1, run[0], first.limit, minute, values)
+    until = None if last + 1 >= len(minute) else _crossing(last, last + 1, first.limit, minute, values)
+    worst = max((broken[k].value for k in run), key=lambda value: abs(value - first.limit))
+    return Alarm(
+        at, until, first.kind, first.quantity, first.limit, worst, _sentence(first, at, until, worst)
+    )
+
+
+def _crossing(left: int, right: int, limit: float, minute: np.ndarray, values: np.ndarray | None) -> float:
+    """When an output crosses its limit between two moments."""
+    if left < 0:
+        return float(minute[0])
+    if values is None or not (values[left] - limit) * (values[right] - limit) < 0.0:
+        return float(minute[right])
+    share = (limit - values[left]) / (values[right] - values[left])
+    return float(minute[left] + share * (minute[right] - minute[left]))
+
+
+def _sentence(finding: Finding, at: float, until: float | None, worst: float) -> str:
+    """Such as "drainage pressure below -100 mmHg at 03:12, until 05:00 (-112 mmHg at worst): ..."."""
+    when = f"at {clock_time(at)}" + ("" if until is None else f", until {clock_time(until)}")
+    try:
+        entry = output(finding.quantity)
+    except UnknownOutputError:
+        return f"{when}: {finding.sentence}"
+    if (
+        finding.kind not in GRAVEST_FIRST
+        or not np.isfinite(finding.limit)
+        or f" {finding.limit:g}" not in (finding.sentence)
+    ):
+        return f"{when}: {finding.sentence}"
+    side, unit = "below" if worst < finding.limit else "above", "" if entry.unit == "1" else f" {entry.unit}"
+    meaning = finding.sentence.partition(": ")[2]
+    return f"{entry.long_name} {side} {finding.limit:g}{unit} {when} ({worst:.4g}{unit} at worst): {meaning}"

@@ -1,0 +1,226 @@
+"""A course of hours: slow states from event to event, and the steady beat at each of many moments."""
+
+from __future__ import annotations
+
+import json
+import time as clock
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from eclsim.circuit.network import BLOOD_VOLUME
+from eclsim.course.alarms import Alarm, alarms, clock_time
+from eclsim.course.engine import CourseOptions, Engine
+from eclsim.course.laws import GIVEN, REFILLED, REMOVED, Laws, laws_of
+from eclsim.course.moments import Moments, beats_at, moments_of
+from eclsim.course.timeline import MINUTE, Timeline
+from eclsim.orbit.model import CaseSource, as_case
+from eclsim.orbit.status import Status
+from eclsim.outputs.registry import output
+from eclsim.parameters.regulation import EXTRA_VOLUME
+from eclsim.simulation.target_flow import with_speed
+
+if TYPE_CHECKING:
+    from eclsim.orbit.execution import Execution
+
+DAY_MIN = 1440.0
+SHOWN = 144
+"""About so many moments are shown where it is not said how often."""
+_EVERY_MIN = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0)
+MOST_MOMENTS = 20_000
+
+
+def course(
+    case: CaseSource,
+    *,
+    minutes: float = DAY_MIN,
+    every_min: float | None = None,
+    outputs: Sequence[str] | None = None,
+    volume_policy: str | None = None,
+    options: CourseOptions | None = None,
+    execution: Execution | None = None,
+) -> xr.Dataset:
+    """A case over hours: its events, slow states, and the steady beat at each moment.
+
+    Args:
+        case: path of a case file, what `read_case` returned, or a case; with its `[[events]]`.
+        minutes: how long [min].
+        every_min: between moments that are shown [min]; left out, some 144 moments. Every event has a
+            moment of its own, and one a second before it where it is sudden.
+        outputs: names of the registry; left out, all that the circuit has.
+        volume_policy: blood volume policy; left out, the case's.
+        options: accuracy.
+        execution: how batches are computed.
+
+    Returns:
+        Dataset over `time_min`: outputs and slow states with units, `status` of each moment. Attributes:
+        `id`, `converged` (1: it reached its end), `message` (why it stopped), `balance` and `events` (JSON),
+        `warnings` (a sentence each, with the time), `settling_s` (in which the circulation follows a sudden
+        change), `steps`, `beats`, `seconds`. A moment without a steady beat ends it; what came before stays.
+
+    Raises:
+        CaseError: the file is no case, or an event lies after the end.
+        FlowNotReachedError: the case names a pump flow that no speed gives.
+    """
+    (result,) = course_many(
+        [case], minutes=minutes, every_min=every_min, outputs=outputs, volume_policy=volume_policy,
+        options=options, execution=execution,
+    )  # fmt: skip
+    return result
+
+
+def course_many(
+    cases: Sequence[CaseSource] | CaseSource,
+    changes: Mapping[str, Sequence[float] | np.ndarray] | None = None,
+    *,
+    minutes: float = DAY_MIN,
+    every_min: float | None = None,
+    outputs: Sequence[str] | None = None,
+    volume_policy: str | None = None,
+    options: CourseOptions | None = None,
+    execution: Execution | None = None,
+    with_alarms: bool = True,
+) -> list[xr.Dataset]:
+    """Courses of several patients, or of variants of one, marched side by side.
+
+    Args:
+        cases: several, or one for all variants.
+        changes: an array (members,) for each parameter that varies, such as draws of a posterior.
+        minutes: see `course`, as the others.
+        every_min: see `course`.
+        outputs: see `course`.
+        volume_policy: see `course`.
+        options: see `course`.
+        execution: see `course`.
+        with_alarms: whether limits are looked for; that takes longer than the beats of a large batch.
+
+    Returns:
+        One Dataset for each member, as `course` gives it; `seconds` is that of all.
+    """
+    began = clock.perf_counter()
+    listed = list(cases) if isinstance(cases, Sequence) and not isinstance(cases, str) else [cases]
+    columns = {key: np.asarray(values, dtype=float) for key, values in (changes or {}).items()}
+    sizes = {len(column) for column in columns.values()}
+    if len(sizes) > 1 or (sizes and len(listed) > 1):
+        raise ValueError("changes need one case and arrays of one length")
+    count = sizes.pop() if sizes else len(listed)
+    solved = [with_speed(as_case(one), volume_policy)[0] for one in listed]
+    timelines = [
+        Timeline(solved[k % len(solved)], minutes * MINUTE, {key: c[k] for key, c in columns.items()})
+        for k in range(count)
+    ]
+    results: list[xr.Dataset | None] = [None] * count
+    for members in _groups(timelines, volume_policy).values():
+        own = [timelines[m] for m in members]
+        policy = volume_policy or own[0].case.volume_policy
+        laws = Laws(laws_of(own[0].start[0]))
+        engine = Engine(own, laws, policy, options or CourseOptions(), execution)
+        histories = engine.march()
+        moments = moments_of(engine, histories, (every_min or usual_every(minutes)) * MINUTE)
+        beats_at(moments, engine, outputs, with_alarms, execution)
+        for k, m in enumerate(members):
+            results[m] = _labelled(moments, k, engine, with_alarms)
+    seconds = clock.perf_counter() - began
+    for result in results:
+        assert result is not None
+        result.attrs["seconds"] = seconds
+    return [result for result in results if result is not None]
+
+
+def usual_every(minutes: float) -> float:
+    """Minutes between moments for a course that shows about `SHOWN` of them."""
+    return next((e for e in _EVERY_MIN if minutes / e <= 1.01 * SHOWN), minutes / SHOWN)
+
+
+def _groups(timelines: Sequence[Timeline], policy: str | None) -> dict[Any, list[int]]:
+    """Members that share laws and policy: those of one circuit at the start."""
+    groups: dict[Any, list[int]] = {}
+    for k, one in enumerate(timelines):
+        groups.setdefault((one.start[0], policy or one.case.volume_policy), []).append(k)
+    return groups
+
+
+def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) -> xr.Dataset:
+    """A member's course as a Dataset."""
+    own = moments.of(member)
+    timeline, history, laws = engine.timelines[member], engine.histories[member], engine.laws
+    minute = moments.time[own] / MINUTE
+    data: dict[str, Any] = {}
+    for name in moments.names:
+        entry = output(name)
+        labels = {"units": entry.unit, "long_name": entry.long_name, "definition": entry.definition}
+        data[name] = ("time_min", moments.values[name][own], labels)
+    for row, state in zip(moments.states[:, own], laws.states, strict=True):
+        data[state.name] = ("time_min", row, {"units": state.unit, "long_name": f"slow state {state.name}"})
+    data["status"] = ("time_min", [Status(int(s)).word for s in moments.status[own]])
+    found = alarms(moments, own, minute) if with_alarms else []
+    stopped = moments.stopped[member]
+    settling = moments.settling_s[member]
+    sentences = _warnings(found, stopped, minute, history, laws, settling)
+    attributes = {
+        "id": timeline.case.patient.id,
+        "converged": int(not stopped),
+        "status": "stopped" if stopped else "finished",
+        "message": f"stopped at {clock_time(minute[-1])}: {stopped}" if stopped and len(minute) else stopped,
+        "balance": json.dumps(balance(timeline, laws, moments, own)),
+        "events": json.dumps([event.as_object() for event in timeline.case.events]),
+        "alarms": json.dumps([alarm._asdict() for alarm in found]),
+        "warnings": sentences,
+        "blood_volume_policy": engine.policy,
+        "settling_s": settling,
+        "steps": len(history.times),
+        "beats": history.beats,
+        "solves": history.solves,
+    }
+    axis = ("time_min", minute, {"units": "min", "long_name": "time from the start"})
+    return xr.Dataset(data, coords={"time_min": axis}, attrs=attributes)
+
+
+def balance(timeline: Timeline, laws: Laws, moments: Moments, own: np.ndarray) -> dict[str, float]:
+    """Where the patient's blood volume went [mL]; `error_ml` is what does not add up."""
+    begin, end = own[0], own[-1]
+    named = [dict(zip(laws.names, moments.states[:, k], strict=True)) for k in (begin, end)]
+    doors = {
+        key: float(named[1].get(name, 0.0) - named[0].get(name, 0.0))
+        for key, name in (("given_ml", GIVEN), ("removed_ml", REMOVED), ("refilled_ml", REFILLED))
+    }
+    before, after = (
+        moments.in_effect[BLOOD_VOLUME][k] + moments.in_effect[EXTRA_VOLUME][k] for k in (begin, end)
+    )
+    moved = doors["given_ml"] - doors["removed_ml"] + doors["refilled_ml"]
+    return doors | {
+        "blood_volume_start_ml": float(before),
+        "blood_volume_end_ml": float(after),
+        "error_ml": float(after - before - moved),
+    }
+
+
+def _warnings(
+    found: Sequence[Alarm], stopped: str, minute: np.ndarray, history: Any, laws: Laws, settling: float
+) -> list[str]:
+    """Everything there is to say, the reason of an early end first."""
+    sentences = [f"stopped at {clock_time(minute[-1])}: {stopped}"] if stopped and len(minute) else []
+    sentences += [alarm.sentence for alarm in found]
+    return sentences + _too_fast(history, laws, settling)
+
+
+LAG = 4.0
+"""Scales by which slow states may change while the circulation settles."""
+
+
+def _too_fast(history: Any, laws: Laws, settling: float) -> list[str]:
+    """Where slow states change while the circulation still settles, so that steady beats run ahead of it."""
+    lags = [np.abs(rates) * settling / laws.scales for rates in history.rates]
+    over = [k for k, lag in enumerate(lags) if lag.max(initial=0.0) > LAG]
+    if not over:
+        return []
+    worst = max(over, key=lambda k: lags[k].max())
+    state = laws.states[int(lags[worst].argmax())]
+    amount = lags[worst].max() * state.scale
+    return [
+        f"from {clock_time(history.times[over[0]] / MINUTE)} {state.name} changes by {amount:.0f} "
+        f"{state.unit} in the {settling:.0f} s in which the circulation settles: steady beats run ahead "
+        "of the patient; follow these minutes with --beats"
+    ]

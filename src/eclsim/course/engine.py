@@ -1,0 +1,346 @@
+"""Slow states of one or many patients over hours, each rate that of a steady beat.
+
+The heart settles within a minute or two of any change, slow states change over many: their rates are taken at
+the steady beat of the moment (averaging over the fast scale). Each member has steps and times of its own; all
+members' beats of a stage are solved as one batch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from eclsim.circuit.network import Circuit
+from eclsim.course.laws import Laws
+from eclsim.course.predictor import Predictor
+from eclsim.course.rosenbrock import step
+from eclsim.course.timeline import Timeline
+from eclsim.orbit.equation import Anchor, OrbitOptions
+from eclsim.orbit.execution import Execution
+from eclsim.orbit.steady import Batch
+from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
+from eclsim.slow.law import INFLOWS
+
+SHORTEST_S = 5.0
+"""Step below which a moment without a steady beat ends a course."""
+FIRST_S = 20.0
+LONGEST_S = 3600.0
+SHIFT = 0.3
+"""Of a state for its column of the Jacobian, of its scale."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CourseOptions:
+    """How a course is computed.
+
+    Args:
+        tolerance: error of a slow state in a step, of its scale (`SlowState`).
+        step_s: fixed length of steps [s]; left out, steps follow from the error.
+        orbits: accuracy of the beats between which rates are taken.
+        predictor: where a beat's search begins: "secant" (on from the last beat by a slope that starts as the
+            derivative at the last event and learns from beat to beat), "derivative" (that alone), or "last".
+    """
+
+    tolerance: float = 0.02
+    step_s: float | None = None
+    orbits: OrbitOptions = field(default_factory=lambda: OrbitOptions(1e-7, 1e-6))
+    predictor: str = "secant"
+
+
+@dataclass
+class History:
+    """A member's slow states at the ends of its steps.
+
+    Attributes:
+        segments: which segment of its timeline each step belongs to.
+        times: ends of steps [s], the first of a segment at its beginning.
+        states: at these, each of shape (states,).
+        rates: likewise, per second.
+        orbits: state of the steady beat there; None where no law reads the beat.
+        stopped: why it ended early; empty where it did not.
+        beats: computed for it.
+        solves: steady beats searched for.
+    """
+
+    segments: list[int] = field(default_factory=list)
+    times: list[float] = field(default_factory=list)
+    states: list[np.ndarray] = field(default_factory=list)
+    rates: list[np.ndarray] = field(default_factory=list)
+    orbits: list[np.ndarray | None] = field(default_factory=list)
+    stopped: str = ""
+    beats: int = 0
+    solves: int = 0
+
+
+class Engine:
+    """Marches members through their timelines.
+
+    Args:
+        timelines: of the members, with the same laws.
+        laws: of the slow states.
+        policy: blood volume policy.
+        options: accuracy.
+        execution: how batches are computed.
+    """
+
+    def __init__(
+        self,
+        timelines: Sequence[Timeline],
+        laws: Laws,
+        policy: str,
+        options: CourseOptions,
+        execution: Execution | None = None,
+    ):
+        self.timelines, self.laws, self.policy = timelines, laws, policy
+        self.options, self.execution = options, execution
+        count, size = len(timelines), len(laws.states)
+        self.circuits = canonical_circuits(timelines)
+        self.segment = np.zeros(count, dtype=int)
+        self.time = np.zeros(count)
+        self.length = np.full(count, options.step_s or FIRST_S)
+        self.states, self.slopes = np.zeros((size, count)), np.zeros((size, count))
+        self.jacobian = np.zeros((count, size, size))
+        self.predictors = [Predictor(options.predictor) for _ in timelines]
+        self.histories = [History() for _ in timelines]
+        self.messages = [""] * count
+        self.table = {key: np.zeros(count) for one in timelines for key in one.start[1]}
+        self.inflow = {kind: np.zeros(count) for kind in INFLOWS}
+
+    def march(self) -> list[History]:
+        """From the start to the end of every member."""
+        everyone = np.arange(len(self.timelines))
+        for member in everyone:
+            self._settle(member)
+        settings = self._settings(everyone, self.time)
+        beat, known = self._solve(everyone, settings, None)
+        self.states[:] = self.laws.start(settings, beat)
+        running = self._enter(everyone[known])
+        self._stop(everyone[~known])
+        while len(running):
+            running = self._advance(running)
+        return self.histories
+
+    def _advance(self, who: np.ndarray) -> np.ndarray:
+        """One step of some members; those who go on."""
+        ends = np.array([self.timelines[m].breaks[self.segment[m] + 1] for m in who])
+        left = ends - self.time[who]
+        wanted = self.length[who]
+        length = np.where(wanted >= 0.999 * left, left, np.where(wanted > 0.5 * left, 0.5 * left, wanted))
+
+        def rates(time: np.ndarray, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            return self._rates(who, time, states)
+
+        result = step(
+            rates, self.slopes[:, who], self.time[who], self.states[:, who], length, self.jacobian[who]
+        )
+        error = np.abs(result.error / self.laws.scales[:, None]).max(axis=0) / self.options.tolerance
+        fine = result.done & np.isfinite(error)
+        taken = fine & ((error <= 1.0) | (self.options.step_s is not None) | (length <= SHORTEST_S))
+        time = np.where(length == left, ends, self.time[who] + length)
+        slopes = np.full_like(result.states, np.nan)
+        if taken.any():
+            after, known = self._rates(who[taken], time[taken], result.states[:, taken])
+            slopes[:, taken] = after
+            taken[np.flatnonzero(taken)[~known]] = False
+            fine &= np.isfinite(slopes).all(axis=0) | ~(error <= 1.0)
+        self._adapt(who, length, error, fine, taken)
+        done = who[taken]
+        self.time[done], self.states[:, done] = time[taken], result.states[:, taken]
+        self.slopes[:, done] = slopes[:, taken]
+        self._note(done)
+        lost = who[~fine & (length <= SHORTEST_S)]
+        self._stop(lost)
+        over = done[self.time[done] >= ends[taken]]
+        self.segment[over] += 1
+        further = np.array([m for m in over if self.segment[m] + 1 < len(self.timelines[m].breaks)], int)
+        for member in further:
+            self._settle(member)
+        entered = self._enter(further)
+        return np.sort(np.concatenate([np.setdiff1d(who, np.concatenate([over, lost])), entered])).astype(int)
+
+    def _adapt(
+        self, who: np.ndarray, length: np.ndarray, error: np.ndarray, fine: np.ndarray, taken: np.ndarray
+    ) -> None:
+        """Lengths of the next steps; a moment without a steady beat is approached by halves."""
+        if self.options.step_s is not None:
+            self.length[who] = np.where(taken, self.options.step_s, 0.5 * length)
+            return
+        with np.errstate(divide="ignore", invalid="ignore"):
+            factor = np.clip(0.85 * error ** (-1.0 / 3.0), 0.2, 4.0)
+        factor = np.where(fine, np.where(np.isfinite(factor), factor, 4.0), 0.4)
+        self.length[who] = np.clip(length * factor, SHORTEST_S, LONGEST_S)
+
+    def _settle(self, member: int) -> None:
+        """Put the settings of a member's segment into the tables."""
+        timeline, segment = self.timelines[member], int(self.segment[member])
+        for key, value in timeline.settings(segment, float(self.time[member])).items():
+            self.table.setdefault(key, np.zeros(len(self.timelines)))[member] = value
+        for kind, rate in timeline.inflows(segment).items():
+            self.inflow[kind][member] = rate
+
+    def _enter(self, who: np.ndarray) -> np.ndarray:
+        """Begin a segment: rates and their Jacobian there; those who have a steady beat."""
+        if not len(who):
+            return who
+        self.slopes[:, who], known = self._rates(who, self.time[who], self.states[:, who])
+        self._stop(who[~known])
+        who = who[known]
+        if len(who):
+            self._differentiate(who)
+        self._note(who)
+        if self.options.step_s is None:
+            self.length[who] = np.minimum(self.length[who], FIRST_S)
+        return who
+
+    def _note(self, who: np.ndarray) -> None:
+        for m in who:
+            own = self.histories[m]
+            own.segments.append(int(self.segment[m]))
+            own.times.append(float(self.time[m]))
+            own.states.append(self.states[:, m].copy())
+            own.rates.append(self.slopes[:, m].copy())
+            own.orbits.append(self.predictors[m].orbit)
+
+    def _stop(self, who: np.ndarray) -> None:
+        for m in who:
+            self.histories[m].stopped = self.messages[m]
+
+    def _settings(self, who: np.ndarray, time: np.ndarray) -> dict[str, np.ndarray]:
+        """Parameters of some members at a time in their segments, by key."""
+        values = {key: column[who] for key, column in self.table.items()}
+        for k, m in enumerate(who):
+            for key, value in self.timelines[m].ramped(int(self.segment[m]), float(time[k])).items():
+                values[key][k] = value
+        return values
+
+    def _rates(self, who: np.ndarray, time: np.ndarray, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rates of some members, and which have a steady beat."""
+        settings = self._settings(who, time)
+        beat, known = self._solve(who, self.laws.in_effect(states, settings), states, time)
+        inflows = {kind: column[who] for kind, column in self.inflow.items()}
+        return self.laws.rates(states, settings, beat, inflows), known
+
+    def _differentiate(self, who: np.ndarray) -> None:
+        """Jacobians of the rates by differences, and slopes of the beats along the slow states."""
+        size, scales = len(self.laws.states), self.laws.scales
+        n = len(who)
+        members = np.tile(who, size)
+        columns = np.repeat(np.arange(size), n)
+        states = self.states[:, members].copy()
+        shift = SHIFT * scales[columns]
+        states[columns, np.arange(len(members))] += shift
+        settings = self._settings(members, self.time[members])
+        inflows = {kind: column[members] for kind, column in self.inflow.items()}
+        values = self.laws.in_effect(states, settings)
+        beat = self._beat_of(members)
+        if self.laws.reads:
+            before = self.laws.in_effect(self.states[:, members], settings)
+            moved = np.any([values[key] != before[key] for key in values], axis=0)
+            chosen = np.flatnonzero(moved)
+            if len(chosen):
+                shifted = {key: column[chosen] for key, column in values.items()}
+                own = self._shifted_beats(members[chosen], columns[chosen], shifted)
+                for name in self.laws.reads:
+                    beat[name][chosen] = np.where(np.isfinite(own[name]), own[name], beat[name][chosen])
+        rates = self.laws.rates(states, settings, beat, inflows)
+        differences = (rates - self.slopes[:, members]) / shift
+        self.jacobian[who] = np.nan_to_num(differences.reshape(size, size, n).transpose(2, 0, 1))
+
+    def _beat_of(self, members: np.ndarray) -> dict[str, np.ndarray]:
+        """What the laws read of the last beat of each."""
+        return {name: np.array([self.predictors[m].read[name] for m in members]) for name in self.laws.reads}
+
+    def _shifted_beats(
+        self, members: np.ndarray, columns: np.ndarray, values: dict[str, np.ndarray]
+    ) -> dict[str, np.ndarray]:
+        """Beats with one slow state shifted; what is read of them. The predictors learn from them."""
+        found = {name: np.full(len(members), np.nan) for name in self.laws.reads}
+        for chosen in self._alike(members):
+            own = [self.predictors[m] for m in members[chosen]]
+            start = Anchor(
+                np.stack([p.known for p in own], axis=-1), np.stack([p.inverse for p in own], axis=-1)
+            )
+            beat = self._beats(members[chosen], {k: v[chosen] for k, v in values.items()}, start)
+            for name in self.laws.reads:
+                found[name][chosen] = beat.output(name)
+            for k, predictor in enumerate(own):
+                if beat.converged[k]:
+                    change = (beat.orbits.states[:, k] - predictor.known) / SHIFT
+                    predictor.learn(int(columns[chosen[k]]), len(self.laws.states), change)
+        return found
+
+    def _solve(
+        self,
+        who: np.ndarray,
+        values: dict[str, np.ndarray],
+        states: np.ndarray | None,
+        time: np.ndarray | None = None,
+    ) -> tuple[dict[str, np.ndarray], np.ndarray]:
+        """What the laws read of the beats of some members, and which have one."""
+        known = np.ones(len(who), dtype=bool)
+        read = {name: np.full(len(who), np.nan) for name in self.laws.reads}
+        if not self.laws.reads:
+            return read, known
+        for chosen in self._alike(who):
+            members = who[chosen]
+            own = [self.predictors[m] for m in members]
+            places = [self._place(m, c, states, time) for m, c in zip(members, chosen, strict=True)]
+            circuits = [self._circuit(m) for m in members]
+            begun = [p.begun(c) for p, c in zip(own, circuits, strict=True)]
+            start = None
+            if all(begun):
+                guesses = [p.guess(x) for p, x in zip(own, places, strict=True)]
+                start = Anchor(np.stack(guesses, -1), np.stack([p.inverse for p in own], -1))
+            beat = self._beats(members, {key: column[chosen] for key, column in values.items()}, start)
+            known[chosen] = beat.converged
+            for name in self.laws.reads:
+                read[name][chosen] = beat.output(name)
+            for k, (predictor, place) in enumerate(zip(own, places, strict=True)):
+                m = members[k]
+                self.histories[m].beats += int(beat.orbits.beats[k])
+                self.histories[m].solves += 1
+                if beat.converged[k]:
+                    predictor.put(beat, k, place, circuits[k])
+                else:
+                    self.messages[m] = beat.message(k)
+        return read, known
+
+    def _place(
+        self, member: int, column: int, states: np.ndarray | None, time: np.ndarray | None
+    ) -> np.ndarray:
+        """Where a member's beat is: slow states in their scales, and minutes of a ramp."""
+        size = len(self.laws.states)
+        place = np.zeros(size + 1)
+        if states is not None:
+            place[:size] = states[:, column] / self.laws.scales
+        if time is not None and self.timelines[member].ramped(int(self.segment[member]), time[column]):
+            place[size] = time[column] / 60.0
+        return place
+
+    def _circuit(self, member: int) -> Circuit:
+        return self.circuits[member][self.segment[member]]
+
+    def _alike(self, who: np.ndarray) -> list[np.ndarray]:
+        """Positions of members that share a circuit and whether their search has a start."""
+        groups: dict[tuple[int, bool], list[int]] = {}
+        for k, m in enumerate(who):
+            circuit = self._circuit(m)
+            groups.setdefault((id(circuit), self.predictors[m].begun(circuit)), []).append(k)
+        return [np.array(group) for group in groups.values()]
+
+    def _beats(self, members: np.ndarray, values: dict[str, np.ndarray], start: Anchor | None) -> SteadyBeat:
+        batch = Batch(self._circuit(members[0]), values, len(members), self.policy)
+        last_try = start is None or (self.length[members] <= SHORTEST_S).any()
+        options = self.options.orbits if last_try else replace(self.options.orbits, newton_iterations=0)
+        return steady_beat(batch, self.laws.reads, options=options, start=start, execution=self.execution)
+
+
+def canonical_circuits(timelines: Sequence[Timeline]) -> list[list[Circuit]]:
+    """The circuit of each segment of each member; equal ones are one object."""
+    kept: dict[Circuit, Circuit] = {}
+    return [
+        [kept.setdefault(one.circuit(k), one.circuit(k)) for k in range(len(one.breaks) - 1)]
+        for one in timelines
+    ]

@@ -1,0 +1,111 @@
+"""The timeline of a course: outputs over hours, events as numbered lines, alarms as bars."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from eclsim.cases.events import Event
+from eclsim.course.alarms import clock_time
+from eclsim.course.laws import GIVEN, REFILLED, REMOVED
+from eclsim.devices.description import Panel
+from eclsim.reporting.style import (
+    GREY,
+    OKABE_ITO,
+    PAGE_WIDTH_MM,
+    curve_style,
+    figure_style,
+    new_figure,
+    plain_text,
+)
+from eclsim.simulation.sweep_figures import panels_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+BLOOD = Panel("Fluid and blood", "mL", (GIVEN, REMOVED, REFILLED), ("given", "removed", "refilled"))
+RATE = Panel("Heart rate", "1/min", ("heart_rate",), ("heart rate",))
+OXYGEN = Panel("Oxygen delivery", "mL/min", ("DO2", "VO2"), ("delivery", "consumption"))
+_AXES = {"mmHg": "Pressure", "L/min": "Flow", "mL": "Volume", "1/min": "Rate", "mL/min": "Oxygen"}
+_BARS = {"collapse": "#7A0000", "alarm": OKABE_ITO["vermillion"], "warning": OKABE_ITO["orange"]}
+
+
+@figure_style()
+def plot_course(result: xr.Dataset) -> Figure:
+    """Pressures, flows and volumes over hours.
+
+    Args:
+        result: as `eclsim.course` returns it.
+    """
+    panels = [p for p in (*panels_of(result), RATE, OXYGEN, BLOOD)]
+    drawn = [p for p in panels if any(name in result and _varies(result, name) for name in p.names)]
+    seen: set[tuple[str, ...]] = set()
+    drawn = [p for p in drawn if not (p.names in seen or seen.add(p.names))]
+    rows = -(-max(len(drawn), 1) // 2)
+    events = [Event.model_validate(one) for one in json.loads(result.attrs["events"])]
+    alarms = [one for one in json.loads(result.attrs["alarms"]) if one["kind"] in _BARS]
+    legend = _legend(events, result)
+    fig = new_figure(PAGE_WIDTH_MM, 24 + 50 * rows + 4.0 * legend.count("\n"))
+    axes = list(fig.subplots(rows, 2, squeeze=False, sharex=True).flat)
+    for ax, panel in zip(axes, drawn, strict=False):
+        _draw(ax, result, panel, events)
+        ax.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 3, 6, 10]))
+        _bars(ax, [one for one in alarms if one["quantity"] in panel.names], result)
+    for ax in axes[len(drawn) :]:
+        ax.remove()
+    for ax in axes[max(len(drawn) - 2, 0) : len(drawn)]:
+        ax.set_xlabel("Time from the start [h]")
+        ax.tick_params(labelbottom=True)
+    fig.suptitle(f"{plain_text(result.attrs['id'], 60)} – course", x=0.01, ha="left")
+    fig.supxlabel(legend, fontsize=7.5, x=0.01, ha="left", color=GREY)
+    return fig
+
+
+def _varies(result: xr.Dataset, name: str) -> bool:
+    values = result[name].to_numpy().astype(float)
+    return bool(np.isfinite(values).any())
+
+
+def _draw(ax: Axes, result: xr.Dataset, panel: Panel, events: list[Event]) -> None:
+    hours = result["time_min"].to_numpy() / 60.0
+    shown = [pair for pair in zip(panel.names, panel.labels, strict=True) if pair[0] in result]
+    for index, (name, label) in enumerate(shown):
+        ax.plot(hours, result[name].to_numpy().astype(float), label=label, **curve_style(index))
+    for number, event in enumerate(events, start=1):
+        at = event.at_min / 60.0
+        if len(hours) and at <= hours[-1]:
+            ax.axvline(at, color=GREY, linewidth=0.7, linestyle=(0, (2, 2)), zorder=0)
+            ax.annotate(str(number), (at, 1.0), xycoords=("data", "axes fraction"), xytext=(1.5, -7),
+                        textcoords="offset points", fontsize=6.5, color=GREY)  # fmt: skip
+    ax.set_ylabel(f"{_AXES.get(panel.unit, '')} [{panel.unit}]".strip())
+    rows = -(-len(shown) // 2)
+    ax.set_title(panel.title, loc="left", pad=3 + 11.5 * rows)
+    ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.1, handletextpad=0.5,
+              columnspacing=1.0, labelspacing=0.25, borderpad=0.1)  # fmt: skip
+
+
+def _bars(ax: Axes, alarms: list[dict[str, object]], result: xr.Dataset) -> None:
+    """Bars at the foot where a limit of one of the panel's outputs is broken."""
+    end = float(result["time_min"][-1])
+    for one in sorted(alarms, key=lambda alarm: list(_BARS).index(str(alarm["kind"])), reverse=True):
+        until = end if one["until_min"] is None else float(str(one["until_min"]))
+        spans = np.array([float(str(one["at_min"])), until]) / 60.0
+        ax.plot(spans, [0.02, 0.02], transform=ax.get_xaxis_transform(), color=_BARS[str(one["kind"])],
+                linewidth=3.0, solid_capstyle="butt", label="_")  # fmt: skip
+
+
+def _legend(events: list[Event], result: xr.Dataset) -> str:
+    lines = []
+    for number, event in enumerate(events, start=1):
+        how = f" over {event.over_min:g} min" if event.give else ""
+        how += f" within {event.ramp_min:g} min" if event.ramp_min else ""
+        lines.append(f"{number}  {clock_time(event.at_min)}  {plain_text(event.words, 90)}{how}")
+    lines.append("bars: an alarm (red) or warning (orange) of an output of the panel")
+    if not result.attrs["converged"]:
+        lines.append(plain_text(str(result.attrs["message"]), 110))
+    return "\n".join(lines)

@@ -1,0 +1,279 @@
+"""The moments of a course that are shown: slow states between steps, and their steady beats as one batch."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from eclsim.beat.heartbeat import HEART_RATE
+from eclsim.course.engine import SHORTEST_S, Engine, History
+from eclsim.course.rosenbrock import between
+from eclsim.devices.description import Finding
+from eclsim.orbit.equation import Anchor, OrbitOptions
+from eclsim.orbit.execution import Execution
+from eclsim.orbit.status import Status
+from eclsim.orbit.steady import Batch, inverse_jacobian
+from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
+
+BEFORE_S = 1.0
+"""A moment so long before a sudden change shows what it finds."""
+AT_A_TIME = 2048
+"""Moments whose beats are solved as one batch."""
+SIDE_BY_SIDE_FROM = 4000
+"""From so many moments on the program for many side by side is worth its compilation."""
+SOLVED = (int(Status.CONVERGED), int(Status.ONE_OF_MANY))
+QUICK = OrbitOptions(newton_iterations=0)
+"""Of the first search for all; what it does not find is sought one after the other."""
+SETTLED = 3.0
+"""Time constants in which the circulation settles: 5 % are left."""
+
+
+@dataclass
+class Moments:
+    """Moments of several members, one after the other.
+
+    Attributes:
+        member: whose each is.
+        segment: of the member's timeline.
+        time: [s].
+        states: slow states, shape (states, moments).
+        in_effect: parameters, by key.
+        values: outputs by name; filled in by `beats_at`, as what follows.
+        status: how each beat ended, a `Status`.
+        findings: what there is to say about each beat.
+        stopped: by member, why its course ended early; empty where it did not.
+        settling_s: by member, in which its circulation follows a sudden change.
+    """
+
+    member: np.ndarray
+    segment: np.ndarray
+    time: np.ndarray
+    states: np.ndarray
+    in_effect: dict[str, np.ndarray]
+    orbits: list[np.ndarray | None]
+    values: dict[str, np.ndarray] = field(default_factory=dict)
+    status: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
+    findings: list[list[Finding]] = field(default_factory=list)
+    stopped: list[str] = field(default_factory=list)
+    settling_s: list[float] = field(default_factory=list)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the outputs."""
+        return tuple(self.values)
+
+    def of(self, member: int) -> np.ndarray:
+        """Positions of a member's moments up to the end of its course, in order."""
+        own = np.flatnonzero(self.member == member)
+        return own[np.isin(self.status[own], SOLVED)] if len(self.status) else own
+
+    def values_in_effect(self, place: int) -> dict[str, float]:
+        """Parameters at a moment, by key."""
+        return {key: float(column[place]) for key, column in self.in_effect.items()}
+
+
+def moments_of(engine: Engine, histories: Sequence[History], every: float) -> Moments:
+    """Moments of all members, `every` seconds and at every event."""
+    rows = [
+        _moments_of(engine, m, history, _wanted(engine, m, history, every))
+        for m, history in enumerate(histories)
+    ]
+    return _joined(engine, rows)
+
+
+def _wanted(engine: Engine, member: int, history: History, every: float) -> np.ndarray:
+    """Times [s] of a member's moments."""
+    timeline = engine.timelines[member]
+    if not history.times:
+        return np.zeros(0)
+    end = history.times[-1]
+    regular = np.arange(0.0, end + 1e-9, every)
+    breaks = timeline.breaks[timeline.breaks <= end]
+    sudden = [c.begin - BEFORE_S for c in timeline.changes if c.end == c.begin and 0.0 < c.begin <= end]
+    return np.unique(np.round(np.concatenate([regular, breaks, sudden, [end]]), 6))
+
+
+_Row = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, list[np.ndarray | None]]
+
+
+def _moments_of(engine: Engine, member: int, history: History, time: np.ndarray) -> _Row:
+    """Member, segment, time, slow states and guesses of the orbits of one member."""
+    segments, states, orbits = [], np.zeros((len(engine.laws.states), len(time))), list[np.ndarray | None]()
+    for k, now in enumerate(time):
+        right = max(bisect_right(history.times, now + 1e-9) - 1, 0)
+        left, ahead = right, min(right + 1, len(history.times) - 1)
+        segments.append(history.segments[left])
+        ends = history.times[left], history.times[ahead]
+        if ends[1] > ends[0]:
+            pair = (history.states[left], history.states[ahead])
+            slopes = (history.rates[left], history.rates[ahead])
+            states[:, k] = between(np.array([now]), ends, pair, slopes)[:, 0]
+        else:
+            states[:, k] = history.states[left]
+        orbits.append(_orbit(history, left, ahead, now))
+    return np.full(len(time), member), np.array(segments, dtype=int), time, states, orbits
+
+
+def _orbit(history: History, left: int, ahead: int, now: float) -> np.ndarray | None:
+    """The beat between two steps, where their ends have one."""
+    a, b, (begin, end) = (
+        history.orbits[left],
+        history.orbits[ahead],
+        (history.times[left], history.times[ahead]),
+    )
+    if a is None or b is None or len(a) != len(b) or end <= begin:
+        return a
+    return a + (now - begin) / (end - begin) * (b - a)
+
+
+def _joined(engine: Engine, rows: Sequence[_Row]) -> Moments:
+    member, segment, time = (np.concatenate([row[k] for row in rows]) for k in range(3))
+    states = np.concatenate([row[3] for row in rows], axis=1)
+    settings = [
+        engine.timelines[m].settings(int(s), float(t)) for m, s, t in zip(member, segment, time, strict=True)
+    ]
+    keys = dict.fromkeys(key for one in settings for key in one)
+    columns = {key: np.array([one.get(key, 0.0) for one in settings]) for key in keys}
+    orbits = [orbit for row in rows for orbit in row[4]]
+    return Moments(member, segment, time, states, engine.laws.in_effect(states, columns), orbits)
+
+
+def beats_at(
+    moments: Moments,
+    engine: Engine,
+    outputs: Sequence[str] | None,
+    with_findings: bool,
+    execution: Execution | None,
+) -> None:
+    """Solve and measure the beat of every moment; a member's moments behind one without end its course."""
+    count, members = len(moments.time), len(engine.timelines)
+    moments.status = np.full(count, int(Status.NOT_CONVERGED))
+    moments.findings = [[] for _ in range(count)]
+    moments.stopped = [history.stopped for history in engine.histories]
+    moments.settling_s = [0.0] * members
+    if execution is None and count < SIDE_BY_SIDE_FROM:
+        execution = Execution(width=1)
+    measure = _Measured(moments, engine, outputs, with_findings, execution)
+    groups: dict[int, list[int]] = {}
+    for k in range(count):
+        groups.setdefault(id(engine.circuits[moments.member[k]][moments.segment[k]]), []).append(k)
+    for group in groups.values():
+        for k in range(0, len(group), AT_A_TIME):
+            chosen = np.array(group[k : k + AT_A_TIME])
+            measure.solve(chosen, QUICK, _start(moments, engine, chosen))
+    for member in range(members):
+        measure.finish(member)
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """Fills in what the beats of moments say."""
+
+    moments: Moments
+    engine: Engine
+    outputs: Sequence[str] | None
+    with_findings: bool
+    execution: Execution | None
+
+    def solve(
+        self, chosen: np.ndarray, options: OrbitOptions | None, start: Mapping[str, float] | Anchor | None
+    ) -> bool:
+        """Beats of some moments that share a circuit; whether the first has one."""
+        moments, engine = self.moments, self.engine
+        circuit = engine.circuits[moments.member[chosen[0]]][moments.segment[chosen[0]]]
+        values = {key: column[chosen] for key, column in moments.in_effect.items()}
+        beat = steady_beat(
+            Batch(circuit, values, len(chosen), engine.policy),
+            self.outputs,
+            waveforms=None if self.with_findings else (),
+            options=options,
+            start=start,
+            execution=self.execution,
+        )
+        moments.status[chosen] = beat.status
+        for name in beat.names if self.outputs is None else self.outputs:
+            column = moments.values.setdefault(name, np.full(len(moments.time), np.nan))
+            column[chosen] = beat.output(name)
+        for k, place in enumerate(chosen):
+            if not beat.converged[k]:
+                engine.messages[moments.member[place]] = beat.message(k)
+                continue
+            if self.with_findings:
+                moments.findings[place] = beat.findings(k)
+            if moments.time[place] == 0.0:
+                moments.settling_s[moments.member[place]] = settling_time(beat, k)
+        return bool(beat.converged[0])
+
+    def finish(self, member: int) -> None:
+        """What was not solved at once is sought from the moment before; without it the course ends.
+
+        The last moment with a steady beat is then found by halves.
+        """
+        moments = self.moments
+        own = np.flatnonzero(moments.member == member)
+        for k, place in enumerate(own):
+            if moments.status[place] in SOLVED:
+                continue
+            before = None if k == 0 else moments.values_in_effect(own[k - 1])
+            if self.solve(np.array([place]), None, before):
+                continue
+            moments.stopped[member] = moments.stopped[member] or self.engine.messages[member]
+            moments.status[own[k:]] = int(Status.NOT_CONVERGED)
+            if k:
+                self._close_in(member, int(own[k - 1]), int(place))
+            return
+
+    def _close_in(self, member: int, good: int, bad: int) -> None:
+        """Put the last moment with a steady beat in place of the first without."""
+        moments, history = self.moments, self.engine.histories[member]
+        low, high, before = (
+            float(moments.time[good]),
+            float(moments.time[bad]),
+            moments.values_in_effect(good),
+        )
+        while high - low > 2.0 * SHORTEST_S:
+            middle = 0.5 * (low + high)
+            one = _joined(self.engine, [_moments_of(self.engine, member, history, np.array([middle]))])
+            one.status, one.findings = np.zeros(1, dtype=int), [[]]
+            one.settling_s = moments.settling_s
+            if not replace(self, moments=one).solve(np.zeros(1, dtype=int), None, before):
+                high = middle
+                continue
+            low, before = middle, one.values_in_effect(0)
+            _put(moments, bad, one)
+
+
+def _start(moments: Moments, engine: Engine, chosen: np.ndarray) -> Anchor | None:
+    """Where the searches of some moments begin."""
+    guesses = [moments.orbits[k] for k in chosen]
+    inverses = [engine.predictors[moments.member[k]].inverse for k in chosen]
+    sizes = {None if g is None else len(g) for g in guesses} | {len(i) for i in inverses}
+    if None in sizes or len(sizes) > 1:
+        return None
+    return Anchor(np.stack([g for g in guesses if g is not None], -1), np.stack(inverses, -1))
+
+
+def _put(moments: Moments, place: int, one: Moments) -> None:
+    """A moment in place of another, which has no beat."""
+    moments.time[place], moments.segment[place] = one.time[0], one.segment[0]
+    moments.states[:, place], moments.status[place] = one.states[:, 0], one.status[0]
+    moments.findings[place] = one.findings[0]
+    for key, column in moments.in_effect.items():
+        column[place] = one.in_effect[key][0]
+    for name, column in moments.values.items():
+        column[place] = one.values[name][0] if name in one.values else np.nan
+
+
+def settling_time(beat: SteadyBeat, member: int) -> float:
+    """Seconds in which a circulation follows a sudden change, from the slowest mode of its beat.
+
+    The Jacobian of y - beat(y) has the eigenvalues 1 - m, where a disturbance shrinks by m in every beat.
+    """
+    jacobian = np.linalg.pinv(inverse_jacobian(beat.orbits, member))
+    modes = np.abs(1.0 - np.linalg.eigvals(jacobian))
+    slowest = float(modes[modes < 1.0].max(initial=0.0))
+    period = 60.0 / float(np.asarray(beat.values_in_effect(member)[HEART_RATE]))
+    return float(SETTLED * period / -np.log(slowest)) if slowest > 0.0 else period

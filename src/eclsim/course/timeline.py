@@ -1,0 +1,198 @@
+"""The settings of a case over time: its events as moments at which something changes, and ramps between."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from eclsim.cases.sections import Fluid
+from eclsim.cases.settings import path_of, put_in
+from eclsim.inputs.mistakes import CaseError, Mistake
+from eclsim.orbit.model import circuit_of, values_of
+from eclsim.slow.law import INFLOWS
+
+if TYPE_CHECKING:
+    from eclsim.cases.case import Case
+    from eclsim.circuit.network import Circuit
+
+MINUTE = 60.0
+
+
+@dataclass(frozen=True)
+class Change:
+    """Parameters that an event changes.
+
+    Args:
+        begin: [s].
+        end: of the ramp [s]; `begin` where it is at once.
+        before: values of those that change, by key.
+        after: likewise.
+        circuit: what the parameters are of from `begin` on.
+    """
+
+    begin: float
+    end: float
+    before: Mapping[str, float]
+    after: Mapping[str, float]
+    circuit: Circuit
+
+    def share(self, time: float) -> float:
+        """How much of the change is done at a time within a segment."""
+        return 1.0 if time >= self.end else (time - self.begin) / (self.end - self.begin)
+
+
+@dataclass(frozen=True)
+class Gift:
+    """What is given or lost at a constant rate.
+
+    Args:
+        begin: [s].
+        end: [s].
+        rates: mL/s by the names of `INFLOWS`.
+    """
+
+    begin: float
+    end: float
+    rates: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """A case from minute 0 to the end; between `breaks` everything changes smoothly.
+
+    Args:
+        case: at minute 0, its flow of a pump solved for.
+        end: of the course [s].
+        overrides: parameters that are others than the case's, by key.
+    """
+
+    case: Case
+    end: float
+    overrides: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        late = [
+            Mistake(f"events[{n}].at_min", f"after the end of the course at {self.end / MINUTE:g} min",
+                    f"{event.at_min:g}", f"below {self.end / MINUTE:g}, or a longer course")
+            for n, event in enumerate(self.case.events, start=1) if event.at_min * MINUTE >= self.end
+        ]  # fmt: skip
+        if late:
+            raise CaseError(late)
+
+    @cached_property
+    def start_case(self) -> Case:
+        """The case whose veins may be given volume, with fluids at 0 that an event turns on later."""
+        bare = self.case.model_copy(update={"events": ()})
+        bare = bare if bare.fluid is not None else bare.model_copy(update={"fluid": Fluid()})
+        wanted = (path_of(key) for event in self.case.events for key in event.set)
+        off = {p: 0.0 for p in wanted if p and p[1].endswith("_ml_h") and bare.setting(*p) is None}
+        return _with(bare, off) if off else bare
+
+    def values_of(self, case: Case) -> dict[str, float]:
+        """Parameters of a case, those overridden included."""
+        return {**values_of(case), **self.overrides}
+
+    @cached_property
+    def start(self) -> tuple[Circuit, dict[str, float]]:
+        """Circuit and parameters at minute 0, but for events at minute 0."""
+        return circuit_of(self.start_case), self.values_of(self.start_case)
+
+    @cached_property
+    def changes(self) -> tuple[Change, ...]:
+        """What events set, in their order."""
+        now, (circuit, values) = self.start_case, self.start
+        found: list[Change] = []
+        for n, event in enumerate(self.case.events, start=1):
+            if not event.set:
+                continue
+            now = _changed(now, event.set, self.start_case)
+            after, connected = self.values_of(now), circuit_of(now)
+            circuit = circuit if connected == circuit else connected
+            keys = [key for key in after if values.get(key, after[key]) != after[key] or key not in values]
+            before = {key: values.get(key, 0.0) for key in keys}
+            begin = event.at_min * MINUTE
+            found.append(
+                Change(
+                    begin, begin + event.ramp_min * MINUTE, before, {key: after[key] for key in keys}, circuit
+                )
+            )
+            _refuse_overlap(found, n)
+            values = after
+        return tuple(found)
+
+    @cached_property
+    def gifts(self) -> tuple[Gift, ...]:
+        """What events give and take."""
+        return tuple(
+            Gift(event.at_min * MINUTE, (event.at_min + event.over_min) * MINUTE,
+                 {kind: ml / (event.over_min * MINUTE) for kind, ml in event.give.items()})
+            for event in self.case.events if event.give
+        )  # fmt: skip
+
+    @cached_property
+    def breaks(self) -> np.ndarray:
+        """Moments at which something begins or ends [s], the start and the end of the course among them."""
+        moments = [0.0, self.end, *(t for one in (*self.changes, *self.gifts) for t in (one.begin, one.end))]
+        return np.unique([t for t in moments if t <= self.end])
+
+    def circuit(self, segment: int) -> Circuit:
+        """The circuit between two breaks."""
+        begun = self._begun(segment)
+        return begun[-1].circuit if begun else self.start[0]
+
+    def settings(self, segment: int, time: float) -> dict[str, float]:
+        """Parameters at a time [s] from break `segment` to the next, both included."""
+        values = dict(self.start[1])
+        for change in self._begun(segment):
+            values |= _between(change, time)
+        return values
+
+    def ramped(self, segment: int, time: float) -> dict[str, float]:
+        """Those of the parameters that change between two breaks."""
+        moving = [c for c in self._begun(segment) if c.end > self.breaks[segment]]
+        return {key: value for change in moving for key, value in _between(change, time).items()}
+
+    def inflows(self, segment: int) -> dict[str, float]:
+        """What events give between two breaks, mL/s by kind."""
+        begin, rates = self.breaks[segment], dict.fromkeys(INFLOWS, 0.0)
+        for gift in self.gifts:
+            if gift.begin <= begin < gift.end:
+                for kind, rate in gift.rates.items():
+                    rates[kind] += rate
+        return rates
+
+    def _begun(self, segment: int) -> list[Change]:
+        return [change for change in self.changes if change.begin <= self.breaks[segment]]
+
+
+def _between(change: Change, time: float) -> dict[str, float]:
+    share = change.share(time)
+    if share == 1.0:
+        return dict(change.after)
+    return {k: change.before[k] + share * (v - change.before[k]) for k, v in change.after.items()}
+
+
+def _changed(case: Case, settings: Mapping[str, object], start: Case) -> Case:
+    """The case with settings put in; open set points of reflexes go on being those of the start."""
+    paths = {path: value for key, value in settings.items() if (path := path_of(key)) is not None}
+    return _with(case, paths).model_copy(update={"as_written": start.as_written or start})
+
+
+def _with(case: Case, values: Mapping[tuple[str, str], object]) -> Case:
+    from eclsim.cases.reading import read_mapping
+
+    changed = read_mapping(put_in(case.as_mapping(), values)[0]).case
+    return changed.model_copy(update={"as_written": case.as_written})
+
+
+def _refuse_overlap(changes: list[Change], event: int) -> None:
+    """Two keys may stand for one parameter; it cannot be on two ramps at a time."""
+    *earlier, last = changes
+    shared = [key for one in earlier if one.end > last.begin for key in last.after if key in one.after]
+    if shared:
+        message = f"changes {shared[0]} while an earlier event is still changing it"
+        raise CaseError([Mistake(f"events[{event}].at_min", message, allowed="one change at a time")])

@@ -1,0 +1,134 @@
+"""Courses: events are hit exactly, blood balances, moments are steady beats, an end has its reason."""
+
+import json
+
+import numpy as np
+import pytest
+
+import eclsim
+from eclsim.cases import read_case
+from eclsim.course.course import course, course_many, usual_every
+from eclsim.course.files import course_object
+from eclsim.inputs.mistakes import CaseError
+
+PATIENT = """format = 1
+[patient]
+id = "P01"
+sex = "male"
+age_years = 60
+height_cm = 178
+weight_kg = 80
+heart_rate_bpm = 80
+[fluid]
+extra_volume_ml = 0
+"""
+EVENTS = """
+[[events]]
+at_min = 10
+give = { crystalloid_ml = 200 }
+over_min = 20
+[[events]]
+at_min = 40
+set = { Rmc = 1.0 }
+ramp_min = 10
+[[events]]
+at_min = 55
+set = { Rmc = 0.9, "patient.heart_rate_bpm" = 90 }
+"""
+
+
+def case(tmp_path, events="", settings=()):
+    file = tmp_path / "case.toml"
+    file.write_text(PATIENT + events)
+    return read_case(file, settings).case
+
+
+@pytest.fixture(scope="module")
+def hour(tmp_path_factory):
+    return course(case(tmp_path_factory.mktemp("hour"), EVENTS), minutes=60.0, every_min=5.0)
+
+
+def test_without_events_every_moment_is_the_steady_beat(tmp_path):
+    own = case(tmp_path)
+    result = course(own, minutes=30.0, every_min=10.0, outputs=("MAP", "CO"))
+    expected = eclsim.simulate(own)
+    for name in ("MAP", "CO"):
+        np.testing.assert_allclose(result[name], float(expected[name]), rtol=1e-6)
+    assert result.attrs["converged"] == 1
+
+
+def test_moments_are_regular_and_at_every_event(hour):
+    minutes = hour["time_min"].to_numpy()
+    assert set(np.arange(0.0, 61.0, 5.0)) <= set(minutes)
+    assert {10.0, 30.0, 40.0, 50.0, 55.0} <= set(minutes)
+    assert 55.0 - 1.0 / 60.0 == pytest.approx(minutes[np.searchsorted(minutes, 55.0) - 1])
+
+
+def test_what_is_given_is_there_and_blood_balances(hour):
+    balance = json.loads(hour.attrs["balance"])
+    assert balance["given_ml"] == pytest.approx(200.0, abs=1e-6)
+    assert abs(balance["error_ml"]) < 1e-6
+    given = hour["fluid.given_ml"].sel(time_min=[10.0, 20.0, 30.0, 60.0]).to_numpy()
+    np.testing.assert_allclose(given, [0.0, 100.0, 200.0, 200.0], atol=1e-6)
+
+
+def test_a_ramp_and_a_sudden_change_are_those_of_a_steady_beat_there(hour, tmp_path):
+    volume = [hour[n].sel(time_min=45.0).item() for n in ("fluid.given_ml",)]
+    assert volume[0] == pytest.approx(200.0)
+    base = case(tmp_path)
+    from eclsim.orbit.model import model_of
+
+    start = model_of(base).values["Rmc"]
+    half = f"Rmc={0.5 * (start + 1.0)!r}"
+    at_45 = eclsim.simulate(case(tmp_path, settings=[half, f"fluid.extra_volume_ml={_extra(hour, 45.0)!r}"]))
+    assert hour["MAP"].sel(time_min=45.0).item() == pytest.approx(float(at_45["MAP"]), abs=1e-3)
+    settings = ["Rmc=0.9", "patient.heart_rate_bpm=90", f"fluid.extra_volume_ml={_extra(hour, 55.0)!r}"]
+    at_55 = eclsim.simulate(case(tmp_path, settings=settings))
+    assert hour["CO"].sel(time_min=55.0).item() == pytest.approx(float(at_55["CO"]), abs=1e-4)
+
+
+def _extra(result, minute):
+    at = result.sel(time_min=minute)
+    return float(at["fluid.given_ml"] - at["fluid.removed_ml"] + at["fluid.refilled_ml"])
+
+
+def test_an_end_has_its_reason_and_what_came_before_is_kept(tmp_path):
+    events = "[[events]]\nat_min = 10\ngive = { bleed_ml = 4500 }\nover_min = 60\n"
+    result = course(case(tmp_path, events), minutes=60.0, every_min=10.0, outputs=("MAP", "CO"))
+    assert result.attrs["converged"] == 0
+    assert result.attrs["message"].startswith("stopped at 00:")
+    assert np.isfinite(result["MAP"]).all()
+    assert 10.0 < float(result["time_min"][-1]) < 60.0
+    assert course_object(result)["converged"] is False
+
+
+def test_an_event_after_the_end_is_refused(tmp_path):
+    with pytest.raises(CaseError, match=r"events\[3\].at_min = 55: after the end of the course at 50 min"):
+        course(case(tmp_path, EVENTS), minutes=50.0)
+
+
+def test_side_by_side_or_alone_is_the_same(tmp_path, hour):
+    changes = {"Emaxlv": [2.0, 1.5]}
+    two = course_many(case(tmp_path, EVENTS), changes, minutes=60.0, every_min=20.0, outputs=("MAP",))
+    alone = course(case(tmp_path, EVENTS, ["Emaxlv=1.5"]), minutes=60.0, every_min=20.0, outputs=("MAP",))
+    np.testing.assert_allclose(two[1]["MAP"], alone["MAP"], rtol=1e-6)
+    assert two[0]["MAP"].values[0] > two[1]["MAP"].values[0]
+
+
+def test_the_object_has_what_the_contract_says(hour):
+    found = course_object(hour)
+    assert {"id", "converged", "time_min", "outputs", "balance", "events", "warnings", "seconds"} <= found.keys()
+    assert len(found["outputs"]["MAP"]) == len(found["time_min"])
+    assert found["events"][0] == {"at_min": 10.0, "give": {"crystalloid_ml": 200.0}, "over_min": 20.0}
+
+
+def test_the_usual_moments_are_round():
+    assert [usual_every(minutes) for minutes in (10.0, 60.0, 1440.0, 7 * 1440.0)] == [0.1, 0.5, 10.0, 120.0]
+
+
+def test_the_figure_shows_every_event(hour, tmp_path):
+    from eclsim.course.figures import plot_course
+
+    fig = plot_course(hour)
+    assert "crystalloid 200 mL over 20 min" in fig._supxlabel.get_text()
+    assert any(ax.get_title(loc="left") == "Arterial pressure" for ax in fig.axes)

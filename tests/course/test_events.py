@@ -1,0 +1,97 @@
+"""Events of a case file: what is wrong with them is said all at once, one line each."""
+
+import pytest
+
+from eclsim.cases import Case, read_case
+from eclsim.cases.writing import case_text
+from eclsim.inputs.mistakes import CaseError
+
+PATIENT = """format = 1
+[patient]
+id = "P01"
+sex = "male"
+age_years = 60
+height_cm = 178
+weight_kg = 80
+heart_rate_bpm = 80
+[ecmo]
+pump = "Rotaflow"
+speed_rpm = 3000
+oxygenator = "Quadrox-i Adult"
+mode = "VA"
+[crrt]
+flow_ml_min = 200
+access_site = "post_oxy"
+return_site = "pre_oxy"
+"""
+
+
+def mistakes(tmp_path, events):
+    file = tmp_path / "case.toml"
+    file.write_text(PATIENT + events)
+    with pytest.raises(CaseError) as error:
+        read_case(file)
+    return [str(mistake).removeprefix(str(file)) for mistake in error.value.mistakes]
+
+
+@pytest.mark.parametrize(
+    ("event", "said"),
+    [
+        ('at_min = 30\nset = { "ecmo.speed_rmp" = 3000 }', "did you mean ecmo.speed_rpm?"),
+        ("at_min = 30\nset = { Rmcc = 1 }", "events[1].set.Rmcc = 1: unknown key"),
+        ('at_min = 30\nset = { "ecmo.speed_rpm" = 30000 }', "outside the allowed range"),
+        ('at_min = 30\nset = { "crrt.net_ultrafiltration_ml_h" = 9000 }', "effluent below 8400 mL/h"),
+        ("at_min = 30\ngive = { bleed_ml = 9000 }", "more blood than there is; allowed: below 49"),
+        ("at_min = 30\ngive = { crystaloid_ml = 500 }", "did you mean crystalloid_ml?"),
+        ("at_min = 30\ngive = { blood_ml = -5 }", "outside the allowed range"),
+        ("at_min = -1\ngive = { blood_ml = 5 }", "events[1].at_min = -1: outside the allowed range"),
+        ("set = { Rmc = 1 }", "events[1].at_min: missing"),
+        ("at_min = 3", "events[1]: nothing happens"),
+        ("at_min = 3\nat_mn = 4\nset = { Rmc = 1 }", "did you mean at_min?"),
+        ("at_min = 3\nover_min = 4\nset = { Rmc = 1 }", "over_min = 4: goes with give"),
+        ('at_min = 3\nramp_min = 4\nset = { "ecmo.drainage_site" = "svn" }', "only numbers change"),
+        ('at_min = 3\nset = { "patient.id" = "Q" }', "changes nothing that a course reads"),
+        ('at_min = 3\nset = { "ecmo.flow_l_min" = 3 }', "a course holds speeds; set the speed"),
+    ],
+)
+def test_a_mistake_is_one_line_with_key_and_way_out(tmp_path, event, said):
+    (line,) = mistakes(tmp_path, f"[[events]]\n{event}\n")
+    assert said in line
+    assert line.startswith(":")  # the line of the file is there
+
+
+def test_order_and_overlap_are_said_with_everything_else(tmp_path):
+    events = """[[events]]
+at_min = 30
+set = { Rmc = 1.2 }
+ramp_min = 10
+[[events]]
+at_min = 35
+set = { Rmc = 1.0 }
+[[events]]
+at_min = 20
+give = { blod_ml = 5 }
+"""
+    first, second, third = mistakes(tmp_path, events)
+    assert "events[2].at_min = 35: overlaps the change of Rmc from 30 to 40 min" in first
+    assert "out of order: the event before is at 35 min" in second
+    assert "blood_ml" in third
+
+
+def test_a_change_may_follow_another_of_its_key(tmp_path):
+    file = tmp_path / "case.toml"
+    one = "[[events]]\nat_min = {}\nset = {{ Rmc = 1.2 }}\nramp_min = 10\n"
+    file.write_text(PATIENT + one.format(30) + one.format(40))
+    case = read_case(file).case
+    assert [event.at_min for event in case.events] == [30.0, 40.0]
+    assert case.events[0].set == {"Rmc": 1.2}
+
+
+def test_a_case_with_events_is_written_and_read_back(tmp_path):
+    file = tmp_path / "case.toml"
+    file.write_text(PATIENT + '[[events]]\nat_min = 5\ngive = { bleed_ml = 100 }\n')
+    case = read_case(file).case
+    file.write_text(case_text(case))
+    assert read_case(file).case == case
+    assert Case.model_validate(case.as_mapping()) == case
+    assert case.at_rest().events == ()
