@@ -9,7 +9,9 @@ import eclsim
 from eclsim.cases import read_case
 from eclsim.course.course import course, course_many, usual_every
 from eclsim.course.files import course_object
+from eclsim.course.laws import VolumeLaw
 from eclsim.inputs.mistakes import CaseError
+from eclsim.slow.law import SlowLaw, SlowState
 
 PATIENT = """format = 1
 [patient]
@@ -61,7 +63,7 @@ def test_moments_are_regular_and_at_every_event(hour):
     minutes = hour["time_min"].to_numpy()
     assert set(np.arange(0.0, 61.0, 5.0)) <= set(minutes)
     assert {10.0, 30.0, 40.0, 50.0, 55.0} <= set(minutes)
-    assert 55.0 - 1.0 / 60.0 == pytest.approx(minutes[np.searchsorted(minutes, 55.0) - 1])
+    assert pytest.approx(minutes[np.searchsorted(minutes, 55.0) - 1]) == 55.0 - 1.0 / 60.0
 
 
 def test_what_is_given_is_there_and_blood_balances(hour):
@@ -92,14 +94,38 @@ def _extra(result, minute):
     return float(at["fluid.given_ml"] - at["fluid.removed_ml"] + at["fluid.refilled_ml"])
 
 
-def test_an_end_has_its_reason_and_what_came_before_is_kept(tmp_path):
-    events = "[[events]]\nat_min = 10\ngive = { bleed_ml = 4500 }\nover_min = 60\n"
-    result = course(case(tmp_path, events), minutes=60.0, every_min=10.0, outputs=("MAP", "CO"))
+class FailingHeart(SlowLaw):
+    """A contractility that falls to zero in half an hour, and has no value behind."""
+
+    states = (SlowState("heart.used", "1", 0.05),)
+    reads = ()
+
+    def start(self, settings, beat):
+        return {"heart.used": np.zeros_like(settings["Emaxlv"])}
+
+    def in_effect(self, states, settings):
+        return {"Emaxlv": settings["Emaxlv"] * (1.0 - states["heart.used"])}
+
+    def rates(self, states, settings, beat, inflows):
+        return {"heart.used": np.full_like(states["heart.used"], 1.0 / 1800.0)}
+
+
+@pytest.mark.parametrize("reads", [(), ("MAP",)], ids=["seen in moments", "seen in steps"])
+def test_an_end_has_its_reason_and_what_came_before_is_kept(tmp_path, monkeypatch, reads):
+    def laws(circuit):
+        FailingHeart.reads = reads
+        return VolumeLaw(), FailingHeart()
+
+    monkeypatch.setattr("eclsim.course.course.laws_of", laws)
+    result = course(case(tmp_path), minutes=60.0, every_min=10.0, outputs=("MAP", "CO"))
     assert result.attrs["converged"] == 0
     assert result.attrs["message"].startswith("stopped at 00:")
+    assert "a value is not allowed" in result.attrs["message"]
+    assert "Emaxlv" in result.attrs["message"]
     assert np.isfinite(result["MAP"]).all()
-    assert 10.0 < float(result["time_min"][-1]) < 60.0
-    assert course_object(result)["converged"] is False
+    assert list(result["time_min"][:3]) == [0.0, 10.0, 20.0]
+    assert 29.7 < float(result["time_min"][-1]) < 30.1
+    assert course_object(result)["warnings"][0].startswith("stopped at 00:")
 
 
 def test_an_event_after_the_end_is_refused(tmp_path):
@@ -117,7 +143,16 @@ def test_side_by_side_or_alone_is_the_same(tmp_path, hour):
 
 def test_the_object_has_what_the_contract_says(hour):
     found = course_object(hour)
-    assert {"id", "converged", "time_min", "outputs", "balance", "events", "warnings", "seconds"} <= found.keys()
+    assert {
+        "id",
+        "converged",
+        "time_min",
+        "outputs",
+        "balance",
+        "events",
+        "warnings",
+        "seconds",
+    } <= found.keys()
     assert len(found["outputs"]["MAP"]) == len(found["time_min"])
     assert found["events"][0] == {"at_min": 10.0, "give": {"crystalloid_ml": 200.0}, "over_min": 20.0}
 

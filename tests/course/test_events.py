@@ -89,7 +89,7 @@ def test_a_change_may_follow_another_of_its_key(tmp_path):
 
 def test_a_case_with_events_is_written_and_read_back(tmp_path):
     file = tmp_path / "case.toml"
-    file.write_text(PATIENT + '[[events]]\nat_min = 5\ngive = { bleed_ml = 100 }\n')
+    file.write_text(PATIENT + "[[events]]\nat_min = 5\ngive = { bleed_ml = 100 }\n")
     case = read_case(file).case
     file.write_text(case_text(case))
     assert read_case(file).case == case

@@ -205,7 +205,7 @@ def _check_order(raw: Sequence[object], remarks: Remarks) -> None:
     last = -1.0
     for n, one in enumerate(raw, start=1):
         at = one.get("at_min") if isinstance(one, Mapping) else None
-        if not _is_number(at):
+        if not isinstance(at, (int, float)) or isinstance(at, bool):
             continue
         if at < last:
             message = f"out of order: the event before is at {last:g} min"

@@ -55,7 +55,8 @@ def course(
         execution: how batches are computed.
 
     Returns:
-        Dataset over `time_min`: outputs and slow states with units, `status` of each moment. Attributes:
+        Dataset over `time_min`: outputs and slow states with units, `status` of each moment and whether it
+        is `impossible` (a chamber without blood). Attributes:
         `id`, `converged` (1: it reached its end), `message` (why it stopped), `balance` and `events` (JSON),
         `warnings` (a sentence each, with the time), `settling_s` (in which the circulation follows a sudden
         change), `steps`, `beats`, `seconds`. A moment without a steady beat ends it; what came before stays.
@@ -154,6 +155,9 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
         data[name] = ("time_min", moments.values[name][own], labels)
     for row, state in zip(moments.states[:, own], laws.states, strict=True):
         data[state.name] = ("time_min", row, {"units": state.unit, "long_name": f"slow state {state.name}"})
+    impossible = [any(one.kind == "collapse" for one in moments.findings[k]) for k in own]
+    if with_alarms:
+        data["impossible"] = ("time_min", np.array(impossible, dtype=int))
     data["status"] = ("time_min", [Status(int(s)).word for s in moments.status[own]])
     found = alarms(moments, own, minute) if with_alarms else []
     stopped = moments.stopped[member]

@@ -111,7 +111,7 @@ class Engine:
     def march(self) -> list[History]:
         """From the start to the end of every member."""
         everyone = np.arange(len(self.timelines))
-        for member in everyone:
+        for member in range(len(everyone)):
             self._settle(member)
         settings = self._settings(everyone, self.time)
         beat, known = self._solve(everyone, settings, None)

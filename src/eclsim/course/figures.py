@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from eclsim.cases.events import Event
@@ -42,7 +43,7 @@ def plot_course(result: xr.Dataset) -> Figure:
     Args:
         result: as `eclsim.course` returns it.
     """
-    panels = [p for p in (*panels_of(result), RATE, OXYGEN, BLOOD)]
+    panels = (*panels_of(result), RATE, OXYGEN, BLOOD)
     drawn = [p for p in panels if any(name in result and _varies(result, name) for name in p.names)]
     seen: set[tuple[str, ...]] = set()
     drawn = [p for p in drawn if not (p.names in seen or seen.add(p.names))]
@@ -94,9 +95,10 @@ def _bars(ax: Axes, alarms: list[dict[str, object]], result: xr.Dataset) -> None
     end = float(result["time_min"][-1])
     for one in sorted(alarms, key=lambda alarm: list(_BARS).index(str(alarm["kind"])), reverse=True):
         until = end if one["until_min"] is None else float(str(one["until_min"]))
-        spans = np.array([float(str(one["at_min"])), until]) / 60.0
-        ax.plot(spans, [0.02, 0.02], transform=ax.get_xaxis_transform(), color=_BARS[str(one["kind"])],
-                linewidth=3.0, solid_capstyle="butt", label="_")  # fmt: skip
+        spans, colour = np.array([float(str(one["at_min"])), until]) / 60.0, _BARS[str(one["kind"])]
+        foot = Line2D(spans, [0.02, 0.02], transform=ax.get_xaxis_transform(), color=colour, linewidth=3.0)
+        foot.set_solid_capstyle("butt")
+        ax.add_line(foot)
 
 
 def _legend(events: list[Event], result: xr.Dataset) -> str:

@@ -21,8 +21,13 @@ _HOUR = 3600.0
 class VolumeLaw(SlowLaw):
     """Blood volume alone: what is given stays, what is filtered or bled is lost."""
 
-    states = tuple(SlowState(name, "mL", 10.0) for name in (GIVEN, REMOVED, REFILLED))
-    reads = ()
+    @property
+    def states(self) -> tuple[SlowState, ...]:  # noqa: D102  (as documented in the base class; so below)
+        return tuple(SlowState(name, "mL", 10.0) for name in (GIVEN, REMOVED, REFILLED))
+
+    @property
+    def reads(self) -> tuple[str, ...]:  # noqa: D102
+        return ()
 
     def start(self, settings: Named, beat: Named) -> Named:  # noqa: D102
         return dict.fromkeys((s.name for s in self.states), np.zeros_like(settings[EXTRA_VOLUME]))

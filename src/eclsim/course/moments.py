@@ -130,7 +130,7 @@ def _orbit(history: History, left: int, ahead: int, now: float) -> np.ndarray | 
 
 
 def _joined(engine: Engine, rows: Sequence[_Row]) -> Moments:
-    member, segment, time = (np.concatenate([row[k] for row in rows]) for k in range(3))
+    member, segment, time = (np.concatenate(parts) for parts in zip(*(row[:3] for row in rows), strict=True))
     states = np.concatenate([row[3] for row in rows], axis=1)
     settings = [
         engine.timelines[m].settings(int(s), float(t)) for m, s, t in zip(member, segment, time, strict=True)
@@ -240,7 +240,7 @@ class _Measured:
             one.status, one.findings = np.zeros(1, dtype=int), [[]]
             one.settling_s = moments.settling_s
             if not replace(self, moments=one).solve(np.zeros(1, dtype=int), None, before):
-                high = middle
+                high, moments.stopped[member] = middle, self.engine.messages[member]
                 continue
             low, before = middle, one.values_in_effect(0)
             _put(moments, bad, one)

@@ -158,7 +158,7 @@ class Timeline:
 
     def inflows(self, segment: int) -> dict[str, float]:
         """What events give between two breaks, mL/s by kind."""
-        begin, rates = self.breaks[segment], dict.fromkeys(INFLOWS, 0.0)
+        begin, rates = self.breaks[segment], {str(kind): 0.0 for kind in INFLOWS}
         for gift in self.gifts:
             if gift.begin <= begin < gift.end:
                 for kind, rate in gift.rates.items():
