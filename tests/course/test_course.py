@@ -9,8 +9,8 @@ import eclsim
 from eclsim.cases import read_case
 from eclsim.course.course import course, course_many, usual_every
 from eclsim.course.files import course_object
-from eclsim.course.laws import VolumeLaw
 from eclsim.inputs.mistakes import CaseError
+from eclsim.orbit.model import model_of
 from eclsim.slow.law import SlowLaw, SlowState
 
 PATIENT = """format = 1
@@ -22,12 +22,12 @@ height_cm = 178
 weight_kg = 80
 heart_rate_bpm = 80
 [fluid]
-extra_volume_ml = 0
+capillary_refill = false
 """
 EVENTS = """
 [[events]]
 at_min = 10
-give = { crystalloid_ml = 200 }
+give = { blood_ml = 200 }
 over_min = 20
 [[events]]
 at_min = 40
@@ -74,24 +74,15 @@ def test_what_is_given_is_there_and_blood_balances(hour):
     np.testing.assert_allclose(given, [0.0, 100.0, 200.0, 200.0], atol=1e-6)
 
 
-def test_a_ramp_and_a_sudden_change_are_those_of_a_steady_beat_there(hour, tmp_path):
-    volume = [hour[n].sel(time_min=45.0).item() for n in ("fluid.given_ml",)]
-    assert volume[0] == pytest.approx(200.0)
-    base = case(tmp_path)
-    from eclsim.orbit.model import model_of
-
-    start = model_of(base).values["Rmc"]
-    half = f"Rmc={0.5 * (start + 1.0)!r}"
-    at_45 = eclsim.simulate(case(tmp_path, settings=[half, f"fluid.extra_volume_ml={_extra(hour, 45.0)!r}"]))
-    assert hour["MAP"].sel(time_min=45.0).item() == pytest.approx(float(at_45["MAP"]), abs=1e-3)
-    settings = ["Rmc=0.9", "patient.heart_rate_bpm=90", f"fluid.extra_volume_ml={_extra(hour, 55.0)!r}"]
-    at_55 = eclsim.simulate(case(tmp_path, settings=settings))
-    assert hour["CO"].sel(time_min=55.0).item() == pytest.approx(float(at_55["CO"]), abs=1e-4)
-
-
-def _extra(result, minute):
-    at = result.sel(time_min=minute)
-    return float(at["fluid.given_ml"] - at["fluid.removed_ml"] + at["fluid.refilled_ml"])
+def test_a_ramp_and_a_sudden_change_are_those_of_a_steady_beat_there(tmp_path):
+    start = model_of(case(tmp_path)).values["Rmc"]
+    result = course(case(tmp_path, EVENTS.partition("over_min = 20")[2]), minutes=60.0, every_min=5.0)
+    at_45 = eclsim.simulate(case(tmp_path, settings=[f"Rmc={0.5 * (start + 1.0)!r}"]))
+    assert result["MAP"].sel(time_min=45.0).item() == pytest.approx(float(at_45["MAP"]), abs=1e-5)
+    before = eclsim.simulate(case(tmp_path, settings=["Rmc=1.0"]))
+    assert result["MAP"].values[-3] == pytest.approx(float(before["MAP"]), abs=1e-5)
+    at_55 = eclsim.simulate(case(tmp_path, settings=["Rmc=0.9", "patient.heart_rate_bpm=90"]))
+    assert result["CO"].sel(time_min=55.0).item() == pytest.approx(float(at_55["CO"]), abs=1e-6)
 
 
 class FailingHeart(SlowLaw):
@@ -114,7 +105,7 @@ class FailingHeart(SlowLaw):
 def test_an_end_has_its_reason_and_what_came_before_is_kept(tmp_path, monkeypatch, reads):
     def laws(circuit):
         FailingHeart.reads = reads
-        return VolumeLaw(), FailingHeart()
+        return (FailingHeart(),)
 
     monkeypatch.setattr("eclsim.course.course.laws_of", laws)
     result = course(case(tmp_path), minutes=60.0, every_min=10.0, outputs=("MAP", "CO"))
@@ -154,7 +145,7 @@ def test_the_object_has_what_the_contract_says(hour):
         "seconds",
     } <= found.keys()
     assert len(found["outputs"]["MAP"]) == len(found["time_min"])
-    assert found["events"][0] == {"at_min": 10.0, "give": {"crystalloid_ml": 200.0}, "over_min": 20.0}
+    assert found["events"][0] == {"at_min": 10.0, "give": {"blood_ml": 200.0}, "over_min": 20.0}
 
 
 def test_the_usual_moments_are_round():
@@ -165,5 +156,5 @@ def test_the_figure_shows_every_event(hour, tmp_path):
     from eclsim.course.figures import plot_course
 
     fig = plot_course(hour)
-    assert "crystalloid 200 mL over 20 min" in fig._supxlabel.get_text()
+    assert "blood 200 mL over 20 min" in fig._supxlabel.get_text()
     assert any(ax.get_title(loc="left") == "Arterial pressure" for ax in fig.axes)

@@ -13,9 +13,10 @@ import xarray as xr
 from eclsim.circuit.network import BLOOD_VOLUME
 from eclsim.course.alarms import Alarm, alarms, clock_time
 from eclsim.course.engine import CourseOptions, Engine
-from eclsim.course.laws import GIVEN, REFILLED, REMOVED, Laws, laws_of
+from eclsim.course.laws import Laws, laws_of
 from eclsim.course.moments import Moments, beats_at, moments_of
 from eclsim.course.timeline import MINUTE, Timeline
+from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
 from eclsim.orbit.model import CaseSource, as_case
 from eclsim.orbit.status import Status
 from eclsim.outputs.registry import output

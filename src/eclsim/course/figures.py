@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,8 +13,8 @@ from matplotlib.ticker import MaxNLocator
 
 from eclsim.cases.events import Event
 from eclsim.course.alarms import clock_time
-from eclsim.course.laws import GIVEN, REFILLED, REMOVED
 from eclsim.devices.description import Panel
+from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
 from eclsim.reporting.style import (
     GREY,
     OKABE_ITO,
@@ -76,7 +76,8 @@ def _draw(ax: Axes, result: xr.Dataset, panel: Panel, events: list[Event]) -> No
     hours = result["time_min"].to_numpy() / 60.0
     shown = [pair for pair in zip(panel.names, panel.labels, strict=True) if pair[0] in result]
     for index, (name, label) in enumerate(shown):
-        ax.plot(hours, result[name].to_numpy().astype(float), label=label, **curve_style(index))
+        style: dict[str, Any] = {**curve_style(index)}
+        ax.plot(hours, result[name].to_numpy().astype(float), label=label, **style)
     for number, event in enumerate(events, start=1):
         at = event.at_min / 60.0
         if len(hours) and at <= hours[-1]:

@@ -7,44 +7,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eclsim.parameters.regulation import EXTRA_VOLUME
-from eclsim.slow.law import INFLOWS, Named, SlowLaw, SlowState
+from eclsim.drugs.infusion import InfusedDoses
+from eclsim.fluid.laws import slow_laws
+from eclsim.parameters.regulation import DRUGS
+from eclsim.slow.law import Named, SlowLaw
 
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
 
-GIVEN, REMOVED, REFILLED = "fluid.given_ml", "fluid.removed_ml", "fluid.refilled_ml"
-"""What went through the doors of the patient's blood volume."""
-_HOUR = 3600.0
-
-
-class VolumeLaw(SlowLaw):
-    """Blood volume alone: what is given stays, what is filtered or bled is lost."""
-
-    @property
-    def states(self) -> tuple[SlowState, ...]:  # noqa: D102  (as documented in the base class; so below)
-        return tuple(SlowState(name, "mL", 10.0) for name in (GIVEN, REMOVED, REFILLED))
-
-    @property
-    def reads(self) -> tuple[str, ...]:  # noqa: D102
-        return ()
-
-    def start(self, settings: Named, beat: Named) -> Named:  # noqa: D102
-        return dict.fromkeys((s.name for s in self.states), np.zeros_like(settings[EXTRA_VOLUME]))
-
-    def in_effect(self, states: Named, settings: Named) -> Named:  # noqa: D102
-        return {EXTRA_VOLUME: settings[EXTRA_VOLUME] + states[GIVEN] - states[REMOVED] + states[REFILLED]}
-
-    def rates(self, states: Named, settings: Named, beat: Named, inflows: Named) -> Named:  # noqa: D102
-        zero = np.zeros_like(states[GIVEN])
-        filtered = sum((v for k, v in settings.items() if k.endswith(".net_ultrafiltration_ml_h")), zero)
-        given = sum((inflows[kind] for kind in INFLOWS if kind != "bleed_ml"), zero)
-        return {GIVEN: given, REMOVED: inflows["bleed_ml"] + filtered / _HOUR, REFILLED: zero}
-
 
 def laws_of(circuit: Circuit) -> tuple[SlowLaw, ...]:
-    """The slow laws of a circuit."""
-    return (VolumeLaw(),)
+    """The slow laws of a circuit: another one is another line."""
+    drugs = any(name.startswith(f"{DRUGS}.") for name in circuit.parameter_names())
+    return (
+        *slow_laws(circuit),
+        *([InfusedDoses()] if drugs else []),
+    )
 
 
 class Laws:

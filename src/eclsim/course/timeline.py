@@ -13,6 +13,7 @@ from eclsim.cases.sections import Fluid
 from eclsim.cases.settings import path_of, put_in
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.orbit.model import circuit_of, values_of
+from eclsim.parameters.regulation import DRUG_DOSES, DRUGS
 from eclsim.slow.law import INFLOWS
 
 if TYPE_CHECKING:
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
 
 MINUTE = 60.0
+SENSITIVITIES = tuple(f"{drug}_sensitivity" for drug in DRUG_DOSES)
 
 
 @dataclass(frozen=True)
@@ -85,11 +87,12 @@ class Timeline:
 
     @cached_property
     def start_case(self) -> Case:
-        """The case whose veins may be given volume, with fluids at 0 that an event turns on later."""
+        """The case whose veins may be given volume, with fluids and drugs at 0 that an event starts."""
         bare = self.case.model_copy(update={"events": ()})
         bare = bare if bare.fluid is not None else bare.model_copy(update={"fluid": Fluid()})
         wanted = (path_of(key) for event in self.case.events for key in event.set)
-        off = {p: 0.0 for p in wanted if p and p[1].endswith("_ml_h") and bare.setting(*p) is None}
+        started = [p for p in wanted if p and (p[1].endswith("_ml_h") or p[0] == DRUGS)]
+        off = {p: 0.0 for p in started if bare.setting(*p) is None and p[1] not in SENSITIVITIES}
         return _with(bare, off) if off else bare
 
     def values_of(self, case: Case) -> dict[str, float]:
