@@ -93,7 +93,7 @@ def apply_settings(case: Case, settings: Iterable[str]) -> Case:
     return read_mapping(merged, file=PLACE).case
 
 
-def _in_place_of(section: str, key: str) -> list[str]:
+def in_place_of(section: str, key: str) -> list[str]:
     """Keys that setting one takes away, since the section has either."""
     kind = section_of(section)
     pairs = () if kind is None else kind.exclusive

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eclsim.cases.quantities import place_of
 from eclsim.cases.sections import Fluid
-from eclsim.cases.settings import path_of, put_in
+from eclsim.cases.settings import put_in
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.orbit.model import circuit_of, values_of
 from eclsim.parameters.regulation import DRUG_DOSES, DRUGS
@@ -90,7 +91,7 @@ class Timeline:
         """The case whose veins may be given volume, with fluids and drugs at 0 that an event starts."""
         bare = self.case.model_copy(update={"events": ()})
         bare = bare if bare.fluid is not None else bare.model_copy(update={"fluid": Fluid()})
-        wanted = (path_of(key) for event in self.case.events for key in event.set)
+        wanted = (place_of(key) for event in self.case.events for key in event.set)
         started = [p for p in wanted if p and (p[1].endswith("_ml_h") or p[0] == DRUGS)]
         off = {p: 0.0 for p in started if bare.setting(*p) is None and p[1] not in SENSITIVITIES}
         return _with(bare, off) if off else bare
@@ -181,7 +182,7 @@ def _between(change: Change, time: float) -> dict[str, float]:
 
 def _changed(case: Case, settings: Mapping[str, object], start: Case) -> Case:
     """The case with settings put in; open set points of reflexes go on being those of the start."""
-    paths = {path: value for key, value in settings.items() if (path := path_of(key)) is not None}
+    paths = {path: value for key, value in settings.items() if (path := place_of(key)) is not None}
     return _with(case, paths).model_copy(update={"as_written": start.as_written or start})
 
 
