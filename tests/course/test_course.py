@@ -103,7 +103,7 @@ class FailingHeart(SlowLaw):
 
 @pytest.mark.parametrize("reads", [(), ("MAP",)], ids=["seen in moments", "seen in steps"])
 def test_an_end_has_its_reason_and_what_came_before_is_kept(tmp_path, monkeypatch, reads):
-    def laws(circuit):
+    def laws(circuit, settings):
         FailingHeart.reads = reads
         return (FailingHeart(),)
 

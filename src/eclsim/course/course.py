@@ -117,7 +117,7 @@ def course_many(
     for members in _groups(timelines, volume_policy).values():
         own = [timelines[m] for m in members]
         policy = volume_policy or own[0].case.volume_policy
-        laws = Laws(laws_of(own[0].start[0]))
+        laws = Laws(laws_of(*own[0].start))
         engine = Engine(own, laws, policy, options or CourseOptions(), execution)
         histories = engine.march()
         moments = moments_of(engine, histories, (every_min or usual_every(minutes)) * MINUTE)

@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
 
 
-def laws_of(circuit: Circuit) -> tuple[SlowLaw, ...]:
-    """The slow laws of a circuit: another one is another line."""
+def laws_of(circuit: Circuit, settings: Mapping[str, float]) -> tuple[SlowLaw, ...]:
+    """The slow laws of a circuit with its parameters: another one is another line."""
     drugs = any(name.startswith(f"{DRUGS}.") for name in circuit.parameter_names())
     return (
-        *slow_laws(circuit),
+        *slow_laws(circuit, settings),
         *([InfusedDoses()] if drugs else []),
     )
 
