@@ -78,6 +78,10 @@ class FluidLaw(SlowLaw):
     def reads(self) -> tuple[str, ...]:  # noqa: D102
         return (self.arterial, *self.venous, _TONE)
 
+    def at_rest(self, settings: Named) -> tuple[Spaces, Wall]:
+        """The spaces at the start and the wall between them."""
+        return _rest(settings), _wall(settings)
+
     def start(self, settings: Named, beat: Named) -> Named:  # noqa: D102
         rest, zero = _rest(settings), np.zeros_like(settings[BLOOD_VOLUME])
         _, cells = blood_at_start(settings)

@@ -10,6 +10,7 @@ from eclsim.paper.comparison import Check, Row, worst
 from eclsim.validation import (
     dialysis,
     drugs,
+    fluid,
     gradients,
     measurements,
     reference_cases,
@@ -35,6 +36,7 @@ PARTS: dict[str, Callable[[Effort], list[Check]]] = {
     "dialysis": lambda _: [dialysis.dialysis_check()],
     "drugs": lambda _: [drugs.drugs_check()],
     "regulation": lambda _: regulation.regulation_checks(),
+    "fluid": lambda _: [fluid.fluid_check()],
     "patients": lambda _: [measurements.healthy_check(), *measurements.effects_checks()],
 }
 """Parts of the validation by the name that `--only` takes."""

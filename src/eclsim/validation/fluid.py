@@ -1,0 +1,278 @@
+"""Fluid and stores of carbon dioxide against measurements in people and animals.
+
+The filtration coefficient was fitted by others to dialysis patients; nothing was fitted here. Pressures come
+from steady beats at several blood volumes, with the reflex on, and are interpolated along the course.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from eclsim.cases.reading import read_mapping
+from eclsim.fluid.law import PLASMA, RED_CELLS, fluid_law
+from eclsim.fluid.laws import slow_laws
+from eclsim.fluid.solutes import CarbonDioxideLaw
+from eclsim.orbit.model import Model, model_of
+from eclsim.orbit.steady import Batch
+from eclsim.outputs.steady_beat import steady_beat
+from eclsim.paper.comparison import YES_NO, Check, Explanation, Row, near
+from eclsim.parameters.fluid import STORES_HOLD
+from eclsim.parameters.regulation import EXTRA_VOLUME
+from eclsim.slow.law import INFLOWS
+
+PIETRIBIASI = "Pietribiasi et al. 2016 (PMID 27483369), dialysis patients, abstract"
+KEANE = "Keane et al. 2018 (10.1097/MAT.0000000000000795), 47 dialysis patients, abstract"
+DASSELAAR = "Dasselaar et al. 2006 (10.1097/01.mat.0000199896.27003.98), 8 dialysis patients, abstract"
+LUNDVALL = "Lundvall and Bjerkhoel, plasma volume on standing up, 7 men, abstract"
+HELDT = "Heldt 2004 (thesis), after older measurements"
+MENDES = "Mendes et al. 2016 (PMC4703593), apnoeic pigs, abstract"
+VOLUMES_ML = np.linspace(-1500.0, 300.0, 10)
+LOW_COEFFICIENT = 1.0
+"""Filtration coefficient [mL/min/mmHg] that rows of dialysis are compared with beside the published mean."""
+SESSION_H = 4.0
+"""Of a dialysis; the abstracts do not say it."""
+STANDING_MMHG = 18.6
+"""Rise of capillary pressure, mean of the body: the legs, 32 % of it, stand 0.75 m below the heart."""
+UF = "uf"
+
+
+class Patient:
+    """A patient whose pressures at several blood volumes are known.
+
+    Args:
+        sections: of the case.
+    """
+
+    def __init__(self, **sections: object):
+        person = {"id": "P", "sex": "male", "age_years": 60, "heart_rate_bpm": 75}
+        reflex = {"baroreflex": 1.0, "model": "heldt2004"}
+        raw = {"format": 1, "patient": person, "regulation": reflex, "fluid": {}} | sections
+        self.model = model_of(read_mapping(raw).case)
+        law = fluid_law(self.model.circuit)
+        volumes = {EXTRA_VOLUME: self.model.values[EXTRA_VOLUME] + VOLUMES_ML}
+        self.names = (*law.reads, "unstressed_volume")
+        beats = steady_beat(_batch(self.model, volumes), self.names)
+        self.values = {name: beats.output(name) for name in self.names}
+
+    def at(self, change: np.ndarray) -> dict[str, np.ndarray]:
+        """Outputs where blood volume has changed [mL]."""
+        return {name: np.interp(change, VOLUMES_ML, found) for name, found in self.values.items()}
+
+    def course(
+        self, hours: float, rates_ml_s: Mapping[str, float], raised: Callable[[float], float] | None = None
+    ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Minutes and slow states.
+
+        Args:
+            hours: length.
+            rates_ml_s: what is given, bled ("bleed_ml") or filtered (`UF`).
+            raised: capillary pressure on top of the beat's [mmHg] at a time [s]; then pressures stay.
+        """
+        law = replace(fluid_law(self.model.circuit), ultrafiltration=(UF,))
+        settings = _arrays({**self.model.values, UF: 3600.0 * rates_ml_s.get(UF, 0.0)})
+        inflows = _arrays(dict.fromkeys(INFLOWS, 0.0) | {k: v for k, v in rates_ml_s.items() if k != UF})
+        start = law.start(settings, self.at(np.zeros(1)))
+        names = list(start)
+
+        def slope(time: float, y: np.ndarray) -> np.ndarray:
+            states = {name: y[k : k + 1] for k, name in enumerate(names)}
+            change = states[PLASMA] + states[RED_CELLS] - start[PLASMA] - start[RED_CELLS]
+            beat = self.at(change if raised is None else np.zeros(1))
+            if raised is not None:
+                beat["MAP"] = beat["MAP"] + raised(time)  # arteries and veins together: capillaries as much
+                beat["venous_pressure"] = beat["venous_pressure"] + raised(time)
+            found = law.rates(states, settings, beat, inflows)
+            return np.concatenate([found[name] for name in names])
+
+        from scipy.integrate import solve_ivp
+
+        first = np.concatenate([start[name] for name in names])
+        found = solve_ivp(
+            slope,
+            (0.0, 3600.0 * hours),
+            first,
+            "LSODA",
+            dense_output=False,
+            rtol=1e-8,
+            atol=1e-6,
+            max_step=60.0,
+        )
+        return found.t / 60.0, dict(zip(names, found.y, strict=True))
+
+
+def fluid_check() -> Check:
+    """All rows."""
+    rows = (*_filtration(), *_standing(), *_haemorrhage(), *_stores())
+    bar = "spreads of the measurements; compared, not required"
+    remarks = (
+        "No one filtration coefficient suits all rows: a dialysis wants about 1 mL/min/mmHg, men who stand "
+        "up 10; the wall is not the same in patients, and not in all tissues.",
+    )
+    return Check("fluid", "Fluid and stores against measurements", bar, rows, required=False, remarks=remarks)
+
+
+def _filtration() -> list[Row]:
+    """Blood volume along a dialysis."""
+    as_published, low = map(_dialysed, (10.0, LOW_COEFFICIENT))
+
+    def row(
+        label: str, unit: str, expected: float, spread: float, litres: float, per: float, source: str
+    ) -> Row:
+        """Fall of the blood volume, with the published mean and, as evidence, with the low coefficient."""
+        found, tight = (_fall(patient, 1000.0 * litres) / per for patient in (as_published, low))
+        reason = (
+            f"refill is too quick at the published mean; at {LOW_COEFFICIENT:g} mL/min/mmHg, 1.07 of its "
+            "standard deviations lower, the fall is as measured"
+        )
+        evidence = (near(label, expected, tight, spread, unit),)
+        return near(
+            label, expected, found, spread, unit, source=source, explanation=Explanation(reason, evidence)
+        )
+
+    return [
+        near(
+            "filtration coefficient (fit of the source)", 10.0,
+            as_published.model.values["fluid.filtration_ml_min_mmHg"], 8.4, "mL/min/mmHg", source=PIETRIBIASI,
+        ),
+        row("fall of blood volume, 1.7 L filtered (test)", "%/h", 3.2, 1.6, 1.7, SESSION_H,
+            f"{KEANE}; spread not printed, half of it taken"),
+        row("the same for each L, 1.5 L filtered (test)", "%/L", 4.9, 1.3, 1.5, 1.5, DASSELAAR),
+        row("the same for each L, 2.7 L filtered (test)", "%/L", 2.4, 0.8, 2.7, 2.7, DASSELAAR),
+    ]  # fmt: skip
+
+
+def _dialysed(coefficient: float) -> Patient:
+    """A patient of the dialysis unit, 1.6 L overloaded."""
+    blood = {"haematocrit": 0.33, "plasma_protein_g_dl": 6.8, "filtration_ml_min_mmHg": coefficient}
+    plain = Patient(fluid=blood).model.values["fluid.interstitial_volume_ml"]
+    return Patient(fluid=blood | {"interstitial_volume_ml": plain + 1600.0})
+
+
+def _fall(patient: Patient, removed_ml: float) -> float:
+    """Of the blood volume at the end of a session [%]."""
+    _, states = patient.course(SESSION_H, {UF: removed_ml / (3600.0 * SESSION_H)})
+    blood = states[PLASMA] + states[RED_CELLS]
+    return float(100.0 * (1.0 - blood[-1] / blood[0]))
+
+
+def _standing() -> list[Row]:
+    """Plasma lost to the legs of men who stand up or are tilted."""
+    young = {
+        "id": "P",
+        "sex": "male",
+        "age_years": 25,
+        "heart_rate_bpm": 65,
+        "height_cm": 180,
+        "weight_kg": 75,
+    }
+    man = Patient(patient=young, fluid={"haematocrit": 0.45, "plasma_protein_g_dl": 7.0})
+    time, states = man.course(35.0 / 60.0, {}, lambda _: STANDING_MMHG)
+    lost = 100.0 * (1.0 - states[PLASMA] / states[PLASMA][0])
+    tau = float(np.interp((1.0 - np.exp(-1.0)) * lost[-1], lost, time))
+    whole = Explanation(
+        "the wall of the whole body in one: legs alone are fuller and stiffer, and their arterioles constrict"
+    )
+    return [
+        near(
+            "plasma lost on standing, 35 min (test)",
+            17.4,
+            lost[-1],
+            1.8,
+            "%",
+            source=LUNDVALL,
+            explanation=whole,
+        ),
+        near(
+            "time constant of the loss on standing (test)",
+            4.6,
+            tau,
+            0.8,
+            "min",
+            source=HELDT,
+            explanation=whole,
+        ),
+        Row("the same, other men in the literature (test)", tau, 4.0, 12.2, "min", source=HELDT),
+    ]
+
+
+def _haemorrhage() -> list[Row]:
+    """A litre of blood lost."""
+    rows = []
+    for reflex in ("heldt2004", "ursino1998"):
+        patient = Patient(regulation={"baroreflex": 1.0, "model": reflex})
+        bled, rest = patient.at(np.full(1, -1000.0)), patient.at(np.zeros(1))
+        given = float((rest["unstressed_volume"] - bled["unstressed_volume"])[0])
+        label = f"1 L lost at once, {reflex}: blood that veins give (test)"
+        rows.append(near(label, 500.0, given, 250.0, "mL", source=f"{HELDT}; half of it taken as spread"))
+    return rows
+
+
+def _stores() -> list[Row]:
+    """PaCO2 of an apnoeic patient after the sweep is turned up from 3 to 10 L/min."""
+    unmet = Explanation(
+        "1.5 L/min carries too little oxygen for a pig without lungs; the model's patient, whose consumption "
+        "was chosen so that it suffices, is limited by the sweep there too"
+    )
+    slow, fast = (_after_sweep(rpm) for rpm in (1400.0, 2500.0))
+    settled = (fast[50] - fast[0]) / (fast[-1] - fast[0])
+    return [
+        near(
+            "PaCO2 settled 50 min after a change of sweep, 3.5 L/min (test)", 100.0, 100.0 * settled,
+            10.0, "%", source=MENDES,
+        ),
+        Row("3.5 L/min: sweep 3 to 10 L/min lowers PaCO2 (test)", float(fast[50] < fast[0] - 2.0), 1.0, 1.0,
+            YES_NO, 1.0, source=MENDES),
+        near(
+            "1.5 L/min: change of PaCO2 with sweep 3 to 10 L/min (test)", 0.0, slow[50] - slow[0], 5.0,
+            "mmHg", source=MENDES, explanation=unmet,
+        ),
+    ]  # fmt: skip
+
+
+def _after_sweep(rpm: float) -> np.ndarray:
+    """PaCO2 [mmHg] each minute from just before the change on, and in the end."""
+    before, after = _apnoeic(rpm, 3.0), _apnoeic(rpm, 10.0)
+    (law,) = (one for one in slow_laws(after.circuit, after.values) if isinstance(one, CarbonDioxideLaw))
+    names, key = (*law.reads, "PaCO2"), "solutes.tissue_pco2_mmHg"
+    old, new = (steady_beat(Batch.of(one), names).outputs() for one in (before, after))
+    held = np.linspace(old["tissue_PCO2"] + 1.0, new["tissue_PCO2"] - 1.0, 16)
+    beats = steady_beat(_batch(after, {key: held, STORES_HOLD: np.ones_like(held)}), names)
+    rates = law.rates({}, _arrays(after.values), {n: beats.output(n) for n in law.reads}, {})[key]
+    order, pressure, arterial = np.argsort(held), old["tissue_PCO2"], [old["PaCO2"]]
+    for _ in range(50):
+        for _ in range(20):
+            pressure += 3.0 * np.interp(pressure, held[order], rates[order])
+        arterial.append(float(np.interp(pressure, held[order], beats.output("PaCO2")[order])))
+    return np.array([*arterial, new["PaCO2"]])
+
+
+@lru_cache(maxsize=8)
+def _apnoeic(rpm: float, sweep: float) -> Model:
+    ecmo = {
+        "mode": "VV", "pump": "Rotaflow", "speed_rpm": rpm, "oxygenator": "Quadrox-i Adult",
+        "drainage_fr": 23, "return_fr": 19, "sweep_l_min": sweep, "drainage_mixing": 0.3,
+    }  # fmt: skip
+    person = {
+        "id": "P",
+        "sex": "male",
+        "age_years": 60,
+        "heart_rate_bpm": 90,
+        "height_cm": 170,
+        "weight_kg": 75,
+    }
+    gas = {"shunt_fraction": 1.0, "vo2_ml_min": 130.0}
+    raw = {"format": 1, "patient": person, "ecmo": ecmo, "gas": gas, "solutes": {}}
+    return model_of(read_mapping(raw).case)
+
+
+def _batch(model: Model, columns: Mapping[str, np.ndarray]) -> Batch:
+    count = len(next(iter(columns.values())))
+    return Batch(model.circuit, {**model.values, **columns}, count, model.policy)
+
+
+def _arrays(values: Mapping[str, float]) -> dict[str, np.ndarray]:
+    return {key: np.array([value]) for key, value in values.items()}
