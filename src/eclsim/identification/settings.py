@@ -115,6 +115,9 @@ def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
         if name not in settings.names:
             hint, allowed = did_you_mean(name, settings.names) or "", ", ".join(settings.names)
             checked.wrong(name, "bounds of a parameter that is not free", "", allowed, hint)
+    if case.regulation is not None and case.regulation.open_set_points:
+        message = "left open, so that of the start values: give it, or fit without [regulation]"
+        checked.warnings.append(Mistake("regulation.set_point_mmHg", message))
     if not checked.mistakes and not checked.free:
         checked.wrong("parameters", "none is free")
     return checked

@@ -55,7 +55,7 @@ def default(key: str) -> Parameter:
 
 def usual_bounds(key: str) -> thiel2025.Bounds | None:
     """Start value and bounds that a fit looks between; None for a parameter without usual ones."""
-    return thiel2025.BOUNDS.get(key) or gas.BOUNDS.get(key)
+    return thiel2025.BOUNDS.get(key) or gas.BOUNDS.get(key) or regulation.BOUNDS.get(key)
 
 
 def find(name: str) -> Parameter:

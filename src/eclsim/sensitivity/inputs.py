@@ -14,7 +14,7 @@ import numpy as np
 
 from eclsim.circuit.network import Choice, Circuit
 from eclsim.devices.registry import devices, parameter_of
-from eclsim.parameters import did_you_mean, gas
+from eclsim.parameters import did_you_mean, gas, regulation
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -271,7 +271,10 @@ def _input(name: str, case: Case, circuit: Circuit, base: Mapping[str, float], s
         return _within(name, sizes, base[name], share)
     if (own := gas.varied(name, base[name], share)) is not None:
         return Continuous(name, *own)
-    return Continuous(name, *sorted((base[name] * (1.0 - share), base[name] * (1.0 + share))))
+    low, high = sorted((base[name] * (1.0 - share), base[name] * (1.0 + share)))
+    if (own := regulation.PARAMETERS.get(name)) is not None:  # a gain of 1 may rise to 1.2 only
+        low, high = max(low, own.minimum), min(high, own.maximum)
+    return Continuous(name, low, high)
 
 
 def _at(case: Case, choice: Choice) -> Instance | None:
