@@ -42,7 +42,7 @@ def twin():
 
 @pytest.mark.slow
 def test_a_twin_gives_back_gain_and_sensitivity_to_their_sections(twin, tmp_path: Path):
-    """Exact measurements tell them apart; with uncertain ones of a single state the fit says that they do not."""
+    """Exact measurements tell them apart; the fit says that uncertain ones of a single state do not."""
     quick = MultiStart(2, 0.5, round_size=1, rediscoveries=1)
     found = fit(twin, settings=FitSettings((GAIN, SENSITIVITY), multi_start=quick))
     for name, value in TRUTH.items():
