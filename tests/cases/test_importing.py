@@ -79,14 +79,14 @@ def test_a_bundle_becomes_a_cohort_that_is_read(tmp_path):
         observation("8741-1", 4100, "mL/min", "2024-03-01T09:03:00+01:00"),
         observation("8867-4", 88, "/min", "2024-03-01T12:00:00+01:00"),
         observation("8478-0", 79, "mm[Hg]", "2024-03-01T12:00:00+01:00"),
-        observation("718-7", 12, "g/dL"),
+        observation("2524-7", 1.2, "mmol/L"),
     )
     found = import_cohort(file)
     said = "\n".join(map(str, found.notes))
     assert "11.2 kPa = 84.0069 mmHg" in said
     assert "4100 mL/min = 4.1 L/min" in said
     assert "5 min after the first" in said
-    assert any("718-7" in str(w) for w in found.warnings)
+    assert any("2524-7" in str(w) for w in found.warnings)
     table = tmp_path / "cohort.csv"
     table.write_text(as_table(found.rows))
     assert "Doe" not in table.read_text()

@@ -2,7 +2,8 @@
 
 LOINC and SNOMED CT codes are those of public FHIR profiles (HL7 vital signs; the intensive care module of
 the German Medical Informatics Initiative for PCWP and for the flow of an extracorporeal gas exchange, which
-has no LOINC code).
+has no LOINC code; HL7's value set of oxygen saturations for that of arterial blood, DICOM's context group
+3524 for its partial pressures). Pulse oximetry (59408-5) is not taken for a blood gas.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from eclsim.cases.sections import MEASURED_GASES, Measurements
 from eclsim.devices.registry import devices
 from eclsim.units import convert, known_unit, quantity_of
 
@@ -42,6 +44,15 @@ MEASURABLES = (
     Measurable("PCWP", "mmHg", "75994-4"),
     Measurable("CO", "L/min", "8741-1"),
     Measurable("PF", "L/min", "", "251288004"),
+    Measurable("SaO2", "%", "2708-6"),
+    Measurable("PaO2", "mmHg", "2703-7"),
+    Measurable("PaCO2", "mmHg", "2019-8"),
+    *(
+        Measurable(name, Measurements.fields()[name].unit)
+        for name in MEASURED_GASES
+        if name not in ("SaO2", "PaO2", "PaCO2")
+    ),
+    Measurable("haemoglobin_g_dl", "g/dL", "718-7"),
     Measurable("height_cm", "cm", "8302-2"),
     Measurable("weight_kg", "kg", "29463-7"),
     *(
@@ -50,7 +61,7 @@ MEASURABLES = (
         for column in device.columns.measured
     ),
 )
-"""What is read; a pump's speed has no code and goes by its name."""
+"""What is read; a pump's speed, and blood gases of the ECMO and of mixed venous blood, go by their names."""
 BY_CODE: MappingProxyType[str, Measurable] = MappingProxyType(
     {m.loinc: m for m in MEASURABLES if m.loinc}
     | {m.snomed: m for m in MEASURABLES if m.snomed}

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from eclsim.cases.cohort import CohortPoint
 
 _PRESSURES = ("SP", "DP", "MAP", "MPAP", "PCWP")
+_GASES = ("PaO2", "PaCO2", "PpostO2", "PexhaustCO2")
 _ENOUGH_ROWS = 4
 _TIME = re.compile(r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d(\.\d+)?)?(Z|[+-]\d\d:?\d\d)?)?")
 
@@ -152,10 +153,16 @@ def _one_patient(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> 
 
 def _in_kilopascal(rows: Mapping[int, Mapping[str, str]], remarks: RowRemarks) -> set[int]:
     """Rows whose pressures are all smaller than those of the others by the factor from mmHg to kPa."""
-    usual = {name: _median(_number(row.get(name, "")) for row in rows.values()) for name in _PRESSURES}
+    return _smaller_together(rows, _PRESSURES, remarks) | _smaller_together(rows, _GASES, remarks)
+
+
+def _smaller_together(
+    rows: Mapping[int, Mapping[str, str]], names: Sequence[str], remarks: RowRemarks
+) -> set[int]:
+    usual = {name: _median(_number(row.get(name, "")) for row in rows.values()) for name in names}
     result = set()
     for line, row in rows.items():
-        values = {name: _number(row.get(name, "")) for name in _PRESSURES}
+        values = {name: _number(row.get(name, "")) for name in names}
         ratios = {name: v / u for name, v in values.items() if v and (u := usual[name])}
         if len(ratios) >= 2 and all(0.5 < ratio * MMHG_PER_KPA < 2.0 for ratio in ratios.values()):
             name = next(iter(ratios))

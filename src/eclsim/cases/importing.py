@@ -12,6 +12,7 @@ from eclsim.cases.clinical_codes import BY_CODE
 from eclsim.cases.cohort import COLUMNS, MEASUREMENT, OPTIONAL
 from eclsim.cases.cohort_table import read_table
 from eclsim.cases.fhir import read_bundle
+from eclsim.cases.gas import Gas
 from eclsim.cases.observations import ABOUT, Imported, Observation, data_points
 from eclsim.files import csv_text
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
@@ -63,6 +64,8 @@ def as_table(rows: list[dict[str, str]]) -> str:
 
 def _fill(result: Imported, base: Case, file: str) -> None:
     given = {f"patient.{k}": v for k, v in base.patient.model_dump(exclude_none=True).items()}
+    gas = {} if base.gas is None else base.gas.model_dump(exclude_none=True)
+    given |= {f"{Gas.section}.{k}": v for k, v in gas.items()}
     for one in base.instances():
         given |= {f"{one.key}.{k}": v for k, v in one.section.model_dump(exclude_none=True).items()}
     for column, key in (COLUMNS | OPTIONAL).items():

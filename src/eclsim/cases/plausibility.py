@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
+from eclsim.cases.gas import Gas
+from eclsim.cases.sections import MEASURED_GASES
 from eclsim.devices.device import CaseValues, device_key
 from eclsim.devices.registry import device_of, devices
 from eclsim.inputs.mistakes import Remarks, shown
@@ -16,11 +18,14 @@ from eclsim.parameters import physiology, thiel2025
 from eclsim.parameters.physiology import SECTION
 from eclsim.patient.anthropometry import body_mass_index, mean_height_weight, total_blood_volume_ml
 from eclsim.patient.sites import ONLY_REGIONAL, SAME_IN_REGIONS, patient_sites
+from eclsim.units import MMHG_PER_KPA
 
 _VESSELS = ("ao", "sart", "svn", "pas", "part", "pvn")
 _CHAMBERS = ("ra", "rv", "la", "lv")
 _LARGEST_SHARE = 0.5
 _LEAST_VENOUS_ML = 20.0
+_UNLIKE_SATURATION = 15.0
+"""Difference [%] between a saturation and the one of its PO2 that pH and temperature hardly explain."""
 
 
 def check_plausibility(case: CaseValues, parameters: Mapping[str, float], remarks: Remarks) -> None:
@@ -45,11 +50,40 @@ def check_plausibility(case: CaseValues, parameters: Mapping[str, float], remark
                 message = f"a pump flow was measured, but the case has no [{device.key}] section"
                 remarks.warning(f"measurements.{name}", message, shown(case.measurements[name]))
     _check_blood(case.patient, parameters, remarks)
+    _check_blood_gases(case, remarks)
     _check_regions(case, parameters, remarks)
     for key, values in case.devices.items():
         device = device_of(device_key(key))
         assert device is not None  # a section of no device is an unknown key
         device.check(values, case, key, remarks)
+
+
+def _check_blood_gases(case: CaseValues, remarks: Remarks) -> None:
+    """Blood gases that nothing computes, and a saturation that only the PO2 in kPa could have."""
+    measured = case.measurements
+    gases = [name for name in MEASURED_GASES if name in measured]
+    if gases and not case.physiology.get(Gas.section):
+        message = "blood gases were measured, but the case has no [gas] section: they are not fitted"
+        remarks.warning(f"measurements.{gases[0]}", message, shown(measured[gases[0]]))
+    for saturation, pressure in (("SaO2", "PaO2"), ("SpostO2", "PpostO2")):
+        if saturation not in measured or pressure not in measured:
+            continue
+        percent, mmhg = measured[saturation], measured[pressure]
+        meant, doubt = mmhg * MMHG_PER_KPA, abs(_saturation(mmhg) - percent)
+        if doubt < _UNLIKE_SATURATION:
+            continue
+        usual = f"{_saturation(mmhg):.0f} %"
+        message = f"{saturation} = {percent:g} % does not go with it, which is one of about {usual}"
+        if abs(_saturation(meant) - percent) < 0.25 * doubt:
+            hint = f"{mmhg:g} kPa = {meant:.4g} mmHg"
+            remarks.error(f"measurements.{pressure}", message, shown(mmhg), "mmHg", hint)
+        else:
+            remarks.warning(f"measurements.{pressure}", message, shown(mmhg))
+
+
+def _saturation(po2: float) -> float:
+    """Saturation [%] at a PO2 [mmHg], pH 7.4 and 37 C (Severinghaus 1979)."""
+    return 100.0 / (1.0 + 23400.0 / (po2**3 + 150.0 * po2))
 
 
 def _check_regions(case: CaseValues, parameters: Mapping[str, float], remarks: Remarks) -> None:

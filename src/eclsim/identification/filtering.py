@@ -33,6 +33,7 @@ Simulate = Callable[[np.ndarray], np.ndarray]
 DRIFTS = (0.05, 0.12, 0.3)
 """Standard deviation q of the change of a latent variable over a day. Near the middle of bounds a factor of
 100 apart, 0.1 is about 18 % of the parameter."""
+SMALLEST_SPREAD = 1e-12
 MOST_STEPS = 100
 """A longer time without measurement is not divided further."""
 ITERATIONS = 3
@@ -73,7 +74,8 @@ class GaussianMixture:
 
     def quantiles(self, shares: Sequence[float]) -> np.ndarray:
         """Of each component of the vector by itself, by bisection, shape (shares, size)."""
-        spreads = np.sqrt(np.einsum("fii->fi", self.covariances))
+        # What no parameter moves is known exactly.
+        spreads = np.maximum(np.sqrt(np.einsum("fii->fi", self.covariances)), SMALLEST_SPREAD)
         rows = []
         for share in shares:
             each = self.means + spreads * ndtri(share)

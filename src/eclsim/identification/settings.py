@@ -146,7 +146,10 @@ def check_fit(case: Case, bounds: Mapping[str, tuple[float, float, float]]) -> C
         checked.wrong(f"{one.key}.{target.key}", message, value, allowed)
     for name in OUTPUTS:
         value = getattr(case.measurements, name, None)
-        if value is None and name in GASES:
+        if name in GASES and (value is None or case.gas is None):
+            if value is not None:
+                message = "not fitted: the case has no [gas] section"
+                checked.warnings.append(Mistake(f"measurements.{name}", message, shown(value)))
             continue
         if value is None or (name in OF_ECMO and case.ecmo is None):
             checked.notes.append(Mistake(f"measurements.{name}", "not measured, so not fitted"))

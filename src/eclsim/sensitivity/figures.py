@@ -17,6 +17,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from eclsim.outputs.registry import UnknownOutputError
+from eclsim.outputs.registry import output as registered_output
 from eclsim.parameters import all_parameters
 from eclsim.reporting.style import CURVES, GREY, OKABE_ITO, figure_style, new_figure, save_figure
 from eclsim.sensitivity.inputs import GROUPS
@@ -27,10 +29,12 @@ if TYPE_CHECKING:
 
     from eclsim.sensitivity.identifiability import Identifiability
 
-UNITS = {**dict.fromkeys(("SP", "DP", "MAP", "MPAP", "PCWP"), "mmHg"), "CO": "L/min", "PF": "L/min"}
 LEADING = 7
 LABELS = {"ST": "total order $S_T$", "S1": "first order $S_1$", "ST-S1": "interactions $S_T - S_1$"}
 FEW_FACTORS = 12
+LONG_NAME = 16
+"""A longer name is shown without its section."""
+LETTER_MM = 1.7
 MOST_PAIRED = 10
 SMALLEST_PAIR = 0.005
 Layout = Literal["sums", "paper"]
@@ -96,7 +100,7 @@ def plot_heat_map(result: Indices, index: str = "ST", layout: Layout = "sums") -
         return f"{value:.2f}".removeprefix("0") if value >= 0.01 else ""
 
     with figure_style():
-        fig = new_figure(height_mm=22 + 8.5 * len(result.outputs) + 12)
+        fig = new_figure(height_mm=22 + 8.5 * len(result.outputs) + _below(names))
         axes = _draw_matrix(
             fig, shown, names, result.outputs, "Blues", (0.0, top), text, lambda v: v > 0.5 * top,
             label=LABELS[index], shrink=0.9,
@@ -128,12 +132,24 @@ def _draw_matrix(
         if shown := text(value):
             colour = "white" if white(value) else "black"
             axes.text(j, i, shown, ha="center", va="center", color=colour, fontsize=6)
-    axes.set_xticks(range(len(across)), across, rotation=90 if len(across) > FEW_FACTORS else 0)
-    axes.set_yticks(range(len(down)), down)
+    axes.set_xticks(
+        range(len(across)), list(map(_short, across)), rotation=90 if len(across) > FEW_FACTORS else 0
+    )
+    axes.set_yticks(range(len(down)), list(map(_short, down)))
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
     fig.colorbar(image, ax=axes, label=label, fraction=0.05, pad=pad, shrink=shrink)
     return axes
+
+
+def _below(names: Sequence[str]) -> float:
+    """Room [mm] for names along an axis, which are turned where they are many."""
+    longest = max(len(_short(name)) for name in names)
+    return max(12.0, LETTER_MM * longest if len(names) > FEW_FACTORS else 0.0)
+
+
+def _short(name: str) -> str:
+    return name.rpartition(".")[2] if len(name) > LONG_NAME else name
 
 
 def by_sum(result: Indices) -> list[int]:
@@ -180,8 +196,9 @@ def plot_bars(result: Indices) -> Figure:
                 axes.barh(place + shift, numbers, 0.38, color=colour, label=label)
                 whiskers = {"fmt": "none", "ecolor": "black", "elinewidth": 0.7, "capsize": 1.5}
                 axes.errorbar(numbers, place + shift, xerr=widths, **whiskers)
-            names = [result.factors[j] + (" *" if result.factors[j] in chosen[output] else "") for j in order]
-            axes.set_yticks(place, names)
+            names = [result.factors[j] for j in order]
+            labels = [_short(name) + (" *" if name in chosen[output] else "") for name in names]
+            axes.set_yticks(place, labels)
             axes.invert_yaxis()
             axes.set_xlim(left=min(0.0, axes.get_xlim()[0]))
             axes.axvline(0.0, color=GREY, linewidth=0.6)
@@ -201,7 +218,8 @@ def plot_sums(result: Indices, published: Mapping[str, float] | None = None) -> 
     order = by_sum(result)
     union = {name for names in result.selected().values() for name in names}
     with figure_style():
-        fig = new_figure(height_mm=80)
+        names = [result.factors[k] for k in order]
+        fig = new_figure(height_mm=68 + _below(names))
         axes = fig.add_subplot()
         bottom = np.zeros(len(order))
         # Hatched as well: told apart when printed in grey.
@@ -213,11 +231,11 @@ def plot_sums(result: Indices, published: Mapping[str, float] | None = None) -> 
                 linewidth=0.4, facecolor=colours[k % len(colours)], hatch=("", "///", "...", "xxx")[k % 4],
             )  # fmt: skip
             bottom += heights
-        names = [result.factors[k] for k in order]
         _label_sums(axes, names, bottom, published or {})
-        axes.set_xticks(range(len(names)), names, rotation=90 if len(names) > FEW_FACTORS else 0)
-        for label in axes.get_xticklabels():
-            label.set_fontweight("bold" if label.get_text() in union else "normal")
+        labels = list(map(_short, names))
+        axes.set_xticks(range(len(names)), labels, rotation=90 if len(names) > FEW_FACTORS else 0)
+        for label, name in zip(axes.get_xticklabels(), names, strict=True):
+            label.set_fontweight("bold" if name in union else "normal")
         axes.set_ylabel("sum of $S_T$ over the outputs")
         axes.legend(ncols=2, title="output; bold: selected for any")
     return fig
@@ -276,12 +294,22 @@ def plot_distributions(result: Indices, values: np.ndarray) -> Figure:
             axes.hist(points[:, k], bins=bins, density=True, color=OKABE_ITO["sky blue"])
             axes.axvline(middle, color="black", linewidth=1.0, label="median")
             axes.axvspan(low, high, color=GREY, alpha=0.15, lw=0, label="central 90 %")
-            unit = UNITS.get(output, "")
+            unit = output_unit(output)
             axes.set_title(output)
             axes.set_xlabel(f"{output} [{unit}]" if unit else output)
-            axes.set_ylabel(f"density [1/{unit}]" if "/" not in unit else f"density [1/({unit})]")
+            of = f"({unit})" if "/" in unit else unit
+            axes.set_ylabel(f"density [1/{of}]" if unit else "density")
         _legend(fig, panels, len(result.outputs), f"{len(points)} runs")
     return fig
+
+
+def output_unit(name: str) -> str:
+    """Unit of an output, empty for a number or for what is no output."""
+    try:
+        unit = registered_output(name).unit
+    except UnknownOutputError:
+        return ""
+    return "" if unit == "1" else unit
 
 
 def _panels(count: int, height_mm: float, columns: int = 4) -> tuple[Figure, list[Axes]]:

@@ -17,7 +17,7 @@ from eclsim.files import csv_text, write_json, write_text
 from eclsim.reporting.text_table import text_table
 from eclsim.sensitivity.design import Design
 from eclsim.sensitivity.estimators import RESAMPLES, Estimates, sobol_indices
-from eclsim.sensitivity.runs import Runs
+from eclsim.sensitivity.runs import Runs, status_word
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -230,12 +230,10 @@ def indices_of(
 
 
 def _failed_run(design: Design, run: int, status: int) -> FailedRun:
-    from eclsim.orbit.status import Status
-
     row, position = divmod(run, design.runs_per_row)
     unit = design.unit(row, row + 1)[position : position + 1]
     inputs = {i.name: i.table_column(unit[:, k])[0] for k, i in enumerate(design.inputs)}
-    return FailedRun(run, row, point_name(design, position), Status(status).name.lower(), inputs)
+    return FailedRun(run, row, point_name(design, position), status_word(status), inputs)
 
 
 def point_name(design: Design, position: int) -> str:

@@ -29,6 +29,8 @@ from eclsim.sensitivity.inputs import Description
 
 DESIGN = "design.json"
 SAMPLES = "samples.parquet"
+WITHOUT_GASES = 100
+"""Status of a run with a steady beat and no steady gas state: this more than its `GasStatus`."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +116,9 @@ class SteadyBeatEvaluator:
         beat = steady_beat(
             batch, self.outputs, start=self.base, resolution=self.resolution, execution=Execution(threads=1)
         ).determined_only()
-        return Runs(beat.values.T, beat.status, beat.orbits.beats, beat.orbits.residual)
+        lost = (beat.status == 0) & (beat.gas_status != 0)
+        status = np.where(lost, WITHOUT_GASES + beat.gas_status, beat.status)
+        return Runs(beat.values.T, status, beat.orbits.beats, beat.orbits.residual)
 
     def description(self) -> Description:
         """As plain data."""
@@ -135,6 +139,16 @@ def design_resolution(circuit: Circuit, base: Mapping[str, float], design: Desig
 
     values = {**base, **design.settings(design.unit())}
     return int(np.max(needed_resolution(assemble(circuit), values)))
+
+
+def status_word(status: int) -> str:
+    """How a run ended, in a word."""
+    from eclsim.gas.network import GasStatus
+    from eclsim.orbit.status import Status
+
+    if status >= WITHOUT_GASES:
+        return GasStatus(status - WITHOUT_GASES).word
+    return Status(status).word
 
 
 @dataclass(frozen=True)

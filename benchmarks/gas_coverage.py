@@ -1,0 +1,113 @@
+"""Do 90 % intervals of shunt, oxygen consumption and mixing hold the truth nine times in ten?
+
+    python benchmarks/gas_coverage.py --patients 100 --out gas_coverage.jsonl --seconds 280
+
+Made-up patients on V-V ECMO, drawn from the prior, measured once with noise: MAP, cardiac output, pump flow
+and blood gases. Intervals by weighted draws of the posterior and by its Gaussian approximation; beside the
+three, two parameters of the circulation are unknown. Every patient is a line of the output file; a run that
+was stopped, or that ran out of its seconds, goes on where it ended.
+"""
+
+import argparse
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+
+from eclsim.cases.reading import read_mapping
+from eclsim.identification.density import PosteriorDensity, Prior
+from eclsim.identification.gradient import approximate
+from eclsim.identification.importance import importance_sample
+from eclsim.identification.objective import Box
+from eclsim.identification.observation import measurement_errors
+from eclsim.orbit.model import model_of
+
+CASE = {
+    "format": 1,
+    "patient": {
+        "id": "twin", "sex": "male", "age_years": 50, "height_cm": 178, "weight_kg": 80, "heart_rate_bpm": 95,
+    },
+    "gas": {"haemoglobin_g_dl": 10.0, "fio2": 0.5, "alveolar_ventilation_l_min": 2.5},
+    "ecmo": {
+        "pump": "Rotaflow", "speed_rpm": 2900, "oxygenator": "Quadrox-i Adult", "mode": "VV",
+        "drainage_site": "ra", "drainage_fr": 25, "return_fr": 21, "sweep_l_min": 4.0,
+    },
+}  # fmt: skip
+BOUNDS = {
+    "gas.shunt_fraction": (0.5, 0.05, 0.95), "gas.vo2_ml_min": (220.0, 120.0, 400.0),
+    "ecmo.drainage_mixing": (0.5, 0.05, 0.95), "Emaxlv": (2.8, 1.4, 5.6), "Rmc": (0.5, 0.3, 0.8),
+}  # fmt: skip
+NAMES = tuple(BOUNDS)
+MEASURED = ("MAP", "CO", "PF", "SaO2", "PaO2", "PaCO2", "SvO2", "SpreO2", "PpostO2")
+LEAST_PAO2 = 25.0
+"""A patient below [mmHg] does not live to be measured; beyond, another one is drawn."""
+EXPLORED, CLIMBS, DRAWN = 256, 3, 400
+
+
+def one_patient(seed: int) -> dict:
+    started, random = time.perf_counter(), np.random.default_rng(seed)
+    model, prior = model_of(read_mapping(CASE).case), Prior.of(Box.of(BOUNDS))
+    drawn = PosteriorDensity(model, dict.fromkeys(MEASURED, 0.0), dict.fromkeys(MEASURED, 1.0), prior)
+    z = random.standard_normal((8, len(NAMES)))
+    outputs = drawn.simulate(z)
+    alive = np.isfinite(outputs).all(axis=1) & (outputs[:, MEASURED.index("PaO2")] > LEAST_PAO2)
+    truth, exact = z[alive][0], dict(zip(MEASURED, outputs[alive][0].tolist(), strict=True))
+    errors = measurement_errors(exact)
+    noisy = {n: v + errors[n] * random.standard_normal() for n, v in exact.items()}
+    noisy |= {n: min(v, 100.0) for n, v in noisy.items() if n.startswith("S")}
+    posterior = PosteriorDensity(model, noisy, errors, prior)
+    points = random.uniform(-1.8, 1.8, (EXPLORED, len(NAMES)))
+    levels = posterior.potential(points, posterior.simulate(points))
+    gaussian = approximate(posterior, prior.x_of(points[np.argsort(levels)[:CLIMBS]]))
+    weighted = importance_sample(posterior, gaussian, seed=seed)
+    draws = {
+        "posterior": weighted.z[weighted.resample(10 * DRAWN, seed)],
+        "gaussian": gaussian.draws(10 * DRAWN, seed),
+    }
+    values = prior.values_of(truth)
+    record = {
+        "seed": seed, "doubts": list(weighted.doubts), "effective": weighted.effective,
+        "truth": values.tolist(), "exact": exact,
+    }  # fmt: skip
+    for kind, chosen in draws.items():
+        low, middle, high = np.quantile(prior.values_of(chosen), (0.05, 0.5, 0.95), axis=0)
+        record[kind] = {
+            "inside": ((low <= values) & (values <= high)).tolist(),
+            "width": (high - low).tolist(), "error": (middle - values).tolist(),
+        }  # fmt: skip
+    return record | {"seconds": time.perf_counter() - started}
+
+
+def summary(lines: list[dict]) -> dict:
+    found: dict = {"patients": len(lines), "doubted": sum(bool(o["doubts"]) for o in lines)}
+    for kind in ("posterior", "gaussian"):
+        for what, of in (("inside", np.mean), ("width", np.median), ("error", np.median)):
+            each = np.array([o[kind][what] for o in lines], dtype=float)
+            each = np.abs(each) if what == "error" else each
+            found[f"{kind} {what}"] = dict(zip(NAMES, of(each, axis=0).round(3).tolist(), strict=True))
+        gas = np.array([o[kind]["inside"][:3] for o in lines], dtype=float)
+        found[f"{kind} shunt, consumption and mixing"] = round(float(gas.mean()), 4)
+    return found | {"seconds a patient": round(float(np.median([o["seconds"] for o in lines])), 1)}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--patients", type=int, default=100)
+    parser.add_argument("--seconds", type=float, default=280.0)
+    parser.add_argument("--out", type=Path, required=True)
+    chosen = parser.parse_args()
+    started = time.monotonic()
+    lines = [json.loads(line) for line in chosen.out.read_text().splitlines()] if chosen.out.exists() else []
+    done = {o["seed"] for o in lines}
+    for seed in range(chosen.patients):
+        if seed in done or time.monotonic() - started > chosen.seconds:
+            continue
+        lines.append(one_patient(seed))
+        with chosen.out.open("a") as file:
+            file.write(json.dumps(lines[-1]) + "\n")
+    print(json.dumps(summary(lines), indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,170 @@
+"""Gas exchange in the studies: Fick's principle, shunt and consumption, an oxygenator that clots."""
+
+import numpy as np
+import pytest
+
+from eclsim.cases.case import Measurements
+from eclsim.cases.quantities import with_values
+from eclsim.cases.reading import read_mapping
+from eclsim.cases.writing import case_text
+from eclsim.identification.density import PosteriorDensity, Prior
+from eclsim.identification.fit import fit
+from eclsim.identification.gradient import GradientEvaluator
+from eclsim.identification.multi_start import MultiStart
+from eclsim.identification.objective import Box
+from eclsim.identification.observation import measurement_errors
+from eclsim.identification.scale import Scale
+from eclsim.identification.settings import FitSettings, checked_fit
+from eclsim.identification.tracking import Tracker, TrackSettings
+from eclsim.orbit.model import model_of
+from eclsim.orbit.steady import Batch
+from eclsim.outputs.steady_beat import steady_beat
+
+CASE = read_mapping({
+    "format": 1,
+    "patient": {
+        "id": "P", "sex": "male", "age_years": 50, "height_cm": 178, "weight_kg": 80, "heart_rate_bpm": 95,
+    },
+    "gas": {
+        "haemoglobin_g_dl": 10.0, "vo2_ml_min": 250.0, "fio2": 0.5, "alveolar_ventilation_l_min": 2.0,
+        "shunt_fraction": 0.6,
+    },
+    "ecmo": {
+        "pump": "Rotaflow", "speed_rpm": 2600, "oxygenator": "Quadrox-i Adult", "mode": "VV",
+        "drainage_fr": 25, "return_fr": 21, "sweep_l_min": 3.0,
+    },
+}).case  # fmt: skip
+RATIO = 0.8  # of systolic elastance and of systemic resistance to those of the case
+
+
+def outputs_of(case, names):
+    return steady_beat(Batch.of(model_of(case)), names).outputs()
+
+
+def measured(case, names):
+    values = outputs_of(case, names)
+    return case.model_copy(update={"measurements": Measurements(**{n: values[n] for n in names})}), values
+
+
+def test_coordinates_are_logarithms_but_where_a_value_may_be_zero_or_negative():
+    names = ("Rmc", "gas.shunt_fraction", "gas.base_excess_mmol_l", "gas.vo2_ml_min", "fluid.extra_volume_ml")
+    scale = Scale.of(names)
+    assert scale.linear.tolist() == [False, True, True, False, True]
+    values = np.array([[0.5, 0.0, -4.0, 250.0, -200.0], [1.0, 1.0, 3.0, 200.0, 900.0]])
+    x = scale.coordinates(values)
+    assert np.allclose(scale.values(x), values, rtol=1e-14, atol=1e-14)
+    slopes = (scale.values(x + 1e-6) - scale.values(x - 1e-6)) / 2e-6
+    assert np.allclose(slopes, scale.slopes(x), rtol=1e-6)
+    assert x[1, 1] - x[0, 1] == pytest.approx(np.log(100.0))
+
+
+def test_gradient_of_the_potential_goes_through_the_gas_state():
+    names = ("Rmc", "gas.shunt_fraction", "gas.vo2_ml_min")
+    case, values = measured(CASE, ("MAP", "SaO2", "PaCO2", "SpreO2"))
+    box = Box.of(checked_fit(case, FitSettings(names)).free)
+    prior = Prior.of(box)
+    density = PosteriorDensity(model_of(case), values, measurement_errors(values), prior)
+    z = np.array([0.1, 0.3, -0.2])
+    evaluator = GradientEvaluator(density, z, by_point=True)
+    _, slopes = evaluator.potential(z)
+    step = 1e-4
+    differences = [
+        (evaluator.potential(z + step * e)[0] - evaluator.potential(z - step * e)[0]) / (2 * step)
+        for e in np.eye(3)
+    ]
+    assert slopes == pytest.approx(differences, rel=2e-4, abs=1e-4)
+
+
+def test_fick_gives_the_cardiac_output_that_no_thermodilution_measured():
+    """Cold saline is drained by the cannula on V-V ECMO; oxygen consumption and two saturations are known."""
+    names, pressures, gases = ("Rmc", "Emaxlv"), ("MAP",), ("SaO2", "PaO2", "SpreO2")
+    case, values = measured(CASE, (*pressures, *gases))
+    true = outputs_of(CASE, ("CO", "VO2", "PpreO2", "SpostO2", "PpostO2", "recirculation_fraction"))
+
+    def content(saturation, po2):
+        return 1.34 * 10.0 * saturation / 100.0 + 0.0031 * po2
+
+    arterial, drained = content(values["SaO2"], values["PaO2"]), content(values["SpreO2"], true["PpreO2"])
+    returned, share = content(true["SpostO2"], true["PpostO2"]), true["recirculation_fraction"]
+    venous = (drained - share * returned) / (1.0 - share)
+    assert true["VO2"] / (10.0 * (arterial - venous)) == pytest.approx(true["CO"], rel=3e-3)
+    assert true["VO2"] / (10.0 * (arterial - drained)) > 1.03 * true["CO"]  # what recirculation does
+
+    every = (*pressures, *gases, "CO")
+    box = Box.of(checked_fit(case, FitSettings(names)).free)
+    at = box.scale.coordinates(np.array([model_of(case).values[n] for n in names]))
+    beat = steady_beat(Batch.of(model_of(case)), every)
+    slopes = beat.linearise(every, names).slopes * box.scale.slopes(at)
+
+    def error(known):
+        rows = [every.index(n) for n in known]
+        errors = np.array(list(measurement_errors({n: values[n] for n in known}).values()))
+        covariance = box.covariance(slopes[rows] / errors[:, None])
+        return float(np.sqrt(slopes[-1] @ covariance @ slopes[-1])) / true["CO"]
+
+    assert error(pressures) > 0.25
+    assert error((*pressures, *gases)) < 0.12
+
+
+def test_a_fit_finds_shunt_and_consumption_and_the_fitted_case_can_be_simulated():
+    names = ("gas.shunt_fraction", "gas.vo2_ml_min")
+    case, values = measured(CASE, ("MAP", "SaO2", "PaO2", "PaCO2", "SpreO2"))
+    elsewhere = with_values(case, {"gas.shunt_fraction": 0.2, "gas.vo2_ml_min": 180.0})
+    search = MultiStart.quick(16)
+    found = fit(elsewhere, settings=FitSettings(names, weights="uncertainty", multi_start=search))
+    assert found.parameters["gas.shunt_fraction"].value == pytest.approx(0.6, abs=1e-4)
+    assert found.parameters["gas.vo2_ml_min"].value == pytest.approx(250.0, rel=1e-4)
+    assert all(p.lower < p.value < p.upper and p.identifiable for p in found.parameters.values())
+    text = case_text(found.case)
+    assert "[parameters]" not in text
+    again = outputs_of(read_mapping(found.case.as_mapping()).case, tuple(values))
+    assert again == pytest.approx(values, rel=1e-5)
+
+
+def test_gases_that_are_not_computed_are_no_targets():
+    case = measured(CASE, ("MAP", "SaO2"))[0].model_copy(update={"gas": None})
+    checked = checked_fit(case, FitSettings(("Rmc",)))
+    assert set(checked.targets) == {"MAP"}
+    assert any("no [gas] section" in str(w) for w in checked.warnings)
+    refused = checked_fit(case, FitSettings(("gas.vo2_ml_min",))).mistakes
+    assert any("not read by the circuit" in str(m) for m in refused)
+
+
+def test_consumption_starts_from_what_the_case_states_or_from_the_body_surface():
+    assert checked_fit(measured(CASE, ("SaO2",))[0], FitSettings(("gas.vo2_ml_min",))).free[
+        "gas.vo2_ml_min"
+    ] == (250.0, 60.0, 800.0)
+    open_case = CASE.model_copy(update={"gas": replace_vo2(CASE.gas)})
+    start, *_ = checked_fit(measured(open_case, ("SaO2",))[0], FitSettings(("gas.vo2_ml_min",))).free[
+        "gas.vo2_ml_min"
+    ]
+    assert start == pytest.approx(126.0 * np.sqrt(178 * 80 / 3600), rel=1e-6)
+
+
+def replace_vo2(gas):
+    return gas.model_copy(update={"vo2_ml_min": None})
+
+
+@pytest.mark.slow
+def test_an_oxygenator_that_clots_over_days_is_followed():
+    """A noisy series; the share of the membrane that is lost grows from 10 to 60 % in eight days."""
+    random = np.random.default_rng(3)
+    names = ("ecmo.oxygenator.clotted_fraction", "gas.shunt_fraction", "gas.vo2_ml_min")
+    outputs = ("MAP", "PF", "SaO2", "PaO2", "PaCO2", "SpreO2", "PpostO2", "PexhaustCO2")
+    tracker = Tracker(TrackSettings(FitSettings(names)))
+    inside, medians = [], []
+    for lost in np.linspace(0.1, 0.6, 5):
+        case = with_values(CASE, {names[0]: float(lost)})
+        exact = outputs_of(case, outputs)
+        errors = measurement_errors(exact)
+        noisy = {n: v + errors[n] * random.standard_normal() for n, v in exact.items()}
+        noisy |= {n: min(v, 100.0) for n, v in noisy.items() if n.startswith("S")}
+        taken = CASE.model_copy(update={"measurements": Measurements(**noisy)})
+        point = tracker.update("", taken, 48.0)
+        assert not point.failed
+        own = point.parameters[names[0]]
+        inside.append(own.lower <= lost <= own.upper)
+        medians.append(own.median)
+    assert sum(inside) >= 4
+    assert medians[-1] - medians[0] > 0.35
+    assert np.corrcoef(medians, np.linspace(0.1, 0.6, 5))[0, 1] > 0.95
