@@ -92,6 +92,12 @@ def test_what_fluid_and_solutes_leave_out_follows_from_the_patient():
     assert 40000 < values["solutes.body_water_ml"] < 48000
     given = read(fluid={"haematocrit": 0.4}, crrt=CRRT).case
     assert values_of(given)["crrt.haematocrit_in"] == pytest.approx(0.4)
+    acid = read(solutes={"bicarbonate_mmol_l": 16}, gas={}, crrt=CRRT).case
+    start = values_of(acid)
+    assert start["crrt.plasma_bicarbonate_mmol_l"] == pytest.approx(16 + 0.0307 * 40)
+    assert -12 < start["gas.base_excess_mmol_l"] < -8
+    excess = values_of(read(solutes={}, gas={"base_excess_mmol_l": start["gas.base_excess_mmol_l"]}).case)
+    assert excess["solutes.bicarbonate_mmol_l"] == pytest.approx(16)
     given = read(fluid={}, crrt=CRRT | {"haematocrit_in": 0.2}).case
     assert values_of(given)["fluid.haematocrit"] == 0.2
 

@@ -10,7 +10,14 @@ from eclsim.cases.reading import read_mapping
 from eclsim.components.exchangers import HAEMOGLOBIN
 from eclsim.fluid import solutes as module
 from eclsim.fluid.laws import slow_laws
-from eclsim.fluid.solutes import BASE_EXCESS, CarbonDioxideLaw, Filter, SolutesLaw, _base_excess
+from eclsim.fluid.solutes import (
+    BASE_EXCESS,
+    CarbonDioxideLaw,
+    Filter,
+    SolutesLaw,
+    standard_base_excess,
+    standard_bicarbonate,
+)
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
@@ -108,9 +115,10 @@ def test_bicarbonate_gained_raises_base_excess_and_what_the_filter_meets():
 
 @pytest.mark.parametrize("wanted", [12.0, 24.0, 34.0])
 def test_base_excess_of_a_bicarbonate_is_that_of_the_blood_laws(wanted):
-    excess = _base_excess(np.array(wanted), np.array(11.0))
+    excess = standard_base_excess(np.array(wanted), np.array(11.0))
     ph = ph_of(40.0, Blood(11.0, excess), lambda _: 1.0)
     assert bicarbonate(40.0, ph) == pytest.approx(wanted, rel=1e-9)
+    assert standard_bicarbonate(float(excess), 11.0) == pytest.approx(wanted, rel=1e-9)
 
 
 def model(regional=False, solutes=True):

@@ -22,6 +22,9 @@ INTERSTITIAL_PROTEIN = 0.4
 BICARBONATE_SPACE, CARBON_DIOXIDE_STORE = 500.0, 1.5
 """For each kg of weight, mL and mL/mmHg; sources with the parameters."""
 
+USUAL_BICARBONATE, DISSOLVED = 24.0, 0.0307
+"""Bicarbonate [mmol/L] where nothing is said of it; carbon dioxide dissolved in plasma [mmol/L/mmHg]."""
+
 
 def _fluid(name: str) -> Field:
     return setting((fluid.PARAMETERS | regulation.PARAMETERS)[f"{fluid.SECTION}.{name}"])
@@ -72,7 +75,7 @@ class Solutes(Section):
     urea_mmol_l: Annotated[float, _solute("urea_mmol_l")] = 25.0
     creatinine_umol_l: Annotated[float, _solute("creatinine_umol_l")] = 300.0
     potassium_mmol_l: Annotated[float, _solute("potassium_mmol_l")] = 4.5
-    bicarbonate_mmol_l: Annotated[float, _solute("bicarbonate_mmol_l")] = 24.0
+    bicarbonate_mmol_l: Annotated[float | None, _solute("bicarbonate_mmol_l")] = None
     urea_generation_mmol_h: Annotated[float, _solute("urea_generation_mmol_h")] = 15.0
     creatinine_generation_umol_h: Annotated[float, _solute("creatinine_generation_umol_h")] = 400.0
     potassium_generation_mmol_h: Annotated[float, _solute("potassium_generation_mmol_h")] = 0.0
@@ -113,12 +116,41 @@ def fluid_values(
         patient = case.patient
         inferred = {
             "followed": 1.0,
+            "bicarbonate_mmol_l": USUAL_BICARBONATE,
             "body_water_ml": body_water_ml(patient.sex, patient.age_years, height_cm, weight_kg),
             "bicarbonate_space_ml": BICARBONATE_SPACE * weight_kg,
             "carbon_dioxide_store_ml_mmHg": CARBON_DIOXIDE_STORE * weight_kg,
         }
-        given = inferred | solutes.model_dump(exclude_none=True)
+        given = inferred | _acid_base(case) | solutes.model_dump(exclude_none=True)
         result |= {f"{fluid.SOLUTES}.{name}": float(value) for name, value in given.items()}
+        result |= _same_start(case, given["bicarbonate_mmol_l"])
+    return result
+
+
+def _acid_base(case: Case) -> dict[str, float]:
+    """The bicarbonate that goes with a base excess."""
+    if case.gas is None:
+        return {}
+    from eclsim.fluid.solutes import standard_bicarbonate
+
+    excess = standard_bicarbonate(case.gas.base_excess_mmol_l, case.gas.haemoglobin_g_dl)
+    return {"bicarbonate_mmol_l": excess}
+
+
+def _same_start(case: Case, bicarbonate: float) -> dict[str, float]:
+    """What else starts with a bicarbonate that is given, as far as the case does not say it itself."""
+    assert case.solutes is not None
+    if case.solutes.bicarbonate_mmol_l is None:
+        return {}
+    from eclsim.fluid.solutes import STANDARD_PCO2, standard_base_excess
+
+    key = "plasma_bicarbonate_mmol_l"
+    total = bicarbonate + DISSOLVED * STANDARD_PCO2
+    open_ones = (one for one in case.instances() if getattr(one.section, key, 0.0) is None)
+    result = {f"{one.key}.{key}": total for one in open_ones}
+    if case.gas is not None and case.gas.base_excess_mmol_l == 0.0:
+        excess = standard_base_excess(bicarbonate, case.gas.haemoglobin_g_dl)
+        result["gas.base_excess_mmol_l"] = float(excess)
     return result
 
 

@@ -156,6 +156,9 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
         data[name] = ("time_min", moments.values[name][own], labels)
     for row, state in zip(moments.states[:, own], laws.states, strict=True):
         data[state.name] = ("time_min", row, {"units": state.unit, "long_name": f"slow state {state.name}"})
+    in_effect = {key: column[own] for key, column in moments.in_effect.items()}
+    for one in laws.shown(moments.states[:, own], in_effect):
+        data[one.name] = ("time_min", one.values, {"units": one.unit, "long_name": one.words})
     impossible = [any(one.kind == "collapse" for one in moments.findings[k]) for k in own]
     if with_alarms:
         data["impossible"] = ("time_min", np.array(impossible, dtype=int))

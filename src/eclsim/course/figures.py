@@ -32,7 +32,19 @@ if TYPE_CHECKING:
 BLOOD = Panel("Fluid and blood", "mL", (GIVEN, REMOVED, REFILLED), ("given", "removed", "refilled"))
 RATE = Panel("Heart rate", "1/min", ("heart_rate",), ("heart rate",))
 OXYGEN = Panel("Oxygen delivery", "mL/min", ("DO2", "VO2"), ("delivery", "consumption"))
-_AXES = {"mmHg": "Pressure", "L/min": "Flow", "mL": "Volume", "1/min": "Rate", "mL/min": "Oxygen"}
+DISSOLVED = Panel("Dissolved", "mmol/L", ("urea", "potassium", "bicarbonate"),
+                  ("urea", "potassium", "bicarbonate"))  # fmt: skip
+CARBON_DIOXIDE = Panel("Carbon dioxide", "mmHg", ("PaCO2", "tissue_PCO2"), ("arteries", "tissue"))
+BLOOD_CELLS = Panel("Haematocrit", "1", ("haematocrit",), ("haematocrit",))
+_AXES = {
+    "1": "Share",
+    "mmol/L": "Concentration",
+    "mmHg": "Pressure",
+    "L/min": "Flow",
+    "mL": "Volume",
+    "1/min": "Rate",
+    "mL/min": "Oxygen",
+}
 _BARS = {"collapse": "#7A0000", "alarm": OKABE_ITO["vermillion"], "warning": OKABE_ITO["orange"]}
 
 
@@ -43,7 +55,7 @@ def plot_course(result: xr.Dataset) -> Figure:
     Args:
         result: as `eclsim.course` returns it.
     """
-    panels = (*panels_of(result), RATE, OXYGEN, BLOOD)
+    panels = (*panels_of(result), RATE, OXYGEN, CARBON_DIOXIDE, BLOOD, BLOOD_CELLS, DISSOLVED)
     drawn = [p for p in panels if any(name in result and _varies(result, name) for name in p.names)]
     seen: set[tuple[str, ...]] = set()
     drawn = [p for p in drawn if not (p.names in seen or seen.add(p.names))]

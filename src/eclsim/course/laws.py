@@ -10,7 +10,7 @@ import numpy as np
 from eclsim.drugs.infusion import InfusedDoses
 from eclsim.fluid.laws import slow_laws
 from eclsim.parameters.regulation import DRUGS
-from eclsim.slow.law import Named, SlowLaw
+from eclsim.slow.law import Named, Shown, SlowLaw
 
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
@@ -59,6 +59,10 @@ class Laws:
         for law in self.laws:
             found |= law.rates(named, settings, beat, inflows)
         return np.array([found[name] for name in self.names])
+
+    def shown(self, states: np.ndarray, in_effect: Named) -> tuple[Shown, ...]:
+        """What is shown of the states beside themselves."""
+        return tuple(one for law in self.laws for one in law.shown(self._named(states), in_effect))
 
     def _named(self, states: np.ndarray) -> Mapping[str, np.ndarray]:
         return dict(zip(self.names, states, strict=True))

@@ -8,11 +8,11 @@ import numpy as np
 
 from eclsim.circuit.network import BLOOD_VOLUME, Circuit
 from eclsim.components.exchangers import HAEMOGLOBIN
-from eclsim.fluid.starling import EXCLUDED, Spaces, Wall, capillary_pressure, exchange
+from eclsim.fluid.starling import EXCLUDED, Spaces, Wall, capillary_pressure, exchange, oncotic_pressure
 from eclsim.parameters.fluid import FCELLS, HAEMATOCRIT, INTERSTITIUM_TO_BLOOD, SECTION
 from eclsim.parameters.physiology import UPPER_SHARE
 from eclsim.parameters.regulation import EXTRA_VOLUME
-from eclsim.slow.law import Named, SlowLaw, SlowState
+from eclsim.slow.law import Named, Shown, SlowLaw, SlowState
 
 PACKED = 0.60
 """Haematocrit of a red cell concentrate; the rest is an additive solution without protein."""
@@ -128,6 +128,14 @@ class FluidLaw(SlowLaw):
             REMOVED: inflows["bleed_ml"] + filtered, REFILLED: -out, CELLS_MOVED: cells,
             PROTEIN_MOVED: protein, CAPILLARY: zero, ARTERIOLES: zero,
         }  # fmt: skip
+
+    def shown(self, states: Named, in_effect: Named) -> tuple[Shown, ...]:  # noqa: D102
+        protein = 100.0 * states[PROTEIN] / states[PLASMA]
+        return (
+            Shown("haematocrit", "1", "haematocrit of the blood", in_effect[HAEMATOCRIT]),
+            Shown("plasma_protein", "g/dL", "protein of the plasma", protein),
+            Shown("oncotic_pressure", "mmHg", "oncotic pressure of the plasma", oncotic_pressure(protein)),
+        )
 
     def _resistance(self, settings: Named, beat: Named) -> np.ndarray:
         """Of the systemic microcirculation, by reflex, drugs and setting together."""

@@ -14,12 +14,12 @@ import numpy as np
 from eclsim.blood.acid_base import excess_of
 from eclsim.blood.types import Blood
 from eclsim.circuit.network import Circuit
-from eclsim.components.base import Derived, value_of
+from eclsim.components.base import Derived, Number, value_of
 from eclsim.components.dialysis import Hemofilter
 from eclsim.components.exchangers import BLOOD, HAEMOGLOBIN, Tissue
 from eclsim.fluid.law import INTERSTITIUM, PLASMA, blood_at_start
 from eclsim.parameters.fluid import SOLUTES, STORES_HOLD
-from eclsim.slow.law import Named, SlowLaw, SlowState
+from eclsim.slow.law import Named, Shown, SlowLaw, SlowState
 
 OUTSIDE_CELLS = 1.0 / 3.0
 """Share of the body's water outside of cells where fluid is not followed; textbook value."""
@@ -121,7 +121,7 @@ class SolutesLaw(SlowLaw):
         effect = {key: settings[key] + (bicarbonate - start) for key in keys}
         if self.gas:
             haemoglobin = settings[HAEMOGLOBIN]
-            gained = _base_excess(bicarbonate, haemoglobin) - _base_excess(start, haemoglobin)
+            gained = standard_base_excess(bicarbonate, haemoglobin) - standard_base_excess(start, haemoglobin)
             effect[BASE_EXCESS] = settings[BASE_EXCESS] + gained
         return effect
 
@@ -164,10 +164,17 @@ class SolutesLaw(SlowLaw):
 
     def concentrations(self, states: Named, settings: Named) -> dict[str, np.ndarray]:
         """Of the plasma [mmol/L]."""
-        start, _ = _volumes_at_start(settings, self.fluid)
-        outside = states[PLASMA] + states[INTERSTITIUM] if self.fluid else start
+        outside = OUTSIDE_CELLS * settings[_of("body_water_ml")]
+        if self.fluid:
+            outside = states[PLASMA] + states[INTERSTITIUM]
         volumes = dict.fromkeys((*BETWEEN_POOLS, "potassium"), outside) | {"bicarbonate": _space(settings)}
         return {solute: 1e3 * states[_state(solute)] / volume for solute, volume in volumes.items()}
+
+    def shown(self, states: Named, in_effect: Named) -> tuple[Shown, ...]:  # noqa: D102
+        found = self.concentrations(states, in_effect)
+        micro = 1e3 * found.pop("creatinine")
+        whole = tuple(Shown(name, "mmol/L", f"{name} of the plasma", value) for name, value in found.items())
+        return (*whole, Shown("creatinine", "umol/L", "creatinine of the plasma", micro))
 
 
 @dataclass(frozen=True)
@@ -259,8 +266,18 @@ def _volumes_at_start(settings: Named, fluid: bool) -> tuple[np.ndarray, np.ndar
     return outside, np.maximum(water - outside, LEAST_INSIDE * water)
 
 
-def _base_excess(bicarbonate: np.ndarray, haemoglobin: np.ndarray) -> np.ndarray:
-    """Base excess [mmol/L] of oxygenated blood at the standard PCO2 with some bicarbonate [mmol/L]."""
+def standard_base_excess(bicarbonate: Number, haemoglobin: Number) -> Number:
+    """Base excess [mmol/L] of oxygenated blood with some bicarbonate [mmol/L] at a PCO2 of 40 mmHg."""
     ph = 6.1 + np.log10(bicarbonate / (0.0307 * STANDARD_PCO2))
     blood = Blood(haemoglobin, 0.0, 37.0, 1.34)
     return (1.0 - 0.0143 * haemoglobin) * excess_of(STANDARD_PCO2, ph, 1.0, blood)
+
+
+def standard_bicarbonate(base_excess: float, haemoglobin: float) -> float:
+    """The other way round: bicarbonate [mmol/L] of a base excess, to rounding."""
+    low, high = 0.1, 200.0
+    while high - low > 1e-12 * high:
+        middle = 0.5 * (low + high)
+        above = float(standard_base_excess(middle, haemoglobin)) > base_excess
+        low, high = (low, middle) if above else (middle, high)
+    return 0.5 * (low + high)

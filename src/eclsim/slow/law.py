@@ -33,6 +33,22 @@ class SlowState(NamedTuple):
     scale: float
 
 
+class Shown(NamedTuple):
+    """A number that slow states mean to a reader, such as a concentration.
+
+    Attributes:
+        name: such as "urea".
+        unit: of its values.
+        words: what it is.
+        values: of shape (members,).
+    """
+
+    name: str
+    unit: str
+    words: str
+    values: np.ndarray
+
+
 class SlowLaw(ABC):
     """How some slow states change, and what they set in the circuit; of all members of a batch at once.
 
@@ -73,3 +89,12 @@ class SlowLaw(ABC):
             beat: what is read, of the steady beat at these states.
             inflows: what events give at that moment, mL/s by the names of `INFLOWS`.
         """
+
+    def shown(self, states: Named, in_effect: Named) -> tuple[Shown, ...]:
+        """What is shown of the states beside themselves.
+
+        Args:
+            states: of all laws, by name.
+            in_effect: parameters, by key, those included that the laws set.
+        """
+        return ()

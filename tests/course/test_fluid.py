@@ -1,0 +1,76 @@
+"""Fluid and solutes through the engine of courses: rest, balances, refill."""
+
+import numpy as np
+import pytest
+
+from eclsim.cases.reading import read_mapping
+from eclsim.course.course import course
+
+RAW = {
+    "format": 1,
+    "patient": {"id": "P", "sex": "male", "age_years": 60, "heart_rate_bpm": 75},
+    "crrt": {
+        "flow_ml_min": 200, "access_site": "svn", "return_site": "ra", "dialysate_ml_h": 1500,
+        "net_ultrafiltration_ml_h": 0,
+    },
+    "fluid": {},
+    "solutes": {"bicarbonate_mmol_l": 18},
+}  # fmt: skip
+EVENTS = [
+    {"at_min": 20, "give": {"crystalloid_ml": 400}, "over_min": 30},
+    {"at_min": 60, "give": {"bleed_ml": 300}, "over_min": 10},
+    {"at_min": 90, "give": {"red_cells_ml": 250}, "over_min": 40},
+    {"at_min": 100, "give": {"albumin_ml": 100}, "over_min": 10},
+    {"at_min": 120, "set": {"crrt.net_ultrafiltration_ml_h": 200}},
+]
+
+
+def follow(minutes, **sections):
+    case = read_mapping(RAW | sections).case
+    outputs = ("MAP", "CO", "crrt_access_pressure")
+    found = course(case, minutes=minutes, every_min=minutes / 12.0, outputs=outputs)
+    assert found.attrs["converged"], found.attrs["message"]
+    return found
+
+
+def change(found, *names):
+    return sum(float(found[name][-1] - found[name][0]) for name in names)
+
+
+def test_a_patient_at_rest_stays_there_whatever_is_dialysed():
+    found = follow(360.0)
+    for name in ("MAP", "CO", "fluid.plasma_ml", "haematocrit"):
+        np.testing.assert_allclose(found[name], found[name][0].item(), rtol=1e-6)
+    assert found["urea"][-1] < 0.92 * found["urea"][0]
+    assert 18.0 < found["bicarbonate"][-1] < 32.0
+
+
+def test_what_goes_through_the_doors_is_what_is_there():
+    found = follow(180.0, events=EVENTS)
+    blood = change(found, "fluid.plasma_ml", "fluid.red_cells_ml")
+    through = change(found, "fluid.given_ml", "fluid.refilled_ml") - change(found, "fluid.removed_ml")
+    assert blood == pytest.approx(through, abs=1e-6)
+    assert change(found, "fluid.given_ml") == pytest.approx(750.0, abs=1e-6)
+    assert change(found, "fluid.removed_ml") == pytest.approx(500.0, abs=1e-6)
+    assert change(found, "fluid.interstitium_ml", "fluid.refilled_ml") == pytest.approx(0.0, abs=1e-6)
+    cells = change(found, "fluid.red_cells_ml")
+    assert cells == pytest.approx(change(found, "fluid.red_cells_given_ml"), abs=1e-6)
+    assert 20.0 < cells < 100.0
+    protein = change(found, "fluid.plasma_protein_g", "fluid.interstitial_protein_g")
+    assert protein == pytest.approx(change(found, "fluid.protein_given_g"), abs=1e-9)
+    for solute, pools in (("urea", ("outside", "inside")), ("creatinine", ("outside", "inside"))):
+        held = change(found, *(f"solutes.{solute}_{pool}_mmol" for pool in pools))
+        made, removed = (change(found, f"solutes.{solute}_{what}_mmol") for what in ("made", "removed"))
+        assert held == pytest.approx(
+            made - removed, abs=1e-9 * float(found[f"solutes.{solute}_inside_mmol"][0])
+        )
+
+
+def test_without_refill_all_that_is_filtered_leaves_the_blood():
+    crrt = RAW["crrt"] | {"net_ultrafiltration_ml_h": 100}
+    dry, filled = (follow(120.0, crrt=crrt, fluid={"capillary_refill": on}) for on in (False, True))
+    assert change(dry, "fluid.plasma_ml") == pytest.approx(-200.0, abs=1e-6)
+    assert change(dry, "fluid.refilled_ml") == 0.0
+    assert -150.0 < change(filled, "fluid.plasma_ml") < 0.0
+    assert dry["MAP"][-1] < filled["MAP"][-1]
+    assert dry["haematocrit"][-1] > filled["haematocrit"][-1] > filled["haematocrit"][0]
