@@ -321,7 +321,8 @@ def plain_control(field: Field) -> Control | None:
     if field.kind == "number":
         step = 10.0 ** math.floor(math.log10((field.maximum - field.minimum) / 40.0))
         unit = "" if field.unit == "1" else field.unit
-        return Knob(field.name, field.description, unit, field.minimum, field.maximum, step)
+        factors = field.minimum > 0.0 and field.maximum > 500.0 * field.minimum
+        return Knob(field.name, field.description, unit, field.minimum, field.maximum, step, factors)
     words = {**PATIENT_SITES, **_SWITCH_WORDS}
     return picker(field.name, field.description, field.names, words) if field.names else None
 

@@ -608,7 +608,7 @@ class EcmoDevice(Device[Ecmo]):
         samples=(
             Sample("ecmodrain", "ECMO, drained"),
             Sample(
-                "ecmotuor", "ECMO, behind the oxygenator",
+                "ecmotuor", "ECMO, after oxygenator",
                 MappingProxyType({"SO2": "SpostO2", "PO2": "PpostO2", "PCO2": "PpostCO2"}),
             ),
         ),

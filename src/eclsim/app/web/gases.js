@@ -1,5 +1,5 @@
 // Blood gases by site, what each exchanger exchanges, supply and demand, upper and lower body.
-import { SIGNS, compact, fill, fixed, gravest, listening } from "eclsim-page";
+import { SIGNS, fill, fixed, gravest, listening } from "eclsim-page";
 
 const COLUMNS = [
   ["SO2", 1],
@@ -120,7 +120,7 @@ export default {
       const { outputs } = this.beat;
       return SUPPLY.filter((name) => outputs[name] !== undefined).map((name) => {
         const { label, unit, definition } = this.specs[name];
-        const { level, text } = this.cell(name, outputs[name], null, name);
+        const { level, text } = this.cell(name, outputs[name], unit === "1" ? 3 : 0, name);
         return { name, label, unit: unit === "1" ? "" : unit, definition, level, value: text };
       });
     },
@@ -137,7 +137,7 @@ export default {
     // A number with the sign of the limit that it breaks.
     cell(name, value, digits, output) {
       const level = output ? gravest(this.beat.levels, [output]) : "ok";
-      return { name, level, text: SIGNS[level] + (digits === null ? compact(value) : fixed(value, digits)) };
+      return { name, level, text: SIGNS[level] + fixed(value, digits) };
     },
   },
 };
