@@ -111,3 +111,14 @@ def test_without_a_steady_gas_state_the_reason_stands_in_place_of_numbers():
     gas = plain(compute_beat(with_gas(gas__shunt_fraction=1.0, ecmo__sweep_l_min=0.0)), ())["gas"]
     assert (gas["places"], gas["exchanged"]) == ({}, {})
     assert "no steady gas state" in gas["message"]
+
+
+def test_a_reflex_sets_the_length_of_the_beat():
+    healthy = PageState(PRESETS["healthy"].case(), origin="healthy")
+    on = healthy.with_case(connect(healthy.case, "regulation"))
+    at_rest = compute_beat(on)
+    assert at_rest.outputs["MAP"] == pytest.approx(compute_beat(healthy).outputs["MAP"], rel=1e-4)
+    weak = compute_beat(on.with_case(turn(on.case, "parameters.Emaxlv", 0.9)))
+    unregulated = compute_beat(healthy.with_case(turn(healthy.case, "parameters.Emaxlv", 0.9)))
+    assert weak.period < at_rest.period, "the heart is driven"
+    assert weak.outputs["MAP"] > unregulated.outputs["MAP"] + 3.0

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.app.circuits import page_circuit
+from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.files import finite
 from eclsim.gas.network import GasStatus
 from eclsim.orbit.model import circuit_of
@@ -93,6 +94,13 @@ def compute_beat(state: PageState, near: Mapping[str, float] | None = None) -> B
         near: parameter values of the same circuit to start the search from.
     """
     circuit, values = page_circuit(state.computed)
+    return beat_of(state, circuit, values, near)
+
+
+def beat_of(
+    state: PageState, circuit: Circuit, values: Mapping[str, float], near: Mapping[str, float] | None = None
+) -> Beat:
+    """The steady beat of a state at other values of its circuit, such as those of a later minute."""
     found = steady_beat(Batch(circuit, values, 1, state.policy), waveforms=None, keep=None, start=near)
     outputs = found.outputs()
     if found.converged[0]:
@@ -106,8 +114,9 @@ def compute_beat(state: PageState, near: Mapping[str, float] | None = None) -> B
         for n in found.signals
     }
     said = (*found.findings(), *state.case.findings(outputs))
+    rate = float(np.asarray(found.values_in_effect()[HEART_RATE]))
     return Beat(
-        circuit, values, 60.0 / values["heart_rate_bpm"], waves, means, outputs, said,
+        circuit, values, 60.0 / (rate if rate > 0.0 else values[HEART_RATE]), waves, means, outputs, said,
         Status(int(found.status[0])), found.message(),
         GasStatus(int(found.gas_status[0])) if state.case.gas is not None else None, found.gases.get(0),
     )  # fmt: skip

@@ -136,13 +136,18 @@ def display(case: Case) -> dict[str, Any]:
     return {
         "groups": _groups(case),
         "traces": _plain_traces(shown),
-        "figures": [_plain_figure(figure) for figure in _in_order([f for _, v in shown for f in v.figures])],
+        "figures": [_plain_figure(figure) for figure in figures_of(case)],
         "specs": named_specs(case),
         "compared": [output for _, views in shown for output in views.compared],
         "samples": [vars(s) | {"outputs": dict(s.outputs)} for _, v in shown for s in v.samples],
         "exchangers": _exchangers(circuit_of(case)),
         "saturations": [[percent, colour, letters_on(percent)] for percent, colour in STOPS],
     }
+
+
+def figures_of(case: Case) -> list[KeyFigure]:
+    """The numbers that are always in sight, in their order."""
+    return _in_order([figure for _, views in _shown(case) for figure in views.figures])
 
 
 def _exchangers(circuit: Circuit) -> dict[str, str]:

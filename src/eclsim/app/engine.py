@@ -50,6 +50,10 @@ class Engine:
         self._wanted_at = time.monotonic()
         return await self._in(self._beats, lambda: self._beat(state, near))
 
+    async def moment(self, work: Callable[[], T]) -> T:
+        """Another beat that is waited for."""
+        return await self._in(self._beats, work)
+
     async def study(self, work: Callable[[], T]) -> T:
         """Anything longer, beside the beats."""
         return await self._in(self._studies, work)

@@ -40,7 +40,7 @@ MEMORY_BYTES = 1_500_000_000
 SECONDS = 30.0
 CHANGED = " (changed)"
 """Behind the id of a patient whose case was changed by hand on the page."""
-KINDS = ("case", "outputs", "waveforms", "svg", "png", "study")
+KINDS = ("case", "outputs", "waveforms", "svg", "png", "study", "course")
 
 
 @dataclass(frozen=True)
@@ -254,6 +254,8 @@ def export(state: PageState, kind: str) -> tuple[str, bytes]:
         return _figures(state, kind, stem)
     if kind == "study":
         return _study(state, stem)
+    if kind == "course":
+        return _course(state, stem)
     raise ExportError(f"no such file: {kind[:20]}")
 
 
@@ -299,11 +301,7 @@ def _figures(state: PageState, kind: str, stem: str) -> tuple[str, bytes]:
 
     with tempfile.TemporaryDirectory(prefix="eclsim-") as folder:
         write_figures([state.case], [_simulated(state)], Path(folder), [stem])
-        packed = BytesIO()
-        with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
-            for path in sorted(Path(folder).rglob(f"*.{kind}")):
-                archive.write(path, path.name)
-    return f"{stem}_figures_{kind}.zip", packed.getvalue()
+        return f"{stem}_figures_{kind}.zip", _zipped(sorted(Path(folder).rglob(f"*.{kind}")))
 
 
 def _study(state: PageState, stem: str) -> tuple[str, bytes]:
@@ -316,6 +314,30 @@ def _study(state: PageState, stem: str) -> tuple[str, bytes]:
     except StudyError as error:
         raise ExportError(str(error)) from None
     return f"{stem}_{PAGE}", study_page(study, drawings(study)).encode()
+
+
+def _course(state: PageState, stem: str) -> tuple[str, bytes]:
+    from eclsim.app.course import usual_length
+    from eclsim.cases.writing import case_text
+    from eclsim.course.course import followed
+    from eclsim.course.files import course_object, write_figure, write_tables
+
+    result = followed(state.case, usual_length(state.case), state.policy).result
+    with tempfile.TemporaryDirectory(prefix="eclsim-") as place:
+        folder = Path(place)
+        (folder / f"{stem}.toml").write_text(case_text(state.case), encoding="utf-8")
+        (folder / f"{stem}_course.json").write_text(json.dumps(course_object(result)), encoding="utf-8")
+        write_tables(result, folder)
+        write_figure(result, folder)
+        return f"{stem}_course.zip", _zipped(sorted(folder.iterdir()))
+
+
+def _zipped(paths: Sequence[Path]) -> bytes:
+    packed = BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        for path in paths:
+            archive.write(path, path.name)
+    return packed.getvalue()
 
 
 def _simulated(state: PageState) -> xr.Dataset:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,6 +11,7 @@ import nicegui.elements.plotly  # noqa: F401  (puts the Plotly that comes with N
 from nicegui import ui
 from nicegui.element import Element
 
+from eclsim.app.course import LENGTHS
 from eclsim.app.header import Header, notify
 from eclsim.app.identify import Identification, fields
 from eclsim.app.provenance import title_of
@@ -17,14 +19,14 @@ from eclsim.app.ranges import output_specs
 from eclsim.app.session import Session
 from eclsim.app.state import History, PageState, Snapshot, read_snapshot, state_of
 from eclsim.app.texts import ENGLISH, text
-from eclsim.app.updates import PosteriorBands, ViewStudy
+from eclsim.app.updates import CourseStudy, PosteriorBands, ViewStudy
 from eclsim.inputs.mistakes import CaseError
 
 if TYPE_CHECKING:
     from eclsim.app.engine import Engine
 
 WEB = Path(__file__).parent / "web"
-STYLES = [WEB / f"{name}.css" for name in ("page", "schematic", "views", "gases")]
+STYLES = [WEB / f"{name}.css" for name in ("page", "schematic", "views", "gases", "timeline")]
 SKIP = "(event) => { event.preventDefault(); document.querySelector('.ecl-knobs').focus(); }"
 """To the knobs without a change of the address, whose part behind # is the patient of a link."""
 VIEWS = ("monitor", "loops", "ramp", "schemes", "gases", "outputs", "identify", "compare")
@@ -56,7 +58,7 @@ def _component(script: str) -> Callable[..., Element]:
 MOST_SETTINGS = 10
 SCRIPTS = (
     "provenance", "knobs", "schematic", "keys", "limits", "bands", "monitor", "loops", "ramp", "schemes",
-    "gases", "outputs", "identify", "compare",
+    "timeline", "gases", "outputs", "identify", "compare",
 )  # fmt: skip
 ELEMENTS = {script: _component(script) for script in SCRIPTS}
 
@@ -132,6 +134,7 @@ class BedsidePage:
         with panels.classes("ecl-views"):
             with ui.tab_panel("monitor"):
                 ELEMENTS["monitor"]()
+                self._timeline()
             with ui.tab_panel("loops"):
                 ELEMENTS["loops"]()
             with ui.tab_panel("ramp"):
@@ -151,6 +154,15 @@ class BedsidePage:
         for view in ("ramp", "schemes"):
             self.session.listen(ViewStudy(self.engine, view))
         self.session.listen(self.bands)
+
+    def _timeline(self) -> None:
+        self.course = CourseStudy(self.engine, self.session)
+        timeline = ELEMENTS["timeline"](lengths=LENGTHS)
+        timeline.on("open", lambda e: self.course.open(_number(e.args)))
+        timeline.on("show", lambda e: self.course.show(_minute(e.args)))
+        timeline.on("add", lambda e: self.session.add_event(e.args))
+        timeline.on("remove", lambda e: self.session.remove_event(_number(e.args)))
+        self.session.listen(self.course)
 
     def _identify(self) -> None:
         form = ELEMENTS["identify"](fields=fields())
@@ -252,3 +264,8 @@ def _link(args: Any) -> str:
 def _number(args: Any) -> int:
     number = args.get("number")
     return number if isinstance(number, int) else -1
+
+
+def _minute(args: Any) -> float:
+    minute = args.get("minute") if isinstance(args, dict) else None
+    return float(minute) if isinstance(minute, (int, float)) and math.isfinite(minute) else 0.0

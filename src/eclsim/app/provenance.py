@@ -76,6 +76,8 @@ def changes(state: PageState) -> list[str]:
         if value_of(start.case, control.key) != value_of(state.case, control.key):
             device = "" if state.case.instance(control.group) is None else now[control.group]
             found.append(f"{device} {control.label}".strip())
+    if start.case.events != state.case.events:
+        found.append(text("course_events"))
     if start.policy != state.policy:
         found.append(text("group_model"))
     if len(found) > MOST_NAMED:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from eclsim.app.course import plain_events, possible_events, with_event, without_event
 from eclsim.app.display import described, display, shape_of, waves_of
 from eclsim.app.knobs import connect, connected, controls, switchable, turn, value_of
 from eclsim.app.provenance import provenance, title_of
@@ -109,6 +110,24 @@ class Session:
             return self.state.with_case(case)
 
         return self._try(next(iter(settings), device), changed, 0)
+
+    def add_event(self, event: object) -> bool:
+        """Put an event into the course of the case."""
+        return self._try("events", lambda: self.state.with_case(with_event(self.state.case, event)), 0)
+
+    def remove_event(self, number: int) -> bool:
+        """Take an event out of the course of the case."""
+        return self._try("events", lambda: self.state.with_case(without_event(self.state.case, number)), 0)
+
+    def show_moment(self, state: PageState, beat: Beat, minute: float) -> None:
+        """Show the beat of a later minute of the course; knobs stay those of its start."""
+        if state == self.state and not self.closed:
+            self._send_beat(state, beat, 0, minute)
+
+    def show_start(self) -> None:
+        """Show the beat of the state again, after one of a later minute."""
+        if self.shown is not None and not self.closed:
+            self._send_beat(*self.shown, 0)
 
     def set_policy(self, policy: str) -> None:
         """Choose who fills the circuits."""
@@ -256,17 +275,20 @@ class Session:
         finally:
             self._running = False
 
-    def _show(self, state: PageState, beat: Beat, seq: int) -> None:
+    def _send_beat(self, state: PageState, beat: Beat, seq: int, minute: float = 0.0) -> None:
         from eclsim.app.beat import plain
 
+        about = {"seq": seq, "of": key_of(state), "values": _values(state), "minute": minute}
+        self.send("beat", {**plain(beat, waves_of(state.case)), **about})
+
+    def _show(self, state: PageState, beat: Beat, seq: int) -> None:
         self.shown = (state, beat)
         if beat.converged:
             known = self._anchor is not None and self._anchor[0] is beat.circuit
             self._anchor = self._anchor if known else (beat.circuit, beat.values)
         if not state.changed and (self.base is None or self.base[0] != state):
             self._set_base(state, beat)
-        about = {"seq": seq, "of": key_of(state), "values": _values(state)}
-        self.send("beat", {**plain(beat, waves_of(state.case)), **about})
+        self._send_beat(state, beat, seq)
         self._complete_soon()
         self._notify()
 
@@ -334,6 +356,7 @@ class Session:
         if panel != self._panel:
             self._panel = panel
             self.send("panel", panel)
+            self.send("possible_events", possible_events(case))
         if shape != self._drawn:
             self._drawn = shape
             self.send("drawing", drawing_of(case))
@@ -341,6 +364,7 @@ class Session:
             "values": _values(state), "of": key_of(state), "subject": subject_of(state),
             "provenance": provenance(state),
             "devices": {key: key in connected(case) for key in switchable()},
+            "events": plain_events(case),
             "policy": state.policy, "key": key, "seq": seq, "opened": opened, "name": title_of(state),
             "origin": state.origin, "link": link_of(state),
             "undo": bool(self.history.past), "redo": bool(self.history.future),

@@ -6,10 +6,14 @@ import asyncio
 import logging
 from typing import TYPE_CHECKING, Any
 
+from eclsim.app.course import LENGTHS, compute_course, plain_course
 from eclsim.app.state import key_of
+from eclsim.app.texts import text
+from eclsim.inputs.mistakes import CaseError
 
 if TYPE_CHECKING:
     from eclsim.app.beat import Beat
+    from eclsim.app.course import PageCourse
     from eclsim.app.engine import Engine
     from eclsim.app.posterior import PosteriorDraws
     from eclsim.app.session import Session
@@ -72,6 +76,79 @@ class ViewStudy:
         except Exception:  # the view stays empty; the page goes on
             log.exception("%s failed", self.view)
             return None
+
+
+class CourseStudy:
+    """Computes the course of the newest state of a session while its timeline is open, and beats of it.
+
+    Args:
+        engine: where they are computed.
+        session: whose states.
+    """
+
+    def __init__(self, engine: Engine, session: Session):
+        self.engine, self.session = engine, session
+        self.minutes = 0
+        self.course: PageCourse | None = None
+        self._done: tuple[PageState, int] | None = None
+        self._task: asyncio.Task[None] | None = None
+        self._minute: float | None = None
+        self._moment: asyncio.Task[None] | None = None
+
+    def open(self, minutes: int) -> None:
+        """The timeline is open for so long [min]; 0: it is closed."""
+        self.minutes = minutes if minutes in LENGTHS else 0
+        if not self.minutes:
+            self.course = self._done = None
+            self.session.show_start()
+        self()
+
+    def __call__(self, _: Session | None = None) -> None:
+        """The session has a new beat."""
+        if self._wanted() and (self._task is None or self._task.done()):
+            self._task = asyncio.get_running_loop().create_task(self._run())
+
+    def show(self, minute: float) -> None:
+        """Show the beat of a minute, 0: that of the state; of several that wait only the last."""
+        self._minute = minute
+        if minute <= 0.0:
+            self._minute = None
+            self.session.show_start()
+        elif self._moment is None or self._moment.done():
+            self._moment = asyncio.get_running_loop().create_task(self._show())
+
+    def _wanted(self) -> tuple[PageState, int] | None:
+        job = self.session.state, self.minutes
+        return job if self.minutes and not self.session.closed and job != self._done else None
+
+    async def _run(self) -> None:
+        while job := self._wanted():
+            self._done, self.course = job, None
+            state, minutes = job
+            self.session.send("course_busy", key_of(state))
+            try:
+                course = await self.engine.study(lambda s=state, m=minutes: compute_course(s, m))
+            except CaseError as error:
+                self.session.send("course", {"of": key_of(state), "refused": str(error)})
+                continue
+            except Exception:  # there is no course; the page goes on
+                log.exception("a course failed")
+                self.session.send("course", {"of": key_of(state), "refused": text("course_failed")})
+                continue
+            if job == (self.session.state, self.minutes) and not self.session.closed:
+                self.course = course
+                self.session.send("course", plain_course(course, minutes))
+
+    async def _show(self) -> None:
+        while (minute := self._minute) is not None and (course := self.course) is not None:
+            self._minute = None
+            try:
+                beat = await self.engine.moment(lambda c=course, m=minute: c.beat(m))
+            except Exception:  # the moment is not shown; the page goes on
+                log.exception("a moment failed")
+                continue
+            if course is self.course:
+                self.session.show_moment(course.state, beat, minute)
 
 
 class PosteriorBands:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time as clock
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -14,7 +14,7 @@ from eclsim.circuit.network import BLOOD_VOLUME
 from eclsim.course.alarms import Alarm, alarms, clock_time
 from eclsim.course.engine import CourseOptions, Engine
 from eclsim.course.laws import Laws, laws_of
-from eclsim.course.moments import Moments, beats_at, moments_of
+from eclsim.course.moments import Moments, beats_at, in_effect_at, moments_of
 from eclsim.course.timeline import MINUTE, Timeline
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
 from eclsim.orbit.model import CaseSource, as_case
@@ -24,6 +24,7 @@ from eclsim.parameters.regulation import EXTRA_VOLUME
 from eclsim.simulation.target_flow import with_speed
 
 if TYPE_CHECKING:
+    from eclsim.circuit.network import Circuit
     from eclsim.orbit.execution import Execution
 
 DAY_MIN = 1440.0
@@ -129,6 +130,46 @@ def course_many(
         assert result is not None
         result.attrs["seconds"] = seconds
     return [result for result in results if result is not None]
+
+
+class Followed(NamedTuple):
+    """One course with what its beats can be computed from again.
+
+    Attributes:
+        result: As `course` gives it.
+        engine: That marched it.
+        moments: That are shown.
+    """
+
+    result: xr.Dataset
+    engine: Engine
+    moments: Moments
+
+    def at(self, minute: float) -> tuple[Circuit, dict[str, float]]:
+        """Circuit and parameters in effect at a minute, at the latest those of the last moment."""
+        return in_effect_at(self.engine, 0, min(minute, float(self.result["time_min"][-1])) * MINUTE)
+
+
+def followed(case: CaseSource, minutes: float, policy: str | None = None) -> Followed:
+    """A course with all its outputs, kept for more questions.
+
+    Args:
+        case: as for `course`.
+        minutes: how long [min].
+        policy: blood volume policy; left out, the case's.
+
+    Raises:
+        CaseError: an event lies after the end.
+    """
+    began = clock.perf_counter()
+    timeline = Timeline(with_speed(as_case(case), policy)[0], minutes * MINUTE)
+    policy = policy or timeline.case.volume_policy
+    engine = Engine([timeline], Laws(laws_of(*timeline.start)), policy, CourseOptions())
+    moments = moments_of(engine, engine.march(), usual_every(minutes) * MINUTE)
+    beats_at(moments, engine, None, True, None)
+    result = _labelled(moments, 0, engine, True)
+    result.attrs["seconds"] = clock.perf_counter() - began
+    return Followed(result, engine, moments)
 
 
 def usual_every(minutes: float) -> float:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from eclsim.beat.heartbeat import HEART_RATE
+from eclsim.circuit.network import Circuit
 from eclsim.course.engine import SHORTEST_S, Engine, History
 from eclsim.course.rosenbrock import between
 from eclsim.devices.description import Finding
@@ -82,6 +83,13 @@ def moments_of(engine: Engine, histories: Sequence[History], every: float) -> Mo
         for m, history in enumerate(histories)
     ]
     return _joined(engine, rows)
+
+
+def in_effect_at(engine: Engine, member: int, time: float) -> tuple[Circuit, dict[str, float]]:
+    """Circuit and parameters of a member at any time [s] that it has marched through."""
+    row = _moments_of(engine, member, engine.histories[member], np.array([time]))
+    one = _joined(engine, [row])
+    return engine.circuits[member][one.segment[0]], one.values_in_effect(0)
 
 
 def _wanted(engine: Engine, member: int, history: History, every: float) -> np.ndarray:

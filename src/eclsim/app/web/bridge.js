@@ -1,5 +1,5 @@
 // Hands messages of the server to the views, and keys pressed anywhere to the server.
-import { addressOf, bus, fill, linkIn, setTexts, tab } from "eclsim-page";
+import { addressOf, bus, clock, fill, linkIn, setTexts, tab } from "eclsim-page";
 
 const PATIENCE = 5000; // ms that the server may take to answer a turn
 const HANDSHAKE = 1000; // ms after a new connection: one that the server refuses loads the page again
@@ -112,7 +112,7 @@ export default {
       if (!beat.converged) this.say("bad", `${this.texts.not_converged}: ${beat.message}`);
       else if (!beat.possible) this.say("bad", `${this.texts.impossible}: ${alarms}`);
       else if (alarms) this.say("broken", `${this.texts.limit_broken}: ${alarms}`);
-      else this.say("good", this.texts.ready);
+      else this.say("good", beat.minute ? `${this.texts.ready}, ${clock(beat.minute)}` : this.texts.ready);
       this.markStale();
     },
     say(kind, message) {

@@ -127,10 +127,12 @@ export default {
     dual() {
       const { outputs } = this.beat;
       if (outputs.SaO2_lower === undefined) return [];
-      return DUAL.filter(([, upper]) => outputs[upper] !== undefined).map(([label, upper, lower, digits]) => ({
-        label: this.texts[label],
-        cells: [upper, lower].map((name) => this.cell(name, outputs[name], digits, name)),
-      }));
+      return DUAL.filter(([, upper]) => outputs[upper] !== undefined).map(
+        ([label, upper, lower, digits]) => ({
+          label: this.texts[label],
+          cells: [upper, lower].map((name) => this.cell(name, outputs[name], digits, name)),
+        }),
+      );
     },
   },
   methods: {

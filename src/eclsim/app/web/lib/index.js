@@ -3,6 +3,7 @@ import { bandsFor, makeBus, makeLatency } from "./bus.js";
 import { makeTabStorage } from "./links.js";
 import { strokeOf } from "./strokes.js";
 
+export * from "./course.js";
 export * from "./format.js";
 export * from "./geometry.js";
 export * from "./links.js";

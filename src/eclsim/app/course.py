@@ -1,0 +1,147 @@
+"""Hours of the case that is shown: its events, what happens, and the beat at any minute of it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from eclsim.app.knobs import VOLUME, controls, value_of
+from eclsim.app.state import key_of
+from eclsim.app.texts import ENGLISH, text
+from eclsim.cases.reading import read_mapping
+from eclsim.cases.regulation import Drugs
+from eclsim.devices.description import CAUTION, Knob
+from eclsim.files import finite
+from eclsim.inputs.mistakes import CaseError, Mistake
+from eclsim.parameters.regulation import DRUG_DOSES
+from eclsim.slow.law import INFLOWS
+
+if TYPE_CHECKING:
+    from eclsim.app.beat import Beat
+    from eclsim.app.state import PageState
+    from eclsim.cases.case import Case
+    from eclsim.course.course import Followed
+
+LENGTHS = (60, 360, 1440, 4320)
+"""How long a course may be [min]."""
+MOST_EVENTS = 60
+MOST_ALARMS = 40
+_KEYS = ("at_min", "set", "ramp_min", "give", "over_min")
+
+
+@dataclass(frozen=True)
+class PageCourse:
+    """A computed course of a state."""
+
+    state: PageState
+    followed: Followed
+
+    def beat(self, minute: float) -> Beat:
+        """The steady beat at a minute."""
+        from eclsim.app.beat import beat_of
+
+        circuit, values = self.followed.at(minute)
+        return beat_of(self.state, circuit, values)
+
+
+def usual_length(case: Case) -> int:
+    """Minutes of a course that holds all events of a case; six hours at the least."""
+    last = max((event.at_min for event in case.events), default=0.0)
+    return next((m for m in LENGTHS[1:] if m > last), LENGTHS[-1])
+
+
+def compute_course(state: PageState, minutes: float) -> PageCourse:
+    """The course of a state.
+
+    Raises:
+        CaseError: an event lies after its end.
+    """
+    from eclsim.course.course import followed
+
+    return PageCourse(state, followed(state.computed, minutes, state.policy))
+
+
+def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
+    """A course for the browser: key figures over time, alarms, balance; null for what is not finite."""
+    from eclsim.app.display import figures_of
+
+    result = course.followed.result
+    alarms = json.loads(result.attrs["alarms"])
+    rows = [
+        {
+            "name": figure.output, "label": figure.label, "unit": figure.unit, "digits": figure.digits,
+            "values": finite(result[figure.output].values, digits=5),
+        }
+        for figure in figures_of(course.state.case)
+        if figure.output in result and not figure.only_with
+    ]  # fmt: skip
+    return {
+        "of": key_of(course.state), "minutes": minutes, "time": finite(result["time_min"].values, digits=7),
+        "rows": rows, "message": str(result.attrs["message"]),
+        "alarms": finite([one for one in alarms if one["kind"] != CAUTION][:MOST_ALARMS]),
+        "balance": finite(json.loads(result.attrs["balance"]), digits=5),
+        "warnings": [str(sentence) for sentence in result.attrs["warnings"]],
+        "seconds": round(float(result.attrs["seconds"]), 2),
+    }  # fmt: skip
+
+
+def plain_events(case: Case) -> list[dict[str, Any]]:
+    """Events of a case in words."""
+    return [
+        {"at": event.at_min, "words": event.words, "lasts": event.over_min if event.give else event.ramp_min}
+        for event in case.events
+    ]
+
+
+def possible_events(case: Case) -> list[dict[str, Any]]:
+    """What an event can give, and what it can set: knobs, fluids of devices and drugs, also at 0 so far."""
+    gifts = [
+        {"key": kind, "give": True, "label": text(f"give_{kind}"), "unit": "mL", "value": 300.0}
+        for kind in INFLOWS
+    ]
+    knobs = [k for k in controls(case) if isinstance(k, Knob) and k.key != VOLUME]
+    known = {knob.key for knob in knobs}
+    labels = {one.key: one.label for one in case.instances()}
+    found = [
+        (k.key, f"{labels.get(k.group, '')} {k.label}".strip(), k.unit, value_of(case, k.key)) for k in knobs
+    ]
+    for one in case.instances():
+        fields = ((f"{one.key}.{name}", field) for name, field in one.device.section.fields().items())
+        found += [
+            (key, f"{one.label} {field.description}", field.unit, 0.0)
+            for key, field in fields
+            if key.endswith("_ml_h") and key not in known
+        ]
+    for drug in DRUG_DOSES:
+        if (key := f"{Drugs.section}.{drug}") not in known:
+            field = Drugs.fields()[drug]
+            found.append((key, ENGLISH.get(key, field.description), field.unit, 0.0))
+    return gifts + [
+        {"key": key.removeprefix("parameters."), "give": False, "label": label, "unit": unit, "value": value}
+        for key, label, unit, value in found
+    ]
+
+
+def with_event(case: Case, event: object) -> Case:
+    """The case with one more event, in its place in time.
+
+    Raises:
+        CaseError: with what is wrong with it, as for a case file.
+    """
+    raw = case.as_mapping()
+    events = list(raw.get("events", []))
+    if not isinstance(event, dict) or len(events) >= MOST_EVENTS:
+        raise CaseError([Mistake("events", text("course_full", most=MOST_EVENTS))])
+    added = {key: event[key] for key in _KEYS if key in event}
+    at = added.get("at_min")
+    minute = float(at) if isinstance(at, (int, float)) and not isinstance(at, bool) else 0.0
+    raw["events"] = sorted([*events, added], key=lambda one: minute if one is added else one["at_min"])
+    return read_mapping(raw).case
+
+
+def without_event(case: Case, number: int) -> Case:
+    """The case without one of its events."""
+    raw = case.as_mapping()
+    raw["events"] = [one for k, one in enumerate(raw.get("events", [])) if k != number]
+    return read_mapping(raw).case

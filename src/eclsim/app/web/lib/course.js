@@ -1,0 +1,51 @@
+// Time in a course: clock words, where a time stands, and values between moments.
+
+// Hours and minutes, such as 03:12; days in front where there are any.
+export function clock(minute) {
+  const whole = Math.floor(minute + 1e-6);
+  const [day, hour, rest] = [Math.floor(whole / 1440), Math.floor(whole / 60) % 24, whole % 60];
+  const pad = (number) => String(number).padStart(2, "0");
+  return `${day ? `${day} d ` : ""}${pad(hour)}:${pad(rest)}`;
+}
+
+// Minute after some milliseconds of play, never beyond the end.
+export const playedTo = (minute, ms, speed, end) => Math.min(minute + (ms / 60_000) * speed, end);
+
+// Position of the last moment at or before a time; -1 before the first.
+export function momentAt(times, minute) {
+  let [low, high] = [-1, times.length - 1];
+  while (low < high) {
+    const middle = Math.floor((low + high + 1) / 2);
+    if (times[middle] <= minute + 1e-9) low = middle;
+    else high = middle - 1;
+  }
+  return low;
+}
+
+// Value at a time, on the straight line between two moments; undefined beyond the ends.
+export function valueIn(times, values, minute) {
+  const left = momentAt(times, minute);
+  if (left < 0 || minute > times.at(-1) + 1e-9) return undefined;
+  const right = Math.min(left + 1, times.length - 1);
+  const width = times[right] - times[left];
+  const [a, b] = [values[left], values[right]];
+  if (a === null || b === null) return a ?? undefined;
+  return width > 0 ? a + ((minute - times[left]) / width) * (b - a) : a;
+}
+
+// Points of a curve in a lane: minutes to 0..width, values to height..0; gaps where there is no value.
+export function curvePath(times, values, { end, width, height, low, high }) {
+  let pen = "M";
+  const parts = [];
+  times.forEach((time, k) => {
+    if (values[k] === null) {
+      pen = "M";
+      return;
+    }
+    const x = (time / end) * width;
+    const y = height - ((values[k] - low) / (high - low)) * height;
+    parts.push(`${pen}${x.toFixed(1)} ${y.toFixed(1)}`);
+    pen = "L";
+  });
+  return parts.join("");
+}

@@ -1,0 +1,272 @@
+// Hours of the case under the monitor: play, jump, events; the whole page shows the minute of the cursor.
+import { clock, curvePath, extent, fill, fixed, listening, niceRange, playedTo, valueIn } from "eclsim-page";
+
+const SPEEDS = [1, 10, 60, 600, 3600];
+const [WIDTH, LANE] = [1000, 40];
+const LEAST = 250; // ms between two minutes that are asked for
+const STEPS = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1, PageUp: 10, PageDown: -10 };
+
+export default {
+  template: `
+  <section class="ecl-timeline" :aria-label="texts.timeline">
+    <div class="bar">
+      <button type="button" class="toggle" :aria-expanded="isOpen" @click="toggle">{{
+        isOpen ? texts.timeline_close : texts.timeline_open }}</button>
+      <template v-if="isOpen">
+        <button type="button" class="play" :disabled="!course" @click="playing ? stop() : play()">{{
+          playing ? texts.timeline_pause : texts.timeline_play }}</button>
+        <button type="button" :disabled="!minute" :title="texts.timeline_start"
+          :aria-label="texts.timeline_start" @click="jump(0)">|◀</button>
+        <label>{{ texts.timeline_speed }} <select v-model.number="speed">
+          <option v-for="s in speeds" :key="s" :value="s">{{ s }}×</option></select></label>
+        <label>{{ texts.timeline_length }} <select :value="length"
+          @change="resize(Number($event.target.value))">
+          <option v-for="m in lengths" :key="m" :value="m">{{ hours(m) }}</option></select></label>
+        <span class="shown" role="status">{{ busy ? texts.timeline_computing : shown }}</span>
+      </template>
+    </div>
+    <template v-if="isOpen">
+      <p v-if="refused" class="refused" role="alert">{{ refused }}</p>
+      <p v-if="course?.message" class="refused" role="alert">{{ course.message }}</p>
+      <div v-if="course" class="chart" :class="{ old: busy }" ref="chart" tabindex="0" role="slider"
+        :aria-label="texts.timeline_cursor" aria-valuemin="0" :aria-valuemax="length" :aria-valuenow="minute"
+        :aria-valuetext="time(minute)" @pointerdown="grab" @pointermove="drag" @pointerup="held = false"
+        @pointercancel="held = false" @keydown="step">
+        <div v-for="r in rows" :key="r.name" class="lane">
+          <span class="name">{{ r.label }} <em>{{ r.unit }}</em></span>
+          <svg :viewBox="'0 0 1000 40'" preserveAspectRatio="none" aria-hidden="true">
+            <rect v-for="a in r.alarms" :key="a.from + a.kind" :x="a.from" y="0" :width="a.width" height="40"
+              :class="a.kind" />
+            <line v-for="(e, k) in marks" :key="k" :x1="e.x" :x2="e.x" y1="0" y2="40" class="event" />
+            <path :d="r.path" />
+            <line :x1="at(minute)" :x2="at(minute)" y1="0" y2="40" class="cursor" />
+          </svg>
+          <span class="range"><i>{{ r.high }}</i><i>{{ r.low }}</i></span>
+          <b>{{ r.now }}</b>
+        </div>
+        <div class="axis"><span v-for="t in ticks" :key="t" :style="{ left: 100 * t / length + '%' }">{{
+          time(t) }}</span></div>
+      </div>
+      <form class="new" @submit.prevent="add">
+        <label>{{ texts.timeline_what }} <select v-model="what">
+          <optgroup v-for="g in groups" :key="g.label" :label="g.label">
+            <option v-for="p in g.items" :key="p.key" :value="p.key">{{ p.label }}</option>
+          </optgroup></select></label>
+        <label>{{ texts.timeline_amount }} <input v-model="amount" inputmode="decimal" size="6" />
+          {{ chosen?.unit }}</label>
+        <label>{{ texts.timeline_over }} <input v-model="over" inputmode="decimal" size="4" maxlength="10" />
+          {{ texts.timeline_minutes }}</label>
+        <button type="submit">{{ addLabel }}</button>
+      </form>
+      <div class="lists">
+        <ol v-if="events.length" :aria-label="texts.timeline_events"><li v-for="(e, k) in events" :key="k">
+          <button type="button" class="link" @click="jump(e.at)">{{ time(e.at) }}</button> {{ e.words
+          }}<template v-if="e.lasts">, {{ texts.timeline_over }} {{ e.lasts }} {{
+            texts.timeline_minutes }}</template>
+          <button type="button" @click="$emit('remove', { number: k })" :aria-label="texts.timeline_remove"
+            :title="texts.timeline_remove">×</button></li></ol>
+        <ul v-if="course" :aria-label="texts.timeline_alarms">
+          <li v-if="!course.alarms.length">{{ texts.timeline_no_alarms }}</li>
+          <li v-for="a in course.alarms" :key="a.sentence" :class="a.kind">
+            <button type="button" class="link" @click="jump(a.at_min)">{{ time(a.at_min) }}</button>
+            {{ a.sentence }}</li>
+        </ul>
+        <p v-if="course" class="balance">{{ balance }}</p>
+      </div>
+    </template>
+  </section>`,
+  props: { lengths: Array },
+  mixins: [
+    listening({
+      state({ events, of }) {
+        this.events = events;
+        this.of = of;
+        this.refused = "";
+      },
+      possible_events(possible) {
+        this.possible = possible;
+        if (!this.chosen) this.what = possible[0]?.key;
+      },
+      course_busy() {
+        this.busy = true;
+      },
+      course(course) {
+        this.busy = false;
+        this.refused = course.refused ?? "";
+        this.course = course.refused ? null : course;
+        if (this.course && this.minute) this.ask();
+      },
+      error({ key, messages }) {
+        if (key === "events") this.refused = messages.join(" ");
+      },
+    }),
+  ],
+  data: () => ({
+    isOpen: false,
+    course: null,
+    busy: false,
+    refused: "",
+    events: [],
+    possible: [],
+    what: "",
+    amount: "300",
+    over: "15",
+    minute: 0,
+    speed: 600,
+    speeds: SPEEDS,
+    length: 360,
+    playing: false,
+    held: false,
+  }),
+  unmounted() {
+    this.stop();
+  },
+  watch: {
+    what() {
+      const value = this.chosen?.value ?? 0;
+      this.amount = String(Number(Number(value).toPrecision(4)));
+      this.over = this.chosen?.give ? "15" : "0";
+    },
+  },
+  computed: {
+    chosen() {
+      return this.possible.find((p) => p.key === this.what);
+    },
+    groups() {
+      const of = (give) => this.possible.filter((p) => p.give === give);
+      return [
+        { label: this.texts.timeline_give, items: of(true) },
+        { label: this.texts.timeline_set, items: of(false) },
+      ];
+    },
+    shown() {
+      return fill(fill(this.texts.timeline_at, { time: clock(this.minute) }), {
+        length: this.hours(this.length),
+      });
+    },
+    addLabel() {
+      return fill(this.texts.timeline_add, { time: clock(this.minute) });
+    },
+    rows() {
+      const { time, rows, alarms } = this.course;
+      return rows.map(({ name, label, unit, digits, values }) => {
+        const [low, high] = niceRange(...(extent(values, 10 ** -digits) ?? [0, 1]));
+        const path = curvePath(time, values, { end: this.length, width: WIDTH, height: LANE, low, high });
+        const own = alarms.filter((a) => a.quantity === name && a.kind !== "caution");
+        const broken = own.map(({ at_min: from, until_min: until, kind }) => ({
+          kind,
+          from: this.at(from),
+          width: Math.max(this.at(until ?? time.at(-1)) - this.at(from), 2),
+        }));
+        const now = fixed(valueIn(time, values, this.minute), digits);
+        const written = [low, high].map((v) => fixed(v, high - low < 3 ? 1 : 0));
+        return { name, label, unit, path, alarms: broken, now, low: written[0], high: written[1] };
+      });
+    },
+    marks() {
+      return this.events.map(({ at }) => ({ x: this.at(at) }));
+    },
+    ticks() {
+      return [0, 1, 2, 3, 4, 5].map((k) => (k * this.length) / 6);
+    },
+    balance() {
+      const b = this.course.balance;
+      return fill(
+        fill(this.texts.timeline_balance, {
+          start: fixed(b.blood_volume_start_ml, 0),
+          end: fixed(b.blood_volume_end_ml, 0),
+          given: fixed(b.given_ml, 0),
+          removed: fixed(b.removed_ml, 0),
+        }),
+        { refilled: fixed(b.refilled_ml, 0), error: fixed(b.error_ml, 3), seconds: this.course.seconds },
+      );
+    },
+  },
+  methods: {
+    time: clock,
+    at(minute) {
+      return (minute / this.length) * WIDTH;
+    },
+    hours(minutes) {
+      return fill(this.texts.timeline_hours, { hours: minutes / 60 });
+    },
+    toggle() {
+      this.isOpen = !this.isOpen;
+      this.stop();
+      const last = this.events.at(-1)?.at ?? 0;
+      this.length = this.lengths.find((m) => m >= this.length && m > last) ?? this.lengths.at(-1);
+      this.minute = 0;
+      this.course = null;
+      this.busy = this.isOpen;
+      this.$emit("open", { number: this.isOpen ? this.length : 0 });
+    },
+    resize(length) {
+      this.stop();
+      this.length = length;
+      this.busy = true;
+      this.jump(Math.min(this.minute, length));
+      this.$emit("open", { number: length });
+    },
+    play() {
+      if (this.minute >= this.length - 1e-6) this.minute = 0;
+      this.playing = true;
+      let before = performance.now();
+      const frame = (now) => {
+        if (!this.playing) return;
+        const end = this.course?.time.at(-1) ?? this.length;
+        this.minute = playedTo(this.minute, now - before, this.speed, end);
+        before = now;
+        this.ask();
+        if (this.minute >= end) this.stop();
+        else requestAnimationFrame(frame);
+      };
+      requestAnimationFrame(frame);
+    },
+    stop() {
+      this.playing = false;
+      clearTimeout(this.later);
+      this.later = undefined;
+      if (this.minute && this.course) this.$emit("show", { minute: this.minute });
+    },
+    jump(minute) {
+      this.minute = Math.min(Math.max(minute, 0), this.length);
+      this.ask();
+    },
+    // The page follows the cursor, a few minutes a second.
+    ask() {
+      if (this.later) return;
+      const send = () => {
+        this.later = undefined;
+        if (this.isOpen && this.asked !== this.minute) this.$emit("show", { minute: this.minute });
+        this.asked = this.minute;
+      };
+      this.later = setTimeout(send, Math.max(LEAST - (performance.now() - (this.sent ?? 0)), 0));
+      this.sent = performance.now();
+    },
+    grab(event) {
+      this.held = true;
+      event.currentTarget.setPointerCapture(event.pointerId);
+      this.drag(event);
+    },
+    drag(event) {
+      if (!this.held) return;
+      const { left, width } = this.$refs.chart.querySelector("svg").getBoundingClientRect();
+      this.jump(Math.round(((event.clientX - left) / width) * this.length));
+    },
+    step(event) {
+      const steps = STEPS[event.key] ?? { Home: -Infinity, End: Infinity }[event.key];
+      if (steps === undefined) return;
+      event.preventDefault();
+      this.jump(this.minute + (steps * this.length) / 360);
+    },
+    add() {
+      const number = (typed) => Number(String(typed).trim().replace(",", "."));
+      const [amount, over] = [number(this.amount), number(this.over)];
+      const at = { at_min: Number(this.minute.toFixed(2)) };
+      const change = this.chosen.give
+        ? { give: { [this.what]: amount }, ...(over ? { over_min: over } : {}) }
+        : { set: { [this.what]: amount }, ...(over ? { ramp_min: over } : {}) };
+      this.$emit("add", { ...at, ...change });
+    },
+  },
+};

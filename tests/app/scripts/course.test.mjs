@@ -1,0 +1,49 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { clock, curvePath, momentAt, playedTo, valueIn } from "../../../src/eclsim/app/web/lib/course.js";
+
+test("minutes are read as on a clock, with days in front", () => {
+  assert.equal(clock(0), "00:00");
+  assert.equal(clock(192.9), "03:12");
+  assert.equal(clock(59.9999999), "01:00");
+  assert.equal(clock(1440 + 61), "1 d 01:01");
+});
+
+test("play goes on at its speed and ends at the end", () => {
+  assert.equal(playedTo(10, 60_000, 1, 100), 11);
+  assert.equal(playedTo(10, 1000, 3600, 100), 70);
+  assert.equal(playedTo(99, 1000, 3600, 100), 100);
+});
+
+test("the last moment at or before a time is found", () => {
+  const times = [0, 10, 10.5, 20];
+  assert.deepEqual(
+    [-1, 0, 9, 10, 10.4, 10.5, 25].map((t) => momentAt(times, t)),
+    [-1, 0, 0, 1, 1, 2, 3],
+  );
+  assert.equal(momentAt([], 3), -1);
+});
+
+test("between moments values lie on a line, and nowhere else is a value", () => {
+  const [times, values] = [
+    [0, 10, 20],
+    [80, 60, null],
+  ];
+  assert.equal(valueIn(times, values, 5), 70);
+  assert.equal(valueIn(times, values, 10), 60);
+  assert.equal(valueIn(times, values, 21), undefined);
+  assert.equal(valueIn(times, values, -1), undefined);
+  assert.equal(valueIn([0, 5, 5, 9], [1, 1, 3, 3], 5), 3, "a sudden change shows what follows it");
+});
+
+test("a curve breaks where there is no value", () => {
+  const path = curvePath([0, 1, 2, 4], [0, 10, null, 5], {
+    end: 4,
+    width: 100,
+    height: 10,
+    low: 0,
+    high: 10,
+  });
+  assert.equal(path, "M0.0 10.0L25.0 0.0M100.0 5.0");
+});

@@ -1,0 +1,106 @@
+"""Events of a course that are set on the page, and the beats of its minutes."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+
+import pytest
+
+from eclsim.app.course import (
+    LENGTHS,
+    compute_course,
+    plain_course,
+    plain_events,
+    possible_events,
+    usual_length,
+    with_event,
+    without_event,
+)
+from eclsim.app.files import export
+from eclsim.app.knobs import connect
+from eclsim.app.state import PageState, link_of, preset_state, state_of
+from eclsim.cases.presets import PRESETS
+from eclsim.inputs.mistakes import CaseError
+
+HEALTHY = PRESETS["healthy"].case()
+BLEEDING = {"at_min": 30, "give": {"bleed_ml": 400}, "over_min": 10}
+
+
+def test_events_stand_in_their_order_and_go_again():
+    case = with_event(with_event(HEALTHY, BLEEDING), {"at_min": 5, "give": {"crystalloid_ml": 250}})
+    assert [one["at"] for one in plain_events(case)] == [5, 30]
+    assert "bleed 400 mL" in plain_events(case)[1]["words"]
+    assert without_event(without_event(case, 0), 0) == HEALTHY
+    assert without_event(case, 7) == case
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_everything_that_is_offered_can_happen(preset):
+    case = connect(PRESETS[preset].case(), "gas")
+    for one in possible_events(case):
+        assert one["label"]
+        change = {"give": {one["key"]: 100.0}} if one["give"] else {"set": {one["key"]: one["value"]}}
+        assert len(with_event(case, {"at_min": 60, **change}).events) == 1, one
+
+
+@pytest.mark.parametrize(
+    ("event", "said"),
+    [
+        ({"at_min": 5, "give": {"bleed_ml": 9000}}, "more blood than there is"),
+        ({"at_min": -5, "give": {"bleed_ml": 90}}, "outside"),
+        ({"at_min": "x", "give": {"bleed_ml": 90}}, "number"),
+        ({"at_min": 5, "set": {"patient.nonsense": 1}}, "unknown"),
+        ({"at_min": 5, "set": {"ecmo.speed_rpm": float("nan")}}, "events"),
+        ({"at_min": 5, "__class__": 1}, "nothing happens"),
+        ("no event", "an event"),
+        (None, "an event"),
+    ],
+)
+def test_what_cannot_be_an_event_is_refused(event, said):
+    with pytest.raises(CaseError, match=said):
+        with_event(PRESETS["paper"].case(), event)
+
+
+def test_a_link_and_an_export_hold_the_events():
+    state = preset_state("healthy").with_case(with_event(HEALTHY, BLEEDING))
+    assert state_of(link_of(state)) == state
+    name, content = export(state, "case")
+    assert name.endswith(".toml")
+    assert b"[[events]]" in content
+
+
+def test_a_course_is_long_enough_for_its_events():
+    assert usual_length(HEALTHY) == LENGTHS[1]
+    assert usual_length(with_event(HEALTHY, {**BLEEDING, "at_min": 1440})) == LENGTHS[3]
+
+
+def test_the_page_follows_the_minutes_of_a_course():
+    state = PageState(with_event(HEALTHY, BLEEDING))
+    course = compute_course(state, 60)
+    found = plain_course(course, 60)
+    rows = {row["name"]: row["values"] for row in found["rows"]}
+    assert found["time"][0] == 0.0
+    assert found["time"][-1] == 60.0
+    assert rows["MAP"][0] - rows["MAP"][-1] > 3.0, "blood was lost"
+    assert found["balance"]["removed_ml"] == pytest.approx(400.0, abs=1e-3)
+    assert abs(found["balance"]["error_ml"]) < 1e-6
+    assert not found["message"]
+    for k in (0, len(found["time"]) // 2, -1):
+        shown = course.beat(found["time"][k])
+        assert shown.converged
+        assert shown.outputs["MAP"] == pytest.approx(rows["MAP"][k], rel=1e-3)
+    name, content = export(PageState(state.case), "course")
+    files = zipfile.ZipFile(io.BytesIO(content))
+    assert name.endswith("_course.zip")
+    assert {file.rpartition(".")[2] for file in files.namelist()} == {
+        "toml",
+        "json",
+        "csv",
+        "nc",
+        "svg",
+        "png",
+    }
+    (plain,) = (file for file in files.namelist() if file.endswith(".json"))
+    assert json.loads(files.read(plain))["events"][0]["give"] == {"bleed_ml": 400.0}
