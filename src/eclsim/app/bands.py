@@ -76,7 +76,7 @@ def beat_bands(state: PageState, members: PosteriorDraws, wanted: Wanted) -> dic
     )  # fmt: skip
     if solved is None:
         return None
-    found = {
+    result = {
         "of": key_of(state),
         "count": count,
         "lost": solved.lost,
@@ -85,16 +85,16 @@ def beat_bands(state: PageState, members: PosteriorDraws, wanted: Wanted) -> dic
         "loops": {},
     }
     if solved.count < FEWEST:
-        return found
+        return result
     even = np.linspace(0.0, 1.0, POINTS, endpoint=False)
-    found["outputs"] = {n: plain_curve(np.quantile(v, CENTRAL_90)) for n, v in solved.outputs.items()}
-    found["waves"] = {
+    result["outputs"] = {n: plain_curve(np.quantile(v, CENTRAL_90)) for n, v in solved.outputs.items()}
+    result["waves"] = {
         n: [plain_curve(np.interp(even, solved.phases, q)) for q in np.quantile(w, CENTRAL_90, axis=1)]
         for n, w in solved.waves.items()
         if n not in LOOP_WAVES
     }
-    found["loops"] = {p: _loops(solved, p) for p in VENTRICLES}
-    return found
+    result["loops"] = {p: _loops(solved, p) for p in VENTRICLES}
+    return result
 
 
 def ramp_bands(state: PageState, members: PosteriorDraws, wanted: Wanted) -> dict[str, Any] | None:
@@ -155,8 +155,8 @@ def solve(
         lost += batch.count - len(good)
     phases = beat_program(circuit, resolution).grid.phases
     recorded = np.stack(waves, axis=-1) if waves else np.empty((len(phases), len(signals), 0))
-    found = dict(zip(names, np.concatenate(outputs, axis=1), strict=True))
-    return Solved(phases, {n: recorded[:, k] for k, n in enumerate(signals)}, found, lost)
+    result = dict(zip(names, np.concatenate(outputs, axis=1), strict=True))
+    return Solved(phases, {n: recorded[:, k] for k, n in enumerate(signals)}, result, lost)
 
 
 def _loops(solved: Solved, place: str) -> list[list[list[float | None]]]:

@@ -208,16 +208,16 @@ def plain_fit(fit: FitResult) -> dict[str, Any]:
     from eclsim.identification.verdict import headline
     from eclsim.parameters import default
 
-    found = fit.as_object() | {"usable": bool(fit.simulated), "case": fit.case.as_mapping()}
-    found["headline"] = headline(found["verdict"])
-    found["verdict"]["reasons"] = [on_the_page(reason) for reason in found["verdict"]["reasons"]]
-    for name, parameter in found["parameters"].items():
+    result = fit.as_object() | {"usable": bool(fit.simulated), "case": fit.case.as_mapping()}
+    result["headline"] = headline(result["verdict"])
+    result["verdict"]["reasons"] = [on_the_page(reason) for reason in result["verdict"]["reasons"]]
+    for name, parameter in result["parameters"].items():
         known = default(name)
         parameter |= {"unit": known.unit, "text": known.description}
         if name in fit.box.names:
             k = fit.box.names.index(name)
             parameter["bounds"] = [math.exp(fit.box.lower[k]), math.exp(fit.box.upper[k])]
-    return found
+    return result
 
 
 def on_the_page(reason: Mapping[str, Any]) -> dict[str, Any]:

@@ -203,9 +203,9 @@ class Guard:
             await _answer(send, 413, "too large or too slow")
             return
         address = (scope.get("client") or ("",))[0]
-        token, status, said = signed_in.try_body(body, address)
+        token, status, text = signed_in.try_body(body, address)
         if token is None:
-            await _answer(send, status, sign_in_page(root + SIGN_IN, said), "text/html")
+            await _answer(send, status, sign_in_page(root + SIGN_IN, text), "text/html")
             return
         https = scope.get("scheme") == "https" or headers.get("x-forwarded-proto") == "https"
         cookie = f"{COOKIE}={token}; Path={root or '/'}; HttpOnly; SameSite=Strict" + "; Secure" * https
@@ -235,12 +235,12 @@ def _limited(receive: Receive, largest: int = LARGEST_BODY) -> Receive:
 
 
 async def _body(receive: Receive) -> bytes:
-    found = b""
+    result = b""
     while True:
         message = await receive()
-        found += message.get("body", b"")
+        result += message.get("body", b"")
         if not message.get("more_body", False):
-            return found
+            return result
 
 
 def _host_name(host: str) -> str:
@@ -259,12 +259,12 @@ def _cookie(header: str) -> str:
     return ""
 
 
-async def _refuse(scope: Scope, receive: Receive, send: Send, status: int, said: str) -> None:
+async def _refuse(scope: Scope, receive: Receive, send: Send, status: int, text: str) -> None:
     if scope["type"] == "websocket":
         await receive()
-        await send({"type": "websocket.close", "code": 1008, "reason": said})
+        await send({"type": "websocket.close", "code": 1008, "reason": text})
         return
-    await _answer(send, status, said)
+    await _answer(send, status, text)
 
 
 async def _redirect(send: Send, to: str, more: tuple[tuple[bytes, bytes], ...] = ()) -> None:

@@ -218,13 +218,13 @@ class Header:
         self.session.load(PageState(case, case.volume_policy, origin="file", source=name), opened=True)
 
     async def _link(self) -> None:
-        found = await self.bridge.run_method("copyLink", link_of(self.session.state), timeout=5)
-        if found and found.get("copied"):
+        result = await self.bridge.run_method("copyLink", link_of(self.session.state), timeout=5)
+        if result and result.get("copied"):
             notify(text("link_copied"))
-        elif found:
+        elif result:
             with labelled(ui.dialog(value=True), text("link")), ui.card().classes("ecl-dialog"):
                 ui.label(text("link_shown"))
-                area = ui.textarea(value=found["url"])
+                area = ui.textarea(value=result["url"])
                 area.props(f'readonly outlined aria-label="{text("link")}"').classes("ecl-link")
 
     async def _export(self, kind: str) -> None:

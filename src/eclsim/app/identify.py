@@ -56,8 +56,8 @@ def values_of(state: PageState) -> dict[str, Any]:
     measured, person = known.get("measurements", {}), dict(known["patient"])
     if state.start.origin in PRESETS:
         del person["id"]
-    found = {f"patient.{name}": person.get(name, "") for name in PATIENT}
-    return found | {f"measurements.{name}": measured.get(name, "") for name in MEASURED}
+    result = {f"patient.{name}": person.get(name, "") for name in PATIENT}
+    return result | {f"measurements.{name}": measured.get(name, "") for name in MEASURED}
 
 
 def checked_form(case: Case, typed: Mapping[str, Any]) -> Checked:
@@ -146,22 +146,22 @@ class Identification:
         raw = checked_form(state.case, typed).values | {"format": 1}
         subject, policy = subject_of(state), state.policy
         ended = await self._run("fit", raw, policy, EXPECTED_S)
-        found = ended.pop("found", None)
-        if found is not None:
-            case = found.pop("case")
-            ended = {"fit": found | {"seconds": ended["seconds"], "of": _of(raw, state)}}
-            if found["usable"]:
-                ended["fit"]["link"] = self._keep_fit(case, policy, subject, found)
+        result = ended.pop("found", None)
+        if result is not None:
+            case = result.pop("case")
+            ended = {"fit": result | {"seconds": ended["seconds"], "of": _of(raw, state)}}
+            if result["usable"]:
+                ended["fit"]["link"] = self._keep_fit(case, policy, subject, result)
         ended["subject"] = subject
         self.send("fit_ended", ended)
 
-    def _keep_fit(self, raw: Mapping[str, Any], policy: str, subject: str, found: Mapping[str, Any]) -> str:
+    def _keep_fit(self, raw: Mapping[str, Any], policy: str, subject: str, result: Mapping[str, Any]) -> str:
         """Keep the fitted patient; the link that restores it where the server forgets."""
         case = read_mapping(raw).case
         state = PageState(
-            case, policy, "fit", self.bands.new_key(), verdict=verdict_of(found), subject=subject
+            case, policy, "fit", self.bands.new_key(), verdict=verdict_of(result), subject=subject
         )
-        self._fitted[subject], self._fits[subject] = state, found
+        self._fitted[subject], self._fits[subject] = state, result
         return link_of(state)
 
     def _fit_of(self, link: str) -> PageState | None:
@@ -199,17 +199,17 @@ class Identification:
             self.bands.add(fitted.posterior, members)
         self.send("posterior_ended", ended | {"subject": subject_of(fitted)})
 
-    def _judge(self, fitted: PageState, found: Any, others: Mapping[str, Any]) -> dict[str, Any]:
+    def _judge(self, fitted: PageState, result: Any, others: Mapping[str, Any]) -> dict[str, Any]:
         """The verdict on the fit now that the posterior's intervals are known; the fitted patient has it."""
         subject = subject_of(fitted)
         try:
-            said = judged(self._fits.get(subject) or dict(found), others)
+            verdict = judged(self._fits.get(subject) or dict(result), others)
         except (TypeError, KeyError, ValueError, AttributeError):  # the browser kept something else
             return {}
-        new = replace(fitted, verdict=said["verdict"]["level"])
+        new = replace(fitted, verdict=verdict["verdict"]["level"])
         self._fitted[subject] = new
         self.session.judge(fitted, new)
-        return {"judged": said}
+        return {"judged": verdict}
 
     def cancel(self) -> None:
         """Let go of what runs: it ends by itself at its next step."""
@@ -277,8 +277,8 @@ def _of(raw: Mapping[str, Any], state: PageState) -> str:
 
 
 def _by_field(mistakes: list[Mistake]) -> dict[str, str]:
-    found: dict[str, str] = {}
+    result: dict[str, str] = {}
     for m in mistakes:
-        said = str(Mistake("", m.message, m.value, m.allowed, m.suggestion))
-        found[m.key] = f"{found[m.key]} {said}" if m.key in found else said
-    return found
+        text = str(Mistake("", m.message, m.value, m.allowed, m.suggestion))
+        result[m.key] = f"{result[m.key]} {text}" if m.key in result else text
+    return result

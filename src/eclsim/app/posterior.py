@@ -116,10 +116,10 @@ def _read(name: str, data: xr.Dataset) -> PosteriorDraws:
     if not int(data.attrs.get("trusted", 0)) and not doubts:
         doubts = text("posterior_unchecked")
     chosen = np.random.default_rng(0).permutation(len(draws))[:MEMBERS]
-    found = PosteriorDraws(
+    result = PosteriorDraws(
         names, draws[chosen], {}, str(data.attrs.get("sampler", ""))[:40], (doubts,) if doubts else ()
     )
-    return replace(found, base=found.central())
+    return replace(result, base=result.central())
 
 
 def _refused(name: str, why: str, value: str = "") -> CaseError:

@@ -49,8 +49,8 @@ def bounds(quantity: str) -> list[dict[str, Any]]:
 
 def output_specs() -> dict[str, dict[str, Any]]:
     """Words, unit, definition and reference range of every output, as plain data."""
-    found = {name: _spec(entry, name, entry.long_name) for name, entry in all_outputs().items()}
-    return found | {
+    result = {name: _spec(entry, name, entry.long_name) for name, entry in all_outputs().items()}
+    return result | {
         name: {"label": about["long_name"], "unit": about["units"], "definition": about["definition"]}
         for name, about in recirculation_labels().items()
     }

@@ -94,11 +94,11 @@ class PageState:
 
     def as_object(self) -> dict[str, Any]:
         """As plain data."""
-        found = {"case": self.case.as_mapping(), "policy": self.policy}
-        found |= {name: getattr(self, name) for name in _NAMES if getattr(self, name)}
+        result = {"case": self.case.as_mapping(), "policy": self.policy}
+        result |= {name: getattr(self, name) for name in _NAMES if getattr(self, name)}
         if self.opened is None or self.origin in PRESETS:  # presets are known without
-            return found
-        return found | {"opened": self.opened.as_object()}
+            return result
+        return result | {"opened": self.opened.as_object()}
 
 
 _NAMES = ("origin", "source", "verdict", "subject")
@@ -132,12 +132,12 @@ def state_of(link: str) -> PageState:
     Raises:
         CaseError: If it is no link of this page, or its case cannot be used.
     """
-    found = unpacked(link, LONGEST_LINK, LARGEST_STATE)
-    if found.get("v") == 1:  # links of earlier versions knew no patient as opened
-        return read_state(found)
-    if found.get("v") != VERSION:
+    result = unpacked(link, LONGEST_LINK, LARGEST_STATE)
+    if result.get("v") == 1:  # links of earlier versions knew no patient as opened
+        return read_state(result)
+    if result.get("v") != VERSION:
         raise refused_link("of another version")
-    return read_state(found.get("state"))
+    return read_state(result.get("state"))
 
 
 def read_state(found: Any) -> PageState:
@@ -192,14 +192,14 @@ def unpacked(text: str, longest: int, largest: int) -> dict[str, Any]:
         plain = unpack.decompress(zipped, largest)
         if not unpack.eof:
             raise refused_link("too large, or cut off")
-        found = json.loads(plain)
+        result = json.loads(plain)
     except (ValueError, zlib.error, RecursionError) as error:
         if isinstance(error, CaseError):
             raise
         raise refused_link("damaged") from None
-    if not isinstance(found, dict):
+    if not isinstance(result, dict):
         raise refused_link("damaged")
-    return found
+    return result
 
 
 def refused_link(why: str) -> CaseError:

@@ -34,12 +34,12 @@ def ramp(state: PageState) -> dict[str, Any] | None:
     batch = Batch(circuit, members, len(speeds), state.policy)
     known = output_names(circuit)
     shown = [curve.output for _, curve in curves_of(state.case) if curve.output in known]
-    found = steady_beat(batch, shown, start=values, resolution=resolution)
+    result = steady_beat(batch, shown, start=values, resolution=resolution)
     return {
         "of": key_of(state), "key": sweep.key, "own": sweep.own, "speeds": speeds.tolist(),
-        "outputs": {n: plain_curve(found.output(n)) for n in shown},
+        "outputs": {n: plain_curve(result.output(n)) for n in shown},
         "curves": plain_curves(state.case, shown),
-        "lost": speeds[~found.converged].tolist(),
+        "lost": speeds[~result.converged].tolist(),
     }  # fmt: skip
 
 
@@ -47,8 +47,8 @@ def schemes(state: PageState) -> dict[str, Any] | None:
     """Line pressures of the nine schemes at the state's own speed; None without a rotary ECMO pump."""
     from eclsim.crrt_study.preview import nine_at_own_speed
 
-    found = nine_at_own_speed(state.case, state.policy)
-    return None if found is None else {"of": key_of(state), **found}
+    result = nine_at_own_speed(state.case, state.policy)
+    return None if result is None else {"of": key_of(state), **result}
 
 
 def plain_curve(values: np.ndarray) -> list[float | None]:

@@ -33,9 +33,9 @@ class _Reporting(PosteriorDensity):
     def simulate(self, z: np.ndarray, centre: np.ndarray | None = None) -> np.ndarray:
         """As `PosteriorDensity.simulate`."""
         self.report(text("posterior_draws", count=sum(self.done)))
-        found = super().simulate(z, centre)
+        result = super().simulate(z, centre)
         self.done.append(len(z))
-        return found
+        return result
 
 
 def plain_posterior(

@@ -125,12 +125,12 @@ class Scaled(Derived):
 
     def value(self, values: Values) -> Number:
         """The product."""
-        found = value_of(values, self.of)
+        result = value_of(values, self.of)
         for key in self.by:
-            found = found * value_of(values, key)
+            result = result * value_of(values, key)
         for key in self.over:
-            found = found / value_of(values, key)
-        return found
+            result = result / value_of(values, key)
+        return result
 
 
 @dataclass(frozen=True)

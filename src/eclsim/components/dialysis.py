@@ -202,7 +202,7 @@ def performance(numbers: Array) -> Array:
     urea_water = settings.solute("urea").water_flow(blood, haematocrit)
     load = dose * (1.0 - cleared("citrate_ion") / plasma_water)
     transmembrane = 60.0 * fluids.ultrafiltrate / settings.permeability
-    found = Performance(
+    result = Performance(
         60.0 * fluids.effluent,
         filtration_fraction(blood, haematocrit, fluids),
         transmembrane,
@@ -216,7 +216,7 @@ def performance(numbers: Array) -> Array:
         urea_water,
         plasma_water,
     )
-    return jnp.stack(jnp.broadcast_arrays(*found))
+    return jnp.stack(jnp.broadcast_arrays(*result))
 
 
 def clearance(water: Array, fluids: Fluids, solute: Solute) -> Array:

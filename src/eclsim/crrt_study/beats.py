@@ -86,8 +86,8 @@ class StudyCircuits:
         start = values | {ACCESS: places[0, 0], RETURN: places[0, 1]}
         batch = Batch(self.circuit, members, len(places) * per_scheme, policy)
         finest = int(batch.resolutions().max()) if patients else None
-        found = steady_beat(batch, waveforms=None, keep=keep, start=start, resolution=finest)
-        return found.determined_only()
+        result = steady_beat(batch, waveforms=None, keep=keep, start=start, resolution=finest)
+        return result.determined_only()
 
     def _places(self) -> np.ndarray:
         """Positions in `nodes` of access and return, shape (schemes, 2)."""
@@ -242,16 +242,16 @@ def _recirculation(circuits: StudyCircuits, records: SteadyBeat) -> np.ndarray:
     names = [c.name for c in circuits.circuit.connections]
     flows = np.stack([records.mean("Q" + name) for name in names])
     per_scheme = flows.shape[1] // len(circuits.schemes)
-    found = []
+    result = []
     for k, scheme in enumerate(circuits.schemes):
         circuit = circuits.without + crrt(*scheme.nodes)
         for member in range(k * per_scheme, (k + 1) * per_scheme):
             if not records.determined[member]:
-                found.append(np.nan)
+                result.append(np.nan)
                 continue
             shares = recirculated_fractions(circuit, dict(zip(names, flows[:, member], strict=True)))
-            found.append(shares["crrt"])
-    return np.array(found)
+            result.append(shares["crrt"])
+    return np.array(result)
 
 
 # --- median and variation over the schemes, as in section 3.3 of Thiel et al. ---------------------
@@ -277,7 +277,7 @@ def summarise(means: xr.Dataset) -> xr.Dataset:
     """
     import xarray as xr
 
-    found: Variables = {}
+    result: Variables = {}
     letters = means["scheme"].values.astype(str)
     dims = tuple(str(d) for d in means[SUMMARISED[0]].dims if d != "scheme")
     for name in SUMMARISED:
@@ -295,15 +295,15 @@ def summarise(means: xr.Dataset) -> xr.Dataset:
             ("variation", variation, units, f"largest less smallest {name}"),
             ("variation_percent", percent, "%", f"variation of {name} relative to the median"),
         ):
-            found[f"{name}_{word}"] = (dims, numbers, {"units": unit, "long_name": words})
+            result[f"{name}_{word}"] = (dims, numbers, {"units": unit, "long_name": words})
         known = np.isfinite(values).all(axis=0)
         for word, choose in (("highest", np.argmax), ("lowest", np.argmin)):
             named = np.where(known, letters[choose(np.nan_to_num(values), axis=0)], "")
-            found[f"{name}_{word}"] = (dims, named, {"long_name": f"scheme with the {word} {name}"})
+            result[f"{name}_{word}"] = (dims, named, {"long_name": f"scheme with the {word} {name}"})
     every = np.stack([means[name].transpose("scheme", *dims).values for name in SUMMARISED])
     about = {"units": "1", "long_name": "schemes whose beat was found, of which these are computed"}
-    found["schemes_known"] = (dims, np.isfinite(every).all(axis=0).sum(axis=0), about)
-    return xr.Dataset(found, {d: means[d] for d in dims})
+    result["schemes_known"] = (dims, np.isfinite(every).all(axis=0).sum(axis=0), about)
+    return xr.Dataset(result, {d: means[d] for d in dims})
 
 
 # --- blood taken up by the tubing, and changed flow -----------------------------------------------
@@ -335,16 +335,16 @@ def split_differences(
     if without.determined[0]:
         primed = circuits.run(np.array([speed]), PATIENT_HELD, patient_volume_ml=volume)
         status = [Status(k).word for k in primed.status]
-    found: Variables = {"status": (("scheme",), np.array(status), {})}
+    result: Variables = {"status": (("scheme",), np.array(status), {})}
     for name in SPLIT:
         base = float(value(without, name)[0])
         total = value(published, name)[at] - base
         flow = np.full_like(total, np.nan) if primed is None else value(primed, name) - base
         for word, part in (("difference", total), ("uptake", total - flow), ("flow", flow)):
-            found[f"{name}_{word}"] = (("scheme",), part, {})
-    found["blood_taken_up"] = (("scheme",), volume - published.volume("patient")[at], {"units": "mL"})
+            result[f"{name}_{word}"] = (("scheme",), part, {})
+    result["blood_taken_up"] = (("scheme",), volume - published.volume("patient")[at], {"units": "mL"})
     attributes = {"compared_with": "patient on ECMO without CRRT", "blood_volume_policy": AS_PUBLISHED}
-    return xr.Dataset(found, {"scheme": letters}, attributes)
+    return xr.Dataset(result, {"scheme": letters}, attributes)
 
 
 def value(records: SteadyBeat, name: str) -> np.ndarray:

@@ -260,12 +260,12 @@ def _point(name: str, study: CrrtStudy) -> PointResult:
 def summaries(study: CohortStudy, policy: str) -> tuple[SchemeSummary, ...]:
     """Every scheme over the cohort: most often first, then the better median place."""
     winners = study.winners(policy)
-    found = []
+    result = []
     for scheme in study.schemes:
         ones = [point.ranked(policy, scheme.letter) for point in study.points]
         ranks, known = [r.rank for r in ones if r.rank is not None], [r for r in ones if r.known]
         flows = [0.0 if np.isnan(r.largest_flow) else r.largest_flow for r in ones if r.flow_known]
-        found.append(
+        result.append(
             SchemeSummary(
                 scheme.letter, winners[scheme.letter], len(ranks), _median(ranks), max(ranks, default=None),
                 len(known), sum(bool(r.alarms_kept) for r in known),
@@ -274,7 +274,7 @@ def summaries(study: CohortStudy, policy: str) -> tuple[SchemeSummary, ...]:
                 min(flows, default=np.nan), _median(flows),
             )
         )  # fmt: skip
-    return tuple(sorted(found, key=_order))
+    return tuple(sorted(result, key=_order))
 
 
 def _median(values: Sequence[float]) -> float:
@@ -299,8 +299,8 @@ def answer(study: CohortStudy, policy: str) -> str:
     if count == total - open_:
         return f"Not known: scheme {best} is first in {count} of {total} data points.{doubt}"
     others = ", ".join(f"{letter} in {n}" for letter, n in list(winners.items())[1:])
-    said = f"No: scheme {best} is first in {count} of {total} data points, {others}.{doubt}"
-    return f"{said} {_where_not(study, policy, best)}"
+    text = f"No: scheme {best} is first in {count} of {total} data points, {others}.{doubt}"
+    return f"{text} {_where_not(study, policy, best)}"
 
 
 def _where_not(study: CohortStudy, policy: str, letter: str) -> str:

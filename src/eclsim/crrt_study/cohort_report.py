@@ -102,7 +102,7 @@ def _scheme_rows(study: CohortStudy, policy: str) -> list[list[object]]:
     names, total = {scheme.letter: scheme.name for scheme in study.schemes}, len(study.points)
     rows: list[list[object]] = []
     for one in summaries(study, policy):
-        found = _of(one.known, total)
+        result = _of(one.known, total)
         ranked, flows = ("" if n == total else f" (n = {n})" for n in (one.ranked, one.flow_known))
         decided = _of(total - len(study.undecided(policy)), total)
         worst = "–" if one.worst_rank is None else one.worst_rank
@@ -110,8 +110,8 @@ def _scheme_rows(study: CohortStudy, policy: str) -> list[list[object]]:
         rows.append(
             [
                 one.letter, names[one.letter], f"{one.first}{decided}",
-                f"{median}{ranked}", f"{worst}{ranked}", f"{one.alarms_kept}{found}",
-                f"{one.access_190_kept}{found}", f"{one.above_atmosphere}{found}",
+                f"{median}{ranked}", f"{worst}{ranked}", f"{one.alarms_kept}{result}",
+                f"{one.access_190_kept}{result}", f"{one.above_atmosphere}{result}",
                 f"{number(one.median_flow, 1)}{flows}", f"{number(one.smallest_flow, 1)}{flows}",
             ]
         )  # fmt: skip
@@ -190,18 +190,18 @@ def _page(study: CohortStudy, drawn: str) -> str:
 
 
 def _differences(study: CohortStudy) -> str:
-    said = []
+    messages = []
     for policy in study.policies:
-        found = [v for point in study.points if math.isfinite(v := point.variation[policy])]
+        result = [v for point in study.points if math.isfinite(v := point.variation[policy])]
         words = POLICY_WORDS[policy].partition(":")[0]
-        if not found:
-            said.append(f"an amount that is not known {words}")
+        if not result:
+            messages.append(f"an amount that is not known {words}")
             continue
-        of = "" if len(found) == len(study.points) else f", known for {len(found)} data points"
-        said.append(
-            f"{number(float(np.median(found)), 1)} mmHg (largest {number(max(found), 1)}{of}) {words}"
+        of = "" if len(result) == len(study.points) else f", known for {len(result)} data points"
+        messages.append(
+            f"{number(float(np.median(result)), 1)} mmHg (largest {number(max(result), 1)}{of}) {words}"
         )
-    return f"Between schemes the mean arterial pressure differs by a median of {', '.join(said)}."
+    return f"Between schemes the mean arterial pressure differs by a median of {', '.join(messages)}."
 
 
 def _doubts(study: CohortStudy) -> list[str]:

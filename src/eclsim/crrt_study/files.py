@@ -196,19 +196,19 @@ def _limits(limits: xr.Dataset, judged: Sequence[Limit]) -> dict[str, object]:
     return {"definitions": definitions, "schemes": schemes}
 
 
-def _uncertainty(found: xr.Dataset) -> dict[str, object]:
-    names = [str(name) for name in found.data_vars if str(name).endswith("_quantiles")]
-    keys, schemes = found["limit"].values.tolist(), {}
-    for letter in found["scheme"].values.tolist():
-        one = found.sel(scheme=letter)
+def _uncertainty(result: xr.Dataset) -> dict[str, object]:
+    names = [str(name) for name in result.data_vars if str(name).endswith("_quantiles")]
+    keys, schemes = result["limit"].values.tolist(), {}
+    for letter in result["scheme"].values.tolist():
+        one = result.sel(scheme=letter)
         shares = {
             name: dict(zip(keys, one[name].values.tolist(), strict=True))
             for name in ("probability_kept", "probability_at_least", "probability_at_most")
         }
         spread = {n.removesuffix("_quantiles"): one[n].values.tolist() for n in names}
         schemes[letter] = {**shares, "quantiles": spread, "settled": one["settled"].item()}
-    about = {str(key): value for key, value in found.attrs.items()}
-    return {**about, "quantiles": found["quantile"].values.tolist(), "schemes": schemes}
+    about = {str(key): value for key, value in result.attrs.items()}
+    return {**about, "quantiles": result["quantile"].values.tolist(), "schemes": schemes}
 
 
 # --- CSV ------------------------------------------------------------------------------------------
@@ -224,7 +224,7 @@ def tables(study: CrrtStudy) -> dict[str, pd.DataFrame]:
     words = ("median", "variation", "variation_percent", "highest", "lowest")
     summary = study.summary[["schemes_known", *(f"{name}_{word}" for name in SUMMARISED for word in words)]]
     about = ("policy", "scheme", "connection", "access_site", "return_site", "speed")
-    found = {
+    result = {
         "means": _frame(means, about),
         "summary": _frame(summary, ("policy", "speed")).rename(
             columns={"schemes_known [1]": "schemes_known"}
@@ -232,7 +232,7 @@ def tables(study: CrrtStudy) -> dict[str, pd.DataFrame]:
         "limits": _frame(study.limits),
         "ranking": ranking_table(study),
     }
-    return found if study.uptake is None else found | {"uptake": _frame(study.uptake)}
+    return result if study.uptake is None else result | {"uptake": _frame(study.uptake)}
 
 
 def _frame(data: xr.Dataset, first: Sequence[str] = ()) -> pd.DataFrame:

@@ -116,7 +116,7 @@ def largest_flows(means: xr.Dataset, case_speed: float, judged: tuple[Limit, ...
     few = means[[*dict.fromkeys(limit.quantity for limit in judged), "PF", "status"]]
     speeds = means["speed"].values
     margin, throughout = np.full(shape, np.nan), np.zeros(shape, dtype=bool)
-    kept, said = np.empty(shape, dtype=object), np.empty(shape, dtype=object)
+    kept, texts = np.empty(shape, dtype=object), np.empty(shape, dtype=object)
     for p, s in np.ndindex(shape[:2]):
         one = few.isel(policy=p, scheme=s)
         flow, missing = one["PF"].values, no_beat(speeds.tolist(), one["status"].values.astype(str).tolist())
@@ -126,7 +126,7 @@ def largest_flows(means: xr.Dataset, case_speed: float, judged: tuple[Limit, ...
             throughout[p, s, k] = bool((margins >= 0.0).all())
             kept[p, s, k] = kept_up_to(speeds, flow, margins)
             noun = "its limits" if keys[k] == CRRT_LIMITS else "it"
-            said[p, s, k] = in_words(kept[p, s, k], missing, noun)
+            texts[p, s, k] = in_words(kept[p, s, k], missing, noun)
     dims = ("policy", "scheme", "limit")
     data: Variables = {
         name: (dims, np.array([getattr(one, field) for one in kept.flat]).reshape(shape), about)
@@ -135,7 +135,11 @@ def largest_flows(means: xr.Dataset, case_speed: float, judged: tuple[Limit, ...
     about = {"units": "mmHg", "long_name": "distance to the limit at the case's speed; negative: broken"}
     data["margin"] = (dims, margin, about)
     data["kept_throughout"] = (dims, throughout, {"long_name": "kept at every speed studied"})
-    data["in_words"] = (dims, said.astype(str), {"long_name": "up to which flow the limit is kept, in words"})
+    data["in_words"] = (
+        dims,
+        texts.astype(str),
+        {"long_name": "up to which flow the limit is kept, in words"},
+    )
     return xr.Dataset(data, {"policy": means["policy"], "scheme": means["scheme"], "limit": keys})
 
 
@@ -214,17 +218,17 @@ def in_words(kept: Kept, missing: str, noun: str = "its limits") -> str:
         return f"keeps {noun} at no speed studied"
     if kept.state == NOT_KNOWN:
         return f"keeps {noun} at no speed whose beat was found{doubt}"
-    said = f"keeps {noun} up to {kept.flow:.1f} L/min"
+    text = f"keeps {noun} up to {kept.flow:.1f} L/min"
     if kept.state == NOT_KNOWN_ABOVE:
         further = (
             f" up to {kept.flow_at_most:.1f} L/min, where it is broken" if kept.flow_at_most < np.inf else ""
         )
-        said += f" ({kept.speed:.0f} rpm); above that it is not known{further}: {missing}"
+        text += f" ({kept.speed:.0f} rpm); above that it is not known{further}: {missing}"
     elif kept.state == KEPT_TO_THE_END:
-        said += f", the largest flow studied{doubt}"
+        text += f", the largest flow studied{doubt}"
     else:
-        said += f" of ECMO flow{doubt}"
-    return said + (f"; broken at {speeds_in_words(kept.broken_below)}" if kept.broken_below else "")
+        text += f" of ECMO flow{doubt}"
+    return text + (f"; broken at {speeds_in_words(kept.broken_below)}" if kept.broken_below else "")
 
 
 def kept(flow: float, flow_at_most: float, to_the_end: bool) -> str:
@@ -279,12 +283,16 @@ def uncertainty(
     settled = records.determined.reshape(shape)
     margins = _margins({o.quantity: value(records, o.quantity).reshape(shape) for o in judged}, judged)
     kept = np.stack([(m >= 0.0).sum(axis=1) for m in margins.values()], axis=1)
-    found, every = settled.sum(axis=1)[:, None], settled.shape[1]
+    known, every = settled.sum(axis=1)[:, None], settled.shape[1]
     dims = ("scheme", "limit")
     data: Variables = {
-        "probability_kept": (dims, np.where(found > 0, kept / np.maximum(found, 1), np.nan), {"units": "1"}),
+        "probability_kept": (
+            dims,
+            np.where(known > 0, kept / np.maximum(known, 1), np.nan),
+            {"units": "1"},
+        ),
         "probability_at_least": (dims, kept / every, {"units": "1"}),
-        "probability_at_most": (dims, (kept + every - found) / every, {"units": "1"}),
+        "probability_at_most": (dims, (kept + every - known) / every, {"units": "1"}),
         "settled": (("scheme",), settled.mean(axis=1), {"units": "1"}),
     }
     for name in QUANTITIES:

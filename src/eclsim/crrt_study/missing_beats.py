@@ -70,11 +70,11 @@ def no_beat(speeds: Sequence[float], statuses: Sequence[str]) -> str:
         statuses: one for each speed; those that were found are left out.
     """
     reasons = dict.fromkeys(status for status in statuses if status != FOUND)
-    said = []
+    messages = []
     for reason in reasons:
         here = [v for v, status in zip(speeds, statuses, strict=True) if status == reason]
-        said.append(f"no steady beat at {speeds_in_words(here)} ({WHY[reason]})")
-    return ", ".join(said)
+        messages.append(f"no steady beat at {speeds_in_words(here)} ({WHY[reason]})")
+    return ", ".join(messages)
 
 
 def speeds_in_words(speeds: Sequence[float]) -> str:
@@ -92,13 +92,13 @@ def listed(words: Sequence[str]) -> str:
 
 def unsettled(study: CrrtStudy) -> tuple[Unsettled, ...]:
     """All beats that were not found, by policy, scheme and reason."""
-    found: list[Unsettled] = []
+    result: list[Unsettled] = []
     for policy in study.policies:
         for letter in study.means["scheme"].values.astype(str):
             one = study.means["status"].sel(policy=policy, scheme=letter)
-            found += _grouped(policy, f"scheme {letter}", one)
-        found += _grouped(policy, WITHOUT_CRRT, study.without_crrt["status"].sel(policy=policy))
-    return (*found, *_primed(study))
+            result += _grouped(policy, f"scheme {letter}", one)
+        result += _grouped(policy, WITHOUT_CRRT, study.without_crrt["status"].sel(policy=policy))
+    return (*result, *_primed(study))
 
 
 def _grouped(policy: str, place: str, status: xr.DataArray) -> Iterator[Unsettled]:

@@ -30,19 +30,19 @@ def nine_at_own_speed(case: Case, policy: str) -> dict[str, Any] | None:
     chosen = tuple(nine_schemes().values())
     flow = float(CRRT.usual["flow_ml_min"]) if case.crrt is None else case.crrt.flow_ml_min
     circuits = study_circuits(case, chosen, flow)
-    found = circuits.run(np.array([float(case.ecmo.speed_rpm or 0.0)]), policy, keep=range(len(chosen)))
+    result = circuits.run(np.array([float(case.ecmo.speed_rpm or 0.0)]), policy, keep=range(len(chosen)))
     even = np.linspace(0.0, 1.0, POINTS)
     cells = []
     for k, scheme in enumerate(chosen):
         cell: dict[str, Any] = {
             "letter": scheme.letter, "name": scheme.name,
             "settings": {"crrt.access_site": scheme.access_site, "crrt.return_site": scheme.return_site},
-            "converged": bool(found.determined[k]), "MAP": float(found.output("MAP")[k]),
+            "converged": bool(result.determined[k]), "MAP": float(result.output("MAP")[k]),
         }  # fmt: skip
         for line, (output, signal) in LINES.items():
-            mean = float(found.mean(signal)[k])
-            wave = np.interp(even, found.waveforms[k].phases, found.waveform(signal, k))
-            shown = wave if found.determined[k] else []
+            mean = float(result.mean(signal)[k])
+            wave = np.interp(even, result.waveforms[k].phases, result.waveform(signal, k))
+            shown = wave if result.determined[k] else []
             cell[line] = {"mean": mean, "level": level(output, mean), "wave": shown}
         cells.append(finite(cell, digits=5))
     limits = {

@@ -175,24 +175,26 @@ def _sentences(one: Ranked, means: xr.Dataset, kept: str, scheme: Scheme, rule: 
     if not one.known:
         return [one.why_no_rank.removeprefix("no place: "), kept]
     access, giving = float(means["Pcrrttuin"]), float(means["Pcrrttuout"])
-    said = [f"access {_whole(access)} mmHg, return {_whole(giving)} mmHg"]
+    texts = [f"access {_whole(access)} mmHg, return {_whole(giving)} mmHg"]
     if not one.alarms_kept:
-        said.append("breaks a pressure alarm of the machine")
+        texts.append("breaks a pressure alarm of the machine")
     if not one.access_190_kept:
         bound = next(limit.high for limit in rule.limits if limit.name == "access_190")
-        said.append(f"access pressure above {bound:g} mmHg: early failure of the CRRT circuit is more likely")
+        texts.append(
+            f"access pressure above {bound:g} mmHg: early failure of the CRRT circuit is more likely"
+        )
     if one.lowest_site_pressure < 0.0:
-        said.append(f"a line attaches at {_whole(one.lowest_site_pressure)} mmHg: a leak there draws in air")
-    said.append(kept)
+        texts.append(f"a line attaches at {_whole(one.lowest_site_pressure)} mmHg: a leak there draws in air")
+    texts.append(kept)
     if one.recirculated >= 0.005:
-        said.append(
+        texts.append(
             f"{100.0 * one.recirculated:.0f} % of the access flow comes straight from the return line"
         )
     if scheme.returns_behind_oxygenator:
-        said.append("returns behind the oxygenator: no trap for air or clots from the CRRT")
+        texts.append("returns behind the oxygenator: no trap for air or clots from the CRRT")
     if (share := float(means["past_oxygenator"])) > 0.0:
-        said.append(f"carries {100.0 * share:.1f} % of the ECMO's blood past the oxygenator")
-    return said
+        texts.append(f"carries {100.0 * share:.1f} % of the ECMO's blood past the oxygenator")
+    return texts
 
 
 def _whole(value: float) -> str:

@@ -102,7 +102,7 @@ def _captions(study: CrrtStudy, main: str, known: int) -> dict[str, str]:
     from eclsim.crrt_study.scheme_drawings import MOST_DRAWN
 
     drawn = f" The {MOST_DRAWN} that rank best are drawn." if len(study.schemes) > MOST_DRAWN else ""
-    found = "" if known == len(study.schemes) else " whose beat was found"
+    result = "" if known == len(study.schemes) else " whose beat was found"
     policy = POLICY_WORDS[main]
     return {
         "schemes": (
@@ -110,7 +110,7 @@ def _captions(study: CrrtStudy, main: str, known: int) -> dict[str, str]:
             "to the return cannula (RC); access line solid with a dot, return line dashed with a square."
             + drawn
         ),
-        "beat": f"Two beats of every scheme{found}; {policy}.",
+        "beat": f"Two beats of every scheme{result}; {policy}.",
         "speeds": f"Cycle means over the ECMO flow; {policy}.",
         "limits": f"ECMO flow at which each limit is reached; {policy}.",
         "uptake": "Arterial pressure under the blood volume policies, and its causes.",
@@ -256,12 +256,12 @@ def _limits_table(study: CrrtStudy, policy: str) -> Table:
 
 
 def _uncertainty(study: CrrtStudy, policy: str) -> dict[str, object] | None:
-    found = study.uncertainty
-    if found is None:
+    result = study.uncertainty
+    if result is None:
         return None
     rows = []
     for ranked in study.ranking[policy]:
-        one = found.sel(scheme=ranked.letter)
+        one = result.sel(scheme=ranked.letter)
         spread = []
         for name in ("Psart", "Pcrrttuin", "Pcrrttuout"):
             low, middle, high = (number(v, 0) for v in one[f"{name}_quantiles"].values.tolist())
@@ -272,8 +272,8 @@ def _uncertainty(study: CrrtStudy, policy: str) -> dict[str, object] | None:
     head = ["Scheme", "Beat found in", "Arterial [mmHg]", "Access [mmHg]", "Return [mmHg]"]
     head += ["Access alarms kept", "Return alarms kept", f"Access ≤ {high:g} mmHg", "All of the CRRT lines"]
     return {
-        "samples": found.attrs["samples"],
-        "policy": POLICY_WORDS[found.attrs["blood_volume_policy"]],
+        "samples": result.attrs["samples"],
+        "policy": POLICY_WORDS[result.attrs["blood_volume_policy"]],
         "table": Table(head, rows, numeric=range(1, len(head))),
     }
 
@@ -304,8 +304,8 @@ def _volume_words(study: CrrtStudy, uptake: xr.Dataset) -> list[str]:
         + (of if len(taken) < len(study.schemes) else "")
     ]
     if len(flow) < len(study.schemes):
-        found = f"known for {len(flow)} of {len(study.schemes)} schemes"
-        lines.append(f"What is left with the patient's blood volume kept is {found}; a beat was not found.")
+        result = f"known for {len(flow)} of {len(study.schemes)} schemes"
+        lines.append(f"What is left with the patient's blood volume kept is {result}; a beat was not found.")
     if len(flow):
         lines.append(
             f"As published, schemes change the mean arterial pressure by up to {whole.max():.1f} mmHg. "

@@ -83,8 +83,8 @@ class Criterion:
             return self.words
         bounds = {"at least": self.at_least, "at most": self.at_most}
         asked = [f"{word} {bound:g}" for word, bound in bounds.items() if bound is not None]
-        said = " and ".join(asked) or f"the {self.prefer}"
-        return f"{self.quantity}: {said}" + (f", in steps of {self.step:g}" if self.step else "")
+        text = " and ".join(asked) or f"the {self.prefer}"
+        return f"{self.quantity}: {text}" + (f", in steps of {self.step:g}" if self.step else "")
 
 
 @dataclass(frozen=True)
@@ -201,11 +201,11 @@ def read_rule(source: str | Path | Mapping[str, object] | Rule | None) -> Rule:
 def _mistake(error: Mapping[str, object]) -> str:
     """One line for what pydantic refuses."""
     path = [str(word) for word in error["loc"]]  # pyright: ignore[reportGeneralTypeIssues]  # a tuple
-    said = str(error["msg"]).removeprefix("Value error, ")
+    text = str(error["msg"]).removeprefix("Value error, ")
     if error["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         known = [f.name for f in fields(Criterion)] if "criteria" in path else list(_File.model_fields)
-        said = f"unknown key; allowed: {', '.join(known)}{_hint(path[-1], known)}"
-    return f"{'.'.join(path)} = {error['input']}: {said}" if path else said
+        text = f"unknown key; allowed: {', '.join(known)}{_hint(path[-1], known)}"
+    return f"{'.'.join(path)} = {error['input']}: {text}" if path else text
 
 
 def check_quantities(rule: Rule, known: Collection[str]) -> None:

@@ -35,11 +35,11 @@ def policy_of_cases(cases: Sequence[Case]) -> str:
     Raises:
         StudyError: If they state different things.
     """
-    found = {case.blood_volume_policy or BOTH: case.patient.id for case in cases}
-    if len(found) > 1:
-        said = ", ".join(f"{policy} in {name}" for policy, name in found.items())
-        raise StudyError(f"the cases state different blood volume policies ({said}); choose --volume-policy")
-    return next(iter(found), BOTH)
+    result = {case.blood_volume_policy or BOTH: case.patient.id for case in cases}
+    if len(result) > 1:
+        text = ", ".join(f"{policy} in {name}" for policy, name in result.items())
+        raise StudyError(f"the cases state different blood volume policies ({text}); choose --volume-policy")
+    return next(iter(result), BOTH)
 
 
 def case_speed(case: Case) -> float:

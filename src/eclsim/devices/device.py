@@ -149,8 +149,8 @@ class Device(ABC, Generic[S]):
             section: as it is.
             sites: where the device can be connected, in words: the patient's and those of other devices.
         """
-        found = map(plain_control, self.section.fields().values())
-        return [control for control in found if control is not None]
+        result = map(plain_control, self.section.fields().values())
+        return [control for control in result if control is not None]
 
     def shown(self, section: S, key: str) -> float | str:
         """Where a control stands."""
@@ -222,8 +222,8 @@ class Naming:
     def own(self, place: str) -> str | None:
         """The device's name for a compartment or connection of the circuit; None for another's."""
         if self.name:
-            found = place.removeprefix(f"{self.key}.")
-            return None if found == place else found
+            result = place.removeprefix(f"{self.key}.")
+            return None if result == place else result
         return place if place in self.device.compartments or place in self.device.connections else None
 
     def signal(self, name: str) -> str:

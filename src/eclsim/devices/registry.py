@@ -116,10 +116,10 @@ def load_device_file(file: str) -> list[AnyDevice]:
         del sys.modules[name]
         raise DeviceError(f"{file}: {type(error).__name__}: {error}") from error
     _LOADED.add(path)
-    found = [device for key, device in _OTHERS.items() if before.get(key) is not device]
-    if not found:
+    result = [device for key, device in _OTHERS.items() if before.get(key) is not device]
+    if not result:
         raise DeviceError(f"{file}: registers no device; call eclsim.register_device(YourDevice) in it")
-    return found
+    return result
 
 
 def _load_others() -> None:
@@ -230,15 +230,15 @@ def assist_flows(outputs: Mapping[str, float], circuit: Circuit | None = None) -
         circuit: with fixed sites; without it every assist pump is taken for a left one.
     """
     left = None if circuit is None else set(assist_connections(circuit))
-    found = {}
+    result = {}
     for name, value in outputs.items():
         known = named_output(name)
         if known is None or known[1].name != known[0].device.assist_flow:
             continue
         names, entry = known
         if left is None or any(names.signal(signal)[1:] in left for signal in entry.needs):
-            found[names.label] = value
-    return found
+            result[names.label] = value
+    return result
 
 
 def registered() -> tuple[AnyDevice, ...]:

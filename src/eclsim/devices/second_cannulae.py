@@ -70,7 +70,7 @@ class SecondCannulae(Section):
         from eclsim.circuit.network import Connection
         from eclsim.components import Cannula
 
-        found = []
+        result = []
         for line, node in LINES.items():
             site, size = getattr(self, f"second_{line}_site"), getattr(self, f"second_{line}_fr")
             if site is None or size is None:
@@ -78,8 +78,8 @@ class SecondCannulae(Section):
             clamp = "ecmo.second_return_clamp" if line == "return" else 0.0
             law = Cannula(f"ecmo.second_{line}_fr", _type(line, size, types).coefficients, clamp)
             ends = (site, node) if line == "drainage" else (node, site)
-            found.append(Connection(f"{node}2", law, *ends, "ecmo"))
-        return tuple(found)
+            result.append(Connection(f"{node}2", law, *ends, "ecmo"))
+        return tuple(result)
 
 
 def _type(line: str, size: float, types: Mapping[str, CannulaType]) -> CannulaType:
@@ -116,17 +116,17 @@ def second_controls(
     """
     free = [site for site in PATIENT_SITES if site not in taken]
     sizes = [size for kind in types.values() for size in kind.sizes_fr]
-    found: list[Control] = []
+    result: list[Control] = []
     for line, words in (("drainage", "Also drained from"), ("return", "Also returned to")):
         key = f"second_{line}_site"
-        found.append(picker(key, words, (NO_SITE, *free), {**PATIENT_SITES, NO_SITE: "no second cannula"}))
+        result.append(picker(key, words, (NO_SITE, *free), {**PATIENT_SITES, NO_SITE: "no second cannula"}))
         if getattr(section, key) is None:
             continue
         words = f"Second {line} cannula"
-        found.append(Knob(f"second_{line}_fr", words, "Fr", min(sizes), max(sizes), 1))
+        result.append(Knob(f"second_{line}_fr", words, "Fr", min(sizes), max(sizes), 1))
         if line == "return":
-            found.append(Knob("second_return_clamp", "Clamp on the second return", "", 0.0, 1.0, 0.01))
-    return found
+            result.append(Knob("second_return_clamp", "Clamp on the second return", "", 0.0, 1.0, 0.01))
+    return result
 
 
 def with_second(raw: dict[str, Any], key: str, site: str) -> dict[str, Any]:

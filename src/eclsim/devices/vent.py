@@ -72,8 +72,8 @@ class VentDevice(Device[Vent]):
 
     def controls(self, section: Vent, sites: Mapping[str, str]) -> list[Control]:
         """Size and site."""
-        found: list[Control] = [Knob("fr", "Vent", "Fr", _SMALLEST, _LARGEST, 1)]
-        return [*found, picker("site", "Vent of", SITES, PATIENT_SITES)]
+        result: list[Control] = [Knob("fr", "Vent", "Fr", _SMALLEST, _LARGEST, 1)]
+        return [*result, picker("site", "Vent of", SITES, PATIENT_SITES)]
 
     def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
         """It needs the one ECMO circuit that it drains into."""

@@ -108,9 +108,9 @@ def _client(cluster: str | LocalCluster) -> Client:
     try:
         return Client(cluster)
     except (OSError, ValueError) as error:
-        said = str(error).splitlines()[0] if str(error) else type(error).__name__
+        text = str(error).splitlines()[0] if str(error) else type(error).__name__
         allowed = "allowed: local, tcp://HOST:PORT"
-        raise ExecutionError(f"--dask {cluster}: no scheduler answers ({said}); {allowed}") from error
+        raise ExecutionError(f"--dask {cluster}: no scheduler answers ({text}); {allowed}") from error
 
 
 def _on_worker(

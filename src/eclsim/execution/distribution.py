@@ -199,6 +199,6 @@ def _nowhere(tasks: Tasks[Argument, Result], numbers: Sequence[int]) -> Results[
     """A merge runs nothing: what is missing is named."""
     if numbers:
         shown = ", ".join(map(str, numbers[:_NAMED])) + (" ..." if len(numbers) > _NAMED else "")
-        said = f"{len(numbers)} of {len(tasks.arguments)} {tasks.unit} are missing ({shown})"
-        raise ExecutionError(f"{tasks.title}: {said}; run their shards, or --resume without --shard")
+        text = f"{len(numbers)} of {len(tasks.arguments)} {tasks.unit} are missing ({shown})"
+        raise ExecutionError(f"{tasks.title}: {text}; run their shards, or --resume without --shard")
     yield from ()

@@ -120,10 +120,12 @@ class TaskFolder(Generic[Result]):
         place = self.file.parent
         before = {key: value for key, value in held.items() if key not in _BESIDE}
         if before != self.inputs:
-            found = _differences(before, self.inputs)
-            shown = "; ".join(found[:_NAMED]) + (f" and {len(found) - _NAMED} more" * (len(found) > _NAMED))
-            said = "cannot be continued, its results were computed from other inputs"
-            raise ExecutionError(f"{place}: {said} ({shown}); choose another folder, or --force starts anew")
+            changed = _differences(before, self.inputs)
+            shown = "; ".join(changed[:_NAMED]) + (
+                f" and {len(changed) - _NAMED} more" * (len(changed) > _NAMED)
+            )
+            text = "cannot be continued, its results were computed from other inputs"
+            raise ExecutionError(f"{place}: {text} ({shown}); choose another folder, or --force starts anew")
         if not resume:
             raise ExecutionError(f"{place}: holds results already; --resume goes on, --force starts anew")
 
@@ -155,8 +157,8 @@ class TaskFolder(Generic[Result]):
         try:
             result, fingerprint = read(path)
         except (OSError, ValueError, KeyError, TypeError) as error:
-            said = f"truncated or edited ({str(error).splitlines()[0]})"
-            raise ExecutionError(f"{path}: {said}; take it away and it is computed again") from error
+            text = f"truncated or edited ({str(error).splitlines()[0]})"
+            raise ExecutionError(f"{path}: {text}; take it away and it is computed again") from error
         if fingerprint != self.fingerprint:
             raise ExecutionError(f"{path}: of another analysis; take it away or choose another folder")
         return result

@@ -170,7 +170,7 @@ def _in_threads(tasks: Tasks[Argument, Result], numbers: Sequence[int], count: i
                 ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
                 waiting |= {pool.submit(job, number) for number in islice(queue, len(ready))}
                 for future in ready:
-                    if (found := future.result()) is not None:
-                        yield found
+                    if (result := future.result()) is not None:
+                        yield result
         finally:
             stopped.set()

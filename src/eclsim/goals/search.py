@@ -108,7 +108,7 @@ class Reached:
                 }
                 for g in self.goals
             ],
-            "without": {goal: None if found is None else dict(found) for goal, found in self.without.items()},
+            "without": {goal: None if at is None else dict(at) for goal, at in self.without.items()},
             "outputs": dict(self.outputs),
             "warnings": [finding.sentence for finding in self.findings],
             "beats": self.beats,
@@ -195,8 +195,8 @@ class _Bedside:
             linear = beat.linearise(outputs, [setting.name for setting in self.settings])
         except NoDerivativesError:
             return None
-        found = _Point(place, linear.values, linear.slopes * self.span)
-        return found if np.isfinite(found.values).all() and np.isfinite(found.slopes).all() else None
+        result = _Point(place, linear.values, linear.slopes * self.span)
+        return result if np.isfinite(result.values).all() and np.isfinite(result.slopes).all() else None
 
     def scan(self, outputs: Sequence[str]) -> tuple[np.ndarray, np.ndarray, list[str]]:
         """Places all over the ranges (settings, members), the outputs there, and what became of each."""

@@ -111,12 +111,12 @@ class _DoubleKeyError(Exception):
 
 
 def _without_doubles(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for key, value in pairs:
-        if key in found:
+        if key in result:
             raise _DoubleKeyError(repr(key[:40]))
-        found[key] = value
-    return found
+        result[key] = value
+    return result
 
 
 def _refuse_links_elsewhere(file: str) -> None:

@@ -98,14 +98,14 @@ def _number_in_text(text: str, field: Field) -> float:
         raise RefusedValueError("not given, and this value is needed", field.allowed)
     if _NUMBER.fullmatch(text.strip()):
         raise RefusedValueError("text in quotes where a number belongs", field.allowed, text.strip())
-    if found := _WITH_UNIT.fullmatch(text):
-        return _number_with_unit(text, float(found[1]), found[5], field)
+    if result := _WITH_UNIT.fullmatch(text):
+        return _number_with_unit(text, float(result[1]), result[5], field)
     raise RefusedValueError(*_why_no_number(text, field))
 
 
 def _number_with_unit(text: str, number: float, unit: str, field: Field) -> float:
-    if found := _TWO_PRESSURES.fullmatch(text):
-        raise RefusedValueError(*_two_pressures(found, field))
+    if result := _TWO_PRESSURES.fullmatch(text):
+        raise RefusedValueError(*_two_pressures(result, field))
     if _COMMA.fullmatch(text.strip()) or _GROUPED.fullmatch(text.strip()):
         raise RefusedValueError(*_why_no_number(text, field))
     known = known_unit(unit)
@@ -136,23 +136,23 @@ def number_meant(text: str) -> str:
         return re.sub(r"\D", "", written)
     if re.search("[0-9]", written) and _ALIKE.fullmatch(written):
         return written.translate(_AS_DIGITS)
-    found = _WITH_UNIT.fullmatch(written)
-    if found is None or found[5] == "l" or not _UNIT_LIKE.fullmatch(found[5]) or _MONTH.match(found[5]):
+    result = _WITH_UNIT.fullmatch(written)
+    if result is None or result[5] == "l" or not _UNIT_LIKE.fullmatch(result[5]) or _MONTH.match(result[5]):
         return ""
-    return f"{float(found[1]):g}"
+    return f"{float(result[1]):g}"
 
 
-def _two_pressures(found: re.Match[str], field: Field) -> tuple[str, str, str]:
+def _two_pressures(result: re.Match[str], field: Field) -> tuple[str, str, str]:
     if field.unit == "mmHg":
         message = "two pressures in one value; give systolic and diastolic pressure on their own"
-        return message, field.allowed, f"SP = {found[1]} and DP = {found[2]}"
+        return message, field.allowed, f"SP = {result[1]} and DP = {result[2]}"
     return "two numbers in one value", field.allowed, ""
 
 
 def _why_no_number(text: str, field: Field) -> tuple[str, str, str]:
     stripped = text.strip()
-    if found := _TWO_PRESSURES.fullmatch(text):
-        return _two_pressures(found, field)
+    if result := _TWO_PRESSURES.fullmatch(text):
+        return _two_pressures(result, field)
     if _GROUPED.fullmatch(stripped):
         return (
             "a thousands separator and a decimal sign; write digits and a decimal point only",

@@ -74,11 +74,11 @@ class Section(BaseModel):
 
 @cache
 def _fields(section: type[Section]) -> Mapping[str, Field]:
-    found = {}
+    result = {}
     for name, info in section.model_fields.items():
         (entry,) = (item for item in info.metadata if isinstance(item, Field))
-        found[name] = replace(entry, name=name)
-    return found
+        result[name] = replace(entry, name=name)
+    return result
 
 
 def plain(data: Raw) -> dict[str, Any]:

@@ -59,8 +59,8 @@ class OrbitDerivatives:
     @property
     def multipliers(self) -> np.ndarray:
         """Eigenvalues of dbeat/dy (Floquet multipliers), largest first, shape (states,)."""
-        found = np.linalg.eigvals(self.monodromy)
-        return found[np.argsort(-np.abs(found))]
+        result = np.linalg.eigvals(self.monodromy)
+        return result[np.argsort(-np.abs(result))]
 
     @property
     def distance(self) -> float:
@@ -99,8 +99,8 @@ def orbit_derivatives(
         if name in program.names:
             directions[1][n + k, program.names.index(name)] = 1.0
     table = np.zeros((program.grid.n_steps, 0)) if weights is None else weights
-    after, *found = map(np.asarray, _tangents(program, signals)(state, packed, *directions, table))
-    end, sums = (tangents[: n + m].T for tangents in found)
+    after, *result = map(np.asarray, _tangents(program, signals)(state, packed, *directions, table))
+    end, sums = (tangents[: n + m].T for tangents in result)
     spread, volume = problem.spread[:, 0], problem.volume
     inverse = _inverse(np.eye(n) - end[:, :n] + np.outer(spread, volume.weights))
     states = inverse @ (end[:, n:] + np.outer(spread, volume_slopes))

@@ -67,14 +67,14 @@ class ExplicitCircuit:
 
     def flows(self, state: Any, pressures: Any, constants: Constants) -> list[Any]:
         """Flow of every connection [mL/s]."""
-        own, found = self.assembly.inertial_flows(state), []
+        own, result = self.assembly.inertial_flows(state), []
         for j, connection in enumerate(self.assembly.circuit.connections):
             if j in own:
-                found.append(own[j])
+                result.append(own[j])
             else:
                 push = self._push(j, pressures, constants)
-                found.append(connection.component.flow(push, 0.0, constants.paths[j]))
-        return found
+                result.append(connection.component.flow(push, 0.0, constants.paths[j]))
+        return result
 
     def _push(self, j: int, pressures: Any, constants: Constants) -> Any:
         source, target = self.assembly.ends[j]
@@ -227,13 +227,13 @@ class AdaptiveBeats:
 
     def along(self, state: np.ndarray, phases: np.ndarray) -> np.ndarray:
         """States at increasing phases, the first of them where `state` stands; shape (phases, states)."""
-        found = [np.asarray(state)]
+        result = [np.asarray(state)]
         for start, end in pairwise(phases):
             # A state that is no number any more would cost the most steps and stay so.
-            lost = not np.isfinite(found[-1]).all()
-            after = found[-1] if lost else self.program.advance(found[-1], self.packed, start, end)
-            found.append(np.asarray(after))
-        return np.stack(found)
+            lost = not np.isfinite(result[-1]).all()
+            after = result[-1] if lost else self.program.advance(result[-1], self.packed, start, end)
+            result.append(np.asarray(after))
+        return np.stack(result)
 
     def record(
         self, state: np.ndarray, phases: np.ndarray, names: tuple[str, ...]

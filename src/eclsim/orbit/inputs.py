@@ -48,28 +48,28 @@ class Allowed:
             wrong = ~np.isfinite(packed)
             wrong |= self.above_zero[:, None] & (packed <= 0.0)
             wrong |= self.not_negative[:, None] & (packed < 0.0)
-        found: np.ndarray = np.any(wrong, axis=0)
+        result: np.ndarray = np.any(wrong, axis=0)
         for name, sites in self.sites.items():
-            found = found | ~np.isin(packed[self.names.index(name)], np.arange(len(sites)))
-        return found
+            result = result | ~np.isin(packed[self.names.index(name)], np.arange(len(sites)))
+        return result
 
     def reasons(self, values: Mapping[str, Any]) -> list[str]:
         """One sentence for each value of one patient that is not allowed."""
-        found = [text for name in self.names if (text := self._reason(name, float(values[name])))]
-        return found or unreachable_starts(self.circuit, values)
+        result = [text for name in self.names if (text := self._reason(name, float(values[name])))]
+        return result or unreachable_starts(self.circuit, values)
 
     def _reason(self, name: str, value: float) -> str:
         k = self.names.index(name)
-        said = f"{name} = {value:g}"
+        text = f"{name} = {value:g}"
         if name in self.sites and value not in range(len(self.sites[name])):
             numbers = ", ".join(f"{i} ({site})" for i, site in enumerate(self.sites[name]))
-            return f"{said}: no site of this circuit; allowed: {numbers}"
+            return f"{text}: no site of this circuit; allowed: {numbers}"
         if not math.isfinite(value):
-            return f"{said}: not a number that can be computed with; allowed: a finite number"
+            return f"{text}: not a number that can be computed with; allowed: a finite number"
         if self.above_zero[k] and value <= 0.0:
-            return f"{said}: allowed: above zero"
+            return f"{text}: allowed: above zero"
         if self.not_negative[k] and value < 0.0:
-            return f"{said}: allowed: zero or above"
+            return f"{text}: allowed: zero or above"
         return ""
 
 

@@ -134,12 +134,12 @@ class CompiledSearch:
         if self.width > 1:
             return _side_by_side(self, start, inverse, packed, weights, target, rules)
         n, run = len(start), _single(self.program)
-        found = np.empty((2 * n + 4, start.shape[1]))
+        result = np.empty((2 * n + 4, start.shape[1]))
         for k in range(start.shape[1]):
             own = inverse if inverse.ndim == 2 else inverse[:, :, k]
-            found[:, k] = run(start[:, k], own, packed[:, k], weights, target[k], rules)[0]
-        converged, beats, change, drift = found[2 * n :]
-        return Found(found[:n], found[n : 2 * n], converged > 0.0, beats.astype(int), change, drift)
+            result[:, k] = run(start[:, k], own, packed[:, k], weights, target[k], rules)[0]
+        converged, beats, change, drift = result[2 * n :]
+        return Found(result[:n], result[n : 2 * n], converged > 0.0, beats.astype(int), change, drift)
 
 
 @lru_cache(maxsize=64)
@@ -159,7 +159,7 @@ def _side_by_side(
 ) -> Found:
     """All members, `width` at a time; the entry of one that is done is given to the next."""
     (n, count), run, width = start.shape, _several(search.program), search.width
-    found = Found(
+    result = Found(
         np.full((n, count), np.nan), np.full((n, count), np.nan), np.zeros(count, dtype=bool),
         np.zeros(count, dtype=int), np.full(count, np.inf), np.full(count, np.inf),
     )  # fmt: skip
@@ -173,7 +173,7 @@ def _side_by_side(
     while (member >= 0).any():
         now = Iterate(*run(*now, begins, *own, inverses, weights[:, None], rules, np.array(begun == count)))
         done = np.flatnonzero(~np.asarray(now.running) & (member >= 0))
-        for name, values in found._asdict().items():
+        for name, values in result._asdict().items():
             values[..., member[done]] = np.asarray(getattr(now, name))[..., done]
         member[done], begins = -1, np.zeros(width, dtype=bool)
         following = np.arange(begun, min(begun + len(done), count))
@@ -183,7 +183,7 @@ def _side_by_side(
             array[..., free] = values[..., following]
         if inverse.ndim == 3:
             inverses[..., free] = inverse[..., following]
-    return found
+    return result
 
 
 @lru_cache(maxsize=64)

@@ -35,11 +35,11 @@ def resting_pressures(case: Case) -> Mapping[str, float]:
 
 @lru_cache(maxsize=64)
 def _means(circuit: Circuit, values: tuple[tuple[str, float], ...], policy: str) -> Mapping[str, float]:
-    found = solve(Batch.of(Model(circuit, dict(values), policy=policy)))
-    if found.status[0] != Status.CONVERGED:
+    result = solve(Batch.of(Model(circuit, dict(values), policy=policy)))
+    if result.status[0] != Status.CONVERGED:
         return MappingProxyType(dict.fromkeys(READ, float("nan")))
-    program = beat_program(circuit, int(found.resolution[0]))
-    _, recorded = program.trace(tuple(READ.values()))(found.states[:, 0], found.batch.packed(program)[:, 0])
+    program = beat_program(circuit, int(result.resolution[0]))
+    _, recorded = program.trace(tuple(READ.values()))(result.states[:, 0], result.batch.packed(program)[:, 0])
     widths = np.diff(program.grid.phases)
     means = 0.5 * (widths + np.roll(widths, -1)) @ np.asarray(recorded)
     return MappingProxyType(dict(zip(READ, means.tolist(), strict=True)))

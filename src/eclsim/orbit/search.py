@@ -24,11 +24,11 @@ def solve_orbits(problem: OrbitProblem, anchor: Anchor, options: OrbitOptions, w
     """Steady states of all members of a problem, `width` of them side by side."""
     search = compiled_search(problem.program, width)
     start = anchor.states(problem.packed.shape[1])
-    found = search.search(start, anchor.inverse, problem.packed, problem.volume, options)
-    status = np.where(found.converged, Status.CONVERGED, Status.NOT_CONVERGED)
-    orbits = Orbits(found.best, status, found.beats, found.change, found.drift)
+    result = search.search(start, anchor.inverse, problem.packed, problem.volume, options)
+    status = np.where(result.converged, Status.CONVERGED, Status.NOT_CONVERGED)
+    orbits = Orbits(result.best, status, result.beats, result.change, result.drift)
     if options.newton_iterations:
-        for member in map(int, np.flatnonzero(~found.converged)):
+        for member in map(int, np.flatnonzero(~result.converged)):
             state = orbits.states[:, [member]]
             state = state if np.isfinite(state).all() else start[:, [member]]
             single = _Newton(search, problem.take([member]), options).solve(state)
@@ -47,25 +47,25 @@ class _Newton:
 
     def solve(self, states: np.ndarray) -> Orbits:
         """From a state of shape (states, 1)."""
-        found, after = _nothing(len(states)), self._wait(states)
+        result, after = _nothing(len(states)), self._wait(states)
         for _ in range(self.options.newton_iterations):
             trial = self.problem.trial(states, after)
             if not trial.finite[0]:
-                found.status[:] = Status.NOT_FINITE
-                return found
+                result.status[:] = Status.NOT_FINITE
+                return result
             step = -np.linalg.lstsq(self.jacobian(states), trial.residual, rcond=1e-13)[0]
             moves = step * self.problem.scale
-            found.beats[:] += 1 + len(states)
-            if trial.change[0] <= found.residual[0]:
-                _keep(found, trial)
+            result.beats[:] += 1 + len(states)
+            if trial.change[0] <= result.residual[0]:
+                _keep(result, trial)
             error = (np.abs(moves) / trial.size).max()
             if trial.change[0] <= self.options.tolerance and error <= self.options.error_tolerance:
-                found.states[:] = states + moves
-                found.status[:] = Status.CONVERGED
-                return found
+                result.states[:] = states + moves
+                result.status[:] = Status.CONVERGED
+                return result
             states, after = self._step(trial, moves * affordable(moves, states, self.problem.largest_steps))
-            found.beats[:] += 1
-        return self._waited(found, after)
+            result.beats[:] += 1
+        return self._waited(result, after)
 
     def jacobian(self, states: np.ndarray) -> np.ndarray:
         """dF/dy in scaled states, by central differences over a batch of beats."""
@@ -90,16 +90,16 @@ class _Newton:
         states = self._wait(trial.states - trial.moved, 4)
         return states, self._wait(states)
 
-    def _waited(self, found: Orbits, states: np.ndarray) -> Orbits:
+    def _waited(self, result: Orbits, states: np.ndarray) -> Orbits:
         """No orbit: where plain beats lead, not an iterate of the search."""
         before = self._wait(states, WAITING_BEATS - 1)
         after = self._wait(before)
         if not np.isfinite(after).all():
-            found.status[:] = Status.NOT_FINITE
-            return found
-        _keep(found, self.problem.trial(before, after))
-        found.beats[:] += WAITING_BEATS
-        return found
+            result.status[:] = Status.NOT_FINITE
+            return result
+        _keep(result, self.problem.trial(before, after))
+        result.beats[:] += WAITING_BEATS
+        return result
 
 
 def anchor_at(problem: OrbitProblem, state: np.ndarray, beats: int, width: int = 1) -> Anchor:
@@ -138,6 +138,6 @@ def _nothing(n: int) -> Orbits:
     )  # fmt: skip
 
 
-def _keep(found: Orbits, trial: Trial) -> None:
+def _keep(result: Orbits, trial: Trial) -> None:
     """Keep a member's trial as the best so far."""
-    found.states[:], found.residual[:], found.drift[:] = trial.states, trial.change, trial.drift
+    result.states[:], result.residual[:], result.drift[:] = trial.states, trial.change, trial.drift

@@ -171,14 +171,14 @@ def solve(
     options, execution = options or OrbitOptions(), execution or Execution()
     width = execution.width_for(batch.count)
     levels = batch.resolutions() if resolution is None else np.full(batch.count, resolution)
-    found = _not_begun(batch)
-    solvable = found.status != Status.INVALID_INPUT
+    result = _not_begun(batch)
+    solvable = result.status != Status.INVALID_INPUT
     for level in np.unique(levels[solvable]):
         members = np.flatnonzero(solvable & (levels == level))
-        search = _Level(batch, int(level), width, execution.thread_count(), found)
+        search = _Level(batch, int(level), width, execution.thread_count(), result)
         if isinstance(start, Anchor):
             search.solve(members, start.take(members), replace(options, newton_iterations=0))
-            members = members[found.status[members] != Status.CONVERGED]
+            members = members[result.status[members] != Status.CONVERGED]
         values = nominal_values(batch.circuit) if start is None or isinstance(start, Anchor) else start
         if values is not None and len(members):
             search.solve(members, anchor(batch, int(level), values, search.width), options)
@@ -186,7 +186,7 @@ def solve(
             for member in map(int, members):
                 own = anchor(batch, int(level), batch.member(member), search.width)
                 search.solve(np.array([member]), own, options)
-    return SolvedOrbits(**vars(found), batch=batch, resolution=levels, width=width)
+    return SolvedOrbits(**vars(result), batch=batch, resolution=levels, width=width)
 
 
 def _not_begun(batch: Batch) -> Orbits:

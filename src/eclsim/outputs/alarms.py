@@ -39,14 +39,14 @@ def findings(
         extremes: smallest and largest value of each waveform.
         circuit: with fixed sites; without it nothing is said that depends on where devices are connected.
     """
-    found = [_broken(limit, outputs[limit.quantity]) for limit in broken_limits(outputs)]
-    found += _collapsed(extremes, {} if circuit is None else _drained(circuit))
-    found += _aortic_valve(outputs, circuit) + _different_flows(outputs, circuit)
+    result = [_broken(limit, outputs[limit.quantity]) for limit in broken_limits(outputs)]
+    result += _collapsed(extremes, {} if circuit is None else _drained(circuit))
+    result += _aortic_valve(outputs, circuit) + _different_flows(outputs, circuit)
     if circuit is not None:
-        found += _shut_in(outputs, circuit)
+        result += _shut_in(outputs, circuit)
         for names in instances_in(circuit):
-            found += names.device.findings(names, outputs, circuit)
-    return sorted(found, key=lambda finding: KINDS.index(finding.kind))
+            result += names.device.findings(names, outputs, circuit)
+    return sorted(result, key=lambda finding: KINDS.index(finding.kind))
 
 
 def impossible(said: Collection[Finding]) -> bool:
@@ -70,27 +70,27 @@ def _number(value: float, unit: str) -> str:
 
 def _collapsed(extremes: Mapping[str, tuple[float, float]], drained: Mapping[str, str]) -> list[Finding]:
     """Chambers without blood, and vessels under a suction that their wall does not bear."""
-    found = []
+    result = []
     for name, (smallest, _) in extremes.items():
         place = name[1:]
         why = f"; {drained[place]}" if place in drained else ""
         if name[0] == "V" and place in CHAMBERS and smallest <= 0.0:
             text = f"volume of the {CHAMBERS[place]} falls to {smallest:.1f} mL: the chamber collapses{why}"
             concerns = tuple(f"{what}{place.upper()}" for what in ("EDV", "ESV"))
-            found.append(Finding("collapse", name, smallest, 0.0, text, concerns=concerns))
+            result.append(Finding("collapse", name, smallest, 0.0, text, concerns=concerns))
         if name[0] == "P" and place in _THIN_WALLED and smallest < COLLAPSE_MMHG:
             text = (
                 f"pressure in the {_THIN_WALLED[place]} {smallest:.1f} mmHg is below {COLLAPSE_MMHG:g} mmHg: "
             )
             text += f"the vessel collapses{why}"
-            found.append(Finding("collapse", name, smallest, COLLAPSE_MMHG, text))
-    return found
+            result.append(Finding("collapse", name, smallest, COLLAPSE_MMHG, text))
+    return result
 
 
 def _drained(circuit: Circuit) -> dict[str, str]:
     """By compartment what to do where it collapses: the device that drains its side of the heart."""
     groups = {c.name: c.group for c in circuit.compartments}
-    found: dict[str, str] = {}
+    result: dict[str, str] = {}
     for connection in circuit.connections:
         source, group = str(connection.source), connection.group
         if device_key(group) not in devices() or device_key(groups.get(source, "")) in devices():
@@ -98,8 +98,8 @@ def _drained(circuit: Circuit) -> dict[str, str]:
         side = next((s for s in _SIDES if source in s), ())
         (names,) = namings([group])
         message = f"the {names.label} drains more than flows in: lower its flow or give blood"
-        found = dict.fromkeys(side, message) | found
-    return found
+        result = dict.fromkeys(side, message) | result
+    return result
 
 
 def _aortic_valve(outputs: Mapping[str, float], circuit: Circuit | None) -> list[Finding]:
@@ -136,23 +136,23 @@ def _different_flows(outputs: Mapping[str, float], circuit: Circuit | None) -> l
     place = "lungs"
     if "the lungs get {}" in apart:
         place = f"pulmonary artery before the {_returned_there(circuit)}return"
-    said = [words.format(f"{flow:.2f} L/min") for words, flow in apart.items()]
+    messages = [words.format(f"{flow:.2f} L/min") for words, flow in apart.items()]
     if "systemic_flow" in outputs:
-        said.append(f"the organs get {outputs['systemic_flow']:.2f} L/min")
-    text = f"CO {lungs:.2f} L/min is the flow through the {place}; {', '.join(said)}"
+        messages.append(f"the organs get {outputs['systemic_flow']:.2f} L/min")
+    text = f"CO {lungs:.2f} L/min is the flow through the {place}; {', '.join(messages)}"
     return [Finding(CAUTION, "CO", lungs, next(iter(apart.values())), text, concerns=("CO", "LVO"))]
 
 
 def _returned_there(circuit: Circuit | None) -> str:
     """What the device is called that returns blood to the pulmonary artery."""
     paths = () if circuit is None else circuit.connections
-    found = (naming_of(path.group) for path in paths if path.target in _PULMONARY_ARTERY)
-    return next((f"{names.label} " for names in found if names), "")
+    result = (naming_of(path.group) for path in paths if path.target in _PULMONARY_ARTERY)
+    return next((f"{names.label} " for names in result if names), "")
 
 
 def _shut_in(outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
     """Numbers of a beat that repeats with other volumes just as well."""
-    found = sealed(outputs, circuit)
-    if found is None:
+    result = sealed(outputs, circuit)
+    if result is None:
         return []
-    return [Finding(CAUTION, "V" + found.parts[0][0], 0.0, 0.0, found.sentence, concerns=found.concerns)]
+    return [Finding(CAUTION, "V" + result.parts[0][0], 0.0, 0.0, result.sentence, concerns=result.concerns)]

@@ -117,8 +117,8 @@ class LinearMeasures(Measures):
         return self._whole({name: sign / ML_S_PER_L_MIN * ahead * weights})
 
     def _product(self, weights: Mapping[str, np.ndarray]) -> Dual:
-        found = self._whole(weights)
-        return Dual(0.5 * found.value, found.slopes)
+        result = self._whole(weights)
+        return Dual(0.5 * result.value, result.slopes)
 
     def _whole(self, weights: Mapping[str, np.ndarray]) -> Dual:
         value, slopes = 0.0, {}
@@ -184,16 +184,16 @@ def linearise(
     series = whole_beat(recorded[..., 0])
     waveforms = {name: np.ascontiguousarray(series[:, names.index(name)]) for name in signals}
     measures = LinearMeasures(waveforms, program.grid.phases, circuit, values)
-    found = [_dual(output(name).compute(measures)) for name in outputs]
+    result = [_dual(output(name).compute(measures)) for name in outputs]
     keys = sorted(measures.sums)
     weights = np.array([measures.sums[key] for key in keys]).reshape(len(keys), -1)
     weights[:, -1] += weights[:, 0]
     summed = tuple(name for name, _ in keys)
     orbit = orbit_derivatives(problem, state, parameters, volume_slopes, summed, weights[:, 1:].T)
-    slopes = np.array([[number.slopes.get(key, 0.0) for key in keys] for number in found])
-    direct = np.array([[number.slopes.get(name, 0.0) for name in parameters] for number in found])
+    slopes = np.array([[number.slopes.get(key, 0.0) for key in keys] for number in result])
+    direct = np.array([[number.slopes.get(name, 0.0) for name in parameters] for number in result])
     slopes, direct = slopes.reshape(-1, len(keys)), direct.reshape(-1, len(parameters))
-    at = np.array([number.value for number in found])
+    at = np.array([number.value for number in result])
     return Linearisation(
         at, slopes @ orbit.sums + direct, orbit, at + slopes @ (orbit.sums_of_states @ orbit.step)
     )

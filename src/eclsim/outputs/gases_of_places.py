@@ -48,8 +48,8 @@ def gases_of_places(measures: Measures, member: int = 0) -> PlaceGases:
     contents *= np.array([[of(measures.gas(what, "mixed", names[0]))] for what in CONTENTS])
     for row, what in zip(contents, CONTENTS, strict=True):
         row[: len(names)] = [of(measures.gas(what, "mixed", name)) for name in names]
-    found = _gases()(*contents, *(of(measures.parameter(name)) for name in BLOOD))
-    table = np.stack([np.asarray(row) for row in found])
+    result = _gases()(*contents, *(of(measures.parameter(name)) for name in BLOOD))
+    table = np.stack([np.asarray(row) for row in result])
     places = {name: BloodGases(*table[:, k].tolist()) for k, name in enumerate(names)}
     exchanged = {
         e.at: (of(measures.gas("gained", "at", e.at)), of(measures.gas("gained_co2", "at", e.at)))

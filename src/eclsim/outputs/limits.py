@@ -156,19 +156,19 @@ def limits_of(quantity: str, outputs: Collection[str] = ()) -> tuple[Limit, ...]
     """
     known = named_output(quantity)
     if known is None:
-        found = [limit for limit in (*_IMPOSSIBLE, *_PATIENT, *_SATURATED) if limit.quantity == quantity]
+        result = [limit for limit in (*_IMPOSSIBLE, *_PATIENT, *_SATURATED) if limit.quantity == quantity]
     else:
         names, entry = known
         own = (limit for limit in names.device.limits if limit.quantity == entry.name)
-        found = [replace(limit, quantity=quantity) for limit in own]
-    if any(limit.unassisted for limit in found) and _assisted(outputs):
-        found = [limit for limit in found if not limit.unassisted]
-    return tuple(sorted(found, key=lambda limit: GRAVEST_FIRST.index(limit.kind)))
+        result = [replace(limit, quantity=quantity) for limit in own]
+    if any(limit.unassisted for limit in result) and _assisted(outputs):
+        result = [limit for limit in result if not limit.unassisted]
+    return tuple(sorted(result, key=lambda limit: GRAVEST_FIRST.index(limit.kind)))
 
 
 def _assisted(outputs: Collection[str]) -> bool:
     known = (named_output(name) for name in outputs)
-    return any(found and found[1].name == found[0].device.assist_flow for found in known)
+    return any(result and result[1].name == result[0].device.assist_flow for result in known)
 
 
 def level(quantity: str, value: float, outputs: Collection[str] = ()) -> str:
@@ -184,8 +184,8 @@ def level(quantity: str, value: float, outputs: Collection[str] = ()) -> str:
 
 def worst(levels: Iterable[str]) -> str:
     """The gravest of some levels; "ok" if there is none."""
-    found = set(levels)
-    return next((kind for kind in GRAVEST_FIRST if kind in found), "ok")
+    result = set(levels)
+    return next((kind for kind in GRAVEST_FIRST if kind in result), "ok")
 
 
 def places_with_limits(outputs: Collection[str]) -> dict[str, tuple[str, ...]]:
@@ -196,7 +196,7 @@ def places_with_limits(outputs: Collection[str]) -> dict[str, tuple[str, ...]]:
     Args:
         outputs: names of all outputs that the circuit has.
     """
-    found = dict(_PLACES)
+    result = dict(_PLACES)
     for name in outputs:
         known = named_output(name)
         if known is None:
@@ -205,8 +205,8 @@ def places_with_limits(outputs: Collection[str]) -> dict[str, tuple[str, ...]]:
         limited = any(limit.quantity == entry.name for limit in names.device.limits)
         if limited and len(entry.needs) == 1 and entry.needs[0][0] == "P":
             place = names.signal(entry.needs[0])[1:]
-            found[place] = (*found.get(place, ()), name)
-    return found
+            result[place] = (*result.get(place, ()), name)
+    return result
 
 
 def place_levels(outputs: Mapping[str, float]) -> dict[str, str]:
@@ -234,12 +234,12 @@ def broken_limits(outputs: Mapping[str, float]) -> list[Limit]:
         if limit.broken_by(value)
     ]
     order = {_published(limit): position for position, limit in enumerate(all_limits())}
-    found: dict[tuple[str, str], Limit] = {}
+    result: dict[tuple[str, str], Limit] = {}
     for kind in GRAVEST_FIRST:
         for limit in sorted(broken, key=lambda limit: order[_published(limit)]):
             if limit.kind == kind:
-                found.setdefault((_group(limit.quantity), limit.side), limit)
-    return list(found.values())
+                result.setdefault((_group(limit.quantity), limit.side), limit)
+    return list(result.values())
 
 
 def _published(limit: Limit) -> tuple[str, str, str]:

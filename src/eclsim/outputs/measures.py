@@ -116,13 +116,13 @@ class Measures:
         table = np.stack(np.broadcast_arrays(*numbers))
         flat = table.reshape(len(table), -1)
         if (flat == flat[:, :1]).all():
-            found = np.repeat(np.asarray(compiled(function)(flat[:, 0]))[:, None], flat.shape[1], axis=1)
+            result = np.repeat(np.asarray(compiled(function)(flat[:, 0]))[:, None], flat.shape[1], axis=1)
         else:
             count = flat.shape[1]
             blocks = np.arange(-(-count // SIDE_BY_SIDE) * SIDE_BY_SIDE).reshape(-1, SIDE_BY_SIDE) % count
             parts = [np.asarray(compiled_side_by_side(function)(flat[:, block])) for block in blocks]
-            found = np.concatenate(parts, axis=1)[:, :count]
-        return list(found.reshape(-1, *table.shape[1:]))
+            result = np.concatenate(parts, axis=1)[:, :count]
+        return list(result.reshape(-1, *table.shape[1:]))
 
     def gas(self, what: str, where: str, place: str) -> Any:
         """A number of the gas state (`eclsim.gas.network.Quantity`)."""

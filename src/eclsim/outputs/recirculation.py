@@ -37,14 +37,14 @@ def recirculated_fractions(circuit: Circuit, mean_flows: Mapping[str, float]) ->
 
 def recirculation(circuit: Circuit, mean_flows: Mapping[str, float]) -> dict[str, Labelled]:
     """Share and flow [L/min] of each device by the name of the number, with its labels."""
-    found: dict[str, Labelled] = {}
+    result: dict[str, Labelled] = {}
     shares = recirculated_fractions(circuit, mean_flows)
     for names in instances_in(circuit):
         if names.key in shares:
             share, drawn = shares[names.key], mean_flows[names.pumps()[0]] / ML_S_PER_L_MIN
             values = (share, share * drawn)
-            found |= {n: (v, about) for (n, about), v in zip(_labels(names).items(), values, strict=True)}
-    return found
+            result |= {n: (v, about) for (n, about), v in zip(_labels(names).items(), values, strict=True)}
+    return result
 
 
 def recirculation_labels() -> dict[str, dict[str, str]]:

@@ -270,19 +270,19 @@ def available(signals: Collection[str], parameters: Collection[str] = ()) -> tup
     """Outputs that a circuit with these waveforms and parameters has."""
     groups = (".".join(signal[1:].split(".")[:2]) for signal in signals if "." in signal)
     instances = [*map(Naming, devices().values()), *namings(groups)]
-    found = all_outputs(instances)
+    result = all_outputs(instances)
     return tuple(
         entry
-        for entry in found.values()
+        for entry in result.values()
         if all(name in signals for name in entry.needs) and all(p in parameters for p in entry.parameters)
     )
 
 
 def output(name: str) -> Output:
     """The output of that name; a misspelt one lists its neighbours."""
-    found = _usual(registered()).get(name)
-    if found is not None:
-        return found
+    result = _usual(registered()).get(name)
+    if result is not None:
+        return result
     known = named_output(name)
     if known is None:
         raise UnknownOutputError(name)

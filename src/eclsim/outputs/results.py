@@ -75,8 +75,8 @@ def labelled(beat: SteadyBeat, member: int = 0, name: str = "model") -> xr.Datas
         gases = {"SO2": 100.0 * blood.saturation, "PO2": blood.po2, "PCO2": blood.pco2}
         data[f"P{place}"].attrs |= {name: float(value) for name, value in gases.items()}
     data |= {n: variable((), v, **output_labels(n)) for n, v in beat.outputs(member).items()}
-    found = beat.findings(member)
-    for finding in reversed(found):
+    result = beat.findings(member)
+    for finding in reversed(result):
         for concerned in finding.concerns:
             if concerned in data:
                 data[concerned].attrs["finding"] = finding.kind
@@ -92,8 +92,8 @@ def labelled(beat: SteadyBeat, member: int = 0, name: str = "model") -> xr.Datas
         "drift_ml_per_beat": float(orbits.drift[member]),
         "blood_volume_policy": beat.batch.policy,
         **_solver(beat, member),
-        "warnings": [f"impossible: {f.sentence}" if f.kind == "collapse" else f.sentence for f in found],
-        "impossible": int(impossible(found)),
+        "warnings": [f"impossible: {f.sentence}" if f.kind == "collapse" else f.sentence for f in result],
+        "impossible": int(impossible(result)),
         "one_of_many": int(status is Status.ONE_OF_MANY),
     }
     if "VO2" in beat.names:
@@ -187,8 +187,8 @@ def derivatives(
     beat = steady_beat(Batch.of(model, volume_policy), outputs, resolution=resolution)
     status, message = Status(int(beat.status[0])).word, beat.message()
     try:
-        found = beat.linearise(outputs, parameters)
-        values, slopes = found.values, found.slopes
+        result = beat.linearise(outputs, parameters)
+        values, slopes = result.values, result.slopes
     except NoDerivativesError as error:
         if throw:
             raise NoDerivativesError(error.status, error.reason, model.name) from None

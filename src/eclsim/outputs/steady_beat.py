@@ -152,21 +152,21 @@ class SteadyBeat:
 
     def _without(self, lost: np.ndarray) -> SteadyBeat:
         kept = {k: w._replace(values=w.values * np.nan) if lost[k] else w for k, w in self.waveforms.items()}
-        gases = {k: found for k, found in self.gases.items() if not lost[k]}
+        gases = {k: result for k, result in self.gases.items() if not lost[k]}
         values, statistics = (np.where(lost, np.nan, table) for table in (self.values, self.statistics))
         return replace(self, values=values, statistics=statistics, waveforms=kept, gases=gases)
 
     def findings(self, member: int = 0) -> list[Finding]:
         """Limits that a member's beat breaks and how its numbers are to be read, the gravest first."""
-        found: list[Finding] = []
+        result: list[Finding] = []
         if self.converged[member]:
             extremes = self.statistics[1:, :, member].T.tolist()
             circuit = self.batch.circuit.with_chosen_sites(self.batch.member(member))
             ranges = {name: (low, high) for name, (low, high) in zip(self.signals, extremes, strict=True)}
-            found = findings(self.outputs(member), ranges, circuit) + self._gas_findings(member)
+            result = findings(self.outputs(member), ranges, circuit) + self._gas_findings(member)
         if doubt := self.orbits.grid_warning(member):
-            found.append(Finding("warning", "grid", float("nan"), float("nan"), doubt))
-        return found
+            result.append(Finding("warning", "grid", float("nan"), float("nan"), doubt))
+        return result
 
     def _gas_findings(self, member: int) -> list[Finding]:
         """What there is to say about gases besides limits."""
@@ -323,9 +323,9 @@ def judged(
     for member in map(int, np.flatnonzero(status == Status.CONVERGED)):
         flows = {name: float(outputs[name][member]) for name in valve_flows(circuit)}
         if shut_valves(flows):
-            found = sealed(flows, circuit.with_chosen_sites(orbits.batch.member(member)))
-            if found is not None:
-                undetermined[member], status[member] = found.reason, Status.ONE_OF_MANY
+            result = sealed(flows, circuit.with_chosen_sites(orbits.batch.member(member)))
+            if result is not None:
+                undetermined[member], status[member] = result.reason, Status.ONE_OF_MANY
     values = np.array([outputs[name] for name in names]).reshape(len(names), orbits.batch.count)
     beat = SteadyBeat(
         orbits, status, native, undetermined, names, values, signals, statistics, waveforms, gas_status, gases

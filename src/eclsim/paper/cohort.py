@@ -94,11 +94,11 @@ def _table_1(reading: CohortReading, synthetic: bool) -> list[Row]:
     rows = []
     for name, printed in TABLE_1.items():
         values = [v for p in reading.points if (v := getattr(p.case.measurements, name, None)) is not None]
-        found = (np.median(values), min(values), max(values)) if values else (np.nan,) * 3
+        result = (np.median(values), min(values), max(values)) if values else (np.nan,) * 3
         rows += [
             printed_number("Table 1", f"{name}, {words}", UNITS.get(name, "mmHg"), paper, float(ours),
                            decimals=1, reason=why, other_data=True)
-            for words, paper, ours in zip(("median", "smallest", "largest"), printed, found, strict=True)
+            for words, paper, ours in zip(("median", "smallest", "largest"), printed, result, strict=True)
         ]  # fmt: skip
     return rows
 
@@ -125,10 +125,10 @@ def _fit_rows(
     )  # fmt: skip
     noise = "simulated by this model, then disturbed: easier to fit than patients are" if synthetic else ""
     for kind, printed in R2.items():
-        found = np.nan if (value := r2[kind]) is None else value
+        result = np.nan if (value := r2[kind]) is None else value
         rows.append(
             printed_number(
-                "3.2", f"R² of {kind}", "1", printed, found, decimals=2, reason=noise, other_data=True
+                "3.2", f"R² of {kind}", "1", printed, result, decimals=2, reason=noise, other_data=True
             )
         )
     flow, wedge = (

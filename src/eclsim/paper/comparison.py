@@ -196,8 +196,8 @@ def printed_number(
 
 def statement(section: str, words: str, holds: bool, reason: str = "", explained: bool | None = None) -> Row:
     """A statement of a paper's text: whether it holds for ours."""
-    found = None if explained is None else float(explained)
-    return printed_number(section, words, YES_NO, 1.0, float(holds), explained=found, reason=reason)
+    result = None if explained is None else float(explained)
+    return printed_number(section, words, YES_NO, 1.0, float(holds), explained=result, reason=reason)
 
 
 @dataclass(frozen=True)

@@ -93,13 +93,13 @@ def compute(printed: Printed, study: CrrtStudy) -> float:
 def _lowest_alarm(study: CrrtStudy, name: str) -> float:
     """Smallest ECMO flow at which a scheme reaches a low alarm [L/min]."""
     (limit,) = (one for one in LIMITS if one.name == name)
-    found = []
+    result = []
     for letter in study.means["scheme"].values:
         one = study.means.sel(policy=AS_PUBLISHED, scheme=letter)
         pressure, flow = one[limit.quantity].values, one["PF"].values
         if pressure.min() < limit.low:
-            found.append(float(np.interp(-limit.low, -pressure, flow)))
-    return min(found, default=np.nan)
+            result.append(float(np.interp(-limit.low, -pressure, flow)))
+    return min(result, default=np.nan)
 
 
 def _needed_median(printed: Printed, explained: CrrtStudy) -> str:
@@ -167,8 +167,8 @@ def _largest_relative(study: CrrtStudy, names: tuple[str, ...]) -> dict[str, flo
 
 
 def _most_on_veins(study: CrrtStudy) -> bool:
-    found = _largest_relative(study, ("Psart", "Ppart", "Psvn"))
-    return max(found, key=lambda k: found[k]) == "Psvn" and min(found, key=lambda k: found[k]) == "Psart"
+    result = _largest_relative(study, ("Psart", "Ppart", "Psvn"))
+    return max(result, key=lambda k: result[k]) == "Psvn" and min(result, key=lambda k: result[k]) == "Psart"
 
 
 def _loops_follow(study: CrrtStudy) -> bool:

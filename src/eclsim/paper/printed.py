@@ -81,7 +81,7 @@ def _section(
 ) -> list[Printed]:
     """Median, variation and relative variation of some quantities; those near zero have their remark."""
     units = {"PF": "L/min", "EDVRV": "mL", "ESVRV": "mL"}
-    found = []
+    result = []
     for name, values in numbers.items():
         for statistic, value in zip((MEDIAN, VARIATION, PERCENT), values, strict=True):
             if value is None:
@@ -91,8 +91,8 @@ def _section(
             places = (decimals or {}).get((name, statistic), 1)
             remark = NEAR_ZERO if statistic == PERCENT and (name, speed) in _NEAR_ZERO else ""
             what = OverSchemes(name, statistic, speed)
-            found.append(Printed(f"3.3, {where}", words, value, unit, places, what, remark))
-    return found
+            result.append(Printed(f"3.3, {where}", words, value, unit, places, what, remark))
+    return result
 
 
 _NEAR_ZERO = {("Pecmodrain", LOW), ("Pcrrttuin", LOW), ("Ppart", HIGH)}

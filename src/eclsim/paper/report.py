@@ -115,12 +115,12 @@ def reproduction_page(result: Reproduction, drawn: Mapping[str, Sequence[str]]) 
 
 def counts(rows: Sequence[Row]) -> str:
     """In one sentence: how many numbers agree."""
-    found = Counter(row.verdict for row in rows)
+    result = Counter(row.verdict for row in rows)
     return (
-        f"{found[Verdict.AGREES]} of {len(rows)} printed numbers and statements come out as printed, "
-        f"{found[Verdict.EXPLAINED]} more once what the paper does not say is filled in, "
-        f"{found[Verdict.OTHER_DATA]} were measured on other patients or circuits, "
-        f"{found[Verdict.DIFFERS]} differ"
+        f"{result[Verdict.AGREES]} of {len(rows)} printed numbers and statements come out as printed, "
+        f"{result[Verdict.EXPLAINED]} more once what the paper does not say is filled in, "
+        f"{result[Verdict.OTHER_DATA]} were measured on other patients or circuits, "
+        f"{result[Verdict.DIFFERS]} differ"
     )
 
 

@@ -106,11 +106,11 @@ def reproduce_circulation(
 def _table_2(assumed: Indices, average: Indices) -> list[Row]:
     rows = []
     for name, printed in TABLE_2.items():
-        (ours, width), (found, _) = _sum(assumed, name), _sum(average, name)
+        (ours, width), (result, _) = _sum(assumed, name), _sum(average, name)
         reason = f"start values are not printed; N = {assumed.samples}, 95 % interval ± {width:.2f}"
         rows.append(
             printed_number("Table 2", f"sum of the total orders of {name}", "1", printed, ours, decimals=2,
-                           tolerance=0.005 + width, explained=found, reason=reason)
+                           tolerance=0.005 + width, explained=result, reason=reason)
         )  # fmt: skip
     return rows
 
@@ -131,7 +131,7 @@ def _statements(
     runs = SAMPLES * (2 * len(CARDIOVASCULAR) + 2)
     union = {name for one in states.values() for name in one.indices.union()}
     more = ", ".join(sorted(union - set(TABLE_2)))
-    said = (
+    messages = (
         ("3.1", "Csart acts on SP and DP more than on the others",
          lambda i: _top(i, "Csart") == {"SP", "DP"}),
         ("3.1", "Edla acts on PCWP alone (others below 0.1)", _edla_alone),
@@ -145,7 +145,7 @@ def _statements(
         ("3.1, Figure S-3", "parameters act independently (total less first order below 0.05)", _additive),
     )  # fmt: skip
     why, lacking = "start values are not printed", _lacking(first)
-    rows = [statement(where, words, holds(first), why, holds(second)) for where, words, holds in said]
+    rows = [statement(where, words, holds(first), why, holds(second)) for where, words, holds in messages]
     return [
         printed_number("2.3", "runs at N = 2048 for 24 parameters", "1", RUNS, runs),
         statement("3.1", "Rmc and Emaxlv are among those that make up 90 % of every output", not lacking,
@@ -162,8 +162,8 @@ def _statements(
 def _lacking(indices: Indices) -> str:
     """Where Rmc and Emaxlv are not among those that make up 90 % of an output."""
     selected, two = indices.selected(), ("Rmc", "Emaxlv")
-    found = [f"{name} of {o}" for o, names in selected.items() for name in two if name not in names]
-    return ", ".join(found)
+    result = [f"{name} of {o}" for o, names in selected.items() for name in two if name not in names]
+    return ", ".join(result)
 
 
 def _top(indices: Indices, name: str, count: int = 2) -> set[str]:
@@ -278,7 +278,7 @@ def position_rows(designed: SensitivityResult, drawn: SensitivityResult) -> list
     """What the text says of Figures 7 and S-5 to S-7."""
     ours, theirs = designed.indices, drawn.indices
     seven, five = "3.3, Figure 7", "3.3, Figure S-5"
-    said = (
+    messages = (
         (seven, "pump speed has the largest sum of total orders", lambda i: next(iter(i.sums)) == SPEED),
         (seven, "the resistances come second", lambda i: list(i.sums)[1] == "R"),
         (seven, "on MPAP and CO, C and L matter at least half as much as the positions", _as_c_and_l),
@@ -289,7 +289,7 @@ def position_rows(designed: SensitivityResult, drawn: SensitivityResult) -> list
         ("4", "the strongest pair is that of both positions, or resistances and pump speed", _strongest_pair),
         ("4", "that pair is beyond its 95 % interval and above 0.05 for MPAP or CO", _strong_pair),
     )
-    rows = [statement(where, words, holds(ours), _DRAWN, holds(theirs)) for where, words, holds in said]
+    rows = [statement(where, words, holds(ours), _DRAWN, holds(theirs)) for where, words, holds in messages]
     rows = [row.because(_NEITHER) if row.verdict is Verdict.DIFFERS else row for row in rows]
     return rows + _ranges(designed, drawn)
 
@@ -338,11 +338,11 @@ def _pairs(indices: Indices, output: str) -> list[tuple[float, float, frozenset[
     e, k = indices.estimates, indices.outputs.index(output)
     assert e.S2 is not None
     assert e.S2_conf is not None
-    found = [
+    result = [
         (float(e.S2[k, i, j]), float(e.S2_conf[k, i, j]), frozenset((indices.factors[i], indices.factors[j])))
         for i, j in zip(*np.triu_indices(len(indices.factors), 1), strict=True)
     ]
-    return sorted(found, key=lambda one: -one[0])
+    return sorted(result, key=lambda one: -one[0])
 
 
 _NAMED = (frozenset((ACCESS, RETURN)), frozenset(("R", SPEED)))

@@ -78,14 +78,14 @@ _OTHERS = (
 
 def adult_ranges(sex: Sex) -> dict[str, AdultRange]:
     """Ranges of a woman or a man, by output."""
-    found = []
+    result = []
     for output, (words, by_sex) in _DIASTOLIC.items():
         low, high = _two_deviations(by_sex[sex])
-        found.append(AdultRange(output, words, "mL", (low, high), (low / 3.0, 2.0 * high), _HUDSMITH))
+        result.append(AdultRange(output, words, "mL", (low, high), (low / 3.0, 2.0 * high), _HUDSMITH))
     for output, (words, by_sex) in _SYSTOLIC.items():
         low, high = _two_deviations(by_sex[sex])
-        found.append(AdultRange(output, words, "mL", (low, high), (0.0, 2.0 * high), _HUDSMITH))
-    return {r.output: r for r in (*found, *_OTHERS)}
+        result.append(AdultRange(output, words, "mL", (low, high), (0.0, 2.0 * high), _HUDSMITH))
+    return {r.output: r for r in (*result, *_OTHERS)}
 
 
 def _two_deviations(mean_and_deviation: tuple[float, float]) -> tuple[float, float]:

@@ -59,14 +59,14 @@ _SHARES = (
 
 
 def _all_parameters() -> dict[str, Parameter]:
-    found = [Parameter(f"{SECTION}.{row[0]}", *row[1:], SECTION) for row in _SETTINGS]
+    result = [Parameter(f"{SECTION}.{row[0]}", *row[1:], SECTION) for row in _SETTINGS]
     for valve in VALVES:
         for what, start, words, lowest, highest in _AREAS:
             key, text = f"{SECTION}.{valve}_{what}_cm2", words.format(valve)
-            found.append(Parameter(key, start, "cm2", text, "the patient's own", lowest, highest, SECTION))
+            result.append(Parameter(key, start, "cm2", text, "the patient's own", lowest, highest, SECTION))
     for key, value, words, derivation in _SHARES:
-        found.append(Parameter(key, value, "1", words, f"{_HELDT}: {derivation}", 0.001, 0.95, SECTION))
-    return {parameter.key: parameter for parameter in found}
+        result.append(Parameter(key, value, "1", words, f"{_HELDT}: {derivation}", 0.001, 0.95, SECTION))
+    return {parameter.key: parameter for parameter in result}
 
 
 PARAMETERS: MappingProxyType[str, Parameter] = MappingProxyType(_all_parameters())

@@ -32,9 +32,9 @@ def nearest(word: str, candidates: Iterable[str], count: int = 3) -> tuple[str, 
     begun = [name for name in by_lower_case if written and name.startswith(f"{written}_")]
     if begun:
         return tuple(by_lower_case[name] for name in begun[:count])
-    found = get_close_matches(written, by_lower_case, n=count, cutoff=0.6)
-    likeness = {name: SequenceMatcher(None, written, name).ratio() for name in found}
-    return tuple(by_lower_case[name] for name in found if likeness[name] > likeness[found[0]] - _SPREAD)
+    result = get_close_matches(written, by_lower_case, n=count, cutoff=0.6)
+    likeness = {name: SequenceMatcher(None, written, name).ratio() for name in result}
+    return tuple(by_lower_case[name] for name in result if likeness[name] > likeness[result[0]] - _SPREAD)
 
 
 def did_you_mean(word: str, candidates: Iterable[str]) -> str | None:

@@ -118,16 +118,16 @@ _INITIAL = (
 
 
 def _all_parameters() -> dict[str, Parameter]:
-    found = [Parameter(*row[:4], _S1, *row[4:]) for row in _TABLE_S1]
+    result = [Parameter(*row[:4], _S1, *row[4:]) for row in _TABLE_S1]
     for table, source, group in ((_TABLE_S2, _S2, "ecmo"), (_TABLE_S3, _S3, "crrt")):
-        found += [Parameter(*row[:4], f"{source}; {row[6]}", row[4], row[5], group) for row in table]
+        result += [Parameter(*row[:4], f"{source}; {row[6]}", row[4], row[5], group) for row in table]
     for place, words, pressure, fraction in _INITIAL:
         if pressure is not None:
             text = f"Initial pressure of {words}"
-            found.append(Parameter(f"P0{place}", pressure, "mmHg", text, _CODE, 0.0, 200.0, "initial"))
+            result.append(Parameter(f"P0{place}", pressure, "mmHg", text, _CODE, 0.0, 200.0, "initial"))
         text = f"Initial share of the total blood volume: {words}"
-        found.append(Parameter(f"volume_fraction_{place}", fraction, "1", text, _CODE, 0.0, 1.0, "initial"))
-    return {parameter.key: parameter for parameter in found}
+        result.append(Parameter(f"volume_fraction_{place}", fraction, "1", text, _CODE, 0.0, 1.0, "initial"))
+    return {parameter.key: parameter for parameter in result}
 
 
 PARAMETERS: MappingProxyType[str, Parameter] = MappingProxyType(_all_parameters())

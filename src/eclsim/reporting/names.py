@@ -56,9 +56,9 @@ def naming_at(place: str) -> Naming | None:
 
 def instances_at(places: Iterable[str]) -> list[Naming]:
     """The instances of devices that compartments or connections belong to, in the order of the registry."""
-    found = {one.key: one for place in places if (one := naming_at(place)) is not None}
+    result = {one.key: one for place in places if (one := naming_at(place)) is not None}
     order = list(devices())
-    return sorted(found.values(), key=lambda one: order.index(one.device.key))
+    return sorted(result.values(), key=lambda one: order.index(one.device.key))
 
 
 def place_words(signal: str) -> str:

@@ -171,17 +171,17 @@ class Plan:
     def heights(self) -> dict[Row, tuple[float, float]]:
         """Space [mm] above and below the middle line of each row."""
         rows = dict.fromkeys(sorted(place.row for place in self.places.values()))
-        found: dict[Row, tuple[float, float]] = {}
+        result: dict[Row, tuple[float, float]] = {}
         for frame, number in rows:
             last = max(row for of, row in rows if of == frame)
             ports = [1 + line.port for line in self.lines if line.frame == frame]
             stub = STUB * max(ports, default=1) if number == last else 0.0
-            found[frame, number] = (15.0 if number == 0 else 19.0, 6.0 + stub)
-        found |= {row: height for row, height in _PATIENT_HEIGHTS.items() if row in rows}
-        if HEART_UPPER in found:
-            above, below = found[HEART_UPPER]
-            found[HEART_UPPER] = (above + PER_BRIDGE * max(len(self.bridges) - 1, 0), below)
-        return found
+            result[frame, number] = (15.0 if number == 0 else 19.0, 6.0 + stub)
+        result |= {row: height for row, height in _PATIENT_HEIGHTS.items() if row in rows}
+        if HEART_UPPER in result:
+            above, below = result[HEART_UPPER]
+            result[HEART_UPPER] = (above + PER_BRIDGE * max(len(self.bridges) - 1, 0), below)
+        return result
 
     def bands(self, line: Attachment) -> tuple[str, ...]:
         """Bands of lanes that a line runs through, nearest to its site first: each is below a frame."""
@@ -194,11 +194,11 @@ class Plan:
 
     def lanes(self) -> dict[str, int]:
         """How many lines run through each band."""
-        found: dict[str, int] = {}
+        result: dict[str, int] = {}
         for line in self.lines:
             for band in self.bands(line):
-                found[band] = found.get(band, 0) + 1
-        return found
+                result[band] = result.get(band, 0) + 1
+        return result
 
     def _above(self, frame: str) -> str:
         order = list(self.frames)
@@ -270,12 +270,12 @@ def _device_places(names: Naming, compartments: Sequence[str]) -> dict[str, Plac
         words = [names.device.compartments.get(own[name], own[name]) for name in compartments]
         capitalised = [text[:1].upper() + text[1:] for text in words]
         boxes = dict(zip(compartments, _in_flow_direction(capitalised), strict=True))
-    found = {}
+    result = {}
     for name, box in boxes.items():
         assert box is not None  # all have one
         side: Side = "up" if box.row == 0 else "left" if box.column == 0 else "right"
-        found[name] = Place((names.key, box.row), COLUMNS[box.column], box.words, side)
-    return found
+        result[name] = Place((names.key, box.row), COLUMNS[box.column], box.words, side)
+    return result
 
 
 def _in_flow_direction(words: Sequence[str]) -> list[Box]:

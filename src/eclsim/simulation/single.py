@@ -102,11 +102,11 @@ def simulate_many(
     if solved is None:
         return results.simulate_many(known, changes, outputs, *how)
     model, speeds = model_of(solved.case_at(0.0)), {solved.speed: solved.speeds}
-    found = results.simulate_many(model, {**solved.changes, **speeds}, outputs, *how)
+    result = results.simulate_many(model, {**solved.changes, **speeds}, outputs, *how)
     lost = np.array(solved.reasons) != ""
     for name, texts in (("status", [NOT_REACHED] * len(lost)), ("message", solved.reasons)):
-        found[name] = found[name].dims, np.where(lost, texts, found[name])
-    return found.assign_coords({solved.flow_key: ("member", solved.flows)})
+        result[name] = result[name].dims, np.where(lost, texts, result[name])
+    return result.assign_coords({solved.flow_key: ("member", solved.flows)})
 
 
 def derivatives(
@@ -154,24 +154,24 @@ def derivatives(
     model = model_of(solved.case_at(float(solved.speeds[0])))
     others = [name for name in parameters if name != solved.flow_key]
     every = (*dict.fromkeys((*outputs, solved.output)),), (*others, solved.speed)
-    found = results.derivatives(model, *every, volume_policy, resolution, throw)
-    return _at_held_flow(found, solved, outputs, parameters)
+    result = results.derivatives(model, *every, volume_policy, resolution, throw)
+    return _at_held_flow(result, solved, outputs, parameters)
 
 
 def _at_held_flow(
-    found: xr.DataArray, solved: SolvedSpeeds, outputs: Sequence[str], parameters: Sequence[str]
+    result: xr.DataArray, solved: SolvedSpeeds, outputs: Sequence[str], parameters: Sequence[str]
 ) -> xr.DataArray:
     """Derivatives with the flow held: d speed = (d flow - sum(flow by parameter)) / (flow by speed)."""
-    by_speed, flow = found.sel(parameter=solved.speed), found.sel(output=solved.output)
+    by_speed, flow = result.sel(parameter=solved.speed), result.sel(output=solved.output)
     by_flow = by_speed / float(flow.sel(parameter=solved.speed))
-    held = (found - by_flow * flow).drop_sel(parameter=solved.speed)
+    held = (result - by_flow * flow).drop_sel(parameter=solved.speed)
     at_flow = {"parameter": [solved.flow_key], "parameter_value": ("parameter", solved.flows)}
     columns = by_flow.drop_vars(("parameter", "parameter_value")).expand_dims("parameter", 1)
     held = xr.concat([held, columns.assign_coords(at_flow)], "parameter")
     found_speed = solved.found(0).attributes()
     held = held.sel(output=list(outputs), parameter=list(parameters))
-    return held.assign_coords(value=found["value"].sel(output=list(outputs))).assign_attrs(
-        found.attrs | found_speed
+    return held.assign_coords(value=result["value"].sel(output=list(outputs))).assign_attrs(
+        result.attrs | found_speed
     )
 
 

@@ -72,14 +72,14 @@ def show(results: Sequence[xr.Dataset], changes: Mapping[str, float] | None = No
     width = None if sys.stdout.isatty() else _WIDTH_OF_PIPES
     console = Console(width=width, highlight=False)
     console.print(_side_by_side(results, changes) if len(results) <= _FEW else _one_row_each(results))
-    if said := legend(results):
-        console.print(said)
+    if text := legend(results):
+        console.print(text)
 
 
 def legend(results: Sequence[xr.Dataset]) -> str:
     """What the marks behind numbers mean; empty if there is none."""
-    said = dict.fromkeys(_mark(result, str(name)) for result in results for name in result.data_vars)
-    meanings = [meaning for mark, meaning in _MEANINGS.items() if mark in said]
+    messages = dict.fromkeys(_mark(result, str(name)) for result in results for name in result.data_vars)
+    meanings = [meaning for mark, meaning in _MEANINGS.items() if mark in messages]
     return f"{', '.join(meanings)}: the warnings say why" if meanings else ""
 
 

@@ -119,7 +119,7 @@ def sweep_cases(
 def _beats(
     circuit: Circuit,
     values: Sequence[Mapping[str, float]],
-    found: Sequence[SpeedFound | None],
+    result: Sequence[SpeedFound | None],
     name: str,
     policy: str,
 ) -> list[xr.Dataset]:
@@ -129,7 +129,7 @@ def _beats(
     columns = {key: np.array([one[key] for one in values]) for key in shared}
     solved = steady_beat(Batch(circuit, columns, len(values), policy), waveforms=None, keep=None)
     beats = []
-    for member, speed in enumerate(found):
+    for member, speed in enumerate(result):
         beat = labelled(solved, member, name)
         if speed is not None:
             beat.attrs |= speed.attributes()
@@ -178,15 +178,15 @@ def _steps(ends: Sequence[str], text: str) -> list[str]:
 
 def stops_short(text: str) -> list[str]:
     """A sentence for each range of a sweep, as `parse_sweep` takes it, whose steps miss its last value."""
-    said = []
+    messages = []
     for part in text.partition("=")[2].split(","):
         ends = part.strip().split(":")
         if len(ends) == 3 and float(_steps(ends, text)[-1]) != float(f"{float(ends[1]):.12g}"):
             reached = _steps(ends, text)[-1]
-            said.append(
+            messages.append(
                 f"--sweep: {part.strip()} ends at {reached}: {ends[1]} is no whole number of steps away"
             )
-    return said
+    return messages
 
 
 _ALLOWED = "allowed: KEY=first:last:step or KEY=value,value, such as ecmo.speed_rpm=2000:4500:250"

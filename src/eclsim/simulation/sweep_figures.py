@@ -44,7 +44,7 @@ _AXES = {"mmHg": "Pressure", "L/min": "Flow", "mL": "Volume"}
 def panels_of(table: "xr.Dataset") -> list[Panel]:
     """The panels that there are outputs for, those of devices behind the patient's."""
     known = (named_output(str(name)) for name in table.data_vars)
-    instances = {found[0].key: found[0] for found in known if found is not None}
+    instances = {result[0].key: result[0] for result in known if result is not None}
     flows = [
         (curve.output, curve.label)
         for one in instances.values()
@@ -139,12 +139,12 @@ def _notes(table: "xr.Dataset") -> str:
     lost = int((table["converged"].to_numpy() == 0).sum())
     hollow = int((table["impossible"].to_numpy() * table["converged"].to_numpy() != 0).sum())
     own = table.attrs.get("own_value", "")
-    said = []
+    messages = []
     if lost:
-        said.append(f"× no steady beat ({lost} of {table.sizes['value']} values), left out of the curves")
+        messages.append(f"× no steady beat ({lost} of {table.sizes['value']} values), left out of the curves")
     if hollow:
-        said.append("hollow: a beat that cannot be a patient's; see the warnings")
+        messages.append("hollow: a beat that cannot be a patient's; see the warnings")
     if not isinstance(own, str):
-        said.append(f"dotted line: {own:g}, the case as it is")
-    said.append(f"blood volume: {table.attrs['blood_volume_policy']}")
-    return "\n".join(said)
+        messages.append(f"dotted line: {own:g}, the case as it is")
+    messages.append(f"blood volume: {table.attrs['blood_volume_policy']}")
+    return "\n".join(messages)

@@ -229,16 +229,16 @@ def speeds_for_flows(
         Speeds, NaN where there is none, and for each member why, empty where there is one.
     """
     count, tried = len(wanted), np.linspace(*span, SCANNED)
-    found, messages = flows(np.repeat(np.arange(count), SCANNED), np.tile(tried, count))
+    result, messages = flows(np.repeat(np.arange(count), SCANNED), np.tile(tried, count))
     searches = [
-        _Search(wanted[k], tried, found[own], messages[own][-1])
+        _Search(wanted[k], tried, result[own], messages[own][-1])
         for k in range(count)
         for own in [slice(k * SCANNED, (k + 1) * SCANNED)]
     ]
     while going := [k for k, search in enumerate(searches) if search.going]:
         trials = np.array([searches[k].trial() for k in going])
-        found, messages = flows(np.array(going), trials)
-        for k, speed, flow, message in zip(going, trials, found, messages, strict=True):
+        result, messages = flows(np.array(going), trials)
+        for k, speed, flow, message in zip(going, trials, result, messages, strict=True):
             searches[k].learn(float(speed), float(flow), message)
     return np.array([search.speed for search in searches]), [search.reason for search in searches]
 
@@ -302,12 +302,12 @@ class _Search:
             self.reason = f"the flow jumps over it between {self.low:.6g} and {self.high:.6g} rpm"
 
 
-def _out_of_reach(wanted: float, speeds: np.ndarray, found: np.ndarray, known: np.ndarray) -> str:
-    most, least = known[np.argmax(found[known])], known[np.argmin(found[known])]
-    if wanted > found[most]:
-        text = f"the highest flow reached is {found[most]:.2f} L/min, at {speeds[most]:.0f} rpm"
+def _out_of_reach(wanted: float, speeds: np.ndarray, result: np.ndarray, known: np.ndarray) -> str:
+    most, least = known[np.argmax(result[known])], known[np.argmin(result[known])]
+    if wanted > result[most]:
+        text = f"the highest flow reached is {result[most]:.2f} L/min, at {speeds[most]:.0f} rpm"
     else:
-        text = f"the lowest flow reached is {found[least]:.2f} L/min, at {speeds[least]:.0f} rpm"
+        text = f"the lowest flow reached is {result[least]:.2f} L/min, at {speeds[least]:.0f} rpm"
     unknown = [f"{speed:.0f}" for k, speed in enumerate(speeds) if k not in known]
     text += f" (pump range {speeds[0]:.0f} to {speeds[-1]:.0f} rpm)"
     return text + (f"; no steady beat was found at {', '.join(unknown)} rpm" if unknown else "")
