@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from eclsim.cases import CaseError
 from eclsim.cases.reading import read_mapping
 from eclsim.course.course import course
 
@@ -35,6 +36,13 @@ def follow(minutes, **sections):
 
 def change(found, *names):
     return sum(float(found[name][-1] - found[name][0]) for name in names)
+
+
+@pytest.mark.parametrize("key", ["fluid.extra_volume_ml", "solutes.urea_mmol_l", "gas.haemoglobin_g_dl"])
+def test_events_set_no_starts(key):
+    with pytest.raises(CaseError) as caught:
+        read_mapping(RAW | {"gas": {}, "events": [{"at_min": 5, "set": {key: 9}}]})
+    assert f"{key} = 9: says how the course starts" in str(caught.value)
 
 
 def test_a_patient_at_rest_stays_there_whatever_is_dialysed():

@@ -84,3 +84,18 @@ PARAMETERS: MappingProxyType[str, Parameter] = MappingProxyType(
     {f"{row[0]}.{row[1]}": Parameter(f"{row[0]}.{row[1]}", *row[2:], row[0]) for row in _TABLE}
 )
 """All parameters by key; those of [fluid] and [solutes] of a case file."""
+
+STARTS = frozenset(
+    f"{SECTION}.{name}"
+    for name in (
+        "extra_volume_ml", "haematocrit", "reference_haematocrit", "plasma_protein_g_dl",
+        "interstitial_protein_g_dl", "interstitial_volume_ml",
+    )
+) | frozenset(
+    f"{SOLUTES}.{name}"
+    for name in (
+        "urea_mmol_l", "creatinine_umol_l", "potassium_mmol_l", "bicarbonate_mmol_l", "body_water_ml",
+        "bicarbonate_space_ml",
+    )
+) | {"gas.haemoglobin_g_dl", "crrt.haematocrit_in"}  # fmt: skip
+"""Keys of a case file that say how a course starts; what they become is followed."""
