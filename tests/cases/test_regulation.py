@@ -32,7 +32,7 @@ def read(**sections):
          "12 kPa = 90.01 mmHg?"),
         ("regulation", {"baroreflex": 1, "set_point": 90},
          "regulation.set_point = 90: unknown key; allowed: baroreflex, model, set_point_mmHg, "
-         "venous_set_point_mmHg; did you mean set_point_mmHg?"),
+         "venous_set_point_mmHg, hypoxic_vasoconstriction; did you mean set_point_mmHg?"),
         ("fluid", {"extra_volume_ml": -5000},
          "fluid.extra_volume_ml = -5000: outside the allowed range; allowed: -3000 to 5000 mL"),
         ("fluid", {"extra_volume_l": 1},

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from eclsim.beat.heartbeat import beat_program
+from eclsim.cases.reading import read_mapping
 from eclsim.circuit.assembly import assemble
 from eclsim.orbit.equation import OrbitOptions
 from eclsim.orbit.execution import Execution
 from eclsim.orbit.independent import AdaptiveBeats
-from eclsim.orbit.model import Model, nominal_values
+from eclsim.orbit.model import Model, model_of, nominal_values
 from eclsim.orbit.steady import Batch, solve, start_state
 from eclsim.outputs.results import derivatives
 from eclsim.outputs.steady_beat import steady_beat
@@ -133,3 +134,25 @@ def test_searches_begin_at_the_published_patient():
     assert nominal is not None
     own = {key: value for key, value in SETTINGS.items() if not key.startswith(DRUGS)}
     assert {key: nominal[key] for key in own} == own
+
+
+def test_regions_are_regulated_as_the_undivided_patient_is():
+    """Factors and the veins' volume are divided among both halves of the body."""
+    found = {}
+    for regional in (False, True):
+        case = {
+            "format": 1,
+            "patient": {"id": "P", "sex": "male", "age_years": 60, "heart_rate_bpm": 75},
+            "physiology": {"regional": regional},
+            "fluid": {"extra_volume_ml": -150},
+            "drugs": {"noradrenaline": 0.1},
+            "regulation": {"baroreflex": 1, "set_point_mmHg": 66},
+        }
+        names = ("MAP", "CO", "heart_rate", "systemic_resistance_factor", "unstressed_volume")
+        found[regional] = beat(model_of(read_mapping(case).case), names)
+    whole, divided = (found[key].outputs() for key in (False, True))
+    assert found[True].converged.all()
+    for name in ("systemic_resistance_factor", "heart_rate", "unstressed_volume", "MAP", "CO"):
+        assert divided[name] == pytest.approx(whole[name], rel=0.05), name
+    given, held = (found[key].volume("patient") for key in (False, True))
+    assert held == pytest.approx(given, rel=1e-2)

@@ -15,7 +15,11 @@ from eclsim.parameters.regulation import DRUG_DOSES, MODELS, PARAMETERS
 def _setting(key: str, allowed: str = "") -> Field:
     parameter = PARAMETERS[key]
     unit = "" if parameter.unit == "1" else parameter.unit
-    low, high, typical = parameter.minimum, parameter.maximum, parameter.value or 500.0
+    low, high, typical = (
+        parameter.minimum,
+        parameter.maximum,
+        parameter.value or min(500.0, parameter.maximum),
+    )
     return number(parameter.description, unit, low, high, typical, required=False, allowed=allowed)
 
 
@@ -43,6 +47,9 @@ class Regulation(_Settings):
     ] = "ursino1998"
     set_point_mmHg: Annotated[float | None, _setting(regulation.SET_POINT)] = None  # noqa: N815
     venous_set_point_mmHg: Annotated[float | None, _setting(regulation.VENOUS_SET_POINT)] = None  # noqa: N815
+    hypoxic_vasoconstriction: Annotated[
+        float | None, _setting(regulation.HYPOXIA, "0 to 1.5: 1 is as published; in courses with [gas]")
+    ] = None
 
     @property
     def open_set_points(self) -> tuple[str, ...]:
@@ -55,7 +62,10 @@ class Regulation(_Settings):
     @classmethod
     def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
         """Say what is without effect."""
-        if "baroreflex" not in raw:
+        if "hypoxic_vasoconstriction" in values:
+            message = "acts in courses of a case with [gas]; a steady beat is as without it"
+            remarks.note(f"{key}.hypoxic_vasoconstriction", message)
+        elif "baroreflex" not in raw:
             message = "left out, so nothing is regulated; 1 is the published reflex"
             remarks.warning(f"{key}.baroreflex", message)
         if "venous_set_point_mmHg" in values and values.get("model", "ursino1998") == "ursino1998":

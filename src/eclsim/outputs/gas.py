@@ -74,6 +74,7 @@ GAS_OUTPUTS = (
             ("SaO2", "oxygen saturation", "SO2"), ("PaO2", "PO2", "PO2"), ("PaCO2", "PCO2", "PCO2"),
         )
     ),
+    gas_sample("PvO2", "PO2 in the pulmonary artery", "in", "pas", "PO2", ("Qpas",)),
     gas_sample("SvO2", "oxygen saturation in the pulmonary artery", "in", "pas", "SO2", ("Qpas",)),
     _total(
         "VO2", "oxygen consumption (STPD)", _STPD, "what the tissues take up; below demand where supply "

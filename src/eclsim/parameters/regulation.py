@@ -16,6 +16,7 @@ from eclsim.parameters.thiel2025 import Bounds
 REGULATION, FLUID, DRUGS = "regulation", "fluid", "drugs"
 GAIN = f"{REGULATION}.baroreflex"
 SET_POINT, VENOUS_SET_POINT = f"{REGULATION}.set_point_mmHg", f"{REGULATION}.venous_set_point_mmHg"
+HYPOXIA = f"{REGULATION}.hypoxic_vasoconstriction"
 UNSTRESSED = "unstressed_volume_ml"
 EXTRA_VOLUME = f"{FLUID}.extra_volume_ml"
 MODELS = ("ursino1998", "heldt2004")
@@ -48,6 +49,8 @@ _TABLE = (
      "Ursino 1998; of a patient their own pressure at rest", 20.0, 160.0, REGULATION),
     (VENOUS_SET_POINT, 5.0, "mmHg", "Mean right atrial pressure at which reflexes do nothing",
      "Heldt 2004; of a patient their own pressure at rest", -10.0, 40.0, REGULATION),
+    (HYPOXIA, 0.0, "1", "Strength of hypoxic pulmonary vasoconstriction in courses: 1 as published, 0 none",
+     "Marshall 1994, dogs; 0: the published patient", 0.0, 1.5, REGULATION),
     (UNSTRESSED, 0.0, "mL", "Systemic veins' unstressed volume beyond that of the published patient",
      "0: the published patient", -3000.0, 3000.0, REGULATION),
     (EXTRA_VOLUME, 0.0, "mL", "Blood given or, negative, lost before the steady beat",
