@@ -46,10 +46,10 @@ from eclsim.reporting.schematic import draw_circuit as draw_circuit
 from eclsim.sensitivity.analysis import SobolSettings as SobolSettings
 from eclsim.sensitivity.analysis import sensitivity as sensitivity
 from eclsim.sensitivity.identifiability import identifiability as identifiability
-from eclsim.simulation.pressure_volume import plot_pressure_volume as plot_pressure_volume
+from eclsim.simulation.figures import plot_pressure_volume as plot_pressure_volume
+from eclsim.simulation.figures import plot_waveforms as plot_waveforms
 from eclsim.simulation.single import derivatives as derivatives
 from eclsim.simulation.single import simulate as simulate
 from eclsim.simulation.single import simulate_many as simulate_many
-from eclsim.simulation.waveforms import plot_waveforms as plot_waveforms
 
 __version__: str

@@ -21,9 +21,8 @@ from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
 from eclsim.reporting.schematic import draw_circuit
 from eclsim.sensitivity.inputs import InputError, varied
-from eclsim.simulation.mean_flows import plot_mean_flows
+from eclsim.simulation.figures import available_parts, plot_mean_flows, plot_waveforms
 from eclsim.simulation.summary import show
-from eclsim.simulation.waveforms import available_parts, plot_waveforms
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FILE, CASE = EXAMPLES / "percutaneous_rvad.py", EXAMPLES / "percutaneous_rvad.toml"

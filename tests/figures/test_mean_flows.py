@@ -1,6 +1,6 @@
 import pytest
 
-from eclsim.simulation.mean_flows import plot_mean_flows
+from eclsim.simulation.figures import plot_mean_flows
 
 
 def rows(ax) -> dict[str, float]:

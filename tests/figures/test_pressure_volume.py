@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from eclsim.simulation.pressure_volume import plot_pressure_volume
+from eclsim.simulation.figures import plot_pressure_volume
 
 
 def test_one_case_shows_both_ventricles_with_their_volumes(healthy):

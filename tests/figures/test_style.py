@@ -16,7 +16,7 @@ from eclsim.reporting.style import (
     plain_text,
     save_figure,
 )
-from eclsim.simulation.waveforms import plot_overview
+from eclsim.simulation.figures import plot_overview
 
 
 def luminance(colour: str) -> float:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from eclsim.simulation.waveforms import available_parts, plot_overview, plot_waveforms
+from eclsim.simulation.figures import available_parts, plot_overview, plot_waveforms
 
 UNIT = re.compile(r"\[(s|mmHg|mL/s|mL/min|L/min|mL)\]$")
 

@@ -14,9 +14,11 @@ from eclsim.simulation.sweep import (
     parse_sweep,
     stops_short,
     sweep_cases,
+    sweep_object,
+    write_csv,
+    write_netcdf,
 )
 from eclsim.simulation.sweep_figures import panels_of, plot_sweep
-from eclsim.simulation.sweep_files import sweep_object, write_csv, write_netcdf
 from eclsim.simulation.target_flow import speed_found
 
 CASE = read_mapping(

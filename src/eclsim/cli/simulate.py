@@ -253,9 +253,15 @@ def _change(results: Sequence[xr.Dataset]) -> dict[str, float]:
 def _sweep(o: SimulateOptions) -> Sequence[xr.Dataset]:
     """The beat at each value of one key, written and shown."""
     from eclsim.cli.sweep import read
-    from eclsim.simulation import sweep_files
     from eclsim.simulation.summary import sweep_doubts, sweep_text
-    from eclsim.simulation.sweep import SweepError, sweep_cases
+    from eclsim.simulation.sweep import (
+        SweepError,
+        sweep_cases,
+        sweep_object,
+        write_csv,
+        write_figure,
+        write_netcdf,
+    )
 
     readings = read(o.case_files[0], o.settings, o.sweep[0], o.volume_policy)
     name = next(iter(readings.cases.values())).patient.id
@@ -267,12 +273,12 @@ def _sweep(o: SimulateOptions) -> Sequence[xr.Dataset]:
     (stem,) = places.stems
     with writing():
         if places.out is not None:
-            sweep_files.write_netcdf(sweep, places.out)
+            write_netcdf(sweep, places.out)
         if places.csv is not None:
-            sweep_files.write_csv(sweep, places.csv / f"{stem}.csv")
+            write_csv(sweep, places.csv / f"{stem}.csv")
         if places.figures is not None:
-            sweep_files.write_figure(sweep, places.figures / stem)
-        if hand_over(sweep_files.sweep_object(sweep), places.json):
+            write_figure(sweep, places.figures / stem)
+        if hand_over(sweep_object(sweep), places.json):
             typer.echo(sweep_text(sweep))
     warn(f"{o.case_files[0]}: {line}" for line in sweep_doubts(sweep))
     return sweep.results

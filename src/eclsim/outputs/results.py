@@ -33,18 +33,7 @@ def simulate(
     options: OrbitOptions | None = None,
     resolution: int | None = None,
 ) -> xr.Dataset:
-    """The steady beat of a model.
-
-    Args:
-        case: path of a case file, what `read_case` returned, a case or a model.
-        volume_policy: blood volume policy, "as_published" or "patient_held"; left out, the case's.
-        options: accuracy and effort of the search.
-        resolution: of the phase grid; left out, what the circuit's time constants need.
-
-    Returns:
-        Waveforms over `phase`, scalar outputs, and in the attributes whether and how it converged; NaN where
-        it did not.
-    """
+    """The steady beat of a model, as `eclsim.simulate` gives it; of a case with its speed."""
     model = as_model(case)
     batch = Batch.of(model, volume_policy)
     beat = steady_beat(batch, waveforms=None, keep=None, options=options, resolution=resolution)
@@ -111,25 +100,7 @@ def simulate_many(
     options: OrbitOptions | None = None,
     execution: Execution | None = None,
 ) -> xr.Dataset:
-    """Steady beats of variants of a model.
-
-    Args:
-        case: path of a case file, what `read_case` returned, a case or a model; what all variants share.
-        changes: an array (members,) for each parameter that varies, or a number that holds for all.
-        outputs: names of the registry; left out, all that the circuit has.
-        volume_policy: blood volume policy; left out, the case's.
-        options: accuracy and effort of the search.
-        execution: how the batch is computed.
-
-    Returns:
-        Dataset over `member`: the changed parameters as coordinates, outputs with units, `status` (see
-        `Status`), `message`, `beats` and `residual`. Outputs of a member that did not settle are NaN, and its
-        message says why.
-
-    Raises:
-        ValueError: arrays of different lengths.
-        UnknownValueError: a parameter that the circuit does not have.
-    """
+    """Steady beats of variants of a model, as `eclsim.simulate_many` gives them; of a case with its speed."""
     model = as_model(case)
     model.with_values(dict.fromkeys(changes, 0.0))
     lengths = {np.size(v) for v in changes.values() if np.ndim(v) > 0}
@@ -165,20 +136,7 @@ def derivatives(
     resolution: int | None = None,
     throw: bool = True,
 ) -> xr.DataArray:
-    """d output / d parameter of a model's steady beat, exact for the grid.
-
-    Args:
-        case: path of a case file, what `read_case` returned, a case or a model.
-        outputs: names of the registry.
-        parameters: names that the circuit reads, or `heart_rate_bpm`.
-        volume_policy: blood volume policy; left out, the case's.
-        resolution: of the phase grid; left out, what the circuit's time constants need. Twice the resolution
-            brings the derivatives from 0.6 % to 0.4 % of the continuous ones.
-        throw: False gives NaN and says why in the attributes where there are no derivatives.
-
-    Returns:
-        Array with dimensions (output, parameter); coordinates `value` and `parameter_value` hold the point,
-        attributes `status` ("converged", else as `Status`, or "singular") and `message` say what they are of.
+    """d output / d parameter of a model's steady beat, as `eclsim.derivatives` gives them.
 
     Raises:
         NoDerivativesError: no steady beat was found, or its equation is singular.

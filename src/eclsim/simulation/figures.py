@@ -1,15 +1,41 @@
-"""All figures of one simulated case, written to a folder."""
+"""Figures of one simulated case: the circuit, waveforms, means and pressure-volume loops."""
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from eclsim.devices.description import Panel
+from eclsim.devices.device import Naming
+from eclsim.devices.registry import device_of
 from eclsim.files import file_stem
+from eclsim.reporting.beat_values import (
+    beat_mean,
+    beat_period,
+    case_name,
+    in_unit,
+    scalar,
+    summary_lines,
+    two_beats,
+)
+from eclsim.reporting.names import COMPARTMENTS, CONNECTIONS, instances_at, naming_at, place_words
+from eclsim.reporting.numbers import number
 from eclsim.reporting.schematic import draw_circuit
-from eclsim.reporting.style import save_figure
-from eclsim.simulation.mean_flows import plot_mean_flows
-from eclsim.simulation.pressure_volume import plot_pressure_volume
-from eclsim.simulation.waveforms import available_parts, plot_overview, plot_waveforms
+from eclsim.reporting.style import (
+    GREY,
+    OKABE_ITO,
+    PAGE_WIDTH_MM,
+    curve_style,
+    figure_style,
+    new_figure,
+    plain_text,
+    save_figure,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -51,3 +77,359 @@ def write_case_figures(
     for name, draw in figures.items():
         written += save_figure(draw(), beginning.with_name(f"{beginning.name}_{name}"), formats)
     return written
+
+
+# --- waveforms by part of the circuit ---------------------------------------------------------------
+
+PARTS: dict[str, tuple[Panel, ...]] = {
+    "heart": (
+        Panel("Right heart", "mmHg", ("Prv", "Pra", "Ppas")),
+        Panel("Left heart", "mmHg", ("Plv", "Pla", "Pao")),
+        Panel("Right valves", "mL/s", ("Qrv", "Qra")),
+        Panel("Left valves", "mL/s", ("Qlv", "Qla")),
+        Panel("Right chambers", "mL", ("Vrv", "Vra")),
+        Panel("Left chambers", "mL", ("Vlv", "Vla")),
+    ),
+    "systemic": (
+        Panel("Arteries", "mmHg", ("Pao", "Psart", "Pupper", "Plower")),
+        Panel("Veins", "mmHg", ("Psvn", "Psvc", "Pivc", "Pra")),
+        Panel("Flows", "mL/s", ("Qao", "Qsart", "Qsvn", "Qupper", "Qlower")),
+        Panel("Volumes", "mL", ("Vao", "Vsart", "Vsvn", "Vsvc", "Vivc"), change=True),
+    ),
+    "pulmonary": (
+        Panel("Arteries", "mmHg", ("Ppas", "Ppart")),
+        Panel("Veins", "mmHg", ("Ppvn", "Pla")),
+        Panel("Flows", "mL/s", ("Qpas", "Qpart", "Qpvn")),
+        Panel("Volumes", "mL", ("Vpas", "Vpart", "Vpvn"), change=True),
+    ),
+}
+"""Figures of the patient; those of devices are in their files."""
+
+_QUANTITY = {"mmHg": "Pressure", "mL/s": "Flow", "mL/min": "Flow", "L/min": "Flow", "mL": "Volume"}
+
+
+def available_parts(result: "xr.Dataset") -> list[str]:
+    """The parts of the circuit that this result has waveforms of: the patient's, and keys of devices."""
+    patients = [part for part, panels in PARTS.items() if any(n in result for p in panels for n in p.names)]
+    return [*patients, *_instances(result)]
+
+
+def _instances(result: "xr.Dataset") -> dict[str, Naming]:
+    """The devices that the result has waveforms of."""
+    curves = [name for name, values in result.data_vars.items() if values.dims == ("phase",)]
+    places = [str(name)[1:] for name in curves if str(name).startswith("Q")]
+    return {one.key: one for one in instances_at(places)}
+
+
+def plot_waveforms(result: "xr.Dataset", part: str = "heart") -> Figure:
+    """Pressures [mmHg], flows and volumes [mL] of one part of the circuit over two beats.
+
+    Args:
+        result: one simulated case.
+        part: "heart", "systemic", "pulmonary" or the key of a device, such as that of its section of the case
+            file. Heart and vessel flows are in mL/s, those of devices in L/min or mL/min.
+
+    Returns:
+        The figure; only waveforms that the result holds are drawn.
+
+    Raises:
+        ValueError: the part is unknown, or the result holds no waveform of it.
+    """
+    present = available_parts(result)
+    if part not in present:
+        known = "" if part in PARTS or device_of(part) else " is not a part of the circuit"
+        reason = known or " is not in this result"
+        raise ValueError(f"part {part!r}{reason}; this result has: {', '.join(present) or 'none'}")
+    names = _instances(result).get(part)
+    title = f"{case_name(result)} – {part if names is None else names.label}"
+    return _draw_panels(result, PARTS[part] if names is None else names.panels(), title)
+
+
+def plot_overview(result: "xr.Dataset") -> Figure:
+    """Pressures, flows and ventricular volumes to look at first, over two beats, with the main outputs."""
+    lines = summary_lines(result)
+    note = "\n".join("   ".join(part) for part in (lines[:4], lines[4:]) if part)
+    pumps = [pump for one in _instances(result).values() for pump in one.pumps()]
+    panels = (
+        Panel("Left heart and aorta", "mmHg", ("Plv", "Pla", "Pao")),
+        Panel("Right heart and lungs", "mmHg", ("Prv", "Pra", "Ppas")),
+        Panel("Flows", "L/min", ("Qlv", *(f"Q{pump}" for pump in pumps))),
+        Panel("Ventricles", "mL", ("Vlv", "Vrv")),
+    )
+    return _draw_panels(result, panels, case_name(result), note)
+
+
+@figure_style()
+def _draw_panels(result: "xr.Dataset", panels: tuple[Panel, ...], title: str, note: str = "") -> Figure:
+    shown = [panel for panel in panels if any(name in result for name in panel.names)]
+    rows = math.ceil(len(shown) / 2)
+    fig = new_figure(PAGE_WIDTH_MM, 14 + 54 * rows)
+    axes = list(fig.subplots(rows, 2 if len(shown) > 1 else 1, squeeze=False).flat)
+    pairs = list(zip(axes, shown, strict=False))
+    for start in range(0, len(pairs), 2):
+        beside = pairs[start : start + 2]
+        legend_rows = max(_legend_rows(result, panel) for _, panel in beside)
+        for ax, panel in beside:
+            _draw_panel(ax, result, panel, legend_rows)
+    for ax in axes[len(shown) :]:
+        ax.remove()
+    fig.suptitle(title, x=0.01, ha="left")
+    if note:
+        fig.supxlabel(note, fontsize=7.5, x=0.01, ha="left", color=GREY)
+    return fig
+
+
+def _draw_panel(ax: Axes, result: "xr.Dataset", panel: Panel, legend_rows: int) -> None:
+    factor = in_unit(1.0, panel.unit)
+    names = [name for name in panel.names if name in result]
+    for index, name in enumerate(names):
+        time, values = two_beats(result, name)
+        mean = beat_mean(result, name)
+        label = place_words(name)
+        if panel.change:
+            values = values - mean
+            label = f"{label} (mean {number(mean, 0)} mL)"
+        ax.plot(time, factor * values, label=label, **curve_style(index))  # pyright: ignore[reportArgumentType] - dict of keywords
+    quantity = f"{_QUANTITY[panel.unit]} minus mean" if panel.change else _QUANTITY[panel.unit]
+    ax.set_xlabel("Time [s]")
+    ax.set_ylabel(f"{quantity} [{panel.unit}]")
+    ax.set_xlim(0.0, 2 * beat_period(result))
+    _widen_flat_axis(ax)
+    ax.set_title(panel.title, loc="left", pad=3 + 11.5 * legend_rows)
+    ax.legend(
+        loc="lower left",
+        bbox_to_anchor=(_legend_start([place_words(name) for name in names]), 1.0),
+        ncols=_legend_columns(panel),
+        borderaxespad=0.1,
+        handletextpad=0.5,
+        columnspacing=1.0,
+        labelspacing=0.25,
+        borderpad=0.1,
+    )
+
+
+def _legend_start(labels: list[str]) -> float:
+    """Where a legend starts, in widths of the axes: one with long names above the axis label.
+
+    It would else run beyond the axes to the edge of the page.
+    """
+    columns = (labels[: math.ceil(len(labels) / 2)], labels[math.ceil(len(labels) / 2) :])
+    long = sum(max(map(len, column), default=0) for column in columns) > _LETTERS_ABOVE_THE_AXES
+    return -0.19 if long else 0.0
+
+
+_LETTERS_ABOVE_THE_AXES = 34
+"""Letters of two columns of a legend that fit above the axes."""
+
+
+def _widen_flat_axis(ax: Axes) -> None:
+    """Keeps a nearly constant curve from filling the axis with its rounding errors."""
+    low, high = ax.get_ylim()
+    least = 0.02 * max(abs(low), abs(high), 1e-3)
+    if high - low < least:
+        middle = 0.5 * (low + high)
+        ax.set_ylim(middle - least, middle + least)
+
+
+def _legend_columns(panel: Panel) -> int:
+    return 1 if panel.change else 2
+
+
+def _legend_rows(result: "xr.Dataset", panel: Panel) -> int:
+    return math.ceil(sum(name in result for name in panel.names) / _legend_columns(panel))
+
+
+# --- mean flows and pressures as dot charts ---------------------------------------------------------
+
+_PATIENT = ("o", OKABE_ITO["black"])
+_ROOM_FOR_NUMBERS = 0.24
+"""Share of the axis that is kept free beside the largest value for its number."""
+
+
+@dataclass(frozen=True)
+class _Row:
+    label: str
+    group: str
+    mark: tuple[str, str]
+    value: float
+
+
+@figure_style()
+def plot_mean_flows(result: "xr.Dataset") -> Figure:
+    """Mean flow [L/min] out of each point and mean pressure [mmHg] at it, side by side, in flow order."""
+    flows = _rows(result, "Q", CONNECTIONS, unit="L/min")
+    pressures = _rows(result, "P", COMPARTMENTS, unit="mmHg")
+    headings, height = _headings(flows, pressures)
+    fig = new_figure(PAGE_WIDTH_MM, 24 + 5.2 * height)
+    left, right = fig.subplots(1, 2)
+    _draw_rows(left, flows, headings, "Mean flow [L/min]", digits=2)
+    _draw_rows(right, pressures, headings, "Mean pressure [mmHg]", digits=1)
+    for ax in (left, right):
+        ax.set_ylim(height - 0.4, -0.6)
+    fig.suptitle(case_name(result), x=0.01, ha="left")
+    return fig
+
+
+def _rows(result: "xr.Dataset", kind: str, patients: dict[str, str], unit: str) -> list[_Row]:
+    """The rows of one chart, the patient's before those of devices.
+
+    Waveforms that are in no table come last in the patient's group, under their own names.
+    """
+    waveforms = [
+        str(name)[1:] for name in result.data_vars if str(name).startswith(kind) and _is_curve(result, name)
+    ]
+    heads = {name for name in waveforms if kind == "P" and _is_pump(name)}
+    others = [name for name in waveforms if name not in patients and naming_at(name) is None]
+    rows = [("Patient", _PATIENT, n) for n in (*patients, *others) if n in waveforms and n not in heads]
+    for names in instances_at(waveforms):
+        words = names.device.connections if kind == "Q" else names.device.compartments
+        mark = (names.device.look.marker, names.device.look.colour)
+        rows += [(names.label, mark, n) for n in map(names.place, words) if n in waveforms]
+    return [
+        _Row(plain_text(place_words(kind + n), 28), group, mark, in_unit(beat_mean(result, kind + n), unit))
+        for group, mark, n in rows
+    ]
+
+
+def _is_pump(name: str) -> bool:
+    names = naming_at(name)
+    return name.endswith("pump") if names is None else name in names.pumps()
+
+
+def _is_curve(result: "xr.Dataset", name: object) -> bool:
+    return result[name].dims == ("phase",)
+
+
+def _headings(*charts: list[_Row]) -> tuple[dict[str, int], int]:
+    """The line of each group's heading, the same in all charts, and the number of lines."""
+    headings, line = {}, 0
+    for group in dict.fromkeys(row.group for chart in charts for row in chart):
+        rows = max(sum(row.group == group for row in chart) for chart in charts)
+        if rows:
+            headings[group] = line
+            line += 1 + rows
+    return headings, line
+
+
+def _draw_rows(ax: Axes, rows: list[_Row], headings: dict[str, int], axis_label: str, digits: int) -> None:
+    free = {group: line + 1 for group, line in headings.items()}
+    places = []
+    for row in rows:
+        places.append(free[row.group])
+        free[row.group] += 1
+    for group in {row.group: None for row in rows}:
+        ax.annotate(
+            group,
+            (0.0, headings[group]),
+            xycoords=("axes fraction", "data"),
+            xytext=(-4, 0),
+            textcoords="offset points",
+            ha="right",
+            va="center",
+            weight="bold",
+        )
+    for where, row in zip(places, rows, strict=True):
+        marker, colour = row.mark
+        ax.plot([0, row.value], [where, where], color="#C4C4C4", linewidth=0.8, zorder=1)
+        ax.plot(row.value, where, marker=marker, color=colour, markersize=4.5, linestyle="none")
+        if np.isfinite(row.value):
+            ax.annotate(
+                number(row.value, digits),
+                (max(row.value, 0.0), where),
+                xytext=(5, 0),
+                textcoords="offset points",
+                va="center",
+                fontsize=7,
+            )
+    ax.axvline(0.0, color=GREY, linewidth=0.7, zorder=0)
+    ax.set_yticks(places, [row.label for row in rows])
+    ax.tick_params(axis="y", length=0)
+    ax.spines["left"].set_visible(False)
+    ax.set_xlabel(axis_label)
+    ax.margins(x=0.06)
+    left, right = ax.get_xlim()
+    ax.set_xlim(left, right + _ROOM_FOR_NUMBERS * (right - left))
+
+
+# --- pressure-volume loops --------------------------------------------------------------------------
+
+
+@figure_style()
+def plot_pressure_volume(
+    results: "xr.Dataset | Sequence[xr.Dataset]", labels: Sequence[str] | None = None, *, atria: bool = False
+) -> Figure:
+    """Pressure [mmHg] over volume [mL] of both ventricles, end-diastolic and end-systolic volume marked.
+
+    Args:
+        results: one simulated case, or several to compare.
+        labels: one name for each result; their ids if left out.
+        atria: also draws the atria, in a second row.
+    """
+    import xarray as xr
+
+    cases = [results] if isinstance(results, xr.Dataset) else list(results)
+    if not cases:
+        raise ValueError("no result to draw: give at least one")
+    names = (
+        [plain_text(label, 40) for label in labels] if labels is not None else [case_name(c) for c in cases]
+    )
+    if len(names) != len(cases):
+        raise ValueError(f"{len(names)} labels for {len(cases)} results: give one label for each")
+    rows = [("rv", "lv"), ("ra", "la")] if atria else [("rv", "lv")]
+    legend_mm = 5.0 * len(cases) if len(cases) > 1 else 0.0
+    fig = new_figure(PAGE_WIDTH_MM, 12 + 75 * len(rows) + legend_mm)
+    grid = fig.subplots(len(rows), 2, squeeze=False)
+    for row, chambers in zip(grid, rows, strict=True):
+        for ax, chamber in zip(row, chambers, strict=True):
+            _draw_chamber(ax, cases, names, chamber)
+    if len(cases) > 1:
+        handles, texts = grid[0][0].get_legend_handles_labels()
+        fig.legend(handles, texts, loc="outside lower left", ncols=1 if max(map(len, texts)) > 30 else 2)
+    fig.suptitle("Pressure-volume loops" if len(cases) > 1 else names[0], x=0.01, ha="left")
+    return fig
+
+
+def _draw_chamber(ax: Axes, cases: "Sequence[xr.Dataset]", names: Sequence[str], chamber: str) -> None:
+    title = COMPARTMENTS[chamber]
+    for index, (case, name) in enumerate(zip(cases, names, strict=True)):
+        volume = np.asarray(case[f"V{chamber}"].values, dtype=float)
+        pressure = np.asarray(case[f"P{chamber}"].values, dtype=float)
+        style = curve_style(index)
+        ax.plot(volume, pressure, label=name, **style)  # pyright: ignore[reportArgumentType] - dict of keywords
+        _mark(ax, volume, pressure, style["color"], largest=True)
+        _mark(ax, volume, pressure, style["color"], largest=False)
+    ax.set_title(title.capitalize(), loc="left", pad=16)
+    marks = _volumes_in_words(cases[0], chamber) if len(cases) == 1 else "● EDV   ○ ESV"
+    ax.annotate(marks, (0, 1), xytext=(0, 4), xycoords="axes fraction", textcoords="offset points")
+    ax.set_xlabel("Volume [mL]")
+    ax.set_ylabel("Pressure [mmHg]")
+    ax.margins(y=0.06)
+    if np.isfinite(ax.dataLim.x1):
+        ax.set_xlim(0.0, 1.06 * ax.dataLim.x1)
+
+
+def _mark(ax: Axes, volume: np.ndarray, pressure: np.ndarray, colour: object, *, largest: bool) -> None:
+    if not np.isfinite(volume).all():
+        return
+    at = int(np.argmax(volume) if largest else np.argmin(volume))
+    ax.plot(
+        volume[at],
+        pressure[at],
+        marker="o",
+        markersize=5,
+        markeredgecolor=colour,
+        markerfacecolor=colour if largest else "white",
+        linestyle="none",
+        zorder=3,
+    )
+
+
+def _volumes_in_words(case: "xr.Dataset", chamber: str) -> str:
+    volume = np.asarray(case[f"V{chamber}"].values, dtype=float)
+    side = chamber.upper()
+    largest = scalar(case, f"EDV{side}")
+    least = scalar(case, f"ESV{side}")
+    largest = float(np.max(volume)) if largest is None else largest
+    least = float(np.min(volume)) if least is None else least
+    digits = 0 if largest > 20 else 1
+    return f"● EDV {number(largest, digits)} mL   ○ ESV {number(least, digits)} mL"
