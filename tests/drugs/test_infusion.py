@@ -3,8 +3,13 @@
 import numpy as np
 import pytest
 
+from eclsim.cases.reading import read_mapping
+from eclsim.course.course import course
 from eclsim.drugs.infusion import InfusedDoses
 from eclsim.drugs.published import PUBLISHED
+from eclsim.goals.search import reach
+from eclsim.orbit.model import model_of
+from eclsim.outputs.results import simulate
 from eclsim.parameters.regulation import dose
 
 PUMP = {dose(name): np.array([0.0, 0.2]) for name in PUBLISHED}
@@ -43,3 +48,46 @@ def test_a_dose_that_does_not_change_stays():
     law = InfusedDoses()
     found = law.rates(law.start(PUMP, {}), PUMP, {}, {})
     assert all(not np.any(rate) for rate in found.values())
+
+
+@pytest.mark.slow
+def test_a_course_of_a_pump_that_is_started_and_stopped():
+    """Exponentials in closed form, and at each moment the steady beat at the dose that is in effect."""
+    case = {
+        "format": 1,
+        "patient": {"id": "P", "sex": "male", "age_years": 60, "heart_rate_bpm": 75},
+        "fluid": {"capillary_refill": False},
+        "drugs": {},
+        "events": [
+            {"at_min": 5, "set": {"drugs.noradrenaline": 0.2}},
+            {"at_min": 20, "set": {"drugs.noradrenaline": 0.0}},
+        ],
+    }
+    found = course(read_mapping(case).case, minutes=30, every_min=5, outputs=["MAP"])
+    state, lag = (
+        found["drugs.noradrenaline_in_effect"],
+        PUBLISHED["noradrenaline"].half_life_min / np.log(2.0),
+    )
+    start = 0.2 * (1.0 - np.exp(-15.0 / lag))
+    for minute, dose_then in ((0, 0.0), (10, 0.2 * (1.0 - np.exp(-5.0 / lag))), (20, start)):
+        assert float(state.sel(time_min=minute)) == pytest.approx(dose_then, abs=2e-4)
+    assert float(state.sel(time_min=30)) == pytest.approx(start * np.exp(-10.0 / lag), abs=2e-4)
+    steady = model_of(read_mapping({k: v for k, v in case.items() if k != "events"}).case)
+    for minute in (10, 30):
+        own = steady.with_values({dose("noradrenaline"): float(state.sel(time_min=minute))})
+        at_moment = float(found["MAP"].sel(time_min=minute))
+        assert at_moment == pytest.approx(float(simulate(own)["MAP"]), abs=0.02)
+
+
+@pytest.mark.slow
+def test_the_smallest_dose_that_holds_a_pressure_is_found():
+    case = read_mapping({
+        "format": 1, "drugs": {}, "parameters": {"Rmc": 0.35},
+        "patient": {"id": "P", "sex": "male", "age_years": 60, "heart_rate_bpm": 90},
+    }).case  # fmt: skip
+    found = reach(case, "MAP > 65", vary="drugs.noradrenaline")
+    assert found.reached
+    (needed,) = found.values
+    assert 0.01 < needed < 1.0
+    beat = simulate(model_of(case).with_values({dose("noradrenaline"): float(needed)}))
+    assert float(beat["MAP"]) == pytest.approx(65.0, abs=0.05)
