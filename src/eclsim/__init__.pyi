@@ -7,6 +7,7 @@ from eclsim.circuit import Compartment as Compartment
 from eclsim.circuit import Connection as Connection
 from eclsim.circuit import StartPressure as StartPressure
 from eclsim.circuit import StartVolume as StartVolume
+from eclsim.course.beats import course_beats as course_beats
 from eclsim.course.course import course as course
 from eclsim.course.course import course_many as course_many
 from eclsim.course.engine import CourseOptions as CourseOptions

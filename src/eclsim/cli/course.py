@@ -29,6 +29,12 @@ class CourseOptions(CaseChanges, Json):
         metavar="MINUTES",
         minimum=0.01,
     )
+    beats: bool = option(
+        False,
+        "Follow every beat with the lags of reflexes instead of steady beats: a clamp, a pump stop, a bolus; "
+        "up to 120 minutes.",
+        "--beats",
+    )
     out: str | None = option(None, "Folder for the course as CSV and NetCDF.", metavar="DIR")
     figures: str | None = option(None, "Draw the timeline (SVG and PNG) in this folder.", metavar="DIR")
 
@@ -42,6 +48,7 @@ def course(options: CourseOptions) -> None:
     (reading,) = with_speeds(read_all([options.case_file], options.settings, options.volume_policy))
     minutes = 60.0 * options.hours if options.until is None else options.until
     from eclsim.course import files
+    from eclsim.course.beats import LONGEST_MIN, course_beats
     from eclsim.course.course import MOST_MOMENTS
     from eclsim.course.course import course as follow
     from eclsim.inputs.mistakes import CaseError
@@ -55,6 +62,10 @@ def course(options: CourseOptions) -> None:
         places.mistakes.append(
             f"--every {options.every:g}: {minutes / options.every:.0f} moments; allowed: up to {MOST_MOMENTS}"
         )
+    if options.beats and minutes > LONGEST_MIN:
+        places.mistakes.append(
+            f"--beats: {minutes:g} min; allowed: up to {LONGEST_MIN:g} min (--until), hours without it"
+        )
     if options.out is None and options.json is None and options.figures is None:
         places.mistakes.append(
             "--out DIR, --json FILE or --figures DIR: give one, where the course is written"
@@ -63,7 +74,8 @@ def course(options: CourseOptions) -> None:
     try:
         with Progress() as progress:
             progress(f"following {name} for {minutes:g} min")
-            result = follow(reading.case, minutes=minutes, every_min=options.every)
+            followed = course_beats if options.beats else follow
+            result = followed(reading.case, minutes=minutes, every_min=options.every)
     except CaseError as error:
         fail(*(mistake.at(reading.file, None) for mistake in error.mistakes))
     with locked(options.out), writing():
@@ -90,11 +102,15 @@ def _text(result: xr.Dataset) -> str:
     from eclsim.reporting.numbers import number
     from eclsim.reporting.text_table import text_table
 
+    def shown_time(minute: float) -> str:
+        seconds = f":{int(60.0 * minute % 60.0):02d}" if result.attrs["beat_by_beat"] else ""
+        return clock_time(minute) + seconds
+
     names = [name for name in SHOWN if name in result]
     count = result.sizes["time_min"]
     chosen = sorted({*range(0, count, -(-count // ROWS)), count - 1}) if count else []
     rows = [
-        (clock_time(float(result["time_min"][k])), *(number(float(result[name][k])) for name in names))
+        (shown_time(float(result["time_min"][k])), *(number(float(result[name][k])) for name in names))
         for k in chosen
     ]
     head = ("time", *(f"{name} [{result[name].attrs['units']}]" for name in names))
@@ -104,7 +120,7 @@ def _text(result: xr.Dataset) -> str:
         f"{told['blood_volume_end_ml']:.0f} mL at the end: given {told['given_ml']:.0f}, removed "
         f"{told['removed_ml']:.0f}, refilled {told['refilled_ml']:.0f} mL"
     )
-    took = (
-        f"{result.attrs['seconds']:.1f} s; a sudden change settles within {result.attrs['settling_s']:.0f} s"
-    )
+    took = f"{result.attrs['seconds']:.1f} s"
+    if settling := result.attrs["settling_s"]:
+        took += f"; the circulation settles within {settling:.0f} s after a sudden change"
     return "\n\n".join((text_table(head, rows, tuple(range(1, len(head)))), words, took))

@@ -219,6 +219,7 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
         "warnings": sentences,
         "blood_volume_policy": engine.policy,
         "settling_s": settling,
+        "beat_by_beat": 0,
         "steps": len(history.times),
         "beats": history.beats,
         "solves": history.solves,

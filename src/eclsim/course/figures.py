@@ -72,11 +72,16 @@ def plot_course(result: xr.Dataset) -> Figure:
     for ax in axes[len(drawn) :]:
         ax.remove()
     for ax in axes[max(len(drawn) - 2, 0) : len(drawn)]:
-        ax.set_xlabel("Time from the start [h]")
+        ax.set_xlabel(f"Time from the start [{_clock(result)[0]}]")
         ax.tick_params(labelbottom=True)
     fig.suptitle(f"{plain_text(result.attrs['id'], 60)} – course", x=0.01, ha="left")
     fig.supxlabel(legend, fontsize=7.5, x=0.01, ha="left", color=GREY)
     return fig
+
+
+def _clock(result: xr.Dataset) -> tuple[str, float]:
+    """Unit of the time axis, and its minutes."""
+    return ("h", 60.0) if len(result["time_min"]) and result["time_min"][-1] > 240.0 else ("min", 1.0)
 
 
 def _varies(result: xr.Dataset, name: str) -> bool:
@@ -85,13 +90,14 @@ def _varies(result: xr.Dataset, name: str) -> bool:
 
 
 def _draw(ax: Axes, result: xr.Dataset, panel: Panel, events: list[Event]) -> None:
-    hours = result["time_min"].to_numpy() / 60.0
+    _, minutes = _clock(result)
+    hours = result["time_min"].to_numpy() / minutes
     shown = [pair for pair in zip(panel.names, panel.labels, strict=True) if pair[0] in result]
     for index, (name, label) in enumerate(shown):
         style: dict[str, Any] = {**curve_style(index)}
         ax.plot(hours, result[name].to_numpy().astype(float), label=label, **style)
     for number, event in enumerate(events, start=1):
-        at = event.at_min / 60.0
+        at = event.at_min / minutes
         if len(hours) and at <= hours[-1]:
             ax.axvline(at, color=GREY, linewidth=0.7, linestyle=(0, (2, 2)), zorder=0)
             ax.annotate(str(number), (at, 1.0), xycoords=("data", "axes fraction"), xytext=(1.5, -7),
@@ -108,7 +114,10 @@ def _bars(ax: Axes, alarms: list[dict[str, object]], result: xr.Dataset) -> None
     end = float(result["time_min"][-1])
     for one in sorted(alarms, key=lambda alarm: list(_BARS).index(str(alarm["kind"])), reverse=True):
         until = end if one["until_min"] is None else float(str(one["until_min"]))
-        spans, colour = np.array([float(str(one["at_min"])), until]) / 60.0, _BARS[str(one["kind"])]
+        spans, colour = (
+            np.array([float(str(one["at_min"])), until]) / _clock(result)[1],
+            _BARS[str(one["kind"])],
+        )
         foot = Line2D(spans, [0.02, 0.02], transform=ax.get_xaxis_transform(), color=colour, linewidth=3.0)
         foot.set_solid_capstyle("butt")
         ax.add_line(foot)

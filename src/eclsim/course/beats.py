@@ -1,0 +1,304 @@
+"""A course beat by beat, for what is over in seconds to minutes: a clamp, a pump stop, a bolus.
+
+Nothing is assumed to be settled: every beat starts where the last one ended, reflexes answer through their
+filters, and blood given or lost joins the systemic veins beat by beat. Slow states move by the rates of the
+beat (an explicit step of one beat's length).
+"""
+
+from __future__ import annotations
+
+import json
+import time as clock
+from collections.abc import Mapping, Sequence
+from itertools import groupby
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from eclsim.beat.grid import needed_resolution
+from eclsim.beat.heartbeat import HEART_RATE, BeatProgram, beat_program
+from eclsim.circuit.assembly import assemble
+from eclsim.circuit.network import BLOOD_VOLUME, Circuit
+from eclsim.course.laws import Laws, laws_of
+from eclsim.course.timeline import MINUTE, Timeline
+from eclsim.devices.description import GASES
+from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
+from eclsim.inputs.mistakes import CaseError, Mistake
+from eclsim.orbit.model import CaseSource, as_case
+from eclsim.orbit.status import Status
+from eclsim.orbit.steady import Batch
+from eclsim.outputs.measures import Measures
+from eclsim.outputs.registry import output
+from eclsim.outputs.signals import needed_parameters, needed_signals, output_names
+from eclsim.outputs.steady_beat import steady_beat
+from eclsim.parameters.regulation import EXTRA_VOLUME, UNSTRESSED
+from eclsim.simulation.target_flow import with_speed
+from eclsim.slow.law import INFLOWS
+
+LONGEST_MIN = 120.0
+SHOWN = 1200
+"""Beats that are shown at most, unless it is said how often."""
+FACTORS = {
+    "contractility_lv_factor": "Emaxlv",
+    "contractility_rv_factor": "Emaxrv",
+    "systemic_resistance_factor": "Rmc",
+    "pulmonary_resistance_factor": "Rpmc",
+}
+"""Outputs that say by how much a reflex or drug has changed a parameter."""
+ACTED = (*FACTORS.values(), HEART_RATE, UNSTRESSED)
+
+
+def course_beats(
+    case: CaseSource,
+    *,
+    minutes: float = 10.0,
+    every_min: float | None = None,
+    outputs: Sequence[str] | None = None,
+    volume_policy: str | None = None,
+) -> xr.Dataset:
+    """A case beat after beat from its steady beat at minute 0, its events included.
+
+    Args:
+        case: path of a case file, what `read_case` returned, or a case.
+        minutes: how long [min].
+        every_min: between beats that are shown [min]; left out, every beat or some 1,200 of them.
+        outputs: names of the registry; left out, all but those of gases, which need minutes to settle.
+        volume_policy: blood volume policy; left out, the case's.
+
+    Returns:
+        Dataset as `eclsim.course` gives it; each moment is the beat that begins then, whether settled or not.
+
+    Raises:
+        CaseError: the file is no case, an event lies after the end or connects the circuit in another way.
+    """
+    began = clock.perf_counter()
+    timeline = Timeline(with_speed(as_case(case), volume_policy)[0], minutes * MINUTE)
+    policy = volume_policy or timeline.case.volume_policy
+    marching = _Marching(timeline, policy, outputs)
+    every = None if every_min is None else every_min * MINUTE
+    result = marching.dataset(marching.march(every))
+    result.attrs["seconds"] = clock.perf_counter() - began
+    return result
+
+
+class _Kept(NamedTuple):
+    """A beat: signals with the point before, parameters, what acts on them, slow states."""
+
+    time: float
+    series: np.ndarray
+    values: Mapping[str, float]
+    acted: Mapping[str, float]
+    slow: np.ndarray
+
+
+class _Shown:
+    """The beats that are shown: one in every so many seconds, or as many as fit."""
+
+    def __init__(self, every: float | None):
+        self.every, self.beats = every, list[_Kept]()
+        self._next, self._stride, self._count = 0.0, 1, 0
+
+    def offer(self, time: float, beat: _Kept) -> None:
+        """Keep a beat if it is one to be shown."""
+        wanted = self._count % self._stride == 0 if self.every is None else time >= self._next - 1e-9
+        self._count += 1
+        if not wanted:
+            return
+        self.beats.append(beat)
+        self._next += self.every or 0.0
+        if self.every is None and len(self.beats) > SHOWN:
+            self.beats, self._stride = self.beats[::2], 2 * self._stride
+
+
+class _Marching:
+    """One patient, beat after beat."""
+
+    def __init__(self, timeline: Timeline, policy: str, outputs: Sequence[str] | None):
+        self.timeline, self.policy = timeline, policy
+        self.circuit, start = timeline.start
+        _refuse_reconnection(timeline)
+        self.laws = Laws(laws_of(self.circuit, start))
+        self.assembly = assemble(self.circuit)
+        all_names = output_names(self.circuit)
+        slow = [name for name in all_names if GASES in output(name).parameters]
+        self.names = tuple(n for n in (all_names if outputs is None else outputs) if n not in slow)
+        self.reads = tuple(name for name in self.laws.reads if name not in slow)
+        self.signals = needed_signals(self.circuit, tuple(dict.fromkeys((*self.names, *self.reads))), ())
+        self.stopped = ""
+
+    def march(self, every: float | None) -> _Shown:
+        """All beats, from the steady one at the start; one `every` so many seconds is kept."""
+        shown, time = _Shown(every), 0.0
+        slow, state, settings = self._begin()
+        before = self.laws.in_effect(slow, settings)
+        segment, program, last = -1, None, None
+        while time < self.timeline.end - 1e-9 and not self.stopped:
+            now = int(np.searchsorted(self.timeline.breaks, time + 1e-9, side="right") - 1)
+            if now != segment or program is None:
+                segment = now
+                settings = _columns(self.timeline.settings(segment, time))
+                program = self._program(self.laws.in_effect(slow, settings))
+            for key, value in self.timeline.ramped(segment, time).items():
+                settings[key] = np.array([value])
+            values = self.laws.in_effect(slow, settings)
+            state = state + self._given(before, values)
+            before, plain = values, {key: float(column[0]) for key, column in values.items()}
+            effective = self.assembly.in_effect(plain, state)
+            period = 60.0 / float(effective[HEART_RATE])
+            trace = program.trace(self.signals)
+            packed = np.array([plain[name] for name in program.names])
+            after, recorded = (np.asarray(x) for x in trace(state, packed))
+            if not np.isfinite(after).all():
+                self.stopped = Status.NOT_FINITE.message
+                break
+            series = np.concatenate([recorded[-1:] if last is None else last[None], recorded])
+            acted = {key: float(np.asarray(effective[key])) for key in ACTED if key in effective}
+            shown.offer(time, _Kept(time, series, plain, acted, slow[:, 0].copy()))
+            slow = self._moved(slow, settings, series, program, plain, acted, time, period)
+            state, last, time = after, recorded[-1], time + period
+        return shown
+
+    def _begin(self) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+        """Slow states, state of the steady beat and settings at the start."""
+        settings = _columns(self.timeline.start[1])
+        batch = Batch(self.circuit, settings, 1, self.policy)
+        beat = steady_beat(batch, self.laws.reads)
+        if not beat.converged[0]:
+            message = f"no steady beat to start from: {beat.message()}"
+            raise CaseError([Mistake("", message)])
+        slow = self.laws.start(settings, {name: beat.output(name) for name in self.laws.reads})
+        return slow, beat.orbits.states[:, 0], settings
+
+    def _program(self, values: Mapping[str, np.ndarray]) -> BeatProgram:
+        level = needed_resolution(self.assembly, {key: float(v[0]) for key, v in values.items()})
+        return beat_program(self.circuit, int(np.asarray(level).flat[0]))
+
+    def _given(self, before: Mapping[str, np.ndarray], now: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Blood that joined the circuit since the last beat, as a change of its state."""
+        change = np.zeros(self.assembly.layout.size)
+        if now[EXTRA_VOLUME][0] == before[EXTRA_VOLUME][0]:
+            return change
+        volumes = [
+            np.array(self.assembly.start_volumes({k: float(v[0]) for k, v in (before | extra).items()}))
+            for extra in ({}, {EXTRA_VOLUME: now[EXTRA_VOLUME]})
+        ]
+        change[self.assembly.layout.volumes.where] = volumes[1] - volumes[0]
+        return change
+
+    def _moved(
+        self, slow: np.ndarray, settings: dict[str, np.ndarray], series: np.ndarray, program: BeatProgram,
+        values: Mapping[str, float], acted: Mapping[str, float], time: float, period: float,
+    ) -> np.ndarray:  # fmt: skip
+        """Slow states a beat later."""
+        beat = self._measured(self.reads, series[..., None], program, [values], [acted])
+        inflows = {kind: np.array([ml / period]) for kind, ml in self._amounts(time, time + period).items()}
+        missing = {name: np.zeros(1) for name in self.laws.reads if name not in beat}
+        return slow + period * self.laws.rates(slow, settings, beat | missing, inflows)
+
+    def _amounts(self, begin: float, end: float) -> dict[str, float]:
+        """What is given between two times [mL]."""
+        amounts = {str(kind): 0.0 for kind in INFLOWS}
+        for gift in self.timeline.gifts:
+            shared = max(0.0, min(end, gift.end) - max(begin, gift.begin))
+            for kind, rate in gift.rates.items():
+                amounts[kind] += rate * shared
+        return amounts
+
+    def _measured(
+        self, names: Sequence[str], series: np.ndarray, program: BeatProgram,
+        values: Sequence[Mapping[str, float]], acted: Sequence[Mapping[str, float]],
+    ) -> dict[str, np.ndarray]:  # fmt: skip
+        """Outputs of recorded beats, shape (beats,) each."""
+        double = series.shape[-1] == 1
+        waves = {
+            n: series[:, k].repeat(2, -1) if double else series[:, k] for k, n in enumerate(self.signals)
+        }
+        read = needed_parameters(self.circuit, names)
+        parameters = {n: np.array([one.get(n, np.nan) for one in values]) for n in read}
+        if double:
+            parameters = {n: column.repeat(2) for n, column in parameters.items()}
+        measures = Measures(waves, program.grid.phases, self.circuit, parameters)
+        found: dict[str, np.ndarray] = {}
+        for name in names:
+            found[name] = self._acted(name, values, acted)
+            if found[name] is None:
+                found[name] = np.asarray(output(name).compute(measures))[: len(values)]
+        return found
+
+    def _acted(
+        self, name: str, values: Sequence[Mapping[str, float]], acted: Sequence[Mapping[str, float]]
+    ) -> Any:
+        """What reflex and drugs have in effect in a beat, with their lag; None for other outputs."""
+        if name == "heart_rate":
+            return np.array([one[HEART_RATE] for one in acted])
+        if name == "unstressed_volume":
+            return np.array([one[UNSTRESSED] for one in acted])
+        key = FACTORS.get(name)
+        if key is None:
+            return None
+        return np.array([a.get(key, v[key]) / v[key] for v, a in zip(values, acted, strict=True)])
+
+    def dataset(self, shown: _Shown) -> xr.Dataset:
+        """Labelled beats."""
+        beats = shown.beats
+        found: dict[str, list[np.ndarray]] = {name: [] for name in self.names}
+        for points, group in groupby(beats, key=lambda beat: len(beat.series)):
+            own = list(group)
+            program = self._program(_columns(own[0].values))
+            assert points == program.grid.n_steps + 1
+            series = np.stack([beat.series for beat in own], axis=-1)
+            values = [beat.values for beat in own], [beat.acted for beat in own]
+            for name, column in self._measured(self.names, series, program, *values).items():
+                found[name].append(column)
+        data: dict[str, Any] = {}
+        for name, parts in found.items():
+            entry, values = output(name), np.concatenate(parts)
+            labels = {"units": entry.unit, "long_name": entry.long_name, "definition": entry.definition}
+            data[name] = ("time_min", values, labels)
+        states = np.stack([beat.slow for beat in beats], axis=-1)
+        for row, state in zip(states, self.laws.states, strict=True):
+            labels = {"units": state.unit, "long_name": f"slow state {state.name}"}
+            data[state.name] = ("time_min", row, labels)
+        minute = np.array([beat.time for beat in beats]) / MINUTE
+        axis = ("time_min", minute, {"units": "min", "long_name": "time from the start"})
+        return xr.Dataset(data, coords={"time_min": axis}, attrs=self._attributes(beats))
+
+    def _attributes(self, beats: Sequence[_Kept]) -> dict[str, Any]:
+        first, last = (dict(zip(self.laws.names, beats[k].slow, strict=True)) for k in (0, -1))
+        doors = {
+            key: float(last[name] - first[name])
+            for key, name in (("given_ml", GIVEN), ("removed_ml", REMOVED), ("refilled_ml", REFILLED))
+        }
+        volumes = [beats[k].values[BLOOD_VOLUME] + beats[k].values[EXTRA_VOLUME] for k in (0, -1)]
+        moved = doors["given_ml"] - doors["removed_ml"] + doors["refilled_ml"]
+        balance = doors | {
+            "blood_volume_start_ml": volumes[0], "blood_volume_end_ml": volumes[1],
+            "error_ml": volumes[1] - volumes[0] - moved,
+        }  # fmt: skip
+        return {
+            "id": self.timeline.case.patient.id,
+            "converged": int(not self.stopped),
+            "status": "stopped" if self.stopped else "finished",
+            "message": self.stopped,
+            "balance": json.dumps(balance),
+            "events": json.dumps([event.as_object() for event in self.timeline.case.events]),
+            "alarms": "[]",
+            "warnings": [self.stopped] if self.stopped else [],
+            "blood_volume_policy": self.policy,
+            "settling_s": 0.0,
+            "beat_by_beat": 1,
+            "steps": len(beats),
+        }
+
+
+def _columns(values: Mapping[str, float]) -> dict[str, np.ndarray]:
+    return {key: np.array([value], dtype=float) for key, value in values.items()}
+
+
+def _refuse_reconnection(timeline: Timeline) -> None:
+    """Beat by beat a circuit is one circuit."""
+    circuits: list[Circuit] = [timeline.circuit(k) for k in range(len(timeline.breaks) - 1)]
+    if any(circuit is not timeline.start[0] and circuit != timeline.start[0] for circuit in circuits):
+        message = "an event connects the circuit in another way, which no beat-by-beat course does"
+        raise CaseError([Mistake("events", message, allowed="leave --beats out")])
