@@ -11,6 +11,8 @@ from eclsim.course.beats import course_beats as course_beats
 from eclsim.course.course import course as course
 from eclsim.course.course import course_many as course_many
 from eclsim.course.engine import CourseOptions as CourseOptions
+from eclsim.course.plan import plan_removal as plan_removal
+from eclsim.course.plan import plan_weaning as plan_weaning
 from eclsim.crrt_study.study import crrt_study as crrt_study
 from eclsim.devices.crrt import crrt as crrt
 from eclsim.devices.ecmo import ecmo as ecmo

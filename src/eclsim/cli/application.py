@@ -22,6 +22,7 @@ from eclsim.cli.importing import import_data
 from eclsim.cli.merging import merge
 from eclsim.cli.options import as_command
 from eclsim.cli.paper import demo, reproduce
+from eclsim.cli.plan import plan
 from eclsim.cli.sensitivity import identifiability, sensitivity
 from eclsim.cli.settings import settings
 from eclsim.cli.simulate import simulate
@@ -61,6 +62,7 @@ for name, function, summary in (
     ("import", import_data, "Turn clinical data into a cohort to identify."),
     ("track", track, "Follow a patient's parameters from measurement to measurement."),
     ("settings", settings, "Search for the smallest settings that reach goals."),
+    ("plan", plan, "How fast fluid can be removed; what weaning needs."),
     ("devices", devices, "List devices and their ranges, or explain one."),
     ("demo", demo, "Simulate the paper's patient, with figures and its numbers."),
     ("validate", validate, "Hold eclsim against published results."),

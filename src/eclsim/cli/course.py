@@ -81,7 +81,7 @@ def course(options: CourseOptions) -> None:
     with locked(options.out), writing():
         if folder is not None:
             files.write_tables(result, folder)
-        if figures is not None:
+        if figures is not None and result.sizes["time_min"]:
             files.write_figure(result, figures)
         if hand_over(files.course_object(result), target):
             typer.echo(_text(result))

@@ -28,6 +28,14 @@ if TYPE_CHECKING:
     from eclsim.orbit.execution import Execution
 
 DAY_MIN = 1440.0
+BALANCE = (
+    "given_ml",
+    "removed_ml",
+    "refilled_ml",
+    "blood_volume_start_ml",
+    "blood_volume_end_ml",
+    "error_ml",
+)
 SHOWN = 144
 """About so many moments are shown where it is not said how often."""
 _EVERY_MIN = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0)
@@ -114,22 +122,32 @@ def course_many(
         Timeline(solved[k % len(solved)], minutes * MINUTE, {key: c[k] for key, c in columns.items()})
         for k in range(count)
     ]
-    results: list[xr.Dataset | None] = [None] * count
+    every = [every_min or usual_every(minutes)] * count
+    results = follow(timelines, every, outputs, volume_policy, options, execution, with_alarms)
+    seconds = clock.perf_counter() - began
+    return [result.assign_attrs(seconds=seconds) for result in results]
+
+
+def follow(
+    timelines: Sequence[Timeline],
+    every_min: Sequence[float],
+    outputs: Sequence[str] | None,
+    volume_policy: str | None = None,
+    options: CourseOptions | None = None,
+    execution: Execution | None = None,
+    with_alarms: bool = False,
+) -> list[xr.Dataset]:
+    """Courses along some timelines, each with moments so many minutes apart; see `course_many`."""
+    results: dict[int, xr.Dataset] = {}
     for members in _groups(timelines, volume_policy).values():
         own = [timelines[m] for m in members]
         policy = volume_policy or own[0].case.volume_policy
         laws = Laws(laws_of(*own[0].start))
         engine = Engine(own, laws, policy, options or CourseOptions(), execution)
-        histories = engine.march()
-        moments = moments_of(engine, histories, (every_min or usual_every(minutes)) * MINUTE)
+        moments = moments_of(engine, engine.march(), [every_min[m] * MINUTE for m in members])
         beats_at(moments, engine, outputs, with_alarms, execution)
-        for k, m in enumerate(members):
-            results[m] = _labelled(moments, k, engine, with_alarms)
-    seconds = clock.perf_counter() - began
-    for result in results:
-        assert result is not None
-        result.attrs["seconds"] = seconds
-    return [result for result in results if result is not None]
+        results |= {m: _labelled(moments, k, engine, with_alarms) for k, m in enumerate(members)}
+    return [results[m] for m in range(len(timelines))]
 
 
 class Followed(NamedTuple):
@@ -212,7 +230,7 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
         "id": timeline.case.patient.id,
         "converged": int(not stopped),
         "status": "stopped" if stopped else "finished",
-        "message": f"stopped at {clock_time(minute[-1])}: {stopped}" if stopped and len(minute) else stopped,
+        "message": _ended(stopped, minute),
         "balance": json.dumps(balance(timeline, laws, moments, own)),
         "events": json.dumps([event.as_object() for event in timeline.case.events]),
         "alarms": json.dumps([alarm._asdict() for alarm in found]),
@@ -230,6 +248,8 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
 
 def balance(timeline: Timeline, laws: Laws, moments: Moments, own: np.ndarray) -> dict[str, float]:
     """Where the patient's blood volume went [mL]; `error_ml` is what does not add up."""
+    if not len(own):
+        return dict.fromkeys(BALANCE, 0.0)
     begin, end = own[0], own[-1]
     named = [dict(zip(laws.names, moments.states[:, k], strict=True)) for k in (begin, end)]
     doors = {
@@ -251,9 +271,16 @@ def _warnings(
     found: Sequence[Alarm], stopped: str, minute: np.ndarray, history: Any, laws: Laws, settling: float
 ) -> list[str]:
     """Everything there is to say, the reason of an early end first."""
-    sentences = [f"stopped at {clock_time(minute[-1])}: {stopped}"] if stopped and len(minute) else []
+    sentences = [_ended(stopped, minute)] if stopped else []
     sentences += [alarm.sentence for alarm in found]
     return sentences + _too_fast(history, laws, settling)
+
+
+def _ended(stopped: str, minute: np.ndarray) -> str:
+    """Why and when a course ended early; empty where it did not."""
+    if not stopped:
+        return ""
+    return f"stopped at {clock_time(minute[-1])}: {stopped}" if len(minute) else f"not begun: {stopped}"
 
 
 LAG = 4.0

@@ -18,7 +18,7 @@ from eclsim.course.predictor import Predictor
 from eclsim.course.rosenbrock import step
 from eclsim.course.timeline import Timeline
 from eclsim.orbit.equation import Anchor, OrbitOptions
-from eclsim.orbit.execution import Execution
+from eclsim.orbit.execution import SIDE_BY_SIDE, Execution
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 from eclsim.slow.law import INFLOWS
@@ -27,6 +27,8 @@ SHORTEST_S = 5.0
 """Step below which a moment without a steady beat ends a course."""
 FIRST_S = 20.0
 LONGEST_S = 3600.0
+MANY = 16
+"""From so many members on, the program for many side by side is worth its compilation."""
 SHIFT = 0.3
 """Of a state for its column of the Jacobian, of its scale."""
 
@@ -43,7 +45,7 @@ class CourseOptions:
             derivative at the last event and learns from beat to beat), "derivative" (that alone), or "last".
     """
 
-    tolerance: float = 0.02
+    tolerance: float = 0.1
     step_s: float | None = None
     orbits: OrbitOptions = field(default_factory=lambda: OrbitOptions(1e-7, 1e-6))
     predictor: str = "secant"
@@ -94,7 +96,8 @@ class Engine:
         execution: Execution | None = None,
     ):
         self.timelines, self.laws, self.policy = timelines, laws, policy
-        self.options, self.execution = options, execution
+        self.options = options
+        self.execution = execution or Execution(width=SIDE_BY_SIDE if len(timelines) >= MANY else 1)
         count, size = len(timelines), len(laws.states)
         self.circuits = canonical_circuits(timelines)
         self.segment = np.zeros(count, dtype=int)

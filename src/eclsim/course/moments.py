@@ -23,8 +23,6 @@ BEFORE_S = 1.0
 """A moment so long before a sudden change shows what it finds."""
 AT_A_TIME = 2048
 """Moments whose beats are solved as one batch."""
-SIDE_BY_SIDE_FROM = 4000
-"""From so many moments on the program for many side by side is worth its compilation."""
 SOLVED = (int(Status.CONVERGED), int(Status.ONE_OF_MANY))
 QUICK = OrbitOptions(newton_iterations=0)
 """Of the first search for all; what it does not find is sought one after the other."""
@@ -76,10 +74,10 @@ class Moments:
         return {key: float(column[place]) for key, column in self.in_effect.items()}
 
 
-def moments_of(engine: Engine, histories: Sequence[History], every: float) -> Moments:
-    """Moments of all members, `every` seconds and at every event."""
+def moments_of(engine: Engine, histories: Sequence[History], every: Sequence[float]) -> Moments:
+    """Moments of all members, each in so many seconds and at every event."""
     rows = [
-        _moments_of(engine, m, history, _wanted(engine, m, history, every))
+        _moments_of(engine, m, history, _wanted(engine, m, history, every[m]))
         for m, history in enumerate(histories)
     ]
     return _joined(engine, rows)
@@ -162,9 +160,7 @@ def beats_at(
     moments.findings = [[] for _ in range(count)]
     moments.stopped = [history.stopped for history in engine.histories]
     moments.settling_s = [0.0] * members
-    if execution is None and count < SIDE_BY_SIDE_FROM:
-        execution = Execution(width=1)
-    measure = _Measured(moments, engine, outputs, with_findings, execution)
+    measure = _Measured(moments, engine, outputs, with_findings, execution or engine.execution)
     groups: dict[int, list[int]] = {}
     for k in range(count):
         groups.setdefault(id(engine.circuits[moments.member[k]][moments.segment[k]]), []).append(k)

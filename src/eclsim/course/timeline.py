@@ -113,7 +113,7 @@ class Timeline:
         for n, event in enumerate(self.case.events, start=1):
             if not event.set:
                 continue
-            now = _changed(now, event.set, self.start_case)
+            now = changed(now, event.set, self.start_case)
             after, connected = self.values_of(now), circuit_of(now)
             circuit = circuit if connected == circuit else connected
             keys = [key for key in after if values.get(key, after[key]) != after[key] or key not in values]
@@ -180,7 +180,7 @@ def _between(change: Change, time: float) -> dict[str, float]:
     return {k: change.before[k] + share * (v - change.before[k]) for k, v in change.after.items()}
 
 
-def _changed(case: Case, settings: Mapping[str, object], start: Case) -> Case:
+def changed(case: Case, settings: Mapping[str, object], start: Case) -> Case:
     """The case with settings put in; open set points of reflexes go on being those of the start."""
     paths = {path: value for key, value in settings.items() if (path := place_of(key)) is not None}
     return _with(case, paths).model_copy(update={"as_written": start.as_written or start})

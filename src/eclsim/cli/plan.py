@@ -1,0 +1,128 @@
+"""`eclsim plan`: how fast fluid can be removed, and what weaning from ECMO needs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import typer
+
+from eclsim.cli.cases import read_all, with_speeds
+from eclsim.cli.console import INCOMPLETE, Progress, fail
+from eclsim.cli.destination import Destinations, hand_over, writing
+from eclsim.cli.options import CaseChanges, Json, argument, option
+
+if TYPE_CHECKING:
+    from eclsim.cases import CaseReading
+    from eclsim.cli.destination import Target
+    from eclsim.course.plan import WeaningStep
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanOptions(CaseChanges, Json):
+    """Options of `eclsim plan`."""
+
+    case_file: str = argument(..., "CASE.toml", "Case file.")
+    remove_ml: float | None = option(
+        None, "Find the fastest net ultrafiltration that removes so much [mL].", "--remove-ml", minimum=1.0
+    )
+    wean: str | None = option(
+        None, "Turn the ECMO pump down: FIRST:LAST:STEP or a list of speeds [rpm].", metavar="SPEEDS"
+    )
+    keep: str | None = option(
+        None, "Goals that hold all the time: 'MAP > 60, drainage_pressure > -80, DO2 > 400'.", metavar="GOALS"
+    )
+    vary: str | None = option(
+        None, "With --wean, what is given to keep the goals: drugs.noradrenaline=0..1.", metavar="NAME"
+    )
+    hours: float = option(72.0, "With --remove-ml, longest time [h].", minimum=0.5, maximum=744.0)
+
+
+def plan(options: PlanOptions) -> None:
+    """Ask courses and steady beats a question.
+
+    --remove-ml: how fast can fluid be removed before a goal breaks? --wean: what is read at the bedside, and
+    which dose keeps a goal, while the pump is turned down? For research, not for treatment. Exit status: 0
+    goals are kept, 1 not, 2 bad input.
+    """
+    if (options.remove_ml is None) == (options.wean is None):
+        fail("--remove-ml or --wean: give one of them")
+    if options.remove_ml is not None and options.keep is None:
+        fail("--remove-ml needs --keep GOALS, such as 'MAP > 60, drainage_pressure > -80'")
+    places = Destinations(force=options.force, inputs=[options.case_file])
+    target = places.target("--json", options.json)
+    places.check()
+    (reading,) = with_speeds(read_all([options.case_file], options.settings, options.volume_policy))
+    from eclsim.goals.goal import GoalError
+    from eclsim.inputs.mistakes import CaseError
+
+    try:
+        done = _remove(options, reading, target) if options.remove_ml else _wean(options, reading, target)
+    except GoalError as error:
+        fail(*error.mistakes)
+    except CaseError as error:
+        fail(*error.mistakes)
+    if not done:
+        raise typer.Exit(INCOMPLETE)
+
+
+def _remove(options: PlanOptions, reading: CaseReading, target: Target) -> bool:
+    from eclsim.course.plan import plan_removal
+
+    assert options.remove_ml is not None
+    assert options.keep is not None
+    with Progress() as progress:
+        progress(f"removing {options.remove_ml:g} mL at many rates")
+        result = plan_removal(reading.case, options.remove_ml, options.keep, hours=options.hours)
+    with writing():
+        if hand_over(result.as_object(), target):
+            typer.echo(f"{result.id}: {result.message}")
+    return result.possible
+
+
+def _wean(options: PlanOptions, reading: CaseReading, target: Target) -> bool:
+    from eclsim.course.plan import plan_weaning
+
+    speeds = _speeds(options.wean or "")
+    with Progress() as progress:
+        progress(f"weaning over {len(speeds)} speeds")
+        steps = plan_weaning(reading.case, speeds, keep=options.keep, vary=options.vary)
+    content = {
+        "id": reading.case.patient.id, "keep": options.keep, "vary": options.vary,
+        "steps": [step._asdict() for step in steps],
+    }  # fmt: skip
+    with writing():
+        if hand_over(content, target):
+            typer.echo(_table(steps, options.vary))
+    return all(step.reached for step in steps)
+
+
+def _speeds(text: str) -> list[float]:
+    from eclsim.simulation.sweep import SweepError, parse_sweep
+
+    try:
+        return [float(value) for value in parse_sweep(f"ecmo.speed_rpm={text}")[1]]
+    except (SweepError, ValueError):
+        fail(
+            f"--wean {text}: allowed: FIRST:LAST:STEP, such as 3500:1500:-500, or speeds with commas between"
+        )
+
+
+def _table(steps: Sequence[WeaningStep], vary: str | None) -> str:
+    from eclsim.course.plan import unit_of
+    from eclsim.reporting.numbers import number
+    from eclsim.reporting.text_table import text_table
+
+    names = list(dict.fromkeys(name for step in steps for name in step.outputs))
+    drug = [] if vary is None else [vary.partition("=")[0].strip()]
+    head = ("speed [rpm]", *drug, *(f"{n.removesuffix('_cm')} [{unit_of(n)}]" for n in names), "")
+    rows = [
+        (
+            number(step.speed_rpm), *([] if step.setting is None else [number(step.setting)]),
+            *(number(step.outputs.get(name, math.nan)) for name in names), step.message,
+        )
+        for step in steps
+    ]  # fmt: skip
+    return text_table(head, rows, tuple(range(len(head) - 1)))

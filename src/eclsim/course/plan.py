@@ -1,0 +1,307 @@
+"""Questions put to courses: how fast can fluid be removed, and what does weaning need?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from eclsim.cases.settings import apply_settings
+from eclsim.course.course import follow
+from eclsim.course.timeline import MINUTE, Timeline, changed
+from eclsim.goals.goal import Goal, GoalError, read_goals
+from eclsim.goals.search import reach
+from eclsim.inputs.mistakes import CaseError
+from eclsim.orbit.model import CaseSource, as_case, model_of
+from eclsim.orbit.status import NoDerivativesError
+from eclsim.outputs.registry import output
+from eclsim.outputs.results import simulate
+from eclsim.outputs.signals import output_names
+from eclsim.simulation.target_flow import with_speed
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from eclsim.cases.case import Case
+
+FILTRATION = "net_ultrafiltration_ml_h"
+TRIED = 8
+"""Rates of one round, marched side by side."""
+ROUNDS = 3
+MOMENTS = 40
+"""Moments of each course at which goals are looked at."""
+OUTFLOW_TRACT_CM = 2.0
+"""Diameter of the left ventricular outflow tract for the velocity-time integral."""
+
+
+class Break(NamedTuple):
+    """A goal that a course breaks.
+
+    Attributes:
+        goal: as written.
+        value: of its output, farthest beyond the bound.
+        at_min: when it is broken first [min].
+    """
+
+    goal: str
+    value: float
+    at_min: float
+
+
+@dataclass(frozen=True)
+class Removal:
+    """How fast a volume can be removed.
+
+    Args:
+        id: of the case.
+        remove_ml: volume wanted [mL].
+        keep: goals that hold all the time.
+        rate_ml_h: fastest rate that keeps them [mL/h]; NaN where the slowest does not.
+        hours: that it takes.
+        possible: whether any rate keeps them.
+        limits: what stops the next faster rate that was tried.
+        message: in words.
+        tried: by rate, whether all goals were kept.
+    """
+
+    id: str
+    remove_ml: float
+    keep: tuple[str, ...]
+    rate_ml_h: float
+    hours: float
+    possible: bool
+    limits: tuple[Break, ...]
+    message: str
+    tried: dict[float, bool] = field(default_factory=dict)
+
+    def as_object(self) -> dict[str, Any]:
+        """As plain data for JSON."""
+        tried = [{"rate_ml_h": rate, "kept": kept} for rate, kept in sorted(self.tried.items())]
+        return asdict(self) | {"limits": [one._asdict() for one in self.limits], "tried": tried}
+
+
+def plan_removal(
+    case: CaseSource,
+    remove_ml: float,
+    keep: str | Sequence[Goal],
+    *,
+    hours: float = 72.0,
+    volume_policy: str | None = None,
+) -> Removal:
+    """The fastest constant net ultrafiltration that removes a volume and breaks no goal on the way.
+
+    Rates from the slowest, which takes `hours`, to the fastest that the filter allows are marched side by
+    side; the interval between the last that keeps all goals and the first that does not is divided again.
+    The limit is known to about 1 %. Events of the case are left out: nothing else happens meanwhile.
+
+    Args:
+        case: path of a case file, what `read_case` returned, or a case, with a device that removes fluid.
+        remove_ml: volume [mL].
+        keep: goals such as "MAP > 60, drainage_pressure > -80, DO2 > 400".
+        hours: longest time that it may take [h].
+        volume_policy: blood volume policy; left out, the case's.
+
+    Raises:
+        GoalError: goals that cannot be meant, or no device that removes fluid.
+        CaseError: the file is no case.
+    """
+    own = with_speed(as_case(case), volume_policy)[0].model_copy(update={"events": ()})
+    goals = read_goals(keep, output_names(model_of(own).circuit))
+    key = _filtration(own)
+    if not (math.isfinite(remove_ml) and remove_ml > 0.0 and hours > 0.0):
+        raise GoalError([f"remove {remove_ml:g} mL in {hours:g} h; allowed: positive numbers"])
+    slowest = remove_ml / hours
+    fastest = _fastest(own, key, slowest)
+    rates, tried, broken = (
+        np.geomspace(slowest, fastest, TRIED),
+        dict[float, bool](),
+        dict[float, list[Break]](),
+    )
+    for _ in range(ROUNDS):
+        fresh = [float(rate) for rate in rates if float(rate) not in tried]
+        for rate, result in zip(
+            fresh, _removed(own, key, fresh, remove_ml, goals, volume_policy), strict=True
+        ):
+            broken[rate] = _breaks(goals, result)
+            tried[rate] = not broken[rate]
+        below = _last_kept(tried)
+        above = min((rate for rate, kept in tried.items() if not kept), default=None)
+        if below is None or above is None:
+            break
+        rates = np.linspace(below, above, TRIED + 2)[1:-1]
+    return _removal(own.patient.id, remove_ml, goals, tried, broken)
+
+
+def _last_kept(tried: dict[float, bool]) -> float | None:
+    """The fastest rate that keeps all goals below the first that does not."""
+    first = min((rate for rate, kept in tried.items() if not kept), default=math.inf)
+    return max((rate for rate in tried if rate < first), default=None)
+
+
+def _filtration(case: Case) -> str:
+    """Key of the net ultrafiltration of the case's device."""
+    for one in case.instances():
+        if FILTRATION in one.device.section.fields():
+            return f"{one.key}.{FILTRATION}"
+    raise GoalError(["no device that removes fluid; allowed: a case with [crrt] or [renox]"])
+
+
+def _fastest(case: Case, key: str, slowest: float) -> float:
+    """The highest rate that the device may be set to, of doublings of the slowest."""
+    rate = slowest
+    while True:
+        try:
+            apply_settings(case, [f"{key}={2.0 * rate!r}"])
+        except CaseError:
+            return rate
+        rate *= 2.0
+
+
+def _removed(
+    case: Case, key: str, rates: Sequence[float], remove_ml: float, goals: Sequence[Goal], policy: str | None
+) -> list[xr.Dataset]:
+    """Courses that remove a volume at some rates, side by side."""
+    minutes = [60.0 * remove_ml / rate for rate in rates]
+    timelines = [
+        Timeline(changed(case, {key: rate}, case), span * MINUTE)
+        for rate, span in zip(rates, minutes, strict=True)
+    ]
+    every = [span / MOMENTS for span in minutes]
+    return follow(timelines, every, [goal.output for goal in goals], policy)
+
+
+def _breaks(goals: Sequence[Goal], result: xr.Dataset) -> list[Break]:
+    """What a course breaks, its own end included."""
+    minutes, found = result["time_min"].to_numpy(), []
+    for goal in goals:
+        values = result[goal.output].to_numpy() if goal.output in result else np.zeros(0)
+        excess = np.array([goal.excess(float(value)) for value in values])
+        if (excess > 0.0).any():
+            worst = float(values[int(excess.argmax())])
+            found.append(Break(str(goal), worst, float(minutes[int((excess > 0.0).argmax())])))
+    if not result.attrs["converged"]:
+        found.append(
+            Break(str(result.attrs["message"]), math.nan, float(minutes[-1]) if len(minutes) else 0.0)
+        )
+    return found
+
+
+def _removal(
+    name: str,
+    remove_ml: float,
+    goals: Sequence[Goal],
+    tried: dict[float, bool],
+    broken: dict[float, list[Break]],
+) -> Removal:
+    best = _last_kept(tried)
+    above = min((rate for rate, kept in tried.items() if not kept), default=None)
+    limits = tuple(broken[above]) if above is not None else ()
+    said = " and ".join(_said(one) for one in limits)
+    if best is None:
+        assert above is not None
+        text = f"{remove_ml:g} mL cannot be removed: at {above:.0f} mL/h, the slowest, {said}"
+    else:
+        text = f"{remove_ml:g} mL can be removed at {best:.0f} mL/h, in {remove_ml / best:.1f} h"
+        text += f"; at {above:.0f} mL/h {said}" if above is not None else ", the fastest of the device"
+    rate = math.nan if best is None else best
+    keep = tuple(str(goal) for goal in goals)
+    return Removal(name, remove_ml, keep, rate, remove_ml / rate, best is not None, limits, text, tried)
+
+
+def _said(one: Break) -> str:
+    hours = f"{one.at_min / 60.0:.1f} h"
+    return (
+        f"{one.goal} after {hours}"
+        if math.isnan(one.value)
+        else f"{one.goal} breaks after {hours} ({one.value:.4g})"
+    )
+
+
+# --- weaning --------------------------------------------------------------------------------------
+
+READ = ("PF", "MAP", "CO", "LVO", "heart_rate", "ejection_fraction_lv", "PCWP", "right_atrial_pressure")
+"""Outputs of a step of weaning, where the case has them."""
+
+
+class WeaningStep(NamedTuple):
+    """The patient at one speed of the pump.
+
+    Attributes:
+        speed_rpm: of the pump.
+        setting: what was needed of the drug (or of another setting); None where none was asked for.
+        reached: whether the goals hold.
+        outputs: by name, `READ` and `LVOT_VTI_cm`, the velocity-time integral that a stroke of the left
+            ventricle has in an outflow tract 2 cm wide.
+        message: in words, where a goal is not reached or no steady beat was found.
+    """
+
+    speed_rpm: float
+    setting: float | None
+    reached: bool
+    outputs: dict[str, float]
+    message: str
+
+
+def plan_weaning(
+    case: CaseSource,
+    speeds: Sequence[float],
+    *,
+    keep: str | None = None,
+    vary: str | None = None,
+    volume_policy: str | None = None,
+) -> list[WeaningStep]:
+    """The pump turned down speed by speed, with the reflex of the case: what is read at each steady beat.
+
+    Args:
+        case: path of a case file, what `read_case` returned, or a case with ECMO.
+        speeds: of the pump [rpm], in order.
+        keep: goals at every speed, such as "MAP > 65".
+        vary: what is given for them, such as "drugs.noradrenaline=0..1"; the smallest is sought.
+        volume_policy: blood volume policy; left out, the case's.
+
+    Raises:
+        GoalError: goals or settings that cannot be meant, or no ECMO.
+        CaseError: the file is no case, or a speed is not allowed.
+    """
+    own = with_speed(as_case(case), volume_policy)[0].model_copy(update={"events": ()})
+    if own.ecmo is None:
+        raise GoalError(["no ECMO to wean from; allowed: a case with [ecmo]"])
+    if (keep is None) != (vary is None):
+        raise GoalError(["goals to keep and what is varied for them go together"])
+    if vary is not None and vary.strip().startswith("drugs.") and own.drugs is None:
+        own = changed(own, {vary.partition("=")[0].strip(): 0.0}, own)
+    return [_weaned(changed(own, {"ecmo.speed_rpm": float(s)}, own), float(s), keep, vary, volume_policy)
+            for s in speeds]  # fmt: skip
+
+
+def _weaned(case: Case, speed: float, keep: str | None, vary: str | None, policy: str | None) -> WeaningStep:
+    if keep is None or vary is None:
+        result = simulate(case, policy)
+        numbers = {str(n): float(v) for n, v in result.data_vars.items() if v.ndim == 0}
+        done = bool(result.attrs["converged"])
+        return WeaningStep(
+            speed, None, done, _read(numbers, case), "" if done else str(result.attrs["message"])
+        )
+    try:
+        result = reach(case, keep, vary=vary, volume_policy=policy)
+    except NoDerivativesError as error:
+        return WeaningStep(speed, math.nan, False, {}, error.reason)
+    message = "" if result.reached else result.message
+    return WeaningStep(speed, result.values[0], result.reached, _read(dict(result.outputs), case), message)
+
+
+def _read(numbers: dict[str, float], case: Case) -> dict[str, float]:
+    """What is read at the bedside, the velocity-time integral of a stroke among it."""
+    found = {name: numbers[name] for name in READ if name in numbers}
+    if "LVO" in found:
+        stroke = 1000.0 * found["LVO"] / found.get("heart_rate", case.patient.heart_rate_bpm)
+        found["LVOT_VTI_cm"] = stroke / (math.pi * (0.5 * OUTFLOW_TRACT_CM) ** 2)
+    return found
+
+
+def unit_of(name: str) -> str:
+    """Unit of what a step of weaning reads."""
+    return "cm" if name == "LVOT_VTI_cm" else output(name).unit

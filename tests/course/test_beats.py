@@ -1,0 +1,95 @@
+"""Beat by beat: at rest nothing moves, blood given is there, and the end is the steady beat."""
+
+import json
+
+import numpy as np
+import pytest
+
+import eclsim
+from eclsim.cases import read_case
+from eclsim.course.beats import course_beats
+from eclsim.course.course import course
+from eclsim.inputs.mistakes import CaseError
+
+PATIENT = """format = 1
+[patient]
+id = "P01"
+sex = "male"
+age_years = 60
+height_cm = 178
+weight_kg = 80
+heart_rate_bpm = 80
+[regulation]
+baroreflex = 1.0
+"""
+EVENTS = """
+[[events]]
+at_min = 0.5
+give = { blood_ml = 150 }
+over_min = 0.5
+[[events]]
+at_min = 1
+set = { Rmc = 0.8 }
+"""
+OUTPUTS = ("MAP", "CO", "heart_rate", "systemic_resistance_factor")
+
+
+def case(tmp_path, events=""):
+    file = tmp_path / "case.toml"
+    file.write_text(PATIENT + events)
+    return read_case(file).case
+
+
+@pytest.fixture(scope="module")
+def followed(tmp_path_factory):
+    own = case(tmp_path_factory.mktemp("beats"), EVENTS)
+    beats = course_beats(own, minutes=6.0, outputs=OUTPUTS)
+    return own, beats, course(own, minutes=6.0, every_min=1.0, outputs=OUTPUTS)
+
+
+def test_at_rest_nothing_moves(tmp_path):
+    own = case(tmp_path)
+    result = course_beats(own, minutes=1.0, outputs=OUTPUTS)
+    assert result.sizes["time_min"] == 80
+    expected = eclsim.simulate(own)
+    for name in OUTPUTS:
+        np.testing.assert_allclose(result[name], float(expected[name]), rtol=2e-5)
+
+
+def test_the_circulation_ends_at_the_steady_beat(followed):
+    _, beats, steady = followed
+    for name in OUTPUTS:
+        assert float(beats[name][-1]) == pytest.approx(float(steady[name][-1]), rel=2e-3), name
+
+
+def test_a_reflex_lags_behind_a_sudden_change(followed):
+    _, beats, _ = followed
+
+    def moved(name, minute):
+        before, then = (float(beats[name].sel(time_min=t, method="nearest")) for t in (0.985, minute))
+        return abs(then - before)
+
+    later = max(moved("heart_rate", minute) for minute in (1.1, 1.2, 1.5, 3.0))
+    assert moved("heart_rate", 1.01) < 0.5 * later
+    assert moved("MAP", 1.03) > 1.0
+
+
+def test_what_is_given_is_there(followed):
+    balance = json.loads(followed[1].attrs["balance"])
+    assert balance["given_ml"] == pytest.approx(150.0, abs=1e-6)
+    assert abs(balance["error_ml"]) < 1e-6
+
+
+def test_shown_beats_are_so_far_apart(followed):
+    own, beats, _ = followed
+    sparse = course_beats(own, minutes=1.2, every_min=0.25, outputs=("MAP",))
+    np.testing.assert_allclose(sparse["time_min"], [0.0, 0.25, 0.5, 0.75, 1.0], atol=0.013)
+    shared = beats["MAP"].sel(time_min=sparse["time_min"].to_numpy(), method="nearest").to_numpy()
+    np.testing.assert_allclose(sparse["MAP"], shared, rtol=1e-9)
+
+
+def test_another_circuit_is_refused(tmp_path):
+    own = case(tmp_path, '[lvad]\npump = "HM3"\nspeed_rpm = 4000\ninlet_site = "lv"\noutlet_site = "ao"\n')
+    moved = own.as_mapping() | {"events": [{"at_min": 0.5, "set": {"lvad.outlet_site": "sart"}}]}
+    with pytest.raises(CaseError, match="connects the circuit in another way"):
+        course_beats(type(own).model_validate(moved), minutes=1.0)

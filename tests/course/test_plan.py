@@ -1,0 +1,90 @@
+"""Plans: the fastest removal that keeps goals, and weaning step by step."""
+
+import math
+
+import pytest
+
+from eclsim.cases import read_case
+from eclsim.cases.settings import apply_settings
+from eclsim.course.course import course
+from eclsim.course.plan import plan_removal, plan_weaning
+from eclsim.goals.goal import GoalError
+
+PATIENT = """format = 1
+[patient]
+id = "P01"
+sex = "male"
+age_years = 60
+height_cm = 178
+weight_kg = 80
+heart_rate_bpm = 80
+[ecmo]
+pump = "Rotaflow"
+speed_rpm = 3000
+oxygenator = "Quadrox-i Adult"
+mode = "VA"
+[crrt]
+flow_ml_min = 200
+access_site = "post_oxy"
+return_site = "pre_oxy"
+"""
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory):
+    file = tmp_path_factory.mktemp("plan") / "case.toml"
+    file.write_text(PATIENT)
+    return read_case(file).case
+
+
+@pytest.fixture(scope="module")
+def removal(own):
+    return plan_removal(own, 300.0, "MAP > 62", hours=10.0)
+
+
+def test_the_rate_found_keeps_the_goal_and_a_faster_one_does_not(own, removal):
+    assert removal.possible
+    (limit,) = removal.limits
+    assert limit.goal == "MAP > 62"
+    for factor, kept in ((1.0, True), (1.1, False)):
+        rate = factor * removal.rate_ml_h
+        case = apply_settings(own, [f"crrt.net_ultrafiltration_ml_h={rate!r}"])
+        result = course(case, minutes=60.0 * 300.0 / rate, outputs=("MAP",))
+        assert (float(result["MAP"].min()) > 62.0) is kept
+
+
+def test_the_result_says_it_in_words_and_data(removal):
+    assert f"300 mL can be removed at {removal.rate_ml_h:.0f} mL/h" in removal.message
+    assert removal.hours == pytest.approx(300.0 / removal.rate_ml_h)
+    assert removal.as_object()["limits"][0]["goal"] == "MAP > 62"
+
+
+@pytest.mark.slow
+def test_a_goal_that_is_broken_from_the_start_cannot_be_kept(own):
+    result = plan_removal(own, 300.0, "MAP > 120", hours=10.0)
+    assert not result.possible
+    assert math.isnan(result.rate_ml_h)
+    assert "cannot be removed" in result.message
+
+
+def test_without_a_device_that_removes_fluid_it_is_refused(own):
+    bare = own.model_copy(update={"crrt": None})
+    with pytest.raises(GoalError, match="no device that removes fluid"):
+        plan_removal(bare, 300.0, "MAP > 62")
+
+
+def test_weaning_reads_what_the_bedside_reads(own):
+    steps = plan_weaning(own, [3000.0, 2500.0])
+    assert [step.speed_rpm for step in steps] == [3000.0, 2500.0]
+    assert steps[0].outputs["PF"] > steps[1].outputs["PF"]
+    vti = steps[0].outputs["LVOT_VTI_cm"]
+    stroke = 1000.0 * steps[0].outputs["LVO"] / 80.0
+    assert vti == pytest.approx(stroke / math.pi)
+
+
+@pytest.mark.slow
+def test_the_dose_that_keeps_a_pressure_rises_as_flow_falls(own):
+    steps = plan_weaning(own, [3000.0, 2000.0], keep="MAP > 75", vary="drugs.noradrenaline=0..1")
+    assert all(step.reached for step in steps)
+    assert all(step.outputs["MAP"] >= 75.0 - 1e-2 for step in steps)
+    assert steps[1].setting > steps[0].setting
