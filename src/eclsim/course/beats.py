@@ -180,7 +180,7 @@ class _Marching:
         if now[EXTRA_VOLUME][0] == before[EXTRA_VOLUME][0]:
             return change
         volumes = [
-            np.array(self.assembly.start_volumes({k: float(v[0]) for k, v in (before | extra).items()}))
+            np.array(self.assembly.start_volumes({k: float(v[0]) for k, v in ({**before, **extra}).items()}))
             for extra in ({}, {EXTRA_VOLUME: now[EXTRA_VOLUME]})
         ]
         change[self.assembly.layout.volumes.where] = volumes[1] - volumes[0]

@@ -183,7 +183,7 @@ def followed(case: CaseSource, minutes: float, policy: str | None = None) -> Fol
     timeline = Timeline(with_speed(as_case(case), policy)[0], minutes * MINUTE)
     policy = policy or timeline.case.volume_policy
     engine = Engine([timeline], Laws(laws_of(*timeline.start)), policy, CourseOptions())
-    moments = moments_of(engine, engine.march(), usual_every(minutes) * MINUTE)
+    moments = moments_of(engine, engine.march(), [usual_every(minutes) * MINUTE])
     beats_at(moments, engine, None, True, None)
     result = _labelled(moments, 0, engine, True)
     result.attrs["seconds"] = clock.perf_counter() - began
