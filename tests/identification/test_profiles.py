@@ -96,6 +96,13 @@ def test_a_flat_profile_reaches_its_ends():
     assert upper == VALUES[-1]
 
 
+def test_an_interval_reaches_over_a_ridge_to_another_minimum():
+    costs = np.array([50.0, 3.5, 9.0, 4.0, 3.0, 4.0, 50.0, 50.0, 50.0])
+    lower, upper = interval_90(VALUES, costs, LOG)
+    assert VALUES[0] < lower < VALUES[1]
+    assert VALUES[5] < upper < VALUES[6]
+
+
 def test_an_interval_ends_where_there_is_no_steady_beat():
     costs = np.full(9, 5.0)
     costs[7] = np.nan

@@ -142,6 +142,7 @@ class _Rows:
         self.refused: list[Mistake] = []
         self.warnings: list[Mistake] = []
         self.notes: list[Mistake] = []
+        self.said: set[Mistake] = set()  # what a row leaves out of [gas] is said once
 
     def check_header(self) -> None:
         """All mistakes of the header at once."""
@@ -221,7 +222,8 @@ class _Rows:
                 wrong.append(Mistake(", ".join(MEASURED), "nothing measured, so nothing to fit"))
             if not wrong:
                 self.warnings += [self._in_columns(m).at("", line) for m in reading.warnings]
-                message = (m for m in reading.notes if m.key not in _UNSAID)
+                message = [m for m in reading.notes if m.key not in _UNSAID and m not in self.said]
+                self.said.update(m for m in message if m.key.startswith(Gas.section))
                 self.notes += [self._in_columns(m).at("", line) for m in message]
                 return CohortPoint(reading.case.patient.id, row[MEASUREMENT], line, reading.case)
         self.refused += [m.at("", line) for m in wrong]

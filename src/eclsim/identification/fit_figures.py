@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from eclsim.identification.observation import FLOWS, PRESSURES, measured_and_simulated
-from eclsim.identification.scale import Scale
+from eclsim.identification.scale import Scale, short
 from eclsim.reporting.style import GREY, OKABE_ITO, figure_style, new_figure
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def _parameter_panels(
                 axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
                 axes.xaxis.set_minor_formatter(NullFormatter())
             axes.set_xlim(values[0], values[-1])
-            axes.set_xlabel(f"{name} [{unit}]" if (unit := units.get(name, "")) else name)
+            axes.set_xlabel(f"{name} [{unit}]" if (unit := units.get(name, "")) not in ("", "1") else name)
             if k % across == 0:
                 axes.set_ylabel(label)
 
@@ -132,7 +132,7 @@ def plot_starts(starts: Starts, names: Sequence[str], lower: np.ndarray, upper: 
         left.set_xlabel("start")
         left.set_ylabel("sum of squared residuals")
         left.legend(loc="best", frameon=True, framealpha=0.9)
-        right.set_xticks(range(len(names)), names, rotation=45, ha="right")
+        right.set_xticks(range(len(names)), list(map(short, names)), rotation=45, ha="right")
         right.set_yticks((0.0, 0.5, 1.0), ("lower\nbound", "middle", "upper\nbound"))
         right.set_ylim(-0.06, 1.06)
         right.set_ylabel("where it ended")
@@ -179,8 +179,8 @@ def plot_correlation(names: Sequence[str], matrix: np.ndarray) -> Figure:
         fig = new_figure(width_mm=1.08 * side + 33.0, height_mm=side + 18.0)
         axes = fig.subplots()
         image = axes.imshow(matrix, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
-        axes.set_xticks(range(size), names, rotation=45, ha="right")
-        axes.set_yticks(range(size), names)
+        axes.set_xticks(range(size), list(map(short, names)), rotation=45, ha="right")
+        axes.set_yticks(range(size), list(map(short, names)))
         axes.tick_params(length=0)
         axes.spines[:].set_visible(False)
         for (row, column), value in np.ndenumerate(matrix):

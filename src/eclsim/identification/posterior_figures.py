@@ -35,6 +35,7 @@ _ACROSS = 2
 MOST_NAMES = 8
 LONGEST_NAME = 6
 """Where names are longer, the axis counts the measurements."""
+LONGEST_LABEL = 24
 HOURS_PER_DAY = 24.0
 DAYS_FROM = 72.0
 """A course longer than so many hours has days on its axis."""
@@ -196,7 +197,13 @@ def _mixing(diagnostics: Diagnostics, k: int) -> str:
 
 
 def _axis(name: str) -> str:
-    return axis_label(name).replace(" [", "\n[")
+    return _broken(axis_label(name).replace(" [", "\n["))
+
+
+def _broken(label: str) -> str:
+    """A label with a line of its own for the key of a section, where it is long."""
+    section, dot, key = label.rpartition(".")
+    return f"{section}.\n{key}" if dot and len(label) > LONGEST_LABEL and "\n" not in section else label
 
 
 def _of_pairs(result: PosteriorResult) -> str:
@@ -271,7 +278,7 @@ def plot_parameters(series: Mapping[str, Any]) -> Figure:
         for k, (ax, name) in enumerate(zip(panels, names, strict=True)):
             _band(ax, time, [p["parameters"].get(name) for p in points], "blue", "after the measurement")
             _scaled(ax.yaxis, name)
-            ax.set_ylabel(axis_label(name))
+            ax.set_ylabel(_broken(axis_label(name)))
             time.draw(ax, k >= len(names) - _ACROSS)
     return fig
 

@@ -255,7 +255,7 @@ def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles]:
 
 
 def interval_90(values: np.ndarray, costs: np.ndarray, scale: Scale) -> tuple[float, float]:
-    """Where a profile has risen by `RISE_90`, in the parameter's unit; its ends where it never does.
+    """Where a profile has risen by `RISE_90` for good, in the parameter's unit; its ends where it never does.
 
     Args:
         values: of the parameter, rising.
@@ -267,9 +267,10 @@ def interval_90(values: np.ndarray, costs: np.ndarray, scale: Scale) -> tuple[fl
     limit, x = np.sqrt(RISE_90), scale.coordinates(values[:, None])[:, 0]
     ends = []
     for step, last in ((-1, 0), (1, len(x) - 1)):
-        k = least
-        while k != last and rise[k + step] <= limit:
-            k += step
+        # Beyond a ridge there may be another minimum, as of a shunt in place of recirculation.
+        side = rise[least::step]
+        beats = np.append(np.isinf(side), True).argmax()
+        k = least + step * int(np.flatnonzero(side[:beats] <= limit)[-1])
         if k == last or not np.isfinite(rise[k + step]):
             ends.append(values[k])
             continue
