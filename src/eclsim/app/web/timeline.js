@@ -94,6 +94,7 @@ export default {
         this.busy = false;
         this.refused = course.refused ?? "";
         this.course = course.refused ? null : course;
+        this.asked = undefined;
         if (this.course && this.minute) this.ask();
       },
       error({ key, messages }) {

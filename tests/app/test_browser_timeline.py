@@ -1,0 +1,57 @@
+"""The timeline under the monitor: events by clicking, jump, play, and the page at the minute that is shown."""
+
+from __future__ import annotations
+
+import pytest
+
+from eclsim.app.course import with_event
+from eclsim.app.state import PageState, link_of
+from eclsim.app.texts import text
+from eclsim.cases.presets import PRESETS
+from page_in_browser import beat, expect, picture, turn, wait_for
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
+COURSE = "eclsim.bus.last('course')?.of === eclsim.bus.last('state').of"
+
+
+def test_an_event_is_set_where_somebody_clicked_and_the_page_follows(open_page, shots):
+    page = open_page("healthy")
+    page.get_by_role("button", name=text("timeline_open")).click()
+    page.wait_for_function(COURSE)
+    chart = page.locator(".ecl-timeline svg").first
+    chart.scroll_into_view_if_needed()
+    box = chart.bounding_box()
+    page.mouse.click(box["x"] + 0.25 * box["width"], box["y"] + 10)
+    wait_for(page, "beat.minute > 80 && beat.minute < 100")
+    before = beat(page)["outputs"]["MAP"]
+    page.locator(".ecl-timeline .new select").select_option("bleed_ml")
+    page.locator(".ecl-timeline .new input").first.fill("800")
+    page.locator(".ecl-timeline .new button").click()
+    expect(page.locator(".ecl-timeline ol")).to_contain_text("bleed 800 mL")
+    page.wait_for_function(COURSE)
+    page.mouse.click(box["x"] + 0.6 * box["width"], box["y"] + 10)
+    wait_for(page, f"beat.minute > 200 && beat.outputs.MAP < {before} - 3")
+    expect(page.locator(".ecl-keys")).to_contain_text(f"{beat(page)['outputs']['MAP']:.0f}")
+    picture(page, shots, "timeline")
+    turn(page, "patient.heart_rate_bpm", "80")
+    page.wait_for_function(COURSE)
+    wait_for(page, "beat.minute > 200 && Math.abs(beat.period - 0.75) < 1e-3")
+    page.get_by_role("button", name=text("timeline_remove")).click()
+    expect(page.locator(".ecl-timeline ol")).to_have_count(0)
+    page.get_by_role("button", name=text("timeline_close")).click()
+    wait_for(page, "beat.minute === 0")
+
+
+def test_a_link_with_events_is_played(open_page, served):
+    case = with_event(PRESETS["healthy"].case(), {"at_min": 30, "give": {"bleed_ml": 500}, "over_min": 10})
+    page = open_page(url=f"{served.url}/#{link_of(PageState(case))}")
+    page.get_by_role("button", name=text("timeline_open")).click()
+    page.wait_for_function(COURSE)
+    expect(page.locator(".ecl-timeline ol")).to_contain_text("bleed 500 mL")
+    page.get_by_label(text("timeline_speed")).select_option("3600")
+    page.locator(".ecl-timeline .play").click()
+    wait_for(page, "beat.minute > 30")
+    page.locator(".ecl-timeline .play").click()
+    page.locator(".ecl-timeline .new input").first.fill("90000")
+    page.locator(".ecl-timeline .new button").click()
+    expect(page.locator(".ecl-timeline .refused")).to_contain_text("20000")
