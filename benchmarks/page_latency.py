@@ -1,6 +1,7 @@
 """How fast the bedside page is: ready after start, knob to repaint, and many sessions turning knobs.
 
     python benchmarks/page_latency.py                      # page ready, latency of each view
+    python benchmarks/page_latency.py --gas                # the same with blood gases
     python benchmarks/page_latency.py --sessions 20 --seconds 120
 
 Needs Chromium on the PATH. The compilation cache should be warm: run it twice.
@@ -25,6 +26,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 VIEWS = ("Monitor", "PV loops", "Outputs")
+GASES = "Gases"
 # Turns one knob of a session again and again, and watches that every beat is one of its own.
 SOAK = """([mine, pause]) => {
   const own = (period) => mine.some((rate) => Math.abs(period - 60 / rate) < 1e-4);
@@ -49,6 +51,7 @@ SOAK = """([mine, pause]) => {
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--turns", type=int, default=60, help="turns of the knob in each view")
+    parser.add_argument("--gas", action="store_true", help="switch blood gases on first")
     parser.add_argument("--sessions", type=int, default=0, help="pages that turn knobs side by side")
     parser.add_argument("--seconds", type=float, default=120.0, help="for so long [s]")
     parser.add_argument("--pause", type=int, default=500, help="between turns of one session [ms]")
@@ -79,7 +82,10 @@ def measure(
 ) -> dict[str, Any]:
     while not _answers(url):
         time.sleep(0.05)
-    result: dict[str, Any] = {"answers_after_s": round(time.perf_counter() - started, 2)}
+    result: dict[str, Any] = {
+        "load": os.getloadavg()[0],
+        "answers_after_s": round(time.perf_counter() - started, 2),
+    }
     page = browser.new_page(viewport={"width": 1280, "height": 800})
     foreign: list[str] = []
     page.on("request", lambda r: None if r.url.startswith((url, "data:", "blob:")) else foreign.append(r.url))
@@ -94,10 +100,19 @@ def measure(
         page.get_by_label("Patient").first.click()
         page.get_by_text("V-A ECMO + CRRT").click()
         page.wait_for_function("eclsim.bus.last('beat').waves.Pcrrttuin")
+        if options.gas:
+            switch_gases_on(page)
         page.wait_for_timeout(3000)
-        result["latency_ms"] = {view: latency(page, view, options.turns) for view in VIEWS}
+        result["latency_ms"] = {
+            view: latency(page, view, options.turns) for view in (*VIEWS, *([GASES] if options.gas else []))
+        }
     result["external_requests"] = foreign
     return result
+
+
+def switch_gases_on(page: Page) -> None:
+    page.get_by_role("switch", name="Connect Blood gases").click()
+    page.wait_for_function("Object.keys(eclsim.bus.last('beat').gas?.places ?? {}).length", timeout=120_000)
 
 
 def latency(page: Page, view: str, turns: int) -> dict[str, float]:
@@ -124,6 +139,8 @@ def soak(browser: Browser, url: str, options: argparse.Namespace, pid: int) -> d
         page.on("pageerror", lambda error: problems.append(str(error)))
         page.goto(url)
         page.wait_for_function("window.eclsim?.bus.last('beat')", timeout=60_000)
+        if options.gas:
+            switch_gases_on(page)
         page.evaluate(SOAK, [[70 + 3 * k, 71 + 3 * k, 72 + 3 * k], options.pause])
     memory, begun = [], time.monotonic()
     while time.monotonic() - begun < options.seconds:

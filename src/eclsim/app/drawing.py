@@ -157,7 +157,8 @@ def _wire(wire: Wire, plan: Plan, group: str, page: Layout) -> dict[str, Any]:
         label = (x, y + 10.2 if body else y - 11.8, "middle")
     else:
         right = x < MIDDLE or body
-        label = (x + (5.0 if right else -5.0), y + (2.0 if body else -1.0), "start" if right else "end")
+        down = body and stop[1] < start[1]  # below the label of the wire above
+        label = (x + (5.0 if right else -5.0), y + (2.0 if down else -1.0), "start" if right else "end")
     return {
         "name": wire.name, "text": ENGLISH.get(f"wire_{wire.name}", wire.mark.words),
         "ends": [wire.source, wire.target],

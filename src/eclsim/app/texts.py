@@ -418,7 +418,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "mmHg.",
         "help_text": "Drag a knob or type a number; everything follows at once. Tab moves between knobs, "
         "arrow keys turn them. Ctrl+Z undoes, Ctrl+Y redoes, Alt+P pins, Alt+S saves, Alt+R resets, "
-        "Alt+1 to Alt+9 open the views.",
+        "Alt+1 to Alt+8 open the views.",
     }
 )
 

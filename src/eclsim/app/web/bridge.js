@@ -127,7 +127,7 @@ export default {
         event.preventDefault();
         this.$emit("shortcut", { action });
       }
-      if (event.altKey && /^[1-9]$/.test(event.key)) {
+      if (event.altKey && /^[1-8]$/.test(event.key)) {
         event.preventDefault();
         this.$emit("shortcut", { action: "view", number: Number(event.key) });
       }
