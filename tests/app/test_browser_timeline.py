@@ -1,4 +1,4 @@
-"""The timeline under the monitor: events by clicking, jump, play, and the page at the minute that is shown."""
+"""The timeline under the monitor: events by clicking, jump, play, and the page at that minute."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ def test_events_stand_in_their_order_and_go_again():
 
 @pytest.mark.parametrize("preset", PRESETS)
 def test_everything_that_is_offered_can_happen(preset):
-    case = connect(PRESETS[preset].case(), "gas")
+    case = connect(connect(PRESETS[preset].case(), "gas"), "fluid")
     for one in possible_events(case):
         assert one["label"]
         change = {"give": {one["key"]: 100.0}} if one["give"] else {"set": {one["key"]: one["value"]}}
