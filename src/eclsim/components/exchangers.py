@@ -156,8 +156,11 @@ class NativeLung(GasExchanger):
         return inlet + (1.0 - value_of(values, self.shunt)) * (inside.content[:, 0] - inlet)
 
     def missing(self, flow: Array, inlet: Array, inside: Points, values: Values) -> Array:  # noqa: D102
+        shunt = value_of(values, self.shunt)
         gas = 1000.0 * BTPS_TO_STPD * value_of(values, self.ventilation)
-        gained = 10.0 * flow * (1.0 - value_of(values, self.shunt)) * (inside.content[:, 0] - inlet)
+        # Alveoli that no blood passes need some gas for their equation to have a solution.
+        gas = jnp.where(shunt >= 1.0, jnp.maximum(gas, 1.0), gas)
+        gained = 10.0 * flow * (1.0 - shunt) * (inside.content[:, 0] - inlet)
         expired = gas - gained[0] - gained[1]
         inspired = gas * jnp.stack([value_of(values, self.oxygen), AIR_CARBON_DIOXIDE])
         return (gained + inside.pressure[:, 0] / DRY_MMHG * expired - inspired)[:, None]
