@@ -223,3 +223,11 @@ def test_two_flows_at_once_are_refused_and_one_of_a_named_circuit_is_solved_for(
     refused = simulate(read_mapping(raw).case)
     assert refused.attrs["status"] == NOT_REACHED
     assert "only one can be solved for" in refused.attrs["message"]
+
+
+def test_the_crrt_study_solves_for_the_speed_and_holds_it():
+    study = eclsim.crrt_study(case(), schemes="g", speeds=[2000.0], volume_policy="as_published")
+    solved = with_speed(case(), "as_published")[1]
+    assert solved is not None
+    assert study.case_speed == solved.speed_rpm
+    assert not study.case.targets()

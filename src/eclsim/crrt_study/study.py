@@ -117,6 +117,7 @@ def crrt_study(
 
     Args:
         case: case or its file, with an ECMO circuit and a rotary pump; its CRRT section gives the flow only.
+            Of a case that names a pump flow the speed is solved for, under the first policy, and held.
         schemes: letters, groups and pairs, see `select_schemes`.
         speeds: pump speeds [rpm], see `parse_speeds`; the case's own speed is added.
         crrt_flow_ml_min: blood flow of the CRRT; left out, the case's own, else 200 mL/min.
@@ -129,6 +130,7 @@ def crrt_study(
 
     Raises:
         CaseError: If the file cannot be read.
+        FlowNotReachedError: If no speed gives the pump flow that the case names.
         RuleError: If the rule cannot be read, or asks for what is not computed.
         StudyError: If the case has no ECMO circuit with a rotary pump, or the policy is none.
         SchemeError: If a scheme cannot be read.
@@ -138,10 +140,12 @@ def crrt_study(
     from eclsim.crrt_study.beats import split_differences, study_circuits, summarise
     from eclsim.crrt_study.limits import largest_flows, uncertainty
     from eclsim.crrt_study.ranking import rank
+    from eclsim.simulation.target_flow import with_speed
 
     case = as_case(case)
     chosen = select_schemes(schemes, scheme_h)
     policies = policies_of(volume_policy or case.blood_volume_policy or BOTH)
+    case = with_speed(case, policies[0])[0]
     judged_by = read_rule(rule)
     own = case_speed(case)
     rpm = np.unique([*(parse_speeds(speeds) if isinstance(speeds, str) else speeds), own]).astype(float)

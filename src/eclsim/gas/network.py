@@ -96,12 +96,6 @@ def gas_exchanges(circuit: Circuit) -> tuple[Exchange, ...]:
     return tuple(e for e in circuit.exchanges if isinstance(e.component, GasExchanger))
 
 
-def without_gas(circuit: Circuit) -> Circuit:
-    """The circuit of a patient whose gases are not asked for."""
-    kept = tuple(e for e in circuit.exchanges if not isinstance(e.component, GasExchanger))
-    return Circuit(circuit.compartments, circuit.connections, circuit.controllers, kept)
-
-
 def flows_of(circuit: Circuit, forward: Array, backward: Array, values: Values) -> Flows:
     """Balanced mean flows of a circuit.
 

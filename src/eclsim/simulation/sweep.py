@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from eclsim import files
 from eclsim.files import frame_text, whole_file, write_text
 from eclsim.orbit.model import circuit_of, values_of
 from eclsim.orbit.steady import Batch
@@ -254,11 +253,6 @@ def sweep_object(sweep: Sweep) -> dict[str, Any]:
     ]
     failed = [case["swept"][sweep.key] for case in cases if not case["converged"]]
     return {"sweep": about | {"own_value": sweep.own, "failed": failed}, "cases": cases}
-
-
-def write_json(sweep: Sweep, destination: Path | str) -> None:
-    """Write the object to a file, or to standard output for "-"."""
-    files.write_json(sweep_object(sweep), destination)
 
 
 def write_netcdf(sweep: Sweep, path: Path) -> None:
