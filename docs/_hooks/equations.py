@@ -13,7 +13,7 @@ PARTS = re.compile(f"{CODE}|{BLOCK}|{INLINE}", re.MULTILINE | re.DOTALL)
 def rendered(part: re.Match[str]) -> str:
     """Code as it is, an equation as MathML."""
     if inline := part["inline"]:
-        return convert(inline.strip(), display="inline")
+        return f"<span>{convert(inline.strip(), display='inline')}</span>"  # bare, it would end a paragraph
     if block := part["fenced"] or part["block"]:
         return f'<div class="equation">{convert(block.strip(), display="block")}</div>'
     return part[0]
