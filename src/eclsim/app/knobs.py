@@ -111,7 +111,7 @@ def value_of(case: Case, key: str) -> float | str | None:
     if section == "parameters":
         return _parameter(case, name)
     one = case.instance(section)
-    value = case.setting(section, name) if one is None else one.device.shown(one.section, name)
+    value = getattr(getattr(case, section), name) if one is None else one.device.shown(one.section, name)
     if value is None:
         return _left_out(case, section, name)
     if isinstance(value, bool):
