@@ -107,7 +107,7 @@ class Case(PublishedDevices):
         """The device of a section such as "lvad" or "lvad.left"; None where it is not connected."""
         return next((one for one in self.instances() if one.key == key), None)
 
-    def with_section(self, key: str, **changes: Any) -> Case:
+    def with_section(self, key: str, **changes: object) -> Case:
         """The same case with some keys of a device's section changed; the values are right."""
         one = self.instance(key)
         assert one is not None

@@ -218,6 +218,6 @@ def _recirculation(beat: SteadyBeat, member: int) -> dict[str, xr.Variable]:
     return {n: variable((), v, **about) for n, (v, about) in recirculation(circuit, flows).items()}
 
 
-def variable(dims: str | tuple[str, ...], values: npt.ArrayLike, **labels: Any) -> xr.Variable:
+def variable(dims: str | tuple[str, ...], values: npt.ArrayLike, **labels: object) -> xr.Variable:
     """A labelled array; xarray's short way to it does not import dask, which takes half a second."""
     return xr.Variable(dims, np.asarray(values), labels, fastpath=True)

@@ -188,5 +188,5 @@ def _numbers(result: xr.Dataset, names: Sequence[str]) -> dict[str, float]:
     return {name: float(v) for name, v in values.items() if isinstance(v, int | float) and np.isfinite(v)}
 
 
-def _plain(value: Any) -> str | int:
+def _plain(value: object) -> str | int:
     return int(value) if isinstance(value, (int, np.integer)) else str(value)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
     from eclsim.devices.description import Target
     from eclsim.devices.device import Instance
+    from eclsim.orbit.equation import OrbitOptions
+    from eclsim.orbit.execution import Execution
 
 TOLERANCE_L_MIN = 1e-6
 SCANNED = 9
@@ -143,7 +145,8 @@ def solve_speeds(
     case: Case,
     changes: Mapping[str, npt.ArrayLike],
     policy: str | None = None,
-    **how: Any,
+    options: OrbitOptions | None = None,
+    execution: Execution | None = None,
 ) -> SolvedSpeeds | None:
     """The speed of each variant of a case that gives its flow; None if no flow is wanted.
 
@@ -151,7 +154,8 @@ def solve_speeds(
         case: that all variants share.
         changes: as of `eclsim.simulate_many`; a target such as "ecmo.flow_l_min" may be among them.
         policy: blood volume policy; left out, the case's.
-        how: `options` and `execution` of `eclsim.simulate_many`.
+        options: accuracy and effort of the search.
+        execution: how the batch is computed.
 
     Raises:
         FlowNotReachedError: Two flows are wanted at once.
@@ -191,7 +195,7 @@ def solve_speeds(
 
     def flow_at(members: np.ndarray, speeds: np.ndarray) -> tuple[np.ndarray, list[str]]:
         varied = {name: column[members] for name, column in columns.items()} | {blank.speed: speeds}
-        beats = simulate_many(model, varied, (blank.output,), policy, **how)
+        beats = simulate_many(model, varied, (blank.output,), policy, options, execution)
         return beats[blank.output].to_numpy(), [str(text) for text in beats["message"].to_numpy()]
 
     speeds, reasons = speeds_for_flows(flow_at, flows, (sweep.low, sweep.high))
