@@ -28,16 +28,12 @@ class GivenGases(GasExchanger):
     pco2: float
     shunt: float = 0.0
 
-    @property
-    def points(self):
-        return 1
+    def exchanging(self, values):
+        return 1.0 - self.shunt
 
-    def outlet(self, inlet, inside: Points, values):
-        return self.shunt * inlet + (1.0 - self.shunt) * inside.content[:, 0]
-
-    def missing(self, flow, inlet, inside: Points, values):
-        given = jnp.array([self.po2, self.pco2])
-        return (10.0 * flow * (jnp.log(inside.pressure[:, 0]) - jnp.log(given)))[:, None]
+    def rates(self, flow, inside: Points, values):
+        given = jnp.array([self.po2, self.pco2])[:, None]
+        return inside.gained - 10.0 * flow * (jnp.log(inside.pressure) - jnp.log(given))
 
 
 def flows_of(paths, forward, backward=None):

@@ -1,10 +1,13 @@
 """Where blood takes up or gives off oxygen and carbon dioxide: tissue, native lung and membrane lung.
 
 The circuit says along which connection it happens. Blood that passes enters with given contents and is
-followed at `points` inside; at the last one it leaves (a lung mixes what bypassed it to that). The logarithms
-of both partial pressures at these points are the unknowns of the gas state, and `missing` says by how much
-the exchanger's equations are not met: one for each gas and point, in mL/min STPD (a lung's in mL/min times
-mmHg over 713).
+followed through `cells` in a row, at one point or at several inside each; at the last one it leaves (a lung
+mixes what bypassed it to that). The law of a place is the rate at which its blood gains gas at a point; what
+blood has gained there is the sum of the rates before with the weights of the collocation:
+
+    gained at a point = gained before the cell + sum over its points (weight x rate) / cells
+
+The logarithms of both partial pressures at the points are the unknowns of the gas state (`eclsim.gas`).
 """
 
 from __future__ import annotations
@@ -30,6 +33,8 @@ AIR_CARBON_DIOXIDE = 4e-4
 """Fraction of carbon dioxide in inspired gas."""
 RADAU = np.array([[5.0, -1.0], [9.0, 3.0]]) / 12.0
 """Weights of the rates at 1/3 and at the end of a cell (Radau IIA)."""
+MIXED = np.ones((1, 1))
+"""Of a place whose blood is mixed: the rate is that of the blood which leaves."""
 
 HAEMOGLOBIN, OXYGEN_CAPACITY = "gas.haemoglobin_g_dl", "gas.oxygen_capacity_ml_g"
 BLOOD = (HAEMOGLOBIN, "gas.base_excess_mmol_l", "gas.temperature_c", OXYGEN_CAPACITY)
@@ -40,13 +45,13 @@ class Points(NamedTuple):
     """Blood at the points inside an exchanger; arrays (points,), or (2, points) for oxygen, carbon dioxide.
 
     Attributes:
+        gained: gas that blood has gained up to there [mL/min STPD].
         pressure: partial pressures [mmHg].
-        content: contents [mL/dL].
         slope: derivative of the oxygen saturation with respect to PO2 at constant pH [1/mmHg].
     """
 
+    gained: Array
     pressure: Array
-    content: Array
     slope: Array
 
 
@@ -58,22 +63,27 @@ class GasExchanger(Exchanger, ABC):
         return (*super().parameter_names(), *BLOOD)
 
     @property
-    @abstractmethod
+    def collocation(self) -> tuple[int, np.ndarray]:
+        """Number of cells from inlet to outlet, and the weights of the rates in each."""
+        return 1, MIXED
+
+    @property
     def points(self) -> int:
         """Number of points inside at which the partial pressures are unknown."""
+        cells, weights = self.collocation
+        return cells * len(weights)
+
+    def exchanging(self, values: Values) -> Number:
+        """Share of the blood that exchanges gas; the rest passes unchanged."""
+        return 1.0
 
     @abstractmethod
-    def outlet(self, inlet: Array, inside: Points, values: Values) -> Array:
-        """Contents [mL/dL] of the blood that leaves, shape (2,)."""
-
-    @abstractmethod
-    def missing(self, flow: Array, inlet: Array, inside: Points, values: Values) -> Array:
-        """What is not met yet, shape (2, points).
+    def rates(self, flow: Array, inside: Points, values: Values) -> Array:
+        """Gas that all of the exchanger would give at the rate of each point [mL/min STPD], shape (2, points).
 
         Args:
-            flow: of blood [L/min].
-            inlet: contents of the blood that enters [mL/dL], shape (2,).
-            inside: blood at the points.
+            flow: of blood, that which passes unchanged too [L/min].
+            inside: blood at the points; every rate depends on its own point alone.
             values: all parameters.
         """
 
@@ -103,28 +113,20 @@ class Tissue(GasExchanger):
     held: Key = 0.0
     stored: Key = 0.0
 
-    @property
-    def points(self) -> int:  # noqa: D102  (as documented in the base class; so below)
-        return 1
-
     def wanted(self, values: Values) -> Number:
         """Oxygen that this tissue wants [mL/min STPD]."""
         return value_of(values, self.share) * value_of(values, self.demand)
 
-    def outlet(self, inlet: Array, inside: Points, values: Values) -> Array:  # noqa: D102
-        return inside.content[:, 0]
-
-    def missing(self, flow: Array, inlet: Array, inside: Points, values: Values) -> Array:  # noqa: D102
-        met = -jnp.expm1(-((inside.pressure[0, 0] / self.critical) ** 2))
+    def rates(self, flow: Array, inside: Points, values: Values) -> Array:  # noqa: D102  (see the base class)
+        met = -jnp.expm1(-((inside.pressure[0] / self.critical) ** 2))
         consumed = self.wanted(values) * met
-        gained = 10.0 * flow * (inside.content[:, 0] - inlet)
-        missed = gained - consumed * jnp.stack([-1.0, value_of(values, self.quotient)])
+        given_off = value_of(values, self.quotient) * consumed
         if self.held != 0.0:
             # As much as blood takes up for the difference in PCO2, some 0.5 mL/dL for each mmHg.
-            apart = 5.0 * flow * (inside.pressure[1, 0] - value_of(values, self.stored))
+            apart = 5.0 * flow * (inside.pressure[1] - value_of(values, self.stored))
             held = value_of(values, self.held)
-            missed = jnp.stack([missed[0], (1.0 - held) * missed[1] + held * apart])
-        return missed[:, None]
+            given_off = (1.0 - held) * given_off + held * (inside.gained[1] - apart)
+        return jnp.stack([-consumed, given_off])
 
 
 @dataclass(frozen=True)
@@ -148,22 +150,16 @@ class NativeLung(GasExchanger):
     oxygen: Key = "gas.fio2"
     shunt: Key = "gas.shunt_fraction"
 
-    @property
-    def points(self) -> int:  # noqa: D102
-        return 1
+    def exchanging(self, values: Values) -> Number:  # noqa: D102
+        return 1.0 - value_of(values, self.shunt)
 
-    def outlet(self, inlet: Array, inside: Points, values: Values) -> Array:  # noqa: D102
-        return inlet + (1.0 - value_of(values, self.shunt)) * (inside.content[:, 0] - inlet)
-
-    def missing(self, flow: Array, inlet: Array, inside: Points, values: Values) -> Array:  # noqa: D102
-        shunt = value_of(values, self.shunt)
+    def rates(self, flow: Array, inside: Points, values: Values) -> Array:  # noqa: D102
         gas = 1000.0 * BTPS_TO_STPD * value_of(values, self.ventilation)
         # Alveoli that no blood passes need some gas for their equation to have a solution.
-        gas = jnp.where(shunt >= 1.0, jnp.maximum(gas, 1.0), gas)
-        gained = 10.0 * flow * (1.0 - shunt) * (inside.content[:, 0] - inlet)
-        expired = gas - gained[0] - gained[1]
+        gas = jnp.where(jnp.asarray(value_of(values, self.shunt)) >= 1.0, jnp.maximum(gas, 1.0), gas)
+        expired = gas - inside.gained[0] - inside.gained[1]
         inspired = gas * jnp.stack([value_of(values, self.oxygen), AIR_CARBON_DIOXIDE])
-        return (gained + inside.pressure[:, 0] / DRY_MMHG * expired - inspired)[:, None]
+        return inspired[:, None] - inside.pressure / DRY_MMHG * expired
 
 
 @dataclass(frozen=True)
@@ -201,23 +197,15 @@ class MembraneLung(GasExchanger):
     cells: int = 4
 
     @property
-    def points(self) -> int:  # noqa: D102
-        return 2 * self.cells
+    def collocation(self) -> tuple[int, np.ndarray]:  # noqa: D102
+        return self.cells, RADAU
 
-    def outlet(self, inlet: Array, inside: Points, values: Values) -> Array:  # noqa: D102
-        return inside.content[:, -1]
-
-    def missing(self, flow: Array, inlet: Array, inside: Points, values: Values) -> Array:  # noqa: D102
+    def rates(self, flow: Array, inside: Points, values: Values) -> Array:  # noqa: D102
         gas = 1000.0 * FLOWMETER_TO_STPD * value_of(values, self.sweep)
-        gained = 10.0 * flow * (inside.content - inlet[:, None])
         supplied = gas * jnp.stack([value_of(values, self.oxygen), AIR_CARBON_DIOXIDE])[:, None]
-        left = gas - gained[0] - gained[1] + 1e-6
-        partial = DRY_MMHG * (supplied - gained) / left
-        rates = self.transfer(flow, inside.slope, values) * (partial - inside.pressure) * (gas / (gas + 1e-3))
-        reached = gained.reshape(2, self.cells, 2)
-        before = jnp.concatenate([jnp.zeros((2, 1)), reached[:, :-1, 1]], axis=1)
-        within = rates.reshape(2, self.cells, 2) @ RADAU.T / self.cells
-        return (reached - before[:, :, None] - within).reshape(2, self.points)
+        left = gas - inside.gained[0] - inside.gained[1] + 1e-6
+        partial = DRY_MMHG * (supplied - inside.gained) / left
+        return self.transfer(flow, inside.slope, values) * (partial - inside.pressure) * (gas / (gas + 1e-3))
 
     def transfer(self, flow: Array, slope: Array, values: Values) -> Array:
         """Permeance of the whole membrane [mL/min/mmHg] for both gases at the points, shape (2, points)."""

@@ -3,18 +3,21 @@
 Unknowns are the logarithms of PO2 and PCO2 at the points inside the exchangers, with the pH that belongs to
 them: contents are then explicit. What enters an exchanger is a mixture of what leaves the others, so that a
 patient with ECMO has about 20 unknowns however many compartments there are. Newton's method, with pH
-eliminated point by point; derivatives with respect to all parameters and flows by the implicit function
-theorem. Samples of mixed blood are solved along the way, each by itself.
+eliminated point by point and the points of an exchanger cell by cell; derivatives with respect to all
+parameters and flows by the implicit function theorem. Samples of mixed blood are solved along the way, each
+by itself.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+from itertools import pairwise
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
 from eclsim import runtime as _runtime  # noqa: F401  (double precision before the first array)
@@ -23,6 +26,7 @@ from eclsim.blood.gases import law_named
 from eclsim.blood.types import Blood
 from eclsim.components.base import Values
 from eclsim.components.exchangers import BLOOD, GasExchanger, Points
+from eclsim.gas.elimination import Inside, eliminated, moved, responses, together
 from eclsim.gas.transport import Mixtures
 
 ITERATIONS = 150
@@ -85,6 +89,12 @@ class _Network(NamedTuple):
     def count(self) -> int:
         """Number of points inside exchangers."""
         return sum(e.points for e in self.exchangers)
+
+    @property
+    def places(self) -> list[slice]:
+        """Points of each exchanger."""
+        ends = np.cumsum([0, *(e.points for e in self.exchangers)]).tolist()
+        return [slice(*pair) for pair in pairwise(ends)]
 
     def frozen(self) -> _Network:
         """The same, not differentiated."""
@@ -153,9 +163,8 @@ def solve(
     move, move_ph, _ = _newton_step(network, end.pressure, end.ph, 0.0)
     pressure, ph = end.pressure + move, end.ph + move_ph
     error = jax.lax.stop_gradient(jnp.maximum(jnp.abs(move).max(), jnp.abs(move_ph).max()))
-    content, slope, saturation, _ = _properties(law, blood_of(values), pressure, ph)
-    inside = Points(jnp.exp(pressure), content, slope)
-    outlets, inlets = _streams(network, inside)
+    content, _, saturation, _ = _properties(law, blood_of(values), pressure, ph)
+    outlets, inlets = _streams(network, content)
     gained = 10.0 * mixed.streams * (outlets - inlets)
     return GasState(pressure, ph, saturation, content, outlets, inlets, gained, end.steps, error)
 
@@ -192,44 +201,42 @@ def _local(law: str, blood: Blood, pressure: Array, ph: Array) -> _Local:
     )
 
 
-def _streams(network: _Network, inside: Points) -> tuple[Array, Array]:
+def _streams(network: _Network, content: Array) -> tuple[Array, Array]:
     """Contents of what leaves and of what enters each exchanger, both (2, exchangers).
 
     A lung lets blood past it, so what leaves depends on what enters, and that on what leaves the others:
     linear, and solved here.
     """
-    parts, mixed = _parts(network, inside), network.mixed
-
-    def leaving(inlet: Array) -> Array:
-        pairs = zip(network.exchangers, parts, strict=True)
-        return jnp.stack([e.outlet(inlet, p, network.values) for e, p in pairs], axis=1)
-
-    offset = leaving(jnp.zeros(2))
-    passed = leaving(jnp.ones(2)) - offset
-    matrix = jnp.eye(len(parts)) - passed[0][:, None] * mixed.inlets
-    outlets = jnp.linalg.solve(matrix, offset.T).T
-    return outlets, (mixed.inlets @ outlets.T).T
+    shares = jnp.stack([jnp.asarray(e.exchanging(network.values)) for e in network.exchangers])
+    last = content[:, np.array([own.stop - 1 for own in network.places])]
+    matrix = jnp.eye(len(shares)) - (1.0 - shares)[:, None] * network.mixed.inlets
+    outlets = _small_solved(matrix, (shares * last).T).T
+    return outlets, (network.mixed.inlets @ outlets.T).T
 
 
-def _parts(network: _Network, inside: Points) -> list[Points]:
-    """The points of each exchanger."""
-    parts, first = [], 0
-    for exchanger in network.exchangers:
-        own = slice(first, first + exchanger.points)
-        parts.append(Points(inside.pressure[:, own], inside.content[:, own], inside.slope[own]))
-        first += exchanger.points
-    return parts
+def _small_solved(matrix: Array, right: Array) -> Array:
+    """Gauss' elimination without pivots: rows of `matrix` are 1 less shares that sum to less than 1."""
+    rows = [jnp.concatenate(pair) for pair in zip(matrix, right, strict=True)]
+    for k in range(len(rows)):
+        rows[k] = rows[k] / rows[k][k]
+        rows = [row if j == k else row - row[k] * rows[k] for j, row in enumerate(rows)]
+    return jnp.stack([row[len(rows) :] for row in rows])
 
 
-def _missing(network: _Network, inside: Points) -> tuple[Array, Array]:
-    """What the equations of all exchangers miss [mL/dL of the blood that passes], (2, points); outlets."""
-    outlets, inlets = _streams(network, inside)
-    streams = network.mixed.streams
-    missed = [
-        e.missing(streams[k], inlets[:, k], part, network.values) / (10.0 * streams[k])
-        for k, (e, part) in enumerate(zip(network.exchangers, _parts(network, inside), strict=True))
-    ]
-    return jnp.concatenate(missed, axis=1), outlets
+def _missing(network: _Network, pressure: Array, content: Array, slope: Array) -> tuple[list[Points], Array]:
+    """Blood inside every exchanger, and what the equations of all miss [mL/min STPD], (2, points)."""
+    inlets, found, missed = _streams(network, content)[1], [], []
+    for k, (e, own) in enumerate(zip(network.exchangers, network.places, strict=True)):
+        stream, (cells, weights) = network.mixed.streams[k], e.collocation
+        exchanging = 10.0 * stream * jnp.asarray(e.exchanging(network.values))
+        gained = exchanging * (content[:, own] - inlets[:, k, None])
+        found.append(Points(gained, jnp.exp(pressure[:, own]), slope[own]))
+        reached = gained.reshape(2, cells, -1)
+        before = jnp.pad(reached[:, :-1, -1:], ((0, 0), (1, 0), (0, 0)))
+        rates = e.rates(stream, found[-1], network.values).reshape(2, cells, -1)
+        within = sum(rates[..., i, None] * weights[:, i] for i in range(len(weights))) / cells
+        missed.append((reached - before - within).reshape(2, -1))
+    return found, jnp.concatenate(missed, axis=1)
 
 
 def _acid_step(law: str, blood: Blood, pressure: Array, ph: Array) -> Array:
@@ -245,28 +252,35 @@ def _newton_step(
 ) -> tuple[Array, Array, Array]:
     """Newton's step for the pressures and for pH, and the largest equation not met [mL/dL].
 
-    The Jacobian is not differentiated. With inertia [L/min] the contents change as in blood that is stored:
-    an implicit step in time, which leads to the steady state from anywhere.
+    The linear equations are not differentiated. With inertia the contents change as in blood that is
+    stored: an implicit step in time, which leads to the steady state from anywhere.
     """
     count = network.count
     local = _local(network.law, blood_of(network.values), pressure, ph)
-    fixed, where = jax.lax.stop_gradient((local, pressure))
+    found, value = _missing(network, pressure, local.content, local.slope)
     steady = network.frozen()
-
-    def linear(move: Array) -> tuple[Array, Array]:
-        content = fixed.content[:, :count] + (fixed.content_by[:, :, :count] * move).sum(axis=1)
-        slope = fixed.slope[:count] + (fixed.slope_by[:, :count] * move).sum(axis=0)
-        return _missing(steady, Points(jnp.exp(where[:, :count]) * (1.0 + move), content, slope))
-
-    by, outlets_by = jax.jacfwd(linear)(jnp.zeros((2, count)))
-    stored = inertia * jnp.einsum("gai,ij->giaj", fixed.content_by[:, :, :count], jnp.eye(count))
-    matrix = jax.lax.stop_gradient(by + stored).reshape(2 * count, 2 * count)
-    inside = Points(jnp.exp(pressure), local.content, local.slope)
-    value, outlets = _missing(network, inside)
-    move = -jnp.linalg.solve(matrix, value.reshape(-1)).reshape(2, count)
-    outlets = outlets + jnp.einsum("geaj,aj->ge", jax.lax.stop_gradient(outlets_by), move)
+    fixed, at = jax.lax.stop_gradient((local, found))
+    equations = [
+        eliminated(
+            e, steady.mixed.streams[k], Inside(at[k], fixed.content_by[..., own], fixed.slope_by[:, own]),
+            steady.values, inertia,
+        )
+        for k, (e, own) in enumerate(zip(network.exchangers, network.places, strict=True))
+    ]  # fmt: skip
+    parts = [responses(e, value[:, own]) for e, own in zip(equations, network.places, strict=True)]
+    shares = jnp.stack([jnp.asarray(e.exchanging(steady.values)) for e in network.exchangers])
+    changes = together(
+        steady.mixed.inlets,
+        jnp.stack([e.outlet_by for e in equations], axis=-1),
+        shares * jnp.stack([reached for _, reached in parts], axis=-1),
+    )
+    entering = changes @ steady.mixed.inlets.T
+    move = [moved(e, m, entering[:, k]) for k, (e, (m, _)) in enumerate(zip(equations, parts, strict=True))]
+    outlets = _streams(network, local.content)[0] + changes
     (a, b), (c, d) = fixed.content_by[:, :, count:]
     oxygen, carbon_dioxide = outlets @ network.samples.T - local.content[:, count:]
     sampled = jnp.stack([d * oxygen - b * carbon_dioxide, a * carbon_dioxide - c * oxygen]) / (a * d - b * c)
-    move = jnp.concatenate([move, sampled], axis=1)
-    return move, local.acid + (fixed.acid_by * move).sum(axis=0), jnp.abs(value).max()
+    move = jnp.concatenate([*move, sampled], axis=1)
+    passing = np.repeat(np.arange(len(equations)), [e.points for e in network.exchangers])
+    size = jnp.abs(value / (10.0 * network.mixed.streams[passing])).max()
+    return move, local.acid + (fixed.acid_by * move).sum(axis=0), size

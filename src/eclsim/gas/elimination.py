@@ -1,0 +1,197 @@
+"""Newton's equations of the gas state, solved exchanger by exchanger.
+
+What happens inside an exchanger depends on the others only through what enters it. Its cells are eliminated
+one after the other, so that a change of what enters gives the change of what leaves; those of all exchangers
+together are then a small system, with two unknowns for each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from eclsim.components.base import Values
+from eclsim.components.exchangers import GasExchanger, Points
+
+
+class Inside(NamedTuple):
+    """Blood at the points of an exchanger and how it changes with the logarithms of both pressures there.
+
+    Attributes:
+        at: the points.
+        content_by: change of the contents, (2 contents, 2 pressures, points).
+        slope_by: change of the slope of the saturation curve, (2 pressures, points).
+    """
+
+    at: Points
+    content_by: Array
+    slope_by: Array
+
+
+class Eliminated(NamedTuple):
+    """The linear equations of an exchanger, its cells solved for what enters them.
+
+    Attributes:
+        blocks: coefficients of every point of a cell in the equation of every point, (2, 2, cells) each.
+        by_inlet: change of the pressures with what enters the exchanger, (2, 2, cells) for each point.
+        by_gained: with what blood has gained before the cell, likewise.
+        flow: that exchanges, in mL/min of gas for each mL/dL.
+        ends: change of the contents with the pressures at the last points, (2, 2, cells).
+        reached: contents at the ends of the cells with what enters the exchanger, (2, 2) for each.
+        outlet_by: what leaves with what enters, (2, 2).
+    """
+
+    blocks: Sequence[Sequence[Array]]
+    by_inlet: Sequence[Array]
+    by_gained: Sequence[Array]
+    flow: Array
+    ends: Array
+    reached: Sequence[Array]
+    outlet_by: Array
+
+
+def eliminated(
+    law: GasExchanger, flow: Array, inside: Inside, values: Values, inertia: Array | float
+) -> Eliminated:
+    """The equations of one exchanger, linear around a state.
+
+    Args:
+        law: of the exchanger.
+        flow: of blood [L/min].
+        inside: the state.
+        values: all parameters.
+        inertia: contents change as in blood that is stored, as a share of the flow that is renewed.
+    """
+    (cells, weights), share = law.collocation, jnp.asarray(law.exchanging(values))
+    points, exchanging = len(weights), 10.0 * flow * share
+    by_gained, by_pressure = _rates_by(law, flow, inside, values)
+    content_by = _by_cell(inside.content_by, cells)
+    through = _by_cell(exchanging * _times(by_gained, inside.content_by) + by_pressure, cells)
+    own = (exchanging + inertia * 10.0 * flow) * content_by
+    blocks = [
+        [(own[..., j] if j == k else 0.0) - weights[j, k] / cells * through[..., k] for k in range(points)]
+        for j in range(points)
+    ]
+    identity = jnp.broadcast_to(jnp.eye(2)[:, :, None], (2, 2, cells))
+    gained_by = _by_cell(by_gained, cells)
+    entering = [
+        exchanging * (identity - sum(weights[j, k] / cells * gained_by[..., k] for k in range(points)))
+        for j in range(points)
+    ]
+    solved = _solved(blocks, [jnp.concatenate([n, identity], axis=1) for n in entering])
+    by_inlet, before = [x[:, :2] for x in solved], [x[:, 2:] for x in solved]
+    ends, reached = content_by[..., -1], [jnp.eye(2)]
+    for c in range(cells):
+        gained = exchanging * (reached[-1] - jnp.eye(2))
+        change = by_inlet[-1][..., c] + _times(before[-1][..., c], gained)
+        reached.append(_times(ends[..., c], change))
+    outlet_by = (1.0 - share) * jnp.eye(2) + share * reached[-1]
+    return Eliminated(blocks, by_inlet, before, exchanging, ends, reached, outlet_by)
+
+
+def responses(equations: Eliminated, missing: Array) -> tuple[list[Array], Array]:
+    """What makes up for what the equations miss, where what enters stays: pressures, and the last content.
+
+    Args:
+        equations: of one exchanger.
+        missing: (2, points).
+
+    Returns:
+        Changes of the logarithms of the pressures of each point of the cells, (2, cells), and of the content
+        at the end, (2,).
+    """
+    cells, count = equations.ends.shape[-1], len(equations.blocks)
+    wanted = _by_cell(-missing, cells)
+    moves = [x[:, 0] for x in _solved(equations.blocks, [wanted[:, None, :, k] for k in range(count)])]
+    reached, before = jnp.zeros(2), []
+    for c in range(cells):
+        before.append(equations.flow * reached)
+        change = moves[-1][:, c] + _applied(equations.by_gained[-1][..., c], before[-1])
+        reached = _applied(equations.ends[..., c], change)
+    carried = jnp.stack(before, axis=-1)
+    return [m + _applied(g, carried) for m, g in zip(moves, equations.by_gained, strict=True)], reached
+
+
+def moved(equations: Eliminated, moves: Sequence[Array], entering: Array) -> Array:
+    """Changes of the logarithms of the pressures, (2, points).
+
+    Args:
+        equations: of one exchanger.
+        moves: of `responses`.
+        entering: change of what enters, (2,).
+    """
+    gained = jnp.stack(
+        [equations.flow * (_applied(by, entering) - entering) for by in equations.reached[:-1]], axis=-1
+    )
+    parts = [
+        move + _applied(inlet, entering[:, None]) + _applied(before, gained)
+        for move, inlet, before in zip(moves, equations.by_inlet, equations.by_gained, strict=True)
+    ]
+    return jnp.stack(parts, axis=-1).reshape(2, -1)
+
+
+def together(shares: Array, outlets_by: Array, offsets: Array) -> Array:
+    """Changes of what leaves every exchanger where each one's inlet is a mixture of all, (2, exchangers).
+
+    Args:
+        shares: of what leaves the exchangers in what enters each, (exchangers, exchangers).
+        outlets_by: change of what leaves with what enters, (2, 2, exchangers).
+        offsets: change of what leaves where what enters stays, (2, exchangers).
+    """
+    count = shares.shape[0]
+    matrix = jnp.eye(2 * count) - jnp.einsum("abe,ek->aebk", outlets_by, shares).reshape(2 * count, -1)
+    return jnp.linalg.solve(matrix, offsets.reshape(-1)).reshape(2, count)
+
+
+def _rates_by(law: GasExchanger, flow: Array, inside: Inside, values: Values) -> tuple[Array, Array]:
+    """Change of the rates with what was gained and with the logarithms of the pressures, (2, 2, points)."""
+    at = inside.at
+
+    def rates(gained: Array, move: Array) -> Array:
+        slope = at.slope + (inside.slope_by * move).sum(axis=0)
+        return law.rates(flow, Points(gained, at.pressure * (1.0 + move), slope), values)
+
+    _, along = jax.linearize(rates, at.gained, jnp.zeros_like(at.gained))
+    directions = np.broadcast_to(np.eye(4)[:, :, None], (4, 4, law.points))
+    by = jnp.swapaxes(jax.vmap(lambda d: along(d[:2], d[2:]))(directions), 0, 1)
+    return by[:, :2], by[:, 2:]
+
+
+def _by_cell(table: Array, cells: int) -> Array:
+    """(..., points) as (..., cells, points of a cell)."""
+    return table.reshape(*table.shape[:-1], cells, -1)
+
+
+def _times(a: Array, b: Array) -> Array:
+    """Product of matrices (2, 2, ...) of each point."""
+    return jnp.stack([a[0, 0] * b[0] + a[0, 1] * b[1], a[1, 0] * b[0] + a[1, 1] * b[1]])
+
+
+def _applied(a: Array, x: Array) -> Array:
+    """Product of matrices (2, 2, ...) and vectors (2, ...)."""
+    return jnp.stack([a[0, 0] * x[0] + a[0, 1] * x[1], a[1, 0] * x[0] + a[1, 1] * x[1]])
+
+
+def _divided(a: Array, b: Array) -> Array:
+    """Solution x of a x = b, (2, columns, ...), with matrices (2, 2, ...)."""
+    determinant = a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0]
+    return jnp.stack([a[1, 1] * b[0] - a[0, 1] * b[1], a[0, 0] * b[1] - a[1, 0] * b[0]]) / determinant
+
+
+def _solved(blocks: Sequence[Sequence[Array]], rights: Sequence[Array]) -> list[Array]:
+    """Gauss' elimination by blocks (2, 2, cells), for columns (2, columns, cells).
+
+    Blocks of the diagonal have an inverse: a rate falls where the pressure rises, a content rises.
+    """
+    if len(blocks) == 1:
+        return [_divided(blocks[0][0], rights[0])]
+    (first, *row), *others = blocks
+    along, right = [_divided(first, b) for b in row], _divided(first, rights[0])
+    rest = [[b - _times(o[0], a) for a, b in zip(along, o[1:], strict=True)] for o in others]
+    found = _solved(rest, [r - _times(o[0], right) for o, r in zip(others, rights[1:], strict=True)])
+    return [right - sum(_times(a, x) for a, x in zip(along, found, strict=True)), *found]
