@@ -79,7 +79,7 @@ class GasExchanger(Exchanger, ABC):
 
     @abstractmethod
     def rates(self, flow: Array, inside: Points, values: Values) -> Array:
-        """Gas that all of the exchanger would give at the rate of each point [mL/min STPD], shape (2, points).
+        """Gas that all of it would give at the rate of each point [mL/min STPD], shape (2, points).
 
         Args:
             flow: of blood, that which passes unchanged too [L/min].

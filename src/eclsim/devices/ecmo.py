@@ -135,21 +135,22 @@ CANNULAE = by_key(
 """Cannulae: arterial ones return; venous ones drain, and return in veno-venous ECMO."""
 
 _LABEL = "unvalidated pressure drop; label flow from FDA clearance K150267"
-_RATED_7, _RATED_5 = Membrane(7.0, 0.03646, 7.1), Membrane(5.0, 0.03337, 5.13)
-"""Membranes of 1.8 and 1.3 m2: oxygen from the rated flow, carbon dioxide by area from Khadka et al. 2024."""
+_LARGE, _SMALL = Membrane(7.0, 0.0518, 7.1), Membrane(5.0, 0.0475, 5.13)
+"""Membranes of 1.8 and 1.3 m2 after Khadka et al. 2024: 450 mL/min of oxygen at 7 L/min, and 5/7 of it at 5
+L/min (0.0518 (5/7)^0.26); carbon dioxide by area. Rated at 95 % behind them they would give 346."""
 OXYGENATORS = by_key(
     (
         Oxygenator(
             key="Quadrox-i Adult", resistance=0.6744, priming_volume_ml=335.0, label_flow_l_min=(0.5, 7.0),
-            evidence=_LABEL, membrane=_RATED_7,
+            evidence=_LABEL, membrane=_LARGE,
         ),
         Oxygenator(
             key="Quadrox-i Small Adult", resistance=0.5174, priming_volume_ml=295.0,
-            label_flow_l_min=(0.5, 5.0), evidence=_LABEL, membrane=_RATED_5,
+            label_flow_l_min=(0.5, 5.0), evidence=_LABEL, membrane=_SMALL,
         ),
         Oxygenator(
             key="Nautilus MC3", resistance=0.6312, priming_volume_ml=None, label_flow_l_min=None,
-            evidence=UNVALIDATED, membrane=_RATED_7,
+            evidence=UNVALIDATED, membrane=_LARGE,
         ),
     )
 )  # fmt: skip

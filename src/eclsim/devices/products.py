@@ -205,13 +205,13 @@ class Membrane:
     """A membrane for gas exchange.
 
     Attributes:
-        rated_flow_l_min: at which blood of saturation 0.65 (12 g/dL, PCO2 45 mmHg, 37 C) leaves with 0.95,
-            with as much pure oxygen as blood [L/min].
-        oxygen_transfer: [mL/min/mmHg at 1 L/min], what makes it so.
+        highest_flow_l_min: that it is made for [L/min]; blood of saturation 0.65 (12 g/dL, PCO2 45 mmHg,
+            37 C) still leaves it with 0.99 then, with as much pure oxygen as blood.
+        oxygen_transfer: [mL/min/mmHg at 1 L/min].
         carbon_dioxide_transfer: [mL/min/mmHg at 1 L/min].
     """
 
-    rated_flow_l_min: float
+    highest_flow_l_min: float
     oxygen_transfer: float
     carbon_dioxide_transfer: float
 
@@ -258,7 +258,7 @@ class Oxygenator(Exchanger):
         """Resistance, priming volume, label, and the membrane."""
         yield from super().details()
         yield f"  label flow         {_range(self.label_flow_l_min)} L/min"
-        yield f"  rated flow         {self.membrane.rated_flow_l_min:g} L/min"
+        yield f"  highest flow       {self.membrane.highest_flow_l_min:g} L/min"
         yield f"  O2 transfer        {self.membrane.oxygen_transfer:g} mL/min/mmHg at 1 L/min"
         yield f"  CO2 transfer       {self.membrane.carbon_dioxide_transfer:g} mL/min/mmHg at 1 L/min"
 

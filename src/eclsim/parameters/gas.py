@@ -14,7 +14,8 @@ from eclsim.parameters.thiel2025 import Bounds
 PREFIX = "gas."
 _SETTING = "setting; default assumed (protective ventilation on ECMO)"
 _PATIENT = "of the patient; default assumed"
-_VASLEF = "form of Vaslef et al. 1994 (ASAIO J 40:990); default for a rated flow of 7 L/min"
+_VASLEF = "form of Vaslef et al. 1994 (ASAIO J 40:990); default for 1.8 m2"
+_FITTED = "fitted to Khadka et al. 2024 (doi 10.5772/intechopen.1006540)"
 
 # key, value, unit, description, source, minimum, maximum, group
 _TABLE = (
@@ -58,12 +59,13 @@ _TABLE = (
         0.0, 1.0, "ecmo",
     ),
     (
-        "ecmo.oxygenator.oxygen_transfer", 0.03646, "mL/min/mmHg",
-        "Oxygen transfer of the oxygenator's membrane at 1 L/min", _VASLEF, 0.001, 1.0, "ecmo",
+        "ecmo.oxygenator.oxygen_transfer", 0.0518, "mL/min/mmHg",
+        "Oxygen transfer of the oxygenator's membrane at 1 L/min", f"{_VASLEF}; {_FITTED}",
+        0.001, 1.0, "ecmo",
     ),
     (
         "ecmo.oxygenator.oxygen_exponent", 0.74, "1", "Exponent of blood flow in the oxygen transfer",
-        f"{_VASLEF}; fitted to Khadka et al. 2024 (doi 10.5772/intechopen.1006540)", 0.3, 1.0, "ecmo",
+        f"{_VASLEF}; {_FITTED}", 0.3, 1.0, "ecmo",
     ),
     (
         "ecmo.oxygenator.carbon_dioxide_transfer", 7.1, "mL/min/mmHg",

@@ -38,7 +38,7 @@ UNKNOWN_BLOOD = Explanation(
 
 def dialysis_check() -> Check:
     """Clearances by filtration, dilution, and carbon dioxide removed by dialysis."""
-    rows = (*_filtration(), *_respiratory_dialysis())
+    rows = (*_filtration(), *respiratory_dialysis())
     bar = "spreads of the measurements; compared, not required"
     return Check("dialysis", "Hemofilter against measurements", bar, rows, required=False)
 
@@ -63,7 +63,7 @@ def _fluids(dialysate: float = 0.0, before: float = 0.0, after: float = 0.0) -> 
     return Fluids(*map(jnp.asarray, (dialysate, before, after, 0.0)))
 
 
-def _respiratory_dialysis() -> list[Row]:
+def respiratory_dialysis() -> list[Row]:
     """Carbon dioxide that dialysate without bicarbonate removes [mL/min]."""
 
     def plasma(pco2: float) -> float:

@@ -11,6 +11,7 @@ from eclsim.validation import (
     dialysis,
     drugs,
     fluid,
+    gas,
     gradients,
     measurements,
     reference_cases,

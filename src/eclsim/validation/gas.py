@@ -1,0 +1,368 @@
+"""Gas exchange against the bench, animals, patients and other models.
+
+Every row of `gas.csv` says what the number was used for: constants are fitted to rows marked "fit", which are
+no test; "test" and "size" rows were used for nothing; "sign" rows are statements; "cross-model" rows are
+other simulators. What a source does not state is taken from an adult and named here.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+from scipy.optimize import brentq, fsolve
+
+from eclsim.blood.gases import gases, gases_with_contents
+from eclsim.cases.reading import read_mapping
+from eclsim.components.exchangers import BTPS_TO_STPD, DRY_MMHG, FLOWMETER_TO_STPD
+from eclsim.devices.ecmo import OXYGENATORS
+from eclsim.orbit.model import Model, model_of
+from eclsim.outputs.results import simulate_many
+from eclsim.paper.comparison import Check, Explanation, Row, near
+from eclsim.validation.dialysis import respiratory_dialysis
+from eclsim.validation.gas_bench import ADULT, single_pass, veno_venous
+from eclsim.validation.reference_cases import DATA
+
+BENCH_INLET = 0.60
+"""Saturation of the inlet at which both the PO2 and the transfer of Khadka's abstract come out."""
+CARBON_DIOXIDE = OXYGENATORS[ADULT].membrane.carbon_dioxide_transfer
+PIGS = {
+    "alveolar_ventilation_l_min": 0.3, "fio2": 1.0, "shunt_fraction": 0.7, "vo2_ml_min": 200.0,
+    "sweep_l_min": 5.0,
+}  # fmt: skip
+"""Apnoea with oxygen, and what the abstracts do not state."""
+PIG_FLOWS = (6.0, 3.5, 0.3)
+"""Cardiac output, ECMO flow [L/min], mixing."""
+LOWERED = 0.6
+"""Output of Joyce's patients after the beta-blocker over that before, as all three of their pairs have it."""
+
+
+def gas_check() -> Check:
+    """All rows, by the table `gas.csv`."""
+    found = {**_oxygenators(), **_slopes(), **_joyce(), **_regions()}
+    why = _reasons(found)
+    with (DATA / "gas.csv").open(encoding="utf-8", newline="") as file:
+        rows = tuple(_row(entry, found, why) for entry in csv.DictReader(file))
+    dialysis = tuple(replace(row, name=f"May 2017: {row.name}") for row in respiratory_dialysis())
+    bar = "spreads of the measurements; compared, not required"
+    return Check("gas", "Gas exchange against measurements", bar, (*rows, *dialysis), required=False)
+
+
+def _row(entry: Mapping[str, str], found: Mapping[str, float], why: Mapping[str, Explanation]) -> Row:
+    key, low, high = entry["key"], float(entry["low"]), float(entry["high"])
+    return Row(
+        f"{entry['study']}: {entry['quantity']} ({entry['use']})", found[key], low, high, entry["unit"],
+        float(entry["expected"]), why.get(key), f"{entry['source']}; {entry['how_read']}",
+    )  # fmt: skip
+
+
+# --- oxygenators on the bench ---------------------------------------------------------------------
+
+
+def _oxygenators() -> dict[str, float]:
+    found = {}
+    for flow in range(1, 8):
+        passed = single_pass(flow, flow, BENCH_INLET)
+        found |= {f"oxygen {flow}": passed.oxygen, f"po2 {flow}": passed.po2}
+    for flow, sweep in ((1, 1.0), (7, 35.0)):
+        found[f"carbon dioxide {flow}"] = single_pass(flow, sweep, BENCH_INLET).carbon_dioxide
+    for name, product in (("small", "Quadrox-i Small Adult"), ("nautilus", "Nautilus MC3")):
+        membrane = OXYGENATORS[product].membrane
+        flow = membrane.highest_flow_l_min
+        found[f"oxygen {name}"] = single_pass(
+            flow, flow, 0.65, oxygen_transfer=membrane.oxygen_transfer
+        ).oxygen
+    for area in (0.35, 0.8, 1.35):
+        found[f"prisma {area}"] = _removed(area, 0.3, 10.0, area / 1.8)
+    for area, flow, sweep in ((0.4, 0.9, 2), (0.4, 0.9, 8), (0.8, 1.8, 2), (0.8, 1.8, 8)):
+        found[f"strassmann {area} {sweep}"] = _removed(area, flow, sweep, area / 1.8)
+    gains = [found[f"strassmann {area} 8"] - found[f"strassmann {area} 2"] for area in (0.4, 0.8)]
+    return found | {"strassmann gain": float(gains[1] > gains[0] > 0.0)}
+
+
+def _removed(area: float, flow: float, sweep: float, scale: float, pco2: float = 45.0) -> float:
+    """Carbon dioxide [mL/min] by a membrane whose constant is that of the adult one times a scale."""
+    return single_pass(
+        flow, sweep, 0.65, pco2, 10.0, carbon_dioxide_transfer=CARBON_DIOXIDE * scale
+    ).carbon_dioxide
+
+
+# --- slopes in pigs, and other models -------------------------------------------------------------
+
+
+def _pig(flow: float = PIG_FLOWS[1], output: float = PIG_FLOWS[0], **changed: float):  # type: ignore[no-untyped-def]
+    return veno_venous(output, flow, PIG_FLOWS[2], **(PIGS | changed))
+
+
+def _slopes() -> dict[str, float]:
+    steps = {
+        "po2 flow": ("pao2", "flow", 3.5, 0.1), "po2 output": ("pao2", "output", 6.0, 0.1),
+        "po2 shunt": ("pao2", "shunt_fraction", 0.7, 0.01), "pco2 sweep": ("paco2", "sweep_l_min", 5.0, 0.1),
+        "pco2 output": ("paco2", "output", 6.0, 0.1),
+        "pco2 haemoglobin": ("paco2", "haemoglobin_g_dl", 10.0, 0.5),
+        "pco2 temperature": ("paco2", "temperature_c", 37.0, 0.5),
+    }  # fmt: skip
+    found = {}
+    for key, (gas, name, at, step) in steps.items():
+        change = getattr(_pig(**{name: at + step}), gas) - getattr(_pig(**{name: at - step}), gas)
+        found[f"park {key}"] = change / (2.0 * step) / (100.0 if "shunt" in key else 1.0)
+    falls = {flow: [_pig(flow, sweep_l_min=s).paco2 for s in (3.0, 5.5, 10.0)] for flow in (1.5, 3.5)}
+    found["mendes 3.5"] = float(falls[3.5][0] > falls[3.5][1] > falls[3.5][2])
+    found["mendes 1.5"] = falls[1.5][0] - falls[1.5][2]
+    for sweep in (2.0, 10.0):
+        patient = veno_venous(
+            5.0, 5.0, 0.1, vo2_ml_min=200.0, alveolar_ventilation_l_min=0.0, sweep_l_min=sweep
+        )
+        found[f"sweep {sweep:g}"] = patient.paco2
+    return found | _park_2013()
+
+
+def _park_2013(**given: float) -> dict[str, float]:
+    """Slopes of the transfers of one oxygenator around usual conditions."""
+    usual = {"flow": 3.0, "sweep": 5.0, "saturation": 0.65, "pco2": 45.0, "hb": 10.0} | given
+    steps = {
+        "oxygen flow": ("oxygen", "flow", 0.1), "oxygen saturation": ("oxygen", "saturation", 0.01),
+        "co2 flow": ("carbon_dioxide", "flow", 0.1), "co2 sweep": ("carbon_dioxide", "sweep", 0.1),
+        "co2 pressure": ("carbon_dioxide", "pco2", 1.0), "co2 haemoglobin": ("carbon_dioxide", "hb", 0.1),
+    }  # fmt: skip
+    found = {}
+    for key, (gas, name, step) in steps.items():
+        ends = [getattr(single_pass(**(usual | {name: usual[name] + s})), gas) for s in (-step, step)]
+        found[f"park13 {key}"] = (ends[1] - ends[0]) / (2.0 * step) / (100.0 if name == "saturation" else 1.0)
+    return found
+
+
+def _joyce() -> dict[str, float]:
+    """Three patients: consumption and ECMO flow, shunt, or mixing fitted to the first pair of each."""
+
+    def pair(output: float, consumed: float, ecmo: float, shunt: float, mixing: float) -> np.ndarray:
+        given = {
+            "vo2_ml_min": consumed, "shunt_fraction": shunt, "sweep_l_min": 5.0, "fio2": 0.5,
+            "alveolar_ventilation_l_min": 3.0,
+        }  # fmt: skip
+        found = veno_venous(output, ecmo, mixing, **given)
+        return np.array([found.sao2, found.svo2])
+
+    patients = {
+        "2": (10.0, (71.9, 52.2), (265.0, 3.3), lambda x: (x[0], x[1], 1.0, 0.0)),
+        "1": (10.0, (74.2, 53.5, 79.2), (270.0, 0.9, 3.0), lambda x: (x[0], x[2], x[1], 0.0)),
+        "3": (6.0, (82.4, 50.8), (255.0, 0.3), lambda x: (x[0], 5.0, 1.0, x[1])),
+    }
+    found, fitted = {}, {}
+    for name, (output, target, start, arranged) in patients.items():
+
+        def both(x: np.ndarray, output: float = output, arranged=arranged) -> np.ndarray:  # type: ignore[no-untyped-def]
+            return np.append(pair(output, *arranged(x)), pair(LOWERED * output, *arranged(x)))
+
+        def missed(x: np.ndarray, target=target, both=both) -> np.ndarray:  # type: ignore[no-untyped-def]
+            return both(x)[: len(target)] - np.array(target)
+
+        fitted[name] = fsolve(missed, start, epsfcn=1e-6, xtol=1e-6)
+        keys = ("a before", "v before", "a after", "v after")
+        found |= {f"joyce {name} {x}": float(y) for x, y in zip(keys, both(fitted[name]), strict=True)}
+    consumed, mixing = fitted["3"]
+    again = [pair(3.6, consumed, 5.0, 1.0, m) for m in np.linspace(mixing, 12.0 * mixing, 8)]
+    found["joyce recirculation"] = float(np.interp(-25.5, [-x[1] for x in again], [x[0] for x in again]))
+    return found
+
+
+# --- regions: drainage, watershed, native output --------------------------------------------------
+
+_CASE = {
+    "format": 1, "blood_volume_policy": "patient_held",
+    "patient": {"id": "femoral V-A", "sex": "male", "age_years": 50, "height_cm": 175, "weight_kg": 70,
+                "heart_rate_bpm": 90},
+    "physiology": {"regional": True},
+    "gas": {"haemoglobin_g_dl": 9.0, "vo2_ml_min": 220.0, "fio2": 0.6, "alveolar_ventilation_l_min": 3.0,
+            "shunt_fraction": 0.7},
+    "ecmo": {"pump": "Rotaflow", "speed_rpm": 3300, "oxygenator": ADULT, "drainage_cannula": "venous",
+             "drainage_fr": 25, "return_site": "lower", "return_cannula": "arterial", "return_fr": 17,
+             "sweep_l_min": 3.0, "fdo2": 1.0},
+    "parameters": {"Emaxlv": 0.9, "Emaxrv": 0.3, "Rmc": 0.8, "P0svn": 10.0},
+}  # fmt: skip
+_NAMES = (
+    "SaO2", "PaO2", "PaCO2", "SpreO2", "SvO2", "PF", "CO", "upper_body_flow", "native_share_arch",
+    "VCO2_lung", "VCO2_oxygenator", "VO2",
+)  # fmt: skip
+_CONSUMED, _SHUNTS = np.linspace(60.0, 220.0, 6), np.linspace(0.7, 0.95, 6)
+
+
+@cache
+def _femoral(site: str) -> Model:
+    return model_of(read_mapping(_CASE | {"ecmo": _CASE["ecmo"] | {"drainage_site": site}}).case)  # type: ignore[operator]
+
+
+def _lanes(site: str, *lanes: Mapping[str, float]) -> dict[str, np.ndarray]:
+    """Outputs of the femoral V-A patient, one lane for each set of changed parameters."""
+    model, keys = _femoral(site), dict.fromkeys(key for lane in lanes for key in lane)
+    table = {key: np.array([lane.get(key, model.values[key]) for lane in lanes]) for key in keys}
+    found = simulate_many(model, table, _NAMES)
+    return {name: found[name].values for name in _NAMES}
+
+
+def _superior_cava(beats: Mapping[str, np.ndarray], lane: int) -> float:
+    """Saturation [%] of the upper body's venous blood where the drainage tip is elsewhere (Fick)."""
+    model = _femoral("ivc")
+    tissue = next(e.component for e in model.circuit.exchanges if e.at == "upper")
+    consumed = float(tissue.wanted(dict(model.values) | {"gas.vo2_ml_min": beats["VO2"][lane]}))  # type: ignore[attr-defined]
+    arterial = gases(po2=beats["PaO2"][lane], pco2=beats["PaCO2"][lane], haemoglobin=9.0)
+    lost = consumed / (10.0 * beats["upper_body_flow"][lane])
+    venous = gases_with_contents(
+        oxygen=arterial.oxygen - lost, carbon_dioxide=arterial.carbon_dioxide + 0.8 * lost, haemoglobin=9.0
+    )
+    return 100.0 * float(venous.saturation)
+
+
+def _regions() -> dict[str, float]:
+    drained = _lanes("svc", *({"gas.vo2_ml_min": v, "gas.shunt_fraction": 1.0} for v in _CONSUMED))["SpreO2"]
+    arterial = _lanes("ivc", *({"gas.shunt_fraction": s} for s in _SHUNTS))["SaO2"]
+    consumed = float(np.interp(-70.4, -drained, _CONSUMED))
+    shunt = float(np.interp(-54.0, -arterial, _SHUNTS))
+    sheep = {"gas.vo2_ml_min": consumed, "gas.shunt_fraction": 1.0}
+    ivc = _lanes(
+        "ivc", sheep, {"gas.shunt_fraction": shunt}, {"Emaxlv": 0.25, "ecmo.speed_rpm": 4700.0},
+        {"Emaxlv": 0.7, "ecmo.speed_rpm": 4000.0}, {"ecmo.speed_rpm": 3300.0},
+        {"Emaxlv": 0.7, "ecmo.speed_rpm": 4000.0, "physiology.upper_share": 0.2},
+    )  # fmt: skip
+    svc = _lanes(
+        "svc", sheep, {"gas.shunt_fraction": shunt},
+        {"gas.shunt_fraction": shunt, "ecmo.speed_rpm": 4600.0},
+    )  # fmt: skip
+    found = {
+        "hou ivc": float(ivc["SpreO2"][0]), "hou svc": _superior_cava(ivc, 0),
+        "hou svc drained": float(svc["SpreO2"][0]), "hou pa": float(svc["SvO2"][0]),
+        "falk artery ivc": float(ivc["SaO2"][1]), "falk drained ivc": float(ivc["SpreO2"][1]),
+        "falk artery svc": float(svc["SaO2"][1]), "falk drained svc": float(svc["SpreO2"][1]),
+        "falk faster": float(svc["SpreO2"][2]), "falk flow": float(svc["PF"][2] / ivc["PF"][1]),
+    }  # fmt: skip
+    found["hou sign"] = float(found["hou svc drained"] > found["hou svc"])
+    rises = [found[f"falk {x} svc"] - found[f"falk {x} ivc"] for x in ("artery", "drained")]
+    found["falk sign"] = float(min(rises) > 0.0)
+    for lane, share in ((2, "90"), (3, "75"), (4, "50"), (5, "75 small")):
+        found[f"watershed {share}"] = float(ivc["native_share_arch"][lane])
+        found[f"ecmo {share}"] = 100.0 * float(ivc["PF"][lane] / (ivc["PF"] + ivc["CO"])[lane])
+    found |= _by_carbon_dioxide()
+    return found
+
+
+def _by_carbon_dioxide() -> dict[str, float]:
+    """Output of the right heart that Bachmann's formula gives, less the model's [mL/min].
+
+    Removal is brought to a ratio of gas to blood of 1 by f = Q (V/Q + c) / (V (1 + c)); the lungs are
+    ventilated at that ratio, the oxygenator at 1.5.
+    """
+    hearts = [{"Emaxlv": 0.4, "ecmo.speed_rpm": 3600.0}, {"Emaxlv": 1.5, "ecmo.speed_rpm": 3000.0}]
+    flows = _lanes("ivc", *hearts)
+    ventilated = [
+        heart | {"gas.shunt_fraction": 0.05, "gas.alveolar_ventilation_l_min": output,
+                 "ecmo.sweep_l_min": 1.5 * flow * BTPS_TO_STPD / FLOWMETER_TO_STPD}
+        for heart, output, flow in zip(hearts, flows["CO"], flows["PF"], strict=True)
+    ]  # fmt: skip
+    beats, c = _lanes("ivc", *ventilated), 1.157
+    usual = beats["VCO2_oxygenator"] * (1.5 + c) / (1.5 * (1.0 + c))
+    missed = 1e3 * (beats["PF"] * beats["VCO2_lung"] / usual - beats["CO"])
+    return dict(zip(("bachmann low", "bachmann high"), missed.tolist(), strict=True))
+
+
+# --- why rows miss, each shown by an experiment ---------------------------------------------------
+
+
+def _reasons(found: Mapping[str, float]) -> dict[str, Explanation]:
+    ceiling = 1000.0 * FLOWMETER_TO_STPD * 45.0 / DRY_MMHG
+    rich = brentq(lambda p: single_pass(1.0, 1.0, BENCH_INLET, p).carbon_dioxide - 64.0, 45.0, 90.0)
+    lower = brentq(lambda x: _strassmann(x, 0.4, 2) - 35.0, 0.3, 1.0)
+    cells = brentq(lambda x: _with_cells(x)[0] + 3.48, 0.0, 0.2)
+    warm = [_pig(temperature_c=37.0 + t, vo2_ml_min=200.0 * 1.1**t).paco2 for t in (-0.5, 0.5)]
+    shunted = 0.5 * (_pig(shunt_fraction=1.0).pao2 - _pig(shunt_fraction=0.98).pao2)
+    half = [single_pass(3.0, 5.0, s, 45.0, 10.0, oxygen_transfer=0.0259).oxygen for s in (0.64, 0.66)]
+    pigs = Explanation(
+        f"a membrane of {lower:.2f} times the constant by area gives all three: another device",
+        tuple(
+            near(
+                f"{a} m2, sweep 8 L/min, with that constant",
+                value,
+                _strassmann(lower, a, 8),
+                spread,
+                "mL/min",
+            )
+            for a, value, spread in ((0.4, 41.0, 6.0), (0.8, 101.0, 12.0))
+        ),
+    )
+    haemoglobin = Explanation(
+        f"more cells hinder carbon dioxide: a constant that falls by {100 * cells:.1f} % for each g/dL gives "
+        "the transfer measured, and PaCO2 rises; the law has no such term",
+        (Row("PaCO2 with haemoglobin then", _with_cells(cells)[1], 0.0, np.inf, "mmHg per g/dL"),),
+    )
+    confounded = Explanation(
+        "a slope of a regression over settings that changed together; not told apart here"
+    )
+    by_area = Explanation("0.8 and 1.35 m2 removed the same: no law by area alone gives that, fibres differ")
+    sheep = Explanation("flow of ECMO, consumption of either half and weight are not in the abstract")
+    why = {
+        "carbon dioxide 1": Explanation(
+            f"gas that leaves 1:1 at the PCO2 of the inlet carries {ceiling:.0f} mL/min at 45 mmHg, less "
+            f"than was measured: the inlet was richer; {rich:.0f} mmHg give 64 mL/min",
+            (Row("what 1 L/min of gas carries at 45 mmHg", ceiling, 0.0, 64.0, "mL/min"),),
+        ),
+        **{f"prisma {area}": by_area for area in (0.35, 0.8, 1.35)},
+        **{f"strassmann {key}": pigs for key in ("0.4 2", "0.4 8", "0.8 8")},
+        "park13 oxygen saturation": Explanation(
+            "a membrane of half the transfer, worn or smaller, is limited by itself and less by the blood",
+            (Row("with half the transfer", 0.5 * (half[1] - half[0]), -3.4, -0.85, "mL/min per %"),),
+        ),
+        "park13 co2 pressure": confounded, "park po2 output": confounded, "park pco2 output": confounded,
+        "park13 co2 haemoglobin": haemoglobin, "park pco2 haemoglobin": haemoglobin,
+        "park po2 shunt": Explanation(
+            "the slope depends on where it is taken: near complete shunt it is the measured one",
+            (Row("between shunts of 98 and 100 %", shunted, -0.46, -0.115, "mmHg per %"),),
+        ),
+        "park pco2 temperature": Explanation(
+            "consumption is held here; in animals it rises by about 10 % for each degree",
+            (Row("with 10 % more consumption for each degree", warm[1] - warm[0], 2.25, 9.0, "mmHg per C"),),
+        ),
+        "mendes 1.5": Explanation("the abstract says that 50 min do not reach the end; here it is the end"),
+        "joyce 3 a after": _recirculating(found), "joyce 3 v after": _recirculating(found),
+        "hou ivc": sheep, "hou svc": sheep, "hou pa": sheep,
+        "falk drained svc": _faster(found), "falk sign": _faster(found),
+        "watershed 75": Explanation(
+            "the upper body takes more than the heart gives; with a fifth of all flow it does not",
+            (Row("with an upper body of 20 %", found["watershed 75 small"], 75.0, 100.0, "%"),),
+        ),
+    }  # fmt: skip
+    return why
+
+
+def _strassmann(scale: float, area: float, sweep: float) -> float:
+    return _removed(area, 0.9 if area == 0.4 else 1.8, sweep, scale * area / 1.8)
+
+
+def _with_cells(share: float) -> tuple[float, float]:
+    """Slopes with haemoglobin of transfer and of PaCO2 where the constant falls by a share for each g/dL."""
+    ends = [
+        (
+            single_pass(3.0, 5.0, 0.65, 45.0, 10.0 + h, carbon_dioxide_transfer=k).carbon_dioxide,
+            _pig(haemoglobin_g_dl=10.0 + h, carbon_dioxide_transfer=k).paco2,
+        )
+        for h in (-0.5, 0.5)
+        for k in (CARBON_DIOXIDE * (1.0 - share * h),)
+    ]
+    return ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]
+
+
+def _recirculating(found: Mapping[str, float]) -> Explanation:
+    return Explanation(
+        "with one mixed vessel recirculation rises less than theirs; raised until SvO2 is theirs, SaO2 is",
+        (near("SaO2 at an SvO2 of 25.5 %", 78.3, found["joyce recirculation"], 2.0, "%"),),
+    )
+
+
+def _faster(found: Mapping[str, float]) -> Explanation:
+    return Explanation(
+        "with consumption and flow held, lungs that get richer blood take up less and the oxygenator gives "
+        "more, so the drained blood is poorer; at the new place "
+        f"{100 * (found['falk flow'] - 1):.0f} % more flow gives theirs",
+        (near("with that flow", 74.0, found["falk faster"], 3.7, "%"),),
+    )

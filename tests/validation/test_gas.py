@@ -1,0 +1,54 @@
+"""The rows of gas exchange: fits are met, tests are what they are, and reasons are shown by experiments."""
+
+import csv
+
+import pytest
+
+from eclsim.validation import gas
+from eclsim.validation.gas_bench import single_pass, veno_venous
+from eclsim.validation.reference_cases import DATA
+
+
+def rows():
+    with (DATA / "gas.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_every_row_says_what_it_was_used_for_and_where_it_comes_from():
+    assert {row["use"] for row in rows()} == {"fit", "test", "size", "sign", "cross-model"}
+    assert all(row["source"] and row["how_read"] for row in rows())
+    assert all(float(row["low"]) <= float(row["expected"]) <= float(row["high"]) for row in rows())
+
+
+def test_the_oxygen_transfer_of_the_bench_is_met_at_every_flow():
+    found = gas._oxygenators()
+    bench = [
+        row for row in rows() if row["study"] == "Khadka 2024" and row["key"].startswith(("oxygen", "po2"))
+    ]
+    assert len(bench) == 9
+    for row in bench:
+        assert float(row["low"]) <= found[row["key"]] <= float(row["high"]), row["quantity"]
+
+
+@pytest.mark.parametrize("saturation", [0.2, 0.3, 0.4, 0.5, 0.6])
+def test_poor_blood_and_thin_gas_leave_less_saturated_but_take_up_more(saturation):
+    poor = single_pass(3.9, 4.0, saturation, fdo2=0.8)
+    rich = single_pass(3.9, 4.0, saturation + 0.1, fdo2=0.8)
+    assert poor.saturation < rich.saturation
+    assert poor.oxygen > rich.oxygen
+    assert poor.saturation > 84.0
+
+
+def test_at_complete_shunt_venous_blood_does_not_depend_on_the_output():
+    low, high = (veno_venous(q, 3.3, shunt_fraction=1.0, vo2_ml_min=260.0) for q in (6.0, 10.0))
+    assert low.svo2 == pytest.approx(high.svo2, abs=1e-6)
+    assert low.sao2 > high.sao2 + 5.0
+
+
+@pytest.mark.slow
+def test_all_fits_are_met_and_what_misses_has_a_reason():
+    check = gas.gas_check()
+    assert not check.required
+    assert len(check.rows) == len(rows()) + 3
+    assert not [row.name for row in check.missed if "(fit)" in row.name]
+    assert not [row.name for row in check.missed if row.explanation is None and "sign" in row.name]
