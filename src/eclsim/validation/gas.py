@@ -223,7 +223,7 @@ def _regions() -> dict[str, float]:
     shunt = float(np.interp(-54.0, -arterial, _SHUNTS))
     sheep = {"gas.vo2_ml_min": consumed, "gas.shunt_fraction": 1.0}
     ivc = _lanes(
-        "ivc", sheep, {"gas.shunt_fraction": shunt}, {"Emaxlv": 0.25, "ecmo.speed_rpm": 4700.0},
+        "ivc", sheep, {"gas.shunt_fraction": shunt}, {"Emaxlv": 0.55, "ecmo.speed_rpm": 4500.0},
         {"Emaxlv": 0.7, "ecmo.speed_rpm": 4000.0}, {"ecmo.speed_rpm": 3300.0},
         {"Emaxlv": 0.7, "ecmo.speed_rpm": 4000.0, "physiology.upper_share": 0.2},
     )  # fmt: skip
