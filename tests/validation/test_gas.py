@@ -32,8 +32,8 @@ def test_the_oxygen_transfer_of_the_bench_is_met_at_every_flow():
 
 @pytest.mark.parametrize("saturation", [0.2, 0.3, 0.4, 0.5, 0.6])
 def test_poor_blood_and_thin_gas_leave_less_saturated_but_take_up_more(saturation):
-    poor = single_pass(3.9, 4.0, saturation, fdo2=0.8)
-    rich = single_pass(3.9, 4.0, saturation + 0.1, fdo2=0.8)
+    poor = single_pass(3.9, 4.0, saturation, hb=9.0, fdo2=0.8)
+    rich = single_pass(3.9, 4.0, saturation + 0.1, hb=9.0, fdo2=0.8)
     assert poor.saturation < rich.saturation
     assert poor.oxygen > rich.oxygen
     assert poor.saturation > 84.0

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from eclsim.crrt_study.beats import SPLIT, SUMMARISED
 from eclsim.crrt_study.limits import Limit
+from eclsim.crrt_study.one_housing import beside_schemes
 from eclsim.crrt_study.ranking import choice, first_choice
 from eclsim.crrt_study.report import EXCHANGE_COLUMNS
 from eclsim.files import Json, finite, frame_text, json_text, whole_file, write_text
@@ -146,6 +147,7 @@ def _policy(study: CrrtStudy, policy: str) -> dict[str, object]:
         "first_choice": None if best is None else best.letter,
         "first_choice_in_words": choice(study, policy),
         "ranking": [asdict(ranked) for ranked in study.ranking[policy]],
+        **({"renox": beside_schemes(study, policy)} if study.renox is not None else {}),
     }
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from eclsim.crrt_study.limits import KEPT_TO_THE_END, kept
 from eclsim.crrt_study.missing_beats import not_known
+from eclsim.crrt_study.one_housing import beside_schemes
 from eclsim.crrt_study.ranking import choice, choice_elsewhere, place
 from eclsim.devices.ecmo import POSITIONS
 from eclsim.orbit.model import AS_PUBLISHED, POLICY_WORDS
@@ -79,6 +80,7 @@ def study_page(study: CrrtStudy, drawings: Mapping[str, str], policy: str | None
         order=[criterion.sentence for criterion in study.rule.criteria],
         rule=study.rule.name,
         exchange=_exchange_tables(study, main),
+        renox=_renox_table(study, main),
         notes=[f"Scheme {scheme.letter}: {scheme.note}." for scheme in study.schemes if scheme.note],
         policy_means=[
             (POLICY_WORDS[one], _means_table(study, one))
@@ -178,6 +180,39 @@ def _exchange_tables(study: CrrtStudy, policy: str) -> list[Table]:
         head = ["Scheme", "Returns: oxygenator", *(words for _, words, _, _ in columns)]
         tables.append(Table(head, rows, numeric=range(2, len(head))))
     return tables
+
+
+RENOX_COLUMNS = (
+    ("access_mmhg", "Access [mmHg]", 1.0, 0), ("return_mmhg", "Return [mmHg]", 1.0, 0),
+    ("blood_taken_up_ml", "Blood taken up [mL]", 1.0, 0), ("urea_ml_min", "Urea cleared [mL/min]", 1.0, 1),
+    ("filtration_fraction", "Filtration fraction [%]", 100.0, 1),
+    ("effluent_pressure_mmhg", "Effluent pressure [mmHg]", 1.0, 0),
+    ("open_effluent_l_h", "Filtered with an open effluent [L/h]", 1.0, 1), ("SaO2", "SaO2 [%]", 1.0, 1),
+    ("PaCO2", "PaCO2 [mmHg]", 1.0, 1),
+)  # fmt: skip
+"""What is set beside RenOx: key, head, factor and decimals."""
+KEPT_WORDS = {True: "kept", False: "broken", None: "not known"}
+
+
+def _renox_table(study: CrrtStudy, policy: str) -> Table | None:
+    """One housing for oxygenator and dialyzer against every scheme, at the case's speed."""
+    found = beside_schemes(study, policy)
+    if not found:
+        return None
+    columns = [column for column in RENOX_COLUMNS if column[0] in found["RenOx"]]
+    rows = []
+    for name, one in found.items():
+        cells = [one.get(key) for key, *_ in columns]
+        shown = (
+            "none"
+            if cell is None and name == "RenOx"
+            else number(np.nan if cell is None else factor * cell, digits)
+            for cell, (_, _, factor, digits) in zip(cells, columns, strict=True)
+        )
+        kept = "no lines" if name == "RenOx" else KEPT_WORDS[one["alarms_kept"]]  # type: ignore[index]
+        rows.append([name, kept, *shown])
+    head = ["", "Alarms of the lines", *(words for _, words, _, _ in columns)]
+    return Table(head, rows, numeric=range(2, len(head)))
 
 
 def _means_table(study: CrrtStudy, policy: str) -> Table:

@@ -49,6 +49,8 @@ class CrrtStudy:
         ranking: schemes from best to worst, by policy.
         uncertainty: how surely each scheme keeps its limits; None unless samples were given.
         rule: by which schemes are ranked.
+        renox: oxygenator and dialyzer in one housing on the beats without CRRT, over `policy` and `speed`;
+            None where the case has no fluids for it.
     """
 
     case: Case
@@ -64,6 +66,7 @@ class CrrtStudy:
     ranking: dict[str, tuple[Ranked, ...]]
     uncertainty: xr.Dataset | None = None
     rule: Rule = USUAL
+    renox: xr.Dataset | None = None
 
     @property
     def policies(self) -> tuple[str, ...]:
@@ -139,6 +142,7 @@ def crrt_study(
     from eclsim.crrt_study import beats as crrt_datasets
     from eclsim.crrt_study.beats import split_differences, study_circuits, summarise
     from eclsim.crrt_study.limits import largest_flows, uncertainty
+    from eclsim.crrt_study.one_housing import in_one_housing, without_renox
     from eclsim.crrt_study.ranking import rank
     from eclsim.simulation.target_flow import with_speed
 
@@ -150,7 +154,7 @@ def crrt_study(
     own = case_speed(case)
     rpm = np.unique([*(parse_speeds(speeds) if isinstance(speeds, str) else speeds), own]).astype(float)
     flow = crrt_flow(case, crrt_flow_ml_min)
-    circuits = study_circuits(case, chosen, flow)
+    circuits = study_circuits(without_renox(case), chosen, flow)
     check_quantities(judged_by, crrt_datasets.quantities(circuits))
     at = np.arange(len(chosen)) * len(rpm) + int(np.flatnonzero(rpm == own)[0])
     runs, alone = [], []
@@ -180,5 +184,5 @@ def crrt_study(
     return CrrtStudy(
         case, chosen, own, flow, means, crrt_datasets.without(alone, policies, rpm),
         crrt_datasets.waveforms(circuits, runs, policies), summarise(means), limits, uptake, ranking, doubt,
-        judged_by,
+        judged_by, in_one_housing(case, policies, rpm),
     )  # fmt: skip

@@ -8,7 +8,7 @@ other simulators. What a source does not state is taken from an adult and named 
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
 
@@ -272,9 +272,9 @@ def _by_carbon_dioxide() -> dict[str, float]:
 
 def _reasons(found: Mapping[str, float]) -> dict[str, Explanation]:
     ceiling = 1000.0 * FLOWMETER_TO_STPD * 45.0 / DRY_MMHG
-    rich = brentq(lambda p: single_pass(1.0, 1.0, BENCH_INLET, p).carbon_dioxide - 64.0, 45.0, 90.0)
-    lower = brentq(lambda x: _strassmann(x, 0.4, 2) - 35.0, 0.3, 1.0)
-    cells = brentq(lambda x: _with_cells(x)[0] + 3.48, 0.0, 0.2)
+    rich = _root(lambda p: single_pass(1.0, 1.0, BENCH_INLET, p).carbon_dioxide - 64.0, 45.0, 90.0)
+    lower = _root(lambda x: _strassmann(x, 0.4, 2) - 35.0, 0.3, 1.0)
+    cells = _root(lambda x: _with_cells(x)[0] + 3.48, 0.0, 0.2)
     warm = [_pig(temperature_c=37.0 + t, vo2_ml_min=200.0 * 1.1**t).paco2 for t in (-0.5, 0.5)]
     shunted = 0.5 * (_pig(shunt_fraction=1.0).pao2 - _pig(shunt_fraction=0.98).pao2)
     half = [single_pass(3.0, 5.0, s, 45.0, 10.0, oxygen_transfer=0.0259).oxygen for s in (0.64, 0.66)]
@@ -333,6 +333,10 @@ def _reasons(found: Mapping[str, float]) -> dict[str, Explanation]:
         ),
     }  # fmt: skip
     return why
+
+
+def _root(function: Callable[[float], float], low: float, high: float) -> float:
+    return float(np.asarray(brentq(function, low, high)))
 
 
 def _strassmann(scale: float, area: float, sweep: float) -> float:

@@ -1,0 +1,121 @@
+"""RenOx against the schemes: what one housing for oxygenator and dialyzer does on the same beats.
+
+It has no lines, so blood moves as without CRRT: the beats are those of the patient on ECMO alone, and only
+what crosses the membrane is added. Its fluids are those of the case's section [renox]; left out, all that the
+case's CRRT gives as dialysate and replacement, as dialysate.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from eclsim.crrt_study.limits import CRRT_LIMITS
+from eclsim.devices.crrt import FILTER_PARAMETERS
+from eclsim.devices.renox import GROUP, Renox
+from eclsim.orbit.model import circuit_of, values_of
+from eclsim.orbit.steady import Batch
+from eclsim.outputs.results import output_labels
+from eclsim.outputs.signals import output_names
+from eclsim.outputs.steady_beat import steady_beat
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    import xarray as xr
+
+    from eclsim.cases.case import Case
+    from eclsim.crrt_study.study import CrrtStudy
+
+SPEED = "ecmo.speed_rpm"
+GASES = ("SreturnO2", "PreturnCO2", "SaO2", "PaCO2")
+COLUMNS = {
+    "access_mmhg": "Pcrrttuin", "return_mmhg": "Pcrrttuout", "urea_ml_min": "effective_clearance_urea",
+    "filtration_fraction": "filtration_fraction", "effluent_pressure_mmhg": "effluent_pressure",
+    "SreturnO2": "SreturnO2", "SaO2": "SaO2", "PaCO2": "PaCO2",
+}  # fmt: skip
+"""What of a scheme is set beside RenOx, by its key in JSON."""
+
+
+def without_renox(case: Case) -> Case:
+    """The case with its oxygenator alone."""
+    others = {key: section for key, section in case.other_devices.items() if key != GROUP}
+    return case.model_copy(update={"other_devices": others})
+
+
+def section_of(case: Case) -> Renox | None:
+    """The fluids of RenOx; None where the case has neither its section nor a CRRT that dialyses."""
+    own = case.other_devices.get(GROUP)
+    if isinstance(own, Renox):
+        return own
+    if case.crrt is None or not case.crrt.dialyses:
+        return None
+    fluids = (case.crrt.dialysate_ml_h, case.crrt.replacement_pre_ml_h, case.crrt.replacement_post_ml_h)
+    shared = ("haematocrit_in", "fluid_bicarbonate_mmol_l", "plasma_bicarbonate_mmol_l")
+    return Renox.model_construct(
+        dialysate_ml_h=sum(flow or 0.0 for flow in fluids),
+        net_ultrafiltration_ml_h=case.crrt.net_ultrafiltration_ml_h or 0.0,
+        **{key: getattr(case.crrt, key) for key in shared},
+    )
+
+
+def in_one_housing(case: Case, policies: Sequence[str], speeds: np.ndarray) -> xr.Dataset | None:
+    """Outputs of RenOx and the gases of the patient, over `policy` and `speed`; None without its fluids."""
+    import xarray as xr
+
+    section = section_of(case)
+    if section is None:
+        return None
+    alone = without_renox(case).model_copy(update={"crrt": None})
+    case = alone.model_copy(update={"other_devices": {**alone.other_devices, GROUP: section}})
+    circuit, values = circuit_of(case), values_of(case)
+    known = output_names(circuit)
+    names = [n for n in known if n.startswith(f"{GROUP}_")] + [n for n in ("PF", *GASES) if n in known]
+    beats = []
+    for policy in policies:
+        batch = Batch(circuit, values | {SPEED: speeds}, len(speeds), policy)
+        beats.append(steady_beat(batch, names, start=values).determined_only())
+    dims = ("policy", "speed")
+    data = {name: (dims, np.stack([b.output(name) for b in beats]), output_labels(name)) for name in names}
+    attributes = {key: value for key, value in section.model_dump().items() if value is not None}
+    return xr.Dataset(data, {"policy": list(policies), "speed": speeds}, attributes)
+
+
+def beside_schemes(study: CrrtStudy, policy: str) -> dict[str, Mapping[str, float | bool | None]]:
+    """RenOx and every scheme at the case's speed, in the order of the ranking; empty without RenOx.
+
+    Lines that are not there have no pressures and no alarms. `open_effluent_l_h` is what the pressure of the
+    blood would filter through a membrane whose effluent is open to the atmosphere.
+    """
+    if study.renox is None:
+        return {}
+    here = study.renox.sel(policy=policy, speed=study.case_speed)
+    found: dict[str, Mapping[str, float | bool | None]] = {
+        "RenOx": {
+            "access_mmhg": None, "return_mmhg": None, "alarms_kept": True, "blood_taken_up_ml": 0.0,
+            "urea_ml_min": float(here["renox_clearance_urea"]),
+            "filtration_fraction": float(here["renox_filtration_fraction"]),
+            "effluent_pressure_mmhg": float(here["renox_effluent_pressure"]),
+            "open_effluent_l_h": 1e-3 * float(here["renox_free_ultrafiltration_ml_h"]),
+            **{name: float(here[name]) for name in GASES if name in here and name in COLUMNS},
+        }
+    }  # fmt: skip
+    means = study.means.sel(policy=policy, speed=study.case_speed)
+    margin = study.limits["margin"].sel(policy=policy, limit=CRRT_LIMITS)
+    for one in study.ranking[policy]:
+        scheme = means.sel(scheme=one.letter)
+        numbers = {key: float(scheme[name]) for key, name in COLUMNS.items() if name in scheme}
+        kept = float(margin.sel(scheme=one.letter))
+        numbers["alarms_kept"] = None if np.isnan(kept) else kept >= 0.0
+        numbers["blood_taken_up_ml"] = -float(scheme["patient_volume_change"])
+        if "effluent_pressure" in scheme:
+            blood = float(scheme["effluent_pressure"] + scheme["transmembrane_pressure"])
+            numbers["open_effluent_l_h"] = 1e-3 * _permeability(study) * blood
+        found[one.letter] = numbers
+    return found
+
+
+def _permeability(study: CrrtStudy) -> float:
+    """Ultrafiltration coefficient of the CRRT's filter [mL/h/mmHg]."""
+    return float(study.case.parameters.get("Kufcrrtfil", FILTER_PARAMETERS[0].value))

@@ -1,0 +1,73 @@
+"""RenOx against the schemes, and the study of a patient with regions and gases."""
+
+import json
+import math
+
+import pytest
+
+from eclsim.cases.reading import read_mapping
+from eclsim.crrt_study.files import study_json
+from eclsim.crrt_study.one_housing import beside_schemes
+from eclsim.crrt_study.report import study_page
+from eclsim.crrt_study.study import crrt_study
+from eclsim.devices.crrt import Crrt
+from eclsim.paper.patient import paper_case
+
+REGIONAL = {
+    "format": 1, "blood_volume_policy": "patient_held",
+    "patient": {"id": "regional", "sex": "male", "age_years": 50, "height_cm": 175, "weight_kg": 70,
+                "heart_rate_bpm": 90},
+    "physiology": {"regional": True},
+    "gas": {"haemoglobin_g_dl": 9.0, "shunt_fraction": 0.7},
+    "ecmo": {"pump": "Rotaflow", "speed_rpm": 3000, "oxygenator": "Quadrox-i Adult", "drainage_site": "ivc",
+             "drainage_cannula": "venous", "drainage_fr": 25, "return_site": "lower",
+             "return_cannula": "arterial", "return_fr": 17, "sweep_l_min": 3.0, "fdo2": 1.0},
+    "crrt": {"flow_ml_min": 200, "access_site": "post_oxy", "return_site": "pre_oxy",
+             "dialysate_ml_h": 1000, "replacement_post_ml_h": 1000, "net_ultrafiltration_ml_h": 100},
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def regional():
+    return crrt_study(read_mapping(REGIONAL).case, schemes="b,e,g,svc:ra", speeds="3000")
+
+
+def test_a_patient_with_regions_is_ranked_and_has_gases(regional):
+    means = regional.means.sel(policy="patient_held", speed=3000.0)
+    assert bool(means["converged"].all())
+    assert {one.letter for one in regional.ranking["patient_held"]} == {"b", "e", "g", "svc:ra"}
+    returned = means["SreturnO2"]
+    assert float(returned.sel(scheme="e")) < float(returned.sel(scheme="g")), (
+        "venous blood past the oxygenator"
+    )
+    assert float(means["recirculated_fraction"].sel(scheme="svc:ra")) == pytest.approx(0.0, abs=1e-3)
+
+
+def test_renox_moves_no_blood_and_clears_what_its_fluid_takes_up(regional):
+    renox = regional.renox.sel(policy="patient_held", speed=3000.0)
+    alone = regional.without_crrt.sel(policy="patient_held", speed=3000.0)
+    assert float(renox["PF"]) == pytest.approx(float(alone["PF"]), rel=1e-9)
+    assert float(renox["SaO2"]) == pytest.approx(float(alone["SaO2"]), rel=1e-6)
+    beside = beside_schemes(regional, "patient_held")
+    assert next(iter(beside)) == "RenOx"
+    assert beside["RenOx"]["access_mmhg"] is None
+    assert beside["RenOx"]["blood_taken_up_ml"] == 0.0
+    assert beside["RenOx"]["urea_ml_min"] == pytest.approx(2100.0 / 60.0, rel=0.01)
+    for letter in ("e", "g"):  # at the pressure behind the pump, in its lines as in one housing
+        assert beside[letter]["open_effluent_l_h"] > 5.0
+    assert beside["RenOx"]["open_effluent_l_h"] > 5.0
+    page = study_page(regional, {})
+    assert "RenOx" in page
+    plain = json.loads(study_json(regional))["policies"]["patient_held"]["renox"]
+    assert plain["RenOx"]["return_mmhg"] is None
+    assert math.isfinite(plain["g"]["return_mmhg"])
+
+
+def test_without_fluids_there_is_no_renox():
+    case = paper_case().model_copy(
+        update={"crrt": Crrt(flow_ml_min=200, access_site="post_oxy", return_site="pre_oxy")}
+    )
+    study = crrt_study(case, schemes="g", speeds="3425", volume_policy="patient_held")
+    assert study.renox is None
+    assert beside_schemes(study, "patient_held") == {}
+    assert "renox" not in json.loads(study_json(study))["policies"]["patient_held"]
