@@ -35,6 +35,7 @@ PARTS: dict[str, Callable[[Effort], list[Check]]] = {
     "paper": lambda _: [measurements.paper_check()],
     "devices": lambda _: [measurements.devices_check()],
     "dialysis": lambda _: [dialysis.dialysis_check()],
+    "gas": lambda _: [gas.gas_check()],
     "drugs": lambda _: [drugs.drugs_check()],
     "regulation": lambda _: regulation.regulation_checks(),
     "fluid": lambda _: [fluid.fluid_check()],
