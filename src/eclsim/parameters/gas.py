@@ -85,7 +85,7 @@ BOUNDS = MappingProxyType(
         "gas.shunt_fraction": Bounds(0.4, 0.0, 1.0), "gas.vo2_ml_min": Bounds(220.0, 60.0, 800.0),
         "gas.alveolar_ventilation_l_min": Bounds(2.0, 0.2, 20.0),
         "ecmo.drainage_mixing": Bounds(0.5, 0.0, 1.0),
-        "ecmo.oxygenator.oxygen_transfer": Bounds(0.03646, 0.003646, 0.3646),
+        "ecmo.oxygenator.oxygen_transfer": Bounds(0.0518, 0.00518, 0.518),
         "ecmo.oxygenator.clotted_fraction": Bounds(0.2, 0.0, 0.99),
     }
 )  # fmt: skip
