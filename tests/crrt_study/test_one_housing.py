@@ -6,13 +6,14 @@ import math
 import pytest
 
 from eclsim.cases.reading import read_mapping
-from eclsim.crrt_study.files import study_json
+from eclsim.crrt_study.files import DRAWINGS, study_json
 from eclsim.crrt_study.one_housing import beside_schemes
 from eclsim.crrt_study.report import study_page
 from eclsim.crrt_study.study import crrt_study
 from eclsim.devices.crrt import Crrt
 from eclsim.paper.patient import paper_case
 
+PICTURES = dict.fromkeys(DRAWINGS, "<svg></svg>")
 REGIONAL = {
     "format": 1, "blood_volume_policy": "patient_held",
     "patient": {"id": "regional", "sex": "male", "age_years": 50, "height_cm": 175, "weight_kg": 70,
@@ -32,6 +33,7 @@ def regional():
     return crrt_study(read_mapping(REGIONAL).case, schemes="b,e,g,svc:ra", speeds="3000")
 
 
+@pytest.mark.slow
 def test_a_patient_with_regions_is_ranked_and_has_gases(regional):
     means = regional.means.sel(policy="patient_held", speed=3000.0)
     assert bool(means["converged"].all())
@@ -43,6 +45,7 @@ def test_a_patient_with_regions_is_ranked_and_has_gases(regional):
     assert float(means["recirculated_fraction"].sel(scheme="svc:ra")) == pytest.approx(0.0, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_renox_moves_no_blood_and_clears_what_its_fluid_takes_up(regional):
     renox = regional.renox.sel(policy="patient_held", speed=3000.0)
     alone = regional.without_crrt.sel(policy="patient_held", speed=3000.0)
@@ -56,7 +59,7 @@ def test_renox_moves_no_blood_and_clears_what_its_fluid_takes_up(regional):
     for letter in ("e", "g"):  # at the pressure behind the pump, in its lines as in one housing
         assert beside[letter]["open_effluent_l_h"] > 5.0
     assert beside["RenOx"]["open_effluent_l_h"] > 5.0
-    page = study_page(regional, {})
+    page = study_page(regional, PICTURES)
     assert "RenOx" in page
     plain = json.loads(study_json(regional))["policies"]["patient_held"]["renox"]
     assert plain["RenOx"]["return_mmhg"] is None
