@@ -159,7 +159,7 @@ class NativeLung(GasExchanger):
         gas = jnp.where(jnp.asarray(value_of(values, self.shunt)) >= 1.0, jnp.maximum(gas, 1.0), gas)
         expired = gas - inside.gained[0] - inside.gained[1]
         inspired = gas * jnp.stack([value_of(values, self.oxygen), AIR_CARBON_DIOXIDE])
-        return inspired[:, None] - inside.pressure / DRY_MMHG * expired
+        return jnp.asarray(inspired[:, None] - inside.pressure / DRY_MMHG * expired)
 
 
 @dataclass(frozen=True)

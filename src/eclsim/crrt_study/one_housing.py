@@ -105,7 +105,9 @@ def beside_schemes(study: CrrtStudy, policy: str) -> dict[str, Mapping[str, floa
     margin = study.limits["margin"].sel(policy=policy, limit=CRRT_LIMITS)
     for one in study.ranking[policy]:
         scheme = means.sel(scheme=one.letter)
-        numbers = {key: float(scheme[name]) for key, name in COLUMNS.items() if name in scheme}
+        numbers: dict[str, float | bool | None] = {
+            key: float(scheme[name]) for key, name in COLUMNS.items() if name in scheme
+        }
         kept = float(margin.sel(scheme=one.letter))
         numbers["alarms_kept"] = None if np.isnan(kept) else kept >= 0.0
         numbers["blood_taken_up_ml"] = -float(scheme["patient_volume_change"])
