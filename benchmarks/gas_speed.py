@@ -2,9 +2,9 @@
 
     ECLSIM_THREADS=1 taskset -c 0 python benchmarks/gas_speed.py CASE.toml
 
-Both are measured in turn, so that what else the machine does falls on both. Elapsed and processor time, medians
-and least of the repeats, in ms; of the batch for each patient. For a ratio to an older eclsim run the same with
-its sources first in PYTHONPATH.
+Both are measured in turn, so that what else the machine does falls on both. Elapsed and processor time,
+medians and least of the repeats, in ms; of the batch for each patient. For a ratio to an older eclsim run the
+same with its sources first in PYTHONPATH.
 """
 
 import statistics
@@ -33,7 +33,8 @@ def in_turn(functions, repeats: int) -> list[tuple[float, ...]]:
             function()
             column.append((1e3 * (time.perf_counter() - start), 1e3 * (time.process_time() - cpu)))
     return [
-        tuple(f(side) for side in zip(*column, strict=True) for f in (statistics.median, min)) for column in taken
+        tuple(f(side) for side in zip(*column, strict=True) for f in (statistics.median, min))
+        for column in taken
     ]
 
 
