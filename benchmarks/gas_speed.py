@@ -24,7 +24,7 @@ from eclsim.validation.timing import MEMBERS, PARAMETERS, SPREAD
 
 def in_turn(functions, repeats: int) -> list[tuple[float, ...]]:
     """Median and least elapsed, median and least processor milliseconds of each function."""
-    for function in functions * 2:
+    for function in [*functions, *functions]:
         function()
     taken = [[] for _ in functions]
     for _ in range(repeats):
