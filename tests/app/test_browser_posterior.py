@@ -90,8 +90,8 @@ def test_a_file_that_is_no_posterior_is_refused(open_page, tmp_path, shots):
 
 def test_ecmo_is_drawn_between_the_sites_that_are_chosen(open_page, shots):
     page = open_page()
-    page.get_by_label("Drained from").select_option("part")
-    page.get_by_label("Returned to").select_option("la")
+    page.get_by_label("Drained from", exact=True).select_option("part")
+    page.get_by_label("Returned to", exact=True).select_option("la")
     page.wait_for_function(
         "eclsim.bus.last('drawing').lines.some((l) => l.name === 'ecmoreturn' && l.site === 'la')"
     )

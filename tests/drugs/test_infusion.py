@@ -5,6 +5,7 @@ import pytest
 
 from eclsim.cases.reading import read_mapping
 from eclsim.course.course import course
+from eclsim.course.engine import CourseOptions
 from eclsim.drugs.infusion import InfusedDoses
 from eclsim.drugs.published import PUBLISHED
 from eclsim.goals.search import reach
@@ -63,7 +64,8 @@ def test_a_course_of_a_pump_that_is_started_and_stopped():
             {"at_min": 20, "set": {"drugs.noradrenaline": 0.0}},
         ],
     }
-    found = course(read_mapping(case).case, minutes=30, every_min=5, outputs=["MAP"])
+    sharp = CourseOptions(tolerance=0.001)  # of a change that is felt, 0.06 ug/kg/min
+    found = course(read_mapping(case).case, minutes=30, every_min=5, outputs=["MAP"], options=sharp)
     state, lag = (
         found["drugs.noradrenaline_in_effect"],
         PUBLISHED["noradrenaline"].half_life_min / np.log(2.0),

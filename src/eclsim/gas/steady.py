@@ -145,14 +145,17 @@ def solve(
 
     def improve(state: _Search) -> _Search:
         move, move_ph, size = _newton_step(fixed, state.pressure, state.ph, state.inertia)
+        solved = jnp.isfinite(move).all() & jnp.isfinite(move_ph).all()
+        move, move_ph = jnp.where(solved, move, 0.0), jnp.where(solved, move_ph, 0.0)
         pressure = jnp.clip(state.pressure + jnp.clip(move, -LARGEST_STEP, LARGEST_STEP), LOWEST, HIGHEST)
         ph = jnp.clip(state.ph + jnp.clip(move_ph, -0.5, 0.5), 4.0, 12.0)
         ph = acid(pressure, ph)
-        error = jnp.maximum(jnp.abs(move).max(), jnp.abs(move_ph).max())
+        error = jnp.where(solved, jnp.maximum(jnp.abs(move).max(), jnp.abs(move_ph).max()), jnp.inf)
         # Inertia follows what is missing, so that the last steps are Newton's.
         ratio = jnp.clip(size / state.missing, 0.1, 2.0)
         inertia = jnp.where((size < 1e-4) | (state.inertia < 1e-6), 0.0, 0.5 * state.inertia * ratio)
-        return _Search(pressure, ph, inertia, size, state.steps + 1, error)
+        # Without a step to take, as in blood that gains and loses nothing, the search ends where it is.
+        return _Search(pressure, ph, inertia, size, jnp.where(solved, state.steps + 1, ITERATIONS), error)
 
     points = network.count + samples.shape[0]
     pressure = jnp.log(jnp.stack([jnp.full(points, 60.0), jnp.full(points, 42.0)]))
@@ -161,8 +164,10 @@ def solve(
     end = jax.lax.while_loop(unfinished, improve, start)
     # One more step from the solution carries its derivatives exactly.
     move, move_ph, _ = _newton_step(network, end.pressure, end.ph, 0.0)
-    pressure, ph = end.pressure + move, end.ph + move_ph
+    solved = jnp.isfinite(move).all() & jnp.isfinite(move_ph).all()
+    pressure, ph = (jnp.where(solved, at + by, at) for at, by in ((end.pressure, move), (end.ph, move_ph)))
     error = jax.lax.stop_gradient(jnp.maximum(jnp.abs(move).max(), jnp.abs(move_ph).max()))
+    error = jnp.where(solved, error, jnp.inf)
     content, _, saturation, _ = _properties(law, blood_of(values), pressure, ph)
     outlets, inlets = _streams(network, content)
     gained = 10.0 * mixed.streams * (outlets - inlets)

@@ -6,9 +6,10 @@ With settings x over their ranges, u = (x - low) / (high - low), what is minimis
 
 the first setting weighing most. Every step solves the linear program of the beat to first order within a
 trust region (sequential linear programming with an exact penalty, Fletcher and Sainz de la Maza 1989, doi
-10.1007/BF01582292): at a solution that as many goals determine as there are settings it converges as fast as
-Newton's method. Where goals exclude each other the same search ends at the smallest sum of misses, each in
-hundredths of its bound; what stands in the way is found by leaving out the goals at their bounds, one by one.
+10.1007/BF01582292), and once more where bounds are curved (second-order correction). At a solution that as
+many goals determine as there are settings it converges as fast as Newton's method. Where goals exclude each
+other the same search ends at the smallest sum of misses, each in hundredths of its bound; what stands in the
+way is found by leaving out the goals at their bounds, one by one.
 """
 
 from __future__ import annotations
@@ -292,16 +293,30 @@ def _search(bedside: _Bedside, goals: Sequence[Goal], start: np.ndarray) -> _Poi
     for _ in range(MOST_STEPS):
         if merit - expected <= 1e-12 or region < SMALLEST_REGION:
             break
-        trial = bedside.point(np.clip(now.place + move, 0.0, 1.0), outputs)
-        gained = np.nan if trial is None else merit - _merit(goals, trial.place, trial.values)
-        ratio = gained / (merit - expected)
+        trial, trial_merit = _tried(bedside, goals, now, move)
+        if trial is not None and merit - trial_merit <= 0.75 * (merit - expected):
+            # Bounds that curve away are met by a second program with what the first one missed of them.
+            bent = trial.values - now.slopes @ (trial.place - now.place)
+            again = _linear_program(goals, now._replace(values=bent), region)[0]
+            corrected, corrected_merit = _tried(bedside, goals, now, again)
+            if corrected_merit < trial_merit:
+                trial, trial_merit = corrected, corrected_merit
+        ratio = (merit - trial_merit) / (merit - expected)
         if trial is not None and ratio > 0.05:
-            now, merit = trial, merit - gained
+            now, merit = trial, trial_merit
             region = min(2.0 * region, 1.0) if ratio > 0.75 else region
         else:
             region = 0.25 * float(np.abs(move).max())
         move, expected = _linear_program(goals, now, region)
     return now
+
+
+def _tried(
+    bedside: _Bedside, goals: Sequence[Goal], now: _Point, move: np.ndarray
+) -> tuple[_Point | None, float]:
+    """The place after a move, and its merit; None and NaN where there is no steady beat."""
+    trial = bedside.point(np.clip(now.place + move, 0.0, 1.0), [goal.output for goal in goals])
+    return trial, np.nan if trial is None else _merit(goals, trial.place, trial.values)
 
 
 def _linear_program(goals: Sequence[Goal], at: _Point, region: float) -> tuple[np.ndarray, float]:

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
-import numpy as np
+if TYPE_CHECKING:
+    import numpy as np
 
-Named = Mapping[str, np.ndarray]
+Named: TypeAlias = "Mapping[str, np.ndarray]"
 """Values by name, each of shape (members,)."""
 
 INFLOWS = ("crystalloid_ml", "albumin_ml", "red_cells_ml", "blood_ml", "bleed_ml")
