@@ -30,10 +30,11 @@ export default {
           <label :for="id(k)" :title="k.hint">{{ k.label }}</label>
           <span class="typed">
             <input :id="id(k)" type="text" inputmode="decimal" autocomplete="off" maxlength="40"
-              :value="written(k)" :aria-invalid="!!errors[k.key]"
+              :value="shown(k)" :aria-invalid="!!errors[k.key]"
               :aria-describedby="errors[k.key] ? id(k) + '-error' : null"
-              :disabled="!connected" @change="send(k.key, $event.target.value)" @keydown="arrow(k, $event)"
-              @focus="$event.target.select()" />
+              :disabled="!connected" @input="typed = { key: k.key, text: $event.target.value }"
+              @change="enter(k, $event.target.value)" @keydown="arrow(k, $event)"
+              @focus="$event.target.select()" @blur="typed = typed?.entered ? typed : undefined" />
             <small>{{ k.unit }}</small>
           </span>
           <input type="range" :min="0" :max="positions(k)" step="1" :value="position(k)" :aria-label="k.label"
@@ -66,6 +67,7 @@ export default {
       },
       state(state) {
         const { held } = this;
+        if (this.typed?.entered) this.typed = undefined;
         const ahead = held && state.seq < held.seq && held.key in state.values;
         this.values = { ...state.values, ...(ahead ? { [held.key]: this.values[held.key] } : {}) };
         this.devices = state.devices;
@@ -94,6 +96,7 @@ export default {
     devices: {},
     policy: "as_published",
     connected: true,
+    typed: undefined,
   }),
   methods: {
     positions,
@@ -108,10 +111,19 @@ export default {
       const value = this.values[knob.key];
       return typeof value === "number" ? String(Number(value.toPrecision(4))) : value;
     },
+    // What is being typed stays, whatever arrives meanwhile.
+    shown(knob) {
+      return this.typed?.key === knob.key ? this.typed.text : this.written(knob);
+    },
+    enter(knob, text) {
+      this.typed = { key: knob.key, text, entered: true };
+      this.send(knob.key, text);
+    },
     arrow(knob, event) {
       const steps = { ArrowUp: 1, ArrowDown: -1, PageUp: 10, PageDown: -10 }[event.key];
       if (!steps) return;
       event.preventDefault();
+      this.typed = undefined;
       this.move(knob, Math.min(Math.max(this.position(knob) + steps, 0), positions(knob)));
     },
     // What is turned here stays as it is until the server has caught up with it.
@@ -159,6 +171,7 @@ export default {
       this.$emit(event, data);
     },
     refuse(error) {
+      this.typed = undefined;
       this.errors = { ...this.errors, [error.key]: error.messages.join(" ") };
       this.away = this.held = undefined;
       this.flush();
