@@ -159,7 +159,7 @@ export default {
       const shown = on ? bus.last("state") : bus.last("beat");
       if (!shown) return;
       clearTimeout(this.timer);
-      this.timer = this.next = this.away = this.held = undefined;
+      this.timer = this.next = this.away = this.held = this.typed = undefined;
       this.values = { ...shown.values };
       for (const knob of this.panel) {
         const field = document.getElementById(this.id(knob));
