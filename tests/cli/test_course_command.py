@@ -7,7 +7,8 @@ EVENTS = "[[events]]\nat_min = 2\ngive = { blood_ml = 100 }\nover_min = 4\n"
 
 def test_a_course_is_written_as_table_netcdf_and_json(shell):
     case, folder = shell.case(more=EVENTS), shell.folder / "out"
-    arguments = ("course", case, "--until", "10", "--every", "5", "--out", folder)
+    figures = shell.folder / "figures"
+    arguments = ("course", case, "--until", "10", "--every", "5", "--out", folder, "--figures", figures)
     done = shell.run(*arguments, "--json", "-")
     assert done.exit_code == 0, done.stderr
     found = json.loads(done.stdout)
@@ -18,6 +19,8 @@ def test_a_course_is_written_as_table_netcdf_and_json(shell):
     assert "time_min [min]" in (folder / "P01_course.csv").read_text().splitlines()[0]
     again = shell.run(*arguments)
     assert (again.exit_code, "P01_course.csv already; --force overwrites" in again.stderr) == (2, True)
+    drawn = shell.run("course", case, "--figures", figures)
+    assert (drawn.exit_code, "P01_course" in drawn.stderr) == (2, True)
 
 
 def test_what_cannot_be_meant_is_said_before_anything_is_computed(shell):

@@ -2,13 +2,15 @@
 
 import math
 
+import numpy as np
 import pytest
+import xarray as xr
 
 from eclsim.cases import read_case
 from eclsim.cases.settings import apply_settings
 from eclsim.course.course import course
-from eclsim.course.plan import plan_removal, plan_weaning
-from eclsim.goals.goal import GoalError
+from eclsim.course.plan import _breaks, plan_removal, plan_weaning
+from eclsim.goals.goal import GoalError, read_goals
 
 PATIENT = """format = 1
 [patient]
@@ -60,6 +62,14 @@ def test_the_result_says_it_in_words_and_data(removal):
 
 
 @pytest.mark.slow
+def test_a_goal_whose_output_has_no_value_is_not_kept():
+    result = xr.Dataset(
+        {"DO2": ("time_min", [450.0, np.nan, 440.0])}, {"time_min": [0.0, 1.0, 2.0]}, {"converged": True}
+    )
+    (only,) = _breaks(read_goals("DO2 > 400", ["DO2"]), result)
+    assert (only.goal, only.at_min) == ("no value of DO2", 1.0)
+
+
 def test_a_goal_that_is_broken_from_the_start_cannot_be_kept(own):
     result = plan_removal(own, 300.0, "MAP > 120", hours=10.0)
     assert not result.possible

@@ -57,7 +57,7 @@ def course(options: CourseOptions) -> None:
     places = Destinations(force=options.force, inputs=[options.case_file])
     target = places.target("--json", options.json)
     folder = places.folder("--out", options.out, files.course_files(name))
-    figures = places.folder("--figures", options.figures, stems=[f"{files.course_stem(name)}_course"])
+    figures = places.folder("--figures", options.figures, stems=[files.course_stem(name)])
     if options.every is not None and minutes / options.every > MOST_MOMENTS:
         places.mistakes.append(
             f"--every {options.every:g}: {minutes / options.every:.0f} moments; allowed: up to {MOST_MOMENTS}"

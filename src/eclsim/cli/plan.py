@@ -60,9 +60,7 @@ def plan(options: PlanOptions) -> None:
 
     try:
         done = _remove(options, reading, target) if options.remove_ml else _wean(options, reading, target)
-    except GoalError as error:
-        fail(*error.mistakes)
-    except CaseError as error:
+    except (GoalError, CaseError) as error:
         fail(*error.mistakes)
     if not done:
         raise typer.Exit(INCOMPLETE)

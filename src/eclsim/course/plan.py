@@ -179,9 +179,12 @@ def _breaks(goals: Sequence[Goal], result: xr.Dataset) -> list[Break]:
     for goal in goals:
         values = result[goal.output].to_numpy() if goal.output in result else np.zeros(0)
         excess = np.array([goal.excess(float(value)) for value in values])
+        unknown = ~np.isfinite(excess)
+        if unknown.any():
+            found.append(Break(f"no value of {goal.output}", math.nan, float(minutes[unknown.argmax()])))
         if (excess > 0.0).any():
-            worst = float(values[int(excess.argmax())])
-            found.append(Break(str(goal), worst, float(minutes[int((excess > 0.0).argmax())])))
+            worst = float(values[np.nanargmax(excess)])
+            found.append(Break(str(goal), worst, float(minutes[(excess > 0.0).argmax()])))
     if not result.attrs["converged"]:
         found.append(
             Break(str(result.attrs["message"]), math.nan, float(minutes[-1]) if len(minutes) else 0.0)
