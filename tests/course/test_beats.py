@@ -10,16 +10,9 @@ from eclsim.cases import read_case
 from eclsim.course.beats import course_beats
 from eclsim.course.course import course
 from eclsim.inputs.mistakes import CaseError
+from small_patient import PATIENT
 
-PATIENT = """format = 1
-[patient]
-id = "P01"
-sex = "male"
-age_years = 60
-height_cm = 178
-weight_kg = 80
-heart_rate_bpm = 80
-[regulation]
+REGULATED = f"""{PATIENT}[regulation]
 baroreflex = 1.0
 """
 EVENTS = """
@@ -36,7 +29,7 @@ OUTPUTS = ("MAP", "CO", "heart_rate", "systemic_resistance_factor")
 
 def case(tmp_path, events=""):
     file = tmp_path / "case.toml"
-    file.write_text(PATIENT + events)
+    file.write_text(REGULATED + events)
     return read_case(file).case
 
 

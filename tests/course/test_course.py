@@ -12,16 +12,9 @@ from eclsim.course.files import course_object
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
 from eclsim.slow.law import SlowLaw, SlowState
+from small_patient import PATIENT
 
-PATIENT = """format = 1
-[patient]
-id = "P01"
-sex = "male"
-age_years = 60
-height_cm = 178
-weight_kg = 80
-heart_rate_bpm = 80
-[fluid]
+WITH_FLUID = f"""{PATIENT}[fluid]
 capillary_refill = false
 """
 EVENTS = """
@@ -41,7 +34,7 @@ set = { Rmc = 0.9, "patient.heart_rate_bpm" = 90 }
 
 def case(tmp_path, events="", settings=()):
     file = tmp_path / "case.toml"
-    file.write_text(PATIENT + events)
+    file.write_text(WITH_FLUID + events)
     return read_case(file, settings).case
 
 

@@ -5,30 +5,12 @@ import pytest
 from eclsim.cases import Case, read_case
 from eclsim.cases.writing import case_text
 from eclsim.inputs.mistakes import CaseError
-
-PATIENT = """format = 1
-[patient]
-id = "P01"
-sex = "male"
-age_years = 60
-height_cm = 178
-weight_kg = 80
-heart_rate_bpm = 80
-[ecmo]
-pump = "Rotaflow"
-speed_rpm = 3000
-oxygenator = "Quadrox-i Adult"
-mode = "VA"
-[crrt]
-flow_ml_min = 200
-access_site = "post_oxy"
-return_site = "pre_oxy"
-"""
+from small_patient import ON_ECMO
 
 
 def mistakes(tmp_path, events):
     file = tmp_path / "case.toml"
-    file.write_text(PATIENT + events)
+    file.write_text(ON_ECMO + events)
     with pytest.raises(CaseError) as error:
         read_case(file)
     return [str(mistake).removeprefix(str(file)) for mistake in error.value.mistakes]
@@ -81,7 +63,7 @@ give = { blod_ml = 5 }
 def test_a_change_may_follow_another_of_its_key(tmp_path):
     file = tmp_path / "case.toml"
     one = "[[events]]\nat_min = {}\nset = {{ Rmc = 1.2 }}\nramp_min = 10\n"
-    file.write_text(PATIENT + one.format(30) + one.format(40))
+    file.write_text(ON_ECMO + one.format(30) + one.format(40))
     case = read_case(file).case
     assert [event.at_min for event in case.events] == [30.0, 40.0]
     assert case.events[0].set == {"Rmc": 1.2}
@@ -89,7 +71,7 @@ def test_a_change_may_follow_another_of_its_key(tmp_path):
 
 def test_a_case_with_events_is_written_and_read_back(tmp_path):
     file = tmp_path / "case.toml"
-    file.write_text(PATIENT + "[[events]]\nat_min = 5\ngive = { bleed_ml = 100 }\n")
+    file.write_text(ON_ECMO + "[[events]]\nat_min = 5\ngive = { bleed_ml = 100 }\n")
     case = read_case(file).case
     file.write_text(case_text(case))
     assert read_case(file).case == case

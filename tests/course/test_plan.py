@@ -11,31 +11,13 @@ from eclsim.cases.settings import apply_settings
 from eclsim.course.course import course
 from eclsim.course.plan import _breaks, plan_removal, plan_weaning
 from eclsim.goals.goal import GoalError, read_goals
-
-PATIENT = """format = 1
-[patient]
-id = "P01"
-sex = "male"
-age_years = 60
-height_cm = 178
-weight_kg = 80
-heart_rate_bpm = 80
-[ecmo]
-pump = "Rotaflow"
-speed_rpm = 3000
-oxygenator = "Quadrox-i Adult"
-mode = "VA"
-[crrt]
-flow_ml_min = 200
-access_site = "post_oxy"
-return_site = "pre_oxy"
-"""
+from small_patient import ON_ECMO
 
 
 @pytest.fixture(scope="module")
 def own(tmp_path_factory):
     file = tmp_path_factory.mktemp("plan") / "case.toml"
-    file.write_text(PATIENT)
+    file.write_text(ON_ECMO)
     return read_case(file).case
 
 

@@ -7,7 +7,6 @@ beat (an explicit step of one beat's length).
 
 from __future__ import annotations
 
-import json
 import time as clock
 from collections.abc import Mapping, Sequence
 from itertools import groupby
@@ -19,17 +18,18 @@ import xarray as xr
 from eclsim.beat.grid import needed_resolution
 from eclsim.beat.heartbeat import HEART_RATE, BeatProgram, beat_program
 from eclsim.circuit.assembly import assemble
-from eclsim.circuit.network import BLOOD_VOLUME, Circuit
+from eclsim.circuit.network import Circuit
 from eclsim.course.laws import Laws, laws_of
+from eclsim.course.result import attributes_of, balance_of, labelled_course
 from eclsim.course.timeline import MINUTE, Timeline
 from eclsim.devices.description import GASES
-from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.orbit.model import CaseSource, as_case
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.measures import Measures
 from eclsim.outputs.registry import output
+from eclsim.outputs.regulation import FACTORS
 from eclsim.outputs.signals import needed_parameters, needed_signals, output_names
 from eclsim.outputs.steady_beat import steady_beat
 from eclsim.parameters.regulation import EXTRA_VOLUME, UNSTRESSED
@@ -39,13 +39,6 @@ from eclsim.slow.law import INFLOWS
 LONGEST_MIN = 120.0
 SHOWN = 1200
 """Beats that are shown at most, unless it is said how often."""
-FACTORS = {
-    "contractility_lv_factor": "Emaxlv",
-    "contractility_rv_factor": "Emaxrv",
-    "systemic_resistance_factor": "Rmc",
-    "pulmonary_resistance_factor": "Rpmc",
-}
-"""Outputs that say by how much a reflex or drug has changed a parameter."""
 ACTED = (*FACTORS.values(), HEART_RATE, UNSTRESSED)
 
 
@@ -251,45 +244,16 @@ class _Marching:
             values = [beat.values for beat in own], [beat.acted for beat in own]
             for name, column in self._measured(self.names, series, program, *values).items():
                 found[name].append(column)
-        data: dict[str, Any] = {}
-        for name, parts in found.items():
-            entry, values = output(name), np.concatenate(parts)
-            labels = {"units": entry.unit, "long_name": entry.long_name, "definition": entry.definition}
-            data[name] = ("time_min", values, labels)
-        states = np.stack([beat.slow for beat in beats], axis=-1)
-        for row, state in zip(states, self.laws.states, strict=True):
-            labels = {"units": state.unit, "long_name": f"slow state {state.name}"}
-            data[state.name] = ("time_min", row, labels)
-        minute = np.array([beat.time for beat in beats]) / MINUTE
-        axis = ("time_min", minute, {"units": "min", "long_name": "time from the start"})
-        return xr.Dataset(data, coords={"time_min": axis}, attrs=self._attributes(beats))
-
-    def _attributes(self, beats: Sequence[_Kept]) -> dict[str, Any]:
-        first, last = (dict(zip(self.laws.names, beats[k].slow, strict=True)) for k in (0, -1))
-        doors = {
-            key: float(last[name] - first[name])
-            for key, name in (("given_ml", GIVEN), ("removed_ml", REMOVED), ("refilled_ml", REFILLED))
-        }
-        volumes = [beats[k].values[BLOOD_VOLUME] + beats[k].values[EXTRA_VOLUME] for k in (0, -1)]
-        moved = doors["given_ml"] - doors["removed_ml"] + doors["refilled_ml"]
-        balance = doors | {
-            "blood_volume_start_ml": volumes[0], "blood_volume_end_ml": volumes[1],
-            "error_ml": volumes[1] - volumes[0] - moved,
-        }  # fmt: skip
-        return {
-            "id": self.timeline.case.patient.id,
-            "converged": int(not self.stopped),
-            "status": "stopped" if self.stopped else "finished",
-            "message": self.stopped,
-            "balance": json.dumps(balance),
-            "events": json.dumps([event.as_object() for event in self.timeline.case.events]),
-            "alarms": "[]",
-            "warnings": [self.stopped] if self.stopped else [],
-            "blood_volume_policy": self.policy,
-            "settling_s": 0.0,
-            "beat_by_beat": 1,
-            "steps": len(beats),
-        }
+        outputs = {name: np.concatenate(parts) for name, parts in found.items()}
+        time, states = (
+            np.array([beat.time for beat in beats]),
+            np.stack([beat.slow for beat in beats], axis=-1),
+        )
+        in_effect = {key: np.array([beat.values[key] for beat in beats]) for key in beats[0].values}
+        result = labelled_course(time, outputs, self.laws, states, in_effect)
+        balance, warnings = balance_of(self.laws, states, in_effect), [self.stopped] * bool(self.stopped)
+        about = attributes_of(self.timeline, self.policy, self.stopped, balance, warnings)
+        return result.assign_attrs(about, alarms="[]", settling_s=0.0, beat_by_beat=1, steps=len(beats))
 
 
 def _columns(values: Mapping[str, float]) -> dict[str, np.ndarray]:

@@ -10,17 +10,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from eclsim.circuit.network import BLOOD_VOLUME
-from eclsim.course.alarms import Alarm, alarms, clock_time
+from eclsim.course.alarms import alarms, clock_time
 from eclsim.course.engine import CourseOptions, Engine
 from eclsim.course.laws import Laws, laws_of
 from eclsim.course.moments import Moments, beats_at, in_effect_at, moments_of
+from eclsim.course.result import TIME, attributes_of, balance_of, labelled_course
 from eclsim.course.timeline import MINUTE, Timeline
-from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
 from eclsim.orbit.model import CaseSource, as_case
 from eclsim.orbit.status import Status
-from eclsim.outputs.registry import output
-from eclsim.parameters.regulation import EXTRA_VOLUME
 from eclsim.simulation.target_flow import with_speed
 
 if TYPE_CHECKING:
@@ -28,14 +25,6 @@ if TYPE_CHECKING:
     from eclsim.orbit.execution import Execution
 
 DAY_MIN = 1440.0
-BALANCE = (
-    "given_ml",
-    "removed_ml",
-    "refilled_ml",
-    "blood_volume_start_ml",
-    "blood_volume_end_ml",
-    "error_ml",
-)
 SHOWN = 144
 """About so many moments are shown where it is not said how often."""
 _EVERY_MIN = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0)
@@ -140,14 +129,28 @@ def follow(
     """Courses along some timelines, each with moments so many minutes apart; see `course_many`."""
     results: dict[int, xr.Dataset] = {}
     for members in _groups(timelines, volume_policy).values():
-        own = [timelines[m] for m in members]
-        policy = volume_policy or own[0].case.volume_policy
-        laws = Laws(laws_of(*own[0].start))
-        engine = Engine(own, laws, policy, options or CourseOptions(), execution)
-        moments = moments_of(engine, engine.march(), [every_min[m] * MINUTE for m in members])
-        beats_at(moments, engine, outputs, with_alarms, execution)
+        own, every = [timelines[m] for m in members], [every_min[m] for m in members]
+        engine, moments = _marched(own, every, outputs, volume_policy, options, execution, with_alarms)
         results |= {m: _labelled(moments, k, engine, with_alarms) for k, m in enumerate(members)}
     return [results[m] for m in range(len(timelines))]
+
+
+def _marched(
+    timelines: Sequence[Timeline],
+    every_min: Sequence[float],
+    outputs: Sequence[str] | None,
+    policy: str | None,
+    options: CourseOptions | None,
+    execution: Execution | None,
+    with_alarms: bool,
+) -> tuple[Engine, Moments]:
+    """Members of one circuit and policy at the ends of their courses, and the moments that are shown."""
+    policy = policy or timelines[0].case.volume_policy
+    laws = Laws(laws_of(*timelines[0].start))
+    engine = Engine(timelines, laws, policy, options or CourseOptions(), execution)
+    moments = moments_of(engine, engine.march(), [every * MINUTE for every in every_min])
+    beats_at(moments, engine, outputs, with_alarms, execution)
+    return engine, moments
 
 
 class Followed(NamedTuple):
@@ -181,10 +184,7 @@ def followed(case: CaseSource, minutes: float, policy: str | None = None) -> Fol
     """
     began = clock.perf_counter()
     timeline = Timeline(with_speed(as_case(case), policy)[0], minutes * MINUTE)
-    policy = policy or timeline.case.volume_policy
-    engine = Engine([timeline], Laws(laws_of(*timeline.start)), policy, CourseOptions())
-    moments = moments_of(engine, engine.march(), [usual_every(minutes) * MINUTE])
-    beats_at(moments, engine, None, True, None)
+    engine, moments = _marched([timeline], [usual_every(minutes)], None, policy, None, None, True)
     result = _labelled(moments, 0, engine, True)
     result.attrs["seconds"] = clock.perf_counter() - began
     return Followed(result, engine, moments)
@@ -206,74 +206,35 @@ def _groups(timelines: Sequence[Timeline], policy: str | None) -> dict[Any, list
 def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) -> xr.Dataset:
     """A member's course as a Dataset."""
     own = moments.of(member)
-    timeline, history, laws = engine.timelines[member], engine.histories[member], engine.laws
-    minute = moments.time[own] / MINUTE
-    data: dict[str, Any] = {}
-    for name in moments.names:
-        entry = output(name)
-        labels = {"units": entry.unit, "long_name": entry.long_name, "definition": entry.definition}
-        data[name] = ("time_min", moments.values[name][own], labels)
-    for row, state in zip(moments.states[:, own], laws.states, strict=True):
-        data[state.name] = ("time_min", row, {"units": state.unit, "long_name": f"slow state {state.name}"})
-    in_effect = {key: column[own] for key, column in moments.in_effect.items()}
-    for one in laws.shown(moments.states[:, own], in_effect):
-        data[one.name] = ("time_min", one.values, {"units": one.unit, "long_name": one.words})
-    impossible = [any(one.kind == "collapse" for one in moments.findings[k]) for k in own]
-    if with_alarms:
-        data["impossible"] = ("time_min", np.array(impossible, dtype=int))
-    data["status"] = ("time_min", [Status(int(s)).word for s in moments.status[own]])
-    found = alarms(moments, own, minute) if with_alarms else []
-    stopped = moments.stopped[member]
-    settling = moments.settling_s[member]
-    sentences = _warnings(found, stopped, minute, history, laws, settling)
-    attributes = {
-        "id": timeline.case.patient.id,
-        "converged": int(not stopped),
-        "status": "stopped" if stopped else "finished",
-        "message": _ended(stopped, minute),
-        "balance": json.dumps(balance(timeline, laws, moments, own)),
-        "events": json.dumps([event.as_object() for event in timeline.case.events]),
-        "alarms": json.dumps([alarm._asdict() for alarm in found]),
-        "warnings": sentences,
-        "blood_volume_policy": engine.policy,
-        "settling_s": settling,
-        "beat_by_beat": 0,
-        "steps": len(history.times),
-        "beats": history.beats,
-        "solves": history.solves,
-    }
-    axis = ("time_min", minute, {"units": "min", "long_name": "time from the start"})
-    return xr.Dataset(data, coords={"time_min": axis}, attrs=attributes)
-
-
-def balance(timeline: Timeline, laws: Laws, moments: Moments, own: np.ndarray) -> dict[str, float]:
-    """Where the patient's blood volume went [mL]; `error_ml` is what does not add up."""
-    if not len(own):
-        return dict.fromkeys(BALANCE, 0.0)
-    begin, end = own[0], own[-1]
-    named = [dict(zip(laws.names, moments.states[:, k], strict=True)) for k in (begin, end)]
-    doors = {
-        key: float(named[1].get(name, 0.0) - named[0].get(name, 0.0))
-        for key, name in (("given_ml", GIVEN), ("removed_ml", REMOVED), ("refilled_ml", REFILLED))
-    }
-    before, after = (
-        moments.in_effect[BLOOD_VOLUME][k] + moments.in_effect[EXTRA_VOLUME][k] for k in (begin, end)
+    history, laws, time, states = (
+        engine.histories[member],
+        engine.laws,
+        moments.time[own],
+        moments.states[:, own],
     )
-    moved = doors["given_ml"] - doors["removed_ml"] + doors["refilled_ml"]
-    return doors | {
-        "blood_volume_start_ml": float(before),
-        "blood_volume_end_ml": float(after),
-        "error_ml": float(after - before - moved),
-    }
-
-
-def _warnings(
-    found: Sequence[Alarm], stopped: str, minute: np.ndarray, history: Any, laws: Laws, settling: float
-) -> list[str]:
-    """Everything there is to say, the reason of an early end first."""
-    sentences = [_ended(stopped, minute)] if stopped else []
-    sentences += [alarm.sentence for alarm in found]
-    return sentences + _too_fast(history, laws, settling)
+    in_effect = {key: column[own] for key, column in moments.in_effect.items()}
+    outputs = {name: moments.values[name][own] for name in moments.names}
+    result = labelled_course(time, outputs, laws, states, in_effect)
+    if with_alarms:
+        impossible = [any(one.kind == "collapse" for one in moments.findings[k]) for k in own]
+        result["impossible"] = (TIME, np.array(impossible, dtype=int))
+    result["status"] = (TIME, [Status(int(s)).word for s in moments.status[own]])
+    minute, settling = time / MINUTE, moments.settling_s[member]
+    found = alarms(moments, own, minute) if with_alarms else []
+    message = _ended(moments.stopped[member], minute)
+    sentences = [message] * bool(message) + [alarm.sentence for alarm in found]
+    sentences += _too_fast(history, laws, settling)
+    balance = balance_of(laws, states, in_effect)
+    attributes = attributes_of(engine.timelines[member], engine.policy, message, balance, sentences)
+    return result.assign_attrs(
+        attributes,
+        alarms=json.dumps([alarm._asdict() for alarm in found]),
+        settling_s=settling,
+        beat_by_beat=0,
+        steps=len(history.times),
+        beats=history.beats,
+        solves=history.solves,
+    )
 
 
 def _ended(stopped: str, minute: np.ndarray) -> str:

@@ -15,15 +15,7 @@ from eclsim.cases.events import Event
 from eclsim.course.alarms import clock_time
 from eclsim.devices.description import Panel
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
-from eclsim.reporting.style import (
-    GREY,
-    OKABE_ITO,
-    PAGE_WIDTH_MM,
-    curve_style,
-    figure_style,
-    new_figure,
-    plain_text,
-)
+from eclsim.reporting import style
 from eclsim.simulation.sweep_figures import panels_of
 
 if TYPE_CHECKING:
@@ -45,10 +37,10 @@ _AXES = {
     "1/min": "Rate",
     "mL/min": "Oxygen",
 }
-_BARS = {"collapse": "#7A0000", "alarm": OKABE_ITO["vermillion"], "warning": OKABE_ITO["orange"]}
+_BARS = {"collapse": "#7A0000", "alarm": style.OKABE_ITO["vermillion"], "warning": style.OKABE_ITO["orange"]}
 
 
-@figure_style()
+@style.figure_style()
 def plot_course(result: xr.Dataset) -> Figure:
     """Pressures, flows and volumes over hours.
 
@@ -56,14 +48,12 @@ def plot_course(result: xr.Dataset) -> Figure:
         result: as `eclsim.course` returns it.
     """
     panels = (*panels_of(result), RATE, OXYGEN, CARBON_DIOXIDE, BLOOD, BLOOD_CELLS, DISSOLVED)
-    drawn = [p for p in panels if any(name in result and _varies(result, name) for name in p.names)]
-    seen: set[tuple[str, ...]] = set()
-    drawn = [p for p in drawn if not (p.names in seen or seen.add(p.names))]
+    drawn = list({p.names: p for p in panels if any(_has_values(result, name) for name in p.names)}.values())
     rows = -(-max(len(drawn), 1) // 2)
     events = [Event.model_validate(one) for one in json.loads(result.attrs["events"])]
     alarms = [one for one in json.loads(result.attrs["alarms"]) if one["kind"] in _BARS]
     legend = _legend(events, result)
-    fig = new_figure(PAGE_WIDTH_MM, 24 + 50 * rows + 4.0 * legend.count("\n"))
+    fig = style.new_figure(style.PAGE_WIDTH_MM, 24 + 50 * rows + 4.0 * legend.count("\n"))
     axes = list(fig.subplots(rows, 2, squeeze=False, sharex=True).flat)
     for ax, panel in zip(axes, drawn, strict=False):
         _draw(ax, result, panel, events)
@@ -74,8 +64,8 @@ def plot_course(result: xr.Dataset) -> Figure:
     for ax in axes[max(len(drawn) - 2, 0) : len(drawn)]:
         ax.set_xlabel(f"Time from the start [{_clock(result)[0]}]")
         ax.tick_params(labelbottom=True)
-    fig.suptitle(f"{plain_text(result.attrs['id'], 60)} – course", x=0.01, ha="left")
-    fig.supxlabel(legend, fontsize=7.5, x=0.01, ha="left", color=GREY)
+    fig.suptitle(f"{style.plain_text(result.attrs['id'], 60)} – course", x=0.01, ha="left")
+    fig.supxlabel(legend, fontsize=7.5, x=0.01, ha="left", color=style.GREY)
     return fig
 
 
@@ -84,9 +74,8 @@ def _clock(result: xr.Dataset) -> tuple[str, float]:
     return ("h", 60.0) if len(result["time_min"]) and result["time_min"][-1] > 240.0 else ("min", 1.0)
 
 
-def _varies(result: xr.Dataset, name: str) -> bool:
-    values = result[name].to_numpy().astype(float)
-    return bool(np.isfinite(values).any())
+def _has_values(result: xr.Dataset, name: str) -> bool:
+    return name in result and bool(np.isfinite(result[name].to_numpy().astype(float)).any())
 
 
 def _draw(ax: Axes, result: xr.Dataset, panel: Panel, events: list[Event]) -> None:
@@ -94,14 +83,14 @@ def _draw(ax: Axes, result: xr.Dataset, panel: Panel, events: list[Event]) -> No
     hours = result["time_min"].to_numpy() / minutes
     shown = [pair for pair in zip(panel.names, panel.labels, strict=True) if pair[0] in result]
     for index, (name, label) in enumerate(shown):
-        style: dict[str, Any] = {**curve_style(index)}
-        ax.plot(hours, result[name].to_numpy().astype(float), label=label, **style)
+        curve: dict[str, Any] = {**style.curve_style(index)}
+        ax.plot(hours, result[name].to_numpy().astype(float), label=label, **curve)
     for number, event in enumerate(events, start=1):
         at = event.at_min / minutes
         if len(hours) and at <= hours[-1]:
-            ax.axvline(at, color=GREY, linewidth=0.7, linestyle=(0, (2, 2)), zorder=0)
+            ax.axvline(at, color=style.GREY, linewidth=0.7, linestyle=(0, (2, 2)), zorder=0)
             ax.annotate(str(number), (at, 1.0), xycoords=("data", "axes fraction"), xytext=(1.5, -7),
-                        textcoords="offset points", fontsize=6.5, color=GREY)  # fmt: skip
+                        textcoords="offset points", fontsize=6.5, color=style.GREY)  # fmt: skip
     ax.set_ylabel(f"{_AXES.get(panel.unit, '')} [{panel.unit}]".strip())
     rows = -(-len(shown) // 2)
     ax.set_title(panel.title, loc="left", pad=3 + 11.5 * rows)
@@ -128,8 +117,8 @@ def _legend(events: list[Event], result: xr.Dataset) -> str:
     for number, event in enumerate(events, start=1):
         how = f" over {event.over_min:g} min" if event.give else ""
         how += f" within {event.ramp_min:g} min" if event.ramp_min else ""
-        lines.append(f"{number}  {clock_time(event.at_min)}  {plain_text(event.words, 90)}{how}")
+        lines.append(f"{number}  {clock_time(event.at_min)}  {style.plain_text(event.words, 90)}{how}")
     lines.append("bars: an alarm (red) or warning (orange) of an output of the panel")
     if not result.attrs["converged"]:
-        lines.append(plain_text(str(result.attrs["message"]), 110))
+        lines.append(style.plain_text(str(result.attrs["message"]), 110))
     return "\n".join(lines)

@@ -75,11 +75,11 @@ _PATIENT = (
     Limit("PaCO2", "warning", "below", 30.0, "the brain's vessels constrict: lower the sweep", _OWN),
     Limit(
         "DO2", "warning", "below", 500.0, "oxygen delivery is low: raise flow or haemoglobin",
-        "280 mL/min/m2 (Ranucci et al. 2005) at 1.8 m2",
+        "280 mL/min/m2 (Ranucci et al. 2005), for a patient of 1.8 m2",
     ),
     Limit(
         "DO2", "alarm", "below", 300.0, "oxygen delivery is critical: raise flow or haemoglobin",
-        "4.5 mL/min/kg (Ronco et al. 1993) at 67 kg",
+        "4.5 mL/min/kg (Ronco et al. 1993), for a patient of 67 kg",
     ),
     Limit("O2ER", "warning", "above", 0.5, "most of the delivered oxygen is extracted", _OWN),
     Limit("O2ER", "alarm", "above", 0.7, "extraction is critical: consumption falls with delivery", _OWN),

@@ -47,6 +47,16 @@ def _use(measures: BeatMeasures) -> Numbers:
     )[0]
 
 
+_FACTORS = (
+    ("contractility_lv", "Emaxlv", "systolic elastance of the left ventricle"),
+    ("contractility_rv", "Emaxrv", "systolic elastance of the right ventricle"),
+    ("systemic_resistance", "Rmc", "resistance of the systemic microcirculation"),
+    ("pulmonary_resistance", "Rpmc", "resistance of the pulmonary microcirculation"),
+)
+FACTORS = {f"{name}_factor": parameter for name, parameter, _ in _FACTORS}
+"""Outputs that say by how much reflexes and drugs change a parameter, and which."""
+
+
 def _factor(name: str, parameter: str, words: str) -> Output:
     now = _in_effect(parameter)
     return Output(
@@ -61,10 +71,7 @@ REGULATED = (
         "heart_rate", "heart rate in effect", "bpm", "heart_rate_bpm during the beat", ("Pao", "Pra"),
         _in_effect(_HEART_RATE), parameters=(UNSTRESSED,), in_effect=True,
     ),
-    _factor("contractility_lv", "Emaxlv", "systolic elastance of the left ventricle"),
-    _factor("contractility_rv", "Emaxrv", "systolic elastance of the right ventricle"),
-    _factor("systemic_resistance", "Rmc", "resistance of the systemic microcirculation"),
-    _factor("pulmonary_resistance", "Rpmc", "resistance of the pulmonary microcirculation"),
+    *(_factor(*one) for one in _FACTORS),
     Output(
         "unstressed_volume", "change of the veins' unstressed volume against the published patient", "mL",
         f"{UNSTRESSED} during the beat", ("Pao", "Pra"), _in_effect(UNSTRESSED), parameters=(UNSTRESSED,),

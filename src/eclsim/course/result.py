@@ -1,0 +1,80 @@
+"""A course as a labelled result, whether it is of steady beats or of every beat."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from eclsim.circuit.network import BLOOD_VOLUME
+from eclsim.course.laws import Laws
+from eclsim.course.timeline import MINUTE, Timeline
+from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
+from eclsim.outputs.results import output_labels, variable
+from eclsim.parameters.regulation import EXTRA_VOLUME
+
+TIME = "time_min"
+DOORS = {"given_ml": GIVEN, "removed_ml": REMOVED, "refilled_ml": REFILLED}
+BALANCE = (*DOORS, "blood_volume_start_ml", "blood_volume_end_ml", "error_ml")
+
+
+def labelled_course(
+    time: np.ndarray,
+    outputs: Mapping[str, np.ndarray],
+    laws: Laws,
+    states: np.ndarray,
+    in_effect: Mapping[str, np.ndarray],
+) -> xr.Dataset:
+    """Outputs and slow states over time, with what these mean to a reader, each with its unit.
+
+    Args:
+        time: of the moments [s].
+        outputs: values at these, by name of the registry.
+        laws: of the slow states.
+        states: at these, shape (states, moments).
+        in_effect: parameters at these, by key.
+    """
+    data = {name: variable(TIME, values, **output_labels(name)) for name, values in outputs.items()}
+    for row, state in zip(states, laws.states, strict=True):
+        data[state.name] = variable(TIME, row, units=state.unit, long_name=f"slow state {state.name}")
+    for one in laws.shown(states, in_effect):
+        data[one.name] = variable(TIME, one.values, units=one.unit, long_name=one.words)
+    axis = variable(TIME, time / MINUTE, units="min", long_name="time from the start")
+    return xr.Dataset(data, coords={TIME: axis})
+
+
+def attributes_of(
+    timeline: Timeline, policy: str, message: str, balance: Mapping[str, float], warnings: Sequence[str]
+) -> dict[str, Any]:
+    """What every course says of itself; `message` is why it ended early, empty where it did not."""
+    return {
+        "id": timeline.case.patient.id,
+        "converged": int(not message),
+        "status": "stopped" if message else "finished",
+        "message": message,
+        "balance": json.dumps(balance),
+        "events": json.dumps([event.as_object() for event in timeline.case.events]),
+        "warnings": list(warnings),
+        "blood_volume_policy": policy,
+    }
+
+
+def balance_of(laws: Laws, states: np.ndarray, in_effect: Mapping[str, np.ndarray]) -> dict[str, float]:
+    """Where the patient's blood volume went [mL]; `error_ml` is what does not add up.
+
+    Args:
+        laws: of the slow states.
+        states: at all moments, shape (states, moments).
+        in_effect: parameters at these, by key.
+    """
+    if not states.shape[-1]:
+        return dict.fromkeys(BALANCE, 0.0)
+    change = dict(zip(laws.names, states[:, -1] - states[:, 0], strict=True))
+    doors = {key: float(change.get(name, 0.0)) for key, name in DOORS.items()}
+    before, after = (float(in_effect[BLOOD_VOLUME][k] + in_effect[EXTRA_VOLUME][k]) for k in (0, -1))
+    moved = doors["given_ml"] - doors["removed_ml"] + doors["refilled_ml"]
+    ends = {"blood_volume_start_ml": before, "blood_volume_end_ml": after}
+    return doors | ends | {"error_ml": after - before - moved}
