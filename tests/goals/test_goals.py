@@ -9,7 +9,9 @@ import pytest
 import eclsim
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_case
+from eclsim.cases.writing import case_text
 from eclsim.cli import main
+from eclsim.goals import search
 from eclsim.goals.goal import Goal, GoalError, Setting, read_goals, read_settings
 from eclsim.goals.search import reach
 from eclsim.orbit.model import model_of
@@ -119,6 +121,35 @@ def test_a_goal_out_of_reach_alone_ends_at_the_end_of_the_range():
     assert result.values == pytest.approx((5000.0,))
     assert "ecmo.speed_rpm at its highest" in result.message
     assert not result.without
+
+
+def test_a_search_that_runs_out_of_steps_presents_no_smallest_setting(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(search, "MOST_STEPS", 1)
+    result = reach(CASE, "PF > 4, drainage_pressure > -80")
+    assert (result.reached, result.status) == (False, "not_converged")
+    assert result.message.startswith("not converged (the search was stopped after 1 steps)")
+    assert not result.without
+    file, out = tmp_path / "case.toml", tmp_path / "settings.json"
+    file.write_text(case_text(CASE))
+    assert run_command("settings", file, "--goal", "PF > 4", "--json", out) == 1
+    content = json.loads(out.read_text())
+    assert (content["reached"], content["status"]) == (False, "not_converged")
+
+
+def test_a_search_that_ends_where_no_beat_is_steady_is_no_answer(flow, monkeypatch):
+    point = search._Bedside.point
+    step = 5000.0 / (search.SCANNED[1] - 1)
+    edge = step * np.ceil(flow.values[0] / step) - 10.0
+
+    def none_below(bedside, place, outputs):
+        (speed,) = bedside.values_at(place[:, None])["ecmo.speed_rpm"]
+        return None if speed < edge else point(bedside, place, outputs)
+
+    monkeypatch.setattr(search._Bedside, "point", none_below)
+    result = reach(CASE, "PF > 4, drainage_pressure > -80")
+    assert result.status == "not_converged"
+    assert all(goal.met for goal in result.goals)
+    assert result.message.startswith("not converged (beside these settings no steady beat was found)")
 
 
 def test_two_settings_meet_two_goals_and_the_first_is_the_dearest():

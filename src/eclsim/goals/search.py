@@ -17,6 +17,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -46,6 +47,15 @@ SCANNED = {1: 9, 2: 7, 3: 5}
 """Values of each setting that are tried first, by the number of settings; with more of them, three."""
 
 
+class ReachStatus(StrEnum):
+    """How a search for settings ended."""
+
+    REACHED = "reached"
+    NOT_REACHED = "not_reached"
+    NOT_CONVERGED = "not_converged"
+    NO_STEADY_BEAT = "no_steady_beat"
+
+
 class GoalResult(NamedTuple):
     """One goal at the settings.
 
@@ -73,9 +83,10 @@ class Reached:
         settings: what was turned, with the ranges.
         values: of each setting, in its unit; NaN where no steady beat was found at all.
         goals: how each goal stands there.
-        reached: whether all goals are met.
+        status: how the search ended; what has not converged is not the smallest setting.
         message: in words; where a goal is not reached, why.
-        without: for each goal that stands in the way, the settings that reach all others (none: neither do).
+        without: for each goal that stands in the way, the settings that reach all others (none: neither do);
+            a goal whose own search did not converge is left out.
         outputs: all outputs of the beat, by name.
         findings: limits that it breaks and how its numbers are to be read.
         beats: solved on the way.
@@ -85,18 +96,24 @@ class Reached:
     settings: tuple[Setting, ...]
     values: tuple[float, ...]
     goals: tuple[GoalResult, ...]
-    reached: bool
+    status: ReachStatus
     message: str
     without: Mapping[str, Mapping[str, float] | None] = field(default_factory=dict)
     outputs: Mapping[str, float] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
     beats: int = 0
 
+    @property
+    def reached(self) -> bool:
+        """Whether these are the smallest settings that meet all goals."""
+        return self.status is ReachStatus.REACHED
+
     def as_object(self) -> dict[str, object]:
         """As plain data for JSON."""
         return {
             "id": self.id,
             "reached": self.reached,
+            "status": self.status.value,
             "message": self.message,
             "settings": [
                 {"name": s.name, "value": v, "unit": s.unit, "low": s.low, "high": s.high}
@@ -163,6 +180,13 @@ class _Point(NamedTuple):
     slopes: np.ndarray
 
 
+class _End(NamedTuple):
+    """Where a search ended, and why it did before it had converged (empty: it has)."""
+
+    at: _Point
+    unfinished: str
+
+
 class _Bedside:
     """The patient, as a function of the settings."""
 
@@ -215,8 +239,9 @@ def _reached(bedside: _Bedside, goals: tuple[Goal, ...]) -> Reached:
     if start is None:
         nowhere = tuple(GoalResult(goal, np.nan, False, False, {}) for goal in goals)
         none, name = tuple(np.nan for _ in bedside.settings), bedside.model.name
-        return Reached(name, bedside.settings, none, nowhere, False, message, beats=bedside.beats)
-    end = _search(bedside, goals, start)
+        status = ReachStatus.NO_STEADY_BEAT
+        return Reached(name, bedside.settings, none, nowhere, status, message, beats=bedside.beats)
+    end, unfinished = _search(bedside, goals, start)
     numbers = {name: float(value[0]) for name, value in bedside.values_at(end.place[:, None]).items()}
     results = tuple(
         GoalResult(
@@ -228,16 +253,17 @@ def _reached(bedside: _Bedside, goals: tuple[Goal, ...]) -> Reached:
         )
         for goal, value, row in zip(goals, end.values, end.slopes, strict=True)
     )
-    reached = all(result.met for result in results)
-    without = {} if reached else _without(bedside, goals, results, start)
+    status = ReachStatus.REACHED if all(result.met for result in results) else ReachStatus.NOT_REACHED
+    status = ReachStatus.NOT_CONVERGED if unfinished else status
+    without = _without(bedside, goals, results, start) if status is ReachStatus.NOT_REACHED else {}
     whole = bedside.beat(end.place[:, None], None)
     return Reached(
         bedside.model.name,
         bedside.settings,
         tuple(numbers.values()),
         results,
-        reached,
-        _words(bedside.settings, numbers, results, without),
+        status,
+        _message(bedside.settings, numbers, results, without, unfinished),
         without,
         whole.outputs(),
         tuple(whole.findings()),
@@ -249,15 +275,16 @@ def _without(
     bedside: _Bedside, goals: tuple[Goal, ...], results: Sequence[GoalResult], start: np.ndarray
 ) -> dict[str, Mapping[str, float] | None]:
     """For each goal that may stand in the way of a missed one: the settings that reach all but it, if any."""
-    found: dict[str, Mapping[str, float] | None] = {}
+    settings: dict[str, Mapping[str, float] | None] = {}
     missed = sum(not result.met for result in results)
     for left_out in [result.goal for result in results if result.binding and (result.met or missed > 1)]:
         rest = tuple(goal for goal in goals if goal is not left_out)
-        end = _search(bedside, rest, start)
+        end, unfinished = _search(bedside, rest, start)
         met = all(g.excess(v) <= MET * g.scale for g, v in zip(rest, end.values, strict=True))
         values = {name: float(value[0]) for name, value in bedside.values_at(end.place[:, None]).items()}
-        found[str(left_out)] = values if met else None
-    return found
+        if met or not unfinished:
+            settings[str(left_out)] = values if met else None
+    return settings
 
 
 def _best_start(bedside: _Bedside, goals: Sequence[Goal]) -> tuple[np.ndarray | None, str]:
@@ -282,23 +309,33 @@ def _weights(count: int) -> np.ndarray:
     return LATER ** np.arange(count)
 
 
-def _search(bedside: _Bedside, goals: Sequence[Goal], start: np.ndarray) -> _Point:
+def _search(bedside: _Bedside, goals: Sequence[Goal], start: np.ndarray) -> _End:
     """Where the search ends."""
     outputs = [goal.output for goal in goals]
+
+    def moved(at: _Point, move: np.ndarray) -> tuple[_Point | None, float]:
+        """The place after a move, and its merit; None and NaN where there is no steady beat."""
+        trial = bedside.point(np.clip(at.place + move, 0.0, 1.0), outputs)
+        return trial, np.nan if trial is None else _merit(goals, trial.place, trial.values)
+
     now = bedside.point(start, outputs)
     if now is None:
         raise NoDerivativesError(Status.NOT_CONVERGED, "the steady beat at the best start has no derivatives")
-    merit, region = _merit(goals, now.place, now.values), 0.25
+    merit, region, trial = _merit(goals, now.place, now.values), 0.25, now
     move, expected = _linear_program(goals, now, region)
-    for _ in range(MOST_STEPS):
-        if merit - expected <= 1e-12 or region < SMALLEST_REGION:
+    for step in itertools.count():
+        if merit - expected <= 1e-12:
+            return _End(now, "")
+        if region < SMALLEST_REGION:
+            return _End(now, "" if trial is not None else "beside these settings no steady beat was found")
+        if step == MOST_STEPS:
             break
-        trial, trial_merit = _tried(bedside, goals, now, move)
+        trial, trial_merit = moved(now, move)
         if trial is not None and merit - trial_merit <= 0.75 * (merit - expected):
             # Bounds that curve away are met by a second program with what the first one missed of them.
-            bent = trial.values - now.slopes @ (trial.place - now.place)
-            again = _linear_program(goals, now._replace(values=bent), region)[0]
-            corrected, corrected_merit = _tried(bedside, goals, now, again)
+            missed = trial.values - now.slopes @ (trial.place - now.place)
+            second = _linear_program(goals, now._replace(values=missed), region)[0]
+            corrected, corrected_merit = moved(now, second)
             if corrected_merit < trial_merit:
                 trial, trial_merit = corrected, corrected_merit
         ratio = (merit - trial_merit) / (merit - expected)
@@ -308,15 +345,7 @@ def _search(bedside: _Bedside, goals: Sequence[Goal], start: np.ndarray) -> _Poi
         else:
             region = 0.25 * float(np.abs(move).max())
         move, expected = _linear_program(goals, now, region)
-    return now
-
-
-def _tried(
-    bedside: _Bedside, goals: Sequence[Goal], now: _Point, move: np.ndarray
-) -> tuple[_Point | None, float]:
-    """The place after a move, and its merit; None and NaN where there is no steady beat."""
-    trial = bedside.point(np.clip(now.place + move, 0.0, 1.0), [goal.output for goal in goals])
-    return trial, np.nan if trial is None else _merit(goals, trial.place, trial.values)
+    return _End(now, f"the search was stopped after {MOST_STEPS} steps")
 
 
 def _linear_program(goals: Sequence[Goal], at: _Point, region: float) -> tuple[np.ndarray, float]:
@@ -336,17 +365,24 @@ def _linear_program(goals: Sequence[Goal], at: _Point, region: float) -> tuple[n
         b_ub=np.array(limits),
         bounds=[*moves, *((0.0, None) for _ in rows)],
     )
+    if not solved.success:
+        raise RuntimeError(f"the linear program of a step towards the goals failed: {solved.message}")
     return solved.x[:count], float(_weights(count) @ at.place + solved.fun)
 
 
-def _words(
+def _message(
     settings: Sequence[Setting],
     values: Mapping[str, float],
     results: Sequence[GoalResult],
     without: Mapping[str, Mapping[str, float] | None],
+    unfinished: str,
 ) -> str:
-    """What was found, in sentences."""
+    """The result in sentences."""
     where = " and ".join(f"{s.name} = {values[s.name]:.4g} {s.unit}".rstrip() for s in settings)
+    if unfinished:
+        missed = ", ".join(str(result.goal) for result in results if not result.met)
+        goals = f"not reached: {missed}" if missed else "all goals are reached"
+        return f"not converged ({unfinished}): {goals} with {where}; smaller or better settings may exist"
     if all(result.met for result in results):
         stops = [str(result.goal) for result in results if result.binding]
         least = f"; less is stopped by {' and '.join(stops)}" if stops else ", the lowest of the range"
@@ -359,9 +395,9 @@ def _words(
     ends = [_at_end(s, values[s.name]) for s in settings]
     if any(ends):
         text += f" ({', '.join(filter(None, ends))})"
-    for goal, found in without.items():
-        if found is not None:
-            numbers = " and ".join(f"{name} = {value:.4g}" for name, value in found.items())
+    for goal, others in without.items():
+        if others is not None:
+            numbers = " and ".join(f"{name} = {value:.4g}" for name, value in others.items())
             text += f"; without {goal} all others are reached, with {numbers}"
     return text
 
