@@ -11,10 +11,11 @@ import xarray as xr
 from eclsim.app import bands, updates
 from eclsim.app.beat import compute_beat
 from eclsim.app.files import parse_posterior
-from eclsim.app.knobs import turn
+from eclsim.app.knobs import connect, turn
 from eclsim.app.posterior import MEMBERS, PosteriorDraws, read_posterior
 from eclsim.app.state import PageState, key_of, link_of, state_of
 from eclsim.app.updates import PosteriorBands
+from eclsim.cases.gas import Gas
 from eclsim.cases.presets import PRESETS
 from eclsim.inputs.mistakes import CaseError
 from patience import PATIENCE_S, until
@@ -238,7 +239,8 @@ def test_doubts_of_the_file_are_kept(tmp_path, attributes):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"name": "Rxyz"}, "not a posterior"),
+        ({"name": "Rxyz"}, "of what no case file holds"),
+        ({"name": "gas.shunt_fraction", "values": SPREAD + 1.0}, "gas.shunt_fraction has values outside"),
         ({"values": -SPREAD}, "Rmc has values outside"),
         ({"values": SPREAD * np.nan}, "Rmc has values outside"),
     ],
@@ -246,6 +248,20 @@ def test_doubts_of_the_file_are_kept(tmp_path, attributes):
 def test_what_is_no_posterior_is_refused(tmp_path, change, said):
     with pytest.raises(CaseError, match=said):
         read_posterior("p.nc", written(tmp_path, **change))
+
+
+def test_draws_of_gas_keys_go_with_a_patient_that_has_gases(tmp_path):
+    shares = np.linspace(0.0, 0.6, 48)
+    found = read_posterior("p.nc", written(tmp_path, "gas.shunt_fraction", shares))
+    with pytest.raises(CaseError, match="open the patient first"):
+        found.centred(CASE)
+    case = found.centred(connect(CASE, "gas"))
+    assert case.gas is not None
+    assert case.gas.shunt_fraction == pytest.approx(0.3, abs=0.02)
+    turned = found.values({"gas.shunt_fraction": found.base["gas.shunt_fraction"] + 0.7}, 48)
+    most = Gas.fields()["shunt_fraction"].maximum
+    assert sorted(turned["gas.shunt_fraction"]) == pytest.approx(np.minimum(shares + 0.7, most))
+    assert turned["gas.shunt_fraction"].max() == most
 
 
 @pytest.mark.parametrize("content", [b"nonsense", b"\x89HDF\r\n\x1a\n" + b"\0" * 200, b""])

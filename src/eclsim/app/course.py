@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from eclsim.app.knobs import VOLUME, controls, value_of
 from eclsim.app.state import key_of
 from eclsim.app.texts import ENGLISH, text
+from eclsim.cases.events import KEYS
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.regulation import Drugs
 from eclsim.devices.description import CAUTION, Knob
@@ -28,7 +29,6 @@ LENGTHS = (60, 360, 1440, 4320)
 """How long a course may be [min]."""
 MOST_EVENTS = 60
 MOST_ALARMS = 40
-_KEYS = ("at_min", "set", "ramp_min", "give", "over_min")
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ def with_event(case: Case, event: object) -> Case:
     events = list(raw.get("events", []))
     if not isinstance(event, dict) or len(events) >= MOST_EVENTS:
         raise CaseError([Mistake("events", text("course_full", most=MOST_EVENTS))])
-    added = {key: event[key] for key in _KEYS if key in event}
+    added = {key: event[key] for key in KEYS if key in event}
     at = added.get("at_min")
     minute = float(at) if isinstance(at, (int, float)) and not isinstance(at, bool) else 0.0
     raw["events"] = sorted([*events, added], key=lambda one: minute if one is added else one["at_min"])

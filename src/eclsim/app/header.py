@@ -98,6 +98,10 @@ class OpenDialog:
         self._show(None, [])
         self.dialog.open()
 
+    def close(self) -> None:
+        """The page is gone: FastAPI remembers routes of uploads, which must not keep a session in memory."""
+        self.use = self.use_members = lambda *_: None
+
     async def _read(self, event: events.UploadEventArguments) -> None:
         name, content = event.file.name, await event.file.read()
         try:

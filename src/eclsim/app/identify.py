@@ -226,13 +226,15 @@ class Identification:
         return True
 
     def use_members(self, source: str, members: PosteriorDraws) -> None:
-        """Show the patient around a posterior from a file: its parameters become the central ones."""
+        """Show the patient around a posterior from a file: its parameters become the central ones.
+
+        Raises:
+            CaseError: They are no parameters of this patient.
+        """
         state = self.session.state
-        raw = state.case.as_mapping()
-        raw["parameters"] = {**raw.get("parameters", {}), **members.base}
+        case, subject = members.centred(state.case), subject_of(state)
         key = self.bands.new_key()
         self.bands.add(key, members)
-        case, subject = read_mapping(raw).case, subject_of(state)
         self.session.load(PageState(case, state.policy, "posterior", key, source=source, subject=subject))
 
     async def _run(self, job: str, raw: dict[str, Any], policy: str, expected_s: float) -> dict[str, Any]:

@@ -83,6 +83,8 @@ class BedsidePage:
         """The tab is gone."""
         self.identification.cancel()
         self.session.close()
+        if self.header is not None:
+            self.header.opening.close()
 
     def _send(self, topic: str, data: Any) -> None:
         if topic == "state" and self.header is not None:

@@ -11,8 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.app.texts import text
+from eclsim.cases.quantities import quantity, with_values
+from eclsim.cases.reading import read_mapping
+from eclsim.cases.resolve import circuit_of, resolve_parameters
+from eclsim.identification.scale import Scale
 from eclsim.inputs.mistakes import CaseError, Mistake
-from eclsim.parameters import thiel2025
+from eclsim.outputs.signals import parameters_read
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -50,18 +54,35 @@ class PosteriorDraws:
     def values(self, values: Mapping[str, Any], count: int) -> dict[str, Any]:
         """Parameter values of the first members; a knob turns a fitted parameter in all of them.
 
+        What is sought by its logarithm is multiplied, the rest moved, as far as a case file allows.
+
         Args:
             values: of the patient that is shown.
             count: members.
         """
-        own = {
-            name: values[name] * self.draws[:count, k] / self.base[name] for k, name in enumerate(self.names)
-        }
-        return {**values, **own}
+        shown, base = (np.array([by[name] for name in self.names]) for by in (values, self.base))
+        draws, linear = self.draws[:count], Scale.of(self.names).linear
+        lowest, highest = _ranges(self.names)
+        moved = np.clip(draws + shown - base, lowest, highest)
+        own = np.where(linear, moved, shown * draws / np.where(linear, 1.0, base))
+        return {**values, **dict(zip(self.names, own.T, strict=True))}
 
     def of(self, case: Case) -> PosteriorDraws:
-        """The same members around the parameters of a case."""
-        return replace(self, base={name: case.parameters[name] for name in self.names})
+        """The same members around the numbers of a case."""
+        held = resolve_parameters(case)
+        return replace(self, base={name: held[name] for name in self.names})
+
+    def centred(self, case: Case) -> Case:
+        """The case with the numbers that the members lie around.
+
+        Raises:
+            CaseError: it has no such numbers, or others of it do not go with them.
+        """
+        held = parameters_read(circuit_of(case))
+        if missing := [name for name in self.names if name not in held]:
+            why = text("posterior_foreign", name=case.patient.id)
+            raise CaseError([Mistake(", ".join(missing)[:80], why, allowed=text("posterior_own"))])
+        return read_mapping(with_values(case, self.base).as_mapping()).case
 
     def as_object(self) -> dict[str, Any]:
         """What the page says of them."""
@@ -73,10 +94,16 @@ class PosteriorDraws:
 
     def central(self) -> dict[str, float]:
         """The member nearest to the medians: one that fits, which the medians themselves need not."""
-        logs = np.log(self.draws)
-        spread = np.maximum(logs.std(axis=0), 1e-12)
-        away = np.sum(((logs - np.median(logs, axis=0)) / spread) ** 2, axis=1)
+        at = Scale.of(self.names).coordinates(self.draws)
+        spread = np.maximum(at.std(axis=0), 1e-12)
+        away = np.sum(((at - np.median(at, axis=0)) / spread) ** 2, axis=1)
         return dict(zip(self.names, map(float, self.draws[int(np.argmin(away))]), strict=True))
+
+
+def _ranges(names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """The smallest and the largest value that a case file takes, shape (parameters,) each."""
+    known = [one for name in names if (one := quantity(name)) is not None]
+    return np.array([one.minimum for one in known]), np.array([one.maximum for one in known])
 
 
 def read_posterior(name: str, content: bytes) -> PosteriorDraws:
@@ -101,17 +128,17 @@ def read_posterior(name: str, content: bytes) -> PosteriorDraws:
 
 def _read(name: str, data: xr.Dataset) -> PosteriorDraws:
     names = tuple(str(n) for n in data.data_vars)
-    unknown = [n for n in names if n not in thiel2025.PARAMETERS]
-    if not names or unknown or {"chain", "draw"} != set(data.dims):
-        raise _refused(name, text("posterior_damaged"), ", ".join(unknown)[:80])
+    if not names or {"chain", "draw"} != set(data.dims):
+        raise _refused(name, text("posterior_damaged"))
+    if unknown := [n for n in names if quantity(n) is None]:
+        raise _refused(name, text("posterior_unknown"), ", ".join(unknown)[:80])
     if data.sizes["chain"] * data.sizes["draw"] * len(names) > MOST_VALUES:
         raise _refused(name, text("posterior_long"))
     draws = np.stack([np.asarray(data[n].values, dtype=float).ravel() for n in names], axis=1)
-    for k, parameter in enumerate(names):
-        known = thiel2025.PARAMETERS[parameter]
-        column = draws[:, k]
-        if not ((column > 0.0) & (column >= known.minimum) & (column <= known.maximum)).all():
-            raise _refused(name, text("posterior_range", parameter=parameter))
+    lowest, highest = _ranges(names)
+    right = (draws >= lowest) & (draws <= highest) & ((draws > 0.0) | Scale.of(names).linear)
+    if wrong := [n for n, column in zip(names, right.T, strict=True) if not column.all()]:
+        raise _refused(name, text("posterior_range", parameter=wrong[0]))
     doubts = str(data.attrs.get("doubts", ""))[:LONGEST_DOUBT]
     if not int(data.attrs.get("trusted", 0)) and not doubts:
         doubts = text("posterior_unchecked")

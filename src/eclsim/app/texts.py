@@ -349,7 +349,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "posterior_found": "{method}: {draws} draws, {effective} effective (at least 400), Pareto k {shape} "
         "(below 0.7).",
         "posterior_interval": "posterior",
-        "posterior_use": "“Use this patient” shows its bands in the monitor, PV loops, ramp and outputs.",
+        "posterior_use": "“Use this patient” shows its bands in monitor, PV loops, ramp, gases and outputs.",
         "posterior_importance": "Weighted draws",
         "posterior_nuts": "Chains (NUTS)",
         "posterior_gaussian": "Gaussian approximation",
@@ -358,6 +358,9 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "posterior_without": "no diagnostics: an approximation",
         "posterior_unchecked": "the file does not call it trusted",
         "posterior_damaged": "not a posterior of eclsim identify --posterior, or damaged",
+        "posterior_unknown": "its draws are of what no case file holds",
+        "posterior_foreign": "draws of this, which {name} does not have",
+        "posterior_own": "open the patient first that the posterior was found for, with devices and sections",
         "posterior_long": "more draws than this page takes",
         "posterior_range": "{parameter} has values outside of its range",
         "posterior_opened": "The posterior is in use: its central draw gives the parameters.",

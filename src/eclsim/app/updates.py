@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections.abc import Callable, Coroutine
 from typing import TYPE_CHECKING, Any
 
 from eclsim.app.course import LENGTHS, compute_course, plain_course
@@ -24,11 +25,21 @@ log = logging.getLogger("eclsim.app")
 PAUSE_S = 0.3
 """Bands are computed when no knob was turned for so long: a beat must not wait for them."""
 MOST_KEPT = 6
-BANDS = {"monitor": "bands", "loops": "bands", "outputs": "bands", "ramp": "ramp_bands"}
+BANDS = {"ramp": "ramp_bands"} | dict.fromkeys(("monitor", "loops", "gases", "outputs"), "bands")
 """Views that show bands, and the topic under which these are sent."""
 
 
-class ViewStudy:
+class _OneAtATime:
+    """Works off what is wanted in one task: while that runs nothing starts another."""
+
+    _task: asyncio.Task[None] | None = None
+
+    def _start(self, wanted: object, run: Callable[[], Coroutine[Any, Any, None]]) -> None:
+        if wanted is not None and (self._task is None or self._task.done()):
+            self._task = asyncio.get_running_loop().create_task(run())
+
+
+class ViewStudy(_OneAtATime):
     """Runs one study of `eclsim.app.studies` for the newest state of a session, while its view is open.
 
     Args:
@@ -39,13 +50,10 @@ class ViewStudy:
     def __init__(self, engine: Engine, view: str):
         self.engine, self.view = engine, view
         self._done: dict[str, PageState] = {}
-        self._task: asyncio.Task[None] | None = None
 
     def __call__(self, session: Session) -> None:
         """The session has a new beat, another view is open, or a state is pinned."""
-        waiting = self._task is not None and not self._task.done()
-        if self._next(session) is not None and not waiting:
-            self._task = asyncio.get_running_loop().create_task(self._run(session))
+        self._start(self._next(session), lambda: self._run(session))
 
     async def _run(self, session: Session) -> None:
         while (job := self._next(session)) is not None:
@@ -78,7 +86,7 @@ class ViewStudy:
             return None
 
 
-class CourseStudy:
+class CourseStudy(_OneAtATime):
     """Computes the course of the newest state of a session while its timeline is open, and beats of it.
 
     Args:
@@ -91,7 +99,6 @@ class CourseStudy:
         self.minutes = 0
         self.course: PageCourse | None = None
         self._done: tuple[PageState, int] | None = None
-        self._task: asyncio.Task[None] | None = None
         self._minute: float | None = None
         self._moment: asyncio.Task[None] | None = None
 
@@ -105,8 +112,7 @@ class CourseStudy:
 
     def __call__(self, _: Session | None = None) -> None:
         """The session has a new beat."""
-        if self._wanted() and (self._task is None or self._task.done()):
-            self._task = asyncio.get_running_loop().create_task(self._run())
+        self._start(self._wanted(), self._run)
 
     def show(self, minute: float) -> None:
         """Show the beat of a minute, 0: that of the state; of several that wait only the last."""
@@ -151,7 +157,7 @@ class CourseStudy:
                 self.session.show_moment(course.state, beat, minute)
 
 
-class PosteriorBands:
+class PosteriorBands(_OneAtATime):
     """Follows the beats of a session and sends bands for those whose patient has a posterior.
 
     Args:
@@ -166,7 +172,6 @@ class PosteriorBands:
         self._keys = 0
         self._done: dict[str, tuple[Any, PosteriorDraws]] = {}
         self._told: PosteriorDraws | None = None
-        self._task: asyncio.Task[None] | None = None
 
     def new_key(self) -> str:
         """What a patient's state calls its posterior, whether it is there yet or not."""
@@ -198,9 +203,7 @@ class PosteriorBands:
         if members is not self._told:
             self._told = members
             self.session.send("posterior", members.as_object() if members else None)
-        waiting = self._task is not None and not self._task.done()
-        if self._job() is not None and not waiting:
-            self._task = asyncio.get_running_loop().create_task(self._run())
+        self._start(self._job(), self._run)
 
     def _members(self) -> PosteriorDraws | None:
         shown = self.session.shown

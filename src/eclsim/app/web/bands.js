@@ -1,7 +1,7 @@
 // What the bands of the views are, and whether they can be trusted; seen only where there is a posterior.
 import { fill, listening } from "eclsim-page";
 
-const TOPICS = { monitor: "bands", loops: "bands", outputs: "bands", ramp: "ramp_bands" };
+const TOPICS = { monitor: "bands", loops: "bands", gases: "bands", outputs: "bands", ramp: "ramp_bands" };
 const summary = (bands) =>
   bands && { of: bands.of, count: bands.count, lost: bands.lost, loops: bands.loops?.lv?.length };
 

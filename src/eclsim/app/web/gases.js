@@ -1,5 +1,5 @@
 // Blood gases by site, what each exchanger exchanges, supply and demand, upper and lower body.
-import { SIGNS, fill, fixed, gravest, listening } from "eclsim-page";
+import { SIGNS, bandsOf, fill, fixed, gravest, listening } from "eclsim-page";
 
 const COLUMNS = [
   ["SO2", 1],
@@ -35,7 +35,8 @@ export default {
         </tr></thead>
         <tbody><tr v-for="s in sites" :key="s.place" :data-place="s.place">
           <th scope="row"><i class="blood" :style="{ background: s.colour }"></i>{{ s.label }}</th>
-          <td v-for="c in s.cells" :key="c.name" :class="['n', c.level]">{{ c.text }}</td>
+          <td v-for="c in s.cells" :key="c.name" :class="['n', c.level]">{{ c.text }}<small v-if="c.band"
+            >{{ c.band }}</small></td>
         </tr></tbody>
       </table></div>
       <div class="pair">
@@ -53,7 +54,8 @@ export default {
           <caption>{{ texts.gases_supply }}</caption>
           <tbody><tr v-for="r in supply" :key="r.name">
             <th scope="row" :title="r.definition">{{ r.label }}</th>
-            <td :class="['n', r.level]">{{ r.value }}</td><td>{{ r.unit }}</td>
+            <td :class="['n', r.level]">{{ r.text }}<small v-if="r.band">{{ r.band }}</small></td>
+            <td>{{ r.unit }}</td>
           </tr></tbody>
         </table>
         <table v-if="dual.length" class="dual">
@@ -61,7 +63,8 @@ export default {
           <thead><tr><th></th><th scope="col" class="n">{{ texts.gases_upper }}</th>
             <th scope="col" class="n">{{ texts.gases_lower }}</th></tr></thead>
           <tbody><tr v-for="r in dual" :key="r.label"><th scope="row">{{ r.label }}</th>
-            <td v-for="c in r.cells" :key="c.name" :class="['n', c.level]">{{ c.text }}</td>
+            <td v-for="c in r.cells" :key="c.name" :class="['n', c.level]">{{ c.text }}<small v-if="c.band"
+              >{{ c.band }}</small></td>
           </tr></tbody>
         </table>
       </div>
@@ -78,13 +81,16 @@ export default {
         if (this.seen) this.beat = beat;
         else this.waiting = beat;
       },
+      bands(bands) {
+        this.bands = bands;
+      },
       view(view) {
         this.seen = view === "gases";
         if (this.seen && this.waiting) [this.beat, this.waiting] = [this.waiting, null];
       },
     }),
   ],
-  data: () => ({ beat: null, samples: [], exchangers: {}, columns: COLUMNS }),
+  data: () => ({ beat: null, bands: null, samples: [], exchangers: {}, columns: COLUMNS }),
   computed: {
     known() {
       return Object.keys(this.beat.gas.places).length > 0;
@@ -120,8 +126,8 @@ export default {
       const { outputs } = this.beat;
       return SUPPLY.filter((name) => outputs[name] !== undefined).map((name) => {
         const { label, unit, definition } = this.specs[name];
-        const { level, text } = this.cell(name, outputs[name], unit === "1" ? 3 : 0, name);
-        return { name, label, unit: unit === "1" ? "" : unit, definition, level, value: text };
+        const cell = this.cell(name, outputs[name], unit === "1" ? 3 : 0, name);
+        return { ...cell, label, unit: unit === "1" ? "" : unit, definition };
       });
     },
     dual() {
@@ -136,10 +142,12 @@ export default {
     },
   },
   methods: {
-    // A number with the sign of the limit that it breaks.
+    // A number with the sign of the limit that it breaks, and its 90 % band.
     cell(name, value, digits, output) {
       const level = output ? gravest(this.beat.levels, [output]) : "ok";
-      return { name, level, text: SIGNS[level] + fixed(value, digits) };
+      const sides = (output && this.bands && bandsOf(this.beat)?.outputs[output]) || [];
+      const band = sides.map((side) => fixed(side, digits)).join("–");
+      return { name, level, text: SIGNS[level] + fixed(value, digits), band };
     },
   },
 };

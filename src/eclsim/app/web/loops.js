@@ -1,5 +1,5 @@
 // Pressure-volume loops of both ventricles.
-import { bandsOf, extent, fixed, ink, listening, niceRange } from "eclsim-page";
+import { bandsOf, extent, fixed, ink, drawing, niceRange } from "eclsim-page";
 import { Chart, axis, line } from "eclsim-page/chart.js";
 
 const SIDES = [
@@ -22,14 +22,7 @@ export default {
     <div class="ecl-chart" ref="chart" role="group" :aria-label="label"></div>
   </div>`,
   mixins: [
-    listening({
-      pinned(beat) {
-        this.pinned = beat;
-        this.show();
-      },
-      bands() {
-        this.show();
-      },
+    drawing(["bands"], {
       beat(beat) {
         this.beat = beat;
         this.show();

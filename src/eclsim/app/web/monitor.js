@@ -7,7 +7,7 @@ import {
   fixedRange,
   headAt,
   latency,
-  listening,
+  drawing,
   niceRange,
   samples,
 } from "eclsim-page";
@@ -42,16 +42,9 @@ export default {
     </div>
   </div>`,
   mixins: [
-    listening({
+    drawing(["bands"], {
       display(display) {
         this.known = display.traces;
-        this.show();
-      },
-      pinned(beat) {
-        this.pinned = beat;
-        this.show();
-      },
-      bands() {
         this.show();
       },
       beat(beat) {

@@ -1,5 +1,5 @@
 // What the speed of a pump does: pressures, flows and pressures in the circuits over its whole range.
-import { bandsOf, bus, extent, fill, fixed, ink, listening, stroke } from "eclsim-page";
+import { bandsOf, bus, extent, fill, fixed, ink, drawing, stroke } from "eclsim-page";
 import { Chart, axis, line } from "eclsim-page/chart.js";
 
 const AXES = { pressure: "y", flow: "y2", circuit: "y3" };
@@ -18,17 +18,7 @@ export default {
     <div v-show="!empty" class="ecl-chart" ref="chart" role="group" :aria-label="texts.ramp"></div>
   </div>`,
   mixins: [
-    listening({
-      pinned(beat) {
-        this.pinned = beat;
-        this.show();
-      },
-      ramp_pinned() {
-        this.show();
-      },
-      ramp_bands() {
-        this.show();
-      },
+    drawing(["ramp_pinned", "ramp_bands"], {
       ramp(ramp) {
         this.ramp = ramp;
         this.empty = !ramp;

@@ -1,5 +1,5 @@
 // The nine schemes of the paper as small multiples; one press connects the lines that way.
-import { SIGNS, bus, extent, fill, fixed, listening, niceRange, ticks } from "eclsim-page";
+import { SIGNS, bus, extent, fill, fixed, drawing, niceRange, ticks } from "eclsim-page";
 
 const [WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM] = [164, 112, 40, 4, 9, 7];
 const LINES = ["access", "return"];
@@ -38,14 +38,7 @@ export default {
     </template>
   </div>`,
   mixins: [
-    listening({
-      pinned(beat) {
-        this.pinned = beat;
-        this.show();
-      },
-      schemes_pinned() {
-        this.show();
-      },
+    drawing(["schemes_pinned"], {
       schemes(schemes) {
         this.schemes = schemes;
         this.empty = !schemes;

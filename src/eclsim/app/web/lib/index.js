@@ -44,4 +44,16 @@ export const listening = (topics) => ({
   },
 });
 
+function redraw() {
+  this.show();
+}
+function keepPinned(beat) {
+  this.pinned = beat;
+  this.show();
+}
+
+// The same for a view that is drawn by `show`: again where a beat was pinned, and at these topics.
+export const drawing = (again, topics) =>
+  listening({ pinned: keepPinned, ...Object.fromEntries(again.map((topic) => [topic, redraw])), ...topics });
+
 window.eclsim = { bus, latency };
