@@ -40,7 +40,7 @@ def read(**sections):
          "reference_haematocrit, plasma_protein_g_dl, interstitial_protein_g_dl, interstitial_volume_ml, "
          "filtration_ml_min_mmHg, reflection, lymph_ml_min; did you mean extra_volume_ml?"),
         ("fluid", {"haematocrit": 30},
-         "fluid.haematocrit = 30: a percentage; a fraction belongs here; allowed: 0.05 to 0.7 1; did you "
+         "fluid.haematocrit = 30: a percentage; a fraction belongs here; allowed: 0.05 to 0.7; did you "
          "mean 0.3?"),
         ("fluid", {"capillary_refill": "on"},
          'fluid.capillary_refill = "on": true or false belongs here, without quotes; allowed: true, false'),

@@ -83,8 +83,8 @@ def known_signal(circuit: Circuit, name: str, allowed: tuple[str, ...]) -> Signa
     plain = name.removesuffix(RATE).removesuffix(MEAN)
     if plain in allowed and (exists is None or exists(circuit, plain)):
         return Signal.parse(name)
-    near = difflib.get_close_matches(name, allowed, n=3)
-    hint = f"; did you mean {', '.join(near)}?" if near else ""
+    similar = difflib.get_close_matches(name, allowed, n=3)
+    hint = f"; did you mean {', '.join(similar)}?" if similar else ""
     raise UnknownSignalError(f"'{name}' is no signal of this circuit; allowed: {', '.join(allowed)}{hint}")
 
 

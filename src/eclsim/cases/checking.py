@@ -9,6 +9,7 @@ from typing import Any
 from eclsim.cases.events import check_events
 from eclsim.cases.overrides import check_parameters
 from eclsim.cases.plausibility import check_plausibility
+from eclsim.cases.resolve import blood_volume_ml
 from eclsim.cases.sections import (
     PATIENT_SECTIONS,
     POLICY,
@@ -24,7 +25,6 @@ from eclsim.devices.device import CaseValues, instance_key
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.sections import Raw, check_field, check_section, short
 from eclsim.parameters import did_you_mean
-from eclsim.patient.anthropometry import mean_height_weight, total_blood_volume_ml
 
 FORMAT = 1
 
@@ -86,12 +86,8 @@ def check_case(raw: object) -> Checked:
 
 def _blood_ml(values: Raw) -> float:
     """Blood of a patient at the start of a course [mL]."""
-    own = values["patient"]
-    height, weight = own.get("height_cm"), own.get("weight_kg")
-    if height is None or weight is None:
-        height, weight = mean_height_weight(own["sex"], own["age_years"])
     extra = values.get("fluid", {}).get("extra_volume_ml", 0.0)
-    return total_blood_volume_ml(own["sex"], own["age_years"], height, weight) + extra
+    return blood_volume_ml(Patient.model_construct(**values["patient"])) + extra
 
 
 def other_place(key: str) -> str:

@@ -142,7 +142,7 @@ class _Rows:
         self.refused: list[Mistake] = []
         self.warnings: list[Mistake] = []
         self.notes: list[Mistake] = []
-        self.said: set[Mistake] = set()  # what a row leaves out of [gas] is said once
+        self.gas_notes: set[Mistake] = set()  # what a row leaves out of [gas] is said once
 
     def check_header(self) -> None:
         """All mistakes of the header at once."""
@@ -162,10 +162,10 @@ class _Rows:
         for name in (ID, MEASUREMENT, *(c for c in COLUMNS if c != ID)):
             if name not in header:
                 with_unit = [n for n in extra if re.fullmatch(rf"{name}\s*[(\[].*[)\]]", n)]
-                near = f"{name} for {with_unit[0]}" if with_unit else ""
-                near = near or did_you_mean(name, [n for n in extra if n]) or ""
+                suggestion = f"{name} for {with_unit[0]}" if with_unit else ""
+                suggestion = suggestion or did_you_mean(name, [n for n in extra if n]) or ""
                 allowed = "the column, with empty cells where nothing was measured"
-                wrong.append(Mistake(name, "this column is missing", allowed=allowed, suggestion=near))
+                wrong.append(Mistake(name, "this column is missing", allowed=allowed, suggestion=suggestion))
         if wrong:
             raise CaseError([m.at(self.table.file, None) for m in wrong])
         for name in extra:
@@ -222,8 +222,8 @@ class _Rows:
                 wrong.append(Mistake(", ".join(MEASURED), "nothing measured, so nothing to fit"))
             if not wrong:
                 self.warnings += [self._in_columns(m).at("", line) for m in reading.warnings]
-                message = [m for m in reading.notes if m.key not in _UNSAID and m not in self.said]
-                self.said.update(m for m in message if m.key.startswith(Gas.section))
+                message = [m for m in reading.notes if m.key not in _UNSAID and m not in self.gas_notes]
+                self.gas_notes.update(m for m in message if m.key.startswith(Gas.section))
                 self.notes += [self._in_columns(m).at("", line) for m in message]
                 return CohortPoint(reading.case.patient.id, row[MEASUREMENT], line, reading.case)
         self.refused += [m.at("", line) for m in wrong]

@@ -159,8 +159,8 @@ class _Checks:
         for written, value in _flat(raw):
             path, key = place_of(written), f"{place}.{short(written)}"
             if path is None:
-                said = unknown_key(written, shown(value))
-                self.remarks.error(key, said.message, shown(value), said.allowed, said.suggestion)
+                mistake = unknown_key(written, shown(value))
+                self.remarks.error(key, mistake.message, shown(value), mistake.allowed, mistake.suggestion)
             elif path[0] == "measurements" or path == ("patient", "id"):
                 self.remarks.error(key, "changes nothing that a course reads", shown(value))
             elif ".".join(path) in STARTS:
@@ -198,11 +198,11 @@ def _is_number(value: object) -> bool:
 
 def _flat(raw: Raw, before: str = "") -> list[tuple[str, object]]:
     """Keys and values, also where `ecmo.speed_rpm` was written without quotes."""
-    found: list[tuple[str, object]] = []
+    result: list[tuple[str, object]] = []
     for key, value in raw.items():
         inner = isinstance(value, Mapping) and place_of(f"{before}{key}") is None
-        found += _flat(value, f"{before}{key}.") if inner else [(f"{before}{key}", value)]
-    return found
+        result += _flat(value, f"{before}{key}.") if inner else [(f"{before}{key}", value)]
+    return result
 
 
 def _check_order(raw: Sequence[object], remarks: Remarks) -> None:

@@ -26,36 +26,25 @@ USUAL_BICARBONATE, DISSOLVED = 24.0, 0.0307
 """Bicarbonate [mmol/L] where nothing is said of it; carbon dioxide dissolved in plasma [mmol/L/mmHg]."""
 
 
-def _fluid(name: str) -> Field:
-    return setting((fluid.PARAMETERS | regulation.PARAMETERS)[f"{fluid.SECTION}.{name}"])
-
-
 def _share(name: str) -> Field:
-    parameter = fluid.PARAMETERS[f"{fluid.SECTION}.{name}"]
-    return Field(
-        parameter.description, "number", "1", parameter.minimum, parameter.maximum, parameter.value,
-        required=False, read=read_share,
-    )  # fmt: skip
-
-
-def _solute(name: str) -> Field:
-    return setting(fluid.PARAMETERS[f"{fluid.SOLUTES}.{name}"])
+    return setting(fluid.PARAMETERS[f"{fluid.SECTION}.{name}"], read=read_share)
 
 
 class Fluid(Section):
     """Blood given or, negative, lost before the steady beat, and where fluid goes in a course."""
 
     section = fluid.SECTION
-    extra_volume_ml: Annotated[float, _fluid("extra_volume_ml")] = 0.0
+    parameters = fluid.PARAMETERS | regulation.PARAMETERS
+    extra_volume_ml: float = 0.0
     capillary_refill: Annotated[bool, switch("Fluid crosses the capillary wall, in courses")] = True
     haematocrit: Annotated[float | None, _share("haematocrit")] = None
     reference_haematocrit: Annotated[float | None, _share("reference_haematocrit")] = None
-    plasma_protein_g_dl: Annotated[float, _fluid("plasma_protein_g_dl")] = 6.0
-    interstitial_protein_g_dl: Annotated[float | None, _fluid("interstitial_protein_g_dl")] = None
-    interstitial_volume_ml: Annotated[float | None, _fluid("interstitial_volume_ml")] = None
-    filtration_ml_min_mmHg: Annotated[float, _fluid("filtration_ml_min_mmHg")] = 10.0  # noqa: N815
-    reflection: Annotated[float, _fluid("reflection")] = 0.9
-    lymph_ml_min: Annotated[float, _fluid("lymph_ml_min")] = 2.0
+    plasma_protein_g_dl: float = 6.0
+    interstitial_protein_g_dl: float | None = None
+    interstitial_volume_ml: float | None = None
+    filtration_ml_min_mmHg: float = 10.0  # noqa: N815
+    reflection: float = 0.9
+    lymph_ml_min: float = 2.0
 
     @classmethod
     def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
@@ -72,21 +61,20 @@ class Solutes(Section):
     """What dialysis clears, as it is at the start and as the body makes it; followed in courses."""
 
     section = fluid.SOLUTES
-    urea_mmol_l: Annotated[float, _solute("urea_mmol_l")] = 25.0
-    creatinine_umol_l: Annotated[float, _solute("creatinine_umol_l")] = 300.0
-    potassium_mmol_l: Annotated[float, _solute("potassium_mmol_l")] = 4.5
-    bicarbonate_mmol_l: Annotated[float | None, _solute("bicarbonate_mmol_l")] = None
-    urea_generation_mmol_h: Annotated[float, _solute("urea_generation_mmol_h")] = 15.0
-    creatinine_generation_umol_h: Annotated[float, _solute("creatinine_generation_umol_h")] = 400.0
-    potassium_generation_mmol_h: Annotated[float, _solute("potassium_generation_mmol_h")] = 0.0
-    acid_generation_mmol_h: Annotated[float, _solute("acid_generation_mmol_h")] = 0.0
-    fluid_potassium_mmol_l: Annotated[float, _solute("fluid_potassium_mmol_l")] = 4.0
-    kidney_clearance_ml_min: Annotated[float, _solute("kidney_clearance_ml_min")] = 0.0
-    body_water_ml: Annotated[float | None, _solute("body_water_ml")] = None
-    bicarbonate_space_ml: Annotated[float | None, _solute("bicarbonate_space_ml")] = None
-    carbon_dioxide_store_ml_mmHg: Annotated[  # noqa: N815
-        float | None, _solute("carbon_dioxide_store_ml_mmHg")
-    ] = None
+    parameters = fluid.PARAMETERS
+    urea_mmol_l: float = 25.0
+    creatinine_umol_l: float = 300.0
+    potassium_mmol_l: float = 4.5
+    bicarbonate_mmol_l: float | None = None
+    urea_generation_mmol_h: float = 15.0
+    creatinine_generation_umol_h: float = 400.0
+    potassium_generation_mmol_h: float = 0.0
+    acid_generation_mmol_h: float = 0.0
+    fluid_potassium_mmol_l: float = 4.0
+    kidney_clearance_ml_min: float = 0.0
+    body_water_ml: float | None = None
+    bicarbonate_space_ml: float | None = None
+    carbon_dioxide_store_ml_mmHg: float | None = None  # noqa: N815
 
 
 def fluid_values(

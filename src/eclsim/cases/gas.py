@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Any
 
-from eclsim.inputs.fields import Field, setting
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.sections import Raw, Section
 from eclsim.parameters.gas import PARAMETERS, PREFIX
@@ -15,10 +14,6 @@ LOW_HAEMOGLOBIN = 7.0
 """Haemoglobin [g/dL] below which the number may be in mmol/L."""
 
 
-def _key(name: str) -> Field:
-    return setting(PARAMETERS[PREFIX + name])
-
-
 class Gas(Section):
     """Oxygen and carbon dioxide of the patient; what is left out has the default of its table.
 
@@ -27,14 +22,15 @@ class Gas(Section):
     """
 
     section = "gas"
-    haemoglobin_g_dl: Annotated[float, _key("haemoglobin_g_dl")] = 10.0
-    base_excess_mmol_l: Annotated[float, _key("base_excess_mmol_l")] = 0.0
-    temperature_c: Annotated[float, _key("temperature_c")] = 37.0
-    vo2_ml_min: Annotated[float | None, _key("vo2_ml_min")] = None
-    respiratory_quotient: Annotated[float, _key("respiratory_quotient")] = 0.8
-    fio2: Annotated[float, _key("fio2")] = 0.5
-    alveolar_ventilation_l_min: Annotated[float, _key("alveolar_ventilation_l_min")] = 2.0
-    shunt_fraction: Annotated[float, _key("shunt_fraction")] = 0.4
+    parameters = PARAMETERS
+    haemoglobin_g_dl: float = 10.0
+    base_excess_mmol_l: float = 0.0
+    temperature_c: float = 37.0
+    vo2_ml_min: float | None = None
+    respiratory_quotient: float = 0.8
+    fio2: float = 0.5
+    alveolar_ventilation_l_min: float = 2.0
+    shunt_fraction: float = 0.4
 
     @classmethod
     def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:

@@ -103,11 +103,11 @@ def read_long_table(
     wrong = []
     for name in LONG:
         if table.header.count(name) != 1:
-            near = did_you_mean(name, [h for h in table.header if h and h not in LONG]) or ""
+            suggestion = did_you_mean(name, [h for h in table.header if h and h not in LONG]) or ""
             message = (
                 "more than one column of this name" if name in table.header else "this column is missing"
             )
-            wrong.append(Mistake(name, message, allowed=", ".join(LONG), suggestion=near))
+            wrong.append(Mistake(name, message, allowed=", ".join(LONG), suggestion=suggestion))
     if wrong:
         raise CaseError([m.at(table.file, None) for m in wrong])
     result, kept, about = Imported(notes=list(table.notes), mistakes=list(table.mistakes)), [], {}

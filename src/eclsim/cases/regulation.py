@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from eclsim.inputs.fields import Field, number, one_of
+from eclsim.inputs.fields import Field, one_of, setting
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.numbers import RefusedValueError, read_number
 from eclsim.inputs.sections import Raw, Section
@@ -12,19 +12,10 @@ from eclsim.parameters import regulation
 from eclsim.parameters.regulation import DRUG_DOSES, MODELS, PARAMETERS
 
 
-def _setting(key: str, allowed: str = "") -> Field:
-    parameter = PARAMETERS[key]
-    unit = "" if parameter.unit == "1" else parameter.unit
-    low, high, typical = (
-        parameter.minimum,
-        parameter.maximum,
-        parameter.value or min(500.0, parameter.maximum),
-    )
-    return number(parameter.description, unit, low, high, typical, required=False, allowed=allowed)
-
-
 class _Settings(Section):
     """A section whose numbers are parameters of the circuit, by section and key."""
+
+    parameters = PARAMETERS
 
     def values(self) -> dict[str, float]:
         """Values of the parameters that are given."""
@@ -40,15 +31,18 @@ class Regulation(_Settings):
     section = regulation.REGULATION
     baroreflex: Annotated[
         float | None,
-        _setting(regulation.GAIN, "0 to 1.2: 1 is the published reflex, less is sedation, 0 is off"),
+        setting(
+            PARAMETERS[regulation.GAIN], "0 to 1.2: 1 is the published reflex, less is sedation, 0 is off"
+        ),
     ] = None
     model: Annotated[
         Literal["ursino1998", "heldt2004"], one_of("Published reflex", MODELS, required=False)
     ] = "ursino1998"
-    set_point_mmHg: Annotated[float | None, _setting(regulation.SET_POINT)] = None  # noqa: N815
-    venous_set_point_mmHg: Annotated[float | None, _setting(regulation.VENOUS_SET_POINT)] = None  # noqa: N815
+    set_point_mmHg: float | None = None  # noqa: N815
+    venous_set_point_mmHg: float | None = None  # noqa: N815
     hypoxic_vasoconstriction: Annotated[
-        float | None, _setting(regulation.HYPOXIA, "0 to 1.5: 1 is as published; in courses with [gas]")
+        float | None,
+        setting(PARAMETERS[regulation.HYPOXIA], "0 to 1.5: 1 is as published; in courses with [gas]"),
     ] = None
 
     @property
@@ -101,10 +95,10 @@ class Drugs(_Settings):
     dobutamine: Annotated[float, _dose("dobutamine")] = 0.0
     milrinone: Annotated[float, _dose("milrinone")] = 0.0
     nitroprusside: Annotated[float, _dose("nitroprusside")] = 0.0
-    noradrenaline_sensitivity: Annotated[float, _setting(regulation.sensitivity("noradrenaline"))] = 1.0
-    dobutamine_sensitivity: Annotated[float, _setting(regulation.sensitivity("dobutamine"))] = 1.0
-    milrinone_sensitivity: Annotated[float, _setting(regulation.sensitivity("milrinone"))] = 1.0
-    nitroprusside_sensitivity: Annotated[float, _setting(regulation.sensitivity("nitroprusside"))] = 1.0
+    noradrenaline_sensitivity: float = 1.0
+    dobutamine_sensitivity: float = 1.0
+    milrinone_sensitivity: float = 1.0
+    nitroprusside_sensitivity: float = 1.0
 
     @classmethod
     def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:

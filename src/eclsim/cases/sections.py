@@ -11,7 +11,7 @@ from eclsim.cases.gas import Gas
 from eclsim.cases.regulation import Drugs, Regulation
 from eclsim.devices.device import AnyDevice, device_key
 from eclsim.devices.registry import device_of, devices
-from eclsim.inputs.fields import Field, measured, number, one_of
+from eclsim.inputs.fields import Field, measured, number, one_of, setting
 from eclsim.inputs.sections import Section, switch
 from eclsim.parameters import physiology
 from eclsim.patient.anthropometry import MAXIMUM_AGE_YEARS, MINIMUM_AGE_YEARS
@@ -70,31 +70,27 @@ class Measurements(Section):
     ] = None
 
 
-def _physiology(name: str) -> Field:
+def _share(name: str) -> Field:
     parameter = physiology.PARAMETERS[f"{physiology.SECTION}.{name}"]
-    unit = "" if parameter.unit == "1" else parameter.unit
-    share = f"{parameter.minimum:g} to {parameter.maximum:g}, a share and no percentage" if not unit else ""
-    return number(
-        parameter.description, unit, parameter.minimum, parameter.maximum, parameter.value, required=False,
-        allowed=share,
-    )  # fmt: skip
+    return setting(parameter, f"{parameter.minimum:g} to {parameter.maximum:g}, a share and no percentage")
 
 
 class Physiology(Section):
     """What the patient has beyond the published circulation; areas are effective orifice areas in cm^2."""
 
     section = physiology.SECTION
+    parameters = physiology.PARAMETERS
     regional: Annotated[bool, switch("Regions: upper and lower body, aortic arch, two venae cavae")] = False
-    upper_share: Annotated[float, _physiology("upper_share")] = 0.35
-    bronchial_fraction: Annotated[float, _physiology("bronchial_fraction")] = 0.0
-    aortic_regurgitation_cm2: Annotated[float, _physiology("aortic_regurgitation_cm2")] = 0.0
-    mitral_regurgitation_cm2: Annotated[float, _physiology("mitral_regurgitation_cm2")] = 0.0
-    tricuspid_regurgitation_cm2: Annotated[float, _physiology("tricuspid_regurgitation_cm2")] = 0.0
-    pulmonary_regurgitation_cm2: Annotated[float, _physiology("pulmonary_regurgitation_cm2")] = 0.0
-    aortic_stenosis_cm2: Annotated[float | None, _physiology("aortic_stenosis_cm2")] = None
-    mitral_stenosis_cm2: Annotated[float | None, _physiology("mitral_stenosis_cm2")] = None
-    tricuspid_stenosis_cm2: Annotated[float | None, _physiology("tricuspid_stenosis_cm2")] = None
-    pulmonary_stenosis_cm2: Annotated[float | None, _physiology("pulmonary_stenosis_cm2")] = None
+    upper_share: Annotated[float, _share("upper_share")] = 0.35
+    bronchial_fraction: Annotated[float, _share("bronchial_fraction")] = 0.0
+    aortic_regurgitation_cm2: float = 0.0
+    mitral_regurgitation_cm2: float = 0.0
+    tricuspid_regurgitation_cm2: float = 0.0
+    pulmonary_regurgitation_cm2: float = 0.0
+    aortic_stenosis_cm2: float | None = None
+    mitral_stenosis_cm2: float | None = None
+    tricuspid_stenosis_cm2: float | None = None
+    pulmonary_stenosis_cm2: float | None = None
 
     def values(self) -> dict[str, float]:
         """Values of the parameters of the circuit."""

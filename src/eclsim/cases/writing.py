@@ -64,7 +64,7 @@ def _table(section: type[Section], values: Raw) -> Table:
         if name in values:
             written = _toml_value(values[name])
             table.add(name, written)
-            written.comment(f"{item.description}{f' [{item.unit}]' if item.unit else ''}")
+            written.comment(f"{item.description}{f' [{item.unit}]' if item.unit not in ('', '1') else ''}")
     return table
 
 

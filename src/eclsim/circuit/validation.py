@@ -106,5 +106,5 @@ def _exchanges(circuit: Circuit) -> list[str]:
 
 
 def _hint(name: str, known: Collection[str]) -> str:
-    near = difflib.get_close_matches(name, known, n=1)
-    return f"; did you mean '{near[0]}'?" if near else ""
+    similar = difflib.get_close_matches(name, known, n=1)
+    return f"; did you mean '{similar[0]}'?" if similar else ""

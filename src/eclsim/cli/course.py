@@ -114,11 +114,11 @@ def _text(result: xr.Dataset) -> str:
         for k in chosen
     ]
     head = ("time", *(f"{name} [{result[name].attrs['units']}]" for name in names))
-    told = json.loads(result.attrs["balance"])
+    balance = json.loads(result.attrs["balance"])
     words = (
-        f"blood volume {told['blood_volume_start_ml']:.0f} mL at the start, "
-        f"{told['blood_volume_end_ml']:.0f} mL at the end: given {told['given_ml']:.0f}, removed "
-        f"{told['removed_ml']:.0f}, refilled {told['refilled_ml']:.0f} mL"
+        f"blood volume {balance['blood_volume_start_ml']:.0f} mL at the start, "
+        f"{balance['blood_volume_end_ml']:.0f} mL at the end: given {balance['given_ml']:.0f}, removed "
+        f"{balance['removed_ml']:.0f}, refilled {balance['refilled_ml']:.0f} mL"
     )
     took = f"{result.attrs['seconds']:.1f} s"
     if settling := result.attrs["settling_s"]:

@@ -655,22 +655,22 @@ class EcmoDevice(Device[Ecmo]):
 
     def controls(self, section: Ecmo, sites: Mapping[str, str]) -> list[Control]:
         """Pump, cannulae, oxygenator and sites."""
-        found: list[Control] = [picker("pump", "Pump", (*PUMPS, ROLLER_PUMP))]
+        result: list[Control] = [picker("pump", "Pump", (*PUMPS, ROLLER_PUMP))]
         if isinstance(section.pump, RollerPump):
-            found.append(Knob("roller_l_min", "Pump flow", "L/min", 0.0, 7.0, 0.05))
+            result.append(Knob("roller_l_min", "Pump flow", "L/min", 0.0, 7.0, 0.05))
         else:
             low, high = PUMPS[section.pump].speed_range_rpm
-            found.append(Knob("speed_rpm", "Pump speed", "rpm", 0 if low < 2000 else low / 2, high, 25))
+            result.append(Knob("speed_rpm", "Pump speed", "rpm", 0 if low < 2000 else low / 2, high, 25))
         for line, kind in (("drainage", section.drainage_cannula), ("return", section.return_cannula)):
             sizes = CANNULAE[kind].sizes_fr
-            found.append(Knob(f"{line}_fr", f"{line.capitalize()} cannula", "Fr", sizes[0], sizes[-1], 1))
-        found.append(picker("oxygenator", "Oxygenator", OXYGENATORS))
+            result.append(Knob(f"{line}_fr", f"{line.capitalize()} cannula", "Fr", sizes[0], sizes[-1], 1))
+        result.append(picker("oxygenator", "Oxygenator", OXYGENATORS))
         others = (OTHER_MODE,) if self.shown(section, "mode") == OTHER_MODE else ()
-        found.append(picker("mode", "Mode", (*USUAL, *others), _MODES))
+        result.append(picker("mode", "Mode", (*USUAL, *others), _MODES))
         drained = (site for site in PATIENT_SITES if site != section.return_site)
         returned = (site for site in PATIENT_SITES if site != section.drainage_site)
         return [
-            *found,
+            *result,
             picker("drainage_site", "Drained from", drained, PATIENT_SITES),
             picker("return_site", "Returned to", returned, PATIENT_SITES),
             *second_controls(section, (section.drainage_site, section.return_site), CANNULAE),

@@ -50,7 +50,8 @@ class Field:
     def allowed(self) -> str:
         """What is allowed, in words."""
         if self.kind == "number":
-            return self.also_allowed or f"{self.minimum:g} to {self.maximum:g} {self.unit}"
+            unit = "" if self.unit == "1" else self.unit
+            return self.also_allowed or f"{self.minimum:g} to {self.maximum:g} {unit}".rstrip()
         return ", ".join((*self.names, *filter(None, [self.also_allowed]))) or "text of 1 to 64 characters"
 
 
@@ -81,11 +82,11 @@ def measured(description: str, unit: str, minimum: float, maximum: float, typica
     return number(description, unit, minimum, maximum, typical, required=False, may_be_missing=True)
 
 
-def setting(parameter: Parameter) -> Field:
+def setting(
+    parameter: Parameter, allowed: str = "", read: Callable[[object, Field], object] | None = None
+) -> Field:
     """A number with the meaning, unit and range of a parameter; left out, it has a default."""
-    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
-    allowed = f"{parameter.minimum:g} to {parameter.maximum:g}{unit}"
     return Field(
         parameter.description, "number", parameter.unit, parameter.minimum, parameter.maximum,
-        parameter.value or 1.0, required=False, also_allowed=allowed,
+        parameter.value or 1.0, required=False, also_allowed=allowed, read=read,
     )  # fmt: skip

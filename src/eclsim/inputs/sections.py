@@ -11,10 +11,10 @@ from typing import Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, ValidationInfo, model_validator
 
-from eclsim.inputs.fields import Field
+from eclsim.inputs.fields import Field, setting
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.numbers import RefusedValueError, is_missing, read_number
-from eclsim.parameters import did_you_mean
+from eclsim.parameters import Parameter, did_you_mean
 
 MAXIMUM_ID_LENGTH = 64
 CHECKED = {"checked": True}
@@ -36,12 +36,16 @@ class Section(BaseModel):
 
         speed_rpm: Annotated[float, number("Speed", "rpm", 0, 15000, typical=5000)]
 
+    or is the parameter of its name, such as "gas.fio2" for `fio2` of [gas].
+
     Building one checks it as a case file is checked.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     section: ClassVar[str]
     """Name of the section in a case file."""
+    parameters: ClassVar[Mapping[str, Parameter]] = {}
+    """Table of the attributes that have no `Field`."""
     exclusive: ClassVar[tuple[tuple[str, str], ...]] = ()
     """Pairs of keys of which one is given: setting the one takes the other away."""
 
@@ -76,9 +80,16 @@ class Section(BaseModel):
 def _fields(section: type[Section]) -> Mapping[str, Field]:
     result = {}
     for name, info in section.model_fields.items():
-        (entry,) = (item for item in info.metadata if isinstance(item, Field))
-        result[name] = replace(entry, name=name)
+        entry = next((item for item in info.metadata if isinstance(item, Field)), None)
+        result[name] = replace(entry or _parameter_field(section, name), name=name)
     return result
+
+
+def _parameter_field(section: type[Section], name: str) -> Field:
+    parameter = section.parameters.get(f"{section.section}.{name}")
+    if parameter is None:
+        raise ValueError(f"{section.__name__}.{name} has no Field")
+    return setting(parameter)
 
 
 def plain(data: Raw) -> dict[str, Any]:

@@ -49,9 +49,9 @@ def findings(
     return sorted(result, key=lambda finding: KINDS.index(finding.kind))
 
 
-def impossible(said: Collection[Finding]) -> bool:
+def impossible(findings: Collection[Finding]) -> bool:
     """Whether a beat cannot be that of a patient."""
-    return any(finding.kind == "collapse" for finding in said)
+    return any(finding.kind == "collapse" for finding in findings)
 
 
 def _broken(limit: Limit, value: float) -> Finding:

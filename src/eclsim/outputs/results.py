@@ -103,10 +103,7 @@ def simulate_many(
     """Steady beats of variants of a model, as `eclsim.simulate_many` gives them; of a case with its speed."""
     model = as_model(case)
     model.with_values(dict.fromkeys(changes, 0.0))
-    lengths = {np.size(v) for v in changes.values() if np.ndim(v) > 0}
-    if len(lengths) > 1:
-        raise ValueError(f"arrays of {sorted(lengths)} members: all changes need the same length")
-    count = lengths.pop() if lengths else 1
+    count = member_count(changes)
     values = {**model.values, **{k: np.asarray(v, dtype=float) for k, v in changes.items()}}
     batch = Batch(model.circuit, values, count, volume_policy or model.policy)
     start = model.values if nominal_values(model.circuit) is None else None
@@ -126,6 +123,18 @@ def simulate_many(
         "failed": int((~beat.converged).sum()),
     }
     return xr.Dataset(data, coords=coordinates, attrs=attributes)
+
+
+def member_count(changes: Mapping[str, npt.ArrayLike]) -> int:
+    """How many variants arrays of changes, or numbers that hold for all, make.
+
+    Raises:
+        ValueError: arrays of different lengths.
+    """
+    lengths = {np.size(v) for v in changes.values() if np.ndim(v) > 0}
+    if len(lengths) > 1:
+        raise ValueError(f"arrays of {sorted(lengths)} members: all changes need the same length")
+    return lengths.pop() if lengths else 1
 
 
 def derivatives(

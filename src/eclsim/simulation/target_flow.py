@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from eclsim.orbit.model import UnknownValueError, model_of
-from eclsim.outputs.results import simulate_many
+from eclsim.outputs.results import member_count, simulate_many
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -178,10 +178,7 @@ def solve_speeds(
     if sweep is None:
         raise UnknownValueError(f"{one.key} has no pump speed that could be solved for")
     flow_key = f"{one.key}.{target.key}"
-    lengths = {np.size(v) for v in changes.values() if np.ndim(v) > 0}
-    if len(lengths) > 1:
-        raise ValueError(f"arrays of {sorted(lengths)} members: all changes need the same length")
-    count = lengths.pop() if lengths else 1
+    count = member_count(changes)
     others = {name: value for name, value in changes.items() if name != flow_key}
     flows = np.broadcast_to(
         np.asarray(changes.get(flow_key, getattr(one.section, target.key)), dtype=float), (count,)
