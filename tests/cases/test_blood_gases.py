@@ -99,6 +99,7 @@ def test_a_bundle_of_blood_gases_becomes_a_row(tmp_path):
         {"resource": about}, entry("2708-6", 93, "%"), entry("2703-7", 8.8, "kPa"),
         entry("2019-8", 41, "mm[Hg]"),
         entry("SpreO2", 0.7, "1"), entry("718-7", 98, "g/L"), entry("59408-5", 97, "%"),
+        entry("19224-5", 66, "%"),
         entry("8478-0", 75, "mm[Hg]"), entry("8867-4", 90, "/min"),
     ]  # fmt: skip
     bundle = tmp_path / "bundle.json"
@@ -107,6 +108,7 @@ def test_a_bundle_of_blood_gases_becomes_a_row(tmp_path):
     (row,) = read.rows
     assert (row["SaO2"], row["PaO2"], row["PaCO2"]) == ("93", "66.0054", "41")
     assert (row["SpreO2"], row["haemoglobin_g_dl"], row["sweep_l_min"]) == ("70", "9.8", "4")
+    assert row["SvO2"] == "66"
     assert any("59408-5" in str(w) for w in read.warnings)
     table = tmp_path / "cohort.csv"
     table.write_text(as_table(read.rows))

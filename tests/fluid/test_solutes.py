@@ -25,6 +25,7 @@ from eclsim.parameters.fluid import PARAMETERS, STORES_HOLD
 from eclsim.slow.law import INFLOWS
 
 LAW = SolutesLaw((Filter("crrt"),), gas=True)
+RENOX = ("renox_clearance", "renox_base_gain")
 BEAT = {
     "effective_clearance_urea": 30.0, "effective_clearance_creatinine": 28.0,
     "effective_clearance_potassium": 29.0, "base_gain": 6.0,
@@ -53,6 +54,19 @@ def after(hours, values, law=LAW, step_s=60.0, **inflows):
         a, b, c, d = slopes
         states = {k: x + step_s / 6.0 * (a[k] + 2.0 * b[k] + 2.0 * c[k] + d[k]) for k, x in states.items()}
     return states
+
+
+@pytest.mark.parametrize(
+    ("one", "urea", "gain"),
+    [
+        (Filter("crrt"), "effective_clearance_urea", "base_gain"),
+        (Filter("crrt.left"), "crrt.left.effective_clearance_urea", "crrt.left.base_gain"),
+        (Filter("renox", *RENOX), "renox_clearance_urea", "renox_base_gain"),
+        (Filter("renox.left", *RENOX), "renox.left.clearance_urea", "renox.left.base_gain"),
+    ],
+)
+def test_a_filter_reads_the_outputs_of_its_device_under_their_names(one, urea, gain):
+    assert {urea, gain} <= set(one.reads)
 
 
 def test_one_pool_decays_as_its_exponential(monkeypatch):

@@ -24,11 +24,16 @@ ITERATIONS = 10
 """Of Newton's method; six suffice between 1 and 300 mmHg."""
 
 
+def carbon_dioxide_solubility(temperature: Array = 37.0) -> Array:
+    """Carbon dioxide dissolved in plasma [mmol/L/mmHg] (Douglas 1988)."""
+    cold = 37.0 - temperature
+    return 0.0307 + 0.00057 * cold + 0.00002 * cold**2
+
+
 def bicarbonate(pco2: Array, ph: Array, temperature: Array = 37.0) -> Array:
     """Bicarbonate in plasma [mmol/L] (Henderson and Hasselbalch)."""
-    cold = 37.0 - temperature
-    solubility = 0.0307 + 0.00057 * cold + 0.00002 * cold**2
-    return solubility * pco2 * 10.0 ** (ph - 6.1 - 0.00472 * cold)
+    dissolved = carbon_dioxide_solubility(temperature) * pco2
+    return dissolved * 10.0 ** (ph - 6.1 - 0.00472 * (37.0 - temperature))
 
 
 def excess_of(pco2: Array, ph: Array, saturation: Array, blood: Blood) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import ModuleType
-from typing import NamedTuple
+from typing import NamedTuple, Unpack
 
 import jax
 import jax.numpy as jnp
@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from eclsim import runtime as _runtime  # noqa: F401  (double precision before the first array)
 from eclsim.blood import dash2016, standard
 from eclsim.blood.acid_base import bicarbonate, ph_of
-from eclsim.blood.types import Array, Blood
+from eclsim.blood.types import Array, Blood, Given
 
 LAWS: dict[str, ModuleType] = {"severinghaus1979": standard, "dash2016": dash2016}
 """Sets of equations by name: modules with `saturation`, `oxygen_content` and `carbon_dioxide_content`."""
@@ -57,22 +57,17 @@ def gases(
     *,
     po2: Array,
     pco2: Array = 40.0,
-    haemoglobin: Array = 15.0,
-    base_excess: Array = 0.0,
-    temperature: Array = 37.0,
-    oxygen_capacity: Array = 1.34,
     law: str = "severinghaus1979",
+    **of: Unpack[Given],
 ) -> BloodGases:
     """Saturation, pH and contents of blood at given partial pressures.
 
     Args:
         po2: partial pressure of oxygen [mmHg].
         pco2: partial pressure of carbon dioxide [mmHg].
-        haemoglobin: [g/dL].
-        base_excess: of fully oxygenated blood [mmol/L].
-        temperature: [C].
-        oxygen_capacity: [mL/g].
         law: a name of `LAWS`.
+        of: `haemoglobin` [g/dL], `base_excess` of fully oxygenated blood [mmol/L], `temperature` [C] and
+            `oxygen_capacity` [mL/g]; left out, 15, 0, 37 and 1.34.
 
     Returns:
         Arrays of the arguments' common shape.
@@ -80,7 +75,7 @@ def gases(
     Raises:
         ValueError: the law is unknown.
     """
-    blood = Blood(haemoglobin, base_excess, temperature, oxygen_capacity)
+    blood = Blood(**of)
     return equilibrium(_common(po2, pco2, blood, po2), _common(po2, pco2, blood, pco2), blood, law)
 
 
@@ -88,17 +83,14 @@ def gases_with_contents(
     *,
     oxygen: Array,
     carbon_dioxide: Array,
-    haemoglobin: Array = 15.0,
-    base_excess: Array = 0.0,
-    temperature: Array = 37.0,
-    oxygen_capacity: Array = 1.34,
     law: str = "severinghaus1979",
+    **of: Unpack[Given],
 ) -> BloodGases:
     """The same from contents [mL/dL STPD]; NaN where no pressures between 1e-9 and 1e6 mmHg give them.
 
     Other arguments as in `gases`.
     """
-    blood = Blood(haemoglobin, base_excess, temperature, oxygen_capacity)
+    blood = Blood(**of)
     wanted = (
         _common(oxygen, carbon_dioxide, blood, oxygen),
         _common(oxygen, carbon_dioxide, blood, carbon_dioxide),
@@ -111,17 +103,14 @@ def gases_with_saturation(
     *,
     saturation: Array,
     pco2: Array = 40.0,
-    haemoglobin: Array = 15.0,
-    base_excess: Array = 0.0,
-    temperature: Array = 37.0,
-    oxygen_capacity: Array = 1.34,
     law: str = "severinghaus1979",
+    **of: Unpack[Given],
 ) -> BloodGases:
     """The same from a saturation [-] and a PCO2 [mmHg]; NaN where the saturation is not within (0, 1).
 
     Other arguments as in `gases`.
     """
-    blood = Blood(haemoglobin, base_excess, temperature, oxygen_capacity)
+    blood = Blood(**of)
     chosen = law_named(law)
     wanted, pco2 = _common(saturation, pco2, blood, saturation), _common(saturation, pco2, blood, pco2)
 

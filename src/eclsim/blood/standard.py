@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import jax.numpy as jnp
 
+from eclsim.blood.acid_base import carbon_dioxide_solubility
 from eclsim.blood.types import NEUTRAL_PH_SLOPE, Array, Blood
 
 OXYGEN_SOLUBILITY = 0.0031
@@ -50,9 +51,8 @@ def carbon_dioxide_content(po2: Array, pco2: Array, ph: Array, blood: Blood) -> 
     """Content of carbon dioxide [mL/dL STPD]: that of plasma times a factor for the red cells."""
     temperature = blood.temperature
     cold = 37.0 - temperature
-    solubility = 0.0307 + 0.00057 * cold + 0.00002 * cold**2
     pk = 6.086 + 0.042 * (7.4 - ph) + (38.0 - temperature) * (0.00472 + 0.00139 * (7.4 - ph))
-    plasma = 2.226 * solubility * pco2 * (1.0 + 10.0 ** (ph - pk))
+    plasma = 2.226 * carbon_dioxide_solubility(temperature) * pco2 * (1.0 + 10.0 ** (ph - pk))
     oxygenated = saturation(po2, pco2, ph, blood)
     at_37 = ph - NEUTRAL_PH_SLOPE * cold  # the distribution between plasma and cells follows neutral pH
     cells = 0.0289 * blood.haemoglobin / ((3.352 - 0.456 * oxygenated) * (8.142 - at_37))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias, TypedDict
 
 import jax
 import numpy as np
@@ -11,6 +11,15 @@ Array: TypeAlias = float | np.ndarray | jax.Array
 
 NEUTRAL_PH_SLOPE = 0.0147
 """Rise of pH for each degree that closed blood is cooled [1/C] (Rosenthal 1948)."""
+
+
+class Given(TypedDict, total=False):
+    """What may be said of blood apart from its gases; `Blood` has the rest."""
+
+    haemoglobin: Array
+    base_excess: Array
+    temperature: Array
+    oxygen_capacity: Array
 
 
 class Blood(NamedTuple):

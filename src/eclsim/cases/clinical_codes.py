@@ -3,7 +3,8 @@
 LOINC and SNOMED CT codes are those of public FHIR profiles (HL7 vital signs; the intensive care module of
 the German Medical Informatics Initiative for PCWP and for the flow of an extracorporeal gas exchange, which
 has no LOINC code; HL7's value set of oxygen saturations for that of arterial blood, DICOM's context group
-3524 for its partial pressures). Pulse oximetry (59408-5) is not taken for a blood gas.
+3524 for its partial pressures; LOINC's own name for that of mixed venous blood). Pulse oximetry (59408-5) is
+not taken for a blood gas.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ MEASURABLES = (
     Measurable("PaO2", "mmHg", "2703-7"),
     Measurable("PaCO2", "mmHg", "2019-8"),
     *(
-        Measurable(name, Measurements.fields()[name].unit)
+        Measurable(name, Measurements.fields()[name].unit, "19224-5" if name == "SvO2" else "")
         for name in MEASURED_GASES
         if name not in ("SaO2", "PaO2", "PaCO2")
     ),
@@ -61,7 +62,7 @@ MEASURABLES = (
         for column in device.columns.measured
     ),
 )
-"""What is read; a pump's speed, and blood gases of the ECMO and of mixed venous blood, go by their names."""
+"""What is read; a pump's speed and blood gases of the ECMO go by their names."""
 BY_CODE: MappingProxyType[str, Measurable] = MappingProxyType(
     {m.loinc: m for m in MEASURABLES if m.loinc}
     | {m.snomed: m for m in MEASURABLES if m.snomed}

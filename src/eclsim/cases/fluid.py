@@ -22,8 +22,8 @@ INTERSTITIAL_PROTEIN = 0.4
 BICARBONATE_SPACE, CARBON_DIOXIDE_STORE = 500.0, 1.5
 """For each kg of weight, mL and mL/mmHg; sources with the parameters."""
 
-USUAL_BICARBONATE, DISSOLVED = 24.0, 0.0307
-"""Bicarbonate [mmol/L] where nothing is said of it; carbon dioxide dissolved in plasma [mmol/L/mmHg]."""
+USUAL_BICARBONATE = 24.0
+"""Bicarbonate [mmol/L] where nothing is said of it."""
 
 
 def _share(name: str) -> Field:
@@ -130,10 +130,11 @@ def _same_start(case: Case, bicarbonate: float) -> dict[str, float]:
     assert case.solutes is not None
     if case.solutes.bicarbonate_mmol_l is None:
         return {}
+    from eclsim.blood.acid_base import carbon_dioxide_solubility
     from eclsim.fluid.solutes import STANDARD_PCO2, standard_base_excess
 
     key = "plasma_bicarbonate_mmol_l"
-    total = bicarbonate + DISSOLVED * STANDARD_PCO2
+    total = float(bicarbonate + carbon_dioxide_solubility() * STANDARD_PCO2)
     open_ones = (one for one in case.instances() if getattr(one.section, key, 0.0) is None)
     result = {f"{one.key}.{key}": total for one in open_ones}
     if case.gas is not None and case.gas.base_excess_mmol_l == 0.0:

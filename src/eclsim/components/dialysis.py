@@ -22,7 +22,7 @@ Flows in mL/min here, concentrations in water.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -38,6 +38,8 @@ UREA_RED_CELL_WATER = 0.80
 """Urea leaves red cells while blood passes: their water, 0.72, with a partition of 1.11 (Colton 1970)."""
 BASE_PER_CITRATE = 3.0
 """Bicarbonate that a molecule of citrate becomes when it is metabolised."""
+EFFECTIVE_CLEARANCE, BASE_GAIN = "effective_clearance", "base_gain"
+"""Usual names of what a device with a filter gives, the first followed by the name of a solute."""
 
 
 class Solute(NamedTuple):
@@ -90,9 +92,13 @@ class Hemofilter(Exchanger):
 
     Args:
         settings: names of its parameters, in the order of `Settings`.
+        clearance: what the names of its device's outputs of clearances for the patient begin with.
+        base_gain: name of its device's output of the bicarbonate gained.
     """
 
     settings: tuple[str, ...]
+    clearance: str = EFFECTIVE_CLEARANCE
+    base_gain: str = BASE_GAIN
 
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters, in the order of `Settings`."""
@@ -100,7 +106,7 @@ class Hemofilter(Exchanger):
 
     def renamed(self, parameter: Renaming) -> Hemofilter:
         """The same filter of other parameters."""
-        return Hemofilter(tuple(map(parameter, self.settings)))
+        return replace(self, settings=tuple(map(parameter, self.settings)))
 
 
 class Settings(NamedTuple):

@@ -126,7 +126,8 @@ class RenoxDevice(Device[Renox]):
         from eclsim.circuit.network import Circuit, Exchange
         from eclsim.components.dialysis import Hemofilter
 
-        return Circuit(exchanges=(Exchange(GROUP, Hemofilter(SETTINGS), "ecmooxy", GROUP),))
+        fibres = Hemofilter(SETTINGS, f"{GROUP}_clearance", f"{GROUP}_base_gain")
+        return Circuit(exchanges=(Exchange(GROUP, fibres, "ecmooxy", GROUP),))
 
     def values(self, section: Renox) -> dict[str, float]:
         """Flows of fluid, and the blood and the fluid that meet."""

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eclsim.blood.acid_base import excess_of
+from eclsim.blood.acid_base import carbon_dioxide_solubility, excess_of
 from eclsim.blood.types import Blood
 from eclsim.circuit.network import Circuit
 from eclsim.components.base import Derived, Number, value_of
-from eclsim.components.dialysis import Hemofilter
+from eclsim.components.dialysis import BASE_GAIN, EFFECTIVE_CLEARANCE, Hemofilter
 from eclsim.components.exchangers import BLOOD, HAEMOGLOBIN, Tissue
 from eclsim.fluid.law import INTERSTITIUM, PLASMA, blood_at_start
 from eclsim.parameters.fluid import SOLUTES, STORES_HOLD
@@ -47,26 +47,29 @@ class Filter:
     """A dialyzer as solutes see it.
 
     Args:
-        group: of the device, such as "crrt" or "renox".
+        group: of the device, such as "crrt" or "crrt.left".
+        clearance: what the names of the device's outputs of clearances begin with.
+        base_gain: name of its output of the bicarbonate gained.
     """
 
     group: str
+    clearance: str = EFFECTIVE_CLEARANCE
+    base_gain: str = BASE_GAIN
 
     def output(self, name: str) -> str:
-        """Name of an output of the device."""
-        if self.group == "renox":
-            return f"renox_{name.removeprefix('effective_')}"
-        return name if "." not in self.group else f"{self.group}.{name}"
+        """Name of an output of the device, which may be one of several."""
+        device, _, own = self.group.partition(".")
+        return f"{self.group}.{name.removeprefix(f'{device}_')}" if own else name
 
     @property
     def reads(self) -> tuple[str, ...]:
         """Outputs that are read."""
-        cleared = (f"effective_clearance_{name}" for name in (*BETWEEN_POOLS, "potassium"))
-        return tuple(map(self.output, (*cleared, "base_gain")))
+        cleared = (f"{self.clearance}_{name}" for name in (*BETWEEN_POOLS, "potassium"))
+        return tuple(map(self.output, (*cleared, self.base_gain)))
 
-    def clearance(self, beat: Named, solute: str) -> np.ndarray:
-        """Of the patient [mL/s]."""
-        return beat[self.output(f"effective_clearance_{solute}")] / _MINUTE
+    def cleared(self, beat: Named, solute: str) -> np.ndarray:
+        """Clearance of the patient [mL/s]."""
+        return beat[self.output(f"{self.clearance}_{solute}")] / _MINUTE
 
 
 @dataclass(frozen=True)
@@ -134,7 +137,7 @@ class SolutesLaw(SlowLaw):
         for solute, transfer in BETWEEN_POOLS.items():
             concentration = 1e3 * states[_state(solute)] / outside
             within = 1e3 * states[_state(solute, "inside")] / inside
-            cleared = sum((f.clearance(beat, solute) for f in self.filters), np.zeros_like(outside))
+            cleared = sum((f.cleared(beat, solute) for f in self.filters), np.zeros_like(outside))
             cleared = cleared + settings[_of("kidney_clearance_ml_min")] / _MINUTE - blood
             removed, moved = (
                 1e-3 * cleared * concentration,
@@ -150,10 +153,10 @@ class SolutesLaw(SlowLaw):
         removed = -1e-3 * (blood * potassium + clear * fresh)
         for one in self.filters:
             net = settings[f"{one.group}.net_ultrafiltration_ml_h"] / _HOUR
-            removed = removed + 1e-3 * (one.clearance(beat, "potassium") * (potassium - fresh) + net * fresh)
+            removed = removed + 1e-3 * (one.cleared(beat, "potassium") * (potassium - fresh) + net * fresh)
         missing = _concentration_at_start(settings, "potassium") - potassium
         moved, made = 1e-3 * POTASSIUM_MOBILISATION / _MINUTE * missing, _made(settings, "potassium")
-        gain = sum((beat[one.output("base_gain")] for one in self.filters), np.zeros_like(outside)) / _HOUR
+        gain = sum((beat[one.output(one.base_gain)] for one in self.filters), np.zeros_like(outside)) / _HOUR
         acid = settings[_of("acid_generation_mmol_h")] / _HOUR
         return result | {
             _state("potassium"): made + moved - removed, _state("potassium", "mobilised"): moved,
@@ -219,7 +222,11 @@ def solute_laws(circuit: Circuit, fluid: bool, gas: bool) -> tuple[SlowLaw, ...]
         fluid: whether its fluid is followed.
         gas: whether its gases are computed.
     """
-    filters = tuple(Filter(e.group) for e in circuit.exchanges if isinstance(e.component, Hemofilter))
+    filters = tuple(
+        Filter(e.group, e.component.clearance, e.component.base_gain)
+        for e in circuit.exchanges
+        if isinstance(e.component, Hemofilter)
+    )
     tissues = tuple(
         (e.name, e.component.share)
         for e in circuit.exchanges
@@ -268,7 +275,7 @@ def _volumes_at_start(settings: Named, fluid: bool) -> tuple[np.ndarray, np.ndar
 
 def standard_base_excess(bicarbonate: Number, haemoglobin: Number) -> Number:
     """Base excess [mmol/L] of oxygenated blood with some bicarbonate [mmol/L] at a PCO2 of 40 mmHg."""
-    ph = 6.1 + np.log10(bicarbonate / (0.0307 * STANDARD_PCO2))
+    ph = 6.1 + np.log10(bicarbonate / (carbon_dioxide_solubility() * STANDARD_PCO2))
     blood = Blood(haemoglobin, 0.0, 37.0, 1.34)
     return (1.0 - 0.0143 * haemoglobin) * excess_of(STANDARD_PCO2, ph, 1.0, blood)
 

@@ -10,6 +10,7 @@ import math
 
 import jax.numpy as jnp
 
+from eclsim.blood.acid_base import carbon_dioxide_solubility
 from eclsim.blood.gases import gases
 from eclsim.components.dialysis import (
     CARBON_DIOXIDE_ML_PER_MMOL,
@@ -27,8 +28,6 @@ HAEMATOCRIT, BLOOD_ML_MIN = 0.30, 150.0
 """Where a source does not state them: of patients in intensive care, and the usual flow of that time."""
 SOLUTES = {"urea": Solute(UREA_RED_CELL_WATER, 1.0, 300.0), "creatinine": Solute(0.0, 1.0, 230.0)}
 MAY_DIALYSATE, MAY_BLOOD = 540.0, (248.0, 421.0)
-DISSOLVED = 0.0307
-"""Carbon dioxide dissolved in plasma [mmol/L/mmHg]."""
 UNKNOWN_BLOOD = Explanation(
     "base excess and haemoglobin of the bench's blood are not in the abstract; 0 mmol/L and 10 g/dL taken. "
     "Carbon dioxide that crosses as gas, faster than bicarbonate, is not told apart; it counts most at a "
@@ -67,7 +66,8 @@ def respiratory_dialysis() -> list[Row]:
     """Carbon dioxide that dialysate without bicarbonate removes [mL/min]."""
 
     def plasma(pco2: float) -> float:
-        return float(gases(po2=60.0, pco2=pco2, haemoglobin=10.0).bicarbonate) + DISSOLVED * pco2
+        found = gases(po2=60.0, pco2=pco2, haemoglobin=10.0)
+        return float(found.bicarbonate + carbon_dioxide_solubility() * pco2)
 
     def water(blood: float) -> float:
         return float(Solute(0.0, 1.0, 1.0).water_flow(jnp.asarray(blood), jnp.asarray(HAEMATOCRIT)))
