@@ -16,11 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from eclsim.cases.reading import read_mapping
-from eclsim.identification.density import PosteriorDensity, Prior
-from eclsim.identification.gradient import approximate
+from eclsim.identification.density import PosteriorDensity, Prior, approximate
 from eclsim.identification.importance import importance_sample
 from eclsim.identification.objective import Box
-from eclsim.identification.observation import measurement_errors
+from eclsim.identification.quantities import measurement_errors
 from eclsim.orbit.model import model_of
 
 CASE = {

@@ -15,13 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from eclsim.identification.density import PosteriorDensity, Prior
-from eclsim.identification.diagnostics import diagnose
-from eclsim.identification.gradient import approximate
+from eclsim.identification.density import PosteriorDensity, Prior, approximate
 from eclsim.identification.importance import importance_sample
-from eclsim.identification.nuts import Sampling, sample
-from eclsim.identification.observation import OF_THE_BEAT, measurement_errors
+from eclsim.identification.nuts import Sampling, diagnose, sample
 from eclsim.identification.posterior import predict
+from eclsim.identification.quantities import OF_THE_BEAT, measurement_errors
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat

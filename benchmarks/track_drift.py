@@ -13,11 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from eclsim.identification.density import PosteriorDensity, Prior
-from eclsim.identification.gradient import approximate
+from eclsim.identification.density import PosteriorDensity, Prior, approximate
 from eclsim.identification.least_squares import refine
 from eclsim.identification.objective import Box, Objective, Target
-from eclsim.identification.observation import OF_THE_BEAT, measurement_errors
+from eclsim.identification.quantities import OF_THE_BEAT, measurement_errors
 from eclsim.identification.tracking import Tracker
 from eclsim.orbit.model import model_of
 from eclsim.parameters.thiel2025 import BOUNDS

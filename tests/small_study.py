@@ -3,7 +3,7 @@
 import pytest
 
 from eclsim.crrt_study.study import CrrtStudy, crrt_study
-from eclsim.paper.patient import paper_case
+from eclsim.paper.crrt import paper_case
 
 HOSTILE = "<script>alert('x')</script> & \"$\\alpha\""
 

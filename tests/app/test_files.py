@@ -12,7 +12,7 @@ from eclsim.app.knobs import turn
 from eclsim.app.state import PageState, preset_state
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.writing import case_text
-from eclsim.crrt_study.settings import StudyError
+from eclsim.crrt_study.schemes import StudyError
 from eclsim.files import file_stem
 from eclsim.inputs.mistakes import CaseError
 from small_cohort import HEADER, cohort

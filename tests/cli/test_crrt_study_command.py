@@ -54,7 +54,7 @@ def test_beats_that_are_not_found_are_named_and_the_exit_status_says_so(shell):
     import json
 
     from eclsim.cases.writing import write_case
-    from eclsim.paper.patient import paper_case
+    from eclsim.paper.crrt import paper_case
 
     case = shell.folder / "weak.toml"
     write_case(paper_case(), case)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from eclsim.sensitivity.estimators import Estimates
+from eclsim.sensitivity.design import Estimates
 from eclsim.sensitivity.results import Indices
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from eclsim.cases import read_case
-from eclsim.crrt_study.settings import StudyError, policy_of_cases
+from eclsim.crrt_study.schemes import StudyError, policy_of_cases
 from eclsim.identification.cohort import as_they_are
 from eclsim.identification.fit import fit as fit_case
 from eclsim.identification.multi_start import MultiStart

@@ -4,7 +4,7 @@ import pytest
 
 from eclsim.orbit.model import model_of
 from eclsim.outputs.independent import simulate_adaptive
-from eclsim.paper.patient import paper_case
+from eclsim.paper.crrt import paper_case
 
 
 @pytest.mark.slow

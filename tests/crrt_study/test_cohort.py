@@ -5,9 +5,9 @@ import pytest
 
 from eclsim.crrt_study.cohort import CohortStudy, answer, crrt_cohort, summaries
 from eclsim.crrt_study.ranking import Ranked
-from eclsim.crrt_study.settings import StudyError
+from eclsim.crrt_study.schemes import StudyError
 from eclsim.identification.cohort import as_they_are, with_fitted
-from eclsim.paper.patient import paper_case
+from eclsim.paper.crrt import paper_case
 
 
 def case(name: str, **changes):
@@ -68,6 +68,19 @@ def test_a_broken_alarm_is_named_as_the_reason(cohort):
     schemes = tuple(s for s in cohort.schemes if s.letter in "dh")
     said = answer(replace(cohort, points=tuple(points), schemes=schemes), "as_published")
     assert said.endswith("h in 1. Elsewhere d breaks an alarm in 1, and is placed 2 at worst.")
+
+
+def test_schemes_that_share_the_first_place_are_said_to(cohort):
+    def ranked(letter: str, rank: int) -> Ranked:
+        return Ranked(letter, rank, True, True, 10.0, 4.0, False, 0.0, 1.0, (), 4.0, (rank, rank))
+
+    shared, ahead = (ranked("d", 1), ranked("h", 1)), (ranked("h", 1), ranked("d", 2))
+    points = tuple(replace(cohort.points[0], ranking={"as_published": r}) for r in (ahead, ahead, shared))
+    schemes = tuple(s for s in cohort.schemes if s.letter in "dh")
+    message = answer(replace(cohort, points=points, schemes=schemes), "as_published")
+    assert message.startswith("No: scheme h is first in 2 of 3 data points, d in 1.")
+    assert "In 1 of 3 several share the first place" in message
+    assert message.endswith("Elsewhere h shares the first place.")
 
 
 def test_summaries_count_over_the_points(cohort):

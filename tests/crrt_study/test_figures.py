@@ -6,8 +6,14 @@ import xarray as xr
 from matplotlib.text import Text
 
 from crrt_failures import with_failures
-from eclsim.crrt_study.figures import plot_crrt_beat, plot_crrt_limits, plot_crrt_speeds, plot_crrt_uptake
-from eclsim.crrt_study.scheme_drawings import MOST_DRAWN, draw_schemes
+from eclsim.crrt_study.figures import (
+    MOST_DRAWN,
+    draw_schemes,
+    plot_crrt_beat,
+    plot_crrt_limits,
+    plot_crrt_speeds,
+    plot_crrt_uptake,
+)
 from eclsim.crrt_study.schemes import select_schemes
 from eclsim.reporting.style import figure_style
 

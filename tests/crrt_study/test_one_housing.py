@@ -11,7 +11,7 @@ from eclsim.crrt_study.one_housing import beside_schemes
 from eclsim.crrt_study.report import study_page
 from eclsim.crrt_study.study import crrt_study
 from eclsim.devices.crrt import Crrt
-from eclsim.paper.patient import paper_case
+from eclsim.paper.crrt import paper_case
 
 PICTURES = dict.fromkeys(DRAWINGS, "<svg></svg>")
 REGIONAL = {

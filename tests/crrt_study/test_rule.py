@@ -1,16 +1,17 @@
 """A centre's own rule of ranking: what it may hold, what it changes, and that the usual one is as it was."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from eclsim.crrt_study.files import study_object
-from eclsim.crrt_study.ranking import rank
+from eclsim.crrt_study.ranking import choice, rank
 from eclsim.crrt_study.rule import USUAL, Criterion, Rule, RuleError, check_quantities, read_rule
 from eclsim.crrt_study.schemes import nine_schemes
 from eclsim.crrt_study.study import crrt_study
-from eclsim.paper.patient import paper_case
+from eclsim.paper.crrt import paper_case
 
 
 def ranked_by(study, *criteria, limits=USUAL.limits):
@@ -48,6 +49,8 @@ def test_schemes_that_tie_in_all_criteria_share_a_place(study):
     ranking = ranked_by(study, Criterion("lowest_site_pressure", at_least=0.0))
     assert sorted(one.rank for one in ranking) == [1] * 5 + [6] * 4
     assert sum(bool(one.decided_by) for one in ranking) == 1
+    tied = replace(study, ranking={"as_published": ranking})
+    assert "share the first place" in choice(tied, "as_published")[1]
 
 
 def test_venous_blood_past_the_oxygenator_can_be_a_criterion(study):

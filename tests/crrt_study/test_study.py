@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from eclsim.crrt_study.settings import StudyError
+from eclsim.crrt_study.schemes import StudyError
 from eclsim.crrt_study.study import crrt_study
 from eclsim.devices.ecmo import RollerPump
 from eclsim.orbit.model import model_of
-from eclsim.paper.patient import paper_case
+from eclsim.paper.crrt import paper_case
 
 LINES = [("Pcrrttuin", 161.4, 296.6), ("Pcrrttuout", 258.2, 295.9)]
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from eclsim.crrt_study.study import crrt_study
-from eclsim.paper.patient import paper_case
+from eclsim.paper.crrt import paper_case
 
 
 def test_samples_at_the_patient_give_certainty_and_wide_ones_do_not():

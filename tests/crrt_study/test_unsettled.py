@@ -22,7 +22,7 @@ from eclsim.crrt_study.ranking import candidates, first_choice
 from eclsim.crrt_study.schemes import select_schemes
 from eclsim.crrt_study.study import crrt_study
 from eclsim.orbit.status import Status
-from eclsim.paper.patient import paper_case
+from eclsim.paper.crrt import paper_case
 
 KEPT, AT_THE_LIMIT, BROKEN, UNKNOWN = 7.3, 0.0, -4.1, np.nan
 SPEEDS = np.array([1000.0, 1777.7, 3425.0, 4100.3, 5000.0])

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from eclsim.identification.fit_figures import (
+from eclsim.identification.figures import (
     plot_boxes,
     plot_correlation,
     plot_profiles,

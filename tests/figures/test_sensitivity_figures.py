@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from eclsim.sensitivity.estimators import Estimates
+from eclsim.sensitivity.design import Estimates
 from eclsim.sensitivity.figures import plot_heat_map, plot_pairs, plot_sums
 from eclsim.sensitivity.inputs import CARDIOVASCULAR, OUTPUTS
 from eclsim.sensitivity.results import Indices

@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
-from eclsim.identification.diagnostics import (
+from eclsim.identification.nuts import (
     diagnose,
     effective_bulk,
     effective_tail,

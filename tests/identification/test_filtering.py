@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from eclsim.identification.density import NoSteadyBeatError
 from eclsim.identification.filtering import GaussianMixture, regress, sigma_points, updated
-from eclsim.identification.gradient import NoSteadyBeatError
-from eclsim.identification.proposals import Transport
+from eclsim.identification.importance import Transport
 
 SLOPE = np.array([[2.0, 0.5, 0.0], [0.0, -1.0, 1.5]])
 OFFSET = np.array([10.0, -3.0])

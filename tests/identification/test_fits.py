@@ -15,10 +15,10 @@ from eclsim.cases.presets import PRESETS
 from eclsim.execution import Distribution, ExecutionError, Shard, ShardDone
 from eclsim.identification import cohort
 from eclsim.identification.cohort import fit_cohort, r_squared, stem
+from eclsim.identification.density import NoSteadyBeatError
 from eclsim.identification.files import fits_object, write_fits, write_fitted_case
 from eclsim.identification.fit import fit as fit_case
 from eclsim.identification.fit import held_against_its_beat
-from eclsim.identification.gradient import NoSteadyBeatError
 from eclsim.identification.multi_start import FitStatus, MultiStart, Optimum, Starts
 from eclsim.identification.posterior import PosteriorSettings, posterior
 from eclsim.identification.profiles import with_profiles
@@ -27,7 +27,7 @@ from eclsim.identification.settings import FitSettings, checked_fit, read_bounds
 from eclsim.identification.verdict import Aspect, Level, interval_agreement
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
-from eclsim.sensitivity.uncertainties import Uncertainty
+from eclsim.sensitivity.inputs import Uncertainty
 
 QUICK = FitSettings(("Rmc", "Emaxlv"), multi_start=MultiStart(10, 0.2, round_size=4, rediscoveries=2))
 TRUTH = {"Rmc": 0.85, "Emaxlv": 1.3}

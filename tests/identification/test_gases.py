@@ -7,13 +7,11 @@ from eclsim.cases.case import Measurements
 from eclsim.cases.quantities import with_values
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.writing import case_text
-from eclsim.identification.density import PosteriorDensity, Prior
+from eclsim.identification.density import GradientEvaluator, PosteriorDensity, Prior
 from eclsim.identification.fit import fit
-from eclsim.identification.gradient import GradientEvaluator
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.objective import Box
-from eclsim.identification.observation import measurement_errors
-from eclsim.identification.scale import Scale
+from eclsim.identification.quantities import Scale, measurement_errors
 from eclsim.identification.settings import FitSettings, checked_fit
 from eclsim.identification.tracking import Tracker, TrackSettings
 from eclsim.orbit.model import model_of

@@ -5,9 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eclsim.identification.density import PosteriorDensity, Prior
-from eclsim.identification.gradient import GradientEvaluator, NoSteadyBeatError, approximate
-from eclsim.identification.observation import measurement_errors
+from eclsim.identification.density import (
+    GradientEvaluator,
+    NoSteadyBeatError,
+    PosteriorDensity,
+    Prior,
+    approximate,
+)
+from eclsim.identification.quantities import measurement_errors
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
 from eclsim.parameters.thiel2025 import BOUNDS

@@ -3,16 +3,17 @@
 import numpy as np
 import pytest
 
-from eclsim.identification.gradient import Gaussian
+from eclsim.identification.density import Gaussian
 from eclsim.identification.importance import (
     FEWEST_EFFECTIVE,
+    Mixture,
+    Transport,
     WeightedDraws,
     importance_sample,
     pareto_fit,
     smoothed,
     weighted_quantile,
 )
-from eclsim.identification.proposals import Mixture, Transport
 
 
 def gaussian_of(posterior):

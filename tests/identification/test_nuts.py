@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from eclsim.identification import nuts
-from eclsim.identification.diagnostics import diagnose
-from eclsim.identification.proposals import Mixture, Transport
+from eclsim.identification.importance import Mixture, Transport
+from eclsim.identification.nuts import diagnose
 from known_posteriors import AnalyticGradient, HalfBlind, TwoArms
 
 pytest.importorskip("numpyro")

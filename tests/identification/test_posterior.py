@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from eclsim.cases.case import Case, Measurements, Patient
+from eclsim.identification.figures import plot_pairs, plot_predictive
 from eclsim.identification.files import write_posterior
 from eclsim.identification.fit import fit as fit_case
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.posterior import PosteriorSettings, posterior
-from eclsim.identification.posterior_figures import plot_pairs, plot_predictive
 from eclsim.identification.report import posterior_text
 from eclsim.identification.samples import read_samples
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.verdict import Aspect, Level, Reason
-from eclsim.sensitivity.uncertainties import Uncertainty
+from eclsim.sensitivity.inputs import Uncertainty
 
 NAMES = ("Rmc", "Emaxlv")
 CASE = Case(

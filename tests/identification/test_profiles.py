@@ -6,7 +6,7 @@ import pytest
 from eclsim.identification.least_squares import EXACT, Termination, polish, refine
 from eclsim.identification.objective import Box
 from eclsim.identification.profiles import held_fits, held_values, interval_90, profiles
-from eclsim.identification.scale import Scale
+from eclsim.identification.quantities import Scale
 from function_objective import FunctionObjective
 
 LOG = Scale((0.0,))

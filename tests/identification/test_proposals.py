@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from eclsim.identification.proposals import Jumps, Mixture, Transport
+from eclsim.identification.importance import Jumps, Mixture, Transport
 from known_posteriors import TwoArms
 
 

@@ -6,7 +6,7 @@ import pytest
 from eclsim.cases.case import Case, Measurements, Patient
 from eclsim.identification import tracking as track_module
 from eclsim.identification.filtering import GaussianMixture, InnovationTest
-from eclsim.identification.observation import measurement_errors
+from eclsim.identification.quantities import measurement_errors
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.tracking import Tracker, TrackSettings, elapsed_hours, track
 from eclsim.inputs.mistakes import CaseError

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from eclsim.paper.comparison import Verdict
-from eclsim.paper.crrt import STATEMENTS, compute, reproduce_crrt, table_rows
-from eclsim.paper.patient import paper_case, tolerance_of
+from eclsim.paper.crrt import STATEMENTS, compute, paper_case, reproduce_crrt, table_rows, tolerance_of
 from eclsim.paper.printed import TEXT, FlowAtLimit
 
 

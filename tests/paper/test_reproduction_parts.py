@@ -19,7 +19,7 @@ from eclsim.paper.sensitivity import (
     healthy_parameters_case,
     reproduce_circulation,
 )
-from eclsim.sensitivity.estimators import Estimates
+from eclsim.sensitivity.design import Estimates
 from eclsim.sensitivity.inputs import Categorical, Continuous
 from eclsim.sensitivity.results import Indices
 from eclsim.sensitivity.runs import Analysis, Runs

@@ -8,7 +8,7 @@ import pytest
 from eclsim.identification.files import fits_object
 from eclsim.identification.report import cohort_page, fit_page, write_fit_page
 from eclsim.identification.settings import FitSettings
-from eclsim.paper.patient import paper_case
+from eclsim.paper.crrt import paper_case
 from system_browser import system_browser
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" width="400pt"><text id="t">{}</text></svg>'

@@ -7,8 +7,7 @@ import pytest
 
 from eclsim.crrt_study.files import write_study
 from eclsim.paper.comparison import printed_number, statement
-from eclsim.paper.crrt import CrrtComparison, table_rows
-from eclsim.paper.patient import Unstated
+from eclsim.paper.crrt import CrrtComparison, Unstated, table_rows
 from eclsim.paper.report import write_reproduction
 from eclsim.paper.reproduction import Reproduction, items_of
 from system_browser import system_browser

@@ -2,7 +2,7 @@
 
 import pytest
 
-from eclsim.identification.posterior_figures import TimeAxis
+from eclsim.identification.figures import TimeAxis
 from eclsim.identification.report import track_page
 
 RANGE = {"lower": 70.0, "median": 80.0, "upper": 90.0}

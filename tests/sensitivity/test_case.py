@@ -11,12 +11,18 @@ from eclsim.cases import read_case
 from eclsim.cli import main
 from eclsim.devices.crrt import SCHEMES
 from eclsim.orbit.status import Status
-from eclsim.sensitivity.analysis import Analysis, SobolSettings, plan_analysis, sensitivity
+from eclsim.sensitivity.analysis import (
+    TARGETS,
+    Analysis,
+    SobolSettings,
+    StateError,
+    plan_analysis,
+    sensitivity,
+    state_values,
+)
 from eclsim.sensitivity.identifiability import identifiability
-from eclsim.sensitivity.inputs import CARDIOVASCULAR, Categorical, InputError, varied
-from eclsim.sensitivity.patients import TARGETS, StateError, state_values
+from eclsim.sensitivity.inputs import CARDIOVASCULAR, Categorical, InputError, Uncertainty, varied
 from eclsim.sensitivity.results import conclude
-from eclsim.sensitivity.uncertainties import Uncertainty
 from eclsim.validation.reference_cases import DATA
 
 CASE = """

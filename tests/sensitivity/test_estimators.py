@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 from SALib.analyze import sobol as salib
 
-from eclsim.sensitivity.design import Design
-from eclsim.sensitivity.estimators import sobol_indices
+from eclsim.sensitivity.design import Design, sobol_indices
 from eclsim.sensitivity.inputs import Continuous
 from known_indices import (
     ISHIGAMI_INPUTS,

@@ -1,15 +1,14 @@
 import numpy as np
 import pytest
 
-from eclsim.sensitivity.collinearity import (
+from eclsim.sensitivity.identifiability import (
     ScaledSensitivities,
     all_subsets,
     fisher_information,
     propose,
     relative_errors,
 )
-from eclsim.sensitivity.inputs import InputError
-from eclsim.sensitivity.uncertainties import Uncertainty, read_uncertainties, uncertainties_of
+from eclsim.sensitivity.inputs import InputError, Uncertainty, read_uncertainties, uncertainties_of
 
 
 def scaled(columns: dict[str, list[float]]) -> ScaledSensitivities:

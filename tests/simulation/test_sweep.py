@@ -5,6 +5,7 @@ import pytest
 
 from eclsim.cases import read_mapping
 from eclsim.cases.settings import apply_settings
+from eclsim.simulation.figures import panels_of, plot_sweep
 from eclsim.simulation.single import simulate
 from eclsim.simulation.sweep import (
     LARGEST_COUNT,
@@ -18,7 +19,6 @@ from eclsim.simulation.sweep import (
     write_csv,
     write_netcdf,
 )
-from eclsim.simulation.sweep_figures import panels_of, plot_sweep
 from eclsim.simulation.target_flow import speed_found
 
 CASE = read_mapping(

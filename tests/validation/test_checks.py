@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eclsim.validation import gradients, measurements, robustness, solvers
+from eclsim.validation import measurements, robustness, solvers
 from eclsim.validation.reference_cases import reference_model
 
 
@@ -20,7 +20,7 @@ def test_shi_hose_scalars():
 
 
 def test_derivatives_agree_with_the_published_code():
-    default, finer, own = gradients.checks()
+    default, finer, own = solvers.gradient_checks()
     assert len(default.rows) == len(finer.rows) == len(own.rows) == 98
     assert default.missed == ()
     assert finer.missed == ()

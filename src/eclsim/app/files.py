@@ -306,7 +306,7 @@ def _figures(state: PageState, kind: str, stem: str) -> tuple[str, bytes]:
 
 def _study(state: PageState, stem: str) -> tuple[str, bytes]:
     from eclsim.crrt_study.report import PAGE, drawings, study_page
-    from eclsim.crrt_study.settings import StudyError
+    from eclsim.crrt_study.schemes import StudyError
     from eclsim.crrt_study.study import crrt_study
 
     try:

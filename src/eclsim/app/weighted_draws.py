@@ -11,11 +11,10 @@ import numpy as np
 from eclsim.app.posterior import MEMBERS
 from eclsim.app.texts import text
 from eclsim.cases.reading import read_mapping
-from eclsim.identification.density import PosteriorDensity, Prior
-from eclsim.identification.gradient import approximate
+from eclsim.identification.density import PosteriorDensity, Prior, approximate
 from eclsim.identification.importance import importance_sample
 from eclsim.identification.objective import Box
-from eclsim.identification.observation import measurement_errors
+from eclsim.identification.quantities import measurement_errors
 from eclsim.identification.settings import FitSettings, checked_fit
 from eclsim.orbit.model import VolumePolicy, model_of
 

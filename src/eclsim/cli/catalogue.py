@@ -10,7 +10,7 @@ import typer
 
 from eclsim.cli.console import did_you_mean, fail
 from eclsim.cli.options import argument, option
-from eclsim.reporting.text_table import text_table
+from eclsim.reporting.numbers import text_table
 
 if TYPE_CHECKING:
     from eclsim.devices.device import AnyDevice

@@ -99,8 +99,7 @@ def _text(result: xr.Dataset) -> str:
     import json
 
     from eclsim.course.alarms import clock_time
-    from eclsim.reporting.numbers import number
-    from eclsim.reporting.text_table import text_table
+    from eclsim.reporting.numbers import number, text_table
 
     def shown_time(minute: float) -> str:
         seconds = f":{int(60.0 * minute % 60.0):02d}" if result.attrs["beat_by_beat"] else ""

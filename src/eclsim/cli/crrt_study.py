@@ -101,7 +101,7 @@ def crrt_study(options: CrrtStudyOptions) -> None:
 
 
 def _first_policy(o: CrrtStudyOptions) -> str | None:
-    from eclsim.crrt_study.settings import policies_of
+    from eclsim.crrt_study.schemes import policies_of
 
     return policies_of(o.volume_policy)[0] if o.volume_policy else None
 
@@ -140,7 +140,7 @@ def _write(
 
 def _study_case(o: CrrtStudyOptions) -> Sequence[str]:
     """Study one case; returns what did not converge."""
-    from eclsim.crrt_study.settings import BOTH
+    from eclsim.crrt_study.schemes import BOTH
 
     if o.continues or o.dask:
         fail("--resume, --shard, --dask: for a cohort; the study of one case is done in one go")
@@ -149,7 +149,7 @@ def _study_case(o: CrrtStudyOptions) -> Sequence[str]:
     target, samples = _check_case(o, case)
     study = _compute(o, case, samples)
     from eclsim.crrt_study import files, report
-    from eclsim.crrt_study.missing_beats import not_known
+    from eclsim.crrt_study.beats import not_known
 
     write, write_json = files.write_study, files.write_json
     if _write(o, target, lambda folder: write(study, folder), lambda to: write_json(study, to)):
@@ -160,7 +160,7 @@ def _study_case(o: CrrtStudyOptions) -> Sequence[str]:
 def _check_case(o: CrrtStudyOptions, case: Case) -> tuple[Target, Mapping[str, Sequence[float]] | None]:
     """Where the JSON goes and the samples; says everything that is wrong before anything is computed."""
     from eclsim.crrt_study.files import file_names
-    from eclsim.crrt_study.settings import case_speed, crrt_flow
+    from eclsim.crrt_study.schemes import case_speed, crrt_flow
     from eclsim.identification.samples import read_samples
 
     samples: list[Mapping[str, Sequence[float]]] = []
@@ -200,7 +200,7 @@ def _study_cohort(o: CrrtStudyOptions) -> Sequence[str]:
     """Fit or read the cases and study each; returns what could not be studied."""
     from eclsim.crrt_study import cohort_report
     from eclsim.crrt_study.cohort import PRELOAD
-    from eclsim.crrt_study.settings import StudyError
+    from eclsim.crrt_study.schemes import StudyError
     from eclsim.execution import ExecutionError
 
     target, distribution = _check_cohort(o)
@@ -225,7 +225,7 @@ def _study_cohort(o: CrrtStudyOptions) -> Sequence[str]:
 
 def _check_cohort(o: CrrtStudyOptions) -> tuple[Target, Distribution]:
     from eclsim.crrt_study.cohort import FILES, FITS
-    from eclsim.crrt_study.settings import check_flow
+    from eclsim.crrt_study.schemes import check_flow
 
     places = Destinations(force=o.force, resume=o.continues, inputs=[o.file])
     target = places.target("--json", o.json)

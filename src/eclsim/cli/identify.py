@@ -133,8 +133,7 @@ def fit_settings(
     from eclsim.identification.multi_start import MultiStart
     from eclsim.identification.settings import FitSettings, read_bounds
     from eclsim.parameters.thiel2025 import BOUNDS
-    from eclsim.sensitivity.inputs import InputError
-    from eclsim.sensitivity.uncertainties import DEFAULTS, read_uncertainties
+    from eclsim.sensitivity.inputs import DEFAULTS, InputError, read_uncertainties
 
     wrong: list[str] = []
     uncertainties, limits = {}, {}

@@ -189,7 +189,7 @@ def demo(options: DemoOptions) -> None:
 
 
 def _demo_table(rows: Sequence[Row]) -> str:
-    from eclsim.reporting.text_table import text_table
+    from eclsim.reporting.numbers import text_table
 
     head = ("quantity", "expected", "eclsim", "unit", "error", "within", "expected from")
     cells = [

@@ -110,8 +110,7 @@ def _speeds(text: str) -> list[float]:
 
 def _table(steps: Sequence[WeaningStep], vary: str | None) -> str:
     from eclsim.course.plan import unit_of
-    from eclsim.reporting.numbers import number
-    from eclsim.reporting.text_table import text_table
+    from eclsim.reporting.numbers import number, text_table
 
     names = list(dict.fromkeys(name for step in steps for name in step.outputs))
     drug = [] if vary is None else [vary.partition("=")[0].strip()]

@@ -85,7 +85,7 @@ def sensitivity(options: SensitivityOptions) -> None:
     if "" in results:
         _show(options, states[""], results, target)
     else:
-        from eclsim.sensitivity.patients import union_over
+        from eclsim.sensitivity.analysis import union_over
 
         union = union_over([indices.union() for indices in results.values()])
         _show(options, {"states": states, "union": union}, results, target)
@@ -158,8 +158,7 @@ def _merged(o: SensitivityOptions) -> Mapping[str, Indices]:
 
 def _settings(o: SensitivityOptions, case: Case, state: str) -> SobolSettings:
     from eclsim.orbit.model import model_of
-    from eclsim.sensitivity.analysis import SobolSettings
-    from eclsim.sensitivity.patients import state_values
+    from eclsim.sensitivity.analysis import SobolSettings, state_values
 
     return SobolSettings(
         samples=o.samples,
@@ -233,8 +232,7 @@ def identifiability(options: IdentifiabilityOptions) -> None:
     (reading,) = with_speeds(read_all([options.case_file], options.settings, options.volume_policy))
     from eclsim.orbit.status import NoDerivativesError
     from eclsim.sensitivity.identifiability import identifiability as analyse
-    from eclsim.sensitivity.inputs import InputError
-    from eclsim.sensitivity.uncertainties import read_uncertainties
+    from eclsim.sensitivity.inputs import InputError, read_uncertainties
 
     try:
         result = analyse(

@@ -69,8 +69,7 @@ def settings(options: SettingsOptions) -> None:
 
 def _text(result: Reached) -> str:
     from eclsim.outputs.registry import output
-    from eclsim.reporting.numbers import number
-    from eclsim.reporting.text_table import text_table
+    from eclsim.reporting.numbers import number, text_table
 
     turned = [
         (s.name, number(v), s.unit, f"{s.low:g} to {s.high:g}")

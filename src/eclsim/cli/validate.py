@@ -70,8 +70,7 @@ def validate(options: ValidateOptions) -> None:
     places.check()
     from eclsim.execution import ExecutionError
     from eclsim.files import write_text
-    from eclsim.validation.suite import validation_markdown, validation_object
-    from eclsim.validation.summary import verdict_text
+    from eclsim.validation.suite import validation_markdown, validation_object, verdict_text
 
     quiet = "-" in (target, page)
     try:
@@ -92,7 +91,7 @@ def validate(options: ValidateOptions) -> None:
 def _run(o: ValidateOptions, distribution: Distribution, quiet: bool) -> Sequence[Check]:
     from eclsim.validation import suite
     from eclsim.validation.effort import Effort
-    from eclsim.validation.summary import check_text
+    from eclsim.validation.suite import check_text
 
     points = _SWEEP_QUICK if o.quick else _SWEEP_FULL if o.full else _SWEEP
     folder = None if o.out is None else Path(o.out)
@@ -120,7 +119,7 @@ def benchmark(options: BenchmarkOptions) -> None:
     target = places.target("--json", options.json)
     places.check()
     from eclsim.validation import timing
-    from eclsim.validation.summary import measurements_text
+    from eclsim.validation.suite import measurements_text
 
     measurements = []
     for measurement in timing.measurements():

@@ -16,7 +16,7 @@ from eclsim.course.alarms import clock_time
 from eclsim.devices.description import Panel
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
 from eclsim.reporting import style
-from eclsim.simulation.sweep_figures import panels_of
+from eclsim.simulation.figures import panels_of
 
 if TYPE_CHECKING:
     import xarray as xr

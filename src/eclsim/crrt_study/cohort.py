@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from eclsim.crrt_study.ranking import Ranked, first_choice
+from eclsim.crrt_study.ranking import Ranked, first_choice, ties
 from eclsim.crrt_study.rule import USUAL, Rule, RuleError, read_rule
 from eclsim.crrt_study.schemes import NINE, PUBLISHED, Scheme, select_schemes
 from eclsim.crrt_study.study import USUAL_SPEEDS, CrrtStudy, crrt_study
@@ -151,7 +151,7 @@ class PointOutcome:
     lost: str = ""
 
 
-PRELOAD = ("eclsim.identification.cohort", "eclsim.crrt_study.cohort", "eclsim.outputs.evaluation")
+PRELOAD = ("eclsim.identification.cohort", "eclsim.crrt_study.cohort", "eclsim.outputs.steady_beat")
 """What a worker needs before its first group."""
 _FORMAT = json_format(list[PointOutcome])
 
@@ -169,7 +169,7 @@ class StudyGroup:
 
     def __call__(self, cases: tuple[tuple[str, Case], ...]) -> list[PointOutcome]:
         """What becomes of each case."""
-        from eclsim.crrt_study.settings import StudyError
+        from eclsim.crrt_study.schemes import StudyError
 
         outcomes = []
         for name, case in cases:
@@ -214,7 +214,7 @@ def crrt_cohort(
         ExecutionError: the folder holds other studies, or workers cannot be reached.
         ShardDone: this was a shard.
     """
-    from eclsim.crrt_study.settings import StudyError, policy_of_cases
+    from eclsim.crrt_study.schemes import StudyError, policy_of_cases
 
     if executor is None:
         executor = Executor(Distribution(), in_process)
@@ -294,8 +294,13 @@ def answer(study: CohortStudy, policy: str) -> str:
     if not winners:
         return f"Not known: in none of the {total} data points is it known which scheme is first."
     best, count = next(iter(winners.items()))
+    shared = sum(bool(point.first(policy) and ties(point.ranking[policy])) for point in study.points)
+    if shared:
+        doubt += (
+            f" In {shared} of {total} several share the first place; the first listed counts."
+        )
     if count == total:
-        return f"Yes: scheme {best} is first in all {total} data points."
+        return f"Yes: scheme {best} is first in all {total} data points.{doubt}"
     if count == total - open_:
         return f"Not known: scheme {best} is first in {count} of {total} data points.{doubt}"
     others = ", ".join(f"{letter} in {n}" for letter, n in list(winners.items())[1:])
@@ -307,6 +312,8 @@ def _where_not(study: CohortStudy, policy: str, letter: str) -> str:
     """Why the scheme that is first most often is not first in the other points."""
     ones = [point.ranked(policy, letter) for point in study.points if point.first(policy) != letter]
     lost = [one for one in ones if one.known and one.places is not None and one.places[0] > 1]
+    if not lost:
+        return f"Elsewhere {letter} shares the first place."
     alarms = sum(not one.alarms_kept for one in lost)
     access = sum(bool(one.alarms_kept) and not one.access_190_kept for one in lost)
     reasons = [

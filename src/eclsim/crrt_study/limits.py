@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eclsim.crrt_study.beats import Variables, value
-from eclsim.crrt_study.missing_beats import no_beat, speeds_in_words
+from eclsim.crrt_study.beats import Variables, no_beat, speeds_in_words, value
 from eclsim.devices.crrt import ALARMS_MMHG, SANSOM_ACCESS_MMHG
 from eclsim.devices.ecmo import SUCTION_MMHG
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eclsim.crrt_study.beats import listed, no_beat, schemes_named
 from eclsim.crrt_study.limits import CRRT_LIMITS, KEPT_TO_THE_END
-from eclsim.crrt_study.missing_beats import listed, no_beat, schemes_named
 from eclsim.crrt_study.rule import FLOW, USUAL, Rule
 
 if TYPE_CHECKING:
@@ -105,6 +105,12 @@ def first_choice(ranking: Sequence[Ranked]) -> Ranked | None:
 def best_known(ranking: Sequence[Ranked]) -> Ranked | None:
     """The scheme that is first for sure of those whose beat was found; None where that is not known."""
     return next((one for one in ranking if one.rank == 1), None)
+
+
+def ties(ranking: Sequence[Ranked]) -> list[str]:
+    """Letters of the schemes that share the first place, which the rule does not tell apart; else empty."""
+    first = [one.letter for one in ranking if one.rank == 1]
+    return first if len(first) > 1 else []
 
 
 def candidates(ranking: Sequence[Ranked]) -> list[Ranked]:
@@ -217,14 +223,17 @@ def choice(study: CrrtStudy, policy: str) -> list[str]:
     best, unknown = best_known(ranking), [one for one in ranking if not one.known]
     left_out = _left_out(unknown)
     if best is not None:
+        tied = ties(ranking)
+        equal = [f"schemes {listed(tied)} share the first place: the rule does not tell them apart"]
+        equal = equal if tied else []
         name = f"scheme {best.letter} ({next(s.name for s in study.schemes if s.letter == best.letter)})"
         if not unknown:
             second = next((one for one in ranking if one.decided_by), None)
             by = [f"before scheme {second.letter} by: {second.decided_by}"] if second else []
-            return [f"First choice for this patient: {name}", *by, *best.reasons]
+            return [f"First choice for this patient: {name}", *equal, *by, *best.reasons]
         of = f"the {len(ranking) - len(unknown)} of {len(ranking)} schemes whose beat was found"
         answer = f"No first choice can be named; best of {of} at {study.case_speed:.0f} rpm: {name}"
-        return [answer, *best.reasons, *left_out]
+        return [answer, *equal, *best.reasons, *left_out]
     open_ = candidates(ranking)
     if not open_:
         return ["No scheme can be ranked", *left_out]

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eclsim.crrt_study.beats import not_known
 from eclsim.crrt_study.limits import KEPT_TO_THE_END, kept
-from eclsim.crrt_study.missing_beats import not_known
 from eclsim.crrt_study.one_housing import beside_schemes
 from eclsim.crrt_study.ranking import choice, choice_elsewhere, place
 from eclsim.devices.ecmo import POSITIONS
@@ -101,7 +101,7 @@ def study_page(study: CrrtStudy, drawings: Mapping[str, str], policy: str | None
 
 
 def _captions(study: CrrtStudy, main: str, known: int) -> dict[str, str]:
-    from eclsim.crrt_study.scheme_drawings import MOST_DRAWN
+    from eclsim.crrt_study.figures import MOST_DRAWN
 
     drawn = f" The {MOST_DRAWN} that rank best are drawn." if len(study.schemes) > MOST_DRAWN else ""
     result = "" if known == len(study.schemes) else " whose beat was found"
@@ -364,12 +364,12 @@ def drawings(study: CrrtStudy, policy: str | None = None) -> dict[str, str]:
         policy: blood volume policy of the figures that show one; left out, the first studied.
     """
     from eclsim.crrt_study.figures import (
+        draw_schemes,
         plot_crrt_beat,
         plot_crrt_limits,
         plot_crrt_speeds,
         plot_crrt_uptake,
     )
-    from eclsim.crrt_study.scheme_drawings import draw_schemes
 
     policy, speed = main_policy(study, policy), study.case_speed
     means = study.means.sel(policy=policy)

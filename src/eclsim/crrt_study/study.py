@@ -13,8 +13,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eclsim.crrt_study.rule import USUAL, Rule, check_quantities, read_rule
-from eclsim.crrt_study.schemes import NINE, PUBLISHED, Scheme, select_schemes
-from eclsim.crrt_study.settings import AS_PUBLISHED, BOTH, case_speed, crrt_flow, policies_of
+from eclsim.crrt_study.schemes import (
+    AS_PUBLISHED,
+    BOTH,
+    NINE,
+    PUBLISHED,
+    Scheme,
+    case_speed,
+    crrt_flow,
+    policies_of,
+    select_schemes,
+)
 from eclsim.orbit.model import CaseSource, as_case
 from eclsim.simulation.value_ranges import parse_speeds
 
@@ -22,7 +31,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from eclsim.cases.case import Case
-    from eclsim.crrt_study.missing_beats import Unsettled
+    from eclsim.crrt_study.beats import Unsettled
     from eclsim.crrt_study.ranking import Ranked
     from eclsim.files import Json
 
@@ -92,14 +101,14 @@ class CrrtStudy:
     @property
     def unsettled(self) -> tuple[Unsettled, ...]:
         """Beats that were not found, by policy, scheme and reason."""
-        from eclsim.crrt_study.missing_beats import unsettled
+        from eclsim.crrt_study.beats import unsettled
 
         return unsettled(self)
 
     @property
     def samples_without_a_beat(self) -> dict[str, int]:
         """Number of samples of the patient's parameters without a steady beat, by scheme that has any."""
-        from eclsim.crrt_study.missing_beats import samples_without_a_beat
+        from eclsim.crrt_study.beats import samples_without_a_beat
 
         return {} if self.uncertainty is None else samples_without_a_beat(self.uncertainty)
 

@@ -14,7 +14,7 @@ from eclsim.execution import Executor, Progress, Tasks, announce, json_format
 from eclsim.files import file_stem, write_text
 from eclsim.identification.fit import fit_cases
 from eclsim.identification.multi_start import FitStatus
-from eclsim.identification.observation import FLOWS, PRESSURES, measured_and_simulated
+from eclsim.identification.quantities import FLOWS, PRESSURES, measured_and_simulated
 from eclsim.identification.settings import FitSettings
 
 if TYPE_CHECKING:

@@ -11,23 +11,39 @@ to a constant:
     U(z) = sum ((output(z) - measured) / uncertainty)^2 / 2 + z . z / 2
 
 and infinite where the model has no steady beat: such parameters are excluded.
+
+The exact gradient: a short search for the steady beat and one step of Newton's method, with the Jacobian that
+the derivatives need anyway, bring the state onto the orbit. All points share a grid in phase, so that the
+density is smooth.
+
+A sampler needs a potential that is a function of the point: each search then starts from the beat at the
+centre, and what was evaluated before changes nothing, to the last bit. A climb to the highest point may go
+far from where it began; its searches start from where the last point and its derivatives foresee the beat.
+
+The highest point is found by Levenberg and Marquardt's method on the latent variables, whose prior adds a
+residual for each. The curvature there is that of Gauss and Newton: J' W J + I, with the exact Jacobian J.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from eclsim.identification.objective import Box, execution_of
-from eclsim.identification.scale import Scale
-from eclsim.orbit.equation import OrbitOptions
+from eclsim.beat.heartbeat import beat_program
+from eclsim.identification.objective import Box, Tangent, execution_of
+from eclsim.identification.quantities import Scale
+from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem
 from eclsim.orbit.model import AS_PUBLISHED, Model
-from eclsim.orbit.steady import Batch, Values
+from eclsim.orbit.search import solve_orbits
+from eclsim.orbit.status import NoDerivativesError, Status
+from eclsim.orbit.steady import Batch, Values, anchor
+from eclsim.outputs.derivatives import Linearisation, linearise
+from eclsim.outputs.signals import needed_parameters
 from eclsim.outputs.steady_beat import steady_beat
 
 PriorKind = Literal["log-uniform", "log-normal"]
@@ -193,3 +209,177 @@ def simulate_members(
     batch = Batch(model.circuit, values, count, policy)
     beat = steady_beat(batch, outputs, options=SETTLED, start=start, execution=execution_of(count))
     return beat.determined_only().values.T
+
+
+# --- the posterior and its gradient at point after point, and its Gaussian approximation ------------
+
+
+FOLLOWED = OrbitOptions(tolerance=3e-4, error_tolerance=1e-3, newton_iterations=4)
+"""Enough to begin with: a step of Newton's method follows."""
+CLOSER = OrbitOptions(tolerance=1e-6, error_tolerance=1e-5)
+"""Where the step of Newton's method from there would be too long, or no beat was found."""
+QUICK = replace(FOLLOWED, quasi_newton_beats=10, newton_iterations=0)
+"""From the last point; if this does not settle, the beat is searched for from the centre."""
+FARTHEST_NEWTON = 2e-3
+"""Largest relative change in the step of Newton's method: its error is about the square."""
+FARTHEST_START = 2.5
+"""Starts beyond are drawn in: at a bound a latent variable is infinite and nothing has a slope."""
+ITERATIONS = 40
+ENOUGH = 1e-4
+"""Settled when a step promises to lower the potential by less: a hundredth of a standard deviation."""
+LARGEST_DAMPING = 1e8
+LONGEST_STEP = 1.0
+
+
+class NoSteadyBeatError(ValueError):
+    """The model has no steady beat, or one of many, where it is needed."""
+
+
+class GradientEvaluator:
+    """Evaluates a posterior and its gradient at one point after the other.
+
+    Args:
+        posterior: density.
+        centre: latent variables near which the points stay; where nothing better is known, searches start
+            from the orbit there, and all points have the grid that is needed there.
+        by_point: whether what a point gives must not depend on the points before.
+    """
+
+    def __init__(self, posterior: PosteriorDensity, centre: np.ndarray, *, by_point: bool = False):
+        self.posterior, self.by_point = posterior, by_point
+        batch = self._batch(posterior.prior.x_of(centre))
+        level = int(batch.resolutions()[0])
+        self.program = beat_program(batch.circuit, level)
+        self.centre = anchor(batch, level, batch.member(0))
+        self.last: Tangent | None = None
+
+    def linear(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """Outputs, shape (outputs,), and d output / dz (outputs, parameters); None without a steady beat."""
+        prior = self.posterior.prior
+        x = prior.x_of(z)
+        batch, unit = self._batch(x), prior.scale.slopes(x)
+        problem = OrbitProblem(self.program, batch.packed(self.program), batch.volume())
+        volume_slopes = batch.volume_slopes(prior.names)
+        for start, options in self._searches(x):
+            orbits = solve_orbits(problem, start, options)
+            if orbits.status[0] != Status.CONVERGED:
+                continue
+            linear = self._linearised(batch, problem, orbits.states[:, 0], volume_slopes)
+            if linear is not None:
+                orbit = linear.orbit
+                beat = Anchor(orbit.anchor.state + orbit.step, orbit.anchor.inverse)
+                self.last = Tangent(x, beat, orbit.states * unit)
+                return linear.values_on_orbit, linear.slopes * unit * prior.slopes(z)
+        return None
+
+    def potential(self, z: np.ndarray) -> tuple[float, np.ndarray]:
+        """U and dU/dz; infinite and zero without a steady beat."""
+        linear = self.linear(z)
+        if linear is None:
+            return np.inf, np.zeros(len(z))
+        outputs, slopes = linear
+        misfit = (outputs - self.posterior.target) / self.posterior.scale
+        return 0.5 * float(misfit @ misfit + z @ z), slopes.T @ (misfit / self.posterior.scale) + z
+
+    def _batch(self, x: np.ndarray) -> Batch:
+        model, policy = self.posterior.model, self.posterior.policy
+        return Batch(model.circuit, self.posterior.values(x), 1, policy)
+
+    def _linearised(
+        self, batch: Batch, problem: OrbitProblem, state: np.ndarray, volume_slopes: np.ndarray
+    ) -> Linearisation | None:
+        """Outputs and derivatives; None if the state is too far from the orbit or has none."""
+        outputs, names = self.posterior.outputs, self.posterior.prior.names
+        read = needed_parameters(batch.circuit, outputs)
+        try:
+            linear = linearise(
+                problem, state, outputs, names, volume_slopes, batch.numbers_for(read), batch.circuit
+            )
+        except NoDerivativesError:  # two orbits meet here, and none has derivatives
+            return None
+        settled = np.isfinite(linear.slopes).all() and linear.orbit.distance < FARTHEST_NEWTON
+        return linear if settled else None
+
+    def _searches(self, x: np.ndarray) -> Iterator[tuple[Anchor, OrbitOptions]]:
+        """Where and how to search, one after the other until one is good enough."""
+        if self.last is not None and not self.by_point:
+            yield Anchor(self.last.state(x), self.last.anchor.inverse), QUICK
+        yield self.centre, FOLLOWED
+        yield self.centre, CLOSER
+
+
+@dataclass(frozen=True)
+class Gaussian:
+    """A normal distribution of the latent variables.
+
+    Args:
+        centre: highest point of the posterior, shape (parameters,).
+        covariance: shape (parameters, parameters).
+        outputs: of the model at the centre, shape (outputs,).
+        jacobian: d output / dz there, shape (outputs, parameters).
+        potential: there.
+    """
+
+    centre: np.ndarray
+    covariance: np.ndarray
+    outputs: np.ndarray
+    jacobian: np.ndarray
+    potential: float
+
+    def draws(self, count: int, seed: int) -> np.ndarray:
+        """Random latent variables, shape (count, parameters)."""
+        normal = np.random.default_rng(seed).standard_normal((count, len(self.centre)))
+        return self.centre + normal @ np.linalg.cholesky(self.covariance).T
+
+
+def approximate(posterior: PosteriorDensity, starts: np.ndarray) -> Gaussian:
+    """The best highest point that is reached from some starts, and the curvature there.
+
+    Args:
+        posterior: density.
+        starts: coordinates of the parameters, shape (starts, parameters).
+
+    Raises:
+        NoSteadyBeatError: From no start, or the beat at the highest point is one of many.
+    """
+    climbs = [g for x in np.atleast_2d(starts) if (g := _climb(posterior, posterior.prior.z_of(x)))]
+    best = min(climbs, key=lambda g: g.potential, default=None)
+    if best is None:
+        raise NoSteadyBeatError(
+            "no steady heartbeat at the fitted parameters: check heart rate, devices and fixed parameters"
+        )
+    if not np.isfinite(posterior.simulate(best.centre[None])).all():
+        raise NoSteadyBeatError(
+            "at the likeliest parameters valves stay shut all beat, and the steady heartbeat is one of many: "
+            "check pump speed and CO, and raise the lower bounds of Emaxlv and Emaxrv"
+        )
+    return best
+
+
+def _climb(posterior: PosteriorDensity, start: np.ndarray) -> Gaussian | None:
+    z = np.clip(start, -FARTHEST_START, FARTHEST_START)
+    evaluator = GradientEvaluator(posterior, z)
+    here = evaluator.linear(z)
+    if here is None:
+        return None
+    damping, size = 1e-3, len(z)
+    level = float(posterior.potential(z, here[0]))
+    for _ in range(ITERATIONS):
+        outputs, jacobian = here
+        scaled = jacobian / posterior.scale[:, None]
+        gradient = scaled.T @ ((outputs - posterior.target) / posterior.scale) + z
+        curvature = scaled.T @ scaled + np.eye(size)
+        if gradient @ np.linalg.solve(curvature, gradient) < 2.0 * ENOUGH or damping > LARGEST_DAMPING:
+            break
+        step = -np.linalg.solve(curvature + damping * np.diag(np.diag(curvature)), gradient)
+        step *= min(1.0, LONGEST_STEP / np.abs(step).max())
+        trial = evaluator.linear(z + step)
+        lower = np.inf if trial is None else float(posterior.potential(z + step, trial[0]))
+        if trial is not None and lower < level:
+            z, here, level, damping = z + step, trial, lower, damping / 5.0
+        else:
+            damping = max(damping * 4.0, 1e-3)
+    outputs, jacobian = here
+    scaled = jacobian / posterior.scale[:, None]
+    covariance = np.linalg.inv(scaled.T @ scaled + np.eye(size))
+    return Gaussian(z, covariance, outputs, jacobian, level)

@@ -80,7 +80,7 @@ def write_fitted_case(folder: Path, fit: FitResult) -> Path:
 
 def write_fit_figures(folder: Path, fit: FitResult, profiled: FitProfiles) -> list[Path]:
     """Slices, profiles, convergence of the starts, residuals and correlation of one fit."""
-    from eclsim.identification.fit_figures import (
+    from eclsim.identification.figures import (
         plot_correlation,
         plot_profiles,
         plot_residuals,
@@ -88,7 +88,7 @@ def write_fit_figures(folder: Path, fit: FitResult, profiled: FitProfiles) -> li
         plot_starts,
     )
     from eclsim.identification.profiles import slices
-    from eclsim.identification.scale import unit_of_parameter
+    from eclsim.identification.quantities import unit_of_parameter
     from eclsim.reporting.style import save_figure
 
     if not len(fit.optimum.starts.agreeing):
@@ -119,7 +119,7 @@ def write_fit_figures(folder: Path, fit: FitResult, profiled: FitProfiles) -> li
 
 def write_cohort_figures(folder: Path, content: Mapping[str, Any]) -> list[Path]:
     """Scatter and box plots of measured and simulated values."""
-    from eclsim.identification.fit_figures import plot_boxes, plot_scatter
+    from eclsim.identification.figures import plot_boxes, plot_scatter
     from eclsim.reporting.style import save_figure
 
     return [
@@ -133,7 +133,7 @@ def write_posterior(folder: Path, result: PosteriorResult) -> list[Path]:
 
     `arviz.from_netcdf` reads the NetCDF file; `eclsim crrt-study --posterior` takes the samples.
     """
-    from eclsim.identification.posterior_figures import plot_pairs, plot_predictive, plot_traces
+    from eclsim.identification.figures import plot_pairs, plot_predictive, plot_traces
     from eclsim.reporting.style import save_figure
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -151,7 +151,7 @@ def write_posterior(folder: Path, result: PosteriorResult) -> list[Path]:
 
 def write_tracks(folder: Path, content: Mapping[str, Any]) -> list[Path]:
     """Write track.json, report.html, parameters.csv, outputs.csv and figures; return the figures."""
-    from eclsim.identification.posterior_figures import plot_outputs, plot_parameters
+    from eclsim.identification.figures import plot_outputs, plot_parameters
     from eclsim.identification.report import REPORT, track_page
     from eclsim.reporting.style import save_figure
 

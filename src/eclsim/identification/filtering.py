@@ -25,8 +25,8 @@ import numpy as np
 from scipy.special import logsumexp, ndtr, ndtri
 from scipy.stats import chi2
 
-from eclsim.identification.gradient import NoSteadyBeatError
-from eclsim.identification.proposals import Transport
+from eclsim.identification.density import NoSteadyBeatError
+from eclsim.identification.importance import Transport
 
 Simulate = Callable[[np.ndarray], np.ndarray]
 """Outputs (members, outputs) of latent variables (members, parameters); NaN without a steady beat."""

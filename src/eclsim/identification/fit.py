@@ -20,9 +20,8 @@ from eclsim.identification.multi_start import (
     silent,
 )
 from eclsim.identification.objective import Box, Objective, Target, correlation
-from eclsim.identification.observation import measurement_errors, unit_of
 from eclsim.identification.profiles import held_fits
-from eclsim.identification.scale import unit_of_parameter
+from eclsim.identification.quantities import measurement_errors, unit_of, unit_of_parameter
 from eclsim.identification.settings import (
     FitSettings,
     checked_fit,
@@ -42,7 +41,7 @@ from eclsim.identification.verdict import (
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import CaseSource, as_case, model_of
 from eclsim.parameters.adult_ranges import AdultRange, adult_ranges
-from eclsim.sensitivity.collinearity import ScaledSensitivities, propose
+from eclsim.sensitivity.identifiability import ScaledSensitivities, propose
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -23,7 +23,7 @@ from eclsim.identification.least_squares import (
 )
 from eclsim.identification.objective import Box, LeastSquaresProblem, Objective, SharedObjective
 from eclsim.orbit.equation import OrbitOptions
-from eclsim.sensitivity.collinearity import ScaledSensitivities, propose
+from eclsim.sensitivity.identifiability import ScaledSensitivities, propose
 
 EXPLORING = OrbitOptions(tolerance=3e-2, error_tolerance=1e-1, newton_iterations=0)
 """Enough to rank points: outputs differ from those of the exact orbit by 1e-4 (median), 1 % (99 % of all)."""

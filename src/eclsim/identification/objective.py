@@ -12,8 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from eclsim.identification.observation import OF_THE_BEAT, OUTPUTS
-from eclsim.identification.scale import Scale
+from eclsim.identification.quantities import OF_THE_BEAT, OUTPUTS, Scale
 from eclsim.orbit.equation import Anchor, OrbitOptions
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution, in_threads
 from eclsim.orbit.model import AS_PUBLISHED, Model

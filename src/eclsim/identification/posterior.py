@@ -12,15 +12,19 @@ import numpy as np
 from eclsim._version import __version__
 from eclsim.cases.quantities import stated, with_values
 from eclsim.files import finite
-from eclsim.identification.density import PosteriorDensity, Prior, PriorKind, simulate_members
-from eclsim.identification.diagnostics import Diagnostics, diagnose
+from eclsim.identification.density import (
+    Gaussian,
+    PosteriorDensity,
+    Prior,
+    PriorKind,
+    approximate,
+    simulate_members,
+)
 from eclsim.identification.fit import FitResult
-from eclsim.identification.gradient import Gaussian, approximate
 from eclsim.identification.importance import WeightedDraws, importance_sample, weighted_quantile
 from eclsim.identification.multi_start import Progress, silent
-from eclsim.identification.nuts import Chains, Sampling, sample
-from eclsim.identification.observation import OUTPUTS, measurement_errors, unit_of
-from eclsim.identification.scale import unit_of_parameter
+from eclsim.identification.nuts import Chains, Diagnostics, Sampling, diagnose, sample
+from eclsim.identification.quantities import OUTPUTS, measurement_errors, unit_of, unit_of_parameter
 from eclsim.identification.verdict import Level
 from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
 from eclsim.outputs.signals import output_names
@@ -28,7 +32,7 @@ from eclsim.outputs.signals import output_names
 if TYPE_CHECKING:
     import xarray as xr
 
-    from eclsim.sensitivity.uncertainties import Uncertainty
+    from eclsim.sensitivity.inputs import Uncertainty
 
 Method = Literal["gaussian", "importance", "nuts"]
 KINDS: dict[Method, str] = {

@@ -17,7 +17,7 @@ import numpy as np
 
 from eclsim.identification.least_squares import Refinement, Tolerances, refine
 from eclsim.identification.objective import Box, LeastSquaresProblem, Objective, Target
-from eclsim.identification.scale import Scale
+from eclsim.identification.quantities import Scale
 from eclsim.identification.verdict import interval_agreement
 from eclsim.orbit.equation import OrbitOptions
 

@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 from eclsim.cases.quantities import quantity
 from eclsim.files import write_text
-from eclsim.identification.observation import unit_of
-from eclsim.identification.scale import axis_label, unit_of_parameter
+from eclsim.identification.quantities import axis_label, unit_of, unit_of_parameter
 from eclsim.identification.verdict import Aspect, Level, headline, signed
 from eclsim.orbit.model import POLICY_WORDS
 from eclsim.reporting.html import Table, render
-from eclsim.reporting.numbers import MISSING, interval, number
-from eclsim.reporting.text_table import text_table
+from eclsim.reporting.numbers import MISSING, interval, number, text_table
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case

@@ -11,7 +11,7 @@ from eclsim.cases.cohort_table import read_table
 from eclsim.cases.quantities import quantity
 from eclsim.devices.registry import parameters
 from eclsim.files import csv_text, write_text
-from eclsim.identification.scale import is_linear
+from eclsim.identification.quantities import is_linear
 from eclsim.inputs.mistakes import CaseError
 from eclsim.parameters import did_you_mean
 

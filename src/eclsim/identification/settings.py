@@ -12,15 +12,14 @@ from eclsim.cases.resolve import height_weight
 from eclsim.devices.description import GASES as VO2
 from eclsim.devices.registry import parameters
 from eclsim.identification.multi_start import MultiStart
-from eclsim.identification.observation import GASES, OF_ECMO, OUTPUTS
-from eclsim.identification.scale import Scale, is_linear
+from eclsim.identification.quantities import GASES, OF_ECMO, OUTPUTS, Scale, is_linear
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.orbit.model import VolumePolicy, circuit_of
 from eclsim.outputs.signals import parameters_read
 from eclsim.parameters import did_you_mean, usual_bounds
 from eclsim.parameters.thiel2025 import BOUNDS
 from eclsim.patient.anthropometry import oxygen_consumption
-from eclsim.sensitivity.uncertainties import DEFAULTS, Uncertainty
+from eclsim.sensitivity.inputs import DEFAULTS, Uncertainty
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case

@@ -13,7 +13,15 @@ import numpy as np
 from scipy.stats import qmc
 
 from eclsim.cases.cohort_rows import plain_id, when
-from eclsim.identification.density import PosteriorDensity, Prior, PriorKind, simulate_members
+from eclsim.identification.density import (
+    Gaussian,
+    NoSteadyBeatError,
+    PosteriorDensity,
+    Prior,
+    PriorKind,
+    approximate,
+    simulate_members,
+)
 from eclsim.identification.filtering import (
     DRIFTS,
     UNUSUAL_SERIES,
@@ -23,13 +31,10 @@ from eclsim.identification.filtering import (
     regress,
     updated,
 )
-from eclsim.identification.gradient import Gaussian, NoSteadyBeatError, approximate
-from eclsim.identification.importance import WeightedDraws, importance_sample
+from eclsim.identification.importance import Transport, WeightedDraws, importance_sample
 from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.objective import Box
-from eclsim.identification.observation import OUTPUTS, measurement_errors, unit_of
-from eclsim.identification.proposals import Transport
-from eclsim.identification.scale import unit_of_parameter
+from eclsim.identification.quantities import OUTPUTS, measurement_errors, unit_of, unit_of_parameter
 from eclsim.identification.settings import FitSettings, checked_fit
 from eclsim.identification.verdict import FitVerdict, agreement, goodness_of
 from eclsim.inputs.mistakes import CaseError, Mistake, shown

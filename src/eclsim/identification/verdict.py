@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from eclsim.identification.multi_start import FitStatus
-from eclsim.identification.scale import Scale
+from eclsim.identification.quantities import Scale
 from eclsim.parameters.adult_ranges import AdultRange
 
 DOUBTFUL_DIFFERENCE = 2.5

@@ -19,8 +19,8 @@ from eclsim.execution import Executor
 from eclsim.identification.cohort import fit_cohort, r_squared
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.objective import Box, Objective, Target
-from eclsim.identification.observation import measured_and_simulated
 from eclsim.identification.profiles import CostCurves, slices
+from eclsim.identification.quantities import measured_and_simulated
 from eclsim.identification.settings import FitSettings, checked_fit
 from eclsim.orbit.model import model_of
 from eclsim.paper.comparison import Row, printed_number, statement
@@ -149,5 +149,5 @@ def _slices(point: CohortPoint, result: Mapping[str, Any], settings: FitSettings
     measured = dict(checked.targets)
     scales = {name: abs(value) for name, value in measured.items()}
     target = Target(model_of(point.case).with_values(dict(checked.fixed)), measured, scales)
-    fitted = np.log([result["parameters"][name]["value"] for name in box.names])
+    fitted = box.scale.coordinates(np.array([result["parameters"][name]["value"] for name in box.names]))
     return slices(Objective([target], box.names), box, fitted)

@@ -237,7 +237,7 @@ def _sobol_figure(name: str, finished: SensitivityResult) -> Figure:
 
 
 def _cohort_figure(name: str, cohort: CohortComparison) -> Figure:
-    from eclsim.identification import fit_figures as figures
+    from eclsim.identification import figures
     from eclsim.parameters.thiel2025 import PARAMETERS
 
     if name == "scatter":

@@ -23,11 +23,17 @@ from eclsim.cases.case import Case
 from eclsim.execution import Executor
 from eclsim.orbit.model import model_of
 from eclsim.paper.comparison import Row, Verdict, printed_number, statement
-from eclsim.paper.patient import Unstated, explained_case, paper_case
+from eclsim.paper.crrt import Unstated, explained_case, paper_case
 from eclsim.paper.printed import RUNS, SAMPLES, TABLE_2
-from eclsim.sensitivity.analysis import SobolSettings, plan_analysis, run_analysis, sensitivity
+from eclsim.sensitivity.analysis import (
+    TARGETS,
+    SobolSettings,
+    plan_analysis,
+    run_analysis,
+    sensitivity,
+    state_values,
+)
 from eclsim.sensitivity.inputs import CARDIOVASCULAR, Categorical
-from eclsim.sensitivity.patients import TARGETS, state_values
 from eclsim.sensitivity.results import Indices, SensitivityResult
 from eclsim.sensitivity.runs import Analysis, Evaluator, Runs
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Sequence
 
 MINUS = "\N{MINUS SIGN}"
 MISSING = "–"
@@ -38,3 +39,26 @@ def interval(low: float | None, high: float | None, digits: int = 3) -> str:
     if low is None or high is None:
         return ""
     return f"{number(low, digits=digits)} to {number(high, digits=digits)}"
+
+
+# --- plain text tables ------------------------------------------------------------------------------
+
+
+def text_table(head: Sequence[str], rows: Sequence[Sequence[str]], numeric: Collection[int] = ()) -> str:
+    """Rows under a head, columns two spaces apart.
+
+    Args:
+        head: Names of the columns.
+        rows: Cells as text, as many per row as the head has.
+        numeric: Columns that are set flush right.
+    """
+    table = [head, *rows]
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    lines = []
+    for row in table:
+        cells = [
+            cell.rjust(width) if index in numeric else cell.ljust(width)
+            for index, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
+        lines.append("  ".join(cells).rstrip())
+    return "\n".join(lines)

@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.files import csv_text, write_json, write_text
-from eclsim.reporting.text_table import text_table
-from eclsim.sensitivity.design import Design
-from eclsim.sensitivity.estimators import RESAMPLES, Estimates, sobol_indices
+from eclsim.reporting.numbers import text_table
+from eclsim.sensitivity.design import RESAMPLES, Design, Estimates, sobol_indices
 from eclsim.sensitivity.runs import Runs, status_word
 
 if TYPE_CHECKING:

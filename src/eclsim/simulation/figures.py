@@ -1,10 +1,12 @@
 """Figures of one simulated case: the circuit, waveforms, means and pressure-volume loops."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +14,7 @@ from matplotlib.figure import Figure
 
 from eclsim.devices.description import Panel
 from eclsim.devices.device import Naming
-from eclsim.devices.registry import device_of
+from eclsim.devices.registry import device_of, named_output
 from eclsim.files import file_stem
 from eclsim.reporting.beat_values import (
     beat_mean,
@@ -44,8 +46,8 @@ if TYPE_CHECKING:
 
 
 def write_case_figures(
-    circuit: "Circuit",
-    result: "xr.Dataset",
+    circuit: Circuit,
+    result: xr.Dataset,
     folder: str | Path,
     *,
     formats: Sequence[str] = ("svg", "png"),
@@ -108,20 +110,20 @@ PARTS: dict[str, tuple[Panel, ...]] = {
 _QUANTITY = {"mmHg": "Pressure", "mL/s": "Flow", "mL/min": "Flow", "L/min": "Flow", "mL": "Volume"}
 
 
-def available_parts(result: "xr.Dataset") -> list[str]:
+def available_parts(result: xr.Dataset) -> list[str]:
     """The parts of the circuit that this result has waveforms of: the patient's, and keys of devices."""
     patients = [part for part, panels in PARTS.items() if any(n in result for p in panels for n in p.names)]
     return [*patients, *_instances(result)]
 
 
-def _instances(result: "xr.Dataset") -> dict[str, Naming]:
+def _instances(result: xr.Dataset) -> dict[str, Naming]:
     """The devices that the result has waveforms of."""
     curves = [name for name, values in result.data_vars.items() if values.dims == ("phase",)]
     places = [str(name)[1:] for name in curves if str(name).startswith("Q")]
     return {one.key: one for one in instances_at(places)}
 
 
-def plot_waveforms(result: "xr.Dataset", part: str = "heart") -> Figure:
+def plot_waveforms(result: xr.Dataset, part: str = "heart") -> Figure:
     """Pressures [mmHg], flows and volumes [mL] of one part of the circuit over two beats.
 
     Args:
@@ -145,7 +147,7 @@ def plot_waveforms(result: "xr.Dataset", part: str = "heart") -> Figure:
     return _draw_panels(result, PARTS[part] if names is None else names.panels(), title)
 
 
-def plot_overview(result: "xr.Dataset") -> Figure:
+def plot_overview(result: xr.Dataset) -> Figure:
     """Pressures, flows and ventricular volumes to look at first, over two beats, with the main outputs."""
     lines = summary_lines(result)
     note = "\n".join("   ".join(part) for part in (lines[:4], lines[4:]) if part)
@@ -160,7 +162,7 @@ def plot_overview(result: "xr.Dataset") -> Figure:
 
 
 @figure_style()
-def _draw_panels(result: "xr.Dataset", panels: tuple[Panel, ...], title: str, note: str = "") -> Figure:
+def _draw_panels(result: xr.Dataset, panels: tuple[Panel, ...], title: str, note: str = "") -> Figure:
     shown = [panel for panel in panels if any(name in result for name in panel.names)]
     rows = math.ceil(len(shown) / 2)
     fig = new_figure(PAGE_WIDTH_MM, 14 + 54 * rows)
@@ -179,7 +181,7 @@ def _draw_panels(result: "xr.Dataset", panels: tuple[Panel, ...], title: str, no
     return fig
 
 
-def _draw_panel(ax: Axes, result: "xr.Dataset", panel: Panel, legend_rows: int) -> None:
+def _draw_panel(ax: Axes, result: xr.Dataset, panel: Panel, legend_rows: int) -> None:
     factor = in_unit(1.0, panel.unit)
     names = [name for name in panel.names if name in result]
     for index, name in enumerate(names):
@@ -235,7 +237,7 @@ def _legend_columns(panel: Panel) -> int:
     return 1 if panel.change else 2
 
 
-def _legend_rows(result: "xr.Dataset", panel: Panel) -> int:
+def _legend_rows(result: xr.Dataset, panel: Panel) -> int:
     return math.ceil(sum(name in result for name in panel.names) / _legend_columns(panel))
 
 
@@ -255,7 +257,7 @@ class _Row:
 
 
 @figure_style()
-def plot_mean_flows(result: "xr.Dataset") -> Figure:
+def plot_mean_flows(result: xr.Dataset) -> Figure:
     """Mean flow [L/min] out of each point and mean pressure [mmHg] at it, side by side, in flow order."""
     flows = _rows(result, "Q", CONNECTIONS, unit="L/min")
     pressures = _rows(result, "P", COMPARTMENTS, unit="mmHg")
@@ -270,7 +272,7 @@ def plot_mean_flows(result: "xr.Dataset") -> Figure:
     return fig
 
 
-def _rows(result: "xr.Dataset", kind: str, patients: dict[str, str], unit: str) -> list[_Row]:
+def _rows(result: xr.Dataset, kind: str, patients: dict[str, str], unit: str) -> list[_Row]:
     """The rows of one chart, the patient's before those of devices.
 
     Waveforms that are in no table come last in the patient's group, under their own names.
@@ -296,7 +298,7 @@ def _is_pump(name: str) -> bool:
     return name.endswith("pump") if names is None else name in names.pumps()
 
 
-def _is_curve(result: "xr.Dataset", name: object) -> bool:
+def _is_curve(result: xr.Dataset, name: object) -> bool:
     return result[name].dims == ("phase",)
 
 
@@ -356,7 +358,7 @@ def _draw_rows(ax: Axes, rows: list[_Row], headings: dict[str, int], axis_label:
 
 @figure_style()
 def plot_pressure_volume(
-    results: "xr.Dataset | Sequence[xr.Dataset]", labels: Sequence[str] | None = None, *, atria: bool = False
+    results: xr.Dataset | Sequence[xr.Dataset], labels: Sequence[str] | None = None, *, atria: bool = False
 ) -> Figure:
     """Pressure [mmHg] over volume [mL] of both ventricles, end-diastolic and end-systolic volume marked.
 
@@ -389,7 +391,7 @@ def plot_pressure_volume(
     return fig
 
 
-def _draw_chamber(ax: Axes, cases: "Sequence[xr.Dataset]", names: Sequence[str], chamber: str) -> None:
+def _draw_chamber(ax: Axes, cases: Sequence[xr.Dataset], names: Sequence[str], chamber: str) -> None:
     title = COMPARTMENTS[chamber]
     for index, (case, name) in enumerate(zip(cases, names, strict=True)):
         volume = np.asarray(case[f"V{chamber}"].values, dtype=float)
@@ -424,7 +426,7 @@ def _mark(ax: Axes, volume: np.ndarray, pressure: np.ndarray, colour: object, *,
     )
 
 
-def _volumes_in_words(case: "xr.Dataset", chamber: str) -> str:
+def _volumes_in_words(case: xr.Dataset, chamber: str) -> str:
     volume = np.asarray(case[f"V{chamber}"].values, dtype=float)
     side = chamber.upper()
     largest = scalar(case, f"EDV{side}")
@@ -433,3 +435,134 @@ def _volumes_in_words(case: "xr.Dataset", chamber: str) -> str:
     least = float(np.min(volume)) if least is None else least
     digits = 0 if largest > 20 else 1
     return f"● EDV {number(largest, digits)} mL   ○ ESV {number(least, digits)} mL"
+
+
+# --- sweeps -----------------------------------------------------------------------------------------
+
+
+MARKERS = ("o", "s", "^", "D")
+
+
+PANELS = (
+    Panel("Arterial pressure", "mmHg", ("SP", "MAP", "DP"), ("systolic", "mean", "diastolic")),
+    Panel("Mean flows", "L/min", ("systemic_flow", "CO"), ("organs", "lungs (CO)")),
+    Panel(
+        "Filling pressures", "mmHg", ("MPAP", "PCWP", "right_atrial_pressure"),
+        ("pulmonary", "wedge", "right atrial (CVP)"),
+    ),
+    Panel(
+        "Ventricles", "mL", ("EDVLV", "ESVLV", "EDVRV", "ESVRV"),
+        ("left, end-diastolic", "left, end-systolic", "right, end-diastolic", "right, end-systolic"),
+    ),
+)  # fmt: skip
+"""Of the patient; flows and circuits of devices are added to them."""
+_AXES = {"mmHg": "Pressure", "L/min": "Flow", "mL": "Volume"}
+
+
+def panels_of(table: xr.Dataset) -> list[Panel]:
+    """The panels that there are outputs for, those of devices behind the patient's."""
+    known = (named_output(str(name)) for name in table.data_vars)
+    instances = {result[0].key: result[0] for result in known if result is not None}
+    flows = [
+        (curve.output, curve.label)
+        for one in instances.values()
+        for curve in one.views().curves
+        if curve.panel == "flow"
+    ]
+    names, labels = zip(*flows, strict=True) if flows else ((), ())
+    own = (
+        replace(p, names=p.names + names, labels=p.labels + labels) if p.unit == "L/min" else p
+        for p in PANELS
+    )
+    panels = (*own, *(panel for one in instances.values() for panel in one.swept()))
+    return [panel for panel in panels if any(name in table for name in panel.names)]
+
+
+@figure_style()
+def plot_sweep(table: xr.Dataset) -> Figure:
+    """Pressures, flows and volumes over the values of a sweep.
+
+    A value without a steady beat is a gap in every curve and a cross on the axis; a beat that cannot be a
+    patient's has hollow markers. The value of the case as it is has a grey line.
+
+    Args:
+        table: as `eclsim.simulation.sweep.as_table` gives it: outputs over `value`, `converged`,
+            `impossible`.
+    """
+    shown = panels_of(table)
+    rows = math.ceil(max(len(shown), 1) / 2)
+    fig = new_figure(PAGE_WIDTH_MM, 16 + 58 * rows)
+    axes = list(fig.subplots(rows, 2, squeeze=False).flat)
+    for ax, panel in zip(axes, shown, strict=False):
+        _draw_sweep_panel(ax, table, panel)
+    for ax in axes[len(shown) :]:
+        ax.remove()
+    title = f"{plain_text(table.attrs['id'], 40)} – {plain_text(table.attrs['key'], 60)}"
+    fig.suptitle(title, x=0.01, ha="left")
+    if notes := _notes(table):
+        fig.supxlabel(notes, fontsize=7.5, x=0.01, ha="left", color=GREY)
+    return fig
+
+
+def _draw_sweep_panel(ax: Axes, table: xr.Dataset, panel: Panel) -> None:
+    places, names = _axis(table)
+    settled = table["converged"].to_numpy().astype(bool)
+    hollow = settled & table["impossible"].to_numpy().astype(bool)
+    line = "None" if names else None
+    drawn = [pair for pair in zip(panel.names, panel.labels, strict=True) if pair[0] in table]
+    for index, (name, label) in enumerate(drawn):
+        values = np.where(settled, table[name].to_numpy().astype(float), np.nan)
+        style: dict[str, Any] = {**curve_style(index), "marker": MARKERS[index % len(MARKERS)]}
+        style |= {"linestyle": line} if line else {}
+        ax.plot(places, values, label=label, markersize=3.2, **style)
+        if hollow.any():
+            ax.plot(
+                places[hollow], values[hollow], linestyle="None", marker=style["marker"], markersize=3.2,
+                markerfacecolor="white", markeredgecolor=style["color"],
+            )  # fmt: skip
+    _mark_own_value(ax, table, names)
+    if not settled.all():
+        height = np.full(np.count_nonzero(~settled), 0.04)
+        ax.plot(places[~settled], height, "x", color=GREY, markersize=4.5, transform=ax.get_xaxis_transform())
+    if names:
+        ax.set_xticks(places, names)
+    unit = table["value"].attrs.get("units", "")
+    ax.set_xlabel(plain_text(table.attrs["key"], 40) + (f" [{unit}]" if unit else ""))
+    ax.set_ylabel(f"{_AXES[panel.unit]} [{panel.unit}]")
+    ax.set_title(panel.title, loc="left", pad=3 + 11.5 * math.ceil(len(drawn) / 2))
+    ax.legend(
+        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.1, handletextpad=0.5,
+        columnspacing=1.0, labelspacing=0.25, borderpad=0.1,
+    )  # fmt: skip
+
+
+def _axis(table: xr.Dataset) -> tuple[np.ndarray, list[str]]:
+    """Places of the values on the axis, and their names where they are no numbers."""
+    values = table["value"].to_numpy()
+    if np.issubdtype(values.dtype, np.number):
+        return values.astype(float), []
+    return np.arange(len(values), dtype=float), [plain_text(value, 20) for value in values]
+
+
+def _mark_own_value(ax: Axes, table: xr.Dataset, names: list[str]) -> None:
+    own = table.attrs.get("own_value", "")
+    if isinstance(own, str) or names:
+        return
+    places, _ = _axis(table)
+    if places.min() <= own <= places.max():
+        ax.axvline(own, color=GREY, linewidth=0.8, linestyle=(0, (1, 1.5)), zorder=0)
+
+
+def _notes(table: xr.Dataset) -> str:
+    lost = int((table["converged"].to_numpy() == 0).sum())
+    hollow = int((table["impossible"].to_numpy() * table["converged"].to_numpy() != 0).sum())
+    own = table.attrs.get("own_value", "")
+    messages = []
+    if lost:
+        messages.append(f"× no steady beat ({lost} of {table.sizes['value']} values), left out of the curves")
+    if hollow:
+        messages.append("hollow: a beat that cannot be a patient's; see the warnings")
+    if not isinstance(own, str):
+        messages.append(f"dotted line: {own:g}, the case as it is")
+    messages.append(f"blood volume: {table.attrs['blood_volume_policy']}")
+    return "\n".join(messages)

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from eclsim.devices.registry import devices, named_output
-from eclsim.reporting.text_table import text_table
+from eclsim.reporting.numbers import text_table
 from eclsim.simulation.target_flow import speed_found
 
 if TYPE_CHECKING:

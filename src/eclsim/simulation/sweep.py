@@ -271,7 +271,7 @@ def write_csv(sweep: Sweep, path: Path) -> None:
 def write_figure(sweep: Sweep, path_without_suffix: Path) -> list[Path]:
     """Draw the outputs over the values, as SVG and PNG."""
     from eclsim.reporting.style import save_figure
-    from eclsim.simulation.sweep_figures import plot_sweep
+    from eclsim.simulation.figures import plot_sweep
 
     return save_figure(plot_sweep(as_table(sweep)), path_without_suffix)
 

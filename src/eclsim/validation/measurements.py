@@ -18,8 +18,7 @@ from eclsim.orbit.model import AS_PUBLISHED, model_of
 from eclsim.outputs.registry import output
 from eclsim.outputs.results import simulate
 from eclsim.paper.comparison import Check, Explanation, Row, near
-from eclsim.paper.crrt import compute
-from eclsim.paper.patient import paper_case, with_blood_volume
+from eclsim.paper.crrt import compute, paper_case, with_blood_volume
 from eclsim.paper.printed import (
     AT_CASE,
     HIGH,

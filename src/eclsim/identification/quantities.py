@@ -1,4 +1,4 @@
-"""The coordinates in which parameters are sought, sampled and followed.
+"""What is fitted: parameters, with the coordinates in which they are sought, and outputs that are measured.
 
 Most parameters are resistances and the like, sought by their logarithms: a step means the same relative
 change for all of them. What may be zero or negative, such as a shunt fraction, a base excess or a volume
@@ -9,14 +9,17 @@ logarithms, so that a step is of the same order for all.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from eclsim.cases.quantities import quantity
+from eclsim.cases.sections import MEASURED_GASES, Measurements
 from eclsim.parameters.parameter import Parameter
+from eclsim.sensitivity.inputs import DEFAULTS, Uncertainty, standard_uncertainties
 
 RANGE = math.log(100.0)
 """What the allowed range of a parameter on a linear scale is long in its coordinate."""
@@ -110,3 +113,42 @@ def axis_label(name: str) -> str:
     """Name and unit of a parameter for an axis."""
     unit = unit_of_parameter(name)
     return f"{name} [{unit}]" if unit else name
+
+
+# --- outputs that can be fitted, and their uncertainties --------------------------------------------
+
+
+PRESSURES = ("SP", "DP", "MAP", "MPAP", "PCWP")
+FLOWS = ("CO", "PF")
+OF_THE_BEAT = PRESSURES + FLOWS
+"""What can be fitted of the beat itself."""
+GASES = MEASURED_GASES
+"""What can be fitted of gas exchange, where a case has it."""
+OF_ECMO = ("PF", "SpreO2", "SpostO2", "PpostO2", "PexhaustCO2")
+"""What is measured at the ECMO circuit."""
+OUTPUTS = OF_THE_BEAT + GASES
+"""What can be fitted."""
+
+
+def unit_of(output: str) -> str:
+    """Unit of an output that can be fitted."""
+    return Measurements.fields()[output].unit
+
+
+def measured_and_simulated(results: Sequence[Mapping[str, Any]], names: Sequence[str]) -> np.ndarray:
+    """Values of some outputs of data points, as in JSON files, wherever there are both, shape (values, 2)."""
+    cells = [result["outputs"].get(name) or {} for result in results for name in names]
+    pairs = [(cell.get("measured"), cell.get("simulated")) for cell in cells]
+    return np.array([pair for pair in pairs if None not in pair], dtype=float).reshape(-1, 2)
+
+
+def measurement_errors(
+    measured: Mapping[str, float], given: Mapping[str, Uncertainty] | None = None
+) -> dict[str, float]:
+    """Standard uncertainty of each measurement, in its unit.
+
+    Args:
+        measured: values [mmHg, L/min].
+        given: uncertainties that differ from the defaults.
+    """
+    return standard_uncertainties(measured, {**DEFAULTS, **(given or {})})
