@@ -296,9 +296,7 @@ def answer(study: CohortStudy, policy: str) -> str:
     best, count = next(iter(winners.items()))
     shared = sum(bool(point.first(policy) and ties(point.ranking[policy])) for point in study.points)
     if shared:
-        doubt += (
-            f" In {shared} of {total} several share the first place; the first listed counts."
-        )
+        doubt += f" In {shared} of {total} several share the first place; the first listed counts."
     if count == total:
         return f"Yes: scheme {best} is first in all {total} data points.{doubt}"
     if count == total - open_:
