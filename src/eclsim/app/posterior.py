@@ -14,7 +14,7 @@ from eclsim.app.texts import text
 from eclsim.cases.quantities import quantity, with_values
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.resolve import circuit_of, resolve_parameters
-from eclsim.identification.scale import Scale
+from eclsim.identification.quantities import Scale
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.outputs.signals import parameters_read
 
