@@ -7,7 +7,9 @@ from eclsim.circuit import Compartment as Compartment
 from eclsim.circuit import Connection as Connection
 from eclsim.circuit import StartPressure as StartPressure
 from eclsim.circuit import StartVolume as StartVolume
+from eclsim.course.band import course_band as course_band
 from eclsim.course.beats import course_beats as course_beats
+from eclsim.course.cohort import course_cohort as course_cohort
 from eclsim.course.course import course as course
 from eclsim.course.course import course_many as course_many
 from eclsim.course.engine import CourseOptions as CourseOptions

@@ -39,3 +39,44 @@ def test_what_cannot_be_meant_is_said_before_anything_is_computed(shell):
         done = shell.run(*arguments)
         assert done.exit_code == 2, arguments
         assert said in done.stderr, done.stderr
+
+
+def test_a_cohort_goes_through_shards_and_merge(shell):
+    folder, table = shell.folder / "cases", shell.folder / "events.toml"
+    folder.mkdir()
+    shell.case("cases/a.toml", "P01"), shell.case("cases/b.toml", "P02")
+    shell.case("events.toml", more=EVENTS)
+    chosen = ("course", folder, "--events", table, "--until", "8", "--every", "4")
+    one = shell.run(*chosen, "--json", "-")
+    assert one.exit_code == 0, one.stderr
+    found = json.loads(one.stdout)
+    assert [course["id"] for course in found["courses"]] == ["P01", "P02"]
+    assert abs(found["courses"][1]["balance"]["given_ml"] - 100.0) < 1e-6
+    out = shell.folder / "out"
+    for shard in ("1/2", "2/2"):
+        done = shell.run(*chosen, "--out", out, "--shard", shard)
+        assert f"when all shards are done: eclsim merge {out}" in done.stderr
+    merged = shell.run("merge", out, "--json", "-")
+    assert merged.exit_code == 0, merged.stderr
+    assert json.loads(merged.stdout) == found == json.loads((out / "courses.json").read_text())
+    assert (out / "courses" / "P02_course.nc").exists()
+    assert "holds courses.json already" in shell.run(*chosen, "--out", out).stderr
+
+
+def test_draws_of_a_posterior_become_a_band(shell):
+    import xarray as xr
+
+    draws, case = shell.folder / "posterior.nc", shell.case(more=EVENTS)
+    group = xr.Dataset({"Rmc": (("chain", "draw"), [[0.8, 0.9], [1.0, 1.1]])})
+    xr.DataTree.from_dict({"posterior": group}).to_netcdf(draws, engine="h5netcdf")
+    chosen = ("course", case, "--until", "8", "--every", "4", "--posterior", draws)
+    done = shell.run(*chosen, "--json", "-", "--figures", shell.folder / "figures")
+    assert done.exit_code == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert (found["draws"], found["failed"], found["parameters"]) == (4, 0, ["Rmc"])
+    low, high = (found["quantiles_percent"]["MAP"][q] for q in ("5", "95"))
+    assert all(a < b for a, b in zip(low, high, strict=True))
+    assert (shell.folder / "figures" / "P01_course.png").exists()
+    xr.DataTree.from_dict({"posterior": group.rename(Rmc="Rmcc")}).to_netcdf(draws, engine="h5netcdf")
+    refused = shell.run(*chosen, "--json", "-")
+    assert (refused.exit_code, "did you mean Rmc" in refused.stderr) == (2, True)

@@ -1,26 +1,35 @@
-"""`eclsim course`: hours of a case with its events."""
+"""`eclsim course`: hours of a case with its events, of a cohort, or of the draws of a posterior."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from eclsim.cli.cases import read_all, with_speeds
-from eclsim.cli.console import INCOMPLETE, Progress, fail, warn
-from eclsim.cli.destination import Destinations, hand_over, locked, writing
-from eclsim.cli.options import CaseChanges, Json, argument, option
+from eclsim.cli.cases import TABLES, read_all, read_table, with_speeds
+from eclsim.cli.console import INCOMPLETE, Progress, fail, mistakes_in, refuse, warn
+from eclsim.cli.destination import Destinations, Target, hand_over, resumable, writing
+from eclsim.cli.options import CaseChanges, Distributed, argument, option
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from eclsim.cases import Case
+    from eclsim.execution import Distribution
+
 
 @dataclass(frozen=True, kw_only=True)
-class CourseOptions(CaseChanges, Json):
+class CourseOptions(CaseChanges, Distributed):
     """Options of `eclsim course`."""
 
-    case_file: str = argument(..., "CASE.toml", "Case file, with its [[events]].")
+    files: list[str] = argument(
+        ...,
+        "CASE.toml...|COHORT.csv|DIR",
+        "Case file, with its [[events]]; or several, a table of data points, or a folder of case files.",
+    )
     hours: float = option(24.0, "How long [h].", minimum=0.01, maximum=744.0)
     until: float | None = option(None, "How long [min], in place of --hours.", metavar="MINUTES", minimum=0.1)
     every: float | None = option(
@@ -29,6 +38,16 @@ class CourseOptions(CaseChanges, Json):
         metavar="MINUTES",
         minimum=0.01,
     )
+    events: str | None = option(
+        None, "Take [[events]] from this case file for every patient.", "--events", metavar="CASE.toml"
+    )
+    posterior: str | None = option(
+        None,
+        "Follow draws of the patient's parameters and show them as a band: posterior.nc or samples.csv of "
+        "`eclsim identify --posterior`.",
+        metavar="DRAWS.nc",
+    )
+    draws: int = option(200, "Draws of --posterior at most, evenly taken.", minimum=2, maximum=1000)
     beats: bool = option(
         False,
         "Follow every beat with the lags of reflexes instead of steady beats: a clamp, a pump stop, a bolus; "
@@ -38,60 +57,238 @@ class CourseOptions(CaseChanges, Json):
     out: str | None = option(None, "Folder for the course as CSV and NetCDF.", metavar="DIR")
     figures: str | None = option(None, "Draw the timeline (SVG and PNG) in this folder.", metavar="DIR")
 
+    @property
+    def minutes(self) -> float:
+        """How long [min]."""
+        return 60.0 * self.hours if self.until is None else self.until
+
+    @property
+    def many(self) -> bool:
+        """Whether there may be more than one patient."""
+        return len(self.files) > 1 or _holds_many(self.files[0])
+
+
+def _holds_many(file: str) -> bool:
+    return Path(file).suffix.lower() in TABLES or Path(file).is_dir()
+
 
 def course(options: CourseOptions) -> None:
     """Follow a case over hours: settings changed, fluid and drugs given, blood lost, ultrafiltration.
 
-    At each moment pressures, flows and volumes are those of the steady beat. Exit status: 0 it reached its
-    end, 1 a moment has no steady beat (what came before is written), 2 bad input.
+    At each moment pressures, flows and volumes are those of the steady beat. Several patients are followed in
+    groups that --resume, --shard and --dask know. Exit status: 0 all reached their end, 1 a moment has no
+    steady beat (what came before is written), 2 bad input.
     """
-    (reading,) = with_speeds(read_all([options.case_file], options.settings, options.volume_policy))
-    minutes = 60.0 * options.hours if options.until is None else options.until
-    from eclsim.course import files
-    from eclsim.course.beats import LONGEST_MIN, course_beats
-    from eclsim.course.course import MOST_MOMENTS
-    from eclsim.course.course import course as follow
-    from eclsim.inputs.mistakes import CaseError
+    follow = _cohort if options.many else _band if options.posterior else _single
+    if not follow(options):
+        raise typer.Exit(INCOMPLETE)
 
-    name = reading.case.patient.id
-    places = Destinations(force=options.force, inputs=[options.case_file])
-    target = places.target("--json", options.json)
-    folder = places.folder("--out", options.out, files.course_files(name))
-    figures = places.folder("--figures", options.figures, stems=[files.course_stem(name)])
-    if options.every is not None and minutes / options.every > MOST_MOMENTS:
+
+def _cases(o: CourseOptions) -> tuple[Sequence[Case], bool]:
+    """The cases, each with its events and its speed, and whether a row of a table is refused."""
+    from eclsim.cases import CaseError, read_case
+    from eclsim.cases.settings import apply_settings
+    from eclsim.identification.cohort import named
+
+    tables = [file for file in o.files if Path(file).suffix.lower() in TABLES]
+    if tables and len(o.files) > 1:
+        fail(f"{tables[0]}: a table stands alone; allowed: one table, one folder, or case files")
+    if tables:
+        reading = read_table(o.files[0])
+        cases, refused = [named(p.case, p.name) for p in reading.points], bool(reading.refused)
+        try:
+            cases = [apply_settings(case, o.settings) for case in cases] if o.settings else cases
+        except CaseError as error:
+            refuse([mistake.at("--set", None) for mistake in error.mistakes])
+    else:
+        files = [str(path) for file in o.files for path in _case_files(file)]
+        readings = read_all(files, o.settings, o.volume_policy)
+        solved = readings if o.many else with_speeds(readings, o.volume_policy)
+        cases, refused = [reading.case for reading in solved], False
+    if o.events is None:
+        return cases, refused
+    try:
+        events = read_case(o.events).case.events
+    except CaseError as error:
+        fail(*error.mistakes)
+    return [case.model_copy(update={"events": events}) for case in cases], refused
+
+
+def _case_files(file: str) -> Sequence[Path]:
+    if not Path(file).is_dir():
+        return [Path(file)]
+    return sorted(Path(file).glob("*.toml")) or fail(f"{file}: holds no case file (*.toml)")
+
+
+def _destinations(o: CourseOptions) -> Destinations:
+    """Where results go, with all that is wrong with how the course is asked for."""
+    from eclsim.course.beats import LONGEST_MIN
+    from eclsim.course.course import MOST_MOMENTS
+
+    tasks = o.many or o.posterior is not None
+    places = Destinations(
+        force=o.force, resume=o.continues if tasks else None, inputs=[*o.files, o.events, o.posterior]
+    )
+    if o.every is not None and o.minutes / o.every > MOST_MOMENTS:
         places.mistakes.append(
-            f"--every {options.every:g}: {minutes / options.every:.0f} moments; allowed: up to {MOST_MOMENTS}"
+            f"--every {o.every:g}: {o.minutes / o.every:.0f} moments; allowed: up to {MOST_MOMENTS}"
         )
-    if options.beats and minutes > LONGEST_MIN:
+    if o.beats and o.minutes > LONGEST_MIN:
         places.mistakes.append(
-            f"--beats: {minutes:g} min; allowed: up to {LONGEST_MIN:g} min (--until), hours without it"
+            f"--beats: {o.minutes:g} min; allowed: up to {LONGEST_MIN:g} min (--until), hours without it"
         )
-    if options.out is None and options.json is None and options.figures is None:
+    if o.beats and tasks:
+        places.mistakes.append("--beats: of one patient, without --posterior")
+    if o.many and o.posterior is not None:
+        places.mistakes.append("--posterior: for a case file; it has the draws of one patient")
+    if not tasks and (o.continues or o.dask):
+        places.mistakes.append("--resume, --shard, --dask: for several patients or --posterior")
+    if o.out is None and o.json is None and o.figures is None:
         places.mistakes.append(
             "--out DIR, --json FILE or --figures DIR: give one, where the course is written"
         )
+    return places
+
+
+def _checked(o: CourseOptions, places: Destinations) -> tuple[Target, Distribution]:
+    """Where the JSON goes and where tasks run; with anything wrong leave with exit status 2."""
+    target, distribution = places.target("--json", o.json), o.distribution(places.mistakes)
     places.check()
+    return target, distribution
+
+
+def _late_events(o: CourseOptions, cases: Sequence[Case]) -> None:
+    """Leave with exit status 2 where an event lies after the end."""
+    from eclsim.course.timeline import MINUTE, Timeline
+    from eclsim.inputs.mistakes import CaseError
+
+    wrong: dict[str, None] = {}
+    for case in cases:
+        try:
+            Timeline(case, o.minutes * MINUTE)
+        except CaseError as error:
+            place = o.events or (case.patient.id if o.many else o.files[0])
+            wrong |= dict.fromkeys(str(mistake.at(place, None)) for mistake in error.mistakes)
+    refuse(wrong)
+
+
+# --- one patient ----------------------------------------------------------------------------------
+
+
+def _single(o: CourseOptions) -> bool:
+    """Follow one patient; whether the course reached its end."""
+    from eclsim.course import files
+    from eclsim.course.beats import course_beats
+    from eclsim.course.course import course as follow
+    from eclsim.inputs.mistakes import CaseError
+
+    (case,), _ = _cases(o)
+    places, name = _destinations(o), case.patient.id
+    folder = places.folder("--out", o.out, files.course_files(name))
+    figures = places.folder("--figures", o.figures, stems=[files.course_stem(name)])
+    target, _ = _checked(o, places)
+    _late_events(o, [case])
     try:
         with Progress() as progress:
-            progress(f"following {name} for {minutes:g} min")
-            followed = course_beats if options.beats else follow
-            result = followed(reading.case, minutes=minutes, every_min=options.every)
+            progress(f"following {name} for {o.minutes:g} min")
+            followed = course_beats if o.beats else follow
+            result = followed(case, minutes=o.minutes, every_min=o.every)
     except CaseError as error:
-        fail(*(mistake.at(reading.file, None) for mistake in error.mistakes))
-    with locked(options.out), writing():
+        fail(*(mistake.at(o.files[0], None) for mistake in error.mistakes))
+    with writing():
         if folder is not None:
             files.write_tables(result, folder)
         if figures is not None and result.sizes["time_min"]:
             files.write_figure(result, figures)
         if hand_over(files.course_object(result), target):
             typer.echo(_text(result))
-    warn(f"{reading.file}: {sentence}" for sentence in result.attrs["warnings"])
-    if not result.attrs["converged"]:
-        raise typer.Exit(INCOMPLETE)
+    warn(f"{o.files[0]}: {sentence}" for sentence in result.attrs["warnings"])
+    return bool(result.attrs["converged"])
 
+
+# --- draws of a posterior -------------------------------------------------------------------------
+
+
+def _band(o: CourseOptions) -> bool:
+    """Follow draws of one patient's parameters; whether all reached their end."""
+    from eclsim.course import files
+    from eclsim.course.band import band_object, course_band
+    from eclsim.course.cohort import PRELOAD
+    from eclsim.execution import ExecutionError
+    from eclsim.identification.samples import read_samples
+    from eclsim.inputs.mistakes import CaseError
+
+    (case,), _ = _cases(o)
+    places, samples = _destinations(o), list[Mapping[str, Sequence[float]]]()
+    name = case.patient.id
+    folder = places.folder("--out", o.out, files.course_files(name))
+    figures = places.folder("--figures", o.figures, stems=[files.course_stem(name)])
+    places.mistakes += mistakes_in({"--posterior": lambda: samples.append(read_samples(o.posterior or ""))})
+    target, distribution = _checked(o, places)
+    _late_events(o, [case])
+    try:
+        with resumable(o.out), distribution.running(PRELOAD) as executor, Progress() as progress:
+            band = course_band(
+                case, samples[0], minutes=o.minutes, every_min=o.every, draws=o.draws,
+                folder=folder and folder / files.GROUPS, executor=executor, progress=progress,
+            )  # fmt: skip
+    except ExecutionError as error:
+        fail(error)
+    except CaseError as error:
+        fail(*(mistake.at(o.posterior or "", None) for mistake in error.mistakes))
+    with writing():
+        if folder is not None:
+            files.write_band_tables(band, folder)
+        if figures is not None:
+            files.write_figure(band, figures)
+        if hand_over(band_object(band), target):
+            typer.echo(_band_text(band))
+    warn(f"{o.files[0]}: {sentence}" for sentence in band.attrs["warnings"])
+    return bool(band.attrs["converged"])
+
+
+# --- many patients --------------------------------------------------------------------------------
+
+
+def _cohort(o: CourseOptions) -> bool:
+    """Follow several patients; whether all reached their end and no row was refused."""
+    from eclsim.course import files
+    from eclsim.course.cohort import PRELOAD, course_cohort
+    from eclsim.execution import ExecutionError
+    from eclsim.files import file_stems
+
+    cases, refused = _cases(o)
+    places = _destinations(o)
+    folder = places.folder("--out", o.out, [files.SUMMARY])
+    stems = [f"{stem}_course" for stem in file_stems([case.patient.id for case in cases])]
+    figures = places.folder("--figures", o.figures, stems=stems)
+    target, distribution = _checked(o, places)
+    _late_events(o, cases)
+    try:
+        with resumable(o.out), distribution.running(PRELOAD) as executor, Progress() as progress:
+            results = course_cohort(
+                cases, minutes=o.minutes, every_min=o.every, volume_policy=o.volume_policy,
+                folder=folder and folder / files.GROUPS, executor=executor, progress=progress,
+            )  # fmt: skip
+    except ExecutionError as error:
+        fail(error)
+    with writing(o.out):
+        content = files.cohort_object(results) if folder is None else files.write_courses(results, folder)
+        for stem, one in zip(stems, results, strict=True):
+            if figures is not None and one.sizes["time_min"]:
+                files.write_figure(one, figures, stem)
+        if hand_over(content, target):
+            typer.echo(_cohort_text(content))
+    lost = [f"{one['id']}: {one['message']}" for one in content["courses"] if not one["converged"]]
+    warn(lost)
+    return not (lost or refused)
+
+
+# --- as text --------------------------------------------------------------------------------------
 
 SHOWN = ("MAP", "CO", "PF", "heart_rate", "right_atrial_pressure", "PCWP", "drainage_pressure", "DO2")
 ROWS = 25
+BAND_SHOWN = ("MAP", "PF", "drainage_pressure", "DO2")
 
 
 def _text(result: xr.Dataset) -> str:
@@ -106,11 +303,9 @@ def _text(result: xr.Dataset) -> str:
         return clock_time(minute) + seconds
 
     names = [name for name in SHOWN if name in result]
-    count = result.sizes["time_min"]
-    chosen = sorted({*range(0, count, -(-count // ROWS)), count - 1}) if count else []
     rows = [
         (shown_time(float(result["time_min"][k])), *(number(float(result[name][k])) for name in names))
-        for k in chosen
+        for k in _rows(result)
     ]
     head = ("time", *(f"{name} [{result[name].attrs['units']}]" for name in names))
     balance = json.loads(result.attrs["balance"])
@@ -123,3 +318,46 @@ def _text(result: xr.Dataset) -> str:
     if settling := result.attrs["settling_s"]:
         took += f"; the circulation settles within {settling:.0f} s after a sudden change"
     return "\n\n".join((text_table(head, rows, tuple(range(1, len(head)))), words, took))
+
+
+def _rows(result: xr.Dataset) -> Sequence[int]:
+    """The moments that a table shows."""
+    count = result.sizes["time_min"]
+    return sorted({*range(0, count, -(-count // ROWS)), count - 1}) if count else []
+
+
+def _band_text(band: xr.Dataset) -> str:
+    """Median and 90 % interval at some moments as a table, and how probable alarms are at most."""
+    from eclsim.course.alarms import clock_time
+    from eclsim.reporting.numbers import number
+    from eclsim.reporting.text_table import text_table
+
+    names = [name for name in BAND_SHOWN if name in band]
+
+    def cell(name: str, k: int) -> str:
+        low, _, median, _, high = (number(float(value)) for value in band[name].to_numpy()[:, k])
+        return f"{median} ({low} to {high})"
+
+    rows = [(clock_time(float(band["time_min"][k])), *(cell(n, k) for n in names)) for k in _rows(band)]
+    head = ("time", *(f"{name} [{band[name].attrs['units']}]" for name in names))
+    words = [f"median (90 % interval) of {band.attrs['draws']} draws"]
+    for label, shares in zip(band["alarm"].values, band["alarm_probability"].to_numpy(), strict=True):
+        at = clock_time(float(band["time_min"][int(shares.argmax())]))
+        words.append(f"{label}: in {100.0 * shares.max():.0f} % of the draws at {at}")
+    table = text_table(head, rows, tuple(range(1, len(head))))
+    return "\n\n".join((table, "\n".join(words), f"{band.attrs['seconds']:.1f} s"))
+
+
+def _cohort_text(content: Mapping[str, Any]) -> str:
+    """What became of each patient, and the first alarm, as a table."""
+    from eclsim.course.alarms import clock_time
+    from eclsim.reporting.text_table import text_table
+
+    rows = []
+    for one in content["courses"]:
+        alarms = [alarm for alarm in one["alarms"] if alarm["kind"] in ("alarm", "collapse")]
+        first = min(alarms, key=lambda alarm: alarm["at_min"], default=None)
+        text = "" if first is None else f"{first['quantity']} at {clock_time(first['at_min'])}"
+        end = "" if one["minutes"] is None else clock_time(one["minutes"])
+        rows.append((str(one["id"]), str(one["status"]), end, str(len(alarms)), text))
+    return text_table(("patient", "course", "until", "alarms", "first alarm"), rows, (3,))

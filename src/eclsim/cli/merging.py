@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eclsim.cli.console import fail
+from eclsim.cli.course import course
 from eclsim.cli.crrt_study import crrt_study
 from eclsim.cli.identify import identify
 from eclsim.cli.options import COMMAND, MERGE, argument, as_command, option
@@ -13,7 +14,7 @@ from eclsim.cli.paper import reproduce
 from eclsim.cli.sensitivity import sensitivity
 from eclsim.cli.validate import validate
 
-_DISTRIBUTED = (crrt_study, identify, reproduce, sensitivity, validate)
+_DISTRIBUTED = (course, crrt_study, identify, reproduce, sensitivity, validate)
 _COMMANDS = {function.__name__: function for function in _DISTRIBUTED}
 
 

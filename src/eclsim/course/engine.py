@@ -43,12 +43,15 @@ class CourseOptions:
         orbits: accuracy of the beats between which rates are taken.
         predictor: where a beat's search begins: "secant" (on from the last beat by a slope that starts as the
             derivative at the last event and learns from beat to beat), "derivative" (that alone), or "last".
+        hand_over: whether the course is followed beat by beat where an event leaves the circulation no time
+            to settle (`eclsim.course.handover`).
     """
 
     tolerance: float = 0.1
     step_s: float | None = None
     orbits: OrbitOptions = field(default_factory=lambda: OrbitOptions(1e-7, 1e-6))
     predictor: str = "secant"
+    hand_over: bool = True
 
 
 @dataclass

@@ -37,6 +37,8 @@ _AXES = {
     "1/min": "Rate",
     "mL/min": "Oxygen",
 }
+MOST_ALARMS = 5
+"""Of a band: the most probable ones are drawn."""
 _BARS = {"collapse": "#7A0000", "alarm": style.OKABE_ITO["vermillion"], "warning": style.OKABE_ITO["orange"]}
 
 
@@ -45,11 +47,12 @@ def plot_course(result: xr.Dataset) -> Figure:
     """Pressures, flows and volumes over hours.
 
     Args:
-        result: as `eclsim.course` returns it.
+        result: as `eclsim.course` or `eclsim.course_band` returns it.
     """
     panels = (*panels_of(result), RATE, OXYGEN, CARBON_DIOXIDE, BLOOD, BLOOD_CELLS, DISSOLVED)
     drawn = list({p.names: p for p in panels if any(_has_values(result, name) for name in p.names)}.values())
-    rows = -(-max(len(drawn), 1) // 2)
+    probable = bool(result.sizes.get("alarm"))
+    rows = -(-max(len(drawn) + probable, 1) // 2)
     events = [Event.model_validate(one) for one in json.loads(result.attrs["events"])]
     alarms = [one for one in json.loads(result.attrs["alarms"]) if one["kind"] in _BARS]
     legend = _legend(events, result)
@@ -59,9 +62,13 @@ def plot_course(result: xr.Dataset) -> Figure:
         _draw(ax, result, panel, events)
         ax.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 3, 6, 10]))
         _bars(ax, [one for one in alarms if one["quantity"] in panel.names], result)
-    for ax in axes[len(drawn) :]:
+    used = len(drawn)
+    if probable:
+        _draw_probability(axes[used], result, events)
+        used += 1
+    for ax in axes[used:]:
         ax.remove()
-    for ax in axes[max(len(drawn) - 2, 0) : len(drawn)]:
+    for ax in axes[max(used - 2, 0) : used]:
         ax.set_xlabel(f"Time from the start [{_clock(result)[0]}]")
         ax.tick_params(labelbottom=True)
     fig.suptitle(f"{style.plain_text(result.attrs['id'], 60)} – course", x=0.01, ha="left")
@@ -83,19 +90,55 @@ def _draw(ax: Axes, result: xr.Dataset, panel: Panel, events: list[Event]) -> No
     hours = result["time_min"].to_numpy() / minutes
     shown = [pair for pair in zip(panel.names, panel.labels, strict=True) if pair[0] in result]
     for index, (name, label) in enumerate(shown):
-        curve: dict[str, Any] = {**style.curve_style(index)}
-        ax.plot(hours, result[name].to_numpy().astype(float), label=label, **curve)
+        _curve(ax, hours, result[name], label, index)
+    _mark_events(ax, hours, events, minutes)
+    ax.set_ylabel(f"{_AXES.get(panel.unit, '')} [{panel.unit}]".strip())
+    rows = -(-len(shown) // 2)
+    ax.set_title(panel.title, loc="left", pad=3 + 11.5 * rows)
+    _legend_above(ax)
+
+
+def _curve(ax: Axes, hours: np.ndarray, values: xr.DataArray, label: str, index: int) -> None:
+    """An output over time; of a band the median, with the intervals that hold 50 % and 90 % of the draws."""
+    look: dict[str, Any] = {**style.curve_style(index)}
+    numbers = values.to_numpy().astype(float)
+    if "quantile" in values.dims:
+        lowest, low, numbers, high, highest = numbers
+        for (one, other), alpha in zip(((lowest, highest), (low, high)), (0.14, 0.24), strict=True):
+            ax.fill_between(hours, one, other, color=look["color"], alpha=alpha, linewidth=0.0)
+    ax.plot(hours, numbers, label=label, **look)
+
+
+def _mark_events(ax: Axes, hours: np.ndarray, events: list[Event], minutes: float) -> None:
     for number, event in enumerate(events, start=1):
         at = event.at_min / minutes
         if len(hours) and at <= hours[-1]:
             ax.axvline(at, color=style.GREY, linewidth=0.7, linestyle=(0, (2, 2)), zorder=0)
             ax.annotate(str(number), (at, 1.0), xycoords=("data", "axes fraction"), xytext=(1.5, -7),
                         textcoords="offset points", fontsize=6.5, color=style.GREY)  # fmt: skip
-    ax.set_ylabel(f"{_AXES.get(panel.unit, '')} [{panel.unit}]".strip())
-    rows = -(-len(shown) // 2)
-    ax.set_title(panel.title, loc="left", pad=3 + 11.5 * rows)
-    ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.1, handletextpad=0.5,
-              columnspacing=1.0, labelspacing=0.25, borderpad=0.1)  # fmt: skip
+
+
+def _legend_above(ax: Axes, columns: int = 2) -> None:
+    ax.legend(
+        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.1, handletextpad=0.5,
+        columnspacing=1.0, labelspacing=0.25, borderpad=0.1,
+    )  # fmt: skip
+
+
+def _draw_probability(ax: Axes, result: xr.Dataset, events: list[Event]) -> None:
+    """How many of the draws break a limit, over time."""
+    _, minutes = _clock(result)
+    hours, shown = result["time_min"].to_numpy() / minutes, result.isel(alarm=slice(MOST_ALARMS))
+    for index, (label, share) in enumerate(
+        zip(shown["alarm"].values, shown["alarm_probability"].to_numpy(), strict=True)
+    ):
+        look: dict[str, Any] = {**style.curve_style(index)}
+        ax.plot(hours, 100.0 * share, label=style.plain_text(str(label).replace("_", " "), 60), **look)
+    _mark_events(ax, hours, events, minutes)
+    ax.set_ylim(-3.0, 103.0)
+    ax.set_ylabel("Draws [%]")
+    ax.set_title("Limits broken", loc="left", pad=3 + 11.5 * shown.sizes["alarm"])
+    _legend_above(ax, 1)
 
 
 def _bars(ax: Axes, alarms: list[dict[str, object]], result: xr.Dataset) -> None:
@@ -118,7 +161,12 @@ def _legend(events: list[Event], result: xr.Dataset) -> str:
         how = f" over {event.over_min:g} min" if event.give else ""
         how += f" within {event.ramp_min:g} min" if event.ramp_min else ""
         lines.append(f"{number}  {clock_time(event.at_min)}  {style.plain_text(event.words, 90)}{how}")
-    lines.append("bars: an alarm (red) or warning (orange) of an output of the panel")
+    if "quantile" in result.dims:
+        lines.append(
+            f"curves: median of {result.attrs['draws']} draws; bands: 50 % and 90 % of those followed so far"
+        )
+    else:
+        lines.append("bars: an alarm (red) or warning (orange) of an output of the panel")
     if not result.attrs["converged"]:
         lines.append(style.plain_text(str(result.attrs["message"]), 110))
     return "\n".join(lines)

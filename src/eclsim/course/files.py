@@ -3,13 +3,28 @@
 from __future__ import annotations
 
 import json
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eclsim.files import file_stem, finite, frame_text, whole_file, write_text
+from eclsim.course.result import TIME
+from eclsim.files import (
+    csv_text,
+    file_stem,
+    file_stems,
+    finite,
+    frame_text,
+    whole_file,
+    write_json,
+    write_text,
+)  # fmt: skip
 
 if TYPE_CHECKING:
     import xarray as xr
+
+COURSES, GROUPS, SUMMARY, TABLE = "courses", "groups", "courses.json", "courses.csv"
+"""Of a cohort: folders of the courses and of the tasks' results; what became of each, as JSON and table."""
 
 
 def course_object(result: xr.Dataset) -> dict[str, Any]:
@@ -35,6 +50,16 @@ def course_object(result: xr.Dataset) -> dict[str, Any]:
     }
 
 
+def cohort_object(results: Sequence[xr.Dataset]) -> dict[str, Any]:
+    """Courses of a cohort as plain data for JSON: what became of each, without its moments."""
+    kept = ("id", "converged", "status", "message", "balance", "alarms", "warnings", "blood_volume_policy")
+    courses = [{key: value for key, value in course_object(one).items() if key in kept} for one in results]
+    for one, result in zip(courses, results, strict=True):
+        minute = result[TIME].to_numpy()
+        one["minutes"] = float(minute[-1]) if len(minute) else None
+    return {"courses": courses, "failed": sum(not one["converged"] for one in courses)}
+
+
 def course_stem(name: str) -> str:
     """Beginning of the names of all files of a patient's course."""
     return f"{file_stem(name)}_course"
@@ -45,25 +70,76 @@ def course_files(name: str) -> tuple[str, str]:
     return f"{course_stem(name)}.csv", f"{course_stem(name)}.nc"
 
 
-def write_tables(result: xr.Dataset, folder: Path) -> list[Path]:
-    """Write a row for each moment as CSV, units in the head, and everything as NetCDF."""
-    folder.mkdir(exist_ok=True)
-    table, netcdf = (folder / name for name in course_files(str(result.attrs["id"])))
+def write_tables(result: xr.Dataset, folder: Path, stem: str | None = None) -> list[Path]:
+    """Write a row for each moment as CSV, units in the head, and everything as NetCDF.
+
+    Args:
+        result: a course.
+        folder: made if need be.
+        stem: beginning of the names of the files; left out, that of the patient.
+    """
     frame = result.to_dataframe().reset_index()
     units = {str(n): result[n].attrs.get("units", "") for n in (*result.coords, *result.data_vars)}
     frame.columns = [f"{name} [{units[name]}]" if units.get(name) else name for name in frame.columns]
-    write_text(frame_text(frame), table)
+    return _written(result, frame_text(frame), folder, stem)
+
+
+def write_band_tables(band: xr.Dataset, folder: Path) -> list[Path]:
+    """Write a band as CSV, a row for each output and moment, its alarms likewise, and all as NetCDF."""
+    minutes, followed = band[TIME].to_numpy(), band["draws_followed"].to_numpy()
+    head = ("time_min", "quantity", "unit", "draws", *(f"{100.0 * q:g} %" for q in band["quantile"].values))
+    rows = [
+        (minute, name, band[name].attrs.get("units", ""), count, *column)
+        for name in map(str, band.data_vars)
+        if "quantile" in band[name].dims
+        for minute, count, column in zip(minutes, followed, band[name].to_numpy().T, strict=True)
+    ]
+    alarms = [
+        (minute, str(label), share)
+        for label, shares in zip(band["alarm"].values, band["alarm_probability"].to_numpy(), strict=True)
+        for minute, share in zip(minutes, shares, strict=True)
+    ]
+    written = _written(band, csv_text(head, rows), folder)
+    table = written[0].with_name(written[0].name.replace(".csv", "_alarms.csv"))
+    write_text(csv_text(("time_min", "alarm", "probability"), alarms), table)
+    return [*written, table]
+
+
+def _written(result: xr.Dataset, table: str, folder: Path, stem: str | None = None) -> list[Path]:
+    """Write a table, and a result as NetCDF."""
+    folder.mkdir(parents=True, exist_ok=True)
+    stem = stem or course_stem(str(result.attrs["id"]))
+    csv, netcdf = folder / f"{stem}.csv", folder / f"{stem}.nc"
+    write_text(table, csv)
     lists = {name: "\n".join(value) for name, value in result.attrs.items() if isinstance(value, list)}
     stored = result.assign_attrs(lists)
     with whole_file(netcdf, stored.nbytes) as partial:
         stored.to_netcdf(partial, engine="h5netcdf")
-    return [table, netcdf]
+    return [csv, netcdf]
 
 
-def write_figure(result: xr.Dataset, folder: Path) -> list[Path]:
-    """Draw the timeline with its events, as SVG and PNG."""
+def write_figure(result: xr.Dataset, folder: Path, stem: str | None = None) -> list[Path]:
+    """Draw the timeline of a course or of a band with its events, as SVG and PNG."""
     from eclsim.course.figures import plot_course
     from eclsim.reporting.style import save_figure
 
     folder.mkdir(exist_ok=True)
-    return save_figure(plot_course(result), folder / course_stem(str(result.attrs["id"])))
+    return save_figure(plot_course(result), folder / (stem or course_stem(str(result.attrs["id"]))))
+
+
+def write_courses(results: Sequence[xr.Dataset], folder: Path) -> dict[str, Any]:
+    """Write the courses of a cohort, a table and a NetCDF file each, and what became of all; returns that."""
+    content, places = cohort_object(results), folder / COURSES
+    stems = [f"{stem}_course" for stem in file_stems([str(one.attrs["id"]) for one in results])]
+    for stem, one in zip(stems, results, strict=True):
+        if one.sizes[TIME]:
+            write_tables(one, places, stem)
+    write_json(content, folder / SUMMARY)
+    head = ("id", "status", "minutes", "alarms", "MAP_lowest_mmHg", "message")
+    rows = []
+    for one, result in zip(content["courses"], results, strict=True):
+        lowest = float(result["MAP"].min()) if "MAP" in result else math.nan
+        found = sum(alarm["kind"] == "alarm" for alarm in one["alarms"])
+        rows.append((one["id"], one["status"], one["minutes"], found, lowest, one["message"]))
+    write_text(csv_text(head, rows), folder / TABLE)
+    return content

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -35,23 +36,17 @@ def read_samples(path: str | Path) -> dict[str, list[float]]:
 
     Args:
         path: table with a head of parameter names in the units of the tables; a row for each sample. Columns
-            are separated by commas, semicolons or tabs.
+            are separated by commas, semicolons or tabs. Or the NetCDF file of a posterior, `posterior.nc`.
 
     Raises:
         SamplesError: With every mistake.
     """
-    try:
-        table = read_table(path)
-    except CaseError as error:
-        needed = "no samples; needed are a head of parameter names and a row for each sample"
-        raise SamplesError(str(error).replace("no patients", needed)) from None
-    head = table.header
-    mistakes = [str(mistake) for mistake in table.mistakes]
+    head, rows, mistakes = _of_posterior(path) if Path(path).suffix == ".nc" else _of_table(path)
     mistakes += [_unknown(path, name) for name in head if name not in OPEN and quantity(name) is None]
     twice = sorted({n for n in head if head.count(n) > 1})
     mistakes += [f"{path}: column {name} is there twice" for name in twice]
     values = []
-    for line, cells in table.rows:
+    for line, cells in rows:
         if len(cells) != len(head):
             mistakes.append(f"{path}:{line}: {len(cells)} values, the head has {len(head)}")
         values.append([_value(cell) for cell in cells])
@@ -62,6 +57,34 @@ def read_samples(path: str | Path) -> dict[str, list[float]]:
         raise SamplesError("; ".join(mistakes[:MOST_MISTAKES]) + (f"; and {more} more" if more > 0 else ""))
     kept = values[:: math.ceil(len(values) / MOST)]
     return {name: [row[k] for row in kept] for k, name in enumerate(head)}
+
+
+_Rows = Sequence[tuple[int, Sequence[str]]]
+
+
+def _of_table(path: str | Path) -> tuple[Sequence[str], _Rows, list[str]]:
+    """Head, rows with their lines, and mistakes of a table."""
+    try:
+        table = read_table(path)
+    except CaseError as error:
+        needed = "no samples; needed are a head of parameter names and a row for each sample"
+        raise SamplesError(str(error).replace("no patients", needed)) from None
+    return table.header, table.rows, [str(mistake) for mistake in table.mistakes]
+
+
+def _of_posterior(path: str | Path) -> tuple[Sequence[str], _Rows, list[str]]:
+    """Names and draws of the group `posterior` of a NetCDF file."""
+    import xarray as xr
+
+    try:
+        with xr.open_dataset(path, group="posterior", engine="h5netcdf") as draws:
+            columns = {str(name): values.to_numpy().ravel().tolist() for name, values in draws.items()}
+    except (OSError, ValueError, KeyError) as error:
+        raise SamplesError(f"{path}: no posterior can be read: {str(error).splitlines()[0]}") from None
+    rows = list(enumerate(zip(*(map(repr, column) for column in columns.values()), strict=True), start=1))
+    if not rows:
+        raise SamplesError(f"{path}: its group posterior holds no draws")
+    return list(columns), rows, []
 
 
 def _unknown(path: str | Path, name: str) -> str:

@@ -1,0 +1,217 @@
+"""Courses of draws of a patient's parameters as a band: quantiles over time, and how probable alarms are."""
+
+from __future__ import annotations
+
+import json
+import time as clock
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from eclsim.course.cohort import CourseGroup, courses_of_draws
+from eclsim.course.course import usual_every
+from eclsim.course.result import TIME
+from eclsim.course.timeline import MINUTE, Timeline
+from eclsim.devices.description import CAUTION
+from eclsim.execution import Executor, Progress
+from eclsim.inputs.mistakes import CaseError, Mistake
+from eclsim.orbit.model import CaseSource, as_case
+from eclsim.outputs.registry import UnknownOutputError, output
+from eclsim.outputs.results import variable
+from eclsim.simulation.target_flow import with_speed
+
+QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
+"""Median, and the ends of the intervals that hold 50 % and 90 % of the draws."""
+USUAL_DRAWS = 200
+REASONS = 3
+
+
+def course_band(
+    case: CaseSource,
+    samples: Mapping[str, Sequence[float]],
+    *,
+    minutes: float,
+    every_min: float | None = None,
+    volume_policy: str | None = None,
+    draws: int = USUAL_DRAWS,
+    folder: Path | None = None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> xr.Dataset:
+    """Courses of draws of a patient's parameters, all of steady beats, as quantiles over time.
+
+    Args:
+        case: path of a case file, what `read_case` returned, or a case; with its `[[events]]`.
+        samples: values of each parameter, one for each draw, such as those of a posterior.
+        minutes: how long [min].
+        every_min: between moments that are shown [min]; left out, some 144 moments.
+        volume_policy: blood volume policy; left out, the case's.
+        draws: so many at most, evenly taken from the samples.
+        folder: keeps the courses; None keeps them for this call alone.
+        executor: runs groups of draws; None runs them in this process.
+        progress: called as groups are done.
+
+    Returns:
+        Dataset over `quantile` and `time_min`: outputs and slow states of the draws that have come so far,
+        `draws_followed` how many those are; over `alarm` and `time_min` the `alarm_probability`, the share of
+        these that break a limit. Attributes as of `eclsim.course`, and `draws`, `failed` (that ended early).
+
+    Raises:
+        CaseError: the file is no case, or an event lies after the end.
+        FlowNotReachedError: the case names a pump flow that no speed gives.
+        ExecutionError: the folder holds other courses, or workers cannot be reached.
+        ShardDone: this was a shard.
+    """
+    began = clock.perf_counter()
+    solved = with_speed(as_case(case), volume_policy)[0]
+    known = Timeline(solved, minutes * MINUTE).start[1]
+    if unknown := [name for name in samples if name not in known]:
+        message = "the course of this case has no such parameter, so no draw of it can be followed"
+        raise CaseError([Mistake(name, message) for name in unknown])
+    compute = CourseGroup(minutes, every_min or usual_every(minutes), volume_policy, hand_over=False)
+    chosen = _thinned(samples, draws)
+    courses = courses_of_draws(solved, chosen, compute, folder, executor, progress)
+    return band_of(courses, tuple(chosen)).assign_attrs(seconds=clock.perf_counter() - began)
+
+
+def _thinned(samples: Mapping[str, Sequence[float]], draws: int) -> dict[str, list[float]]:
+    count = len(next(iter(samples.values())))
+    chosen = np.unique(np.linspace(0, count - 1, min(draws, count)).round().astype(int))
+    return {name: [float(values[k]) for k in chosen] for name, values in samples.items()}
+
+
+def band_of(courses: Sequence[xr.Dataset], parameters: Sequence[str] = ()) -> xr.Dataset:
+    """Quantiles over time of several courses of one case.
+
+    Args:
+        courses: of the draws, as `eclsim.course_many` gives them.
+        parameters: that differ between them.
+    """
+    whole = [one for one in courses if one.attrs["converged"]] or list(courses)
+    time = max((one[TIME].to_numpy() for one in whole), key=len)
+    first = max(courses, key=lambda one: one.sizes[TIME])
+    names = [str(n) for n, v in first.data_vars.items() if v.dtype.kind == "f"]
+    columns = [_on(time, one, names) for one in courses]
+    there = np.array([np.isin(time, one[TIME].to_numpy()) for one in courses])
+    data: dict[str, xr.Variable] = {}
+    for k, name in enumerate(names):
+        values = np.array([own[k] for own in columns])
+        data[name] = variable(("quantile", TIME), _quantiles(values), **first[name].attrs)
+    data["draws_followed"] = variable(TIME, there.sum(axis=0), long_name="draws followed so far", units="1")
+    alarms = _alarm_probability(courses, time, there)
+    data["alarm_probability"] = variable(
+        ("alarm", TIME), np.array([*alarms.values()]).reshape(len(alarms), len(time)),
+        long_name="share of the draws that break a limit", units="1",
+    )  # fmt: skip
+    failed = [one for one in courses if not one.attrs["converged"]]
+    about = {
+        key: first.attrs[key] for key in ("id", "events", "blood_volume_policy", "settling_s", "beat_by_beat", "seconds")
+    }
+    coordinates = {
+        TIME: variable(TIME, time, units="min", long_name="time from the start"),
+        "quantile": np.array(QUANTILES),
+        "alarm": [_label(*key) for key in alarms],
+        "alarm_kind": ("alarm", [kind for kind, *_ in alarms]),
+    }
+    return xr.Dataset(data, coordinates).assign_attrs(
+        about, draws=len(courses), failed=len(failed), parameters=list(parameters), alarms="[]",
+        converged=int(not failed), message=_ended(failed, len(courses)),
+        warnings=[_ended(failed, len(courses))] * bool(failed),
+    )  # fmt: skip
+
+
+def _on(time: np.ndarray, one: xr.Dataset, names: Sequence[str]) -> np.ndarray:
+    """A course's values at moments; NaN where it has none, shape (names, moments)."""
+    own = one[TIME].to_numpy()
+    values = np.full((len(names), len(time)), np.nan)
+    shared = np.isin(time, own)
+    places = np.searchsorted(own, time[shared])
+    for k, name in enumerate(names):
+        if name in one:
+            values[k, shared] = one[name].to_numpy()[places]
+    return values
+
+
+def _quantiles(values: np.ndarray) -> np.ndarray:
+    """Quantiles over the draws that have a value; NaN where none has."""
+    found, known = np.full((len(QUANTILES), values.shape[1]), np.nan), np.isfinite(values).any(axis=0)
+    found[:, known] = np.nanquantile(values[:, known], QUANTILES, axis=0)
+    return found
+
+
+_Key = tuple[str, str, str, float]
+"""Kind, quantity, side and limit of an alarm."""
+
+
+def _alarm_probability(
+    courses: Sequence[xr.Dataset], time: np.ndarray, there: np.ndarray
+) -> dict[_Key, np.ndarray]:
+    """Share of the draws followed that break a limit at each moment, the most probable first."""
+    broken: dict[_Key, np.ndarray] = {}
+    limits: dict[tuple[str, str, str], float] = {}
+    for k, one in enumerate(courses):
+        for alarm in json.loads(one.attrs["alarms"]):
+            if alarm["kind"] == CAUTION:
+                continue
+            side = "below" if alarm["worst"] < alarm["limit"] else "above"
+            about = (alarm["kind"], alarm["quantity"], side)
+            key = (*about, limits.setdefault(about, alarm["limit"]))
+            until = np.inf if alarm["until_min"] is None else alarm["until_min"]
+            own = broken.setdefault(key, np.zeros_like(there))
+            own[k] |= there[k] & (time >= alarm["at_min"]) & (time < until)
+    followed = np.maximum(there.sum(axis=0), 1)
+    shares = {key: own.sum(axis=0) / followed for key, own in broken.items() if own.any()}
+    return dict(sorted(shares.items(), key=lambda item: -float(item[1].max())))
+
+
+def _label(kind: str, quantity: str, side: str, limit: float) -> str:
+    """Such as "MAP below 65 mmHg (warning)"."""
+    try:
+        unit = output(quantity).unit
+    except UnknownOutputError:
+        return f"{quantity} ({kind})"
+    bound = f" {side} {limit:g}{'' if unit == '1' else f' {unit}'}" if np.isfinite(limit) else ""
+    return f"{quantity}{bound} ({kind})"
+
+
+def _ended(failed: Sequence[xr.Dataset], count: int) -> str:
+    """How many draws ended early, and why."""
+    if not failed:
+        return ""
+    reasons = Counter(str(one.attrs["message"]).partition(": ")[2].partition(" (")[0] for one in failed)
+    named = "; ".join(f"{reason} ({number})" for reason, number in reasons.most_common(REASONS))
+    return f"{len(failed)} of {count} draws ended early and count as far as they went: {named}"
+
+
+def band_object(band: xr.Dataset) -> dict[str, Any]:
+    """A band as plain data for JSON; null where no draw has a value."""
+    from eclsim.files import finite
+
+    about, names = band.attrs, [str(n) for n, v in band.data_vars.items() if "quantile" in v.dims]
+    return {
+        "id": str(about["id"]),
+        "draws": int(about["draws"]),
+        "failed": int(about["failed"]),
+        "parameters": list(about["parameters"]),
+        "time_min": finite(band[TIME].to_numpy()),
+        "draws_followed": band["draws_followed"].to_numpy().tolist(),
+        "quantiles_percent": {
+            n: {f"{100.0 * q:g}": finite(row) for q, row in zip(QUANTILES, band[n].values, strict=True)}
+            for n in names
+        },
+        "units": {n: str(band[n].attrs.get("units", "")) for n in names},
+        "alarms": [
+            {"alarm": str(label), "kind": str(kind), "probability": finite(row)}
+            for label, kind, row in zip(
+                band["alarm"].values, band["alarm_kind"].values, band["alarm_probability"].values, strict=True
+            )
+        ],
+        "events": json.loads(about["events"]),
+        "warnings": [str(sentence) for sentence in about["warnings"]],
+        "blood_volume_policy": str(about["blood_volume_policy"]),
+        "seconds": finite(float(about["seconds"])),
+    }

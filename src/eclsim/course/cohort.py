@@ -1,0 +1,172 @@
+"""Courses of many: patients of a cohort, or draws of one patient's parameters, in groups side by side."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from eclsim.cases.writing import case_text
+from eclsim.course.course import course_many, usual_every
+from eclsim.course.engine import CourseOptions
+from eclsim.course.result import attributes_of
+from eclsim.course.timeline import MINUTE, Timeline
+from eclsim.execution import Distribution, Executor, Progress, Tasks, announce, json_format
+from eclsim.execution.tasks import in_process
+from eclsim.orbit.model import CaseSource, as_case
+from eclsim.simulation.target_flow import FlowNotReachedError, with_speed
+
+if TYPE_CHECKING:
+    from eclsim.cases.case import Case
+
+GROUP = 32
+"""Members that march side by side; what an interruption costs at most."""
+PRELOAD = ("eclsim.course.cohort", "eclsim.outputs.steady_beat")
+"""What a worker needs before its first group."""
+_FORMAT = json_format(list[dict[str, Any]])
+
+
+@dataclass(frozen=True)
+class Members:
+    """Members of a group.
+
+    Args:
+        cases: several, or one of which `changes` makes variants.
+        changes: values of each parameter that varies, by key.
+    """
+
+    cases: tuple[Case, ...]
+    changes: Mapping[str, tuple[float, ...]]
+
+
+@dataclass(frozen=True)
+class CourseGroup:
+    """Follows the members of a group side by side; see `eclsim.course.course.course_many`."""
+
+    minutes: float
+    every_min: float
+    volume_policy: str | None
+    hand_over: bool
+
+    def __call__(self, members: Members) -> list[dict[str, Any]]:
+        """The course of each as plain data; of a case whose flow no speed gives, the reason."""
+        announce(f"{len(members.cases)} patients" if not members.changes else "draws of a patient")
+        reasons = [self._unreachable(case) for case in members.cases]
+        known = [case for case, reason in zip(members.cases, reasons, strict=True) if not reason]
+        found = iter(self._followed(known, members.changes) if known else ())
+        if not any(reasons):
+            return [one.to_dict() for one in found]
+        each = zip(members.cases, reasons, strict=True)
+        return [(self._not_begun(c, why) if why else next(found)).to_dict() for c, why in each]
+
+    def _followed(self, cases: list[Case], changes: Mapping[str, tuple[float, ...]]) -> list[xr.Dataset]:
+        return course_many(
+            cases,
+            changes,
+            minutes=self.minutes,
+            every_min=self.every_min,
+            volume_policy=self.volume_policy,
+            options=CourseOptions(hand_over=self.hand_over),
+        )
+
+    def _unreachable(self, case: Case) -> str:
+        """Why no speed gives the flow that a case names; empty where one does."""
+        try:
+            with_speed(case, self.volume_policy)
+        except FlowNotReachedError as error:
+            return str(error)
+        return ""
+
+    def _not_begun(self, case: Case, reason: str) -> xr.Dataset:
+        timeline, policy = Timeline(case, self.minutes * MINUTE), self.volume_policy or case.volume_policy
+        message = f"not begun: {reason}"
+        about = attributes_of(timeline, policy, message, {}, [message])
+        nothing = {"alarms": "[]", "settling_s": 0.0, "beat_by_beat": 0, "seconds": 0.0}
+        return xr.Dataset(coords={"time_min": np.zeros(0)}, attrs=about | nothing)
+
+
+def course_cohort(
+    cases: Sequence[CaseSource],
+    *,
+    minutes: float,
+    every_min: float | None = None,
+    volume_policy: str | None = None,
+    hand_over: bool = True,
+    folder: Path | None = None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> list[xr.Dataset]:
+    """Courses of the patients of a cohort, as resumable tasks; the same bits on any number of workers.
+
+    Args:
+        cases: paths of case files, what `read_case` returned, or cases; each with its `[[events]]`.
+        minutes: how long [min].
+        every_min: between moments that are shown [min]; left out, some 144 moments.
+        volume_policy: blood volume policy; left out, that of each case.
+        hand_over: see `CourseOptions`.
+        folder: keeps the courses; None keeps them for this call alone.
+        executor: runs the groups; None runs them in this process.
+        progress: called as groups are done.
+
+    Returns:
+        One Dataset for each case, as `eclsim.course` gives it. One that could not begin has no moments and
+        says why; `seconds` is that of its group.
+
+    Raises:
+        CaseError: a file is no case, or an event lies after the end.
+        ExecutionError: the folder holds other courses, or workers cannot be reached.
+        ShardDone: this was a shard.
+    """
+    known = tuple(as_case(one) for one in cases)
+    for case in known:
+        Timeline(case, minutes * MINUTE)
+    compute = CourseGroup(minutes, every_min or usual_every(minutes), volume_policy, hand_over)
+    groups = [Members(known[k : k + GROUP], {}) for k in range(0, len(known), GROUP)]
+    inputs = {"cases": [[case.patient.id, _digest(case_text(case))] for case in known]}
+    return _complete(compute, groups, inputs, "groups of patients", folder, executor, progress)
+
+
+def courses_of_draws(
+    case: Case,
+    samples: Mapping[str, Sequence[float]],
+    compute: CourseGroup,
+    folder: Path | None = None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> list[xr.Dataset]:
+    """Courses of one case with each draw of its parameters; see `course_cohort`."""
+    count = len(next(iter(samples.values())))
+    groups = [
+        Members((case,), {key: tuple(values[k : k + GROUP]) for key, values in samples.items()})
+        for k in range(0, count, GROUP)
+    ]
+    columns = {key: list(values) for key, values in samples.items()}
+    inputs = {"case": case_text(case), "samples": _digest(json.dumps(columns)), "draws": count}
+    return _complete(compute, groups, inputs, "groups of draws", folder, executor, progress)
+
+
+def _complete(
+    compute: CourseGroup,
+    groups: Sequence[Members],
+    inputs: Mapping[str, object],
+    unit: str,
+    folder: Path | None,
+    executor: Executor | None,
+    progress: Progress | None,
+) -> list[xr.Dataset]:
+    tasks = Tasks(
+        "courses", unit, compute, groups, {**inputs, "course": vars(compute)}, side_by_side=len(groups) > 1
+    )
+    executor = executor or Executor(Distribution(), in_process)
+    found = executor.complete(tasks, folder, _FORMAT, progress)
+    return [xr.Dataset.from_dict(one) for group in found for one in group]
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
