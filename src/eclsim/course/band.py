@@ -108,9 +108,8 @@ def band_of(courses: Sequence[xr.Dataset], parameters: Sequence[str] = ()) -> xr
         long_name="share of the draws that break a limit", units="1",
     )  # fmt: skip
     failed = [one for one in courses if not one.attrs["converged"]]
-    about = {
-        key: first.attrs[key] for key in ("id", "events", "blood_volume_policy", "settling_s", "beat_by_beat", "seconds")
-    }
+    kept = ("id", "events", "blood_volume_policy", "settling_s", "beat_by_beat", "seconds")
+    about = {key: first.attrs[key] for key in kept}
     coordinates = {
         TIME: variable(TIME, time, units="min", long_name="time from the start"),
         "quantile": np.array(QUANTILES),
