@@ -329,8 +329,7 @@ def _rows(result: xr.Dataset) -> Sequence[int]:
 def _band_text(band: xr.Dataset) -> str:
     """Median and 90 % interval at some moments as a table, and how probable alarms are at most."""
     from eclsim.course.alarms import clock_time
-    from eclsim.reporting.numbers import number
-    from eclsim.reporting.text_table import text_table
+    from eclsim.reporting.numbers import number, text_table
 
     names = [name for name in BAND_SHOWN if name in band]
 
@@ -351,7 +350,7 @@ def _band_text(band: xr.Dataset) -> str:
 def _cohort_text(content: Mapping[str, Any]) -> str:
     """What became of each patient, and the first alarm, as a table."""
     from eclsim.course.alarms import clock_time
-    from eclsim.reporting.text_table import text_table
+    from eclsim.reporting.numbers import text_table
 
     rows = []
     for one in content["courses"]:
