@@ -8,7 +8,7 @@ from eclsim.app.course import with_event
 from eclsim.app.state import PageState, link_of
 from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
-from page_in_browser import beat, expect, picture, turn, wait_for
+from page_in_browser import beat, expect, knob, picture, turn, wait_for
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
 COURSE = "eclsim.bus.last('course')?.of === eclsim.bus.last('state').of"
@@ -27,7 +27,7 @@ def test_an_event_is_set_where_somebody_clicked_and_the_page_follows(open_page, 
     page.locator(".ecl-timeline .new select").select_option("bleed_ml")
     page.locator(".ecl-timeline .new input").first.fill("800")
     page.locator(".ecl-timeline .new button").click()
-    expect(page.locator(".ecl-timeline ol")).to_contain_text("bleed 800 mL")
+    expect(page.locator(".ecl-timeline ol")).to_contain_text(f"{text('give_bleed_ml')} 800 mL")
     page.wait_for_function(COURSE)
     page.mouse.click(box["x"] + 0.6 * box["width"], box["y"] + 10)
     wait_for(page, f"beat.minute > 200 && beat.outputs.MAP < {before} - 3")
@@ -42,12 +42,34 @@ def test_an_event_is_set_where_somebody_clicked_and_the_page_follows(open_page, 
     wait_for(page, "beat.minute === 0")
 
 
+def test_minutes_are_recorded_beat_by_beat(open_page, shots):
+    page = open_page("paper")
+    page.get_by_role("button", name=text("timeline_open")).click()
+    page.get_by_label(text("timeline_length")).select_option("2")
+    page.wait_for_function(f"{COURSE} && eclsim.bus.last('course').minutes === 2")
+    page.get_by_label(text("timeline_record")).check()
+    page.locator(".ecl-timeline .chart").press("End")
+    for _ in range(18):
+        page.locator(".ecl-timeline .chart").press("PageDown")
+    wait_for(page, "beat.passing && beat.minute > 0.9 && beat.minute < 1.1")
+    turn(page, "ecmo.speed_rpm", "0")
+    expect(page.locator(".ecl-timeline ol")).to_contain_text("Pump speed 0 rpm")
+    page.wait_for_function(COURSE)
+    page.locator(".ecl-timeline .chart").press("End")
+    wait_for(page, "beat.minute > 1.9 && beat.outputs.PF < 0")
+    expect(knob(page, "ecmo.speed_rpm")).to_have_value("0")
+    picture(page, shots, "timeline_beats")
+    page.locator(".ecl-timeline .chart").press("Home")
+    wait_for(page, "beat.minute === 0 && !beat.passing && beat.outputs.PF > 1")
+    expect(knob(page, "ecmo.speed_rpm")).not_to_have_value("0")
+
+
 def test_a_link_with_events_is_played(open_page, served):
     case = with_event(PRESETS["healthy"].case(), {"at_min": 30, "give": {"bleed_ml": 500}, "over_min": 10})
     page = open_page(url=f"{served.url}/#{link_of(PageState(case))}")
     page.get_by_role("button", name=text("timeline_open")).click()
     page.wait_for_function(COURSE)
-    expect(page.locator(".ecl-timeline ol")).to_contain_text("bleed 500 mL")
+    expect(page.locator(".ecl-timeline ol")).to_contain_text(f"{text('give_bleed_ml')} 500 mL")
     page.get_by_label(text("timeline_speed")).select_option("3600")
     page.locator(".ecl-timeline .play").click()
     wait_for(page, "beat.minute > 30")

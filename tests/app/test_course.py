@@ -8,19 +8,24 @@ import zipfile
 
 import pytest
 
+from eclsim.app.beat import compute_beat
 from eclsim.app.course import (
-    LENGTHS,
+    BEATS,
+    HOURS,
+    case_at,
     compute_course,
     plain_course,
     plain_events,
     possible_events,
     usual_length,
     with_event,
+    with_turn,
     without_event,
 )
 from eclsim.app.files import export
-from eclsim.app.knobs import connect
+from eclsim.app.knobs import VOLUME, connect
 from eclsim.app.state import PageState, link_of, preset_state, state_of
+from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
 from eclsim.inputs.mistakes import CaseError
 
@@ -31,7 +36,7 @@ BLEEDING = {"at_min": 30, "give": {"bleed_ml": 400}, "over_min": 10}
 def test_events_stand_in_their_order_and_go_again():
     case = with_event(with_event(HEALTHY, BLEEDING), {"at_min": 5, "give": {"crystalloid_ml": 250}})
     assert [one["at"] for one in plain_events(case)] == [5, 30]
-    assert "bleed 400 mL" in plain_events(case)[1]["words"]
+    assert plain_events(case)[1]["words"] == f"{text('give_bleed_ml')} 400 mL"
     assert without_event(without_event(case, 0), 0) == HEALTHY
     assert without_event(case, 7) == case
 
@@ -72,8 +77,8 @@ def test_a_link_and_an_export_hold_the_events():
 
 
 def test_a_course_is_long_enough_for_its_events():
-    assert usual_length(HEALTHY) == LENGTHS[1]
-    assert usual_length(with_event(HEALTHY, {**BLEEDING, "at_min": 1440})) == LENGTHS[3]
+    assert usual_length(HEALTHY) == HOURS[1]
+    assert usual_length(with_event(HEALTHY, {**BLEEDING, "at_min": 1440})) == HOURS[3]
 
 
 def test_the_page_follows_the_minutes_of_a_course():
@@ -104,3 +109,35 @@ def test_the_page_follows_the_minutes_of_a_course():
     }
     (plain,) = (file for file in files.namelist() if file.endswith(".json"))
     assert json.loads(files.read(plain))["events"][0]["give"] == {"bleed_ml": 400.0}
+
+
+def test_a_knob_that_is_turned_later_is_an_event_of_its_minute():
+    turned = with_turn(HEALTHY, "parameters.Rmc", 1.2, 12.34567)
+    again = with_turn(turned, "parameters.Rmc", 1.4, 12.34567)
+    both = with_turn(again, "patient.heart_rate_bpm", "80", 12.34567)
+    assert [(e.at_min, dict(e.set)) for e in both.events] == [
+        (12.345, {"Rmc": 1.4}), (12.345, {"patient.heart_rate_bpm": 80.0}),
+    ]  # fmt: skip
+    assert case_at(both, 12.34567).parameters["Rmc"] == 1.4
+    assert case_at(both, 12.0).parameters["Rmc"] == HEALTHY.parameters["Rmc"]
+    with pytest.raises(CaseError, match="outside"):
+        with_turn(HEALTHY, "patient.heart_rate_bpm", 9000, 5.0)
+    with pytest.raises(CaseError, match="given at the start"):
+        with_turn(HEALTHY, VOLUME, 100, 5.0)
+
+
+@pytest.mark.slow
+def test_minutes_are_followed_beat_by_beat():
+    case = with_event(HEALTHY, {"at_min": 1, "set": {"Rmc": 0.35}})
+    course = compute_course(PageState(case), BEATS[0])
+    plain = plain_course(course, BEATS[0])
+    assert len(plain["time"]) == 140
+    assert {"MAP", "blood_volume", "haematocrit"} <= {row["name"] for row in plain["rows"]}
+    lowest = next(one for one in plain["alarms"] if one["quantity"] == "MAP")
+    assert 1.0 <= lowest["at_min"] < 1.3
+    assert "at 00:01:" in lowest["sentence"]
+    before, after = course.beat(0.5), course.beat(1.9)
+    assert before.passing
+    assert before.outputs["MAP"] == pytest.approx(compute_beat(PageState(HEALTHY)).outputs["MAP"], rel=1e-4)
+    assert after.means["Pao"] == pytest.approx(after.outputs["MAP"], rel=1e-4)
+    assert after.outputs["MAP"] < before.outputs["MAP"] - 20

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.app.circuits import page_circuit
+from eclsim.app.texts import text
 from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.files import finite
 from eclsim.gas.network import GasStatus
@@ -26,6 +27,7 @@ from eclsim.reporting.saturation import colour_of, letters_on
 if TYPE_CHECKING:
     from eclsim.app.state import PageState
     from eclsim.circuit import Circuit
+    from eclsim.course.beats import PassingBeat
 
 GAS_COLUMNS = ("SO2", "PO2", "PCO2", "pH", "O2", "CO2")
 """What is shown of blood: %, mmHg, mmHg, -, and contents [mL/dL]."""
@@ -49,6 +51,7 @@ class Beat:
         message: in words.
         gas_status: how the search for its steady gas state ended; None where gases are not computed.
         gases: of the blood everywhere, where there is a steady gas state.
+        passing: whether it is one beat of many that follow each other, settled or not.
     """
 
     circuit: Circuit
@@ -62,6 +65,7 @@ class Beat:
     message: str
     gas_status: GasStatus | None = None
     gases: PlaceGases | None = None
+    passing: bool = False
 
     @property
     def converged(self) -> bool:
@@ -122,6 +126,22 @@ def beat_of(
     )  # fmt: skip
 
 
+def passing_beat(state: PageState, found: PassingBeat) -> Beat:
+    """A beat of a course beat by beat; it says nothing of gases, which need minutes to settle."""
+    even = np.linspace(0.0, 1.0, POINTS, endpoint=False)
+    waves = {
+        n: np.interp(even, found.phases, wave) + unstressed_volume(found.circuit, n, found.values)
+        for n, wave in zip(found.signals, found.waves.T, strict=True)
+    }
+    means = {n: float(v) for n, v in zip(found.signals, found.means, strict=True) if n[0] in "PQ"}
+    said = (*found.findings, *state.case.findings(found.outputs))
+    gas = GasStatus.STEADY if state.case.gas is not None else None
+    return Beat(
+        found.circuit, found.values, found.period, waves, means, found.outputs, said, Status.CONVERGED,
+        text("timeline_passing"), gas, passing=True,
+    )  # fmt: skip
+
+
 def plain(beat: Beat, waves: tuple[str, ...]) -> dict[str, Any]:
     """A beat as compact plain data for the browser; null for what is not finite."""
     return {
@@ -135,6 +155,7 @@ def plain(beat: Beat, waves: tuple[str, ...]) -> dict[str, Any]:
         "places": beat.place_levels(),
         "possible": beat.possible,
         "converged": beat.converged,
+        "passing": beat.passing,
         "status": beat.status.word,
         "message": beat.message,
         "gas": _plain_gases(beat),
@@ -147,7 +168,10 @@ def _plain_gases(beat: Beat) -> dict[str, Any] | None:
         return None
     found: dict[str, Any] = {"message": beat.gas_status.message, "places": {}, "exchanged": {}}
     if beat.gases is None:
-        return found if beat.converged else found | {"message": beat.message}
+        steady = beat.converged and not beat.passing
+        return (
+            found if steady else found | {"message": text("gases_passing") if beat.passing else beat.message}
+        )
     for place, blood in beat.gases.places.items():
         percent = 100.0 * float(blood.saturation)
         numbers = (percent, blood.po2, blood.pco2, blood.ph, blood.oxygen, blood.carbon_dioxide)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from eclsim.app.knobs import VOLUME, controls, value_of
+from eclsim.app.knobs import VOLUME, controls, turned_value, value_of
 from eclsim.app.state import key_of
 from eclsim.app.texts import ENGLISH, text
 from eclsim.cases.events import KEYS
@@ -23,10 +24,14 @@ if TYPE_CHECKING:
     from eclsim.app.beat import Beat
     from eclsim.app.state import PageState
     from eclsim.cases.case import Case
+    from eclsim.course.beats import Marched
     from eclsim.course.course import Followed
 
-LENGTHS = (60, 360, 1440, 4320)
-"""How long a course may be [min]."""
+BEATS = (2, 10, 30)
+"""How long a course may be that is followed beat by beat [min]."""
+HOURS = (60, 360, 1440, 4320)
+"""How long one of steady beats may be [min]."""
+LENGTHS = (*BEATS, *HOURS)
 MOST_EVENTS = 60
 MOST_ALARMS = 40
 
@@ -36,47 +41,46 @@ class PageCourse:
     """A computed course of a state."""
 
     state: PageState
-    followed: Followed
+    followed: Followed | Marched
 
     def beat(self, minute: float) -> Beat:
-        """The steady beat at a minute."""
-        from eclsim.app.beat import beat_of
+        """The beat at a minute: the steady one, or beat by beat the one that passes."""
+        from eclsim.app.beat import beat_of, passing_beat
+        from eclsim.course.beats import PassingBeat
 
-        circuit, values = self.followed.at(minute)
-        return beat_of(self.state, circuit, values)
+        found = self.followed.at(minute)
+        if isinstance(found, PassingBeat):
+            return passing_beat(self.state, found)
+        return beat_of(self.state, *found)
 
 
 def usual_length(case: Case) -> int:
     """Minutes of a course that holds all events of a case; six hours at the least."""
     last = max((event.at_min for event in case.events), default=0.0)
-    return next((m for m in LENGTHS[1:] if m > last), LENGTHS[-1])
+    return next((m for m in HOURS[1:] if m > last), HOURS[-1])
 
 
 def compute_course(state: PageState, minutes: float) -> PageCourse:
-    """The course of a state.
+    """The course of a state, beat by beat where it is as short as one of `BEATS`.
 
     Raises:
-        CaseError: an event lies after its end.
+        CaseError: an event lies after its end, or connects the circuit in another way beat by beat.
     """
+    from eclsim.course.beats import marched
     from eclsim.course.course import followed
 
-    return PageCourse(state, followed(state.computed, minutes, state.policy))
+    follow = marched if minutes in BEATS else followed
+    return PageCourse(state, follow(state.computed, minutes, state.policy))
 
 
 def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
     """A course for the browser: key figures over time, alarms, balance; null for what is not finite."""
-    from eclsim.app.display import figures_of
+    from eclsim.app.lanes import lanes_of
 
     result = course.followed.result
     alarms = json.loads(result.attrs["alarms"])
-    rows = [
-        {
-            "name": figure.output, "label": figure.label, "unit": figure.unit, "digits": figure.digits,
-            "values": finite(result[figure.output].values, digits=5),
-        }
-        for figure in figures_of(course.state.case)
-        if figure.output in result and not figure.only_with
-    ]  # fmt: skip
+    lanes = lanes_of(course.state.case, result)
+    rows = [lane._asdict() | {"values": finite(lane.values, digits=5)} for lane in lanes]
     return {
         "of": key_of(course.state), "minutes": minutes, "time": finite(result["time_min"].values, digits=7),
         "rows": rows, "message": str(result.attrs["message"]),
@@ -88,11 +92,20 @@ def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
 
 
 def plain_events(case: Case) -> list[dict[str, Any]]:
-    """Events of a case in words."""
+    """Events of a case in the words of the page."""
+    known = {one["key"]: one for one in possible_events(case)} if case.events else {}
+
+    def words(key: str, value: Any) -> str:
+        one = known.get(key, {"label": key, "unit": ""})
+        return f"{one['label']} {f'{value:g}' if isinstance(value, float) else value} {one['unit']}".strip()
+
     return [
-        {"at": event.at_min, "words": event.words, "lasts": event.over_min if event.give else event.ramp_min}
+        {
+            "at": event.at_min, "lasts": event.over_min if event.give else event.ramp_min,
+            "words": ", ".join(words(*each) for each in (*event.set.items(), *event.give.items())),
+        }
         for event in case.events
-    ]
+    ]  # fmt: skip
 
 
 def possible_events(case: Case) -> list[dict[str, Any]]:
@@ -139,6 +152,34 @@ def with_event(case: Case, event: object) -> Case:
     minute = float(at) if isinstance(at, (int, float)) and not isinstance(at, bool) else 0.0
     raw["events"] = sorted([*events, added], key=lambda one: minute if one is added else one["at_min"])
     return read_mapping(raw).case
+
+
+def with_turn(case: Case, key: str, value: Any, minute: float) -> Case:
+    """The case in which a knob is turned at a minute: an event that sets it, or sets it to something else.
+
+    Raises:
+        CaseError: with what is wrong with the value.
+    """
+    if key == VOLUME:
+        raise CaseError([Mistake(key, text("timeline_volume"))])
+    key, value = key.removeprefix("parameters."), turned_value(case, key, value)
+    at = math.floor(1000.0 * minute) / 1000.0  # not behind the minute that is shown
+    same = [
+        k for k, e in enumerate(case.events) if list(e.set) == [key] and e.at_min == at and not e.ramp_min
+    ]
+    bare = without_event(case, same[0]) if same else case
+    return with_event(bare, {"at_min": at, "set": {key: value}})
+
+
+def case_at(case: Case, minute: float) -> Case:
+    """The case as events have left it at a minute; without them."""
+    from eclsim.course.timeline import changed
+
+    start = now = case.model_copy(update={"events": ()})
+    for event in case.events:
+        if event.set and event.at_min <= minute + 1e-6:
+            now = changed(now, event.set, start)
+    return now
 
 
 def without_event(case: Case, number: int) -> Case:

@@ -232,12 +232,13 @@ def _plain(kind: str, name: str, content: bytes) -> Mapping[str, Any]:
 # --- to take away --------------------------------------------------------------------------------
 
 
-def export(state: PageState, kind: str) -> tuple[str, bytes]:
+def export(state: PageState, kind: str, minutes: int = 0) -> tuple[str, bytes]:
     """Name and content of a file.
 
     Args:
         state: what is shown.
         kind: one of `KINDS`.
+        minutes: of the course; 0: as long as its events need, six hours at the least.
 
     Raises:
         ExportError: If there is nothing of this kind for the state.
@@ -255,7 +256,7 @@ def export(state: PageState, kind: str) -> tuple[str, bytes]:
     if kind == "study":
         return _study(state, stem)
     if kind == "course":
-        return _course(state, stem)
+        return _course(state, stem, minutes)
     raise ExportError(f"no such file: {kind[:20]}")
 
 
@@ -316,13 +317,15 @@ def _study(state: PageState, stem: str) -> tuple[str, bytes]:
     return f"{stem}_{PAGE}", study_page(study, drawings(study)).encode()
 
 
-def _course(state: PageState, stem: str) -> tuple[str, bytes]:
-    from eclsim.app.course import usual_length
+def _course(state: PageState, stem: str, minutes: int) -> tuple[str, bytes]:
+    from eclsim.app.course import compute_course, usual_length
     from eclsim.cases.writing import case_text
-    from eclsim.course.course import followed
     from eclsim.course.files import course_object, write_figure, write_tables
 
-    result = followed(state.case, usual_length(state.case), state.policy).result
+    try:
+        result = compute_course(state, minutes or usual_length(state.case)).followed.result
+    except CaseError as error:
+        raise ExportError(str(error)) from None
     with tempfile.TemporaryDirectory(prefix="eclsim-") as place:
         folder = Path(place)
         (folder / f"{stem}.toml").write_text(case_text(state.case), encoding="utf-8")

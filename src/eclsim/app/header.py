@@ -232,10 +232,10 @@ class Header:
                 area.props(f'readonly outlined aria-label="{text("link")}"').classes("ecl-link")
 
     async def _export(self, kind: str) -> None:
-        state = self.session.state
+        state, minutes = self.session.state, self.session.minutes
         notify(text("exporting"), "info")
         try:
-            name, content = await self.session.engine.study(lambda: export(state, kind))
+            name, content = await self.session.engine.study(lambda: export(state, kind, minutes))
         except ExportError as error:
             notify(text("export_failed", reason=error), "negative")
         except Exception:  # the page goes on; what failed is in the log

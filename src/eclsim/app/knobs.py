@@ -132,20 +132,15 @@ def turn(case: Case, key: str, value: Any) -> Case:
     Raises:
         CaseError: With what is wrong with the value, as for a case file.
     """
-    if key not in {control.key for control in controls(case)}:
-        raise CaseError([Mistake(str(key)[:64], "cannot be turned here")])
+    value = turned_value(case, key, value)
     raw = case.as_mapping()
     raw["parameters"] = dict(raw.get("parameters", {}))
-    if meant := ambiguous_comma(value):
-        raise CaseError([Mistake(key, meant)])
-    value = as_written(value)
     section, _, name = key.rpartition(".")
     one = case.instance(section)
     if key == VOLUME:
         raw["parameters"] |= _start_pressures(case, _volume(value))
     elif one is None:
-        was = raw[section].get(name)
-        raw[section][name] = _SWITCH.get(value, value) if isinstance(was, bool) else value
+        raw[section][name] = value
     else:
         inner = within(raw, section)
         assert inner is not None  # the section of a connected device
@@ -155,6 +150,22 @@ def turn(case: Case, key: str, value: Any) -> Case:
         if name in one.device.set_by_products:
             raw["parameters"].pop(one.parameter(one.device.set_by_products[name]), None)
     return read_mapping(raw).case
+
+
+def turned_value(case: Case, key: str, value: Any) -> Any:
+    """What a case holds where somebody typed or chose this.
+
+    Raises:
+        CaseError: there is no such knob, or it could mean two numbers.
+    """
+    if key not in {control.key for control in controls(case)}:
+        raise CaseError([Mistake(str(key)[:64], "cannot be turned here")])
+    if meant := ambiguous_comma(value):
+        raise CaseError([Mistake(key, meant)])
+    section, _, name = key.rpartition(".")
+    switch = isinstance(getattr(getattr(case, section, None), name, None), bool)
+    value = as_written(value)
+    return _SWITCH.get(value, value) if switch else value
 
 
 def connectable() -> list[str]:

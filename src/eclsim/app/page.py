@@ -161,6 +161,7 @@ class BedsidePage:
         self.course = CourseStudy(self.engine, self.session)
         timeline = ELEMENTS["timeline"](lengths=LENGTHS)
         timeline.on("open", lambda e: self.course.open(_number(e.args)))
+        timeline.on("record", lambda e: self.session.record(e.args.get("on") is True))
         timeline.on("show", lambda e: self.course.show(_minute(e.args)))
         timeline.on("add", lambda e: self.session.add_event(e.args))
         timeline.on("remove", lambda e: self.session.remove_event(_number(e.args)))

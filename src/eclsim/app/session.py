@@ -9,7 +9,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from eclsim.app.course import plain_events, possible_events, with_event, without_event
+from eclsim.app.course import (
+    case_at,
+    plain_events,
+    possible_events,
+    with_event,
+    with_turn,
+    without_event,
+)
 from eclsim.app.display import described, display, shape_of, waves_of
 from eclsim.app.knobs import connect, connected, controls, switchable, turn, value_of
 from eclsim.app.provenance import provenance, title_of
@@ -29,6 +36,7 @@ from eclsim.inputs.mistakes import CaseError, Mistake
 if TYPE_CHECKING:
     from eclsim.app.beat import Beat
     from eclsim.app.engine import Engine
+    from eclsim.cases.case import Case
 
 log = logging.getLogger("eclsim.app")
 KEEP_AFTER_S = 0.5
@@ -56,6 +64,9 @@ class Session:
         self.base: tuple[PageState, Beat] | None = None
         self.listeners: list[Listener] = []
         self.view = "monitor"
+        self.minutes = 0
+        self.minute = 0.0
+        self.recording = False
         self.closed = False
         self._requested: tuple[PageState, int] = (state, 0)
         self._running = False
@@ -92,7 +103,24 @@ class Session:
 
     def turn(self, key: str, value: Any, seq: int = 0) -> bool:
         """Turn a knob or set a picker; a value that is not allowed is refused beside the knob."""
-        return self._try(key, lambda: self.state.with_case(turn(self.state.case, key, value)), seq)
+
+        def turned() -> Case:
+            case = self.state.case
+            later = self.recording and self.minute > 0.0
+            return with_turn(case, key, value, self.minute) if later else turn(case, key, value)
+
+        return self._try(key, lambda: self.state.with_case(turned()), seq)
+
+    def record(self, on: bool) -> None:
+        """Whether knobs that are turned are events of the minute that is shown, or change the start."""
+        self.recording = on
+        self.show_state()
+
+    def at_minute(self, minute: float) -> None:
+        """The minute that is shown; with it go the knobs while they are recorded."""
+        before, self.minute = self._values() if self.recording else None, minute
+        if self.recording and self._values() != before:
+            self.show_state()
 
     def connect(self, device: str) -> bool:
         """Connect or disconnect a device."""
@@ -122,7 +150,7 @@ class Session:
     def show_moment(self, state: PageState, beat: Beat, minute: float) -> None:
         """Show the beat of a later minute of the course; knobs stay those of its start."""
         if state == self.state and not self.closed:
-            self._send_beat(state, beat, 0, minute)
+            self._send_beat(state, beat, self._requested[1], minute)
 
     def show_start(self) -> None:
         """Show the beat of the state again, after one of a later minute."""
@@ -278,7 +306,7 @@ class Session:
     def _send_beat(self, state: PageState, beat: Beat, seq: int, minute: float = 0.0) -> None:
         from eclsim.app.beat import plain
 
-        about = {"seq": seq, "of": key_of(state), "values": _values(state), "minute": minute}
+        about = {"seq": seq, "of": key_of(state), "values": self._values(), "minute": minute}
         self.send("beat", {**plain(beat, waves_of(state.case)), **about})
 
     def _show(self, state: PageState, beat: Beat, seq: int) -> None:
@@ -288,7 +316,8 @@ class Session:
             self._anchor = self._anchor if known else (beat.circuit, beat.values)
         if not state.changed and (self.base is None or self.base[0] != state):
             self._set_base(state, beat)
-        self._send_beat(state, beat, seq)
+        if not self.minute:  # else the course follows, and with it the beat of the minute that is shown
+            self._send_beat(state, beat, seq)
         self._complete_soon()
         self._notify()
 
@@ -361,7 +390,7 @@ class Session:
             self._drawn = shape
             self.send("drawing", drawing_of(case))
         self.send("state", {
-            "values": _values(state), "of": key_of(state), "subject": subject_of(state),
+            "values": self._values(), "of": key_of(state), "subject": subject_of(state),
             "provenance": provenance(state),
             "devices": {key: key in connected(case) for key in switchable()},
             "events": plain_events(case),
@@ -371,6 +400,11 @@ class Session:
             "changed": state.changed, "pinned": self.pinned is not None,
         })  # fmt: skip
         self._keep_soon()
+
+    def _values(self) -> dict[str, Any]:
+        """Where the knobs stand."""
+        case = self.state.case
+        return _values(case_at(case, self.minute) if self.recording and self.minute else case)
 
     def _keep_soon(self) -> None:
         """Have the browser keep this tab, when nothing is changed for a while."""
@@ -385,9 +419,9 @@ class Session:
         self.send("keep", {"tab": snapshot.packed(), "of": key_of(self.state)})
 
 
-def _values(state: PageState) -> dict[str, Any]:
-    """Where the knobs of a state stand."""
-    return {control.key: value_of(state.case, control.key) for control in controls(state.case)}
+def _values(case: Case) -> dict[str, Any]:
+    """Where the knobs of a case stand."""
+    return {control.key: value_of(case, control.key) for control in controls(case)}
 
 
 def _named_beat(state: PageState, beat: Beat) -> dict[str, Any]:
@@ -395,7 +429,7 @@ def _named_beat(state: PageState, beat: Beat) -> dict[str, Any]:
     from eclsim.app.beat import plain
 
     labels = {control.key: control.label for control in controls(state.case)}
-    named = {"of": key_of(state), "name": title_of(state), "values": _values(state), "labels": labels}
+    named = {"of": key_of(state), "name": title_of(state), "values": _values(state.case), "labels": labels}
     return {**plain(beat, waves_of(state.case)), **named}
 
 

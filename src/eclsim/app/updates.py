@@ -105,9 +105,11 @@ class CourseStudy(_OneAtATime):
     def open(self, minutes: int) -> None:
         """The timeline is open for so long [min]; 0: it is closed."""
         self.minutes = minutes if minutes in LENGTHS else 0
+        self.session.minutes = self.minutes
         if not self.minutes:
             self.course = self._done = None
-            self.session.show_start()
+            self.session.record(False)
+            self.show(0.0)
         self()
 
     def __call__(self, _: Session | None = None) -> None:
@@ -116,6 +118,7 @@ class CourseStudy(_OneAtATime):
 
     def show(self, minute: float) -> None:
         """Show the beat of a minute, 0: that of the state; of several that wait only the last."""
+        self.session.at_minute(max(minute, 0.0))
         self._minute = minute
         if minute <= 0.0:
             self._minute = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -10,7 +11,6 @@ from eclsim.devices.description import CAUTION, GRAVEST_FIRST
 from eclsim.outputs.registry import UnknownOutputError, output
 
 if TYPE_CHECKING:
-    from eclsim.course.moments import Moments
     from eclsim.devices.description import Finding
 
 
@@ -36,30 +36,36 @@ class Alarm(NamedTuple):
     sentence: str
 
 
-def clock_time(minute: float) -> str:
-    """Hours and minutes from the start, such as 03:12."""
+def clock_time(minute: float, seconds: bool = False) -> str:
+    """Hours and minutes from the start, such as 03:12, or 03:12:45 with seconds."""
     whole = int(np.floor(minute + 1e-6))
-    return f"{whole // 60:02d}:{whole % 60:02d}"
+    end = f":{int(60.0 * (minute - whole) + 1e-4):02d}" if seconds else ""
+    return f"{whole // 60:02d}:{whole % 60:02d}{end}"
 
 
-def alarms(moments: Moments, own: np.ndarray, minute: np.ndarray) -> list[Alarm]:
-    """Alarms of one member, the gravest first and then by time.
+def alarms(
+    findings: Sequence[Sequence[Finding]],
+    outputs: Mapping[str, np.ndarray],
+    minute: np.ndarray,
+    seconds: bool = False,
+) -> list[Alarm]:
+    """Alarms of one patient, the gravest first and then by time.
 
     Args:
-        moments: with findings.
-        own: positions of the member's moments.
-        minute: times of these [min].
+        findings: of each moment.
+        outputs: by name, of each moment.
+        minute: time of each [min].
+        seconds: whether the words say the second too.
     """
     by_limit: dict[tuple[str, str, float], dict[int, Finding]] = {}
-    for k, place in enumerate(own):
-        for finding in moments.findings[place]:
+    for k, said in enumerate(findings):
+        for finding in said:
             limit = finding.limit if finding.kind in GRAVEST_FIRST else 0.0
             by_limit.setdefault((finding.kind, finding.quantity, limit), {})[k] = finding
     found = []
     for broken in by_limit.values():
-        series = moments.values.get(next(iter(broken.values())).quantity)
-        values = None if series is None else series[own]
-        found += [_alarm(run, broken, minute, values) for run in _runs(sorted(broken))]
+        values = outputs.get(next(iter(broken.values())).quantity)
+        found += [_alarm(run, broken, minute, values, seconds) for run in _runs(sorted(broken))]
     order = [*GRAVEST_FIRST, CAUTION]
     return sorted(found, key=lambda alarm: (order.index(alarm.kind), alarm.at_min))
 
@@ -76,15 +82,15 @@ def _runs(places: list[int]) -> list[list[int]]:
 
 
 def _alarm(
-    run: list[int], broken: dict[int, Finding], minute: np.ndarray, values: np.ndarray | None
+    run: list[int], broken: dict[int, Finding], minute: np.ndarray, values: np.ndarray | None, seconds: bool
 ) -> Alarm:
     first, last = broken[run[0]], run[-1]
     at = _crossing(run[0] - 1, run[0], first.limit, minute, values)
     until = None if last + 1 >= len(minute) else _crossing(last, last + 1, first.limit, minute, values)
     worst = max((broken[k].value for k in run), key=lambda value: abs(value - first.limit))
-    return Alarm(
-        at, until, first.kind, first.quantity, first.limit, worst, _sentence(first, at, until, worst)
-    )
+    begin, end = clock_time(at, seconds), "" if until is None else clock_time(until, seconds)
+    sentence = _sentence(first, begin, end, worst)
+    return Alarm(at, until, first.kind, first.quantity, first.limit, worst, sentence)
 
 
 def _crossing(left: int, right: int, limit: float, minute: np.ndarray, values: np.ndarray | None) -> float:
@@ -97,9 +103,9 @@ def _crossing(left: int, right: int, limit: float, minute: np.ndarray, values: n
     return float(minute[left] + share * (minute[right] - minute[left]))
 
 
-def _sentence(finding: Finding, at: float, until: float | None, worst: float) -> str:
+def _sentence(finding: Finding, begin: str, end: str, worst: float) -> str:
     """Such as "drainage pressure below -100 mmHg at 03:12, until 05:00 (-112 mmHg at worst): ..."."""
-    when = f"at {clock_time(at)}" + ("" if until is None else f", until {clock_time(until)}")
+    when = f"at {begin}" + (f", until {end}" if end else "")
     try:
         entry = output(finding.quantity)
     except UnknownOutputError:

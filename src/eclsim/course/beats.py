@@ -7,6 +7,7 @@ beat (an explicit step of one beat's length).
 
 from __future__ import annotations
 
+import json
 import time as clock
 from collections.abc import Mapping, Sequence
 from itertools import groupby
@@ -17,8 +18,10 @@ import xarray as xr
 
 from eclsim.beat.grid import needed_resolution
 from eclsim.beat.heartbeat import HEART_RATE, BeatProgram, beat_program
+from eclsim.beat.recording import all_signals
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
+from eclsim.course.alarms import alarms
 from eclsim.course.laws import Laws, laws_of
 from eclsim.course.result import attributes_of, balance_of, labelled_course
 from eclsim.course.timeline import MINUTE, Timeline
@@ -27,11 +30,12 @@ from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.orbit.model import CaseSource, as_case
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
+from eclsim.outputs.alarms import THIN_WALLED, Finding, findings
 from eclsim.outputs.measures import Measures
-from eclsim.outputs.registry import output
+from eclsim.outputs.registry import CHAMBERS, output
 from eclsim.outputs.regulation import FACTORS
 from eclsim.outputs.signals import needed_parameters, needed_signals, output_names
-from eclsim.outputs.steady_beat import steady_beat
+from eclsim.outputs.steady_beat import judging_outputs, statistics_of, steady_beat
 from eclsim.parameters.regulation import EXTRA_VOLUME, UNSTRESSED
 from eclsim.simulation.target_flow import with_speed
 from eclsim.slow.law import INFLOWS
@@ -65,21 +69,91 @@ def course_beats(
     Raises:
         CaseError: the file is no case, an event lies after the end or connects the circuit in another way.
     """
+    return marched(case, minutes, volume_policy, every_min=every_min, outputs=outputs).result
+
+
+def marched(
+    case: CaseSource,
+    minutes: float,
+    policy: str | None = None,
+    *,
+    every_min: float | None = None,
+    outputs: Sequence[str] | None = None,
+) -> Marched:
+    """A course beat by beat, kept for more questions; see `course_beats`."""
     began = clock.perf_counter()
-    timeline = Timeline(with_speed(as_case(case), volume_policy)[0], minutes * MINUTE)
-    policy = volume_policy or timeline.case.volume_policy
-    marching = _Marching(timeline, policy, outputs)
-    every = None if every_min is None else every_min * MINUTE
-    result = marching.dataset(marching.march(every))
+    timeline = Timeline(with_speed(as_case(case), policy)[0], minutes * MINUTE)
+    marching = _Marching(timeline, policy or timeline.case.volume_policy, outputs)
+    beats = marching.march(None if every_min is None else every_min * MINUTE).beats
+    measured, said = marching.measured(beats)
+    result = marching.dataset(beats, measured, said)
     result.attrs["seconds"] = clock.perf_counter() - began
-    return result
+    return Marched(
+        result, marching, [beat._replace(series=beat.series[:0]) for beat in beats], measured, said
+    )
+
+
+class PassingBeat(NamedTuple):
+    """One beat of a course, settled or not.
+
+    Attributes:
+        circuit: that beats.
+        values: its parameters.
+        period: length [s].
+        signals: names of the waveforms.
+        waves: shape (points, signals), at `phases`.
+        phases: from the first to the last recorded point.
+        means: of the waveforms, shape (signals,).
+        outputs: by name.
+        findings: limits that it breaks and how its numbers are to be read.
+    """
+
+    circuit: Circuit
+    values: Mapping[str, float]
+    period: float
+    signals: tuple[str, ...]
+    waves: np.ndarray
+    phases: np.ndarray
+    means: np.ndarray
+    outputs: Mapping[str, float]
+    findings: Sequence[Finding]
+
+
+class Marched(NamedTuple):
+    """A course beat by beat with what its beats can be recorded from again.
+
+    Attributes:
+        result: as `course_beats` gives it.
+        marching: that marched it.
+        beats: that are shown, without their signals.
+        measured: outputs of these by name.
+        findings: of each of these.
+    """
+
+    result: xr.Dataset
+    marching: _Marching
+    beats: Sequence[_Kept]
+    measured: Mapping[str, np.ndarray]
+    findings: Sequence[Sequence[Finding]]
+
+    def at(self, minute: float) -> PassingBeat:
+        """The last beat that is shown and begins at or before a minute, recorded once more."""
+        times = [beat.time for beat in self.beats]
+        k = max(int(np.searchsorted(times, minute * MINUTE + 1e-6, side="right")) - 1, 0)
+        outputs = {name: float(column[k]) for name, column in self.measured.items()}
+        return self.marching.again(self.beats[k], outputs, self.findings[k])
 
 
 class _Kept(NamedTuple):
-    """A beat: signals with the point before, parameters, what acts on them, slow states."""
+    """A beat: its state before, signals with the point before, parameters, what acts on them, slow states.
+
+    `lowest` holds the smallest value of each signal that is looked at only for what collapses.
+    """
 
     time: float
+    state: np.ndarray
     series: np.ndarray
+    lowest: np.ndarray
     values: Mapping[str, float]
     acted: Mapping[str, float]
     slow: np.ndarray
@@ -117,7 +191,10 @@ class _Marching:
         slow = [name for name in all_names if GASES in output(name).parameters]
         self.names = tuple(n for n in (all_names if outputs is None else outputs) if n not in slow)
         self.reads = tuple(name for name in self.laws.reads if name not in slow)
-        self.signals = needed_signals(self.circuit, tuple(dict.fromkeys((*self.names, *self.reads))), ())
+        self.judged = tuple(dict.fromkeys((*self.names, *judging_outputs(self.circuit))))
+        self.signals = needed_signals(self.circuit, tuple(dict.fromkeys((*self.judged, *self.reads))), ())
+        places = {*THIN_WALLED, *CHAMBERS}
+        self.watched = tuple(n for n in all_signals(self.assembly) if n[0] in "PV" and n[1:] in places)
         self.stopped = ""
 
     def march(self, every: float | None) -> _Shown:
@@ -139,15 +216,15 @@ class _Marching:
             before, plain = values, {key: float(column[0]) for key, column in values.items()}
             effective = self.assembly.in_effect(plain, state)
             period = 60.0 / float(effective[HEART_RATE])
-            trace = program.trace(self.signals)
-            packed = np.array([plain[name] for name in program.names])
-            after, recorded = (np.asarray(x) for x in trace(state, packed))
+            after, everything = _traced(program, (*self.signals, *self.watched), state, plain)
+            recorded, watched = np.split(everything, [len(self.signals)], axis=1)
             if not np.isfinite(after).all():
                 self.stopped = Status.NOT_FINITE.message
                 break
             series = np.concatenate([recorded[-1:] if last is None else last[None], recorded])
             acted = {key: float(np.asarray(effective[key])) for key in ACTED if key in effective}
-            shown.offer(time, _Kept(time, series, plain, acted, slow[:, 0].copy()))
+            now = _Kept(time, state, series, watched.min(axis=0), plain, acted, slow[:, 0].copy())
+            shown.offer(time, now)
             slow = self._moved(slow, settings, series, program, plain, acted, time, period)
             state, last, time = after, recorded[-1], time + period
         return shown
@@ -232,28 +309,62 @@ class _Marching:
             return None
         return np.array([a.get(key, v[key]) / v[key] for v, a in zip(values, acted, strict=True)])
 
-    def dataset(self, shown: _Shown) -> xr.Dataset:
-        """Labelled beats."""
-        beats = shown.beats
-        found: dict[str, list[np.ndarray]] = {name: [] for name in self.names}
+    def again(self, kept: _Kept, outputs: Mapping[str, float], said: Sequence[Finding]) -> PassingBeat:
+        """A beat of the march with all its waveforms."""
+        program, wanted = self._program(_columns(kept.values)), all_signals(self.assembly)
+        names, phases = needed_signals(self.circuit, (), wanted), program.grid.phases
+        _, series = _traced(program, names, kept.state, kept.values)
+        whole = np.concatenate([series[:1], series])[..., None]
+        waves = {name: whole[:, k] for k, name in enumerate(names)}
+        means = statistics_of(Measures(waves, phases, self.circuit, {}), wanted)[0, :, 0]
+        own, period = [names.index(name) for name in wanted], 60.0 / kept.acted[HEART_RATE]
+        shown = series[:, own], phases[1:], means
+        return PassingBeat(self.circuit, kept.values, period, wanted, *shown, outputs, said)
+
+    def measured(self, beats: Sequence[_Kept]) -> tuple[dict[str, np.ndarray], list[list[Finding]]]:
+        """Outputs of beats by name, shape (beats,), and the findings of each."""
+        found: dict[str, list[np.ndarray]] = {name: [] for name in self.judged}
         for points, group in groupby(beats, key=lambda beat: len(beat.series)):
             own = list(group)
             program = self._program(_columns(own[0].values))
             assert points == program.grid.n_steps + 1
             series = np.stack([beat.series for beat in own], axis=-1)
             values = [beat.values for beat in own], [beat.acted for beat in own]
-            for name, column in self._measured(self.names, series, program, *values).items():
+            for name, column in self._measured(self.judged, series, program, *values).items():
                 found[name].append(column)
         outputs = {name: np.concatenate(parts) for name, parts in found.items()}
+        said = []
+        for k, beat in enumerate(beats):
+            now = {name: float(column[k]) for name, column in outputs.items()}
+            ranges = {n: (low, np.nan) for n, low in zip(self.watched, beat.lowest.tolist(), strict=True)}
+            said.append(findings(now, ranges, self.circuit.with_chosen_sites(beat.values)))
+        return {name: outputs[name] for name in self.names}, said
+
+    def dataset(
+        self, beats: Sequence[_Kept], outputs: Mapping[str, np.ndarray], said: Sequence[Sequence[Finding]]
+    ) -> xr.Dataset:
+        """Labelled beats."""
         time, states = (
             np.array([beat.time for beat in beats]),
             np.stack([beat.slow for beat in beats], axis=-1),
         )
         in_effect = {key: np.array([beat.values[key] for beat in beats]) for key in beats[0].values}
         result = labelled_course(time, outputs, self.laws, states, in_effect)
-        balance, warnings = balance_of(self.laws, states, in_effect), [self.stopped] * bool(self.stopped)
+        broken = alarms(said, outputs, time / MINUTE, seconds=True)
+        warnings = [self.stopped] * bool(self.stopped) + [alarm.sentence for alarm in broken]
+        balance = balance_of(self.laws, states, in_effect)
         about = attributes_of(self.timeline, self.policy, self.stopped, balance, warnings)
-        return result.assign_attrs(about, alarms="[]", settling_s=0.0, beat_by_beat=1, steps=len(beats))
+        told = json.dumps([alarm._asdict() for alarm in broken])
+        return result.assign_attrs(about, alarms=told, settling_s=0.0, beat_by_beat=1, steps=len(beats))
+
+
+def _traced(
+    program: BeatProgram, signals: tuple[str, ...], state: np.ndarray, values: Mapping[str, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """State after a beat, and its signals (points, signals)."""
+    packed = np.array([values[name] for name in program.names])
+    after, recorded = program.trace(signals)(state, packed)
+    return np.asarray(after), np.asarray(recorded)
 
 
 def _columns(values: Mapping[str, float]) -> dict[str, np.ndarray]:

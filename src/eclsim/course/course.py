@@ -215,12 +215,13 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
     in_effect = {key: column[own] for key, column in moments.in_effect.items()}
     outputs = {name: moments.values[name][own] for name in moments.names}
     result = labelled_course(time, outputs, laws, states, in_effect)
+    said = [moments.findings[k] for k in own] if with_alarms else []
     if with_alarms:
-        impossible = [any(one.kind == "collapse" for one in moments.findings[k]) for k in own]
+        impossible = [any(one.kind == "collapse" for one in findings) for findings in said]
         result["impossible"] = (TIME, np.array(impossible, dtype=int))
     result["status"] = (TIME, [Status(int(s)).word for s in moments.status[own]])
     minute, settling = time / MINUTE, moments.settling_s[member]
-    found = alarms(moments, own, minute) if with_alarms else []
+    found = alarms(said, outputs, minute)
     message = _ended(moments.stopped[member], minute)
     sentences = [message] * bool(message) + [alarm.sentence for alarm in found]
     sentences += _too_fast(history, laws, settling)

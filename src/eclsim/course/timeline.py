@@ -45,7 +45,7 @@ class Change:
 
     def share(self, time: float) -> float:
         """How much of the change is done at a time within a segment."""
-        return 1.0 if time >= self.end else (time - self.begin) / (self.end - self.begin)
+        return 1.0 if time >= self.end - 1e-9 else (time - self.begin) / (self.end - self.begin)
 
 
 @dataclass(frozen=True)

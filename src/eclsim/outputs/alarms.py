@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["CAUTION", "Finding", "findings", "impossible"]
 
 KINDS = (*GRAVEST_FIRST, CAUTION)
-_THIN_WALLED = {
+THIN_WALLED = {
     "ra": "right atrium", "svn": "systemic veins", "rv": "right ventricle", "pvn": "pulmonary veins",
     "la": "left atrium", "svc": "superior vena cava", "ivc": "inferior vena cava",
 }  # fmt: skip
@@ -78,9 +78,9 @@ def _collapsed(extremes: Mapping[str, tuple[float, float]], drained: Mapping[str
             text = f"volume of the {CHAMBERS[place]} falls to {smallest:.1f} mL: the chamber collapses{why}"
             concerns = tuple(f"{what}{place.upper()}" for what in ("EDV", "ESV"))
             result.append(Finding("collapse", name, smallest, 0.0, text, concerns=concerns))
-        if name[0] == "P" and place in _THIN_WALLED and smallest < COLLAPSE_MMHG:
+        if name[0] == "P" and place in THIN_WALLED and smallest < COLLAPSE_MMHG:
             text = (
-                f"pressure in the {_THIN_WALLED[place]} {smallest:.1f} mmHg is below {COLLAPSE_MMHG:g} mmHg: "
+                f"pressure in the {THIN_WALLED[place]} {smallest:.1f} mmHg is below {COLLAPSE_MMHG:g} mmHg: "
             )
             text += f"the vessel collapses{why}"
             result.append(Finding("collapse", name, smallest, COLLAPSE_MMHG, text))

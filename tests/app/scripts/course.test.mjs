@@ -8,6 +8,8 @@ test("minutes are read as on a clock, with days in front", () => {
   assert.equal(clock(192.9), "03:12");
   assert.equal(clock(59.9999999), "01:00");
   assert.equal(clock(1440 + 61), "1 d 01:01");
+  assert.equal(clock(1.75, true), "00:01:45");
+  assert.equal(clock(59 / 60, true), "00:00:59");
 });
 
 test("play goes on at its speed and ends at the end", () => {

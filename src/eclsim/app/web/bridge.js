@@ -111,8 +111,11 @@ export default {
       const alarms = grave.map(([, text]) => text.split(": ")[0]).join("; ");
       if (!beat.converged) this.say("bad", `${this.texts.not_converged}: ${beat.message}`);
       else if (!beat.possible) this.say("bad", `${this.texts.impossible}: ${alarms}`);
-      else if (alarms) this.say("broken", `${this.texts.limit_broken}: ${alarms}`);
-      else this.say("good", beat.minute ? `${this.texts.ready}, ${clock(beat.minute)}` : this.texts.ready);
+      else {
+        const what = beat.passing ? beat.message : this.texts[alarms ? "limit_broken" : "ready"];
+        const words = beat.minute ? `${what}, ${clock(beat.minute, beat.passing)}` : what;
+        this.say(alarms ? "broken" : "good", alarms ? `${words}: ${alarms}` : words);
+      }
       this.markStale();
     },
     say(kind, message) {

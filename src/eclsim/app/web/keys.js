@@ -6,7 +6,7 @@ export default {
   <dl class="ecl-keys">
     <div v-for="k in seen" :key="k.key" :class="k.level" :title="k.hint" :data-key="k.key">
       <dt><span v-if="k.caution" role="img" :aria-label="k.hint">† </span>{{ k.label }}</dt>
-      <dd><b>{{ k.value }}</b></dd>
+      <dd><b :class="{ long: k.value.length > 5 }">{{ k.value }}</b></dd>
       <dd class="more"><em v-if="k.more">{{ k.more }}</em><template v-else>{{ k.unit }}</template></dd>
     </div>
   </dl>`,

@@ -22,6 +22,12 @@ export default {
         <label>{{ texts.timeline_length }} <select :value="length"
           @change="resize(Number($event.target.value))">
           <option v-for="m in lengths" :key="m" :value="m">{{ hours(m) }}</option></select></label>
+        <label :title="texts.timeline_record_hint"><input type="checkbox" v-model="recording"
+          @change="$emit('record', { on: recording })" /> {{ texts.timeline_record }}</label>
+        <details v-if="course" class="lanes"><summary>{{ texts.timeline_lanes }} ▾</summary>
+          <div><label v-for="r in course.rows" :key="r.name"><input type="checkbox" :checked="isSeen(r)"
+            @change="seen = { ...seen, [r.name]: $event.target.checked }" /> {{ r.label }}</label></div>
+        </details>
         <span class="shown" role="status">{{ busy ? texts.timeline_computing : shown }}</span>
       </template>
     </div>
@@ -63,8 +69,8 @@ export default {
           <button type="button" class="link" @click="jump(e.at)">{{ time(e.at) }}</button> {{ e.words
           }}<template v-if="e.lasts">, {{ texts.timeline_over }} {{ e.lasts }} {{
             texts.timeline_minutes }}</template>
-          <button type="button" @click="$emit('remove', { number: k })" :aria-label="texts.timeline_remove"
-            :title="texts.timeline_remove">×</button></li></ol>
+          <button type="button" class="remove" @click="$emit('remove', { number: k })"
+            :aria-label="texts.timeline_remove" :title="texts.timeline_remove">×</button></li></ol>
         <ul v-if="course" :aria-label="texts.timeline_alarms">
           <li v-if="!course.alarms.length">{{ texts.timeline_no_alarms }}</li>
           <li v-for="a in course.alarms" :key="a.sentence" :class="a.kind">
@@ -87,6 +93,9 @@ export default {
         this.possible = possible;
         if (!this.chosen) this.what = possible[0]?.key;
       },
+      turned({ key }) {
+        if (this.recording && this.playing && key !== "events") this.stop();
+      },
       course_busy() {
         this.busy = true;
       },
@@ -95,7 +104,8 @@ export default {
         this.refused = course.refused ?? "";
         this.course = course.refused ? null : course;
         this.asked = undefined;
-        if (this.course && this.minute) this.ask();
+        if (!this.course) this.minute = 0;
+        if (this.isOpen) this.ask();
       },
       error({ key, messages }) {
         if (key === "events") this.refused = messages.join(" ");
@@ -118,6 +128,8 @@ export default {
     length: 360,
     playing: false,
     held: false,
+    recording: false,
+    seen: {},
   }),
   unmounted() {
     this.stop();
@@ -140,18 +152,20 @@ export default {
         { label: this.texts.timeline_set, items: of(false) },
       ];
     },
+    beatByBeat() {
+      return this.length < 60;
+    },
     shown() {
-      return fill(fill(this.texts.timeline_at, { time: clock(this.minute) }), {
-        length: this.hours(this.length),
-      });
+      const words = this.recording && this.minute ? "timeline_at_recorded" : "timeline_at";
+      return fill(this.texts[words], { time: this.time(this.minute) });
     },
     addLabel() {
-      return fill(this.texts.timeline_add, { time: clock(this.minute) });
+      return fill(this.texts.timeline_add, { time: this.time(this.minute) });
     },
     rows() {
       const { time, rows, alarms } = this.course;
-      return rows.map(({ name, label, unit, digits, values }) => {
-        const [low, high] = niceRange(...(extent(values, 10 ** -digits) ?? [0, 1]));
+      return rows.filter(this.isSeen).map(({ name, label, unit, digits, values }) => {
+        const [low, high] = niceRange(...(extent(values, 4 * 10 ** -digits) ?? [0, 1]));
         const path = curvePath(time, values, { end: this.length, width: WIDTH, height: LANE, low, high });
         const own = alarms.filter((a) => a.quantity === name && a.kind !== "caution");
         const broken = own.map(({ at_min: from, until_min: until, kind }) => ({
@@ -160,7 +174,7 @@ export default {
           width: Math.max(this.at(until ?? time.at(-1)) - this.at(from), 2),
         }));
         const now = fixed(valueIn(time, values, this.minute), digits);
-        const written = [low, high].map((v) => fixed(v, high - low < 3 ? 1 : 0));
+        const written = [low, high].map((v) => fixed(v, high - low < 0.3 ? 2 : high - low < 3 ? 1 : 0));
         return { name, label, unit, path, alarms: broken, now, low: written[0], high: written[1] };
       });
     },
@@ -184,16 +198,23 @@ export default {
     },
   },
   methods: {
-    time: clock,
+    time(minute) {
+      return clock(minute, this.beatByBeat);
+    },
+    isSeen({ name, usual }) {
+      return this.seen[name] ?? usual;
+    },
     at(minute) {
       return (minute / this.length) * WIDTH;
     },
     hours(minutes) {
-      return fill(this.texts.timeline_hours, { hours: minutes / 60 });
+      const words = minutes < 60 ? "timeline_beats" : "timeline_hours";
+      return fill(this.texts[words], { minutes, hours: minutes / 60 });
     },
     toggle() {
       this.isOpen = !this.isOpen;
       this.stop();
+      this.recording = false;
       const last = this.events.at(-1)?.at ?? 0;
       this.length = this.lengths.find((m) => m >= this.length && m > last) ?? this.lengths.at(-1);
       this.minute = 0;
@@ -252,7 +273,8 @@ export default {
     drag(event) {
       if (!this.held) return;
       const { left, width } = this.$refs.chart.querySelector("svg").getBoundingClientRect();
-      this.jump(Math.round(((event.clientX - left) / width) * this.length));
+      const finest = this.beatByBeat ? 60 : 1;
+      this.jump(Math.round(((event.clientX - left) / width) * this.length * finest) / finest);
     },
     step(event) {
       const steps = STEPS[event.key] ?? { Home: -Infinity, End: Infinity }[event.key];
@@ -263,7 +285,7 @@ export default {
     add() {
       const number = (typed) => Number(String(typed).trim().replace(",", "."));
       const [amount, over] = [number(this.amount), number(this.over)];
-      const at = { at_min: Number(this.minute.toFixed(2)) };
+      const at = { at_min: Math.floor(1000 * this.minute) / 1000 };
       const change = this.chosen.give
         ? { give: { [this.what]: amount }, ...(over ? { over_min: over } : {}) }
         : { set: { [this.what]: amount }, ...(over ? { ramp_min: over } : {}) };

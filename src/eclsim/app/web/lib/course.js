@@ -1,11 +1,12 @@
 // Time in a course: clock words, where a time stands, and values between moments.
 
-// Hours and minutes, such as 03:12; days in front where there are any.
-export function clock(minute) {
+// Hours and minutes, such as 03:12, or 00:03:12 with seconds; days in front where there are any.
+export function clock(minute, seconds = false) {
   const whole = Math.floor(minute + 1e-6);
   const [day, hour, rest] = [Math.floor(whole / 1440), Math.floor(whole / 60) % 24, whole % 60];
   const pad = (number) => String(number).padStart(2, "0");
-  return `${day ? `${day} d ` : ""}${pad(hour)}:${pad(rest)}`;
+  const end = seconds ? `:${pad(Math.floor(60 * (minute - whole) + 1e-3))}` : "";
+  return `${day ? `${day} d ` : ""}${pad(hour)}:${pad(rest)}${end}`;
 }
 
 // Minute after some milliseconds of play, never beyond the end.
