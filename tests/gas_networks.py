@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from eclsim.components.exchangers import GasExchanger, MembraneLung, NativeLung, Points, Tissue
+from eclsim.devices.ecmo import MEMBRANE
 from eclsim.gas.steady import solve
 from eclsim.gas.transport import Drainage, Flows, balanced, mixtures
 
@@ -50,7 +51,7 @@ VENO_VENOUS = (
     ("ra", "ra", "pa"), ("lung", "pa", "art"), ("tissue", "art", "sv"), ("svn", "sv", "ra"),
     ("drain", "ra", "pre"), ("oxy", "pre", "post"), ("return", "post", "ra"),
 )  # fmt: skip
-EXCHANGERS, PLACES = (Tissue(), NativeLung(), MembraneLung()), ("tissue", "lung", "oxy")
+EXCHANGERS, PLACES = (Tissue(), NativeLung(), MembraneLung(*MEMBRANE)), ("tissue", "lung", "oxy")
 
 
 def veno_venous(output, ecmo, mixing=1.0, exchangers=EXCHANGERS, law="severinghaus1979", **values):

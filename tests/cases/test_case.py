@@ -15,7 +15,6 @@ from eclsim.devices import ecmo, lvad
 from eclsim.devices.ecmo import OXYGENATORS, Ecmo, RollerPump
 from eclsim.devices.lvad import Lvad
 from eclsim.devices.registry import parameters
-from eclsim.parameters import thiel2025
 from eclsim.patient.anthropometry import mean_height_weight, total_blood_volume_ml
 
 PATIENT = Patient(id="P01", sex="female", age_years=70, height_cm=165, weight_kg=60, heart_rate_bpm=120)
@@ -89,7 +88,7 @@ def test_a_written_case_reads_back_the_same(tmp_path_factory, name, age, factors
         "measurements": {"MAP": measured},
         "ecmo": {"pump": {"roller_l_min": 4.0} if roller else "Rotaflow", **USUAL},
         "crrt": {"flow_ml_min": 200, "access_site": "post_oxy", "return_site": "pre_oxy"},
-        "parameters": {key: factor * thiel2025.PARAMETERS[key].value for key, factor in factors.items()},
+        "parameters": {key: factor * parameters()[key].value for key, factor in factors.items()},
     }
     if not roller:
         mapping["ecmo"]["speed_rpm"] = 3425

@@ -9,6 +9,7 @@ import pytest
 
 from eclsim import blood
 from eclsim.components.exchangers import MembraneLung, Tissue
+from eclsim.devices.ecmo import MEMBRANE
 from eclsim.gas.steady import solve
 from eclsim.gas.transport import balanced, mixtures
 from gas_networks import EXCHANGERS, PATIENT, GivenGases, flows_of, veno_venous
@@ -132,7 +133,7 @@ INLET = blood.gases_with_saturation(saturation=0.60, pco2=45.0, haemoglobin=12.0
 
 @partial(jax.jit, static_argnums=2)
 def _passed(flow, sweep, cells):
-    exchangers = (GivenGases(float(INLET.po2), 45.0), MembraneLung(cells=cells))
+    exchangers = (GivenGases(float(INLET.po2), 45.0), MembraneLung(*MEMBRANE, cells=cells))
     flows = balanced(flows_of((("source", "a", "b"), ("oxy", "b", "a")), jnp.stack([flow, flow])))
     values = PATIENT | {"gas.haemoglobin_g_dl": 12.0, "ecmo.sweep_l_min": sweep}
     return solve(exchangers, mixtures(flows, [0, 1]), values)

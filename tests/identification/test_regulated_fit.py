@@ -8,6 +8,7 @@ import pytest
 
 from eclsim.cases import read_case
 from eclsim.cases.reading import read_mapping
+from eclsim.devices.registry import parameters
 from eclsim.identification.density import Prior
 from eclsim.identification.files import write_fitted_case
 from eclsim.identification.fit import fit
@@ -16,7 +17,6 @@ from eclsim.identification.objective import Box
 from eclsim.identification.settings import FitSettings, checked_fit
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
-from eclsim.parameters import usual_bounds
 from eclsim.parameters.regulation import GAIN, NORADRENALINE_SPREAD, sensitivity
 from eclsim.sensitivity.inputs import varied
 
@@ -54,7 +54,7 @@ def test_a_twin_gives_back_gain_and_sensitivity_to_their_sections(twin, tmp_path
 
 
 def test_the_prior_of_a_sensitivity_is_what_was_published():
-    usual = usual_bounds(SENSITIVITY)
+    usual = parameters()[SENSITIVITY].bounds
     prior = Prior.of(Box.of({SENSITIVITY: usual}), "log-normal")
     one = prior.values_of(np.array([[0.0], [1.0]]))[:, 0]
     assert one[0] == pytest.approx(1.0)

@@ -12,9 +12,8 @@ from eclsim.app.texts import ENGLISH, text
 from eclsim.cases.resolve import circuit_of
 from eclsim.cases.sections import PATIENT_SECTIONS
 from eclsim.devices.description import Control, Curve, KeyFigure, Knob, Sample, Sweep, Trace, Views
-from eclsim.devices.registry import device_of, devices, naming_of
+from eclsim.devices.registry import device_of, devices, naming_of, parameters
 from eclsim.gas.network import gas_exchanges
-from eclsim.parameters import default
 from eclsim.reporting.saturation import STOPS, letters_on
 
 if TYPE_CHECKING:
@@ -224,7 +223,7 @@ def shape_of(case: Case) -> Circuit:
 def described(control: Control) -> dict[str, Any]:
     """A knob or picker as plain data."""
     section, _, name = control.key.partition(".")
-    hint = f"{name}: {default(name).description}" if section == "parameters" else ""
+    hint = f"{name}: {parameters()[name].description}" if section == "parameters" else ""
     own = next((one for one in PATIENT_SECTIONS if one.section == section), None)
     hint = own.fields()[name].description if own else hint
     common = {"key": control.key, "group": control.group, "label": control.label, "hint": hint}

@@ -205,14 +205,14 @@ def _done(
 
 def plain_fit(fit: FitResult) -> dict[str, Any]:
     """A fit as plain data: what `eclsim identify` writes, with units, bounds and the fitted case."""
+    from eclsim.devices.registry import parameters
     from eclsim.identification.verdict import headline
-    from eclsim.parameters import default
 
     result = fit.as_object() | {"usable": bool(fit.simulated), "case": fit.case.as_mapping()}
     result["headline"] = headline(result["verdict"])
     result["verdict"]["reasons"] = [on_the_page(reason) for reason in result["verdict"]["reasons"]]
     for name, parameter in result["parameters"].items():
-        known = default(name)
+        known = parameters()[name]
         parameter |= {"unit": known.unit, "text": known.description}
         if name in fit.box.names:
             k = fit.box.names.index(name)

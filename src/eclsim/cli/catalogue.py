@@ -72,8 +72,7 @@ def list_parameters(options: ListOptions) -> None:
 
 def explain(options: ExplainOptions) -> None:
     """Show all that is known of one parameter, and its bounds when it is fitted."""
-    from eclsim.parameters import UnknownParameterError, find
-    from eclsim.parameters.thiel2025 import BOUNDS
+    from eclsim.devices.registry import UnknownParameterError, find
 
     try:
         parameter = find(options.name)
@@ -86,8 +85,7 @@ def explain(options: ExplainOptions) -> None:
         f"  group     {parameter.group}",
         f"  source    {parameter.source}",
     ]
-    if parameter.key in BOUNDS:
-        bounds = BOUNDS[parameter.key]
+    if (bounds := parameter.bounds) is not None:
         lines.append(f"  fitted    from {bounds.start:g}, between {bounds.lower:g} and {bounds.upper:g}")
     typer.echo("\n".join(lines))
 
@@ -113,14 +111,15 @@ def export(options: ExportOptions) -> None:
 
 
 def _set(name: str) -> Mapping[str, Parameter]:
-    from eclsim.parameters import all_parameters, physiology, regulation, shi_hose2009, thiel2025
+    from eclsim.devices.registry import parameters
+    from eclsim.parameters import physiology, regulation, shi_hose2009
 
     if name == "all":
-        return all_parameters()
-    sets = {
-        "thiel2025": thiel2025, "physiology": physiology, "regulation": regulation,
-        "shi_hose2009": shi_hose2009,
-    }  # fmt: skip
+        return parameters()
+    if name == "thiel2025":  # Tables S-1 to S-3, those of devices among them, before the initial state
+        published = (p for p in parameters().values() if "Thiel et al. 2025" in p.source)
+        return {p.key: p for p in sorted(published, key=lambda p: p.group == "initial")}
+    sets = {"physiology": physiology, "regulation": regulation, "shi_hose2009": shi_hose2009}
     return sets[name].PARAMETERS
 
 
@@ -182,4 +181,6 @@ def _section(device: AnyDevice) -> Iterator[str]:
         needed = "" if field.required else " (may be left out)"
         yield f"  {field.name:<18} {field.description}; allowed: {field.allowed}{needed}"
     for parameter in device.parameters:
+        if parameter.key in device.section.parameters:
+            continue
         yield f"  {parameter.key:<18} {parameter.description}: {parameter.value:g} {parameter.unit}"

@@ -188,12 +188,12 @@ class MembraneLung(GasExchanger):
         cells: from inlet to outlet, with two points in each.
     """
 
-    oxygen_transfer: Key = "ecmo.oxygenator.oxygen_transfer"
-    oxygen_exponent: Key = "ecmo.oxygenator.oxygen_exponent"
-    carbon_dioxide_transfer: Key = "ecmo.oxygenator.carbon_dioxide_transfer"
-    clotted_fraction: Key = "ecmo.oxygenator.clotted_fraction"
-    sweep: Key = "ecmo.sweep_l_min"
-    oxygen: Key = "ecmo.fdo2"
+    oxygen_transfer: Key
+    oxygen_exponent: Key
+    carbon_dioxide_transfer: Key
+    clotted_fraction: Key
+    sweep: Key
+    oxygen: Key
     cells: int = 4
 
     @property

@@ -68,12 +68,13 @@ from eclsim.devices.second_cannulae import (
     with_second,
 )
 from eclsim.devices.second_cannulae import OUTPUTS as SECOND_OUTPUTS
-from eclsim.inputs.fields import Field, number, one_of, setting
+from eclsim.inputs.fields import Field, number, one_of
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.numbers import RefusedValueError, read_number
 from eclsim.inputs.sections import Raw, read_name
-from eclsim.parameters import gas, thiel2025
+from eclsim.parameters.parameter import Bounds, Parameter
 from eclsim.parameters.regulation import REGULATION
+from eclsim.parameters.thiel2025 import circuit_parameters
 from eclsim.patient.anthropometry import body_surface
 from eclsim.patient.sites import ARTERIAL_SITES, PATIENT_SITES, VENOUS_SITES
 from eclsim.units import ML_S_PER_L_MIN
@@ -155,6 +156,73 @@ OXYGENATORS = by_key(
     )
 )  # fmt: skip
 """Oxygenators by the name users write."""
+
+_R, _C = "mmHg s/mL", "mL/mmHg"
+TUBING = circuit_parameters(
+    GROUP, "S-2",
+    (
+        ("Decmotudp", 0.9625, "cm", "Diameter of tubing drainage - pump (3/8 inch)", 0.2, 2.5, "installed"),
+        ("Lecmotudp", 200.0, "cm", "Length of tubing drainage - pump", 1.0, 1000.0, "installed"),
+        ("Decmotupo", 0.9625, "cm", "Diameter of tubing pump - oxygenator (3/8 inch)", 0.2, 2.5, "installed"),
+        ("Lecmotupo", 20.0, "cm", "Length of tubing pump - oxygenator", 1.0, 1000.0, "installed"),
+        (
+            "Decmotuor", 0.9625, "cm", "Diameter of tubing oxygenator - return (3/8 inch)", 0.2, 2.5,
+            "installed",
+        ),
+        ("Lecmotuor", 200.0, "cm", "Length of tubing oxygenator - return", 1.0, 1000.0, "installed"),
+        ("Recmooxy", 0.6744, _R, "Resistance of oxygenator", 0.01, 5.0, "data sheet, taken as linear"),
+        ("Cecmodrain", 0.1, _C, "Compliance of drainage cannula", 1e-4, 5.0, "assumed"),
+        ("Cecmotudp", 0.1, _C, "Compliance of tubing drainage - pump", 1e-4, 5.0, "assumed"),
+        ("Cecmotupo", 0.1, _C, "Compliance of tubing pump - oxygenator", 1e-4, 5.0, "assumed"),
+        ("Cecmooxy", 0.008, _C, "Compliance of oxygenator", 1e-4, 5.0, "assumed"),
+        ("Cecmotuor", 0.1, _C, "Compliance of tubing oxygenator - return", 1e-4, 5.0, "assumed"),
+        ("Cecmoreturn", 0.1, _C, "Compliance of return cannula", 1e-4, 5.0, "assumed"),
+    ),
+)  # fmt: skip
+_VASLEF = "form of Vaslef et al. 1994 (ASAIO J 40:990); default for 1.8 m2"
+_FITTED = "fitted to Khadka et al. 2024 (doi 10.5772/intechopen.1006540)"
+GAS_PARAMETERS = (
+    Parameter(
+        "ecmo.sweep_l_min", 4.0, "L/min", "Sweep gas of the oxygenator; 0: it exchanges nothing",
+        "setting", 0.0, 20.0, GROUP, clipped=True,
+    ),
+    Parameter(
+        "ecmo.fdo2", 1.0, "1", "Fraction of oxygen in the sweep gas", "setting", 0.21, 1.0, GROUP,
+        half_width=0.25, clipped=True,
+    ),
+    Parameter(
+        "ecmo.drainage_mixing", 1.0, "1",
+        "Where drainage and return share a compartment: 1, its blood is drained; 0, that of its veins",
+        "assumed; recirculation is m Qe / (CO + m Qe): medians of 9, 18 and 28 % mean 0.14, 0.32, 0.58",
+        0.0, 1.0, GROUP, Bounds(0.5, 0.0, 1.0), 0.25, clipped=True,
+    ),
+    Parameter(
+        "ecmo.oxygenator.oxygen_transfer", 0.0518, "mL/min/mmHg",
+        "Oxygen transfer of the oxygenator's membrane at 1 L/min", f"{_VASLEF}; {_FITTED}",
+        0.001, 1.0, GROUP, Bounds(0.0518, 0.00518, 0.518), clipped=True,
+    ),
+    Parameter(
+        "ecmo.oxygenator.oxygen_exponent", 0.74, "1", "Exponent of blood flow in the oxygen transfer",
+        f"{_VASLEF}; {_FITTED}", 0.3, 1.0, GROUP, half_width=0.1, clipped=True,
+    ),
+    Parameter(
+        "ecmo.oxygenator.carbon_dioxide_transfer", 7.1, "mL/min/mmHg",
+        "Carbon dioxide transfer of the oxygenator's membrane at 1 L/min",
+        "648 mL/min at 7 L/min and 35 L/min of gas (Khadka et al. 2024), by membrane area", 0.1, 50.0,
+        GROUP, clipped=True,
+    ),
+    Parameter(
+        "ecmo.oxygenator.clotted_fraction", 0.0, "1", "Share of the oxygenator's membrane that is clotted",
+        "0 when new", 0.0, 0.99, GROUP, Bounds(0.2, 0.0, 0.99), 0.25, clipped=True,
+    ),
+)  # fmt: skip
+"""Sweep gas, recirculation, membrane; the first three are keys of the section. Bounds are wide on purpose."""
+MEMBRANE = (
+    "ecmo.oxygenator.oxygen_transfer", "ecmo.oxygenator.oxygen_exponent",
+    "ecmo.oxygenator.carbon_dioxide_transfer", "ecmo.oxygenator.clotted_fraction",
+    "ecmo.sweep_l_min", "ecmo.fdo2",
+)  # fmt: skip
+"""Parameters of the membrane, in the order of `eclsim.components.MembraneLung`."""
 
 SUCTION_MMHG = -100.0
 """Drainage pressure below which suction of the vessel wall and haemolysis are feared."""
@@ -257,6 +325,7 @@ class Ecmo(SecondCannulae):
     """
 
     section = GROUP
+    parameters = MappingProxyType({parameter.key: parameter for parameter in GAS_PARAMETERS})
     exclusive = (("speed_rpm", "flow_l_min"),)
     pump: Annotated[str | RollerPump, _PUMP]
     speed_rpm: Annotated[
@@ -272,9 +341,9 @@ class Ecmo(SecondCannulae):
     return_site: Annotated[str, patient_site("Compartment that receives", required=False)]
     return_cannula: Annotated[str, _cannula("Type of return cannula")]
     return_fr: Annotated[float, _size("Size of return cannula")]
-    sweep_l_min: Annotated[float | None, setting(gas.PARAMETERS["ecmo.sweep_l_min"])] = None
-    fdo2: Annotated[float | None, setting(gas.PARAMETERS["ecmo.fdo2"])] = None
-    drainage_mixing: Annotated[float | None, setting(gas.PARAMETERS["ecmo.drainage_mixing"])] = None
+    sweep_l_min: float | None = None
+    fdo2: float | None = None
+    drainage_mixing: float | None = None
     mode: Annotated[
         Literal["VA", "VV"] | None, one_of("Fills in usual sites and cannulae", tuple(USUAL), required=False)
     ] = None
@@ -298,7 +367,7 @@ class Ecmo(SecondCannulae):
 
 def _gas_setting(section: Ecmo, name: str) -> float:
     given = getattr(section, name)
-    return gas.PARAMETERS[f"ecmo.{name}"].value if given is None else given
+    return section.parameters[f"{GROUP}.{name}"].value if given is None else given
 
 
 def _check_speed_or_flow(raw: Raw, values: Raw, key: str, remarks: Remarks) -> None:
@@ -370,7 +439,7 @@ def ecmo(
         *second,
     )
     return Circuit(
-        compartments, connections, exchanges=(Exchange("ecmooxy", MembraneLung(), "ecmooxy", GROUP),)
+        compartments, connections, exchanges=(Exchange("ecmooxy", MembraneLung(*MEMBRANE), "ecmooxy", GROUP),)
     )
 
 
@@ -512,10 +581,7 @@ class EcmoDevice(Device[Ecmo]):
     )  # fmt: skip
     positions, position_words = POSITIONS, POSITION_WORDS
     products = (*PUMPS.values(), *CANNULAE.values(), *OXYGENATORS.values())
-    parameters = (
-        *(p for p in thiel2025.PARAMETERS.values() if p.group == GROUP),
-        *(p for p in gas.PARAMETERS.values() if p.key.startswith("ecmo.oxygenator.")),
-    )
+    parameters = (*TUBING, *GAS_PARAMETERS)
     nominal = MappingProxyType(
         {
             "ecmo.speed_rpm": 3000.0, "ecmo.drainage_fr": 23.0, "ecmo.return_fr": 17.0,
@@ -798,7 +864,7 @@ def _check_sweep(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> N
             message = "without effect: gases are computed where the case has a [gas] section"
             remarks.warning(f"{key}.{name}", message, shown(values[name]))
     if with_gas and "sweep_l_min" not in values:
-        assumed = gas.PARAMETERS["ecmo.sweep_l_min"].value
+        assumed = Ecmo.parameters["ecmo.sweep_l_min"].value
         remarks.note(f"{key}.sweep_l_min", f"left out, so assumed: {assumed:g} L/min")
 
 
@@ -857,7 +923,7 @@ def _expected_flow(values: Raw, measured: Raw) -> float | None:
 
 def _tubing_drop_mmhg(flow_l_min: float) -> float:
     """Laminar pressure drop [mmHg] of the tubing at a flow [L/min], about 4 per 100 cm and L/min."""
-    length_cm = sum(thiel2025.PARAMETERS[f"Lecmo{tube}"].value for tube in ("tudp", "tupo", "tuor"))
+    length_cm = sum(parameter.value for parameter in TUBING if parameter.key.startswith("Lecmotu"))
     return 0.0179 * length_cm * flow_l_min
 
 

@@ -24,8 +24,9 @@ from eclsim.devices.renox import RENOX, Renox
 from eclsim.devices.septostomy import SEPTOSTOMY, Septostomy
 from eclsim.devices.vent import VENT, Vent
 from eclsim.inputs.sections import Section
-from eclsim.parameters import all_parameters
+from eclsim.parameters import nearest, patient_parameters
 from eclsim.parameters.parameter import Parameter
+from eclsim.parameters.thiel2025 import ALIASES
 from eclsim.patient.sites import ARTERIAL_SITES
 
 if TYPE_CHECKING:
@@ -55,6 +56,18 @@ _KEY = re.compile(r"[a-z][a-z0-9_]*")
 
 class DeviceError(ValueError):
     """A device that cannot be registered, or a file that registers none; says why."""
+
+
+class UnknownParameterError(KeyError):
+    """A name that is no parameter; says the nearest right spellings."""
+
+    def __init__(self, name: str):
+        self.name, self.suggestions = name, nearest(name, parameters())
+        super().__init__(name)
+
+    def __str__(self) -> str:
+        hint = f"; did you mean {' or '.join(self.suggestions)}?" if self.suggestions else ""
+        return f"unknown parameter {self.name!r}{hint}"
 
 
 class PublishedDevices(BaseModel):
@@ -167,7 +180,20 @@ def device_of(key: str) -> AnyDevice | None:
 
 def parameters() -> Mapping[str, Parameter]:
     """Every parameter that a case file may set, of the patient and of all devices."""
-    return all_parameters() | {p.key: p for device in devices().values() for p in device.parameters}
+    return patient_parameters() | {p.key: p for device in devices().values() for p in device.parameters}
+
+
+def find(name: str) -> Parameter:
+    """The parameter of a key in any case (`Rmc`, also `ηB`), or of its exact description.
+
+    Raises:
+        UnknownParameterError: With the nearest spellings.
+    """
+    wanted = ALIASES.get(name.strip(), name.strip()).lower()
+    for parameter in parameters().values():
+        if wanted in (parameter.key.lower(), parameter.description.lower()):
+            return parameter
+    raise UnknownParameterError(name)
 
 
 def parameter_of(name: str, connected: Collection[str] = ()) -> Parameter | None:

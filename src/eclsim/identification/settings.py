@@ -16,7 +16,7 @@ from eclsim.identification.quantities import GASES, OF_ECMO, OUTPUTS, Scale, is_
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.orbit.model import VolumePolicy, circuit_of
 from eclsim.outputs.signals import parameters_read
-from eclsim.parameters import did_you_mean, usual_bounds
+from eclsim.parameters import did_you_mean
 from eclsim.parameters.thiel2025 import BOUNDS
 from eclsim.patient.anthropometry import oxygen_consumption
 from eclsim.sensitivity.inputs import DEFAULTS, Uncertainty
@@ -221,8 +221,8 @@ def _bounds(
     known = quantity(name)
     if known is None:
         return (0.0, 0.0, 0.0)
-    if (usual := usual_bounds(name)) is not None:
-        start, lower, upper = usual
+    if known.bounds is not None:
+        start, lower, upper = known.bounds
     elif is_linear(known):
         start, lower, upper = float(known.value), known.minimum, known.maximum
     else:

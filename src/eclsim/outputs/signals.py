@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 from eclsim.beat.recording import MEAN, RATE, all_signals, has_mean, has_rate
@@ -11,11 +12,11 @@ from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import HEART_RATE, Circuit
 from eclsim.circuit.signals import Kind, Signal
 from eclsim.components.base import Number, Values
+from eclsim.components.exchangers import GasExchanger
 from eclsim.devices.description import GASES
 from eclsim.devices.registry import registered
 from eclsim.gas.network import switches
 from eclsim.outputs.registry import available, output
-from eclsim.parameters import gas
 from eclsim.regulation.effects import parameters_of, steady_controls
 
 WORDS = {Kind.PRESSURE: "pressure in", Kind.FLOW: "flow through", Kind.VOLUME: "blood volume of"}
@@ -58,10 +59,12 @@ def needed_parameters(circuit: Circuit, outputs: Sequence[str]) -> tuple[str, ..
 
 def parameters_read(circuit: Circuit) -> tuple[str, ...]:
     """Parameters that a circuit's outputs depend on; those of gas exchange only where gases are computed."""
-    dissolved = circuit.content_names()
-    if GASES not in dissolved:
-        dissolved = tuple(name for name in dissolved if name not in gas.PARAMETERS)
-    return tuple(dict.fromkeys((HEART_RATE, *circuit.parameter_names(), *dissolved)))
+    read = circuit
+    if GASES not in circuit.content_names():
+        unmixed = tuple(replace(path, mixing=1.0) for path in circuit.connections)
+        others = tuple(e for e in circuit.exchanges if not isinstance(e.component, GasExchanger))
+        read = replace(circuit, connections=unmixed, exchanges=others)
+    return tuple(dict.fromkeys((HEART_RATE, *circuit.parameter_names(), *read.content_names())))
 
 
 def signal_labels(circuit: Circuit, name: str) -> dict[str, str]:

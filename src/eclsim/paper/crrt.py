@@ -18,6 +18,7 @@ from eclsim.cases.case import Case
 from eclsim.cases.resolve import blood_volume_ml, resolve_parameters
 from eclsim.crrt_study.limits import LIMITS
 from eclsim.crrt_study.study import CrrtStudy, crrt_study
+from eclsim.devices.registry import parameters
 from eclsim.orbit.model import AS_PUBLISHED
 from eclsim.paper.comparison import Row, Verdict, printed_number, statement
 from eclsim.paper.printed import (
@@ -33,7 +34,7 @@ from eclsim.paper.printed import (
     OverSchemes,
     Printed,
 )
-from eclsim.parameters.thiel2025 import PARAMETERS, TABLE_S4
+from eclsim.parameters.thiel2025 import TABLE_S4
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -239,10 +240,11 @@ def _needed_median(printed: Printed, explained: CrrtStudy) -> str:
 
 def table_rows() -> list[Row]:
     """A row for each value of Tables S-1 to S-4, printed and used."""
-    used = {key: parameter.value for key, parameter in PARAMETERS.items()}
+    known = parameters()
+    used = {key: parameter.value for key, parameter in known.items()}
     patient = resolve_parameters(paper_case())
     return [
-        printed_number(f"Table {table}", name, PARAMETERS[name].unit, value,
+        printed_number(f"Table {table}", name, known[name].unit, value,
                        (patient if table == "S-4" else used)[name], decimals=6, tolerance=0.0)
         for table, printed in PARAMETER_TABLES.items()
         for name, value in printed.items()

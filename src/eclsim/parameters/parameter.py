@@ -3,8 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from eclsim.units import quantity_of
+
+
+class Bounds(NamedTuple):
+    """Start value, lower and upper bound of a fitted parameter, in the parameter's unit."""
+
+    start: float
+    lower: float
+    upper: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +28,11 @@ class Parameter:
         source: Where the default comes from, and whether it was measured, fitted or assumed.
         minimum: Smallest value a case may give.
         maximum: Largest value a case may give.
-        group: Part of the model: blood, systemic, pulmonary, heart, ecmo, crrt or initial.
+        group: Part of the model: blood, systemic, pulmonary, heart, initial, or the section of a case file.
+        bounds: Where a fit looks; None for a parameter without usual ones.
+        half_width: What stands for 25 % in an analysis, where a share of the value says nothing, as of a base
+            excess.
+        clipped: Whether a range of an analysis ends where the allowed one does.
     """
 
     key: str
@@ -30,6 +43,9 @@ class Parameter:
     minimum: float
     maximum: float
     group: str
+    bounds: Bounds | None = None
+    half_width: float | None = None
+    clipped: bool = False
 
     @property
     def quantity(self) -> str | None:
@@ -40,6 +56,15 @@ class Parameter:
     def allowed(self) -> str:
         """The allowed range in words, such as "0.02 to 8 mmHg s/mL"."""
         return f"{self.minimum:g} to {self.maximum:g} {self.unit}".strip()
+
+    def varied(self, value: float, share: float) -> tuple[float, float]:
+        """Range of an analysis around a value; `share` is its half width as a share of it, such as 0.25."""
+        if self.half_width is None:
+            low, high = sorted((value * (1.0 - share), value * (1.0 + share)))
+        else:
+            half = self.half_width * share / 0.25
+            low, high = value - half, value + half
+        return (max(low, self.minimum), min(high, self.maximum)) if self.clipped else (low, high)
 
     def accepts(self, value: float) -> bool:
         """Whether a value lies in the allowed range (NaN does not)."""

@@ -10,8 +10,7 @@ from __future__ import annotations
 import math
 from types import MappingProxyType
 
-from eclsim.parameters.parameter import Parameter
-from eclsim.parameters.thiel2025 import Bounds
+from eclsim.parameters.parameter import Bounds, Parameter
 
 REGULATION, FLUID, DRUGS = "regulation", "fluid", "drugs"
 GAIN = f"{REGULATION}.baroreflex"
@@ -61,18 +60,16 @@ _TABLE = (
        "1: the mean of the patients the drug was studied in", 0.02, 50.0, DRUGS) for name in DRUG_DOSES),
 )  # fmt: skip
 
-PARAMETERS: MappingProxyType[str, Parameter] = MappingProxyType({row[0]: Parameter(*row) for row in _TABLE})
-"""All parameters by key; each has its effect only where the section of a case file asks for it."""
-
 NORADRENALINE_SPREAD, OTHER_SPREAD = 1.64, 0.5
 """Standard deviation of the logarithm of a patient's sensitivity: of noradrenaline that of the half dose in
 Beloeil 2005 (Br J Anaesth 95:782), read in a public program; of other drugs not verified."""
-BOUNDS = MappingProxyType(
-    {GAIN: Bounds(0.5, 0.0, 1.2)}
-    | {
-        sensitivity(drug): Bounds(1.0, math.exp(-2.0 * spread), math.exp(2.0 * spread))
-        for drug in DRUG_DOSES
-        for spread in (NORADRENALINE_SPREAD if drug == "noradrenaline" else OTHER_SPREAD,)
-    }
+_BOUNDS = {GAIN: Bounds(0.5, 0.0, 1.2)} | {
+    sensitivity(drug): Bounds(1.0, math.exp(-2.0 * spread), math.exp(2.0 * spread))
+    for drug in DRUG_DOSES
+    for spread in (NORADRENALINE_SPREAD if drug == "noradrenaline" else OTHER_SPREAD,)
+}
+"""Two standard deviations to either side, which a log-normal prior takes them for."""
+PARAMETERS: MappingProxyType[str, Parameter] = MappingProxyType(
+    {row[0]: Parameter(*row, bounds=_BOUNDS.get(row[0]), clipped=True) for row in _TABLE}
 )
-"""Where a fit looks: two standard deviations to either side, which a log-normal prior takes them for."""
+"""All parameters by key; each has its effect only where the section of a case file asks for it."""

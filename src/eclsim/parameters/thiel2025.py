@@ -19,16 +19,15 @@ times the start value) and for disease, narrow enough to catch a value in anothe
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any
 
-from eclsim.parameters.parameter import Parameter
+from eclsim.parameters.parameter import Bounds, Parameter
 
 _R, _C, _L = "mmHg s/mL", "mL/mmHg", "mmHg s^2/mL"
 _E, _CQ = "mmHg/mL", "mL/(s mmHg^1/2)"
 _S1 = "Thiel et al. 2025, Table S-1; assumed (literature, healthy adult)"
-_S2 = "Thiel et al. 2025, Table S-2"
-_S3 = "Thiel et al. 2025, Table S-3"
 _CODE = "published code of Thiel et al. 2025; assumed"
 
 # key, value, unit, description, minimum, maximum, group
@@ -71,35 +70,21 @@ _TABLE_S1 = (
     ("LV_Pd_alpha", 0.064, "mmHg", "Left ventricle diastolic curve, factor", 1e-4, 5.0, "heart"),
 )
 
-_TABLE_S2 = (
-    ("Decmotudp", 0.9625, "cm", "Diameter of tubing drainage - pump (3/8 inch)", 0.2, 2.5, "installed"),
-    ("Lecmotudp", 200.0, "cm", "Length of tubing drainage - pump", 1.0, 1000.0, "installed"),
-    ("Decmotupo", 0.9625, "cm", "Diameter of tubing pump - oxygenator (3/8 inch)", 0.2, 2.5, "installed"),
-    ("Lecmotupo", 20.0, "cm", "Length of tubing pump - oxygenator", 1.0, 1000.0, "installed"),
-    ("Decmotuor", 0.9625, "cm", "Diameter of tubing oxygenator - return (3/8 inch)", 0.2, 2.5, "installed"),
-    ("Lecmotuor", 200.0, "cm", "Length of tubing oxygenator - return", 1.0, 1000.0, "installed"),
-    ("Recmooxy", 0.6744, _R, "Resistance of oxygenator", 0.01, 5.0, "data sheet, taken as linear"),
-    ("Cecmodrain", 0.1, _C, "Compliance of drainage cannula", 1e-4, 5.0, "assumed"),
-    ("Cecmotudp", 0.1, _C, "Compliance of tubing drainage - pump", 1e-4, 5.0, "assumed"),
-    ("Cecmotupo", 0.1, _C, "Compliance of tubing pump - oxygenator", 1e-4, 5.0, "assumed"),
-    ("Cecmooxy", 0.008, _C, "Compliance of oxygenator", 1e-4, 5.0, "assumed"),
-    ("Cecmotuor", 0.1, _C, "Compliance of tubing oxygenator - return", 1e-4, 5.0, "assumed"),
-    ("Cecmoreturn", 0.1, _C, "Compliance of return cannula", 1e-4, 5.0, "assumed"),
+BOUNDS: MappingProxyType[str, Bounds] = MappingProxyType(
+    {
+        "Csart": Bounds(0.9, 0.09, 9.0),
+        "Edla": Bounds(0.2125, 0.02125, 2.125),
+        "Emaxlv": Bounds(1.8, 0.18, 18.0),
+        "Emaxrv": Bounds(0.45, 0.045, 4.5),
+        "Rmc": Bounds(0.5, 0.05, 5.0),
+        "Rpmc": Bounds(0.05, 0.005, 0.5),
+        "Rsvn": Bounds(0.01, 0.001, 0.1),
+    }
 )
+"""The seven parameters that are fitted to a patient, selected by the paper's global sensitivity analysis.
 
-_TABLE_S3 = (
-    ("Lcrrttuin", 250.0, "cm", "Length of access line", 1.0, 1000.0, "installed"),
-    ("Dcrrttuin", 0.3175, "cm", "Diameter of access line (1/8 inch)", 0.1, 1.5, "installed"),
-    ("Lcrrttupf", 100.0, "cm", "Length of tubing pump - dialyzer", 1.0, 1000.0, "installed"),
-    ("Dcrrttupf", 0.3175, "cm", "Diameter of tubing pump - dialyzer (1/8 inch)", 0.1, 1.5, "installed"),
-    ("Lcrrttuout", 250.0, "cm", "Length of return line", 1.0, 1000.0, "installed"),
-    ("Dcrrttuout", 0.3175, "cm", "Diameter of return line (1/8 inch)", 0.1, 1.5, "installed"),
-    ("Rcrrtfil", 15.75, _R, "Resistance of dialyzer", 0.1, 200.0, "data sheet, taken as linear"),
-    ("Ccrrttuin", 0.1, _C, "Compliance of access line", 1e-4, 5.0, "assumed"),
-    ("Ccrrttupf", 0.1, _C, "Compliance of tubing pump - dialyzer", 1e-4, 5.0, "assumed"),
-    ("Ccrrtfil", 0.008, _C, "Compliance of dialyzer", 1e-4, 5.0, "assumed"),
-    ("Ccrrttuout", 0.1, _C, "Compliance of return line", 1e-4, 5.0, "assumed"),
-)
+The bounds of the published code run from a tenth to ten times the start value.
+"""
 
 # Vessel or chamber, what it is, initial pressure [mmHg] (vessels only), share of the blood volume.
 _INITIAL = (
@@ -118,9 +103,7 @@ _INITIAL = (
 
 
 def _all_parameters() -> dict[str, Parameter]:
-    result = [Parameter(*row[:4], _S1, *row[4:]) for row in _TABLE_S1]
-    for table, source, group in ((_TABLE_S2, _S2, "ecmo"), (_TABLE_S3, _S3, "crrt")):
-        result += [Parameter(*row[:4], f"{source}; {row[6]}", row[4], row[5], group) for row in table]
+    result = [Parameter(*row[:4], _S1, *row[4:], BOUNDS.get(row[0])) for row in _TABLE_S1]
     for place, words, pressure, fraction in _INITIAL:
         if pressure is not None:
             text = f"Initial pressure of {words}"
@@ -130,8 +113,23 @@ def _all_parameters() -> dict[str, Parameter]:
     return {parameter.key: parameter for parameter in result}
 
 
+def circuit_parameters(group: str, table: str, rows: Iterable[Sequence[Any]]) -> tuple[Parameter, ...]:
+    """The parameters of a table of the circuit of a device.
+
+    Args:
+        group: section of the device.
+        table: number of the table.
+        rows: key, value, unit, description, minimum, maximum, basis.
+    """
+    source = f"Thiel et al. 2025, Table {table}"
+    return tuple(
+        Parameter(key, value, unit, words, f"{source}; {basis}", low, high, group)
+        for key, value, unit, words, low, high, basis in rows
+    )
+
+
 PARAMETERS: MappingProxyType[str, Parameter] = MappingProxyType(_all_parameters())
-"""Every parameter of Tables S-1 to S-3 and of the initial state, by key."""
+"""Table S-1 and the initial state, by key; Tables S-2 and S-3 stand with their devices."""
 
 ALIASES: MappingProxyType[str, str] = MappingProxyType({"ηB": "etaB", "ρB": "rhoB"})
 """Printed spellings that a case file may use as well."""
@@ -151,28 +149,3 @@ TABLE_S4: MappingProxyType[str, float] = MappingProxyType(
     }
 )
 """Fitted values of the patient in whom the paper compares the CRRT connection schemes."""
-
-
-class Bounds(NamedTuple):
-    """Start value, lower and upper bound of a fitted parameter, in the parameter's unit."""
-
-    start: float
-    lower: float
-    upper: float
-
-
-BOUNDS: MappingProxyType[str, Bounds] = MappingProxyType(
-    {
-        "Csart": Bounds(0.9, 0.09, 9.0),
-        "Edla": Bounds(0.2125, 0.02125, 2.125),
-        "Emaxlv": Bounds(1.8, 0.18, 18.0),
-        "Emaxrv": Bounds(0.45, 0.045, 4.5),
-        "Rmc": Bounds(0.5, 0.05, 5.0),
-        "Rpmc": Bounds(0.05, 0.005, 0.5),
-        "Rsvn": Bounds(0.01, 0.001, 0.1),
-    }
-)
-"""The seven parameters that are fitted to a patient, selected by the paper's global sensitivity analysis.
-
-The bounds of the published code run from a tenth to ten times the start value.
-"""

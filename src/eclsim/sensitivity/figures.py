@@ -17,9 +17,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from eclsim.devices.registry import parameters
 from eclsim.outputs.registry import UnknownOutputError
 from eclsim.outputs.registry import output as registered_output
-from eclsim.parameters import all_parameters
 from eclsim.reporting.style import CURVES, GREY, OKABE_ITO, figure_style, new_figure, save_figure
 from eclsim.sensitivity.inputs import GROUPS
 from eclsim.sensitivity.results import Indices, SensitivityResult
@@ -164,7 +164,7 @@ def in_kinds(names: Sequence[str]) -> bool:
 
 
 def _kind(name: str) -> str:
-    parameter = all_parameters().get(name)
+    parameter = parameters().get(name)
     return f"{parameter.quantity}s" if parameter and parameter.quantity in GROUPS.values() else "others"
 
 

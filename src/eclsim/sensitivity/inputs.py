@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.circuit.network import Choice, Circuit
-from eclsim.devices.registry import devices, parameter_of
-from eclsim.parameters import did_you_mean, gas, regulation
+from eclsim.devices.registry import devices, parameter_of, parameters
+from eclsim.parameters import did_you_mean
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -271,12 +271,9 @@ def _input(name: str, case: Case, circuit: Circuit, base: Mapping[str, float], s
     sizes = one.device.sizes(one.section, key) if one is not None else ()
     if sizes:
         return _within(name, sizes, base[name], share)
-    if (own := gas.varied(name, base[name], share)) is not None:
-        return Continuous(name, *own)
-    low, high = sorted((base[name] * (1.0 - share), base[name] * (1.0 + share)))
-    if (own := regulation.PARAMETERS.get(name)) is not None:  # a gain of 1 may rise to 1.2 only
-        low, high = max(low, own.minimum), min(high, own.maximum)
-    return Continuous(name, low, high)
+    if (parameter := parameters().get(name)) is not None:
+        return Continuous(name, *parameter.varied(base[name], share))
+    return Continuous(name, *sorted((base[name] * (1.0 - share), base[name] * (1.0 + share))))
 
 
 def _at(case: Case, choice: Choice) -> Instance | None:

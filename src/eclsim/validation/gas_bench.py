@@ -15,10 +15,10 @@ from jax import Array
 from eclsim.blood.gases import gases_with_contents, gases_with_saturation
 from eclsim.components.base import Values
 from eclsim.components.exchangers import GasExchanger, MembraneLung, NativeLung, Points, Tissue
-from eclsim.devices.ecmo import OXYGENATORS
+from eclsim.devices.ecmo import MEMBRANE, OXYGENATORS
+from eclsim.devices.registry import parameters
 from eclsim.gas.steady import GasState, solve
 from eclsim.gas.transport import Drainage, Flows, balanced, mixtures
-from eclsim.parameters import gas as parameters
 
 ADULT = "Quadrox-i Adult"
 _VENO_VENOUS = (
@@ -82,7 +82,7 @@ class VenoVenous(NamedTuple):
 
 def values_with(given: Mapping[str, float]) -> dict[str, float]:
     """Defaults of all parameters of gas exchange, and what is given."""
-    known = {name: parameter.value for name, parameter in parameters.PARAMETERS.items()}
+    known = {name: parameter.value for name, parameter in parameters().items()}
     return known | OXYGENATORS[ADULT].gas_values() | dict(given)
 
 
@@ -128,7 +128,7 @@ def veno_venous(output: float, ecmo: float, mixing: float = 0.0, **given: float)
 
 @cache
 def _bench():  # type: ignore[no-untyped-def]
-    laws = (GivenBlood(), MembraneLung())
+    laws = (GivenBlood(), MembraneLung(*MEMBRANE))
 
     def compute(flow: Array, values: Mapping[str, Array]) -> GasState:
         flows = balanced(_flows((("source", "a", "b"), ("oxy", "b", "a")), jnp.stack([flow, flow])))
@@ -147,7 +147,9 @@ def _patient():  # type: ignore[no-untyped-def]
     ) -> tuple[GasState, Array]:
         flows = balanced(_flows(_VENO_VENOUS, jnp.stack([output] * 3 + [ecmo] * 3)))
         state = solve(
-            (Tissue(), NativeLung(), MembraneLung()), mixtures(flows, at, [(drainage, mixing)]), values
+            (Tissue(), NativeLung(), MembraneLung(*MEMBRANE)),
+            mixtures(flows, at, [(drainage, mixing)]),
+            values,
         )
         return state, state.inlets[:, 2]
 
