@@ -35,7 +35,7 @@ def test_access_behind_the_return_takes_blood_twice(scheme):
     access, giving = SCHEMES[scheme]
     circuit = circulation() + ecmo("ra", "ao") + crrt(access, giving)
     found = recirculated_fractions(circuit, flows(circuit, access, giving))["crrt"]
-    assert found == pytest.approx(CRRT / (PUMP + CRRT), rel=1e-12)
+    assert found == pytest.approx(CRRT / (PUMP + CRRT), rel=1e-8)
 
 
 @pytest.mark.parametrize("scheme", ["a", "d", "e", "f"])
@@ -43,7 +43,7 @@ def test_access_before_the_return_takes_fresh_blood(scheme):
     access, giving = SCHEMES[scheme]
     circuit = circulation() + ecmo("ra", "ao") + crrt(access, giving)
     found = recirculated_fractions(circuit, flows(circuit, access, giving))
-    assert found["crrt"] == pytest.approx(0.0, abs=1e-12)
+    assert found["crrt"] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_scheme_g_mixes_as_the_closed_form_says():
@@ -58,7 +58,7 @@ def test_a_pump_that_runs_backwards_turns_the_order_round():
     access, giving = SCHEMES["g"]
     circuit = circulation() + ecmo("ra", "ao") + crrt(access, giving)
     backwards = flows(circuit, access, giving, pump=-PUMP)
-    assert recirculated_fractions(circuit, backwards)["crrt"] == pytest.approx(0.0, abs=1e-12)
+    assert recirculated_fractions(circuit, backwards)["crrt"] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_no_answer_without_crrt_and_nothing_from_the_patient():

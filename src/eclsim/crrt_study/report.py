@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -80,7 +80,7 @@ def study_page(study: CrrtStudy, drawings: Mapping[str, str], policy: str | None
         order=[criterion.sentence for criterion in study.rule.criteria],
         rule=study.rule.name,
         exchange=_exchange_tables(study, main),
-        renox=_renox_table(study, main),
+        renox=_renox_tables(study, main),
         notes=[f"Scheme {scheme.letter}: {scheme.note}." for scheme in study.schemes if scheme.note],
         policy_means=[
             (POLICY_WORDS[one], _means_table(study, one))
@@ -183,23 +183,31 @@ def _exchange_tables(study: CrrtStudy, policy: str) -> list[Table]:
 
 
 RENOX_COLUMNS = (
-    ("access_mmhg", "Access [mmHg]", 1.0, 0), ("return_mmhg", "Return [mmHg]", 1.0, 0),
-    ("blood_taken_up_ml", "Blood taken up [mL]", 1.0, 0), ("urea_ml_min", "Urea cleared [mL/min]", 1.0, 1),
-    ("filtration_fraction", "Filtration fraction [%]", 100.0, 1),
-    ("effluent_pressure_mmhg", "Effluent pressure [mmHg]", 1.0, 0),
-    ("open_effluent_l_h", "Filtered with an open effluent [L/h]", 1.0, 1), ("SaO2", "SaO2 [%]", 1.0, 1),
-    ("PaCO2", "PaCO2 [mmHg]", 1.0, 1),
+    (
+        ("access_mmhg", "Access [mmHg]", 1.0, 0), ("return_mmhg", "Return [mmHg]", 1.0, 0),
+        ("blood_taken_up_ml", "Blood taken up [mL]", 1.0, 0),
+        ("effluent_pressure_mmhg", "Effluent pressure [mmHg]", 1.0, 0),
+        ("open_effluent_l_h", "Filtered with an open effluent [L/h]", 1.0, 1),
+    ),
+    (
+        ("urea_ml_min", "Urea cleared [mL/min]", 1.0, 1),
+        ("filtration_fraction", "Filtration fraction [%]", 100.0, 1), ("SaO2", "SaO2 [%]", 1.0, 1),
+        ("PaCO2", "PaCO2 [mmHg]", 1.0, 1),
+    ),
 )  # fmt: skip
-"""What is set beside RenOx: key, head, factor and decimals."""
+"""What is set beside RenOx, a table each that fits a page: key, head, factor and decimals."""
 KEPT_WORDS = {True: "kept", False: "broken", None: "not known"}
 
 
-def _renox_table(study: CrrtStudy, policy: str) -> Table | None:
+def _renox_tables(study: CrrtStudy, policy: str) -> list[Table]:
     """One housing for oxygenator and dialyzer against every scheme, at the case's speed."""
     found = beside_schemes(study, policy)
-    if not found:
-        return None
-    columns = [column for column in RENOX_COLUMNS if column[0] in found["RenOx"]]
+    return [_beside(found, [c for c in group if c[0] in found["RenOx"]]) for group in RENOX_COLUMNS if found]
+
+
+def _beside(
+    found: Mapping[str, Mapping[str, float | bool | None]], columns: Sequence[tuple[str, str, float, int]]
+) -> Table:
     rows = []
     for name, one in found.items():
         cells = [one.get(key) for key, *_ in columns]

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import ModuleType
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -56,18 +57,24 @@ class Flows(NamedTuple):
     forward: Array
     backward: Array
 
+    @property
+    def numbers(self) -> ModuleType:
+        """The library that computes with them: NumPy with its own arrays, where no derivative is needed."""
+        return np if all(isinstance(part, np.ndarray) for part in self) else jnp
+
 
 def balanced(flows: Flows) -> Flows:
     """The nearest flows that leave every compartment as much as they enter it, to rounding.
 
     A beat that is periodic to 1e-9 fills or empties its compartments a little; gas would be made from that.
     """
+    xp = flows.numbers
     change = flows.enters - flows.leaves
     net = flows.forward - flows.backward
     laplacian = change @ change.T + 1.0 / change.shape[0]
-    extra = -change.T @ jnp.linalg.solve(laplacian, change @ net)
-    forward = flows.forward + jnp.maximum(extra, 0.0) + DIFFUSION_L_MIN
-    backward = flows.backward + jnp.maximum(-extra, 0.0) + DIFFUSION_L_MIN
+    extra = -change.T @ xp.linalg.solve(laplacian, change @ net)
+    forward = flows.forward + xp.maximum(extra, 0.0) + DIFFUSION_L_MIN
+    backward = flows.backward + xp.maximum(-extra, 0.0) + DIFFUSION_L_MIN
     return flows._replace(forward=forward, backward=backward)
 
 
@@ -100,12 +107,13 @@ def mixtures(
         drainages: with the value of each one's mixing.
     """
     leaves, enters, forward, backward = flows
+    xp = flows.numbers
     at = np.asarray(exchangers, dtype=int)
     sent = np.zeros((forward.shape[0], len(at)))
     sent[at, np.arange(len(at))] = 1.0
     ahead = forward >= backward
     acts = sent.sum(axis=1)
-    forward_acts, backward_acts = jnp.where(ahead, acts, 0.0), jnp.where(ahead, 0.0, acts)
+    forward_acts, backward_acts = xp.where(ahead, acts, 0.0), xp.where(ahead, 0.0, acts)
     arriving = (forward * forward_acts)[:, None] * sent, (backward * backward_acts)[:, None] * sent
     drawn, drawn_sent = _drawn(flows, forward_acts, backward_acts, arriving, drainages)
     behind = enters.T  # what a backward stream carries off is the blood of its connection's target
@@ -115,10 +123,10 @@ def mixtures(
     pull = change * forward - lost_forward
     matrix = pull @ drawn - (change * backward + lost_backward) @ behind
     given = pull @ drawn_sent + enters @ arriving[0] + leaves @ arriving[1]
-    compartments = jnp.linalg.solve(matrix, -given)
+    compartments = xp.linalg.solve(matrix, -given)
     all_drawn = drawn @ compartments + drawn_sent
-    inlets = jnp.where(ahead[:, None], all_drawn, behind @ compartments)[at]
-    return Mixtures(compartments, all_drawn, inlets, jnp.maximum(forward, backward)[at])
+    inlets = xp.where(ahead[:, None], all_drawn, behind @ compartments)[at]
+    return Mixtures(compartments, all_drawn, inlets, xp.maximum(forward, backward)[at])
 
 
 def _drawn(
@@ -130,7 +138,8 @@ def _drawn(
 ) -> tuple[Array, Array]:
     """What every connection draws forward, as shares of compartments and of what exchangers send."""
     leaves, enters, forward, backward = flows
-    drawn, drawn_sent = jnp.asarray(leaves.T), jnp.zeros_like(arriving[0])
+    xp = flows.numbers
+    drawn, drawn_sent = xp.asarray(leaves.T), xp.zeros_like(arriving[0])
     for drainage, mixing in drainages:
         here = leaves[:, drainage.connection]
         veins = np.ones(forward.shape[0])

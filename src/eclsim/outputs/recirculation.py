@@ -1,4 +1,8 @@
-"""How much of the blood that a device with movable lines draws, such as a CRRT, has just been through it."""
+"""How much of the blood that a device with movable lines draws, such as a CRRT, has just been through it.
+
+Blood is marked where it leaves the return line, and the balances of `eclsim.gas.transport`, which oxygen and
+solutes follow too, say how much of it reaches the access line. Blood of the patient counts as fresh.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,7 @@ import numpy as np
 from eclsim.circuit.network import Circuit
 from eclsim.devices.device import Naming
 from eclsim.devices.registry import devices, instances_in
+from eclsim.gas.transport import Flows, balanced, mixtures
 from eclsim.units import ML_S_PER_L_MIN
 
 DEFINITION = "share of the access flow that left the return line and did not pass the patient (steady mixing)"
@@ -20,9 +25,6 @@ Labelled = tuple[float, dict[str, str]]
 
 def recirculated_fractions(circuit: Circuit, mean_flows: Mapping[str, float]) -> dict[str, float]:
     """Share of the access flow of each device with lines that came out of its return line.
-
-    A tracer of concentration 1 leaves the return line; blood of the patient has none; every extracorporeal
-    compartment mixes what flows in. Steady balance: sum(Q_in c_upstream) = c sum(Q_in).
 
     Args:
         circuit: with fixed sites; a device whose lines have none is left out.
@@ -71,29 +73,24 @@ def _share(circuit: Circuit, names: Naming, mean_flows: Mapping[str, float]) -> 
     groups = {c.name: c.group for c in circuit.compartments}
     drawing = [c for c in lines if groups.get(str(c.target)) == names.key]
     returning = [c for c in lines if groups.get(str(c.source)) == names.key]
-    ends = (c.name for c in (*drawing, *returning))
     if len(drawing) != 1 or len(returning) != 1 or not isinstance(returning[0].target, str):
         return None
-    access, line_in, line_out = drawing[0].source, *ends
+    access, line_out = drawing[0].source, returning[0].name
     if not isinstance(access, str):
         return None
     mixed_in = groups[access]
     if mixed_in not in {other.key for other in instances_in(circuit)}:
         return 0.0
-    place = {name: i for i, name in enumerate(n for n, group in groups.items() if group == mixed_in)}
-    balance, inflow = np.zeros((len(place), len(place))), np.zeros(len(place))
-    for connection in circuit.connections:
-        flow = mean_flows[connection.name]
-        up, down = connection.source, connection.target
-        if not isinstance(up, str) or not isinstance(down, str):
-            return None
-        if flow < 0.0:
-            up, down, flow = down, up, -flow
-        if down not in place or connection.name == line_in:
-            continue
-        balance[place[down], place[down]] += flow
-        if connection.name == line_out:
-            inflow[place[down]] += flow
-        elif up in place:
-            balance[place[down], place[up]] -= flow
-    return float(np.linalg.lstsq(balance, inflow, rcond=None)[0][place[access]])
+    place = {name: k for k, name in enumerate(n for n, group in groups.items() if group == mixed_in)}
+    touching = [c for c in circuit.connections if place.keys() & {c.source, c.target}]
+    if any(not isinstance(site, str) for c in touching for site in c.sites):
+        return None
+    ends = np.array([[place.get(str(site), len(place)) for site in (c.source, c.target)] for c in touching])
+    leaves, enters = (np.eye(len(place) + 1)[side].T for side in ends.T)
+    # In mL/s: what the solver exchanges along standing blood is then below 1e-10 of these flows.
+    flow = np.array([mean_flows[c.name] for c in touching])
+    through = [k for k, c in enumerate(touching) if len(place) in ends[k] and c.name != line_out]
+    returned = [k for k, c in enumerate(touching) if c.name == line_out]
+    flows = balanced(Flows(leaves, enters, np.maximum(flow, 0.0), np.maximum(-flow, 0.0)))  # type: ignore[arg-type]
+    shares = mixtures(flows, [*returned, *through]).compartments[place[access]]
+    return float(shares[: len(returned)].sum())
