@@ -10,6 +10,7 @@ from pydantic import Field as Default
 
 from eclsim.cases.quantities import place_of
 from eclsim.cases.settings import in_place_of, put_in, unknown_key
+from eclsim.devices.registry import usual_setting
 from eclsim.inputs.fields import Field, number
 from eclsim.inputs.mistakes import Mistake, Remarks, shown
 from eclsim.inputs.numbers import RefusedValueError, read_number
@@ -154,7 +155,8 @@ class _Checks:
     def _settings(self, place: str, raw: object, ramped: bool) -> dict[str, Any]:
         values: dict[str, Any] = {}
         if not isinstance(raw, Mapping) or not raw:
-            self.remarks.error(place, "values by key belong here", shown(raw), '{ "ecmo.speed_rpm" = 3600 }')
+            allowed = f'{{ "{usual_setting()}" = 3600 }}'
+            self.remarks.error(place, "values by key belong here", shown(raw), allowed)
             return values
         for written, value in _flat(raw):
             path, key = place_of(written), f"{place}.{short(written)}"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from eclsim.cases.quantities import place_of
 from eclsim.cases.sections import POLICY_KEY, places_of, section_of, sections, within
-from eclsim.devices.registry import parameters
+from eclsim.devices.registry import parameters, usual_setting
 from eclsim.inputs.files import too_deep
 from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, shown
 from eclsim.parameters import did_you_mean
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
 PLACE = "--set"
-_EXPECTED = "KEY=VALUE, such as ecmo.speed_rpm=3000 or Rmc=0.8"
 
 
 def parse_settings(settings: Iterable[str]) -> dict[tuple[str, str], Any]:
@@ -38,7 +37,8 @@ def _parsed(settings: Iterable[str]) -> tuple[dict[tuple[str, str], Any], list[M
         name, equals, text = setting.partition("=")
         path = place_of(name.strip())
         if not equals or not name.strip():
-            mistakes.append(Mistake("", "no setting", shown(setting), _EXPECTED, file=PLACE))
+            allowed = f"KEY=VALUE, such as {usual_setting()}=3000 or Rmc=0.8"
+            mistakes.append(Mistake("", "no setting", shown(setting), allowed, file=PLACE))
         elif path is None:
             mistakes.append(unknown_key(name.strip(), text))
         else:

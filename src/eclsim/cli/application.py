@@ -20,7 +20,7 @@ from eclsim.cli.crrt_study import crrt_study
 from eclsim.cli.identify import identify
 from eclsim.cli.importing import import_data
 from eclsim.cli.merging import merge
-from eclsim.cli.options import as_command
+from eclsim.cli.options import Command, as_command
 from eclsim.cli.paper import demo, reproduce
 from eclsim.cli.plan import plan
 from eclsim.cli.sensitivity import identifiability, sensitivity
@@ -69,7 +69,7 @@ for name, function, summary in (
     ("app", bedside_page, "Open the bedside page in a browser."),
     ("benchmark", benchmark, "Measure speed and memory on this machine."),
 ):
-    app.command(name, short_help=summary)(as_command(function))
+    app.command(name, cls=Command, short_help=summary)(as_command(function))
 for name, function in (("list", list_parameters), ("explain", explain), ("export", export)):
     parameters.command(name)(as_command(function))
 app.add_typer(parameters, name="parameters", short_help="List, explain and export parameters.")

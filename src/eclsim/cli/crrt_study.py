@@ -36,7 +36,7 @@ class CrrtStudyOptions(Distributed):
     )
     settings: list[str] = option(
         [],
-        "Value that wins over the case file, such as ecmo.speed_rpm=3000 [rpm]. May be repeated.",
+        "Value that wins over the case file, such as {setting}=3000 [rpm]. May be repeated.",
         "--set",
         metavar="KEY=VALUE",
     )

@@ -49,7 +49,7 @@ class IdentifyOptions(FreeParameters, CaseChanges, Distributed):
     )
     predict: list[str] = option(
         [],
-        "Predict the outputs at other settings with 90 % intervals, such as ecmo.speed_rpm=4000. Without "
+        "Predict the outputs at other settings with 90 % intervals, such as {setting}=4000. Without "
         "--posterior by --predict-with. May be repeated.",
         metavar="KEY=VALUE,...",
     )
@@ -210,6 +210,7 @@ def _predictions(o: IdentifyOptions, free: Collection[str]) -> list[tuple[str, C
     """The case at the settings of every --predict; all mistakes are told before anything is computed."""
     from eclsim.cases import CaseError, read_case
     from eclsim.cases.settings import parse_settings
+    from eclsim.devices.registry import usual_setting
 
     if o.posterior and o.posterior_method == "nuts" and find_spec("numpyro") is None:
         fail("--posterior: needs NumPyro: pip install 'eclsim[bayes]', or --posterior-method importance")
@@ -218,7 +219,7 @@ def _predictions(o: IdentifyOptions, free: Collection[str]) -> list[tuple[str, C
     for written in o.predict:
         changes = names_of(written)
         if not changes:
-            wrong.append("--predict: empty; allowed: KEY=VALUE,... such as ecmo.speed_rpm=4000")
+            wrong.append(f"--predict: empty; allowed: KEY=VALUE,... such as {usual_setting()}=4000")
             continue
         try:
             case = read_case(o.file, [*o.settings, *changes]).case

@@ -15,6 +15,8 @@ from types import EllipsisType
 from typing import TYPE_CHECKING, Literal, TypeVar, get_type_hints
 
 import typer
+from typer import Context
+from typer.core import TyperCommand, TyperOption
 
 from eclsim.cli.console import say
 from eclsim.cli.destination import locked
@@ -70,6 +72,19 @@ def _field(default: Value | EllipsisType, shown: object) -> Value:
     if isinstance(default, list):
         return field(default_factory=lambda: default, metadata=metadata)
     return field(default=default, metadata=metadata)
+
+
+class Command(TyperCommand):
+    """A command whose help gets its examples of keys from the registry of devices when it is shown."""
+
+    def get_help(self, ctx: Context) -> str:
+        """The help, with a usual setting of a device for {setting}."""
+        from eclsim.devices.registry import usual_setting
+
+        for shown in self.params:
+            if isinstance(shown, TyperOption) and shown.help:
+                shown.help = shown.help.replace("{setting}", usual_setting())
+        return super().get_help(ctx)
 
 
 def as_command(function: Callable[..., None]) -> Callable[..., None]:
@@ -139,7 +154,7 @@ class CaseChanges:
 
     settings: list[str] = option(
         [],
-        "Value that wins over the case file, such as ecmo.speed_rpm=3000 [rpm], patient.heart_rate_bpm=90 or "
+        "Value that wins over the case file, such as {setting}=3000 [rpm], patient.heart_rate_bpm=90 or "
         "Rmc=0.8 [mmHg s/mL]. May be repeated.",
         "--set",
         metavar="KEY=VALUE",

@@ -38,7 +38,7 @@ class SensitivityOptions(CaseChanges, Distributed):
     )
     include: str | None = option(
         None,
-        "Further inputs: ecmo.speed_rpm, ecmo.drainage_fr, ecmo.return_fr (the maker's sizes), "
+        "Further inputs: {setting}, ecmo.drainage_fr, ecmo.return_fr (the maker's sizes), "
         "crrt.flow_ml_min, crrt.scheme (the nine schemes) or crrt.access_site and crrt.return_site, "
         "heart_rate_bpm, any parameter.",
         metavar="NAMES",

@@ -30,7 +30,7 @@ class SettingsOptions(CaseChanges, Json):
     )
     vary: str | None = option(
         None,
-        "What is turned, the dearest first, with or without bounds: ecmo.speed_rpm=2000..4000,Rmc. Left out, "
+        "What is turned, the dearest first, with or without bounds: {setting}=2000..4000,Rmc. Left out, "
         "the speed (and sweep) of the devices, over the ranges of the page.",
         metavar="NAMES",
     )

@@ -32,7 +32,7 @@ class SimulateOptions(CaseChanges, Json):
     case_files: list[str] = argument(..., "CASE.toml...", "Case files, one patient each.")
     sweep: list[str] = option(
         [],
-        "Vary one key that --set takes, a steady beat for each value: ecmo.speed_rpm=2000:4500:250 [rpm], "
+        "Vary one key that --set takes, a steady beat for each value: {setting}=2000:4500:250 [rpm], "
         "ecmo.flow_l_min=2:5:0.5 [L/min], or a list, Rmc=0.6,0.8,1.0; one case file.",
         metavar="KEY=FIRST:LAST:STEP",
     )

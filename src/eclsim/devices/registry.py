@@ -210,6 +210,11 @@ def parameter_of(name: str, connected: Collection[str] = ()) -> Parameter | None
     return next((parameter for parameter in device.parameters if parameter.key == own), None)
 
 
+def usual_setting() -> str:
+    """Key of the setting that is turned most often, such as the speed of a pump; for examples in messages."""
+    return next(f"{key}.{device.adjusted[0]}" for key, device in devices().items() if device.adjusted)
+
+
 def products() -> dict[str, Product]:
     """What devices are made of, by the name users write."""
     return {product.key: product for device in devices().values() for product in device.products}

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from eclsim.cases.quantities import quantity, stated
 from eclsim.cases.resolve import height_weight
 from eclsim.devices.description import GASES as VO2
-from eclsim.devices.registry import parameters
+from eclsim.devices.registry import parameters, usual_setting
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.quantities import GASES, OF_ECMO, OUTPUTS, Scale, is_linear
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
@@ -168,7 +168,7 @@ def _check_bounds(key: str, limits: tuple[float, float, float], checked: Checked
     start, lower, upper = limits
     written, parameter = f"{start:g}, {lower:g} to {upper:g}", quantity(key)
     if parameter is None:
-        allowed = "names that eclsim parameters lists, or keys of sections such as ecmo.speed_rpm"
+        allowed = f"names that eclsim parameters lists, or keys of sections such as {usual_setting()}"
         hint = did_you_mean(key, parameters()) or ""
         checked.wrong(key, "unknown parameter", allowed=allowed, hint=hint)
     elif not all(math.isfinite(number) for number in limits):

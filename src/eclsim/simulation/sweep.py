@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from eclsim.devices.registry import usual_setting
 from eclsim.files import frame_text, whole_file, write_text
 from eclsim.orbit.model import circuit_of, values_of
 from eclsim.orbit.steady import Batch
@@ -172,10 +173,10 @@ def _steps(ends: Sequence[str], text: str) -> list[str]:
     if not all(math.isfinite(end) for end in (first, last, step)):
         raise SweepError(_said(text))
     if step == 0.0:
-        raise SweepError(f"'{text[:60]}': a step of 0 leads nowhere; {_ALLOWED}")
+        raise SweepError(f"'{text[:60]}': a step of 0 leads nowhere; {_allowed()}")
     count = (last - first) / step
     if count < 0.0:
-        raise SweepError(f"'{text[:60]}': the step leads away from the last value; {_ALLOWED}")
+        raise SweepError(f"'{text[:60]}': the step leads away from the last value; {_allowed()}")
     if count > LARGEST_COUNT:
         raise SweepError(f"'{text[:60]}': {count + 1:.0f} values; allowed: up to {LARGEST_COUNT}")
     return [f"{first + k * step:.12g}" for k in range(math.floor(count + 1e-9) + 1)]
@@ -194,11 +195,12 @@ def stops_short(text: str) -> list[str]:
     return messages
 
 
-_ALLOWED = "allowed: KEY=first:last:step or KEY=value,value, such as ecmo.speed_rpm=2000:4500:250"
+def _allowed() -> str:
+    return f"allowed: KEY=first:last:step or KEY=value,value, such as {usual_setting()}=2000:4500:250"
 
 
 def _said(text: str) -> str:
-    return f"'{text[:60]}' is no sweep; {_ALLOWED}"
+    return f"'{text[:60]}' is no sweep; {_allowed()}"
 
 
 def as_table(sweep: Sweep) -> xr.Dataset:
