@@ -9,11 +9,10 @@ was stopped, or that ran out of its seconds, goes on where it ended.
 """
 
 import argparse
-import json
 import time
-from pathlib import Path
 
 import numpy as np
+from resumable import run
 
 from eclsim.cases.reading import read_mapping
 from eclsim.identification.density import PosteriorDensity, Prior, approximate
@@ -93,19 +92,7 @@ def summary(lines: list[dict]) -> dict:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--patients", type=int, default=100)
-    parser.add_argument("--seconds", type=float, default=280.0)
-    parser.add_argument("--out", type=Path, required=True)
-    chosen = parser.parse_args()
-    started = time.monotonic()
-    lines = [json.loads(line) for line in chosen.out.read_text().splitlines()] if chosen.out.exists() else []
-    done = {o["seed"] for o in lines}
-    for seed in range(chosen.patients):
-        if seed in done or time.monotonic() - started > chosen.seconds:
-            continue
-        lines.append(one_patient(seed))
-        with chosen.out.open("a") as file:
-            file.write(json.dumps(lines[-1]) + "\n")
-    print(json.dumps(summary(lines), indent=1))
+    run(parser, lambda chosen: range(chosen.patients), lambda seed, _: one_patient(seed), summary)
 
 
 if __name__ == "__main__":

@@ -9,11 +9,11 @@ out of its seconds, goes on where it ended.
 """
 
 import argparse
-import json
 import time
-from pathlib import Path
 
 import numpy as np
+from resumable import run
+from simulated_patients import NAMES, simulated_patient
 
 from eclsim.identification.density import PosteriorDensity, Prior, approximate
 from eclsim.identification.importance import importance_sample
@@ -24,7 +24,6 @@ from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
 from eclsim.parameters.thiel2025 import BOUNDS
-from eclsim.validation.simulated_patients import NAMES, simulated_patient
 
 PREDICTED = 400
 SHORT = Sampling(chains=4, warmup=300, draws=250)
@@ -96,19 +95,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--patients", type=int, default=100)
     parser.add_argument("--method", choices=("importance", "nuts"), default="importance")
-    parser.add_argument("--seconds", type=float, default=280.0)
-    parser.add_argument("--out", type=Path, required=True)
-    chosen = parser.parse_args()
-    started = time.monotonic()
-    lines = [json.loads(line) for line in chosen.out.read_text().splitlines()] if chosen.out.exists() else []
-    done = {o["seed"] for o in lines}
-    for seed in range(1000, 1000 + chosen.patients):
-        if seed in done or time.monotonic() - started > chosen.seconds:
-            continue
-        lines.append(one_patient(seed, chosen.method))
-        with chosen.out.open("a") as file:
-            file.write(json.dumps(lines[-1]) + "\n")
-    print(json.dumps(summary(lines), indent=1))
+    run(
+        parser,
+        lambda chosen: range(1000, 1000 + chosen.patients),
+        lambda seed, chosen: one_patient(seed, chosen.method),
+        summary,
+    )
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ import numpy as np
 
 from eclsim.cases import read_case
 from eclsim.sensitivity.analysis import SobolSettings, plan_analysis
-from eclsim.sensitivity.inputs import ACCESS, RETURN, SCHEME, Categorical
+from eclsim.sensitivity.inputs import Categorical
 from eclsim.sensitivity.results import conclude
 from eclsim.sensitivity.runs import Evaluator, Runs
 
@@ -44,7 +44,10 @@ def main() -> None:
     settings = SobolSettings(
         samples=chosen.samples,
         groups=("R", "C", "L", "E"),
-        include=("ecmo.speed_rpm", *((ACCESS, RETURN) if chosen.sites else (SCHEME,))),
+        include=(
+            "ecmo.speed_rpm",
+            *(("crrt.access_site", "crrt.return_site") if chosen.sites else ("crrt.scheme",)),
+        ),
         volume_policy=chosen.policy,
     )
     plan = plan_analysis(read_case(chosen.case).case, settings)

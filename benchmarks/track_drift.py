@@ -7,11 +7,10 @@ where it ended. The summary is printed over all lines.
 """
 
 import argparse
-import json
-import time
-from pathlib import Path
 
 import numpy as np
+from resumable import run
+from simulated_patients import NAMES, simulated_series
 
 from eclsim.identification.density import PosteriorDensity, Prior, approximate
 from eclsim.identification.least_squares import refine
@@ -20,7 +19,6 @@ from eclsim.identification.quantities import OF_THE_BEAT, measurement_errors
 from eclsim.identification.tracking import Tracker
 from eclsim.orbit.model import model_of
 from eclsim.parameters.thiel2025 import BOUNDS
-from eclsim.validation.simulated_patients import NAMES, simulated_series
 
 
 def refitted(points):
@@ -126,19 +124,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--series", type=int, default=50)
     parser.add_argument("--points", type=int, default=10)
-    parser.add_argument("--seconds", type=float, default=280.0)
-    parser.add_argument("--out", type=Path, required=True)
-    chosen = parser.parse_args()
-    started = time.monotonic()
-    lines = [json.loads(line) for line in chosen.out.read_text().splitlines()] if chosen.out.exists() else []
-    done = {o["seed"] for o in lines}
-    for seed in range(chosen.series):
-        if seed in done or time.monotonic() - started > chosen.seconds:
-            continue
-        lines.append(one_series(seed, chosen.points))
-        with chosen.out.open("a") as file:
-            file.write(json.dumps(lines[-1]) + "\n")
-    print(json.dumps(summary(lines), indent=1))
+    run(
+        parser,
+        lambda chosen: range(chosen.series),
+        lambda seed, chosen: one_series(seed, chosen.points),
+        summary,
+    )
 
 
 if __name__ == "__main__":

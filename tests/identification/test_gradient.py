@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from simulated_patients import simulated_patient
 
 from eclsim.identification.density import (
     GradientEvaluator,
@@ -16,7 +17,6 @@ from eclsim.identification.quantities import measurement_errors
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
 from eclsim.parameters.thiel2025 import BOUNDS
-from eclsim.validation.simulated_patients import simulated_patient
 
 NAMES = ("Csart", "Emaxlv", "Rmc")
 OUTPUTS = ("SP", "DP", "MPAP", "CO", "PF")

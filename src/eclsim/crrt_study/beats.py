@@ -85,7 +85,7 @@ class StudyCircuits:
             RETURN: np.repeat(places[:, 1], per_scheme),
             SPEED: np.tile(np.repeat(speeds, variants), len(places)),
         }
-        members |= {name: np.tile(own, len(places) * len(speeds)) for name, own in patients.items()}
+        members |= {name: np.tile(column, len(places) * len(speeds)) for name, column in patients.items()}
         start = values | {ACCESS: places[0, 0], RETURN: places[0, 1]}
         batch = Batch(self.circuit, members, len(places) * per_scheme, policy)
         finest = int(batch.resolutions().max()) if patients else None
@@ -416,8 +416,8 @@ def no_beat(speeds: Sequence[float], statuses: Sequence[str]) -> str:
     reasons = dict.fromkeys(status for status in statuses if status != FOUND)
     messages = []
     for reason in reasons:
-        here = [v for v, status in zip(speeds, statuses, strict=True) if status == reason]
-        messages.append(f"no steady beat at {speeds_in_words(here)} ({WHY[reason]})")
+        affected = [v for v, status in zip(speeds, statuses, strict=True) if status == reason]
+        messages.append(f"no steady beat at {speeds_in_words(affected)} ({WHY[reason]})")
     return ", ".join(messages)
 
 
@@ -480,11 +480,11 @@ MOST_LINES = 20
 
 def not_known(study: CrrtStudy) -> list[str]:
     """Every beat that was not found, with its reason and what to do; empty if all were."""
-    together: dict[tuple[str, str, tuple[float, ...], str], list[str]] = {}
+    places_of: dict[tuple[str, str, tuple[float, ...], str], list[str]] = {}
     for one in study.unsettled:
-        together.setdefault((one.policy, one.condition, one.speeds, one.status), []).append(one.place)
+        places_of.setdefault((one.policy, one.condition, one.speeds, one.status), []).append(one.place)
     lines = []
-    for (policy, condition, speeds, status), places in together.items():
+    for (policy, condition, speeds, status), places in places_of.items():
         how = condition or POLICY_WORDS[policy].partition(":")[0]
         where = f"{_places(places)}, {how}"
         lines.append(f"{where}: {no_beat(speeds, [status] * len(speeds))}")

@@ -220,8 +220,8 @@ def crrt_cohort(
         executor = Executor(Distribution(), in_process)
     policy = volume_policy or policy_of_cases(list(fitted.cases.values()))
     judged_by = read_rule(rule)
-    own = judged_by.as_object()
-    compute = StudyGroup(_fixed(schemes), _fixed(speeds), crrt_flow_ml_min, policy, scheme_h, own)
+    rule_object = judged_by.as_object()
+    compute = StudyGroup(_fixed(schemes), _fixed(speeds), crrt_flow_ml_min, policy, scheme_h, rule_object)
     groups = [tuple((n, fitted.cases[n]) for n in names if n in fitted.cases) for names in fitted.groups]
     tasks = Tasks(
         "schemes", "groups of data points", compute, groups, {**fitted.inputs, "study": vars(compute)}

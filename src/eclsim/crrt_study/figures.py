@@ -514,28 +514,28 @@ def _rank(place: str | None) -> str:
 
 
 def _draw_crrt(ax: Axes, scheme: Scheme) -> None:
-    access, giving = _x(scheme.access_site, -0.1), _x(scheme.return_site, 0.1)
-    if abs(access - giving) < 0.5:
-        access, giving = access - 0.22, giving + 0.22
-    middle = min(max(0.5 * (access + giving), 2.2), 7.4)
+    access_x, return_x = _x(scheme.access_site, -0.1), _x(scheme.return_site, 0.1)
+    if abs(access_x - return_x) < 0.5:
+        access_x, return_x = access_x - 0.22, return_x + 0.22
+    middle = min(max(0.5 * (access_x + return_x), 2.2), 7.4)
     low, wide = -2.75, 1.15
-    forward = access <= giving
+    forward = access_x <= return_x
     left, right = middle - wide, middle + wide
     enter, leave = (left, right) if forward else (right, left)
     body = FancyBboxPatch((left, low - 0.42), 2 * wide, 0.84, boxstyle="round,pad=0.02", facecolor="white",
                           edgecolor=CRRT_COLOUR, linewidth=1.2, zorder=3)  # fmt: skip
     ax.add_patch(body)
     ax.text(middle, low, "CRRT", ha="center", va="center", fontsize=6.5, color=CRRT_COLOUR, zorder=4)
-    inwards = [(access, 0.0), (access, -1.35), (enter, -1.35), (enter, low)]
-    outwards = [(leave, low), (leave, -1.35), (giving, -1.35)]
+    inwards = [(access_x, 0.0), (access_x, -1.35), (enter, -1.35), (enter, low)]
+    outwards = [(leave, low), (leave, -1.35), (return_x, -1.35)]
     ax.plot(*zip(*inwards, strict=True), color=CRRT_COLOUR, linewidth=1.2, zorder=2)
     ax.plot(
         *zip(*outwards, strict=True), color=RETURN_COLOUR, linewidth=1.2, linestyle=(0, (4, 1.2)), zorder=2
     )
     arrow = {"arrowstyle": "->", "color": RETURN_COLOUR, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
-    ax.annotate("", (giving, 0.02), (giving, outwards[2][1]), arrowprops=arrow, zorder=2)
-    ax.plot([access], [0], "o", markersize=3.5, color=CRRT_COLOUR, zorder=5)
-    ax.plot([giving], [0], "s", markersize=3.2, color=RETURN_COLOUR, zorder=5)
+    ax.annotate("", (return_x, 0.02), (return_x, outwards[2][1]), arrowprops=arrow, zorder=2)
+    ax.plot([access_x], [0], "o", markersize=3.5, color=CRRT_COLOUR, zorder=5)
+    ax.plot([return_x], [0], "s", markersize=3.2, color=RETURN_COLOUR, zorder=5)
 
 
 def _x(site: str, shift: float) -> float:

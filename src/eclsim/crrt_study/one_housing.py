@@ -46,9 +46,9 @@ def without_renox(case: Case) -> Case:
 
 def section_of(case: Case) -> Renox | None:
     """The fluids of RenOx; None where the case has neither its section nor a CRRT that dialyses."""
-    own = case.other_devices.get(GROUP)
-    if isinstance(own, Renox):
-        return own
+    section = case.other_devices.get(GROUP)
+    if isinstance(section, Renox):
+        return section
     if case.crrt is None or not case.crrt.dialyses:
         return None
     fluids = (case.crrt.dialysate_ml_h, case.crrt.replacement_pre_ml_h, case.crrt.replacement_post_ml_h)
@@ -90,15 +90,15 @@ def beside_schemes(study: CrrtStudy, policy: str) -> dict[str, Mapping[str, floa
     """
     if study.renox is None:
         return {}
-    here = study.renox.sel(policy=policy, speed=study.case_speed)
-    found: dict[str, Mapping[str, float | bool | None]] = {
+    renox = study.renox.sel(policy=policy, speed=study.case_speed)
+    result: dict[str, Mapping[str, float | bool | None]] = {
         "RenOx": {
             "access_mmhg": None, "return_mmhg": None, "alarms_kept": True, "blood_taken_up_ml": 0.0,
-            "urea_ml_min": float(here["renox_clearance_urea"]),
-            "filtration_fraction": float(here["renox_filtration_fraction"]),
-            "effluent_pressure_mmhg": float(here["renox_effluent_pressure"]),
-            "open_effluent_l_h": 1e-3 * float(here["renox_free_ultrafiltration_ml_h"]),
-            **{name: float(here[name]) for name in GASES if name in here and name in COLUMNS},
+            "urea_ml_min": float(renox["renox_clearance_urea"]),
+            "filtration_fraction": float(renox["renox_filtration_fraction"]),
+            "effluent_pressure_mmhg": float(renox["renox_effluent_pressure"]),
+            "open_effluent_l_h": 1e-3 * float(renox["renox_free_ultrafiltration_ml_h"]),
+            **{name: float(renox[name]) for name in GASES if name in renox and name in COLUMNS},
         }
     }  # fmt: skip
     means = study.means.sel(policy=policy, speed=study.case_speed)
@@ -114,8 +114,8 @@ def beside_schemes(study: CrrtStudy, policy: str) -> dict[str, Mapping[str, floa
         if "effluent_pressure" in scheme:
             blood = float(scheme["effluent_pressure"] + scheme["transmembrane_pressure"])
             numbers["open_effluent_l_h"] = 1e-3 * _permeability(study) * blood
-        found[one.letter] = numbers
-    return found
+        result[one.letter] = numbers
+    return result
 
 
 def _permeability(study: CrrtStudy) -> float:

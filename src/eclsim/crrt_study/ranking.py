@@ -180,8 +180,8 @@ def _judge(one: xr.Dataset, limits: xr.Dataset, scheme: Scheme, rule: Rule) -> R
 def _sentences(one: Ranked, means: xr.Dataset, kept: str, scheme: Scheme, rule: Rule) -> list[str]:
     if not one.known:
         return [one.why_no_rank.removeprefix("no place: "), kept]
-    access, giving = float(means["Pcrrttuin"]), float(means["Pcrrttuout"])
-    texts = [f"access {_whole(access)} mmHg, return {_whole(giving)} mmHg"]
+    access_pressure, return_pressure = float(means["Pcrrttuin"]), float(means["Pcrrttuout"])
+    texts = [f"access {_whole(access_pressure)} mmHg, return {_whole(return_pressure)} mmHg"]
     if not one.alarms_kept:
         texts.append("breaks a pressure alarm of the machine")
     if not one.access_190_kept:
@@ -244,10 +244,10 @@ def choice(study: CrrtStudy, policy: str) -> list[str]:
 
 def _left_out(unknown: list[Ranked]) -> list[str]:
     """Schemes without a place, those with the same reason together."""
-    together: dict[str, list[str]] = {}
+    letters_of: dict[str, list[str]] = {}
     for one in unknown:
-        together.setdefault(one.why_no_rank, []).append(one.letter)
-    return [f"{schemes_named(letters)}: {why}" for why, letters in together.items()]
+        letters_of.setdefault(one.why_no_rank, []).append(one.letter)
+    return [f"{schemes_named(letters)}: {why}" for why, letters in letters_of.items()]
 
 
 def choice_elsewhere(study: CrrtStudy, policy: str) -> str | None:

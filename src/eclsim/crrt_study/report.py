@@ -172,10 +172,10 @@ def _exchange_tables(study: CrrtStudy, policy: str) -> list[Table]:
             continue
         rows = []
         for one in study.ranking[policy]:
-            here = means.sel(scheme=one.letter)
-            before = "before" if here["return_site"].item() in POSITIONS else "on the patient"
-            where = "behind" if bool(here["behind_oxygenator"]) else before
-            numbers = (number(factor * float(here[name]), digits) for name, _, factor, digits in columns)
+            of_scheme = means.sel(scheme=one.letter)
+            before = "before" if of_scheme["return_site"].item() in POSITIONS else "on the patient"
+            where = "behind" if bool(of_scheme["behind_oxygenator"]) else before
+            numbers = (number(factor * float(of_scheme[name]), digits) for name, _, factor, digits in columns)
             rows.append([one.letter, where, *numbers])
         head = ["Scheme", "Returns: oxygenator", *(words for _, words, _, _ in columns)]
         tables.append(Table(head, rows, numeric=range(2, len(head))))
@@ -201,15 +201,19 @@ KEPT_WORDS = {True: "kept", False: "broken", None: "not known"}
 
 def _renox_tables(study: CrrtStudy, policy: str) -> list[Table]:
     """One housing for oxygenator and dialyzer against every scheme, at the case's speed."""
-    found = beside_schemes(study, policy)
-    return [_beside(found, [c for c in group if c[0] in found["RenOx"]]) for group in RENOX_COLUMNS if found]
+    compared = beside_schemes(study, policy)
+    return [
+        _beside(compared, [c for c in group if c[0] in compared["RenOx"]])
+        for group in RENOX_COLUMNS
+        if compared
+    ]
 
 
 def _beside(
-    found: Mapping[str, Mapping[str, float | bool | None]], columns: Sequence[tuple[str, str, float, int]]
+    compared: Mapping[str, Mapping[str, float | bool | None]], columns: Sequence[tuple[str, str, float, int]]
 ) -> Table:
     rows = []
-    for name, one in found.items():
+    for name, one in compared.items():
         cells = [one.get(key) for key, *_ in columns]
         shown = (
             "none"

@@ -5,6 +5,7 @@ Nothing here computes, so that input errors are told at once.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -17,10 +18,6 @@ from eclsim.patient.sites import PATIENT_SITES
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
-
-NEGATIVE_PRESSURE_POSITIONS = ("post_dc", "pre_pump")
-"""Positions between drainage cannula and pump, where the pressure falls below the atmosphere's."""
-
 
 BEFORE_OXYGENATOR = ("post_dc", "pre_pump", "post_pump", "pre_oxy")
 BEHIND_OXYGENATOR = ("post_oxy", "pre_rc")
@@ -148,23 +145,23 @@ def _meant(word: str, nine: dict[str, Scheme]) -> list[Scheme]:
     if word == NINE:
         return list(nine.values())
     if word == PAIRS:
-        return [_pair(access, giving, nine) for access in ECMO_POSITIONS for giving in ECMO_POSITIONS]
+        return [_pair(*sites, nine) for sites in itertools.product(ECMO_POSITIONS, repeat=2)]
     if word == SEPARATE:
-        return [_pair(access, giving, nine) for access, giving in SEPARATE_PAIRS]
-    access, colon, giving = word.partition(":")
+        return [_pair(*sites, nine) for sites in SEPARATE_PAIRS]
+    access_site, colon, return_site = word.partition(":")
     if not colon:
         raise SchemeError(_unknown(word, (*nine, *GROUPS)))
     known = (*ECMO_POSITIONS, *PATIENT_SITES)
-    wrong = [_unknown(site, known) for site in (access, giving) if site not in known]
+    wrong = [_unknown(site, known) for site in (access_site, return_site) if site not in known]
     if wrong:
         raise SchemeError("; ".join(wrong))
-    return [_pair(access, giving, nine)]
+    return [_pair(access_site, return_site, nine)]
 
 
-def _pair(access: str, giving: str, nine: dict[str, Scheme]) -> Scheme:
+def _pair(access_site: str, return_site: str, nine: dict[str, Scheme]) -> Scheme:
     """The scheme of a pair: the lettered one where there is one."""
-    same = [s for s in nine.values() if (s.access_site, s.return_site) == (access, giving)]
-    return same[0] if same else Scheme(f"{access}:{giving}", access, giving)
+    same = [s for s in nine.values() if (s.access_site, s.return_site) == (access_site, return_site)]
+    return same[0] if same else Scheme(f"{access_site}:{return_site}", access_site, return_site)
 
 
 def _unknown(word: str, known: Sequence[str]) -> str:
@@ -240,12 +237,7 @@ def check_flow(flow: float) -> None:
 
 def crrt_flow(case: Case, wanted: float | None) -> float:
     """Blood flow of the CRRT [mL/min]: as asked for, else the case's, else 200."""
-    flow = (
-        wanted
-        if wanted is not None
-        else case.crrt.flow_ml_min
-        if case.crrt is not None
-        else USUAL_FLOW_ML_MIN
-    )
-    check_flow(flow)
-    return float(flow)
+    if wanted is None:
+        wanted = USUAL_FLOW_ML_MIN if case.crrt is None else case.crrt.flow_ml_min
+    check_flow(wanted)
+    return float(wanted)

@@ -128,8 +128,8 @@ def _read(text: str) -> Goal:
 
 
 def _hint(name: str, known: Sequence[str]) -> str:
-    near = did_you_mean(name, known)
-    return f"; did you mean {near}?" if near else ""
+    nearest = did_you_mean(name, known)
+    return f"; did you mean {nearest}?" if nearest else ""
 
 
 def _repeated(names: Sequence[str]) -> list[str]:

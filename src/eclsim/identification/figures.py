@@ -1,8 +1,8 @@
-"""Figures of one fit (slices, profiles, starts, residuals, correlation) and of a cohort (scatter, boxes)."""
+"""Figures of fits, cohorts, posteriors and followed patients."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from eclsim.identification.posterior import PosteriorResult
     from eclsim.identification.profiles import CostCurves
 
+Series = Mapping[str, Any]
+"""A followed patient as in the JSON file."""
 _MARKS = {
     "SP": ("o", "vermillion"), "DP": ("s", "blue"), "MAP": ("^", "black"), "MPAP": ("D", "bluish green"),
     "PCWP": ("v", "orange"), "CO": ("o", "vermillion"), "PF": ("s", "blue"),
@@ -480,7 +482,7 @@ class TimeAxis:
     names: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, series: Mapping[str, Any]) -> TimeAxis:
+    def of(cls, series: Series) -> TimeAxis:
         """Time where it is known, else one measurement after the other."""
         points = series["points"]
         if series.get("assumed_interval_hours") is not None or len(points) < 2:
@@ -514,46 +516,53 @@ class TimeAxis:
             ax.set_xlabel(self.label, color=GREY)
 
 
-def plot_parameters(series: Mapping[str, Any]) -> Figure:
+def plot_parameters(series: Series) -> Figure:
     """Every parameter after each measurement: median and 90 %."""
-    points, time = series["points"], TimeAxis.of(series)
-    names = list(dict.fromkeys(n for p in points for n in p["parameters"]))
-    with figure_style():
-        fig, panels = _panels(series, "parameters: median and 90 % after each measurement", len(names))
-        for k, (ax, name) in enumerate(zip(panels, names, strict=True)):
-            _band(ax, time, [p["parameters"].get(name) for p in points], "blue", "after the measurement")
-            _scaled(ax.yaxis, name)
-            ax.set_ylabel(_broken(axis_label(name)))
-            time.draw(ax, k >= len(names) - _ACROSS)
-    return fig
+
+    def draw(ax: Axes, time: TimeAxis, name: str) -> None:
+        _band(ax, time, _of_points(series, "parameters", name), "blue", "after the measurement")
+        _scaled(ax.yaxis, name)
+        ax.set_ylabel(_broken(axis_label(name)))
+
+    return _over_time(series, "parameters", "parameters: median and 90 % after each measurement", draw)
 
 
-def plot_outputs(series: Mapping[str, Any]) -> Figure:
+def plot_outputs(series: Series) -> Figure:
     """Every output: where it was expected, what was measured, and what the model says afterwards."""
-    points, time = series["points"], TimeAxis.of(series)
-    names = list(dict.fromkeys(n for p in points for n in p["outputs"]))
+
+    def draw(ax: Axes, time: TimeAxis, name: str) -> None:
+        expected, outputs = (_of_points(series, key, name) for key in ("expected", "outputs"))
+        _band(ax, time, expected, "sky blue", "90 % of measurements expected")
+        _band(ax, time, outputs, "blue", "model afterwards, 90 %")
+        _measured(ax, time, _of_points(series, "measurements", name))
+        ax.yaxis.set_major_locator(MaxNLocator(4))
+        ax.set_ylabel(f"{name} [{unit_of(name)}]")
+
+    fig = _over_time(series, "outputs", "outputs: expected beforehand, measured, and afterwards", draw)
+    every = [zip(*ax.get_legend_handles_labels(), strict=True) for ax in fig.axes]
+    legend = {label: handle for pairs in reversed(every) for handle, label in pairs}
+    order = dict.fromkeys(label for ax in fig.axes for label in ax.get_legend_handles_labels()[1])
     with figure_style():
-        fig, panels = _panels(series, "outputs: expected beforehand, measured, and afterwards", len(names))
-        for k, (ax, name) in enumerate(zip(panels, names, strict=True)):
-            expected = [p["expected"].get(name) for p in points]
-            _band(ax, time, expected, "sky blue", "90 % of measurements expected")
-            _band(ax, time, [p["outputs"].get(name) for p in points], "blue", "model afterwards, 90 %")
-            _measured(ax, time, [p["measurements"].get(name) for p in points])
-            ax.yaxis.set_major_locator(MaxNLocator(4))
-            ax.set_ylabel(f"{name} [{unit_of(name)}]")
-            time.draw(ax, k >= len(names) - _ACROSS)
-        each = [zip(*ax.get_legend_handles_labels(), strict=True) for ax in panels]
-        legend = {label: handle for pairs in reversed(each) for handle, label in pairs}
-        order = dict.fromkeys(label for ax in panels for label in ax.get_legend_handles_labels()[1])
         fig.legend([legend[label] for label in order], list(order), loc="outside lower center", ncols=2)
     return fig
 
 
-def _panels(series: Mapping[str, Any], what: str, count: int) -> tuple[Figure, list[Axes]]:
-    down = -(-count // _ACROSS)
-    fig = new_figure(height_mm=30 + 36 * down)
-    fig.suptitle(f"{plain_text(series['id'])}\n{what}")
-    return fig, [fig.add_subplot(down, _ACROSS, k + 1) for k in range(count)]
+def _of_points(series: Series, key: str, name: str) -> list[Any]:
+    return [point[key].get(name) for point in series["points"]]
+
+
+def _over_time(series: Series, key: str, title: str, draw: Callable[[Axes, TimeAxis, str], None]) -> Figure:
+    """A panel over time for each name that the points have under a key."""
+    names, time = list(dict.fromkeys(n for p in series["points"] for n in p[key])), TimeAxis.of(series)
+    down = -(-len(names) // _ACROSS)
+    with figure_style():
+        fig = new_figure(height_mm=30 + 36 * down)
+        fig.suptitle(f"{plain_text(series['id'])}\n{title}")
+        for k, name in enumerate(names):
+            ax = fig.add_subplot(down, _ACROSS, k + 1)
+            draw(ax, time, name)
+            time.draw(ax, k >= len(names) - _ACROSS)
+    return fig
 
 
 def _band(

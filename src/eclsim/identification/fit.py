@@ -263,7 +263,7 @@ def fit_cases(
     optima = identify(objective, box, settings.multi_start, progress)
     if settings.shared and len(cases) > 1:
         errors = [measurement_errors(t.measured, settings.uncertainties) for t in targets]
-        errors = [np.array(list(own.values())) for own in errors]
+        errors = [np.array(list(by_output.values())) for by_output in errors]
         optima = fit_shared(objective, box, optima, errors, settings.shared)
     results = [
         _result(name, case, objective, k, box, optimum, settings)

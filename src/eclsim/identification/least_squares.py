@@ -235,11 +235,11 @@ class _Search:
         """Evaluate the damped steps from residuals that stand for those of the starts."""
         steps = np.zeros((len(rows), self.x.shape[1]))
         for row in np.unique(rows):
-            own = rows == row
+            of_member = rows == row
             own_steps = bounded_steps(
-                self.weighted(row), residuals[own], self.x[row], self.box, dampings[own]
+                self.weighted(row), residuals[of_member], self.x[row], self.box, dampings[of_member]
             )
-            steps[own] = own_steps * self.moves[row]
+            steps[of_member] = own_steps * self.moves[row]
         return _Trial(rows, dampings, steps, self.evaluate(rows, self.x[rows] + steps))
 
     def best(self, active: np.ndarray, trials: tuple[_Trial, ...]) -> np.ndarray:
@@ -248,9 +248,9 @@ class _Search:
         for number, trial in enumerate(trials):
             costs = trial.evaluation.costs
             for k, row in enumerate(active):
-                own = np.flatnonzero(trial.rows == row)
-                if len(own) and costs[own].min() < lowest[k]:
-                    place = own[np.argmin(costs[own])]
+                attempts = np.flatnonzero(trial.rows == row)
+                if len(attempts) and costs[attempts].min() < lowest[k]:
+                    place = attempts[np.argmin(costs[attempts])]
                     lowest[k], best[k] = costs[place], (number, place)
         return best
 

@@ -201,12 +201,12 @@ class _Candidates:
 
     def next_starts(self, first: int, settings: MultiStart) -> np.ndarray:
         """The starts of the next round, each mixed with the best so far; those of the first as they are."""
-        own = self.x[first : first + settings.round_size]
+        starts = self.x[first : first + settings.round_size]
         if not self.refined or not np.isfinite((ended := self.so_far()).costs).any():
-            return own
+            return starts
         best = ended.x[np.argmin(ended.costs)]
-        weights = [mixing_weight(first + i, len(self.x)) for i in range(len(own))]
-        return np.stack([w * best + (1.0 - w) * x for w, x in zip(weights, own, strict=True)])
+        weights = [mixing_weight(first + i, len(self.x)) for i in range(len(starts))]
+        return np.stack([w * best + (1.0 - w) * x for w, x in zip(weights, starts, strict=True)])
 
 
 def identify(
@@ -228,9 +228,9 @@ def identify(
         candidates.append(_explore(problem, k, explored, settings))
     _refine_all(problem, box, candidates, settings, progress)
     best = []
-    for k, own in enumerate(candidates):
+    for k, of_point in enumerate(candidates):
         progress(f"refining the best start to the end (point {k + 1} of {count})")
-        best.append(_best(problem, box, k, own, settings))
+        best.append(_best(problem, box, k, of_point, settings))
     return best
 
 
@@ -280,9 +280,9 @@ def _refine_all(
         progress(f"refining starts {first + 1} to {last} of each of {len(jobs)} data points")
         refined = refine(problem, points, np.concatenate([starts[k] for k in jobs]), box, REFINING)
         for k in jobs:
-            own = candidates[k]
-            own.first_costs += own.costs[first : first + settings.round_size].tolist()
-            own.refined.append(refined.take(points == k))
+            of_point = candidates[k]
+            of_point.first_costs += of_point.costs[first : first + settings.round_size].tolist()
+            of_point.refined.append(refined.take(points == k))
         first += settings.round_size
 
 
@@ -344,7 +344,7 @@ def _to_the_end(
 
 
 def refine_shared(
-    objective: Objective, box: Box, common: Sequence[int], own: np.ndarray
+    objective: Objective, box: Box, common: Sequence[int], fitted: np.ndarray
 ) -> tuple[SharedObjective, Refinement]:
     """Fit all points of an objective with common parameters.
 
@@ -352,11 +352,11 @@ def refine_shared(
         objective: data points of one patient.
         box: bounds of the parameters of one point.
         common: places of those that are shared.
-        own: best fit of each point by itself, shape (points, parameters).
+        fitted: best fit of each point by itself, shape (points, parameters).
     """
     problem = SharedObjective(objective, common)
     space = problem.box(box)
-    starts = np.tile(problem.joined(own), (1 + len(SHARES), 1))
+    starts = np.tile(problem.joined(fitted), (1 + len(SHARES), 1))
     first = np.arange(len(common))
     starts[1:, first] = space.lower[first] + np.outer(SHARES, space.width[first])
     points = np.zeros(len(starts), dtype=int)
@@ -419,8 +419,8 @@ def _scaled(
     """Sensitivities of everything that was measured of the patient, in standard uncertainties."""
     rows, names = [], []
     height = len(objective.outputs)
-    for k, (target, own) in enumerate(zip(objective.targets, errors, strict=True)):
-        for name, error in zip(target.measured, own, strict=True):
+    for k, (target, point_errors) in enumerate(zip(objective.targets, errors, strict=True)):
+        for name, error in zip(target.measured, point_errors, strict=True):
             rows.append(jacobian[k * height + objective.outputs.index(name)] / error)
             names.append(f"{name} of point {k + 1}")
     return ScaledSensitivities(tuple(names), space.names, np.array(rows))

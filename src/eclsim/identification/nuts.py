@@ -192,12 +192,12 @@ class _Sampler:
             state = self._jumped(moved, chain, k)
             if k >= settings.warmup:
                 draws.append(self.transport.z_of(np.asarray(state.z))[0])
-                own = {
+                of_draw = {
                     "jumped": state is not moved, "saturated": moved.num_steps >= 2**settings.deepest - 1,
                     "step_size": state.adapt_state.step_size,
                 }  # fmt: skip
                 for name, values in kept.items():
-                    values.append(np.asarray(own[name] if name in own else getattr(state, name)))
+                    values.append(np.asarray(of_draw[name] if name in of_draw else getattr(state, name)))
             self._count()
         return np.stack(draws), {name: np.array(values) for name, values in kept.items()}
 

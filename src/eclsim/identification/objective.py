@@ -260,7 +260,7 @@ class Objective:
 
 def _extrapolated(tangents: Sequence[Tangent], x: np.ndarray) -> Anchor:
     """Where the search for the beats of members starts, each from a solved beat close to it."""
-    states = [tangent.state(own) for tangent, own in zip(tangents, x, strict=True)]
+    states = [tangent.state(of_member) for tangent, of_member in zip(tangents, x, strict=True)]
     return Anchor(np.stack(states, axis=1), np.stack([t.anchor.inverse for t in tangents], axis=2))
 
 
@@ -275,13 +275,13 @@ class SharedObjective:
     def __init__(self, objective: Objective, common: Sequence[int]):
         self.single = objective
         size, self.count = len(objective.names), len(objective.targets)
-        own = [k for k in range(size) if k not in common]
+        separate = [k for k in range(size) if k not in common]
         # For each point: where each of its parameters stands among those of all.
         self.places = np.zeros((self.count, size), dtype=int)
         for point in range(self.count):
             self.places[point, list(common)] = np.arange(len(common))
-            self.places[point, own] = len(common) + point * len(own) + np.arange(len(own))
-        self.size = len(common) + self.count * len(own)
+            self.places[point, separate] = len(common) + point * len(separate) + np.arange(len(separate))
+        self.size = len(common) + self.count * len(separate)
         self.weights = objective.weights.reshape(1, -1)
         self.outputs = objective.outputs * self.count
 
@@ -327,10 +327,10 @@ class SharedObjective:
         """Parameters of each member and point, shape (members * points, parameters)."""
         return x[:, self.places].reshape(-1, self.places.shape[1])
 
-    def joined(self, own: np.ndarray) -> np.ndarray:
+    def joined(self, fitted: np.ndarray) -> np.ndarray:
         """All parameters from those of each point (points, parameters): common ones are averaged."""
         total, times = np.zeros(self.size), np.zeros(self.size)
-        np.add.at(total, self.places, own)
+        np.add.at(total, self.places, fitted)
         np.add.at(times, self.places, 1.0)
         return total / times
 

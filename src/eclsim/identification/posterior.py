@@ -425,8 +425,8 @@ def _tree(result: PosteriorResult) -> xr.DataTree:
     if result.chains is None:
         del groups["sample_stats"]
     else:
-        for own, name in ARVIZ_NAMES.items():
-            values = result.chains.statistics[own]
+        for numpyro_name, name in ARVIZ_NAMES.items():
+            values = result.chains.statistics[numpyro_name]
             groups["sample_stats"][0][name] = xr.Variable(pair, -values if name == "lp" else values)
     return xr.DataTree.from_dict(
         {group: xr.Dataset(data, coords, attributes) for group, (data, coords) in groups.items()}

@@ -24,7 +24,7 @@ from eclsim.orbit.equation import OrbitOptions
 if TYPE_CHECKING:
     from eclsim.identification.fit import FitResult
 
-REFITTING = Tolerances(1e-3, iterations=12, orbits=OrbitOptions(1e-6, 1e-5, newton_iterations=0))
+REFITTING = Tolerances(1e-3, iterations=60, orbits=OrbitOptions(1e-6, 1e-5, newton_iterations=0))
 HELD_SHARES = (0.15, 0.4, 0.65, 0.9)
 """Where a parameter is held to see whether the others follow: shares of the way between its bounds."""
 APART = 0.15
@@ -108,13 +108,13 @@ def profiles(
     held = np.repeat(np.arange(size), steps)
     points = np.full(len(held), point)
     refined = refit(problem, points, box, np.tile(x, (len(held), 1)), held, along.ravel(), resolution)
-    own = problem.evaluate(points[:1], x[None], resolution=resolution).costs[0]
+    cost = problem.evaluate(points[:1], x[None], resolution=resolution).costs[0]
     costs = _nan_for_none(refined.costs).reshape(size, steps)
     values = np.column_stack([along, x])
     order = np.argsort(values, axis=1, kind="stable")
-    costs = np.take_along_axis(np.column_stack([costs, np.full(size, own)]), order, axis=1)
+    costs = np.take_along_axis(np.column_stack([costs, np.full(size, cost)]), order, axis=1)
     values = np.take_along_axis(values, order, axis=1)
-    return CostCurves(box.names, box.scale.values(values.T).T, costs, box.scale.values(x), float(own))
+    return CostCurves(box.names, box.scale.values(values.T).T, costs, box.scale.values(x), float(cost))
 
 
 def _nan_for_none(costs: np.ndarray) -> np.ndarray:

@@ -124,8 +124,6 @@ OF_THE_BEAT = PRESSURES + FLOWS
 """What can be fitted of the beat itself."""
 GASES = MEASURED_GASES
 """What can be fitted of gas exchange, where a case has it."""
-OF_ECMO = ("PF", "SpreO2", "SpostO2", "PpostO2", "PexhaustCO2")
-"""What is measured at the ECMO circuit."""
 OUTPUTS = OF_THE_BEAT + GASES
 """What can be fitted."""
 

@@ -489,11 +489,11 @@ def _tracked_parameters(points: Sequence[Data]) -> Table | None:
     if not known:
         return None
     first, last = known[0], known[-1]
-    rows = [
-        (name, unit_of_parameter(name), _median(first["parameters"][name]), _median(now),
-         f"{now['median'] / first['parameters'][name]['median']:.2f}")
-        for name, now in last["parameters"].items()
-    ]  # fmt: skip
+    rows = []
+    for name, now in last["parameters"].items():
+        before, after = first["parameters"][name]["median"], now["median"]
+        ratio = f"{after / before:.2f}" if min(before, after) > 0.0 else MISSING
+        rows.append((name, unit_of_parameter(name), _median(first["parameters"][name]), _median(now), ratio))
     head = ("Parameter", "Unit", f"After {first['id']}", f"After {last['id']}", "Ratio of medians")
     return Table(head, rows, numeric=(2, 3, 4))
 

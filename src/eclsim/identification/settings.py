@@ -12,10 +12,10 @@ from eclsim.cases.resolve import height_weight
 from eclsim.devices.description import GASES as VO2
 from eclsim.devices.registry import parameters, usual_setting
 from eclsim.identification.multi_start import MultiStart
-from eclsim.identification.quantities import GASES, OF_ECMO, OUTPUTS, Scale, is_linear
+from eclsim.identification.quantities import GASES, OUTPUTS, Scale, is_linear
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.orbit.model import VolumePolicy, circuit_of
-from eclsim.outputs.signals import parameters_read
+from eclsim.outputs.signals import output_names, parameters_read
 from eclsim.parameters import did_you_mean
 from eclsim.parameters.thiel2025 import BOUNDS
 from eclsim.patient.anthropometry import oxygen_consumption
@@ -143,16 +143,16 @@ def check_fit(case: Case, bounds: Mapping[str, tuple[float, float, float]]) -> C
         message = "a target, while a fit needs the speed that the pump ran at"
         value = shown(getattr(one.section, target.key))
         checked.wrong(f"{one.key}.{target.key}", message, value, allowed)
+    known = output_names(circuit_of(case))
     for name in OUTPUTS:
         value = getattr(case.measurements, name, None)
-        if name in GASES and (value is None or case.gas is None):
-            if value is not None:
-                message = "not fitted: the case has no [gas] section"
-                checked.warnings.append(Mistake(f"measurements.{name}", message, shown(value)))
-            continue
-        if value is None or (name in OF_ECMO and case.ecmo is None):
+        if value is None and name not in GASES:
             checked.notes.append(Mistake(f"measurements.{name}", "not measured, so not fitted"))
-        else:
+        elif value is not None and name not in known:
+            missing = "has no [gas] section" if name in GASES and case.gas is None else "has no such output"
+            message = f"not fitted: the case {missing}"
+            checked.warnings.append(Mistake(f"measurements.{name}", message, shown(value)))
+        elif value is not None:
             checked.targets[name] = value
     if not checked.targets:
         checked.wrong("measurements", "nothing to fit", allowed=", ".join(OUTPUTS))
@@ -228,15 +228,15 @@ def _bounds(
     else:
         start = float(known.value)
         lower, upper = max(start / WIDE, known.minimum), min(start * WIDE, known.maximum)
-    own = stated(case, name)
-    own = defaults.get(name, start) if own is None else own
+    value = stated(case, name)
+    value = defaults.get(name, start) if value is None else value
     if name in given:
         lower, upper = given[name]
         middle = (lower * upper) ** 0.5 if 0.0 < lower <= upper else 0.5 * (lower + upper)
         start = start if lower <= start <= upper else middle
     if lower > upper:
         return (lower, lower, upper)
-    return (own if lower <= own <= upper else start, lower, upper)
+    return (value if lower <= value <= upper else start, lower, upper)
 
 
 def read_bounds(text: str) -> dict[str, tuple[float, float]]:

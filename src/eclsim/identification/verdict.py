@@ -281,24 +281,24 @@ def interval_agreement(
         source: of the other intervals, such as "posterior".
     """
     reasons = []
-    for name, own in fitted.items():
+    for name, estimate in fitted.items():
         its = other.get(name)
-        if its is None or not own["identifiable"] or None in (its["lower"], its["upper"]):
+        if its is None or not estimate["identifiable"] or None in (its["lower"], its["upper"]):
             continue
         level, verdict = Level.DOUBTFUL, ""
-        if own["upper"] < its["lower"] or its["upper"] < own["lower"]:
+        if estimate["upper"] < its["lower"] or its["upper"] < estimate["lower"]:
             level = Level.POOR
             verdict = (
                 "they exclude each other, so take neither; the measurements contradict the model, or the "
                 "weights decide the fit (--weights uncertainty)"
             )
-        elif not its["lower"] <= own["value"] <= its["upper"]:
-            verdict = f"the fitted value {own['value']:.3g} is outside of the latter"
-        elif not 1.0 / UNLIKE_WIDTH <= _width(name, its) / _width(name, own) <= UNLIKE_WIDTH:
+        elif not its["lower"] <= estimate["value"] <= its["upper"]:
+            verdict = f"the fitted value {estimate['value']:.3g} is outside of the latter"
+        elif not 1.0 / UNLIKE_WIDTH <= _width(name, its) / _width(name, estimate) <= UNLIKE_WIDTH:
             verdict = "take the wider of the two"
         if verdict:
             sentence = (
-                f"{name}: 90 % interval {own['lower']:.3g} to {own['upper']:.3g} by the Gaussian "
+                f"{name}: 90 % interval {estimate['lower']:.3g} to {estimate['upper']:.3g} by the Gaussian "
                 f"approximation, {its['lower']:.3g} to {its['upper']:.3g} by the {source}: {verdict}"
             )
             reasons.append(Reason(Aspect.INTERVALS, level, name, sentence))

@@ -82,10 +82,10 @@ def reproduce_cohort(
     )  # fmt: skip
     r2 = r_squared(results)
     chosen = next(k for k, result in enumerate(results) if result["cost"] is not None)
-    found = _slices(reading.points[chosen], results[chosen], settings)
+    curves = _slices(reading.points[chosen], results[chosen], settings)
     rows = (*_table_1(reading, cohort is None), *_fit_rows(reading, results, r2, cohort is None))
     return CohortComparison(
-        rows, tuple(results), r2, found, reading.points[chosen].name, cohort is None, explore
+        rows, tuple(results), r2, curves, reading.points[chosen].name, cohort is None, explore
     )
 
 

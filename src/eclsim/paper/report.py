@@ -186,16 +186,16 @@ def draw_figures(
     result: Reproduction, progress: Callable[[str], None] = lambda _: None
 ) -> dict[str, tuple[str, ...]]:
     """SVG text of every figure, by key."""
-    study, found = crrt_drawings(result.crrt.explained), {}
+    study, drawings = crrt_drawings(result.crrt.explained), {}
     for item in items_of(result.parts):
         if not item.drawings:
             continue
         progress(f"drawing {item.title}")
         if item.drawings[0] in study and item.part == "crrt":
-            found[item.key] = (study[item.drawings[0]],)
+            drawings[item.key] = (study[item.drawings[0]],)
         else:
-            found[item.key] = tuple(svg_text(_figure(item.part, name, result)) for name in item.drawings)
-    return found
+            drawings[item.key] = tuple(svg_text(_figure(item.part, name, result)) for name in item.drawings)
+    return drawings
 
 
 def _figure(part: str, name: str, result: Reproduction) -> Figure:

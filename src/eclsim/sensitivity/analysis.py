@@ -257,15 +257,15 @@ def solve_for_pressure(
 
 def _bracket(excess) -> tuple[float | None, float | None]:
     """Two neighbouring powers of two between which the pressure passes its target."""
-    here, step = excess(0.0), math.log(2.0)
-    direction = -1.0 if here > 0.0 else 1.0
+    excess_here, step = excess(0.0), math.log(2.0)
+    direction = -1.0 if excess_here > 0.0 else 1.0
     log_factor = 0.0
     while abs(log_factor) < math.log(_WIDEST):
         following = log_factor + direction * step
-        there = excess(following)
-        if here * there <= 0.0:
+        excess_next = excess(following)
+        if excess_here * excess_next <= 0.0:
             return min(log_factor, following), max(log_factor, following)
-        log_factor, here = following, there
+        log_factor, excess_here = following, excess_next
     return None, None
 
 

@@ -92,9 +92,10 @@ class Design:
     def _exchanged(self) -> np.ndarray:
         """True where a point of a row takes the coordinate of B, shape (runs per row, inputs)."""
         labels = np.array(self.groups or [i.name for i in self.inputs])
-        own = np.array([labels == factor for factor in self.factors])
+        members = np.array([labels == factor for factor in self.factors])
         first, last = np.zeros((1, len(labels)), dtype=bool), np.ones((1, len(labels)), dtype=bool)
-        return np.concatenate([first, own, ~own, last] if self.second_order else [first, own, last])
+        points = [first, members, ~members, last] if self.second_order else [first, members, last]
+        return np.concatenate(points)
 
     def unit(self, first_row: int = 0, last_row: int | None = None) -> np.ndarray:
         """Coordinates in [0, 1) of all runs of some rows, shape (rows x runs per row, inputs)."""

@@ -392,7 +392,7 @@ def identifiability(
     case, _ = with_speed(as_case(case), volume_policy)
     model = model_of(case)
     names = tuple(dict.fromkeys(CARDIOVASCULAR if parameters is None else parameters))
-    measured = _measured(case) if outputs is None else tuple(dict.fromkeys(outputs))
+    measured = _measured(case, model) if outputs is None else tuple(dict.fromkeys(outputs))
     _check_names(names, measured, model)
     chosen = uncertainties_of(measured, uncertainties or {})
     slopes = derivatives(model, measured, names, volume_policy)
@@ -414,11 +414,13 @@ def identifiability(
     )
 
 
-def _measured(case: Case) -> tuple[str, ...]:
+def _measured(case: Case, model: Model) -> tuple[str, ...]:
     """Outputs that the case has measurements of, else all that it has."""
-    given = case.measurements
-    named = () if given is None else tuple(o for o in OUTPUTS if getattr(given, o) is not None)
-    return named or tuple(o for o in OUTPUTS if o != "PF" or case.ecmo is not None)
+    from eclsim.outputs.signals import output_names
+
+    named = tuple(o for o in OUTPUTS if getattr(case.measurements, o, None) is not None)
+    available = output_names(model.circuit)
+    return named or tuple(o for o in OUTPUTS if o in available)
 
 
 def _check_names(parameters: Sequence[str], outputs: Sequence[str], model: Model) -> None:

@@ -160,7 +160,7 @@ def case_object(result: xr.Dataset) -> dict[str, Any]:
         "outputs": _numbers(result, [name for name in OUTPUTS if name in scalars]),
         "more_outputs": _numbers(result, others),
         "waveforms": {
-            str(name): found for name in result.data_vars if (found := _statistics(result, str(name)))
+            str(name): numbers for name in result.data_vars if (numbers := _statistics(result, str(name)))
         },
     }
 
@@ -179,8 +179,8 @@ def _statistics(result: xr.Dataset, name: str) -> dict[str, float] | None:
     if variable.dims != ("phase",):
         return None
     statistics = {"mean": "mean", "min": "minimum", "max": "maximum"}
-    found = {key: float(variable.attrs[attribute]) for key, attribute in statistics.items()}
-    return found if np.all(np.isfinite(list(found.values()))) else None
+    values = {key: float(variable.attrs[attribute]) for key, attribute in statistics.items()}
+    return values if np.all(np.isfinite(list(values.values()))) else None
 
 
 def _numbers(result: xr.Dataset, names: Sequence[str]) -> dict[str, float]:

@@ -56,12 +56,12 @@ def simulate(
         return _beat(case, volume_policy, options, resolution, solver, check_grid)
     case = as_case(case)
     try:
-        solved, found = with_speed(case, volume_policy)
+        solved, speed = with_speed(case, volume_policy)
     except FlowNotReachedError as error:
         return not_reached(case, volume_policy or case.volume_policy, str(error))
     result = _beat(model_of(solved), volume_policy, options, resolution, solver, check_grid)
-    if found is not None:
-        result.attrs |= found.attributes()
+    if speed is not None:
+        result.attrs |= speed.attributes()
     return result
 
 

@@ -117,7 +117,7 @@ def _side_by_side(results: Sequence[xr.Dataset], changes: Mapping[str, float] | 
 def _groups(results: Sequence[xr.Dataset]) -> list[tuple[str, tuple[str, ...]]]:
     """Titles and outputs, the flows of devices with those of the patient."""
     known = (named_output(str(name)) for result in results for name in result.data_vars)
-    instances = {found[0].key: found[0] for found in known if found is not None}.values()
+    instances = {naming[0].key: naming[0] for naming in known if naming is not None}.values()
     order = list(devices())
     instances = sorted(instances, key=lambda one: order.index(one.device.key))
     flows = tuple(name for one in instances for name in one.flows())

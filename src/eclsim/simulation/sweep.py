@@ -87,14 +87,14 @@ def parse_sweep(text: str) -> tuple[str, tuple[str, ...]]:
 
 
 def sweep_cases(
-    key: str, unit: str, own: Value | None, cases: Mapping[Value, Case], policy: str | None = None
+    key: str, unit: str, case_value: Value | None, cases: Mapping[Value, Case], policy: str | None = None
 ) -> Sweep:
     """The steady beat of each of some cases that differ in one key.
 
     Args:
         key: what differs, as it is called in messages.
         unit: of the values.
-        own: the value of the case as it is.
+        case_value: the value of the case as it is.
         cases: by value, in order.
         policy: blood volume policy; left out, that of the cases, which share it.
 
@@ -105,7 +105,7 @@ def sweep_cases(
     policy = policy or next(iter(cases.values())).volume_policy
     results: list[xr.Dataset | None] = []
     values: list[Mapping[str, float]] = []
-    found: list[SpeedFound | None] = []
+    speeds: list[SpeedFound | None] = []
     for case in cases.values():
         try:
             solved, speed = with_speed(case, policy)
@@ -114,12 +114,12 @@ def sweep_cases(
             continue
         results.append(None)
         values.append(values_of(solved))
-        found.append(speed)
+        speeds.append(speed)
     _check_effect(key, circuit, values, len(cases))
     name = next(iter(cases.values())).patient.id
-    beats = iter(_beats(circuit, values, found, name, policy))
+    beats = iter(_beats(circuit, values, speeds, name, policy))
     filled = tuple(next(beats) if result is None else result for result in results)
-    return Sweep(name, key, unit, tuple(cases), own, filled)
+    return Sweep(name, key, unit, tuple(cases), case_value, filled)
 
 
 def _beats(

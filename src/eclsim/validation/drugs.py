@@ -127,11 +127,11 @@ def arms() -> tuple[Arm, ...]:
     def key(row: Mapping[str, str]) -> tuple[str, str, str]:
         return row["study"], row["arm"], row["doses"]
 
-    found = []
+    result = []
     for (study, arm, doses), rows in groupby(read_table("drugs.csv"), key):
         pairs = (pair.partition("=") for pair in doses.split())
-        found.append(Arm(study, arm, tuple((n, float(v)) for n, _, v in pairs), tuple(rows)))
-    return tuple(found)
+        result.append(Arm(study, arm, tuple((n, float(v)) for n, _, v in pairs), tuple(rows)))
+    return tuple(result)
 
 
 def measured(patient: Model, changes: Mapping[str, npt.ArrayLike], quantities: Sequence[str]) -> Measured:
@@ -164,8 +164,8 @@ def patient_of(arm: Arm) -> Model:
     names = list(wanted.values())
 
     def measure(values: Mapping[str, np.ndarray]) -> np.ndarray:
-        found = measured(patient, values, names)
-        return np.stack([found[name] for name in names], axis=-1)
+        table = measured(patient, values, names)
+        return np.stack([table[name] for name in names], axis=-1)
 
     return with_quantities(patient, list(wanted), measure, [before[name] for name in names])
 
@@ -209,11 +209,11 @@ def _arm_rows(arm: Arm) -> list[Row]:
     patient, rows = patient_of(arm), [row for row in arm.rows if row["after"]]
     names = [row["quantity"] for row in rows]
     doses = {key: [0.0, amount] for key, amount in arm.infusions.items()}
-    found, result = measured(patient, doses, names), []
+    table, result = measured(patient, doses, names), []
     for row in rows:
         name, use = row["quantity"], row["use"]
         words, unit, _ = QUANTITIES[name]
-        before, got = map(float, found[name])
+        before, got = map(float, table[name])
         wanted, error = expected(row, before), uncertainty(row, before)
         source = f"{arm.study}, n {row['n']}, {row['source']}"
         reason = REASONS.get(f"{arm.study} {arm.arm}") or REASONS.get(name)
@@ -230,9 +230,9 @@ def _noradrenaline_reduced() -> list[Row]:
     """Less noradrenaline in the septic patient, in percent; and raised legs at both doses."""
     septic, key = patient_of(arms()[0]), dose("noradrenaline")
     doses = {key: [0.32, 0.26, 0.30, 0.19]}
-    found = measured(septic, doses, ("MAP", "Pms"))
+    table = measured(septic, doses, ("MAP", "Pms"))
     given = measured(septic, doses | {EXTRA_VOLUME: [septic.values[EXTRA_VOLUME] + LEGS_ML] * 4}, ("Pms",))
-    low, high = found["MAP"], found["Pms"]
+    low, high = table["MAP"], table["Pms"]
     rise = given["Pms"] / high - 1.0
 
     def change(values: np.ndarray, first: int) -> float:

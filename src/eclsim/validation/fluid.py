@@ -60,7 +60,7 @@ class Patient:
 
     def at(self, change: np.ndarray) -> dict[str, np.ndarray]:
         """Outputs where blood volume has changed [mL]."""
-        return {name: np.interp(change, VOLUMES_ML, found) for name, found in self.values.items()}
+        return {name: np.interp(change, VOLUMES_ML, values) for name, values in self.values.items()}
 
     def course(
         self, hours: float, rates_ml_s: Mapping[str, float], raised: Callable[[float], float] | None = None
@@ -85,13 +85,13 @@ class Patient:
             if raised is not None:
                 beat["MAP"] = beat["MAP"] + raised(time)  # arteries and veins together: capillaries as much
                 beat["venous_pressure"] = beat["venous_pressure"] + raised(time)
-            found = law.rates(states, settings, beat, inflows)
-            return np.concatenate([found[name] for name in names])
+            rates = law.rates(states, settings, beat, inflows)
+            return np.concatenate([rates[name] for name in names])
 
         from scipy.integrate import solve_ivp
 
         first = np.concatenate([start[name] for name in names])
-        found = solve_ivp(
+        solution = solve_ivp(
             slope,
             (0.0, 3600.0 * hours),
             first,
@@ -101,7 +101,7 @@ class Patient:
             atol=1e-6,
             max_step=60.0,
         )
-        return found.t / 60.0, dict(zip(names, found.y, strict=True))
+        return solution.t / 60.0, dict(zip(names, solution.y, strict=True))
 
 
 def fluid_check() -> Check:
@@ -123,14 +123,14 @@ def _filtration() -> list[Row]:
         label: str, unit: str, expected: float, spread: float, litres: float, per: float, source: str
     ) -> Row:
         """Fall of the blood volume, with the published mean and, as evidence, with the low coefficient."""
-        found, tight = (_fall(patient, 1000.0 * litres) / per for patient in (as_published, low))
+        usual, tight = (_fall(patient, 1000.0 * litres) / per for patient in (as_published, low))
         reason = (
             f"refill is too quick at the published mean; at {LOW_COEFFICIENT:g} mL/min/mmHg, 1.07 of its "
             "standard deviations lower, the fall is as measured"
         )
         evidence = (near(label, expected, tight, spread, unit),)
         return near(
-            label, expected, found, spread, unit, source=source, explanation=Explanation(reason, evidence)
+            label, expected, usual, spread, unit, source=source, explanation=Explanation(reason, evidence)
         )
 
     return [

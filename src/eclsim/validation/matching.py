@@ -32,8 +32,8 @@ def with_quantities(patient: Model, unknown: Sequence[str], measure: Measure, go
     wanted, moved = np.array(goal), np.zeros(len(start))
 
     def values(points: np.ndarray) -> dict[str, np.ndarray]:
-        found = np.where(logarithmic, start * np.exp(np.where(logarithmic, points, 0.0)), start + points)
-        return dict(zip(unknown, found.T, strict=True))
+        columns = np.where(logarithmic, start * np.exp(np.where(logarithmic, points, 0.0)), start + points)
+        return dict(zip(unknown, columns.T, strict=True))
 
     for _ in range(_STEPS):
         table = measure(values(np.vstack([moved, moved + np.diag(difference)])))
@@ -52,7 +52,7 @@ def with_outputs(patient: Model, unknown: Sequence[str], goal: Mapping[str, floa
     """The same for outputs of the registry."""
 
     def measure(values: Mapping[str, np.ndarray]) -> np.ndarray:
-        found = simulate_many(patient, values, list(goal))
-        return np.stack([found[name].values for name in goal], axis=-1)
+        results = simulate_many(patient, values, list(goal))
+        return np.stack([results[name].values for name in goal], axis=-1)
 
     return with_quantities(patient, unknown, measure, list(goal.values()))

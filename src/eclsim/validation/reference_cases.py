@@ -145,13 +145,13 @@ def explanation(label: str, expected: float, got: float, tolerance: float) -> Ex
     """
     if label not in _with_published_laws():
         return None
-    published, own = _with_published_laws()[label]
+    published, eclsim_value = _with_published_laws()[label]
     room, unit = EVIDENCE * tolerance, WAVEFORM_UNITS[label.split()[1][0]]
     return Explanation(
         PUBLISHED_LAWS,
         (
             near(f"{label}, with the published laws", expected, published, room, unit),
-            near(f"{label}, with eclsim's laws, when this was shown", own, got, room, unit),
+            near(f"{label}, with eclsim's laws, when this was shown", eclsim_value, got, room, unit),
         ),
     )
 

@@ -163,8 +163,8 @@ def sweeps(count: int, effort: Effort) -> list[Sweep]:
     points = sobol_points(count)
     found = []
     for name in CONFIGURATIONS:
-        own = [result for chunk, result in zip(chunks, results, strict=True) if chunk[0] == name]
-        arrays = {field: np.concatenate([result[field] for result in own]) for field in SWEPT}
+        pieces = [result for chunk, result in zip(chunks, results, strict=True) if chunk[0] == name]
+        arrays = {field: np.concatenate([result[field] for result in pieces]) for field in SWEPT}
         whole = {"status": arrays.pop("status").astype(int), "beats": arrays.pop("beats").astype(int)}
         found.append(Sweep(name, points, **whole, **arrays))
     return found
@@ -188,58 +188,58 @@ def checks(effort: Effort) -> list[Check]:
     rows: list[Row] = []
     remarks: list[str] = []
     points = effort.points
-    for found in sweeps(points, effort):
-        rows += _rows(found)
-        remarks += _remarks(found)
+    for swept in sweeps(points, effort):
+        rows += _rows(swept)
+        remarks += _remarks(swept)
     title = f"Robustness: {points} Sobol points of the fit bounds x {len(CONFIGURATIONS)} configurations"
     bar = "99.9 % of those with a native output above 0.1 L/min converge; none falsely, none silently"
     return [Check("robustness", title, bar, tuple(rows), remarks=tuple(remarks))]
 
 
-def _rows(found: Sweep) -> list[Row]:
-    ejecting, settled = found.ejecting, found.converged
+def _rows(sweep: Sweep) -> list[Row]:
+    ejecting, settled = sweep.ejecting, sweep.converged
     share = float((ejecting & settled).sum() / max(ejecting.sum(), 1))
-    named = _named(found)
+    named = _named(sweep)
     return [
-        at_least(f"{found.name}: share of {ejecting.sum()} ejecting that converge", share, NEEDED_SHARE),
-        at_most(f"{found.name}: called converged and not steady", float(found.false_converged.sum()), 0.0),
+        at_least(f"{sweep.name}: share of {ejecting.sum()} ejecting that converge", share, NEEDED_SHARE),
+        at_most(f"{sweep.name}: called converged and not steady", float(sweep.false_converged.sum()), 0.0),
         at_most(
-            f"{found.name}: largest change over 10 more beats", np.nanmax(found.moved), RECHECK_TOLERANCE
+            f"{sweep.name}: largest change over 10 more beats", np.nanmax(sweep.moved), RECHECK_TOLERANCE
         ),
-        at_most(f"{found.name}: number that is not finite, unsaid", float(found.silent_nan.sum()), 0.0),
-        at_most(f"{found.name}: not steady and not named NO_EJECTION", float(named.size - named.sum()), 0.0),
+        at_most(f"{sweep.name}: number that is not finite, unsaid", float(sweep.silent_nan.sum()), 0.0),
+        at_most(f"{sweep.name}: not steady and not named NO_EJECTION", float(named.size - named.sum()), 0.0),
     ]
 
 
-def _named(found: Sweep) -> np.ndarray:
+def _named(sweep: Sweep) -> np.ndarray:
     """Whether `simulate` calls the first few points without ejection and steady beat what they are.
 
     Where next to nothing flows the equation is all but singular, and one may be solved alone that was not
     solved in the batch, whose program rounds differently.
     """
-    still = np.flatnonzero(~found.converged & ~found.ejecting)[:NAMED]
-    model = configuration_model(found.name)
-    results = (simulate(model.with_values({n: float(v[k]) for n, v in found.values.items()})) for k in still)
+    still = np.flatnonzero(~sweep.converged & ~sweep.ejecting)[:NAMED]
+    model = configuration_model(sweep.name)
+    results = (simulate(model.with_values({n: float(v[k]) for n, v in sweep.values.items()})) for k in still)
     names = ("no_ejection", "converged", "one_of_many")
     return np.array([result.attrs["status"] in names for result in results], dtype=bool)
 
 
-def _remarks(found: Sweep) -> list[str]:
-    settled = found.converged
-    beats = found.beats[settled]
+def _remarks(sweep: Sweep) -> list[str]:
+    settled = sweep.converged
+    beats = sweep.beats[settled]
     words = [
-        f"{found.name}: {settled.sum()} of {settled.size} steady, median {np.median(beats):.0f} beats, "
+        f"{sweep.name}: {settled.sum()} of {settled.size} steady, median {np.median(beats):.0f} beats, "
         f"largest {beats.max()}"
     ]
     rest = np.flatnonzero(~settled)
     if len(rest):
         words.append(
-            f"{found.name}: {len(rest)} without a steady beat; after {SETTLING_BEATS} plain beats the native "
-            f"output is at most {found.output[rest].max():.2g} L/min, their drift at most "
-            f"{found.drift[rest].max():.2g} mL a beat"
+            f"{sweep.name}: {len(rest)} without a steady beat; after {SETTLING_BEATS} plain beats the native "
+            f"output is at most {sweep.output[rest].max():.2g} L/min, their drift at most "
+            f"{sweep.drift[rest].max():.2g} mL a beat"
         )
-    failed = np.flatnonzero(found.ejecting & ~settled)
+    failed = np.flatnonzero(sweep.ejecting & ~settled)
     for k in failed[:NAMED]:
-        point = ", ".join(f"{name} {value[k]:.4g}" for name, value in found.values.items())
-        words.append(f"{found.name}: ejects {found.output[k]:.2f} L/min and is not steady: {point}")
+        point = ", ".join(f"{name} {value[k]:.4g}" for name, value in sweep.values.items())
+        words.append(f"{sweep.name}: ejects {sweep.output[k]:.2f} L/min and is not steady: {point}")
     return words

@@ -208,9 +208,9 @@ def own_differences(model: Model, outputs: tuple[str, ...], parameters: tuple[st
         column[len(factors) * k : len(factors) * (k + 1)] *= factors
         values[name] = column
     beat = steady_beat(Batch(model.circuit, values, count), outputs, options=TIGHT, start=model.values)
-    found = beat.values.reshape(len(outputs), len(parameters), len(factors))
-    coarse = (found[..., 0] - found[..., 1]) / (2.0 * STEP)
-    fine = (found[..., 2] - found[..., 3]) / STEP
+    table = beat.values.reshape(len(outputs), len(parameters), len(factors))
+    coarse = (table[..., 0] - table[..., 1]) / (2.0 * STEP)
+    fine = (table[..., 2] - table[..., 3]) / STEP
     return (4.0 * fine - coarse) / 3.0
 
 
@@ -220,11 +220,11 @@ def gradient_checks() -> list[Check]:
     finer: list[Row] = []
     own: list[Row] = []
     for key, case in CASES.items():
-        found = elasticities(key)
-        half_step = _rows(case, found, found.finer, found.published, OF_LARGEST)
-        differences = _rows(case, found, found.exact, found.own_differences, OF_LARGEST_OWN)
+        computed = elasticities(key)
+        half_step = _rows(case, computed, computed.finer, computed.published, OF_LARGEST)
+        differences = _rows(case, computed, computed.exact, computed.own_differences, OF_LARGEST_OWN)
         whys = [Explanation(GRID, evidence) for evidence in zip(half_step, differences, strict=True)]
-        published += _rows(case, found, found.exact, found.published, OF_LARGEST, whys)
+        published += _rows(case, computed, computed.exact, computed.published, OF_LARGEST, whys)
         finer += half_step
         own += differences
     words = "Derivatives against central differences of the published code"
@@ -240,16 +240,16 @@ def gradient_checks() -> list[Check]:
 
 def _rows(
     case: str,
-    found: Elasticities,
+    computed: Elasticities,
     got: np.ndarray,
     expected: np.ndarray,
     share: float,
     explanations: Sequence[Explanation] | None = None,
 ) -> list[Row]:
     rows: list[Row] = []
-    for i, name in enumerate(found.outputs):
+    for i, name in enumerate(computed.outputs):
         tolerance = share * float(np.abs(expected[i]).max())
-        for k, parameter in enumerate(found.parameters):
+        for k, parameter in enumerate(computed.parameters):
             label, unit = f"{case} d {name} / d ln {parameter}", output(name).unit
             why = explanations[len(rows)] if explanations else None
             rows.append(near(label, expected[i, k], got[i, k], tolerance, unit, explanation=why))

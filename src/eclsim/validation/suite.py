@@ -64,9 +64,9 @@ def run(
     for name in parts or PARTS:
         announce(name)
         start = time.perf_counter()
-        found = PARTS[name](effort)
-        share = (time.perf_counter() - start) / max(len(found), 1)
-        yield from (replace(check, seconds=share) for check in found)
+        checks = PARTS[name](effort)
+        share = (time.perf_counter() - start) / max(len(checks), 1)
+        yield from (replace(check, seconds=share) for check in checks)
 
 
 # --- JSON -----------------------------------------------------------------------------------------

@@ -95,8 +95,8 @@ def first_results() -> Iterator[Measurement]:
             warm.append(_command_seconds(folder))
     remark = f"`eclsim simulate` from start to end, median of {PROCESS_REPEATS} new processes"
     names = ("first result of a new process, empty cache", "first result of a new process, filled cache")
-    for name, found, bar, published in zip(names, (cold, warm), (6.0, 3.5), (7.2, None), strict=True):
-        wall, cpu = (statistics.median(column) for column in zip(*found, strict=True))
+    for name, measured, bar, published in zip(names, (cold, warm), (6.0, 3.5), (7.2, None), strict=True):
+        wall, cpu = (statistics.median(column) for column in zip(*measured, strict=True))
         yield Measurement(name, wall, "s", bar, cpu if math.isfinite(cpu) else None, published, remark)
 
 
@@ -144,17 +144,17 @@ def batch() -> Iterator[Measurement]:
 
     One process before it fills the cache: compiling takes 240 MB that are not needed again.
     """
-    _, found = (
+    _, results = (
         json.loads(_process([sys.executable, "-c", MEASURE_BATCH], {"ECLSIM_THREADS": "1"})[2])
         for _ in range(2)
     )
     name = f"a steady beat in a batch of {MEMBERS}, one core"
     remark = (
-        f"24 parameters by +-25 %; {found['converged']} of {MEMBERS} converged, "
-        f"median {found['beats']:g} beats, largest {found['most_beats']}"
+        f"24 parameters by +-25 %; {results['converged']} of {MEMBERS} converged, "
+        f"median {results['beats']:g} beats, largest {results['most_beats']}"
     )
-    yield Measurement(name, found["wall_ms"], "ms", 0.6, found["cpu_ms"], 1740.0, remark)
-    memory = found["memory_mb"]
+    yield Measurement(name, results["wall_ms"], "ms", 0.6, results["cpu_ms"], 1740.0, remark)
+    memory = results["memory_mb"]
     yield Measurement(
         "largest memory of that process", memory, "MB", 500.0, remark="JAX included, programs in the cache"
     )
@@ -172,7 +172,7 @@ def print_batch() -> None:
     many = Batch(model.circuit, values, MEMBERS)
     orbits = solve(many, start=model.values)
     wall, cpu = _medians(lambda: solve(many, start=model.values), 5)
-    found = {
+    figures = {
         "wall_ms": wall / MEMBERS,
         "cpu_ms": cpu / MEMBERS,
         "converged": int((orbits.status == 0).sum()),
@@ -180,19 +180,19 @@ def print_batch() -> None:
         "most_beats": int(orbits.beats.max()),
         "memory_mb": _largest_memory_mb(),
     }
-    print(json.dumps(found))
+    print(json.dumps(figures))
 
 
 def _medians(function: Callable[[], object], repeats: int = REPEATS) -> tuple[float, float]:
     """Median elapsed and processor milliseconds; two calls before do not count."""
     for _ in range(2):
         function()
-    found = []
+    times = []
     for _ in range(repeats):
         start, cpu = time.perf_counter(), time.process_time()
         function()
-        found.append((1e3 * (time.perf_counter() - start), 1e3 * (time.process_time() - cpu)))
-    wall, processor = zip(*found, strict=True)
+        times.append((1e3 * (time.perf_counter() - start), 1e3 * (time.process_time() - cpu)))
+    wall, processor = zip(*times, strict=True)
     return statistics.median(wall), statistics.median(processor)
 
 

@@ -66,9 +66,9 @@ def simulated_series(seed: int, points: int, drifting: int = 3) -> list[Simulate
         x = start + np.linspace(0.0, 1.0, points)[:, None] * change
         x = np.clip(x, table[:, 1], table[:, 2])
         cases = [_case(random, seed, k, devices) for k in range(points)]
-        found = _outputs(cases, x)
-        if found is not None and all(_likely(o) for o in found):
-            return [_measured(random, c, row, o) for c, row, o in zip(cases, x, found, strict=True)]
+        outputs = _outputs(cases, x)
+        if outputs is not None and all(_likely(o) for o in outputs):
+            return [_measured(random, c, row, o) for c, row, o in zip(cases, x, outputs, strict=True)]
     raise RuntimeError(f"no likely patient in {TRIES} tries")
 
 
