@@ -108,8 +108,7 @@ def _first_policy(o: CrrtStudyOptions) -> str | None:
 
 def _check_options(o: CrrtStudyOptions, more: Mapping[str, Callable[[], object]]) -> list[str]:
     from eclsim.crrt_study.rule import read_rule
-    from eclsim.crrt_study.schemes import select_schemes
-    from eclsim.simulation.value_ranges import parse_speeds
+    from eclsim.crrt_study.schemes import parse_speeds, select_schemes
 
     return mistakes_in(
         {

@@ -6,6 +6,7 @@ Nothing here computes, so that input errors are told at once.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -145,7 +146,7 @@ def _meant(word: str, nine: dict[str, Scheme]) -> list[Scheme]:
     if word == NINE:
         return list(nine.values())
     if word == PAIRS:
-        return [_pair(*sites, nine) for sites in itertools.product(ECMO_POSITIONS, repeat=2)]
+        return [_pair(access, to, nine) for access, to in itertools.product(ECMO_POSITIONS, repeat=2)]
     if word == SEPARATE:
         return [_pair(*sites, nine) for sites in SEPARATE_PAIRS]
     access_site, colon, return_site = word.partition(":")
@@ -241,3 +242,41 @@ def crrt_flow(case: Case, wanted: float | None) -> float:
         wanted = USUAL_FLOW_ML_MIN if case.crrt is None else case.crrt.flow_ml_min
     check_flow(wanted)
     return float(wanted)
+
+
+# --- pump speeds -----------------------------------------------------------------------------------
+
+MOST_SPEEDS = 1001
+
+
+class SpeedError(ValueError):
+    """Speeds that cannot be read; says what is allowed."""
+
+
+def parse_speeds(text: str) -> tuple[float, ...]:
+    """Speeds [rpm] in ascending order, each once.
+
+    Args:
+        text: `first:last:step`, both ends included, or single speeds, with commas between.
+
+    Raises:
+        SpeedError: If any of it is no speed.
+    """
+    allowed = "first:last:step or single speeds [rpm] above 0, such as 1000:5000:250,3425"
+    wrong = SpeedError(f"'{text[:60]}' are no speeds; allowed: {allowed}")
+    speeds: set[float] = set()
+    for part in text.split(","):
+        try:
+            numbers = [float(number) for number in part.split(":")]
+        except ValueError:
+            raise wrong from None
+        if len(numbers) not in (1, 3) or not all(math.isfinite(n) and n > 0.0 for n in numbers):
+            raise wrong
+        first, last, step = numbers if len(numbers) == 3 else (*numbers, *numbers, 1.0)
+        count = (last - first) / step
+        if not 0.0 <= count <= MOST_SPEEDS:
+            raise wrong
+        speeds.update(first + k * step for k in range(math.floor(count + 1e-9) + 1))
+    if len(speeds) > MOST_SPEEDS:
+        raise SpeedError(f"'{text[:60]}': {len(speeds)} speeds; allowed: up to {MOST_SPEEDS}")
+    return tuple(sorted(speeds))

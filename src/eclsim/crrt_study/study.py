@@ -21,11 +21,11 @@ from eclsim.crrt_study.schemes import (
     Scheme,
     case_speed,
     crrt_flow,
+    parse_speeds,
     policies_of,
     select_schemes,
 )
 from eclsim.orbit.model import CaseSource, as_case
-from eclsim.simulation.value_ranges import parse_speeds
 
 if TYPE_CHECKING:
     import xarray as xr

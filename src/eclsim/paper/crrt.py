@@ -74,8 +74,8 @@ def with_blood_volume(case: Case, volume_ml: float) -> Case:
 
 
 @dataclass(frozen=True)
-class Unstated:
-    """What the search found.
+class UnprintedValues:
+    """Blood volume and heart rate of the paper's patient, which are not printed, as searched for.
 
     Args:
         blood_volume_ml: best total blood volume.
@@ -90,7 +90,7 @@ class Unstated:
     assumed_misfit: float
 
 
-def search_unstated(case: Case | None = None) -> Unstated:
+def search_unstated(case: Case | None = None) -> UnprintedValues:
     """Blood volume and heart rate with which the numbers of section 3.3 come out best."""
     from scipy.interpolate import RegularGridInterpolator
     from scipy.optimize import minimize
@@ -112,17 +112,19 @@ def search_unstated(case: Case | None = None) -> Unstated:
     bounds = ((RATES_BPM[0], RATES_BPM[-1]), (VOLUMES_ML[0], VOLUMES_ML[-1]))
     start = np.array([rates[r], volumes[v]])
     best = minimize(lambda x: misfit(x[0], x[1]), start, method="Nelder-Mead", bounds=bounds)
+    if not best.success:
+        raise RuntimeError(f"blood volume and heart rate of the paper's patient: {best.message}")
     rate, volume = (float(x) for x in best.x)
     assumed = misfit(case.patient.heart_rate_bpm, blood_volume_ml(case.patient))
-    return Unstated(volume, rate, misfit(rate, volume), assumed)
+    return UnprintedValues(volume, rate, misfit(rate, volume), assumed)
 
 
-def explained_case(found: Unstated) -> Case:
+def explained_case(values: UnprintedValues) -> Case:
     """The patient with the age printed, the heart rate found, and a weight for the blood volume found."""
     case = paper_case()
-    known = {"age_years": 69.0, "height_cm": 160.0, "heart_rate_bpm": found.heart_rate_bpm}
+    known = {"age_years": 69.0, "height_cm": 160.0, "heart_rate_bpm": values.heart_rate_bpm}
     patient = case.patient.model_copy(update=known)
-    return with_blood_volume(case.model_copy(update={"patient": patient}), found.blood_volume_ml)
+    return with_blood_volume(case.model_copy(update={"patient": patient}), values.blood_volume_ml)
 
 
 def tolerance_of(printed: Printed) -> float:
@@ -171,7 +173,7 @@ class CrrtComparison:
     """
 
     rows: tuple[Row, ...]
-    unstated: Unstated
+    unstated: UnprintedValues
     study: CrrtStudy
     explained: CrrtStudy
 
@@ -190,7 +192,7 @@ def reproduce_crrt(progress: Callable[[str], None] = lambda _: None) -> CrrtComp
     return CrrtComparison(tuple(rows), unstated, study, explained)
 
 
-def _row(printed: Printed, study: CrrtStudy, explained: CrrtStudy, unstated: Unstated) -> Row:
+def _row(printed: Printed, study: CrrtStudy, explained: CrrtStudy, unstated: UnprintedValues) -> Row:
     volume = f"{unstated.blood_volume_ml:.0f} mL"
     reason = printed.remark or f"{volume} of blood, which are not printed, bring it nearer"
     row = printed_number(
@@ -214,7 +216,7 @@ def compute(printed: Printed, study: CrrtStudy) -> float:
             return _lowest_alarm(study, limit)
         case FlowAtLimit(limit, schemes):
             flows = study.limits["largest_flow"].sel(policy=AS_PUBLISHED, limit=limit)
-            return float(flows.sel(scheme=list(schemes)).mean() if schemes else flows.min())
+            return float(flows.sel(scheme=list(schemes)).mean(skipna=False) if schemes else flows.min())
 
 
 def _lowest_alarm(study: CrrtStudy, name: str) -> float:

@@ -23,7 +23,7 @@ from eclsim.cases.case import Case
 from eclsim.execution import Executor
 from eclsim.orbit.model import model_of
 from eclsim.paper.comparison import Row, Verdict, printed_number, statement
-from eclsim.paper.crrt import Unstated, explained_case, paper_case
+from eclsim.paper.crrt import UnprintedValues, explained_case, paper_case
 from eclsim.paper.printed import RUNS, SAMPLES, TABLE_2
 from eclsim.sensitivity.analysis import (
     TARGETS,
@@ -247,7 +247,7 @@ class RedrawnChoices:
 
 def reproduce_positions(
     folder: Path,
-    unstated: Unstated,
+    unstated: UnprintedValues,
     samples: int,
     executor: Executor,
     progress: Progress = lambda _: None,

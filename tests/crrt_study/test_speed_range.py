@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from eclsim.simulation.value_ranges import SpeedError, parse_speeds
+from eclsim.crrt_study.schemes import SpeedError, parse_speeds
 
 
 def test_a_range_holds_both_ends():
