@@ -4,6 +4,8 @@ from SALib.analyze import sobol as salib
 
 from eclsim.sensitivity.design import Design, sobol_indices
 from eclsim.sensitivity.inputs import Continuous
+from eclsim.sensitivity.results import conclude
+from eclsim.sensitivity.runs import Runs
 from known_indices import (
     ISHIGAMI_INPUTS,
     IshigamiWithChoice,
@@ -100,3 +102,13 @@ def test_a_choice_drawn_over_the_finished_design_spoils_the_indices():
     expected = [exact.ST[0] + exact.S1[2], exact.ST[1] + effect_of_choice, effect_of_choice]
     np.testing.assert_allclose(found.ST[0], expected, atol=0.03)
     assert found.ST[0, 1] - exact.ST[1] > 0.2
+
+
+def test_sizes_of_which_no_part_has_two_whole_rows_have_no_convergence():
+    design = Design((Continuous("x", 0.0, 1.0), Continuous("y", 0.0, 1.0)), 32, second_order=False)
+    values = design.unit().sum(axis=1, keepdims=True)
+    failed = ~np.isin(np.repeat(np.arange(32), design.runs_per_row), (3, 20))
+    runs = Runs(values, np.where(failed, 3, 0), np.zeros(len(values), dtype=int), np.zeros(len(values)))
+    mean = conclude(design, ("sum",), runs).convergence["mean"]
+    assert np.isnan(mean.sel(rows=16)).all()
+    assert np.isfinite(mean.sel(rows=32)).all()

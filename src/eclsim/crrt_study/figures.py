@@ -340,14 +340,7 @@ def colour_of(letters: Sequence[str], highest: str, lowest: str) -> str:
 
 
 def label_ends(ax: Axes, ends: Mapping[str, tuple[float, float]], highest: str, lowest: str) -> None:
-    """Letters beside the right end of curves; curves that end together share a label.
-
-    Args:
-        ax: axes whose limits are set.
-        ends: last point (x, y) of each scheme's curve.
-        highest: scheme with the highest arterial pressure.
-        lowest: scheme with the lowest.
-    """
+    """Letters beside the right end of curves; curves that end together share a label."""
     shown = {k: v for k, v in ends.items() if np.isfinite(v).all()}
     if len(shown) > MOST_LABELS:
         shown = {k: v for k, v in shown.items() if k in (highest, lowest)}

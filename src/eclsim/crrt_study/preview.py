@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,7 +23,7 @@ LINES = {
 POINTS = 60
 
 
-def nine_at_own_speed(case: Case, policy: str) -> dict[str, Any] | None:
+def nine_at_own_speed(case: Case, policy: str) -> dict[str, object] | None:
     """Pressures of both lines in each scheme; None without an ECMO circuit with a rotary pump."""
     if case.ecmo is None or not isinstance(case.ecmo.pump, str):
         return None
@@ -34,7 +34,7 @@ def nine_at_own_speed(case: Case, policy: str) -> dict[str, Any] | None:
     even = np.linspace(0.0, 1.0, POINTS)
     cells = []
     for k, scheme in enumerate(chosen):
-        cell: dict[str, Any] = {
+        cell: dict[str, object] = {
             "letter": scheme.letter, "name": scheme.name,
             "settings": {"crrt.access_site": scheme.access_site, "crrt.return_site": scheme.return_site},
             "converged": bool(result.determined[k]), "MAP": float(result.output("MAP")[k]),

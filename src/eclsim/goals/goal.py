@@ -137,12 +137,7 @@ def _repeated(names: Sequence[str]) -> list[str]:
 
 
 def usual_settings(case: Case, known: Sequence[str]) -> tuple[Setting, ...]:
-    """What is turned on the devices of a case to reach goals, the dearest first, over the range of the page.
-
-    Args:
-        case: with its devices.
-        known: parameters of the case that may be turned.
-    """
+    """What is turned on the devices of a case to reach goals, the dearest first, over the page's ranges."""
     settings: list[Setting | None] = []
     for one in case.instances():
         names = (f"{one.key}.{key}" for key in one.device.adjusted)

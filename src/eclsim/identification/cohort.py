@@ -70,13 +70,7 @@ class FitGroup:
 def fit_tasks(
     points: Sequence[CohortPoint], settings: FitSettings, digest: str
 ) -> Tasks[Group, list[KeptFit]]:
-    """The groups of a cohort.
-
-    Args:
-        points: of the cohort.
-        settings: what is free, how it is weighted, how widely to look.
-        digest: of the cohort's file.
-    """
+    """The groups of a cohort."""
     inputs = {"cohort_file": digest, "points": len(points), **settings.as_object()}
     return Tasks(
         "fits", "groups of data points", FitGroup(settings), _groups(points, bool(settings.shared)), inputs
@@ -181,15 +175,7 @@ def fit_points(
     executor: Executor,
     progress: Progress | None = None,
 ) -> FittedCases:
-    """The fitted cases of a table; of a shard, those of its own groups.
-
-    Args:
-        reading: of the table.
-        settings: of the fits.
-        folder: keeps the fits.
-        executor: runs the groups.
-        progress: called as groups are done.
-    """
+    """The fitted cases of a table; of a shard, those of its own groups."""
     tasks = fit_tasks(reading.points, settings, reading.digest)
     place = None if folder is None else folder / GROUPS
     results = executor.own(tasks, place, _FORMAT, progress)

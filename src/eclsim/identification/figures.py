@@ -74,12 +74,7 @@ def _parameter_panels(
 
 
 def plot_slices(slices: CostCurves, units: Mapping[str, str]) -> Figure:
-    """Cost along each parameter from bound to bound, the others at the optimum.
-
-    Args:
-        slices: costs along each parameter.
-        units: of the parameters.
-    """
+    """Cost along each parameter from bound to bound, the others at the optimum."""
     with figure_style():
         fig, panels = _parameter_panels(slices, units, "sum of squared residuals", 12)
         for k, axes in panels:

@@ -212,14 +212,7 @@ class _Candidates:
 def identify(
     problem: LeastSquaresProblem, box: Box, settings: MultiStart | None = None, progress: Progress = silent
 ) -> list[Optimum]:
-    """Fit every data point of a problem; points do not influence each other.
-
-    Args:
-        problem: data points that share a circuit.
-        box: free parameters and bounds.
-        settings: how widely to look.
-        progress: called with what is being done.
-    """
+    """Fit every data point of a problem; points do not influence each other."""
     settings = settings or MultiStart()
     explored, count = sobol(box, settings), len(problem.weights)
     candidates = []
@@ -373,15 +366,7 @@ def fit_shared(
     errors: Sequence[np.ndarray],
     shared: Sequence[str],
 ) -> list[Optimum]:
-    """The optima of points that were fitted one by one, fitted again with common parameters.
-
-    Args:
-        objective: the points of one patient.
-        box: bounds of the parameters of one point.
-        separate: optimum of each point by itself.
-        errors: standard uncertainties of the measurements of each point.
-        shared: names of the common parameters.
-    """
+    """The optima of points that were fitted one by one, fitted again with common parameters."""
     if not all(o.exists for o in separate):
         return list(separate)
     common = [box.names.index(n) for n in shared if n in box.names]

@@ -179,14 +179,7 @@ def held_fits(
     optima: Sequence[np.ndarray],
     undetermined: Sequence[Sequence[int]],
 ) -> list[HeldFits]:
-    """Hold undetermined parameters of several data points away from their optima, all side by side.
-
-    Args:
-        problem: data points.
-        box: bounds.
-        optima: coordinates of the parameters of each data point.
-        undetermined: places of its undetermined parameters.
-    """
+    """Hold undetermined parameters of several data points away from their optima, all side by side."""
     plans = [held_values(x, box, chosen) for x, chosen in zip(optima, undetermined, strict=True)]
     points = np.repeat(np.arange(len(plans)), [len(held) for held, _ in plans])
     if not len(points):

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from eclsim.crrt_study.report import drawings as crrt_drawings
 from eclsim.files import csv_text, json_text, write_text
@@ -61,7 +61,7 @@ def write_reproduction(
     return [folder / name for name in texts]
 
 
-def as_object(result: Reproduction) -> dict[str, Any]:
+def as_object(result: Reproduction) -> dict[str, object]:
     """The comparison as plain values."""
     unstated = result.crrt.unstated
     return {

@@ -15,7 +15,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -33,7 +32,7 @@ from eclsim.sensitivity.analysis import (
     sensitivity,
     state_values,
 )
-from eclsim.sensitivity.inputs import CARDIOVASCULAR, Categorical
+from eclsim.sensitivity.inputs import CARDIOVASCULAR, Categorical, Description
 from eclsim.sensitivity.results import Indices, SensitivityResult
 from eclsim.sensitivity.runs import Analysis, Evaluator, Runs
 
@@ -239,7 +238,7 @@ class RedrawnChoices:
             drawn |= choice.settings(random.random(count))
         return self.evaluator(drawn, count)
 
-    def description(self) -> dict[str, Any]:
+    def description(self) -> Description:
         """As plain data."""
         names = [choice.name for choice in self.choices]
         return self.evaluator.description() | {"drawn_over_the_design": names, "drawn_seed": self.seed}

@@ -45,13 +45,7 @@ def interval(low: float | None, high: float | None, digits: int = 3) -> str:
 
 
 def text_table(head: Sequence[str], rows: Sequence[Sequence[str]], numeric: Collection[int] = ()) -> str:
-    """Rows under a head, columns two spaces apart.
-
-    Args:
-        head: Names of the columns.
-        rows: Cells as text, as many per row as the head has.
-        numeric: Columns that are set flush right.
-    """
+    """Rows under a head, columns two spaces apart."""
     table = [head, *rows]
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     lines = []

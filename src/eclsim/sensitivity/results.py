@@ -268,7 +268,7 @@ def convergence(result: SensitivityResult, smallest: int = SMALLEST) -> xr.Datas
         repeats = [
             sobol_indices(values[p][good[p]], factors, seed=design.seed) for p in pieces if good[p].sum() > 1
         ]
-        for k, name in enumerate(names):
+        for k, name in enumerate(names if repeats else ()):
             each = np.stack([getattr(r, name) for r in repeats])
             mean[s, k] = each.mean(axis=0)
             width[s, k] = np.mean([getattr(r, f"{name}_conf") for r in repeats], axis=0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -126,7 +126,7 @@ def _output_table(results: Sequence[xr.Dataset]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def results_object(results: Iterable[xr.Dataset]) -> dict[str, Any]:
+def results_object(results: Iterable[xr.Dataset]) -> dict[str, object]:
     """All cases as one object, in order; holds finite numbers only, what is not finite is left out."""
     return {"cases": [case_object(result) for result in results]}
 
@@ -136,7 +136,7 @@ def outputs_of(result: xr.Dataset) -> dict[str, float]:
     return {str(name): float(value) for name, value in result.data_vars.items() if value.ndim == 0}
 
 
-def case_object(result: xr.Dataset) -> dict[str, Any]:
+def case_object(result: xr.Dataset) -> dict[str, object]:
     """One case: outputs in mmHg, L/min and mL, waveforms as mean, min and max over the beat."""
     scalars = {str(name): value for name, value in result.data_vars.items() if value.ndim == 0}
     others = [name for name in scalars if name not in OUTPUTS]
@@ -165,7 +165,7 @@ def case_object(result: xr.Dataset) -> dict[str, Any]:
     }
 
 
-def _solved(result: xr.Dataset) -> dict[str, Any]:
+def _solved(result: xr.Dataset) -> dict[str, object]:
     """What was solved for, under the keys of a case file."""
     solved = speed_found(result)
     if solved is None:

@@ -6,7 +6,7 @@ import math
 import re
 import sys
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from eclsim.devices.registry import devices, named_output
 from eclsim.reporting.numbers import text_table
@@ -14,6 +14,7 @@ from eclsim.simulation.target_flow import speed_found
 
 if TYPE_CHECKING:
     import xarray as xr
+    from rich.table import Table
 
     from eclsim.simulation.sweep import Sweep
 
@@ -83,7 +84,7 @@ def legend(results: Sequence[xr.Dataset]) -> str:
     return f"{', '.join(meanings)}: the warnings say why" if meanings else ""
 
 
-def _side_by_side(results: Sequence[xr.Dataset], changes: Mapping[str, float] | None) -> Any:
+def _side_by_side(results: Sequence[xr.Dataset], changes: Mapping[str, float] | None) -> Table:
     from rich.table import Table
     from rich.text import Text
 
@@ -134,7 +135,7 @@ def _worth_showing(name: str, results: Sequence[xr.Dataset]) -> bool:
 
 
 def _add_group(
-    table: Any,
+    table: Table,
     title: str,
     names: Sequence[str],
     results: Sequence[xr.Dataset],
@@ -156,7 +157,7 @@ def _add_group(
         table.add_row(f"  {symbol}", words, *cells, about.get("units", ""))
 
 
-def _one_row_each(results: Sequence[xr.Dataset]) -> Any:
+def _one_row_each(results: Sequence[xr.Dataset]) -> Table:
     from rich.table import Table
     from rich.text import Text
 
@@ -195,7 +196,7 @@ def _grid_error(result: xr.Dataset) -> str:
     return f"{result.attrs['grid_error_percent']:.2f} ({result.attrs['grid_error_output']})"
 
 
-def _digits(about: Mapping[str, Any]) -> int:
+def _digits(about: Mapping[str, object]) -> int:
     return 2 if about.get("units") in ("L/min", "1") else 1
 
 
