@@ -7,7 +7,7 @@ import pytest
 
 from eclsim.crrt_study.files import write_study
 from eclsim.paper.comparison import printed_number, statement
-from eclsim.paper.crrt import CrrtComparison, Unstated, table_rows
+from eclsim.paper.crrt import CrrtComparison, UnprintedValues, table_rows
 from eclsim.paper.report import write_reproduction
 from eclsim.paper.reproduction import Reproduction, items_of
 from system_browser import system_browser
@@ -24,7 +24,7 @@ def browser() -> Iterator[object]:
 @pytest.fixture(scope="module")
 def reproduction(hostile_study, tmp_path_factory):
     """A comparison of one part, with rows of every verdict."""
-    unstated = Unstated(3247.0, 118.0, 0.4, 6.1)
+    unstated = UnprintedValues(3247.0, 118.0, 0.4, 6.1)
     number = printed_number("3.3, 3425 rpm", "arterial pressure", "mmHg", 70.3, 71.0, decimals=1,
                             explained=70.3, reason="<blood>")  # fmt: skip
     rows = (
