@@ -121,14 +121,16 @@ def _check_options(o: CrrtStudyOptions, more: Mapping[str, Callable[[], object]]
 
 
 def _write(
-    o: CrrtStudyOptions, target: Target, files: Callable[[Path], object], json: Callable[[Path | str], object]
+    o: CrrtStudyOptions, target: Target, files: Callable[[Path], object], json: Callable[[], str]
 ) -> bool:
     """Write the files and the JSON that are wanted; whether standard output is free for text."""
+    from eclsim.files import write_text
+
     with writing():
         if o.out is not None:
             files(Path(o.out))
         if target is not None:
-            json(target)
+            write_text(json(), target)
     if o.out is not None:
         say(f"report: {Path(o.out) / 'report.html'}")
     return target != "-"
@@ -150,8 +152,7 @@ def _study_case(o: CrrtStudyOptions) -> Sequence[str]:
     from eclsim.crrt_study import files, report
     from eclsim.crrt_study.beats import not_known
 
-    write, write_json = files.write_study, files.write_json
-    if _write(o, target, lambda folder: write(study, folder), lambda to: write_json(study, to)):
+    if _write(o, target, lambda folder: files.write_study(study, folder), lambda: files.study_json(study)):
         report.show(study)
     return () if study.converged else not_known(study)
 
@@ -215,9 +216,9 @@ def _study_cohort(o: CrrtStudyOptions) -> Sequence[str]:
             study = _compute_cohort(o, fitted, executor, progress)
     except (ExecutionError, StudyError) as error:
         fail(error)
-    files, json = cohort_report.write_cohort, cohort_report.write_json
-    if _write(o, target, lambda folder: files(study, folder), lambda to: json(study, to)):
-        cohort_report.show(study)
+    of = cohort_report
+    if _write(o, target, lambda folder: of.write_cohort(study, folder), lambda: of.cohort_json(study)):
+        of.show(study)
     lost = [f"{name}: {reason}" for name, reason in study.lost.items()]
     return lost + [f"{point.name}: {line}" for point in study.unsettled for line in point.unsettled]
 

@@ -63,11 +63,6 @@ def cohort_json(study: CohortStudy) -> str:
     return json_text(content)
 
 
-def write_json(study: CohortStudy, destination: Path | str) -> None:
-    """Write the JSON object to a file, or to standard output for "-"."""
-    write_text(cohort_json(study), destination)
-
-
 def show(study: CohortStudy) -> None:
     """Show the schemes over the cohort, most often first, for each blood volume policy."""
     from rich.console import Console

@@ -58,11 +58,6 @@ def study_json(study: CrrtStudy) -> str:
     return json_text(study_object(study))
 
 
-def write_json(study: CrrtStudy, destination: Path | str) -> None:
-    """Write the JSON object to a file, or to standard output for "-"."""
-    write_text(study_json(study), destination)
-
-
 # --- JSON -----------------------------------------------------------------------------------------
 
 
