@@ -224,13 +224,16 @@ def choice(study: CrrtStudy, policy: str) -> list[str]:
     left_out = _left_out(unknown)
     if best is not None:
         tied = ties(ranking)
-        equal = [f"schemes {listed(tied)} share the first place: the rule does not tell them apart"]
-        equal = equal if tied else []
+        equal = [f"schemes {listed(tied)} share its place: the rule does not tell them apart"] if tied else []
         name = f"scheme {best.letter} ({next(s.name for s in study.schemes if s.letter == best.letter)})"
         if not unknown:
             second = next((one for one in ranking if one.decided_by), None)
             by = [f"before scheme {second.letter} by: {second.decided_by}"] if second else []
-            return [f"First choice for this patient: {name}", *equal, *by, *best.reasons]
+            if tied:
+                answer = f"First for this patient: schemes {listed(tied)}, which the rule does not tell apart"
+                first = ranking[: min(len(tied), MOST_LINES)]
+                return [answer, *by, *(f"Scheme {one.letter}: {'; '.join(one.reasons)}" for one in first)]
+            return [f"First choice for this patient: {name}", *by, *best.reasons]
         of = f"the {len(ranking) - len(unknown)} of {len(ranking)} schemes whose beat was found"
         answer = f"No first choice can be named; best of {of} at {study.case_speed:.0f} rpm: {name}"
         return [answer, *equal, *best.reasons, *left_out]
