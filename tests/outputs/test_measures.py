@@ -117,8 +117,21 @@ def test_a_law_is_applied_to_measures_and_parameters_with_its_derivatives():
     assert [d.value for d in duals] == pytest.approx([float(v) for v in plain], rel=1e-14)
     step = 1e-4
     high, low = (float(computed(Measures, shift=s)[1][0]) for s in (step, -step))
+    slopes = linear.slopes(duals, [*linear.sums, "dose"])
     by_pressure = sum(
-        slope * linear.sums[key].sum() for key, slope in duals[0].slopes.items() if key[0] == "Px"
+        slope * linear.sums[key].sum()
+        for key, slope in zip(linear.sums, slopes[0, :-1], strict=True)
+        if key[0] == "Px"
     )
     assert by_pressure == pytest.approx((high - low) / (2.0 * step), rel=1e-6)
-    assert duals[1].slopes["dose"] == pytest.approx(-np.exp(-0.3), rel=1e-14)
+    assert slopes[1, -1] == pytest.approx(-np.exp(-0.3), rel=1e-14)
+
+
+def test_a_law_of_what_a_law_gave_follows_the_chain_rule():
+    m = LinearMeasures({"Px": 90.0 + 10.0 * np.sin(TURN)}, PHASES, None, {"dose": 0.3})
+    first = m.apply(_quotient, [m.mean("Px"), 2.0, m.parameter("dose")])
+    second = m.apply(_quotient, [first[0], 2.0 * first[1], 1.0 - m.parameter("dose")])
+    # d/d(dose) of (x / 2) / (2 exp(-dose)) is itself, that of exp(-(1 - dose)) too.
+    slopes = m.slopes(second, ["dose", *m.sums])
+    assert slopes[:, 0] == pytest.approx([d.value for d in second], rel=1e-12)
+    assert slopes[:, 1] == pytest.approx([second[0].value / m.mean("Px").value, 0.0], rel=1e-12)

@@ -274,7 +274,8 @@ def assist_flows(outputs: Mapping[str, float], circuit: Circuit | None = None) -
 
 def registered() -> tuple[AnyDevice, ...]:
     """Which devices there are now; what is remembered of them holds as long as this is the same."""
-    return tuple(devices().values())
+    _load_others()
+    return (*_PACKAGE, *_OTHERS.values())
 
 
 def named_output(name: str) -> tuple[Naming, Output] | None:

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
+from jax import Array, dtypes
 
 from eclsim import runtime as _runtime  # noqa: F401  (double precision before the first array)
 from eclsim.blood.acid_base import excess_of
@@ -111,6 +111,7 @@ class _Search(NamedTuple):
     missing: Array
     steps: Array
     error: Array
+    last: Array
 
 
 def blood_of(values: Values) -> Blood:
@@ -137,14 +138,27 @@ def solve(
     """
     samples = jnp.zeros((0, len(exchangers))) if samples is None else samples
     network = _Network(tuple(exchangers), mixed, samples, values, law)
-    fixed = network.frozen()
-    acid = partial(_acid_step, law, blood_of(fixed.values))
+    end = _found(network.exchangers, law, mixed, samples, {k: jnp.asarray(v) for k, v in values.items()})
+    content, _, saturation, _ = _properties(law, blood_of(values), end.pressure, end.ph)
+    outlets, inlets = _streams(network, content)
+    gained = 10.0 * mixed.streams * (outlets - inlets)
+    return GasState(end.pressure, end.ph, saturation, content, outlets, inlets, gained, end.steps, end.error)
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0, 1))
+def _found(
+    exchangers: tuple[GasExchanger, ...], law: str, mixed: Mixtures, samples: Array, values: Values
+) -> _Search:
+    """The end of the search; one step more than `TOLERANCE` asks for."""
+    network = _Network(exchangers, mixed, samples, values, law)
+    acid = partial(_acid_step, law, blood_of(values))
 
     def unfinished(state: _Search) -> Array:
-        return (state.steps < ITERATIONS) & (state.error > TOLERANCE)
+        return (state.steps < ITERATIONS) & ~state.last
 
     def improve(state: _Search) -> _Search:
-        move, move_ph, size = _newton_step(fixed, state.pressure, state.ph, state.inertia)
+        last = state.error <= TOLERANCE
+        move, move_ph, size = _newton_step(network, state.pressure, state.ph, state.inertia)
         solved = jnp.isfinite(move).all() & jnp.isfinite(move_ph).all()
         move, move_ph = jnp.where(solved, move, 0.0), jnp.where(solved, move_ph, 0.0)
         pressure = jnp.clip(state.pressure + jnp.clip(move, -LARGEST_STEP, LARGEST_STEP), LOWEST, HIGHEST)
@@ -153,25 +167,36 @@ def solve(
         error = jnp.where(solved, jnp.maximum(jnp.abs(move).max(), jnp.abs(move_ph).max()), jnp.inf)
         # Inertia follows what is missing, so that the last steps are Newton's.
         ratio = jnp.clip(size / state.missing, 0.1, 2.0)
-        inertia = jnp.where((size < 1e-4) | (state.inertia < 1e-6), 0.0, 0.5 * state.inertia * ratio)
+        inertia = 0.5 * state.inertia * ratio
+        inertia = jnp.where((size < 1e-4) | (state.inertia < 1e-6) | (error <= TOLERANCE), 0.0, inertia)
         # Without a step to take, as in blood that gains and loses nothing, the search ends where it is.
-        return _Search(pressure, ph, inertia, size, jnp.where(solved, state.steps + 1, ITERATIONS), error)
+        steps = jnp.where(solved, state.steps + 1, ITERATIONS)
+        return _Search(pressure, ph, inertia, size, steps, error, last)
 
     points = network.count + samples.shape[0]
     pressure = jnp.log(jnp.stack([jnp.full(points, 60.0), jnp.full(points, 42.0)]))
-    far = jnp.array(jnp.inf)
-    start = _Search(pressure, jnp.full(points, 7.4), jnp.array(INERTIA), far, jnp.array(0), far)
-    end = jax.lax.while_loop(unfinished, improve, start)
-    # One more step from the solution carries its derivatives exactly.
-    move, move_ph, _ = _newton_step(network, end.pressure, end.ph, 0.0)
-    solved = jnp.isfinite(move).all() & jnp.isfinite(move_ph).all()
-    pressure, ph = (jnp.where(solved, at + by, at) for at, by in ((end.pressure, move), (end.ph, move_ph)))
-    error = jax.lax.stop_gradient(jnp.maximum(jnp.abs(move).max(), jnp.abs(move_ph).max()))
-    error = jnp.where(solved, error, jnp.inf)
-    content, _, saturation, _ = _properties(law, blood_of(values), pressure, ph)
-    outlets, inlets = _streams(network, content)
-    gained = 10.0 * mixed.streams * (outlets - inlets)
-    return GasState(pressure, ph, saturation, content, outlets, inlets, gained, end.steps, error)
+    far, begun = jnp.array(jnp.inf), jnp.array(0)
+    start = _Search(pressure, jnp.full(points, 7.4), jnp.array(INERTIA), far, begun, far, jnp.array(False))
+    return jax.lax.while_loop(unfinished, improve, start)
+
+
+@_found.defjvp
+def _derivative_of_found(
+    exchangers: tuple[GasExchanger, ...],
+    law: str,
+    given: tuple[Mixtures, Array, Values],
+    changes: tuple[Mixtures, Array, Values],
+) -> tuple[_Search, _Search]:
+    """By the implicit function theorem: how Newton's step from the solution follows what is given."""
+    end = _found(exchangers, law, *given)
+
+    def step(mixed: Mixtures, samples: Array, values: Values) -> tuple[Array, Array]:
+        network = _Network(exchangers, mixed, samples, values, law)
+        return _newton_step(network, end.pressure, end.ph, 0.0)[:2]
+
+    _, (by, by_ph) = jax.jvp(step, given, changes)
+    constant = _Search(*(np.zeros(x.shape, dtypes.float0 if x.dtype.kind in "ib" else x.dtype) for x in end))
+    return end, constant._replace(pressure=by, ph=by_ph)
 
 
 def _properties(law: str, blood: Blood, pressure: Array, ph: Array) -> tuple[Array, Array, Array, Array]:
@@ -190,9 +215,12 @@ def _properties(law: str, blood: Blood, pressure: Array, ph: Array) -> tuple[Arr
 
 
 def _local(law: str, blood: Blood, pressure: Array, ph: Array) -> _Local:
-    """Properties of blood at all points with their derivatives; every point depends on itself alone."""
-    at, along = jax.linearize(partial(_properties, law, blood), pressure, ph)
-    content, slope, _, residual = at
+    """Properties of blood at all points with their derivatives; every point depends on itself alone.
+
+    The derivatives are not differentiated: at the solution they are multiplied by a residual that is zero.
+    """
+    content, slope, _, residual = _properties(law, blood, pressure, ph)
+    _, along = jax.linearize(partial(_properties, law, jax.lax.stop_gradient(blood)), pressure, ph)
     directions = jnp.broadcast_to(jnp.eye(3)[:, :, None], (3, 3, ph.shape[0]))
     content_by, slope_by, _, residual_by = jax.vmap(lambda d: along(d[:2], d[2]))(directions)
     acid_by, acid = -residual_by[:2] / residual_by[2], -residual / residual_by[2]

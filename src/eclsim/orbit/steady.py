@@ -68,11 +68,8 @@ class Batch:
 
     def read_by_outputs(self, parameters: Sequence[str], members: np.ndarray) -> dict[str, np.ndarray]:
         """Those of some parameters that have a value, of some members, each of shape (members,)."""
-        return {
-            n: np.broadcast_to(np.asarray(self.values[n], float), (self.count,))[members]
-            for n in parameters
-            if n in self.values
-        }
+        columns = {n: np.asarray(self.values[n], float) for n in parameters if n in self.values}
+        return {n: np.full(len(members), v) if v.ndim == 0 else v[members] for n, v in columns.items()}
 
     def numbers_for(self, parameters: Sequence[str], member: int = 0) -> dict[str, float]:
         """Those of some parameters that have a value, of one member."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,13 +18,20 @@ from eclsim.devices.description import Law
 from eclsim.orbit.derivatives import OrbitDerivatives, orbit_derivatives
 from eclsim.orbit.equation import OrbitProblem
 from eclsim.orbit.iteration import compiled_search
-from eclsim.outputs.measures import Measures, Points, compiled, compiled_jacobian, whole_beat
+from eclsim.outputs.measures import Measures, Points, compiled_jacobian, whole_beat
 from eclsim.outputs.registry import output
 from eclsim.outputs.signals import needed_signals
 from eclsim.units import ML_S_PER_L_MIN
 
 Sum = tuple[str, int]
 """A weighted sum that a measure depends on: its signal and its number."""
+
+
+class Result(NamedTuple):
+    """What a law gave, which a measure depends on: the number of the law's application, and its place."""
+
+    call: int
+    place: int
 
 
 @dataclass(frozen=True)
@@ -81,9 +89,10 @@ def _dual(x: Dual | float) -> Dual:
 
 
 class LinearMeasures(Measures):
-    """Measures of one member as numbers that know the weighted sums they depend on.
+    """Measures of one member as numbers that know what they depend on.
 
-    `sums` holds for each its weights at the grid points, shape (points,).
+    `sums` holds for each weighted sum its weights at the grid points, shape (points,); `applied` for each law
+    that was applied its numbers and the derivatives by them, shape (results, numbers).
     """
 
     def __init__(
@@ -95,20 +104,38 @@ class LinearMeasures(Measures):
     ):
         super().__init__(waveforms, phases, circuit, parameters)
         self.sums: dict[Sum, np.ndarray] = {}
+        self.applied: list[tuple[list[Dual], np.ndarray]] = []
 
     def parameter(self, name: str) -> Dual:
         """A parameter, which depends on itself."""
         return Dual(float(self._parameters[name]), {name: 1.0})
 
     def apply(self, function: Law, numbers: Sequence[Dual | float]) -> Sequence[Dual]:
-        """A function of some numbers by the chain rule."""
+        """A function of some numbers; its results depend on themselves (see `slopes`)."""
         given = [_dual(number) for number in numbers]
-        at = np.array([number.value for number in given])
-        values, slopes = np.asarray(compiled(function)(at)), np.asarray(compiled_jacobian(function)(at))
-        keys = list(dict.fromkeys(key for number in given for key in number.slopes))
-        total = slopes @ np.array([[number.slopes.get(key, 0.0) for key in keys] for number in given])
-        rows = (dict(zip(keys, row, strict=True)) for row in total.tolist())
-        return [Dual(float(value), row) for value, row in zip(values, rows, strict=True)]
+        table = np.asarray(compiled_jacobian(function)(np.array([number.value for number in given])))
+        self.applied.append((given, table[:, 1:]))
+        call = len(self.applied) - 1
+        return [Dual(value, {Result(call, k): 1.0}) for k, value in enumerate(table[:, 0].tolist())]
+
+    def slopes(self, numbers: Sequence[Dual], quantities: Sequence[Hashable]) -> np.ndarray:
+        """Derivatives of measures by sums and parameters, shape (measures, quantities), by the chain rule."""
+        column = {quantity: k for k, quantity in enumerate(quantities)}
+        of_results: list[np.ndarray] = []
+
+        def rows(numbers: Sequence[Dual]) -> np.ndarray:
+            table = np.zeros((len(numbers), len(column)))
+            for row, number in zip(table, numbers, strict=True):
+                for key, slope in number.slopes.items():
+                    if isinstance(key, Result):
+                        row += slope * of_results[key.call][key.place]
+                    elif key in column:
+                        row[column[key]] += slope
+            return table
+
+        for given, by_given in self.applied:
+            of_results.append(by_given @ rows(given))
+        return rows(numbers)
 
     def _positive(self, name: str, weights: np.ndarray, sign: float) -> Dual:
         ahead = sign * self.waveforms[name] > 0.0
@@ -190,9 +217,8 @@ def linearise(
     weights[:, -1] += weights[:, 0]
     summed = tuple(name for name, _ in keys)
     orbit = orbit_derivatives(problem, state, parameters, volume_slopes, summed, weights[:, 1:].T)
-    slopes = np.array([[number.slopes.get(key, 0.0) for key in keys] for number in result])
-    direct = np.array([[number.slopes.get(name, 0.0) for name in parameters] for number in result])
-    slopes, direct = slopes.reshape(-1, len(keys)), direct.reshape(-1, len(parameters))
+    table = measures.slopes(result, [*keys, *parameters])
+    slopes, direct = np.ascontiguousarray(table[:, : len(keys)]), table[:, len(keys) :]
     at = np.array([number.value for number in result])
     return Linearisation(
         at, slopes @ orbit.sums + direct, orbit, at + slopes @ (orbit.sums_of_states @ orbit.step)

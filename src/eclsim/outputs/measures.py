@@ -64,7 +64,7 @@ class Measures:
     def mean(self, name: str) -> Any:
         """Mean over the beat: of what moved in each step where that is known, else trapezoidal rule."""
         if name + MEAN in self.waveforms:
-            return self.kept(("mean", name), lambda: self._whole({name + MEAN: np.r_[0.0, self._widths]}))
+            return self.kept(("mean", name), lambda: self._whole({name + MEAN: self._moved}))
         return self.kept(("mean", name), lambda: self._whole({name: self._trapezoid}))
 
     def maximum(self, name: str) -> Any:
@@ -100,12 +100,15 @@ class Measures:
 
     def _one_way(self, flow: str, sign: float) -> Any:
         moved = flow + MEAN in self.waveforms
-        name, weights = (flow + MEAN, np.r_[0.0, self._widths]) if moved else (flow, self._trapezoid)
+        name, weights = (flow + MEAN, self._moved) if moved else (flow, self._trapezoid)
         return self._positive(name, weights, sign)
 
     def _positive(self, name: str, weights: np.ndarray, sign: float) -> Any:
         """Weighted sum [L/min] of a flow where it has a sign, else 0."""
-        return weights @ np.maximum(sign * self.waveforms[name], 0.0) / ML_S_PER_L_MIN
+        series = self.waveforms[name]
+        if series.max() <= 0.0 if sign > 0.0 else series.min() >= 0.0:
+            return np.zeros(series.shape[1:])
+        return weights @ np.maximum(sign * series, 0.0) / ML_S_PER_L_MIN
 
     def parameter(self, name: str) -> Any:
         """A parameter."""
@@ -113,7 +116,9 @@ class Measures:
 
     def apply(self, function: Law, numbers: Sequence[Any]) -> Sequence[Any]:
         """A function of some numbers, shape (n,), that gives others."""
-        table = np.stack(np.broadcast_arrays(*numbers))
+        table = np.empty((len(numbers), *np.broadcast_shapes(*map(np.shape, numbers))))
+        for row, number in zip(table, numbers, strict=True):
+            row[...] = number
         flat = table.reshape(len(table), -1)
         if (flat == flat[:, :1]).all():
             result = np.repeat(np.asarray(compiled(function)(flat[:, 0]))[:, None], flat.shape[1], axis=1)
@@ -181,6 +186,10 @@ class Measures:
         return sum(weight * _at(self.waveforms[name], index) for name, index, weight in points)
 
     @cached_property
+    def _moved(self) -> np.ndarray:
+        return np.r_[0.0, self._widths]
+
+    @cached_property
     def _trapezoid(self) -> np.ndarray:
         return 0.5 * (np.r_[self._widths, 0.0] + np.r_[0.0, self._widths])
 
@@ -245,11 +254,12 @@ def compiled_side_by_side(function: Law) -> Callable[[np.ndarray], jax.Array]:
 
 @lru_cache(maxsize=64)
 def compiled_jacobian(function: Law) -> Callable[[np.ndarray], jax.Array]:
-    """Its derivatives, of one patient, shape (results, numbers)."""
+    """Its value, in the first column, and derivatives, of one patient, shape (results, 1 + numbers)."""
 
     def jacobian(numbers: jax.Array) -> jax.Array:
-        _, along = jax.linearize(function, numbers)
-        return jax.lax.map(along, jnp.eye(numbers.shape[0]), batch_size=DIRECTIONS).T
+        value, along = jax.linearize(function, numbers)
+        slopes = jax.lax.map(along, jnp.eye(numbers.shape[0]), batch_size=DIRECTIONS)
+        return jnp.concatenate([value[None], slopes]).T
 
     return jax.jit(jacobian)
 

@@ -280,7 +280,12 @@ def available(signals: Collection[str], parameters: Collection[str] = ()) -> tup
 
 def output(name: str) -> Output:
     """The output of that name; a misspelt one lists its neighbours."""
-    result = _usual(registered()).get(name)
+    return _output(name, registered())
+
+
+@lru_cache(maxsize=4096)
+def _output(name: str, registered: tuple[object, ...]) -> Output:
+    result = _usual(registered).get(name)
     if result is not None:
         return result
     known = named_output(name)

@@ -37,6 +37,13 @@ def needed_signals(
     circuit: Circuit, outputs: Sequence[str], waveforms: Sequence[str] = ()
 ) -> tuple[str, ...]:
     """Signals that outputs and waveforms are computed from, with the rates that place extremes."""
+    return _needed_signals(circuit, tuple(outputs), tuple(waveforms), registered())
+
+
+@lru_cache(maxsize=256)
+def _needed_signals(
+    circuit: Circuit, outputs: tuple[str, ...], waveforms: tuple[str, ...], among: tuple[object, ...]
+) -> tuple[str, ...]:
     entries = [output(name) for name in outputs]
     signals = {*waveforms, *(signal for entry in entries for signal in entry.needs)}
     if any(entry.all_flows for entry in entries):
@@ -48,6 +55,13 @@ def needed_signals(
 
 def needed_parameters(circuit: Circuit, outputs: Sequence[str]) -> tuple[str, ...]:
     """Parameters that outputs read besides waveforms: where all flows are read, what they carry too."""
+    return _needed_parameters(circuit, tuple(outputs), registered())
+
+
+@lru_cache(maxsize=256)
+def _needed_parameters(
+    circuit: Circuit, outputs: tuple[str, ...], among: tuple[object, ...]
+) -> tuple[str, ...]:
     entries = [output(name) for name in outputs]
     names = [name for entry in entries for name in entry.parameters]
     if any(entry.all_flows for entry in entries):
