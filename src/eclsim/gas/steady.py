@@ -195,7 +195,9 @@ def _derivative_of_found(
         return _newton_step(network, end.pressure, end.ph, 0.0)[:2]
 
     _, (by, by_ph) = jax.jvp(step, given, changes)
-    constant = _Search(*(np.zeros(x.shape, dtypes.float0 if x.dtype.kind in "ib" else x.dtype) for x in end))
+    constant = jax.tree.map(
+        lambda x: np.zeros(x.shape, dtypes.float0 if x.dtype.kind in "ib" else x.dtype), end
+    )
     return end, constant._replace(pressure=by, ph=by_ph)
 
 

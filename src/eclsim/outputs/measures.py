@@ -117,8 +117,8 @@ class Measures:
     def apply(self, function: Law, numbers: Sequence[Any]) -> Sequence[Any]:
         """A function of some numbers, shape (n,), that gives others."""
         table = np.empty((len(numbers), *np.broadcast_shapes(*map(np.shape, numbers))))
-        for row, number in zip(table, numbers, strict=True):
-            row[...] = number
+        for k, number in enumerate(numbers):
+            table[k] = number
         flat = table.reshape(len(table), -1)
         if (flat == flat[:, :1]).all():
             result = np.repeat(np.asarray(compiled(function)(flat[:, 0]))[:, None], flat.shape[1], axis=1)
