@@ -32,7 +32,17 @@ def read(**sections):
          "12 kPa = 90.01 mmHg?"),
         ("regulation", {"baroreflex": 1, "set_point": 90},
          "regulation.set_point = 90: unknown key; allowed: baroreflex, model, set_point_mmHg, "
-         "venous_set_point_mmHg, hypoxic_vasoconstriction; did you mean set_point_mmHg?"),
+         "venous_set_point_mmHg, hypoxic_vasoconstriction, chemoreflex, hypoxic_vasodilation, "
+         "set_point_pao2_mmHg, set_point_paco2_mmHg, lower_set_point_paco2_mmHg, "
+         "set_point_venous_o2_ml_dl, upper_set_point_venous_o2_ml_dl, lower_set_point_venous_o2_ml_dl, "
+         "hypoxic_resistance_at_rest; did you mean set_point_mmHg or set_point_pao2_mmHg or "
+         "set_point_paco2_mmHg?"),
+        ("regulation", {"chemoreflex": 1, "model": "heldt2004"},
+         'regulation.chemoreflex = 1: is published with the baroreflex of ursino1998 alone; allowed: model = '
+         '"ursino1998"'),
+        ("regulation", {"hypoxic_vasodilation": 2},
+         "regulation.hypoxic_vasodilation = 2: outside the allowed range; allowed: 0 to 1.5: 1 is as "
+         "published; with [gas]"),
         ("fluid", {"extra_volume_ml": -5000},
          "fluid.extra_volume_ml = -5000: outside the allowed range; allowed: -3000 to 5000 mL"),
         ("fluid", {"extra_volume_l": 1},

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 
 from eclsim.cases.gas import Gas
+from eclsim.cases.regulation import BY_GASES
 from eclsim.cases.sections import MEASURED_GASES
 from eclsim.devices.device import CaseValues, device_key
 from eclsim.devices.registry import device_of, devices
@@ -16,6 +17,7 @@ from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.sections import Raw, looks_identifiable
 from eclsim.parameters import physiology, thiel2025
 from eclsim.parameters.physiology import SECTION
+from eclsim.parameters.regulation import REGULATION
 from eclsim.patient.anthropometry import body_mass_index, mean_height_weight, total_blood_volume_ml
 from eclsim.patient.sites import ONLY_REGIONAL, SAME_IN_REGIONS, patient_sites
 from eclsim.units import MMHG_PER_KPA
@@ -51,6 +53,11 @@ def check_plausibility(case: CaseValues, parameters: Mapping[str, float], remark
                 remarks.warning(f"measurements.{name}", message, shown(case.measurements[name]))
     _check_blood(case.patient, parameters, remarks)
     _check_blood_gases(case, remarks)
+    for name in BY_GASES:
+        own = case.physiology.get(REGULATION, {}).get(name)
+        if own is not None and Gas.section not in case.physiology:
+            message = "without effect: no gases are computed that it could answer to; add a section [gas]"
+            remarks.warning(f"{REGULATION}.{name}", message, shown(own))
     _check_regions(case, parameters, remarks)
     for key, values in case.devices.items():
         device = device_of(device_key(key))

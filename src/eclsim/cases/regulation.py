@@ -11,6 +11,9 @@ from eclsim.inputs.sections import Raw, Section
 from eclsim.parameters import regulation
 from eclsim.parameters.regulation import DRUG_DOSES, MODELS, PARAMETERS
 
+BY_GASES = ("chemoreflex", "hypoxic_vasodilation", "hypoxic_vasoconstriction")
+"""Keys of what answers to dissolved gases, and so needs a section [gas]."""
+
 
 class _Settings(Section):
     """A section whose numbers are parameters of the circuit, by section and key."""
@@ -41,25 +44,57 @@ class Regulation(_Settings):
     set_point_mmHg: float | None = None  # noqa: N815
     venous_set_point_mmHg: float | None = None  # noqa: N815
     hypoxic_vasoconstriction: Annotated[
-        float | None,
-        setting(PARAMETERS[regulation.HYPOXIA], "0 to 1.5: 1 is as published; in courses with [gas]"),
+        float | None, setting(PARAMETERS[regulation.HYPOXIA], "0 to 1.5: 1 is as published; with [gas]")
     ] = None
+    chemoreflex: Annotated[
+        float | None, setting(PARAMETERS[regulation.CHEMOREFLEX], "0 to 1.2: 1 is as published; with [gas]")
+    ] = None
+    hypoxic_vasodilation: Annotated[
+        float | None, setting(PARAMETERS[regulation.DILATION], "0 to 1.5: 1 is as published; with [gas]")
+    ] = None
+    set_point_pao2_mmHg: float | None = None  # noqa: N815
+    set_point_paco2_mmHg: float | None = None  # noqa: N815
+    lower_set_point_paco2_mmHg: float | None = None  # noqa: N815
+    set_point_venous_o2_ml_dl: float | None = None
+    upper_set_point_venous_o2_ml_dl: float | None = None
+    lower_set_point_venous_o2_ml_dl: float | None = None
+    hypoxic_resistance_at_rest: float | None = None
 
     @property
     def open_set_points(self) -> tuple[str, ...]:
         """Set points that are wanted and not given."""
-        given = {regulation.SET_POINT: self.set_point_mmHg}
-        if self.model == "heldt2004":
-            given[regulation.VENOUS_SET_POINT] = self.venous_set_point_mmHg
-        return () if self.baroreflex is None else tuple(n for n, value in given.items() if value is None)
+        wanted: list[str] = []
+        if self.baroreflex is not None:
+            wanted += [regulation.SET_POINT]
+            wanted += [regulation.VENOUS_SET_POINT] if self.model == "heldt2004" else []
+        if self.chemoreflex is not None:
+            wanted += regulation.CHEMOREFLEX_SET_POINTS
+        if self.hypoxic_vasodilation is not None:
+            wanted += regulation.DILATION_SET_POINTS
+        if self.hypoxic_vasoconstriction is not None:
+            wanted += [regulation.LUNG_AT_REST]
+        given = self.values()
+        return tuple(name for name in dict.fromkeys(wanted) if name not in given)
+
+    def values(self) -> dict[str, float]:
+        """Values of the parameters that are given; a set point of all organs is that of each region too."""
+        own = super().values()
+        for key in (regulation.PACO2_SET_POINT, regulation.VENOUS_O2_SET_POINT):
+            own |= {
+                name: own.get(name, own[key])
+                for bed in regulation.BEDS
+                if key in own and (name := regulation.of_bed(key, bed)) in PARAMETERS
+            }
+        alone = self.chemoreflex is not None and self.baroreflex is None
+        return own | ({regulation.GAIN: 0.0} if alone else {})
 
     @classmethod
     def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
-        """Say what is without effect."""
-        if "hypoxic_vasoconstriction" in values:
-            message = "acts in courses of a case with [gas]; a steady beat is as without it"
-            remarks.note(f"{key}.hypoxic_vasoconstriction", message)
-        elif "baroreflex" not in raw:
+        """Say what is without effect or does not go together."""
+        if "chemoreflex" in values and values.get("model", "ursino1998") != "ursino1998":
+            message = "is published with the baroreflex of ursino1998 alone"
+            remarks.error(f"{key}.chemoreflex", message, shown(values["chemoreflex"]), 'model = "ursino1998"')
+        if "baroreflex" not in raw and not any(name in values for name in BY_GASES):
             message = "left out, so nothing is regulated; 1 is the published reflex"
             remarks.warning(f"{key}.baroreflex", message)
         if "venous_set_point_mmHg" in values and values.get("model", "ursino1998") == "ursino1998":
@@ -67,6 +102,20 @@ class Regulation(_Settings):
                 'without effect: ursino1998 does not read right atrial pressure, model = "heldt2004" does'
             )
             remarks.warning(f"{key}.venous_set_point_mmHg", message, shown(values["venous_set_point_mmHg"]))
+        read_by = {
+            regulation.PAO2_SET_POINT: ("chemoreflex",),
+            regulation.PACO2_SET_POINT: ("chemoreflex", "hypoxic_vasodilation"),
+            regulation.LUNG_AT_REST: ("hypoxic_vasoconstriction",),
+        }
+        for name in (
+            *regulation.CHEMOREFLEX_SET_POINTS,
+            *regulation.DILATION_SET_POINTS,
+            regulation.LUNG_AT_REST,
+        ):
+            readers, own = read_by.get(name, ("hypoxic_vasodilation",)), name.partition(".")[2]
+            if own in values and not any(reader in values for reader in readers):
+                message = f"without effect: it is read by {' and '.join(readers)}"
+                remarks.warning(f"{key}.{own}", message, shown(values[own]))
 
 
 def _read_dose(value: object, field: Field) -> float:

@@ -51,11 +51,21 @@ def _regulated(patient: Circuit, case: Case) -> Circuit:
     from eclsim.drugs.attach import with_drugs
     from eclsim.parameters.regulation import EXTRA_VOLUME, UNSTRESSED
     from eclsim.regulation.attach import REFLEXES, with_reflex, with_volume_offset
+    from eclsim.regulation.oxygen import with_chemoreflex, with_hypoxic_vasoconstriction, with_local_control
 
     own = case.regulation if case.regulation and case.regulation.baroreflex is not None else None
-    if own or case.drugs or case.fluid or {EXTRA_VOLUME, UNSTRESSED} & case.parameters.keys():
+    by_gases = case.regulation if case.gas else None
+    chemoreflex = by_gases is not None and by_gases.chemoreflex is not None
+    if own or chemoreflex or case.drugs or case.fluid or {EXTRA_VOLUME, UNSTRESSED} & case.parameters.keys():
         patient = with_volume_offset(patient)
-    patient = with_reflex(patient, REFLEXES[own.model]) if own else patient
+    if chemoreflex:
+        patient = with_chemoreflex(patient)
+    elif own:
+        patient = with_reflex(patient, REFLEXES[own.model])
+    if by_gases is not None and by_gases.hypoxic_vasodilation is not None:
+        patient = with_local_control(patient)
+    if by_gases is not None and by_gases.hypoxic_vasoconstriction is not None:
+        patient = with_hypoxic_vasoconstriction(patient)
     return with_drugs(patient) if case.drugs else patient
 
 

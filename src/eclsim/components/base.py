@@ -144,6 +144,28 @@ class Complement(Derived):
         return 1.0 - value_of(values, self.of)
 
 
+@dataclass(frozen=True)
+class PartTimes(Derived):
+    """A sum of which one part is multiplied by a factor; at a factor of 1 it is the sum to the last bit.
+
+    Args:
+        of: the sum, `part` among its names.
+        part: parameter that is multiplied.
+        factor: parameter, what by.
+        settings: parameters that the factor follows from, which the circuit has with it.
+    """
+
+    of: Key
+    part: Key
+    factor: Key
+    settings: Key = ()
+
+    def value(self, values: Values) -> Number:
+        """The sum with the part changed."""
+        part = value_of(values, self.part)
+        return value_of(values, self.of) + part * (value_of(values, self.factor) - 1.0)
+
+
 class Activation(ABC):
     """When a chamber contracts: activation (0 at rest, 1 at peak) over the phase t / T of the beat."""
 

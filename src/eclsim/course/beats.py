@@ -196,6 +196,7 @@ class _Marching:
         places = {*THIN_WALLED, *CHAMBERS}
         self.watched = tuple(n for n in all_signals(self.assembly) if n[0] in "PV" and n[1:] in places)
         self.stopped = ""
+        self.held: dict[str, np.ndarray] = {}
 
     def march(self, every: float | None) -> _Shown:
         """All beats, from the steady one at the start; one `every` so many seconds is kept."""
@@ -207,7 +208,7 @@ class _Marching:
             now = int(np.searchsorted(self.timeline.breaks, time + 1e-9, side="right") - 1)
             if now != segment or program is None:
                 segment = now
-                settings = _columns(self.timeline.settings(segment, time))
+                settings = _columns(self.timeline.settings(segment, time)) | self.held
                 program = self._program(self.laws.in_effect(slow, settings))
             for key, value in self.timeline.ramped(segment, time).items():
                 settings[key] = np.array([value])
@@ -238,7 +239,9 @@ class _Marching:
             message = f"no steady beat to start from: {beat.message()}"
             raise CaseError([Mistake("", message)])
         slow = self.laws.start(settings, {name: beat.output(name) for name in self.laws.reads})
-        return slow, beat.orbits.states[:, 0], settings
+        # Gases need minutes, so that what answers to them stays as it is.
+        self.held = {name: np.asarray(beat.batch.values[name]) for name in beat.coupled}
+        return slow, beat.orbits.states[:, 0], settings | self.held
 
     def _program(self, values: Mapping[str, np.ndarray]) -> BeatProgram:
         level = needed_resolution(self.assembly, {key: float(v[0]) for key, v in values.items()})

@@ -9,7 +9,7 @@ import numpy as np
 
 from eclsim.drugs.infusion import InfusedDoses
 from eclsim.fluid.laws import slow_laws
-from eclsim.parameters.regulation import DRUGS, HYPOXIA
+from eclsim.parameters.regulation import DRUGS, LUNG_RESISTANCE
 from eclsim.regulation.hypoxia import HypoxicVasoconstriction
 from eclsim.slow.law import Named, Shown, SlowLaw
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def laws_of(circuit: Circuit, settings: Mapping[str, float]) -> tuple[SlowLaw, ...]:
     """The slow laws of a circuit with its parameters: another one is another line."""
     drugs = any(name.startswith(f"{DRUGS}.") for name in circuit.parameter_names())
-    hypoxic = bool(np.any(settings.get(HYPOXIA, 0.0))) and "gas.fio2" in circuit.content_names()
+    hypoxic = LUNG_RESISTANCE in circuit.parameter_names()
     return (
         *slow_laws(circuit, settings),
         *([InfusedDoses()] if drugs else []),

@@ -42,6 +42,7 @@ from eclsim.orbit.model import AS_PUBLISHED, Model
 from eclsim.orbit.search import solve_orbits
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import Batch, Values, anchor
+from eclsim.outputs.coupling import open_parameters
 from eclsim.outputs.derivatives import Linearisation, linearise
 from eclsim.outputs.signals import needed_parameters
 from eclsim.outputs.steady_beat import steady_beat
@@ -248,6 +249,9 @@ class GradientEvaluator:
     def __init__(self, posterior: PosteriorDensity, centre: np.ndarray, *, by_point: bool = False):
         self.posterior, self.by_point = posterior, by_point
         batch = self._batch(posterior.prior.x_of(centre))
+        if open_parameters(batch):
+            message = "a patient who answers to the gases of their blood is sampled without gradients alone: "
+            raise NoSteadyBeatError(message + "use the method importance")
         level = int(batch.resolutions()[0])
         self.program = beat_program(batch.circuit, level)
         self.centre = anchor(batch, level, batch.member(0))

@@ -11,7 +11,7 @@ weighted sums of the signals: exact derivatives of the discrete map, whatever th
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import jax
@@ -55,6 +55,16 @@ class OrbitDerivatives:
     anchor: Anchor
     step: np.ndarray
     sizes: np.ndarray
+
+    def combined(self, count: int, following: np.ndarray) -> OrbitDerivatives:
+        """With respect to the first parameters alone, of which the others are functions.
+
+        Args:
+            count: of the first parameters.
+            following: d other / d first, shape (others, count).
+        """
+        states, sums = (table[:, :count] + table[:, count:] @ following for table in (self.states, self.sums))
+        return replace(self, states=states, sums=sums)
 
     @property
     def multipliers(self) -> np.ndarray:

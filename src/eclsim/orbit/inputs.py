@@ -14,6 +14,7 @@ from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Choice, Circuit, StartPressure, StartVolume
 from eclsim.components.base import value_of
+from eclsim.parameters.regulation import SOLVED_FOR
 
 
 class InvalidInputError(ValueError):
@@ -64,6 +65,8 @@ class Allowed:
         if name in self.sites and value not in range(len(self.sites[name])):
             numbers = ", ".join(f"{i} ({site})" for i, site in enumerate(self.sites[name]))
             return f"{text}: no site of this circuit; allowed: {numbers}"
+        if math.isnan(value) and name in SOLVED_FOR:
+            return f"{name} answers to the gases of a steady beat, which this computation does not solve for"
         if not math.isfinite(value):
             return f"{text}: not a number that can be computed with; allowed: a finite number"
         if self.above_zero[k] and value <= 0.0:

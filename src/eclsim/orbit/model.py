@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.cases.resolve import circuit_of, nominal_values, resolve_parameters
 from eclsim.circuit.network import Circuit
+from eclsim.parameters.regulation import SET_POINT, SOLVED_FOR, VENOUS_SET_POINT
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -81,13 +83,24 @@ def model_of(case: Case) -> Model:
 
 
 def values_of(case: Case) -> dict[str, float]:
-    """A number for every parameter of a case; set points of reflexes that it leaves open are its own."""
-    values = resolve_parameters(case)
-    if case.regulation is None or not case.regulation.open_set_points:
-        return values
-    from eclsim.orbit.rest import resting_pressures
+    """A number for every parameter of a case; set points of reflexes that it leaves open are its own.
 
-    return {**values, **resting_pressures(case), **case.regulation.values()}
+    NaN for what answers to gases: it is solved for with the beat (`eclsim.outputs.coupling`).
+    """
+    values, own = resolve_parameters(case), case.regulation
+    if own is None:
+        return values
+    from eclsim.orbit.rest import resting_gases, resting_pressures
+
+    wanted = set(own.open_set_points)
+    if wanted & {SET_POINT, VENOUS_SET_POINT}:
+        values |= {name: v for name, v in resting_pressures(case).items() if name in wanted}
+    if case.gas is not None and wanted - {SET_POINT, VENOUS_SET_POINT}:
+        values |= {name: v for name, v in resting_gases(case).items() if name in wanted}
+    if case.gas is not None:
+        read = circuit_of(case).parameter_names()
+        values |= {name: math.nan for name in SOLVED_FOR if name in read and name not in case.parameters}
+    return values
 
 
 def as_case(source: CaseSource) -> Case:

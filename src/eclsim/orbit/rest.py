@@ -1,4 +1,4 @@
-"""The pressures of a patient at rest, at which their reflexes have nothing to do."""
+"""The pressures and gases of a patient at rest, at which their reflexes have nothing to do."""
 
 from __future__ import annotations
 
@@ -7,14 +7,21 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+import jax
 import numpy as np
 
 from eclsim.beat.heartbeat import beat_program
+from eclsim.beat.recording import MEAN, has_mean
 from eclsim.circuit.network import Circuit
+from eclsim.gas.network import Quantity, gas_of
 from eclsim.orbit.model import Model, model_of
 from eclsim.orbit.status import Status
-from eclsim.orbit.steady import Batch, solve
+from eclsim.orbit.steady import Batch, SolvedOrbits, solve
+from eclsim.parameters import regulation as keys
 from eclsim.parameters.regulation import SET_POINT, VENOUS_SET_POINT
+from eclsim.regulation.hypoxia import LUNG_SETTINGS, lung_resistance
+from eclsim.regulation.oxygen import venous_content
+from eclsim.units import ML_S_PER_L_MIN
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -31,6 +38,56 @@ def resting_pressures(case: Case) -> Mapping[str, float]:
     """
     model = model_of(case.at_rest())
     return _means(model.circuit, tuple(model.values.items()), model.policy)
+
+
+def resting_gases(case: Case) -> Mapping[str, float]:
+    """What answers to gases refer to, of a case's steady beat at rest, by key.
+
+    PO2 and PCO2 of the blood that chemoreceptors get, oxygen content and PCO2 of each bed, and the lung's
+    resistance relative to that without hypoxia. NaN where there is no steady beat or gas state.
+    """
+    model = model_of(case.at_rest())
+    return _gases(model.circuit, tuple(model.values.items()), model.policy)
+
+
+@lru_cache(maxsize=64)
+def _gases(circuit: Circuit, values: tuple[tuple[str, float], ...], policy: str) -> Mapping[str, float]:
+    model = Model(circuit, dict(values), policy=policy)
+    orbits, function = solve(Batch.of(model)), gas_of(circuit)
+    known = dict.fromkeys(function.quantities, float("nan"))
+    if orbits.status[0] == Status.CONVERGED:
+        flows = _flows(orbits, function.connections)
+        numbers = np.concatenate([*flows, [model.values[name] for name in function.parameters]])
+        known = dict(zip(known, np.asarray(jax.jit(function.compute)(numbers)).tolist(), strict=True))
+    beds = [bed for bed in keys.BEDS if Quantity("supplied", "at", bed) in known]
+    first = known[Quantity("PO2", "in", beds[0])], known[Quantity("PCO2", "in", beds[0])]
+    found: dict[str, float] = dict(zip(keys.CHEMOREFLEX_SET_POINTS, first, strict=True))
+    for bed in beds:
+        supplied, gained = (known[Quantity(what, "at", bed)] for what in ("supplied", "gained"))
+        found[keys.paco2_set_point(bed)] = known[Quantity("PCO2", "in", bed)]
+        content = venous_content(known[Quantity("oxygen", "mixed", bed)], supplied, gained)
+        found[keys.of_bed(keys.VENOUS_O2_SET_POINT, bed)] = float(content)
+    gained, gained_co2 = (known[Quantity(what, "at", "part")] for what in ("gained", "gained_co2"))
+    settings = tuple(model.values[name] for name in LUNG_SETTINGS)
+    found[keys.LUNG_AT_REST] = float(
+        lung_resistance(known[Quantity("PO2", "in", "pas")], gained, gained_co2, settings)
+    )
+    return MappingProxyType(found)
+
+
+def _flows(orbits: SolvedOrbits, connections: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Mean forward and backward flow of each connection [L/min], as the outputs of a beat have them."""
+    circuit = orbits.batch.circuit
+    program = beat_program(circuit, int(orbits.resolution[0]))
+    moved = [has_mean(circuit, "Q" + name) for name in connections]
+    signals = tuple("Q" + name + (MEAN if m else "") for name, m in zip(connections, moved, strict=True))
+    _, recorded = program.trace(signals)(orbits.states[:, 0], orbits.batch.packed(program)[:, 0])
+    widths, series = np.diff(program.grid.phases), np.asarray(recorded)
+    weights = np.where(np.array(moved)[None], widths[:, None], 0.5 * (widths + np.roll(widths, -1))[:, None])
+    forward, backward = (
+        (weights * np.maximum(sign * series, 0.0)).sum(axis=0) / ML_S_PER_L_MIN for sign in (1.0, -1.0)
+    )
+    return forward, backward
 
 
 @lru_cache(maxsize=64)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from eclsim.devices.description import Output
-from eclsim.parameters.regulation import GAIN, SET_POINT, UNSTRESSED
+from eclsim.devices.description import GASES, Output
+from eclsim.parameters import regulation as keys
+from eclsim.parameters.regulation import GAIN, LUNG_RESISTANCE, SET_POINT, UNSTRESSED
 
 if TYPE_CHECKING:
     from eclsim.circuit.network import Reading
@@ -66,6 +67,59 @@ def _factor(name: str, parameter: str, words: str) -> Output:
     )  # fmt: skip
 
 
+def _local(bed: str) -> Callable[[BeatMeasures], Numbers]:
+    """Factor of a bed's resistance that its gases bring about."""
+
+    def compute(m: BeatMeasures) -> Numbers:
+        from eclsim.regulation.oxygen import local_law, local_settings
+
+        numbers = [m.gas("oxygen", "mixed", bed), m.gas("supplied", "at", bed), m.gas("gained", "at", bed)]
+        numbers += [m.gas("PCO2", "in", bed), *map(m.parameter, local_settings(bed))]
+        return m.apply(local_law(), numbers)[0]
+
+    return compute
+
+
+def _lung(m: BeatMeasures) -> Numbers:
+    from eclsim.regulation.hypoxia import LUNG_SETTINGS, lung_law
+
+    gases = [m.gas("PO2", "in", "pas"), *(m.gas(what, "at", "part") for what in ("gained", "gained_co2"))]
+    settings = map(m.parameter, (*LUNG_SETTINGS, keys.HYPOXIA, keys.LUNG_AT_REST))
+    return m.apply(lung_law(), [*gases, *settings])[0]
+
+
+LOCAL_OUTPUTS = {bed: keys.local_resistance(bed).partition(".")[2] + "_factor" for bed in keys.BEDS}
+"""Output of each bed that says what its gases do to its resistance."""
+BY_GASES = (
+    *(
+        Output(
+            LOCAL_OUTPUTS[bed], f"resistance of the {words}, by oxygen and carbon dioxide", "1",
+            "relative to that at the set points; of brain, heart, muscle and the rest side by side",
+            ("Q" + bed,), _local(bed), all_flows=True,
+            parameters=(GASES, keys.local_resistance(bed), keys.DILATION,
+                        keys.of_bed(keys.VENOUS_O2_SET_POINT, bed), keys.paco2_set_point(bed)),
+        )
+        for bed, words in (("sart", "organs"), ("upper", "upper body"), ("lower", "lower body"))
+    ),
+    Output(
+        "hypoxic_resistance_factor", "resistance of the lung in effect, by hypoxia", "1",
+        "relative to that at rest", ("Qpart",), lambda m: m.parameter(LUNG_RESISTANCE),
+        parameters=(LUNG_RESISTANCE,),
+    ),
+    Output(
+        "hypoxic_resistance_wanted", "resistance of the lung that the oxygen now brings about", "1",
+        "relative to that at rest; in effect after minutes", ("Qpart",), _lung,
+        parameters=(GASES, LUNG_RESISTANCE, keys.HYPOXIA, keys.LUNG_AT_REST), all_flows=True,
+    ),
+)  # fmt: skip
+"""They exist where something answers to dissolved gases."""
+SOLVED_BY = {
+    keys.SENSED_PAO2: "PaO2",
+    keys.SENSED_PACO2: "PaCO2",
+    **{keys.local_resistance(bed): name for bed, name in LOCAL_OUTPUTS.items()},
+    LUNG_RESISTANCE: "hypoxic_resistance_wanted",
+}
+"""Parameters that are solved for, and the outputs that they equal in the steady beat."""
 REGULATED = (
     Output(
         "heart_rate", "heart rate in effect", "bpm", "heart_rate_bpm during the beat", ("Pao", "Pra"),
@@ -83,5 +137,6 @@ REGULATED = (
         ("Pao",), _use,
         parameters=(GAIN, SET_POINT),
     ),
+    *BY_GASES,
 )  # fmt: skip
-"""They exist in circuits with reflexes, drugs or extra volume."""
+"""They exist in circuits with reflexes, drugs or extra volume, and where something answers to gases."""

@@ -26,10 +26,12 @@ from eclsim.orbit.inputs import allowed_values
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import Batch, SolvedOrbits, solve
 from eclsim.outputs.alarms import Finding, findings
+from eclsim.outputs.coupling import open_parameters, settle, solved_for, total, with_neutral
 from eclsim.outputs.derivatives import Linearisation, linearise
 from eclsim.outputs.gases_of_places import PlaceGases, gases_of_places
 from eclsim.outputs.measures import Measures, whole_beat
 from eclsim.outputs.registry import output
+from eclsim.outputs.regulation import SOLVED_BY
 from eclsim.outputs.sealed import sealed, shut_valves, valve_flows
 from eclsim.outputs.signals import needed_parameters, needed_signals, output_names
 
@@ -64,6 +66,8 @@ class SteadyBeat:
         gas_status: how the search for the steady gas state ended, a `GasStatus`, shape (members,); zeros
             where gases are not computed.
         gases: of the members that were kept and have a steady gas state.
+        coupled: parameters that were solved for with the gases (`eclsim.outputs.coupling`).
+        unsettled: members without such parameters, shape (members,); None where none were wanted.
     """
 
     orbits: SolvedOrbits
@@ -77,6 +81,8 @@ class SteadyBeat:
     waveforms: Mapping[int, Waveforms]
     gas_status: np.ndarray
     gases: Mapping[int, PlaceGases]
+    coupled: tuple[str, ...] = ()
+    unsettled: np.ndarray | None = None
 
     @property
     def batch(self) -> Batch:
@@ -133,6 +139,10 @@ class SteadyBeat:
         """How the search ended: what it means, the numbers behind it, and what to do."""
         status = Status(int(self.status[member]))
         text = status.message
+        if self.unsettled is not None and self.unsettled[member]:
+            gases = GasStatus(int(self.gas_status[member]))
+            why = gases.message if gases is not GasStatus.STEADY else "gases and circulation do not settle"
+            return f"no steady beat found in which regulation answers to its gases: {why}"
         if status is Status.INVALID_INPUT:
             mistakes = allowed_values(self.batch.circuit).reasons(self.batch.member(member))
             return f"{text}: {'; '.join(mistakes)}"
@@ -195,12 +205,15 @@ class SteadyBeat:
         gases = GasStatus(int(self.gas_status[member]))
         if gases is not GasStatus.STEADY and any(GASES in output(name).parameters for name in outputs):
             raise NoDerivativesError(Status(int(self.status[member])), gases.message)
+        wanted = (*outputs, *(SOLVED_BY[name] for name in self.coupled))
+        names = (*parameters, *self.coupled)
         program = beat_program(self.batch.circuit, int(self.orbits.resolution[member]))
         problem = OrbitProblem(program, self.batch.packed(program), self.batch.volume()).take([member])
-        slopes = self.batch.volume_slopes(parameters, member)
-        values = self.batch.numbers_for(needed_parameters(self.batch.circuit, outputs), member)
+        slopes = self.batch.volume_slopes(names, member)
+        values = self.batch.numbers_for(needed_parameters(self.batch.circuit, wanted), member)
         state, circuit = self.orbits.states[:, member], self.batch.circuit
-        return linearise(problem, state, outputs, parameters, slopes, values, circuit)
+        linear = linearise(problem, state, wanted, names, slopes, values, circuit)
+        return total(linear, len(outputs), len(parameters)) if self.coupled else linear
 
 
 def steady_beat(
@@ -226,9 +239,27 @@ def steady_beat(
         resolution: of the phase grid; left out, what each member's time constants need.
         execution: how the batch is computed.
     """
-    orbits = solve(batch, options, start=start, resolution=resolution, execution=execution)
     threads = (execution or Execution()).thread_count()
-    return measured(orbits, outputs, waveforms, range(batch.count) if keep is None else keep, threads)
+    keep = range(batch.count) if keep is None else keep
+    begin = with_neutral(start) if solved_for(batch.circuit) else start
+
+    def orbits_of(one: Batch) -> SolvedOrbits:
+        return solve(one, options, start=begin, resolution=resolution, execution=execution)
+
+    names = open_parameters(batch)
+    if not names:
+        return measured(orbits_of(batch), outputs, waveforms, keep, threads)
+    read = tuple(SOLVED_BY[name] for name in names)
+
+    def measure(one: Batch) -> tuple[SolvedOrbits, np.ndarray]:
+        beat = measured(orbits_of(one), read, (), (), threads)
+        return beat.orbits, np.array([beat.output(name) for name in read])
+
+    coupled = settle(batch, names, measure, (options or OrbitOptions()).error_tolerance)
+    beat = measured(coupled.orbits, outputs, waveforms, keep, threads)
+    lost = beat.converged & ~coupled.settled
+    beat.status[lost] = Status.NOT_CONVERGED
+    return replace(beat, coupled=names, unsettled=lost)._without(lost)
 
 
 def measured(

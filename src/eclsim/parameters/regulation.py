@@ -16,6 +16,15 @@ REGULATION, FLUID, DRUGS = "regulation", "fluid", "drugs"
 GAIN = f"{REGULATION}.baroreflex"
 SET_POINT, VENOUS_SET_POINT = f"{REGULATION}.set_point_mmHg", f"{REGULATION}.venous_set_point_mmHg"
 HYPOXIA = f"{REGULATION}.hypoxic_vasoconstriction"
+CHEMOREFLEX, DILATION = f"{REGULATION}.chemoreflex", f"{REGULATION}.hypoxic_vasodilation"
+PAO2_SET_POINT = f"{REGULATION}.set_point_pao2_mmHg"
+PACO2_SET_POINT = f"{REGULATION}.set_point_paco2_mmHg"
+VENOUS_O2_SET_POINT = f"{REGULATION}.set_point_venous_o2_ml_dl"
+BEDS = ("sart", "upper", "lower")
+"""Where organs are fed from: all of them, or those of a region."""
+SENSED_PAO2, SENSED_PACO2 = f"{REGULATION}.sensed_pao2_mmHg", f"{REGULATION}.sensed_paco2_mmHg"
+LUNG_RESISTANCE = f"{REGULATION}.hypoxic_resistance"
+LUNG_AT_REST = f"{REGULATION}.hypoxic_resistance_at_rest"
 UNSTRESSED = "unstressed_volume_ml"
 EXTRA_VOLUME = f"{FLUID}.extra_volume_ml"
 MODELS = ("ursino1998", "heldt2004")
@@ -30,6 +39,28 @@ DRUG_DOSES = {
 """Drugs that are infused: the largest dose that a case may give, and the largest usual one [ug/kg/min]."""
 
 
+def of_bed(key: str, bed: str) -> str:
+    """Key of one bed's own number: that of all organs has none added."""
+    return key if bed == "sart" else key.replace(".", f".{bed}_", 1)
+
+
+def paco2_set_point(bed: str) -> str:
+    """Key of the set point of the PCO2 of the blood that a bed gets; chemoreceptors have the upper body's."""
+    return of_bed(PACO2_SET_POINT, "lower") if bed == "lower" else PACO2_SET_POINT
+
+
+CHEMOREFLEX_SET_POINTS = (PAO2_SET_POINT, PACO2_SET_POINT)
+DILATION_SET_POINTS = tuple(
+    dict.fromkeys(key for bed in BEDS for key in (paco2_set_point(bed), of_bed(VENOUS_O2_SET_POINT, bed)))
+)
+"""What the answers to gases refer to; that of the lung is `LUNG_AT_REST`."""
+
+
+def local_resistance(bed: str) -> str:
+    """Key of the factor by which oxygen and carbon dioxide change a bed's resistance."""
+    return of_bed(f"{REGULATION}.local_resistance", bed)
+
+
 def dose(drug: str) -> str:
     """Key of a drug's infusion rate [ug/kg/min]."""
     return f"{DRUGS}.{drug}"
@@ -40,6 +71,9 @@ def sensitivity(drug: str) -> str:
     return f"{DRUGS}.{drug}_sensitivity"
 
 
+SOLVED_FOR = (SENSED_PAO2, SENSED_PACO2, *map(local_resistance, BEDS), LUNG_RESISTANCE)
+"""What answers to gases: NaN in a case, and solved for with its beat."""
+_BED_WORDS = {"sart": "", "upper": ", upper body", "lower": ", lower body"}
 # key, value, unit, description, source, minimum, maximum, group
 _TABLE = (
     (GAIN, 1.0, "1", "Gain of all reflexes: 1 as published, 0 none",
@@ -48,8 +82,34 @@ _TABLE = (
      "Ursino 1998; of a patient their own pressure at rest", 20.0, 160.0, REGULATION),
     (VENOUS_SET_POINT, 5.0, "mmHg", "Mean right atrial pressure at which reflexes do nothing",
      "Heldt 2004; of a patient their own pressure at rest", -10.0, 40.0, REGULATION),
-    (HYPOXIA, 0.0, "1", "Strength of hypoxic pulmonary vasoconstriction in courses: 1 as published, 0 none",
+    (HYPOXIA, 0.0, "1", "Strength of hypoxic pulmonary vasoconstriction: 1 as published, 0 none",
      "Marshall 1994, dogs; 0: the published patient", 0.0, 1.5, REGULATION),
+    (CHEMOREFLEX, 0.0, "1", "Strength of the chemoreflex: 1 as published, 0 none",
+     "Magosso and Ursino 2001; 0: the published patient", 0.0, 1.2, REGULATION),
+    (DILATION, 0.0, "1", "Strength of organs' answer to oxygen and carbon dioxide: 1 as published, 0 none",
+     "Magosso and Ursino 2001; 0: the published patient", 0.0, 1.5, REGULATION),
+    (PAO2_SET_POINT, 95.0, "mmHg", "Arterial PO2 at which the chemoreflex does nothing",
+     "healthy adults; of a patient their own at rest", 20.0, 600.0, REGULATION),
+    *((of_bed(PACO2_SET_POINT, bed), 40.0, "mmHg",
+       f"Arterial PCO2 at which chemoreflex and organs do nothing{words}",
+       "Magosso and Ursino 2001; of a patient their own at rest", 10.0, 120.0, REGULATION)
+      for bed, words in (("sart", ""), ("lower", ", lower body"))),
+    *((of_bed(VENOUS_O2_SET_POINT, bed), 15.0, "mL/dL",
+       f"Oxygen content of the blood that leaves the organs at which they do nothing{_BED_WORDS[bed]}",
+       "Magosso and Ursino 2001: brain 14, muscle 15.5; of a patient their own at rest", 1.0, 25.0,
+       REGULATION)
+      for bed in BEDS),
+    (SENSED_PAO2, 95.0, "mmHg", "PO2 at the chemoreceptors; solved for with the beat", "PaO2 of the beat",
+     0.1, 1000.0, REGULATION),
+    (SENSED_PACO2, 40.0, "mmHg", "PCO2 at the chemoreceptors; solved for with the beat", "PaCO2 of the beat",
+     0.1, 1000.0, REGULATION),
+    *((local_resistance(bed), 1.0, "1",
+       f"Factor of the organs' resistance by dissolved gases{_BED_WORDS[bed]}; solved for with the beat",
+       "local_resistance_factor of the beat", 0.01, 100.0, REGULATION) for bed in BEDS),
+    (LUNG_RESISTANCE, 1.0, "1", "Factor of the lung's resistance by hypoxia; solved for with the beat",
+     "hypoxic_resistance_wanted of the beat", 0.01, 100.0, REGULATION),
+    (LUNG_AT_REST, 1.0, "1", "Resistance of the lung at rest relative to that without hypoxia",
+     "of a patient at rest, Marshall 1994", 1.0, 3.2, REGULATION),
     (UNSTRESSED, 0.0, "mL", "Systemic veins' unstressed volume beyond that of the published patient",
      "0: the published patient", -3000.0, 3000.0, REGULATION),
     (EXTRA_VOLUME, 0.0, "mL", "Blood given or, negative, lost before the steady beat",

@@ -1,4 +1,4 @@
-"""Hypoxic pulmonary vasoconstriction in courses: resistance of the lung follows the oxygen that it sees.
+"""Hypoxic pulmonary vasoconstriction: resistance of the lung follows the oxygen that it sees.
 
     stimulus  P_S = P_v^0.41 P_A^0.59  of mixed venous and alveolar PO2 [mmHg]
     share of the largest answer  s = P_S^-2.616 / (6.683e-5 + P_S^-2.616)
@@ -12,76 +12,96 @@ end-tidal PO2 of 50 instead of 100 mmHg resistance rose by 44 % in half an hour 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
+import jax.numpy as jnp
 import numpy as np
+from jax import Array
 
+from eclsim.components.base import Number
 from eclsim.components.exchangers import BTPS_TO_STPD, DRY_MMHG
-from eclsim.parameters.regulation import HYPOXIA, REGULATION
-from eclsim.slow.law import Named, Shown, SlowLaw, SlowState
+from eclsim.parameters.regulation import LUNG_RESISTANCE, REGULATION
+from eclsim.slow.law import Named, SlowLaw, SlowState
 
 VENOUS, ALVEOLAR = 0.41, 0.59
 EXPONENT, HALF, LARGEST = -2.616, 6.683e-5, 3.15
 LAG_S = 300.0
 """Time constant of the rapid part [s]: minutes; not verified."""
 LEAST_MMHG = 1.0
+LUNG_SETTINGS = ("gas.alveolar_ventilation_l_min", "gas.fio2", "gas.shunt_fraction")
+WANTED = "hypoxic_resistance_wanted"
+"""Output that says what the oxygen now would bring about."""
 
 
-def relative_resistance(venous: np.ndarray, alveolar: np.ndarray) -> np.ndarray:
+def relative_resistance(venous: Number, alveolar: Number) -> Number:
     """Resistance relative to that without hypoxia, from mixed venous and alveolar PO2 [mmHg]."""
-    stimulus = np.maximum(venous, LEAST_MMHG) ** VENOUS * np.maximum(alveolar, LEAST_MMHG) ** ALVEOLAR
+    stimulus = jnp.maximum(venous, LEAST_MMHG) ** VENOUS * jnp.maximum(alveolar, LEAST_MMHG) ** ALVEOLAR
     return 1.0 + (LARGEST - 1.0) / (1.0 + HALF * stimulus**-EXPONENT)
 
 
-def alveolar_po2(settings: Named, beat: Named) -> np.ndarray:
-    """PO2 of ventilated alveoli [mmHg], by the balance of the gases that they exchange."""
-    gas = 1000.0 * BTPS_TO_STPD * settings["gas.alveolar_ventilation_l_min"]
-    expired = gas - beat["VO2_lung"] + beat["VCO2_lung"]
-    oxygen = gas * settings["gas.fio2"] - beat["VO2_lung"]
-    return np.where(gas > 0.0, DRY_MMHG * oxygen / np.where(gas > 0.0, expired, 1.0), beat["PvO2"])
+def alveolar_po2(venous: Number, uptake: Number, gained_co2: Number, settings: Sequence[Number]) -> Number:
+    """PO2 of ventilated alveoli [mmHg], by the balance of the gases that they exchange.
+
+    Args:
+        venous: mixed venous PO2 [mmHg], which alveoli without ventilation have.
+        uptake: oxygen that blood gains [mL/min].
+        gained_co2: carbon dioxide that blood gains, below zero [mL/min].
+        settings: of `LUNG_SETTINGS`.
+    """
+    gas = 1000.0 * BTPS_TO_STPD * settings[0]
+    expired = jnp.where(gas > 0.0, gas - uptake - gained_co2, 1.0)
+    return jnp.where(gas > 0.0, DRY_MMHG * (gas * settings[1] - uptake) / expired, venous)
+
+
+def lung_resistance(venous: Number, uptake: Number, gained_co2: Number, settings: Sequence[Number]) -> Number:
+    """Resistance of ventilated lung and shunt side by side, relative to that without hypoxia."""
+    shunt = settings[2]
+    ventilated = relative_resistance(venous, alveolar_po2(venous, uptake, gained_co2, settings))
+    return 1.0 / ((1.0 - shunt) / ventilated + shunt / relative_resistance(venous, venous))
+
+
+@lru_cache(maxsize=1)
+def lung_law() -> Callable[[Array], Array]:
+    """From mixed venous PO2, both gases gained, `LUNG_SETTINGS`, strength and value at rest to the factor."""
+
+    def law(n: Array) -> Array:
+        now = lung_resistance(n[0], n[1], n[2], (n[3], n[4], n[5]))
+        return jnp.stack([jnp.exp(n[6] * jnp.log(now / n[7]))])
+
+    return law
 
 
 @dataclass(frozen=True)
 class HypoxicVasoconstriction(SlowLaw):
-    """Logarithm of the lung's resistance relative to that at the start, where the patient's own holds."""
+    """Logarithm of the lung's resistance relative to that at rest, where the patient's own holds."""
 
     factor: str = f"{REGULATION}.hypoxic_resistance_log"
-    at_start: str = f"{REGULATION}.hypoxic_resistance_log_at_start"
 
     @property
     def states(self) -> tuple[SlowState, ...]:
-        """The logarithm now, and what it is counted from."""
-        return SlowState(self.factor, "1", 0.1), SlowState(self.at_start, "1", 0.1)
+        """The logarithm."""
+        return (SlowState(self.factor, "1", 0.1),)
 
     @property
     def reads(self) -> tuple[str, ...]:
-        """Mixed venous PO2, and what the lung exchanges."""
-        return "PvO2", "VO2_lung", "VCO2_lung"
-
-    def wanted(self, settings: Named, beat: Named) -> np.ndarray:
-        """The logarithm that the oxygen now would bring about."""
-        venous, shunt = beat["PvO2"], settings["gas.shunt_fraction"]
-        ventilated = relative_resistance(venous, alveolar_po2(settings, beat))
-        joint = (1.0 - shunt) / ventilated + shunt / relative_resistance(venous, venous)
-        return -np.asarray(settings[HYPOXIA]) * np.log(joint)
+        """What the oxygen now would bring about."""
+        return (WANTED,)
 
     def start(self, settings: Named, beat: Named) -> Named:
         """Long since in effect."""
-        return dict.fromkeys((self.factor, self.at_start), self.wanted(settings, beat))
+        return {self.factor: np.log(beat[WANTED])}
 
     def in_effect(self, states: Named, settings: Named) -> Named:
-        """The patient's resistance times the change since the start."""
-        return {"Rpmc": settings["Rpmc"] * self._change(states)}
-
-    def shown(self, states: Named, in_effect: Named) -> tuple[Shown, ...]:
-        """The factor."""
-        words = "resistance of the lung relative to that at the start, by hypoxia"
-        return (Shown("hypoxic_resistance_factor", "1", words, self._change(states)),)
-
-    def _change(self, states: Named) -> np.ndarray:
-        return np.exp(states[self.factor] - states[self.at_start])
+        """The factor, which the beat then does not solve for."""
+        return {LUNG_RESISTANCE: np.exp(states[self.factor])}
 
     def rates(self, states: Named, settings: Named, beat: Named, inflows: Named) -> Named:
-        """Towards what the oxygen now would bring about."""
-        wanted = self.wanted(settings, beat)
-        return {self.factor: (wanted - states[self.factor]) / LAG_S, self.at_start: np.zeros_like(wanted)}
+        """Towards what the oxygen now would bring about; none where nothing says what that is."""
+        wanted = np.asarray(beat[WANTED])
+        known = wanted > 0.0
+        return {
+            self.factor: np.where(known, np.log(np.where(known, wanted, 1.0)) - states[self.factor], 0.0)
+            / LAG_S
+        }

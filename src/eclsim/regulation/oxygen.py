@@ -1,0 +1,281 @@
+"""Chemoreflex, and the organs' own answer to oxygen and carbon dioxide (Magosso and Ursino 2001).
+
+Am J Physiol Heart Circ Physiol 281:H2036, after Ursino and Magosso 2000 (Am J Physiol 279:H149, H166). The
+numbers were read in public programs that rebuilt the models and give the articles' tables, not in the
+articles.
+
+Chemoreceptors, at the arterial PO2 and PCO2 of the carotid bodies [mmHg]:
+
+    f_ac = (f_max + f_min e^x) / (1 + e^x) (K ln(PCO2 / 40) + 1.4),  x = (PO2 - 45) / 29.27
+    K = 3 above 80 mmHg, 3 - 1.2 (PO2 - 80) / 30 from 80 to 40, 4.6 below
+
+Hypoxia and hypercapnia of the brain lower the offset of sympathetic nerves to heart, vessels and veins:
+
+    theta = theta_n - x / (1 + e^((PO2 - P_0) / k)) - g (PCO2 - 40)
+    sympathetic firing  f_inf + (f_0 - f_inf) e^(k_es (-f_cs + W f_ac - theta)),  at most 60
+    vagal firing        as in the baroreflex + 0.2 f_ac
+
+Organs, whose blood leaves with the oxygen content C [mL/dL]:
+
+    brain           1 + x_O2 + F(PCO2) / F(PCO2_n) - 1,  F = 20.9 + 92.8 / (1 + 10570 e^(-5.251 log10 PCO2))
+    heart, muscle   (1 + x_O2) / (1 - tanh((PCO2 - PCO2_n) / 2 K)),  x_O2 = -g (C - C_n)
+
+are their conductances relative to those at the set point. K of the programs falls to 1.4 below 40 mmHg, which
+jumps; 4.6 is what joins. Their F has the natural logarithm, with which it does not depend on PCO2; with that
+of base 10 it is the curve of Reivich 1964.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import NamedTuple, cast
+
+import jax.numpy as jnp
+from jax import Array
+
+from eclsim.circuit.network import Circuit, Connection, Control
+from eclsim.components import Artery
+from eclsim.components.base import Key, Number, PartTimes, Scaled, Values, names_in, value_of
+from eclsim.parameters import regulation as keys
+from eclsim.parameters.regulation import CHEMOREFLEX, REGULATION
+from eclsim.regulation import ursino1998
+from eclsim.regulation.reflex import Reflex, ReflexConstants
+from eclsim.regulation.ursino1998 import URSINO_1998
+
+MOST_FIRING, LEAST_FIRING, MIDDLE_MMHG, SLOPE_MMHG = 12.3, 0.835, 45.0, 29.27
+NORMAL_PCO2, GAIN_HIGH, CARBON_DIOXIDE_BASE = 40.0, 3.0, 1.4
+LARGEST_SYMPATHETIC = 60.0
+"""Firing that sympathetic nerves do not exceed [1/s]; 80 in one of the programs."""
+VAGAL_WEIGHT = 0.2
+LEAST_CONDUCTANCE = 0.05
+"""Share of its conductance below which a bed does not close, so that it stays above zero."""
+
+
+class Outflow(NamedTuple):
+    """Sympathetic nerves to some organs.
+
+    Attributes:
+        chemoreceptors: weight of their firing.
+        most: largest effect of the brain's hypoxia [1/s].
+        middle: PO2 of half of it [mmHg].
+        slope: of it [mmHg].
+        per_mmhg: effect of the brain's PCO2 [1/s per mmHg].
+    """
+
+    chemoreceptors: float
+    most: float
+    middle: float
+    slope: float
+    per_mmhg: float
+
+
+HEART = Outflow(1.0, 53.0, 45.0, 6.0, 1.0)
+VESSELS = Outflow(1.716, 6.0, 30.0, 2.0, 1.5)
+VEINS = Outflow(1.716, 6.0, 30.0, 2.0, 0.0)
+OUTFLOWS = (HEART, VESSELS, VEINS, HEART)
+"""In the order of the sympathetic pathways of `ursino1998`."""
+
+
+class Gases(NamedTuple):
+    """PO2 and PCO2 [mmHg]."""
+
+    oxygen: Number
+    carbon_dioxide: Number
+
+
+def chemoreceptor_firing(gases: Gases) -> Number:
+    """Firing of peripheral chemoreceptors [1/s]."""
+    rise = jnp.exp((gases.oxygen - MIDDLE_MMHG) / SLOPE_MMHG)
+    by_oxygen = (MOST_FIRING + LEAST_FIRING * rise) / (1.0 + rise)
+    gain = GAIN_HIGH - 1.2 * (jnp.clip(gases.oxygen, 40.0, 80.0) - 80.0) / 30.0
+    by_carbon_dioxide = gain * jnp.log(gases.carbon_dioxide / NORMAL_PCO2) + CARBON_DIOXIDE_BASE
+    return by_oxygen * jnp.maximum(by_carbon_dioxide, 0.0)
+
+
+def sympathetic_input(outflow: Outflow, gases: Gases) -> Number:
+    """What gases add to the input of sympathetic nerves [1/s]."""
+    central = outflow.most / (1.0 + jnp.exp((gases.oxygen - outflow.middle) / outflow.slope))
+    central = central + outflow.per_mmhg * (gases.carbon_dioxide - NORMAL_PCO2)
+    return outflow.chemoreceptors * chemoreceptor_firing(gases) + central
+
+
+def sympathetic_effect(deviation: Number, added: Number) -> Number:
+    """What gains of sympathetic effectors are multiplied by, with an input that gases add [1/s]."""
+    least = ursino1998.SYMPATHETIC_AT_HIGH_PRESSURE
+    span = ursino1998.sympathetic_firing(ursino1998.carotid_firing(deviation)) - least
+    firing = jnp.minimum(least + span * jnp.exp(ursino1998.SYMPATHETIC_RATE * added), LARGEST_SYMPATHETIC)
+    return jnp.log(jnp.maximum(firing - ursino1998.THRESHOLD + 1.0, 1.0))
+
+
+def gas_drives(deviation: Number, strength: Number, now: Gases, rest: Gases) -> list[Number]:
+    """What gases change of the drive along each pathway of `ursino1998` at an arterial pressure."""
+    before = sympathetic_effect(deviation, 0.0)
+    added = [strength * (sympathetic_input(o, now) - sympathetic_input(o, rest)) for o in OUTFLOWS]
+    vagal = VAGAL_WEIGHT * strength * (chemoreceptor_firing(now) - chemoreceptor_firing(rest))
+    return [*(sympathetic_effect(deviation, more) - before for more in added), vagal]
+
+
+class ChemoreflexConstants(NamedTuple):
+    """Of the baroreflex at a gain of 1; its own gain, strength of the chemoreflex, gases now, at rest."""
+
+    gain: Number
+    set_points: tuple[Number, ...]
+    blood_volume_ml: Number
+    baroreflex: Number
+    strength: Number
+    now: Gases
+    rest: Gases
+
+
+@dataclass(frozen=True)
+class Chemoreflex(Reflex):
+    """The baroreflex of Ursino 1998 whose nerves get input from chemoreceptors and the brain's gases too.
+
+    With a baroreflex of gain 0 pressure counts as the set point.
+
+    Args:
+        strength: 1 as published, 0 none.
+        sensed_oxygen: arterial PO2 [mmHg].
+        sensed_carbon_dioxide: arterial PCO2 [mmHg].
+        oxygen_set_point: PO2 at which it does nothing [mmHg].
+        carbon_dioxide_set_point: PCO2 at which it does nothing [mmHg].
+    """
+
+    strength: Key = CHEMOREFLEX
+    sensed_oxygen: Key = keys.SENSED_PAO2
+    sensed_carbon_dioxide: Key = keys.SENSED_PACO2
+    oxygen_set_point: Key = keys.PAO2_SET_POINT
+    carbon_dioxide_set_point: Key = keys.PACO2_SET_POINT
+
+    def constants(self, values: Values) -> ReflexConstants:
+        """Those of the baroreflex, and gases."""
+        own = super().constants(values)
+        now, rest = (
+            Gases(value_of(values, oxygen), value_of(values, carbon_dioxide))
+            for oxygen, carbon_dioxide in (
+                (self.sensed_oxygen, self.sensed_carbon_dioxide),
+                (self.oxygen_set_point, self.carbon_dioxide_set_point),
+            )
+        )
+        strength = value_of(values, self.strength)
+        more = ChemoreflexConstants(1.0, own.set_points, own.blood_volume_ml, own.gain, strength, now, rest)
+        return cast(ReflexConstants, more)
+
+    def steady_states(self, readings: Sequence[Number], constants: ReflexConstants) -> Sequence[Number]:
+        """Drives of the pressure read, and of the gases at that pressure."""
+        c = cast(ChemoreflexConstants, constants)
+        deviation = readings[0] - c.set_points[0]
+        pressure = super().steady_states(readings, constants)
+        gases = gas_drives(c.baroreflex * deviation, c.strength, c.now, c.rest)
+        return [c.baroreflex * p + g for p, g in zip(pressure, gases, strict=True)]
+
+
+class Organ(NamedTuple):
+    """An organ's vessels.
+
+    Attributes:
+        share: of the systemic conductance.
+        per_content: g, relative conductance per content of oxygen [dL/mL].
+        scale_mmhg: K of its answer to PCO2; None for the brain's curve.
+    """
+
+    share: float
+    per_content: float
+    scale_mmhg: float | None
+
+
+_BEDS_AT_REST = next(e for e in URSINO_1998.effectors if e.parameter == "Rmc").reference
+_CONDUCTANCE = sum(1.0 / resistance for resistance in _BEDS_AT_REST)
+ORGANS = (
+    Organ(1.0 / 6.57 / _CONDUCTANCE, 0.10, None),
+    Organ(1.0 / 19.71 / _CONDUCTANCE, 0.35, 11.11),
+    Organ(1.0 / 4.48 / _CONDUCTANCE, 0.30, 142.8),
+)
+"""Brain, heart and muscle: resistances 6.57, 19.71 and 4.48 mmHg s/mL of the published subject."""
+
+
+def brain_flow(pco2: Number) -> Number:
+    """Flow through the brain at a PCO2 [mmHg], of no unit that matters (Reivich 1964)."""
+    return 20.9 + 92.8 / (1.0 + 10570.0 * jnp.exp(-5.251 * jnp.log10(pco2)))
+
+
+def organ_conductance(organ: Organ, content: Number, pco2: Number, rest: tuple[Number, Number]) -> Number:
+    """Conductance of an organ relative to that at rest.
+
+    Args:
+        organ: which.
+        content: of oxygen in the blood that leaves [mL/dL].
+        pco2: of the blood that it gets [mmHg].
+        rest: both at the set point.
+    """
+    oxygen = 1.0 - organ.per_content * (content - rest[0])
+    if organ.scale_mmhg is None:
+        own = oxygen + brain_flow(pco2) / brain_flow(rest[1]) - 1.0
+    else:
+        own = oxygen / (1.0 - jnp.tanh(0.5 * (pco2 - rest[1]) / organ.scale_mmhg))
+    return jnp.maximum(own, LEAST_CONDUCTANCE)
+
+
+def local_factor(content: Number, pco2: Number, rest: tuple[Number, Number], strength: Number) -> Number:
+    """Factor of the resistance of all organs side by side; arguments as of `organ_conductance`."""
+    others = 1.0 - sum(organ.share for organ in ORGANS)
+    own = (organ.share * organ_conductance(organ, content, pco2, rest) for organ in ORGANS)
+    return jnp.exp(-strength * jnp.log(sum(own, start=others)))
+
+
+def local_settings(bed: str) -> tuple[str, str, str]:
+    """Parameters that a bed's factor follows from besides gases: strength, and set points of both."""
+    return keys.DILATION, keys.of_bed(keys.VENOUS_O2_SET_POINT, bed), keys.paco2_set_point(bed)
+
+
+@lru_cache(maxsize=1)
+def local_law() -> Callable[[Array], Array]:
+    """From arterial content, oxygen supplied and gained, PCO2 and `local_settings` to the factor."""
+
+    def law(n: Array) -> Array:
+        return jnp.stack([local_factor(venous_content(n[0], n[1], n[2]), n[3], (n[5], n[6]), n[4])])
+
+    return law
+
+
+def venous_content(arterial: Number, supplied: Number, gained: Number) -> Number:
+    """Oxygen content of the blood that leaves organs [mL/dL]: what was gained is below zero."""
+    return arterial * (1.0 + gained / supplied)
+
+
+def with_chemoreflex(circuit: Circuit) -> Circuit:
+    """A circuit with volume offset, with chemoreflex and a baroreflex whose gain may be 0."""
+    control = Control(REGULATION, Chemoreflex(URSINO_1998), URSINO_1998.reads, URSINO_1998.acts_on)
+    return circuit + Circuit(controllers=(control,))
+
+
+def with_local_control(circuit: Circuit) -> Circuit:
+    """A circuit whose organs answer to oxygen and carbon dioxide, each bed to its own."""
+    return _with_factor(circuit, "Rmc", keys.local_resistance, local_settings, keys.BEDS)
+
+
+def with_hypoxic_vasoconstriction(circuit: Circuit) -> Circuit:
+    """A circuit whose lung answers to hypoxia."""
+    settings = (keys.HYPOXIA, keys.LUNG_AT_REST)
+    return _with_factor(circuit, "Rpmc", lambda _: keys.LUNG_RESISTANCE, lambda _: settings, ("part",))
+
+
+def _with_factor(
+    circuit: Circuit,
+    part: str,
+    factor: Callable[[str], str],
+    settings: Callable[[str], tuple[str, ...]],
+    at: Sequence[str],
+) -> Circuit:
+    def changed(connection: Connection) -> Connection:
+        law = connection.component
+        if connection.name not in at or not isinstance(law, Artery) or part not in names_in(law.ohmic):
+            return connection
+        total = law.ohmic.of if isinstance(law.ohmic, Scaled) else law.ohmic
+        own = PartTimes(total, part, factor(connection.name), settings(connection.name))
+        ohmic = replace(law.ohmic, of=own) if isinstance(law.ohmic, Scaled) else own
+        return replace(connection, component=replace(law, ohmic=ohmic))
+
+    return replace(circuit, connections=tuple(map(changed, circuit.connections)))
