@@ -122,7 +122,7 @@ def ramp_bands(state: PageState, members: PosteriorDraws, wanted: Wanted) -> dic
 
 
 def solve(
-    circuit: Circuit, values: Mapping[str, Any], count: int, policy: str, near: Mapping[str, float],
+    circuit: Circuit, values: Mapping[str, Any], count: int, policy: str, start: Mapping[str, float],
     shown: tuple[tuple[str, ...], tuple[str, ...]], wanted: Wanted,
 ) -> Solved | None:  # fmt: skip
     """Steady beats of members side by side.
@@ -132,7 +132,7 @@ def solve(
         values: a number or an array (members,) for every parameter.
         count: members.
         policy: blood volume policy.
-        near: values that all are close to.
+        start: values that all are close to.
         shown: names of outputs and of waveforms.
         wanted: whether anybody still wants them; asked before each block.
     """
@@ -146,7 +146,7 @@ def solve(
         own = {n: v[part] if np.ndim(v) else v for n, v in values.items()}
         batch = Batch(circuit, own, part.stop - first, policy)
         beat = steady_beat(
-            batch, names, waveforms=signals, keep=None, options=SETTLED, start=near, resolution=resolution,
+            batch, names, waveforms=signals, keep=None, options=SETTLED, start=start, resolution=resolution,
             execution=Execution(threads=1, width=SIDE_BY_SIDE),
         )  # fmt: skip
         good = np.flatnonzero(beat.determined)

@@ -83,62 +83,62 @@ class Beat:
 
     def place_levels(self) -> dict[str, str]:
         """The same for each compartment; one that has collapsed is marked whatever its mean pressure."""
-        found = place_levels(self.outputs)
+        levels = place_levels(self.outputs)
         for finding in self.findings:
-            if finding.kind == "collapse" and finding.quantity[1:] in found:
-                found[finding.quantity[1:]] = "collapse"
-        return found
+            if finding.kind == "collapse" and finding.quantity[1:] in levels:
+                levels[finding.quantity[1:]] = "collapse"
+        return levels
 
 
-def compute_beat(state: PageState, near: Mapping[str, float] | None = None) -> Beat:
+def compute_beat(state: PageState, start: Mapping[str, float] | None = None) -> Beat:
     """The steady beat of a state.
 
     Args:
         state: case and blood volume policy.
-        near: parameter values of the same circuit to start the search from.
+        start: parameter values of the same circuit to start the search from.
     """
     circuit, values = page_circuit(state.computed)
-    return beat_of(state, circuit, values, near)
+    return beat_of(state, circuit, values, start)
 
 
 def beat_of(
-    state: PageState, circuit: Circuit, values: Mapping[str, float], near: Mapping[str, float] | None = None
+    state: PageState, circuit: Circuit, values: Mapping[str, float], start: Mapping[str, float] | None = None
 ) -> Beat:
     """The steady beat of a state at other values of its circuit, such as those of a later minute."""
-    found = steady_beat(Batch(circuit, values, 1, state.policy), waveforms=None, keep=None, start=near)
-    outputs = found.outputs()
-    if found.converged[0]:
+    solved = steady_beat(Batch(circuit, values, 1, state.policy), waveforms=None, keep=None, start=start)
+    outputs = solved.outputs()
+    if solved.converged[0]:
         fixed = circuit_of(state.case)
-        flows = {c.name: float(found.mean("Q" + c.name)[0]) for c in fixed.connections}
+        flows = {c.name: float(solved.mean("Q" + c.name)[0]) for c in fixed.connections}
         outputs |= {name: value for name, (value, _) in recirculation(fixed, flows).items()}
-    means = {n: float(found.mean(n)[0]) for n in found.signals if n[0] in "PQ"}
-    even, phases = np.linspace(0.0, 1.0, POINTS, endpoint=False), found.waveforms[0].phases
+    means = {n: float(solved.mean(n)[0]) for n in solved.signals if n[0] in "PQ"}
+    even, phases = np.linspace(0.0, 1.0, POINTS, endpoint=False), solved.waveforms[0].phases
     waves = {
-        n: np.interp(even, phases, found.waveform(n)) + unstressed_volume(circuit, n, values)
-        for n in found.signals
+        n: np.interp(even, phases, solved.waveform(n)) + unstressed_volume(circuit, n, values)
+        for n in solved.signals
     }
-    said = (*found.findings(), *state.case.findings(outputs))
-    rate = float(np.asarray(found.values_in_effect()[HEART_RATE]))
+    findings = (*solved.findings(), *state.case.findings(outputs))
+    rate = float(np.asarray(solved.values_in_effect()[HEART_RATE]))
     return Beat(
-        circuit, values, 60.0 / (rate if rate > 0.0 else values[HEART_RATE]), waves, means, outputs, said,
-        Status(int(found.status[0])), found.message(),
-        GasStatus(int(found.gas_status[0])) if state.case.gas is not None else None, found.gases.get(0),
+        circuit, values, 60.0 / (rate if rate > 0.0 else values[HEART_RATE]), waves, means, outputs, findings,
+        Status(int(solved.status[0])), solved.message(),
+        GasStatus(int(solved.gas_status[0])) if state.case.gas is not None else None, solved.gases.get(0),
     )  # fmt: skip
 
 
-def passing_beat(state: PageState, found: PassingBeat) -> Beat:
+def passing_beat(state: PageState, moment: PassingBeat) -> Beat:
     """A beat of a course beat by beat; it says nothing of gases, which need minutes to settle."""
     even = np.linspace(0.0, 1.0, POINTS, endpoint=False)
     waves = {
-        n: np.interp(even, found.phases, wave) + unstressed_volume(found.circuit, n, found.values)
-        for n, wave in zip(found.signals, found.waves.T, strict=True)
+        n: np.interp(even, moment.phases, wave) + unstressed_volume(moment.circuit, n, moment.values)
+        for n, wave in zip(moment.signals, moment.waves.T, strict=True)
     }
-    means = {n: float(v) for n, v in zip(found.signals, found.means, strict=True) if n[0] in "PQ"}
-    said = (*found.findings, *state.case.findings(found.outputs))
+    means = {n: float(v) for n, v in zip(moment.signals, moment.means, strict=True) if n[0] in "PQ"}
+    findings = (*moment.findings, *state.case.findings(moment.outputs))
     gas = GasStatus.STEADY if state.case.gas is not None else None
     return Beat(
-        found.circuit, found.values, found.period, waves, means, found.outputs, said, Status.CONVERGED,
-        text("timeline_passing"), gas, passing=True,
+        moment.circuit, moment.values, moment.period, waves, means, moment.outputs, findings,
+        Status.CONVERGED, text("timeline_passing"), gas, passing=True,
     )  # fmt: skip
 
 
@@ -166,29 +166,31 @@ def _plain_gases(beat: Beat) -> dict[str, Any] | None:
     """Gases of all compartments with the colours of their saturations; why there are none, where so."""
     if beat.gas_status is None:
         return None
-    found: dict[str, Any] = {"message": beat.gas_status.message, "places": {}, "exchanged": {}}
+    result: dict[str, Any] = {"message": beat.gas_status.message, "places": {}, "exchanged": {}}
     if beat.gases is None:
         steady = beat.converged and not beat.passing
         return (
-            found if steady else found | {"message": text("gases_passing") if beat.passing else beat.message}
+            result
+            if steady
+            else result | {"message": text("gases_passing") if beat.passing else beat.message}
         )
     for place, blood in beat.gases.places.items():
         percent = 100.0 * float(blood.saturation)
         numbers = (percent, blood.po2, blood.pco2, blood.ph, blood.oxygen, blood.carbon_dioxide)
         values = {name: float(number) for name, number in zip(GAS_COLUMNS, numbers, strict=True)}
         colours = {"colour": colour_of(percent), "letters": letters_on(percent)}
-        found["places"][place] = {"values": finite(values, digits=5), **colours}
-    found["exchanged"] = finite({at: list(both) for at, both in beat.gases.exchanged.items()}, digits=6)
-    return found
+        result["places"][place] = {"values": finite(values, digits=5), **colours}
+    result["exchanged"] = finite({at: list(both) for at, both in beat.gases.exchanged.items()}, digits=6)
+    return result
 
 
-def _cautions(said: Iterable[Finding]) -> dict[str, str]:
+def _cautions(findings: Iterable[Finding]) -> dict[str, str]:
     """How each number is to be read, where there is something to say."""
-    found: dict[str, list[str]] = {}
-    for finding in said:
+    result: dict[str, list[str]] = {}
+    for finding in findings:
         for name in finding.concerns if finding.kind == CAUTION else ():
-            found.setdefault(name, []).append(finding.sentence)
-    return {name: "; ".join(sentences) for name, sentences in found.items()}
+            result.setdefault(name, []).append(finding.sentence)
+    return {name: "; ".join(sentences) for name, sentences in result.items()}
 
 
 def _rounded(wave: np.ndarray) -> list[float | None]:

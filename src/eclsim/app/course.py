@@ -48,10 +48,10 @@ class PageCourse:
         from eclsim.app.beat import beat_of, passing_beat
         from eclsim.course.beats import PassingBeat
 
-        found = self.followed.at(minute)
-        if isinstance(found, PassingBeat):
-            return passing_beat(self.state, found)
-        return beat_of(self.state, *found)
+        moment = self.followed.at(minute)
+        if isinstance(moment, PassingBeat):
+            return passing_beat(self.state, moment)
+        return beat_of(self.state, *moment)
 
 
 def usual_length(case: Case) -> int:
@@ -117,12 +117,12 @@ def possible_events(case: Case) -> list[dict[str, Any]]:
     knobs = [k for k in controls(case) if isinstance(k, Knob) and k.key not in (VOLUME, *STARTS)]
     known = {knob.key for knob in knobs}
     labels = {one.key: one.label for one in case.instances()}
-    found = [
+    entries = [
         (k.key, f"{labels.get(k.group, '')} {k.label}".strip(), k.unit, value_of(case, k.key)) for k in knobs
     ]
     for one in case.instances():
         fields = ((f"{one.key}.{name}", field) for name, field in one.device.section.fields().items())
-        found += [
+        entries += [
             (key, f"{one.label} {field.description}", field.unit, 0.0)
             for key, field in fields
             if key.endswith("_ml_h") and key not in known
@@ -130,10 +130,10 @@ def possible_events(case: Case) -> list[dict[str, Any]]:
     for drug in DRUG_DOSES:
         if (key := f"{Drugs.section}.{drug}") not in known:
             field = Drugs.fields()[drug]
-            found.append((key, ENGLISH.get(key, field.description), field.unit, 0.0))
+            entries.append((key, ENGLISH.get(key, field.description), field.unit, 0.0))
     return gifts + [
         {"key": key.removeprefix("parameters."), "give": False, "label": label, "unit": unit, "value": value}
-        for key, label, unit, value in found
+        for key, label, unit, value in entries
     ]
 
 

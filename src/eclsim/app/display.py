@@ -151,12 +151,12 @@ def figures_of(case: Case) -> list[KeyFigure]:
 
 def _exchangers(circuit: Circuit) -> dict[str, str]:
     """Connections that exchange gas, in words."""
-    found = {}
+    result = {}
     for exchange in gas_exchanges(circuit):
         names = naming_of(exchange.group)
         words = text(f"exchange_{exchange.at}") if names is None else names.words(f"Q{exchange.at}")
-        found[exchange.at] = words if names is None else f"{names.device.name} {words}"
-    return found
+        result[exchange.at] = words if names is None else f"{names.device.name} {words}"
+    return result
 
 
 def _shown(case: Case) -> list[tuple[str, Views]]:

@@ -119,20 +119,20 @@ def _title_height(plan: Plan, page: Layout, group: str) -> float:
 
 def _boxes(circuit: Circuit, plan: Plan, page: Layout) -> list[dict[str, Any]]:
     positions = {node: site for names in instances_in(circuit) for site, node in names.sites().items()}
-    found = []
+    result = []
     for compartment in circuit.compartments:
         left, bottom, right, top = page.box(compartment.name)
         names = naming_of(compartment.group)
         own = compartment.name if names is None else names.own(compartment.name)
         words = plan.places[compartment.name].words if compartment.name in plan.places else compartment.name
-        found.append({
+        result.append({
             "name": compartment.name, "group": compartment.group,
             "position": positions.get(compartment.name, ""),
             "text": words, "short": ENGLISH.get(f"box_{own}", _short(names, own) or words),
             "ink": ink(compartment.group),
             "x": left - WIDER_MM, "y": -top, "w": right - left + 2 * WIDER_MM, "h": top - bottom,
         })  # fmt: skip
-    return found
+    return result
 
 
 def _short(names: Naming | None, own: str | None) -> str:

@@ -45,10 +45,10 @@ class Engine:
         self._stopped = threading.Event()
         self._wanted_at = float("-inf")
 
-    async def beat(self, state: PageState, near: Mapping[str, float] | None = None) -> Beat:
+    async def beat(self, state: PageState, start: Mapping[str, float] | None = None) -> Beat:
         """The steady beat of a state."""
         self._wanted_at = time.monotonic()
-        return await self._in(self._beats, lambda: self._beat(state, near))
+        return await self._in(self._beats, lambda: self._beat(state, start))
 
     async def moment(self, work: Callable[[], T]) -> T:
         """Another beat that is waited for."""
@@ -80,12 +80,12 @@ class Engine:
         for pool in (self._beats, self._studies, self._files):
             pool.shutdown(wait=False, cancel_futures=True)
 
-    def _beat(self, state: PageState, near: Mapping[str, float] | None) -> Beat:
+    def _beat(self, state: PageState, start: Mapping[str, float] | None) -> Beat:
         from eclsim.app.beat import compute_beat
 
-        found = compute_beat(state, near)
+        beat = compute_beat(state, start)
         self._known.add(_program_key(state))
-        return found
+        return beat
 
     def _warm_all(self, first: PageState) -> None:
         self._warm_one(first)

@@ -228,11 +228,11 @@ def on_the_page(reason: Mapping[str, Any]) -> dict[str, Any]:
     return {**reason, "sentence": _OPTION.sub(text("fit_option_elsewhere"), sentence)}
 
 
-def judged(found: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:
+def judged(fit: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:
     """The verdict on a fit when the posterior's intervals are known.
 
     Args:
-        found: "parameters" and "verdict" of `plain_fit`.
+        fit: "parameters" and "verdict" of `plain_fit`.
         others: the posterior's intervals of the parameters, with "lower" and "upper".
 
     Returns:
@@ -240,7 +240,7 @@ def judged(found: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, Any
     """
     from eclsim.identification.verdict import Level, headline, interval_agreement
 
-    more = interval_agreement(found["parameters"], others, "posterior")
+    more = interval_agreement(fit["parameters"], others, "posterior")
     reasons = [
         on_the_page(
             {"aspect": str(r.aspect), "level": str(r.level), "about": r.about, "sentence": r.sentence}
@@ -248,8 +248,8 @@ def judged(found: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, Any
         for r in more
     ]
     order = [str(level) for level in Level]
-    every = sorted([*reasons, *found["verdict"]["reasons"]], key=lambda r: -order.index(r["level"]))
-    level = max([found["verdict"]["level"], *(r["level"] for r in reasons)], key=order.index)
-    verdict = {**found["verdict"], "level": level, "reasons": every}
+    every = sorted([*reasons, *fit["verdict"]["reasons"]], key=lambda r: -order.index(r["level"]))
+    level = max([fit["verdict"]["level"], *(r["level"] for r in reasons)], key=order.index)
+    verdict = {**fit["verdict"], "level": level, "reasons": every}
     doubted = {r["about"]: {"identifiable": False, "reason": r["sentence"]} for r in reasons}
     return {"verdict": verdict, "headline": headline(verdict), "parameters": doubted}

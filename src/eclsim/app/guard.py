@@ -376,7 +376,7 @@ class SignIns:
         return hashlib.scrypt(password.encode(), salt=self._salt, n=2**12, r=8, p=1)
 
 
-def sign_in_page(action: str, said: str = "") -> str:
+def sign_in_page(action: str, message: str = "") -> str:
     """The page that asks for the password."""
     words = {key: text(key) for key in ("title", "brand", "sign_in", "password", "notice")}
-    return render("app/sign_in.html", action=action, message=said, **words)
+    return render("app/sign_in.html", action=action, message=message, **words)

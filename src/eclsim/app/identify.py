@@ -176,12 +176,12 @@ class Identification:
                 self._fitted[subject] = replace(state, posterior=self.bands.new_key())
         return self._fitted.get(subject)
 
-    async def find_posterior(self, link: str = "", found: Any = None) -> None:
+    async def find_posterior(self, link: str = "", fit: Any = None) -> None:
         """The posterior of the fitted patient; its bands are there as soon as that patient is in use.
 
         Args:
             link: of the fit, for a session that does not know it.
-            found: "parameters" and "verdict" of the fit, likewise.
+            fit: "parameters" and "verdict" of the fit, likewise.
         """
         fitted = self._fit_of(link)
         if self.running or fitted is None:
@@ -195,7 +195,7 @@ class Identification:
                 tuple(posterior["doubts"]),
             ).of(case)  # fmt: skip
             ended = {"posterior": posterior | members.as_object() | {"seconds": ended["seconds"]}}
-            ended |= self._judge(fitted, found, posterior["parameters"])
+            ended |= self._judge(fitted, fit, posterior["parameters"])
             self.bands.add(fitted.posterior, members)
         self.send("posterior_ended", ended | {"subject": subject_of(fitted)})
 
@@ -267,9 +267,9 @@ class Identification:
         self._report = message
 
 
-def verdict_of(found: Mapping[str, Any]) -> str:
+def verdict_of(fit: Mapping[str, Any]) -> str:
     """What a fit is called: "good", "doubtful" or "poor"; empty where it has no verdict."""
-    verdict = found.get("verdict") or {}
+    verdict = fit.get("verdict") or {}
     return str(verdict.get("level", ""))
 
 

@@ -50,20 +50,20 @@ _OUTPUTS = (
 
 def lanes_of(case: Case, result: xr.Dataset) -> list[Lane]:
     """What can be drawn of a course; drugs that have any effect."""
-    found = [
+    rows = [
         Lane(one.output, one.label, one.unit, one.digits, result[one.output].to_numpy(), True)
         for one in figures_of(case)
         if one.output in result and not one.only_with
     ]
     blood = (result[PLASMA] + result[RED_CELLS]).to_numpy()
-    found.append(Lane("blood_volume", text("lane_blood_volume"), "mL", 0, blood, True))
+    rows.append(Lane("blood_volume", text("lane_blood_volume"), "mL", 0, blood, True))
     for drug in DRUG_DOSES:
         dose = result.get(f"{DRUGS}.{drug}_in_effect")
         if dose is not None and np.nanmax(dose.to_numpy(), initial=0.0) > 0.0:
             words = text("lane_drug", drug=drug)
-            found.append(Lane(str(dose.name), words, dose.attrs["units"], 2, dose.to_numpy(), True))
+            rows.append(Lane(str(dose.name), words, dose.attrs["units"], 2, dose.to_numpy(), True))
     for name, unit, digits in _OUTPUTS:
         if name in result:
             values = result[name].to_numpy() * (100.0 if unit == "%" else 1.0)
-            found.append(Lane(name, text(f"lane_{name}"), unit, digits, values, False))
-    return [lane for lane in found if np.isfinite(lane.values).any()]
+            rows.append(Lane(name, text(f"lane_{name}"), unit, digits, values, False))
+    return [lane for lane in rows if np.isfinite(lane.values).any()]

@@ -207,8 +207,10 @@ class BedsidePage:
             kept.history.change(newest, "", 0.0)
         self.session.restore(kept)
         steps, saved, pinned = len(kept.history.past), len(kept.saved), int(kept.pinned is not None)
-        found = text("tab_restored", name=title_of(kept.history.now), steps=steps, saved=saved, pinned=pinned)
-        notify(found, "info")
+        message = text(
+            "tab_restored", name=title_of(kept.history.now), steps=steps, saved=saved, pinned=pinned
+        )
+        notify(message, "info")
         return True
 
     def _linked(self, link: str) -> PageState | None:

@@ -33,17 +33,17 @@ def provenance(state: PageState) -> dict[str, Any]:
     """
     kind = kind_of(state)
     badge = kind
-    said = [text(f"provenance_{kind}", source=state.source or text("provenance_no_file"))]
+    sentences = [text(f"provenance_{kind}", source=state.source or text("provenance_no_file"))]
     if state.changed:
-        said.append(text("provenance_changed", what=", ".join(changes(state))))
+        sentences.append(text("provenance_changed", what=", ".join(changes(state))))
     if kind == "fit" and state.verdict:
         badge = f"fit_{state.verdict}"
-        said[0] += " " + text("provenance_verdict", verdict=text(f"verdict_{state.verdict}"))
+        sentences[0] += " " + text("provenance_verdict", verdict=text(f"verdict_{state.verdict}"))
     doubted = kind in ("unfitted", "posterior") or (kind == "fit" and state.verdict != "good")
     measured = state.start.case.measurements
     return {
         "title": title_of(state), "badge": text("badge_changed" if state.changed else f"badge_{badge}"),
-        "level": "warning" if doubted or state.changed else "ok", "text": " ".join(said),
+        "level": "warning" if doubted or state.changed else "ok", "text": " ".join(sentences),
         "measured": measured.model_dump(exclude_none=True) if measured else {},
         "circuit": circuit_words(state.case),
     }  # fmt: skip
@@ -61,28 +61,28 @@ def kind_of(state: PageState) -> str:
 
 def circuit_words(case: Case) -> str:
     """The devices of a case with their speeds and flows, on one line."""
-    found = [f"{one.label} {one.device.summary(one.section)}" for one in case.instances()]
-    return ", ".join(found) or text("provenance_no_device")
+    summaries = [f"{one.label} {one.device.summary(one.section)}" for one in case.instances()]
+    return ", ".join(summaries) or text("provenance_no_device")
 
 
 def changes(state: PageState) -> list[str]:
     """What was changed since the patient was opened: names of knobs and devices."""
-    start, found = state.start, []
+    start, result = state.start, []
     before, now = (_parts(case) for case in (start.case, state.case))
-    found += [text("provenance_removed", device=label) for key, label in before.items() if key not in now]
-    found += [text("provenance_connected", device=label) for key, label in now.items() if key not in before]
+    result += [text("provenance_removed", device=label) for key, label in before.items() if key not in now]
+    result += [text("provenance_connected", device=label) for key, label in now.items() if key not in before]
     shared = {c.key for c in controls(start.case)}
     for control in (c for c in controls(state.case) if c.key in shared):
         if value_of(start.case, control.key) != value_of(state.case, control.key):
             device = "" if state.case.instance(control.group) is None else now[control.group]
-            found.append(f"{device} {control.label}".strip())
+            result.append(f"{device} {control.label}".strip())
     if start.case.events != state.case.events:
-        found.append(text("course_events"))
+        result.append(text("course_events"))
     if start.policy != state.policy:
-        found.append(text("group_model"))
-    if len(found) > MOST_NAMED:
-        return [*found[:MOST_NAMED], text("provenance_more", count=len(found) - MOST_NAMED)]
-    return found
+        result.append(text("group_model"))
+    if len(result) > MOST_NAMED:
+        return [*result[:MOST_NAMED], text("provenance_more", count=len(result) - MOST_NAMED)]
+    return result
 
 
 def _parts(case: Case) -> dict[str, str]:

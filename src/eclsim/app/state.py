@@ -140,26 +140,26 @@ def state_of(link: str) -> PageState:
     return read_state(result.get("state"))
 
 
-def read_state(found: Any) -> PageState:
+def read_state(data: Any) -> PageState:
     """A state from plain data of a link.
 
     Raises:
         CaseError: If it is none, or its case cannot be used.
     """
-    if not isinstance(found, dict):
+    if not isinstance(data, dict):
         raise refused_link("damaged")
-    if found.get("policy") not in POLICIES:
+    if data.get("policy") not in POLICIES:
         raise refused_link("with an unknown blood volume policy")
-    case = read_mapping(found.get("case"), "link").case
+    case = read_mapping(data.get("case"), "link").case
     if case.targets():  # the page writes speeds alone
         raise refused_link("with a pump flow in place of a speed")
-    names = {name: str(found.get(name) or "")[:LONGEST_NAME] for name in _NAMES}
+    names = {name: str(data.get(name) or "")[:LONGEST_NAME] for name in _NAMES}
     if names["verdict"] not in VERDICTS:
         raise refused_link("damaged")
-    state = replace(PageState(case, found["policy"]), **names)
+    state = replace(PageState(case, data["policy"]), **names)
     if state.origin in PRESETS:
         return preset_state(state.origin)._changed(case, state.policy)
-    opened = found.get("opened")
+    opened = data.get("opened")
     if opened is None:
         return state
     if not isinstance(opened, dict) or opened.get("opened") is not None:

@@ -59,9 +59,9 @@ class ViewStudy(_OneAtATime):
         while (job := self._next(session)) is not None:
             topic, state = job
             self._done[topic] = state
-            found = await self._study(state)
+            study = await self._study(state)
             if not session.closed:
-                session.send(topic, found)
+                session.send(topic, study)
 
     def _next(self, session: Session) -> tuple[str, PageState] | None:
         """Topic and state of what is still to be computed."""
@@ -233,9 +233,9 @@ class PosteriorBands(_OneAtATime):
             if not self._newest(shown):
                 return  # the beat that is on its way calls again
             self._done[topic] = shown, members
-            found = await self._bands(shown, members, topic)
+            bands = await self._bands(shown, members, topic)
             if self.on and self._newest(shown):
-                self.session.send(topic, found or {"of": key_of(shown[0])})
+                self.session.send(topic, bands or {"of": key_of(shown[0])})
 
     def _newest(self, shown: tuple[PageState, Beat]) -> bool:
         """Whether a beat is still the one that is seen, and no knob was turned since."""
