@@ -18,7 +18,9 @@ def checks(monkeypatch):
         near("e", 100.0, 103.0, 1.0, "mL", explanation=tide),
     )
     bad = Check("bad", "Bad things", "1 %", rows)
-    shown = Check("shown", "Measurements", "none", (near("d", 1.0, 2.0, 0.1),), required=False)
+    unknown = Explanation("not stated", (near("where it is stated", 1.0, 1.0, 0.1),), undecided=True)
+    open_one = near("f", 1.0, 3.0, 0.1, explanation=unknown)
+    shown = Check("shown", "Measurements", "none", (near("d", 1.0, 2.0, 0.1), open_one), required=False)
     asked = []
 
     def run(effort, parts, announce):
@@ -36,6 +38,7 @@ def test_rows_are_shown_with_error_and_verdict(shell, checks):
     lines = [line.split() for line in done.stdout.splitlines()]
     assert ["a", "100", "100.5", "mmHg", "+0.50", "%", "ok"] in lines
     assert ["d", "1", "2", "1", "+100.00", "%", "MISS"] in lines
+    assert ["f", "1", "3", "1", "+200.00", "%", "not", "decidable"] in lines
     assert "All bars hold." in done.stdout
     assert done.stderr == "running: this part\n"
 

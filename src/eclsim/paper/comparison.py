@@ -31,10 +31,12 @@ class Explanation:
         text: the reason.
         evidence: rows that hold if the reason is the right one: what eclsim gives where the reason is taken
             away, or the very number that the reason was shown to account for.
+        undecided: whether the source does not say what it takes to tell who is right.
     """
 
     text: str
     evidence: tuple[Row, ...] = ()
+    undecided: bool = False
 
     @property
     def holds(self) -> bool:

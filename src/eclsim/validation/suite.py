@@ -253,7 +253,9 @@ def _percent(row: Row) -> str:
 def _verdict(row: Row) -> str:
     if row.holds:
         return "ok"
-    return "miss, explained" if row.explained else "MISS"
+    if not row.explained or row.explanation is None:
+        return "MISS"
+    return "not decidable" if row.explanation.undecided else "miss, explained"
 
 
 def measurements_text(measurements: Sequence[Measurement]) -> str:
