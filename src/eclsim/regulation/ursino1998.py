@@ -14,8 +14,10 @@ pressure here, so that what pulsatility does to the firing is left out.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import ModuleType
 
 import jax.numpy as jnp
+import numpy as np
 
 from eclsim.circuit.network import HEART_RATE, mean_of
 from eclsim.components.base import Number
@@ -30,28 +32,31 @@ VAGAL_AT_LOW_PRESSURE, VAGAL_AT_HIGH_PRESSURE, VAGAL_MIDDLE, VAGAL_SLOPE = 3.2, 
 """Firing in spikes per second; pressures in mmHg."""
 
 
-def carotid_firing(deviation: Number) -> Number:
-    """Firing of the carotid sinus [1/s] at a pressure that far above the set point [mmHg]."""
-    rise = jnp.exp(deviation / SLOPE_MMHG)
+def carotid_firing(deviation: Number, xp: ModuleType = jnp) -> Number:
+    """Firing of the carotid sinus [1/s] at a pressure that far above the set point [mmHg].
+
+    `xp` is the array module, here and below: with NumPy nothing is compiled for a single number.
+    """
+    rise = xp.exp(deviation / SLOPE_MMHG)
     return (LEAST_FIRING + MOST_FIRING * rise) / (1.0 + rise)
 
 
-def sympathetic_firing(carotid: Number) -> Number:
+def sympathetic_firing(carotid: Number, xp: ModuleType = jnp) -> Number:
     """Firing of sympathetic fibres [1/s]."""
     span = SYMPATHETIC_AT_LOW_PRESSURE - SYMPATHETIC_AT_HIGH_PRESSURE
-    return SYMPATHETIC_AT_HIGH_PRESSURE + span * jnp.exp(-SYMPATHETIC_RATE * carotid)
+    return SYMPATHETIC_AT_HIGH_PRESSURE + span * xp.exp(-SYMPATHETIC_RATE * carotid)
 
 
-def vagal_firing(carotid: Number) -> Number:
+def vagal_firing(carotid: Number, xp: ModuleType = jnp) -> Number:
     """Firing of vagal fibres [1/s]."""
-    rise = jnp.exp((carotid - VAGAL_MIDDLE) / VAGAL_SLOPE)
+    rise = xp.exp((carotid - VAGAL_MIDDLE) / VAGAL_SLOPE)
     return (VAGAL_AT_LOW_PRESSURE + VAGAL_AT_HIGH_PRESSURE * rise) / (1.0 + rise)
 
 
-def sympathetic_effect(deviation: Number) -> Number:
+def sympathetic_effect(deviation: Number, xp: ModuleType = jnp) -> Number:
     """What gains of sympathetic effectors are multiplied by [-]."""
-    firing = sympathetic_firing(carotid_firing(deviation))
-    return jnp.log(jnp.maximum(firing - THRESHOLD + 1.0, 1.0))
+    firing = sympathetic_firing(carotid_firing(deviation, xp), xp)
+    return xp.log(xp.maximum(firing - THRESHOLD + 1.0, 1.0))
 
 
 def _drives(deviations: Sequence[Number]) -> list[Number]:
@@ -61,7 +66,8 @@ def _drives(deviations: Sequence[Number]) -> list[Number]:
     return [sympathetic, sympathetic, sympathetic, sympathetic, vagal]
 
 
-_AT_REST, _VAGAL_AT_REST = float(sympathetic_effect(0.0)), float(vagal_firing(carotid_firing(0.0)))
+_AT_REST = float(sympathetic_effect(0.0, np))
+_VAGAL_AT_REST = float(vagal_firing(carotid_firing(0.0, np), np))
 PATHWAYS = (
     Pathway("contractility", 2.0 + 8.0, 1.0),
     Pathway("resistance", 2.0 + 6.0, 1.0),
