@@ -62,6 +62,9 @@ def _of_sections(case: Case) -> list[Control]:
             key, control = f"{one.section}.{name}", plain_control(field)
             if control is not None and _has_effect(case, key) and value_of(case, key) is not None:
                 words = ENGLISH.get(key, control.label)
+                if isinstance(control, Picker):
+                    named = tuple((n, ENGLISH.get(f"{key}.{n}", own)) for n, own in control.options)
+                    control = replace(control, options=named)
                 found.append(replace(control, key=key, label=words, group=one.section))
     return found
 
