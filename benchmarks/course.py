@@ -29,6 +29,19 @@ at_min = 18
 set = { "ecmo.speed_rpm" = 3300 }
 ramp_min = 4
 """
+TRANSIENTS = """
+[[events]]
+at_min = 20
+set = { "ecmo.speed_rpm" = 1500 }
+[[events]]
+at_min = 40
+give = { bleed_ml = 500 }
+over_min = 5
+[[events]]
+at_min = 70
+set = { "ecmo.speed_rpm" = 3000 }
+ramp_min = 0.5
+"""
 OUTPUTS = ("MAP", "MPAP", "PCWP", "right_atrial_pressure", "CO", "PF", "drainage_pressure", "heart_rate")
 PRESSURES = ("MAP", "MPAP", "PCWP", "right_atrial_pressure", "drainage_pressure")
 
@@ -68,6 +81,20 @@ def half_hour() -> None:
         print(f"  {name}: steady beats within {np.abs(difference).max():.3f} mmHg, bar 0.1")
 
 
+def transients() -> None:
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "transients.toml"
+        file.write_text(DAY.read_text().partition("[[events]]")[0] + TRANSIENTS)
+        beats = eclsim.course_beats(file, minutes=120.0, outputs=PRESSURES)
+        for words, hand_over in (("handed over", True), ("steady beats only", False)):
+            options = CourseOptions(hand_over=hand_over)
+            own, _, processor = timed(eclsim.course, file, minutes=120.0, options=options)
+            there = beats["time_min"].to_numpy()
+            worst = [np.abs(np.interp(there, own["time_min"], own[n]) - beats[n]).max() for n in PRESSURES]
+            listed = ", ".join(f"{n} {float(value):.2f}" for n, value in zip(PRESSURES, worst, strict=True))
+            print(f"2 h with sudden events, {words}: {processor:.1f} s; against every beat {listed} mmHg")
+
+
 def cohort(count: int) -> None:
     draws = np.random.default_rng(1)
     spread = {n: draws.uniform(0.8, 1.2, count) for n in ("Rmc", "Emaxlv", "Csart", "Rpmc")}
@@ -87,4 +114,5 @@ def cohort(count: int) -> None:
 if __name__ == "__main__":
     day()
     half_hour()
+    transients()
     cohort(int(sys.argv[1]) if len(sys.argv) > 1 else 100)

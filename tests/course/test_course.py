@@ -7,8 +7,10 @@ import pytest
 
 import eclsim
 from eclsim.cases import read_case
+from eclsim.course.alarms import alarms
 from eclsim.course.course import course, course_many, usual_every
 from eclsim.course.files import course_object
+from eclsim.devices.description import Finding
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
 from eclsim.slow.law import SlowLaw, SlowState
@@ -151,3 +153,10 @@ def test_the_figure_shows_every_event(hour, tmp_path):
     fig = plot_course(hour)
     assert "blood 200 mL over 20 min" in fig._supxlabel.get_text()
     assert any(ax.get_title(loc="left") == "Arterial pressure" for ax in fig.axes)
+
+
+def test_a_limit_that_is_another_number_each_moment_is_one_alarm():
+    words = "CO 0.20 L/min is above the flow {:.2f} L/min"
+    said = [[Finding("warning", "CO", 0.2, flow, words.format(flow))] for flow in (0.1, 0.12)]
+    (found,) = alarms(said, {}, np.arange(2.0))
+    assert (found.at_min, found.until_min) == (0.0, None)

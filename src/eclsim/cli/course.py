@@ -54,6 +54,12 @@ class CourseOptions(CaseChanges, Distributed):
         "up to 120 minutes.",
         "--beats",
     )
+    steady_only: bool = option(
+        False,
+        "Steady beats throughout; left out, every beat is followed from a sudden event on until the "
+        "circulation has settled, where that is felt.",
+        "--steady-only",
+    )
     out: str | None = option(None, "Folder for the course as CSV and NetCDF.", metavar="DIR")
     figures: str | None = option(None, "Draw the timeline (SVG and PNG) in this folder.", metavar="DIR")
 
@@ -180,6 +186,7 @@ def _single(o: CourseOptions) -> bool:
     from eclsim.course import files
     from eclsim.course.beats import course_beats
     from eclsim.course.course import course as follow
+    from eclsim.course.engine import CourseOptions as EngineOptions
     from eclsim.inputs.mistakes import CaseError
 
     (case,), _ = _cases(o)
@@ -191,8 +198,11 @@ def _single(o: CourseOptions) -> bool:
     try:
         with Progress() as progress:
             progress(f"following {name} for {o.minutes:g} min")
-            followed = course_beats if o.beats else follow
-            result = followed(case, minutes=o.minutes, every_min=o.every)
+            if o.beats:
+                result = course_beats(case, minutes=o.minutes, every_min=o.every)
+            else:
+                options = EngineOptions(hand_over=not o.steady_only)
+                result = follow(case, minutes=o.minutes, every_min=o.every, options=options)
     except CaseError as error:
         fail(*(mistake.at(o.files[0], None) for mistake in error.mistakes))
     with writing():
@@ -268,6 +278,7 @@ def _cohort(o: CourseOptions) -> bool:
         with resumable(o.out), distribution.running(PRELOAD) as executor, Progress() as progress:
             results = course_cohort(
                 cases, minutes=o.minutes, every_min=o.every, volume_policy=o.volume_policy,
+                hand_over=not o.steady_only,
                 folder=folder and folder / files.GROUPS, executor=executor, progress=progress,
             )  # fmt: skip
     except ExecutionError as error:
@@ -296,15 +307,17 @@ def _text(result: xr.Dataset) -> str:
     import json
 
     from eclsim.course.alarms import clock_time
+    from eclsim.course.result import spans_in_words
     from eclsim.reporting.numbers import number, text_table
 
-    def shown_time(minute: float) -> str:
-        seconds = f":{int(60.0 * minute % 60.0):02d}" if result.attrs["beat_by_beat"] else ""
-        return clock_time(minute) + seconds
-
+    spans = spans_in_words(result)
+    seconds = bool(result.attrs["beat_by_beat"] or spans)
     names = [name for name in SHOWN if name in result]
     rows = [
-        (shown_time(float(result["time_min"][k])), *(number(float(result[name][k])) for name in names))
+        (
+            clock_time(float(result["time_min"][k]), seconds),
+            *(number(float(result[name][k])) for name in names),
+        )
         for k in _rows(result)
     ]
     head = ("time", *(f"{name} [{result[name].attrs['units']}]" for name in names))
@@ -317,6 +330,8 @@ def _text(result: xr.Dataset) -> str:
     took = f"{result.attrs['seconds']:.1f} s"
     if settling := result.attrs["settling_s"]:
         took += f"; the circulation settles within {settling:.0f} s after a sudden change"
+    if spans:
+        words += f"\n{spans}, where an event left the circulation no time to settle"
     return "\n\n".join((text_table(head, rows, tuple(range(1, len(head)))), words, took))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -12,6 +13,10 @@ from eclsim.outputs.registry import UnknownOutputError, output
 
 if TYPE_CHECKING:
     from eclsim.devices.description import Finding
+
+
+_NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
+"""Left out where sentences are compared: a limit such as another flow has another value at each moment."""
 
 
 class Alarm(NamedTuple):
@@ -57,11 +62,11 @@ def alarms(
         minute: time of each [min].
         seconds: whether the words say the second too.
     """
-    by_limit: dict[tuple[str, str, float], dict[int, Finding]] = {}
+    by_limit: dict[tuple[str, str, str], dict[int, Finding]] = {}
     for k, said in enumerate(findings):
         for finding in said:
-            limit = finding.limit if finding.kind in GRAVEST_FIRST else 0.0
-            by_limit.setdefault((finding.kind, finding.quantity, limit), {})[k] = finding
+            words = _NUMBER.sub("", finding.sentence) if finding.kind in GRAVEST_FIRST else ""
+            by_limit.setdefault((finding.kind, finding.quantity, words), {})[k] = finding
     found = []
     for broken in by_limit.values():
         values = outputs.get(next(iter(broken.values())).quantity)

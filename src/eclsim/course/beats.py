@@ -36,7 +36,7 @@ from eclsim.outputs.registry import CHAMBERS, output
 from eclsim.outputs.regulation import FACTORS
 from eclsim.outputs.signals import needed_parameters, needed_signals, output_names
 from eclsim.outputs.steady_beat import judging_outputs, statistics_of, steady_beat
-from eclsim.parameters.regulation import EXTRA_VOLUME, UNSTRESSED
+from eclsim.parameters.regulation import UNSTRESSED
 from eclsim.simulation.target_flow import with_speed
 from eclsim.slow.law import INFLOWS
 
@@ -83,8 +83,10 @@ def marched(
     """A course beat by beat, kept for more questions; see `course_beats`."""
     began = clock.perf_counter()
     timeline = Timeline(with_speed(as_case(case), policy)[0], minutes * MINUTE)
-    marching = _Marching(timeline, policy or timeline.case.volume_policy, outputs)
-    beats = marching.march(None if every_min is None else every_min * MINUTE).beats
+    marching = BeatMarch(timeline, policy or timeline.case.volume_policy, outputs)
+    shown = ShownBeats(None if every_min is None else every_min * MINUTE)
+    marching.follow(marching.begin(), timeline.end, shown)
+    beats = shown.beats
     measured, said = marching.measured(beats)
     result = marching.dataset(beats, measured, said)
     result.attrs["seconds"] = clock.perf_counter() - began
@@ -131,8 +133,8 @@ class Marched(NamedTuple):
     """
 
     result: xr.Dataset
-    marching: _Marching
-    beats: Sequence[_Kept]
+    marching: BeatMarch
+    beats: Sequence[KeptBeat]
     measured: Mapping[str, np.ndarray]
     findings: Sequence[Sequence[Finding]]
 
@@ -144,7 +146,7 @@ class Marched(NamedTuple):
         return self.marching.again(self.beats[k], outputs, self.findings[k])
 
 
-class _Kept(NamedTuple):
+class KeptBeat(NamedTuple):
     """A beat: its state before, signals with the point before, parameters, what acts on them, slow states.
 
     `lowest` holds the smallest value of each signal that is looked at only for what collapses.
@@ -159,14 +161,39 @@ class _Kept(NamedTuple):
     slow: np.ndarray
 
 
-class _Shown:
-    """The beats that are shown: one in every so many seconds, or as many as fit."""
+class Moving(NamedTuple):
+    """Where a march is between two beats.
 
-    def __init__(self, every: float | None):
-        self.every, self.beats = every, list[_Kept]()
+    Attributes:
+        time: [s].
+        state: of the circuit.
+        slow: states, shape (states, 1).
+        before: parameters of the last beat, by key.
+        last: signals at its end; None before the first.
+        held: what slow laws read and no single beat tells, of the last steady beat.
+    """
+
+    time: float
+    state: np.ndarray
+    slow: np.ndarray
+    before: Mapping[str, np.ndarray]
+    last: np.ndarray | None
+    held: Mapping[str, np.ndarray]
+
+
+class ShownBeats:
+    """The beats that are shown: one in every so many seconds, or as many as fit.
+
+    Args:
+        every: seconds; None for as many as fit.
+        most: so many fit.
+    """
+
+    def __init__(self, every: float | None, most: int = SHOWN):
+        self.every, self.most, self.beats = every, most, list[KeptBeat]()
         self._next, self._stride, self._count = 0.0, 1, 0
 
-    def offer(self, time: float, beat: _Kept) -> None:
+    def offer(self, time: float, beat: KeptBeat) -> None:
         """Keep a beat if it is one to be shown."""
         wanted = self._count % self._stride == 0 if self.every is None else time >= self._next - 1e-9
         self._count += 1
@@ -174,11 +201,11 @@ class _Shown:
             return
         self.beats.append(beat)
         self._next += self.every or 0.0
-        if self.every is None and len(self.beats) > SHOWN:
+        if self.every is None and len(self.beats) > self.most:
             self.beats, self._stride = self.beats[::2], 2 * self._stride
 
 
-class _Marching:
+class BeatMarch:
     """One patient, beat after beat."""
 
     def __init__(self, timeline: Timeline, policy: str, outputs: Sequence[str] | None):
@@ -198,76 +225,93 @@ class _Marching:
         self.stopped = ""
         self.held: dict[str, np.ndarray] = {}
 
-    def march(self, every: float | None) -> _Shown:
-        """All beats, from the steady one at the start; one `every` so many seconds is kept."""
-        shown, time = _Shown(every), 0.0
-        slow, state, settings = self._begin()
-        before = self.laws.in_effect(slow, settings)
-        segment, program, last = -1, None, None
-        while time < self.timeline.end - 1e-9 and not self.stopped:
-            now = int(np.searchsorted(self.timeline.breaks, time + 1e-9, side="right") - 1)
-            if now != segment or program is None:
-                segment = now
-                settings = _columns(self.timeline.settings(segment, time)) | self.held
-                program = self._program(self.laws.in_effect(slow, settings))
-            for key, value in self.timeline.ramped(segment, time).items():
-                settings[key] = np.array([value])
-            values = self.laws.in_effect(slow, settings)
-            state = state + self._given(before, values)
-            before, plain = values, {key: float(column[0]) for key, column in values.items()}
-            effective = self.assembly.in_effect(plain, state)
-            period = 60.0 / float(effective[HEART_RATE])
-            after, everything = _traced(program, (*self.signals, *self.watched), state, plain)
-            recorded, watched = np.split(everything, [len(self.signals)], axis=1)
-            if not np.isfinite(after).all():
-                self.stopped = Status.NOT_FINITE.message
-                break
-            series = np.concatenate([recorded[-1:] if last is None else last[None], recorded])
-            acted = {key: float(np.asarray(effective[key])) for key in ACTED if key in effective}
-            now = _Kept(time, state, series, watched.min(axis=0), plain, acted, slow[:, 0].copy())
-            shown.offer(time, now)
-            slow = self._moved(slow, settings, series, program, plain, acted, time, period)
-            state, last, time = after, recorded[-1], time + period
-        return shown
-
-    def _begin(self) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-        """Slow states, state of the steady beat and settings at the start."""
+    def begin(self) -> Moving:
+        """The steady beat at the start."""
         settings = _columns(self.timeline.start[1])
         batch = Batch(self.circuit, settings, 1, self.policy)
         beat = steady_beat(batch, self.laws.reads)
         if not beat.converged[0]:
             message = f"no steady beat to start from: {beat.message()}"
             raise CaseError([Mistake("", message)])
-        slow = self.laws.start(settings, {name: beat.output(name) for name in self.laws.reads})
+        read = {name: beat.output(name) for name in self.laws.reads}
+        slow, state = self.laws.start(settings, read), beat.orbits.states[:, 0]
         # Gases need minutes, so that what answers to them stays as it is.
         self.held = {name: np.asarray(beat.batch.values[name]) for name in beat.coupled}
-        return slow, beat.orbits.states[:, 0], settings | self.held
+        settings |= self.held
+        return Moving(0.0, state, slow, self.laws.in_effect(slow, settings), None, self._held(read))
+
+    def from_steady(
+        self, time: float, state: np.ndarray, slow: np.ndarray, segment: int, read: Mapping[str, float]
+    ) -> Moving:
+        """On from a steady beat at the end of a segment of the timeline."""
+        settings = _columns(self.timeline.settings(segment, time))
+        before = self.laws.in_effect(slow[:, None], settings)
+        return Moving(time, state, slow[:, None], before, None, self._held(_columns(read)))
+
+    def _held(self, read: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        return {name: values for name, values in read.items() if name not in self.reads}
+
+    def follow(self, at: Moving, until: float, shown: ShownBeats) -> Moving:
+        """Beats from a moment on, up to the last that begins before another."""
+        segment, program, settings = -1, None, dict[str, np.ndarray]()
+        while at.time < until - 1e-9 and not self.stopped:
+            now = int(np.searchsorted(self.timeline.breaks, at.time + 1e-9, side="right") - 1)
+            if now != segment or program is None:
+                segment = now
+                settings = _columns(self.timeline.settings(segment, at.time)) | self.held
+                program = self._program(self.laws.in_effect(at.slow, settings))
+            for key, value in self.timeline.ramped(segment, at.time).items():
+                settings[key] = np.array([value])
+            at = self._beat(at, settings, program, shown)
+        return at
+
+    def _beat(
+        self, at: Moving, settings: dict[str, np.ndarray], program: BeatProgram, shown: ShownBeats
+    ) -> Moving:
+        """One beat; the march stops where it is not finite."""
+        values = self.laws.in_effect(at.slow, settings)
+        state = at.state + self._given(at.before, values)
+        plain = {key: float(column[0]) for key, column in values.items()}
+        effective = self.assembly.in_effect(plain, state)
+        period = 60.0 / float(effective[HEART_RATE])
+        after, everything = _traced(program, (*self.signals, *self.watched), state, plain)
+        recorded, watched = np.split(everything, [len(self.signals)], axis=1)
+        if not np.isfinite(after).all():
+            self.stopped = Status.NOT_FINITE.message
+            return at
+        series = np.concatenate([recorded[-1:] if at.last is None else at.last[None], recorded])
+        acted = {key: float(np.asarray(effective[key])) for key in ACTED if key in effective}
+        lowest = watched.min(axis=0)
+        shown.offer(at.time, KeptBeat(at.time, state, series, lowest, plain, acted, at.slow[:, 0].copy()))
+        slow = self._moved(at, settings, series, program, plain, acted, period)
+        return Moving(at.time + period, after, slow, values, recorded[-1], at.held)
 
     def _program(self, values: Mapping[str, np.ndarray]) -> BeatProgram:
         level = needed_resolution(self.assembly, {key: float(v[0]) for key, v in values.items()})
         return beat_program(self.circuit, int(np.asarray(level).flat[0]))
 
     def _given(self, before: Mapping[str, np.ndarray], now: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Blood that joined the circuit since the last beat, as a change of its state."""
+        """Blood that joined the circuit since the last beat, as a change of its state.
+
+        A setting that changes how much the circulation holds at the start changes it, as for steady beats.
+        """
         change = np.zeros(self.assembly.layout.size)
-        if now[EXTRA_VOLUME][0] == before[EXTRA_VOLUME][0]:
-            return change
         volumes = [
-            np.array(self.assembly.start_volumes({k: float(v[0]) for k, v in ({**before, **extra}).items()}))
-            for extra in ({}, {EXTRA_VOLUME: now[EXTRA_VOLUME]})
+            np.array(self.assembly.start_volumes({k: float(v[0]) for k, v in values.items()}))
+            for values in (before, now)
         ]
         change[self.assembly.layout.volumes.where] = volumes[1] - volumes[0]
         return change
 
     def _moved(
-        self, slow: np.ndarray, settings: dict[str, np.ndarray], series: np.ndarray, program: BeatProgram,
-        values: Mapping[str, float], acted: Mapping[str, float], time: float, period: float,
+        self, at: Moving, settings: dict[str, np.ndarray], series: np.ndarray, program: BeatProgram,
+        values: Mapping[str, float], acted: Mapping[str, float], period: float,
     ) -> np.ndarray:  # fmt: skip
         """Slow states a beat later."""
         beat = self._measured(self.reads, series[..., None], program, [values], [acted])
-        inflows = {kind: np.array([ml / period]) for kind, ml in self._amounts(time, time + period).items()}
-        missing = {name: np.zeros(1) for name in self.laws.reads if name not in beat}
-        return slow + period * self.laws.rates(slow, settings, beat | missing, inflows)
+        given = self._amounts(at.time, at.time + period)
+        inflows = {kind: np.array([ml / period]) for kind, ml in given.items()}
+        return at.slow + period * self.laws.rates(at.slow, settings, {**at.held, **beat}, inflows)
 
     def _amounts(self, begin: float, end: float) -> dict[str, float]:
         """What is given between two times [mL]."""
@@ -312,7 +356,7 @@ class _Marching:
             return None
         return np.array([a.get(key, v[key]) / v[key] for v, a in zip(values, acted, strict=True)])
 
-    def again(self, kept: _Kept, outputs: Mapping[str, float], said: Sequence[Finding]) -> PassingBeat:
+    def again(self, kept: KeptBeat, outputs: Mapping[str, float], said: Sequence[Finding]) -> PassingBeat:
         """A beat of the march with all its waveforms."""
         program, wanted = self._program(_columns(kept.values)), all_signals(self.assembly)
         names, phases = needed_signals(self.circuit, (), wanted), program.grid.phases
@@ -324,7 +368,7 @@ class _Marching:
         shown = series[:, own], phases[1:], means
         return PassingBeat(self.circuit, kept.values, period, wanted, *shown, outputs, said)
 
-    def measured(self, beats: Sequence[_Kept]) -> tuple[dict[str, np.ndarray], list[list[Finding]]]:
+    def measured(self, beats: Sequence[KeptBeat]) -> tuple[dict[str, np.ndarray], list[list[Finding]]]:
         """Outputs of beats by name, shape (beats,), and the findings of each."""
         found: dict[str, list[np.ndarray]] = {name: [] for name in self.judged}
         for points, group in groupby(beats, key=lambda beat: len(beat.series)):
@@ -344,7 +388,7 @@ class _Marching:
         return {name: outputs[name] for name in self.names}, said
 
     def dataset(
-        self, beats: Sequence[_Kept], outputs: Mapping[str, np.ndarray], said: Sequence[Sequence[Finding]]
+        self, beats: Sequence[KeptBeat], outputs: Mapping[str, np.ndarray], said: Sequence[Sequence[Finding]]
     ) -> xr.Dataset:
         """Labelled beats."""
         time, states = (

@@ -11,7 +11,8 @@ import numpy as np
 import xarray as xr
 
 from eclsim.course.alarms import alarms, clock_time
-from eclsim.course.engine import CourseOptions, Engine
+from eclsim.course.engine import MANY, CourseOptions, Engine
+from eclsim.course.handover import LAG
 from eclsim.course.laws import Laws, laws_of
 from eclsim.course.moments import Moments, beats_at, in_effect_at, moments_of
 from eclsim.course.result import TIME, attributes_of, balance_of, labelled_course
@@ -112,6 +113,7 @@ def course_many(
         for k in range(count)
     ]
     every = [every_min or usual_every(minutes)] * count
+    options = options or CourseOptions(hand_over=count < MANY)
     results = follow(timelines, every, outputs, volume_policy, options, execution, with_alarms)
     seconds = clock.perf_counter() - began
     return [result.assign_attrs(seconds=seconds) for result in results]
@@ -147,7 +149,7 @@ def _marched(
     """Members of one circuit and policy at the ends of their courses, and the moments that are shown."""
     policy = policy or timelines[0].case.volume_policy
     laws = Laws(laws_of(*timelines[0].start))
-    engine = Engine(timelines, laws, policy, options or CourseOptions(), execution)
+    engine = Engine(timelines, laws, policy, options or CourseOptions(hand_over=False), execution)
     moments = moments_of(engine, engine.march(), [every * MINUTE for every in every_min])
     beats_at(moments, engine, outputs, with_alarms, execution)
     return engine, moments
@@ -219,6 +221,7 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
     if with_alarms:
         impossible = [any(one.kind == "collapse" for one in findings) for findings in said]
         result["impossible"] = (TIME, np.array(impossible, dtype=int))
+    result["beat_by_beat"] = (TIME, moments.by_beat[own].astype(int))
     result["status"] = (TIME, [Status(int(s)).word for s in moments.status[own]])
     minute, settling = time / MINUTE, moments.settling_s[member]
     found = alarms(said, outputs, minute)
@@ -232,6 +235,7 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
         alarms=json.dumps([alarm._asdict() for alarm in found]),
         settling_s=settling,
         beat_by_beat=0,
+        spans=json.dumps([span.as_object() for span in history.spans]),
         steps=len(history.times),
         beats=history.beats,
         solves=history.solves,
@@ -245,14 +249,11 @@ def _ended(stopped: str, minute: np.ndarray) -> str:
     return f"stopped at {clock_time(minute[-1])}: {stopped}" if len(minute) else f"not begun: {stopped}"
 
 
-LAG = 4.0
-"""Scales by which slow states may change while the circulation settles."""
-
-
 def _too_fast(history: Any, laws: Laws, settling: float) -> list[str]:
     """Where slow states change while the circulation still settles, so that steady beats run ahead of it."""
     lags = [np.abs(rates) * settling / laws.scales for rates in history.rates]
-    over = [k for k, lag in enumerate(lags) if lag.max(initial=0.0) > LAG]
+    left = [k for k, t in enumerate(history.times) if not any(s.begin <= t < s.end for s in history.spans)]
+    over = [k for k in left if lags[k].max(initial=0.0) > LAG]
     if not over:
         return []
     worst = max(over, key=lambda k: lags[k].max())

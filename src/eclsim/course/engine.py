@@ -12,7 +12,22 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
+from eclsim.course.beats import BeatMarch, Moving
+from eclsim.course.handover import (
+    LAG,
+    LONGEST_RAMP,
+    LONGEST_SPAN_S,
+    SHIFTED_ML,
+    Event,
+    Span,
+    Steady,
+    follow_until_settled,
+    lag_of,
+    reason_of,
+    shift_ml,
+)  # fmt: skip
 from eclsim.course.laws import Laws
 from eclsim.course.predictor import Predictor
 from eclsim.course.rosenbrock import step
@@ -67,6 +82,7 @@ class History:
         stopped: why it ended early; empty where it did not.
         beats: computed for it.
         solves: steady beats searched for.
+        spans: that were followed beat by beat.
     """
 
     segments: list[int] = field(default_factory=list)
@@ -77,6 +93,7 @@ class History:
     stopped: str = ""
     beats: int = 0
     solves: int = 0
+    spans: list[Span] = field(default_factory=list)
 
 
 class Engine:
@@ -190,15 +207,78 @@ class Engine:
         """Begin a segment: rates and their Jacobian there; those who have a steady beat."""
         if not len(who):
             return who
+        events = [self._event(m) for m in who] if self.options.hand_over else []
         self.slopes[:, who], known = self._rates(who, self.time[who], self.states[:, who])
         self._stop(who[~known])
-        who = who[known]
+        who, events = who[known], [event for event, there in zip(events, known, strict=False) if there]
+        lost = [m for m, event in zip(who, events, strict=False) if event and not self._followed(m, event)]
+        self._stop(np.array(lost, dtype=int))
+        who = np.setdiff1d(who, lost)
         if len(who):
             self._differentiate(who)
         self._note(who)
         if self.options.step_s is None:
             self.length[who] = np.minimum(self.length[who], FIRST_S)
         return who
+
+    def _event(self, member: int) -> Event | None:
+        """What a member comes from as a segment begins; None where nothing can be handed over."""
+        predictor, segment, time = (
+            self.predictors[member],
+            int(self.segment[member]),
+            float(self.time[member]),
+        )
+        timeline = self.timelines[member]
+        same = segment > 0 and all(self._circuit(member) is one for one in self.circuits[member])
+        if not same or predictor.orbit is None or predictor.coupled:
+            return None
+        state, read, ahead, share = predictor.orbit, dict(predictor.read), None, 1.0
+        length = timeline.ramp_end(segment) - time
+        if 0.0 < length <= LONGEST_RAMP * predictor.settling_s:
+            who = np.array([member])
+            _, known = self._rates(who, np.array([time + length]), self.states[:, who])
+            ahead = predictor.orbit if known[0] else None
+            share = min(1.0, predictor.settling_s / length)
+        return Event(state, read, ahead, share)
+
+    def _followed(self, member: int, event: Event) -> bool:
+        """Follow a member beat by beat where steady beats would pass over too much; whether it goes on."""
+        predictor, settling = self.predictors[member], self.predictors[member].settling_s
+        where = assemble(self._circuit(member)).layout.volumes.where
+        shift = event.share * shift_ml(
+            where, event.state, predictor.known if event.ahead is None else event.ahead
+        )
+        lag = lag_of(self.slopes[:, member], settling, self.laws)
+        begin, timeline = float(self.time[member]), self.timelines[member]
+        end = min(begin + LONGEST_SPAN_S, timeline.end - SHORTEST_S)
+        if (shift <= SHIFTED_ML and lag <= LAG) or end - begin < settling:
+            return True
+        self._note(np.array([member]))
+        march = BeatMarch(timeline, self.policy, None)
+        segment = int(self.segment[member])
+        start = march.from_steady(begin, event.state, self.states[:, member], segment - 1, event.read)
+        reason = reason_of(shift, lag, self.slopes[:, member], settling, self.laws)
+        span, at = follow_until_settled(
+            march, start, lambda at: self._steady_at(member, at), settling, end, reason
+        )
+        self.histories[member].spans.append(span)
+        known = self._steady_at(member, at) is not None
+        if march.stopped:
+            self.messages[member] = march.stopped
+        return known and not march.stopped
+
+    def _steady_at(self, member: int, at: Moving) -> Steady | None:
+        """The steady beat at what a march beat by beat has come to; the member goes on from there."""
+        who = np.array([member])
+        breaks = self.timelines[member].breaks
+        self.segment[member] = np.searchsorted(breaks, at.time + 1e-9, side="right") - 1
+        self.time[member], self.states[:, member] = at.time, at.slow[:, 0]
+        self._settle(member)
+        self.slopes[:, who], known = self._rates(who, self.time[who], self.states[:, who])
+        if not known[0]:
+            return None
+        predictor = self.predictors[member]
+        return Steady(predictor.known, lag_of(self.slopes[:, member], predictor.settling_s, self.laws))
 
     def _note(self, who: np.ndarray) -> None:
         for m in who:

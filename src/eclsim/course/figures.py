@@ -13,6 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from eclsim.cases.events import Event
 from eclsim.course.alarms import clock_time
+from eclsim.course.result import spans_in_words
 from eclsim.devices.description import Panel
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
 from eclsim.reporting import style
@@ -61,6 +62,7 @@ def plot_course(result: xr.Dataset) -> Figure:
     for ax, panel in zip(axes, drawn, strict=False):
         _draw(ax, result, panel, events)
         ax.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 3, 6, 10]))
+        _mark_spans(ax, json.loads(result.attrs.get("spans", "[]")), _clock(result)[1])
         _bars(ax, [one for one in alarms if one["quantity"] in panel.names], result)
     used = len(drawn)
     if probable:
@@ -118,6 +120,15 @@ def _mark_events(ax: Axes, hours: np.ndarray, events: list[Event], minutes: floa
                         textcoords="offset points", fontsize=6.5, color=style.GREY)  # fmt: skip
 
 
+def _mark_spans(ax: Axes, spans: list[dict[str, Any]], minutes: float) -> None:
+    """A grey bar at the top where every beat was followed."""
+    for span in spans:
+        ends = [span["from_min"] / minutes, span["until_min"] / minutes]
+        top = Line2D(ends, [1.01, 1.01], transform=ax.get_xaxis_transform(), color="0.65", linewidth=2.4)
+        top.set(solid_capstyle="projecting", clip_on=False)
+        ax.add_line(top)
+
+
 def _legend_above(ax: Axes, columns: int = 2) -> None:
     ax.legend(
         loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.1, handletextpad=0.5,
@@ -167,6 +178,8 @@ def _legend(events: list[Event], result: xr.Dataset) -> str:
         )
     else:
         lines.append("bars: an alarm (red) or warning (orange) of an output of the panel")
+    if spans := spans_in_words(result):
+        lines.append(style.plain_text(f"grey bars at the top: {spans}", 130))
     if not result.attrs["converged"]:
         lines.append(style.plain_text(str(result.attrs["message"]), 110))
     return "\n".join(lines)

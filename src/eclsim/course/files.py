@@ -43,6 +43,7 @@ def course_object(result: xr.Dataset) -> dict[str, Any]:
         "balance": json.loads(about["balance"]),
         "events": json.loads(about["events"]),
         "alarms": finite(json.loads(about["alarms"])),
+        "beat_by_beat": json.loads(about.get("spans", "[]")),
         "warnings": [str(sentence) for sentence in about["warnings"]],
         "blood_volume_policy": str(about["blood_volume_policy"]),
         "settling_s": finite(float(about["settling_s"])),

@@ -8,16 +8,17 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.circuit.network import Circuit
 from eclsim.course.engine import SHORTEST_S, Engine, History
+from eclsim.course.handover import Span
+from eclsim.course.predictor import settling_time
 from eclsim.course.rosenbrock import between
 from eclsim.devices.description import Finding
 from eclsim.orbit.equation import Anchor, OrbitOptions
 from eclsim.orbit.execution import Execution
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch, inverse_jacobian
-from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
+from eclsim.outputs.steady_beat import steady_beat
 
 BEFORE_S = 1.0
 """A moment so long before a sudden change shows what it finds."""
@@ -26,8 +27,6 @@ AT_A_TIME = 2048
 SOLVED = (int(Status.CONVERGED), int(Status.ONE_OF_MANY))
 QUICK = OrbitOptions(newton_iterations=0)
 """Of the first search for all; what it does not find is sought one after the other."""
-SETTLED = 3.0
-"""Time constants in which the circulation settles: 5 % are left."""
 
 
 @dataclass
@@ -43,6 +42,7 @@ class Moments:
         values: outputs by name; filled in by `beats_at`, as what follows.
         status: how each beat ended, a `Status`.
         findings: what there is to say about each beat.
+        by_beat: whether each is a beat of a span that was followed beat by beat.
         stopped: by member, why its course ended early; empty where it did not.
         settling_s: by member, in which its circulation follows a sudden change.
     """
@@ -56,6 +56,7 @@ class Moments:
     values: dict[str, np.ndarray] = field(default_factory=dict)
     status: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
     findings: list[list[Finding]] = field(default_factory=list)
+    by_beat: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     stopped: list[str] = field(default_factory=list)
     settling_s: list[float] = field(default_factory=list)
 
@@ -67,6 +68,7 @@ class Moments:
     def of(self, member: int) -> np.ndarray:
         """Positions of a member's moments up to the end of its course, in order."""
         own = np.flatnonzero(self.member == member)
+        own = own[np.argsort(self.time[own], kind="stable")]
         return own[np.isin(self.status[own], SOLVED)] if len(self.status) else own
 
     def values_in_effect(self, place: int) -> dict[str, float]:
@@ -99,7 +101,10 @@ def _wanted(engine: Engine, member: int, history: History, every: float) -> np.n
     regular = np.arange(0.0, end + 1e-9, every)
     breaks = timeline.breaks[timeline.breaks <= end]
     sudden = [c.begin - BEFORE_S for c in timeline.changes if c.end == c.begin and 0.0 < c.begin <= end]
-    return np.unique(np.round(np.concatenate([regular, breaks, sudden, [end]]), 6))
+    spans = history.spans
+    wanted = np.unique(np.round(np.concatenate([regular, breaks, sudden, [end], [s.end for s in spans]]), 6))
+    within = [(wanted >= span.begin) & (wanted < span.end - 1e-6) for span in spans]
+    return wanted[~np.any(within, axis=0)] if spans else wanted
 
 
 _Row = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, list[np.ndarray | None]]
@@ -170,6 +175,39 @@ def beats_at(
             measure.solve(chosen, QUICK, _start(moments, engine, chosen))
     for member in range(members):
         measure.finish(member)
+    moments.by_beat = np.zeros(len(moments.time), dtype=bool)
+    for member, history in enumerate(engine.histories):
+        for span in history.spans:
+            _add_span(moments, engine, member, span, with_findings)
+
+
+def _add_span(moments: Moments, engine: Engine, member: int, span: Span, with_findings: bool) -> None:
+    """Put the beats of a span behind the moments of steady beats, as far as the course goes."""
+    own, history, stopped = moments.of(member), engine.histories[member], moments.stopped[member]
+    within = stopped == history.stopped and history.times[-1] <= span.begin
+    last = moments.time[own[-1]] if len(own) and stopped and not within else np.inf
+    beats = [beat for beat in span.beats if beat.time <= last]
+    if not beats:
+        return
+    count, (columns, said) = len(beats), span.march.measured(beats)
+    breaks = engine.timelines[member].breaks
+    time = np.array([beat.time for beat in beats])
+    moments.member = np.concatenate([moments.member, np.full(count, member)])
+    moments.segment = np.concatenate(
+        [moments.segment, np.searchsorted(breaks, time + 1e-9, side="right") - 1]
+    )
+    moments.time = np.concatenate([moments.time, time])
+    moments.states = np.concatenate([moments.states, np.stack([beat.slow for beat in beats], -1)], axis=1)
+    moments.status = np.concatenate([moments.status, np.full(count, int(Status.CONVERGED))])
+    moments.by_beat = np.concatenate([moments.by_beat, np.ones(count, dtype=bool)])
+    moments.orbits += [None] * count
+    for key, column in moments.in_effect.items():
+        added = np.array([beat.values.get(key, 0.0) for beat in beats])
+        moments.in_effect[key] = np.concatenate([column, added])
+    for name, column in moments.values.items():
+        added = columns.get(name, np.full(count, np.nan))
+        moments.values[name] = np.concatenate([column, added])
+    moments.findings += said if with_findings else [[] for _ in beats]
 
 
 @dataclass(frozen=True)
@@ -208,7 +246,9 @@ class _Measured:
             if self.with_findings:
                 moments.findings[place] = beat.findings(k)
             if moments.time[place] == 0.0:
-                moments.settling_s[moments.member[place]] = settling_time(beat, k)
+                moments.settling_s[moments.member[place]] = settling_time(
+                    beat, k, inverse_jacobian(beat.orbits, k)
+                )
         return bool(beat.converged[0])
 
     def finish(self, member: int) -> None:
@@ -269,15 +309,3 @@ def _put(moments: Moments, place: int, one: Moments) -> None:
         column[place] = one.in_effect[key][0]
     for name, column in moments.values.items():
         column[place] = one.values[name][0] if name in one.values else np.nan
-
-
-def settling_time(beat: SteadyBeat, member: int) -> float:
-    """Seconds in which a circulation follows a sudden change, from the slowest mode of its beat.
-
-    The Jacobian of y - beat(y) has the eigenvalues 1 - m, where a disturbance shrinks by m in every beat.
-    """
-    jacobian = np.linalg.pinv(inverse_jacobian(beat.orbits, member))
-    modes = np.abs(1.0 - np.linalg.eigvals(jacobian))
-    slowest = float(modes[modes < 1.0].max(initial=0.0))
-    period = 60.0 / float(np.asarray(beat.values_in_effect(member)[HEART_RATE]))
-    return float(SETTLED * period / -np.log(slowest)) if slowest > 0.0 else period

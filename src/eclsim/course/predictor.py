@@ -6,14 +6,29 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.orbit.steady import inverse_jacobian
 
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
     from eclsim.outputs.steady_beat import SteadyBeat
 
+SETTLED = 3.0
+"""Time constants in which the circulation settles: 5 % are left."""
 SMALLEST_MOVE = 1e-3
 """Move, in scales of the slow states, that a slope is learnt from."""
+
+
+def settling_time(beat: SteadyBeat, member: int, inverse: np.ndarray) -> float:
+    """Seconds in which a circulation follows a sudden change, from the slowest mode of its beat.
+
+    The Jacobian of y - beat(y), of which the inverse is given, has the eigenvalues 1 - m, where a disturbance
+    shrinks by m in every beat.
+    """
+    modes = np.abs(1.0 - np.linalg.eigvals(np.linalg.pinv(inverse)))
+    slowest = float(modes[modes < 1.0].max(initial=0.0))
+    period = 60.0 / float(np.asarray(beat.values_in_effect(member)[HEART_RATE]))
+    return float(SETTLED * period / -np.log(slowest)) if slowest > 0.0 else period
 
 
 class Predictor:
@@ -30,6 +45,7 @@ class Predictor:
         self.read: dict[str, float] = {}
         self.inverse = self.place = np.zeros(0)
         self.slope = np.zeros((0, 0))
+        self.settling_s, self.coupled = 0.0, False
 
     @property
     def known(self) -> np.ndarray:
@@ -47,9 +63,10 @@ class Predictor:
 
     def put(self, beat: SteadyBeat, member: int, place: np.ndarray, circuit: Circuit) -> None:
         """Keep a beat, and learn a slope from it."""
-        state = beat.orbits.states[:, member]
+        state, self.coupled = beat.orbits.states[:, member], bool(beat.coupled)
         if not self.begun(circuit):
             self.circuit, self.inverse = circuit, inverse_jacobian(beat.orbits, member)
+            self.settling_s = settling_time(beat, member, self.inverse)
             self.slope = np.zeros((len(state), len(place)))
         elif self.kind == "secant":
             move = place - self.place

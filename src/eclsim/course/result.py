@@ -10,12 +10,14 @@ import numpy as np
 import xarray as xr
 
 from eclsim.circuit.network import BLOOD_VOLUME
+from eclsim.course.alarms import clock_time
 from eclsim.course.laws import Laws
 from eclsim.course.timeline import MINUTE, Timeline
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
 from eclsim.outputs.results import output_labels, variable
 from eclsim.parameters.regulation import EXTRA_VOLUME
 
+MOST_SPANS = 4
 TIME = "time_min"
 DOORS = {"given_ml": GIVEN, "removed_ml": REMOVED, "refilled_ml": REFILLED}
 BALANCE = (*DOORS, "blood_volume_start_ml", "blood_volume_end_ml", "error_ml")
@@ -78,3 +80,15 @@ def balance_of(laws: Laws, states: np.ndarray, in_effect: Mapping[str, np.ndarra
     moved = doors["given_ml"] - doors["removed_ml"] + doors["refilled_ml"]
     ends = {"blood_volume_start_ml": before, "blood_volume_end_ml": after}
     return doors | ends | {"error_ml": after - before - moved}
+
+
+def spans_in_words(result: xr.Dataset) -> str:
+    """Where every beat was followed; empty where steady beats served all along."""
+    spans = json.loads(result.attrs.get("spans", "[]"))
+    if not spans:
+        return ""
+    named = [
+        f"{clock_time(s['from_min'], True)} to {clock_time(s['until_min'], True)}" for s in spans[:MOST_SPANS]
+    ]
+    more = f" and {len(spans) - MOST_SPANS} more" if len(spans) > MOST_SPANS else ""
+    return f"followed beat by beat {', '.join(named)}{more}"

@@ -160,6 +160,11 @@ class Timeline:
         moving = [c for c in self._begun(segment) if c.end > self.breaks[segment]]
         return {key: value for change in moving for key, value in _between(change, time).items()}
 
+    def ramp_end(self, segment: int) -> float:
+        """Where the first ramp that is under way between two breaks ends [s]; its beginning without one."""
+        begin = float(self.breaks[segment])
+        return min((c.end for c in self._begun(segment) if c.end > begin), default=begin)
+
     def inflows(self, segment: int) -> dict[str, float]:
         """What events give between two breaks, mL/s by kind."""
         begin, rates = self.breaks[segment], {str(kind): 0.0 for kind in INFLOWS}

@@ -1,0 +1,139 @@
+"""Where an event leaves the circulation no time to settle, a course goes on beat by beat until it has.
+
+Steady beats see a sudden change as done at once. What they pass over is how much blood the circulation has to
+move for it, or how much slow states change meanwhile; where that is felt, the beats in between are followed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from eclsim.course.beats import BeatMarch, KeptBeat, Moving, ShownBeats
+from eclsim.course.timeline import MINUTE
+
+if TYPE_CHECKING:
+    from eclsim.course.laws import Laws
+
+LAG = 4.0
+"""Scales by which slow states may change while the circulation settles."""
+SHIFTED_ML = 40.0
+"""Blood that compartments may have to shift at once: as much as `LAG` lets plasma change in that time."""
+SETTLED_ML = 1.0
+"""Shift to the steady beat at which the circulation has settled."""
+STILL = 0.8
+"""Of the shift a time constant ago: with more left, nothing is coming to rest any more."""
+LONGEST_SPAN_S = 1800.0
+"""Longest span that is followed beat by beat; behind it steady beats go on."""
+LONGEST_RAMP = 10.0
+"""Settling times within which a ramp may be too fast."""
+KEPT = 60
+"""Beats of a span that are shown, about."""
+
+
+class Steady(NamedTuple):
+    """The steady beat at some slow states.
+
+    Attributes:
+        state: of the circuit.
+        lag: slow states' largest change while the circulation settles, in their scales.
+    """
+
+    state: np.ndarray
+    lag: float
+
+
+class Event(NamedTuple):
+    """What a patient comes from as something begins or ends.
+
+    Attributes:
+        state: of the steady beat before.
+        read: of that beat, by name.
+        ahead: state of the steady beat at the end of a ramp; None without one.
+        share: of the ramp that is done while the circulation settles.
+    """
+
+    state: np.ndarray
+    read: dict[str, float]
+    ahead: np.ndarray | None
+    share: float
+
+
+@dataclass
+class Span:
+    """Part of a course that is followed beat by beat.
+
+    Attributes:
+        begin: [s].
+        end: [s].
+        reason: why, in words.
+        march: that followed it.
+        beats: that are shown.
+    """
+
+    begin: float
+    end: float
+    reason: str
+    march: BeatMarch
+    beats: list[KeptBeat] = field(default_factory=list)
+
+    def as_object(self) -> dict[str, float | str]:
+        """As plain data for JSON."""
+        return {"from_min": self.begin / MINUTE, "until_min": self.end / MINUTE, "reason": self.reason}
+
+
+def lag_of(rates: np.ndarray, settling_s: float, laws: Laws) -> float:
+    """Largest change of slow states while the circulation settles, in their scales."""
+    return float((np.abs(rates) * settling_s / laws.scales).max(initial=0.0))
+
+
+def shift_ml(volumes: slice | np.ndarray, one: np.ndarray, other: np.ndarray) -> float:
+    """Blood that compartments gain, or lose if that is more, from one state to another [mL]."""
+    change = other[volumes] - one[volumes]
+    return float(max(change.clip(min=0.0).sum(), -change.clip(max=0.0).sum()))
+
+
+def reason_of(shift: float, lag: float, rates: np.ndarray, settling_s: float, laws: Laws) -> str:
+    """Why beats are followed, in words."""
+    if shift > SHIFTED_ML and shift / SHIFTED_ML >= lag / LAG:
+        return f"the circulation shifts {shift:.0f} mL"
+    place = int((np.abs(rates) / laws.scales).argmax())
+    state = laws.states[place]
+    amount = abs(float(rates[place])) * settling_s
+    return f"{state.name} changes by {amount:.0f} {state.unit} in the {settling_s:.0f} s of settling"
+
+
+def follow_until_settled(
+    march: BeatMarch,
+    start: Moving,
+    steady: Callable[[Moving], Steady | None],
+    settling_s: float,
+    end: float,
+    reason: str,
+) -> tuple[Span, Moving]:
+    """Beats from an event on until they are close to the steady one, or come no closer.
+
+    Args:
+        march: of the patient.
+        start: the steady beat before the event, at the moment of the event.
+        steady: the steady beat at slow states and settings of a moment; None where there is none.
+        settling_s: three time constants of the circulation.
+        end: [s], where the span ends at the latest, by its length or the course's.
+        reason: why these beats are followed.
+    """
+    shown, at, left = ShownBeats(None, KEPT), start, np.inf
+    where, until = march.assembly.layout.volumes.where, start.time + settling_s
+    while True:
+        at = march.follow(at, min(until, end), shown)
+        until = at.time + settling_s / 3.0
+        if march.stopped or at.time >= end - settling_s / 3.0:
+            break
+        goal = steady(at)
+        now = np.inf if goal is None else shift_ml(where, at.state, goal.state)
+        if goal is not None and goal.lag <= LAG and (now <= SETTLED_ML or now > STILL * left):
+            break
+        left = now if goal is not None and goal.lag <= LAG else np.inf
+    return Span(start.time, at.time, reason, march, shown.beats), at

@@ -1,0 +1,150 @@
+"""Steady beats and every beat in one course: where, how close to every beat all along, and what balances."""
+
+import json
+
+import numpy as np
+import pytest
+
+from eclsim.cases import read_case
+from eclsim.course import handover
+from eclsim.course.beats import course_beats
+from eclsim.course.course import course, course_many
+from eclsim.course.engine import CourseOptions
+from eclsim.course.files import course_object
+from eclsim.course.result import spans_in_words
+from small_patient import ON_ECMO
+
+SLOW = """[regulation]
+baroreflex = 1.0
+[fluid]
+[solutes]
+"""
+EVENTS = """[[events]]
+at_min = 2
+set = { "ecmo.speed_rpm" = 1500, "crrt.net_ultrafiltration_ml_h" = 200 }
+[[events]]
+at_min = 5
+give = { albumin_ml = 250 }
+over_min = 2
+"""
+GENTLE = """[[events]]
+at_min = 2
+set = { "ecmo.speed_rpm" = 2900 }
+[[events]]
+at_min = 3
+give = { crystalloid_ml = 100 }
+over_min = 5
+"""
+OUTPUTS = ("MAP", "MPAP", "PF", "heart_rate")
+STEADY = CourseOptions(hand_over=False)
+
+
+def case(folder, events):
+    file = folder / "case.toml"
+    text = ON_ECMO.replace("flow_ml_min = 200\n", "flow_ml_min = 200\nnet_ultrafiltration_ml_h = 0\n")
+    file.write_text(text + SLOW + events)
+    return read_case(file).case
+
+
+@pytest.fixture(scope="module")
+def fast(tmp_path_factory):
+    own = case(tmp_path_factory.mktemp("handover"), EVENTS)
+    return own, course(own, minutes=10.0, every_min=1.0), course_beats(own, minutes=10.0, outputs=OUTPUTS)
+
+
+def spans(result):
+    return [(one["from_min"], one["until_min"]) for one in json.loads(result.attrs["spans"])]
+
+
+def test_a_speed_step_and_a_fast_infusion_are_followed_beat_by_beat(fast):
+    _, result, _ = fast
+    (stop, settled), (begun, over) = spans(result)
+    assert (stop, begun) == (2.0, 5.0)
+    assert 2.3 < settled < 5.0
+    assert over > 7.0
+    minute, by_beat = result["time_min"].to_numpy(), result["beat_by_beat"].to_numpy().astype(bool)
+    within = ((minute >= stop) & (minute < settled)) | ((minute >= begun) & (minute < over))
+    np.testing.assert_array_equal(by_beat, within)
+    assert (np.diff(minute) > 0.0).all()
+    assert not any("--beats" in sentence for sentence in result.attrs["warnings"])
+    assert spans_in_words(result).startswith("followed beat by beat 00:02:00 to 00:0")
+    first, second = course_object(result)["beat_by_beat"]
+    assert "the circulation shifts" in first["reason"]
+    assert "fluid." in second["reason"]
+
+
+def test_it_is_every_beat_all_along_and_steady_beats_alone_are_not(fast):
+    own, result, beats = fast
+    steady = course(own, minutes=10.0, every_min=1.0, outputs=OUTPUTS, options=STEADY)
+    assert any("--beats" in sentence for sentence in steady.attrs["warnings"])
+    assert spans(steady) == []
+
+    there = beats["time_min"].to_numpy()
+
+    def worst(found, at, name):
+        values = np.interp(at, found["time_min"], found[name]) - np.interp(at, there, beats[name])
+        return float(np.abs(values).max())
+
+    shown = result["time_min"].to_numpy()
+    # A march of beats alone begins with a sudden event up to a beat later.
+    shown = shown[(shown < there[-1]) & ((shown < 2.0) | (shown > 2.25))]
+    for name, bar in (("MAP", 0.3), ("MPAP", 0.1), ("heart_rate", 0.3), ("PF", 0.05)):
+        assert worst(result, shown, name) < bar
+    assert worst(steady, shown, "MAP") > 0.5
+
+
+def test_slow_states_balance_over_the_handover(fast):
+    _, result, _ = fast
+
+    def change(*names):
+        return sum(float(result[name][-1] - result[name][0]) for name in names)
+
+    balance = json.loads(result.attrs["balance"])
+    assert abs(balance["error_ml"]) < 1e-6
+    assert balance["given_ml"] == pytest.approx(250.0, abs=1e-6)
+    assert balance["removed_ml"] == pytest.approx(200.0 * 8.0 / 60.0, rel=0.01)
+    fluid = change("fluid.plasma_ml", "fluid.red_cells_ml", "fluid.interstitium_ml")
+    assert fluid == pytest.approx(change("fluid.given_ml") - change("fluid.removed_ml"), abs=1e-6)
+    protein = change("fluid.plasma_protein_g", "fluid.interstitial_protein_g")
+    assert protein == pytest.approx(change("fluid.protein_given_g"), abs=1e-9)
+    urea = change("solutes.urea_outside_mmol", "solutes.urea_inside_mmol")
+    through = change("solutes.urea_made_mmol") - change("solutes.urea_removed_mmol")
+    assert urea == pytest.approx(through, abs=1e-9 * float(result["solutes.urea_inside_mmol"][0]))
+
+
+def test_alarms_of_the_span_are_those_of_its_beats(fast):
+    _, result, _ = fast
+    assert len(json.loads(result.attrs["alarms"])) < 12
+
+
+def test_gentle_events_stay_with_steady_beats(tmp_path):
+    own = case(tmp_path, GENTLE)
+    result = course(own, minutes=6.0, every_min=2.0, outputs=OUTPUTS)
+    assert spans(result) == []
+    steady = course(own, minutes=6.0, every_min=2.0, outputs=OUTPUTS, options=STEADY)
+    np.testing.assert_array_equal(result["MAP"], steady["MAP"])
+
+
+@pytest.mark.slow
+def test_side_by_side_or_alone_is_the_same(fast):
+    own, alone, _ = fast
+    options = CourseOptions(hand_over=True)
+    two = course_many([own, own], minutes=10.0, every_min=1.0, outputs=OUTPUTS, options=options)
+    for one in two:
+        np.testing.assert_allclose(one["MAP"], alone["MAP"], rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_a_span_is_no_longer_than_allowed(fast, monkeypatch):
+    own, _, _ = fast
+    monkeypatch.setattr("eclsim.course.engine.LONGEST_SPAN_S", 70.0)
+    result = course(own, minutes=10.0, every_min=1.0, outputs=OUTPUTS)
+    assert all(end - begin < 72.0 / 60.0 for begin, end in spans(result))
+    assert any("--beats" in sentence for sentence in result.attrs["warnings"])
+    assert abs(json.loads(result.attrs["balance"])["error_ml"]) < 1e-6
+
+
+def test_a_shift_is_what_compartments_gain_or_lose():
+    one, other = np.array([1.0, 2.0, 3.0, 9.0]), np.array([4.0, 1.0, 2.5, 0.0])
+    assert handover.shift_ml(slice(0, 3), one, other) == 3.0
+    assert handover.shift_ml(slice(0, 3), other, one) == 3.0
