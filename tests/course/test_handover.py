@@ -90,7 +90,7 @@ def test_it_is_every_beat_all_along_and_steady_beats_alone_are_not(fast):
     shown = shown[(shown < there[-1]) & ((shown < 2.0) | (shown > 2.25))]
     for name, bar in (("MAP", 0.3), ("MPAP", 0.1), ("heart_rate", 0.3), ("PF", 0.05)):
         assert worst(result, shown, name) < bar
-    assert worst(steady, shown, "MAP") > 0.5
+    assert worst(steady, shown, "MAP") > 0.3
 
 
 def test_slow_states_balance_over_the_handover(fast):
