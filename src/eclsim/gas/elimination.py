@@ -17,6 +17,7 @@ from jax import Array
 
 from eclsim.components.base import Values
 from eclsim.components.exchangers import GasExchanger, Points
+from eclsim.gas.linear_systems import solution
 
 
 class Inside(NamedTuple):
@@ -145,7 +146,7 @@ def together(shares: Array, outlets_by: Array, offsets: Array) -> Array:
     """
     count = shares.shape[0]
     matrix = jnp.eye(2 * count) - jnp.einsum("abe,ek->aebk", outlets_by, shares).reshape(2 * count, -1)
-    return jnp.linalg.solve(matrix, offsets.reshape(-1)).reshape(2, count)
+    return solution(matrix, offsets.reshape(-1, 1)).reshape(2, count)
 
 
 def _rates_by(law: GasExchanger, flow: Array, inside: Inside, values: Values) -> tuple[Array, Array]:

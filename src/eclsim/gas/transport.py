@@ -22,6 +22,7 @@ import numpy as np
 from jax import Array
 
 from eclsim.components.base import Key
+from eclsim.gas.linear_systems import solution
 
 DIFFUSION_L_MIN = 1e-9
 """Exchange along every connection in both directions, so that standing blood has a content too."""
@@ -63,6 +64,10 @@ class Flows(NamedTuple):
         return np if all(isinstance(part, np.ndarray) for part in self) else jnp
 
 
+def _solved(numbers: ModuleType, matrix: Array, offsets: Array) -> Array:
+    return np.linalg.solve(matrix, offsets) if numbers is np else solution(matrix, offsets)
+
+
 def balanced(flows: Flows) -> Flows:
     """The nearest flows that leave every compartment as much as they enter it, to rounding.
 
@@ -72,7 +77,7 @@ def balanced(flows: Flows) -> Flows:
     change = flows.enters - flows.leaves
     net = flows.forward - flows.backward
     laplacian = change @ change.T + 1.0 / change.shape[0]
-    extra = -change.T @ xp.linalg.solve(laplacian, change @ net)
+    extra = -change.T @ _solved(xp, laplacian, (change @ net)[:, None])[:, 0]
     forward = flows.forward + xp.maximum(extra, 0.0) + DIFFUSION_L_MIN
     backward = flows.backward + xp.maximum(-extra, 0.0) + DIFFUSION_L_MIN
     return flows._replace(forward=forward, backward=backward)
@@ -123,7 +128,7 @@ def mixtures(
     pull = change * forward - lost_forward
     matrix = pull @ drawn - (change * backward + lost_backward) @ behind
     given = pull @ drawn_sent + enters @ arriving[0] + leaves @ arriving[1]
-    compartments = xp.linalg.solve(matrix, -given)
+    compartments = _solved(xp, matrix, -given)
     all_drawn = drawn @ compartments + drawn_sent
     inlets = xp.where(ahead[:, None], all_drawn, behind @ compartments)[at]
     return Mixtures(compartments, all_drawn, inlets, xp.maximum(forward, backward)[at])
