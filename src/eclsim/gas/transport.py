@@ -65,7 +65,7 @@ class Flows(NamedTuple):
 
 
 def _solved(numbers: ModuleType, matrix: Array, offsets: Array) -> Array:
-    return np.linalg.solve(matrix, offsets) if numbers is np else solution(matrix, offsets)
+    return numbers.linalg.solve(matrix, offsets) if numbers is np else solution(matrix, offsets)
 
 
 def balanced(flows: Flows) -> Flows:
