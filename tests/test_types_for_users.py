@@ -73,6 +73,7 @@ def test_the_stub_is_the_one_list_of_public_names():
     assert eclsim.__all__ == sorted(("__version__", *names))  # pyright: ignore[reportAttributeAccessIssue]
 
 
+@pytest.mark.slow
 def test_pyright_follows_a_users_script(tmp_path: Path):
     pytest.importorskip("pyright")
     settings = f'{{"typeCheckingMode": "strict", "extraPaths": ["{SOURCE.as_posix()}"]}}'
@@ -91,6 +92,7 @@ def test_mypy_follows_a_users_script(tmp_path: Path):
     assert found == ["wrong.py:3:", "wrong.py:4:"], done.stdout + done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "program",
     [

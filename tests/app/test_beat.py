@@ -18,6 +18,7 @@ def paper() -> PageState:
     return PageState(PRESETS["paper"].case())
 
 
+@pytest.mark.slow
 def test_outputs_and_waveforms_are_those_of_simulate(paper):
     beat, reference = compute_beat(paper), simulate(paper.case)
     assert beat.converged
@@ -29,6 +30,7 @@ def test_outputs_and_waveforms_are_those_of_simulate(paper):
         assert beat.waves[name] == pytest.approx(expected, rel=1e-4, abs=2e-3), name
 
 
+@pytest.mark.slow
 def test_moving_a_crrt_line_keeps_the_compiled_circuit(paper):
     moved = turn(paper.case, "crrt.access_site", "pre_pump")
     assert page_circuit(moved)[0] is page_circuit(paper.case)[0]
@@ -93,6 +95,7 @@ def with_gas(**changes: float) -> PageState:
     return PageState(case)
 
 
+@pytest.mark.slow
 def test_blood_gases_stand_everywhere_with_their_colour(paper):
     assert plain(compute_beat(paper), ())["gas"] is None, "not asked for"
     beat = compute_beat(with_gas())
@@ -113,6 +116,7 @@ def test_without_a_steady_gas_state_the_reason_stands_in_place_of_numbers():
     assert "no steady gas state" in gas["message"]
 
 
+@pytest.mark.slow
 def test_a_reflex_sets_the_length_of_the_beat():
     healthy = PageState(PRESETS["healthy"].case(), origin="healthy")
     on = healthy.with_case(connect(healthy.case, "regulation"))

@@ -81,6 +81,7 @@ def test_a_course_is_long_enough_for_its_events():
     assert usual_length(with_event(HEALTHY, {**BLEEDING, "at_min": 1440})) == HOURS[3]
 
 
+@pytest.mark.slow
 def test_the_page_follows_the_minutes_of_a_course():
     state = PageState(with_event(HEALTHY, BLEEDING))
     course = compute_course(state, 60)

@@ -114,6 +114,7 @@ def test_the_exported_case_and_study_keep_the_policy_of_the_page(monkeypatch):
     assert asked == {"volume_policy": "patient_held"}
 
 
+@pytest.mark.slow
 def test_figures_come_as_an_archive():
     name, content = export(PageState(PRESETS["healthy"].case()), "svg")
     with zipfile.ZipFile(io.BytesIO(content)) as archive:

@@ -101,6 +101,7 @@ def test_bands_come_after_the_beat_and_only_once(quick):
     assert ("posterior", MADE_UP.as_object()) in session.told
 
 
+@pytest.mark.slow
 def test_while_a_knob_is_turned_no_bands_are_computed(quick, monkeypatch):
     monkeypatch.setattr(updates, "PAUSE_S", 1.0)
 

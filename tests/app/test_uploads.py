@@ -30,6 +30,7 @@ def posterior(draws: int, values: np.ndarray | None = None) -> bytes:
     return buffer.getvalue()
 
 
+@pytest.mark.slow
 def test_a_small_posterior_that_unfolds_to_gigabytes_is_refused():
     content = posterior(450_000_000)
     assert len(content) < 20_000
@@ -37,6 +38,7 @@ def test_a_small_posterior_that_unfolds_to_gigabytes_is_refused():
         files.read_posterior_file("posterior.nc", content)
 
 
+@pytest.mark.slow
 def test_a_posterior_comes_back_from_its_process():
     members = files.read_posterior_file("posterior.nc", posterior(50, np.linspace(0.5, 0.9, 50)[None]))
     assert members.names == ("Rmc",)

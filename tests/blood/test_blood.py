@@ -50,6 +50,7 @@ def test_ph_and_contents_of_healthy_blood():
     assert venous.carbon_dioxide == pytest.approx(51.36, abs=0.005)
 
 
+@pytest.mark.slow
 def test_both_sets_of_equations_agree_within_their_errors():
     one, other = (blood.gases(po2=PO2, law=law) for law in blood.LAWS)
     assert np.abs(one.saturation - other.saturation).max() < 0.007
@@ -57,6 +58,7 @@ def test_both_sets_of_equations_agree_within_their_errors():
     assert here.oxygen == pytest.approx(float(there.oxygen), rel=0.04)  # 1.34 against 1.39 mL/g
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", blood.LAWS)
 def test_contents_lead_back_to_the_pressures(law):
     there = blood.gases(**GRID, **ANAEMIC, law=law)
@@ -74,6 +76,7 @@ def test_a_saturation_leads_back_to_the_pressure(law):
     np.testing.assert_allclose(back.po2, there.po2, rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", blood.LAWS)
 @pytest.mark.parametrize("output", ["ph", "saturation", "oxygen", "carbon_dioxide", "bicarbonate"])
 @pytest.mark.parametrize("key", ["po2", "pco2", "haemoglobin", "base_excess", "temperature"])
@@ -88,6 +91,7 @@ def test_derivatives_are_those_of_differences(law, output, key):
     assert jax.grad(value)(at[key]) == pytest.approx(float(difference), rel=1e-6, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_derivatives_of_the_inverse_are_those_of_differences():
     def po2(oxygen):
         return blood.gases_with_contents(oxygen=oxygen, carbon_dioxide=50.0, haemoglobin=10.0).po2
@@ -96,6 +100,7 @@ def test_derivatives_of_the_inverse_are_those_of_differences():
     assert jax.grad(po2)(10.0) == pytest.approx(float(difference), rel=1e-7)
 
 
+@pytest.mark.slow
 def test_contents_that_no_blood_has_are_nan():
     none = blood.gases_with_contents(oxygen=np.array([-1.0, 12.0]), carbon_dioxide=50.0)
     assert np.isnan(none.po2[0])
@@ -117,6 +122,7 @@ def test_oxygen_drives_carbon_dioxide_out():
     assert empty.ph > full.ph
 
 
+@pytest.mark.slow
 def test_an_unknown_law_is_named():
     with pytest.raises(ValueError, match="'hill'; allowed: severinghaus1979, dash2016"):
         blood.gases(po2=90.0, law="hill")

@@ -3,6 +3,7 @@
 import os
 import tempfile
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -164,6 +165,7 @@ def test_files_with_one_value_changed(data):
     read_or_refuse(data)
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(CASES)
 def test_mappings_never_raise(raw):

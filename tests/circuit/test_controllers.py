@@ -37,6 +37,7 @@ def outputs_of(patient, names=("MAP", "CO", "SP", "EDVLV")):
     return steady_beat(Batch.of(patient), names, options=ACCURATE).outputs()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_the_steady_value_is_where_marching_beat_by_beat_ends(case):
     patient = regulated(*CASES[case])
@@ -50,6 +51,7 @@ def test_the_steady_value_is_where_marching_beat_by_beat_ends(case):
     np.testing.assert_allclose(state, orbit, rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["resistance and heart rate", "resistance by the smallest pressure"])
 def test_the_independent_path_regulates_to_the_same_beat(case):
     patient = regulated(*CASES[case])
@@ -84,6 +86,7 @@ def test_what_is_read_is_the_output_and_reaches_its_set_point():
     assert mean == pytest.approx(80.0, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_derivatives_match_central_differences(case):
     patient = regulated(*CASES[case])
@@ -102,6 +105,7 @@ def test_derivatives_match_central_differences(case):
     np.testing.assert_allclose(exact * values, numeric * values, rtol=tolerance, atol=tolerance)
 
 
+@pytest.mark.slow
 def test_a_controller_cannot_be_shifted_by_what_it_makes_up_for():
     """At the set point the reading's own derivative with respect to anything else is zero."""
     patient = regulated("V-A", mean_of("Pao"), 80.0)

@@ -102,6 +102,7 @@ def test_under_a_prefix_the_numbers_are_the_same():
     )
 
 
+@pytest.mark.slow
 def test_two_of_a_kind_stand_side_by_side():
     patient = model("LVAD")
     values = dict(patient.values)

@@ -52,6 +52,7 @@ def test_every_connection_is_solved_once_in_any_circuit():
         assert names_in_order(reordered(circuit, seed)) == names_in_order(circuit)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "seed"), [("V-A", None), ("V-A, CRRT g", 3)])
 def test_a_patient_is_the_same_however_the_tables_are_sorted(name, seed):
     patient = model(name)

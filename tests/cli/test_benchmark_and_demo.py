@@ -44,6 +44,7 @@ def test_times_are_medians_of_what_was_run():
     assert processor >= 0.0
 
 
+@pytest.mark.slow
 def test_memory_is_that_of_the_process_and_not_of_the_one_that_started_it():
     import numpy as np
 
@@ -56,6 +57,7 @@ def test_memory_is_that_of_the_process_and_not_of_the_one_that_started_it():
     assert 5.0 < found < 200.0
 
 
+@pytest.mark.slow
 def test_demo_writes_case_results_and_figures_and_shows_the_papers_numbers(shell):
     target = shell.folder / "new" / "demo"
     done = shell.run("demo", "--out", target, "--no-png")

@@ -2,9 +2,12 @@
 
 import json
 
+import pytest
+
 EVENTS = "[[events]]\nat_min = 2\ngive = { blood_ml = 100 }\nover_min = 4\n"
 
 
+@pytest.mark.slow
 def test_a_course_is_written_as_table_netcdf_and_json(shell):
     case, folder = shell.case(more=EVENTS), shell.folder / "out"
     figures = shell.folder / "figures"
@@ -63,6 +66,7 @@ def test_a_cohort_goes_through_shards_and_merge(shell):
     assert "holds courses.json already" in shell.run(*chosen, "--out", out).stderr
 
 
+@pytest.mark.slow
 def test_draws_of_a_posterior_become_a_band(shell):
     import xarray as xr
 

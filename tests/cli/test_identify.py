@@ -40,6 +40,7 @@ def row(number: int, pressure: str = "110") -> str:
     return f"P01,{number},male,42,187,73,83,{pressure},75,88,,,4.0,{NO_DEVICE},"
 
 
+@pytest.mark.slow
 def test_a_case_is_fitted_and_simulate_takes_the_result(shell, quick, tmp_path):
     case, out = shell.case(more=MEASURED), tmp_path / "fit"
     done = shell.run("identify", case, "--parameters", "Rmc,Emaxlv", "--out", str(out), "--json", "-")
@@ -63,6 +64,7 @@ def test_a_case_is_fitted_and_simulate_takes_the_result(shell, quick, tmp_path):
     assert outputs["CO"] == pytest.approx(point["outputs"]["CO"]["simulated"], rel=1e-5)
 
 
+@pytest.mark.slow
 def test_a_poor_fit_is_said_and_ends_with_status_1(shell, quick, tmp_path):
     case = shell.case(more=MEASURED.replace("SP = 110", "SP = 110\nMPAP = 45"))
     done = shell.run("identify", case, "--parameters", "Rmc,Emaxlv", "--out", str(tmp_path / "fit"))
@@ -74,6 +76,7 @@ def test_a_poor_fit_is_said_and_ends_with_status_1(shell, quick, tmp_path):
     assert not [line for line in rest if line.startswith(("Rmc", "Emaxlv")) and "  yes" in line]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("trusted", "level", "status"), [(True, "poor", 1), (False, "good", 0)])
 def test_a_posterior_that_excludes_the_fit_changes_its_verdict(
     shell, quick, tmp_path, monkeypatch, trusted, level, status

@@ -24,6 +24,7 @@ def table(shell):
     return file
 
 
+@pytest.mark.slow
 def test_a_table_is_followed(shell, table):
     out = shell.folder / "out"
     result = shell.run("track", table, "--out", out, *FEW)
@@ -47,6 +48,7 @@ def test_a_table_is_followed(shell, table):
     assert max(map(len, result.stdout.splitlines())) < 120
 
 
+@pytest.mark.slow
 def test_case_files_are_followed_in_their_order(shell):
     files = [
         shell.case(f"{k}.toml", more=f"[measurements]\nMAP = {80 - k}\nCO = 4.0\nSP = 100\n")
@@ -134,6 +136,7 @@ def test_tables_and_case_files_do_not_mix(shell, table):
 MEASURED = "[measurements]\nSP = 110\nDP = 75\nMAP = 88\nCO = 4.0\n"
 
 
+@pytest.mark.slow
 def test_predictions_at_other_settings(shell):
     case, out = shell.case(more=MEASURED), shell.folder / "out"
     result = shell.run(
@@ -152,6 +155,7 @@ def test_predictions_at_other_settings(shell):
     assert (out / "posterior" / "figures" / "predictive.png").exists()
 
 
+@pytest.mark.slow
 def test_gaussian_predictions_are_called_that_and_unchecked(shell):
     case, out = shell.case(more=MEASURED), shell.folder / "out"
     result = shell.run(

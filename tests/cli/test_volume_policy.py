@@ -56,6 +56,7 @@ def test_another_word_is_refused_with_the_two_that_are_read(shell, held):
     assert "did you mean the option --volume-policy?" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_fitted_case_is_simulated_as_it_was_fitted(shell, tmp_path, monkeypatch):
     few = MultiStart(points_per_parameter=10, refined_share=0.2, round_size=4, rediscoveries=2)
     monkeypatch.setattr("eclsim.identification.multi_start.MultiStart", lambda **_: few)
@@ -69,6 +70,7 @@ def test_a_fitted_case_is_simulated_as_it_was_fitted(shell, tmp_path, monkeypatc
     assert again["outputs"]["CO"] == pytest.approx(1.4, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_models_fits_and_posteriors_take_the_case_s_policy(held):
     case = read_case(held).case
     assert model_of(case).policy == "patient_held"

@@ -43,6 +43,7 @@ def same(one, other):
     )
 
 
+@pytest.mark.slow
 def test_a_cohort_is_what_is_followed_side_by_side(cases, whole):
     plain = course_many(cases[:3], **CHOSEN)
     for own, other in zip(whole[:3], plain, strict=True):
@@ -67,6 +68,7 @@ def test_a_patient_who_cannot_begin_says_why_and_stops_no_other(whole, tmp_path)
     json.loads((tmp_path / "courses.json").read_text())
 
 
+@pytest.mark.slow
 def test_shards_and_a_stopped_run_give_the_same_bits(cases, whole, monkeypatch, tmp_path):
     monkeypatch.setattr(cohort, "GROUP", 2)
     in_groups = cohort.course_cohort(cases, **CHOSEN)

@@ -45,6 +45,7 @@ def test_events_set_no_starts(key):
     assert f"{key} = 9: says how the course starts" in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_patient_at_rest_stays_there_whatever_is_dialysed():
     found = follow(360.0)
     for name in ("MAP", "CO", "fluid.plasma_ml", "haematocrit"):

@@ -56,6 +56,7 @@ def spans(result):
     return [(one["from_min"], one["until_min"]) for one in json.loads(result.attrs["spans"])]
 
 
+@pytest.mark.slow
 def test_a_speed_step_and_a_fast_infusion_are_followed_beat_by_beat(fast):
     _, result, _ = fast
     (stop, settled), (begun, over) = spans(result)

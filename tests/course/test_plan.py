@@ -26,6 +26,7 @@ def removal(own):
     return plan_removal(own, 300.0, "MAP > 62", hours=10.0)
 
 
+@pytest.mark.slow
 def test_the_rate_found_keeps_the_goal_and_a_faster_one_does_not(own, removal):
     assert removal.possible
     (limit,) = removal.limits

@@ -33,6 +33,7 @@ def cohort() -> CohortStudy:
     )
 
 
+@pytest.mark.slow
 def test_a_case_that_cannot_be_studied_is_named_and_the_others_are_studied(cohort):
     assert [point.name for point in cohort.points] == ["slow", "fast", "faster"]
     assert "[ecmo]" in cohort.lost["roller"]

@@ -78,6 +78,7 @@ def test_schemes_a_and_h_give_the_lowest_and_the_highest_arterial_pressure(study
     )
 
 
+@pytest.mark.slow
 def test_the_switched_circuit_gives_what_a_circuit_of_one_scheme_gives(study):
     from eclsim.outputs.results import simulate
 
@@ -148,6 +149,7 @@ def test_published_and_drawn_scheme_h_can_both_be_had():
     assert summary(found, "Pcrrttuin_variation") == pytest.approx(297.2, abs=0.1), "the paper prints 296.6"
 
 
+@pytest.mark.slow
 def test_crrt_on_the_patient_leaves_the_ecmo_circuit_alone():
     found = crrt_study(paper_case(), schemes="separate,g", speeds="3425", volume_policy="patient_held")
     without = found.without_crrt.sel(policy="patient_held", speed=3425.0)

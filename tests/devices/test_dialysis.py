@@ -51,6 +51,7 @@ def test_a_beat_has_clearances_and_the_same_pressures(case):
     assert float(found["effective_clearance_urea"]) == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_derivatives_and_batches_are_those_of_single_beats(case):
     outputs = ["clearance_urea", "filtration_fraction", "effluent_pressure", "effective_clearance_urea"]
     parameters = ["crrt.dialysate_ml_h", "crrt.flow_ml_min", "ecmo.speed_rpm", "KoAurea"]

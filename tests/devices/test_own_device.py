@@ -88,6 +88,7 @@ def test_a_case_with_it_is_written_and_read_back(rvad):
     assert apply_settings(case, ["rvad.speed_rpm=2000"]).setting("rvad", "speed_rpm") == 2000
 
 
+@pytest.mark.slow
 def test_its_flow_joins_the_right_ventricles_and_its_outputs_are_there(rvad, beats):
     _, beat = beats["alone"]
     assert beat.attrs["converged"]

@@ -85,6 +85,7 @@ def test_the_reflex_answers_to_a_drug():
     assert withs[1]["heart_rate"] < withs[0]["heart_rate"] - 2.0
 
 
+@pytest.mark.slow
 def test_derivatives_match_central_differences():
     patient = model(drugs={"noradrenaline": 0.2, "dobutamine": 4.0}, regulation=REFLEX)
     parameters = (dose("noradrenaline"), sensitivity("noradrenaline"), dose("dobutamine"), dose("milrinone"))

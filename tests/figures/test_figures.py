@@ -7,6 +7,7 @@ from eclsim.patient.circulation import circulation
 from eclsim.simulation.figures import write_case_figures
 
 
+@pytest.mark.slow
 def test_all_figures_of_a_case_are_written(tmp_path, ecmo_crrt):
     circuit = circulation() + ecmo("ra", "ao") + crrt("ecmotuor", "ecmooxy")
     hostile = ecmo_crrt.assign_attrs(id="<script>alert(1)</script>")

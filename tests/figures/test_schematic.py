@@ -140,6 +140,7 @@ def test_no_label_covers_another_or_leaves_the_page(name: str):
     assert [t.get_text() for t, box in shown_texts(drawn(name)) if box.x0 < page.x0 or box.x1 > page.x1] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CIRCUITS)
 def test_no_line_runs_through_a_label_or_a_box(name: str):
     texts, pieces = shown_texts(drawn(name)), list(line_pieces(drawn(name)))
@@ -148,6 +149,7 @@ def test_no_line_runs_through_a_label_or_a_box(name: str):
     assert [key for key, box in inner.items() for piece in pieces if box.overlaps(piece)] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CIRCUITS)
 def test_labels_of_a_box_stay_inside_it(name: str):
     for box in boxes(drawn(name)).values():
@@ -156,6 +158,7 @@ def test_labels_of_a_box_stay_inside_it(name: str):
         assert all(box.x0 < text.x0 and text.x1 < box.x1 for text in inside)
 
 
+@pytest.mark.slow
 def test_saturations_stand_in_their_boxes_with_a_scale():
     result = constant_result(CIRCUITS["regions, V-A"])
     for compartment in CIRCUITS["regions, V-A"].compartments:

@@ -126,6 +126,7 @@ def test_legends_and_titles_do_not_overlap(ecmo_crrt):
         assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
 
 
+@pytest.mark.slow
 def test_no_legend_runs_to_the_edge_of_the_page(ecmo_crrt):
     for part in ("heart", "systemic", "ecmo", "crrt"):
         figure = plot_waveforms(ecmo_crrt, part)

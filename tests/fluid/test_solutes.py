@@ -170,6 +170,7 @@ def test_stores_at_the_steady_pco2_leave_the_steady_state(regional):
     assert all(abs(steady[name]) < 1e-6 for name in law.reads if name.startswith("stored"))
 
 
+@pytest.mark.slow
 def test_stores_fill_with_what_the_blood_does_not_carry_away():
     patient = model()
     law, values = law_of(patient), {k: np.array([v]) for k, v in patient.values.items()}

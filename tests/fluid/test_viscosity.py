@@ -41,6 +41,7 @@ def test_narrow_vessels_thicken_less():
     assert 1.0 < narrow < wide
 
 
+@pytest.mark.slow
 def test_at_its_own_haematocrit_a_patient_keeps_every_bit():
     plain, followed = (steady_beat(Batch.of(one)) for one in (model(), model(fluid={"haematocrit": 0.37})))
     assert HAEMATOCRIT in model(fluid={}).circuit.parameter_names()
@@ -48,6 +49,7 @@ def test_at_its_own_haematocrit_a_patient_keeps_every_bit():
         np.testing.assert_array_equal(plain.output(name), followed.output(name))
 
 
+@pytest.mark.slow
 def test_thinner_blood_drops_less_pressure_and_derivatives_are_exact():
     patient = model(fluid={})
     names = ("MAP", "PF", "CO", "oxygenator_pressure_drop", "crrt_access_pressure")

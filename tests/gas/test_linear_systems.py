@@ -47,6 +47,7 @@ def test_a_singular_matrix_has_no_finite_solution():
     assert not np.isfinite(solution(np.zeros((3, 3)), np.ones((3, 1)))).any()
 
 
+@pytest.mark.slow
 def test_programs_of_gas_hold_no_decomposition_that_waits_for_threads():
     model = model_of(read_case(EXAMPLE).case)
     function = gas_of(model.circuit)

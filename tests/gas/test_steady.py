@@ -33,6 +33,7 @@ def saturation(state, exchanger, which="outlets", **values):
     return 100.0 * found.saturation
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("output", "ecmo", "recirculation", "shunt", "vo2", "hb", "arterial", "venous"), TABLE
 )
@@ -99,6 +100,7 @@ def test_more_sweep_lowers_carbon_dioxide_less_and_less():
     assert gains[0] > gains[1] > gains[2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "key",
     ["gas_vo2_ml_min", "gas_haemoglobin_g_dl", "ecmo_sweep_l_min", "gas_shunt_fraction", "gas_temperature_c",
@@ -116,6 +118,7 @@ def test_derivatives_are_those_of_differences(key):
     np.testing.assert_allclose(jax.jacfwd(contents)(at[key]), difference, rtol=2e-5, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_both_blood_laws_give_nearly_the_same_state():
     one, other = (veno_venous(6.0, 4.0, 0.4, law=law)[0] for law in blood.LAWS)
     assert np.abs(jnp.exp(one.pressure) - jnp.exp(other.pressure))[0, 0] < 2.0  # PO2 of the tissue's blood
@@ -175,6 +178,7 @@ def test_carbon_dioxide_is_limited_by_the_sweep():
     assert -single_pass(7.0, 35.0)[1][1] == pytest.approx(648.0, rel=0.05)
 
 
+@pytest.mark.slow
 def test_every_exchanger_names_its_parameters():
     used = {name for exchanger in EXCHANGERS for name in exchanger.parameter_names()}
     assert used <= set(PATIENT)

@@ -73,6 +73,7 @@ def flow():
     return reach(CASE, "PF > 4, drainage_pressure > -80")
 
 
+@pytest.mark.slow
 def test_the_lowest_speed_for_a_flow_is_that_of_the_search_for_a_flow(flow):
     """Two independent ways: sequential linear programs on derivatives, and false position on values."""
     assert flow.reached
@@ -97,6 +98,7 @@ def test_slopes_are_those_of_neighbouring_beats(flow):
         assert goal.slopes["ecmo.speed_rpm"] == pytest.approx(difference, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_result_is_the_beat_at_these_settings(flow):
     model = model_of(CASE).with_values({"ecmo.speed_rpm": flow.values[0]})
     beat = simulate(model)
@@ -105,6 +107,7 @@ def test_the_result_is_the_beat_at_these_settings(flow):
     assert flow.outputs["MAP"] == pytest.approx(float(beat["MAP"]), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_goals_that_exclude_each_other_are_named():
     result = reach(CASE, "PF > 5.5, drainage_pressure > -60, MAP > 20")
     assert not result.reached
@@ -123,6 +126,7 @@ def test_a_goal_out_of_reach_alone_ends_at_the_end_of_the_range():
     assert not result.without
 
 
+@pytest.mark.slow
 def test_a_search_that_runs_out_of_steps_presents_no_smallest_setting(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(search, "MOST_STEPS", 1)
     result = reach(CASE, "PF > 4, drainage_pressure > -80")
@@ -152,6 +156,7 @@ def test_a_search_that_ends_where_no_beat_is_steady_is_no_answer(flow, monkeypat
     assert result.message.startswith("not converged (beside these settings no steady beat was found)")
 
 
+@pytest.mark.slow
 def test_two_settings_meet_two_goals_and_the_first_is_the_dearest():
     result = reach(CASE, "MAP 65..75, PF > 3.0", vary="ecmo.speed_rpm=1500..5000, Rmc=0.5..1.5")
     assert result.reached

@@ -56,6 +56,7 @@ def test_coordinates_are_logarithms_but_where_a_value_may_be_zero_or_negative():
     assert x[1, 1] - x[0, 1] == pytest.approx(np.log(100.0))
 
 
+@pytest.mark.slow
 def test_gradient_of_the_potential_goes_through_the_gas_state():
     names = ("Rmc", "gas.shunt_fraction", "gas.vo2_ml_min")
     case, values = measured(CASE, ("MAP", "SaO2", "PaCO2", "SpreO2"))
@@ -73,6 +74,7 @@ def test_gradient_of_the_potential_goes_through_the_gas_state():
     assert slopes == pytest.approx(differences, rel=2e-4, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_fick_gives_the_cardiac_output_that_no_thermodilution_measured():
     """Cold saline is drained by the cannula on V-V ECMO; oxygen consumption and two saturations are known."""
     names, pressures, gases = ("Rmc", "Emaxlv"), ("MAP",), ("SaO2", "PaO2", "SpreO2")
@@ -104,6 +106,7 @@ def test_fick_gives_the_cardiac_output_that_no_thermodilution_measured():
     assert error((*pressures, *gases)) < 0.12
 
 
+@pytest.mark.slow
 def test_a_fit_finds_shunt_and_consumption_and_the_fitted_case_can_be_simulated():
     names = ("gas.shunt_fraction", "gas.vo2_ml_min")
     case, values = measured(CASE, ("MAP", "SaO2", "PaO2", "PaCO2", "SpreO2"))

@@ -41,6 +41,7 @@ def centre(posterior):
     return posterior.prior.z_of(np.log([posterior.model.values[n] for n in NAMES]))
 
 
+@pytest.mark.slow
 def test_outputs_are_those_of_a_simulation(posterior, centre):
     follower = GradientEvaluator(posterior, centre)
     follower.potential(centre)
@@ -84,6 +85,7 @@ def test_along_a_path_the_potential_is_nearly_the_same(posterior, centre):
     assert direct.potential(z)[0] == pytest.approx(followed.potential(z)[0], abs=2e-3)
 
 
+@pytest.mark.slow
 def test_many_members_side_by_side_agree(posterior, centre):
     z = centre + 0.2 * np.random.default_rng(0).standard_normal((16, len(NAMES)))
     follower = GradientEvaluator(posterior, centre)
@@ -105,6 +107,7 @@ def test_the_blood_volume_of_a_product_is_followed_exactly():
         assert slopes[:, k] == pytest.approx((ends[0] - ends[1]) / 2e-3, rel=2e-2, abs=2e-2)
 
 
+@pytest.mark.slow
 def test_a_highest_point_behind_shut_valves_is_refused():
     """No derivatives there: the patient's beat is one of many."""
     posterior = posterior_of(NAMES)

@@ -24,6 +24,7 @@ def gaussian_of(posterior):
     return Gaussian(z, covariance, posterior.simulate(z), jacobian, 0.0)
 
 
+@pytest.mark.slow
 def test_moments_of_a_curved_posterior(curved):
     found = importance_sample(curved, gaussian_of(curved), count=1500, seed=1)
     mean, covariance = curved.moments()

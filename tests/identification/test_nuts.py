@@ -23,6 +23,7 @@ def straight(mean, covariance):
 SHORT = nuts.Sampling(chains=4, warmup=200, draws=500, seed=3)
 
 
+@pytest.mark.slow
 def test_moments_of_a_curved_posterior(curved, analytic):
     mean, covariance = curved.moments()
     said = []
@@ -40,6 +41,7 @@ def test_moments_of_a_curved_posterior(curved, analytic):
     assert said[-1] == (2800, 2800)
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_draws(curved, analytic):
     start = straight(*curved.moments())
     short = nuts.Sampling(chains=2, warmup=60, draws=20, seed=5)
@@ -48,6 +50,7 @@ def test_the_same_seed_gives_the_same_draws(curved, analytic):
     assert first[0].tolist() != first[1].tolist()
 
 
+@pytest.mark.slow
 def test_chains_jump_between_arms(analytic):
     arms = TwoArms()
     mean, covariance = arms.moments()
@@ -57,6 +60,7 @@ def test_chains_jump_between_arms(analytic):
     assert right.mean() == pytest.approx(0.5, abs=0.2)
 
 
+@pytest.mark.slow
 def test_an_arm_that_can_be_left_can_be_entered(analytic):
     """The potential of the place that is left and of the one that is entered are the same function."""
     mean, covariance = TwoArms().moments()
@@ -64,6 +68,7 @@ def test_an_arm_that_can_be_left_can_be_entered(analytic):
     assert (found.z[..., 0] > 0.0).mean() == pytest.approx(0.5, abs=0.2)
 
 
+@pytest.mark.slow
 def test_the_sampler_asks_for_a_potential_that_depends_on_the_point_alone(curved, monkeypatch):
     asked = []
 
@@ -77,6 +82,7 @@ def test_the_sampler_asks_for_a_potential_that_depends_on_the_point_alone(curved
     assert asked == [True, True]
 
 
+@pytest.mark.slow
 def test_points_without_a_steady_beat_are_counted(curved, monkeypatch):
     class Walled(AnalyticGradient):
         def potential(self, z):

@@ -43,6 +43,7 @@ def test_derivatives_are_those_of_central_differences(objective: Objective):
         np.testing.assert_allclose(exact[:, k], difference, atol=2e-3 * np.abs(exact).max(axis=1).max())
 
 
+@pytest.mark.slow
 def test_the_optimum_is_scipys_from_the_same_start(objective: Objective, box: Box):
     """With noise, so that the cost at the optimum is not zero."""
     target = objective.targets[0]

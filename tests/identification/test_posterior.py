@@ -43,6 +43,7 @@ def result(fit):
     return posterior(fit, settings=settings, predictions=[("patient.heart_rate_bpm=100", faster(fit.case))])
 
 
+@pytest.mark.slow
 def test_parameters_lie_in_their_bounds_around_the_fit(fit, result):
     assert result.trusted
     for k, name in enumerate(NAMES):
@@ -53,6 +54,7 @@ def test_parameters_lie_in_their_bounds_around_the_fit(fit, result):
         assert draws.max() <= np.exp(fit.box.upper[k])
 
 
+@pytest.mark.slow
 def test_outputs_agree_with_the_measurements(result):
     first = result.predictions[0]
     for name, value in result.density.measured.items():

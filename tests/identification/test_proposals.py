@@ -87,6 +87,7 @@ def test_the_density_of_a_mixture_is_that_of_its_draws(mixture):
     assert inside == pytest.approx(integral, abs=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("posterior", [None, TwoArms()], ids=["curved", "two arms"])
 def test_a_chain_of_jumps_keeps_the_distribution(posterior, curved, mixture):
     posterior = posterior or curved
@@ -104,6 +105,7 @@ def test_a_chain_of_jumps_keeps_the_distribution(posterior, curved, mixture):
     assert np.cov(np.array(chain).T) == pytest.approx(covariance, abs=0.05)
 
 
+@pytest.mark.slow
 def test_a_place_without_a_steady_beat_is_refused(mixture):
     proposed = Jumps.draw(mixture, 1, 3, seed=1)
     assert proposed.refused(0, 1, 0.0, np.inf)

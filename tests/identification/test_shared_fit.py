@@ -68,6 +68,7 @@ def test_what_is_shared_is_found_together(objective: Objective, box: Box):
     np.testing.assert_allclose(np.exp(joint.rows(found.x)), [[1.4, 0.8], [1.4, 0.5]], rtol=2e-3)
 
 
+@pytest.mark.slow
 def test_a_cohort_shares_within_a_patient_only(cases: list[Case], tmp_path):
     points = [CohortPoint(who, str(k), k, c) for who in "AB" for k, c in enumerate(cases)]
     quick = MultiStart(points_per_parameter=10, refined_share=0.2, round_size=4, rediscoveries=2)

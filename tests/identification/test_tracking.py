@@ -46,12 +46,14 @@ def tracked(series):
     return track([(str(k), case) for k, (case, _) in enumerate(series)], settings=SETTINGS).points
 
 
+@pytest.mark.slow
 def test_follows_the_drift(tracked, truth):
     errors = [np.log(t.parameters["Rmc"].median / row[0]) for t, row in zip(tracked, truth, strict=True)]
     assert np.sqrt(np.mean(np.square(errors))) < 0.05
     assert tracked[-1].parameters["Rmc"].median < 0.85 * tracked[0].parameters["Rmc"].median
 
 
+@pytest.mark.slow
 def test_learns_from_one_measurement_to_the_next(tracked):
     def width(point, name):
         return np.log(point.parameters[name].upper / point.parameters[name].lower)
@@ -175,6 +177,7 @@ def test_the_longer_ago_the_wider_the_forecast(series):
         spread(-1.0)
 
 
+@pytest.mark.slow
 def test_names_that_are_times_say_how_much_has_passed(series):
     cases = [case for case, _ in series[:3]]
     quick = ("2024-03-01T08:00", "2024-03-01T09:00", "2024-03-01T09:30")
@@ -206,6 +209,7 @@ def test_a_doubtful_first_estimate_is_widened_and_said(series, tracked, monkeypa
         assert width(found, name) > 1.1 * width(tracked[0], name)
 
 
+@pytest.mark.slow
 def test_a_first_measurement_that_the_model_cannot_give_has_a_poor_verdict(series, tracked):
     assert tracked[0].verdict.level == "good"
     assert tracked[1].verdict is None
@@ -229,6 +233,7 @@ def test_the_labelled_result_has_what_the_points_have(series):
     assert result.assumed_interval_hours == 24.0
 
 
+@pytest.mark.slow
 def test_what_is_being_done_is_reported(series):
     said = []
     track([("0", series[0][0]), ("1", series[1][0])], settings=SETTINGS, progress=said.append)

@@ -27,6 +27,7 @@ def blood_after(patient, beats=BEATS):
     return np.array(blood)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CIRCUITS)
 def test_blood_stays_the_same_over_1000_beats(name):
     blood = blood_after(model(name))
@@ -50,6 +51,7 @@ def test_the_independent_path_keeps_its_blood_too(name):
     assert state[volumes].sum() == pytest.approx(blood, rel=1e-10)
 
 
+@pytest.mark.slow
 def test_recorded_volumes_hold_all_blood_at_every_step():
     patient = model("V-A, CRRT g")
     names = tuple(s for s in all_signals(assemble(patient.circuit)) if s[0] == "V")

@@ -40,6 +40,7 @@ def test_without_a_steady_beat_there_are_no_derivatives(changes, status, reason)
     assert reason in found.attrs["message"]
 
 
+@pytest.mark.slow
 def test_a_singular_beat_has_no_derivatives():
     patient = reference_model("va_ecmo_default").with_values(STILL)
     with pytest.raises(NoDerivativesError, match=r"va_ecmo_default: no derivatives \(singular\)") as caught:
@@ -56,6 +57,7 @@ def test_a_beat_that_was_found_says_so():
     assert np.isfinite(found.values).all()
 
 
+@pytest.mark.slow
 def test_one_member_without_a_beat_leaves_the_others_their_derivatives():
     patient = model("V-A")
     values = {**patient.values, **{k: np.array([patient.values[k], v]) for k, v in WEAK_RIGHT.items()}}
@@ -75,6 +77,7 @@ def test_an_objective_has_no_slopes_where_there_is_no_beat():
     assert near == [None]
 
 
+@pytest.mark.slow
 def test_tangents_of_the_state_alone_need_no_sums():
     patient = model("V-A")
     batch = Batch.of(patient)

@@ -41,6 +41,7 @@ def agree(exact, numeric, point):
     assert (np.abs(exact - numeric) <= 1e-5 * largest).all(), np.abs(exact - numeric) / largest
 
 
+@pytest.mark.slow
 def test_derivatives_equal_own_central_differences_without_devices():
     parameters = ("Rmc", "Csart", "Csvn", "Emaxlv", "Emaxrv", "Edla", "Lao", "total_blood_volume_ml")
     agree(*both("none", (*parameters, "heart_rate_bpm"), OUTPUTS))
@@ -74,6 +75,7 @@ def test_derivatives_equal_own_central_differences_with_other_devices(name, para
     agree(*both(name, parameters, ("SP", "MAP", "MPAP", "PCWP", "CO", "EDVLV")))
 
 
+@pytest.mark.slow
 def test_a_step_along_the_derivative_predicts_the_next_beat():
     patient = model("none")
     found = steady_beat(Batch.of(patient)).linearise(("MAP", "CO"), ("Rmc",))

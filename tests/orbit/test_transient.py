@@ -48,6 +48,7 @@ def test_primed_circuits_lead_to_the_steady_beat_of_a_held_patient():
     np.testing.assert_allclose(course.state, orbit, rtol=1e-4, atol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["none", "V-A, CRRT g"])
 def test_both_solvers_take_the_same_course(name):
     fixed, adaptive = (

@@ -42,6 +42,7 @@ def hypoxia(model):
     return eclsim.simulate_many(model, {"gas.fio2": 0.13, **off}, OUTPUTS)
 
 
+@pytest.mark.slow
 def test_at_rest_the_patient_is_unchanged(model):
     names = ["MAP", "CO", "PaO2", "PaCO2", "EDVLV"]
     plain = eclsim.simulate_many(model_of(case(regulation=None)), {}, names)
@@ -50,6 +51,7 @@ def test_at_rest_the_patient_is_unchanged(model):
         assert float(regulated[name][0]) == pytest.approx(float(plain[name][0]), rel=1e-8)
 
 
+@pytest.mark.slow
 def test_hypoxia_does_what_each_of_them_is_for(hypoxia):
     assert (hypoxia.status == "converged").all()
     none, _, chemoreflex, organs, lung, everything = range(6)
@@ -76,6 +78,7 @@ def test_what_was_solved_for_equals_its_output(model):
         assert beat.output(SOLVED_BY[name]) == pytest.approx(beat.batch.values[name], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_member_depends_on_no_other(model, hypoxia):
     alone = eclsim.simulate_many(model, {"gas.fio2": 0.13}, OUTPUTS)
     for name in OUTPUTS:

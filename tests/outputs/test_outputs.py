@@ -107,6 +107,7 @@ def test_a_misspelt_output_names_its_neighbours():
         output("aortic_valv_flow")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [n for n, o in OUTPUTS.items() if GASES not in o.parameters])
 def test_every_output_is_differentiated_exactly(name):
     entry, step = OUTPUTS[name], 1e-5

@@ -68,6 +68,7 @@ def test_no_answer_without_crrt_and_nothing_from_the_patient():
     assert recirculated_fractions(circuit, {c.name: 1.0 for c in circuit.connections}) == {"crrt": 0.0}
 
 
+@pytest.mark.slow
 def test_a_named_device_has_its_share_under_its_own_name():
     site = {"access_site": "post_oxy", "return_site": "pre_oxy", "flow_ml_min": 200}
     raw = {"ecmo": ECMO, "crrt": {"a": site, "b": site | {"access_site": "svn", "return_site": "ra"}}}

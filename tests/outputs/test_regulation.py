@@ -49,6 +49,7 @@ def test_outputs_are_what_is_in_effect_during_the_beat(failing):
     assert 50.0 < outputs["reflex_use"] < 90.0
 
 
+@pytest.mark.slow
 def test_derivatives_of_what_is_in_effect_match_central_differences(failing):
     parameters, outputs = (GAIN, SET_POINT, "heart_rate_bpm", "Rmc"), (*IN_EFFECT, "reflex_use", "MAP")
     exact = derivatives(failing, outputs, parameters)

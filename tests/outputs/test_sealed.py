@@ -71,6 +71,7 @@ def test_a_batch_says_so_of_each_member_whatever_its_outputs():
     assert "one of many: no blood passes the tricuspid" in shut
 
 
+@pytest.mark.slow
 def test_analyses_of_many_take_no_number_from_it():
     """Sensitivity indices, draws of a posterior and studies of schemes count it as lost, with its status."""
     patient = model("V-A")

@@ -7,6 +7,7 @@ from eclsim.validation.reference_cases import QUICK, case_names, output_rows, re
 CASES = [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in case_names()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_outputs_and_volumes_are_those_of_the_published_code(name: str):
     assert reference_result(name).attrs["converged"]
@@ -15,6 +16,7 @@ def test_outputs_and_volumes_are_those_of_the_published_code(name: str):
     assert [(row.name, row.expected, row.got) for row in rows if not row.holds] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_waveforms_are_those_of_the_published_code_or_the_difference_is_explained(name: str):
     rows = waveform_rows(name)

@@ -54,6 +54,7 @@ def rest():
     return {SET_POINT: found["MAP"], VENOUS_SET_POINT: found["right_atrial_pressure"]}
 
 
+@pytest.mark.slow
 def test_an_offset_of_zero_is_the_published_patient_in_every_bit():
     plain, with_offset = (steady_beat(Batch.of(one)) for one in (model("none"), offset()))
     assert set(plain.names) < set(with_offset.names)
@@ -61,6 +62,7 @@ def test_an_offset_of_zero_is_the_published_patient_in_every_bit():
         np.testing.assert_array_equal(plain.output(name), with_offset.output(name))
 
 
+@pytest.mark.slow
 def test_blood_given_is_blood_and_unstressed_volume_is_not():
     patients = (offset(), offset({EXTRA_VOLUME: 300.0}), offset({UNSTRESSED: -300.0}))
     plain, given, shifted = (beat(patient) for patient in patients)
@@ -99,6 +101,7 @@ def test_lost_blood_is_answered_and_the_solved_beat_is_where_marching_ends(which
     np.testing.assert_allclose(state, regulated.orbits.states[:, 0], rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_independent_path_regulates_to_the_same_beat(rest):
     patient = reflex("heldt2004", {**rest, EXTRA_VOLUME: -150.0})
     orbit = solve(Batch.of(patient), ACCURATE).states[:, 0]
@@ -110,6 +113,7 @@ def test_the_independent_path_regulates_to_the_same_beat(rest):
         np.testing.assert_allclose(state[block.where], orbit[block.where], rtol=3e-3, atol=3e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", REFLEXES)
 def test_derivatives_match_central_differences(which, rest):
     patient = reflex(which, {**rest, EXTRA_VOLUME: -150.0, GAIN: 0.7})
@@ -135,6 +139,7 @@ def test_searches_begin_at_the_published_patient():
     assert {key: nominal[key] for key in own} == own
 
 
+@pytest.mark.slow
 def test_regions_are_regulated_as_the_undivided_patient_is():
     """Factors and the veins' volume are divided among both halves of the body."""
     found = {}

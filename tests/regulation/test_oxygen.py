@@ -104,6 +104,7 @@ def test_a_case_without_gases_says_that_nothing_answers_and_keeps_its_circuit():
     assert model(gas=None, **keys).circuit == model(gas=None).circuit
 
 
+@pytest.mark.slow
 def test_set_points_are_those_of_the_patient_or_the_ones_given():
     own = model(chemoreflex=1, hypoxic_vasodilation=1, hypoxic_vasoconstriction=1).values
     assert own["regulation.set_point_pao2_mmHg"] == pytest.approx(90.6, abs=0.5)

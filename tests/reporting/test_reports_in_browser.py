@@ -51,6 +51,7 @@ def pages(hostile_study, reproduction, tmp_path_factory):
     return {"study": folder / "report.html", "reproduction": reproduction / "index.html"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["study", "reproduction"])
 def test_a_report_asks_for_itself_alone_and_prints_on_a4(browser, pages, name):
     page = browser.new_page(viewport={"width": A4_TEXT_WIDTH_PX, "height": 1000})
@@ -77,6 +78,7 @@ def test_a_report_asks_for_itself_alone_and_prints_on_a4(browser, pages, name):
     page.close()
 
 
+@pytest.mark.slow
 def test_links_of_the_comparison_lead_somewhere(pages):
     folder = pages["reproduction"].parent
     source = pages["reproduction"].read_text(encoding="utf-8")

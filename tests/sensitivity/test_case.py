@@ -112,6 +112,7 @@ def test_a_negative_value_is_varied_like_any_other(case, value, said):
         varied(case, base, ("P0svn",))
 
 
+@pytest.mark.slow
 def test_each_scheme_in_a_batch_is_that_scheme_alone(crrt_case):
     from eclsim.orbit.model import model_of
     from eclsim.outputs.results import simulate
@@ -234,6 +235,7 @@ def test_the_command_writes_json_tables_figures_and_samples(case_file, tmp_path,
     assert run_command("sensitivity", case_file, *options, "--resume", "--no-figures") == 0
 
 
+@pytest.mark.slow
 def test_shards_from_the_command_line_merge_to_the_same_samples(case_file, tmp_path, capsys):
     common = (
         "--samples",
@@ -291,6 +293,7 @@ def test_only_what_was_measured_counts(case_file):
     assert len(found.proposal.chosen) <= 2
 
 
+@pytest.mark.slow
 def test_percentages_are_those_of_what_was_measured(case_file, capsys):
     settings = ["measurements.CO=1.4", "measurements.MAP=80"]
     case = read_case(case_file, settings).case
@@ -318,6 +321,7 @@ def test_a_flow_measured_as_0_has_an_uncertainty(case_file):
     assert np.isfinite(found.scaled.matrix).all()
 
 
+@pytest.mark.slow
 def test_a_patient_without_a_steady_beat_is_not_ranked(tmp_path, capsys):
     file = DATA / "cases" / "va_ecmo_default.toml"
     still = [v for s in ("Emaxlv=0.05", "Emaxrv=0.02", "ecmo.speed_rpm=4500") for v in ("--set", s)]

@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from eclsim.cases.reading import read_mapping
 from eclsim.orbit.model import AS_PUBLISHED, model_of
@@ -15,6 +16,7 @@ CASE = read_mapping({
 }).case  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_run_without_a_steady_gas_state_is_a_failed_run_and_says_why():
     model = model_of(CASE)
     evaluator = SteadyBeatEvaluator(model.circuit, model.values, ("SaO2", "MAP"), AS_PUBLISHED, 1)

@@ -74,6 +74,7 @@ def interrupted_run(plan: Analysis, folder: Path, monkeypatch, blow: int) -> boo
     return True
 
 
+@pytest.mark.slow
 def test_stopped_at_random_moments_and_resumed_gives_the_identical_file(tmp_path, plan, monkeypatch):
     run(plan, tmp_path / "straight")
     wanted = (tmp_path / "straight" / SAMPLES).read_bytes()

@@ -191,6 +191,7 @@ def test_a_flow_may_be_varied_in_a_case_with_a_speed():
         eclsim.simulate_many(case(), {"ecmo.speed_rpm": [3000.0]})
 
 
+@pytest.mark.slow
 def test_derivatives_hold_the_flow():
     """Central differences of whole solutions, each with the speed that its flow needs."""
     names, parameters, steps = ("MAP", "PF", "pump_head"), ("Rmc", "ecmo.flow_l_min"), (1e-3, 1e-3)
@@ -213,6 +214,7 @@ def test_derivatives_hold_the_flow():
     assert np.isnan(nothing).all()
 
 
+@pytest.mark.slow
 def test_two_flows_at_once_are_refused_and_one_of_a_named_circuit_is_solved_for():
     circuits = {"a": ECMO | {"flow_l_min": 2.0}, "b": ECMO | {"speed_rpm": 2000.0}}
     raw = {"format": 1, "patient": PATIENT, "ecmo": circuits}

@@ -20,6 +20,7 @@ def test_every_row_says_what_it_was_used_for_and_where_it_comes_from():
     assert all(float(row["low"]) <= float(row["expected"]) <= float(row["high"]) for row in rows())
 
 
+@pytest.mark.slow
 def test_the_oxygen_transfer_of_the_bench_is_met_at_every_flow():
     found = gas._oxygenators()
     bench = [
@@ -30,6 +31,7 @@ def test_the_oxygen_transfer_of_the_bench_is_met_at_every_flow():
         assert float(row["low"]) <= found[row["key"]] <= float(row["high"]), row["quantity"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("saturation", [0.2, 0.3, 0.4, 0.5, 0.6])
 def test_poor_blood_and_thin_gas_leave_less_saturated_but_take_up_more(saturation):
     poor = single_pass(3.9, 4.0, saturation, hb=9.0, fdo2=0.8)
@@ -39,6 +41,7 @@ def test_poor_blood_and_thin_gas_leave_less_saturated_but_take_up_more(saturatio
     assert poor.saturation > 84.0
 
 
+@pytest.mark.slow
 def test_at_complete_shunt_venous_blood_does_not_depend_on_the_output():
     low, high = (veno_venous(q, 3.3, shunt_fraction=1.0, vo2_ml_min=260.0) for q in (6.0, 10.0))
     assert low.svo2 == pytest.approx(high.svo2, abs=1e-6)

@@ -11,6 +11,7 @@ def test_curves_are_as_printed():
     assert all(row.holds for row in regulation.curve_rows())
 
 
+@pytest.mark.slow
 def test_a_patient_is_made_to_have_measured_values_or_it_is_said():
     plain = regulation.adult(75.0)
     found = with_outputs(plain, ("Rmc", regulation.EXTRA_VOLUME), {"MAP": 80.0, "CO": 5.0})
