@@ -5,6 +5,7 @@ from itertools import combinations, pairwise
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
@@ -88,7 +89,8 @@ def constant_result(circuit: Circuit, pressure: float = -234.5, flow: float = -1
 
 def shown_texts(figure: Figure) -> list[tuple[Text, Bbox]]:
     texts = [text for ax in figure.axes for text in ax.texts if text.get_text()]
-    return [(text, text.get_window_extent()) for text in texts]
+    renderer = FigureCanvasAgg(figure).get_renderer()  # one for all: each is as large as the picture
+    return [(text, text.get_window_extent(renderer)) for text in texts]
 
 
 def overlapping_texts(figure: Figure) -> list[tuple[str, str]]:
