@@ -112,11 +112,8 @@ def beat_of(
         flows = {c.name: float(solved.mean("Q" + c.name)[0]) for c in fixed.connections}
         outputs |= {name: value for name, (value, _) in recirculation(fixed, flows).items()}
     means = {n: float(solved.mean(n)[0]) for n in solved.signals if n[0] in "PQ"}
-    even, phases = np.linspace(0.0, 1.0, POINTS, endpoint=False), solved.waveforms[0].phases
-    waves = {
-        n: np.interp(even, phases, solved.waveform(n)) + unstressed_volume(circuit, n, values)
-        for n in solved.signals
-    }
+    series = {n: solved.waveform(n) for n in solved.signals}
+    waves = _evenly(series, solved.waveforms[0].phases, circuit, values)
     findings = (*solved.findings(), *state.case.findings(outputs))
     rate = float(np.asarray(solved.values_in_effect()[HEART_RATE]))
     return Beat(
@@ -128,11 +125,8 @@ def beat_of(
 
 def passing_beat(state: PageState, moment: PassingBeat) -> Beat:
     """A beat of a course beat by beat; it says nothing of gases, which need minutes to settle."""
-    even = np.linspace(0.0, 1.0, POINTS, endpoint=False)
-    waves = {
-        n: np.interp(even, moment.phases, wave) + unstressed_volume(moment.circuit, n, moment.values)
-        for n, wave in zip(moment.signals, moment.waves.T, strict=True)
-    }
+    series = dict(zip(moment.signals, moment.waves.T, strict=True))
+    waves = _evenly(series, moment.phases, moment.circuit, moment.values)
     means = {n: float(v) for n, v in zip(moment.signals, moment.means, strict=True) if n[0] in "PQ"}
     findings = (*moment.findings, *state.case.findings(moment.outputs))
     gas = GasStatus.STEADY if state.case.gas is not None else None
@@ -140,6 +134,16 @@ def passing_beat(state: PageState, moment: PassingBeat) -> Beat:
         moment.circuit, moment.values, moment.period, waves, means, moment.outputs, findings,
         Status.CONVERGED, text("timeline_passing"), gas, passing=True,
     )  # fmt: skip
+
+
+def _evenly(
+    series: Mapping[str, np.ndarray], phases: np.ndarray, circuit: Circuit, values: Mapping[str, float]
+) -> dict[str, np.ndarray]:
+    """Waveforms at `POINTS` even phases, volumes with what is unstressed in them."""
+    even = np.linspace(0.0, 1.0, POINTS, endpoint=False)
+    return {
+        n: np.interp(even, phases, wave) + unstressed_volume(circuit, n, values) for n, wave in series.items()
+    }
 
 
 def plain(beat: Beat, waves: tuple[str, ...]) -> dict[str, Any]:

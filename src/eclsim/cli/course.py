@@ -265,12 +265,11 @@ def _cohort(o: CourseOptions) -> bool:
     from eclsim.course import files
     from eclsim.course.cohort import PRELOAD, course_cohort
     from eclsim.execution import ExecutionError
-    from eclsim.files import file_stems
 
     cases, refused = _cases(o)
     places = _destinations(o)
     folder = places.folder("--out", o.out, [files.SUMMARY])
-    stems = [f"{stem}_course" for stem in file_stems([case.patient.id for case in cases])]
+    stems = files.course_stems([case.patient.id for case in cases])
     figures = places.folder("--figures", o.figures, stems=stems)
     target, distribution = _checked(o, places)
     _late_events(o, cases)

@@ -66,6 +66,11 @@ def course_stem(name: str) -> str:
     return f"{file_stem(name)}_course"
 
 
+def course_stems(names: Sequence[str]) -> list[str]:
+    """The same of each patient of a cohort; names that would share their files are told apart."""
+    return [f"{stem}_course" for stem in file_stems(names)]
+
+
 def course_files(name: str) -> tuple[str, str]:
     """Names of the table and of the NetCDF file of a patient's course."""
     return f"{course_stem(name)}.csv", f"{course_stem(name)}.nc"
@@ -131,7 +136,7 @@ def write_figure(result: xr.Dataset, folder: Path, stem: str | None = None) -> l
 def write_courses(results: Sequence[xr.Dataset], folder: Path) -> dict[str, Any]:
     """Write the courses of a cohort, a table and a NetCDF file each, and what became of all; returns that."""
     content, places = cohort_object(results), folder / COURSES
-    stems = [f"{stem}_course" for stem in file_stems([str(one.attrs["id"]) for one in results])]
+    stems = course_stems([str(one.attrs["id"]) for one in results])
     for stem, one in zip(stems, results, strict=True):
         if one.sizes[TIME]:
             write_tables(one, places, stem)
