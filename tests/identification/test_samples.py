@@ -35,9 +35,10 @@ def test_a_file_without_samples_is_refused(tmp_path, content, said):
     assert said in str(error.value)
 
 
-def test_a_file_that_is_not_there_is_refused(tmp_path):
+@pytest.mark.parametrize("name", ["none.csv", "none.nc"])
+def test_a_file_that_is_not_there_is_refused(tmp_path, name):
     with pytest.raises(SamplesError, match="no such file"):
-        read_samples(tmp_path / "none.csv")
+        read_samples(tmp_path / name)
 
 
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"])

@@ -76,6 +76,8 @@ def _of_posterior(path: str | Path) -> tuple[Sequence[str], _Rows, list[str]]:
     """Names and draws of the group `posterior` of a NetCDF file."""
     import xarray as xr
 
+    if not Path(path).exists():
+        raise SamplesError(f"{path}: no such file")
     try:
         with xr.open_dataset(path, group="posterior", engine="h5netcdf") as draws:
             columns = {str(name): values.to_numpy().ravel().tolist() for name, values in draws.items()}
