@@ -36,6 +36,7 @@ def test_what_cannot_be_meant_is_said_before_anything_is_computed(shell):
         (("plan", case), "--remove-ml or --wean: give one of them"),
         (("plan", case, "--remove-ml", "500"), "--remove-ml needs --keep"),
         (("plan", case, "--remove-ml", "500", "--keep", "MAPP > 60"), "did you mean MAP"),
+        (("plan", case, "--remove-ml", "500", "--keep", "SaO2 > 90"), "it needs [gas] in the case file"),
         (("plan", case, "--remove-ml", "500", "--keep", "MAP > 60"), "no device that removes fluid"),
         (("plan", case, "--wean", "3000"), "no ECMO to wean from"),
     ):

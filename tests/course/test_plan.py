@@ -58,6 +58,7 @@ def test_a_goal_that_is_broken_from_the_start_cannot_be_kept(own):
     assert not result.possible
     assert math.isnan(result.rate_ml_h)
     assert "cannot be removed" in result.message
+    assert result.message.endswith("mmHg at worst); by then 0 mL are out")
 
 
 def test_without_a_device_that_removes_fluid_it_is_refused(own):

@@ -13,8 +13,16 @@ from eclsim.devices.ecmo import ecmo
 from eclsim.devices.registry import parameters
 from eclsim.outputs.derivatives import Dual, LinearMeasures
 from eclsim.outputs.measures import Measures
-from eclsim.outputs.registry import Output, UnknownOutputError, all_outputs, available, contract, output
-from eclsim.outputs.signals import needed_parameters
+from eclsim.outputs.registry import (
+    Output,
+    UnknownOutputError,
+    all_outputs,
+    available,
+    contract,
+    output,
+    unavailable,
+)
+from eclsim.outputs.signals import needed_parameters, output_names
 from eclsim.patient.circulation import Anatomy, circulation
 from eclsim.regulation.attach import REFLEXES, with_reflex, with_volume_offset
 
@@ -164,3 +172,12 @@ def test_dual_numbers_differentiate_arithmetic(expression):
     in_y = (expression(x, y + step) - expression(x, y - step)) / (2 * step)
     assert found.slopes.get("x", 0.0) == pytest.approx(in_x, rel=1e-6)
     assert found.slopes.get("y", 0.0) == pytest.approx(in_y, rel=1e-6)
+
+
+def test_an_output_that_a_case_has_not_is_said_with_what_brings_it():
+    of_ecmo = output_names(circulation() + ecmo("ra", "ao"))
+    assert unavailable("SaO2", of_ecmo) == "; it needs [gas] in the case file"
+    assert unavailable("SpreO2", ("MAP",)) == "; it needs [ecmo] and [gas] in the case file"
+    assert unavailable("upper_body_flow", of_ecmo).startswith("; it needs [physiology] regional = true")
+    assert unavailable("second_return_flow", of_ecmo) == ""
+    assert unavailable("SaO", ("SaO2",)) == "; did you mean SaO2?"

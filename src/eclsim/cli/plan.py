@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from eclsim.cli.cases import read_all, with_speeds
-from eclsim.cli.console import INCOMPLETE, Progress, fail
+from eclsim.cli.console import INCOMPLETE, Progress, fail, note
 from eclsim.cli.destination import Destinations, hand_over, writing
 from eclsim.cli.options import CaseChanges, Json, argument, option
 
@@ -55,6 +55,8 @@ def plan(options: PlanOptions) -> None:
     target = places.target("--json", options.json)
     places.check()
     (reading,) = with_speeds(read_all([options.case_file], options.settings, options.volume_policy))
+    if reading.case.events:
+        note(["events of the case are left out: nothing else happens to the patient meanwhile"])
     from eclsim.goals.goal import GoalError
     from eclsim.inputs.mistakes import CaseError
 

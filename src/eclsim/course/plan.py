@@ -44,11 +44,13 @@ class Break(NamedTuple):
         goal: as written.
         value: of its output, farthest beyond the bound.
         at_min: when it is broken first [min].
+        unit: of the value.
     """
 
     goal: str
     value: float
     at_min: float
+    unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -184,7 +186,8 @@ def _breaks(goals: Sequence[Goal], result: xr.Dataset) -> list[Break]:
             found.append(Break(f"no value of {goal.output}", math.nan, float(minutes[unknown.argmax()])))
         if (excess > 0.0).any():
             worst = float(values[np.nanargmax(excess)])
-            found.append(Break(str(goal), worst, float(minutes[(excess > 0.0).argmax()])))
+            first = float(minutes[(excess > 0.0).argmax()])
+            found.append(Break(str(goal), worst, first, unit_of(goal.output)))
     if not result.attrs["converged"]:
         found.append(
             Break(str(result.attrs["message"]), math.nan, float(minutes[-1]) if len(minutes) else 0.0)
@@ -205,7 +208,9 @@ def _removal(
     said = " and ".join(_said(one) for one in limits)
     if best is None:
         assert above is not None
+        until = above * min(one.at_min for one in limits) / 60.0
         text = f"{remove_ml:g} mL cannot be removed: at {above:.0f} mL/h, the slowest, {said}"
+        text += f"; by then {until:.0f} mL are out"
     else:
         text = f"{remove_ml:g} mL can be removed at {best:.0f} mL/h, in {remove_ml / best:.1f} h"
         text += f"; at {above:.0f} mL/h {said}" if above is not None else ", the fastest of the device"
@@ -216,11 +221,9 @@ def _removal(
 
 def _said(one: Break) -> str:
     hours = f"{one.at_min / 60.0:.1f} h"
-    return (
-        f"{one.goal} after {hours}"
-        if math.isnan(one.value)
-        else f"{one.goal} breaks after {hours} ({one.value:.4g})"
-    )
+    if math.isnan(one.value):
+        return f"{one.goal} after {hours}"
+    return f"{one.goal} breaks after {hours} ({one.value:.4g}{f' {one.unit}' * (one.unit != '1')} at worst)"
 
 
 # --- weaning --------------------------------------------------------------------------------------
@@ -306,5 +309,5 @@ def _read(numbers: dict[str, float], case: Case) -> dict[str, float]:
 
 
 def unit_of(name: str) -> str:
-    """Unit of what a step of weaning reads."""
+    """Unit of an output, or of what a step of weaning reads."""
     return "cm" if name == "LVOT_VTI_cm" else output(name).unit

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from eclsim.devices.description import Knob
+from eclsim.outputs.registry import unavailable
 from eclsim.parameters import did_you_mean
 
 if TYPE_CHECKING:
@@ -104,7 +105,7 @@ def read_goals(text: str | Sequence[Goal], outputs: Sequence[str]) -> tuple[Goal
             wrong += error.mistakes
             continue
         if goal.output not in outputs:
-            wrong.append(f"{goal.output}: this case has no such output{_hint(goal.output, outputs)}")
+            wrong.append(f"{goal.output}: this case has no such output{unavailable(goal.output, outputs)}")
         elif not goal.low <= goal.high:
             wrong.append(f"{goal.output}: from {goal.low:g} to {goal.high:g}; the first must not be larger")
         goals.append(goal)

@@ -8,11 +8,12 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from eclsim.devices.description import Output, highest, lowest, mean, mean_flow
+from eclsim.devices.description import GASES, Output, highest, lowest, mean, mean_flow
 from eclsim.devices.device import Naming
 from eclsim.devices.registry import devices, named_output, namings, registered
 from eclsim.outputs.gas import GAS_OUTPUTS
 from eclsim.outputs.regulation import REGULATED
+from eclsim.parameters import did_you_mean
 from eclsim.units import ML_S_PER_L_MIN
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CHAMBERS", "VALVES", "Output", "UnknownOutputError", "all_outputs", "available", "contract", "output",
+    "unavailable",
 ]  # fmt: skip
 
 
@@ -292,3 +294,39 @@ def _output(name: str, registered: tuple[object, ...]) -> Output:
     if known is None:
         raise UnknownOutputError(name)
     return _of_instance(known[1], known[0])
+
+
+_BROUGHT_BY = (
+    ("[physiology] regional = true", {s for entry in _REGIONS for s in entry.needs}),
+    ("[physiology] bronchial_fraction", {"Qbronchial"}),
+    ("[gas]", {GASES}),
+    ("[regulation], [drugs] or [fluid]", {s for entry in REGULATED for s in entry.parameters} - {GASES}),
+)
+"""Parts of a case file, and what outputs read that only these parts bring."""
+
+
+def unavailable(name: str, names: Collection[str]) -> str:
+    """What to do about an output that a case has not: a part of the case file that brings it, or a spelling.
+
+    Args:
+        name: of the output, as written.
+        names: outputs that the case has.
+
+    Returns:
+        The end of a sentence; empty where nothing is known of it.
+    """
+    try:
+        entry = output(name)
+    except UnknownOutputError:
+        hint = did_you_mean(name, names)
+        return f"; did you mean {hint}?" if hint else ""
+    read, had = _reads([entry]), _reads(map(output, names))
+    missing = [section for section, brings in _BROUGHT_BY if read & brings and not had & brings]
+    known = named_output(name)
+    if known is not None and not any(known[0].output(o.name) in names for o in known[0].device.outputs):
+        missing.insert(0, f"[{known[0].key}]")
+    return f"; it needs {' and '.join(missing)} in the case file" if missing else ""
+
+
+def _reads(entries: Iterable[Output]) -> set[str]:
+    return {name for entry in entries for name in (*entry.needs, *entry.parameters)}

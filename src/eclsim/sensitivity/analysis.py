@@ -23,7 +23,7 @@ from eclsim.execution.tasks import run_tasks
 from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
 from eclsim.orbit.status import Status
 from eclsim.sensitivity.design import Design, DesignError
-from eclsim.sensitivity.inputs import CARDIOVASCULAR, OUTPUTS, InputError, unknown_names, varied
+from eclsim.sensitivity.inputs import CARDIOVASCULAR, OUTPUTS, InputError, missing_outputs, varied
 from eclsim.sensitivity.results import SensitivityResult, conclude
 from eclsim.sensitivity.runs import Analysis, SampleFolder, SteadyBeatEvaluator, design_resolution
 from eclsim.simulation.target_flow import with_speed
@@ -114,7 +114,7 @@ def plan_analysis(case: Case, settings: SobolSettings) -> Analysis:
     available = output_names(chosen.circuit)
     usual = [o for o in OUTPUTS if o in available]
     outputs = tuple(dict.fromkeys(usual if s.outputs is None else s.outputs))
-    if wrong := unknown_names(outputs, available, "output of this case"):
+    if wrong := missing_outputs(outputs, available):
         raise InputError(wrong)
     design = Design(chosen.inputs, s.samples, s.seed, chosen.groups, s.second_order)
     check_memory(design, len(outputs))

@@ -21,6 +21,7 @@ from eclsim.sensitivity.inputs import (
     OUTPUTS,
     InputError,
     Uncertainty,
+    missing_outputs,
     standard_uncertainties,
     uncertainties_of,
     unknown_names,
@@ -430,7 +431,7 @@ def _check_names(parameters: Sequence[str], outputs: Sequence[str], model: Model
         f"no {kind} given" for kind, names in (("parameter", parameters), ("output", outputs)) if not names
     ]
     wrong += unknown_names(parameters, parameters_read(model.circuit), "parameter of this case")
-    wrong += unknown_names(outputs, output_names(model.circuit), "output of this case")
+    wrong += missing_outputs(outputs, output_names(model.circuit))
     if wrong:
         raise InputError(wrong)
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from eclsim.circuit.network import Choice, Circuit
 from eclsim.devices.registry import devices, parameter_of, parameters
+from eclsim.outputs.registry import unavailable
 from eclsim.parameters import did_you_mean
 
 if TYPE_CHECKING:
@@ -234,6 +235,12 @@ def unknown_names(names: Sequence[str], known: Sequence[str], kind: str) -> list
             allowed = f"; allowed: {', '.join(known)}" if len(known) <= MOST_LISTED else ""
             wrong.append(f"{name}: no {kind}" + (f"; did you mean {hint}?" if hint else allowed))
     return wrong
+
+
+def missing_outputs(names: Sequence[str], available: Sequence[str]) -> list[str]:
+    """A sentence for each output that a case has not, with what brings it or the nearest spelling."""
+    absent = [name for name in dict.fromkeys(names) if name not in available]
+    return [f"{name}: no output of this case{unavailable(name, available)}" for name in absent]
 
 
 def letter_of(name: str) -> str:
