@@ -146,6 +146,19 @@ def test_a_span_is_no_longer_than_allowed(fast, monkeypatch):
 
 
 def test_a_shift_is_what_compartments_gain_or_lose():
-    one, other = np.array([1.0, 2.0, 3.0, 9.0]), np.array([4.0, 1.0, 2.5, 0.0])
-    assert handover.shift_ml(slice(0, 3), one, other) == 3.0
-    assert handover.shift_ml(slice(0, 3), other, one) == 3.0
+    one, other = {"a": 1.0, "b": 2.0, "c": 3.0, "d": 9.0}, {"a": 4.0, "b": 1.0, "c": 2.5, "e": 0.0}
+    assert handover.shift_ml(one, other) == 3.0
+    assert handover.shift_ml(other, one) == 3.0
+
+
+def test_what_is_not_followed_is_said_with_its_reason(tmp_path):
+    moved = '"crrt.access_site" = "pre_oxy", '
+    both = EVENTS.replace('"ecmo.speed_rpm" = 1500,', f'"ecmo.speed_rpm" = 1500, {moved}')
+    own = case(tmp_path, both)
+    result = course(own, minutes=6.0, every_min=2.0, outputs=OUTPUTS)
+    assert spans(result) == []
+    (sentence,) = [one for one in result.attrs["warnings"] if one.startswith("not followed")]
+    assert sentence.startswith("not followed beat by beat at 00:02")
+    assert "because an event connects the circuit in another way" in sentence
+    steady = course(own, minutes=6.0, every_min=2.0, outputs=OUTPUTS, options=STEADY)
+    assert not any(one.startswith("not followed") for one in steady.attrs["warnings"])

@@ -248,6 +248,11 @@ class BeatMarch:
         before = self.laws.in_effect(slow[:, None], settings)
         return Moving(time, state, slow[:, None], before, None, self._held(_columns(read)))
 
+    def volumes(self, state: np.ndarray) -> dict[str, float]:
+        """Volumes of a state by compartment [mL]."""
+        names = (c.name for c in self.circuit.compartments)
+        return dict(zip(names, state[self.assembly.layout.volumes.where].tolist(), strict=True))
+
     def _held(self, read: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         return {name: values for name, values in read.items() if name not in self.reads}
 

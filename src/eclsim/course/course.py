@@ -11,11 +11,11 @@ import numpy as np
 import xarray as xr
 
 from eclsim.course.alarms import alarms, clock_time
-from eclsim.course.engine import MANY, CourseOptions, Engine
+from eclsim.course.engine import MANY, CourseOptions, Engine, History
 from eclsim.course.handover import LAG
 from eclsim.course.laws import Laws, laws_of
 from eclsim.course.moments import Moments, beats_at, in_effect_at, moments_of
-from eclsim.course.result import TIME, attributes_of, balance_of, labelled_course
+from eclsim.course.result import MOST_SPANS, TIME, attributes_of, balance_of, labelled_course
 from eclsim.course.timeline import MINUTE, Timeline
 from eclsim.orbit.model import CaseSource, as_case
 from eclsim.orbit.status import Status
@@ -227,7 +227,7 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
     found = alarms(said, outputs, minute)
     message = _ended(moments.stopped[member], minute)
     sentences = [message] * bool(message) + [alarm.sentence for alarm in found]
-    sentences += _too_fast(history, laws, settling)
+    sentences += _passed_over(history) + _too_fast(history, laws, settling)
     balance = balance_of(laws, states, in_effect)
     attributes = attributes_of(engine.timelines[member], engine.policy, message, balance, sentences)
     return result.assign_attrs(
@@ -249,7 +249,21 @@ def _ended(stopped: str, minute: np.ndarray) -> str:
     return f"stopped at {clock_time(minute[-1])}: {stopped}" if len(minute) else f"not begun: {stopped}"
 
 
-def _too_fast(history: Any, laws: Laws, settling: float) -> list[str]:
+def _passed_over(history: History) -> list[str]:
+    """Sudden changes that should have been followed beat by beat and were not, and why."""
+    if not history.passed_over:
+        return []
+    times = ", ".join(clock_time(one.time / MINUTE) for one in history.passed_over[:MOST_SPANS])
+    more = len(history.passed_over) - MOST_SPANS
+    times += f" and at {more} more" if more > 0 else ""
+    first = history.passed_over[0]
+    return [
+        f"not followed beat by beat at {times}, though {first.reason}, because {first.refusal}: steady beats "
+        "stand at once where the patient takes seconds to minutes"
+    ]
+
+
+def _too_fast(history: History, laws: Laws, settling: float) -> list[str]:
     """Where slow states change while the circulation still settles, so that steady beats run ahead of it."""
     lags = [np.abs(rates) * settling / laws.scales for rates in history.rates]
     left = [k for k, t in enumerate(history.times) if not any(s.begin <= t < s.end for s in history.spans)]

@@ -16,11 +16,14 @@ from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
 from eclsim.course.beats import BeatMarch, Moving
 from eclsim.course.handover import (
+    BY_GASES,
     LAG,
     LONGEST_RAMP,
     LONGEST_SPAN_S,
+    RECONNECTED,
     SHIFTED_ML,
     Event,
+    PassedOver,
     Span,
     Steady,
     follow_until_settled,
@@ -83,6 +86,7 @@ class History:
         beats: computed for it.
         solves: steady beats searched for.
         spans: that were followed beat by beat.
+        passed_over: what would have been, had nothing been in the way.
     """
 
     segments: list[int] = field(default_factory=list)
@@ -94,6 +98,7 @@ class History:
     beats: int = 0
     solves: int = 0
     spans: list[Span] = field(default_factory=list)
+    passed_over: list[PassedOver] = field(default_factory=list)
 
 
 class Engine:
@@ -222,42 +227,50 @@ class Engine:
         return who
 
     def _event(self, member: int) -> Event | None:
-        """What a member comes from as a segment begins; None where nothing can be handed over."""
+        """What a member comes from as a segment begins; None at the start of a course."""
         predictor, segment, time = (
             self.predictors[member],
             int(self.segment[member]),
             float(self.time[member]),
         )
         timeline = self.timelines[member]
-        same = segment > 0 and all(self._circuit(member) is one for one in self.circuits[member])
-        if not same or predictor.orbit is None or predictor.coupled:
+        if not segment or predictor.orbit is None or predictor.circuit is None:
             return None
-        state, read, ahead, share = predictor.orbit, dict(predictor.read), None, 1.0
+        known, share = self._volumes(member, predictor.circuit), 1.0
+        reconnected = any(self._circuit(member) is not one for one in self.circuits[member])
+        refusal = RECONNECTED if reconnected else BY_GASES if predictor.coupled else ""
+        state, read, ahead = predictor.orbit, dict(predictor.read), None
         length = timeline.ramp_end(segment) - time
         if 0.0 < length <= LONGEST_RAMP * predictor.settling_s:
             who = np.array([member])
-            _, known = self._rates(who, np.array([time + length]), self.states[:, who])
-            ahead = predictor.orbit if known[0] else None
+            there = self._rates(who, np.array([time + length]), self.states[:, who])[1]
+            ahead = self._volumes(member, self._circuit(member)) if there[0] else None
             share = min(1.0, predictor.settling_s / length)
-        return Event(state, read, ahead, share)
+        return Event(state, read, known, ahead, share, refusal)
+
+    def _volumes(self, member: int, circuit: Circuit) -> dict[str, float]:
+        """Volumes of a member's last beat, which was of that circuit, by compartment [mL]."""
+        volumes = self.predictors[member].known[assemble(circuit).layout.volumes.where]
+        return dict(zip((c.name for c in circuit.compartments), volumes.tolist(), strict=True))
 
     def _followed(self, member: int, event: Event) -> bool:
         """Follow a member beat by beat where steady beats would pass over too much; whether it goes on."""
-        predictor, settling = self.predictors[member], self.predictors[member].settling_s
-        where = assemble(self._circuit(member)).layout.volumes.where
-        shift = event.share * shift_ml(
-            where, event.state, predictor.known if event.ahead is None else event.ahead
-        )
+        settling = self.predictors[member].settling_s
+        now = self._volumes(member, self._circuit(member)) if event.ahead is None else event.ahead
+        shift = event.share * shift_ml(event.volumes, now)
         lag = lag_of(self.slopes[:, member], settling, self.laws)
         begin, timeline = float(self.time[member]), self.timelines[member]
         end = min(begin + LONGEST_SPAN_S, timeline.end - SHORTEST_S)
         if (shift <= SHIFTED_ML and lag <= LAG) or end - begin < settling:
             return True
+        reason = reason_of(shift, lag, self.slopes[:, member], settling, self.laws)
+        if event.refusal:
+            self.histories[member].passed_over.append(PassedOver(begin, reason, event.refusal))
+            return True
         self._note(np.array([member]))
         march = BeatMarch(timeline, self.policy, None)
         segment = int(self.segment[member])
         start = march.from_steady(begin, event.state, self.states[:, member], segment - 1, event.read)
-        reason = reason_of(shift, lag, self.slopes[:, member], settling, self.laws)
         span, at = follow_until_settled(
             march, start, lambda at: self._steady_at(member, at), settling, end, reason
         )

@@ -6,7 +6,7 @@ move for it, or how much slow states change meanwhile; where that is felt, the b
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -30,6 +30,9 @@ LONGEST_SPAN_S = 1800.0
 """Longest span that is followed beat by beat; behind it steady beats go on."""
 LONGEST_RAMP = 10.0
 """Settling times within which a ramp may be too fast."""
+RECONNECTED = "an event connects the circuit in another way"
+BY_GASES = "the patient's gases act back on the circulation"
+"""Why a patient is not followed beat by beat."""
 KEPT = 60
 """Beats of a span that are shown, about."""
 
@@ -52,14 +55,32 @@ class Event(NamedTuple):
     Attributes:
         state: of the steady beat before.
         read: of that beat, by name.
-        ahead: state of the steady beat at the end of a ramp; None without one.
+        volumes: of that beat, by compartment [mL].
+        ahead: likewise of the steady beat at the end of a ramp; None without one.
         share: of the ramp that is done while the circulation settles.
+        refusal: why this patient is not followed beat by beat, in words; empty where nothing is in the way.
     """
 
     state: np.ndarray
     read: dict[str, float]
-    ahead: np.ndarray | None
+    volumes: Mapping[str, float]
+    ahead: Mapping[str, float] | None
     share: float
+    refusal: str = ""
+
+
+class PassedOver(NamedTuple):
+    """What steady beats passed over, as no beat could be followed.
+
+    Attributes:
+        time: [s].
+        reason: what changed too fast, in words.
+        refusal: why it is not followed, in words.
+    """
+
+    time: float
+    reason: str
+    refusal: str
 
 
 @dataclass
@@ -90,9 +111,12 @@ def lag_of(rates: np.ndarray, settling_s: float, laws: Laws) -> float:
     return float((np.abs(rates) * settling_s / laws.scales).max(initial=0.0))
 
 
-def shift_ml(volumes: slice | np.ndarray, one: np.ndarray, other: np.ndarray) -> float:
-    """Blood that compartments gain, or lose if that is more, from one state to another [mL]."""
-    change = other[volumes] - one[volumes]
+def shift_ml(one: Mapping[str, float], other: Mapping[str, float]) -> float:
+    """Blood that compartments gain, or lose if that is more, on the way from some volumes to others [mL].
+
+    A compartment that only one of them has counts in neither.
+    """
+    change = np.array([other[name] - one[name] for name in one if name in other])
     return float(max(change.clip(min=0.0).sum(), -change.clip(max=0.0).sum()))
 
 
@@ -125,14 +149,14 @@ def follow_until_settled(
         reason: why these beats are followed.
     """
     shown, at, left = ShownBeats(None, KEPT), start, np.inf
-    where, until = march.assembly.layout.volumes.where, start.time + settling_s
+    until = start.time + settling_s
     while True:
         at = march.follow(at, min(until, end), shown)
         until = at.time + settling_s / 3.0
         if march.stopped or at.time >= end - settling_s / 3.0:
             break
         goal = steady(at)
-        now = np.inf if goal is None else shift_ml(where, at.state, goal.state)
+        now = np.inf if goal is None else shift_ml(march.volumes(at.state), march.volumes(goal.state))
         if goal is not None and goal.lag <= LAG and (now <= SETTLED_ML or now > STILL * left):
             break
         left = now if goal is not None and goal.lag <= LAG else np.inf
