@@ -1,13 +1,15 @@
 """Fits the effects of drugs to their fit studies, once: what `eclsim.drugs.published` holds.
 
-    python benchmarks/drug_fit.py [FOLDER]
+    python benchmarks/drug_fit.py [DRUG ...]
+    python benchmarks/drug_fit.py FOLDER
 
 With a folder, the figures of docs/drugs.md are written there and nothing is fitted.
 
-Each drug's five effects at the dose of its fit study are those of the smallest sum of squares of
+Each drug's five effects at the first dose of its fit studies are those of the smallest sum of squares of
 (computed - measured) / uncertainty over all quantities measured after the drug and of effect / expected size:
-what no measurement speaks for stays 0. Uncertainty is the standard error of the two means where it is known,
-at least 4 % of the value. Studies marked `test` in the table take no part.
+what no measurement speaks for stays 0. At other doses they are in proportion to the share in use. Uncertainty
+is the standard error of the two means where it is known, at least 4 % of the value. Studies marked `test` in
+the table take no part.
 """
 
 import sys
@@ -21,11 +23,15 @@ from eclsim.drugs.law import Effects
 from eclsim.drugs.published import PUBLISHED
 from eclsim.parameters.regulation import DRUG_DOSES, UNSTRESSED
 from eclsim.reporting.style import figure_style
-from eclsim.validation.drugs import arms, expected, measured, patient_of, uncertainty
+from eclsim.validation.drugs import RISES, arms, expected, measured, patient_of, uncertainty
 
 EXPECTED_SIZE = Effects(0.5, 0.5, 0.5, 0.2, 0.05)
 """Standard deviation of each effect before anything is measured: 50 % of most, 5 % of the blood volume."""
-NONE_KNOWN = {"milrinone": ("heart_rate",), "nitroprusside": ("contractility",)}
+NONE_KNOWN = {
+    "milrinone": ("heart_rate",),
+    "nitroprusside": ("contractility",),
+    "vasopressin": ("contractility", "heart_rate"),
+}
 """Effects that are left at 0: not measured in the fit study, or not there by the drug's mechanism."""
 
 
@@ -44,18 +50,21 @@ def at(patient, effects: np.ndarray, quantities) -> np.ndarray:
 
 def fit(drug: str):
     own = [arm for arm in arms() if arm.arm == drug and arm.rows[0]["use"] == "fit"]
-    none = ("pulmonary_resistance", *NONE_KNOWN.get(drug, ()))  # no fit study measured pulmonary pressure
+    fitted = {row["quantity"] for arm in own for row in arm.rows if row["use"] == "fit"}
+    none = (*NONE_KNOWN.get(drug, ()), *(["pulmonary_resistance"] if not fitted & {"MPAP", "PVR"} else []))
     free = np.array([name not in none for name in Effects._fields])
+    shares = [float(PUBLISHED[drug].share(dict(arm.doses)[drug])) for arm in own]
     size = np.array(EXPECTED_SIZE)[free]
 
     def misses(effects: np.ndarray, relative: bool = True) -> np.ndarray:
         """Of all quantities of all arms, a column for each row of effects."""
         found = []
-        for arm in own:
+        for arm, share in zip(own, shares, strict=True):
             patient = patient_of(arm)
             rows = [row for row in arm.rows if row["use"] == "fit"]
             names = [row["quantity"] for row in rows]
-            before, table = at(patient, np.zeros((1, 5)), names)[0], at(patient, effects, names)
+            before = at(patient, np.zeros((1, 5)), names)[0]
+            table = at(patient, effects * share / shares[0], names)
             wanted = [expected(row, b) for row, b in zip(rows, before, strict=True)]
             scale = [uncertainty(row, b) if relative else 1.0 for row, b in zip(rows, before, strict=True)]
             found.append((table - wanted) / scale)
@@ -75,10 +84,10 @@ def fit(drug: str):
         return np.vstack([(table[1:] - table[0]).T / step, np.eye(len(some))])
 
     found = least_squares(residuals, np.zeros(len(size)), jac=slopes)
-    doses = {dict(arm.doses)[drug] for arm in own}
-    share = float(PUBLISHED[drug].share(doses.pop()))
+    share = shares[0]
     spread = np.sqrt(np.diag(np.linalg.inv(found.jac.T @ found.jac))) * size
-    print(f"\n{drug}: {', '.join(arm.study for arm in own)}; share of effects in use {share:.3f}")
+    studies = ", ".join(f"{arm.study} {arm.label}" for arm in own)
+    print(f"\n{drug}: {studies}; share of effects in use {share:.3f}")
     print("  at the dose", dict(zip(Effects._fields, np.round(full(found.x)[0], 3).tolist(), strict=True)))
     print(
         "  +-         ",
@@ -86,7 +95,7 @@ def fit(drug: str):
     )
     at_most = np.round(full(found.x)[0] / share, 3)
     print("  at most     Effects(" + ", ".join(f"{e:g}" for e in at_most) + ")")
-    rows = [(arm.study, row) for arm in own for row in arm.rows if row["use"] == "fit"]
+    rows = [(f"{arm.study} {arm.label}", row) for arm in own for row in arm.rows if row["use"] == "fit"]
     for (study, row), weighed, plain in zip(
         rows, misses(full(found.x))[0], misses(full(found.x), False)[0], strict=True
     ):
@@ -98,21 +107,26 @@ def fit(drug: str):
 
 def curves(panels) -> None:
     """Factors against the dose."""
-    for panel, drug in zip(panels, PUBLISHED.values(), strict=True):
-        doses = np.linspace(0.0, DRUG_DOSES[drug.name][1], 201)
-        heart, systemic, _, rate, veins = (np.asarray(e) * np.ones_like(doses) for e in drug.effects(doses))
+    for panel, drug in zip(panels, PUBLISHED.values(), strict=False):
+        doses = np.linspace(0.0, DRUG_DOSES[drug.name].usual, 201)
+        heart, systemic, lung, rate, veins = (
+            np.asarray(e) * np.ones_like(doses) for e in drug.effects(doses)
+        )
         for name, values in (
             ("contractility", heart),
             ("systemic resistance", systemic),
+            ("pulmonary resistance", lung),
             ("heart rate", rate),
         ):
             panel.plot(doses, np.exp(values), label=name)
         panel.plot(doses, 1.0 + veins, "--", label="unstressed volume, 1 + share of blood")
         panel.set_title(drug.name)
-        panel.set_xlabel("dose [ug/kg/min]")
-        panel.set_ylim(0.3, 2.6)
-    panels[0].set_ylabel("factor")
-    panels[0].legend(fontsize=7)
+        panel.set_xlabel(f"dose [{DRUG_DOSES[drug.name].unit}]")
+        panel.set_ylim(0.3, 3.2)
+    for panel in panels[::4]:
+        panel.set_ylabel("factor")
+    panels[-1].axis("off")
+    panels[-1].legend(*panels[0].get_legend_handles_labels(), loc="center")
 
 
 def predicted(panels) -> None:
@@ -123,7 +137,7 @@ def predicted(panels) -> None:
     for panel, use in zip(panels, ("fit", "test"), strict=True):
         seen = set()
         for arm in (a for a in arms() if a.rows[0]["use"] == use):
-            rows = [row for row in arm.rows if row["after"]]
+            rows = [row for row in arm.rows if row["after"] not in ("", RISES)]
             names = [row["quantity"] for row in rows]
             found = measured(patient_of(arm), {k: [0.0, d] for k, d in arm.infusions.items()}, names)
             for row in rows:
@@ -136,7 +150,7 @@ def predicted(panels) -> None:
                     change, 100.0 * (after / before - 1.0), marker=marks[name], color=colour, label=label
                 )
                 seen.add(name)
-        panel.plot([-60, 90], [-60, 90], color="grey", linewidth=0.8)
+        panel.plot([-60, 130], [-60, 130], color="grey", linewidth=0.8)
         panel.axhline(0.0, color="grey", linewidth=0.4)
         panel.axvline(0.0, color="grey", linewidth=0.4)
         panel.set_title({"fit": "studies fitted", "test": "tests, never fitted"}[use])
@@ -151,21 +165,21 @@ def figures(folder: Path) -> None:
 
     folder.mkdir(parents=True, exist_ok=True)
     with figure_style():
-        figure, panels = pyplot.subplots(1, 4, figsize=(12.0, 3.2), sharey=True, constrained_layout=True)
-        curves(panels)
+        figure, panels = pyplot.subplots(2, 4, figsize=(12.0, 6.0), sharey=True, constrained_layout=True)
+        curves(panels.ravel())
         figure.savefig(folder / "drug-effects.png", dpi=110)
         figure, panels = pyplot.subplots(1, 2, figsize=(12.0, 5.4), sharey=True, constrained_layout=True)
         predicted(panels)
         for k, name in enumerate([*PUBLISHED, "both"]):
             panels[1].text(
-                0.98, 0.05 + 0.05 * k, name, color=f"C{k}", ha="right", transform=panels[1].transAxes
+                0.98, 0.02 + 0.04 * k, name, color=f"C{k}", ha="right", transform=panels[1].transAxes
             )
         figure.savefig(folder / "drug-studies.png", dpi=110)
 
 
 if __name__ == "__main__":
-    if len(sys.argv) > 1:
+    if len(sys.argv) > 1 and sys.argv[1] not in PUBLISHED:
         figures(Path(sys.argv[1]))
         sys.exit()
-    for name in PUBLISHED:
+    for name in sys.argv[1:] or PUBLISHED:
         fit(name)

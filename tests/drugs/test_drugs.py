@@ -110,7 +110,7 @@ def test_a_sensitive_patient_needs_less():
 def test_published_drugs_are_parameters_with_sources_and_sane_at_any_dose(drug):
     assert drug.name in DRUG_DOSES
     assert all((drug.source, drug.shape_source, drug.half_life_source))
-    largest, usual = DRUG_DOSES[drug.name]
+    largest, usual, _ = DRUG_DOSES[drug.name]
     assert 0.0 < usual <= largest
     assert float(drug.share(0.0)) == 0.0
     assert float(drug.share(drug.half_dose)) == pytest.approx(0.5)
@@ -128,6 +128,12 @@ def test_published_drugs_are_parameters_with_sources_and_sane_at_any_dose(drug):
         ({"dobutamine": -2}, "drugs.dobutamine = -2: outside the allowed range; allowed: 0 to 40 ug/kg/min"),
         ({"milrinone": 500.0}, "drugs.milrinone = 500: outside the allowed range; allowed: 0 to 2 "
          "ug/kg/min; did you mean 0.5: 500 ug/kg/min are 0.5 mg/kg/min?"),
+        ({"adrenaline": 50}, "drugs.adrenaline = 50: outside the allowed range; allowed: 0 to 2 "
+         "ug/kg/min; did you mean 0.05: 50 ug/kg/min are 0.05 mg/kg/min?"),
+        ({"vasopressin": 2.4}, "drugs.vasopressin = 2.4: outside the allowed range; allowed: 0 to 0.4 U/min; "
+         "did you mean 0.04: 2.4 U/h are 0.04 U/min?"),
+        ({"vasopressin": 40}, "drugs.vasopressin = 40: outside the allowed range; allowed: 0 to 0.4 U/min; "
+         "did you mean 0.04: 40 mU/min are 0.04 U/min?"),
         ({"milrinone_sensitivity": 0},
          "drugs.milrinone_sensitivity = 0: must be above 0; allowed: 0.02 to 50 "),
     ],
@@ -148,3 +154,5 @@ def test_an_unknown_drug_names_its_neighbour_and_a_large_dose_is_doubted():
     assert str(caught.value.mistakes[0]).endswith("did you mean drugs.milrinone?")
     (warning,) = read(drugs={"noradrenaline": 2.0}).warnings
     assert "extrapolated" in str(warning)
+    (warning,) = read(drugs={"vasopressin": 0.2}).warnings
+    assert "beyond the usual 0.1 U/min" in str(warning)

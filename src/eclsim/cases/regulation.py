@@ -118,41 +118,58 @@ class Regulation(_Settings):
                 remarks.warning(f"{key}.{own}", message, shown(values[own]))
 
 
+_MEANT = {
+    "ug/kg/min": ((1000.0, "{meant:g}: {given:g} ug/kg/min are {meant:g} mg/kg/min"),),
+    "U/min": (
+        (60.0, "{meant:g}: {given:g} U/h are {meant:g} U/min"),
+        (1000.0, "{meant:g}: {given:g} mU/min are {meant:g} U/min"),
+    ),
+}
+"""By how much a dose may be too large, and what was meant then."""
+
+
 def _read_dose(value: object, field: Field) -> float:
     try:
         return read_number(value, field)
     except RefusedValueError as error:
         why = error.mistake
         given = float(value) if isinstance(value, int | float) else 0.0
-        if field.maximum < given <= 1000.0 * field.typical:
-            meant = f"{given / 1000.0:g}: {given:g} {field.unit} are {given / 1000.0:g} mg/kg/min"
-            raise RefusedValueError(why.message, why.allowed, meant) from None
+        for factor, words in _MEANT[field.unit]:
+            if field.maximum < given <= factor * field.typical:
+                meant = words.format(given=given, meant=given / factor)
+                raise RefusedValueError(why.message, why.allowed, meant) from None
         raise
 
 
 def _dose(drug: str) -> Field:
     parameter, unit = PARAMETERS[regulation.dose(drug)], PARAMETERS[regulation.dose(drug)].unit
-    most, usual = DRUG_DOSES[drug]
+    most, usual, _ = DRUG_DOSES[drug]
     return Field(parameter.description, "number", unit, 0.0, most, usual, required=False, read=_read_dose)
 
 
 class Drugs(_Settings):
-    """Steady infusions in ug/kg/min, and the patient's sensitivity to each, which multiplies the dose."""
+    """Steady infusions (ug/kg/min; vasopressin U/min), each multiplied by the patient's sensitivity to it."""
 
     section = regulation.DRUGS
     noradrenaline: Annotated[float, _dose("noradrenaline")] = 0.0
+    adrenaline: Annotated[float, _dose("adrenaline")] = 0.0
+    vasopressin: Annotated[float, _dose("vasopressin")] = 0.0
     dobutamine: Annotated[float, _dose("dobutamine")] = 0.0
     milrinone: Annotated[float, _dose("milrinone")] = 0.0
+    levosimendan: Annotated[float, _dose("levosimendan")] = 0.0
     nitroprusside: Annotated[float, _dose("nitroprusside")] = 0.0
     noradrenaline_sensitivity: float = 1.0
+    adrenaline_sensitivity: float = 1.0
+    vasopressin_sensitivity: float = 1.0
     dobutamine_sensitivity: float = 1.0
     milrinone_sensitivity: float = 1.0
+    levosimendan_sensitivity: float = 1.0
     nitroprusside_sensitivity: float = 1.0
 
     @classmethod
     def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
         """Say where the effect of a dose is no longer that of a usual one."""
-        for drug, (_, usual) in DRUG_DOSES.items():
+        for drug, (_, usual, unit) in DRUG_DOSES.items():
             if values.get(drug, 0.0) > usual:
-                message = f"beyond the usual {usual:g} ug/kg/min: its effect is extrapolated"
+                message = f"beyond the usual {usual:g} {unit}: its effect is extrapolated"
                 remarks.warning(f"{key}.{drug}", message, shown(values[drug]))

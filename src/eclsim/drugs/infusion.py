@@ -9,13 +9,13 @@ import numpy as np
 
 from eclsim.drugs.law import Drug
 from eclsim.drugs.published import PUBLISHED
-from eclsim.parameters.regulation import dose
+from eclsim.parameters.regulation import DRUG_DOSES, dose
 from eclsim.slow.law import Named, SlowLaw, SlowState
 
 
 @dataclass(frozen=True)
 class InfusedDoses(SlowLaw):
-    """One state for each drug, its dose in effect [ug/kg/min]; d(dose)/dt = (pump - dose) ln 2 / half-life.
+    """One state for each drug, its dose in effect; d(dose)/dt = (pump - dose) ln 2 / half-life.
 
     The mean of a single compartment of distribution, effect and concentration in step: noradrenaline is
     in effect to 94 % after four half-lives, 12 min, milrinone after 10 h where no loading dose is given.
@@ -30,7 +30,8 @@ class InfusedDoses(SlowLaw):
     def states(self) -> tuple[SlowState, ...]:
         """Dose in effect of each drug."""
         return tuple(
-            SlowState(f"{dose(d.name)}_in_effect", "ug/kg/min", 0.1 * d.half_dose) for d in self.drugs
+            SlowState(f"{dose(d.name)}_in_effect", DRUG_DOSES[d.name].unit, 0.1 * d.half_dose)
+            for d in self.drugs
         )
 
     @property

@@ -20,6 +20,20 @@ _ALL = (
         half_life_source=f"volume 8.84 L, clearance 2 L/min, of {BELOEIL}",
     ),
     Drug(
+        "adrenaline", 0.085, 1.0, Effects(1.246, -0.474, 0.244, 0.366, 0.024), 3.0,
+        source="Thorac Cardiovasc Surg 27:378 (1979, 10.1055/s-0028-1096281), anaesthetised before coronary "
+        "surgery, n 8 and 8, 0.075 and 0.15 ug/kg/min",
+        shape_source="cardiac index +47 and +69 % at the two doses of the same study; its dP/dt gives 0.094",
+        half_life_source="steady within 10 to 15 min, half-life below 5: prescribing information",
+    ),
+    Drug(
+        "vasopressin", 0.012, 1.0, Effects(0.0, 0.875, 0.0, 0.0, -0.002), 10.0,
+        source="Landry 1997 (PMID 9054839), septic shock, n 10, 0.04 U/min",
+        shape_source="systolic pressure +32 mmHg at 0.01 and +54 mmHg at 0.04 U/min, in other patients "
+        "of the same study",
+        half_life_source="not verified: at most 10 min",
+    ),
+    Drug(
         "dobutamine", 10.0, 1.0, Effects(0.645, -1.093, 0.0, 0.124, 0.081), 2.5,
         source="heart failure: Grose 1986 (J Am Coll Cardiol 7:1107), n 11, dose taken as 10; Akhtar 1975 "
         "(10.1016/0002-9149(75)90526-3), n 15, 10 ug/kg/min",
@@ -32,6 +46,16 @@ _ALL = (
         shape_source="cardiac index +12 % and +37 % after 12.5 and 75 ug/kg at once (Fitzpatrick 1987, Am "
         "Heart J 114:97), 50 ug/kg at once taken as 0.5 ug/kg/min",
         half_life_source="2.5 h: table 23 of the ACCF/AHA guideline on heart failure; 1.7 h in Benotti 1985",
+    ),
+    Drug(
+        "levosimendan", 0.02, 1.0, Effects(0.092, -0.477, 0.0, 0.082, 0.03), 60.0,
+        source="heart failure: Slawsky 2000 (PMID 11056096), n 97, 0.4 ug/kg/min; Delle Karth 2003 "
+        "(10.1046/j.1399-6576.2003.00252.x), n 10, 0.1; Poelzl 2008 (10.1007/s00059-008-3051-2), n 18, "
+        "dose taken as 0.1",
+        shape_source="cardiac index +30 to +39 % between 0.05 and 0.2 ug/kg/min (review of Nieminen and "
+        "Sandell)",
+        half_life_source="steady within 4 h (PMID 15025738), taken for four half-lives; that of its active "
+        "metabolite, 81 h, is not followed",
     ),
     Drug(
         "nitroprusside", 1.5, 1.0, Effects(0.0, -0.958, 0.0, 0.079, 0.078), 2.0,

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from types import MappingProxyType
+from typing import NamedTuple
 
 from eclsim.parameters.parameter import Bounds, Parameter
 
@@ -30,13 +31,31 @@ EXTRA_VOLUME = f"{FLUID}.extra_volume_ml"
 MODELS = ("ursino1998", "heldt2004")
 """Published reflexes, by the name in a case file."""
 
+
+class DoseRange(NamedTuple):
+    """Doses of an infused drug.
+
+    Attributes:
+        most: the largest that a case may give.
+        usual: the largest usual one.
+        unit: of both.
+    """
+
+    most: float
+    usual: float
+    unit: str = "ug/kg/min"
+
+
 DRUG_DOSES = {
-    "noradrenaline": (3.0, 1.0),
-    "dobutamine": (40.0, 20.0),
-    "milrinone": (2.0, 0.75),
-    "nitroprusside": (10.0, 3.0),
+    "noradrenaline": DoseRange(3.0, 1.0),
+    "adrenaline": DoseRange(2.0, 0.5),
+    "vasopressin": DoseRange(0.4, 0.1, "U/min"),
+    "dobutamine": DoseRange(40.0, 20.0),
+    "milrinone": DoseRange(2.0, 0.75),
+    "levosimendan": DoseRange(0.6, 0.2),
+    "nitroprusside": DoseRange(10.0, 3.0),
 }
-"""Drugs that are infused: the largest dose that a case may give, and the largest usual one [ug/kg/min]."""
+"""Drugs that are infused, by name."""
 
 
 def of_bed(key: str, bed: str) -> str:
@@ -62,7 +81,7 @@ def local_resistance(bed: str) -> str:
 
 
 def dose(drug: str) -> str:
-    """Key of a drug's infusion rate [ug/kg/min]."""
+    """Key of a drug's infusion rate (`DRUG_DOSES` has its unit)."""
     return f"{DRUGS}.{drug}"
 
 
@@ -114,8 +133,8 @@ _TABLE = (
      "0: the published patient", -3000.0, 3000.0, REGULATION),
     (EXTRA_VOLUME, 0.0, "mL", "Blood given or, negative, lost before the steady beat",
      "0: the published patient", -3000.0, 5000.0, FLUID),
-    *((dose(name), 0.0, "ug/kg/min", f"Steady infusion of {name}", "0: not given", 0.0, most, DRUGS)
-      for name, (most, _) in DRUG_DOSES.items()),
+    *((dose(name), 0.0, doses.unit, f"Steady infusion of {name}", "0: not given", 0.0, doses.most, DRUGS)
+      for name, doses in DRUG_DOSES.items()),
     *((sensitivity(name), 1.0, "1", f"What the patient's dose of {name} is multiplied by",
        "1: the mean of the patients the drug was studied in", 0.02, 50.0, DRUGS) for name in DRUG_DOSES),
 )  # fmt: skip
