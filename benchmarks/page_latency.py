@@ -17,9 +17,11 @@ import subprocess
 import sys
 import time
 import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
-from playwright.sync_api import Browser, Page, Playwright, sync_playwright
+from playwright.sync_api import Browser, Page, sync_playwright
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 VIEWS = ("Monitor", "PV loops", "Outputs")
@@ -31,46 +33,54 @@ def main() -> None:
     parser.add_argument("--turns", type=int, default=60, help="turns of the knob in each view")
     parser.add_argument("--gas", action="store_true", help="switch blood gases on first")
     options = parser.parse_args()
-    port = free_port()
     started = time.perf_counter()
-    command = [sys.executable, "-m", "eclsim.cli", "app", "--port", str(port)]
-    server = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-    try:
-        with sync_playwright() as player:
-            browser = launched(player)
-            result = measure(browser, f"http://127.0.0.1:{port}/", started, options)
-            browser.close()
-    finally:
-        server.terminate()
-        server.wait(10)
+    command = ("-m", "eclsim.cli", "app", "--port")
+    with served(*command, stdout=subprocess.DEVNULL) as (url, _), launched() as browser:
+        result = measure(browser, url, started, options)
     print(json.dumps(result, indent=1))
 
 
-def free_port() -> int:
+@contextmanager
+def served(*command: str, **pipes: Any) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """A Python command that ends in a port, as a server: its address, once it answers, and its process."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
-        return free.getsockname()[1]
+        port = str(free.getsockname()[1])
+    server = subprocess.Popen([sys.executable, *command, port], text=True, **pipes)
+    try:
+        url = f"http://127.0.0.1:{port}/"
+        while not answers(url):
+            if server.poll() is not None:
+                sys.exit(f"the server ended with status {server.returncode}")
+            time.sleep(0.05)
+        yield url, server
+    finally:
+        server.terminate()
+        server.wait(20)
 
 
-def launched(player: Playwright) -> Browser:
+def answers(url: str) -> bool:
+    try:
+        urllib.request.urlopen(url + "favicon.ico", timeout=1).close()
+    except OSError:
+        return False
+    return True
+
+
+@contextmanager
+def launched() -> Iterator[Browser]:
     """The system's browser."""
-    path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    path = next((path for name in BROWSERS if (path := shutil.which(name))), None)
     if path is None:
         sys.exit(f"no browser: one of {', '.join(BROWSERS)} must be on the PATH")
-    return player.chromium.launch(executable_path=path, args=["--no-sandbox"] if os.geteuid() == 0 else [])
-
-
-def wait_for_answer(url: str) -> None:
-    while True:
-        try:
-            urllib.request.urlopen(url + "favicon.ico", timeout=1).close()
-            return
-        except OSError:
-            time.sleep(0.05)
+    with sync_playwright() as player:
+        arguments = ["--no-sandbox"] if os.geteuid() == 0 else []
+        browser = player.chromium.launch(executable_path=path, args=arguments)
+        yield browser
+        browser.close()
 
 
 def measure(browser: Browser, url: str, started: float, options: argparse.Namespace) -> dict[str, Any]:
-    wait_for_answer(url)
     result: dict[str, Any] = {
         "load": os.getloadavg()[0],
         "answers_after_s": round(time.perf_counter() - started, 2),

@@ -17,7 +17,6 @@ import os
 import signal
 import statistics
 import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -25,8 +24,8 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from page_latency import free_port, launched, wait_for_answer
-from playwright.sync_api import Browser, Page, sync_playwright
+from page_latency import launched, served
+from playwright.sync_api import Browser, Page
 
 LEFT_S = 45.0
 """A page that lost its browser is kept for half a minute."""
@@ -106,28 +105,19 @@ def main() -> None:
     if options.serve:
         serve(options.serve)
         return
-    port = free_port()
     with tempfile.TemporaryFile("w+") as log:
-        command = [sys.executable, __file__, "--serve", str(port)]
-        server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, text=True)
-        try:
-            with sync_playwright() as player:
-                browser = launched(player)
-                found = soak(browser, f"http://127.0.0.1:{port}/", options, server)
-                browser.close()
-        finally:
-            server.terminate()
-            server.wait(20)
+        pipes = {"stdout": subprocess.PIPE, "stderr": log}
+        with served(__file__, "--serve", **pipes) as (url, server), launched() as browser:
+            result = soak(browser, url, options, server)
         log.seek(0)
         lines = log.read().splitlines()
-    found["log"] = {"lines": len(lines), "tracebacks": sum(line.startswith("Traceback") for line in lines)}
-    print(json.dumps(found | {"log_end": lines[-5:]}, indent=1))
+    result["log"] = {"lines": len(lines), "tracebacks": sum(line.startswith("Traceback") for line in lines)}
+    print(json.dumps(result | {"log_end": lines[-5:]}, indent=1))
 
 
 def soak(
     browser: Browser, url: str, options: argparse.Namespace, server: subprocess.Popen[str]
 ) -> dict[str, Any]:
-    wait_for_answer(url)
     visits, memory = [Visit(browser, url, k) for k in range(options.sessions)], dict[int, float]()
     begun, rounds = time.monotonic(), 0
     while (passed := time.monotonic() - begun) < options.seconds:

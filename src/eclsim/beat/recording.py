@@ -14,6 +14,7 @@ from eclsim.circuit.assembly import Assembly, Constants, States
 from eclsim.circuit.network import Circuit, Statistic
 from eclsim.circuit.signals import Form, Kind, Signal
 from eclsim.components.base import Number
+from eclsim.units import ML_S_PER_L_MIN
 
 RATE, MEAN = Form.RATE.value, Form.MEAN.value
 """Suffixes of a signal's change per unit of phase, and of a flow's mean over the step that ends here."""
@@ -86,6 +87,25 @@ def known_signal(circuit: Circuit, name: str, allowed: tuple[str, ...]) -> Signa
     similar = difflib.get_close_matches(name, allowed, n=3)
     hint = f"; did you mean {', '.join(similar)}?" if similar else ""
     raise UnknownSignalError(f"'{name}' is no signal of this circuit; allowed: {', '.join(allowed)}{hint}")
+
+
+def step_weights(widths: np.ndarray, moved: Sequence[bool]) -> np.ndarray:
+    """Weight of each step in the mean of each signal over a beat, shape (steps, signals).
+
+    Args:
+        widths: of the steps, in phase.
+        moved: for each signal whether it is a flow's mean over the step, which counts for the step's width;
+            values at the ends of steps count by the trapezoidal rule.
+    """
+    trapezoid = 0.5 * (widths + np.roll(widths, -1))
+    return np.stack([widths if whole else trapezoid for whole in moved], axis=1)
+
+
+def one_way_mean(series: np.ndarray, weights: np.ndarray, sign: float) -> np.ndarray:
+    """Mean [L/min] of a flow [mL/s] where it has a sign, else 0; series (points[, patients])."""
+    if series.max() <= 0.0 if sign > 0.0 else series.min() >= 0.0:
+        return np.zeros(series.shape[1:])
+    return weights @ np.maximum(sign * series, 0.0) / ML_S_PER_L_MIN
 
 
 class Recorder:
@@ -161,10 +181,8 @@ class Readings:
         return [first[statistic] + zero for statistic in self.statistics]
 
     def weights(self, widths: np.ndarray) -> np.ndarray | None:
-        """Weight of each step in a mean, shape (steps, readings): its width, or by the trapezoidal rule."""
-        trapezoid = 0.5 * (widths + np.roll(widths, -1))
-        columns = [widths if moved else trapezoid for moved in self._moved]
-        return np.stack(columns, axis=1) if columns else None
+        """Weight of each step in a mean, shape (steps, readings); None where nothing is read."""
+        return step_weights(widths, self._moved) if self._moved else None
 
     def gathered(self, readings: list[Number], moment: Moment, weights: States | None) -> list[Number]:
         """The readings after one more step, with the weight of each reading in this step."""

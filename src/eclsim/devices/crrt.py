@@ -98,17 +98,19 @@ USUAL_FLUID = MappingProxyType(
 )  # fmt: skip
 """Values where dialysis is computed and these keys are left out."""
 _FILTER = "AN69 ST filter of 1.5 m2"
-_ESTIMATE = f"{_FILTER}, estimated from urea by size; at CRRT flows clearance hardly depends on it"
+_UNREAD = "no data sheet of the maker was read"
+_HARDLY = "at CRRT flows clearance hardly depends on it"
+_ESTIMATE = f"{_FILTER}; assumed: that of urea scaled by size of the molecule; {_HARDLY}"
 FILTER_PARAMETERS = tuple(
     Parameter(key, value, unit, words, source, low, high, GROUP)
     for key, value, unit, words, source, low, high in (
         (
             "Kufcrrtfil", 37.0, "mL/h/mmHg", "Ultrafiltration coefficient of dialyzer in blood",
-            f"{_FILTER}, of the size of high-flux membranes (20 to 40 a m2); not verified", 2.0, 300.0,
+            f"{_FILTER}; assumed: 25 a m2, as high-flux membranes have 20 to 40 a m2; {_UNREAD}", 2.0, 300.0,
         ),
         (
             "KoAurea", 300.0, "mL/min", "Mass transfer area product of dialyzer for urea",
-            f"{_FILTER}, 200 a m2; not verified; at CRRT flows clearance hardly depends on it", 5.0, 3000.0,
+            f"{_FILTER}; assumed: 200 a m2; {_UNREAD}; {_HARDLY}", 5.0, 3000.0,
         ),
         ("KoAcreatinine", 230.0, "mL/min", "The same for creatinine", _ESTIMATE, 5.0, 3000.0),
         ("KoApotassium", 300.0, "mL/min", "The same for potassium", _ESTIMATE, 5.0, 3000.0),

@@ -11,7 +11,7 @@ import jax
 import numpy as np
 
 from eclsim.beat.heartbeat import beat_program
-from eclsim.beat.recording import MEAN, has_mean
+from eclsim.beat.recording import MEAN, has_mean, one_way_mean, step_weights
 from eclsim.circuit.network import Circuit
 from eclsim.gas.network import Quantity, gas_of
 from eclsim.orbit.model import Model, model_of
@@ -21,7 +21,6 @@ from eclsim.parameters import regulation as keys
 from eclsim.parameters.regulation import SET_POINT, VENOUS_SET_POINT
 from eclsim.regulation.hypoxia import LUNG_SETTINGS, lung_resistance
 from eclsim.regulation.oxygen import venous_content
-from eclsim.units import ML_S_PER_L_MIN
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -76,18 +75,23 @@ def _gases(circuit: Circuit, values: tuple[tuple[str, float], ...], policy: str)
 
 
 def _flows(orbits: SolvedOrbits, connections: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Mean forward and backward flow of each connection [L/min], as the outputs of a beat have them."""
-    circuit = orbits.batch.circuit
-    program = beat_program(circuit, int(orbits.resolution[0]))
-    moved = [has_mean(circuit, "Q" + name) for name in connections]
-    signals = tuple("Q" + name + (MEAN if m else "") for name, m in zip(connections, moved, strict=True))
-    _, recorded = program.trace(signals)(orbits.states[:, 0], orbits.batch.packed(program)[:, 0])
-    widths, series = np.diff(program.grid.phases), np.asarray(recorded)
-    weights = np.where(np.array(moved)[None], widths[:, None], 0.5 * (widths + np.roll(widths, -1))[:, None])
+    """Mean forward and backward flow of each connection [L/min]."""
+    series, weights = _recorded(orbits, tuple("Q" + name for name in connections))
+    columns = range(len(connections))
     forward, backward = (
-        (weights * np.maximum(sign * series, 0.0)).sum(axis=0) / ML_S_PER_L_MIN for sign in (1.0, -1.0)
+        np.array([one_way_mean(series[:, k], weights[:, k], sign) for k in columns]) for sign in (1.0, -1.0)
     )
     return forward, backward
+
+
+def _recorded(orbits: SolvedOrbits, signals: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Signals of the only patient's steady beat, and their weights in a mean; both (steps, signals)."""
+    circuit = orbits.batch.circuit
+    program = beat_program(circuit, int(orbits.resolution[0]))
+    moved = [has_mean(circuit, name) for name in signals]
+    names = tuple(name + (MEAN if whole else "") for name, whole in zip(signals, moved, strict=True))
+    _, recorded = program.trace(names)(orbits.states[:, 0], orbits.batch.packed(program)[:, 0])
+    return np.asarray(recorded), step_weights(np.diff(program.grid.phases), moved)
 
 
 @lru_cache(maxsize=64)
@@ -95,8 +99,6 @@ def _means(circuit: Circuit, values: tuple[tuple[str, float], ...], policy: str)
     result = solve(Batch.of(Model(circuit, dict(values), policy=policy)))
     if result.status[0] != Status.CONVERGED:
         return MappingProxyType(dict.fromkeys(READ, float("nan")))
-    program = beat_program(circuit, int(result.resolution[0]))
-    _, recorded = program.trace(tuple(READ.values()))(result.states[:, 0], result.batch.packed(program)[:, 0])
-    widths = np.diff(program.grid.phases)
-    means = 0.5 * (widths + np.roll(widths, -1)) @ np.asarray(recorded)
+    series, weights = _recorded(result, tuple(READ.values()))
+    means = (weights * series).sum(axis=0)
     return MappingProxyType(dict(zip(READ, means.tolist(), strict=True)))

@@ -20,13 +20,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from eclsim.beat.recording import MEAN, RATE
+from eclsim.beat.recording import MEAN, RATE, one_way_mean
 from eclsim.circuit.network import Circuit
 from eclsim.devices.description import Law
 from eclsim.gas.network import GasFunction, Quantity, gas_of
 from eclsim.gas.origin import ARTERIES, OriginFunction, native_shares
 from eclsim.gas.solutes import SoluteFunction, effective_clearances
-from eclsim.units import ML_S_PER_L_MIN
 
 SIDE_BY_SIDE = 16
 """Members whose laws are computed together; more at once do not fit the processor's caches."""
@@ -104,11 +103,7 @@ class Measures:
         return self._positive(name, weights, sign)
 
     def _positive(self, name: str, weights: np.ndarray, sign: float) -> Any:
-        """Weighted sum [L/min] of a flow where it has a sign, else 0."""
-        series = self.waveforms[name]
-        if series.max() <= 0.0 if sign > 0.0 else series.min() >= 0.0:
-            return np.zeros(series.shape[1:])
-        return weights @ np.maximum(sign * series, 0.0) / ML_S_PER_L_MIN
+        return one_way_mean(self.waveforms[name], weights, sign)
 
     def parameter(self, name: str) -> Any:
         """A parameter."""
