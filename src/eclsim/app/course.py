@@ -16,7 +16,7 @@ from eclsim.cases.regulation import Drugs
 from eclsim.devices.description import CAUTION, Knob
 from eclsim.files import finite
 from eclsim.inputs.mistakes import CaseError, Mistake
-from eclsim.parameters.fluid import STARTS
+from eclsim.parameters.fluid import says_start
 from eclsim.parameters.regulation import DRUG_DOSES
 from eclsim.slow.law import INFLOWS
 
@@ -114,7 +114,7 @@ def possible_events(case: Case) -> list[dict[str, Any]]:
         {"key": kind, "give": True, "label": text(f"give_{kind}"), "unit": "mL", "value": 300.0}
         for kind in INFLOWS
     ]
-    knobs = [k for k in controls(case) if isinstance(k, Knob) and k.key not in (VOLUME, *STARTS)]
+    knobs = [k for k in controls(case) if isinstance(k, Knob) and k.key != VOLUME and not says_start(k.key)]
     known = {knob.key for knob in knobs}
     labels = {one.key: one.label for one in case.instances()}
     entries = [

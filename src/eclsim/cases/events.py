@@ -16,7 +16,7 @@ from eclsim.inputs.mistakes import Mistake, Remarks, shown
 from eclsim.inputs.numbers import RefusedValueError, read_number
 from eclsim.inputs.sections import Raw, short
 from eclsim.parameters import did_you_mean
-from eclsim.parameters.fluid import STARTS
+from eclsim.parameters.fluid import says_start
 from eclsim.slow.law import INFLOWS
 
 LONGEST_MIN = 31 * 1440.0
@@ -165,7 +165,7 @@ class _Checks:
                 self.remarks.error(key, mistake.message, shown(value), mistake.allowed, mistake.suggestion)
             elif path[0] == "measurements" or path == ("patient", "id"):
                 self.remarks.error(key, "changes nothing that a course reads", shown(value))
-            elif ".".join(path) in STARTS:
+            elif says_start(".".join(path)):
                 message = "says how the course starts; what becomes of it is followed"
                 self.remarks.error(key, message, shown(value), "give = { ... } changes blood and fluid")
             elif path[1] == "flow_l_min" and "speed_rpm" in in_place_of(*path):

@@ -57,12 +57,12 @@ class Measurements(Section):
     CO: Annotated[float | None, measured("Cardiac output: native, through the lungs", "L/min", 0, 20, 4)] = (
         None
     )
-    PF: Annotated[float | None, measured("ECMO pump flow", "L/min", 0, 10, 3)] = None
+    PF: Annotated[float | None, measured("Flow of the extracorporeal pump", "L/min", 0, 10, 3)] = None
     SaO2: Annotated[float | None, _saturation("of the right radial artery", 95)] = None
     PaO2: Annotated[float | None, measured("PO2 of the right radial artery", "mmHg", 15, 700, 90)] = None
     PaCO2: Annotated[float | None, measured("PCO2 of the right radial artery", "mmHg", 8, 200, 40)] = None
     SvO2: Annotated[float | None, _saturation("in the pulmonary artery", 70)] = None
-    SpreO2: Annotated[float | None, _saturation("of the blood drained by the ECMO", 70)] = None
+    SpreO2: Annotated[float | None, _saturation("before the oxygenator", 70)] = None
     SpostO2: Annotated[float | None, _saturation("behind the oxygenator", 100)] = None
     PpostO2: Annotated[float | None, measured("PO2 behind the oxygenator", "mmHg", 15, 760, 300)] = None
     PexhaustCO2: Annotated[

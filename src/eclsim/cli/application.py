@@ -29,9 +29,10 @@ from eclsim.cli.simulate import simulate
 from eclsim.cli.track import track
 from eclsim.cli.validate import benchmark, validate
 
-_HELP = """Simulate a patient's circulation on ECMO, CRRT and LVAD.
+_HELP = """Simulate a patient's circulation on extracorporeal life support.
 
-Give patients as case files (TOML). Pressures are in mmHg, flows in L/min or mL/s, volumes in mL.
+Give patients as case files (TOML); `eclsim devices` lists what can be connected. Pressures are in mmHg, flows
+in L/min or mL/s, volumes in mL.
 """
 _SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 _STOPPED_BY = {"SIGINT": "stopped by Ctrl-C", "SIGTERM": "stopped by SIGTERM"}

@@ -21,7 +21,7 @@ class ImportOptions(Force):
     out: str = option(..., "The cohort to write.", "--out", metavar="COHORT.csv")
     base: str | None = option(
         None,
-        "Gives the ECMO circuit, and sex, age, size and heart rate where the file has none.",
+        "Gives the devices, and sex, age, size and heart rate where the file has none.",
         metavar="CASE.toml",
     )
     within: float = option(

@@ -78,12 +78,14 @@ class Command(TyperCommand):
     """A command whose help gets its examples of keys from the registry of devices when it is shown."""
 
     def get_help(self, ctx: Context) -> str:
-        """The help, with a usual setting of a device for {setting}."""
-        from eclsim.devices.registry import usual_setting
+        """The help, with keys of devices for {setting}, {target} and {lines}."""
+        from eclsim.devices.registry import line_keys, usual_setting, usual_target
 
+        keys = {"{setting}": usual_setting(), "{target}": usual_target(), "{lines}": ", ".join(line_keys())}
         for shown in self.params:
             if isinstance(shown, TyperOption) and shown.help:
-                shown.help = shown.help.replace("{setting}", usual_setting())
+                for placeholder, key in keys.items():
+                    shown.help = shown.help.replace(placeholder, key)
         return super().get_help(ctx)
 
 

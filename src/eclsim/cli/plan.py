@@ -29,7 +29,7 @@ class PlanOptions(CaseChanges, Json):
         None, "Find the fastest net ultrafiltration that removes so much [mL].", "--remove-ml", minimum=1.0
     )
     wean: str | None = option(
-        None, "Turn the ECMO pump down: FIRST:LAST:STEP or a list of speeds [rpm].", metavar="SPEEDS"
+        None, "Wean from the pump, speed by speed: FIRST:LAST:STEP or a list [rpm].", metavar="SPEEDS"
     )
     keep: str | None = option(
         None, "Goals that hold all the time: 'MAP > 60, drainage_pressure > -80, DO2 > 400'.", metavar="GOALS"

@@ -38,9 +38,8 @@ class SensitivityOptions(CaseChanges, Distributed):
     )
     include: str | None = option(
         None,
-        "Further inputs: {setting}, ecmo.drainage_fr, ecmo.return_fr (the maker's sizes), "
-        "crrt.flow_ml_min, crrt.scheme (the nine schemes) or crrt.access_site and crrt.return_site, "
-        "heart_rate_bpm, any parameter.",
+        "Further inputs: {setting} and any number of a device (of cannulae the maker's sizes), "
+        "where lines are ({lines}), heart_rate_bpm, any parameter.",
         metavar="NAMES",
     )
     groups: str | None = option(

@@ -33,7 +33,7 @@ class SimulateOptions(CaseChanges, Json):
     sweep: list[str] = option(
         [],
         "Vary one key that --set takes, a steady beat for each value: {setting}=2000:4500:250 [rpm], "
-        "ecmo.flow_l_min=2:5:0.5 [L/min], or a list, Rmc=0.6,0.8,1.0; one case file.",
+        "{target}=2:5:0.5 [L/min], or a list, Rmc=0.6,0.8,1.0; one case file.",
         metavar="KEY=FIRST:LAST:STEP",
     )
     compare: bool = option(

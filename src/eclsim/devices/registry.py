@@ -51,6 +51,8 @@ RESERVED = (
     "format", "blood_volume_policy", "patient", "measurements", "physiology", "gas", "regulation", "drugs",
     "fluid", "solutes", "events", "parameters", "heart", "vessels",
 )  # fmt: skip
+SCHEME = "scheme"
+"""Behind the key of a device with usual ways of connecting its lines: which of them."""
 _KEY = re.compile(r"[a-z][a-z0-9_]*")
 
 
@@ -213,6 +215,20 @@ def parameter_of(name: str, connected: Collection[str] = ()) -> Parameter | None
 def usual_setting() -> str:
     """Key of the setting that is turned most often, such as the speed of a pump; for examples in messages."""
     return next(f"{key}.{device.adjusted[0]}" for key, device in devices().items() if device.adjusted)
+
+
+def usual_target() -> str:
+    """Key of a number that a setting may be solved for, such as the flow of a pump; for examples."""
+    return next(f"{key}.{device.target.key}" for key, device in devices().items() if device.target)
+
+
+def line_keys() -> list[str]:
+    """Keys that say where lines of devices are: `scheme` for all of one, where it has schemes, and each."""
+    return [
+        f"{key}.{name}"
+        for key, device in devices().items()
+        for name in (*((SCHEME,) if device.schemes else ()), *device.lines)
+    ]
 
 
 def products() -> dict[str, Product]:

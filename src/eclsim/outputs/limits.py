@@ -20,7 +20,8 @@ CLOSED_L_MIN = 0.02
 _SSC = "target in shock, Surviving Sepsis Campaign 2021"
 _WALSH = "Walsh et al. 2013: kidney and heart injury after minutes"
 _ESC = "ESC/ESH 2018"
-_ELSO_VV = "ELSO 2021, V-V ECMO in adults"
+_ELSO_CARDIAC = "ELSO 2021, adult cardiac patients"
+_ELSO = "ELSO 2021, adults with respiratory failure"
 _HYPOXIA = "organs get blood with too little oxygen"
 _FORRESTER = "Forrester et al. 1976"
 _OWN = "a convention of this project"
@@ -35,7 +36,7 @@ _PATIENT = (
     Limit("MAP", "alarm", "above", 133.0, "severe hypertension (180/110 mmHg)", _ESC),
     Limit(
         "pulse_pressure", "warning", "below", 10.0, "the left ventricle hardly ejects",
-        "usual minimum on V-A ECMO", unassisted=True,
+        "usual minimum on veno-arterial support", unassisted=True,
     ),
     Limit("right_atrial_pressure", "warning", "above", 12.0, _HIGH_VENOUS, "usual target 8 to 12 mmHg"),
     Limit("right_atrial_pressure", "alarm", "above", 20.0, _HIGH_VENOUS, _OWN),
@@ -65,11 +66,11 @@ _PATIENT = (
         limit
         for name in ("SaO2", "SaO2_lower")
         for limit in (
-            Limit(name, "warning", "below", 88.0, _HYPOXIA, _ELSO_VV),
-            Limit(name, "alarm", "below", 80.0, _HYPOXIA, _ELSO_VV),
+            Limit(name, "warning", "below", 88.0, _HYPOXIA, _ELSO),
+            Limit(name, "alarm", "below", 80.0, _HYPOXIA, _ELSO),
         )
     ),
-    Limit("PaO2", "warning", "above", 300.0, "hyperoxia: lower FdO2 or FiO2", "ELSO 2021, V-A ECMO"),
+    Limit("PaO2", "warning", "above", 300.0, "hyperoxia: lower FdO2 or FiO2", _ELSO_CARDIAC),
     Limit("PaCO2", "warning", "above", 60.0, "hypercapnia: raise sweep or ventilation", _OWN),
     Limit("PaCO2", "alarm", "above", 80.0, "severe hypercapnia: raise sweep or ventilation", _OWN),
     Limit("PaCO2", "warning", "below", 30.0, "the brain's vessels constrict: lower the sweep", _OWN),

@@ -97,5 +97,10 @@ STARTS = frozenset(
         "urea_mmol_l", "creatinine_umol_l", "potassium_mmol_l", "bicarbonate_mmol_l", "body_water_ml",
         "bicarbonate_space_ml",
     )
-) | {"gas.haemoglobin_g_dl", "crrt.haematocrit_in"}  # fmt: skip
-"""Keys of a case file that say how a course starts; what they become is followed."""
+) | {"gas.haemoglobin_g_dl"}  # fmt: skip
+"""Keys of a case file that say how a course starts, besides the haematocrit at a filter."""
+
+
+def says_start(key: str) -> bool:
+    """Whether a key of a case file says how a course starts; what it becomes is followed."""
+    return key in STARTS or key.endswith(".haematocrit_in")

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eclsim.circuit.network import Choice, Circuit
-from eclsim.devices.registry import devices, parameter_of, parameters
+from eclsim.devices.registry import SCHEME, devices, parameter_of, parameters
 from eclsim.outputs.registry import unavailable
 from eclsim.parameters import did_you_mean
 
@@ -34,9 +34,6 @@ GROUPS = {"R": "resistance", "C": "compliance", "L": "inertance", "E": "elastanc
 """What the unit of the parameters of a group measures."""
 MOST_LISTED = 60
 OUTPUTS = ("SP", "DP", "MAP", "MPAP", "PCWP", "CO", "PF")
-
-SCHEME = "scheme"
-"""Of a device with usual ways of connecting its lines: the input that chooses among them."""
 
 
 Description = dict[str, Any]

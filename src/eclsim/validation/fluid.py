@@ -13,6 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from eclsim.cases.reading import read_mapping
+from eclsim.devices.ecmo import ECMO
 from eclsim.fluid.law import PLASMA, RED_CELLS, fluid_law
 from eclsim.fluid.laws import slow_laws
 from eclsim.fluid.solutes import CarbonDioxideLaw
@@ -23,6 +24,7 @@ from eclsim.paper.comparison import YES_NO, Check, Explanation, Row, near
 from eclsim.parameters.fluid import STORES_HOLD
 from eclsim.parameters.regulation import EXTRA_VOLUME
 from eclsim.slow.law import INFLOWS
+from eclsim.validation.reference_cases import PROTOCOLS
 
 PIETRIBIASI = "Pietribiasi et al. 2016 (PMID 27483369), dialysis patients, abstract"
 KEANE = "Keane et al. 2018 (10.1097/MAT.0000000000000795), 47 dialysis patients, abstract"
@@ -252,21 +254,9 @@ def _after_sweep(rpm: float) -> np.ndarray:
 
 @lru_cache(maxsize=8)
 def _apnoeic(rpm: float, sweep: float) -> Model:
-    ecmo = {
-        "mode": "VV", "pump": "Rotaflow", "speed_rpm": rpm, "oxygenator": "Quadrox-i Adult",
-        "drainage_fr": 23, "return_fr": 19, "sweep_l_min": sweep, "drainage_mixing": 0.3,
-    }  # fmt: skip
-    person = {
-        "id": "P",
-        "sex": "male",
-        "age_years": 60,
-        "heart_rate_bpm": 90,
-        "height_cm": 170,
-        "weight_kg": 75,
-    }
-    gas = {"shunt_fraction": 1.0, "vo2_ml_min": 130.0}
-    raw = {"format": 1, "patient": person, "ecmo": ecmo, "gas": gas, "solutes": {}}
-    return model_of(read_mapping(raw).case)
+    pig = PROTOCOLS["apnoeic"]
+    circuit = pig[ECMO.key] | {"speed_rpm": rpm, "sweep_l_min": sweep}
+    return model_of(read_mapping(pig | {ECMO.key: circuit}).case)
 
 
 def _batch(model: Model, columns: Mapping[str, np.ndarray]) -> Batch:

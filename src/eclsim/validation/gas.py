@@ -18,13 +18,13 @@ from scipy.optimize import brentq, fsolve
 from eclsim.blood.gases import LAWS, gases, gases_with_contents, gases_with_saturation
 from eclsim.cases.reading import read_mapping
 from eclsim.components.exchangers import BTPS_TO_STPD, DRY_MMHG, FLOWMETER_TO_STPD
-from eclsim.devices.ecmo import OXYGENATORS
+from eclsim.devices.ecmo import ECMO, OXYGENATORS
 from eclsim.orbit.model import Model, model_of
 from eclsim.outputs.results import simulate_many
 from eclsim.paper.comparison import Check, Explanation, Row, at_least, near
 from eclsim.validation.dialysis import respiratory_dialysis
 from eclsim.validation.gas_bench import ADULT, single_pass, veno_venous
-from eclsim.validation.reference_cases import DATA
+from eclsim.validation.reference_cases import DATA, PROTOCOLS
 
 BENCH_INLET = 0.60
 """Saturation of the inlet at which both the PO2 and the transfer of Khadka's abstract come out."""
@@ -175,18 +175,8 @@ def _joyce() -> dict[str, float]:
 
 # --- regions: drainage, watershed, native output --------------------------------------------------
 
-_CASE = {
-    "format": 1, "blood_volume_policy": "patient_held",
-    "patient": {"id": "femoral V-A", "sex": "male", "age_years": 50, "height_cm": 175, "weight_kg": 70,
-                "heart_rate_bpm": 90},
-    "physiology": {"regional": True},
-    "gas": {"haemoglobin_g_dl": 9.0, "vo2_ml_min": 220.0, "fio2": 0.6, "alveolar_ventilation_l_min": 3.0,
-            "shunt_fraction": 0.7},
-    "ecmo": {"pump": "Rotaflow", "speed_rpm": 3300, "oxygenator": ADULT, "drainage_cannula": "venous",
-             "drainage_fr": 25, "return_site": "lower", "return_cannula": "arterial", "return_fr": 17,
-             "sweep_l_min": 3.0, "fdo2": 1.0},
-    "parameters": {"Emaxlv": 0.9, "Emaxrv": 0.3, "Rmc": 0.8, "P0svn": 10.0},
-}  # fmt: skip
+_CASE = PROTOCOLS["femoral"]
+SPEED, SWEEP = f"{ECMO.key}.speed_rpm", f"{ECMO.key}.sweep_l_min"
 _NAMES = (
     "SaO2", "PaO2", "PaCO2", "SpreO2", "SvO2", "PF", "CO", "upper_body_flow", "native_share_arch",
     "VCO2_lung", "VCO2_oxygenator", "VO2",
@@ -196,7 +186,7 @@ _CONSUMED, _SHUNTS = np.linspace(60.0, 220.0, 6), np.linspace(0.7, 0.95, 6)
 
 @cache
 def _femoral(site: str) -> Model:
-    return model_of(read_mapping(_CASE | {"ecmo": _CASE["ecmo"] | {"drainage_site": site}}).case)  # type: ignore[operator]
+    return model_of(read_mapping(_CASE | {ECMO.key: _CASE[ECMO.key] | {"drainage_site": site}}).case)
 
 
 def _lanes(site: str, *lanes: Mapping[str, float]) -> dict[str, np.ndarray]:
@@ -227,13 +217,13 @@ def _regions() -> dict[str, float]:
     shunt = float(np.interp(-54.0, -arterial, _SHUNTS))
     sheep = {"gas.vo2_ml_min": consumed, "gas.shunt_fraction": 1.0}
     ivc = _lanes(
-        "ivc", sheep, {"gas.shunt_fraction": shunt}, {"Emaxlv": 0.55, "ecmo.speed_rpm": 4500.0},
-        {"Emaxlv": 0.7, "ecmo.speed_rpm": 4000.0}, {"ecmo.speed_rpm": 3300.0},
-        {"Emaxlv": 0.7, "ecmo.speed_rpm": 4000.0, "physiology.upper_share": 0.2},
+        "ivc", sheep, {"gas.shunt_fraction": shunt}, {"Emaxlv": 0.55, SPEED: 4500.0},
+        {"Emaxlv": 0.7, SPEED: 4000.0}, {SPEED: 3300.0},
+        {"Emaxlv": 0.7, SPEED: 4000.0, "physiology.upper_share": 0.2},
     )  # fmt: skip
     svc = _lanes(
         "svc", sheep, {"gas.shunt_fraction": shunt},
-        {"gas.shunt_fraction": shunt, "ecmo.speed_rpm": 4600.0},
+        {"gas.shunt_fraction": shunt, SPEED: 4600.0},
     )  # fmt: skip
     found = {
         "hou ivc": float(ivc["SpreO2"][0]), "hou svc": _superior_cava(ivc, 0),
@@ -246,11 +236,10 @@ def _regions() -> dict[str, float]:
     for place in ("artery", "drained"):
         found[f"falk sign {place}"] = float(found[f"falk {place} svc"] > found[f"falk {place} ivc"])
     # Oxygen that blood of 74 for 62 % before the oxygenator takes from it, at the flow of before.
-    capacity = 10.0 * 1.34 * _CASE["gas"]["haemoglobin_g_dl"]  # type: ignore[index]
+    capacity = 10.0 * 1.34 * _CASE["gas"]["haemoglobin_g_dl"]
     found["falk lost"] = 100.0 * float(capacity * ivc["PF"][1] * 0.12 / ivc["VO2"][1])
     for lane, share in ((2, "90"), (3, "75"), (4, "50"), (5, "75 small")):
         found[f"watershed {share}"] = float(ivc["native_share_arch"][lane])
-        found[f"ecmo {share}"] = 100.0 * float(ivc["PF"][lane] / (ivc["PF"] + ivc["CO"])[lane])
     found |= _by_carbon_dioxide()
     return found
 
@@ -261,11 +250,11 @@ def _by_carbon_dioxide() -> dict[str, float]:
     Removal is brought to a ratio of gas to blood of 1 by f = Q (V/Q + c) / (V (1 + c)); the lungs are
     ventilated at that ratio, the oxygenator at 1.5.
     """
-    hearts = [{"Emaxlv": 0.4, "ecmo.speed_rpm": 3600.0}, {"Emaxlv": 1.5, "ecmo.speed_rpm": 3000.0}]
+    hearts = [{"Emaxlv": 0.4, SPEED: 3600.0}, {"Emaxlv": 1.5, SPEED: 3000.0}]
     flows = _lanes("ivc", *hearts)
     ventilated = [
         heart | {"gas.shunt_fraction": 0.05, "gas.alveolar_ventilation_l_min": output,
-                 "ecmo.sweep_l_min": 1.5 * flow * BTPS_TO_STPD / FLOWMETER_TO_STPD}
+                 SWEEP: 1.5 * flow * BTPS_TO_STPD / FLOWMETER_TO_STPD}
         for heart, output, flow in zip(hearts, flows["CO"], flows["PF"], strict=True)
     ]  # fmt: skip
     beats, c = _lanes("ivc", *ventilated), 1.157
@@ -320,7 +309,7 @@ def _reasons(found: Mapping[str, float]) -> dict[str, Explanation]:
         "0.8 and 1.35 m2 removed the same, so no constant by area alone gives both: fibres differ",
         (Row("constant that 1.35 m2 needs over that of 0.8 m2", needed[1] / needed[0], 0.0, 1.0),),
     )
-    sheep = Explanation("flow of ECMO, consumption of either half and weight are not in the abstract")
+    sheep = Explanation("flow, consumption of either half and weight are not in the abstract")
     why = {
         "carbon dioxide 1": Explanation(
             f"gas that leaves 1:1 at the PCO2 of the inlet carries {ceiling:.0f} mL/min at 45 mmHg, less "
@@ -408,7 +397,7 @@ def _outputs(found: Mapping[str, float]) -> dict[str, Explanation]:
     more = (3.6 - found["park pco2 output"]) / by_consumption
     return {
         "park po2 output": Explanation(
-            "the slope is steep where the output is near the ECMO flow and nil far above: -12 at "
+            "the slope is steep where the output is near the flow of the pump and nil far above: -12 at "
             f"{there:.1f} L/min; theirs is over several flows",
             (Row(f"at an output of {there:.1f} L/min", slope(there), -24.0, -6.0, "mmHg per L/min"),),
             undecided=True,

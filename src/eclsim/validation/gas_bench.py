@@ -15,7 +15,7 @@ from jax import Array
 from eclsim.blood.gases import gases_with_contents, gases_with_saturation
 from eclsim.components.base import Values
 from eclsim.components.exchangers import GasExchanger, MembraneLung, NativeLung, Points, Tissue
-from eclsim.devices.ecmo import MEMBRANE, OXYGENATORS
+from eclsim.devices.ecmo import ECMO, MEMBRANE, OXYGENATORS
 from eclsim.devices.registry import parameters
 from eclsim.gas.steady import GasState, solve
 from eclsim.gas.transport import Drainage, Flows, balanced, mixtures
@@ -25,9 +25,8 @@ _VENO_VENOUS = (
     ("lung", "ra", "art"), ("tissue", "art", "sv"), ("svn", "sv", "ra"), ("drain", "ra", "pre"),
     ("oxy", "pre", "post"), ("return", "post", "ra"),
 )  # fmt: skip
-_SECTIONS = {
-    "sweep_l_min": "ecmo.", "fdo2": "ecmo.", "carbon_dioxide_transfer": "ecmo.oxygenator.",
-}  # fmt: skip
+_CIRCUIT, _MEMBRANE = f"{ECMO.key}.", f"{ECMO.key}.oxygenator."
+_SECTIONS = {"sweep_l_min": _CIRCUIT, "fdo2": _CIRCUIT, "carbon_dioxide_transfer": _MEMBRANE}
 
 
 @dataclass(frozen=True)
@@ -95,8 +94,12 @@ def single_pass(
     """
     inlet = gases_with_saturation(saturation=saturation, pco2=pco2, haemoglobin=hb)
     values = values_with(
-        {"gas.haemoglobin_g_dl": hb, "ecmo.sweep_l_min": sweep, "ecmo.fdo2": given.pop("fdo2", 1.0)}
-        | {f"ecmo.oxygenator.{name}": value for name, value in given.items()}
+        {
+            "gas.haemoglobin_g_dl": hb,
+            f"{_CIRCUIT}sweep_l_min": sweep,
+            f"{_CIRCUIT}fdo2": given.pop("fdo2", 1.0),
+        }
+        | {_MEMBRANE + name: value for name, value in given.items()}
     ) | {"bench.po2": float(inlet.po2), "bench.pco2": pco2}
     state = _bench()(jnp.asarray(flow), values)
     oxygen, carbon_dioxide = map(float, state.gained[:, 1])

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import xarray as xr
 
 from eclsim.devices import lvad
-from eclsim.devices.ecmo import CANNULAE, PUMPS, RollerPump
+from eclsim.devices.ecmo import CANNULAE, ECMO, PUMPS, RollerPump
 from eclsim.orbit.model import AS_PUBLISHED, model_of
 from eclsim.outputs.registry import output
 from eclsim.outputs.results import simulate
@@ -29,7 +30,14 @@ from eclsim.paper.printed import (
     OverSchemes,
     Printed,
 )
-from eclsim.validation.reference_cases import read_table, reference_case, reference_result
+from eclsim.validation.reference_cases import (
+    PROTOCOLS,
+    compared,
+    read_table,
+    reference_case,
+    reference_result,
+    with_devices_of,
+)
 
 if TYPE_CHECKING:
     from eclsim.crrt_study.study import CrrtStudy
@@ -53,8 +61,7 @@ def paper_check() -> Check:
         if isinstance(printed.what, OverSchemes | OfScheme)
         and not (printed.other_data or printed.unit == "%")
     )
-    title = "Numbers in the text of the paper: nine CRRT schemes, patient of Table S-4"
-    return Check("paper", title, "last printed digit, or 2 %; compared, not required", rows, required=False)
+    return compared("paper", rows)
 
 
 @lru_cache(maxsize=2)
@@ -88,14 +95,6 @@ BENCH_RELATIVE, BENCH_MMHG = 0.1, 10.0
 OTHER_MAKER = 0.3
 """A point passes within twice its own spread, or within 10 % or 10 mmHg where none is given; the flow of a
 cannula of another maker within 30 %, which is how far makers differ at one size."""
-NOTHING_FOUND = (
-    "nothing independent was found for the HLS cannulae, the pressure drops of Quadrox-i and Nautilus, and "
-    "the pumps DP3, HVAD and Incor: they are as good as the published constants"
-)
-WATER = (
-    "cannula charts of makers are mostly measured in water; in blood the flow at one pressure is 3 to 21 % "
-    "lower, 5 to 40 % for 15 and 17 Fr (Broman et al., ECMO cannulae I)"
-)
 
 
 def devices_check() -> Check:
@@ -104,9 +103,8 @@ def devices_check() -> Check:
     heads = [row for row in rows if row.name.startswith("HM3")]
     error = math.sqrt(sum(row.difference**2 for row in heads) / len(heads))
     spread = f"HeartMate 3: root mean square difference over {len(heads)} points {error:.1f} mmHg"
-    bar = "2 spreads, or 10 % or 10 mmHg; cannulae of other makers 30 %; compared, not required"
-    remarks = (spread, NOTHING_FOUND, WATER)
-    return Check("devices", "Devices against bench data", bar, rows, required=False, remarks=remarks)
+    check = compared("devices", rows)
+    return replace(check, remarks=(spread, *check.remarks))
 
 
 def _bench_row(row: dict[str, str]) -> Row:
@@ -169,32 +167,18 @@ FAILING = "cvs_failure_90bpm"
 """A failing heart of the reference cases stands in for the animals and patients."""
 FLOWS_L_MIN = (1.0, 5.0)
 CANNULAE_FR = (25.0, 21.0)
-NO_REFLEX = (
-    "the model's heart and vessels do not react (no reflexes, no better contraction with perfusion) and its "
-    "blood volume is fixed, so blood that ECMO holds in the arteries is missing from the lungs; which of "
-    "these makes a row miss has not been shown"
-)
-WU_SOURCE = "Wu et al., as cited by Thiel et al., section 4; ECMO flows 3.1 and 4.4 L/min"
+EFFECTS = PROTOCOLS["effects"]
 WU_SPREAD_MMHG = {
     ("Pcrrttuin", "g"): 23.0, ("Pcrrttuout", "g"): 8.0, ("Pcrrttuin", "c"): 22.0, ("Pcrrttuout", "c"): 13.0,
 }  # fmt: skip
-RISING_SOURCE = "Sansom et al. 2023 and Xu et al.: pressures rise with the ECMO flow"
-RAMPS = {"HMII": (8000.0, 12000.0, 400.0), "HVAD": (2300.0, 3200.0, 100.0)}
-"""LVAD: first speed, last speed and step [rpm]."""
-RAMP_SOURCE = "ramp tests in 35 patients, doi:10.1016/j.jchf.2015.10.001"
 RAMP_EFFECTS = (("CO", 0.16, 0.19), ("PCWP", -1.23, 0.85))
 """Output, measured change per step and its standard deviation [L/min, mmHg]."""
 
 
 def effects_checks() -> list[Check]:
     """V-A ECMO on the failing heart, CRRT pressures, LVAD ramps; signs and sizes are two rows each."""
-    bar = "sign, and size within 1 standard deviation; compared, not required"
-    pigs = "V-A ECMO, 1 to 5 L/min, on a failing heart, against pigs"
-    return [
-        Check("ecmo-effects", pigs, bar, tuple(ecmo_rows()), required=False, remarks=(NO_REFLEX,)),
-        Check("crrt-effects", "CRRT pressures against patients", bar, tuple(crrt_rows()), required=False),
-        Check("lvad-effects", "LVAD ramps against patients", bar, tuple(lvad_rows()), required=False),
-    ]
+    parts = {"circuit-effects": ecmo_rows, "line-effects": crrt_rows, "assist-effects": lvad_rows}
+    return [compared(name, rows()) for name, rows in parts.items()]
 
 
 def _sign(name: str, expected: float, got: float, source: str) -> Row:
@@ -204,13 +188,11 @@ def _sign(name: str, expected: float, got: float, source: str) -> Row:
 
 @lru_cache(maxsize=4)
 def _on_ecmo(flow_l_min: float) -> xr.Dataset:
-    ecmo = reference_case("va_ecmo_default").ecmo
-    assert ecmo is not None
     drainage_fr, return_fr = CANNULAE_FR
     roller = RollerPump(roller_l_min=flow_l_min)
     pumped = {"pump": roller, "speed_rpm": None, "drainage_fr": drainage_fr, "return_fr": return_fr}
-    case = reference_case(FAILING).model_copy(update={"ecmo": ecmo.model_copy(update=pumped)})
-    return simulate(model_of(case))
+    case = reference_case(PROTOCOLS["reference"]["circuit"]).with_section(ECMO.key, **pumped)
+    return simulate(model_of(with_devices_of(reference_case(FAILING), case)))
 
 
 def ecmo_rows() -> list[Row]:
@@ -242,34 +224,33 @@ def crrt_rows() -> list[Row]:
             measured[quantity, scheme] = printed.value
             label, spread = f"scheme {scheme}: {QUANTITIES[quantity]}", WU_SPREAD_MMHG[quantity, scheme]
             got = pressure(quantity, scheme)
-            rows.append(near(label, printed.value, got, spread, "mmHg", source=WU_SOURCE))
+            rows.append(near(label, printed.value, got, spread, "mmHg", source=EFFECTS["lines"]))
     label = "return line moved from pre oxygenator to pre pump: return pressure"
     expected = measured["Pcrrttuout", "c"] - measured["Pcrrttuout", "g"]
     change = pressure("Pcrrttuout", "c") - pressure("Pcrrttuout", "g")
     spread = math.hypot(WU_SPREAD_MMHG["Pcrrttuout", "c"], WU_SPREAD_MMHG["Pcrrttuout", "g"])
-    rows.append(_sign(label, expected, change, source=WU_SOURCE))
-    rows.append(near(f"{label}, change", expected, change, spread, "mmHg", source=WU_SOURCE))
+    rows.append(_sign(label, expected, change, source=EFFECTS["lines"]))
+    rows.append(near(f"{label}, change", expected, change, spread, "mmHg", source=EFFECTS["lines"]))
     for quantity in ("Pcrrttuin", "Pcrrttuout"):
         rise = pressure(quantity, "g", HIGH) - pressure(quantity, "g", LOW)
-        rows.append(_sign(f"more ECMO flow: {QUANTITIES[quantity]}", 1.0, rise, source=RISING_SOURCE))
+        label = f"{EFFECTS['rising_label']}: {QUANTITIES[quantity]}"
+        rows.append(_sign(label, 1.0, rise, source=EFFECTS["rising"]))
     return rows
 
 
 def lvad_rows() -> list[Row]:
     """Mean change of a step over the whole ramp."""
     rows = []
-    for pump, (first, last, step) in RAMPS.items():
+    for pump, (first, last, step) in EFFECTS["ramps"].items():
         low, high = (_on_lvad(pump, speed) for speed in (first, last))
         for name, expected, spread in RAMP_EFFECTS:
             got = float(high[name] - low[name]) * step / (last - first)
             label, unit = f"{pump} +{step:g} rpm: {output(name).long_name}", output(name).unit
-            rows.append(_sign(label, expected, got, source=RAMP_SOURCE))
-            rows.append(near(f"{label}, change", expected, got, spread, unit, source=RAMP_SOURCE))
+            rows.append(_sign(label, expected, got, source=EFFECTS["ramp"]))
+            rows.append(near(f"{label}, change", expected, got, spread, unit, source=EFFECTS["ramp"]))
     return rows
 
 
 def _on_lvad(pump: str, speed_rpm: float) -> xr.Dataset:
-    case = reference_case("lvad_hvad_2600")
-    assert case.lvad is not None
-    assisted = case.lvad.model_copy(update={"pump": pump, "speed_rpm": speed_rpm})
-    return simulate(model_of(case.model_copy(update={"lvad": assisted})))
+    case = reference_case(PROTOCOLS["reference"]["assist"])
+    return simulate(model_of(case.with_section(lvad.LVAD.key, pump=pump, speed_rpm=speed_rpm)))

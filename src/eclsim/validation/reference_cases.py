@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import tomllib
+from collections.abc import Iterable
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
@@ -21,12 +23,11 @@ if TYPE_CHECKING:
 
 DATA = Path(str(files("eclsim.validation") / "data"))
 """Folder of the embedded data."""
-PAPER_PATIENT = "s4_crrt_g_3425"
+PROTOCOLS: dict[str, Any] = tomllib.loads((DATA / "protocols.toml").read_text(encoding="utf-8"))
+"""On which cases the parts of `eclsim validate` compute, and what their comparisons are called."""
+PAPER_PATIENT: str = PROTOCOLS["reference"]["paper_patient"]
 """The patient of Table S-4 at 3425 rpm, CRRT connected as in scheme g."""
-QUICK = (
-    "cvs_healthy_75bpm", "cvs_default_120bpm", "va_ecmo_default", "vv_ecmo_3000",
-    "s4_no_crrt_3425", "s4_crrt_g_3425", "lvad_hvad_2600",
-)  # fmt: skip
+QUICK = tuple(PROTOCOLS["reference"]["quick"])
 """Cases of `validate --quick`: one of each kind of circuit."""
 
 RELATIVE = 0.005
@@ -57,6 +58,11 @@ def reference_case(name: str) -> Case:
     return read_case(DATA / "cases" / f"{name}.toml").case
 
 
+def with_devices_of(patient: Case, other: Case) -> Case:
+    """The patient with the devices of another case besides."""
+    return patient.model_copy(update={one.key: one.section for one in other.instances()})
+
+
 def reference_model(name: str) -> Model:
     """Circuit and values of a reference case."""
     from eclsim.orbit.model import model_of
@@ -82,6 +88,14 @@ def read_table(name: str) -> list[dict[str, str]]:
     """Rows of an embedded table."""
     with (DATA / name).open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
+
+
+def compared(name: str, rows: Iterable[Row]) -> Check:
+    """A comparison that fails nothing, with the title, bar and remarks of its table in `PROTOCOLS`."""
+    about = PROTOCOLS["checks"][name]
+    remarks = tuple(about.get("remarks", ()))
+    key, title, bar = about.get("key", name), about["title"], about["bar"]
+    return Check(key, title, bar, tuple(rows), required=False, remarks=remarks)
 
 
 def checks(quick: bool = False) -> list[Check]:

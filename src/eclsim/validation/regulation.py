@@ -7,12 +7,14 @@ turned up, with what was held, or is thought to have been, held.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 import xarray as xr
 
 from eclsim.cases.reading import read_mapping
+from eclsim.devices.ecmo import ECMO
+from eclsim.devices.lvad import LVAD
 from eclsim.orbit.model import PATIENT_HELD, Model, model_of
 from eclsim.outputs.registry import output
 from eclsim.outputs.results import simulate
@@ -21,7 +23,7 @@ from eclsim.parameters.regulation import EXTRA_VOLUME
 from eclsim.regulation import ursino1998
 from eclsim.regulation.attach import REFLEXES
 from eclsim.validation.matching import with_outputs
-from eclsim.validation.reference_cases import read_table
+from eclsim.validation.reference_cases import PROTOCOLS, compared, read_table
 
 RIGHT_ATRIUM = "right_atrial_pressure"
 RR_GAIN, RR_GAIN_SD = 22.7, 9.5
@@ -30,19 +32,12 @@ RR_GAIN, RR_GAIN_SD = 22.7, 9.5
 
 def regulation_checks() -> list[Check]:
     """Curves of the reflexes, loss of blood, and devices turned up by protocol."""
-    bar = "sign, and size within 1 standard deviation; compared, not required"
-
-    def compared(key: str, title: str, rows: Sequence[Row], bar: str = bar) -> Check:
-        return Check(key, title, bar, tuple(rows), required=False)
-
-    other = "sign, and size within half of the change; compared, not required"
-    printed = "one unit of the last digit printed; compared, not required"
     return [
-        compared("reflex-curves", "Curves of the reflexes", curve_rows(), printed),
-        compared("haemorrhage", "Loss of blood with reflexes", haemorrhage_rows()),
-        compared("ecmo-protocol", "V-A ECMO, animals matched at low flow, by protocol", list(ecmo_rows())),
-        compared("lvad-protocol", "LVAD ramps, patient matched at low speed", list(lvad_rows())),
-        compared("donker", "V-A ECMO against another model with reflexes", donker_rows(), other),
+        compared("reflex-curves", curve_rows()),
+        compared("haemorrhage", haemorrhage_rows()),
+        compared("circuit-protocol", ecmo_rows()),
+        compared("assist-protocol", lvad_rows()),
+        compared("donker", donker_rows()),
     ]
 
 
@@ -92,11 +87,11 @@ def curve_rows() -> list[Row]:
              source=URSINO),
         near("60 mmHg: blood from the veins", 487.0, -low["unstressed_volume_ml"], 5.0, "mL", source=URSINO),
     ]  # fmt: skip
-    for name, one in REFLEXES.items():
-        rest = [0.0] * (len(one.reads) - 1)
-        place = one.acts_on.index("heart_rate_bpm")
-        above, below = (float(one.steady_effects([d, *rest], 1.0, 5000.0)[place]) for d in (0.5, -0.5))
-        period = next(e.reference[0] for e in one.effectors if e.parameter == "heart_rate_bpm")
+    for name, reflex in REFLEXES.items():
+        rest = [0.0] * (len(reflex.reads) - 1)
+        place = reflex.acts_on.index("heart_rate_bpm")
+        above, below = (float(reflex.steady_effects([d, *rest], 1.0, 5000.0)[place]) for d in (0.5, -0.5))
+        period = next(e.reference[0] for e in reflex.effectors if e.parameter == "heart_rate_bpm")
         gain = 1000.0 * period * (1.0 / above - 1.0 / below)
         label = f"{name}: heart period per pressure"
         points.append(
@@ -131,9 +126,8 @@ def haemorrhage_rows() -> list[Row]:
 
 # --- V-A ECMO in animals --------------------------------------------------------------------------
 
-ECMO = {"pump": {"roller_l_min": 1.0}, "oxygenator": "Quadrox-i Adult", "mode": "VA", "drainage_fr": 25,
-        "return_fr": 21}  # fmt: skip
-FLOW, HIGH_FLOW = "ecmo.roller_l_min", 5.0
+CIRCUIT = PROTOCOLS["animals"][ECMO.key]
+FLOW, HIGH_FLOW = f"{ECMO.key}.roller_l_min", 5.0
 ANIMALS = {
     "Ostadal 2015": ({"ESVLV": 64.0, "EDVLV": 112.0, "SP": 60.0}, ()),
     "Hala 2020": (
@@ -154,11 +148,11 @@ VOLUME_HELD = (
 def animal(study: str, **sections: object) -> Model:
     """The animals of a study at the lowest flow, anaesthetised: no reflex unless a section says so."""
     goal, more = ANIMALS[study]
-    plain = adult(1e3 * NATIVE_L_MIN / STROKE_ML, 50.0, ecmo=ECMO)
+    plain = adult(1e3 * NATIVE_L_MIN / STROKE_ML, 50.0, ecmo=CIRCUIT)
     matched = with_outputs(plain, ("Emaxlv", EXTRA_VOLUME, "Rmc", *more), goal)
     if not sections:
         return matched
-    other = adult(1e3 * NATIVE_L_MIN / STROKE_ML, 50.0, ecmo=ECMO, **sections)
+    other = adult(1e3 * NATIVE_L_MIN / STROKE_ML, 50.0, ecmo=CIRCUIT, **sections)
     return other.with_values({name: v for name, v in matched.values.items() if name in other.values})
 
 
@@ -175,7 +169,7 @@ def ecmo_rows() -> Iterator[Row]:
         patient = animal(study)
         low, held = simulate(patient), simulate(patient.with_values({FLOW: HIGH_FLOW}))
         filled = simulate(holding(patient, RIGHT_ATRIUM))
-        for row in (one for one in table if one["study"] == study):
+        for row in (row for row in table if row["study"] == study):
             start, end, name = float(row["from"]), float(row["to"]), row["quantity"]
             spread = math.hypot(float(row["from_sd"]), float(row["to_sd"])) / start
             label, expected = f"{study}: {output(name).long_name}", end / start - 1.0
@@ -190,9 +184,9 @@ def ecmo_rows() -> Iterator[Row]:
 
 # --- LVAD ramps -----------------------------------------------------------------------------------
 
-RAMPS = {"HMII": (8000.0, 12000.0, 400.0), "HVAD": (2300.0, 3200.0, 100.0)}
-"""First speed, last speed and step [rpm]."""
-RAMP = "ramp tests in 35 patients, doi:10.1016/j.jchf.2015.10.001"
+RAMPS, RAMP = PROTOCOLS["effects"]["ramps"], PROTOCOLS["effects"]["ramp"]
+"""First speed, last speed and step [rpm], and where the effects were measured."""
+SPEED = f"{LVAD.key}.speed_rpm"
 RAMP_EFFECTS = (("CO", 0.16, 0.19), ("PCWP", -1.23, 0.85), (RIGHT_ATRIUM, 0.0, 0.3), ("SP", 0.0, 1.0))
 """Output, change per step and its standard deviation; of "unchanged" what is taken as such."""
 LOWEST = {"MAP": 80.0, "CO": 4.2, "PCWP": 22.0, RIGHT_ATRIUM: 11.0}
@@ -202,16 +196,16 @@ LOWEST = {"MAP": 80.0, "CO": 4.2, "PCWP": 22.0, RIGHT_ATRIUM: 11.0}
 def lvad_rows() -> Iterator[Row]:
     """Mean change of a step over the whole ramp, awake patients with either reflex."""
     for pump, (first, last, step) in RAMPS.items():
-        lvad = {"pump": pump, "speed_rpm": first, "inlet_site": "lv", "outlet_site": "ao"}
+        assist = {"pump": pump, "speed_rpm": first, "inlet_site": "lv", "outlet_site": "ao"}
         free = ("Rmc", EXTRA_VOLUME, "Emaxrv", "Emaxlv")
-        plain = adult(80.0, 85.0, lvad=lvad).with_values({"Emaxlv": 0.5})
+        plain = adult(80.0, 85.0, lvad=assist).with_values({"Emaxlv": 0.5})
         matched = with_outputs(plain, free, LOWEST)
-        own = {name: matched.values[name] for name in free}
+        lowest = {name: matched.values[name] for name in free}
         for reflex in REFLEXES:
             regulation = {"baroreflex": 1.0, "model": reflex, "set_point_mmHg": LOWEST["MAP"]}
             regulation |= {"venous_set_point_mmHg": LOWEST[RIGHT_ATRIUM]} if reflex == "heldt2004" else {}
-            patient = adult(80.0, 85.0, lvad=lvad, regulation=regulation).with_values(own)
-            low, high = (simulate(patient.with_values({"lvad.speed_rpm": s})) for s in (first, last))
+            patient = adult(80.0, 85.0, lvad=assist, regulation=regulation).with_values(lowest)
+            low, high = (simulate(patient.with_values({SPEED: speed})) for speed in (first, last))
             for name, expected, spread in RAMP_EFFECTS:
                 got = float(high[name] - low[name]) * step / (last - first)
                 label, unit = f"{pump} +{step:g} rpm, {reflex}: {output(name).long_name}", output(name).unit
@@ -233,16 +227,16 @@ def donker_rows() -> list[Row]:
     return [*_donker("reflex", regulation=reflex), *_donker("fixed tone")]
 
 
-def _donker(words: str, **sections: object) -> list[Row]:
+def _donker(tone: str, **sections: object) -> list[Row]:
     """ECMO of 4 L/min, resistance such that pressure is 85 mmHg; then 65 mmHg and 800 mL less."""
     plain = adult(90.0).with_values({"Emaxlv": 0.6})
     free = ("Rmc", EXTRA_VOLUME, "Emaxlv")
     failing = with_outputs(plain, free, FAILING)
-    own = {name: failing.values[name] for name in free}
-    pumped = ECMO | {"pump": {"roller_l_min": 4.0}}
-    supported = adult(90.0, 70.0, ecmo=pumped, **sections).with_values(own)
+    matched = {name: failing.values[name] for name in free}
+    pumped = CIRCUIT | {"pump": {"roller_l_min": 4.0}}
+    supported = adult(90.0, 70.0, ecmo=pumped, **sections).with_values(matched)
     high = with_outputs(supported, ("Rmc",), {"MAP": 85.0})
-    dry = high.with_values({EXTRA_VOLUME: own[EXTRA_VOLUME] - 800.0})
+    dry = high.with_values({EXTRA_VOLUME: matched[EXTRA_VOLUME] - 800.0})
     low = with_outputs(dry, ("Rmc",), {"MAP": 65.0})
     before, during, after = map(simulate, (failing, high, low))
 
@@ -250,15 +244,15 @@ def _donker(words: str, **sections: object) -> list[Row]:
         return 100.0 * float(last[name] / first[name] - 1.0)
 
     wedge = float(during["PCWP"] - before["PCWP"])
-    found: Mapping[str, tuple[float, float, str]] = {
+    changes: Mapping[str, tuple[float, float, str]] = {
         "4 L/min at 85 mmHg: LV end-diastolic volume": (10.0, percent("EDVLV", before, during), "%"),
         "4 L/min at 85 mmHg: wedge pressure": (5.0, wedge, "mmHg"),
         "65 mmHg and 800 mL less: LV end-diastolic volume": (-12.0, percent("EDVLV", during, after), "%"),
         "65 mmHg and 800 mL less: wedge pressure": (-37.0, percent("PCWP", during, after), "%"),
     }
     rows = []
-    for name, (expected, got, unit) in found.items():
-        label = f"{words}, {name}"
+    for name, (expected, got, unit) in changes.items():
+        label = f"{tone}, {name}"
         rows.append(_sign(label, expected, got, DONKER))
         rows.append(near(label, expected, got, 0.5 * abs(expected), unit, source=DONKER))
     return rows

@@ -8,6 +8,7 @@ by luck. What is called converged is followed for ten more beats without the sol
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import reduce
 
 import numpy as np
 
@@ -21,17 +22,10 @@ from eclsim.outputs.steady_beat import left_outputs, measured, steady_beat
 from eclsim.paper.comparison import Check, Row, at_least, at_most
 from eclsim.parameters.thiel2025 import BOUNDS
 from eclsim.validation.effort import Effort
-from eclsim.validation.reference_cases import reference_model
+from eclsim.validation.reference_cases import PROTOCOLS, reference_case, with_devices_of
 
-CONFIGURATIONS = {
-    "no device": "cvs_default_120bpm",
-    "V-A": "va_ecmo_default",
-    "V-V": "vv_ecmo_3000",
-    "V-A + CRRT g": "s4_crrt_g_3425",
-    "LVAD": "lvad_hvad_2600",
-    "LVAD + V-A": "lvad_hvad_2600 + va_ecmo_default",
-}
-"""Configuration, and the reference case whose patient and devices it has."""
+CONFIGURATIONS: dict[str, list[str]] = PROTOCOLS["configurations"]
+"""Configuration, and the reference cases whose patient and devices it has."""
 
 EJECTING_L_MIN = 0.1
 """Native output from which a steady beat has to be found."""
@@ -107,13 +101,8 @@ def sobol_points(count: int) -> dict[str, np.ndarray]:
 def configuration_model(name: str) -> Model:
     """Circuit and values of a configuration; the fitted parameters are replaced later."""
     from eclsim.orbit.model import model_of
-    from eclsim.validation.reference_cases import reference_case
 
-    first, _, second = CONFIGURATIONS[name].partition(" + ")
-    if not second:
-        return reference_model(first)
-    case = reference_case(first)
-    return model_of(case.model_copy(update={"ecmo": reference_case(second).ecmo}))
+    return model_of(reduce(with_devices_of, map(reference_case, CONFIGURATIONS[name])))
 
 
 def sweep(name: str, points: dict[str, np.ndarray]) -> Sweep:

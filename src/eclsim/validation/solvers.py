@@ -31,6 +31,7 @@ from eclsim.patient.circulation import shi_hose_circulation
 from eclsim.validation.effort import Effort
 from eclsim.validation.reference_cases import (
     DATA,
+    PROTOCOLS,
     QUICK,
     case_names,
     read_table,
@@ -49,7 +50,7 @@ ABSOLUTE = {"mmHg": 0.01, "L/min": 0.002, "mL": 0.05}
 PERIODICITY = 1e-8
 CONSERVATION = 1e-10
 BEATS = 1000
-ADAPTIVE_QUICK = ("cvs_healthy_75bpm", "va_ecmo_default", "lvad_hvad_2600")
+ADAPTIVE_QUICK = tuple(PROTOCOLS["reference"]["adaptive"])
 
 
 def adaptive_check(effort: Effort) -> Check:
@@ -150,7 +151,7 @@ def _shi_hose_value(name: str) -> float:
 # --- derivatives ------------------------------------------------------------------------------------
 
 
-CASES = {"default": "va_ecmo_default", "s4": "s4_no_crrt_3425"}
+CASES: dict[str, str] = PROTOCOLS["gradients"]
 """Key of `gradients.json`, and the reference case it belongs to."""
 OF_LARGEST = 0.01
 BAR = "1 % of the largest of each output"
