@@ -95,7 +95,7 @@ def plain_events(case: Case) -> list[dict[str, Any]]:
     """Events of a case in the words of the page."""
     known = {one["key"]: one for one in possible_events(case)} if case.events else {}
 
-    def words(key: str, value: Any) -> str:
+    def words(key: str, value: object) -> str:
         one = known.get(key, {"label": key, "unit": ""})
         return f"{one['label']} {f'{value:g}' if isinstance(value, float) else value} {one['unit']}".strip()
 
@@ -154,7 +154,7 @@ def with_event(case: Case, event: object) -> Case:
     return read_mapping(raw).case
 
 
-def with_turn(case: Case, key: str, value: Any, minute: float) -> Case:
+def with_turn(case: Case, key: str, value: object, minute: float) -> Case:
     """The case in which a knob is turned at a minute: an event that sets it, or sets it to something else.
 
     Raises:

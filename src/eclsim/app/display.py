@@ -21,8 +21,11 @@ if TYPE_CHECKING:
     from eclsim.circuit import Circuit
 
 
-def _figure(key: str, output: str, unit: str, digits: int, **more: Any) -> KeyFigure:
-    return KeyFigure(key, text(f"key_{key}"), output, unit, digits, **more)
+def _figure(
+    key: str, output: str, unit: str, digits: int, limits: tuple[str, ...] = (),
+    extremes: tuple[str, ...] = (), only_with: str = "",
+) -> KeyFigure:  # fmt: skip
+    return KeyFigure(key, text(f"key_{key}"), output, unit, digits, limits, extremes, only_with)
 
 
 PATIENT = Views(

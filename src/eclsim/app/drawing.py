@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -205,7 +206,7 @@ def _bridge(bridge: Bridge, plan: Plan, group: str, page: Layout) -> dict[str, A
     }  # fmt: skip
 
 
-def _between(first: Any, second: Any) -> tuple[Any, Any]:
+def _between(first: Sequence[float], second: Sequence[float]) -> tuple[tuple[float, float], ...]:
     """The straight piece between two boxes that stand beside or above each other."""
     (l1, b1, r1, t1), (l2, b2, r2, t2) = first, second
     if abs((b1 + t1) - (b2 + t2)) < 1e-6:
@@ -215,5 +216,5 @@ def _between(first: Any, second: Any) -> tuple[Any, Any]:
     return ((x, t1), (x, b2)) if b2 > t1 else ((x, b1), (x, t2))
 
 
-def _down(point: Any) -> list[float]:
+def _down(point: Sequence[float]) -> list[float]:
     return [round(point[0], 2), round(-point[1], 2)]

@@ -17,6 +17,8 @@ from eclsim.cases.reading import read_mapping
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
+    from multiprocessing.context import SpawnProcess
+    from multiprocessing.synchronize import Event
 
     from eclsim.identification.fit import FitResult
     from eclsim.orbit.model import VolumePolicy
@@ -48,9 +50,8 @@ class FitProcess:
     def __init__(self) -> None:
         self._spawn = multiprocessing.get_context("spawn")
         self._turn = threading.Lock()
-        self._process: Any = None
-        self._pipe: Connection | None = None
-        self._quit: Any = None
+        self._process: SpawnProcess | None = None
+        self._line: tuple[Connection, Event] | None = None
 
     def prepare(self) -> None:
         """Start the process, which compiles what fits need; returns at once."""
@@ -95,27 +96,28 @@ class FitProcess:
             self._process.terminate()
         self._process = None
 
-    def _started(self) -> Connection:
-        if self._process is None or not self._process.is_alive() or self._pipe is None:
-            self._pipe, far = self._spawn.Pipe()
-            self._quit = self._spawn.Event()
-            self._process = self._spawn.Process(target=_serve, args=(far, self._quit), daemon=True)
+    def _started(self) -> tuple[Connection, Event]:
+        """The pipe to the process, and what is set when it shall let go of its job."""
+        if self._process is None or not self._process.is_alive() or self._line is None:
+            pipe, far = self._spawn.Pipe()
+            self._line = pipe, self._spawn.Event()
+            self._process = self._spawn.Process(target=_serve, args=(far, self._line[1]), daemon=True)
             self._process.start()
             far.close()
-        return self._pipe
+        return self._line
 
     def _exchange(
         self, order: tuple[str, dict[str, Any], str], report: Callable[[str], None], stop: threading.Event
     ) -> dict[str, Any]:
-        pipe = self._started()
-        self._quit.clear()
+        pipe, quit_now = self._started()
+        quit_now.clear()
         cancelled_at = math.inf
         try:
             pipe.send(order)
             while True:
                 if stop.is_set() and cancelled_at == math.inf:
                     cancelled_at = time.monotonic()
-                    self._quit.set()
+                    quit_now.set()
                 if time.monotonic() - cancelled_at > PATIENCE_S:
                     self.stop()
                     raise CancelledError
@@ -138,7 +140,7 @@ def _answered(kind: str, content: Any) -> dict[str, Any]:
     return content
 
 
-def _serve(pipe: Connection, quit_now: Any) -> None:
+def _serve(pipe: Connection, quit_now: Event) -> None:
     """The process: prepare, then fit what comes through the pipe, until its other end is closed."""
     with contextlib.suppress(OSError, AttributeError):
         os.nice(NICENESS)
@@ -152,7 +154,7 @@ def _serve(pipe: Connection, quit_now: Any) -> None:
             return
 
 
-def _report(pipe: Connection, quit_now: Any, message: str) -> None:
+def _report(pipe: Connection, quit_now: Event, message: str) -> None:
     if quit_now.is_set():
         raise CancelledError
     pipe.send(("report", message))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -190,14 +190,14 @@ class Header:
                 item.props("role=menuitem")
         self._button("help", "help_outline", show_help)
 
-    def _button(self, name: str, icon: str, action: Any) -> Button:
+    def _button(self, name: str, icon: str, action: Callable[[], object]) -> Button:
         button = ui.button(icon=icon, on_click=action).props(f'flat dense aria-label="{text(name)}"')
         with button:
             ui.tooltip(text(f"{name}_hint") if f"{name}_hint" in ENGLISH else text(name))
         self.buttons[name] = button
         return button
 
-    def show(self, data: Any) -> None:
+    def show(self, data: Mapping[str, Any]) -> None:
         """Which buttons do something now, and who the patient is."""
         for name, on in (("undo", data["undo"]), ("redo", data["redo"]), ("reset", data["changed"])):
             if self.buttons[name].enabled != on:
@@ -214,8 +214,8 @@ class Header:
         words = text("state_saved") if saved else text("states_full", most=MOST_SAVED)
         notify(words, "positive" if saved else "warning")
 
-    def _preset(self, key: Any) -> None:
-        if key in PRESETS and preset_state(key) != self.session.state:
+    def _preset(self, key: object) -> None:
+        if isinstance(key, str) and key in PRESETS and preset_state(key) != self.session.state:
             self.session.load(preset_state(key), opened=True)
 
     def _use(self, name: str, case: Case) -> None:

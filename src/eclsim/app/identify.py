@@ -176,7 +176,7 @@ class Identification:
                 self._fitted[subject] = replace(state, posterior=self.bands.new_key())
         return self._fitted.get(subject)
 
-    async def find_posterior(self, link: str = "", fit: Any = None) -> None:
+    async def find_posterior(self, link: str = "", fit: Mapping[str, Any] | None = None) -> None:
         """The posterior of the fitted patient; its bands are there as soon as that patient is in use.
 
         Args:
@@ -199,11 +199,13 @@ class Identification:
             self.bands.add(fitted.posterior, members)
         self.send("posterior_ended", ended | {"subject": subject_of(fitted)})
 
-    def _judge(self, fitted: PageState, result: Any, others: Mapping[str, Any]) -> dict[str, Any]:
+    def _judge(
+        self, fitted: PageState, result: Mapping[str, Any] | None, others: Mapping[str, Any]
+    ) -> dict[str, Any]:
         """The verdict on the fit now that the posterior's intervals are known; the fitted patient has it."""
         subject = subject_of(fitted)
         try:
-            verdict = judged(self._fits.get(subject) or dict(result), others)
+            verdict = judged(self._fits.get(subject) or dict(result or {}), others)
         except (TypeError, KeyError, ValueError, AttributeError):  # the browser kept something else
             return {}
         new = replace(fitted, verdict=verdict["verdict"]["level"])

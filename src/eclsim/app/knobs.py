@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from eclsim.app.texts import ENGLISH, text
 from eclsim.cases.reading import read_mapping
@@ -124,7 +124,7 @@ def value_of(case: Case, key: str) -> float | str | None:
     return value
 
 
-def turn(case: Case, key: str, value: Any) -> Case:
+def turn(case: Case, key: str, value: object) -> Case:
     """The case with one knob turned, or one picker set.
 
     Args:
@@ -155,7 +155,7 @@ def turn(case: Case, key: str, value: Any) -> Case:
     return read_mapping(raw).case
 
 
-def turned_value(case: Case, key: str, value: Any) -> Any:
+def turned_value(case: Case, key: str, value: object) -> object:
     """What a case holds where somebody typed or chose this.
 
     Raises:
@@ -168,7 +168,7 @@ def turned_value(case: Case, key: str, value: Any) -> Any:
     section, _, name = key.rpartition(".")
     switch = isinstance(getattr(getattr(case, section, None), name, None), bool)
     value = as_written(value)
-    return _SWITCH.get(value, value) if switch else value
+    return _SWITCH.get(value, value) if switch and isinstance(value, str) else value
 
 
 def connectable() -> list[str]:
@@ -205,7 +205,7 @@ def connect(case: Case, key: str) -> Case:
     return read_mapping(raw).case
 
 
-def as_written(value: Any) -> Any:
+def as_written(value: object) -> object:
     """A number that was typed, with its digits; any other text as it is, so that the check can say why.
 
     A decimal comma is read as a point where it can be nothing else: "3,425" may be meant as thousands.
@@ -216,7 +216,7 @@ def as_written(value: Any) -> Any:
     return NumberAsWritten(typed) if _DIGITS.fullmatch(typed) else value
 
 
-def ambiguous_comma(value: Any) -> str:
+def ambiguous_comma(value: object) -> str:
     """What to type in place of a number whose comma may be a decimal or a thousands comma; else empty."""
     typed = value.strip() if isinstance(value, str) else ""
     if not _THOUSANDS.fullmatch(typed):
@@ -224,7 +224,7 @@ def ambiguous_comma(value: Any) -> str:
     return text("ambiguous_comma", typed=typed, point=typed.replace(",", "."), whole=typed.replace(",", ""))
 
 
-def _volume(value: Any) -> float:
+def _volume(value: object) -> float:
     try:
         return read_number(value, VOLUME_FIELD)
     except RefusedValueError as error:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +32,10 @@ SKIP = "(event) => { event.preventDefault(); document.querySelector('.ecl-knobs'
 VIEWS = ("monitor", "loops", "ramp", "schemes", "gases", "outputs", "identify", "compare")
 
 
+Message = Mapping[str, object]
+"""What a view in the browser says: nothing of it can be trusted."""
+
+
 class Bridge(Element, component=WEB / "bridge.js", esm={"eclsim-page": str(WEB / "lib")}):
     """The line between session and browser, and the status beside the brand."""
 
@@ -39,7 +43,7 @@ class Bridge(Element, component=WEB / "bridge.js", esm={"eclsim-page": str(WEB /
         super().__init__()
         self._props["texts"] = texts
 
-    def publish(self, topic: str, data: Any) -> None:
+    def publish(self, topic: str, data: object) -> None:
         """Hand data to every view that listens."""
         self.run_method("publish", topic, data)
 
@@ -48,7 +52,7 @@ def _component(script: str) -> Callable[..., Element]:
     """Makes elements that are drawn by a script of web/ and told through the bridge what to show."""
 
     class Component(Element, component=WEB / f"{script}.js"):
-        def __init__(self, **properties: Any):
+        def __init__(self, **properties: object):
             super().__init__()
             self._props.update(properties)
 
@@ -183,7 +187,7 @@ class BedsidePage:
         if self.identification.use(link):
             notify(text("fit_used"))
 
-    def _hello(self, args: Any) -> None:
+    def _hello(self, args: Message) -> None:
         """The browser is there: its link wins over what its tab kept, and that over the first patient."""
         link, tab, last = (str(args.get(key) or "") for key in ("link", "tab", "last"))
         restored = bool(tab or last) and self._restore(tab, last)
@@ -222,22 +226,22 @@ class BedsidePage:
             notify(text("link_refused", reason=error, name=shown), "negative")
             return None
 
-    def _open_link(self, args: Any) -> None:
+    def _open_link(self, args: Message) -> None:
         """A link was put into the address of the open page."""
         state = self._linked(str(args.get("link") or ""))
         if state is not None:
             self.session.load(state)
             notify(text("link_opened", name=title_of(state)), "info")
 
-    def _move(self, args: Any) -> None:
+    def _move(self, args: Message) -> None:
         self.session.turn(str(args.get("key")), str(args.get("site")))
 
-    def _use(self, args: Any) -> None:
+    def _use(self, args: Message) -> None:
         settings = args.get("settings")
         if isinstance(settings, dict) and len(settings) <= MOST_SETTINGS:
             self.session.use(str(args.get("device")), {str(k): str(v) for k, v in settings.items()})
 
-    def _shortcut(self, args: Any) -> None:
+    def _shortcut(self, args: Message) -> None:
         action = args.get("action")
         if action == "view":
             number = args.get("number")
@@ -249,7 +253,7 @@ class BedsidePage:
             self.header.save()
 
 
-def _turned(args: Any) -> tuple[str, Any, int]:
+def _turned(args: Message) -> tuple[str, object, int]:
     """Key, value and number of a turn, as far as they can be trusted."""
     seq = args.get("seq")
     value = args.get("value")
@@ -258,19 +262,19 @@ def _turned(args: Any) -> tuple[str, Any, int]:
     return str(args.get("key")), value, seq if isinstance(seq, int) else 0
 
 
-def _typed(args: Any) -> dict[str, Any]:
+def _typed(args: object) -> dict[str, Any]:
     return dict(args) if isinstance(args, dict) else {}
 
 
-def _link(args: Any) -> str:
+def _link(args: object) -> str:
     return str(args.get("link") or "") if isinstance(args, dict) else ""
 
 
-def _number(args: Any) -> int:
+def _number(args: Message) -> int:
     number = args.get("number")
     return number if isinstance(number, int) else -1
 
 
-def _minute(args: Any) -> float:
+def _minute(args: object) -> float:
     minute = args.get("minute") if isinstance(args, dict) else None
     return float(minute) if isinstance(minute, (int, float)) and math.isfinite(minute) else 0.0

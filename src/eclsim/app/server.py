@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import logging
 from dataclasses import dataclass, field
-from typing import Any
 
 import uvicorn
 from fastapi import FastAPI
@@ -53,7 +52,7 @@ class Options:
 class ImpatientProtocol(H11Protocol):
     """Closes connections whose first request does not arrive in time."""
 
-    def connection_made(self, transport: Any) -> None:
+    def connection_made(self, transport: asyncio.Transport) -> None:
         """Start the clock."""
         super().connection_made(transport)
         self.loop.call_later(SLOWEST_HEADERS_S, self._close_if_silent, transport)

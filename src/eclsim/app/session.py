@@ -71,9 +71,9 @@ class Session:
         self._requested: tuple[PageState, int] = (state, 0)
         self._running = False
         self._anchor: tuple[Any, Mapping[str, float]] | None = None
-        self._drawn: Any = None
-        self._panel: Any = None
-        self._display: Any = None
+        self._drawn: object = None
+        self._panel: object = None
+        self._display: object = None
         self._keep_timer: asyncio.TimerHandle | None = None
         self._restored: Snapshot | None = None
         self._completing: asyncio.Task[None] | None = None
@@ -101,7 +101,7 @@ class Session:
         if snapshot.pinned is not None or snapshot.saved:
             self._restored = snapshot
 
-    def turn(self, key: str, value: Any, seq: int = 0) -> bool:
+    def turn(self, key: str, value: object, seq: int = 0) -> bool:
         """Turn a knob or set a picker; a value that is not allowed is refused beside the knob."""
 
         def turned() -> Case:
@@ -286,7 +286,7 @@ class Session:
 
     async def _run(self) -> None:
         try:
-            done: Any = None
+            done: tuple[PageState, int] | None = None
             while done is not self._requested and not self.closed:
                 done = requested = self._requested
                 state, seq = requested

@@ -140,7 +140,7 @@ def state_of(link: str) -> PageState:
     return read_state(result.get("state"))
 
 
-def read_state(data: Any) -> PageState:
+def read_state(data: object) -> PageState:
     """A state from plain data of a link.
 
     Raises:
@@ -167,7 +167,7 @@ def read_state(data: Any) -> PageState:
     return replace(state, opened=read_state(opened))
 
 
-def packed(content: Any) -> str:
+def packed(content: object) -> str:
     """Plain data as a text for links and for the browser's storage."""
     plain = json.dumps(content, separators=(",", ":")).encode()
     return base64.urlsafe_b64encode(zlib.compress(plain, 9)).decode().rstrip("=")

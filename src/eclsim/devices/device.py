@@ -156,7 +156,7 @@ class Device(ABC, Generic[S]):
         """Where a control stands."""
         return getattr(section, key)
 
-    def turned(self, raw: dict[str, Any], key: str, value: Any) -> dict[str, Any]:
+    def turned(self, raw: dict[str, Any], key: str, value: object) -> dict[str, Any]:
         """Its section as mappings with one control turned."""
         return {**raw, key: value}
 

@@ -759,14 +759,14 @@ class EcmoDevice(Device[Ecmo]):
         venous = section.drainage_site in VENOUS_SITES and section.return_site in VENOUS_SITES
         return "VV" if venous else OTHER_MODE
 
-    def turned(self, raw: dict[str, Any], key: str, value: Any) -> dict[str, Any]:
+    def turned(self, raw: dict[str, Any], key: str, value: object) -> dict[str, Any]:
         """Another pump starts at a usual speed; a mode brings its sites; sites of one's own have no mode."""
         if key == "pump":
             changed = {**raw, "pump": value}
             if value == ROLLER_PUMP:
                 changed.pop("speed_rpm", None)
                 return changed | {"pump": {"roller_l_min": 4.0}}
-            if value in PUMPS and value != raw["pump"]:
+            if isinstance(value, str) and value in PUMPS and value != raw["pump"]:
                 changed["speed_rpm"] = PUMPS[value].usual_speed_rpm
             return changed
         if key == "roller_l_min":
@@ -774,7 +774,7 @@ class EcmoDevice(Device[Ecmo]):
         if key == "mode":
             kept = {name: raw[name] for name in ("pump", "speed_rpm", "oxygenator") if name in raw}
             return raw if value == OTHER_MODE else kept | {"mode": value}
-        if key in SECOND_SITES:
+        if key in SECOND_SITES and isinstance(value, str):
             return with_second(raw, key, value)
         changed = {**raw, key: value}
         if key in ("drainage_site", "return_site"):

@@ -160,14 +160,12 @@ class LvadDevice(Device[Lvad]):
         step = 25 if high < 5000 else 50
         return [picker("pump", "Pump", PUMPS), Knob("speed_rpm", "Pump speed", "rpm", low, high, step)]
 
-    def turned(self, raw: dict[str, Any], key: str, value: Any) -> dict[str, Any]:
+    def turned(self, raw: dict[str, Any], key: str, value: object) -> dict[str, Any]:
         """Another pump starts at a usual speed of its own."""
         changed = {**raw, key: value}
-        return (
-            changed | {"speed_rpm": PUMPS[value].usual_speed_rpm}
-            if key == "pump" and value in PUMPS
-            else changed
-        )
+        if key == "pump" and isinstance(value, str) and value in PUMPS:
+            changed["speed_rpm"] = PUMPS[value].usual_speed_rpm
+        return changed
 
     def sweep(self, section: Lvad) -> Sweep:
         """The pump's speed."""
