@@ -49,7 +49,7 @@ def at(patient, effects: np.ndarray, quantities) -> np.ndarray:
 
 
 def fit(drug: str):
-    own = [arm for arm in arms() if arm.arm == drug and arm.rows[0]["use"] == "fit"]
+    own = [arm for arm in arms() if arm.arm == drug and any(row["use"] == "fit" for row in arm.rows)]
     fitted = {row["quantity"] for arm in own for row in arm.rows if row["use"] == "fit"}
     none = (*NONE_KNOWN.get(drug, ()), *(["pulmonary_resistance"] if not fitted & {"MPAP", "PVR"} else []))
     free = np.array([name not in none for name in Effects._fields])
@@ -136,8 +136,10 @@ def predicted(panels) -> None:
     marks = dict(zip(QUANTITIES, "os^DvP*Xdh<>pH", strict=False))
     for panel, use in zip(panels, ("fit", "test"), strict=True):
         seen = set()
-        for arm in (a for a in arms() if a.rows[0]["use"] == use):
-            rows = [row for row in arm.rows if row["after"] not in ("", RISES)]
+        for arm in arms():
+            rows = [row for row in arm.rows if row["use"] == use and row["after"] not in ("", RISES)]
+            if not rows:
+                continue
             names = [row["quantity"] for row in rows]
             found = measured(patient_of(arm), {k: [0.0, d] for k, d in arm.infusions.items()}, names)
             for row in rows:

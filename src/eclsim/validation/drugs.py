@@ -196,8 +196,6 @@ PERSICHINI = "Persichini 2012 (10.1097/CCM.0b013e318260c6c3), 16 patients: 0.30 
 LEGS_ML = 300.0
 """Blood that raised legs give [mL]; the row does not depend on it."""
 REASONS = {
-    "PVR": "no fit study measured pulmonary pressures, so no drug acts on pulmonary vessels here",
-    "MPAP": "no fit study measured pulmonary pressures, so no drug acts on pulmonary vessels here",
     "Lowes 2001 dobutamine": "carvedilol blocks the beta receptors that the drug acts on elsewhere, so that "
     "constriction is what is left of it; effects are not split by receptor here",
     "Coronary surgery 1979 dobutamine": "dobutamine was fitted to failing hearts; in these patients, whose "
