@@ -105,9 +105,9 @@ def test_broydens_method_finds_a_fixed_point_that_iteration_leaves(model):
     name = "regulation.local_resistance"
     values = {**model.values, name: np.full(3, np.nan)}
 
-    def measure(batch):
+    def measure(batch, _):
         p = np.asarray(batch.values[name])
-        return None, np.where(p > 1.9, np.nan, 2.0 * p**-3.0)[None]
+        return SimpleNamespace(output=lambda _: np.where(p > 1.9, np.nan, 2.0 * p**-3.0))
 
     found = settle(Batch(model.circuit, values, 3), (name,), cast(Any, measure), 1e-8)
     assert found.settled.all()

@@ -32,7 +32,7 @@ from eclsim.course.handover import (
     shift_ml,
 )  # fmt: skip
 from eclsim.course.laws import Laws
-from eclsim.course.predictor import Predictor
+from eclsim.course.predictor import Predictor, anchor_at, point_of
 from eclsim.course.rosenbrock import step
 from eclsim.course.timeline import Timeline
 from eclsim.orbit.equation import Anchor, OrbitOptions
@@ -81,7 +81,7 @@ class History:
         times: ends of steps [s], the first of a segment at its beginning.
         states: at these, each of shape (states,).
         rates: likewise, per second.
-        orbits: state of the steady beat there; None where no law reads the beat.
+        points: of the steady beat there (`Predictor`); None where no law reads the beat.
         stopped: why it ended early; empty where it did not.
         beats: computed for it.
         solves: steady beats searched for.
@@ -93,7 +93,7 @@ class History:
     times: list[float] = field(default_factory=list)
     states: list[np.ndarray] = field(default_factory=list)
     rates: list[np.ndarray] = field(default_factory=list)
-    orbits: list[np.ndarray | None] = field(default_factory=list)
+    points: list[np.ndarray | None] = field(default_factory=list)
     stopped: str = ""
     beats: int = 0
     solves: int = 0
@@ -234,12 +234,12 @@ class Engine:
             float(self.time[member]),
         )
         timeline = self.timelines[member]
-        if not segment or predictor.orbit is None or predictor.circuit is None:
+        if not segment or predictor.point is None or predictor.circuit is None:
             return None
         known, share = self._volumes(member, predictor.circuit), 1.0
         reconnected = any(self._circuit(member) is not one for one in self.circuits[member])
         refusal = RECONNECTED if reconnected else BY_GASES if predictor.coupled else ""
-        state, read, ahead = predictor.orbit, dict(predictor.read), None
+        state, read, ahead = predictor.known, dict(predictor.read), None
         length = timeline.ramp_end(segment) - time
         if 0.0 < length <= LONGEST_RAMP * predictor.settling_s:
             who = np.array([member])
@@ -300,7 +300,7 @@ class Engine:
             own.times.append(float(self.time[m]))
             own.states.append(self.states[:, m].copy())
             own.rates.append(self.slopes[:, m].copy())
-            own.orbits.append(self.predictors[m].orbit)
+            own.points.append(self.predictors[m].point)
 
     def _stop(self, who: np.ndarray) -> None:
         for m in who:
@@ -358,16 +358,14 @@ class Engine:
         found = {name: np.full(len(members), np.nan) for name in self.laws.reads}
         for chosen in self._alike(members):
             own = [self.predictors[m] for m in members[chosen]]
-            start = Anchor(
-                np.stack([p.known for p in own], axis=-1), np.stack([p.inverse for p in own], axis=-1)
-            )
+            start = anchor_at([p.last for p in own], own)
             beat = self._beats(members[chosen], {k: v[chosen] for k, v in values.items()}, start)
             for name in self.laws.reads:
                 found[name][chosen] = beat.output(name)
             for k, predictor in enumerate(own):
                 if beat.converged[k]:
-                    change = (beat.orbits.states[:, k] - predictor.known) / SHIFT
-                    predictor.learn(int(columns[chosen[k]]), len(self.laws.states), change)
+                    change = (point_of(beat, k) - predictor.last) / SHIFT
+                    predictor.learn(int(columns[chosen[k]]), change)
         return found
 
     def _solve(
@@ -390,8 +388,7 @@ class Engine:
             begun = [p.begun(c) for p, c in zip(own, circuits, strict=True)]
             start = None
             if all(begun):
-                guesses = [p.guess(x) for p, x in zip(own, places, strict=True)]
-                start = Anchor(np.stack(guesses, -1), np.stack([p.inverse for p in own], -1))
+                start = anchor_at([p.guess(x) for p, x in zip(own, places, strict=True)], own)
             beat = self._beats(members, {key: column[chosen] for key, column in values.items()}, start)
             known[chosen] = beat.converged
             for name in self.laws.reads:

@@ -11,7 +11,7 @@ import numpy as np
 from eclsim.circuit.network import Circuit
 from eclsim.course.engine import SHORTEST_S, Engine, History
 from eclsim.course.handover import Span
-from eclsim.course.predictor import settling_time
+from eclsim.course.predictor import anchor_at, settling_time
 from eclsim.course.rosenbrock import between
 from eclsim.devices.description import Finding
 from eclsim.orbit.equation import Anchor, OrbitOptions
@@ -52,7 +52,7 @@ class Moments:
     time: np.ndarray
     states: np.ndarray
     in_effect: dict[str, np.ndarray]
-    orbits: list[np.ndarray | None]
+    points: list[np.ndarray | None]
     values: dict[str, np.ndarray] = field(default_factory=dict)
     status: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
     findings: list[list[Finding]] = field(default_factory=list)
@@ -111,8 +111,8 @@ _Row = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, list[np.ndarray | N
 
 
 def _moments_of(engine: Engine, member: int, history: History, time: np.ndarray) -> _Row:
-    """Member, segment, time, slow states and guesses of the orbits of one member."""
-    segments, states, orbits = [], np.zeros((len(engine.laws.states), len(time))), list[np.ndarray | None]()
+    """Member, segment, time, slow states and where the searches for beats begin, of one member."""
+    segments, states, points = [], np.zeros((len(engine.laws.states), len(time))), list[np.ndarray | None]()
     for k, now in enumerate(time):
         right = max(bisect_right(history.times, now + 1e-9) - 1, 0)
         left, ahead = right, min(right + 1, len(history.times) - 1)
@@ -124,15 +124,15 @@ def _moments_of(engine: Engine, member: int, history: History, time: np.ndarray)
             states[:, k] = between(np.array([now]), ends, pair, slopes)[:, 0]
         else:
             states[:, k] = history.states[left]
-        orbits.append(_orbit(history, left, ahead, now))
-    return np.full(len(time), member), np.array(segments, dtype=int), time, states, orbits
+        points.append(_point(history, left, ahead, now))
+    return np.full(len(time), member), np.array(segments, dtype=int), time, states, points
 
 
-def _orbit(history: History, left: int, ahead: int, now: float) -> np.ndarray | None:
-    """The beat between two steps, where their ends have one."""
+def _point(history: History, left: int, ahead: int, now: float) -> np.ndarray | None:
+    """That of the beat between two steps, where their ends have one."""
     a, b, (begin, end) = (
-        history.orbits[left],
-        history.orbits[ahead],
+        history.points[left],
+        history.points[ahead],
         (history.times[left], history.times[ahead]),
     )
     if a is None or b is None or len(a) != len(b) or end <= begin:
@@ -148,8 +148,8 @@ def _joined(engine: Engine, rows: Sequence[_Row]) -> Moments:
     ]
     keys = dict.fromkeys(key for one in settings for key in one)
     columns = {key: np.array([one.get(key, 0.0) for one in settings]) for key in keys}
-    orbits = [orbit for row in rows for orbit in row[4]]
-    return Moments(member, segment, time, states, engine.laws.in_effect(states, columns), orbits)
+    points = [point for row in rows for point in row[4]]
+    return Moments(member, segment, time, states, engine.laws.in_effect(states, columns), points)
 
 
 def beats_at(
@@ -200,7 +200,7 @@ def _add_span(moments: Moments, engine: Engine, member: int, span: Span, with_fi
     moments.states = np.concatenate([moments.states, np.stack([beat.slow for beat in beats], -1)], axis=1)
     moments.status = np.concatenate([moments.status, np.full(count, int(Status.CONVERGED))])
     moments.by_beat = np.concatenate([moments.by_beat, np.ones(count, dtype=bool)])
-    moments.orbits += [None] * count
+    moments.points += [None] * count
     for key, column in moments.in_effect.items():
         added = np.array([beat.values.get(key, 0.0) for beat in beats])
         moments.in_effect[key] = np.concatenate([column, added])
@@ -292,12 +292,10 @@ class _Measured:
 
 def _start(moments: Moments, engine: Engine, chosen: np.ndarray) -> Anchor | None:
     """Where the searches of some moments begin."""
-    guesses = [moments.orbits[k] for k in chosen]
-    inverses = [engine.predictors[moments.member[k]].inverse for k in chosen]
-    sizes = {None if g is None else len(g) for g in guesses} | {len(i) for i in inverses}
-    if None in sizes or len(sizes) > 1:
+    points = [point for k in chosen if (point := moments.points[k]) is not None]
+    if len(points) < len(chosen):
         return None
-    return Anchor(np.stack([g for g in guesses if g is not None], -1), np.stack(inverses, -1))
+    return anchor_at(points, [engine.predictors[moments.member[k]] for k in chosen])
 
 
 def _put(moments: Moments, place: int, one: Moments) -> None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from eclsim.beat.heartbeat import HEART_RATE
+from eclsim.orbit.equation import Anchor
 from eclsim.orbit.steady import inverse_jacobian
+from eclsim.outputs.coupling import CoupledAnchor
 
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
@@ -34,6 +37,8 @@ def settling_time(beat: SteadyBeat, member: int, inverse: np.ndarray) -> float:
 class Predictor:
     """A member's last beat and its slope along the slow states.
 
+    A point is the state of a beat, and behind it the logarithms of what was solved for with its gases.
+
     Args:
         kind: "last", "derivative" or "secant", see `CourseOptions`.
     """
@@ -41,42 +46,70 @@ class Predictor:
     def __init__(self, kind: str):
         self.kind = kind
         self.circuit: Circuit | None = None
-        self.orbit: np.ndarray | None = None
+        self.point: np.ndarray | None = None
+        self.coupled: tuple[str, ...] = ()
         self.read: dict[str, float] = {}
         self.inverse = self.place = np.zeros(0)
-        self.slope = np.zeros((0, 0))
-        self.settling_s, self.coupled = 0.0, False
+        self.slope = self.response = np.zeros((0, 0))
+        self.settling_s = 0.0
+
+    @property
+    def last(self) -> np.ndarray:
+        """The point of the last beat."""
+        assert self.point is not None
+        return self.point
 
     @property
     def known(self) -> np.ndarray:
         """State of the last beat at phase 0."""
-        assert self.orbit is not None
-        return self.orbit
+        return self.last[: len(self.last) - len(self.coupled)]
 
     def begun(self, circuit: Circuit) -> bool:
         """Whether a beat of that circuit was put."""
-        return self.orbit is not None and self.circuit is circuit
+        return self.point is not None and self.circuit is circuit
 
     def guess(self, place: np.ndarray) -> np.ndarray:
-        """State of the beat at a place."""
-        return self.known if self.kind == "last" else self.known + self.slope @ (place - self.place)
+        """The point at a place."""
+        return self.last if self.kind == "last" else self.last + self.slope @ (place - self.place)
 
     def put(self, beat: SteadyBeat, member: int, place: np.ndarray, circuit: Circuit) -> None:
         """Keep a beat, and learn a slope from it."""
-        state, self.coupled = beat.orbits.states[:, member], bool(beat.coupled)
-        if not self.begun(circuit):
+        point = point_of(beat, member)
+        if not self.begun(circuit) or beat.coupled != self.coupled:
             self.circuit, self.inverse = circuit, inverse_jacobian(beat.orbits, member)
             self.settling_s = settling_time(beat, member, self.inverse)
-            self.slope = np.zeros((len(state), len(place)))
+            self.slope = np.zeros((len(point), len(place)))
         elif self.kind == "secant":
             move = place - self.place
             size = float(move @ move)
             if size > SMALLEST_MOVE**2:
-                self.slope = self.slope + np.outer(state - self.guess(place), move / size)
-        self.orbit, self.place = state.copy(), place
+                self.slope = self.slope + np.outer(point - self.guess(place), move / size)
+        self.point, self.place, self.coupled = point, place, beat.coupled
         self.read = {name: float(beat.output(name)[member]) for name in beat.names}
+        if beat.response is not None:
+            self.response = beat.response[member]
 
-    def learn(self, column: int, size: int, change: np.ndarray) -> None:
+    def learn(self, column: int, change: np.ndarray) -> None:
         """The derivative along one slow state, by a difference."""
         self.slope = self.slope.copy()
         self.slope[:, column] = change
+
+
+def point_of(beat: SteadyBeat, member: int) -> np.ndarray:
+    """A beat's state, and the logarithms of what was solved for with its gases."""
+    answers = [np.log(np.asarray(beat.batch.values[name])[member]) for name in beat.coupled]
+    return np.concatenate([beat.orbits.states[:, member], answers])
+
+
+def anchor_at(points: Sequence[np.ndarray], own: Sequence[Predictor]) -> Anchor | None:
+    """Where searches begin, from a point of each member; None where these are not of one kind."""
+    names = own[0].coupled
+    if len({(len(point), len(p.inverse), p.coupled) for point, p in zip(points, own, strict=True)}) > 1:
+        return None
+    states, places = np.split(np.stack(points, axis=-1), [len(points[0]) - len(names)])
+    inverse = np.stack([p.inverse for p in own], axis=-1)
+    if len(states) != len(inverse):
+        return None
+    if not names:
+        return Anchor(states, inverse)
+    return CoupledAnchor(states, inverse, names, places, np.stack([p.response for p in own]))

@@ -9,8 +9,9 @@ are solved for, by Broyden's method on log o(p) - log p, every member by itself.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -28,8 +29,7 @@ LARGEST_STEP = 0.7
 ACCURACY = 10.0
 """Largest difference of logarithms, in tolerances of the beats that it is computed from."""
 SMALLEST = 1e-6
-Measure = Callable[[Batch], tuple[SolvedOrbits, np.ndarray]]
-"""Orbits of a batch, and outputs (outputs, members), NaN where there is no steady beat or gas state."""
+Start = Mapping[str, float] | Anchor | None
 
 
 def solved_for(circuit: Circuit) -> tuple[str, ...]:
@@ -43,7 +43,7 @@ def open_parameters(batch: Batch) -> tuple[str, ...]:
     return tuple(name for name in solved_for(batch.circuit) if np.isnan(batch.values[name]).any())
 
 
-def with_neutral(values: Mapping[str, float] | Anchor | None) -> Mapping[str, float] | Anchor | None:
+def with_neutral(values: Start) -> Start:
     """Values at which a search may begin: what is to be solved for as in a patient at rest."""
     if values is None or isinstance(values, Anchor):
         return values
@@ -51,34 +51,83 @@ def with_neutral(values: Mapping[str, float] | Anchor | None) -> Mapping[str, fl
     return {**values, **{name: PARAMETERS[name].value for name in wanted}}
 
 
+class Measured(Protocol):
+    """Steady beats of a batch, measured (`eclsim.outputs.steady_beat.SteadyBeat`)."""
+
+    @property
+    def orbits(self) -> SolvedOrbits:
+        """States, and how each was solved."""
+        ...
+
+    def output(self, name: str) -> np.ndarray:
+        """An output of every member, NaN where there is no steady beat or gas state."""
+        ...
+
+
+Beat = TypeVar("Beat", bound=Measured)
+
+
 @dataclass(frozen=True)
-class Coupled:
+class CoupledAnchor(Anchor):
+    """Where a search starts for each patient, what is solved for with the gases included.
+
+    Args:
+        names: of the parameters that are solved for.
+        place: their logarithms, shape (parameters, patients).
+        response: inverse Jacobian of what they miss, shape (patients, parameters, parameters).
+    """
+
+    names: tuple[str, ...]
+    place: np.ndarray
+    response: np.ndarray
+
+
+@dataclass(frozen=True)
+class Coupled(Generic[Beat]):
     """Beats of a batch with what was solved for.
 
     Args:
-        orbits: of the batch with these parameters.
-        names: of the parameters.
+        beat: with these parameters.
         settled: which members have them.
+        response: inverse Jacobian of what they miss, shape (members, parameters, parameters).
     """
 
-    orbits: SolvedOrbits
-    names: tuple[str, ...]
+    beat: Beat
     settled: np.ndarray
+    response: np.ndarray
 
 
-def settle(batch: Batch, names: tuple[str, ...], measure: Measure, tolerance: float) -> Coupled:
+def settle(
+    batch: Batch,
+    names: tuple[str, ...],
+    measure: Callable[[Batch, Start], Beat],
+    tolerance: float,
+    start: Start = None,
+) -> Coupled[Beat]:
     """Solve for the parameters of all members.
 
     Args:
         batch: with NaN where a parameter is to be solved for.
         names: of the parameters.
-        measure: solves beats and measures the outputs that the parameters equal, in their order.
+        measure: solves beats from a start and measures the outputs that the parameters equal.
         tolerance: relative accuracy of the beats.
+        start: where the searches for beats begin, and of a `CoupledAnchor` that for the parameters.
     """
     size, count = len(names), batch.count
-    place = np.log(np.array([[PARAMETERS[name].value] for name in names]) * np.ones(count))
-    inverse = np.broadcast_to(-np.eye(size), (count, size, size)).copy()
-    orbits, missing = _missing(batch, names, place, measure)
+    if isinstance(start, CoupledAnchor) and start.names == names:
+        place, inverse = start.place.copy(), start.response.copy()
+    else:
+        place = np.log(np.array([[PARAMETERS[name].value] for name in names]) * np.ones(count))
+        inverse = np.broadcast_to(-np.eye(size), (count, size, size)).copy()
+
+    def missing_at(place: np.ndarray, begin: Start) -> tuple[Beat, np.ndarray]:
+        """Beats, and log o(p) - log p (parameters, members)."""
+        values = {**batch.values, **dict(zip(names, np.exp(place), strict=True))}
+        beat = measure(replace(batch, values=values), begin)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return beat, np.log([beat.output(SOLVED_BY[name]) for name in names]) - place
+
+    beat, missing = missing_at(place, start)
     enough, step = max(ACCURACY * tolerance, SMALLEST), np.zeros((size, count))
     for _ in range(ITERATIONS):
         known = np.isfinite(missing).all(axis=0)
@@ -86,32 +135,32 @@ def settle(batch: Batch, names: tuple[str, ...], measure: Measure, tolerance: fl
             break
         newton = -np.einsum("mij,jm->im", inverse, np.where(known, missing, 0.0))
         step = np.where(_settled(missing, enough), 0.0, np.clip(newton, -LARGEST_STEP, LARGEST_STEP))
-        orbits, after = _missing(batch, names, place + step, measure)
+        begin = _on_from(start, beat)
+        beat, after = missing_at(place + step, begin)
         for _ in range(HALVINGS):
             # A step to where there is no steady beat or gas state is halved.
             lost = known & ~np.isfinite(after).all(axis=0)
             if not lost.any():
                 break
             step = np.where(lost, 0.5 * step, step)
-            orbits, after = _missing(batch, names, place + step, measure)
+            beat, after = missing_at(place + step, begin)
         _learn(inverse, np.asarray(known & np.isfinite(after).all(axis=0)), step, after - missing)
         place, missing = place + step, after
-    return Coupled(orbits, names, _settled(missing, enough))
+    return Coupled(beat, _settled(missing, enough), inverse)
+
+
+def _on_from(start: Start, beat: Measured) -> Start:
+    """The next searches begin at the last beats, where it is known how they go on."""
+    if not isinstance(start, Anchor):
+        return start
+    states = beat.orbits.states
+    known = np.isfinite(states).all(axis=0)
+    return Anchor(np.where(known, states, start.states(states.shape[1])), start.inverse)
 
 
 def _settled(missing: np.ndarray, enough: float) -> np.ndarray:
     """Which members miss next to nothing."""
     return np.abs(np.where(np.isfinite(missing), missing, np.inf)).max(axis=0) <= enough
-
-
-def _missing(
-    batch: Batch, names: Sequence[str], place: np.ndarray, measure: Measure
-) -> tuple[SolvedOrbits, np.ndarray]:
-    """Orbits, and log o(p) - log p (parameters, members)."""
-    values = {**batch.values, **dict(zip(names, np.exp(place), strict=True))}
-    orbits, outputs = measure(replace(batch, values=values))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return orbits, np.log(outputs) - place
 
 
 def _learn(inverse: np.ndarray, members: np.ndarray, step: np.ndarray, change: np.ndarray) -> None:

@@ -26,7 +26,7 @@ from eclsim.orbit.inputs import allowed_values
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import Batch, SolvedOrbits, solve
 from eclsim.outputs.alarms import Finding, findings
-from eclsim.outputs.coupling import open_parameters, settle, solved_for, total, with_neutral
+from eclsim.outputs.coupling import CoupledAnchor, open_parameters, settle, solved_for, total, with_neutral
 from eclsim.outputs.derivatives import Linearisation, linearise
 from eclsim.outputs.gases_of_places import PlaceGases, gases_of_places
 from eclsim.outputs.measures import Measures, whole_beat
@@ -68,6 +68,7 @@ class SteadyBeat:
         gases: of the members that were kept and have a steady gas state.
         coupled: parameters that were solved for with the gases (`eclsim.outputs.coupling`).
         unsettled: members without such parameters, shape (members,); None where none were wanted.
+        response: of these parameters, see `CoupledAnchor`; None where none were wanted.
     """
 
     orbits: SolvedOrbits
@@ -83,6 +84,7 @@ class SteadyBeat:
     gases: Mapping[int, PlaceGases]
     coupled: tuple[str, ...] = ()
     unsettled: np.ndarray | None = None
+    response: np.ndarray | None = None
 
     @property
     def batch(self) -> Batch:
@@ -241,25 +243,28 @@ def steady_beat(
     """
     threads = (execution or Execution()).thread_count()
     keep = range(batch.count) if keep is None else keep
-    begin = with_neutral(start) if solved_for(batch.circuit) else start
+    first = with_neutral(start) if solved_for(batch.circuit) else start
 
-    def orbits_of(one: Batch) -> SolvedOrbits:
+    def orbits_of(one: Batch, begin: Mapping[str, float] | Anchor | None) -> SolvedOrbits:
         return solve(one, options, start=begin, resolution=resolution, execution=execution)
 
     names = open_parameters(batch)
     if not names:
-        return measured(orbits_of(batch), outputs, waveforms, keep, threads)
-    read = tuple(SOLVED_BY[name] for name in names)
+        return measured(orbits_of(batch, first), outputs, waveforms, keep, threads)
+    whole = outputs is None or waveforms is None or bool(waveforms) or bool(keep)
+    read = tuple(dict.fromkeys((*(SOLVED_BY[name] for name in names), *(() if whole else outputs or ()))))
 
-    def measure(one: Batch) -> tuple[SolvedOrbits, np.ndarray]:
-        beat = measured(orbits_of(one), read, (), (), threads)
-        return beat.orbits, np.array([beat.output(name) for name in read])
+    def measure(one: Batch, begin: Mapping[str, float] | Anchor | None) -> SteadyBeat:
+        return measured(orbits_of(one, begin), read, (), (), threads)
 
-    coupled = settle(batch, names, measure, (options or OrbitOptions()).error_tolerance)
-    beat = measured(coupled.orbits, outputs, waveforms, keep, threads)
+    tolerance = (options or OrbitOptions()).error_tolerance
+    coupled = settle(batch, names, measure, tolerance, first)
+    if isinstance(first, CoupledAnchor) and not coupled.settled.all():
+        coupled = settle(batch, names, measure, tolerance, Anchor(first.state, first.inverse))
+    beat = measured(coupled.beat.orbits, outputs, waveforms, keep, threads) if whole else coupled.beat
     lost = beat.converged & ~coupled.settled
     beat.status[lost] = Status.NOT_CONVERGED
-    return replace(beat, coupled=names, unsettled=lost)._without(lost)
+    return replace(beat, coupled=names, unsettled=lost, response=coupled.response)._without(lost)
 
 
 def measured(
