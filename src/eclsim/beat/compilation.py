@@ -40,16 +40,20 @@ Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 Key = tuple[Hashable, ...]
 Shapes = tuple[tuple[int, ...], ...]
-COMPILER_OPTIONS = {"xla_backend_optimization_level": 1, "xla_cpu_prefer_vector_width": 512}
+COMPILER_OPTIONS = {"xla_cpu_prefer_vector_width": 512, "xla_cpu_experimental_ynn_fusion_type": ""}
+"""Products of matrices are not left to a library, whose calls cannot be a part of one function."""
 PACKAGE = Path(__file__).parents[1]
 
 
-def compiled(function: Callable[Arguments, Result], key: Key | None = None) -> Callable[Arguments, Result]:
+def compiled(
+    function: Callable[Arguments, Result], key: Key | None = None, level: int = 1
+) -> Callable[Arguments, Result]:
     """The function, compiled on first use: as one machine-code function on the CPU and as usual elsewhere.
 
     Args:
         function: of arrays, given by position.
         key: what tells it from all other functions, for the store on disk (see `StoredProgram`).
+        level: of the compiler's optimiser.
     """
     inner = jax.jit(function)
     if jax.default_backend() != "cpu":
@@ -59,7 +63,8 @@ def compiled(function: Callable[Arguments, Result], key: Key | None = None) -> C
         result = inner(*arguments)  # pyright: ignore[reportCallIssue]  # arrays, as the function takes them
         return set_xla_metadata(result, inlineable="false", xla_cpu_small_call="true")
 
-    program = StoredProgram(jax.jit(call, compiler_options=COMPILER_OPTIONS), key, function.__module__)
+    options = {**COMPILER_OPTIONS, "xla_backend_optimization_level": level}
+    program = StoredProgram(jax.jit(call, compiler_options=options), key, function.__module__)
     return program  # pyright: ignore[reportReturnType]  # takes and returns what the function does
 
 

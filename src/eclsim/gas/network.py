@@ -7,7 +7,7 @@ to all of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache
@@ -153,12 +153,14 @@ class GasFunction:
         parameters: that come next.
         quantities: what it gives.
         compute: the function, from an array (numbers,) to an array (quantities,).
+        key: what tells it from all others.
     """
 
     connections: tuple[str, ...]
     parameters: tuple[str, ...]
     quantities: tuple[Quantity, ...]
     compute: Callable[[Array], Array]
+    key: tuple[Hashable, ...]
 
 
 @lru_cache(maxsize=64)
@@ -198,7 +200,7 @@ def gas_of(circuit: Circuit, law: str = "severinghaus1979") -> GasFunction:
         status = _status(exchanges, state, values)
         return jnp.append(jnp.where(status == GasStatus.STEADY, found, jnp.nan), status)
 
-    return GasFunction(names, parameters, (*quantities, STATUS), compute)
+    return GasFunction(names, parameters, (*quantities, STATUS), compute, ("gas", circuit, law))
 
 
 def _drawn(circuit: Circuit) -> list[tuple[str, int]]:

@@ -8,7 +8,7 @@ compartment is complete, so that the mixing point is as sharp as the aorta has c
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -33,11 +33,13 @@ class OriginFunction:
         connections: whose mean forward, then backward flows come first [L/min].
         parameters: that come next.
         compute: the function, from an array (numbers,) to an array (arteries,).
+        key: what tells it from all others.
     """
 
     connections: tuple[str, ...]
     parameters: tuple[str, ...]
     compute: Callable[[Array], Array]
+    key: tuple[Hashable, ...]
 
 
 @lru_cache(maxsize=64)
@@ -55,7 +57,7 @@ def native_shares(circuit: Circuit) -> OriginFunction:
         shares = mixtures(flows, sources).compartments[places]
         return shares[:, 0] / shares.sum(axis=1)
 
-    return OriginFunction(names, parameters, compute)
+    return OriginFunction(names, parameters, compute, ("origin", circuit))
 
 
 def _arterial_returns(circuit: Circuit) -> list[int]:

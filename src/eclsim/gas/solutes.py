@@ -8,7 +8,7 @@ removes, over the concentration in the tissues, is the effective clearance.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -33,11 +33,13 @@ class SoluteFunction:
         parameters: that come next.
         compute: the function, from an array (numbers,) with, at its end, clearances [mL/min] and then the
             flows of water that carry the solutes to the filter, to effective clearances [mL/min].
+        key: what tells it from all others.
     """
 
     connections: tuple[str, ...]
     parameters: tuple[str, ...]
     compute: Callable[[Array], Array]
+    key: tuple[Hashable, ...]
 
 
 @lru_cache(maxsize=64)
@@ -57,7 +59,7 @@ def effective_clearances(circuit: Circuit, filtered: str) -> SoluteFunction:
             mixtures(flows, sources(circuit, filtered), drawn), clearances / water
         )
 
-    return SoluteFunction(names, parameters, compute)
+    return SoluteFunction(names, parameters, compute, ("clearances", circuit, filtered))
 
 
 def sources(circuit: Circuit, filtered: str) -> list[int]:

@@ -13,12 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from eclsim.beat.compilation import Key
 from eclsim.circuit.network import Circuit
 from eclsim.devices.description import Law
 from eclsim.orbit.derivatives import OrbitDerivatives, orbit_derivatives
 from eclsim.orbit.equation import OrbitProblem
 from eclsim.orbit.iteration import compiled_search
-from eclsim.outputs.measures import Measures, Points, compiled_jacobian, whole_beat
+from eclsim.outputs.measures import Measures, Points, jacobian, whole_beat
 from eclsim.outputs.registry import output
 from eclsim.outputs.signals import needed_signals
 from eclsim.units import ML_S_PER_L_MIN
@@ -110,10 +111,10 @@ class LinearMeasures(Measures):
         """A parameter, which depends on itself."""
         return Dual(float(self._parameters[name]), {name: 1.0})
 
-    def apply(self, function: Law, numbers: Sequence[Dual | float]) -> Sequence[Dual]:
+    def apply(self, function: Law, numbers: Sequence[Dual | float], key: Key | None = None) -> Sequence[Dual]:
         """A function of some numbers; its results depend on themselves (see `slopes`)."""
         given = [_dual(number) for number in numbers]
-        table = np.asarray(compiled_jacobian(function)(np.array([number.value for number in given])))
+        table = np.asarray(jacobian(function, key)(np.array([number.value for number in given])))
         self.applied.append((given, table[:, 1:]))
         call = len(self.applied) - 1
         return [Dual(value, {Result(call, k): 1.0}) for k, value in enumerate(table[:, 0].tolist())]

@@ -20,6 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from eclsim.beat.compilation import Key, compiled
 from eclsim.beat.recording import MEAN, RATE, one_way_mean
 from eclsim.circuit.network import Circuit
 from eclsim.devices.description import Law
@@ -29,8 +30,8 @@ from eclsim.gas.solutes import SoluteFunction, effective_clearances
 
 SIDE_BY_SIDE = 16
 """Members whose laws are computed together; more at once do not fit the processor's caches."""
-DIRECTIONS = 8
-"""In which a law is differentiated at once."""
+VECTORISED = 3
+"""Level of the optimiser that brings a loop over patients into vectors; it compiles half as fast."""
 SMALLEST_VOLUME = 1e-6
 """Divisor [mL] in place of a volume that is zero or less."""
 Points = list[tuple[str, Any, Any]]
@@ -109,18 +110,24 @@ class Measures:
         """A parameter."""
         return self._parameters[name]
 
-    def apply(self, function: Law, numbers: Sequence[Any]) -> Sequence[Any]:
-        """A function of some numbers, shape (n,), that gives others."""
+    def apply(self, function: Law, numbers: Sequence[Any], key: Key | None = None) -> Sequence[Any]:
+        """A function of some numbers, shape (n,), that gives others.
+
+        Args:
+            function: that JAX can trace.
+            numbers: one for each argument, or one for each patient.
+            key: what tells the function from all others, so that its programs are kept on disk.
+        """
         table = np.empty((len(numbers), *np.broadcast_shapes(*map(np.shape, numbers))))
         for k, number in enumerate(numbers):
             table[k] = number
         flat = table.reshape(len(table), -1)
         if (flat == flat[:, :1]).all():
-            result = np.repeat(np.asarray(compiled(function)(flat[:, 0]))[:, None], flat.shape[1], axis=1)
+            result = np.repeat(np.asarray(alone(function, key)(flat[:, 0]))[:, None], flat.shape[1], axis=1)
         else:
             count = flat.shape[1]
             blocks = np.arange(-(-count // SIDE_BY_SIDE) * SIDE_BY_SIDE).reshape(-1, SIDE_BY_SIDE) % count
-            parts = [np.asarray(compiled_side_by_side(function)(flat[:, block])) for block in blocks]
+            parts = [np.asarray(side_by_side(function, key)(flat[:, block])) for block in blocks]
             result = np.concatenate(parts, axis=1)[:, :count]
         return list(result.reshape(-1, *table.shape[1:]))
 
@@ -146,7 +153,8 @@ class Measures:
     ) -> Sequence[Any]:
         """A function of the mean flows of all connections, of parameters and of some more numbers."""
         flows = [flow(name) for flow in (self.forward, self.backward) for name in function.connections]
-        return self.apply(function.compute, [*flows, *map(self.parameter, function.parameters), *more])
+        numbers = [*flows, *map(self.parameter, function.parameters), *more]
+        return self.apply(function.compute, numbers, function.key)
 
     def loop_area(self, pressure: str, volume: str) -> Any:
         """Work [mmHg mL] that a chamber does on its blood in a beat, -(loop integral of P dV)."""
@@ -236,27 +244,31 @@ def whole_beat(recorded: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=64)
-def compiled(function: Law) -> Callable[[np.ndarray], jax.Array]:
-    """A function of one patient's numbers."""
-    return jax.jit(function)
+def alone(function: Law, key: Key | None) -> Callable[..., jax.Array]:
+    """A function of one patient's numbers, compiled."""
+    return compiled(function, _named("alone", key))
 
 
 @lru_cache(maxsize=64)
-def compiled_side_by_side(function: Law) -> Callable[[np.ndarray], jax.Array]:
-    """A function of `SIDE_BY_SIDE` patients' numbers, shape (numbers, patients)."""
-    return jax.jit(jax.vmap(function, in_axes=1, out_axes=1))
+def side_by_side(function: Law, key: Key | None) -> Callable[..., jax.Array]:
+    """A function of `SIDE_BY_SIDE` patients' numbers, shape (numbers, patients), compiled."""
+    several = jax.vmap(function, in_axes=1, out_axes=1)
+    return compiled(several, _named("side by side", key), VECTORISED)
 
 
 @lru_cache(maxsize=64)
-def compiled_jacobian(function: Law) -> Callable[[np.ndarray], jax.Array]:
+def jacobian(function: Law, key: Key | None) -> Callable[..., jax.Array]:
     """Its value, in the first column, and derivatives, of one patient, shape (results, 1 + numbers)."""
 
-    def jacobian(numbers: jax.Array) -> jax.Array:
+    def table(numbers: jax.Array) -> jax.Array:
         value, along = jax.linearize(function, numbers)
-        slopes = jax.lax.map(along, jnp.eye(numbers.shape[0]), batch_size=DIRECTIONS)
-        return jnp.concatenate([value[None], slopes]).T
+        return jnp.concatenate([value[None], jax.vmap(along)(jnp.eye(numbers.shape[0]))]).T
 
-    return jax.jit(jacobian)
+    return compiled(table, _named("jacobian", key))
+
+
+def _named(what: str, key: Key | None) -> Key | None:
+    return None if key is None else (what, *key)
 
 
 def _stationary(rise: Any, second: Any, third: Any, fall: Any) -> np.ndarray:
