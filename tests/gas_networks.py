@@ -57,7 +57,10 @@ EXCHANGERS, PLACES = (Tissue(), NativeLung(), MembraneLung(*MEMBRANE)), ("tissue
 def veno_venous(output, ecmo, mixing=1.0, exchangers=EXCHANGERS, law="severinghaus1979", **values):
     """Gas state of a patient on V-V ECMO with one right atrium, flows in L/min."""
     named = {key.replace("gas_", "gas.").replace("ecmo_", "ecmo."): value for key, value in values.items()}
-    return _solved(exchangers, law, jnp.stack([output] * 4 + [ecmo] * 3), mixing, PATIENT | named)
+    # All as arrays of floats: what is traced with whole numbers is compiled again.
+    given = {key: jnp.asarray(value, dtype=float) for key, value in (PATIENT | named).items()}
+    forward = jnp.stack([jnp.asarray(flow, dtype=float) for flow in [output] * 4 + [ecmo] * 3])
+    return _solved(exchangers, law, forward, jnp.asarray(mixing, dtype=float), given)
 
 
 @partial(jax.jit, static_argnums=(0, 1))
