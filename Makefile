@@ -51,10 +51,10 @@ demo: $(STAMPS)/core  ## the paper's ECMO + CRRT patient and the nine CRRT schem
 # --- checks -------------------------------------------------------------------------------------
 
 test: $(STAMPS)/dev  ## run all tests
-	$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder
 
 quick: $(STAMPS)/dev  ## run the tests without the slow ones
-	$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup -m 'not slow'
+	$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder -m 'not slow'
 
 lint: $(STAMPS)/dev  ## check style and formatting
 	$(BIN)/ruff check .

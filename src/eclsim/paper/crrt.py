@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -90,12 +91,13 @@ class UnprintedValues:
     assumed_misfit: float
 
 
-def search_unstated(case: Case | None = None) -> UnprintedValues:
+@lru_cache(maxsize=1)
+def search_unstated() -> UnprintedValues:
     """Blood volume and heart rate with which the numbers of section 3.3 come out best."""
     from scipy.interpolate import RegularGridInterpolator
     from scipy.optimize import minimize
 
-    case = paper_case() if case is None else case
+    case = paper_case()
     printed = [p for p in SECTION_3_3 if not p.remark]
     computed = _on_grid(case, printed)
     surfaces = RegularGridInterpolator((RATES_BPM, VOLUMES_ML), computed, method="cubic")

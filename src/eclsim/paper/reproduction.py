@@ -88,7 +88,7 @@ def reproduce(
     Args:
         folder: keeps what takes long, so that it can be gone on with.
         settings: how much is computed.
-        parts: of `PARTS`; the CRRT study is always done.
+        parts: of `PARTS`; the CRRT study is always done, but not by a shard.
         progress: is told what is being computed.
         distribution: where the runs of the long parts are computed, and which of them; left out, here, anew.
 
@@ -97,24 +97,23 @@ def reproduce(
         ShardDone: this was a shard, whose runs are in the folder now.
     """
     from eclsim.paper.cohort import reproduce_cohort
-    from eclsim.paper.crrt import reproduce_crrt, table_rows
+    from eclsim.paper.crrt import reproduce_crrt, search_unstated, table_rows
     from eclsim.paper.sensitivity import reproduce_circulation, reproduce_positions
 
     chosen = settings or ReproductionSettings()
     distribution = distribution or Distribution(force=True)
-    crrt = reproduce_crrt(progress)
     with distribution.running(PRELOAD) as executor:
         long_parts: dict[str, Callable[[Path], object]] = {
             "sensitivity": lambda at: reproduce_circulation(at, chosen.samples, executor, progress),
             "positions": lambda at: reproduce_positions(
-                at, crrt.unstated, chosen.samples, executor, progress
+                at, search_unstated(), chosen.samples, executor, progress
             ),
             "cohort": lambda at: reproduce_cohort(at, chosen.cohort, chosen.explore, executor, progress),
         }
         names = [name for name in long_parts if name in parts]
         results = executor.each([partial(long_parts[name], folder / name) for name in names])
     compared: dict[str, Any] = dict.fromkeys(long_parts) | dict(zip(names, results, strict=True))
-    return Reproduction(crrt, tables=tuple(table_rows()), **compared)
+    return Reproduction(reproduce_crrt(progress), tables=tuple(table_rows()), **compared)
 
 
 # --- everything that is numbered in the paper -----------------------------------------------------
