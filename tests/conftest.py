@@ -1,4 +1,4 @@
-"""What all tests share: short names, a worker for each file, compiled programs dropped when there are many."""
+"""What all tests share: short names, one worker for each file, compiled programs dropped in time."""
 
 import ctypes
 import functools
@@ -23,7 +23,7 @@ def pytest_make_parametrize_id(config: pytest.Config, val: object, argname: str)
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Keeps a file's tests on one worker, so that its fixtures and programs are made once; long files first."""
+    """Keeps a file on one worker, so that fixtures and programs are made once; files that take long first."""
     if not hasattr(config, "workerinput"):
         return
     for item in items:

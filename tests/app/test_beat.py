@@ -5,9 +5,8 @@ import pytest
 
 from eclsim.app.beat import POINTS, compute_beat, plain
 from eclsim.app.circuits import page_circuit
-from eclsim.app.display import display
+from eclsim.app.display import display, output_specs
 from eclsim.app.knobs import connect, turn
-from eclsim.app.ranges import output_specs
 from eclsim.app.state import PageState
 from eclsim.cases.presets import PRESETS
 from eclsim.simulation.single import simulate

@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 
 from eclsim.orbit.model import PATIENT_HELD
-from eclsim.outputs.course import simulate_course
 from eclsim.outputs.registry import contract
-from eclsim.outputs.results import simulate
+from eclsim.outputs.results import simulate, simulate_course
 from model_catalogue import model
 
 

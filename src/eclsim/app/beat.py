@@ -17,7 +17,7 @@ from eclsim.orbit.model import circuit_of
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.alarms import CAUTION, Finding, impossible
-from eclsim.outputs.gases_of_places import PlaceGases
+from eclsim.outputs.gas import PlaceGases
 from eclsim.outputs.limits import level, place_levels
 from eclsim.outputs.recirculation import recirculation
 from eclsim.outputs.signals import unstressed_volume

@@ -5,8 +5,11 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
+from eclsim.app.display import figures_of
 from eclsim.app.knobs import VOLUME, controls, turned_value, value_of
 from eclsim.app.state import key_of
 from eclsim.app.texts import ENGLISH, text
@@ -15,17 +18,21 @@ from eclsim.cases.reading import read_mapping
 from eclsim.cases.regulation import Drugs
 from eclsim.devices.description import CAUTION, Knob
 from eclsim.files import finite
+from eclsim.fluid.law import INTERSTITIUM, PLASMA, RED_CELLS, REFILLED, REMOVED
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.parameters.fluid import says_start
-from eclsim.parameters.regulation import DRUG_DOSES
+from eclsim.parameters.regulation import DRUG_DOSES, DRUGS
 from eclsim.slow.law import INFLOWS
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from eclsim.app.beat import Beat
     from eclsim.app.state import PageState
     from eclsim.cases.case import Case
     from eclsim.course.beats import Marched
     from eclsim.course.course import Followed
+
 
 BEATS = (2, 10, 30)
 """How long a course may be that is followed beat by beat [min]."""
@@ -187,3 +194,58 @@ def without_event(case: Case, number: int) -> Case:
     raw = case.as_mapping()
     raw["events"] = [one for k, one in enumerate(raw.get("events", [])) if k != number]
     return read_mapping(raw).case
+
+
+# --- curves over the minutes --------------------------------------------------------------------
+
+
+class Lane(NamedTuple):
+    """A curve over the minutes.
+
+    Attributes:
+        name: of the output, slow state or sum.
+        label: in words.
+        unit: of the values as shown.
+        digits: behind the point.
+        values: of each moment.
+        usual: whether it is seen before anybody chooses.
+    """
+
+    name: str
+    label: str
+    unit: str
+    digits: int
+    values: np.ndarray
+    usual: bool
+
+
+_OUTPUTS = (
+    ("heart_rate", "1/min", 0), ("DO2", "mL/min", 0), ("drainage_pressure", "mmHg", 0),
+    ("unstressed_volume", "mL", 0), ("systemic_resistance_factor", "", 2), ("contractility_lv_factor", "", 2),
+    ("tissue_PCO2", "mmHg", 0), ("haematocrit", "%", 1), ("plasma_protein", "g/dL", 1),
+    ("oncotic_pressure", "mmHg", 1), ("urea", "mmol/L", 1), ("creatinine", "umol/L", 0),
+    ("potassium", "mmol/L", 2), ("bicarbonate", "mmol/L", 1), ("hypoxic_resistance_factor", "", 2),
+    (INTERSTITIUM, "mL", 0), (REFILLED, "mL", 0), (REMOVED, "mL", 0),
+)  # fmt: skip
+"""Name, unit as shown and digits of what can be chosen beside the key figures."""
+
+
+def lanes_of(case: Case, result: xr.Dataset) -> list[Lane]:
+    """What can be drawn of a course; drugs that have any effect."""
+    rows = [
+        Lane(one.output, one.label, one.unit, one.digits, result[one.output].to_numpy(), True)
+        for one in figures_of(case)
+        if one.output in result and not one.only_with
+    ]
+    blood = (result[PLASMA] + result[RED_CELLS]).to_numpy()
+    rows.append(Lane("blood_volume", text("lane_blood_volume"), "mL", 0, blood, True))
+    for drug in DRUG_DOSES:
+        dose = result.get(f"{DRUGS}.{drug}_in_effect")
+        if dose is not None and np.nanmax(dose.to_numpy(), initial=0.0) > 0.0:
+            words = text("lane_drug", drug=drug)
+            rows.append(Lane(str(dose.name), words, dose.attrs["units"], 2, dose.to_numpy(), True))
+    for name, unit, digits in _OUTPUTS:
+        if name in result:
+            values = result[name].to_numpy() * (100.0 if unit == "%" else 1.0)
+            rows.append(Lane(name, text(f"lane_{name}"), unit, digits, values, False))
+    return [lane for lane in rows if np.isfinite(lane.values).any()]

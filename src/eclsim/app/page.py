@@ -12,10 +12,10 @@ from nicegui import ui
 from nicegui.element import Element
 
 from eclsim.app.course import LENGTHS
+from eclsim.app.display import output_specs
 from eclsim.app.header import Header, notify
 from eclsim.app.identify import Identification, fields
 from eclsim.app.provenance import title_of
-from eclsim.app.ranges import output_specs
 from eclsim.app.session import Session
 from eclsim.app.state import History, PageState, Snapshot, read_snapshot, state_of
 from eclsim.app.texts import ENGLISH, text

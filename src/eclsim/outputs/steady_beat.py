@@ -28,7 +28,7 @@ from eclsim.orbit.steady import Batch, SolvedOrbits, solve
 from eclsim.outputs.alarms import Finding, findings
 from eclsim.outputs.coupling import CoupledAnchor, open_parameters, settle, solved_for, total, with_neutral
 from eclsim.outputs.derivatives import Linearisation, linearise
-from eclsim.outputs.gases_of_places import PlaceGases, gases_of_places
+from eclsim.outputs.gas import PlaceGases, gases_of_places
 from eclsim.outputs.measures import Measures, whole_beat
 from eclsim.outputs.registry import output
 from eclsim.outputs.regulation import SOLVED_BY

@@ -229,7 +229,7 @@ def simulate_transient(
     Raises:
         FlowNotReachedError: The case names a pump flow that no speed gives.
     """
-    from eclsim.outputs.course import simulate_course
+    from eclsim.outputs.results import simulate_course
 
     solved, _ = with_speed(case, volume_policy)
     return simulate_course(model_of(solved), seconds, policy=volume_policy, solver=solver, names=names)
