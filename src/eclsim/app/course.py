@@ -102,14 +102,14 @@ def plain_events(case: Case) -> list[dict[str, Any]]:
     """Events of a case in the words of the page."""
     known = {one["key"]: one for one in possible_events(case)} if case.events else {}
 
-    def words(key: str, value: object) -> str:
+    def described(key: str, value: object) -> str:
         one = known.get(key, {"label": key, "unit": ""})
         return f"{one['label']} {f'{value:g}' if isinstance(value, float) else value} {one['unit']}".strip()
 
     return [
         {
             "at": event.at_min, "lasts": event.over_min if event.give else event.ramp_min,
-            "words": ", ".join(words(*each) for each in (*event.set.items(), *event.give.items())),
+            "words": ", ".join(described(*each) for each in (*event.set.items(), *event.give.items())),
         }
         for event in case.events
     ]  # fmt: skip

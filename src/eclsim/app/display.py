@@ -160,7 +160,7 @@ def _exchangers(circuit: Circuit) -> dict[str, str]:
     result = {}
     for exchange in gas_exchanges(circuit):
         names = naming_of(exchange.group)
-        words = text(f"exchange_{exchange.at}") if names is None else names.words(f"Q{exchange.at}")
+        words = text(f"exchange_{exchange.at}") if names is None else names.place_label(f"Q{exchange.at}")
         result[exchange.at] = words if names is None else f"{names.device.name} {words}"
     return result
 

@@ -99,7 +99,7 @@ def _flow(group: str, name: str) -> dict[str, Any]:
 def _moved(line: Attachment) -> dict[str, str]:
     """The knob that a line is moved by, the letter on its handle and what it is called."""
     names = naming_of(line.frame)
-    lines = {} if names is None else {names.place(own): key for key, own in names.device.lines.items()}
+    lines = {} if names is None else {names.place(line): key for key, line in names.device.lines.items()}
     if names is None or line.name not in lines:
         return {"moves": ""}
     key = lines[line.name]
@@ -124,20 +124,20 @@ def _boxes(circuit: Circuit, plan: Plan, page: Layout) -> list[dict[str, Any]]:
     for compartment in circuit.compartments:
         left, bottom, right, top = page.box(compartment.name)
         names = naming_of(compartment.group)
-        own = compartment.name if names is None else names.own(compartment.name)
+        place = compartment.name if names is None else names.device_place(compartment.name)
         words = plan.places[compartment.name].words if compartment.name in plan.places else compartment.name
         result.append({
             "name": compartment.name, "group": compartment.group,
             "position": positions.get(compartment.name, ""),
-            "text": words, "short": ENGLISH.get(f"box_{own}", _short(names, own) or words),
+            "text": words, "short": ENGLISH.get(f"box_{place}", _short(names, place) or words),
             "ink": ink(compartment.group),
             "x": left - WIDER_MM, "y": -top, "w": right - left + 2 * WIDER_MM, "h": top - bottom,
         })  # fmt: skip
     return result
 
 
-def _short(names: Naming | None, own: str | None) -> str:
-    box = None if names is None else names.device.boxes.get(own or "")
+def _short(names: Naming | None, place: str | None) -> str:
+    box = None if names is None else names.device.boxes.get(place or "")
     return "" if box is None else box.short
 
 

@@ -133,13 +133,13 @@ class Guard:
         socket = scope["type"] == "websocket" or path.startswith(SOCKET_PREFIX)
         writes = socket or scope["method"] not in ("GET", "HEAD")
         origin = headers.get("origin")
-        if writes and origin is not None and not self._own(origin, scope, headers):
+        if writes and origin is not None and not self._is_own_page(origin, scope, headers):
             return True
         if headers.get("sec-fetch-site") not in ("cross-site", "same-site"):
             return False
         return writes or headers.get("sec-fetch-mode", "navigate") != "navigate"
 
-    def _own(self, origin: str, scope: Scope, headers: dict[str, str]) -> bool:
+    def _is_own_page(self, origin: str, scope: Scope, headers: dict[str, str]) -> bool:
         """Whether an origin is that of the page itself: host, port, and scheme where it is known."""
         try:
             parts = urlsplit(origin)

@@ -216,7 +216,7 @@ class _Rows:
         try:
             reading = read_mapping(raw)
         except CaseError as error:
-            wrong += [self._in_columns(m) for m in error.mistakes if not _said(m, wrong)]
+            wrong += [self._in_columns(m) for m in error.mistakes if not _refused_already(m, wrong)]
         else:
             if not any(getattr(reading.case.measurements, name, None) is not None for name in MEASURED):
                 wrong.append(Mistake(", ".join(MEASURED), "nothing measured, so nothing to fit"))
@@ -235,7 +235,7 @@ class _Rows:
         return Mistake(column, mistake.message, mistake.value, mistake.allowed, mistake.suggestion)
 
 
-def _said(mistake: Mistake, wrong: Sequence[Mistake]) -> bool:
+def _refused_already(mistake: Mistake, wrong: Sequence[Mistake]) -> bool:
     """Whether the same column was refused for a plainer reason."""
     return any((COLUMNS | OPTIONAL).get(m.key) == mistake.key for m in wrong)
 

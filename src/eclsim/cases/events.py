@@ -99,7 +99,7 @@ class _Checks:
 
     def __init__(self, case: Raw, check: Check, remarks: Remarks):
         self.case, self.check, self.remarks = dict(case), check, remarks
-        self.known = set(map(_said, check(case).mistakes))
+        self.known = set(map(_key_and_message, check(case).mistakes))
 
     def event(self, place: str, raw: object) -> dict[str, Any]:
         """An event as far as it is right; empty where its time is not known."""
@@ -180,7 +180,7 @@ class _Checks:
         """Whether the case with the value is right; if so the events behind find it."""
         merged, _ = put_in(self.case, {path: value})
         checked = self.check(merged)
-        new = [mistake for mistake in checked.mistakes if _said(mistake) not in self.known]
+        new = [mistake for mistake in checked.mistakes if _key_and_message(mistake) not in self.known]
         for why in new:
             own = why.key in (".".join(path), path[1])
             message = why.message if own else f"{why.key}: {why.message}"
@@ -190,7 +190,7 @@ class _Checks:
         return not new
 
 
-def _said(mistake: Mistake) -> tuple[str, str]:
+def _key_and_message(mistake: Mistake) -> tuple[str, str]:
     return mistake.key, mistake.message
 
 

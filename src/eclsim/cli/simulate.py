@@ -267,7 +267,7 @@ def _sweep(o: SimulateOptions) -> Sequence[xr.Dataset]:
     name = next(iter(readings.cases.values())).patient.id
     places = _places(o, [f"{name}_sweep"], tables=())
     try:
-        sweep = sweep_cases(readings.key, readings.unit, readings.own, readings.cases)
+        sweep = sweep_cases(readings.key, readings.unit, readings.case_value, readings.cases)
     except SweepError as error:
         fail(f"--sweep {error}")
     (stem,) = places.stems

@@ -20,7 +20,7 @@ class Readings:
 
     key: str
     unit: str
-    own: Value | None
+    case_value: Value | None
     cases: Mapping[Value, Case]
 
 
@@ -47,7 +47,7 @@ def read(file: str, settings: Sequence[str], text: str, policy: str | None = Non
     if all(isinstance(value, float) for value in cases):
         cases = dict(sorted(cases.items()))
     key = name if section == "parameters" else f"{section}.{name}"
-    return Readings(key, _unit(section, name), _own(file, settings, section, name), cases)
+    return Readings(key, _unit(section, name), _value_without_sweep(file, settings, section, name), cases)
 
 
 def _set_keys(settings: Sequence[str]) -> Collection[tuple[str, str]]:
@@ -79,7 +79,7 @@ def _of_sweep(mistake: Mistake, key: str) -> Mistake:
     return replace(mistake, file="--sweep") if _is_of(mistake, key) else mistake
 
 
-def _own(file: str, settings: Sequence[str], section: str, name: str) -> Value | None:
+def _value_without_sweep(file: str, settings: Sequence[str], section: str, name: str) -> Value | None:
     """The value of the case without the sweep; None where it has none or is no case without it."""
     from eclsim.cases import CaseError, read_case
     from eclsim.cases.resolve import resolve_parameters

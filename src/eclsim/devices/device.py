@@ -219,7 +219,7 @@ class Naming:
         """Name of one of its compartments or connections."""
         return f"{self.key}.{name}" if self.name else name
 
-    def own(self, place: str) -> str | None:
+    def device_place(self, place: str) -> str | None:
         """The device's name for a compartment or connection of the circuit; None for another's."""
         if self.name:
             result = place.removeprefix(f"{self.key}.")
@@ -236,11 +236,11 @@ class Naming:
         """Name of one of its outputs, such as "lvad.left.flow" of "lvad_flow"."""
         return f"{self.key}.{name.removeprefix(f'{self.device.key}_')}" if self.name else name
 
-    def words(self, signal: str) -> str:
+    def place_label(self, signal: str) -> str:
         """What the place of one of its waveforms is called."""
-        own = self.own(signal[1:]) or ""
-        words = self.device.connections if signal[0] == "Q" else self.device.compartments
-        return f"{words.get(own, own)} {self.name}".strip()
+        place = self.device_place(signal[1:]) or ""
+        labels = self.device.connections if signal[0] == "Q" else self.device.compartments
+        return f"{labels.get(place, place)} {self.name}".strip()
 
     def pumps(self) -> tuple[str, ...]:
         """Connections of it that are pumps."""

@@ -139,12 +139,12 @@ class Executor:
             ExecutionError: the folder does not fit, a result is missing, or the workers cannot be reached.
             ShardDone: this was a shard, whose results are in the folder now.
         """
-        results = self.own(tasks, folder, format, progress)
+        results = self.completed_here(tasks, folder, format, progress)
         if (shard := self.distribution.shard) is not None and folder is not None:
             raise ShardDone(shard, tasks.unit, folder)
         return list(results.values())
 
-    def own(
+    def completed_here(
         self,
         tasks: Tasks[Argument, Result],
         folder: Path | None,

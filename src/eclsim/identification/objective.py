@@ -240,7 +240,7 @@ class Objective:
             x: their parameters, shape (members, parameters).
         """
 
-        def one(k: int) -> tuple[np.ndarray, Tangents | None]:
+        def linearised(k: int) -> tuple[np.ndarray, Tangents | None]:
             try:
                 linear = evaluation.steady.linearise(self.outputs, self.names, int(members[k]))
             except NoDerivativesError:
@@ -248,7 +248,7 @@ class Objective:
             unit = self.scale.slopes(x[k])
             return linear.slopes * unit, (Tangent(x[k], linear.orbit.anchor, linear.orbit.states * unit),)
 
-        slopes, tangents = zip(*in_threads(one, list(range(len(members)))), strict=True)
+        slopes, tangents = zip(*in_threads(linearised, list(range(len(members)))), strict=True)
         return np.stack(slopes), list(tangents)
 
     def _batch(self, points: np.ndarray, x: np.ndarray) -> Batch:

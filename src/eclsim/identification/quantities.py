@@ -64,13 +64,13 @@ class Scale:
         """d value / d coordinate, shape (..., parameters) as x."""
         return np.where(self.linear, self._divisors, np.exp(np.where(self.linear, 0.0, x)))
 
-    def one(self, k: int) -> Scale:
+    def of_parameter(self, k: int) -> Scale:
         """Of one of the parameters."""
         return Scale((self.units[k],))
 
     def value(self, k: int, x: float) -> float:
         """One parameter in its unit, without the rounding of going there and back."""
-        return float(f"{self.one(k).values(np.array([x]))[0]:.{_DIGITS}g}")
+        return float(f"{self.of_parameter(k).values(np.array([x]))[0]:.{_DIGITS}g}")
 
     def apart(self, k: int, distance: float) -> str:
         """Two values at a distance in the coordinate of a parameter: relative, or in its unit."""

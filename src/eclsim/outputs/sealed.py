@@ -99,7 +99,7 @@ def _needs(name: str) -> tuple[str, ...]:
 
 
 def _sentence(parts: tuple[tuple[str, ...], ...], reason: str) -> str:
-    held = _listed([" with the ".join(_words(part)) for part in parts], "the ")
+    held = _listed([" with the ".join(_labels(part)) for part in parts], "the ")
     return (
         f"{reason}: how much blood {held} hold{'s' * (len(parts) == 1)} is not determined by the case but "
         "left over from where the computation began, and so are the volumes and pressures there and how full "
@@ -108,11 +108,11 @@ def _sentence(parts: tuple[tuple[str, ...], ...], reason: str) -> str:
     )
 
 
-def _words(part: tuple[str, ...]) -> list[str]:
+def _labels(part: tuple[str, ...]) -> list[str]:
     return list(dict.fromkeys(CHAMBERS.get(name) or _VESSELS.get(name, name) for name in part))
 
 
-def _listed(words: list[str], article: str = "") -> str:
+def _listed(labels: list[str], article: str = "") -> str:
     """Words as in a sentence: a, b and c."""
-    words = [article + word for word in words]
-    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+    named = [article + label for label in labels]
+    return " and ".join([", ".join(named[:-1]), named[-1]] if len(named) > 1 else named)

@@ -51,7 +51,7 @@ def naming_at(place: str) -> Naming | None:
     key, _, rest = place.partition(".")
     if rest:
         return naming_of(f"{key}.{rest.partition('.')[0]}")
-    return next((one for one in map(Naming, devices().values()) if one.own(place)), None)
+    return next((one for one in map(Naming, devices().values()) if one.device_place(place)), None)
 
 
 def instances_at(places: Iterable[str]) -> list[Naming]:
@@ -68,5 +68,5 @@ def place_words(signal: str) -> str:
     if kind == "P" and (place.endswith("pump") or (names is not None and place in names.pumps())):
         return "pressure rise over the pump"
     if names is not None:
-        return names.words(signal)
+        return names.place_label(signal)
     return (CONNECTIONS if kind == "Q" else COMPARTMENTS).get(place, place)

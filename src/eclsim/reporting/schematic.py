@@ -114,9 +114,9 @@ class Labels:
         if name not in plan.places:
             return plain_text(name, 18), "", pressure
         names = naming_of(self.groups[name])
-        own = names.own(name) or name if names else name
+        place = names.device_place(name) or name if names else name
         positions = {} if names is None else {node: at for at, node in names.device.positions.items()}
-        key = f"{positions[own]} ({own})" if own in positions else own
+        key = f"{positions[place]} ({place})" if place in positions else place
         return plain_text(plan.places[name].words, 22), plain_text(key, 24), pressure
 
     def saturation(self, name: str) -> float | None:

@@ -264,7 +264,7 @@ def _add(plan: Plan, connection: Connection, names: Naming | None, groups: Mappi
 
 def _device_places(names: Naming, compartments: Sequence[str]) -> dict[str, Place]:
     """Places of a device's compartments: its own, or in flow direction."""
-    own = {name: names.own(name) or name for name in compartments}
+    own = {name: names.device_place(name) or name for name in compartments}
     boxes = {name: names.device.boxes.get(own[name]) for name in compartments}
     if any(box is None for box in boxes.values()):
         words = [names.device.compartments.get(own[name], own[name]) for name in compartments]
@@ -293,7 +293,7 @@ def _in_flow_direction(words: Sequence[str]) -> list[Box]:
 
 def _mark(names: Naming, connection: Connection) -> Mark:
     """How a connection of a device is marked, the name of a named instance behind its words."""
-    own = names.own(connection.name) or connection.name
+    own = names.device_place(connection.name) or connection.name
     law = connection.component
     symbol = "roller" if law.given_flow else "valve" if law.one_way else "tube"
     mark = names.device.marks.get(own) or Mark(symbol, names.device.connections.get(own, own))

@@ -168,7 +168,7 @@ def _at_held_flow(
     at_flow = {"parameter": [solved.flow_key], "parameter_value": ("parameter", solved.flows)}
     columns = by_flow.drop_vars(("parameter", "parameter_value")).expand_dims("parameter", 1)
     held = xr.concat([held, columns.assign_coords(at_flow)], "parameter")
-    found_speed = solved.found(0).attributes()
+    found_speed = solved.solved_speed(0).attributes()
     held = held.sel(output=list(outputs), parameter=list(parameters))
     return held.assign_coords(value=result["value"].sel(output=list(outputs))).assign_attrs(
         result.attrs | found_speed

@@ -46,7 +46,7 @@ class Sweep:
         key: of the case file, or a parameter.
         unit: of the values, empty for names.
         values: numbers, or names.
-        own: the case's own value, None where it has none.
+        case_value: the case's own value, None where it has none.
         results: the beat at each value, as `eclsim.simulate` gives it.
     """
 
@@ -54,7 +54,7 @@ class Sweep:
     key: str
     unit: str
     values: tuple[Value, ...]
-    own: Value | None
+    case_value: Value | None
     results: tuple[xr.Dataset, ...]
 
     @property
@@ -71,7 +71,7 @@ def parse_sweep(text: str) -> tuple[str, tuple[str, ...]]:
     """
     key, equals, written = (part.strip() for part in text.partition("="))
     if not (key and equals and written):
-        raise SweepError(_said(text))
+        raise SweepError(_no_sweep(text))
     values: dict[str, None] = {}
     for part in written.split(","):
         ends = part.strip().split(":")
@@ -80,7 +80,7 @@ def parse_sweep(text: str) -> tuple[str, tuple[str, ...]]:
         elif len(ends) == 3:
             values |= dict.fromkeys(_steps(ends, text))
         else:
-            raise SweepError(_said(text))
+            raise SweepError(_no_sweep(text))
     if len(values) > LARGEST_COUNT:
         raise SweepError(f"'{text[:60]}': {len(values)} values; allowed: up to {LARGEST_COUNT}")
     return key, tuple(values)
@@ -169,9 +169,9 @@ def _steps(ends: Sequence[str], text: str) -> list[str]:
     try:
         first, last, step = (float(end) for end in ends)
     except ValueError:
-        raise SweepError(_said(text)) from None
+        raise SweepError(_no_sweep(text)) from None
     if not all(math.isfinite(end) for end in (first, last, step)):
-        raise SweepError(_said(text))
+        raise SweepError(_no_sweep(text))
     if step == 0.0:
         raise SweepError(f"'{text[:60]}': a step of 0 leads nowhere; {_allowed()}")
     count = (last - first) / step
@@ -199,7 +199,7 @@ def _allowed() -> str:
     return f"allowed: KEY=first:last:step or KEY=value,value, such as {usual_setting()}=2000:4500:250"
 
 
-def _said(text: str) -> str:
+def _no_sweep(text: str) -> str:
     return f"'{text[:60]}' is no sweep; {_allowed()}"
 
 
@@ -230,7 +230,7 @@ def as_table(sweep: Sweep) -> xr.Dataset:
     attributes = {
         "id": sweep.case_id,
         "key": sweep.key,
-        "own_value": "" if sweep.own is None else sweep.own,
+        "own_value": "" if sweep.case_value is None else sweep.case_value,
         "blood_volume_policy": str(results[0].attrs["blood_volume_policy"]),
         "failed": sum(not r.attrs["converged"] for r in results),
     }
@@ -254,7 +254,7 @@ def sweep_object(sweep: Sweep) -> dict[str, Any]:
         for value, result in zip(sweep.values, sweep.results, strict=True)
     ]
     failed = [case["swept"][sweep.key] for case in cases if not case["converged"]]
-    return {"sweep": about | {"own_value": sweep.own, "failed": failed}, "cases": cases}
+    return {"sweep": about | {"own_value": sweep.case_value, "failed": failed}, "cases": cases}
 
 
 def write_netcdf(sweep: Sweep, path: Path) -> None:

@@ -90,7 +90,7 @@ def with_speed(case: Case, policy: str | None = None) -> tuple[Case, SpeedFound 
         return _with_rest_solved(case, policy), None
     if solved.reasons[0]:
         raise FlowNotReachedError(solved.reasons[0])
-    return solved.case_at(float(solved.speeds[0])), solved.found(0)
+    return solved.case_at(float(solved.speeds[0])), solved.solved_speed(0)
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ class SolvedSpeeds:
         keys = {self.target.key: None, self.target.setting: speed}
         return self.case.with_section(self.instance.key, **keys)
 
-    def found(self, member: int) -> SpeedFound:
+    def solved_speed(self, member: int) -> SpeedFound:
         """What was solved for a member."""
         speed_key = f"{self.instance.key}.{self.target.setting}"
         return SpeedFound(self.flow_key, float(self.flows[member]), speed_key, float(self.speeds[member]))

@@ -42,19 +42,19 @@ LOWERED = 0.6
 
 def gas_check() -> Check:
     """All rows, by the table `gas.csv`."""
-    found = {**_oxygenators(), **_slopes(), **_joyce(), **_regions()}
-    why = _reasons(found)
+    numbers = {**_oxygenators(), **_slopes(), **_joyce(), **_regions()}
+    why = _reasons(numbers)
     with (DATA / "gas.csv").open(encoding="utf-8", newline="") as file:
-        rows = tuple(_row(entry, found, why) for entry in csv.DictReader(file))
+        rows = tuple(_row(entry, numbers, why) for entry in csv.DictReader(file))
     dialysis = tuple(replace(row, name=f"May 2017: {row.name}") for row in respiratory_dialysis())
     bar = "spreads of the measurements; compared, not required"
     return Check("gas", "Gas exchange against measurements", bar, (*rows, *dialysis), required=False)
 
 
-def _row(entry: Mapping[str, str], found: Mapping[str, float], why: Mapping[str, Explanation]) -> Row:
+def _row(entry: Mapping[str, str], numbers: Mapping[str, float], why: Mapping[str, Explanation]) -> Row:
     key, low, high = entry["key"], float(entry["low"]), float(entry["high"])
     return Row(
-        f"{entry['study']}: {entry['quantity']} ({entry['use']})", found[key], low, high, entry["unit"],
+        f"{entry['study']}: {entry['quantity']} ({entry['use']})", numbers[key], low, high, entry["unit"],
         float(entry["expected"]), why.get(key), f"{entry['source']}; {entry['how_read']}",
     )  # fmt: skip
 
@@ -63,24 +63,24 @@ def _row(entry: Mapping[str, str], found: Mapping[str, float], why: Mapping[str,
 
 
 def _oxygenators() -> dict[str, float]:
-    found = {}
+    numbers = {}
     for flow in range(1, 8):
         passed = single_pass(flow, flow, BENCH_INLET)
-        found |= {f"oxygen {flow}": passed.oxygen, f"po2 {flow}": passed.po2}
+        numbers |= {f"oxygen {flow}": passed.oxygen, f"po2 {flow}": passed.po2}
     for flow, sweep in ((1, 1.0), (7, 35.0)):
-        found[f"carbon dioxide {flow}"] = single_pass(flow, sweep, BENCH_INLET).carbon_dioxide
+        numbers[f"carbon dioxide {flow}"] = single_pass(flow, sweep, BENCH_INLET).carbon_dioxide
     for name, product in (("small", "Quadrox-i Small Adult"), ("nautilus", "Nautilus MC3")):
         membrane = OXYGENATORS[product].membrane
         flow = membrane.highest_flow_l_min
-        found[f"oxygen {name}"] = single_pass(
+        numbers[f"oxygen {name}"] = single_pass(
             flow, flow, 0.65, oxygen_transfer=membrane.oxygen_transfer
         ).oxygen
     for area in (0.35, 0.8, 1.35):
-        found[f"prisma {area}"] = _removed(area, 0.3, 10.0, area / 1.8)
+        numbers[f"prisma {area}"] = _removed(area, 0.3, 10.0, area / 1.8)
     for area, flow, sweep in ((0.4, 0.9, 2), (0.4, 0.9, 8), (0.8, 1.8, 2), (0.8, 1.8, 8)):
-        found[f"strassmann {area} {sweep}"] = _removed(area, flow, sweep, area / 1.8)
-    gains = [found[f"strassmann {area} 8"] - found[f"strassmann {area} 2"] for area in (0.4, 0.8)]
-    return found | {"strassmann gain": float(gains[1] > gains[0] > 0.0)}
+        numbers[f"strassmann {area} {sweep}"] = _removed(area, flow, sweep, area / 1.8)
+    gains = [numbers[f"strassmann {area} 8"] - numbers[f"strassmann {area} 2"] for area in (0.4, 0.8)]
+    return numbers | {"strassmann gain": float(gains[1] > gains[0] > 0.0)}
 
 
 def _removed(area: float, flow: float, sweep: float, scale: float, pco2: float = 45.0) -> float:
@@ -105,19 +105,19 @@ def _slopes() -> dict[str, float]:
         "pco2 haemoglobin": ("paco2", "haemoglobin_g_dl", 10.0, 0.5),
         "pco2 temperature": ("paco2", "temperature_c", 37.0, 0.5),
     }  # fmt: skip
-    found = {}
+    numbers = {}
     for key, (gas, name, at, step) in steps.items():
         change = getattr(_pig(**{name: at + step}), gas) - getattr(_pig(**{name: at - step}), gas)
-        found[f"park {key}"] = change / (2.0 * step) / (100.0 if "shunt" in key else 1.0)
+        numbers[f"park {key}"] = change / (2.0 * step) / (100.0 if "shunt" in key else 1.0)
     falls = {flow: [_pig(flow, sweep_l_min=s).paco2 for s in (3.0, 5.5, 10.0)] for flow in (1.5, 3.5)}
-    found["mendes 3.5"] = float(falls[3.5][0] > falls[3.5][1] > falls[3.5][2])
-    found["mendes 1.5"] = falls[1.5][0] - falls[1.5][2]
+    numbers["mendes 3.5"] = float(falls[3.5][0] > falls[3.5][1] > falls[3.5][2])
+    numbers["mendes 1.5"] = falls[1.5][0] - falls[1.5][2]
     for sweep in (2.0, 10.0):
         patient = veno_venous(
             5.0, 5.0, 0.1, vo2_ml_min=200.0, alveolar_ventilation_l_min=0.0, sweep_l_min=sweep
         )
-        found[f"sweep {sweep:g}"] = patient.paco2
-    return found | _park_2013()
+        numbers[f"sweep {sweep:g}"] = patient.paco2
+    return numbers | _park_2013()
 
 
 def _park_2013(**given: float) -> dict[str, float]:
@@ -128,11 +128,12 @@ def _park_2013(**given: float) -> dict[str, float]:
         "co2 flow": ("carbon_dioxide", "flow", 0.1), "co2 sweep": ("carbon_dioxide", "sweep", 0.1),
         "co2 pressure": ("carbon_dioxide", "pco2", 1.0), "co2 haemoglobin": ("carbon_dioxide", "hb", 0.1),
     }  # fmt: skip
-    found = {}
+    numbers = {}
     for key, (gas, name, step) in steps.items():
         ends = [getattr(single_pass(**(usual | {name: usual[name] + s})), gas) for s in (-step, step)]
-        found[f"park13 {key}"] = (ends[1] - ends[0]) / (2.0 * step) / (100.0 if name == "saturation" else 1.0)
-    return found
+        scale = 100.0 if name == "saturation" else 1.0
+        numbers[f"park13 {key}"] = (ends[1] - ends[0]) / (2.0 * step) / scale
+    return numbers
 
 
 def _joyce() -> dict[str, float]:
@@ -146,15 +147,15 @@ def _joyce() -> dict[str, float]:
             "vo2_ml_min": consumed, "shunt_fraction": shunt, "sweep_l_min": 5.0, "fio2": 0.5,
             "alveolar_ventilation_l_min": 3.0,
         }  # fmt: skip
-        found = veno_venous(output, ecmo, mixing, **given)
-        return np.array([found.sao2, found.svo2])
+        numbers = veno_venous(output, ecmo, mixing, **given)
+        return np.array([numbers.sao2, numbers.svo2])
 
     patients = {
         "2": (10.0, (71.9, 52.2), (265.0, 3.3), lambda x: (x[0], x[1], 1.0, 0.0)),
         "1": (10.0, (74.2, 53.5, 79.2), (270.0, 0.9, 3.0), lambda x: (x[0], x[2], x[1], 0.0)),
         "3": (6.0, (82.4, 50.8), (255.0, 0.3), lambda x: (x[0], 5.0, 1.0, x[1])),
     }
-    found, fitted = {}, {}
+    numbers, fitted = {}, {}
     for name, (output, target, start, arranged) in patients.items():
 
         def both(x: np.ndarray, output: float = output, arranged=arranged) -> np.ndarray:  # type: ignore[no-untyped-def]
@@ -165,12 +166,12 @@ def _joyce() -> dict[str, float]:
 
         fitted[name] = fsolve(missed, start, epsfcn=1e-6, xtol=1e-6)
         keys = ("a before", "v before", "a after", "v after")
-        found |= {f"joyce {name} {x}": float(y) for x, y in zip(keys, both(fitted[name]), strict=True)}
+        numbers |= {f"joyce {name} {x}": float(y) for x, y in zip(keys, both(fitted[name]), strict=True)}
     consumed, mixing = fitted["3"]
     # Recirculation is a number that their model is given, and the third patient is the one in whom it rises.
     raised = _root(lambda m: pair(3.6, consumed, 5.0, 1.0, m)[1] - 25.5, mixing, 1.0)
     after = pair(3.6, consumed, 5.0, 1.0, raised)
-    return found | {"joyce 3 a after": float(after[0]), "joyce 3 v after": float(after[1])}
+    return numbers | {"joyce 3 a after": float(after[0]), "joyce 3 v after": float(after[1])}
 
 
 # --- regions: drainage, watershed, native output --------------------------------------------------
@@ -189,21 +190,21 @@ def _femoral(site: str) -> Model:
     return model_of(read_mapping(_CASE | {ECMO.key: _CASE[ECMO.key] | {"drainage_site": site}}).case)
 
 
-def _lanes(site: str, *lanes: Mapping[str, float]) -> dict[str, np.ndarray]:
-    """Outputs of the femoral V-A patient, one lane for each set of changed parameters."""
-    model, keys = _femoral(site), dict.fromkeys(key for lane in lanes for key in lane)
-    table = {key: np.array([lane.get(key, model.values[key]) for lane in lanes]) for key in keys}
-    found = simulate_many(model, table, _NAMES)
-    return {name: found[name].values for name in _NAMES}
+def _variants(site: str, *variants: Mapping[str, float]) -> dict[str, np.ndarray]:
+    """Outputs of the femoral V-A patient, one variant for each set of changed parameters."""
+    model, keys = _femoral(site), dict.fromkeys(key for variant in variants for key in variant)
+    table = {key: np.array([variant.get(key, model.values[key]) for variant in variants]) for key in keys}
+    results = simulate_many(model, table, _NAMES)
+    return {name: results[name].values for name in _NAMES}
 
 
-def _superior_cava(beats: Mapping[str, np.ndarray], lane: int) -> float:
+def _superior_cava(beats: Mapping[str, np.ndarray], variant: int) -> float:
     """Saturation [%] of the upper body's venous blood where the drainage tip is elsewhere (Fick)."""
     model = _femoral("ivc")
     tissue = next(e.component for e in model.circuit.exchanges if e.at == "upper")
-    consumed = float(tissue.wanted(dict(model.values) | {"gas.vo2_ml_min": beats["VO2"][lane]}))  # type: ignore[attr-defined]
-    arterial = gases(po2=beats["PaO2"][lane], pco2=beats["PaCO2"][lane], haemoglobin=9.0)
-    lost = consumed / (10.0 * beats["upper_body_flow"][lane])
+    consumed = float(tissue.wanted(dict(model.values) | {"gas.vo2_ml_min": beats["VO2"][variant]}))  # type: ignore[attr-defined]
+    arterial = gases(po2=beats["PaO2"][variant], pco2=beats["PaCO2"][variant], haemoglobin=9.0)
+    lost = consumed / (10.0 * beats["upper_body_flow"][variant])
     venous = gases_with_contents(
         oxygen=arterial.oxygen - lost, carbon_dioxide=arterial.carbon_dioxide + 0.8 * lost, haemoglobin=9.0
     )
@@ -211,37 +212,38 @@ def _superior_cava(beats: Mapping[str, np.ndarray], lane: int) -> float:
 
 
 def _regions() -> dict[str, float]:
-    drained = _lanes("svc", *({"gas.vo2_ml_min": v, "gas.shunt_fraction": 1.0} for v in _CONSUMED))["SpreO2"]
-    arterial = _lanes("ivc", *({"gas.shunt_fraction": s} for s in _SHUNTS))["SaO2"]
+    shunted = ({"gas.vo2_ml_min": v, "gas.shunt_fraction": 1.0} for v in _CONSUMED)
+    drained = _variants("svc", *shunted)["SpreO2"]
+    arterial = _variants("ivc", *({"gas.shunt_fraction": s} for s in _SHUNTS))["SaO2"]
     consumed = float(np.interp(-70.4, -drained, _CONSUMED))
     shunt = float(np.interp(-54.0, -arterial, _SHUNTS))
     sheep = {"gas.vo2_ml_min": consumed, "gas.shunt_fraction": 1.0}
-    ivc = _lanes(
+    ivc = _variants(
         "ivc", sheep, {"gas.shunt_fraction": shunt}, {"Emaxlv": 0.55, SPEED: 4500.0},
         {"Emaxlv": 0.7, SPEED: 4000.0}, {SPEED: 3300.0},
         {"Emaxlv": 0.7, SPEED: 4000.0, "physiology.upper_share": 0.2},
     )  # fmt: skip
-    svc = _lanes(
+    svc = _variants(
         "svc", sheep, {"gas.shunt_fraction": shunt},
         {"gas.shunt_fraction": shunt, SPEED: 4600.0},
     )  # fmt: skip
-    found = {
+    numbers = {
         "hou ivc": float(ivc["SpreO2"][0]), "hou svc": _superior_cava(ivc, 0),
         "hou svc drained": float(svc["SpreO2"][0]), "hou pa": float(svc["SvO2"][0]),
         "falk artery ivc": float(ivc["SaO2"][1]), "falk drained ivc": float(ivc["SpreO2"][1]),
         "falk artery svc": float(svc["SaO2"][1]), "falk drained svc": float(svc["SpreO2"][1]),
         "falk faster": float(svc["SpreO2"][2]), "falk flow": float(svc["PF"][2] / ivc["PF"][1]),
     }  # fmt: skip
-    found["hou sign"] = float(found["hou svc drained"] > found["hou svc"])
+    numbers["hou sign"] = float(numbers["hou svc drained"] > numbers["hou svc"])
     for place in ("artery", "drained"):
-        found[f"falk sign {place}"] = float(found[f"falk {place} svc"] > found[f"falk {place} ivc"])
+        numbers[f"falk sign {place}"] = float(numbers[f"falk {place} svc"] > numbers[f"falk {place} ivc"])
     # Oxygen that blood of 74 for 62 % before the oxygenator takes from it, at the flow of before.
     capacity = 10.0 * 1.34 * _CASE["gas"]["haemoglobin_g_dl"]
-    found["falk lost"] = 100.0 * float(capacity * ivc["PF"][1] * 0.12 / ivc["VO2"][1])
-    for lane, share in ((2, "90"), (3, "75"), (4, "50"), (5, "75 small")):
-        found[f"watershed {share}"] = float(ivc["native_share_arch"][lane])
-    found |= _by_carbon_dioxide()
-    return found
+    numbers["falk lost"] = 100.0 * float(capacity * ivc["PF"][1] * 0.12 / ivc["VO2"][1])
+    for variant, share in ((2, "90"), (3, "75"), (4, "50"), (5, "75 small")):
+        numbers[f"watershed {share}"] = float(ivc["native_share_arch"][variant])
+    numbers |= _by_carbon_dioxide()
+    return numbers
 
 
 def _by_carbon_dioxide() -> dict[str, float]:
@@ -251,13 +253,13 @@ def _by_carbon_dioxide() -> dict[str, float]:
     ventilated at that ratio, the oxygenator at 1.5.
     """
     hearts = [{"Emaxlv": 0.4, SPEED: 3600.0}, {"Emaxlv": 1.5, SPEED: 3000.0}]
-    flows = _lanes("ivc", *hearts)
+    flows = _variants("ivc", *hearts)
     ventilated = [
         heart | {"gas.shunt_fraction": 0.05, "gas.alveolar_ventilation_l_min": output,
                  SWEEP: 1.5 * flow * BTPS_TO_STPD / FLOWMETER_TO_STPD}
         for heart, output, flow in zip(hearts, flows["CO"], flows["PF"], strict=True)
     ]  # fmt: skip
-    beats, c = _lanes("ivc", *ventilated), 1.157
+    beats, c = _variants("ivc", *ventilated), 1.157
     usual = beats["VCO2_oxygenator"] * (1.5 + c) / (1.5 * (1.0 + c))
     missed = 1e3 * (beats["PF"] * beats["VCO2_lung"] / usual - beats["CO"])
     return dict(zip(("bachmann low", "bachmann high"), missed.tolist(), strict=True))
@@ -266,7 +268,7 @@ def _by_carbon_dioxide() -> dict[str, float]:
 # --- why rows miss, each shown by an experiment ---------------------------------------------------
 
 
-def _reasons(found: Mapping[str, float]) -> dict[str, Explanation]:
+def _reasons(numbers: Mapping[str, float]) -> dict[str, Explanation]:
     ceiling = 1000.0 * FLOWMETER_TO_STPD * 45.0 / DRY_MMHG
     rich = _root(lambda p: single_pass(1.0, 1.0, BENCH_INLET, p).carbon_dioxide - 64.0, 45.0, 90.0)
     lower = _root(lambda x: _strassmann(x, 0.4, 2) - 35.0, 0.3, 1.0)
@@ -322,7 +324,7 @@ def _reasons(found: Mapping[str, float]) -> dict[str, Explanation]:
             "a membrane of half the transfer, worn or smaller, is limited by itself and less by the blood",
             (Row("with half the transfer", 0.5 * (half[1] - half[0]), -3.4, -0.85, "mL/min per %"),),
         ),
-        "park13 co2 pressure": _ventilated(), **_outputs(found),
+        "park13 co2 pressure": _ventilated(), **_outputs(numbers),
         "park13 co2 haemoglobin": haemoglobin, "park pco2 haemoglobin": haemoglobin,
         "park po2 shunt": Explanation(
             "the slope depends on where it is taken: near complete shunt it is the measured one",
@@ -334,10 +336,10 @@ def _reasons(found: Mapping[str, float]) -> dict[str, Explanation]:
         ),
         "mendes 1.5": Explanation("the abstract says that 50 min do not reach the end; here it is the end"),
         "hou ivc": sheep, "hou svc": sheep, "hou pa": sheep,
-        "falk drained svc": _faster(found), "falk sign drained": _faster(found),
+        "falk drained svc": _faster(numbers), "falk sign drained": _faster(numbers),
         "watershed 75": Explanation(
             "the upper body takes more than the heart gives; with a fifth of all flow it does not",
-            (Row("with an upper body of 20 %", found["watershed 75 small"], 75.0, 100.0, "%"),),
+            (Row("with an upper body of 20 %", numbers["watershed 75 small"], 75.0, 100.0, "%"),),
         ),
     }  # fmt: skip
     return why
@@ -386,7 +388,7 @@ def _park_2013_transfer(pco2: float) -> float:
     return single_pass(3.0, 1.5, 0.65, pco2, 10.0).carbon_dioxide
 
 
-def _outputs(found: Mapping[str, float]) -> dict[str, Explanation]:
+def _outputs(numbers: Mapping[str, float]) -> dict[str, Explanation]:
     """Slopes with an output that no one set: it differed between animals and over time."""
 
     def slope(output: float) -> float:
@@ -394,7 +396,7 @@ def _outputs(found: Mapping[str, float]) -> dict[str, Explanation]:
 
     there = _root(lambda output: slope(output) + 12.0, 3.6, 6.0)
     by_consumption = (_pig(vo2_ml_min=205.0).paco2 - _pig(vo2_ml_min=195.0).paco2) / 10.0
-    more = (3.6 - found["park pco2 output"]) / by_consumption
+    more = (3.6 - numbers["park pco2 output"]) / by_consumption
     return {
         "park po2 output": Explanation(
             "the slope is steep where the output is near the flow of the pump and nil far above: -12 at "
@@ -411,15 +413,15 @@ def _outputs(found: Mapping[str, float]) -> dict[str, Explanation]:
     }
 
 
-def _faster(found: Mapping[str, float]) -> Explanation:
+def _faster(numbers: Mapping[str, float]) -> Explanation:
     return Explanation(
         "flow and consumption after the move are not in the abstract, and both cannot have been as before: "
-        f"with blood of 74 for 62 % the oxygenator gives {found['falk lost']:.0f} % of the consumption less, "
-        "and lungs that get richer blood take up less as well, not more; at the new place "
-        f"{100 * (found['falk flow'] - 1):.0f} % more flow gives theirs",
+        f"with blood of 74 for 62 % the oxygenator gives {numbers['falk lost']:.0f} % of the consumption "
+        "less, and lungs that get richer blood take up less as well, not more; at the new place "
+        f"{100 * (numbers['falk flow'] - 1):.0f} % more flow gives theirs",
         (
-            at_least("consumption that the oxygenator no longer gives", found["falk lost"], 0.0, "%"),
-            near("saturation before the oxygenator with that flow", 74.0, found["falk faster"], 3.7, "%"),
+            at_least("consumption that the oxygenator no longer gives", numbers["falk lost"], 0.0, "%"),
+            near("saturation before the oxygenator with that flow", 74.0, numbers["falk faster"], 3.7, "%"),
         ),
         undecided=True,
     )
