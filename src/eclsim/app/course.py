@@ -82,8 +82,6 @@ def compute_course(state: PageState, minutes: float) -> PageCourse:
 
 def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
     """A course for the browser: key figures over time, alarms, balance; null for what is not finite."""
-    from eclsim.app.lanes import lanes_of
-
     result = course.followed.result
     alarms = json.loads(result.attrs["alarms"])
     lanes = lanes_of(course.state.case, result)
