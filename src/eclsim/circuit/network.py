@@ -369,10 +369,6 @@ class Circuit:
         """The connection of that name."""
         return next(c for c in self.connections if c.name == name)
 
-    def has(self, group: str) -> bool:
-        """Whether a compartment or connection belongs to a group, such as "ecmo"."""
-        return any(entry.group == group for entry in (*self.compartments, *self.connections))
-
 
 def sites_of(site: Site) -> tuple[str, ...]:
     """All compartments that a site may stand for."""

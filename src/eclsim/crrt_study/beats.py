@@ -228,8 +228,8 @@ def _variables(records: Sequence[SteadyBeat], dims: tuple[str, ...], shape: tupl
         labels = {"units": "mL", "long_name": f"stressed volume of {group} at phase 0"}
         data[f"{group}_volume"] = (dims, stacked([r.volume(group) for r in records]), labels)
     data["converged"] = (dims, stacked([r.determined for r in records]), {"long_name": "steady beat found"})
-    words = [np.array([Status(k).word for k in r.status]) for r in records]
-    data["status"] = (dims, stacked(words), {"long_name": "how the search for the steady beat ended"})
+    texts = [np.array([Status(k).word for k in r.status]) for r in records]
+    data["status"] = (dims, stacked(texts), {"long_name": "how the search for the steady beat ended"})
     data["beats"] = (dims, stacked([r.orbits.beats for r in records]), {"long_name": "beats computed"})
     return data
 
@@ -293,12 +293,12 @@ def summarise(means: xr.Dataset) -> xr.Dataset:
                 np.nanmax(values, axis=0) - np.nanmin(values, axis=0),
             )
         percent = 100.0 * variation / np.where(median == 0.0, np.nan, np.abs(median))
-        for word, numbers, unit, words in (
+        for word, numbers, unit, long_name in (
             ("median", median, units, f"median of {name} over the schemes"),
             ("variation", variation, units, f"largest less smallest {name}"),
             ("variation_percent", percent, "%", f"variation of {name} relative to the median"),
         ):
-            result[f"{name}_{word}"] = (dims, numbers, {"units": unit, "long_name": words})
+            result[f"{name}_{word}"] = (dims, numbers, {"units": unit, "long_name": long_name})
         known = np.isfinite(values).all(axis=0)
         for word, choose in (("highest", np.argmax), ("lowest", np.argmin)):
             named = np.where(known, letters[choose(np.nan_to_num(values), axis=0)], "")
@@ -423,15 +423,15 @@ def no_beat(speeds: Sequence[float], statuses: Sequence[str]) -> str:
 
 def speeds_in_words(speeds: Sequence[float]) -> str:
     """A few speeds one by one, of more the first, the last and how many."""
-    words = [f"{speed:.0f}" for speed in speeds]
-    if len(words) > MOST_SPEEDS_NAMED:
-        return f"{len(words)} speeds from {words[0]} to {words[-1]} rpm"
-    return f"{listed(words)} rpm"
+    numbers = [f"{speed:.0f}" for speed in speeds]
+    if len(numbers) > MOST_SPEEDS_NAMED:
+        return f"{len(numbers)} speeds from {numbers[0]} to {numbers[-1]} rpm"
+    return f"{listed(numbers)} rpm"
 
 
-def listed(words: Sequence[str]) -> str:
+def listed(names: Sequence[str]) -> str:
     """Words with commas and an "and" before the last."""
-    return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
+    return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
 
 
 def unsettled(study: CrrtStudy) -> tuple[Unsettled, ...]:
@@ -447,9 +447,9 @@ def unsettled(study: CrrtStudy) -> tuple[Unsettled, ...]:
 
 def _grouped(policy: str, place: str, status: xr.DataArray) -> Iterator[Unsettled]:
     """One entry for each reason."""
-    words = status.values.astype(str)
-    for reason in dict.fromkeys(word for word in words if word != FOUND):
-        yield Unsettled(policy, place, tuple(status["speed"].values[words == reason].tolist()), reason)
+    reasons = status.values.astype(str)
+    for reason in dict.fromkeys(reason for reason in reasons if reason != FOUND):
+        yield Unsettled(policy, place, tuple(status["speed"].values[reasons == reason].tolist()), reason)
 
 
 def _primed(study: CrrtStudy) -> Iterator[Unsettled]:
@@ -494,7 +494,9 @@ def not_known(study: CrrtStudy) -> list[str]:
         count = ", ".join(f"{number} (scheme {k})" for k, number in study.samples_without_a_beat.items())
         every = study.uncertainty.attrs["samples"]
         lines.append(f"Samples of the patient's parameters without a steady beat, of {every}: {count}")
-    return lines + [f"What this means: {words}" for words in dict.fromkeys(u.advice for u in study.unsettled)]
+    return lines + [
+        f"What this means: {advice}" for advice in dict.fromkeys(u.advice for u in study.unsettled)
+    ]
 
 
 def _places(places: list[str]) -> str:
@@ -502,8 +504,8 @@ def _places(places: list[str]) -> str:
     letters = [place.removeprefix("scheme ") for place in places if place.startswith("scheme ")]
     others = [place for place in places if not place.startswith("scheme ")]
     named = [schemes_named(letters)] if letters else []
-    words = listed([*named, *others])
-    return words[0].upper() + words[1:]
+    sentence = listed([*named, *others])
+    return sentence[0].upper() + sentence[1:]
 
 
 def schemes_named(letters: list[str]) -> str:

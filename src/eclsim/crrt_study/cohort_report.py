@@ -188,14 +188,13 @@ def _differences(study: CohortStudy) -> str:
     messages = []
     for policy in study.policies:
         result = [v for point in study.points if math.isfinite(v := point.variation[policy])]
-        words = POLICY_WORDS[policy].partition(":")[0]
+        policy_label = POLICY_WORDS[policy].partition(":")[0]
         if not result:
-            messages.append(f"an amount that is not known {words}")
+            messages.append(f"an amount that is not known {policy_label}")
             continue
         of = "" if len(result) == len(study.points) else f", known for {len(result)} data points"
-        messages.append(
-            f"{number(float(np.median(result)), 1)} mmHg (largest {number(max(result), 1)}{of}) {words}"
-        )
+        median, largest = number(float(np.median(result)), 1), number(max(result), 1)
+        messages.append(f"{median} mmHg (largest {largest}{of}) {policy_label}")
     return f"Between schemes the mean arterial pressure differs by a median of {', '.join(messages)}."
 
 
@@ -206,8 +205,8 @@ def _doubts(study: CohortStudy) -> list[str]:
     for policy in study.policies:
         names = study.undecided(policy)
         if names:
-            words = POLICY_WORDS[policy].partition(":")[0]
-            lines.append(f"Which scheme is first is not known, {words}: {', '.join(names[:40])}")
+            policy_label = POLICY_WORDS[policy].partition(":")[0]
+            lines.append(f"Which scheme is first is not known, {policy_label}: {', '.join(names[:40])}")
     if len(lines) > 40:
         lines = [*lines[:40], f"and {len(lines) - 40} more, see cohort.json"]
     return lines
@@ -216,8 +215,8 @@ def _doubts(study: CohortStudy) -> list[str]:
 def _points_table(study: CohortStudy) -> Table:
     head = ["Data point", "Pump [rpm]", "ECMO flow [L/min]", "MAP [mmHg]", "Blood taken up, at most [mL]"]
     for policy in study.policies:
-        words = POLICY_WORDS[policy].partition(":")[0]
-        head += [f"Best to worst, {words}", f"MAP varies by [mmHg], {words}"]
+        policy_label = POLICY_WORDS[policy].partition(":")[0]
+        head += [f"Best to worst, {policy_label}", f"MAP varies by [mmHg], {policy_label}"]
     ordered = sorted(study.points, key=lambda point: point.flow)
     return Table(head, [_point_cells(study, point) for point in ordered], numeric=(1, 2, 3, 4, 6, 8))
 

@@ -107,21 +107,21 @@ def _curves(
 
 
 def _draw_vessels(ax: Axes, waveforms: xr.Dataset, highest: str, lowest: str) -> None:
-    for name, words in VESSELS:
+    for name, label in VESSELS:
         _curves(ax, waveforms, name, highest, lowest)
         _, values = two_beats(waveforms, name)
         values = values[np.isfinite(values)]
         if len(values):
-            _name_vessel(ax, name, words, float(values.min()), float(values.max()))
+            _name_vessel(ax, name, label, float(values.min()), float(values.max()))
     ax.set_ylim(-9.0, 1.12 * ax.get_ylim()[1])
     ax.set_title("a) Patient", loc="left")
 
 
-def _name_vessel(ax: Axes, name: str, words: str, lowest: float, highest: float) -> None:
+def _name_vessel(ax: Axes, name: str, label: str, lowest: float, highest: float) -> None:
     """Name of a vessel at the left, above its curves, below for the veins at the bottom."""
     below = name == "Psvn"
     ax.annotate(
-        words, (0.02, lowest if below else highest), xycoords=("axes fraction", "data"), fontsize=7.5,
+        label, (0.02, lowest if below else highest), xycoords=("axes fraction", "data"), fontsize=7.5,
         xytext=(0, -3 if below else 2), textcoords="offset points", va="top" if below else "bottom",
     )  # fmt: skip
 
@@ -166,13 +166,13 @@ def plot_crrt_speeds(means: xr.Dataset, case_speed: float, judged: tuple[Limit, 
     highest, lowest = extremes(means.sel(speed=case_speed))
     gaps = bool(np.isnan(means["Psart"].values).any())
     fig, grid = _four_panels(_room(means, highest, lowest), 3 if gaps else 2)
-    for name, words in VESSELS:
+    for name, label in VESSELS:
         _over_flow(grid[0, 0], means, name, highest, lowest)
         some = means[name].dropna("speed", how="all")
         if some.sizes["speed"]:
             start = some.isel(speed=0)
             highest_start = float(start.max()) if name != "Psart" else float(some.isel(speed=-1).max())
-            _name_vessel(grid[0, 0], name, words, float(start.min()), highest_start)
+            _name_vessel(grid[0, 0], name, label, float(start.min()), highest_start)
     grid[0, 0].set_ylim(bottom=min(-9.0, grid[0, 0].get_ylim()[0]))
     grid[0, 0].set_title("a) Patient", loc="left")
     label_ends(grid[0, 1], _over_flow(grid[0, 1], means, "Pecmodrain", highest, lowest), highest, lowest)
@@ -230,16 +230,16 @@ def plot_crrt_uptake(uptake: xr.Dataset, means: xr.Dataset, without: xr.Dataset)
         "patient_held": (OKABE_ITO["blue"], "s", "circuits primed (patient's volume held)"),
     }
     for policy in means["policy"].values.astype(str):
-        colour, marker, words = looks[policy]
-        left.plot(means["Psart"].sel(policy=policy), rows, marker, color=colour, markersize=5, label=words)
+        colour, marker, label = looks[policy]
+        left.plot(means["Psart"].sel(policy=policy), rows, marker, color=colour, markersize=5, label=label)
         left.axvline(float(without["Psart"].sel(policy=policy)), color=colour, linewidth=0.9, linestyle=":")
     _say_unknown(left, rows, means["Psart"].isnull().any("policy").values)
     left.set_xlabel("Mean arterial pressure [mmHg]\n(dotted: without CRRT)")
     left.set_title("a) Arterial pressure", loc="left")
     parts = (("uptake", OKABE_ITO["vermillion"], "blood taken up by the tubing", -0.2),
              ("flow", OKABE_ITO["bluish green"], "changed flow", 0.2))  # fmt: skip
-    for word, colour, words, shift in parts:
-        right.barh(rows + shift, uptake[f"Psart_{word}"], height=0.38, color=colour, label=words)
+    for word, colour, label, shift in parts:
+        right.barh(rows + shift, uptake[f"Psart_{word}"], height=0.38, color=colour, label=label)
     _say_unknown(right, rows, np.isnan(uptake["Psart_flow"].values))
     for row, taken in zip(rows, uptake["blood_taken_up"].values, strict=True):
         volume = f"{taken:.0f} mL".replace("-", "−") if np.isfinite(taken) else "– mL"
@@ -296,10 +296,10 @@ def plot_crrt_limits(
         "access_190": (f"access above {bounds['access_190'][1]:g} mmHg", OKABE_ITO["bluish green"], "o"),
         "suction": (f"drainage below {bounds['suction'][0]:g} mmHg".replace("-", "−"), "black", "|"),
     }
-    for name, (words, colour, marker) in marks.items():
+    for name, (label, colour, marker) in marks.items():
         one = limits.sel(limit=name, scheme=ranked)
         flows = one["largest_flow"].where(one["state"] == "broken_above")
-        ax.plot(flows, rows, marker, color=colour, markersize=6, label=f"{words} from here")
+        ax.plot(flows, rows, marker, color=colour, markersize=6, label=f"{label} from here")
     if np.isfinite(case_flow):
         ax.axvline(case_flow, color="black", linewidth=0.9, linestyle="--", label="ECMO flow of the case")
     ax.set_yticks(rows, [plain_text(letter, 24) for letter in ranked])

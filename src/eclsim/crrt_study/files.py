@@ -147,8 +147,8 @@ def _policy(study: CrrtStudy, policy: str) -> dict[str, object]:
 
 
 def _summary(summary: xr.Dataset) -> dict[str, object]:
-    words = ("median", "variation", "variation_percent", "highest", "lowest")
-    each = {name: _values(summary, {word: f"{name}_{word}" for word in words}) for name in SUMMARISED}
+    statistics = ("median", "variation", "variation_percent", "highest", "lowest")
+    each = {name: _values(summary, {what: f"{name}_{what}" for what in statistics}) for name in SUMMARISED}
     return {"schemes_known": summary["schemes_known"].item(), **each}
 
 
@@ -218,8 +218,10 @@ def tables(study: CrrtStudy) -> dict[str, pd.DataFrame]:
     each policy, scheme and limit, `ranking` for each policy and scheme, `uptake` for each scheme.
     """
     means = study.means[[*_names(study), "patient_volume_change", "converged", "status"]]
-    words = ("median", "variation", "variation_percent", "highest", "lowest")
-    summary = study.summary[["schemes_known", *(f"{name}_{word}" for name in SUMMARISED for word in words)]]
+    statistics = ("median", "variation", "variation_percent", "highest", "lowest")
+    summary = study.summary[
+        ["schemes_known", *(f"{name}_{what}" for name in SUMMARISED for what in statistics)]
+    ]
     about = ("policy", "scheme", "connection", "access_site", "return_site", "speed")
     result = {
         "means": _frame(means, about),

@@ -91,7 +91,7 @@ def study_page(study: CrrtStudy, drawings: Mapping[str, str], policy: str | None
         limits=_limits_table(study, main),
         uncertainty=_uncertainty(study, main),
         volume=None if study.uptake is None else _volume_words(study, study.uptake),
-        policies=[words for policy, words in POLICY_WORDS.items() if policy in study.policies],
+        policies=[label for policy, label in POLICY_WORDS.items() if policy in study.policies],
         published_policy=AS_PUBLISHED in study.policies,
         lines_on_patient=not nodes <= set(POSITIONS.values()),
         gas="SaO2" in study.means,
@@ -177,7 +177,7 @@ def _exchange_tables(study: CrrtStudy, policy: str) -> list[Table]:
             where = "behind" if bool(of_scheme["behind_oxygenator"]) else before
             numbers = (number(factor * float(of_scheme[name]), digits) for name, _, factor, digits in columns)
             rows.append([one.letter, where, *numbers])
-        head = ["Scheme", "Returns: oxygenator", *(words for _, words, _, _ in columns)]
+        head = ["Scheme", "Returns: oxygenator", *(title for _, title, _, _ in columns)]
         tables.append(Table(head, rows, numeric=range(2, len(head))))
     return tables
 
@@ -223,7 +223,7 @@ def _beside(
         )
         kept = "no lines" if name == "RenOx" else KEPT_WORDS[one["alarms_kept"]]  # type: ignore[index]
         rows.append([name, kept, *shown])
-    head = ["", "Alarms of the lines", *(words for _, words, _, _ in columns)]
+    head = ["", "Alarms of the lines", *(title for _, title, _, _ in columns)]
     return Table(head, rows, numeric=range(2, len(head)))
 
 
@@ -243,7 +243,7 @@ def _means_table(study: CrrtStudy, policy: str) -> Table:
     rows.append(
         ["variation [%]", *(number(float(summary[f"{n}_variation_percent"]), 1) for n, _, _ in MEAN_COLUMNS)]
     )
-    head = ["Scheme", *(words for _, words, _ in MEAN_COLUMNS)]
+    head = ["Scheme", *(title for _, title, _ in MEAN_COLUMNS)]
     return Table(head, rows, numeric=range(1, len(head)), foot=3)
 
 
@@ -259,7 +259,7 @@ def _summary_table(study: CrrtStudy, policy: str) -> Table:
     step = math.ceil(len(speeds) / 8)
     shown = sorted({*speeds[::step], speeds[-1]})
     names = ("PF", "Psart", "Ppart", "Psvn", "Pecmodrain", "Pcrrttuin", "Pcrrttuout")
-    words = {n: w for n, w, _ in MEAN_COLUMNS}
+    titles = {n: w for n, w, _ in MEAN_COLUMNS}
     rows = []
     for speed in shown:
         one = study.summary.sel(policy=policy, speed=speed)
@@ -269,7 +269,7 @@ def _summary_table(study: CrrtStudy, policy: str) -> Table:
         ]
         order = f"{one['Psart_highest'].item()} / {one['Psart_lowest'].item()}"
         rows.append([f"{speed:.0f}{_of_schemes(study, one)}", *cells, order if order != " / " else "–"])
-    head = ["Speed [rpm]", *(words[n] for n in names), "Highest / lowest arterial"]
+    head = ["Speed [rpm]", *(titles[n] for n in names), "Highest / lowest arterial"]
     return Table(head, rows, numeric=range(len(head) - 1))
 
 

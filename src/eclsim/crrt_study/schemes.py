@@ -117,16 +117,16 @@ def select_schemes(selection: str | Sequence[str] = NINE, scheme_h: str = PUBLIS
     Raises:
         SchemeError: Naming every word that cannot be read.
     """
-    words = selection.split(",") if isinstance(selection, str) else list(selection)
-    words = [word.strip() for word in words if word.strip()]
-    if not words:
+    names = selection.split(",") if isinstance(selection, str) else list(selection)
+    names = [name.strip() for name in names if name.strip()]
+    if not names:
         raise SchemeError(f"no schemes; allowed: {_allowed()}")
     nine = nine_schemes(scheme_h)
     chosen: dict[str, Scheme] = {}
     wrong = []
-    for word in words:
+    for name in names:
         try:
-            chosen.update({scheme.letter: scheme for scheme in _meant(word, nine)})
+            chosen.update({scheme.letter: scheme for scheme in _meant(name, nine)})
         except SchemeError as error:
             wrong.append(str(error))
     if wrong:
@@ -135,7 +135,7 @@ def select_schemes(selection: str | Sequence[str] = NINE, scheme_h: str = PUBLIS
 
 
 def _allowed() -> str:
-    groups = ", ".join(f"{name} ({words})" for name, words in GROUPS.items())
+    groups = ", ".join(f"{name} ({meaning})" for name, meaning in GROUPS.items())
     positions = ", ".join(ECMO_POSITIONS)
     return f"letters a to i, {groups}, or access:return with {positions} or a patient's compartment"
 

@@ -82,12 +82,6 @@ class Remarks:
         """Add a note."""
         self.notes.append(Mistake(key, message, value, line=line))
 
-    def extend(self, other: Remarks) -> None:
-        """Take over what another check has to say."""
-        self.mistakes += other.mistakes
-        self.warnings += other.warnings
-        self.notes += other.notes
-
     def refused(self) -> set[str]:
         """Keys that were given with a wrong value, so that they are not missing."""
         return {mistake.key for mistake in self.mistakes}

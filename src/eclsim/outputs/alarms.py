@@ -129,14 +129,14 @@ def _different_flows(outputs: Mapping[str, float], circuit: Circuit | None) -> l
         "the lungs get {}": outputs.get("pulmonary_flow", lungs),
     }
     apart = {
-        words: flow for words, flow in others.items() if abs(lungs - flow) > _PARTED_L_MIN + 0.05 * abs(lungs)
+        text: flow for text, flow in others.items() if abs(lungs - flow) > _PARTED_L_MIN + 0.05 * abs(lungs)
     }
     if not apart:
         return []
     place = "lungs"
     if "the lungs get {}" in apart:
         place = f"pulmonary artery before the {_returned_there(circuit)}return"
-    messages = [words.format(f"{flow:.2f} L/min") for words, flow in apart.items()]
+    messages = [text.format(f"{flow:.2f} L/min") for text, flow in apart.items()]
     if "systemic_flow" in outputs:
         messages.append(f"the organs get {outputs['systemic_flow']:.2f} L/min")
     text = f"CO {lungs:.2f} L/min is the flow through the {place}; {', '.join(messages)}"

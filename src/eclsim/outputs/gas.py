@@ -36,22 +36,22 @@ def _sum(m: BeatMeasures, what: str, law: str) -> Numbers:
     return sum((m.gas(what, "at", place) for place in places[1:]), m.gas(what, "at", places[0]))
 
 
-def _of_artery(name: str, words: str, unit: str, what: str, factor: float = 1.0) -> Output:
+def _of_artery(name: str, label: str, unit: str, what: str, factor: float = 1.0) -> Output:
     return Output(
-        name, f"{words} of the right radial artery", unit,
+        name, f"{label} of the right radial artery", unit,
         "of the blood in the systemic arteries (of the upper body, where there are two)", ("Qpas",),
         lambda m: factor * m.gas(what, "in", _artery(m)), parameters=(GASES,), all_flows=True,
     )  # fmt: skip
 
 
-def _total(name: str, words: str, unit: str, definition: str, what: str, law: str, sign: float) -> Output:
+def _total(name: str, label: str, unit: str, definition: str, what: str, law: str, sign: float) -> Output:
     return Output(
-        name, words, unit, definition, ("Qpas",), lambda m: sign * _sum(m, what, law), parameters=(GASES,),
+        name, label, unit, definition, ("Qpas",), lambda m: sign * _sum(m, what, law), parameters=(GASES,),
         all_flows=True,
     )  # fmt: skip
 
 
-def _tissue(suffix: str, at: str, words: str) -> tuple[Output, Output]:
+def _tissue(suffix: str, at: str, label: str) -> tuple[Output, Output]:
     """What is known of a tissue that stores carbon dioxide."""
     tissue = f"{suffix}_tissue".lstrip("_")
     known = (GASES, f"{SOLUTES}.{tissue}_pco2_mmHg", "gas.respiratory_quotient")
@@ -63,11 +63,11 @@ def _tissue(suffix: str, at: str, words: str) -> tuple[Output, Output]:
 
     return (
         Output(
-            f"tissue_PCO2{end}", f"PCO2 of {words}", "mmHg", f"of the blood behind {at}", (f"Q{at}",),
+            f"tissue_PCO2{end}", f"PCO2 of {label}", "mmHg", f"of the blood behind {at}", (f"Q{at}",),
             lambda m: m.gas("PCO2", "behind", at), parameters=known, all_flows=True,
         ),
         Output(
-            f"stored_CO2{end}", f"carbon dioxide that {words} put into their stores (STPD)", "mL/min",
+            f"stored_CO2{end}", f"carbon dioxide that {label} put into their stores (STPD)", "mL/min",
             "made - given to the blood", (f"Q{at}",), stored, parameters=known, all_flows=True,
         ),
     )  # fmt: skip
@@ -80,8 +80,8 @@ GAS_OUTPUTS = (
     _of_artery("PaCO2", "PCO2", "mmHg", "PCO2"),
     _of_artery("pHa", "pH", "1", "pH"),
     *(
-        gas_sample(f"{name}_lower", f"{words} of the femoral artery", "in", "lower", what, ("Qlower",))
-        for name, words, what in (
+        gas_sample(f"{name}_lower", f"{label} of the femoral artery", "in", "lower", what, ("Qlower",))
+        for name, label, what in (
             ("SaO2", "oxygen saturation", "SO2"), ("PaO2", "PO2", "PO2"), ("PaCO2", "PCO2", "PCO2"),
         )
     ),

@@ -62,9 +62,9 @@ def _labels(names: Naming) -> dict[str, dict[str, str]]:
     }
     return {
         names.output(f"{names.device.key}_recirculated_{what}"): {
-            "units": unit, "long_name": words.format(names.label), "definition": DEFINITION,
+            "units": unit, "long_name": long_name.format(names.label), "definition": DEFINITION,
         }
-        for what, (unit, words) in units.items()
+        for what, (unit, long_name) in units.items()
     }  # fmt: skip
 
 

@@ -63,9 +63,9 @@ _PULMONARY_PRESSURES_AND_VOLUMES = (
     highest("SPAP", "systolic pulmonary artery pressure", "Ppas"),
     lowest("DPAP", "diastolic pulmonary artery pressure", "Ppas"),
     *(
-        make(prefix + place.upper(), f"{words} of the {chamber}", "V" + place, "mL")
+        make(prefix + place.upper(), f"{label} of the {chamber}", "V" + place, "mL")
         for place, chamber in CHAMBERS.items()
-        for prefix, words, make in (
+        for prefix, label, make in (
             ("EDV", "end-diastolic volume", highest),
             ("ESV", "end-systolic volume", lowest),
         )
@@ -75,33 +75,33 @@ _PULMONARY_PRESSURES_AND_VOLUMES = (
 
 
 def _ventricle(place: str) -> tuple[Output, ...]:
-    p, v, words = "P" + place, "V" + place, CHAMBERS[place]
+    p, v, label = "P" + place, "V" + place, CHAMBERS[place]
     needs = (p, v)
     stroke = lambda m: m.maximum(v) - m.minimum(v)  # noqa: E731  (shared by the entries below)
     energy = lambda m: 0.5 * m.largest_ratio(p, v) * m.minimum(v) ** 2  # noqa: E731  (likewise)
     return (
         Output(
-            f"stroke_volume_{place}", f"stroke volume of the {words}", "mL", "EDV - ESV", needs, stroke, (v,),
+            f"stroke_volume_{place}", f"stroke volume of the {label}", "mL", "EDV - ESV", needs, stroke, (v,),
         ),
         Output(
-            f"ejection_fraction_{place}", f"ejection fraction of the {words}", "%", "(EDV - ESV) / EDV",
+            f"ejection_fraction_{place}", f"ejection fraction of the {label}", "%", "(EDV - ESV) / EDV",
             needs,
             lambda m: 100.0 * stroke(m) / m.maximum(v), (v,),
         ),
         Output(
-            f"stroke_work_{place}", f"stroke work of the {words}", "mmHg mL", "area of the PV loop",
+            f"stroke_work_{place}", f"stroke work of the {label}", "mmHg mL", "area of the PV loop",
             needs, lambda m: m.loop_area(p, v),
         ),
         Output(
-            f"pressure_volume_area_{place}", f"pressure-volume area of the {words}", "mmHg mL",
+            f"pressure_volume_area_{place}", f"pressure-volume area of the {label}", "mmHg mL",
             "stroke work + max(P / V) ESV^2 / 2 (Suga 1979, volume at zero pressure taken as 0)", needs,
             lambda m: m.loop_area(p, v) + energy(m), (v,),
         ),
         Output(
-            f"end_diastolic_pressure_{place}", f"end-diastolic pressure of the {words}", "mmHg",
+            f"end_diastolic_pressure_{place}", f"end-diastolic pressure of the {label}", "mmHg",
             f"{p} at phase 0, where the ventricles begin to contract", (p,), lambda m: m.at_start(p),
         ),
-        highest(f"peak_pressure_{place}", f"peak pressure of the {words}", p),
+        highest(f"peak_pressure_{place}", f"peak pressure of the {label}", p),
     )  # fmt: skip
 
 
@@ -115,7 +115,7 @@ _REGIONS = (
     *(
         Output(
             f"native_share_{place}",
-            f"share of native blood in the {words}",
+            f"share of native blood in the {label}",
             "%",
             "of blood marked at the mitral valve and where devices return to arteries, carried by the mean "
             "forward and backward flows of the beat",
@@ -123,7 +123,7 @@ _REGIONS = (
             lambda m, place=place: 100.0 * m.native(place),
             all_flows=True,
         )
-        for place, words in (
+        for place, label in (
             ("ao", "ascending aorta, which feeds the coronary arteries"),
             ("arch", "aortic arch"),
             ("upper", "arteries of the upper body: brain, right arm"),

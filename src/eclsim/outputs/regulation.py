@@ -58,10 +58,10 @@ FACTORS = {f"{name}_factor": parameter for name, parameter, _ in _FACTORS}
 """Outputs that say by how much reflexes and drugs change a parameter, and which."""
 
 
-def _factor(name: str, parameter: str, words: str) -> Output:
+def _factor(name: str, parameter: str, label: str) -> Output:
     now = _in_effect(parameter)
     return Output(
-        f"{name}_factor", f"{words} in effect, relative to the patient's own", "1",
+        f"{name}_factor", f"{label} in effect, relative to the patient's own", "1",
         f"{parameter} during the beat / {parameter} of the case", ("Pao", "Pra"),
         lambda m: now(m) / m.parameter(parameter), parameters=(UNSTRESSED, parameter), in_effect=True,
     )  # fmt: skip
@@ -93,13 +93,13 @@ LOCAL_OUTPUTS = {bed: keys.local_resistance(bed).partition(".")[2] + "_factor" f
 BY_GASES = (
     *(
         Output(
-            LOCAL_OUTPUTS[bed], f"resistance of the {words}, by oxygen and carbon dioxide", "1",
+            LOCAL_OUTPUTS[bed], f"resistance of the {label}, by oxygen and carbon dioxide", "1",
             "relative to that at the set points; of brain, heart, muscle and the rest side by side",
             ("Q" + bed,), _local(bed), all_flows=True,
             parameters=(GASES, keys.local_resistance(bed), keys.DILATION,
                         keys.of_bed(keys.VENOUS_O2_SET_POINT, bed), keys.paco2_set_point(bed)),
         )
-        for bed, words in (("sart", "organs"), ("upper", "upper body"), ("lower", "lower body"))
+        for bed, label in (("sart", "organs"), ("upper", "upper body"), ("lower", "lower body"))
     ),
     Output(
         "hypoxic_resistance_factor", "resistance of the lung in effect, by hypoxia", "1",

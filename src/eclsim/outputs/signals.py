@@ -85,8 +85,8 @@ def signal_labels(circuit: Circuit, name: str) -> dict[str, str]:
     """Unit and long name of a waveform: P or V + compartment, Q + connection, P + pump (head)."""
     signal = Signal.parse(name)
     head = signal.kind is Kind.PRESSURE and all(c.name != signal.place for c in circuit.compartments)
-    words = "head of" if head else WORDS[signal.kind]
-    return {"units": signal.kind.unit, "long_name": f"{words} {signal.place}"}
+    kind_label = "head of" if head else WORDS[signal.kind]
+    return {"units": signal.kind.unit, "long_name": f"{kind_label} {signal.place}"}
 
 
 def unstressed_volume(circuit: Circuit, name: str, values: Values) -> Number:

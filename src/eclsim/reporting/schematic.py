@@ -187,9 +187,9 @@ def _draw_frames(pen: Pen, plan: Plan, page: Layout, labels: Labels, title: str 
     for frame, (bottom, top) in page.frames.items():
         look = look_of(frame)
         pen.frame(FRAME[0], bottom + 1.0, FRAME[1], top - 1.0, look)
-        words = "Further compartments" if frame == SPARE else plan.frames[frame]
+        label = "Further compartments" if frame == SPARE else plan.frames[frame]
         x, y, align = _title_place(plan, page, frame)
-        pen.text(x, y, plain_text(words, 40), size=8, weight="bold", ha=align, color=look.colour)
+        pen.text(x, y, plain_text(label, 40), size=8, weight="bold", ha=align, color=look.colour)
     for upper, lower in _HEART_SIDES:
         if upper in page.places and lower in page.places:
             left, bottom, _, _ = page.box(lower)
@@ -213,9 +213,9 @@ def _title_place(plan: Plan, page: Layout, frame: str) -> tuple[float, float, st
 def _draw_boxes(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
     for name, (x, y) in page.places.items():
         pen.box(page.box(name), look_of(labels.groups[name]), gid=f"node-{name}")
-        words, key, pressure = labels.box(plan, name)
+        label, key, pressure = labels.box(plan, name)
         lines = [
-            (words, 7.0, "normal", "black"),
+            (label, 7.0, "normal", "black"),
             (key, 6.0, "normal", GREY),
             (pressure, 7.0, "bold", "black"),
         ]
@@ -249,16 +249,16 @@ def _draw_wires(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
         )
 
 
-def _label_wire(pen: Pen, middle: Point, words: str, flow: str, *, level: bool, below: bool) -> None:
+def _label_wire(pen: Pen, middle: Point, label: str, flow: str, *, level: bool, below: bool) -> None:
     x, y = middle
     if not level:
         beside = x < MIDDLE or below
-        pen.label_beside((x + (5.0 if beside else -5.0), y), [words, flow], "left" if beside else "right")
+        pen.label_beside((x + (5.0 if beside else -5.0), y), [label, flow], "left" if beside else "right")
     elif below:
-        pen.text(x, y - BOX_HEIGHT / 2 - 2.6, words, size=6.5)
+        pen.text(x, y - BOX_HEIGHT / 2 - 2.6, label, size=6.5)
         pen.text(x, y - BOX_HEIGHT / 2 - 5.9, flow, size=7, weight="bold")
     else:
-        pen.text(x, y + BOX_HEIGHT / 2 + 5.6, words, size=6.5)
+        pen.text(x, y + BOX_HEIGHT / 2 + 5.6, label, size=6.5)
         pen.text(x, y + BOX_HEIGHT / 2 + 2.3, flow, size=7, weight="bold")
 
 

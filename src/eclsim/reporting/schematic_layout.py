@@ -267,8 +267,8 @@ def _device_places(names: Naming, compartments: Sequence[str]) -> dict[str, Plac
     own = {name: names.device_place(name) or name for name in compartments}
     boxes = {name: names.device.boxes.get(own[name]) for name in compartments}
     if any(box is None for box in boxes.values()):
-        words = [names.device.compartments.get(own[name], own[name]) for name in compartments]
-        capitalised = [text[:1].upper() + text[1:] for text in words]
+        labels = [names.device.compartments.get(own[name], own[name]) for name in compartments]
+        capitalised = [text[:1].upper() + text[1:] for text in labels]
         boxes = dict(zip(compartments, _in_flow_direction(capitalised), strict=True))
     result = {}
     for name, box in boxes.items():
@@ -278,17 +278,17 @@ def _device_places(names: Naming, compartments: Sequence[str]) -> dict[str, Plac
     return result
 
 
-def _in_flow_direction(words: Sequence[str]) -> list[Box]:
+def _in_flow_direction(labels: Sequence[str]) -> list[Box]:
     """Boxes in a row; of more than four the first and the last stand below it, where lines begin and end."""
     columns = {1: (1,), 2: (0, 3), 3: (0, 1, 3)}
-    if len(words) <= 4:
-        places = [(column, 0) for column in columns.get(len(words), (0, 1, 2, 3))]
-    elif len(words) <= 6:
-        upper = columns.get(len(words) - 2, (0, 1, 2, 3))
+    if len(labels) <= 4:
+        places = [(column, 0) for column in columns.get(len(labels), (0, 1, 2, 3))]
+    elif len(labels) <= 6:
+        upper = columns.get(len(labels) - 2, (0, 1, 2, 3))
         places = [(0, 1), *((column, 0) for column in upper), (3, 1)]
     else:
-        places = [(k % 4 if k // 4 % 2 == 0 else 3 - k % 4, k // 4) for k in range(len(words))]
-    return [Box(*place, text) for place, text in zip(places, words, strict=True)]
+        places = [(k % 4 if k // 4 % 2 == 0 else 3 - k % 4, k // 4) for k in range(len(labels))]
+    return [Box(*place, text) for place, text in zip(places, labels, strict=True)]
 
 
 def _mark(names: Naming, connection: Connection) -> Mark:
@@ -298,8 +298,8 @@ def _mark(names: Naming, connection: Connection) -> Mark:
     symbol = "roller" if law.given_flow else "valve" if law.one_way else "tube"
     mark = names.device.marks.get(own) or Mark(symbol, names.device.connections.get(own, own))
     alone = not names.device.compartments
-    words = f"{mark.words} {names.name}".strip() if alone else mark.words
-    return Mark("roller" if law.given_flow else mark.symbol, words)
+    label = f"{mark.words} {names.name}".strip() if alone else mark.words
+    return Mark("roller" if law.given_flow else mark.symbol, label)
 
 
 def _neighbours(plan: Plan, first: str, second: str) -> bool:

@@ -49,10 +49,10 @@ class Pen:
         assert figure is not None  # axes drawn into always belong to a figure
         return figure
 
-    def text(self, x: float, y: float, words: str, size: float, **options: object) -> Text:
+    def text(self, x: float, y: float, content: str, size: float, **options: object) -> Text:
         """Text centred on a point unless told otherwise; `size` in points on the full page."""
         options = {"ha": "center", "va": "center", "zorder": 8, **options}
-        return self.ax.text(x, y, words, fontsize=size * self.scale, **options)  # pyright: ignore[reportArgumentType] - dict of keywords
+        return self.ax.text(x, y, content, fontsize=size * self.scale, **options)  # pyright: ignore[reportArgumentType] - dict of keywords
 
     def label_beside(self, at: Point, lines: Sequence[str], align: str) -> None:
         """Lines of text beside a point; from the second on bold, since they are numbers."""
@@ -179,12 +179,12 @@ class Pen:
         return curves[bend][len(curves[bend]) // 2]
 
     def text_where_free(
-        self, at: Point, words: str, blocked: Sequence[Box], size: float, colour: str
+        self, at: Point, content: str, blocked: Sequence[Box], size: float, colour: str
     ) -> None:
         """Text near a point, at the nearest place where it covers no box and no other text."""
         others = [*self._texts(), *self._lines(), *(Bbox.from_extents(*box) for box in blocked)]
         ground = {"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.8}
-        text = self.text(*at, words, size, color=colour, bbox=ground)
+        text = self.text(*at, content, size, color=colour, bbox=ground)
         extent = self._extent(text)
         steps = ((dx, dy) for dx in range(-60, 61, 4) for dy in range(-60, 61, 2))
         for dx, dy in sorted(steps, key=lambda step: math.hypot(*step)):
