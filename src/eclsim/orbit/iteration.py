@@ -1,9 +1,9 @@
 """Broyden's method compiled together with the beat, for one member or for several side by side.
 
-The inverse Jacobian is the one that the search starts with plus a rank-one term per beat ("good Broyden",
-Broyden 1965, doi 10.1090/S0025-5718-1965-0198670-6; Kelley 1995, chapter 7). Side by side, every member has
-an entry along the last axis of each array and nothing passes between entries; when a member is done, the
-next one takes its entry.
+The inverse Jacobian is the one that the search starts with, changed by a matrix of rank one with every beat
+("good Broyden", Broyden 1965, doi 10.1090/S0025-5718-1965-0198670-6; Kelley 1995, chapter 7). Side by side,
+every member has an entry along the last axis of each array and nothing passes between entries; when a member
+is done, the next one takes its entry.
 """
 
 from __future__ import annotations
@@ -22,8 +22,6 @@ from eclsim.beat.heartbeat import BeatProgram
 from eclsim.orbit.equation import OrbitOptions, Volume, allowed_moves
 
 Array = np.ndarray | jax.Array
-TERMS = OrbitOptions.quasi_newton_beats
-"""Rank-one terms of an inverse; beats after so many add none."""
 WORTH_LEARNING = 1e-6
 """Smallest image of a change along its step, as a share of the step's square, that is learnt from."""
 WORTH_GOING_ON = 0.8
@@ -31,7 +29,7 @@ WORTH_GOING_ON = 0.8
 
 
 class Iterate(NamedTuple):
-    """A search between two beats; `left` and `right` are terms of the inverse, shape (terms, states)."""
+    """A search between two beats, with its inverse Jacobian in scaled states, shape (states, states)."""
 
     beats: Array
     running: Array
@@ -39,8 +37,7 @@ class Iterate(NamedTuple):
     state: Array
     step: Array
     residual: Array
-    left: Array
-    right: Array
+    inverse: Array
     best: Array
     change: Array
     drift: Array
@@ -189,16 +186,15 @@ def _side_by_side(
 @lru_cache(maxsize=64)
 def _idle(n: int, width: int) -> Iterate:
     """Entries that nothing has begun in."""
-    return jax.device_put(_begin(np.zeros((n, width)), np.zeros(width, dtype=bool)))
+    return jax.device_put(_begin(np.zeros((n, width)), np.zeros(width, dtype=bool), np.zeros((n, n, width))))
 
 
-def _begin(state: Array, running: Array) -> Iterate:
+def _begin(state: Array, running: Array, inverse: Array) -> Iterate:
     """Iterates of members that have not begun."""
     zero, infinite = jnp.zeros_like(state), jnp.full(state.shape[1:], jnp.inf)
-    terms, beats = jnp.zeros((TERMS, *state.shape)), jnp.zeros(state.shape[1:], dtype=int)
-    none = jnp.zeros(state.shape[1:], dtype=bool)
+    beats, none = jnp.zeros(state.shape[1:], dtype=int), jnp.zeros(state.shape[1:], dtype=bool)
     return Iterate(
-        beats, running, none, jnp.asarray(state), zero, zero, terms, terms,
+        beats, running, none, jnp.asarray(state), zero, zero, jnp.asarray(inverse),
         zero * jnp.nan, infinite, infinite, zero,
     )  # fmt: skip
 
@@ -212,9 +208,9 @@ def _single(program: BeatProgram) -> Callable[..., tuple[Array, Array]]:
         state: Array, inverse: Array, packed: Array, weights: Array, target: Array, rules: Array
     ) -> tuple[Array, Array]:
         def beat(carry: tuple[Iterate, Array]) -> tuple[Iterate, Array]:
-            return _iterated(program, signals, carry[0], inverse, packed, weights, target, rules)
+            return _iterated(program, signals, carry[0], packed, weights, target, rules)
 
-        begin = _begin(state, jnp.asarray(True)), jnp.zeros((program.grid.n_steps, len(signals)))
+        begin = _begin(state, jnp.asarray(True), inverse), jnp.zeros((program.grid.n_steps, len(signals)))
         end, recorded = jax.lax.while_loop(lambda carry: carry[0].running, beat, begin)
         numbers = [end.converged.astype(float), end.beats.astype(float), end.change, end.drift]
         return jnp.concatenate([end.best, end.after, jnp.stack(numbers)]), recorded
@@ -232,21 +228,22 @@ def _several(program: BeatProgram) -> Callable[..., tuple[Array, ...]]:
     def run(*arguments: Array) -> tuple[Array, ...]:
         before, rest = Iterate(*arguments[: len(Iterate._fields)]), arguments[len(Iterate._fields) :]
         begins, start, packed, target, inverse, weights, rules, last = rest
-        fresh = _begin(start, jnp.ones_like(begins))
-        small = [name for name in Iterate._fields if name not in ("left", "right", "step", "residual")]
+        fresh = _begin(start, jnp.ones_like(begins), inverse)
+        small = [name for name in Iterate._fields if name not in ("inverse", "step", "residual")]
 
         def chosen(choose: Array, new: Iterate, old: Iterate) -> Iterate:
             return new._replace(**{n: jnp.where(choose, getattr(new, n), getattr(old, n)) for n in small})
 
         def beat(now: Iterate) -> Iterate:
-            new, _ = _iterated(program, (), now, inverse, packed, weights, target, rules)
+            new, _ = _iterated(program, (), now, packed, weights, target, rules)
             return chosen(now.running, new, now)
 
         def goes_on(now: Iterate) -> Array:
             return jnp.any(now.running) & (last | (jnp.mean(now.running) > WORTH_GOING_ON))
 
-        kept = {"left": before.left, "right": before.right, "step": before.step, "residual": before.residual}
-        begin = chosen(begins, fresh._replace(**kept), before)
+        kept = {"step": before.step, "residual": before.residual}
+        learnt = jnp.where(begins, fresh.inverse, before.inverse)
+        begin = chosen(begins, fresh._replace(**kept), before)._replace(inverse=learnt)
         return tuple(jax.lax.while_loop(goes_on, beat, begin))
 
     return compiled(run, ("searches", program))
@@ -256,7 +253,6 @@ def _iterated(
     program: BeatProgram,
     signals: tuple[str, ...],
     now: Iterate,
-    inverse: Array,
     packed: Array,
     weights: Array,
     target: Array,
@@ -276,8 +272,7 @@ def _iterated(
     change = jnp.maximum(jnp.max(distance / size, axis=0), jnp.abs(excess) / jnp.maximum(target, 1.0))
     finite = jnp.isfinite(change)
     residual = jnp.where(finite, (moved + shares * excess) / scale, 0.0)
-    left, right = _learnt(now, inverse, residual - now.residual)
-    step = -_times(inverse, left, right, residual, now.beats)
+    inverse, step = _learnt(now, residual)
     moves = step * scale
     error = jnp.max(jnp.abs(moves) / size, axis=0)
     converged = finite & (change <= rules[0]) & (error <= rules[1])
@@ -292,8 +287,7 @@ def _iterated(
         state=jnp.where(plain, after, now.state + moves * share),
         step=step * share,
         residual=residual,
-        left=left,
-        right=right,
+        inverse=inverse,
         best=jnp.where(better, jnp.where(converged, now.state + moves, now.state), now.best),
         change=jnp.where(better, change, now.change),
         drift=jnp.where(better, end, now.drift),
@@ -301,36 +295,18 @@ def _iterated(
     ), recorded
 
 
-def _learnt(now: Iterate, inverse: Array, change: Array) -> tuple[Array, Array]:
-    """Terms with which the inverse maps the observed change of the residual to the step that caused it."""
-    image = _times(inverse, now.left, now.right, change, now.beats - 1)
-    row = _times(inverse.swapaxes(0, 1), now.right, now.left, now.step, now.beats - 1)
+def _learnt(now: Iterate, residual: Array) -> tuple[Array, Array]:
+    """Inverse that maps the observed change of the residual to the step that caused it, and its next step."""
+    change = residual - now.residual
+
+    def products(k: Array, sums: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        image, row, move = sums
+        column = now.inverse[:, k]
+        return image + column * change[k], row + now.inverse[k] * now.step[k], move + column * residual[k]
+
+    image, row, move = jax.lax.fori_loop(0, len(change), products, (jnp.zeros_like(change),) * 3)
     size = jnp.sum(row * change, axis=0)
     usable = (jnp.abs(size) > WORTH_LEARNING * jnp.sum(now.step * now.step, axis=0)) & (now.beats > 0)
     column = jnp.where(usable, (now.step - image) / jnp.where(usable, size, 1.0), 0.0)
-
-    def put(term: Array, terms: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
-        here, (left, right) = now.beats - 1 == term, terms
-        return (
-            left.at[term].set(jnp.where(here, column, left[term])),
-            right.at[term].set(jnp.where(here, row, right[term])),
-        )
-
-    return jax.lax.fori_loop(0, _most(now.beats), put, (jnp.asarray(now.left), jnp.asarray(now.right)))
-
-
-def _most(terms: Array) -> Array:
-    return jnp.minimum(jnp.max(terms), TERMS)
-
-
-def _times(inverse: Array, left: Array, right: Array, vector: Array, terms: Array) -> Array:
-    """The inverse with the first of its terms, times a vector."""
-
-    def column(k: Array, total: Array) -> Array:
-        return total + inverse[:, k] * vector[k]
-
-    def term(k: Array, total: Array) -> Array:
-        return total + jnp.where(k < terms, left[k] * jnp.sum(right[k] * vector, axis=0), 0.0)
-
-    total = jax.lax.fori_loop(0, len(inverse), column, jnp.zeros_like(vector))
-    return jax.lax.fori_loop(0, _most(terms), term, total)
+    inverse = now.inverse + column[:, None] * row
+    return inverse, -(move + column * jnp.sum(row * residual, axis=0))
