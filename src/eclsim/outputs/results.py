@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pandas as pd
 import xarray as xr
 
 from eclsim.beat.grid import RESOLUTIONS, PhaseGrid
@@ -90,7 +91,9 @@ def labelled(beat: SteadyBeat, member: int = 0, name: str = "model") -> xr.Datas
     }
     if "VO2" in beat.names:
         attributes["gas_status"] = GasStatus(int(beat.gas_status[member])).word
-    phase = variable("phase", phases, units="1", long_name="phase of the beat")
+    # Made an index by xarray, it would import Dask to see whether it is one of its arrays: 0.1 s.
+    words = {"units": "1", "long_name": "phase of the beat"}
+    phase = xr.IndexVariable("phase", pd.Index(phases), words)
     time = variable("phase", phases * period, units="s", long_name="time")
     return xr.Dataset(data, coords={"phase": phase, "time": time}, attrs=attributes)
 
