@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from eclsim.cases import read_case
-from eclsim.course import handover
-from eclsim.course.beats import course_beats
+from eclsim.course.beats import course_beats, shift_ml
 from eclsim.course.course import course, course_many
 from eclsim.course.engine import CourseOptions
 from eclsim.course.files import course_object
@@ -147,8 +146,8 @@ def test_a_span_is_no_longer_than_allowed(fast, monkeypatch):
 
 def test_a_shift_is_what_compartments_gain_or_lose():
     one, other = {"a": 1.0, "b": 2.0, "c": 3.0, "d": 9.0}, {"a": 4.0, "b": 1.0, "c": 2.5, "e": 0.0}
-    assert handover.shift_ml(one, other) == 3.0
-    assert handover.shift_ml(other, one) == 3.0
+    assert shift_ml(one, other) == 3.0
+    assert shift_ml(other, one) == 3.0
 
 
 def test_what_is_not_followed_is_said_with_its_reason(tmp_path):

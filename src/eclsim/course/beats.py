@@ -1,8 +1,8 @@
 """A course beat by beat, for what is over in seconds to minutes: a clamp, a pump stop, a bolus.
 
 Nothing is assumed to be settled: every beat starts where the last one ended, reflexes answer through their
-filters, and blood given or lost joins the systemic veins beat by beat. Slow states move by the rates of the
-beat (an explicit step of one beat's length).
+filters, gases move with the blood (`eclsim.course.gases`), and blood given or lost joins the systemic veins
+beat by beat. Slow states move by the rates of the beat (an explicit step of one beat's length).
 """
 
 from __future__ import annotations
@@ -22,21 +22,22 @@ from eclsim.beat.recording import all_signals
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
 from eclsim.course.alarms import alarms
+from eclsim.course.gases import Gases, GasesInTime
 from eclsim.course.laws import Laws, laws_of
 from eclsim.course.result import attributes_of, balance_of, labelled_course
 from eclsim.course.timeline import MINUTE, Timeline
-from eclsim.devices.description import GASES
+from eclsim.gas.network import Quantity, gas_exchanges
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.orbit.model import CaseSource, as_case
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.alarms import THIN_WALLED, Finding, findings
-from eclsim.outputs.measures import Measures
+from eclsim.outputs.measures import Measures, whole_beat
 from eclsim.outputs.registry import CHAMBERS, output
-from eclsim.outputs.regulation import FACTORS
+from eclsim.outputs.regulation import FACTORS, LOCAL_OUTPUTS
 from eclsim.outputs.signals import needed_parameters, needed_signals, output_names
 from eclsim.outputs.steady_beat import judging_outputs, statistics_of, steady_beat
-from eclsim.parameters.regulation import UNSTRESSED
+from eclsim.parameters.regulation import UNSTRESSED, local_resistance
 from eclsim.simulation.target_flow import with_speed
 from eclsim.slow.law import INFLOWS
 
@@ -44,6 +45,10 @@ LONGEST_MIN = 120.0
 SHOWN = 1200
 """Beats that are shown at most, unless it is said how often."""
 ACTED = (*FACTORS.values(), HEART_RATE, UNSTRESSED)
+LATE = {name: local_resistance(bed) for bed, name in LOCAL_OUTPUTS.items()}
+"""Outputs of what answers to gases with a lag, and the parameters in effect."""
+SETTLED_ML = 1.0
+"""Shift to the steady beat at which the circulation has settled."""
 
 
 def course_beats(
@@ -60,7 +65,7 @@ def course_beats(
         case: path of a case file, what `read_case` returned, or a case.
         minutes: how long [min].
         every_min: between beats that are shown [min]; left out, every beat or some 1,200 of them.
-        outputs: names of the registry; left out, all but those of gases, which need minutes to settle.
+        outputs: names of the registry; left out, all that the circuit has.
         volume_policy: blood volume policy; left out, the case's.
 
     Returns:
@@ -147,8 +152,9 @@ class Marched(NamedTuple):
 
 
 class KeptBeat(NamedTuple):
-    """A beat: its state before, signals with the point before, parameters, what acts on them, slow states.
+    """A beat: its state before, signals, parameters, what acts on them, slow states, gases at its end.
 
+    Signals begin with the point before.
     `lowest` holds the smallest value of each signal that is looked at only for what collapses.
     """
 
@@ -159,6 +165,19 @@ class KeptBeat(NamedTuple):
     values: Mapping[str, float]
     acted: Mapping[str, float]
     slow: np.ndarray
+    gases: Mapping[Quantity, float] | None
+
+
+class Steady(NamedTuple):
+    """A steady beat that beats come from or go to.
+
+    Attributes:
+        state: of the circuit.
+        coupled: parameters that were solved for with its gases, by key.
+    """
+
+    state: np.ndarray
+    coupled: Mapping[str, float]
 
 
 class Moving(NamedTuple):
@@ -170,7 +189,7 @@ class Moving(NamedTuple):
         slow: states, shape (states, 1).
         before: parameters of the last beat, by key.
         last: signals at its end; None before the first.
-        held: what slow laws read and no single beat tells, of the last steady beat.
+        gases: of the blood; None where the circuit has none.
     """
 
     time: float
@@ -178,7 +197,7 @@ class Moving(NamedTuple):
     slow: np.ndarray
     before: Mapping[str, np.ndarray]
     last: np.ndarray | None
-    held: Mapping[str, np.ndarray]
+    gases: Gases | None
 
 
 class ShownBeats:
@@ -205,6 +224,15 @@ class ShownBeats:
             self.beats, self._stride = self.beats[::2], 2 * self._stride
 
 
+def shift_ml(one: Mapping[str, float], other: Mapping[str, float]) -> float:
+    """Blood that compartments gain, or lose if that is more, on the way from some volumes to others [mL].
+
+    A compartment that only one of them has counts in neither.
+    """
+    change = np.array([other[name] - one[name] for name in one if name in other])
+    return float(max(change.clip(min=0.0).sum(), -change.clip(max=0.0).sum()))
+
+
 class BeatMarch:
     """One patient, beat after beat."""
 
@@ -214,16 +242,15 @@ class BeatMarch:
         _refuse_reconnection(timeline)
         self.laws = Laws(laws_of(self.circuit, start))
         self.assembly = assemble(self.circuit)
-        all_names = output_names(self.circuit)
-        slow = [name for name in all_names if GASES in output(name).parameters]
-        self.names = tuple(n for n in (all_names if outputs is None else outputs) if n not in slow)
-        self.reads = tuple(name for name in self.laws.reads if name not in slow)
+        self.names = tuple(output_names(self.circuit) if outputs is None else outputs)
+        self.reads, exchanging = self.laws.reads, bool(gas_exchanges(self.circuit))
+        flows = tuple("Q" + c.name for c in self.circuit.connections) if exchanging else ()
         self.judged = tuple(dict.fromkeys((*self.names, *judging_outputs(self.circuit))))
-        self.signals = needed_signals(self.circuit, tuple(dict.fromkeys((*self.judged, *self.reads))), ())
+        self.signals = needed_signals(self.circuit, tuple(dict.fromkeys((*self.judged, *self.reads))), flows)
         places = {*THIN_WALLED, *CHAMBERS}
         self.watched = tuple(n for n in all_signals(self.assembly) if n[0] in "PV" and n[1:] in places)
         self.stopped = ""
-        self.held: dict[str, np.ndarray] = {}
+        self.in_time = GasesInTime(self.circuit, self.signals, start) if exchanging else None
 
     def begin(self) -> Moving:
         """The steady beat at the start."""
@@ -235,36 +262,45 @@ class BeatMarch:
             raise CaseError([Mistake("", message)])
         read = {name: beat.output(name) for name in self.laws.reads}
         slow, state = self.laws.start(settings, read), beat.orbits.states[:, 0]
-        # Gases need minutes, so that what answers to them stays as it is.
-        self.held = {name: np.asarray(beat.batch.values[name]) for name in beat.coupled}
-        settings |= self.held
-        return Moving(0.0, state, slow, self.laws.in_effect(slow, settings), None, self._held(read))
+        coupled = {name: float(np.asarray(beat.batch.values[name])[0]) for name in beat.coupled}
+        return self.from_steady(0.0, Steady(state, coupled), slow[:, 0], 0)
 
-    def from_steady(
-        self, time: float, state: np.ndarray, slow: np.ndarray, segment: int, read: Mapping[str, float]
-    ) -> Moving:
-        """On from a steady beat at the end of a segment of the timeline."""
-        settings = _columns(self.timeline.settings(segment, time))
+    def from_steady(self, time: float, beat: Steady, slow: np.ndarray, segment: int) -> Moving:
+        """On from a steady beat at a time in a segment of the timeline."""
+        settings = _columns({**self.timeline.settings(segment, time), **beat.coupled})
         before = self.laws.in_effect(slow[:, None], settings)
-        return Moving(time, state, slow[:, None], before, None, self._held(_columns(read)))
+        return Moving(time, beat.state, slow[:, None], before, None, self._steady_gases(beat.state, before))
+
+    def _steady_gases(self, state: np.ndarray, values: Mapping[str, np.ndarray]) -> Gases | None:
+        if self.in_time is None:
+            return None
+        program, plain = self._program(values), _numbers(values)
+        recorded = _traced(program, self.signals, state, plain)[1]
+        return self.in_time.begin(whole_beat(recorded), program.grid.phases, plain)
 
     def volumes(self, state: np.ndarray) -> dict[str, float]:
         """Volumes of a state by compartment [mL]."""
         names = (c.name for c in self.circuit.compartments)
         return dict(zip(names, state[self.assembly.layout.volumes.where].tolist(), strict=True))
 
-    def _held(self, read: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        return {name: values for name, values in read.items() if name not in self.reads}
+    def apart(self, at: Moving, beat: Steady) -> float:
+        """How far a moment is from the steady beat there, in what counts as settled."""
+        shift = shift_ml(self.volumes(at.state), self.volumes(beat.state)) / SETTLED_ML
+        if self.in_time is None or at.gases is None:
+            return shift
+        segment = self._segment(at.time)
+        goal = self.from_steady(at.time, beat, at.slow[:, 0], segment).gases
+        return max(shift, self.in_time.apart(at.gases, goal)) if goal is not None else shift
 
     def follow(self, at: Moving, until: float, shown: ShownBeats) -> Moving:
         """Beats from a moment on, up to the last that begins before another."""
         segment, program, settings = -1, None, dict[str, np.ndarray]()
         while at.time < until - 1e-9 and not self.stopped:
-            now = int(np.searchsorted(self.timeline.breaks, at.time + 1e-9, side="right") - 1)
+            now = self._segment(at.time)
             if now != segment or program is None:
                 segment = now
-                settings = _columns(self.timeline.settings(segment, at.time)) | self.held
-                program = self._program(self.laws.in_effect(at.slow, settings))
+                settings = _columns(self.timeline.settings(segment, at.time))
+                program = self._program(self._values(at, settings))
             for key, value in self.timeline.ramped(segment, at.time).items():
                 settings[key] = np.array([value])
             at = self._beat(at, settings, program, shown)
@@ -274,9 +310,9 @@ class BeatMarch:
         self, at: Moving, settings: dict[str, np.ndarray], program: BeatProgram, shown: ShownBeats
     ) -> Moving:
         """One beat; the march stops where it is not finite."""
-        values = self.laws.in_effect(at.slow, settings)
+        values = self._values(at, settings)
         state = at.state + self._given(at.before, values)
-        plain = {key: float(column[0]) for key, column in values.items()}
+        plain = _numbers(values)
         effective = self.assembly.in_effect(plain, state)
         period = 60.0 / float(effective[HEART_RATE])
         after, everything = _traced(program, (*self.signals, *self.watched), state, plain)
@@ -286,10 +322,28 @@ class BeatMarch:
             return at
         series = np.concatenate([recorded[-1:] if at.last is None else at.last[None], recorded])
         acted = {key: float(np.asarray(effective[key])) for key in ACTED if key in effective}
-        lowest = watched.min(axis=0)
-        shown.offer(at.time, KeptBeat(at.time, state, series, lowest, plain, acted, at.slow[:, 0].copy()))
-        slow = self._moved(at, settings, series, program, plain, acted, period)
-        return Moving(at.time + period, after, slow, values, recorded[-1], at.held)
+        lowest, gases, known = watched.min(axis=0), at.gases, None
+        if self.in_time is not None and gases is not None:
+            where = self.assembly.layout.volumes.where
+            ends = state[where], after[where]
+            gases = self.in_time.after(gases, series, program.grid.phases, plain, ends, period)
+            self.stopped, known = self.in_time.trouble(gases), gases.state
+            if self.stopped:
+                return at
+        kept = KeptBeat(at.time, state, series, lowest, plain, acted, at.slow[:, 0].copy(), known)
+        shown.offer(at.time, kept)
+        slow = self._moved(at, settings, kept, program, period)
+        return Moving(at.time + period, after, slow, values, recorded[-1], gases)
+
+    def _values(self, at: Moving, settings: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Parameters of the beat that begins at a moment."""
+        values = self.laws.in_effect(at.slow, settings)
+        if self.in_time is None or at.gases is None:
+            return values
+        return values | _columns(self.in_time.in_effect(at.gases, _numbers(values)))
+
+    def _segment(self, time: float) -> int:
+        return int(np.searchsorted(self.timeline.breaks, time + 1e-9, side="right") - 1)
 
     def _program(self, values: Mapping[str, np.ndarray]) -> BeatProgram:
         level = needed_resolution(self.assembly, {key: float(v[0]) for key, v in values.items()})
@@ -309,14 +363,18 @@ class BeatMarch:
         return change
 
     def _moved(
-        self, at: Moving, settings: dict[str, np.ndarray], series: np.ndarray, program: BeatProgram,
-        values: Mapping[str, float], acted: Mapping[str, float], period: float,
-    ) -> np.ndarray:  # fmt: skip
+        self,
+        at: Moving,
+        settings: dict[str, np.ndarray],
+        kept: KeptBeat,
+        program: BeatProgram,
+        period: float,
+    ) -> np.ndarray:
         """Slow states a beat later."""
-        beat = self._measured(self.reads, series[..., None], program, [values], [acted])
+        beat = self._measured(self.reads, [kept], program)
         given = self._amounts(at.time, at.time + period)
         inflows = {kind: np.array([ml / period]) for kind, ml in given.items()}
-        return at.slow + period * self.laws.rates(at.slow, settings, {**at.held, **beat}, inflows)
+        return at.slow + period * self.laws.rates(at.slow, settings, beat, inflows)
 
     def _amounts(self, begin: float, end: float) -> dict[str, float]:
         """What is given between two times [mL]."""
@@ -328,10 +386,13 @@ class BeatMarch:
         return amounts
 
     def _measured(
-        self, names: Sequence[str], series: np.ndarray, program: BeatProgram,
-        values: Sequence[Mapping[str, float]], acted: Sequence[Mapping[str, float]],
-    ) -> dict[str, np.ndarray]:  # fmt: skip
+        self, names: Sequence[str], beats: Sequence[KeptBeat], program: BeatProgram
+    ) -> dict[str, np.ndarray]:
         """Outputs of recorded beats, shape (beats,) each."""
+        series = np.stack([beat.series for beat in beats], axis=-1)
+        values, acted = [beat.values for beat in beats], [beat.acted for beat in beats]
+        states = [beat.gases for beat in beats if beat.gases is not None]
+        gases = {q: np.array([state[q] for state in states]) for q in states[0]} if states else None
         double = series.shape[-1] == 1
         waves = {
             n: series[:, k].repeat(2, -1) if double else series[:, k] for k, n in enumerate(self.signals)
@@ -340,7 +401,8 @@ class BeatMarch:
         parameters = {n: np.array([one.get(n, np.nan) for one in values]) for n in read}
         if double:
             parameters = {n: column.repeat(2) for n, column in parameters.items()}
-        measures = Measures(waves, program.grid.phases, self.circuit, parameters)
+            gases = gases and {quantity: column.repeat(2) for quantity, column in gases.items()}
+        measures = Measures(waves, program.grid.phases, self.circuit, parameters, gases)
         found: dict[str, np.ndarray] = {}
         for name in names:
             found[name] = self._acted(name, values, acted)
@@ -356,6 +418,8 @@ class BeatMarch:
             return np.array([one[HEART_RATE] for one in acted])
         if name == "unstressed_volume":
             return np.array([one[UNSTRESSED] for one in acted])
+        if name in LATE:
+            return np.array([one[LATE[name]] for one in values])
         key = FACTORS.get(name)
         if key is None:
             return None
@@ -380,9 +444,7 @@ class BeatMarch:
             own = list(group)
             program = self._program(_columns(own[0].values))
             assert points == program.grid.n_steps + 1
-            series = np.stack([beat.series for beat in own], axis=-1)
-            values = [beat.values for beat in own], [beat.acted for beat in own]
-            for name, column in self._measured(self.judged, series, program, *values).items():
+            for name, column in self._measured(self.judged, own, program).items():
                 found[name].append(column)
         outputs = {name: np.concatenate(parts) for name, parts in found.items()}
         said = []
@@ -417,6 +479,10 @@ def _traced(
     packed = np.array([values[name] for name in program.names])
     after, recorded = program.trace(signals)(state, packed)
     return np.asarray(after), np.asarray(recorded)
+
+
+def _numbers(values: Mapping[str, np.ndarray]) -> dict[str, float]:
+    return {key: float(column[0]) for key, column in values.items()}
 
 
 def _columns(values: Mapping[str, float]) -> dict[str, np.ndarray]:

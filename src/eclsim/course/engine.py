@@ -14,22 +14,20 @@ import numpy as np
 
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
-from eclsim.course.beats import BeatMarch, Moving
+from eclsim.course.beats import BeatMarch, Moving, shift_ml
 from eclsim.course.handover import (
-    BY_GASES,
     LAG,
     LONGEST_RAMP,
     LONGEST_SPAN_S,
     RECONNECTED,
     SHIFTED_ML,
     Event,
+    Goal,
     PassedOver,
     Span,
-    Steady,
     follow_until_settled,
     lag_of,
     reason_of,
-    shift_ml,
 )  # fmt: skip
 from eclsim.course.laws import Laws
 from eclsim.course.predictor import Predictor, anchor_at, point_of
@@ -238,15 +236,14 @@ class Engine:
             return None
         known, share = self._volumes(member, predictor.circuit), 1.0
         reconnected = any(self._circuit(member) is not one for one in self.circuits[member])
-        refusal = RECONNECTED if reconnected else BY_GASES if predictor.coupled else ""
-        state, read, ahead = predictor.known, dict(predictor.read), None
+        refusal, beat, ahead = RECONNECTED if reconnected else "", predictor.beat, None
         length = timeline.ramp_end(segment) - time
         if 0.0 < length <= LONGEST_RAMP * predictor.settling_s:
             who = np.array([member])
             there = self._rates(who, np.array([time + length]), self.states[:, who])[1]
             ahead = self._volumes(member, self._circuit(member)) if there[0] else None
             share = min(1.0, predictor.settling_s / length)
-        return Event(state, read, known, ahead, share, refusal)
+        return Event(beat, known, ahead, share, refusal)
 
     def _volumes(self, member: int, circuit: Circuit) -> dict[str, float]:
         """Volumes of a member's last beat, which was of that circuit, by compartment [mL]."""
@@ -270,7 +267,7 @@ class Engine:
         self._note(np.array([member]))
         march = BeatMarch(timeline, self.policy, None)
         segment = int(self.segment[member])
-        start = march.from_steady(begin, event.state, self.states[:, member], segment - 1, event.read)
+        start = march.from_steady(begin, event.beat, self.states[:, member], segment - 1)
         span, at = follow_until_settled(
             march, start, lambda at: self._steady_at(member, at), settling, end, reason
         )
@@ -280,7 +277,7 @@ class Engine:
             self.messages[member] = march.stopped
         return known and not march.stopped
 
-    def _steady_at(self, member: int, at: Moving) -> Steady | None:
+    def _steady_at(self, member: int, at: Moving) -> Goal | None:
         """The steady beat at what a march beat by beat has come to; the member goes on from there."""
         who = np.array([member])
         breaks = self.timelines[member].breaks
@@ -291,7 +288,7 @@ class Engine:
         if not known[0]:
             return None
         predictor = self.predictors[member]
-        return Steady(predictor.known, lag_of(self.slopes[:, member], predictor.settling_s, self.laws))
+        return Goal(predictor.beat, lag_of(self.slopes[:, member], predictor.settling_s, self.laws))
 
     def _note(self, who: np.ndarray) -> None:
         for m in who:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from eclsim.course.beats import BeatMarch, KeptBeat, Moving, ShownBeats
+from eclsim.course.beats import BeatMarch, KeptBeat, Moving, ShownBeats, Steady
 from eclsim.course.timeline import MINUTE
 
 if TYPE_CHECKING:
@@ -22,47 +22,32 @@ LAG = 4.0
 """Scales by which slow states may change while the circulation settles."""
 SHIFTED_ML = 40.0
 """Blood that compartments may have to shift at once: as much as `LAG` lets plasma change in that time."""
-SETTLED_ML = 1.0
-"""Shift to the steady beat at which the circulation has settled."""
 STILL = 0.8
-"""Of the shift a time constant ago: with more left, nothing is coming to rest any more."""
+"""Of what was left a time constant ago: with more left, nothing is coming to rest any more."""
+GASES_S = 120.0
+"""The same time where gases are followed, which settle within minutes."""
 LONGEST_SPAN_S = 1800.0
 """Longest span that is followed beat by beat; behind it steady beats go on."""
 LONGEST_RAMP = 10.0
 """Settling times within which a ramp may be too fast."""
 RECONNECTED = "an event connects the circuit in another way"
-BY_GASES = "the patient's gases act back on the circulation"
 """Why a patient is not followed beat by beat."""
 KEPT = 60
 """Beats of a span that are shown, about."""
-
-
-class Steady(NamedTuple):
-    """The steady beat at some slow states.
-
-    Attributes:
-        state: of the circuit.
-        lag: slow states' largest change while the circulation settles, in their scales.
-    """
-
-    state: np.ndarray
-    lag: float
 
 
 class Event(NamedTuple):
     """What a patient comes from as something begins or ends.
 
     Attributes:
-        state: of the steady beat before.
-        read: of that beat, by name.
+        beat: the steady beat before.
         volumes: of that beat, by compartment [mL].
         ahead: likewise of the steady beat at the end of a ramp; None without one.
         share: of the ramp that is done while the circulation settles.
         refusal: why this patient is not followed beat by beat, in words; empty where nothing is in the way.
     """
 
-    state: np.ndarray
-    read: dict[str, float]
+    beat: Steady
     volumes: Mapping[str, float]
     ahead: Mapping[str, float] | None
     share: float
@@ -111,15 +96,6 @@ def lag_of(rates: np.ndarray, settling_s: float, laws: Laws) -> float:
     return float((np.abs(rates) * settling_s / laws.scales).max(initial=0.0))
 
 
-def shift_ml(one: Mapping[str, float], other: Mapping[str, float]) -> float:
-    """Blood that compartments gain, or lose if that is more, on the way from some volumes to others [mL].
-
-    A compartment that only one of them has counts in neither.
-    """
-    change = np.array([other[name] - one[name] for name in one if name in other])
-    return float(max(change.clip(min=0.0).sum(), -change.clip(max=0.0).sum()))
-
-
 def reason_of(shift: float, lag: float, rates: np.ndarray, settling_s: float, laws: Laws) -> str:
     """Why beats are followed, in words."""
     if shift > SHIFTED_ML and shift / SHIFTED_ML >= lag / LAG:
@@ -130,10 +106,22 @@ def reason_of(shift: float, lag: float, rates: np.ndarray, settling_s: float, la
     return f"{state.name} changes by {amount:.0f} {state.unit} in the {settling_s:.0f} s of settling"
 
 
+class Goal(NamedTuple):
+    """The steady beat at some slow states.
+
+    Attributes:
+        beat: it.
+        lag: slow states' largest change while the circulation settles, in their scales.
+    """
+
+    beat: Steady
+    lag: float
+
+
 def follow_until_settled(
     march: BeatMarch,
     start: Moving,
-    steady: Callable[[Moving], Steady | None],
+    steady: Callable[[Moving], Goal | None],
     settling_s: float,
     end: float,
     reason: str,
@@ -148,16 +136,18 @@ def follow_until_settled(
         end: [s], where the span ends at the latest, by its length or the course's.
         reason: why these beats are followed.
     """
-    shown, at, left = ShownBeats(None, KEPT), start, np.inf
-    until = start.time + settling_s
+    shown, at, until = ShownBeats(None, KEPT), start, start.time + settling_s
+    patience = settling_s / 3.0 if start.gases is None else max(settling_s / 3.0, GASES_S)
+    looks: list[tuple[float, float]] = []
     while True:
         at = march.follow(at, min(until, end), shown)
         until = at.time + settling_s / 3.0
         if march.stopped or at.time >= end - settling_s / 3.0:
             break
         goal = steady(at)
-        now = np.inf if goal is None else shift_ml(march.volumes(at.state), march.volumes(goal.state))
-        if goal is not None and goal.lag <= LAG and (now <= SETTLED_ML or now > STILL * left):
+        now = np.inf if goal is None or goal.lag > LAG else march.apart(at, goal.beat)
+        before = [left for time, left in looks if time <= at.time - 0.9 * patience]
+        if now <= 1.0 or (np.isfinite(now) and before and now > STILL * before[-1]):
             break
-        left = now if goal is not None and goal.lag <= LAG else np.inf
+        looks.append((at.time, now))
     return Span(start.time, at.time, reason, march, shown.beats), at

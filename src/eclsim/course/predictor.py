@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eclsim.beat.heartbeat import HEART_RATE
+from eclsim.course.beats import Steady
 from eclsim.orbit.equation import Anchor
 from eclsim.orbit.steady import inverse_jacobian
 from eclsim.outputs.coupling import CoupledAnchor
@@ -63,6 +64,12 @@ class Predictor:
     def known(self) -> np.ndarray:
         """State of the last beat at phase 0."""
         return self.last[: len(self.last) - len(self.coupled)]
+
+    @property
+    def beat(self) -> Steady:
+        """The last beat."""
+        answers = np.exp(self.last[len(self.known) :]).tolist()
+        return Steady(self.known, dict(zip(self.coupled, answers, strict=True)))
 
     def begun(self, circuit: Circuit) -> bool:
         """Whether a beat of that circuit was put."""

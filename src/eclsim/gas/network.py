@@ -20,8 +20,8 @@ from jax import Array
 from eclsim.circuit.network import Choice, Circuit, Exchange, sites_of
 from eclsim.components.base import Values, names_in, value_of
 from eclsim.components.exchangers import GasExchanger, Tissue
-from eclsim.gas.steady import GasState, solve
-from eclsim.gas.transport import Drainage, Flows, Mixtures, balanced, mixtures
+from eclsim.gas.steady import GasState, Samples, solve
+from eclsim.gas.transport import Drainage, Flows, Held, Mixtures, balanced, mixtures
 
 PATIENT = "patient"
 SAMPLED = ("sart", "upper", "lower", "pas")
@@ -96,7 +96,9 @@ def gas_exchanges(circuit: Circuit) -> tuple[Exchange, ...]:
     return tuple(e for e in circuit.exchanges if isinstance(e.component, GasExchanger))
 
 
-def flows_of(circuit: Circuit, forward: Array, backward: Array, values: Values) -> Flows:
+def flows_of(
+    circuit: Circuit, forward: Array, backward: Array, values: Values, held: Held | None = None
+) -> Flows:
     """Balanced mean flows of a circuit.
 
     Args:
@@ -104,6 +106,7 @@ def flows_of(circuit: Circuit, forward: Array, backward: Array, values: Values) 
         forward: mean forward flow of each connection [L/min], in the order of the circuit.
         backward: mean backward flow, positive.
         values: of the parameters that choose sites (`switches`).
+        held: what compartments hold over a step in time; left out, flows of a steady beat.
     """
     place = {c.name: k for k, c in enumerate(circuit.compartments)}
     ends = []
@@ -117,7 +120,7 @@ def flows_of(circuit: Circuit, forward: Array, backward: Array, values: Values) 
             )
             columns.append(column @ jnp.asarray(chosen, dtype=float))
         ends.append(jnp.stack(columns, axis=1))
-    return balanced(Flows(ends[0], ends[1], forward, backward))
+    return balanced(Flows(ends[0], ends[1], forward, backward), held)
 
 
 def switches(circuit: Circuit) -> tuple[str, ...]:
@@ -150,7 +153,8 @@ class GasFunction:
 
     Args:
         connections: whose mean forward, then backward flows come first [L/min].
-        parameters: that come next.
+        parameters: that come next; in a step in time then volumes of all compartments before and after over
+            its length [L/min], and contents of oxygen and of carbon dioxide before [mL/dL].
         quantities: what it gives.
         compute: the function, from an array (numbers,) to an array (quantities,).
         key: what tells it from all others.
@@ -164,8 +168,12 @@ class GasFunction:
 
 
 @lru_cache(maxsize=64)
-def gas_of(circuit: Circuit, law: str = "severinghaus1979") -> GasFunction:
-    """The gas state of a circuit with exchanges, by a law of the blood."""
+def gas_of(circuit: Circuit, law: str = "severinghaus1979", in_time: bool = False) -> GasFunction:
+    """The gas state of a circuit with exchanges, by a law of the blood: the steady one, or a step later.
+
+    Over a step in time compartments hold blood and exchangers none: lungs and tissues, whose PCO2 stores may
+    hold, answer at once to the blood that reaches them.
+    """
     exchanges, names = gas_exchanges(circuit), tuple(c.name for c in circuit.connections)
     laws = [e.component for e in exchanges if isinstance(e.component, GasExchanger)]
     own = [n for e in exchanges for n in e.component.parameter_names()]
@@ -183,22 +191,29 @@ def gas_of(circuit: Circuit, law: str = "severinghaus1979") -> GasFunction:
 
     def compute(numbers: Array) -> Array:
         count = len(names)
-        values = dict(zip(parameters, numbers[2 * count :], strict=True))
-        flows = flows_of(circuit, numbers[:count], numbers[count : 2 * count], values)
+        last = 2 * count + len(parameters)
+        values = dict(zip(parameters, numbers[2 * count : last], strict=True))
+        before, after, *contents = numbers[last:].reshape(4, -1) if in_time else [jnp.zeros(0)] * 4
+        held = Held(before, after, jnp.stack(contents, axis=1)) if in_time else None
+        flows = flows_of(circuit, numbers[:count], numbers[count : 2 * count], values, held)
         at = [names.index(e.at) for e in exchanges]
         drawn = [(d, jnp.asarray(value_of(values, d.mixing))) for d in drainages(circuit)]
-        mixed = mixtures(flows, at, drawn)
+        mixed = mixtures(flows, at, drawn, held)
+        lasting = mixtures(balanced(flows), at, drawn) if in_time else mixed
         state = solve(laws, mixed, values, law, _shares(circuit, samples, mixed))
         sampled = slice(state.ph.shape[0] - len(samples), None)
         gases = (*jnp.exp(state.pressure), state.ph, state.saturation, *state.content)
-        recirculated = [mixed.drawn[names.index(at), k] for at, k in _drawn(circuit)]
+        recirculated = [lasting.drawn[names.index(at), k] for at, k in _drawn(circuit)]
+        kept = 0.0 if mixed.kept is None else mixed.kept[0].T
         found = jnp.concatenate(
             [jnp.stack(gases)[:, sampled].T.reshape(-1), jnp.array(recirculated)]
-            + [(state.outlets @ mixed.compartments.T).reshape(-1)]
+            + [(state.outlets @ mixed.compartments.T + kept).reshape(-1)]
             + [_exchanged(e, k, mixed, state, values) for k, e in enumerate(exchanges)]
         )
         status = _status(exchanges, state, values)
-        return jnp.append(jnp.where(status == GasStatus.STEADY, found, jnp.nan), status)
+        # A tissue may be without oxygen for some time, which no steady state has.
+        valid = state.error < WORST_ERROR if in_time else status == GasStatus.STEADY
+        return jnp.append(jnp.where(valid, found, jnp.nan), status)
 
     return GasFunction(names, parameters, (*quantities, STATUS), compute, ("gas", circuit, law))
 
@@ -237,16 +252,17 @@ def _stores(exchange: Exchange) -> bool:
     return isinstance(exchange.component, Tissue) and exchange.component.held != 0.0
 
 
-def _shares(circuit: Circuit, samples: Sequence[tuple[str, str]], mixed: Mixtures) -> Array:
-    """Samples as shares of what leaves each exchanger, (samples, exchangers)."""
+def _shares(circuit: Circuit, samples: Sequence[tuple[str, str]], mixed: Mixtures) -> Samples:
+    """What samples are made of."""
     stores, paths = ([entry.name for entry in t] for t in (circuit.compartments, circuit.connections))
     sources = [e.at for e in gas_exchanges(circuit)]
-    shares = {
-        "in": lambda at: mixed.compartments[stores.index(at)],
-        "drawn": lambda at: mixed.drawn[paths.index(at)],
-        "behind": lambda at: jnp.eye(len(sources))[sources.index(at)],
-    }
-    return jnp.stack([shares[where](at) for where, at in samples])
+
+    def rows(compartments: Array, drawn: Array, behind: Array) -> Array:
+        tables = {"in": (compartments, stores), "drawn": (drawn, paths), "behind": (behind, sources)}
+        return jnp.stack([tables[where][0][tables[where][1].index(at)] for where, at in samples])
+
+    shares = rows(mixed.compartments, mixed.drawn, jnp.eye(len(sources)))
+    return Samples(shares, mixed.kept and rows(*mixed.kept[:2], jnp.zeros((len(sources), 2))))
 
 
 def _exchanged(exchange: Exchange, k: int, mixed: Mixtures, state: GasState, values: Values) -> Array:

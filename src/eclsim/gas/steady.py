@@ -65,6 +65,18 @@ class GasState(NamedTuple):
     error: Array
 
 
+class Samples(NamedTuple):
+    """Blood whose gases are wanted besides that inside exchangers.
+
+    Attributes:
+        shares: of what leaves each exchanger, (samples, exchangers).
+        kept: over a step in time, contents from blood that compartments held [mL/dL], (samples, 2).
+    """
+
+    shares: Array
+    kept: Array | None = None
+
+
 class _Local(NamedTuple):
     """Blood at all points, and how it changes with the unknowns there, pH eliminated."""
 
@@ -81,7 +93,7 @@ class _Network(NamedTuple):
 
     exchangers: tuple[GasExchanger, ...]
     mixed: Mixtures
-    samples: Array  # shares of what leaves the exchangers, (samples, exchangers)
+    samples: Samples
     values: Values
     law: str
 
@@ -124,7 +136,7 @@ def solve(
     mixed: Mixtures,
     values: Values,
     law: str = "severinghaus1979",
-    samples: Array | None = None,
+    samples: Samples | None = None,
 ) -> GasState:
     """The steady gas state of one patient; map over patients with `jax.vmap`.
 
@@ -133,10 +145,9 @@ def solve(
         mixed: what enters each exchanger.
         values: parameters of the exchangers and of the blood.
         law: of the blood.
-        samples: blood whose gases are wanted too, as shares of what leaves each exchanger, (samples,
-            exchangers).
+        samples: blood whose gases are wanted too.
     """
-    samples = jnp.zeros((0, len(exchangers))) if samples is None else samples
+    samples = Samples(jnp.zeros((0, len(exchangers)))) if samples is None else samples
     network = _Network(tuple(exchangers), mixed, samples, values, law)
     end = _found(network.exchangers, law, mixed, samples, {k: jnp.asarray(v) for k, v in values.items()})
     content, _, saturation, _ = _properties(law, blood_of(values), end.pressure, end.ph)
@@ -147,7 +158,7 @@ def solve(
 
 @partial(jax.custom_jvp, nondiff_argnums=(0, 1))
 def _found(
-    exchangers: tuple[GasExchanger, ...], law: str, mixed: Mixtures, samples: Array, values: Values
+    exchangers: tuple[GasExchanger, ...], law: str, mixed: Mixtures, samples: Samples, values: Values
 ) -> _Search:
     """The end of the search; one step more than `TOLERANCE` asks for."""
     network = _Network(exchangers, mixed, samples, values, law)
@@ -173,7 +184,7 @@ def _found(
         steps = jnp.where(solved, state.steps + 1, ITERATIONS)
         return _Search(pressure, ph, inertia, size, steps, error, last)
 
-    points = network.count + samples.shape[0]
+    points = network.count + samples.shares.shape[0]
     pressure = jnp.log(jnp.stack([jnp.full(points, 60.0), jnp.full(points, 42.0)]))
     far, begun = jnp.array(jnp.inf), jnp.array(0)
     start = _Search(pressure, jnp.full(points, 7.4), jnp.array(INERTIA), far, begun, far, jnp.array(False))
@@ -184,13 +195,13 @@ def _found(
 def _derivative_of_found(
     exchangers: tuple[GasExchanger, ...],
     law: str,
-    given: tuple[Mixtures, Array, Values],
-    changes: tuple[Mixtures, Array, Values],
+    given: tuple[Mixtures, Samples, Values],
+    changes: tuple[Mixtures, Samples, Values],
 ) -> tuple[_Search, _Search]:
     """By the implicit function theorem: how Newton's step from the solution follows what is given."""
     end = _found(exchangers, law, *given)
 
-    def step(mixed: Mixtures, samples: Array, values: Values) -> tuple[Array, Array]:
+    def step(mixed: Mixtures, samples: Samples, values: Values) -> tuple[Array, Array]:
         network = _Network(exchangers, mixed, samples, values, law)
         return _newton_step(network, end.pressure, end.ph, 0.0)[:2]
 
@@ -245,8 +256,9 @@ def _streams(network: _Network, content: Array) -> tuple[Array, Array]:
     shares = jnp.stack([jnp.asarray(e.exchanging(network.values)) for e in network.exchangers])
     last = content[:, np.array([own.stop - 1 for own in network.places])]
     matrix = jnp.eye(len(shares)) - (1.0 - shares)[:, None] * network.mixed.inlets
-    outlets = _small_solved(matrix, (shares * last).T).T
-    return outlets, (network.mixed.inlets @ outlets.T).T
+    kept = 0.0 if network.mixed.kept is None else network.mixed.kept[2].T
+    outlets = _small_solved(matrix, (shares * last + (1.0 - shares) * kept).T).T
+    return outlets, (network.mixed.inlets @ outlets.T).T + kept
 
 
 def _small_solved(matrix: Array, right: Array) -> Array:
@@ -313,7 +325,8 @@ def _newton_step(
     move = [moved(e, m, entering[:, k]) for k, (e, (m, _)) in enumerate(zip(equations, parts, strict=True))]
     outlets = _streams(network, local.content)[0] + changes
     (a, b), (c, d) = fixed.content_by[:, :, count:]
-    oxygen, carbon_dioxide = outlets @ network.samples.T - local.content[:, count:]
+    kept = 0.0 if network.samples.kept is None else network.samples.kept.T
+    oxygen, carbon_dioxide = outlets @ network.samples.shares.T + kept - local.content[:, count:]
     sampled = jnp.stack([d * oxygen - b * carbon_dioxide, a * carbon_dioxide - c * oxygen]) / (a * d - b * c)
     move = jnp.concatenate([*move, sampled], axis=1)
     passing = np.repeat(np.arange(len(equations)), [e.points for e in network.exchangers])

@@ -8,6 +8,12 @@ each connection, the steady balance of a content c is
 linear in the contents of the compartments. Exchangers change what their connection carries, so the blood of
 every compartment is a mixture of what leaves the exchangers, with shares that follow from the flows alone.
 One solution serves oxygen, carbon dioxide, a tracer and any solute.
+
+In time, compartments hold blood: an implicit step of length h from contents c to c' is the same balance with
+
+    c' V' / h = what arrives - what leaves + c V / h,
+
+in which what a compartment held flows in as V / h and what it comes to hold flows out as V' / h.
 """
 
 from __future__ import annotations
@@ -64,20 +70,36 @@ class Flows(NamedTuple):
         return np if all(isinstance(part, np.ndarray) for part in self) else jnp
 
 
+class Held(NamedTuple):
+    """Blood that compartments hold over a step in time.
+
+    Attributes:
+        before: volume at its beginning over its length [L/min], (compartments,).
+        after: volume at its end over its length, likewise.
+        contents: at its beginning [mL/dL], (compartments, species).
+    """
+
+    before: Array
+    after: Array
+    contents: Array
+
+
 def _solved(numbers: ModuleType, matrix: Array, offsets: Array) -> Array:
     return numbers.linalg.solve(matrix, offsets) if numbers is np else solution(matrix, offsets)
 
 
-def balanced(flows: Flows) -> Flows:
+def balanced(flows: Flows, held: Held | None = None) -> Flows:
     """The nearest flows that leave every compartment as much as they enter it, to rounding.
 
     A beat that is periodic to 1e-9 fills or empties its compartments a little; gas would be made from that.
+    Over a step in time they fill each compartment by what it comes to hold.
     """
     xp = flows.numbers
     change = flows.enters - flows.leaves
     net = flows.forward - flows.backward
     laplacian = change @ change.T + 1.0 / change.shape[0]
-    extra = -change.T @ _solved(xp, laplacian, (change @ net)[:, None])[:, 0]
+    excess = change @ net if held is None else change @ net - (held.after - held.before)
+    extra = -change.T @ _solved(xp, laplacian, excess[:, None])[:, 0]
     forward = flows.forward + xp.maximum(extra, 0.0) + DIFFUSION_L_MIN
     backward = flows.backward + xp.maximum(-extra, 0.0) + DIFFUSION_L_MIN
     return flows._replace(forward=forward, backward=backward)
@@ -91,16 +113,22 @@ class Mixtures(NamedTuple):
         drawn: shares in what each connection draws forward, (connections, exchangers).
         inlets: shares in what enters each exchanger, (exchangers, exchangers).
         streams: flow through each exchanger [L/min], (exchangers,).
+        kept: over a step in time, what the first three have besides, from blood that compartments held
+            [mL/dL], each (..., species); shares then sum to less than 1.
     """
 
     compartments: Array
     drawn: Array
     inlets: Array
     streams: Array
+    kept: tuple[Array, Array, Array] | None = None
 
 
 def mixtures(
-    flows: Flows, exchangers: Sequence[int], drainages: Sequence[tuple[Drainage, Array]] = ()
+    flows: Flows,
+    exchangers: Sequence[int],
+    drainages: Sequence[tuple[Drainage, Array]] = (),
+    held: Held | None = None,
 ) -> Mixtures:
     """Solve the balances for blood of content 1 behind each exchanger.
 
@@ -110,6 +138,7 @@ def mixtures(
         flows: balanced.
         exchangers: positions of the connections they sit on, each once.
         drainages: with the value of each one's mixing.
+        held: what compartments hold over a step in time; left out, the steady balances.
     """
     leaves, enters, forward, backward = flows
     xp = flows.numbers
@@ -128,10 +157,19 @@ def mixtures(
     pull = change * forward - lost_forward
     matrix = pull @ drawn - (change * backward + lost_backward) @ behind
     given = pull @ drawn_sent + enters @ arriving[0] + leaves @ arriving[1]
+    streams = xp.maximum(forward, backward)[at]
+    if held is not None:
+        count = given.shape[1]
+        matrix = matrix - xp.diag(held.after)
+        given = xp.concatenate([given, held.before[:, None] * held.contents], axis=1)
+        drawn_sent = xp.concatenate([drawn_sent, xp.zeros((len(drawn_sent), held.contents.shape[1]))], axis=1)
     compartments = _solved(xp, matrix, -given)
     all_drawn = drawn @ compartments + drawn_sent
     inlets = xp.where(ahead[:, None], all_drawn, behind @ compartments)[at]
-    return Mixtures(compartments, all_drawn, inlets, xp.maximum(forward, backward)[at])
+    if held is None:
+        return Mixtures(compartments, all_drawn, inlets, streams)
+    kept = compartments[:, count:], all_drawn[:, count:], inlets[:, count:]
+    return Mixtures(compartments[:, :count], all_drawn[:, :count], inlets[:, :count], streams, kept)
 
 
 def _drawn(

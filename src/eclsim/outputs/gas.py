@@ -18,6 +18,7 @@ from eclsim.outputs.measures import Measures
 from eclsim.parameters.fluid import SOLUTES
 
 if TYPE_CHECKING:
+    from eclsim.circuit.network import Circuit
     from eclsim.devices.description import BeatMeasures, Numbers
 
 
@@ -25,8 +26,9 @@ ARTERY = ("upper", "sart")
 """Compartment of the right radial artery: the first that a circuit has."""
 
 
-def _artery(m: BeatMeasures) -> str:
-    names = [c.name for c in m.circuit.compartments]
+def artery_of(circuit: Circuit) -> str:
+    """The compartment whose blood is analysed as arterial."""
+    names = [c.name for c in circuit.compartments]
     return next(name for name in ARTERY if name in names)
 
 
@@ -40,7 +42,7 @@ def _of_artery(name: str, label: str, unit: str, what: str, factor: float = 1.0)
     return Output(
         name, f"{label} of the right radial artery", unit,
         "of the blood in the systemic arteries (of the upper body, where there are two)", ("Qpas",),
-        lambda m: factor * m.gas(what, "in", _artery(m)), parameters=(GASES,), all_flows=True,
+        lambda m: factor * m.gas(what, "in", artery_of(m.circuit)), parameters=(GASES,), all_flows=True,
     )  # fmt: skip
 
 

@@ -47,6 +47,7 @@ class Measures:
         phases: grid points from 0 to 1, shape (points,).
         circuit: whose beat it is.
         parameters: numbers, or one for each patient, for the outputs that read parameters.
+        gases: the gas state, where it is not the steady one of these flows.
     """
 
     def __init__(
@@ -55,11 +56,12 @@ class Measures:
         phases: np.ndarray,
         circuit: Circuit | None = None,
         parameters: Mapping[str, Any] | None = None,
+        gases: Mapping[Quantity, Any] | None = None,
     ):
         self.waveforms = waveforms
         self._widths = np.diff(phases)
         self._circuit, self._parameters = circuit, parameters or {}
-        self._found: dict[tuple[str, ...], Any] = {}
+        self._found: dict[tuple[str, ...], Any] = {} if gases is None else {("gas",): gases}
 
     def mean(self, name: str) -> Any:
         """Mean over the beat: of what moved in each step where that is known, else trapezoidal rule."""

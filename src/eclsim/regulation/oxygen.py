@@ -49,6 +49,8 @@ NORMAL_PCO2, GAIN_HIGH, CARBON_DIOXIDE_BASE = 40.0, 3.0, 1.4
 LARGEST_SYMPATHETIC = 60.0
 """Firing that sympathetic nerves do not exceed [1/s]; 80 in one of the programs."""
 VAGAL_WEIGHT = 0.2
+RECEPTORS_S, ORGANS_OXYGEN_S, ORGANS_CARBON_DIOXIDE_S = 2.0, 10.0, 20.0
+"""Time constants of chemoreceptors and of the organs' answers to both gases [s]."""
 LEAST_CONDUCTANCE = 0.05
 """Share of its conductance below which a bed does not close, so that it stays above zero."""
 

@@ -1,0 +1,179 @@
+"""Gases of the blood beat by beat, and what answers to them with its lag.
+
+Every beat is an implicit step of the contents of oxygen and carbon dioxide in all compartments, with the
+beat's own flows (`eclsim.gas.transport`): what changes reaches the next compartment as its blood is renewed.
+Lungs, membrane and tissues answer at once to the blood that passes. Blood that is
+given joins with the contents of the veins; where haemoglobin changes, its oxygen does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from eclsim.beat.recording import MEAN
+from eclsim.circuit.network import Circuit
+from eclsim.circuit.volumes import total_volumes
+from eclsim.components.exchangers import HAEMOGLOBIN
+from eclsim.gas.network import CONTENTS, GasStatus, Quantity, gas_of
+from eclsim.outputs.coupling import solved_for
+from eclsim.outputs.gas import artery_of
+from eclsim.outputs.measures import compiled
+from eclsim.outputs.regulation import LOCAL_OUTPUTS
+from eclsim.parameters.regulation import LUNG_RESISTANCE, SENSED_PACO2, SENSED_PAO2, local_resistance
+from eclsim.regulation.oxygen import (
+    ORGANS_CARBON_DIOXIDE_S,
+    ORGANS_OXYGEN_S,
+    RECEPTORS_S,
+    local_law,
+    local_settings,
+    venous_content,
+)
+from eclsim.units import ML_S_PER_L_MIN
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from eclsim.gas.network import GasFunction
+
+LEAST_ML = 1.0
+"""Blood that a compartment holds at least, as far as gases go."""
+SETTLED_ML_DL = (0.1, 0.5)
+"""Content of oxygen and of carbon dioxide within which a compartment has settled: half a percent of
+saturation at 15 g/dL of haemoglobin, and 1 mmHg."""
+
+
+class Gases(NamedTuple):
+    """Gases at the end of a beat.
+
+    Attributes:
+        contents: of oxygen and carbon dioxide in all compartments [mL/dL], (2, compartments).
+        haemoglobin: that they belong to [g/dL].
+        state: all that is known of the gases, by quantity.
+        felt: what nerves and organs have in effect, each late by its lag, by name.
+    """
+
+    contents: np.ndarray
+    haemoglobin: float
+    state: Mapping[Quantity, float]
+    felt: Mapping[str, float]
+
+
+class GasesInTime:
+    """Gases of one circuit over beats.
+
+    Args:
+        circuit: with exchanges of gas.
+        signals: of a beat that are recorded, all flows among them.
+        values: its parameters, NaN where something answers to gases.
+    """
+
+    def __init__(self, circuit: Circuit, signals: Sequence[str], values: Mapping[str, float]):
+        self.circuit, self.steady, self.step = circuit, gas_of(circuit), gas_of(circuit, in_time=True)
+        means = ["Q" + name + MEAN for name in self.step.connections]
+        self.moved = np.array([name in signals for name in means])
+        columns = zip(means, self.moved, strict=True)
+        self.columns = [signals.index(n if moved else n.removesuffix(MEAN)) for n, moved in columns]
+        slow = (LUNG_RESISTANCE,)
+        self.answers = tuple(n for n in solved_for(circuit) if n not in slow and np.isnan(values[n]))
+        self.beside = np.array(total_volumes(circuit, values, [0.0] * len(circuit.compartments)))
+
+    def begin(self, series: np.ndarray, phases: np.ndarray, values: Mapping[str, float]) -> Gases:
+        """Gases of a steady beat.
+
+        Args:
+            series: its signals (points, signals).
+            phases: of the points, from 0 to 1.
+            values: its parameters.
+        """
+        state = self._state(self.steady, [*self._flows(series, phases), *self._numbers(self.steady, values)])
+        return Gases(self._contents(state), values[HAEMOGLOBIN], state, self._signals(state))
+
+    def after(
+        self,
+        gases: Gases,
+        series: np.ndarray,
+        phases: np.ndarray,
+        values: Mapping[str, float],
+        volumes: tuple[np.ndarray, np.ndarray],
+        period: float,
+    ) -> Gases:
+        """Gases a beat later.
+
+        Args:
+            gases: before it.
+            series: its signals (points, signals).
+            phases: of the points, from 0 to 1.
+            values: its parameters.
+            volumes: stressed volumes of all compartments at its beginning and at its end [mL].
+            period: of the beat [s].
+        """
+        held = np.maximum(self.beside + np.stack(volumes), LEAST_ML) / period / ML_S_PER_L_MIN
+        contents = gases.contents * [[values[HAEMOGLOBIN] / gases.haemoglobin], [1.0]]
+        numbers = [*self._flows(series, phases), *self._numbers(self.step, values), *held, *contents]
+        state = self._state(self.step, numbers)
+        now, lags = self._signals(state), self._lags()
+        felt = {k: v - np.expm1(-period / lags[k]) * (now[k] - v) for k, v in gases.felt.items()}
+        return Gases(self._contents(state), values[HAEMOGLOBIN], state, felt)
+
+    def in_effect(self, gases: Gases, values: Mapping[str, float]) -> dict[str, float]:
+        """Parameters that what is felt of the gases sets."""
+        felt = gases.felt
+        found = {name: felt[name] for name in (SENSED_PAO2, SENSED_PACO2) if name in felt}
+        for bed in self._beds():
+            settings = [values[name] for name in local_settings(bed)]
+            # Content and oxygen supply stand for the content of the blood that leaves.
+            numbers = [felt[f"{bed}.oxygen"], 1.0, 0.0, felt[f"{bed}.carbon_dioxide"], *settings]
+            found[local_resistance(bed)] = float(compiled(local_law())(np.array(numbers))[0])
+        return {name: found[name] for name in self.answers if name in found}
+
+    def apart(self, one: Gases, other: Gases) -> float:
+        """Largest difference of contents, in those that count as settled."""
+        return float((np.abs(one.contents - other.contents) / np.array(SETTLED_ML_DL)[:, None]).max())
+
+    def trouble(self, gases: Gases) -> str:
+        """Why there are no gases; empty where there are."""
+        return "" if np.isfinite(gases.contents).all() else GasStatus.NOT_CONVERGED.message
+
+    def _beds(self) -> list[str]:
+        return [bed for bed in LOCAL_OUTPUTS if local_resistance(bed) in self.answers]
+
+    def _signals(self, state: Mapping[Quantity, float]) -> dict[str, float]:
+        """What receptors and organs are exposed to."""
+        artery = artery_of(self.circuit)
+        found = {}
+        if SENSED_PAO2 in self.answers:
+            found[SENSED_PAO2] = state[Quantity("PO2", "in", artery)]
+            found[SENSED_PACO2] = state[Quantity("PCO2", "in", artery)]
+        for bed in self._beds():
+            arterial = state[Quantity("oxygen", "mixed", bed)]
+            supplied, gained = (state[Quantity(what, "at", bed)] for what in ("supplied", "gained"))
+            found[f"{bed}.oxygen"] = float(np.asarray(venous_content(arterial, supplied, gained)))
+            found[f"{bed}.carbon_dioxide"] = state[Quantity("PCO2", "in", bed)]
+        return found
+
+    def _lags(self) -> dict[str, float]:
+        """Time constant of each signal [s]."""
+        organs = {"oxygen": ORGANS_OXYGEN_S, "carbon_dioxide": ORGANS_CARBON_DIOXIDE_S}
+        own = {f"{bed}.{gas}": lag for bed in self._beds() for gas, lag in organs.items()}
+        return {SENSED_PAO2: RECEPTORS_S, SENSED_PACO2: RECEPTORS_S, **own}
+
+    def _flows(self, series: np.ndarray, phases: np.ndarray) -> np.ndarray:
+        """Mean forward, then backward flow of each connection [L/min]."""
+        widths, flows = np.diff(phases), series[:, self.columns] / ML_S_PER_L_MIN
+        steps, trapezoids = np.r_[0.0, widths], 0.5 * (np.r_[widths, 0.0] + np.r_[0.0, widths])
+        weights = np.where(self.moved, steps[:, None], trapezoids[:, None])
+        return np.stack([(weights * np.maximum(sign * flows, 0.0)).sum(axis=0) for sign in (1.0, -1.0)])
+
+    def _numbers(self, function: GasFunction, values: Mapping[str, float]) -> list[np.ndarray]:
+        return [np.array([values[name] for name in function.parameters])]
+
+    def _state(self, function: GasFunction, numbers: Sequence[np.ndarray]) -> dict[Quantity, float]:
+        found = np.asarray(compiled(function.compute)(np.concatenate(numbers)))
+        return dict(zip(function.quantities, found.tolist(), strict=True))
+
+    def _contents(self, state: Mapping[Quantity, float]) -> np.ndarray:
+        names = [c.name for c in self.circuit.compartments]
+        return np.array([[state[Quantity(what, "mixed", name)] for name in names] for what in CONTENTS])

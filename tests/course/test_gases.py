@@ -1,0 +1,98 @@
+"""Gases beat by beat: where they lead, what they change on the way, and what is handed over."""
+
+import json
+
+import numpy as np
+import pytest
+
+from eclsim.cases.reading import read_mapping
+from eclsim.course.beats import course_beats, marched
+from eclsim.course.course import course
+from eclsim.course.engine import CourseOptions
+from eclsim.orbit.steady import Batch
+from eclsim.outputs.steady_beat import steady_beat
+
+CASE = {
+    "format": 1,
+    "patient": {"id": "gases", "sex": "male", "age_years": 60, "height_cm": 178, "weight_kg": 80,
+                "heart_rate_bpm": 90},
+    "ecmo": {"pump": "Rotaflow", "speed_rpm": 3200, "oxygenator": "Quadrox-i Adult", "mode": "VV",
+             "sweep_l_min": 2.0, "fdo2": 1.0},
+    "gas": {"haemoglobin_g_dl": 10.0, "vo2_ml_min": 220.0, "fio2": 0.5, "alveolar_ventilation_l_min": 2.0,
+            "shunt_fraction": 0.7},
+    "fluid": {"capillary_refill": False}, "solutes": {},
+    "regulation": {"baroreflex": 0.5, "chemoreflex": 0.7, "hypoxic_vasodilation": 1.0,
+                   "hypoxic_vasoconstriction": 1.0},
+    "events": [{"at_min": 1, "set": {"ecmo.speed_rpm": 1500}}],
+}  # fmt: skip
+OUTPUTS = ("MAP", "heart_rate", "SaO2", "PaO2", "PaCO2", "VO2", "local_resistance_factor")
+STEADY = CourseOptions(hand_over=False)
+MINUTES = 7.0
+
+
+@pytest.fixture(scope="module")
+def march():
+    """A pump turned down, every beat."""
+    return marched(read_mapping(CASE).case, MINUTES, outputs=OUTPUTS)
+
+
+@pytest.fixture(scope="module")
+def courses(march):
+    """The same handed over, every beat, and steady beats alone."""
+    case, shown = read_mapping(CASE).case, {"minutes": MINUTES, "outputs": OUTPUTS, "every_min": 0.5}
+    return course(case, **shown), march.result, course(case, options=STEADY, **shown)
+
+
+def at(result, minute, name):
+    return float(np.interp(minute, result["time_min"], result[name]))
+
+
+@pytest.mark.slow
+def test_every_beat_leads_to_the_steady_beat_that_is_solved_with_its_gases(march):
+    last, marching = march.beats[-1], march.marching
+    values = {**last.values, **dict.fromkeys(marching.in_time.answers, np.nan)}
+    goal = steady_beat(Batch(marching.circuit, values, 1, marching.policy), OUTPUTS)
+    assert len(goal.coupled) == 3
+    for name in OUTPUTS:
+        assert float(march.result[name][-1]) == pytest.approx(float(goal.output(name)[0]), rel=2e-3)
+        assert abs(at(march.result, 0.5, name) / float(goal.output(name)[0]) - 1.0) > 2e-3 or name == "VO2"
+
+
+@pytest.mark.slow
+def test_oxygen_falls_as_blood_is_renewed_and_the_circulation_follows(courses):
+    _, beats, steady = courses
+    start, end = (at(steady, minute, "SaO2") for minute in (0.5, MINUTES))
+    left = [(at(beats, minute, "SaO2") - end) / (start - end) for minute in (1.2, 1.5, 2.0, 3.0, 5.0)]
+    assert left[0] > 0.6
+    assert left == sorted(left, reverse=True)
+    assert 0.15 < left[2] < 0.75
+    assert abs(left[4]) < 0.05
+    # Steady beats have the blood and its reflexes of minutes later at once.
+    assert abs(at(beats, 1.5, "heart_rate") - at(steady, 1.5, "heart_rate")) > 2.0
+
+
+@pytest.mark.slow
+def test_it_is_handed_over_and_goes_on_where_every_beat_does(courses):
+    handed, beats, _ = courses
+    (span,) = json.loads(handed.attrs["spans"])
+    assert span["from_min"] == 1.0
+    assert 2.5 < span["until_min"] < 7.0
+    assert not any(sentence.startswith("not followed") for sentence in handed.attrs["warnings"])
+    shown = handed["time_min"].to_numpy()
+    shown = shown[(shown < 1.0) | (shown > 1.25)]
+    for name, bar in (("MAP", 0.4), ("heart_rate", 0.6), ("SaO2", 0.7), ("PaCO2", 0.3)):
+        apart = [abs(at(handed, t, name) - at(beats, t, name)) for t in shown if t < MINUTES - 0.1]
+        assert max(apart) < bar
+
+
+@pytest.mark.slow
+def test_without_answers_to_gases_the_circulation_is_as_without_gases():
+    bare = {key: value for key, value in CASE.items() if key not in ("gas", "solutes", "regulation")}
+    oxygenator = {key: value for key, value in CASE["ecmo"].items() if key not in ("sweep_l_min", "fdo2")}
+    gases = {**bare, "gas": CASE["gas"], "ecmo": CASE["ecmo"]}
+    with_gas, without = (
+        course_beats(read_mapping(raw).case, minutes=1.2) for raw in (gases, {**bare, "ecmo": oxygenator})
+    )
+    np.testing.assert_array_equal(with_gas["MAP"], without["MAP"])
+    assert np.isfinite(with_gas["SaO2"]).all()
+    assert float(with_gas["SaO2"][-1]) < float(with_gas["SaO2"][0]) - 1.0
