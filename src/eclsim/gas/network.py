@@ -215,7 +215,7 @@ def gas_of(circuit: Circuit, law: str = "severinghaus1979", in_time: bool = Fals
         valid = state.error < WORST_ERROR if in_time else status == GasStatus.STEADY
         return jnp.append(jnp.where(valid, found, jnp.nan), status)
 
-    return GasFunction(names, parameters, (*quantities, STATUS), compute, ("gas", circuit, law))
+    return GasFunction(names, parameters, (*quantities, STATUS), compute, ("gas", circuit, law, in_time))
 
 
 def _drawn(circuit: Circuit) -> list[tuple[str, int]]:
