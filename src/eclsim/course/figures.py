@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 BLOOD = Panel("Fluid and blood", "mL", (GIVEN, REMOVED, REFILLED), ("given", "removed", "refilled"))
 RATE = Panel("Heart rate", "1/min", ("heart_rate",), ("heart rate",))
+SATURATION = Panel("Oxygen saturation", "%", ("SaO2", "SaO2_lower", "SvO2"),
+                   ("arteries", "femoral artery", "pulmonary artery"))  # fmt: skip
 OXYGEN = Panel("Oxygen delivery", "mL/min", ("DO2", "VO2"), ("delivery", "consumption"))
 DISSOLVED = Panel("Dissolved", "mmol/L", ("urea", "potassium", "bicarbonate"),
                   ("urea", "potassium", "bicarbonate"))  # fmt: skip
@@ -31,6 +33,7 @@ CARBON_DIOXIDE = Panel("Carbon dioxide", "mmHg", ("PaCO2", "tissue_PCO2"), ("art
 BLOOD_CELLS = Panel("Haematocrit", "1", ("haematocrit",), ("haematocrit",))
 _AXES = {
     "1": "Share",
+    "%": "Saturation",
     "mmol/L": "Concentration",
     "mmHg": "Pressure",
     "L/min": "Flow",
@@ -50,7 +53,7 @@ def plot_course(result: xr.Dataset) -> Figure:
     Args:
         result: as `eclsim.course` or `eclsim.course_band` returns it.
     """
-    panels = (*panels_of(result), RATE, OXYGEN, CARBON_DIOXIDE, BLOOD, BLOOD_CELLS, DISSOLVED)
+    panels = (*panels_of(result), RATE, SATURATION, OXYGEN, CARBON_DIOXIDE, BLOOD, BLOOD_CELLS, DISSOLVED)
     drawn = list({p.names: p for p in panels if any(_has_values(result, name) for name in p.names)}.values())
     probable = bool(result.sizes.get("alarm"))
     rows = -(-max(len(drawn) + probable, 1) // 2)
