@@ -38,8 +38,8 @@ def read(**sections):
          "hypoxic_resistance_at_rest; did you mean set_point_mmHg or set_point_pao2_mmHg or "
          "set_point_paco2_mmHg?"),
         ("regulation", {"chemoreflex": 1, "model": "heldt2004"},
-         'regulation.chemoreflex = 1: is published with the baroreflex of ursino1998 alone; allowed: model = '
-         '"ursino1998"'),
+         'regulation.chemoreflex = 1: acts on the firing of nerves, which heldt2004 has none of; allowed: '
+         'model = "ursino1998"'),
         ("regulation", {"hypoxic_vasodilation": 2},
          "regulation.hypoxic_vasodilation = 2: outside the allowed range; allowed: 0 to 1.5: 1 is as "
          "published; with [gas]"),

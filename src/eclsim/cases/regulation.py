@@ -92,7 +92,7 @@ class Regulation(_Settings):
     def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
         """Say what is without effect or does not go together."""
         if "chemoreflex" in values and values.get("model", "ursino1998") != "ursino1998":
-            message = "is published with the baroreflex of ursino1998 alone"
+            message = "acts on the firing of nerves, which heldt2004 has none of"
             remarks.error(f"{key}.chemoreflex", message, shown(values["chemoreflex"]), 'model = "ursino1998"')
         if "baroreflex" not in raw and not any(name in values for name in BY_GASES):
             message = "left out, so nothing is regulated; 1 is the published reflex"
