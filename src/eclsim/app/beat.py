@@ -124,7 +124,7 @@ def beat_of(
 
 
 def passing_beat(state: PageState, moment: PassingBeat) -> Beat:
-    """A beat of a course beat by beat; it says nothing of gases, which need minutes to settle."""
+    """A beat of a course beat by beat; the gases of compartments are not listed."""
     series = dict(zip(moment.signals, moment.waves.T, strict=True))
     waves = _evenly(series, moment.phases, moment.circuit, moment.values)
     means = {n: float(v) for n, v in zip(moment.signals, moment.means, strict=True) if n[0] in "PQ"}

@@ -265,7 +265,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "timeline_volume": "is given at the start; later, add an event to the timeline",
         "timeline_lanes": "Curves",
         "timeline_passing": "Not steady",
-        "gases_passing": "beat by beat nothing is said of gases, which need minutes to settle",
+        "gases_passing": "beat by beat the gases of each compartment are not listed",
         "lane_blood_volume": "Blood volume",
         "lane_drug": "{drug} in effect",
         "lane_heart_rate": "Heart rate",
