@@ -5,6 +5,8 @@ from eclsim.components import (
     AtrialBump,
     Atrium,
     Cannula,
+    CollapsibleAtrium,
+    CollapsibleVein,
     ElasticVessel,
     HeartValve,
     LeakingValve,
@@ -30,6 +32,14 @@ FLOWS = (-150.0, 250.0)
 STORAGES: dict[str, tuple[Storage, dict[str, float]]] = {
     "vessel": (ElasticVessel("C"), {"C": 0.9}),
     "vessel with an unstressed volume": (ElasticVessel("C", "Vu"), {"C": 0.9, "Vu": 20.0}),
+    "collapsible vein": (
+        CollapsibleVein("C", "V0", "Pc", "R", 4.0),
+        {"C": 6.67, "V0": 55.0, "Pc": -5.0, "R": 0.005},
+    ),
+    "collapsible atrium": (
+        CollapsibleAtrium("Ed", "Emax", "Ve"),
+        {"Ed": 0.2, "Emax": 0.45, "Ve": 30.0},
+    ),
     "atrium": (Atrium("Ed", "Emax"), {"Ed": 0.2, "Emax": 0.45}),
     "ventricle": (
         Ventricle("Emax", "alpha", "kappa", "beta"),

@@ -30,6 +30,7 @@ DEVICES = {"ecmo.speed_rpm": 3425.0, "ecmo.drainage_fr": 21.0, "ecmo.return_fr":
 CHOSEN_SITES = crrt(Choice(PLACES, "crrt.access_site"), Choice(PLACES, "crrt.return_site"))
 REGIONS = Anatomy(True, True, frozenset({"aortic"}), frozenset({"mitral"}))
 """A patient in regions with bronchial return, a leaking and a stenosed valve."""
+WALLS = Anatomy(collapsible_veins=True, pericardium=True)
 CIRCUITS: dict[str, Circuit] = {
     "none": circulation(),
     "V-A": circulation() + ecmo("ra", "ao"),
@@ -40,6 +41,7 @@ CIRCUITS: dict[str, Circuit] = {
     "CRRT at the patient": circulation() + crrt("svn", "ra"),
     "LVAD": circulation() + lvad(),
     "regions, femoral V-A": circulation(REGIONS) + ecmo("ivc", "lower"),
+    "veins, pericardium, V-A": circulation(WALLS) + ecmo("ra", "ao"),
     "all together": circulation() + ecmo("ra", "ao") + crrt(*SCHEMES["g"]) + lvad(),
 }
 

@@ -30,7 +30,12 @@ def read(physiology, **sections):
          'physiology.regional = "true": true or false belongs here, without quotes; allowed: true, false; '
          "did you mean true?"),
         ({"regionale": True}, {}, "physiology.regionale = true: unknown key; allowed: regional, upper"),
-        ({"pericardium": True}, {}, "physiology.pericardium = true: unknown key; allowed: regional, "),
+        ({"pericardum": True}, {}, "physiology.pericardum = true: unknown key; allowed: regional, "),
+        ({"pericardium": 1}, {}, "physiology.pericardium = 1: true or false belongs here, without quotes; "),
+        ({"collapsible_veins": "yes"}, {},
+         'physiology.collapsible_veins = "yes": true or false belongs here, without quotes; allowed: true, '),
+        ({"collapsible_veins": True}, {"parameters": {"caval_collapse_mmHg": 5.0}},
+         "parameters.caval_collapse_mmHg = 5: outside the allowed range; allowed: -15 to 0 mmHg"),
         ({"aortic_stenosis_cm2": 80}, {},
          "physiology.aortic_stenosis_cm2 = 80: outside the allowed range; allowed: 0.1 to 15 cm2"),
         ({}, {"crrt": CRRT | {"access_site": "lower"}},
@@ -70,6 +75,11 @@ def test_what_has_no_effect_is_said():
     warned = [str(w) for w in read({"upper_share": 0.3}, parameters={"svc_vessel_share": 0.3}).warnings]
     assert len(warned) == 2
     assert all("without effect: the patient has no regions" in text for text in warned)
+    own = {"caval_rest_volume_ml": 100.0, "pericardium_ml": 400.0}
+    veins, pericardium = [str(w) for w in read({}, parameters=own).warnings]
+    assert "no veins that collapse; add [physiology] collapsible_veins = true" in veins
+    assert "no pericardium; add [physiology] pericardium = true" in pericardium
+    assert not read({"collapsible_veins": True, "pericardium": True}, parameters=own).warnings
 
 
 def test_a_case_is_written_and_read_back(tmp_path):

@@ -66,7 +66,10 @@ CIRCUITS = {
     "V-V": ("Rmc", "Emaxrv", "ecmo.speed_rpm"),
     "V-A, roller pump": ("Rmc", "Emaxlv", "ecmo.roller_l_min"),
     "LVAD": ("Rmc", "Emaxlv", "lvad.speed_rpm"),
-}
+    "veins, pericardium, V-A": (
+        "Csvn", "ecmo.speed_rpm", "caval_rest_volume_ml", "caval_resistance_share", "pericardium_ml",
+    ),
+}  # fmt: skip
 
 
 @pytest.mark.slow

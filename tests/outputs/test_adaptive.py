@@ -11,8 +11,8 @@ from eclsim.outputs.registry import contract
 from eclsim.outputs.results import simulate
 from model_catalogue import model
 
-CONFIGURATIONS = ("none", "LVAD", "V-A", "V-A, CRRT g", "V-V")
-slow_ones = ("V-A, CRRT g", "V-V")
+CONFIGURATIONS = ("none", "LVAD", "V-A", "V-A, CRRT g", "V-V", "veins, pericardium, V-A")
+slow_ones = ("V-A, CRRT g", "V-V", "veins, pericardium, V-A")
 
 
 @pytest.fixture(scope="module")

@@ -119,9 +119,11 @@ def _title_height(plan: Plan, page: Layout, group: str) -> float:
 
 
 def _boxes(circuit: Circuit, plan: Plan, page: Layout) -> list[dict[str, Any]]:
+    from eclsim.reporting.schematic_layout import drawn_as
+
     positions = {node: site for names in instances_in(circuit) for site, node in names.sites().items()}
     result = []
-    for compartment in circuit.compartments:
+    for compartment in (c for c in circuit.compartments if drawn_as(c.name) == c.name):
         left, bottom, right, top = page.box(compartment.name)
         names = naming_of(compartment.group)
         place = compartment.name if names is None else names.device_place(compartment.name)

@@ -96,6 +96,8 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "physiology.regional": "Upper and lower body apart",
         "physiology.upper_share": "Upper body's share of flow",
         "physiology.bronchial_fraction": "Bronchial return",
+        "physiology.collapsible_veins": "Veins that collapse",
+        "physiology.pericardium": "Pericardium",
         "physiology.aortic_regurgitation_cm2": "Aortic regurgitation",
         "physiology.mitral_regurgitation_cm2": "Mitral regurgitation",
         "physiology.tricuspid_regurgitation_cm2": "Tricuspid regurgitation",

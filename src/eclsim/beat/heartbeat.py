@@ -47,6 +47,22 @@ class StepConstants(NamedTuple):
     conductance: list[Number | None]
 
 
+class Linearised(NamedTuple):
+    """A stage about some volumes: one entry per compartment or surrounding.
+
+    Attributes:
+        pressures: of the compartments [mmHg], changed as flows are solved.
+        loads: stiffness of their walls times the stage's weight.
+        outlets: resistances at their outlets [mmHg s/mL]; None where there are none.
+        around: slopes of the surroundings' pressures, times the stage's weight.
+    """
+
+    pressures: list[Number]
+    loads: list[Number]
+    outlets: list[Number] | None
+    around: list[Number]
+
+
 class Tables(NamedTuple):
     """What differs from step to step; along the first axes blocks and steps.
 
@@ -163,6 +179,7 @@ class BeatProgram:
         zero = jnp.zeros_like(volumes[0])
         activations = [float(a.at(np.array(0.0), np)) for a in assembly.activations]
         pressures, stiffness = assembly.pressures(volumes, activations, constants)
+        outlets = assembly.outlets(volumes, constants)
         weight = GAMMA * period * self.grid.systolic_step
         flows = []
         for j, (connection, (source, target)) in enumerate(
@@ -173,7 +190,9 @@ class BeatProgram:
                 continue
             drop = assembly.at(source, pressures, constants) - assembly.at(target, pressures, constants)
             load = assembly.at(source, stiffness, constants) + assembly.at(target, stiffness, constants)
-            flows.append(connection.component.flow(drop, weight * load, constants.paths[j]) + zero)
+            outlet = assembly.outlet(j, outlets, constants)
+            total = weight * load if outlet is None else weight * load + outlet
+            flows.append(connection.component.flow(drop, total, constants.paths[j]) + zero)
         return volumes, flows
 
     def _step_constants(self, weight: Number, constants: Constants) -> StepConstants:
@@ -225,35 +244,38 @@ class BeatProgram:
         assembly = self.assembly
         flows = list(guess)
         volumes = self._moved(base_v, flows, steps, constants)
-        pressures, stiffness = self._loads(volumes, activations, steps, constants)
+        first = self._linearised(volumes, activations, steps, constants)
         for j in assembly.sweep:
-            self._solve(j, flows, pressures, stiffness, base_q, steps, constants)
+            self._solve(j, flows, first, base_q, steps, constants)
         volumes = self._moved(base_v, flows, steps, constants)
-        again, stiffness = self._loads(volumes, activations, steps, constants)
+        again = self._linearised(volumes, activations, steps, constants)
         fixed = (c.component.constant_stiffness for c in assembly.circuit.compartments)
-        pressures = [old if keep else new for old, new, keep in zip(pressures, again, fixed, strict=True)]
+        both = zip(first.pressures, again.pressures, fixed, strict=True)
+        again = again._replace(pressures=[old if keep else new for old, new, keep in both])
         for j in assembly.sweep:
             if assembly.touches_chamber(j):
-                self._solve(j, flows, pressures, stiffness, base_q, steps, constants)
+                self._solve(j, flows, again, base_q, steps, constants)
         return self._moved(base_v, flows, steps, constants), flows
 
     def _solve(
         self,
         j: int,
         flows: list[Number],
-        pressures: list[Number],
-        loads: list[Number],
+        stage: Linearised,
         base_q: Sequence[Number],
         steps: StepConstants,
         constants: Constants,
     ) -> None:
-        """Solve one connection for its flow, and let both ends feel the change."""
-        assembly = self.assembly
+        """Solve one connection for its flow, and let both ends and what surrounds them feel the change."""
+        assembly, (pressures, loads, outlets, around) = self.assembly, stage
         source, target = assembly.ends[j]
         law = assembly.circuit.connections[j].component
         load = steps.fixed_load[j]
         if load is None:
             load = assembly.at(source, loads, constants) + assembly.at(target, loads, constants)
+        gained = assembly.gained(j, constants)
+        for k, share in gained.items():
+            load = load + share * share * around[k]
         push = assembly.at(source, pressures, constants) - assembly.at(target, pressures, constants)
         push = push + load * flows[j]
         inertia, conductance = steps.inertia_load[j], steps.conductance[j]
@@ -263,22 +285,29 @@ class BeatProgram:
             flow = push * conductance
         else:
             total = load if inertia is None else load + inertia
-            flow = law.flow(push, total, constants.paths[j])
+            outlet = assembly.outlet(j, outlets, constants)
+            flow = law.flow(push, total if outlet is None else total + outlet, constants.paths[j])
         change = flow - flows[j]
         flows[j] = flow
+        for k, share in gained.items():
+            for position in assembly.enclosed[k]:
+                pressures[position] = pressures[position] + share * around[k] * change
         assembly.add_at(source, pressures, -assembly.at(source, loads, constants) * change, constants)
         assembly.add_at(target, pressures, assembly.at(target, loads, constants) * change, constants)
 
-    def _loads(
+    def _linearised(
         self, volumes: Sequence[Number], activations: States, steps: StepConstants, constants: Constants
-    ) -> tuple[list[Number], list[Number]]:
-        """Pressures, and stiffness times the stage's weight."""
+    ) -> Linearised:
+        """Pressures, stiffness and resistances at some volumes."""
         pressures, stiffness = self.assembly.pressures(volumes, activations, constants)
         compartments = self.assembly.circuit.compartments
-        return pressures, [
+        loads: list[Number] = [
             fixed if c.component.constant_stiffness else steps.weight * s
             for c, s, fixed in zip(compartments, stiffness, steps.compliance_load, strict=True)
         ]
+        around = self.assembly.surrounding_pressures(volumes, constants)
+        outlets = self.assembly.outlets(volumes, constants)
+        return Linearised(pressures, loads, outlets, [steps.weight * slope for _, slope in around])
 
     def _moved(
         self, base: Sequence[Number], flows: Sequence[Number], steps: StepConstants, constants: Constants

@@ -51,7 +51,7 @@ def check_plausibility(case: CaseValues, parameters: Mapping[str, float], remark
             if name in case.measurements and not case.of(device.key):
                 message = f"a pump flow was measured, but the case has no [{device.key}] section"
                 remarks.warning(f"measurements.{name}", message, shown(case.measurements[name]))
-    _check_blood(case.patient, parameters, remarks)
+    _check_blood(case, parameters, remarks)
     _check_blood_gases(case, remarks)
     for name in BY_GASES:
         own = case.physiology.get(REGULATION, {}).get(name)
@@ -93,6 +93,11 @@ def _saturation(po2: float) -> float:
     return 100.0 / (1.0 + 23400.0 / (po2**3 + 150.0 * po2))
 
 
+_MISSING = {
+    "regional": "regions", "collapsible_veins": "veins that collapse", "pericardium": "pericardium",
+}  # fmt: skip
+
+
 def _check_regions(case: CaseValues, parameters: Mapping[str, float], remarks: Remarks) -> None:
     """Sites that the patient does not have, and settings of regions where there are none."""
     own = case.physiology.get(SECTION, {})
@@ -101,11 +106,13 @@ def _check_regions(case: CaseValues, parameters: Mapping[str, float], remarks: R
     if not regional and own.get("upper_share", usual) != usual:
         message = "without effect: the patient has no regions; add regional = true"
         remarks.warning(f"{SECTION}.upper_share", message, shown(own["upper_share"]))
-    if not regional:
-        for name in parameters:
-            if name in physiology.PARAMETERS and not name.startswith(SECTION):
-                message = f"without effect: the patient has no regions; add [{SECTION}] regional = true"
-                remarks.warning(f"parameters.{name}", message, shown(parameters[name]))
+    for name in parameters:
+        needed = physiology.NEEDS.get(name, "")
+        if needed and not own.get(needed, False):
+            message = (
+                f"without effect: the patient has no {_MISSING[needed]}; add [{SECTION}] {needed} = true"
+            )
+            remarks.warning(f"parameters.{name}", message, shown(parameters[name]))
     for key, values in case.devices.items():
         for name, site in values.items():
             if not isinstance(site, str) or not name.endswith("site"):
@@ -174,10 +181,10 @@ def _check_arterial_pressures(case: CaseValues, remarks: Remarks) -> None:
             remarks.warning("measurements.MAP", message, shown(mean))
 
 
-def _check_blood(patient: Raw, given: Mapping[str, float], remarks: Remarks) -> None:
+def _check_blood(case: CaseValues, given: Mapping[str, float], remarks: Remarks) -> None:
     """Stressed volumes against the blood volume: more than all is an error, more than a half a doubt."""
     named = [key for key in given if (key[2:] in _VESSELS and key[:2] == "P0") or key[1:] in _VESSELS]
-    total = _blood_volume(patient)
+    total = _blood_volume(case.patient)
     if not named or total is None:
         return
     values = {key: parameter.value for key, parameter in thiel2025.PARAMETERS.items()} | dict(given)
@@ -194,7 +201,8 @@ def _check_blood(patient: Raw, given: Mapping[str, float], remarks: Remarks) -> 
         message += f", {100.0 * whole / total:.0f} %; about 25 to 30 % is usual"
         remarks.warning(f"parameters.{key}", message, shown(given[key]))
     else:
-        _check_empty_vein(named, given, stressed["svn"], remarks)
+        if not case.physiology.get(SECTION, {}).get("collapsible_veins", False):
+            _check_empty_vein(named, given, stressed["svn"], remarks)
         for place in _VESSELS:
             held = values[f"volume_fraction_{place}"] * total
             _check_vessel(place, named, given, stressed[place], held, remarks)
@@ -209,7 +217,8 @@ def _check_empty_vein(
         message = (
             f"Csvn times P0svn is a stressed volume of {stressed:.0f} mL in the systemic veins ({usual:.0f} "
             "as published): a patient short of blood. These veins do not collapse: drainage that would fail "
-            "at the bedside goes on, and with the arterial pressure falling the pump flow may even rise"
+            "at the bedside goes on, and with the arterial pressure falling the pump flow may even rise "
+            f"([{SECTION}] collapsible_veins = true lets them collapse)"
         )
         remarks.warning(f"parameters.{keys[0]}", message, shown(given[keys[0]]))
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from eclsim.cases.fluid import fluid_values, haemoglobin
 from eclsim.devices.registry import nominal_value, parameters
 from eclsim.patient.anthropometry import mean_height_weight, oxygen_consumption, total_blood_volume_ml
-from eclsim.patient.sites import SAME_IN_REGIONS
+from eclsim.patient.sites import DRAINED, SAME_IN_REGIONS
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -32,7 +32,9 @@ def anatomy_of(case: Case) -> Anatomy:
     def valves(what: str) -> frozenset[str]:
         return frozenset(name for name in FLOW_COEFFICIENTS if given.get(f"{name}_{what}_cm2"))
 
-    return Anatomy(own.regional, own.bronchial_fraction > 0.0, valves("regurgitation"), valves("stenosis"))
+    bronchial = own.bronchial_fraction > 0.0
+    walls = own.collapsible_veins, own.pericardium
+    return Anatomy(own.regional, bronchial, valves("regurgitation"), valves("stenosis"), *walls)
 
 
 def _patient(case: Case) -> tuple[Circuit, dict[str, Site]]:
@@ -43,7 +45,10 @@ def _patient(case: Case) -> tuple[Circuit, dict[str, Site]]:
     patient = circulation(anatomy)
     if case.gas is not None:
         patient += gas_exchanges(anatomy, stores=case.solutes is not None)
-    return _regulated(patient, case), dict(SAME_IN_REGIONS) if anatomy.regional else {}
+    nodes: dict[str, Site] = dict(SAME_IN_REGIONS) if anatomy.regional else {}
+    if anatomy.collapsible_veins:
+        nodes = {**DRAINED, **{site: DRAINED.get(str(node), node) for site, node in nodes.items()}}
+    return _regulated(patient, case), nodes
 
 
 def _regulated(patient: Circuit, case: Case) -> Circuit:
@@ -110,12 +115,15 @@ def switched_circuit(case: Case) -> tuple[Circuit, dict[str, float]]:
 
 
 def with_sites(circuit: Circuit, nodes: Mapping[str, Site]) -> Circuit:
-    """The circuit with the compartment that stands at each position, such as "post_oxy", in its place."""
+    """The circuit with the compartment that stands at each position of a device, such as "post_oxy"."""
 
     def node(site: Site) -> Site:
         return nodes.get(site, site) if isinstance(site, str) else site
 
-    paths = (replace(c, source=node(c.source), target=node(c.target)) for c in circuit.connections)
+    paths = (
+        c if c.group == "patient" else replace(c, source=node(c.source), target=node(c.target))
+        for c in circuit.connections
+    )
     return replace(circuit, connections=tuple(paths)) if nodes else circuit
 
 

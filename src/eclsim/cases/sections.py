@@ -83,6 +83,8 @@ class Physiology(Section):
     regional: Annotated[bool, switch("Regions: upper and lower body, aortic arch, two venae cavae")] = False
     upper_share: Annotated[float, _share("upper_share")] = 0.35
     bronchial_fraction: Annotated[float, _share("bronchial_fraction")] = 0.0
+    collapsible_veins: Annotated[bool, switch("Vena cava that collapses where it is drained")] = False
+    pericardium: Annotated[bool, switch("Pericardium that the four chambers share")] = False
     aortic_regurgitation_cm2: float = 0.0
     mitral_regurgitation_cm2: float = 0.0
     tricuspid_regurgitation_cm2: float = 0.0
@@ -94,8 +96,8 @@ class Physiology(Section):
 
     def values(self) -> dict[str, float]:
         """Values of the parameters of the circuit."""
-        given = self.model_dump(exclude={"regional"}, exclude_none=True)
-        return {f"{self.section}.{name}": value for name, value in given.items()}
+        given = self.model_dump(exclude_none=True)
+        return {f"{self.section}.{k}": value for k, value in given.items() if not isinstance(value, bool)}
 
 
 PATIENT_SECTIONS: tuple[type[Section], ...] = (Physiology, Gas, Regulation, Drugs, Fluid, Solutes)

@@ -9,6 +9,7 @@ from eclsim.circuit.network import (
     Exchange,
     StartPressure,
     StartVolume,
+    Surrounding,
     maximum_of,
     mean_of,
     minimum_of,
@@ -17,5 +18,5 @@ from eclsim.circuit.validation import CircuitError, validate
 
 __all__ = [
     "Choice", "Circuit", "CircuitError", "Compartment", "Connection", "Control", "Exchange",
-    "StartPressure", "StartVolume", "maximum_of", "mean_of", "minimum_of", "validate",
+    "StartPressure", "StartVolume", "Surrounding", "maximum_of", "mean_of", "minimum_of", "validate",
 ]  # fmt: skip

@@ -38,6 +38,7 @@ class Constants(NamedTuple):
     storages: tuple[object, ...]
     paths: tuple[object, ...]
     weights: Mapping[str, tuple[Number, ...]]
+    surroundings: tuple[object, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -96,19 +97,74 @@ class Assembly:
                 weights[end.parameter] = tuple(
                     (abs(chosen - k) < 0.5) * 1.0 for k in range(len(end.positions))
                 )
-        return Constants(storages, paths, weights)
+        surroundings = tuple(s.component.constants(values) for s in self.circuit.surroundings)
+        return Constants(storages, paths, weights, surroundings)
+
+    @cached_property
+    def enclosed(self) -> tuple[tuple[int, ...], ...]:
+        """Positions of the compartments in each surrounding."""
+        place = {c.name: k for k, c in enumerate(self.circuit.compartments)}
+        return tuple(tuple(place[name] for name in s.members) for s in self.circuit.surroundings)
+
+    def surrounding_pressures(
+        self, volumes: Sequence[Number], constants: Constants
+    ) -> list[tuple[Number, Number]]:
+        """Pressure [mmHg] that each surrounding adds to what is in it, and its slope [mmHg/mL]."""
+        return [
+            around.component.pressure(sum((volumes[k] for k in inside[1:]), start=volumes[inside[0]]), own)
+            for around, inside, own in zip(
+                self.circuit.surroundings, self.enclosed, constants.surroundings, strict=True
+            )
+        ]
+
+    def gained(self, connection: int, constants: Constants) -> dict[int, Number]:
+        """By how much a flow of 1 changes the volume in each surrounding that it can change."""
+        result = dict[int, Number]()
+        for k, inside in enumerate(self.enclosed):
+            shares = [float(p in inside) for p in range(len(self.circuit.compartments))]
+            source, target = self.ends[connection]
+            if {shares[p] for p in (*source.positions, *target.positions)} != {shares[source.positions[0]]}:
+                result[k] = self.at(target, shares, constants) - self.at(source, shares, constants)
+        return result
+
+    @cached_property
+    def narrowing(self) -> tuple[int, ...]:
+        """Positions of the compartments with an outlet of their own."""
+        return tuple(k for k, c in enumerate(self.circuit.compartments) if c.component.narrows)
+
+    def outlets(self, volumes: Sequence[Number], constants: Constants) -> list[Number] | None:
+        """Resistance [mmHg s/mL] in series with what leaves each compartment; None where there is none."""
+        if not self.narrowing:
+            return None
+        result: list[Number] = [0.0] * len(volumes)
+        for k in self.narrowing:
+            law = self.circuit.compartments[k].component
+            result[k] = law.outlet(volumes[k], constants.storages[k])
+        return result
+
+    def outlet(self, connection: int, outlets: list[Number] | None, constants: Constants) -> Number | None:
+        """That of one connection; None where no compartment that it may begin at has any."""
+        source = self.ends[connection][0]
+        if outlets is None or not set(source.positions) & set(self.narrowing):
+            return None
+        return self.at(source, outlets, constants)
 
     def pressures(
         self, volumes: Sequence[Number], activations: Sequence[Number] | States, constants: Constants
     ) -> tuple[list[Number], list[Number]]:
-        """Pressure [mmHg] and stiffness [mmHg/mL] of every compartment."""
+        """Pressure [mmHg] of every compartment, and stiffness [mmHg/mL] of its own wall."""
         pairs = []
         for position, compartment in enumerate(self.circuit.compartments):
             index = self.activation_index(position)
             activation = 0.0 if index is None else activations[index]
             law = compartment.component
             pairs.append(law.pressure(volumes[position], activation, constants.storages[position]))
-        return [p for p, _ in pairs], [s for _, s in pairs]
+        pressures = [p for p, _ in pairs]
+        around = self.surrounding_pressures(volumes, constants)
+        for (outside, _), inside in zip(around, self.enclosed, strict=True):
+            for position in inside:
+                pressures[position] = pressures[position] + outside
+        return pressures, [s for _, s in pairs]
 
     def at(self, end: End, quantities: Sequence[Number], constants: Constants) -> Number:
         """A quantity of the compartments, read at an end."""

@@ -1,4 +1,4 @@
-"""A circuit is tables: compartments, the connections between them, controllers, and exchanges.
+"""A circuit is tables: compartments, connections between them, controllers, exchanges, surroundings.
 
 A circuit is data. It is joined to others with `+`, put under a prefix where there are two of a kind, read
 on one screen with `print`, and compared and hashed like any value; nothing in it computes.
@@ -7,13 +7,23 @@ on one screen with `print`, and compared and hashed like any value; nothing in i
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from enum import Enum
 from functools import cached_property
 from typing import NamedTuple
 
 from eclsim.circuit.signals import Kind, Signal
-from eclsim.components.base import Component, Exchanger, Key, Path, Renaming, Storage, names_in, renamed
+from eclsim.components.base import (
+    Component,
+    Enclosure,
+    Exchanger,
+    Key,
+    Path,
+    Renaming,
+    Storage,
+    names_in,
+    renamed,
+)
 from eclsim.components.controllers import Controller
 from eclsim.components.exchangers import BLOOD
 from eclsim.components.tubes import TubeVolume
@@ -245,19 +255,45 @@ class Exchange:
 
 
 @dataclass(frozen=True)
+class Surrounding:
+    """A named enclosure, such as the pericardium, that adds one pressure to all compartments in it.
+
+    Args:
+        name: of the enclosure; its pressure is the signal "P" + name.
+        component: its law.
+        members: the compartments in it.
+        group: as of a compartment.
+    """
+
+    name: str
+    component: Enclosure
+    members: tuple[str, ...]
+    group: str = "patient"
+
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters of its law."""
+        return self.component.parameter_names()
+
+    def renamed(self, name: Renaming, parameter: Renaming, group: Renaming, site: Renaming) -> Surrounding:
+        """The same enclosure under other names; `site` names what is in it."""
+        members = tuple(map(site, self.members))
+        return Surrounding(name(self.name), self.component.renamed(parameter), members, group(self.group))
+
+
+@dataclass(frozen=True)
 class Circuit:
-    """Compartments, connections between them, controllers that act on their parameters, and exchanges."""
+    """Compartments, connections between them, controllers of their parameters, exchanges, surroundings."""
 
     compartments: tuple[Compartment, ...] = ()
     connections: tuple[Connection, ...] = ()
     controllers: tuple[Control, ...] = ()
     exchanges: tuple[Exchange, ...] = ()
+    surroundings: tuple[Surrounding, ...] = ()
 
     def __hash__(self) -> int:
         """Computed once: every cache of compiled programs asks for it."""
         if "_hash" not in self.__dict__:
-            tables = (self.compartments, self.connections, self.controllers, self.exchanges)
-            object.__setattr__(self, "_hash", hash(tables))
+            object.__setattr__(self, "_hash", hash(tuple(getattr(self, one.name) for one in fields(self))))
         return self.__dict__["_hash"]
 
     def __add__(self, other: Circuit) -> Circuit:
@@ -267,6 +303,7 @@ class Circuit:
             self.connections + other.connections,
             self.controllers + other.controllers,
             self.exchanges + other.exchanges,
+            self.surroundings + other.surroundings,
         )
 
     def __str__(self) -> str:
@@ -284,6 +321,12 @@ class Circuit:
                 "exchanges",
                 *(f"  {e.name:<12} {e.group:<8} {e.at}  {e.component}" for e in self.exchanges),
             ]
+        if self.surroundings:
+            around = (
+                f"  {s.name:<12} {s.group:<8} {', '.join(s.members)}  {s.component}"
+                for s in self.surroundings
+            )
+            lines += ["surroundings", *around]
         return "\n".join(lines)
 
     def parameter_names(self) -> tuple[str, ...]:
@@ -292,7 +335,7 @@ class Circuit:
 
     @cached_property
     def _names_read(self) -> tuple[str, ...]:
-        entries = (*self.compartments, *self.connections, *self.controllers)
+        entries = (*self.compartments, *self.connections, *self.controllers, *self.surroundings)
         return tuple(dict.fromkeys(name for entry in entries for name in entry.parameter_names()))
 
     def content_names(self) -> tuple[str, ...]:
@@ -323,6 +366,7 @@ class Circuit:
             tuple(c.renamed(*names, site) for c in self.connections),
             tuple(c.renamed(*names, place) for c in self.controllers),
             tuple(e.renamed(*names, place) for e in self.exchanges),
+            tuple(s.renamed(*names, site) for s in self.surroundings),
         )
 
     def prefixed(self, prefix: str, shared: Collection[str] = SHARED_PARAMETERS) -> Circuit:
@@ -355,9 +399,13 @@ class Circuit:
         return replace(self, connections=tuple(paths))
 
     def signals(self) -> tuple[Signal, ...]:
-        """P and V of compartments, Q of connections, P (head) of connections named unlike any compartment."""
+        """P and V of compartments, Q of connections, P of surroundings and of connections (head).
+
+        A connection has a head where it is named unlike any compartment.
+        """
         stores, paths = ([entry.name for entry in table] for table in (self.compartments, self.connections))
         heads = [name for name in paths if name not in stores]
+        heads += [surrounding.name for surrounding in self.surroundings]
         places = ((Kind.PRESSURE, stores + heads), (Kind.FLOW, paths), (Kind.VOLUME, stores))
         return tuple(Signal(kind, place) for kind, names in places for place in names)
 

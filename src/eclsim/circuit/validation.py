@@ -21,7 +21,7 @@ class CircuitError(ValueError):
 def validate(circuit: Circuit) -> None:
     """Raise `CircuitError` with every mistake of the circuit."""
     mistakes = _duplicates(circuit) + _unknown_sites(circuit) + _loose_ends(circuit)
-    mistakes += _controls(circuit) + _exchanges(circuit)
+    mistakes += _controls(circuit) + _exchanges(circuit) + _surroundings(circuit)
     if not circuit.compartments:
         mistakes.append("the circuit has no compartments: add at least one store of blood")
     if mistakes:
@@ -34,6 +34,7 @@ def _duplicates(circuit: Circuit) -> list[str]:
         "connection": circuit.connections,
         "controller": circuit.controllers,
         "exchange": circuit.exchanges,
+        "surrounding": circuit.surroundings,
     }
     return [
         f"{what} '{name}' appears {count} times: names are unique"
@@ -103,6 +104,24 @@ def _exchanges(circuit: Circuit) -> list[str]:
         for e in circuit.exchanges
         if e.at not in places
     ]
+
+
+def _surroundings(circuit: Circuit) -> list[str]:
+    """Surroundings of nothing, of what does not exist, or with the name of a place that has a pressure."""
+    known = [c.name for c in circuit.compartments]
+    mistakes = list[str]()
+    for around in circuit.surroundings:
+        start = f"surrounding '{around.name}'"
+        if not around.members:
+            mistakes.append(f"{start} has no members: name compartments")
+        mistakes += [
+            f"{start}: '{name}' is no compartment of the circuit{_hint(name, known)}"
+            for name in around.members
+            if name not in known
+        ]
+        if around.name in (*known, *(c.name for c in circuit.connections)):
+            mistakes.append(f"{start}: a compartment or connection has this name too: names are unique")
+    return mistakes
 
 
 def _hint(name: str, known: Collection[str]) -> str:

@@ -1,21 +1,33 @@
 """Components: the physics, one law each. `all_storages` and `all_paths` list them for the tests."""
 
-from eclsim.components.base import Activation, Complement, Derived, Exchanger, Path, Scaled, Storage
+from eclsim.components.base import (
+    Activation,
+    Complement,
+    Derived,
+    Enclosure,
+    Exchanger,
+    Path,
+    Scaled,
+    Storage,
+)
 from eclsim.components.chambers import AtrialBump, Atrium, LinearChamber, Ventricle, VentricularSystole
+from eclsim.components.collapse import CollapsibleAtrium, CollapsibleVein
 from eclsim.components.controllers import Controller, ControlState
 from eclsim.components.exchangers import GasExchanger, MembraneLung, NativeLung, Tissue
+from eclsim.components.pericardium import Pericardium
 from eclsim.components.pumps import RollerPump, RotaryPump
 from eclsim.components.tubes import Cannula, Tube, TubeVolume
 from eclsim.components.valves import HeartValve, LeakingValve, OpenOrifice, Orifice
 from eclsim.components.vessels import Artery, ElasticVessel, Resistance
 
-all_storages = (ElasticVessel, Atrium, Ventricle, LinearChamber)
+all_storages = (ElasticVessel, CollapsibleVein, Atrium, CollapsibleAtrium, Ventricle, LinearChamber)
 all_paths = (Resistance, Artery, Tube, HeartValve, LeakingValve, OpenOrifice, Cannula, RotaryPump, RollerPump)
 
 __all__ = [
-    "Activation", "Artery", "AtrialBump", "Atrium", "Cannula", "Complement", "ControlState", "Controller",
-    "Derived", "ElasticVessel", "Exchanger", "GasExchanger", "HeartValve", "LeakingValve", "LinearChamber",
-    "MembraneLung", "NativeLung", "OpenOrifice", "Orifice", "Path", "Resistance", "RollerPump", "RotaryPump",
-    "Scaled", "Storage", "Tissue", "Tube", "TubeVolume", "Ventricle",
+    "Activation", "Artery", "AtrialBump", "Atrium", "Cannula", "CollapsibleAtrium",
+    "CollapsibleVein", "Complement", "ControlState", "Controller", "Derived", "ElasticVessel", "Enclosure",
+    "Exchanger", "GasExchanger", "HeartValve", "LeakingValve", "LinearChamber",
+    "MembraneLung", "NativeLung", "OpenOrifice", "Orifice", "Path", "Pericardium", "Resistance", "RollerPump",
+    "RotaryPump", "Scaled", "Storage", "Tissue", "Tube", "TubeVolume", "Ventricle",
     "VentricularSystole", "all_paths", "all_storages",
 ]  # fmt: skip

@@ -185,6 +185,9 @@ class Storage(Component, ABC, Generic[Constants]):
     constant_stiffness: ClassVar[bool] = False
     """Whether dP/dV depends on neither volume nor phase, so that it can be computed once a beat."""
 
+    narrows: ClassVar[bool] = False
+    """Whether what leaves it meets a resistance that depends on its volume (`outlet`)."""
+
     @property
     def activation(self) -> Activation | None:
         """Timing of the contraction; None for a passive compartment."""
@@ -197,6 +200,22 @@ class Storage(Component, ABC, Generic[Constants]):
     @abstractmethod
     def pressure(self, volume: Number, activation: Number, constants: Constants) -> tuple[Number, Number]:
         """Pressure [mmHg] and stiffness [mmHg/mL] at a stressed volume [mL] and an activation of 0 to 1."""
+
+    def outlet(self, volume: Number, constants: Constants) -> Number:
+        """Resistance [mmHg s/mL] in series with each connection that begins here; asked if it `narrows`."""
+        raise NotImplementedError
+
+
+class Enclosure(Component, ABC, Generic[Constants]):
+    """The law of what surrounds several compartments and adds one pressure to all of them."""
+
+    def constants(self, values: Values) -> Constants:
+        """What can be computed once from the parameters; handed back to `pressure`. Left out, the values."""
+        return values  # pyright: ignore[reportReturnType]  # what a law without this method is written for
+
+    @abstractmethod
+    def pressure(self, volume: Number, constants: Constants) -> tuple[Number, Number]:
+        """Pressure [mmHg] on the compartments and its slope [mmHg/mL], from the sum of their volumes [mL]."""
 
 
 class Path(Component, ABC, Generic[Constants]):

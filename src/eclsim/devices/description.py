@@ -150,6 +150,7 @@ class Limit:
         meaning: What it means to be beyond it.
         source: Where the bound comes from.
         unassisted: Whether it holds only without a pump that empties the left ventricle.
+        without: Outputs beside any of which it does not hold.
     """
 
     quantity: str
@@ -159,6 +160,7 @@ class Limit:
     meaning: str
     source: str
     unassisted: bool = False
+    without: tuple[str, ...] = ()
 
     def broken_by(self, value: float) -> bool:
         """Whether a value is beyond the limit (NaN is not)."""

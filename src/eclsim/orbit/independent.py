@@ -46,14 +46,17 @@ class ExplicitCircuit:
         assembly = self.assembly
         pressures = self._pressures(state, phase, constants)
         flows = self.flows(state, pressures, constants)
+        outlets = assembly.outlets(assembly.volumes(state), constants)
         changes: list[Any] = [0.0] * len(assembly.circuit.compartments)
         for flow, (source, target) in zip(flows, assembly.ends, strict=True):
             assembly.add_at(source, changes, -flow, constants)
             assembly.add_at(target, changes, flow, constants)
         for j in assembly.inertial:
             law, own = assembly.circuit.connections[j].component, constants.paths[j]
-            push = self._push(j, pressures, constants)
-            changes.append((push - law.pressure_drop(flows[j], own)) / law.inertance(own))
+            push = self._push(j, pressures, constants) - law.pressure_drop(flows[j], own)
+            outlet = assembly.outlet(j, outlets, constants)
+            push = push if outlet is None else push - outlet * flows[j]
+            changes.append(push / law.inertance(own))
         changes += [0.0] * len(assembly.layout.controllers.states)
         return jnp.stack([c + 0.0 * state[0] for c in changes])
 
@@ -68,12 +71,17 @@ class ExplicitCircuit:
     def flows(self, state: Any, pressures: Any, constants: Constants) -> list[Any]:
         """Flow of every connection [mL/s]."""
         own, result = self.assembly.inertial_flows(state), []
+        outlets = self.assembly.outlets(self.assembly.volumes(state), constants)
         for j, connection in enumerate(self.assembly.circuit.connections):
             if j in own:
                 result.append(own[j])
             else:
-                push = self._push(j, pressures, constants)
-                result.append(connection.component.flow(push, 0.0, constants.paths[j]))
+                push, outlet = (
+                    self._push(j, pressures, constants),
+                    self.assembly.outlet(j, outlets, constants),
+                )
+                load = 0.0 if outlet is None else outlet
+                result.append(connection.component.flow(push, load, constants.paths[j]))
         return result
 
     def _push(self, j: int, pressures: Any, constants: Constants) -> Any:

@@ -80,7 +80,7 @@ class Allowed:
 def allowed_values(circuit: Circuit) -> Allowed:
     """What a circuit's components and sites allow."""
     above, least = {HEART_RATE}, set[str]()
-    for part in (*circuit.compartments, *circuit.connections):
+    for part in (*circuit.compartments, *circuit.connections, *circuit.surroundings):
         above.update(part.component.names_of(part.component.above_zero))
         least.update(part.component.names_of(part.component.not_negative))
     for compartment in circuit.compartments:

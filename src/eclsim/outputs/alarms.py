@@ -11,6 +11,7 @@ from eclsim.devices.registry import assist_flows, devices, instances_in, naming_
 from eclsim.outputs.limits import CLOSED_L_MIN, broken_limits
 from eclsim.outputs.registry import CHAMBERS, output
 from eclsim.outputs.sealed import sealed
+from eclsim.patient.sites import DRAINED
 
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
@@ -21,9 +22,10 @@ KINDS = (*GRAVEST_FIRST, CAUTION)
 THIN_WALLED = {
     "ra": "right atrium", "svn": "systemic veins", "rv": "right ventricle", "pvn": "pulmonary veins",
     "la": "left atrium", "svc": "superior vena cava", "ivc": "inferior vena cava",
+    "tvc": "thoracic vena cava", "tsvc": "superior vena cava", "tivc": "inferior vena cava",
 }  # fmt: skip
 _PULMONARY_ARTERY = ("pas", "part")
-_SIDES = (("svn", "svc", "ivc", "ra", "rv"), ("pvn", "la", "lv"))
+_SIDES = ((*DRAINED, *DRAINED.values(), "ra", "rv"), ("pvn", "la", "lv"))
 _PARTED_L_MIN = 0.1
 
 

@@ -28,6 +28,8 @@ _OWN = "a convention of this project"
 _HIGH_VENOUS = "congestion of liver and kidneys"
 _CONGESTION = "congestion of the lungs"
 _CAVAL = ("superior_caval_pressure", "inferior_caval_pressure")
+_FILLINGS = ("caval_filling", "superior_caval_filling", "inferior_caval_filling")
+_SUCTION = "the vein collapses where it is drained (suction): lower the speed or give blood"
 
 _PATIENT = (
     Limit("MAP", "alarm", "below", 55.0, "organs are not perfused", _WALSH),
@@ -46,6 +48,14 @@ _PATIENT = (
         for limit in (
             Limit(name, "warning", "above", 12.0, _HIGH_VENOUS, "usual target 8 to 12 mmHg"),
             Limit(name, "alarm", "above", 20.0, _HIGH_VENOUS, _OWN),
+        )
+    ),
+    *(
+        limit
+        for name in _FILLINGS
+        for limit in (
+            Limit(name, "warning", "below", 40.0, "the vein buckles: suction is near", _OWN),
+            Limit(name, "alarm", "below", 20.0, _SUCTION, _OWN),
         )
     ),
     Limit("MPAP", "warning", "above", 20.0, "pulmonary hypertension", "ESC/ERS 2022"),
@@ -108,7 +118,7 @@ _IMPOSSIBLE = tuple(
 ) + tuple(
     Limit(
         name, "alarm", "below", 0.0, "the great veins collapse, and flow that drains them is not to be had",
-        "pressure of the surroundings",
+        "pressure of the surroundings", without=_FILLINGS,
     )
     for name in ("right_atrial_pressure", "venous_pressure", *_CAVAL)
 )  # fmt: skip
@@ -116,6 +126,7 @@ _IMPOSSIBLE = tuple(
 _ALIKE = (
     ("right_atrial_pressure", "venous_pressure", *_CAVAL),
     ("PCWP", "left_atrial_pressure", "end_diastolic_pressure_lv"),
+    _FILLINGS,
     ("SaO2", "SaO2_lower"),
 )
 """Outputs that say the same about a patient: the gravest limit of them is said, not each."""
@@ -123,9 +134,9 @@ _PLACES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "ao": ("MAP", "pulse_pressure"),
         "sart": ("MAP",),
-        "svn": ("venous_pressure",),
-        "svc": ("superior_caval_pressure",),
-        "ivc": ("inferior_caval_pressure",),
+        "svn": ("venous_pressure", "caval_filling"),
+        "svc": ("superior_caval_pressure", "superior_caval_filling"),
+        "ivc": ("inferior_caval_pressure", "inferior_caval_filling"),
         "ra": ("right_atrial_pressure",),
         "pas": ("MPAP",),
         "part": ("MPAP",),
@@ -153,7 +164,8 @@ def limits_of(quantity: str, outputs: Collection[str] = ()) -> tuple[Limit, ...]
 
     Args:
         quantity: name of the output.
-        outputs: names of all outputs that the circuit has; some limits hold without an assist pump only.
+        outputs: names of all outputs that the circuit has; some limits hold without an assist pump only, some
+            without an output that says it better.
     """
     known = named_output(quantity)
     if known is None:
@@ -164,6 +176,7 @@ def limits_of(quantity: str, outputs: Collection[str] = ()) -> tuple[Limit, ...]
         result = [replace(limit, quantity=quantity) for limit in own]
     if any(limit.unassisted for limit in result) and _assisted(outputs):
         result = [limit for limit in result if not limit.unassisted]
+    result = [limit for limit in result if not set(limit.without) & set(outputs)]
     return tuple(sorted(result, key=lambda limit: GRAVEST_FIRST.index(limit.kind)))
 
 

@@ -134,6 +134,35 @@ _REGIONS = (
 )
 """What the patient in regions has in place of `venous_pressure` and `systemic_flow`."""
 
+
+_REST, _SUPERIOR = "caval_rest_volume_ml", "svc_vessel_share"
+
+
+def _filling(
+    name: str, words: str, place: str, share: Callable[[BeatMeasures], Numbers], *read: str
+) -> Output:
+    """The least that a vein that collapses holds, with its share of the rest volume."""
+    signal = "V" + place
+    return Output(
+        name, f"lowest filling of the {words}", "%",
+        f"minimum of {signal}, of the volume below which it buckles", (signal,),
+        lambda m: 100.0 * m.minimum(signal) / (share(m) * m.parameter(_REST)), (signal,),
+        parameters=(_REST, *read),
+    )  # fmt: skip
+
+
+_COLLAPSIBLE = (
+    _filling("caval_filling", "thoracic vena cava", "tvc", lambda m: 1.0),
+    _filling(
+        "superior_caval_filling", "superior vena cava", "tsvc", lambda m: m.parameter(_SUPERIOR), _SUPERIOR
+    ),
+    _filling(
+        "inferior_caval_filling", "inferior vena cava", "tivc", lambda m: 1.0 - m.parameter(_SUPERIOR),
+        _SUPERIOR,
+    ),
+)  # fmt: skip
+"""What the patient has whose veins collapse."""
+
 _MORE = (
     Output(
         "pulse_pressure", "arterial pulse pressure", "mmHg", "SP - DP", ("Pao",),
@@ -161,6 +190,8 @@ _MORE = (
     mean_flow("systemic_flow", "systemic flow, through all organs but the lungs", "Qsart"),
     *REGULATED,
     *_REGIONS,
+    *_COLLAPSIBLE,
+    mean("pericardial_pressure", "mean pressure in the pericardium", "Ppericardium"),
     mean_flow("bronchial_flow", "flow from the systemic arteries into the pulmonary veins", "Qbronchial"),
     *GAS_OUTPUTS,
 )  # fmt: skip

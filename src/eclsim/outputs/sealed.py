@@ -11,15 +11,15 @@ from dataclasses import dataclass
 
 from eclsim.circuit.network import Circuit
 from eclsim.outputs.registry import CHAMBERS, VALVES, UnknownOutputError, output
-from eclsim.patient.sites import ONLY_REGIONAL
+from eclsim.patient.sites import DRAINED, ONLY_REGIONAL
 
 SHUT_L_MIN = 1e-6
 """Mean flow of a valve that a search with its tolerance cannot tell from none: some 1e-5 mL a beat."""
 _VESSELS: dict[str, str] = {
     **dict.fromkeys(("pas", "part", "pvn"), "pulmonary vessels"),
-    **dict.fromkeys(("ao", "sart", "svn", *ONLY_REGIONAL), "systemic vessels"),
+    **dict.fromkeys(("ao", "sart", "svn", *ONLY_REGIONAL, *DRAINED.values()), "systemic vessels"),
 }
-_FILLED_BY_THE_REST = ("ra", "svn", "svc", "ivc")
+_FILLED_BY_THE_REST = ("ra", *DRAINED, *DRAINED.values())
 
 
 @dataclass(frozen=True)

@@ -84,7 +84,8 @@ def parameters_read(circuit: Circuit) -> tuple[str, ...]:
 def signal_labels(circuit: Circuit, name: str) -> dict[str, str]:
     """Unit and long name of a waveform: P or V + compartment, Q + connection, P + pump (head)."""
     signal = Signal.parse(name)
-    head = signal.kind is Kind.PRESSURE and all(c.name != signal.place for c in circuit.compartments)
+    head = signal.kind is Kind.PRESSURE and signal.place in {c.name for c in circuit.connections}
+    head = head and signal.place not in {c.name for c in circuit.compartments}
     kind_label = "head of" if head else WORDS[signal.kind]
     return {"units": signal.kind.unit, "long_name": f"{kind_label} {signal.place}"}
 

@@ -1,4 +1,4 @@
-"""Parameters of the patient beyond the published model: regions of the body, bronchial return, valve areas.
+"""Parameters of the patient beyond the published model: regions, shunts, valves, veins, pericardium.
 
 What is measured, fitted or assumed:
 
@@ -8,6 +8,10 @@ What is measured, fitted or assumed:
   aorta, and 9 % of the veins' into the superior cava, and change the published patient by up to 9 %.
 - Upper body's share of flow: measured, the superior vena cava's share of systemic flow by Doppler; 35 % from
   the age of six on (Salim et al. 1995).
+- Collapsible veins: the thoracic vena cava of Lu et al. (2001), a literature synthesis. What it takes of the
+  published veins follows from Lu's numbers and the published ones: at 4 mmHg it holds 154 mL, has a
+  compliance of 6.67 mL/mmHg and a resistance of 0.005 mmHg s/mL. How an atrium empties is assumed.
+- Pericardium: Smith et al. (2004); that its volume counts the atria too is assumed.
 - Bronchial return, areas of valves: whatever the patient has; the values here are only where a search starts.
 
 The keys that begin with `physiology.` are set in the section [physiology] of a case file, the others in
@@ -57,6 +61,40 @@ _SHARES = (
      "resistance 0.011 of 0.021 mmHg s/mL"),
 )  # fmt: skip
 
+_LU = "Lu et al. 2001, doi 10.1152/ajpheart.2001.281.6.H2661"
+_SMITH = "Smith et al. 2004, doi 10.1016/j.medengphy.2003.10.001"
+CAVAL_SHARE, CAVAL_BLOOD = "caval_compliance_share", "caval_blood_share"
+
+# key, value, unit, description, source, minimum, maximum
+_VEINS = (
+    (CAVAL_SHARE, 1.0 / (0.15 * 20.5), "1", "Thoracic vena cava: share of the veins' compliance (svn)",
+     f"{_LU}: 1/0.15 mL/mmHg, of 20.5", 0.05, 0.9),
+    (CAVAL_BLOOD, 154.1 / 2880.0, "1", "Thoracic vena cava: share of the veins' blood",
+     f"{_LU}: 154 mL at 4 mmHg, of 64 % of 4500 mL", 0.005, 0.5),
+    ("caval_rest_volume_ml", 130.0, "mL", "Volume below which the thoracic vena cava buckles", _LU,
+     30.0, 400.0),
+    ("caval_collapse_mmHg", -5.0, "mmHg", "Pressure at which the thoracic vena cava empties",
+     f"{_LU}, as in Albanese et al. 2016, doi 10.1152/ajpheart.00230.2014", -15.0, 0.0),
+    ("caval_resistance_share", 0.5, "1", "Thoracic vena cava: share of Rsvn, at 4 mmHg",
+     f"{_LU}: 0.001 (350/154)^2 of 0.01 mmHg s/mL", 0.01, 1.0),
+    ("atrial_emptying_ml", 2.0, "mL", "Volume over which a drained right atrium empties",
+     f"assumed; form: {_LU}", 0.5, 10.0),
+)  # fmt: skip
+_PERICARDIUM = (
+    ("pericardium_mmHg", 0.5003, "mmHg", "Pericardium: scale of its pressure", _SMITH, 0.0, 5.0),
+    ("pericardium_ml", 250.0, "mL", "Pericardium: volume of the four chambers without pressure",
+     f"{_SMITH}: 200 mL of both ventricles; assumed: 50 mL of the atria; grows with a dilated heart",
+     50.0, 2000.0),
+    ("pericardium_scale_ml", 100.0 / 3.0, "mL", "Pericardium: volume scale of its pressure",
+     f"{_SMITH}: 1/0.03", 5.0, 300.0),
+)  # fmt: skip
+NEEDS = MappingProxyType(
+    dict.fromkeys((row[0] for row in _SHARES), "regional")
+    | dict.fromkeys((row[0] for row in _VEINS), "collapsible_veins")
+    | dict.fromkeys((row[0] for row in _PERICARDIUM), "pericardium")
+)
+"""Parameters outside of the section, and the key of the section that they need."""
+
 
 def _all_parameters() -> dict[str, Parameter]:
     result = [Parameter(f"{SECTION}.{row[0]}", *row[1:], SECTION) for row in _SETTINGS]
@@ -66,6 +104,7 @@ def _all_parameters() -> dict[str, Parameter]:
             result.append(Parameter(key, start, "cm2", text, "the patient's own", lowest, highest, SECTION))
     for key, value, meaning, derivation in _SHARES:
         result.append(Parameter(key, value, "1", meaning, f"{_HELDT}: {derivation}", 0.001, 0.95, SECTION))
+    result += [Parameter(*row, SECTION) for row in (*_VEINS, *_PERICARDIUM)]
     return {parameter.key: parameter for parameter in result}
 
 

@@ -5,7 +5,8 @@
       ==> flow with inertia, --> without
 
 What else a patient may have is an `Anatomy`: other regions (`eclsim.patient.regional`), bronchial return,
-valves of a given area, valves that leak. Without it the tables are the published ones.
+valves of a given area, valves that leak, veins that collapse (`eclsim.patient.cava`), a pericardium. Without
+it the tables are the published ones.
 
 Sources: Thiel et al., section 2.2 and Table S-1; Shi et al. 2009 for `shi_hose_circulation`.
 """
@@ -22,6 +23,7 @@ from eclsim.circuit.network import (
     Exchange,
     StartPressure,
     StartVolume,
+    Surrounding,
 )
 from eclsim.components import (
     Artery,
@@ -35,6 +37,7 @@ from eclsim.components import (
     NativeLung,
     Orifice,
     Path,
+    Pericardium,
     Resistance,
     Scaled,
     Tissue,
@@ -45,6 +48,7 @@ from eclsim.components.base import Key
 from eclsim.parameters.fluid import SOLUTES, STORES_HOLD
 from eclsim.parameters.physiology import BRONCHIAL, SECTION, VALVES
 from eclsim.patient import regional
+from eclsim.patient.cava import with_collapsible_veins
 
 FLOW_COEFFICIENTS = {"tricuspid": "CQtri", "pulmonary": "CQpa", "mitral": "CQmi", "aortic": "CQao"}
 """Published flow coefficient of each valve."""
@@ -62,12 +66,16 @@ class Anatomy:
         bronchial: a path from the systemic arteries to the pulmonary veins.
         regurgitant: valves that leak ("aortic", "mitral", "tricuspid", "pulmonary").
         stenosed: valves that open to an area of their own in place of the published coefficient.
+        collapsible_veins: a thoracic vena cava and a right atrium that collapse where they are drained.
+        pericardium: one that adds its pressure to all four chambers.
     """
 
     regional: bool = False
     bronchial: bool = False
     regurgitant: frozenset[str] = frozenset()
     stenosed: frozenset[str] = frozenset()
+    collapsible_veins: bool = False
+    pericardium: bool = False
 
     def valve(self, name: str) -> Path:
         """The law of a valve."""
@@ -86,7 +94,16 @@ def circulation(anatomy: Anatomy | None = None) -> Circuit:
     """
     anatomy = anatomy or Anatomy()
     body = regional.systemic(anatomy.bronchial) if anatomy.regional else _systemic(anatomy.bronchial)
-    return _heart_and_lungs(anatomy) + body
+    patient = _heart_and_lungs(anatomy) + body
+    if anatomy.collapsible_veins:
+        patient = with_collapsible_veins(patient)
+    return patient + Circuit(surroundings=(_pericardium(),)) if anatomy.pericardium else patient
+
+
+def _pericardium() -> Surrounding:
+    """Around the four chambers; other vessels within it are left out."""
+    law = Pericardium("pericardium_mmHg", "pericardium_ml", "pericardium_scale_ml")
+    return Surrounding("pericardium", law, ("ra", "rv", "la", "lv"))
 
 
 def _systemic(bronchial: bool) -> Circuit:

@@ -26,6 +26,8 @@ _REGIONAL = {
 SAME_IN_REGIONS: Mapping[str, str] = MappingProxyType({"sart": "upper", "svn": "ivc"})
 """Where a device stands in the regional patient that is connected to a vessel which is divided there: at the
 right radial artery, and at the cava that has most of the veins."""
+DRAINED: Mapping[str, str] = MappingProxyType({"svn": "tvc", "svc": "tsvc", "ivc": "tivc"})
+"""The part of a vein next to the heart in a patient whose veins collapse, where a cannula at its site is."""
 
 PATIENT_SITES: Mapping[str, str] = MappingProxyType(_PUBLISHED | _HEART_AND_LUNGS | _REGIONAL)
 """Names of all sites and what they are, those of the regional patient last."""

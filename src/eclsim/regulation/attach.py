@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from eclsim.circuit.network import Circuit, Compartment, Control, StartPressure
-from eclsim.components import ElasticVessel
+from eclsim.components import Complement, ElasticVessel
 from eclsim.components.base import Key, Scaled, names_in
+from eclsim.parameters.physiology import CAVAL_SHARE
 from eclsim.parameters.regulation import EXTRA_VOLUME, REGULATION, UNSTRESSED
 from eclsim.regulation.heldt2004 import HELDT_2004
 from eclsim.regulation.reflex import Reflex, ReflexModel
@@ -34,7 +35,11 @@ def _with_offset(compartment: Compartment) -> Compartment:
     assert isinstance(start, StartPressure)
 
     def own(total: str) -> Key:
-        return replace(law.compliance, of=total) if isinstance(law.compliance, Scaled) else total
+        if not isinstance(law.compliance, Scaled):
+            return total
+        # The vena cava has a part of the compliance but takes up no blood that is given.
+        shares = tuple(share for share in law.compliance.by if share != Complement(CAVAL_SHARE))
+        return replace(law.compliance, of=total, by=shares) if shares else total
 
     return replace(
         compartment,

@@ -10,11 +10,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
 
 from eclsim.devices.description import Box, Mark
 from eclsim.devices.device import Naming
 from eclsim.devices.registry import instances_in
+from eclsim.patient.sites import DRAINED
 
 if TYPE_CHECKING:
     from eclsim.circuit import Circuit
@@ -138,9 +140,19 @@ _PATIENT_WIRES = (
     Wire("lower", "lower", "ivc", Mark("resistance", "organs")),
     Wire("svc", "svc", "ra", Mark("tube", "venous return")),
     Wire("ivc", "ivc", "ra", Mark("tube", "venous return")),
+    *(Wire(cava, vein, "ra", Mark("tube", "venous return")) for vein, cava in DRAINED.items()),
     Wire("bronchial", "sart", "pvn", Mark("tube", "bronchial return")),
     Wire("bronchial", "descending", "pvn", Mark("tube", "bronchial return")),
 )
+
+
+_DRAWN_AS = MappingProxyType({cava: vein for vein, cava in DRAINED.items()})
+"""The vena cava of veins that collapse is drawn as one with them."""
+
+
+def drawn_as(place: str) -> str:
+    """The compartment in whose box another one is drawn."""
+    return _DRAWN_AS.get(place, place)
 
 
 @dataclass
@@ -219,7 +231,7 @@ def plan_of(circuit: Circuit) -> Plan:
     if known:
         plan.frames[PATIENT] = "Patient"
         plan.places |= known
-    plan.spare = [name for name in groups if name not in plan.places]
+    plan.spare = [name for name in groups if drawn_as(name) not in plan.places]
     by_group = {names.key: names for names in instances}
     for connection in circuit.connections:
         _add(plan, connection, by_group.get(connection.group), groups)
@@ -240,6 +252,9 @@ def _add(plan: Plan, connection: Connection, names: Naming | None, groups: Mappi
     source, target = fixed_site(connection.source), fixed_site(connection.target)
     if source is None or target is None:
         plan.undrawn.append(name)
+        return
+    source, target = drawn_as(source), drawn_as(target)
+    if source == target:
         return
     if names is None:
         wires = (w for w in _PATIENT_WIRES if (w.name, w.source, w.target) == (name, source, target))
