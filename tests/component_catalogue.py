@@ -5,7 +5,7 @@ from eclsim.components import (
     AtrialBump,
     Atrium,
     Cannula,
-    CollapsibleAtrium,
+    CollapsibleChamber,
     CollapsibleVein,
     ElasticVessel,
     HeartValve,
@@ -36,8 +36,8 @@ STORAGES: dict[str, tuple[Storage, dict[str, float]]] = {
         CollapsibleVein("C", "V0", "Pc", "R", 4.0),
         {"C": 6.67, "V0": 55.0, "Pc": -5.0, "R": 0.005},
     ),
-    "collapsible atrium": (
-        CollapsibleAtrium("Ed", "Emax", "Ve"),
+    "collapsible chamber": (
+        CollapsibleChamber(Atrium("Ed", "Emax"), "Ve"),
         {"Ed": 0.2, "Emax": 0.45, "Ve": 30.0},
     ),
     "atrium": (Atrium("Ed", "Emax"), {"Ed": 0.2, "Emax": 0.45}),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from eclsim.components import CollapsibleAtrium, CollapsibleVein, Pericardium
+from eclsim.components import Atrium, CollapsibleChamber, CollapsibleVein, Pericardium
 
 LU = CollapsibleVein(1.0 / 0.15, 130.0, -5.0, 0.001 * (350.0 / (130.0 + (4.0 - 0.3855) / 0.15)) ** 2, 4.0)
 OWN = LU.constants({})
@@ -38,7 +38,7 @@ def test_an_empty_vein_resists_without_bound_and_stays_finite():
 
 
 def test_a_drained_atrium_keeps_blood_and_a_full_one_is_the_published_one():
-    law = CollapsibleAtrium(0.1575, 0.225, 2.0)
+    law = CollapsibleChamber(Atrium(0.1575, 0.225), 2.0)
     own = law.constants({})
     assert float(law.pressure(0.1, 0.0, own)[0]) < -30.0
     assert float(law.pressure(25.0, 0.0, own)[0]) == pytest.approx(0.1575 * 25.0, abs=1e-4)

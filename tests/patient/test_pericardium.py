@@ -70,11 +70,11 @@ def test_a_large_right_heart_takes_room_from_the_left(beats):
 
 def test_surroundings_that_do_not_hang_together_are_refused():
     law = Pericardium(0.5, 250.0, 33.0)
-    around = (Surrounding("bag", law, ("ra", "rw")), Surrounding("lv", law, ()))
+    around = (Surrounding("bag", law, ("ra", "lvv")), Surrounding("lv", law, ()))
     with pytest.raises(CircuitError) as caught:
         validate(circulation() + Circuit(surroundings=around))
     first, second, third = caught.value.mistakes
-    assert first == "surrounding 'bag': 'rw' is no compartment of the circuit; did you mean 'rv'?"
+    assert first == "surrounding 'bag': 'lvv' is no compartment of the circuit; did you mean 'lv'?"
     assert second == "surrounding 'lv' has no members: name compartments"
     assert "'lv'" in third
 

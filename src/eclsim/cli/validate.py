@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 PARTS = (
     "reference gradients shi-hose adaptive invariants robustness "
-    "paper devices dialysis gas drugs regulation fluid patients"
+    "paper devices dialysis gas drugs regulation fluid suction patients"
 )
 SWEEPS = ("robustness", "adaptive")
 """Parts made of tasks that shards can share."""

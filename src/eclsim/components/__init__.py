@@ -11,7 +11,7 @@ from eclsim.components.base import (
     Storage,
 )
 from eclsim.components.chambers import AtrialBump, Atrium, LinearChamber, Ventricle, VentricularSystole
-from eclsim.components.collapse import CollapsibleAtrium, CollapsibleVein
+from eclsim.components.collapse import CollapsibleChamber, CollapsibleVein
 from eclsim.components.controllers import Controller, ControlState
 from eclsim.components.exchangers import GasExchanger, MembraneLung, NativeLung, Tissue
 from eclsim.components.pericardium import Pericardium
@@ -20,11 +20,11 @@ from eclsim.components.tubes import Cannula, Tube, TubeVolume
 from eclsim.components.valves import HeartValve, LeakingValve, OpenOrifice, Orifice
 from eclsim.components.vessels import Artery, ElasticVessel, Resistance
 
-all_storages = (ElasticVessel, CollapsibleVein, Atrium, CollapsibleAtrium, Ventricle, LinearChamber)
+all_storages = (ElasticVessel, CollapsibleVein, Atrium, CollapsibleChamber, Ventricle, LinearChamber)
 all_paths = (Resistance, Artery, Tube, HeartValve, LeakingValve, OpenOrifice, Cannula, RotaryPump, RollerPump)
 
 __all__ = [
-    "Activation", "Artery", "AtrialBump", "Atrium", "Cannula", "CollapsibleAtrium",
+    "Activation", "Artery", "AtrialBump", "Atrium", "Cannula", "CollapsibleChamber",
     "CollapsibleVein", "Complement", "ControlState", "Controller", "Derived", "ElasticVessel", "Enclosure",
     "Exchanger", "GasExchanger", "HeartValve", "LeakingValve", "LinearChamber",
     "MembraneLung", "NativeLung", "OpenOrifice", "Orifice", "Path", "Pericardium", "Resistance", "RollerPump",

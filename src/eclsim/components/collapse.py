@@ -7,13 +7,23 @@ walls touch, and pressure falls without bound.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 import jax.numpy as jnp
 
-from eclsim.components.base import Activation, Key, Number, Storage, Values, value_of
-from eclsim.components.chambers import AtrialBump, Chamber
+from eclsim.components.base import (
+    Activation,
+    Key,
+    Number,
+    Renaming,
+    Storage,
+    Values,
+    names_in,
+    renamed,
+    value_of,
+)
 
 REST_PRESSURE_MMHG = 0.3855
 """D1, pressure at the rest volume."""
@@ -109,47 +119,66 @@ class CollapsibleVein(Storage[VeinConstants]):
         return constants.resistance * (constants.reference_volume / held) ** 2
 
 
-class EmptyingConstants(NamedTuple):
-    """Elastance at rest and its swing [mmHg/mL], volume over which the atrium empties [mL]."""
+class ChamberConstants(NamedTuple):
+    """Constants of the chamber itself, and the volume over which it empties [mL]."""
 
-    rest: Number
-    swing: Number
+    chamber: object
     scale: Number
 
 
 @dataclass(frozen=True)
-class CollapsibleAtrium(Chamber[EmptyingConstants]):
-    """An atrium that cannot be drained below empty.
+class CollapsibleChamber(Storage[ChamberConstants]):
+    """A heart chamber that cannot be drained below empty.
 
-    P = E V - psi,  E = diastolic + (systolic - diastolic) * a(phase),  psi = 2 / (exp(V / Ve) - 1).
+    P = P of the chamber - psi,  psi = 2 / (exp(V / Ve) - 1).
 
     Args:
-        diastolic: elastance at rest [mmHg/mL].
-        systolic: elastance at peak [mmHg/mL].
+        chamber: the law that holds while there is blood in it.
         emptying: Ve [mL].
-        timing: activation curve.
 
-    Source: the published atrium (Thiel et al., Table S-1) with the emptying of Lu et al. 2001 (see above).
+    Source: emptying of Lu et al. 2001 (see above); the published chambers go on to volumes below zero.
     """
 
-    diastolic: Key
-    systolic: Key
+    chamber: Storage
     emptying: Key
-    timing: Activation = field(default_factory=AtrialBump)
-    not_negative: ClassVar = ("diastolic", "systolic")
-    above_zero: ClassVar = ("emptying",)
 
-    def constants(self, values: Values) -> EmptyingConstants:
-        """Elastance at rest, its swing, and Ve."""
-        rest = value_of(values, self.diastolic)
-        return EmptyingConstants(
-            rest, value_of(values, self.systolic) - rest, value_of(values, self.emptying)
-        )
+    @property
+    def activation(self) -> Activation | None:
+        """That of the chamber."""
+        return self.chamber.activation
+
+    @property
+    def above_zero(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Fields of the chamber's law, and Ve."""
+        return (*self.chamber.above_zero, "emptying")
+
+    @property
+    def not_negative(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Fields of the chamber's law."""
+        return self.chamber.not_negative
+
+    def names_of(self, wanted: Iterable[str]) -> tuple[str, ...]:
+        """Parameter names in fields of the chamber's law and in its own."""
+        fields = tuple(wanted)
+        own = names_in(self.emptying) if "emptying" in fields else ()
+        return self.chamber.names_of(field for field in fields if field != "emptying") + own
+
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the chamber's parameters and of Ve."""
+        return self.chamber.parameter_names() + names_in(self.emptying)
+
+    def renamed(self, parameter: Renaming) -> CollapsibleChamber:
+        """The same of other parameters."""
+        return CollapsibleChamber(self.chamber.renamed(parameter), renamed(self.emptying, parameter))
+
+    def constants(self, values: Values) -> ChamberConstants:
+        """Those of the chamber, and Ve."""
+        return ChamberConstants(self.chamber.constants(values), value_of(values, self.emptying))
 
     def pressure(
-        self, volume: Number, activation: Number, constants: EmptyingConstants
+        self, volume: Number, activation: Number, constants: ChamberConstants
     ) -> tuple[Number, Number]:
         """Pressure [mmHg] and stiffness [mmHg/mL]."""
-        elastance = constants.rest + constants.swing * activation
+        pressure, stiffness = self.chamber.pressure(volume, activation, constants.chamber)
         touching, slope = emptying(volume, constants.scale)
-        return elastance * volume - touching, elastance - slope
+        return pressure - touching, stiffness - slope

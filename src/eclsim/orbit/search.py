@@ -18,6 +18,8 @@ WAITING_BEATS = 30
 """Plain beats after a search that found nothing."""
 DAMPING = (1.0, 0.5, 0.25, 0.1)
 """Shares of a step of Newton's method, tried until the residual falls."""
+DETERMINED = 1e-10
+"""Share of the largest singular value below which a direction is not determined but noise of differences."""
 
 
 def solve_orbits(problem: OrbitProblem, anchor: Anchor, options: OrbitOptions, width: int = 1) -> Orbits:
@@ -53,7 +55,7 @@ class _Newton:
             if not trial.finite[0]:
                 result.status[:] = Status.NOT_FINITE
                 return result
-            step = -np.linalg.lstsq(self.jacobian(states), trial.residual, rcond=1e-13)[0]
+            step = -np.linalg.lstsq(self.jacobian(states), trial.residual, rcond=DETERMINED)[0]
             moves = step * self.problem.scale
             result.beats[:] += 1 + len(states)
             if trial.change[0] <= result.residual[0]:

@@ -10,7 +10,7 @@ What is measured, fitted or assumed:
   the age of six on (Salim et al. 1995).
 - Collapsible veins: the thoracic vena cava of Lu et al. (2001), a literature synthesis. What it takes of the
   published veins follows from Lu's numbers and the published ones: at 4 mmHg it holds 154 mL, has a
-  compliance of 6.67 mL/mmHg and a resistance of 0.005 mmHg s/mL. How an atrium empties is assumed.
+  compliance of 6.67 mL/mmHg and a resistance of 0.005 mmHg s/mL. How the right heart empties is assumed.
 - Pericardium: Smith et al. (2004); that its volume counts the atria too is assumed.
 - Bronchial return, areas of valves: whatever the patient has; the values here are only where a search starts.
 
@@ -77,7 +77,7 @@ _VEINS = (
      f"{_LU}, as in Albanese et al. 2016, doi 10.1152/ajpheart.00230.2014", -15.0, 0.0),
     ("caval_resistance_share", 0.5, "1", "Thoracic vena cava: share of Rsvn, at 4 mmHg",
      f"{_LU}: 0.001 (350/154)^2 of 0.01 mmHg s/mL", 0.01, 1.0),
-    ("atrial_emptying_ml", 2.0, "mL", "Volume over which a drained right atrium empties",
+    ("chamber_emptying_ml", 2.0, "mL", "Volume over which right atrium and ventricle empty",
      f"assumed; form: {_LU}", 0.5, 10.0),
 )  # fmt: skip
 _PERICARDIUM = (

@@ -5,7 +5,7 @@
 
 It takes its compliance and its resistance from the published veins, so that a vein filled to the published
 4 mmHg has with it the compliance, the blood above zero pressure and the resistance that it has without it.
-Below, it collapses, and so does the right atrium, whose published law goes on to volumes below zero. Devices
+Below, it collapses, and the right heart empties, whose published laws go on to volumes below zero. Devices
 that are connected to the veins draw from the vena cava, through its resistance.
 
 Sources of the values: `eclsim.parameters.physiology`.
@@ -17,8 +17,7 @@ from dataclasses import replace
 
 from eclsim.circuit.network import Circuit, Compartment, Connection
 from eclsim.components import (
-    Atrium,
-    CollapsibleAtrium,
+    CollapsibleChamber,
     CollapsibleVein,
     Complement,
     ElasticVessel,
@@ -32,17 +31,18 @@ from eclsim.patient.sites import DRAINED
 PUBLISHED_MMHG = 4.0
 """Start pressure of the published veins, at which the vena cava has the resistance of its parameter."""
 _RESISTANCE = "caval_resistance_share"
+_RIGHT_HEART = ("ra", "rv")
 
 
 def with_collapsible_veins(circuit: Circuit) -> Circuit:
-    """A patient with a part of the veins next to the heart, and a right atrium, that collapse."""
+    """A patient whose veins next to the heart collapse and whose right heart holds no less than nothing."""
     veins = {c.name: c for c in circuit.compartments if c.name in DRAINED}
     stores, paths = list[Compartment](), list[Connection]()
     for store in circuit.compartments:
         if store.name in veins:
             stores += _divided(store, circuit.connection(store.name))
         else:
-            stores.append(_atrium(store) if store.name == "ra" else store)
+            stores.append(_emptied(store) if store.name in _RIGHT_HEART else store)
     for path in circuit.connections:
         paths += _through(path) if path.name in veins else [path]
     return replace(circuit, compartments=tuple(stores), connections=tuple(paths))
@@ -80,8 +80,5 @@ def _through(path: Connection) -> tuple[Connection, Connection]:
     return replace(path, component=inlet, target=cava), Connection(cava, Resistance(0.0), cava, path.target)
 
 
-def _atrium(atrium: Compartment) -> Compartment:
-    law = atrium.component
-    assert isinstance(law, Atrium)
-    emptied = CollapsibleAtrium(law.diastolic, law.systolic, "atrial_emptying_ml", law.timing)
-    return replace(atrium, component=emptied)
+def _emptied(chamber: Compartment) -> Compartment:
+    return replace(chamber, component=CollapsibleChamber(chamber.component, "chamber_emptying_ml"))

@@ -66,7 +66,7 @@ class Anatomy:
         bronchial: a path from the systemic arteries to the pulmonary veins.
         regurgitant: valves that leak ("aortic", "mitral", "tricuspid", "pulmonary").
         stenosed: valves that open to an area of their own in place of the published coefficient.
-        collapsible_veins: a thoracic vena cava and a right atrium that collapse where they are drained.
+        collapsible_veins: a thoracic vena cava that collapses where drained, a right heart that empties.
         pericardium: one that adds its pressure to all four chambers.
     """
 

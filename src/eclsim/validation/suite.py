@@ -19,6 +19,7 @@ from eclsim.validation import (
     regulation,
     robustness,
     solvers,
+    suction,
 )
 from eclsim.validation.effort import Effort
 from eclsim.validation.timing import machine
@@ -44,6 +45,7 @@ PARTS: dict[str, Callable[[Effort], list[Check]]] = {
     "drugs": lambda _: [drugs.drugs_check()],
     "regulation": lambda _: regulation.regulation_checks(),
     "fluid": lambda _: [fluid.fluid_check()],
+    "suction": lambda _: [suction.suction_check()],
     "patients": lambda _: [measurements.healthy_check(), *measurements.effects_checks()],
 }
 """Parts of the validation by the name that `--only` takes."""
