@@ -18,8 +18,9 @@ WAITING_BEATS = 30
 """Plain beats after a search that found nothing."""
 DAMPING = (1.0, 0.5, 0.25, 0.1)
 """Shares of a step of Newton's method, tried until the residual falls."""
-DETERMINED = 1e-10
-"""Share of the largest singular value below which a direction is not determined but noise of differences."""
+DETERMINED, DETERMINED_IN_COLLAPSE = 1e-13, 1e-10
+"""Share of the largest singular value below which a direction is taken for noise of the differences: where
+veins collapse, the right heart is shut in and the beat repeats, which the smaller share does not see."""
 
 
 def solve_orbits(problem: OrbitProblem, anchor: Anchor, options: OrbitOptions, width: int = 1) -> Orbits:
@@ -55,7 +56,7 @@ class _Newton:
             if not trial.finite[0]:
                 result.status[:] = Status.NOT_FINITE
                 return result
-            step = -np.linalg.lstsq(self.jacobian(states), trial.residual, rcond=DETERMINED)[0]
+            step = -np.linalg.lstsq(self.jacobian(states), trial.residual, rcond=self.determined)[0]
             moves = step * self.problem.scale
             result.beats[:] += 1 + len(states)
             if trial.change[0] <= result.residual[0]:
@@ -68,6 +69,12 @@ class _Newton:
             states, after = self._step(trial, moves * affordable(moves, states, self.problem.largest_steps))
             result.beats[:] += 1
         return self._waited(result, after)
+
+    @property
+    def determined(self) -> float:
+        """Share of the largest singular value from which on a direction counts."""
+        collapses = bool(self.problem.program.assembly.narrowing)
+        return DETERMINED_IN_COLLAPSE if collapses else DETERMINED
 
     def jacobian(self, states: np.ndarray) -> np.ndarray:
         """dF/dy in scaled states, by central differences over a batch of beats."""
