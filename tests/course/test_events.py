@@ -5,6 +5,7 @@ import pytest
 from eclsim.cases import Case, read_case
 from eclsim.cases.writing import case_text
 from eclsim.inputs.mistakes import CaseError
+from eclsim.parameters.fluid import says_start
 from small_patient import ON_ECMO
 
 
@@ -33,6 +34,7 @@ def mistakes(tmp_path, events):
         ("at_min = 3\nover_min = 4\nset = { Rmc = 1 }", "over_min = 4: goes with give"),
         ('at_min = 3\nramp_min = 4\nset = { "ecmo.drainage_site" = "svn" }', "only numbers change"),
         ('at_min = 3\nset = { "patient.id" = "Q" }', "changes nothing that a course reads"),
+        ('at_min = 3\nset = { "crrt.haematocrit_in" = 0.3 }', "says how the course starts"),
         ('at_min = 3\nset = { "ecmo.flow_l_min" = 3 }', "a course holds speeds; set the speed"),
     ],
 )
@@ -77,3 +79,11 @@ def test_a_case_with_events_is_written_and_read_back(tmp_path):
     assert read_case(file).case == case
     assert Case.model_validate(case.as_mapping()) == case
     assert case.at_rest().events == ()
+
+
+@pytest.mark.parametrize(
+    ("key", "refused"),
+    [("renox.haematocrit_in", True), ("crrt.a.haematocrit_in", True), ("renox.dialysate_ml_h", False)],
+)
+def test_the_haematocrit_at_any_filter_says_how_a_course_starts(key, refused):
+    assert says_start(key) is refused
