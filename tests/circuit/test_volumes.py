@@ -69,3 +69,17 @@ def test_a_pressure_that_no_volume_has_is_said(law):
     result = simulate(patient)
     assert result.attrs["status"] == "invalid_input"
     assert "start pressure of compartment 'chamber' = 2 mmHg" in result.attrs["message"]
+
+
+def test_the_same_vein_is_not_filled_again_beat_by_beat(monkeypatch):
+    """Each search for a volume evaluates a curve sixty times; a course asks for it with every beat."""
+    calls = []
+    law = Ventricle.pressure
+    monkeypatch.setattr(Ventricle, "pressure", lambda *given: calls.append(1) or law(*given))
+    values = VALUES | {"P0": 11.25}
+    first = filled(VENTRICLE, values)
+    searched = len(calls)
+    assert filled(VENTRICLE, dict(values)) == first
+    assert len(calls) == searched > 0
+    assert filled(VENTRICLE, values | {"beta": 2.0}) > first
+    assert len(calls) > searched

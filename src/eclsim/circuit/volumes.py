@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -78,7 +79,19 @@ def filled_to(component: Storage, pressure: Number, values: Values) -> Number:
     Returns:
         One volume for each patient; NaN where no volume has that pressure.
     """
-    own = {name: np.asarray(values[name]) for name in component.parameter_names()}
+    given = [
+        np.asarray(number) for number in (pressure, *map(values.__getitem__, component.parameter_names()))
+    ]
+    return _filled_to(
+        component, tuple((number.dtype.str, number.shape, number.tobytes()) for number in given)
+    )
+
+
+@lru_cache(maxsize=256)
+def _filled_to(component: Storage, given: tuple[tuple[str, tuple[int, ...], bytes], ...]) -> Number:
+    """As `filled_to`, of pressure and parameters: a course asks for the same volume beat by beat."""
+    pressure, *numbers = (np.frombuffer(b, dtype).reshape(shape) for dtype, shape, b in given)
+    own = dict(zip(component.parameter_names(), numbers, strict=True))
     constants = component.constants({name: np.real(value) for name, value in own.items()})
     wanted = np.real(pressure)
 
