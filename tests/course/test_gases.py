@@ -96,3 +96,12 @@ def test_without_answers_to_gases_the_circulation_is_as_without_gases():
     np.testing.assert_array_equal(with_gas["MAP"], without["MAP"])
     assert np.isfinite(with_gas["SaO2"]).all()
     assert float(with_gas["SaO2"][-1]) < float(with_gas["SaO2"][0]) - 1.0
+
+
+def test_without_a_section_gas_none_are_followed():
+    """The oxygenator's law is there in any ECMO circuit; without lungs and tissue it means nothing."""
+    case = {key: CASE[key] for key in ("format", "patient", "ecmo", "fluid", "events")}
+    march = marched(read_mapping(case).case, 1.05, outputs=("MAP",))
+    assert march.marching.in_time is None
+    assert march.marching.circuit.exchanges
+    assert all(beat.gases is None for beat in march.beats)

@@ -26,7 +26,8 @@ from eclsim.course.gases import Gases, GasesInTime
 from eclsim.course.laws import Laws, laws_of
 from eclsim.course.result import attributes_of, balance_of, labelled_course
 from eclsim.course.timeline import MINUTE, Timeline
-from eclsim.gas.network import Quantity, gas_exchanges
+from eclsim.devices.description import GASES
+from eclsim.gas.network import Quantity
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.orbit.model import CaseSource, as_case
 from eclsim.orbit.status import Status
@@ -243,7 +244,7 @@ class BeatMarch:
         self.laws = Laws(laws_of(self.circuit, start))
         self.assembly = assemble(self.circuit)
         self.names = tuple(output_names(self.circuit) if outputs is None else outputs)
-        self.reads, exchanging = self.laws.reads, bool(gas_exchanges(self.circuit))
+        self.reads, exchanging = self.laws.reads, GASES in self.circuit.content_names()
         flows = tuple("Q" + c.name for c in self.circuit.connections) if exchanging else ()
         self.judged = tuple(dict.fromkeys((*self.names, *judging_outputs(self.circuit))))
         self.signals = needed_signals(self.circuit, tuple(dict.fromkeys((*self.judged, *self.reads))), flows)
