@@ -101,6 +101,7 @@ def test_a_posterior_that_excludes_the_fit_changes_its_verdict(
     ) == trusted
 
 
+@pytest.mark.slow
 def test_a_cohort_with_a_bad_row_is_partial_and_can_be_gone_on_with(shell, quick, tmp_path):
     file, out = cohort(tmp_path, row(1), row(2, "high"), row(3, "118")), tmp_path / "fits"
     arguments = ("identify", str(file), "--parameters", "Rmc,Emaxlv", "--out", str(out))

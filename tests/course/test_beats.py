@@ -40,6 +40,7 @@ def followed(tmp_path_factory):
     return own, beats, course(own, minutes=6.0, every_min=1.0, outputs=OUTPUTS)
 
 
+@pytest.mark.slow
 def test_at_rest_nothing_moves(tmp_path):
     own = case(tmp_path)
     result = course_beats(own, minutes=1.0, outputs=OUTPUTS)

@@ -73,6 +73,7 @@ def test_a_speed_step_and_a_fast_infusion_are_followed_beat_by_beat(fast):
     assert "fluid." in second["reason"]
 
 
+@pytest.mark.slow
 def test_it_is_every_beat_all_along_and_steady_beats_alone_are_not(fast):
     own, result, beats = fast
     steady = course(own, minutes=10.0, every_min=1.0, outputs=OUTPUTS, options=STEADY)
@@ -150,6 +151,7 @@ def test_a_shift_is_what_compartments_gain_or_lose():
     assert shift_ml(other, one) == 3.0
 
 
+@pytest.mark.slow
 def test_what_is_not_followed_is_said_with_its_reason(tmp_path):
     moved = '"crrt.access_site" = "pre_oxy", '
     both = EVENTS.replace('"ecmo.speed_rpm" = 1500,', f'"ecmo.speed_rpm" = 1500, {moved}')

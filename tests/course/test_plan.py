@@ -38,6 +38,7 @@ def test_the_rate_found_keeps_the_goal_and_a_faster_one_does_not(own, removal):
         assert (float(result["MAP"].min()) > 62.0) is kept
 
 
+@pytest.mark.slow
 def test_the_result_says_it_in_words_and_data(removal):
     assert f"300 mL can be removed at {removal.rate_ml_h:.0f} mL/h" in removal.message
     assert removal.hours == pytest.approx(300.0 / removal.rate_ml_h)

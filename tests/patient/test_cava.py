@@ -46,6 +46,7 @@ def laws(anatomy):
     return circuit, stores, paths, volumes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("veins", [{"svn": "tvc"}, {"svc": "tsvc", "ivc": "tivc"}], ids=["whole", "regions"])
 def test_at_the_published_pressure_veins_and_vena_cava_are_the_published_veins(veins):
     regional = len(veins) == 2

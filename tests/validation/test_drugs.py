@@ -22,6 +22,7 @@ def test_a_study_is_either_fitted_or_a_test_but_for_pulmonary_resistance_and_eve
     }
 
 
+@pytest.mark.slow
 def test_a_study_that_prints_a_direction_alone_gives_a_row_of_its_sign():
     rows = [row for row in drugs.drugs_check().rows if "Moran 1993" in row.name and row.name.endswith("sign")]
     assert [row.expected for row in rows] == [1.0, 1.0, 1.0]
