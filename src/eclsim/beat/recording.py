@@ -157,10 +157,8 @@ class Recorder:
             values = now.volumes if signal.kind is Kind.VOLUME else pressures
             return values[self._stores.index(signal.place)]
         if signal.place not in self._paths:
-            names = [s.name for s in self.assembly.circuit.surroundings]
-            return self.assembly.surrounding_pressures(now.volumes, now.constants)[names.index(signal.place)][
-                0
-            ]
+            k = [s.name for s in self.assembly.circuit.surroundings].index(signal.place)
+            return self.assembly.surrounding_pressures(now.volumes, now.constants)[k][0]
         source, target = self.assembly.ends[self._paths.index(signal.place)]
         up, down = (self.assembly.at(end, pressures, now.constants) for end in (source, target))
         return down - up

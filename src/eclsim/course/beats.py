@@ -347,7 +347,7 @@ class BeatMarch:
         return int(np.searchsorted(self.timeline.breaks, time + 1e-9, side="right") - 1)
 
     def _program(self, values: Mapping[str, np.ndarray]) -> BeatProgram:
-        level = needed_resolution(self.assembly, {key: float(v[0]) for key, v in values.items()})
+        level = needed_resolution(self.assembly, _numbers(values))
         return beat_program(self.circuit, int(np.asarray(level).flat[0]))
 
     def _given(self, before: Mapping[str, np.ndarray], now: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -356,10 +356,7 @@ class BeatMarch:
         A setting that changes how much the circulation holds at the start changes it, as for steady beats.
         """
         change = np.zeros(self.assembly.layout.size)
-        volumes = [
-            np.array(self.assembly.start_volumes({k: float(v[0]) for k, v in values.items()}))
-            for values in (before, now)
-        ]
+        volumes = [np.array(self.assembly.start_volumes(_numbers(values))) for values in (before, now)]
         change[self.assembly.layout.volumes.where] = volumes[1] - volumes[0]
         return change
 

@@ -13,14 +13,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from eclsim.beat.recording import MEAN
 from eclsim.circuit.network import Circuit
 from eclsim.circuit.volumes import total_volumes
 from eclsim.components.exchangers import HAEMOGLOBIN
 from eclsim.gas.network import CONTENTS, GasStatus, Quantity, gas_of
 from eclsim.outputs.coupling import solved_for
 from eclsim.outputs.gas import artery_of
-from eclsim.outputs.measures import alone
+from eclsim.outputs.measures import Measures, alone
 from eclsim.outputs.regulation import LOCAL_OUTPUTS
 from eclsim.parameters.regulation import LUNG_RESISTANCE, SENSED_PACO2, SENSED_PAO2, local_resistance
 from eclsim.regulation.oxygen import (
@@ -72,10 +71,7 @@ class GasesInTime:
 
     def __init__(self, circuit: Circuit, signals: Sequence[str], values: Mapping[str, float]):
         self.circuit, self.steady, self.step = circuit, gas_of(circuit), gas_of(circuit, in_time=True)
-        means = ["Q" + name + MEAN for name in self.step.connections]
-        self.moved = np.array([name in signals for name in means])
-        columns = zip(means, self.moved, strict=True)
-        self.columns = [signals.index(n if moved else n.removesuffix(MEAN)) for n, moved in columns]
+        self.signals = signals
         slow = (LUNG_RESISTANCE,)
         self.answers = tuple(n for n in solved_for(circuit) if n not in slow and np.isnan(values[n]))
         self.beside = np.array(total_volumes(circuit, values, [0.0] * len(circuit.compartments)))
@@ -162,10 +158,8 @@ class GasesInTime:
 
     def _flows(self, series: np.ndarray, phases: np.ndarray) -> np.ndarray:
         """Mean forward, then backward flow of each connection [L/min]."""
-        widths, flows = np.diff(phases), series[:, self.columns] / ML_S_PER_L_MIN
-        steps, trapezoids = np.r_[0.0, widths], 0.5 * (np.r_[widths, 0.0] + np.r_[0.0, widths])
-        weights = np.where(self.moved, steps[:, None], trapezoids[:, None])
-        return np.stack([(weights * np.maximum(sign * flows, 0.0)).sum(axis=0) for sign in (1.0, -1.0)])
+        beat = Measures(dict(zip(self.signals, series.T, strict=True)), phases)
+        return np.array([[mean(n) for n in self.step.connections] for mean in (beat.forward, beat.backward)])
 
     def _numbers(self, function: GasFunction, values: Mapping[str, float]) -> list[np.ndarray]:
         return [np.array([values[name] for name in function.parameters])]
