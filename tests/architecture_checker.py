@@ -27,7 +27,7 @@ ALLOWED = {room: set(ROOMS[:place]) for place, room in enumerate(ROOMS)} | {
     "slow": {"units", "components", "parameters"},
     "beat": {*PHYSICS, "execution"},
 }
-ANY_LAYER_MAY_IMPORT = {"_version", "files", "front_door", "runtime"}
+ANY_LAYER_MAY_IMPORT = {"_version", "files", "front_door", "runtime", "spelling"}
 
 # Imported before the first line of `eclsim --help` or of an input error is printed.
 LIGHT = (

@@ -33,7 +33,7 @@ def test_all_mistakes_are_named_at_once():
         "compartment 'artery' appears 2 times: names are unique",
         "connection 'b' appears 2 times: names are unique",
         "connection 'a': target 'vain' is no compartment of the circuit; "
-        "allowed: artery, artery, vein, pouch; did you mean 'vein'?",
+        "allowed: artery, artery, vein, pouch; did you mean vein?",
         "connection 'b': source and target are both 'vein': a connection joins two different compartments",
         "compartment 'pouch' has no connection: join it or leave it out",
     ]

@@ -2,25 +2,25 @@ import json
 
 import pytest
 
-from eclsim.paper.comparison import Check, Explanation, at_most, near
+from eclsim.paper.comparison import Check, Explanation, at_most, within
 
 
 @pytest.fixture
 def checks(monkeypatch):
     """Instant checks in place of the real ones; the effort that was asked for is collected."""
     good = Check(
-        "good", "Good things", "1 %", (near("a", 100.0, 100.5, 1.0, "mmHg"), at_most("b", 1e-9, 1e-8))
+        "good", "Good things", "1 %", (within("a", 100.0, 100.5, 1.0, "mmHg"), at_most("b", 1e-9, 1e-8))
     )
-    moon = Explanation("the moon", (near("without the moon", 100.0, 100.1, 1.0, "mL"),))
-    tide = Explanation("the tide", (near("without the tide", 100.0, 102.0, 1.0, "mL"),))
+    moon = Explanation("the moon", (within("without the moon", 100.0, 100.1, 1.0, "mL"),))
+    tide = Explanation("the tide", (within("without the tide", 100.0, 102.0, 1.0, "mL"),))
     rows = (
-        near("c", 100.0, 102.0, 1.0, "mL", explanation=moon),
-        near("e", 100.0, 103.0, 1.0, "mL", explanation=tide),
+        within("c", 100.0, 102.0, 1.0, "mL", explanation=moon),
+        within("e", 100.0, 103.0, 1.0, "mL", explanation=tide),
     )
     bad = Check("bad", "Bad things", "1 %", rows)
-    unknown = Explanation("not stated", (near("where it is stated", 1.0, 1.0, 0.1),), undecided=True)
-    open_one = near("f", 1.0, 3.0, 0.1, explanation=unknown)
-    shown = Check("shown", "Measurements", "none", (near("d", 1.0, 2.0, 0.1), open_one), required=False)
+    unknown = Explanation("not stated", (within("where it is stated", 1.0, 1.0, 0.1),), undecided=True)
+    open_one = within("f", 1.0, 3.0, 0.1, explanation=unknown)
+    shown = Check("shown", "Measurements", "none", (within("d", 1.0, 2.0, 0.1), open_one), required=False)
     asked = []
 
     def run(effort, parts, announce):

@@ -48,7 +48,7 @@ def test_all_mistakes_of_a_selection_are_told_at_once():
         select_schemes("a,zz,post_oxi:pre_rc,seperate")
     said = str(error.value)
     assert "'zz'" in said
-    assert "'post_oxi' is no scheme, did you mean post_oxy" in said
+    assert "'post_oxi' is no scheme; did you mean post_oxy" in said
     assert "did you mean separate" in said
     assert "allowed" in said
 

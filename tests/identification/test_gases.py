@@ -126,7 +126,7 @@ def test_gases_that_are_not_computed_are_no_targets():
     case = measured(CASE, ("MAP", "SaO2"))[0].model_copy(update={"gas": None})
     checked = checked_fit(case, FitSettings(("Rmc",)))
     assert set(checked.targets) == {"MAP"}
-    assert any("no [gas] section" in str(w) for w in checked.warnings)
+    assert any("it needs [gas] in the case file" in str(w) for w in checked.warnings)
     refused = checked_fit(case, FitSettings(("gas.vo2_ml_min",))).mistakes
     assert any("not read by the circuit" in str(m) for m in refused)
 

@@ -11,24 +11,24 @@ from eclsim.paper.comparison import (
     Verdict,
     at_least,
     at_most,
-    near,
     printed_number,
     statement,
+    within,
     worst,
 )
 
-SHOWN = Explanation("known", (near("with the reason taken away", 1.0, 1.05, 0.1),))
-NO_LONGER_SHOWN = Explanation("known", (near("with the reason taken away", 1.0, 1.5, 0.1),))
+SHOWN = Explanation("known", (within("with the reason taken away", 1.0, 1.05, 0.1),))
+NO_LONGER_SHOWN = Explanation("known", (within("with the reason taken away", 1.0, 1.5, 0.1),))
 
 
 def test_a_row_holds_up_to_its_tolerance_on_both_sides():
-    assert near("a", 10.0, 10.5, 0.5).holds
-    assert near("a", 10.0, 9.5, 0.5).holds
-    assert not near("a", 10.0, 10.51, 0.5).holds
+    assert within("a", 10.0, 10.5, 0.5).holds
+    assert within("a", 10.0, 9.5, 0.5).holds
+    assert not within("a", 10.0, 10.51, 0.5).holds
 
 
 @pytest.mark.parametrize(
-    "row", [near("a", 1.0, math.nan, 9.0), at_most("a", math.nan, 1.0), at_least("a", math.nan, 0.0)]
+    "row", [within("a", 1.0, math.nan, 9.0), at_most("a", math.nan, 1.0), at_least("a", math.nan, 0.0)]
 )
 def test_a_number_that_is_none_never_holds(row: Row):
     assert not row.holds
@@ -40,7 +40,7 @@ def test_rows_of_array_numbers_are_plain_data():
     from eclsim.validation.suite import validation_object
 
     rows = (
-        near("a", np.float64(1.0), np.float64(1.0), np.float64(0.1)),
+        within("a", np.float64(1.0), np.float64(1.0), np.float64(0.1)),
         at_most("b", np.float64(0.0), 1.0),
         at_least("c", np.float64(1.0), 0.5),
     )
@@ -50,15 +50,15 @@ def test_rows_of_array_numbers_are_plain_data():
 
 
 def test_error_is_in_percent_of_the_size_of_the_expected_number():
-    assert near("a", -50.0, -51.0, 2.0).percent == pytest.approx(-2.0)
-    assert near("a", 0.0, 1.0, 2.0).percent is None
+    assert within("a", -50.0, -51.0, 2.0).percent == pytest.approx(-2.0)
+    assert within("a", 0.0, 1.0, 2.0).percent is None
 
 
 @pytest.mark.parametrize(
     ("row", "used"),
     [
-        (near("a", 10.0, 10.1, 0.4), 0.25),
-        (near("a", 10.0, 10.0, 0.0), 0.0),
+        (within("a", 10.0, 10.1, 0.4), 0.25),
+        (within("a", 10.0, 10.0, 0.0), 0.0),
         (at_most("a", 2e-9, 1e-8), 0.2),
         (at_most("a", 0.0, 0.0), 0.0),
         (at_most("a", 1.0, 0.0), math.inf),
@@ -74,12 +74,12 @@ def test_a_row_uses_a_share_of_its_tolerance(row: Row, used: float):
 
 
 def test_worst_row_takes_most_of_its_own_tolerance():
-    small, large = near("small", 1.0, 1.09, 0.1), near("large", 100.0, 105.0, 50.0)
+    small, large = within("small", 1.0, 1.09, 0.1), within("large", 100.0, 105.0, 50.0)
     assert worst([large, small]) is small
 
 
 def test_an_explained_miss_is_a_miss_and_excused_only_where_the_bar_allows():
-    rows = (near("good", 1.0, 1.0, 0.1), near("bad", 1.0, 2.0, 0.1, explanation=SHOWN))
+    rows = (within("good", 1.0, 1.0, 0.1), within("bad", 1.0, 2.0, 0.1, explanation=SHOWN))
     strict = Check("k", "t", "b", rows)
     allowed = Check("k", "t", "b", rows, explained_pass=True)
     assert [row.name for row in strict.missed] == [row.name for row in allowed.missed] == ["bad"]
@@ -88,17 +88,17 @@ def test_an_explained_miss_is_a_miss_and_excused_only_where_the_bar_allows():
 
 
 def test_an_unexplained_miss_is_never_excused():
-    rows = (near("bad", 1.0, 2.0, 0.1), near("known", 1.0, 2.0, 0.1, explanation=SHOWN))
+    rows = (within("bad", 1.0, 2.0, 0.1), within("known", 1.0, 2.0, 0.1, explanation=SHOWN))
     assert not Check("k", "t", "b", rows, explained_pass=True).holds
 
 
 @pytest.mark.parametrize("explanation", [NO_LONGER_SHOWN, Explanation("claimed", ()), None])
 def test_an_explanation_counts_only_while_its_evidence_holds(explanation: Explanation | None):
-    row = near("bad", 1.0, 2.0, 0.1, explanation=explanation)
+    row = within("bad", 1.0, 2.0, 0.1, explanation=explanation)
     assert row.explained == ""
     assert not Check("k", "t", "b", (row,), explained_pass=True).holds
-    assert near("bad", 1.0, 2.0, 0.1, explanation=SHOWN).explained == "known"
-    assert near("good", 1.0, 1.0, 0.1, explanation=SHOWN).explained == ""
+    assert within("bad", 1.0, 2.0, 0.1, explanation=SHOWN).explained == "known"
+    assert within("good", 1.0, 1.0, 0.1, explanation=SHOWN).explained == ""
 
 
 def test_a_check_without_rows_does_not_hold():
@@ -120,8 +120,8 @@ def pressure(ours: float, explained: float | None = None, *, other_data: bool = 
         (pressure(71.0, other_data=True), Verdict.OTHER_DATA),
         (statement("3.3", "so it is", True), Verdict.AGREES),
         (statement("3.3", "so it is", False, "because", True), Verdict.EXPLAINED),
-        (near("a", 1.0, 2.0, 0.1, explanation=SHOWN), Verdict.EXPLAINED),
-        (near("a", 1.0, 2.0, 0.1, explanation=NO_LONGER_SHOWN), Verdict.DIFFERS),
+        (within("a", 1.0, 2.0, 0.1, explanation=SHOWN), Verdict.EXPLAINED),
+        (within("a", 1.0, 2.0, 0.1, explanation=NO_LONGER_SHOWN), Verdict.DIFFERS),
     ],
 )
 def test_a_row_knows_what_the_comparison_came_to(row: Row, verdict: Verdict):

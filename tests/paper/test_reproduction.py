@@ -22,12 +22,12 @@ def test_every_printed_number_can_be_computed(study):
 
 
 def test_statements_of_the_text_hold_and_some_that_it_does_not_make_do_not(study):
-    assert [one.words for one in STATEMENTS if not one.holds(study)] == []
+    assert [one.sentence for one in STATEMENTS if not one.holds(study)] == []
     turned = replace(study, means=study.means.copy(deep=True), summary=study.summary.copy(deep=True))
     turned.means["Psart"] = -turned.means["Psart"]
     turned.means["Pcrrttuout"] = turned.means["Pcrrttuout"] - 400.0
     turned.summary["Psart_highest"] = turned.summary["Psart_lowest"]
-    broken = {one.words for one in STATEMENTS if not one.holds(turned)}
+    broken = {one.sentence for one in STATEMENTS if not one.holds(turned)}
     assert {
         "arterial pressure rises with flow in every scheme",
         "all line pressures are within the usual alarms",
@@ -41,7 +41,7 @@ def bar(printed) -> float:
     """What a number of section 3.3 or 4 is held to once the unstated blood volume is filled in."""
     if printed.section.startswith("4,"):
         return 1.5
-    lines = printed.section == "3.3, 3425 rpm" and printed.words.startswith(("access", "return"))
+    lines = printed.section == "3.3, 3425 rpm" and printed.description.startswith(("access", "return"))
     return (0.01 if lines else 0.02) * abs(printed.value) + 0.5 * 10.0**-printed.decimals
 
 
@@ -53,7 +53,7 @@ def test_one_unstated_number_explains_what_differs():
     assert found.heart_rate_bpm == pytest.approx(118.0, abs=4.0)
     assert found.misfit < 0.6 < found.assumed_misfit
     assert result.explained.case.patient.age_years == 69.0
-    text = {(p.section, p.words): p for p in TEXT if not p.other_data}
+    text = {(p.section, p.description): p for p in TEXT if not p.other_data}
     compared = 0
     for row in result.rows:
         printed = text.get((row.source, row.name))

@@ -1,4 +1,4 @@
-from eclsim.parameters import did_you_mean, nearest
+from eclsim.spelling import did_you_mean, nearest
 
 KEYS = ("MAP", "MPAP", "PCWP", "age_years", "speed_rpm")
 
@@ -13,4 +13,4 @@ def test_nearest_spellings_best_first():
 
 def test_in_words():
     assert did_you_mean("sped_rpm", KEYS) == "speed_rpm"
-    assert did_you_mean("zzz", KEYS) is None
+    assert did_you_mean("zzz", KEYS) == ""

@@ -1,4 +1,4 @@
-from eclsim.paper.comparison import Check, near
+from eclsim.paper.comparison import Check, within
 from eclsim.validation import suite
 from eclsim.validation.effort import Effort
 
@@ -9,7 +9,7 @@ def test_parts_run_in_the_order_asked_and_are_announced_before(monkeypatch):
     def part(name):
         def compute(effort):
             events.append(("computed", name, effort.points))
-            return [Check(name, name, "none", (near("a", 1.0, 1.0, 0.1),))]
+            return [Check(name, name, "none", (within("a", 1.0, 1.0, 0.1),))]
 
         return compute
 

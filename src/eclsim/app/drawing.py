@@ -103,7 +103,7 @@ def _moved(line: Attachment) -> dict[str, str]:
     if names is None or line.name not in lines:
         return {"moves": ""}
     key = lines[line.name]
-    about = text("schematic_line", device=names.label, line=line.mark.words)
+    about = text("schematic_line", device=names.label, line=line.mark.label)
     return {"moves": f"{names.key}.{key}", "letter": key[0].upper(), "about": about}
 
 
@@ -127,7 +127,7 @@ def _boxes(circuit: Circuit, plan: Plan, page: Layout) -> list[dict[str, Any]]:
         left, bottom, right, top = page.box(compartment.name)
         names = naming_of(compartment.group)
         place = compartment.name if names is None else names.device_place(compartment.name)
-        words = plan.places[compartment.name].words if compartment.name in plan.places else compartment.name
+        words = plan.places[compartment.name].label if compartment.name in plan.places else compartment.name
         result.append({
             "name": compartment.name, "group": compartment.group,
             "position": positions.get(compartment.name, ""),
@@ -163,7 +163,7 @@ def _wire(wire: Wire, plan: Plan, group: str, page: Layout) -> dict[str, Any]:
         down = body and stop[1] < start[1]  # below the label of the wire above
         label = (x + (5.0 if right else -5.0), y + (2.0 if down else -1.0), "start" if right else "end")
     return {
-        "name": wire.name, "text": ENGLISH.get(f"wire_{wire.name}", wire.mark.words),
+        "name": wire.name, "text": ENGLISH.get(f"wire_{wire.name}", wire.mark.label),
         "ends": [wire.source, wire.target],
         "symbol": wire.mark.symbol, "path": [_down(p) for p in path], "at": [x, y], "label": label,
         **_flow(group, wire.name),
@@ -186,7 +186,7 @@ def _line(line: Attachment, plan: Plan, path: Path, page: Layout) -> dict[str, A
     x, y = stub_middle(page, line)
     (beside, _), align = stub_label(plan, page, line)
     return {
-        "name": line.name, "text": line.mark.words, "symbol": line.mark.symbol, "path": points,
+        "name": line.name, "text": line.mark.label, "symbol": line.mark.symbol, "path": points,
         "ends": [line.site, line.node] if line.into_device else [line.node, line.site],
         "at": [x, -y], "label": (beside, -y - 1.0, "start" if align == "left" else "end"),
         "end": _down(path[0]), "site": line.site, **_moved(line), **_flow(line.frame, line.name),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -14,6 +13,7 @@ from eclsim.circuit.assembly import Assembly, Constants, States
 from eclsim.circuit.network import Circuit, Statistic
 from eclsim.circuit.signals import Form, Kind, Signal
 from eclsim.components.base import Number
+from eclsim.spelling import spelling_hint
 from eclsim.units import ML_S_PER_L_MIN
 
 RATE, MEAN = Form.RATE.value, Form.MEAN.value
@@ -84,9 +84,8 @@ def known_signal(circuit: Circuit, name: str, allowed: tuple[str, ...]) -> Signa
     plain = name.removesuffix(RATE).removesuffix(MEAN)
     if plain in allowed and (exists is None or exists(circuit, plain)):
         return Signal.parse(name)
-    similar = difflib.get_close_matches(name, allowed, n=3)
-    hint = f"; did you mean {', '.join(similar)}?" if similar else ""
-    raise UnknownSignalError(f"'{name}' is no signal of this circuit; allowed: {', '.join(allowed)}{hint}")
+    known = f"{', '.join(allowed)}{spelling_hint(name, allowed)}"
+    raise UnknownSignalError(f"'{name}' is no signal of this circuit; allowed: {known}")
 
 
 def step_weights(widths: np.ndarray, moved: Sequence[bool]) -> np.ndarray:

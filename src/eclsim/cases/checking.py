@@ -27,8 +27,9 @@ from eclsim.inputs.fields import Field
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.numbers import RefusedValueError, read_number, suspected_unit
 from eclsim.inputs.sections import Raw, check_field, check_section, short
-from eclsim.parameters import did_you_mean, thiel2025
+from eclsim.parameters import thiel2025
 from eclsim.parameters.parameter import Parameter
+from eclsim.spelling import did_you_mean
 
 FORMAT = 1
 
@@ -199,7 +200,7 @@ def _check_value(
 
 def _refuse_unknown(written: str, value: object, remarks: Remarks) -> None:
     short = written if len(written) <= 64 else written[:60] + "..."
-    hint = did_you_mean(written, (*parameters(), *thiel2025.ALIASES)) or ""
+    hint = did_you_mean(written, (*parameters(), *thiel2025.ALIASES))
     places = [place for place in places_of(written) if place.endswith(f".{written}")]
     allowed = "names of the parameter tables (eclsim parameters lists them)"
     key = f"parameters.{short}"

@@ -23,7 +23,7 @@ from eclsim.devices.registry import devices
 from eclsim.files import unguarded
 from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, shown
 from eclsim.inputs.sections import MAXIMUM_ID_LENGTH, looks_identifiable
-from eclsim.parameters import did_you_mean
+from eclsim.spelling import did_you_mean
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -163,7 +163,7 @@ class _Rows:
             if name not in header:
                 with_unit = [n for n in extra if re.fullmatch(rf"{name}\s*[(\[].*[)\]]", n)]
                 suggestion = f"{name} for {with_unit[0]}" if with_unit else ""
-                suggestion = suggestion or did_you_mean(name, [n for n in extra if n]) or ""
+                suggestion = suggestion or did_you_mean(name, [n for n in extra if n])
                 allowed = "the column, with empty cells where nothing was measured"
                 wrong.append(Mistake(name, "this column is missing", allowed=allowed, suggestion=suggestion))
         if wrong:

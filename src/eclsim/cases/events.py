@@ -15,9 +15,9 @@ from eclsim.inputs.fields import Field, number
 from eclsim.inputs.mistakes import Mistake, Remarks, shown
 from eclsim.inputs.numbers import RefusedValueError, read_number
 from eclsim.inputs.sections import Raw, short
-from eclsim.parameters import did_you_mean
 from eclsim.parameters.fluid import says_start
 from eclsim.slow.law import INFLOWS
+from eclsim.spelling import did_you_mean
 
 LONGEST_MIN = 31 * 1440.0
 """Longest course [min]."""
@@ -55,7 +55,7 @@ class Event(BaseModel):
     over_min: float = QUICKEST_MIN
 
     @property
-    def words(self) -> str:
+    def summary(self) -> str:
         """What happens, in a few words."""
         changes = [f"{key} = {shown(value)[:40]}" for key, value in self.set.items()]
         gifts = [f"{kind.removesuffix('_ml').replace('_', ' ')} {ml:g} mL" for kind, ml in self.give.items()]
@@ -108,7 +108,7 @@ class _Checks:
             return {}
         for key in raw:
             if key not in KEYS:
-                hint = did_you_mean(str(key), KEYS) or ""
+                hint = did_you_mean(str(key), KEYS)
                 self.remarks.error(
                     f"{place}.{short(key)}", "unknown key", shown(raw[key]), ", ".join(KEYS), hint
                 )
@@ -148,7 +148,7 @@ class _Checks:
             if kind in INFLOWS:
                 self._number(f"{place}.{kind}", value, _AMOUNT, values, kind)
                 continue
-            hint = did_you_mean(str(kind), INFLOWS) or ""
+            hint = did_you_mean(str(kind), INFLOWS)
             self.remarks.error(f"{place}.{short(kind)}", "unknown", shown(value), ", ".join(INFLOWS), hint)
         return values
 

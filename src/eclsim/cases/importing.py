@@ -17,7 +17,7 @@ from eclsim.cases.observations import ABOUT, Imported, Observation, data_points
 from eclsim.files import csv_text
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.inputs.numbers import is_missing
-from eclsim.parameters import did_you_mean
+from eclsim.spelling import did_you_mean
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -103,7 +103,7 @@ def read_long_table(
     wrong = []
     for name in LONG:
         if table.header.count(name) != 1:
-            suggestion = did_you_mean(name, [h for h in table.header if h and h not in LONG]) or ""
+            suggestion = did_you_mean(name, [h for h in table.header if h and h not in LONG])
             message = (
                 "more than one column of this name" if name in table.header else "this column is missing"
             )

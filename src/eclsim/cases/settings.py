@@ -12,7 +12,7 @@ from eclsim.cases.sections import POLICY_KEY, places_of, section_of, sections, w
 from eclsim.devices.registry import parameters, usual_setting
 from eclsim.inputs.files import too_deep
 from eclsim.inputs.mistakes import CaseError, Mistake, NumberAsWritten, shown
-from eclsim.parameters import did_you_mean
+from eclsim.spelling import did_you_mean
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -114,7 +114,7 @@ def unknown_key(name: str, text: str) -> Mistake:
     """What to say about a key that is none, with the nearest right spelling."""
     paths = [f"{section}.{key}" for section, kind in sections().items() for key in kind.fields()]
     exact = [path for path in places_of(name) if path.endswith(f".{name}")]
-    hint = " or ".join(exact) or did_you_mean(name, (*paths, *parameters())) or ""
+    hint = " or ".join(exact) or did_you_mean(name, (*paths, *parameters()))
     if name == POLICY_KEY:
         hint = "the option --volume-policy"
     allowed = "section.key of a case file, or a parameter (eclsim parameters lists them)"

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 from collections import Counter
-from collections.abc import Collection
 
 from eclsim.circuit.network import HEART_RATE, Circuit, Control, sites_of
 from eclsim.circuit.signals import Form
+from eclsim.spelling import spelling_hint
 
 
 class CircuitError(ValueError):
@@ -51,7 +50,7 @@ def _unknown_sites(circuit: Circuit) -> list[str]:
         for end, site in (("source", connection.source), ("target", connection.target)):
             mistakes += [
                 f"connection '{connection.name}': {end} '{name}' is no compartment of the circuit; "
-                f"allowed: {', '.join(known)}{_hint(name, known)}"
+                f"allowed: {', '.join(known)}{spelling_hint(name, known)}"
                 for name in sites_of(site)
                 if name not in known
             ]
@@ -82,13 +81,13 @@ def _controls(circuit: Circuit) -> list[str]:
         start = f"controller '{control.name}'"
         for reading in control.reads:
             if reading.signal.form is not Form.VALUE or str(reading.signal) not in signals:
-                hint = _hint(str(reading.signal), signals)
+                hint = spelling_hint(str(reading.signal), signals)
                 mistakes.append(
                     f"{start}: '{reading.signal}' is no signal of the circuit that it can read{hint}"
                 )
         for name in control.acts_on:
             if name not in parameters:
-                hint = _hint(name, parameters)
+                hint = spelling_hint(name, parameters)
                 mistakes.append(f"{start}: it acts on '{name}', which is no parameter of the circuit{hint}")
             elif name in acting and not (control.component.relative and acting[name].component.relative):
                 mistakes.append(f"{start}: it acts on '{name}', and so does controller '{acting[name].name}'")
@@ -100,7 +99,8 @@ def _exchanges(circuit: Circuit) -> list[str]:
     """Exchanges at a place that the circuit does not have."""
     places = dict.fromkeys(entry.name for entry in (*circuit.compartments, *circuit.connections))
     return [
-        f"exchange '{e.name}': '{e.at}' is no compartment or connection of the circuit{_hint(e.at, places)}"
+        f"exchange '{e.name}': '{e.at}' is no compartment or connection of the circuit"
+        f"{spelling_hint(e.at, places)}"
         for e in circuit.exchanges
         if e.at not in places
     ]
@@ -115,15 +115,10 @@ def _surroundings(circuit: Circuit) -> list[str]:
         if not around.members:
             mistakes.append(f"{start} has no members: name compartments")
         mistakes += [
-            f"{start}: '{name}' is no compartment of the circuit{_hint(name, known)}"
+            f"{start}: '{name}' is no compartment of the circuit{spelling_hint(name, known)}"
             for name in around.members
             if name not in known
         ]
         if around.name in (*known, *(c.name for c in circuit.connections)):
             mistakes.append(f"{start}: a compartment or connection has this name too: names are unique")
     return mistakes
-
-
-def _hint(name: str, known: Collection[str]) -> str:
-    similar = difflib.get_close_matches(name, known, n=1)
-    return f"; did you mean '{similar[0]}'?" if similar else ""

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Literal
 
 import typer
 
-from eclsim.cli.console import did_you_mean, fail
+from eclsim.cli.console import fail
 from eclsim.cli.options import argument, option
 from eclsim.reporting.numbers import text_table
+from eclsim.spelling import spelling_hint
 
 if TYPE_CHECKING:
     from eclsim.devices.device import AnyDevice
@@ -60,7 +61,7 @@ def list_parameters(options: ListOptions) -> None:
     groups = list(dict.fromkeys(parameter.group for parameter in parameters))
     group = options.group
     if group is not None and group not in groups:
-        fail(f"--group {group}: unknown; allowed: {', '.join(groups)}{did_you_mean(group, groups)}")
+        fail(f"--group {group}: unknown; allowed: {', '.join(groups)}{spelling_hint(group, groups)}")
     rows = [
         (p.key, f"{p.value:g}", f"{p.minimum:g}", f"{p.maximum:g}", p.unit, p.description)
         for p in parameters
@@ -169,7 +170,7 @@ def _details(name: str) -> Iterator[str]:
         yield f"  checked against    {product.evidence}"
         yield f"  source             {product.source}"
     else:
-        hint = did_you_mean(name, [*devices(), *products(), *others])
+        hint = spelling_hint(name, [*devices(), *products(), *others])
         allowed = ", ".join((*devices(), *products()))
         fail(f"unknown device {name!r}; allowed: {allowed}{hint}")
 

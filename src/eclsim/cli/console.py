@@ -61,14 +61,6 @@ def note(lines: Iterable[object]) -> None:
     warn(lines, "note")
 
 
-def did_you_mean(name: str, allowed: Iterable[str]) -> str:
-    """The end of a message about a misspelt name: the nearest that is allowed, or nothing."""
-    from eclsim.parameters import did_you_mean as nearest
-
-    hint = nearest(name, list(allowed))
-    return f"; did you mean {hint}?" if hint else ""
-
-
 class Progress:
     """What a long command is doing, on standard error.
 

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 import typer
 
 from eclsim.cli.cases import names_of, read_table
-from eclsim.cli.console import Progress, did_you_mean, fail, say
+from eclsim.cli.console import Progress, fail, say
 from eclsim.cli.destination import Destinations, Target, hand_over, resumable, writing
 from eclsim.cli.options import Distributed, argument, option
 from eclsim.paper.reproduction import INDEX, PARTS, USUAL_EXPLORE, USUAL_SAMPLES, ReproductionSettings
+from eclsim.spelling import spelling_hint
 
 if TYPE_CHECKING:
     from eclsim.execution import Distribution
@@ -101,7 +102,7 @@ def _checked(o: ReproduceOptions) -> tuple[Path, Target, Sequence[str], Distribu
         fail("no folder to write to; give one, such as --out reproduction")
     parts = tuple(dict.fromkeys(names_of(o.parts) or ()))
     places.mistakes += [
-        f"--parts '{name[:40]}': allowed: {', '.join(PARTS)}{did_you_mean(name, PARTS)}"
+        f"--parts '{name[:40]}': allowed: {', '.join(PARTS)}{spelling_hint(name, PARTS)}"
         for name in parts
         if name not in PARTS
     ]

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Literal
 import typer
 
 from eclsim.cli.cases import names_of, read_all, read_each
-from eclsim.cli.console import INCOMPLETE, Progress, did_you_mean, fail, note, refuse, warn
+from eclsim.cli.console import INCOMPLETE, Progress, fail, note, refuse, warn
 from eclsim.cli.destination import NETCDF, Destinations, Target, hand_over, writing
 from eclsim.cli.options import CaseChanges, Json, argument, option
 from eclsim.files import file_stems
+from eclsim.spelling import spelling_hint
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -161,7 +162,7 @@ def _waveforms(o: SimulateOptions, cases: Sequence[Case]) -> tuple[str, ...] | N
 
     known = list(dict.fromkeys(name for case in cases for name in all_signals(assemble(circuit_of(case)))))
     wanted = names_of(o.save) or ()
-    wrong = [f"--save {n}: no such waveform{did_you_mean(n, known)}" for n in wanted if n not in known]
+    wrong = [f"--save {n}: no such waveform{spelling_hint(n, known)}" for n in wanted if n not in known]
     if not wanted:
         wrong.append("--save: no names; allowed: waveforms such as Pao,Qlv,Vlv")
     if wrong:

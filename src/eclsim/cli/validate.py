@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from eclsim.cli.console import INCOMPLETE, Progress, did_you_mean, fail, say
+from eclsim.cli.console import INCOMPLETE, Progress, fail, say
 from eclsim.cli.destination import Destinations, hand_over, resumable, writing
 from eclsim.cli.options import Distributed, Json, option
+from eclsim.spelling import spelling_hint
 
 if TYPE_CHECKING:
     from eclsim.execution import Distribution
@@ -61,7 +62,7 @@ def validate(options: ValidateOptions) -> None:
     if options.shard and (len(options.only) != 1 or options.only[0] not in SWEEPS):
         places.mistakes.append(f"--shard: with one part made of tasks, --only {' or --only '.join(SWEEPS)}")
     if wrong := [name for name in options.only if name not in PARTS.split()]:
-        hint = did_you_mean(wrong[0], PARTS.split())
+        hint = spelling_hint(wrong[0], PARTS.split())
         places.mistakes.append(f"--only {wrong[0]!r}: no such part; allowed: {PARTS}{hint}")
     if options.quick and options.full:
         places.mistakes.append("--quick and --full exclude each other")

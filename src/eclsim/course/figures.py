@@ -174,7 +174,7 @@ def _legend(events: list[Event], result: xr.Dataset) -> str:
     for number, event in enumerate(events, start=1):
         how = f" over {event.over_min:g} min" if event.give else ""
         how += f" within {event.ramp_min:g} min" if event.ramp_min else ""
-        lines.append(f"{number}  {clock_time(event.at_min)}  {style.plain_text(event.words, 90)}{how}")
+        lines.append(f"{number}  {clock_time(event.at_min)}  {style.plain_text(event.summary, 90)}{how}")
     if "quantile" in result.dims:
         lines.append(
             f"curves: median of {result.attrs['draws']} draws; bands: 50 % and 90 % of those followed so far"

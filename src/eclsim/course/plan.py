@@ -12,6 +12,8 @@ import numpy as np
 from eclsim.cases.settings import apply_settings
 from eclsim.course.course import follow
 from eclsim.course.timeline import MINUTE, Timeline, changed
+from eclsim.devices.ecmo import ECMO
+from eclsim.devices.registry import devices
 from eclsim.goals.goal import Goal, GoalError, read_goals
 from eclsim.goals.search import reach
 from eclsim.inputs.mistakes import CaseError
@@ -148,7 +150,8 @@ def _filtration(case: Case) -> str:
     for one in case.instances():
         if FILTRATION in one.device.section.fields():
             return f"{one.key}.{FILTRATION}"
-    raise GoalError(["no device that removes fluid; allowed: a case with [crrt] or [renox]"])
+    removing = " or ".join(f"[{key}]" for key, one in devices().items() if FILTRATION in one.section.fields())
+    raise GoalError([f"no device that removes fluid; allowed: a case with {removing}"])
 
 
 def _fastest(case: Case, key: str, slowest: float) -> float:
@@ -274,13 +277,13 @@ def plan_weaning(
     """
     own = with_speed(as_case(case), volume_policy)[0].model_copy(update={"events": ()})
     if own.ecmo is None:
-        raise GoalError(["no ECMO to wean from; allowed: a case with [ecmo]"])
+        raise GoalError([f"no ECMO to wean from; allowed: a case with [{ECMO.key}]"])
     if (keep is None) != (vary is None):
         raise GoalError(["goals to keep and what is varied for them go together"])
     if vary is not None and vary.strip().startswith("drugs.") and own.drugs is None:
         own = changed(own, {vary.partition("=")[0].strip(): 0.0}, own)
-    return [_weaned(changed(own, {"ecmo.speed_rpm": float(s)}, own), float(s), keep, vary, volume_policy)
-            for s in speeds]  # fmt: skip
+    key = f"{ECMO.key}.speed_rpm"
+    return [_weaned(changed(own, {key: float(s)}, own), float(s), keep, vary, volume_policy) for s in speeds]
 
 
 def _weaned(case: Case, speed: float, keep: str | None, vary: str | None, policy: str | None) -> WeaningStep:

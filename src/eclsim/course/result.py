@@ -43,7 +43,7 @@ def labelled_course(
     for row, state in zip(states, laws.states, strict=True):
         data[state.name] = variable(TIME, row, units=state.unit, long_name=f"slow state {state.name}")
     for one in laws.shown(states, in_effect):
-        data[one.name] = variable(TIME, one.values, units=one.unit, long_name=one.words)
+        data[one.name] = variable(TIME, one.values, units=one.unit, long_name=one.description)
     axis = variable(TIME, time / MINUTE, units="min", long_name="time from the start")
     return xr.Dataset(data, coords={TIME: axis})
 

@@ -27,7 +27,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 
 from eclsim.crrt_study.limits import LIMITS, Limit
-from eclsim.parameters import did_you_mean
+from eclsim.spelling import spelling_hint
 
 FLOW = "largest_flow"
 JUDGED = ("alarms", "margin", *(limit.name for limit in LIMITS), "lowest_site_pressure", FLOW)
@@ -157,7 +157,9 @@ class _File(BaseModel):
         names = [limit.name for limit in LIMITS]
         for name, bounds in value.items():
             if name not in names:
-                raise ValueError(f"'{name}' is no limit; allowed: {', '.join(names)}{_hint(name, names)}")
+                raise ValueError(
+                    f"'{name}' is no limit; allowed: {', '.join(names)}{spelling_hint(name, names)}"
+                )
             low, high = _bounds(bounds)
             if not low < high:
                 raise ValueError(f"{name} = [{low:g}, {high:g}]: allowed: low below high, mmHg")
@@ -204,7 +206,7 @@ def _mistake(error: Mapping[str, object]) -> str:
     text = str(error["msg"]).removeprefix("Value error, ")
     if error["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         known = [f.name for f in fields(Criterion)] if "criteria" in path else list(_File.model_fields)
-        text = f"unknown key; allowed: {', '.join(known)}{_hint(path[-1], known)}"
+        text = f"unknown key; allowed: {', '.join(known)}{spelling_hint(path[-1], known)}"
     return f"{'.'.join(path)} = {error['input']}: {text}" if path else text
 
 
@@ -213,14 +215,9 @@ def check_quantities(rule: Rule, known: Collection[str]) -> None:
     names = (*JUDGED, *known)
     lines = [
         f"{rule.name}: quantity = '{c.quantity}': not computed for this case; allowed: {', '.join(JUDGED)}, "
-        f"any output of it{_hint(c.quantity, names)}"
+        f"any output of it{spelling_hint(c.quantity, names)}"
         for c in rule.criteria
         if c.quantity not in names
     ]
     if lines:
         raise RuleError("\n".join(lines))
-
-
-def _hint(word: str, known: Collection[str]) -> str:
-    nearest = did_you_mean(word, known)
-    return f"; did you mean {nearest}?" if nearest else ""

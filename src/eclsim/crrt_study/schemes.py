@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 from eclsim.devices.crrt import SCHEMES as CRRT_SCHEMES
 from eclsim.devices.ecmo import POSITION_WORDS
 from eclsim.devices.ecmo import POSITIONS as ECMO_POSITIONS
-from eclsim.parameters import did_you_mean
 from eclsim.patient.sites import PATIENT_SITES
+from eclsim.spelling import spelling_hint
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -166,8 +166,7 @@ def _pair(access_site: str, return_site: str, nine: dict[str, Scheme]) -> Scheme
 
 
 def _unknown(word: str, known: Sequence[str]) -> str:
-    hint = did_you_mean(word, known)
-    return f"'{word[:40]}' is no scheme" + (f", did you mean {hint}?" if hint else "")
+    return f"'{word[:40]}' is no scheme{spelling_hint(word, known)}"
 
 
 # --- what the study asks of a case and of its options -----------------------------------------------

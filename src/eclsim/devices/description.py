@@ -197,13 +197,13 @@ class Box:
     Args:
         column: 0 (left) to 3 (right).
         row: 0 at the top; lines to other sites leave from the lowest row.
-        words: what stands in it.
-        short: the same where there is little room; left out, `words`.
+        label: what stands in it.
+        short: the same where there is little room; left out, `label`.
     """
 
     column: int
     row: int
-    words: str
+    label: str
     short: str = ""
 
 
@@ -213,11 +213,11 @@ class Mark:
 
     Args:
         symbol: "pump", "roller", "exchanger", "cannula", "resistance", "valve" or "tube".
-        words: what stands beside it.
+        label: what stands beside it.
     """
 
     symbol: str
-    words: str
+    label: str
 
 
 @dataclass(frozen=True)

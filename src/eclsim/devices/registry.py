@@ -24,10 +24,11 @@ from eclsim.devices.renox import RENOX, Renox
 from eclsim.devices.septostomy import SEPTOSTOMY, Septostomy
 from eclsim.devices.vent import VENT, Vent
 from eclsim.inputs.sections import Section
-from eclsim.parameters import nearest, patient_parameters
+from eclsim.parameters import patient_parameters
 from eclsim.parameters.parameter import Parameter
 from eclsim.parameters.thiel2025 import ALIASES
 from eclsim.patient.sites import ARTERIAL_SITES
+from eclsim.spelling import nearest
 
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from eclsim.devices.description import Knob
 from eclsim.outputs.registry import unavailable
-from eclsim.parameters import did_you_mean
+from eclsim.spelling import spelling_hint
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -128,11 +128,6 @@ def _read(text: str) -> Goal:
     raise GoalError([f"'{text}' is no goal; allowed: {ALLOWED}"])
 
 
-def _hint(name: str, known: Sequence[str]) -> str:
-    nearest = did_you_mean(name, known)
-    return f"; did you mean {nearest}?" if nearest else ""
-
-
 def _repeated(names: Sequence[str]) -> list[str]:
     return [name for name in dict.fromkeys(names) if names.count(name) > 1]
 
@@ -170,7 +165,7 @@ def read_settings(
     for part in text.split(","):
         name, _, bounds = (piece.strip() for piece in part.partition("="))
         if name not in known:
-            wrong.append(f"{name}: this case has no such parameter{_hint(name, known)}")
+            wrong.append(f"{name}: this case has no such parameter{spelling_hint(name, known)}")
             continue
         setting = _bounded(case, name)
         if bounds:

@@ -188,7 +188,7 @@ class FitResult:
             "uncertainties": dict(self.uncertainties),
             "implied": {
                 n: {
-                    "value": finite(self.implied[n]), "words": r.words, "unit": r.unit,
+                    "value": finite(self.implied[n]), "words": r.description, "unit": r.unit,
                     "healthy": list(r.healthy), "source": r.source,
                 }
                 for n, r in self.ranges.items() if n in self.implied

@@ -14,7 +14,7 @@ from eclsim.devices.registry import parameters
 from eclsim.files import csv_text, write_text
 from eclsim.identification.quantities import is_linear
 from eclsim.inputs.mistakes import CaseError
-from eclsim.parameters import did_you_mean
+from eclsim.spelling import spelling_hint
 
 OPEN = ("total_blood_volume_ml", "heart_rate_bpm")
 """Quantities of a patient, beside the tables' parameters, that may be uncertain."""
@@ -90,8 +90,7 @@ def _of_posterior(path: str | Path) -> tuple[Sequence[str], _Rows, list[str]]:
 
 
 def _unknown(path: str | Path, name: str) -> str:
-    hint = did_you_mean(name, (*parameters(), *OPEN))
-    return f"{path}: column '{name[:40]}' is no parameter" + (f"; did you mean {hint}?" if hint else "")
+    return f"{path}: column '{name[:40]}' is no parameter{spelling_hint(name, (*parameters(), *OPEN))}"
 
 
 def _mistake(name: str, cell: str, value: float) -> str:

@@ -15,11 +15,12 @@ from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.quantities import GASES, OUTPUTS, Scale, is_linear
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.orbit.model import VolumePolicy, circuit_of
+from eclsim.outputs.registry import unavailable
 from eclsim.outputs.signals import output_names, parameters_read
-from eclsim.parameters import did_you_mean
 from eclsim.parameters.thiel2025 import BOUNDS
 from eclsim.patient.anthropometry import oxygen_consumption
 from eclsim.sensitivity.inputs import DEFAULTS, Uncertainty
+from eclsim.spelling import did_you_mean
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -112,7 +113,7 @@ def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
             checked.wrong(name, "is sought on a logarithmic scale: its lower bound must be above 0")
     for name in settings.bounds:
         if name not in settings.names:
-            hint, allowed = did_you_mean(name, settings.names) or "", ", ".join(settings.names)
+            hint, allowed = did_you_mean(name, settings.names), ", ".join(settings.names)
             checked.wrong(name, "bounds of a parameter that is not free", "", allowed, hint)
     if case.regulation is not None and case.regulation.open_set_points:
         message = "left open, so that of the start values: give it, or fit without [regulation]"
@@ -149,8 +150,7 @@ def check_fit(case: Case, bounds: Mapping[str, tuple[float, float, float]]) -> C
         if value is None and name not in GASES:
             checked.notes.append(Mistake(f"measurements.{name}", "not measured, so not fitted"))
         elif value is not None and name not in known:
-            missing = "has no [gas] section" if name in GASES and case.gas is None else "has no such output"
-            message = f"not fitted: the case {missing}"
+            message = f"not fitted: the case has no such output{unavailable(name, known)}"
             checked.warnings.append(Mistake(f"measurements.{name}", message, shown(value)))
         elif value is not None:
             checked.targets[name] = value
@@ -169,7 +169,7 @@ def _check_bounds(key: str, limits: tuple[float, float, float], checked: Checked
     written, parameter = f"{start:g}, {lower:g} to {upper:g}", quantity(key)
     if parameter is None:
         allowed = f"names that eclsim parameters lists, or keys of sections such as {usual_setting()}"
-        hint = did_you_mean(key, parameters()) or ""
+        hint = did_you_mean(key, parameters())
         checked.wrong(key, "unknown parameter", allowed=allowed, hint=hint)
     elif not all(math.isfinite(number) for number in limits):
         checked.wrong(key, "start and bounds must be finite", written, parameter.allowed)

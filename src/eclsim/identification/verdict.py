@@ -263,8 +263,8 @@ def plausibility(
             continue
         low, high = span.healthy
         sentence = (
-            f"{span.words} {value:.3g} {span.unit}, which is implausible even in severe illness (healthy: "
-            f"{low:.3g} to {high:.3g}): do not read it, nor what follows from it, off this fit"
+            f"{span.description} {value:.3g} {span.unit}, which is implausible even in severe illness "
+            f"(healthy: {low:.3g} to {high:.3g}): do not read it, nor what follows from it, off this fit"
         )
         reasons.append(Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, name, sentence))
     return reasons + [Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", s) for s in broken_limits]

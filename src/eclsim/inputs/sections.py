@@ -14,7 +14,8 @@ from pydantic import BaseModel, ConfigDict, ValidationInfo, model_validator
 from eclsim.inputs.fields import Field, setting
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.numbers import RefusedValueError, is_missing, read_number
-from eclsim.parameters import Parameter, did_you_mean
+from eclsim.parameters import Parameter
+from eclsim.spelling import did_you_mean
 
 MAXIMUM_ID_LENGTH = 64
 CHECKED = {"checked": True}
@@ -193,7 +194,7 @@ def read_name(value: object, field: Field) -> str:
         name = field.aliases.get(name, name)
         if name in field.names:
             return name
-        hint = did_you_mean(name, (*field.names, *field.aliases)) or ""
+        hint = did_you_mean(name, (*field.names, *field.aliases))
         raise RefusedValueError("unknown name", field.allowed, hint)
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         message = "a number; only names are read, as lists of devices and sites differ"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import os
 from collections.abc import Mapping
@@ -13,6 +12,7 @@ from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.cases.resolve import circuit_of, nominal_values, resolve_parameters
 from eclsim.circuit.network import Circuit
 from eclsim.parameters.regulation import SET_POINT, SOLVED_FOR, VENOUS_SET_POINT
+from eclsim.spelling import spelling_hint
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -71,8 +71,7 @@ class Model:
         known = (HEART_RATE, *self.circuit.parameter_names(), *self.circuit.content_names())
         for name in wanted:
             if name not in known:
-                near = difflib.get_close_matches(name, known, n=3)
-                hint = f"; did you mean {', '.join(near)}?" if near else ""
+                hint = spelling_hint(name, known)
                 raise UnknownValueError(f"the circuit of '{self.name}' has no parameter '{name}'{hint}")
         return replace(self, values={**self.values, **wanted})
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -13,7 +12,7 @@ from eclsim.devices.device import Naming
 from eclsim.devices.registry import devices, named_output, namings, registered
 from eclsim.outputs.gas import GAS_OUTPUTS
 from eclsim.outputs.regulation import REGULATED
-from eclsim.parameters import did_you_mean
+from eclsim.spelling import spelling_hint
 from eclsim.units import ML_S_PER_L_MIN
 
 if TYPE_CHECKING:
@@ -31,9 +30,7 @@ class UnknownOutputError(KeyError):
 
     def __str__(self) -> str:
         name, known = self.args[0], all_outputs()
-        nearest = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
-        hint = f"; did you mean {', '.join(nearest)}?" if nearest else ""
-        return f"'{name}' is no output; allowed: {', '.join(known)}{hint}"
+        return f"'{name}' is no output; allowed: {', '.join(known)}{spelling_hint(name, known)}"
 
 
 CHAMBERS = {
@@ -349,8 +346,7 @@ def unavailable(name: str, names: Collection[str]) -> str:
     try:
         entry = output(name)
     except UnknownOutputError:
-        hint = did_you_mean(name, names)
-        return f"; did you mean {hint}?" if hint else ""
+        return spelling_hint(name, names)
     read, had = _reads([entry]), _reads(map(output, names))
     missing = [section for section, brings in _BROUGHT_BY if read & brings and not had & brings]
     known = named_output(name)

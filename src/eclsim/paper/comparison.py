@@ -138,7 +138,7 @@ class Row:
         return replace(self, explanation=Explanation(reason, self.evidence))
 
 
-def near(
+def within(
     name: str,
     expected: float,
     got: float,
@@ -191,8 +191,8 @@ def printed_number(
         other_data: whether the number was measured on patients or circuits that are not ours.
     """
     allowed = 0.5 * 10.0**-decimals if tolerance is None else tolerance
-    evidence = () if explained is None else (near(name, printed, explained, allowed, unit),)
-    row = near(name, printed, got, allowed, unit, explanation=Explanation(reason, evidence), source=section)
+    evidence = () if explained is None else (within(name, printed, explained, allowed, unit),)
+    row = within(name, printed, got, allowed, unit, explanation=Explanation(reason, evidence), source=section)
     return replace(row, decimals=max(decimals, 0), other_data=other_data)
 
 

@@ -190,7 +190,9 @@ def reproduce_crrt(progress: Callable[[str], None] = lambda _: None) -> CrrtComp
         studies.append(crrt_study(case, volume_policy=AS_PUBLISHED))
     study, explained = studies
     rows = [_row(printed, study, explained, unstated) for printed in TEXT]
-    rows += [statement(s.section, s.words, s.holds(study), s.reason, s.holds(explained)) for s in STATEMENTS]
+    rows += [
+        statement(s.section, s.sentence, s.holds(study), s.reason, s.holds(explained)) for s in STATEMENTS
+    ]
     return CrrtComparison(tuple(rows), unstated, study, explained)
 
 
@@ -198,7 +200,7 @@ def _row(printed: Printed, study: CrrtStudy, explained: CrrtStudy, unstated: Unp
     volume = f"{unstated.blood_volume_ml:.0f} mL"
     reason = printed.remark or f"{volume} of blood, which are not printed, bring it nearer"
     row = printed_number(
-        printed.section, printed.words, printed.unit, printed.value, compute(printed, study),
+        printed.section, printed.description, printed.unit, printed.value, compute(printed, study),
         decimals=printed.decimals, tolerance=tolerance_of(printed), explained=compute(printed, explained),
         reason=reason, other_data=printed.other_data,
     )  # fmt: skip
@@ -264,13 +266,13 @@ class Statement:
 
     Args:
         section: where it is printed.
-        words: what is said.
+        sentence: what is said.
         holds: whether it holds for a study.
         reason: said where it does not.
     """
 
     section: str
-    words: str
+    sentence: str
     holds: Callable[[CrrtStudy], bool]
     reason: str = ""
 

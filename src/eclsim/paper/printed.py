@@ -54,7 +54,7 @@ class Printed:
 
     Args:
         section: where it is printed.
-        words: what it is.
+        description: what it is.
         value: as printed.
         unit: of the value.
         decimals: printed ones.
@@ -64,7 +64,7 @@ class Printed:
     """
 
     section: str
-    words: str
+    description: str
     value: float
     unit: str
     decimals: int

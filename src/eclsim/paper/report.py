@@ -147,7 +147,7 @@ def _chapter(
 
 def _captioned(item: Item, svgs: Sequence[str]) -> list[tuple[str, str]]:
     letters = [f" ({'abcdefgh'[k]}, {name})" if len(svgs) > 1 else "" for k, name in enumerate(item.drawings)]
-    return [(svg, f"{item.title}{part}: {item.words}.") for svg, part in zip(svgs, letters, strict=True)]
+    return [(svg, f"{item.title}{part}: {item.caption}.") for svg, part in zip(svgs, letters, strict=True)]
 
 
 def chapter_of(row: Row) -> str:

@@ -126,13 +126,13 @@ class Item:
     Args:
         number: as the paper counts, such as "S-1".
         part: of the recomputation that it belongs to.
-        words: what ours shows.
+        caption: what ours shows.
         drawings: names of its drawings; none for a table.
     """
 
     number: str
     part: str
-    words: str
+    caption: str
     drawings: tuple[str, ...] = ()
 
     @property

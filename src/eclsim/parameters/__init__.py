@@ -7,9 +7,8 @@ from __future__ import annotations
 
 from eclsim.parameters import fluid, gas, physiology, regulation, thiel2025
 from eclsim.parameters.parameter import Bounds, Parameter
-from eclsim.parameters.spelling import did_you_mean, nearest
 
-__all__ = ["Bounds", "Parameter", "did_you_mean", "nearest", "patient_parameters"]
+__all__ = ["Bounds", "Parameter", "patient_parameters"]
 
 
 def patient_parameters() -> dict[str, Parameter]:

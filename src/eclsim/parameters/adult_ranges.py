@@ -26,7 +26,7 @@ class AdultRange:
 
     Args:
         output: name in the registry of outputs.
-        words: what it is.
+        description: what it is.
         unit: of the numbers.
         healthy: smallest and largest value in health.
         plausible: smallest and largest value that an ill adult can have; infinite where none is set.
@@ -34,7 +34,7 @@ class AdultRange:
     """
 
     output: str
-    words: str
+    description: str
     unit: str
     healthy: tuple[float, float]
     plausible: tuple[float, float]

@@ -117,7 +117,7 @@ class Labels:
         place = names.device_place(name) or name if names else name
         positions = {} if names is None else {node: at for at, node in names.device.positions.items()}
         key = f"{positions[place]} ({place})" if place in positions else place
-        return plain_text(plan.places[name].words, 22), plain_text(key, 24), pressure
+        return plain_text(plan.places[name].label, 22), plain_text(key, 24), pressure
 
     def saturation(self, name: str) -> float | None:
         """Oxygen saturation [%] of the blood in a compartment; None where gases are not computed."""
@@ -236,7 +236,7 @@ def _draw_wires(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
     for wire in plan.wires:
         if way := detour(page, wire):
             pen.line(way.path, look_of(labels.groups[wire.name]))
-            pen.label_beside(way.label, [wire.mark.words, labels.flow(wire.name)], way.align)
+            pen.label_beside(way.label, [wire.mark.label, labels.flow(wire.name)], way.align)
             continue
         start, stop = pen.between(page.box(wire.source), page.box(wire.target))
         middle = (0.5 * (start[0] + stop[0]), 0.5 * (start[1] + stop[1]))
@@ -245,7 +245,7 @@ def _draw_wires(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
         pen.symbol(wire.mark.symbol, middle, (stop[0] - start[0], stop[1] - start[1]), look)
         below = wire.source in PATIENT_PLACES and plan.places[wire.source].row[1] >= BODY[1]
         _label_wire(
-            pen, middle, wire.mark.words, labels.flow(wire.name), level=start[1] == stop[1], below=below
+            pen, middle, wire.mark.label, labels.flow(wire.name), level=start[1] == stop[1], below=below
         )
 
 
@@ -271,7 +271,7 @@ def _draw_lines(pen: Pen, plan: Plan, page: Layout, labels: Labels, paths: Mappi
         # Tips of cannulae point to the patient.
         pen.symbol(line.mark.symbol, stub_middle(page, line), (0.0, -1.0), look)
         at, align = stub_label(plan, page, line)
-        pen.label_beside(at, [line.mark.words, labels.flow(line.name)], align)
+        pen.label_beside(at, [line.mark.label, labels.flow(line.name)], align)
 
 
 def _draw_bridges(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
@@ -285,7 +285,7 @@ def _draw_bridges(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
         middle = (MIDDLE, into[-1][1] + PUMP_RADIUS * (1.0 if direction > 0 else -1.0))
         pen.symbol(bridge.mark.symbol, middle, (0.0, direction), look)
         at, align = bridge_label(plan, page, bridge)
-        lines = [plain_text(bridge.mark.words, 24), labels.flow(bridge.name), labels.head(bridge.name)]
+        lines = [plain_text(bridge.mark.label, 24), labels.flow(bridge.name), labels.head(bridge.name)]
         pen.label_beside(at, lines, align)
 
 

@@ -52,11 +52,11 @@ _PATIENT_HEIGHTS = {
 
 @dataclass(frozen=True)
 class Place:
-    """Place of one compartment: row, middle of its column [mm], words, and the side that faces the lanes."""
+    """Place of one compartment: row, middle of its column [mm], label, and the side that faces the lanes."""
 
     row: Row
     x: float
-    words: str
+    label: str
     side: Side
 
 
@@ -289,7 +289,7 @@ def _device_places(names: Naming, compartments: Sequence[str]) -> dict[str, Plac
     for name, box in boxes.items():
         assert box is not None  # all have one
         side: Side = "up" if box.row == 0 else "left" if box.column == 0 else "right"
-        result[name] = Place((names.key, box.row), COLUMNS[box.column], box.words, side)
+        result[name] = Place((names.key, box.row), COLUMNS[box.column], box.label, side)
     return result
 
 
@@ -313,7 +313,7 @@ def _mark(names: Naming, connection: Connection) -> Mark:
     symbol = "roller" if law.given_flow else "valve" if law.one_way else "tube"
     mark = names.device.marks.get(own) or Mark(symbol, names.device.connections.get(own, own))
     alone = not names.device.compartments
-    label = f"{mark.words} {names.name}".strip() if alone else mark.words
+    label = f"{mark.label} {names.name}".strip() if alone else mark.label
     return Mark("roller" if law.given_flow else mark.symbol, label)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from eclsim.circuit.network import Choice, Circuit
 from eclsim.devices.registry import SCHEME, devices, parameter_of, parameters
 from eclsim.outputs.registry import unavailable
-from eclsim.parameters import did_you_mean
+from eclsim.spelling import spelling_hint
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -228,9 +228,8 @@ def unknown_names(names: Sequence[str], known: Sequence[str], kind: str) -> list
     wrong = []
     for name in dict.fromkeys(names):
         if name not in known:
-            hint = did_you_mean(name, known)
             allowed = f"; allowed: {', '.join(known)}" if len(known) <= MOST_LISTED else ""
-            wrong.append(f"{name}: no {kind}" + (f"; did you mean {hint}?" if hint else allowed))
+            wrong.append(f"{name}: no {kind}{spelling_hint(name, known) or allowed}")
     return wrong
 
 

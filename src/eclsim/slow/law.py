@@ -40,13 +40,13 @@ class Shown(NamedTuple):
     Attributes:
         name: such as "urea".
         unit: of its values.
-        words: what it is.
+        description: what it is.
         values: of shape (members,).
     """
 
     name: str
     unit: str
-    words: str
+    description: str
     values: np.ndarray
 
 

@@ -20,7 +20,7 @@ from eclsim.components.dialysis import (
     clearance,
     removed,
 )
-from eclsim.paper.comparison import Check, Explanation, Row, near
+from eclsim.paper.comparison import Check, Explanation, Row, within
 
 TROYANOV = "Troyanov et al. 2003 (Nephrol Dial Transplant), AN69 filter M-100, abstract"
 MAY = "May et al. 2017 (10.1186/s40635-017-0132-7), scaled from the bench, abstract"
@@ -51,10 +51,10 @@ def _filtration() -> list[Row]:
             filtered = flow_l_h * 1000.0 / 60.0
             ratio = float(clearance(water, _fluids(after=filtered), solute)) / filtered
             label = f"{name}, {flow_l_h} L/h behind the filter: effluent over plasma (sets sieving)"
-            rows.append(near(label, 1.0, ratio, 0.05, source=TROYANOV))
+            rows.append(within(label, 1.0, ratio, 0.05, source=TROYANOV))
         lost = 100.0 * (1.0 - float(clearance(water, _fluids(before=75.0), solute)) / 75.0)
         label = f"{name}, 4.5 L/h before the filter: clearance lost"
-        rows.append(near(label, 40.0, lost, 5.0, "%", source=TROYANOV))
+        rows.append(within(label, 40.0, lost, 5.0, "%", source=TROYANOV))
     return rows
 
 
@@ -86,7 +86,7 @@ def respiratory_dialysis() -> list[Row]:
         ("test", high, 100.0, 117.8, 3.8),
     )
     return [
-        near(
+        within(
             f"CO2 removed, blood {blood:.0f} mL/min, PCO2 {pco2:.0f} mmHg ({use})", expected,
             removal(blood, pco2, fitted), spread, "mL/min", source=MAY,
             explanation=None if use == "fit" else UNKNOWN_BLOOD,

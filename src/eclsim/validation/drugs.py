@@ -20,7 +20,7 @@ from eclsim.cases.reading import read_mapping
 from eclsim.orbit.model import Model, model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
-from eclsim.paper.comparison import Check, Explanation, Row, near
+from eclsim.paper.comparison import Check, Explanation, Row, within
 from eclsim.parameters.regulation import EXTRA_VOLUME, dose
 from eclsim.validation.matching import with_quantities
 from eclsim.validation.reference_cases import read_table
@@ -234,13 +234,13 @@ def _arm_rows(arm: Arm) -> list[Row]:
         label = f"{arm.study}, {arm.label}: {words} ({use})"
         way = np.sign(got - before) * (abs(got - before) > 1e-3 * before)
         if row["after"] == RISES:
-            result.append(near(f"{label}: sign", 1.0, way, 0.5, source=source, explanation=why))
+            result.append(within(f"{label}: sign", 1.0, way, 0.5, source=source, explanation=why))
             continue
         wanted, error = expected(row, before), uncertainty(row, before)
-        result.append(near(label, wanted, got, 2.0 * error, unit, source=source, explanation=why))
+        result.append(within(label, wanted, got, 2.0 * error, unit, source=source, explanation=why))
         if use == "test" and abs(wanted - before) > 0.999 * error:  # one error whatever the last digits
             sign = np.sign(wanted - before)
-            result.append(near(f"{label}: sign", sign, way, 0.5, source=source, explanation=why))
+            result.append(within(f"{label}: sign", sign, way, 0.5, source=source, explanation=why))
     return result
 
 
@@ -262,6 +262,6 @@ def _noradrenaline_reduced() -> list[Row]:
         Row("Adda 2021: mean systemic pressure (test)", change(high, 0), -19.0, -4.0, "%", -9.0, source=ADDA),
         Row("Persichini 2012: mean systemic pressure (test)", change(high, 2), -32.0, -11.0, "%", -21.2,
             source=f"{PERSICHINI}; 2 standard errors of 12 and 10 mmHg"),
-        near("Adda 2021: rise of mean systemic pressure with raised legs, high over low dose (test)",
-             13.0 / 11.0, float(rise[0] / rise[1]), 0.15, source=ADDA, explanation=stiff),
+        within("Adda 2021: rise of mean systemic pressure with raised legs, high over low dose (test)",
+               13.0 / 11.0, float(rise[0] / rise[1]), 0.15, source=ADDA, explanation=stiff),
     ]  # fmt: skip

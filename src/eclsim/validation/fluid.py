@@ -20,7 +20,7 @@ from eclsim.fluid.solutes import CarbonDioxideLaw
 from eclsim.orbit.model import Model, model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
-from eclsim.paper.comparison import YES_NO, Check, Explanation, Row, near
+from eclsim.paper.comparison import YES_NO, Check, Explanation, Row, within
 from eclsim.parameters.fluid import STORES_HOLD
 from eclsim.parameters.regulation import EXTRA_VOLUME
 from eclsim.slow.law import INFLOWS
@@ -135,13 +135,13 @@ def _filtration() -> list[Row]:
             f"refill is too quick at the published mean; at {LOW_COEFFICIENT:g} mL/min/mmHg, 1.07 of its "
             "standard deviations lower, the fall is as measured"
         )
-        evidence = (near(label, expected, tight, spread, unit),)
-        return near(
+        evidence = (within(label, expected, tight, spread, unit),)
+        return within(
             label, expected, usual, spread, unit, source=source, explanation=Explanation(reason, evidence)
         )
 
     return [
-        near(
+        within(
             "filtration coefficient (fit of the source)", 10.0,
             as_published.model.values["fluid.filtration_ml_min_mmHg"], 8.4, "mL/min/mmHg", source=PIETRIBIASI,
         ),
@@ -193,12 +193,12 @@ def _standing() -> list[Row]:
     )
     early = float(np.interp(3.0, time, lost))
     return [
-        near("plasma lost on standing, 3 min (test)", 8.5, early, 0.8, "%", source=LUNDVALL,
-             explanation=whole),
-        near("plasma lost on standing, 35 min (test)", 17.4, lost[-1], 1.8, "%", source=LUNDVALL,
-             explanation=whole),
-        near("time constant of the loss on standing (test)", 4.6, tau, 0.8, "min", source=HELDT,
-             explanation=whole),
+        within("plasma lost on standing, 3 min (test)", 8.5, early, 0.8, "%", source=LUNDVALL,
+               explanation=whole),
+        within("plasma lost on standing, 35 min (test)", 17.4, lost[-1], 1.8, "%", source=LUNDVALL,
+               explanation=whole),
+        within("time constant of the loss on standing (test)", 4.6, tau, 0.8, "min", source=HELDT,
+               explanation=whole),
         Row("the same, other men in the literature (test)", tau, 4.0, 12.2, "min", source=HELDT),
         Row("half of it back after lying down, 15 min stood (test)", back, 0.0, 6.0, "min", 6.0,
             explanation=whole, source=LYING_DOWN),
@@ -214,7 +214,7 @@ def _haemorrhage() -> list[Row]:
         bled, rest = patient.at(np.full(1, -1000.0)), patient.at(np.zeros(1))
         given = float((rest["unstressed_volume"] - bled["unstressed_volume"])[0])
         label = f"1 L lost at once, {reflex}: blood that veins give (test)"
-        rows.append(near(label, 500.0, given, 250.0, "mL", source=f"{HELDT}; half of it taken as spread"))
+        rows.append(within(label, 500.0, given, 250.0, "mL", source=f"{HELDT}; half of it taken as spread"))
         rows += _bled(reflex, _healthy(regulation=regulation).model)
     return rows
 
@@ -239,14 +239,14 @@ def _bled(reflex: str, man: Model) -> list[Row]:
     )
     source = f"{BLED}; half of it taken as spread"
     return [
-        near(f"0.9 L lost, {reflex}: cardiac output (test)", -28.0, change(flow), 14.0, "%", source=source,
-             explanation=stiff),
-        near(f"0.9 L lost, {reflex}: heart rate (test)", 0.0, change(rate), 8.0, "%",
-             source=f"{BLED}; unchanged, 8 % taken as spread", explanation=stiff),
-        near(f"0 to 1 L lost, {reflex}: MAP for each mmHg of CVP (test)", 0.13, slope(pressure, venous), 0.52,
-             "1", source=JOHNSON, explanation=stiff),
-        near(f"0 to 1 L lost, {reflex}: heart rate for each mmHg of pulse pressure (test)", -0.46,
-             slope(rate, systolic - diastolic), 0.54, "1/min/mmHg", source=JOHNSON, explanation=stiff),
+        within(f"0.9 L lost, {reflex}: cardiac output (test)", -28.0, change(flow), 14.0, "%", source=source,
+               explanation=stiff),
+        within(f"0.9 L lost, {reflex}: heart rate (test)", 0.0, change(rate), 8.0, "%",
+               source=f"{BLED}; unchanged, 8 % taken as spread", explanation=stiff),
+        within(f"0 to 1 L lost, {reflex}: MAP for each mmHg of CVP (test)", 0.13, slope(pressure, venous),
+               0.52, "1", source=JOHNSON, explanation=stiff),
+        within(f"0 to 1 L lost, {reflex}: heart rate for each mmHg of pulse pressure (test)", -0.46,
+               slope(rate, systolic - diastolic), 0.54, "1/min/mmHg", source=JOHNSON, explanation=stiff),
     ]  # fmt: skip
 
 
@@ -259,13 +259,13 @@ def _stores() -> list[Row]:
     slow, fast = (_after_sweep(rpm) for rpm in (1400.0, 2500.0))
     settled = (fast[50] - fast[0]) / (fast[-1] - fast[0])
     return [
-        near(
+        within(
             "PaCO2 settled 50 min after a change of sweep, 3.5 L/min (test)", 100.0, 100.0 * settled,
             10.0, "%", source=MENDES,
         ),
         Row("3.5 L/min: sweep 3 to 10 L/min lowers PaCO2 (test)", float(fast[50] < fast[0] - 2.0), 1.0, 1.0,
             YES_NO, 1.0, source=MENDES),
-        near(
+        within(
             "1.5 L/min: change of PaCO2 with sweep 3 to 10 L/min (test)", 0.0, slow[50] - slow[0], 5.0,
             "mmHg", source=MENDES, explanation=unmet,
         ),

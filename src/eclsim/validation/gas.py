@@ -21,7 +21,7 @@ from eclsim.components.exchangers import BTPS_TO_STPD, DRY_MMHG, FLOWMETER_TO_ST
 from eclsim.devices.ecmo import ECMO, OXYGENATORS
 from eclsim.orbit.model import Model, model_of
 from eclsim.outputs.results import simulate_many
-from eclsim.paper.comparison import Check, Explanation, Row, at_least, near
+from eclsim.paper.comparison import Check, Explanation, Row, at_least, within
 from eclsim.validation.dialysis import respiratory_dialysis
 from eclsim.validation.gas_bench import ADULT, single_pass, veno_venous
 from eclsim.validation.reference_cases import DATA, PROTOCOLS
@@ -279,7 +279,7 @@ def _reasons(numbers: Mapping[str, float]) -> dict[str, Explanation]:
     pigs = Explanation(
         f"a membrane of {lower:.2f} times the constant by area gives all three: another device",
         tuple(
-            near(
+            within(
                 f"{a} m2, sweep 8 L/min, with that constant",
                 value,
                 _strassmann(lower, a, 8),
@@ -421,7 +421,7 @@ def _faster(numbers: Mapping[str, float]) -> Explanation:
         f"{100 * (numbers['falk flow'] - 1):.0f} % more flow gives theirs",
         (
             at_least("consumption that the oxygenator no longer gives", numbers["falk lost"], 0.0, "%"),
-            near("saturation before the oxygenator with that flow", 74.0, numbers["falk faster"], 3.7, "%"),
+            within("saturation before the oxygenator with that flow", 74.0, numbers["falk faster"], 3.7, "%"),
         ),
         undecided=True,
     )

@@ -18,7 +18,7 @@ from eclsim.devices.ecmo import CANNULAE, ECMO, PUMPS, RollerPump
 from eclsim.orbit.model import AS_PUBLISHED, model_of
 from eclsim.outputs.registry import output
 from eclsim.outputs.results import simulate
-from eclsim.paper.comparison import Check, Explanation, Row, near
+from eclsim.paper.comparison import Check, Explanation, Row, within
 from eclsim.paper.crrt import compute, paper_case, with_blood_volume
 from eclsim.paper.printed import (
     AT_CASE,
@@ -80,13 +80,13 @@ def _text_row(printed: Printed, what: OverSchemes | OfScheme) -> Row:
     tolerance = max(10.0**-printed.decimals, TEXT_RELATIVE * abs(printed.value))
     source = f"Thiel et al., section {printed.section.partition(',')[0]}"
     got = compute(printed, text_study())
-    row = near(label, printed.value, got, tolerance, printed.unit, source=source)
+    row = within(label, printed.value, got, tolerance, printed.unit, source=source)
     if row.holds:
         return row
     smaller = compute(printed, text_study(SMALLER_PATIENT_ML))
     label = f"{label}, {SMALLER_PATIENT_ML:.0f} mL"
-    shown = Explanation(PATIENT_UNKNOWN, (near(label, printed.value, smaller, tolerance, printed.unit),))
-    return near(row.name, printed.value, got, tolerance, printed.unit, explanation=shown, source=source)
+    shown = Explanation(PATIENT_UNKNOWN, (within(label, printed.value, smaller, tolerance, printed.unit),))
+    return within(row.name, printed.value, got, tolerance, printed.unit, explanation=shown, source=source)
 
 
 # --- devices: the published constants against bench data that they were not fitted to -------------
@@ -117,7 +117,7 @@ def _bench_row(row: dict[str, str]) -> Row:
     else:
         resistance = CANNULAE[row["device"]].resistance(float(row["size_fr"]))
         got, tolerance = math.sqrt(float(row["pressure_mmhg"]) / resistance), OTHER_MAKER * expected
-    return near(label, expected, got, tolerance, row["unit"], source=source)
+    return within(label, expected, got, tolerance, row["unit"], source=source)
 
 
 # --- a healthy adult: the reference case of a healthy man against norms ---------------------------
@@ -157,7 +157,7 @@ def _norm_row(row: dict[str, str], result: xr.Dataset) -> Row:
     label = name if name in DERIVED else str(result[name].attrs["long_name"])
     if row["middle"]:
         middle, spread = float(row["middle"]), float(row["spread"])
-        return near(label, middle, got, 2.0 * spread, row["unit"], source=source)
+        return within(label, middle, got, 2.0 * spread, row["unit"], source=source)
     return Row(label, got, float(row["low"]), float(row["high"]), row["unit"], source=source)
 
 
@@ -183,7 +183,7 @@ def effects_checks() -> list[Check]:
 
 def _sign(name: str, expected: float, got: float, source: str) -> Row:
     wanted = math.copysign(1.0, expected)
-    return near(f"{name}: sign", wanted, math.copysign(1.0, got), 0.5, source=source)
+    return within(f"{name}: sign", wanted, math.copysign(1.0, got), 0.5, source=source)
 
 
 @lru_cache(maxsize=4)
@@ -206,7 +206,7 @@ def ecmo_rows() -> list[Row]:
         label = f"{row['study']}: {output(name).long_name}"
         rows.append(_sign(label, expected, got, row["source"]))
         change = (100 * expected, 100 * got, 100 * spread)
-        rows.append(near(f"{label}: change", *change, "%", source=row["source"]))
+        rows.append(within(f"{label}: change", *change, "%", source=row["source"]))
     return rows
 
 
@@ -224,13 +224,13 @@ def crrt_rows() -> list[Row]:
             measured[quantity, scheme] = printed.value
             label, spread = f"scheme {scheme}: {QUANTITIES[quantity]}", WU_SPREAD_MMHG[quantity, scheme]
             got = pressure(quantity, scheme)
-            rows.append(near(label, printed.value, got, spread, "mmHg", source=EFFECTS["lines"]))
+            rows.append(within(label, printed.value, got, spread, "mmHg", source=EFFECTS["lines"]))
     label = "return line moved from pre oxygenator to pre pump: return pressure"
     expected = measured["Pcrrttuout", "c"] - measured["Pcrrttuout", "g"]
     change = pressure("Pcrrttuout", "c") - pressure("Pcrrttuout", "g")
     spread = math.hypot(WU_SPREAD_MMHG["Pcrrttuout", "c"], WU_SPREAD_MMHG["Pcrrttuout", "g"])
     rows.append(_sign(label, expected, change, source=EFFECTS["lines"]))
-    rows.append(near(f"{label}, change", expected, change, spread, "mmHg", source=EFFECTS["lines"]))
+    rows.append(within(f"{label}, change", expected, change, spread, "mmHg", source=EFFECTS["lines"]))
     for quantity in ("Pcrrttuin", "Pcrrttuout"):
         rise = pressure(quantity, "g", HIGH) - pressure(quantity, "g", LOW)
         label = f"{EFFECTS['rising_label']}: {QUANTITIES[quantity]}"
@@ -247,7 +247,7 @@ def lvad_rows() -> list[Row]:
             got = float(high[name] - low[name]) * step / (last - first)
             label, unit = f"{pump} +{step:g} rpm: {output(name).long_name}", output(name).unit
             rows.append(_sign(label, expected, got, source=EFFECTS["ramp"]))
-            rows.append(near(f"{label}, change", expected, got, spread, unit, source=EFFECTS["ramp"]))
+            rows.append(within(f"{label}, change", expected, got, spread, unit, source=EFFECTS["ramp"]))
     return rows
 
 

@@ -11,7 +11,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eclsim.paper.comparison import Check, Explanation, Row, near
+from eclsim.paper.comparison import Check, Explanation, Row, within
 from eclsim.paper.printed import AT_CASE, MEDIAN, TEXT, OfScheme, OverSchemes, Printed
 from eclsim.reporting.beat_values import beat_mean, scalar
 
@@ -122,7 +122,7 @@ def output_rows(name: str) -> list[Row]:
     for output, expected in expected_results()[name]["outputs"].items():
         unit = str(result[output].attrs["units"])
         tolerance = max(RELATIVE * abs(expected), ABSOLUTE[unit])
-        rows.append(near(f"{name} {output}", expected, float(result[output]), tolerance, unit))
+        rows.append(within(f"{name} {output}", expected, float(result[output]), tolerance, unit))
     return rows
 
 
@@ -134,7 +134,7 @@ def waveform_rows(name: str) -> list[Row]:
         for kind, value in waveform_statistics(result, signal).items():
             label, unit = f"{name} {signal} {kind}", WAVEFORM_UNITS[signal[0]]
             why = explanation(label, expected[kind], value, tolerance)
-            rows.append(near(label, expected[kind], value, tolerance, unit, explanation=why))
+            rows.append(within(label, expected[kind], value, tolerance, unit, explanation=why))
     return rows
 
 
@@ -164,8 +164,8 @@ def explanation(label: str, expected: float, got: float, tolerance: float) -> Ex
     return Explanation(
         PUBLISHED_LAWS,
         (
-            near(f"{label}, with the published laws", expected, published, room, unit),
-            near(f"{label}, with eclsim's laws, when this was shown", eclsim_value, got, room, unit),
+            within(f"{label}, with the published laws", expected, published, room, unit),
+            within(f"{label}, with eclsim's laws, when this was shown", eclsim_value, got, room, unit),
         ),
     )
 
@@ -188,7 +188,7 @@ def demo_rows(result: xr.Dataset) -> list[Row]:
         expected = expected_results()[PAPER_PATIENT]["outputs"][name]
         unit, tolerance = str(result[name].attrs["units"]), RELATIVE * expected
         source = "published code, 120 s"
-        rows.append(near(name, expected, float(result[name]), tolerance, unit, source=source))
+        rows.append(within(name, expected, float(result[name]), tolerance, unit, source=source))
     return rows
 
 
@@ -209,4 +209,4 @@ def _demo_row(printed: Printed, result: xr.Dataset) -> Row:
     median = ", median of nine schemes" if isinstance(printed.what, OverSchemes) else ""
     source = f"paper, section {printed.section.partition(',')[0]}{median}"
     got = beat_mean(result, name) if value is None else value
-    return near(name, printed.value, got, tolerance, printed.unit, source=source)
+    return within(name, printed.value, got, tolerance, printed.unit, source=source)

@@ -18,7 +18,7 @@ from eclsim.devices.lvad import LVAD
 from eclsim.orbit.model import PATIENT_HELD, Model, model_of
 from eclsim.outputs.registry import output
 from eclsim.outputs.results import simulate
-from eclsim.paper.comparison import Check, Explanation, Row, near
+from eclsim.paper.comparison import Check, Explanation, Row, within
 from eclsim.parameters.regulation import EXTRA_VOLUME
 from eclsim.regulation import ursino1998
 from eclsim.regulation.attach import REFLEXES
@@ -50,7 +50,7 @@ def adult(heart_rate: float, weight_kg: float = 70.0, **sections: object) -> Mod
 
 
 def _sign(name: str, expected: float, got: float, source: str, why: Explanation | None = None) -> Row:
-    return near(f"{name}: sign", np.sign(expected), np.sign(got), 0.5, source=source, explanation=why)
+    return within(f"{name}: sign", np.sign(expected), np.sign(got), 0.5, source=source, explanation=why)
 
 
 # --- curves ---------------------------------------------------------------------------------------
@@ -65,9 +65,9 @@ def curve_rows() -> list[Row]:
         carotid = ursino1998.carotid_firing(pressure - ursino1998.SET_POINT_MMHG)
         tolerance = 0.005 if pressure > 90.0 else 0.05
         points += [
-            near(f"{pressure:g} mmHg: carotid firing", firing, float(carotid), 0.005, "1/s", source=URSINO),
-            near(f"{pressure:g} mmHg: sympathetic firing", sympathetic,
-                 float(ursino1998.sympathetic_firing(carotid)), tolerance, "1/s", source=URSINO),
+            within(f"{pressure:g} mmHg: carotid firing", firing, float(carotid), 0.005, "1/s", source=URSINO),
+            within(f"{pressure:g} mmHg: sympathetic firing", sympathetic,
+                   float(ursino1998.sympathetic_firing(carotid)), tolerance, "1/s", source=URSINO),
         ]  # fmt: skip
     heart, resistance = (
         next(e for e in model.effectors if e.parameter == name) for name in ("Emaxlv", "Rmc")
@@ -76,16 +76,18 @@ def curve_rows() -> list[Row]:
     low = dict(zip(model.acts_on, map(float, model.steady_effects([-32.0], 1.0, 5300.0)), strict=True))
     change = float(ursino1998.sympathetic_effect(-32.0) - ursino1998.sympathetic_effect(0.0))
     points += [
-        near("92 mmHg: elastance", 2.92, heart.reference[0], 0.01, "mmHg/mL", source=URSINO),
-        near("60 mmHg: elastance", 3.50, heart.reference[0] * low["Emaxlv"], 0.01, "mmHg/mL", source=URSINO),
-        near("92 mmHg: splanchnic resistance", 3.25, resistance.reference[0], 0.01, "mmHg s/mL",
-             source=URSINO),
-        near("60 mmHg: splanchnic resistance", 4.11, resistance.reference[0] + 0.695 * change, 0.01,
-             "mmHg s/mL", source=URSINO),
-        near("92 mmHg: heart period", 0.866, rate.reference[0], 0.001, "s", source=URSINO),
-        near("60 mmHg: heart period", 0.58, rate.reference[0] / low["heart_rate_bpm"], 0.005, "s",
-             source=URSINO),
-        near("60 mmHg: blood from the veins", 487.0, -low["unstressed_volume_ml"], 5.0, "mL", source=URSINO),
+        within("92 mmHg: elastance", 2.92, heart.reference[0], 0.01, "mmHg/mL", source=URSINO),
+        within("60 mmHg: elastance", 3.50, heart.reference[0] * low["Emaxlv"], 0.01, "mmHg/mL",
+               source=URSINO),
+        within("92 mmHg: splanchnic resistance", 3.25, resistance.reference[0], 0.01, "mmHg s/mL",
+               source=URSINO),
+        within("60 mmHg: splanchnic resistance", 4.11, resistance.reference[0] + 0.695 * change, 0.01,
+               "mmHg s/mL", source=URSINO),
+        within("92 mmHg: heart period", 0.866, rate.reference[0], 0.001, "s", source=URSINO),
+        within("60 mmHg: heart period", 0.58, rate.reference[0] / low["heart_rate_bpm"], 0.005, "s",
+               source=URSINO),
+        within("60 mmHg: blood from the veins", 487.0, -low["unstressed_volume_ml"], 5.0, "mL",
+               source=URSINO),
     ]  # fmt: skip
     for name, reflex in REFLEXES.items():
         rest = [0.0] * (len(reflex.reads) - 1)
@@ -95,7 +97,7 @@ def curve_rows() -> list[Row]:
         gain = 1000.0 * period * (1.0 / above - 1.0 / below)
         label = f"{name}: heart period per pressure"
         points.append(
-            near(label, RR_GAIN, gain, RR_GAIN_SD, "ms/mmHg", source="pooled healthy people, by Heldt 2004")
+            within(label, RR_GAIN, gain, RR_GAIN_SD, "ms/mmHg", source="pooled healthy people, by Heldt 2004")
         )
     return points
 
@@ -116,11 +118,11 @@ def haemorrhage_rows() -> list[Row]:
         rest = adult(75.0, regulation={"baroreflex": 1.0, "model": name})
         before, after = simulate(rest), simulate(rest.with_values({EXTRA_VOLUME: -1000.0}))
         given = -float(after["unstressed_volume"])
-        rows.append(near(f"{name}: blood from veins", 500.0, given, 250.0, "mL", source=BLED))
+        rows.append(within(f"{name}: blood from veins", 500.0, given, 250.0, "mL", source=BLED))
         for quantity in ("heart_rate", "CO", "systemic_resistance_factor"):
             change = 100.0 * float(after[quantity] / before[quantity] - 1.0)
             label = f"{name}: {output(quantity).long_name}, change"
-            rows.append(near(label, 0.0, change, 10.0, "%", source=BLED, explanation=STRESSED))
+            rows.append(within(label, 0.0, change, 10.0, "%", source=BLED, explanation=STRESSED))
     return rows
 
 
@@ -179,7 +181,7 @@ def ecmo_rows() -> Iterator[Row]:
             yield _sign(f"{label}, volume held", expected, changes[0], row["source"], why)
             yield sign
             numbers = (100.0 * expected, 100.0 * changes[1], 100.0 * spread)
-            yield near(f"{label}, right atrial pressure held: change", *numbers, "%", source=row["source"])
+            yield within(f"{label}, right atrial pressure held: change", *numbers, "%", source=row["source"])
 
 
 # --- LVAD ramps -----------------------------------------------------------------------------------
@@ -211,7 +213,7 @@ def lvad_rows() -> Iterator[Row]:
                 label, unit = f"{pump} +{step:g} rpm, {reflex}: {output(name).long_name}", output(name).unit
                 if expected:
                     yield _sign(label, expected, got, RAMP)
-                yield near(f"{label}, change", expected, got, spread, unit, source=RAMP)
+                yield within(f"{label}, change", expected, got, spread, unit, source=RAMP)
 
 
 # --- another model --------------------------------------------------------------------------------
@@ -254,5 +256,5 @@ def _donker(tone: str, **sections: object) -> list[Row]:
     for name, (expected, got, unit) in changes.items():
         label = f"{tone}, {name}"
         rows.append(_sign(label, expected, got, DONKER))
-        rows.append(near(label, expected, got, 0.5 * abs(expected), unit, source=DONKER))
+        rows.append(within(label, expected, got, 0.5 * abs(expected), unit, source=DONKER))
     return rows

@@ -25,7 +25,7 @@ from eclsim.outputs.independent import simulate_adaptive
 from eclsim.outputs.registry import contract, output
 from eclsim.outputs.results import derivatives, simulate
 from eclsim.outputs.steady_beat import steady_beat
-from eclsim.paper.comparison import Check, Explanation, Row, at_most, near
+from eclsim.paper.comparison import Check, Explanation, Row, at_most, within
 from eclsim.parameters import shi_hose2009
 from eclsim.patient.circulation import shi_hose_circulation
 from eclsim.validation.effort import Effort
@@ -73,7 +73,7 @@ def _both(name: str) -> list[Row]:
         if entry.name in result:
             expected, got = float(other[entry.name]), float(result[entry.name])
             tolerance = max(RELATIVE * abs(expected), ABSOLUTE[entry.unit])
-            rows.append(near(f"{name} {entry.name}", expected, got, tolerance, entry.unit))
+            rows.append(within(f"{name} {entry.name}", expected, got, tolerance, entry.unit))
     return rows
 
 
@@ -130,7 +130,7 @@ def shi_hose_check() -> Check:
         expected, got = float(row["value"]), _shi_hose_value(row["output"])
         last_digit = 0.5 * 10.0 ** -len(row["value"].partition(".")[2])
         tolerance = max(RELATIVE * expected, last_digit)
-        rows.append(near(row["output"], expected, got, tolerance, row["unit"], source=SHI_HOSE_SOURCE))
+        rows.append(within(row["output"], expected, got, tolerance, row["unit"], source=SHI_HOSE_SOURCE))
     title = "Shi and Hose 2009 (CellML) at the periodic state"
     return Check("shi-hose", title, "0.1 % of each scalar", tuple(rows))
 
@@ -253,5 +253,5 @@ def _rows(
         for k, parameter in enumerate(computed.parameters):
             label, unit = f"{case} d {name} / d ln {parameter}", output(name).unit
             why = explanations[len(rows)] if explanations else None
-            rows.append(near(label, expected[i, k], got[i, k], tolerance, unit, explanation=why))
+            rows.append(within(label, expected[i, k], got[i, k], tolerance, unit, explanation=why))
     return rows

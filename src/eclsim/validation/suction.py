@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from eclsim.cases.reading import read_mapping
+from eclsim.devices.ecmo import ECMO
 from eclsim.orbit.model import PATIENT_HELD, Model, model_of
 from eclsim.outputs.results import simulate, simulate_many
-from eclsim.paper.comparison import Check, Row, near
+from eclsim.paper.comparison import Check, Row, within
 from eclsim.parameters.regulation import EXTRA_VOLUME
 from eclsim.validation.matching import with_outputs
 
@@ -19,7 +20,7 @@ COLLAPSED = "Molegraaf and others, venous collapse in a mock circulation and in 
 NORMAL_L_MIN, SHORT_L_MIN = 3.1, 2.3
 SHORT_MMHG, SPREAD_MMHG = -114.0, 52.0
 """Flow with and without enough blood at one speed, and the pressure of the venous line then [mmHg]."""
-SPEED = "ecmo.speed_rpm"
+SPEED = f"{ECMO.key}.speed_rpm"
 LOST_ML = -740.0
 """Where the search for the blood that is missing begins."""
 UNLIKE = (
@@ -45,7 +46,7 @@ def patient(collapsible: bool = True, volume_ml: float = 0.0) -> Model:
             "collapsible_veins": collapsible,
         },
         "fluid": {"extra_volume_ml": volume_ml},
-        "ecmo": {
+        ECMO.key: {
             "pump": "Rotaflow", "speed_rpm": 3000, "oxygenator": "Quadrox-i Adult", "mode": "VA",
             "drainage_fr": 25, "return_fr": 19,
         },
@@ -62,9 +63,9 @@ def suction_check() -> Check:
     words = f"as much blood lost as lowers {NORMAL_L_MIN} to {SHORT_L_MIN} L/min: drainage pressure"
     gains = [_gain(one) for one in (filled, short)]
     rows: list[Row] = [
-        near(words, SHORT_MMHG, pressure, SPREAD_MMHG, "mmHg", source=SIMONS),
-        near("a step of speed changes the flow less in collapse: sign", -1.0,
-             float(np.sign(gains[1] - gains[0])), 0.5, source=COLLAPSED),
+        within(words, SHORT_MMHG, pressure, SPREAD_MMHG, "mmHg", source=SIMONS),
+        within("a step of speed changes the flow less in collapse: sign", -1.0,
+               float(np.sign(gains[1] - gains[0])), 0.5, source=COLLAPSED),
     ]  # fmt: skip
     bar = "1 standard deviation, sign; compared, not required"
     return Check(

@@ -37,6 +37,12 @@ def nearest(word: str, candidates: Iterable[str], count: int = 3) -> tuple[str, 
     return tuple(by_lower_case[name] for name in result if likeness[name] > likeness[result[0]] - _SPREAD)
 
 
-def did_you_mean(word: str, candidates: Iterable[str]) -> str | None:
-    """The nearest spellings as one phrase ("Rmc or Rpmc"), or None where nothing is near."""
-    return " or ".join(nearest(word, candidates)) or None
+def did_you_mean(word: str, candidates: Iterable[str]) -> str:
+    """The nearest spellings as one phrase ("Rmc or Rpmc"); empty where nothing is near."""
+    return " or ".join(nearest(word, candidates))
+
+
+def spelling_hint(word: str, candidates: Iterable[str]) -> str:
+    """End of a message about a misspelt name, "; did you mean Rmc or Rpmc?"; empty where nothing is near."""
+    phrase = did_you_mean(word, candidates)
+    return f"; did you mean {phrase}?" if phrase else ""
