@@ -11,7 +11,7 @@ import xarray as xr
 
 from eclsim.outputs.results import simulate_many
 from eclsim.reporting.style import OKABE_ITO, figure_style
-from eclsim.validation.suction import patient
+from eclsim.validation.fluid import patient
 
 SPEEDS = np.arange(1500.0, 5001.0, 250.0)
 VOLUMES_ML = (-300.0, -700.0)

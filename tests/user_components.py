@@ -6,8 +6,7 @@ from typing import Any
 import jax.numpy as jnp
 
 from eclsim.components import Activation, Path, Storage
-from eclsim.components.base import Key, value_of
-from eclsim.components.controllers import Controller, ControlState
+from eclsim.components.base import Controller, ControlState, Key, value_of
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from eclsim.app.beat import POINTS, compute_beat, plain
-from eclsim.app.circuits import page_circuit
+from eclsim.app.beat import POINTS, compute_beat, page_circuit, plain
 from eclsim.app.display import display, output_specs
 from eclsim.app.knobs import connect, turn
 from eclsim.app.state import PageState

@@ -15,8 +15,8 @@ from eclsim.app.knobs import connect, turn
 from eclsim.app.posterior import MEMBERS, PosteriorDraws, read_posterior
 from eclsim.app.state import PageState, key_of, link_of, state_of
 from eclsim.app.updates import PosteriorBands
-from eclsim.cases.gas import Gas
 from eclsim.cases.presets import PRESETS
+from eclsim.cases.sections import Gas
 from eclsim.inputs.mistakes import CaseError
 from patience import PATIENCE_S, until
 

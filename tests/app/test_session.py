@@ -6,8 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from eclsim.app.beat import Beat
-from eclsim.app.circuits import page_circuit
+from eclsim.app.beat import Beat, page_circuit
 from eclsim.app.session import Session
 from eclsim.app.state import MOST_SAVED, PageState, key_of, preset_state, read_snapshot
 from eclsim.cases.presets import PRESETS

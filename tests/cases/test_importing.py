@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from eclsim.cases.case import Case, Patient
-from eclsim.cases.clinical_codes import BY_CODE, UnitError, in_unit_of
 from eclsim.cases.cohort import read_cohort
 from eclsim.cases.importing import as_table, import_cohort
+from eclsim.cases.observations import BY_CODE, UnitError, in_unit_of
 from eclsim.devices.ecmo import Ecmo
 from eclsim.inputs.mistakes import CaseError
 

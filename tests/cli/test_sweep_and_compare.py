@@ -6,7 +6,7 @@ import pytest
 
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.writing import case_text
-from eclsim.cli.sweep import read
+from eclsim.cli.simulate import read_sweep
 from eclsim.devices.registry import parameter_of
 
 
@@ -105,6 +105,6 @@ def test_a_constant_of_a_device_can_be_varied(tmp_path):
     """Its unit is that of the device's parameter, though the paper's tables do not have it."""
     file = tmp_path / "P01.toml"
     file.write_text(case_text(PRESETS["paper"].case()), encoding="utf-8")
-    readings = read(str(file), ["crrt.dialysate_ml_h=1000"], "KoAurea=300,500")
+    readings = read_sweep(str(file), ["crrt.dialysate_ml_h=1000"], "KoAurea=300,500")
     assert readings.unit == parameter_of("KoAurea").unit != ""
     assert [case.parameters["KoAurea"] for case in readings.cases.values()] == [300.0, 500.0]

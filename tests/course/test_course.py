@@ -13,7 +13,7 @@ from eclsim.course.files import course_object
 from eclsim.devices.description import Finding
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
-from eclsim.slow.law import SlowLaw, SlowState
+from eclsim.slow import SlowLaw, SlowState
 from small_patient import PATIENT
 
 WITH_FLUID = f"""{PATIENT}[fluid]

@@ -18,7 +18,7 @@ from eclsim.fluid.starling import (
 )
 from eclsim.parameters.fluid import HAEMATOCRIT, INTERSTITIUM_TO_BLOOD, PARAMETERS
 from eclsim.parameters.regulation import EXTRA_VOLUME
-from eclsim.slow.law import INFLOWS
+from eclsim.slow import INFLOWS
 
 LAW = FluidLaw(ultrafiltration=("uf",), haematocrits=("crrt.haematocrit_in",), gas=True)
 BEAT = {"MAP": 80.0, "venous_pressure": 6.0, "systemic_resistance_factor": 1.0}

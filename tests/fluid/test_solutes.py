@@ -22,7 +22,7 @@ from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
 from eclsim.parameters.fluid import PARAMETERS, STORES_HOLD
-from eclsim.slow.law import INFLOWS
+from eclsim.slow import INFLOWS
 
 LAW = SolutesLaw((Filter("crrt"),), gas=True)
 RENOX = ("renox_clearance", "renox_base_gain")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from eclsim.slow.law import SlowLaw, SlowState
+from eclsim.slow import SlowLaw, SlowState
 
 
 class Decay(SlowLaw):

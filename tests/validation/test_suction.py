@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from eclsim.outputs.results import simulate_many
-from eclsim.validation.suction import SHORT_L_MIN, patient, suction_check
+from eclsim.validation.fluid import SHORT_L_MIN, patient, suction_check
 
 pytestmark = pytest.mark.slow
 

@@ -1,6 +1,6 @@
 from eclsim.paper.comparison import Check, within
 from eclsim.validation import suite
-from eclsim.validation.effort import Effort
+from eclsim.validation.robustness import Effort
 
 
 def test_parts_run_in_the_order_asked_and_are_announced_before(monkeypatch):

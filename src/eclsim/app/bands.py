@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eclsim.app.circuits import page_circuit
+from eclsim.app.beat import page_circuit
 from eclsim.app.display import curves_of, sweep_of, waves_of
 from eclsim.app.state import key_of
 from eclsim.app.studies import SPEEDS, plain_curve

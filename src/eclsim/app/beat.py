@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eclsim.app.circuits import page_circuit
 from eclsim.app.texts import text
 from eclsim.beat.heartbeat import HEART_RATE
+from eclsim.cases.resolve import resolve_parameters, switched_circuit
 from eclsim.files import finite
 from eclsim.gas.network import GasStatus
-from eclsim.orbit.model import circuit_of
+from eclsim.orbit.model import circuit_of, values_of
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.alarms import CAUTION, Finding, impossible
@@ -26,8 +27,33 @@ from eclsim.reporting.saturation import colour_of, letters_on
 
 if TYPE_CHECKING:
     from eclsim.app.state import PageState
+    from eclsim.cases.case import Case
     from eclsim.circuit import Circuit
     from eclsim.course.beats import PassingBeat
+
+
+def page_circuit(case: Case, at_rest: bool = True) -> tuple[Circuit, dict[str, float]]:
+    """Circuit and values of a case.
+
+    Args:
+        case: `PageState.computed`.
+        at_rest: whether the resting pressures that open set points refer to are computed; else they are NaN.
+
+    Where all movable lines of a device are at positions of one other device, they are chosen by a value; else
+    they are fixed, and moving one compiles another circuit.
+    """
+    circuit, chosen = switched_circuit(case)
+    return _same(circuit), (values_of if at_rest else resolve_parameters)(case) | chosen
+
+
+@lru_cache(maxsize=256)
+def _same(circuit: Circuit) -> Circuit:
+    """One object for each circuit, so that its compiled programs are found again."""
+    return circuit
+
+
+# --- the beat ---------------------------------------------------------------------------------------
+
 
 GAS_COLUMNS = ("SO2", "PO2", "PCO2", "pH", "O2", "CO2")
 """What is shown of blood: %, mmHg, mmHg, -, and contents [mL/dL]."""

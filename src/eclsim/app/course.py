@@ -22,7 +22,7 @@ from eclsim.fluid.law import INTERSTITIUM, PLASMA, RED_CELLS, REFILLED, REMOVED
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.parameters.fluid import says_start
 from eclsim.parameters.regulation import DRUG_DOSES, DRUGS
-from eclsim.slow.law import INFLOWS
+from eclsim.slow import INFLOWS
 
 if TYPE_CHECKING:
     import xarray as xr

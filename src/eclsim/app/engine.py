@@ -115,7 +115,7 @@ class Engine:
 
 def _program_key(state: PageState) -> tuple[Any, int]:
     """Circuit and grid: what a compiled program depends on."""
-    from eclsim.app.circuits import page_circuit
+    from eclsim.app.beat import page_circuit
     from eclsim.beat.grid import needed_resolution
     from eclsim.circuit.assembly import assemble
 

@@ -190,7 +190,7 @@ def _fit(
 def _done(
     job: str, raw: Mapping[str, Any], policy: VolumePolicy, report: Callable[[str], None]
 ) -> tuple[str, Any]:
-    from eclsim.app.weighted_draws import plain_posterior
+    from eclsim.app.posterior import plain_posterior
     from eclsim.inputs.mistakes import CaseError
 
     try:

@@ -361,7 +361,7 @@ class Session:
             self.send("base", {"of": subject_of(start), "outputs": plain(beat, ())["outputs"]})
 
     def _anchor_values(self, state: PageState) -> Mapping[str, float] | None:
-        from eclsim.app.circuits import page_circuit
+        from eclsim.app.beat import page_circuit
 
         if self._anchor is None or page_circuit(state.case, at_rest=False)[0] is not self._anchor[0]:
             return None

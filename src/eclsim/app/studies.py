@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eclsim.app.circuits import page_circuit
+from eclsim.app.beat import page_circuit
 from eclsim.app.display import curves_of, plain_curves, sweep_of
 from eclsim.app.state import key_of
 from eclsim.beat.grid import needed_resolution

@@ -10,10 +10,10 @@ from pydantic import ConfigDict, Field, SerializeAsAny, ValidationInfo, model_va
 from eclsim.cases.checking import check_case
 from eclsim.cases.events import Event
 from eclsim.cases.fluid import Fluid, Solutes
-from eclsim.cases.gas import Gas
 from eclsim.cases.regulation import Drugs, Regulation
 from eclsim.cases.sections import (
     PATIENT_SECTIONS,
+    Gas,
     Measurements,
     Patient,
     Physiology,

@@ -13,11 +13,17 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from eclsim.cases.cohort_rows import across_rows, expected_unit, in_order_of_time, is_units_row, when
-from eclsim.cases.cohort_table import Table, read_table
-from eclsim.cases.gas import Gas
+from eclsim.cases.cohort_rows import (
+    Table,
+    across_rows,
+    expected_unit,
+    in_order_of_time,
+    is_units_row,
+    read_table,
+    when,
+)
 from eclsim.cases.reading import read_mapping
-from eclsim.cases.sections import MEASURED, MEASURED_GASES, sections
+from eclsim.cases.sections import MEASURED, MEASURED_GASES, Gas, sections
 from eclsim.devices.description import Columns
 from eclsim.devices.registry import devices
 from eclsim.files import unguarded

@@ -16,7 +16,7 @@ from eclsim.inputs.mistakes import Mistake, Remarks, shown
 from eclsim.inputs.numbers import RefusedValueError, read_number
 from eclsim.inputs.sections import Raw, short
 from eclsim.parameters.fluid import says_start
-from eclsim.slow.law import INFLOWS
+from eclsim.slow import INFLOWS
 from eclsim.spelling import did_you_mean
 
 LONGEST_MIN = 31 * 1440.0

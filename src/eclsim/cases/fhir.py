@@ -7,8 +7,7 @@ from collections.abc import Iterator, Mapping
 from datetime import date
 from typing import Any
 
-from eclsim.cases.clinical_codes import BY_CODE, LOINC, SNOMED
-from eclsim.cases.observations import Imported, Observation
+from eclsim.cases.observations import BY_CODE, LOINC, SNOMED, Imported, Observation
 from eclsim.inputs.files import decoded, json_of, read_bytes
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
 

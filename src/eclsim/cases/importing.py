@@ -8,12 +8,11 @@ from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eclsim.cases.clinical_codes import BY_CODE
 from eclsim.cases.cohort import COLUMNS, MEASUREMENT, OPTIONAL
-from eclsim.cases.cohort_table import read_table
+from eclsim.cases.cohort_rows import read_table
 from eclsim.cases.fhir import read_bundle
-from eclsim.cases.gas import Gas
-from eclsim.cases.observations import ABOUT, Imported, Observation, data_points
+from eclsim.cases.observations import ABOUT, BY_CODE, Imported, Observation, data_points
+from eclsim.cases.sections import Gas
 from eclsim.files import csv_text
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.inputs.numbers import is_missing

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
-from eclsim.cases.gas import Gas
 from eclsim.cases.regulation import BY_GASES
-from eclsim.cases.sections import MEASURED_GASES
+from eclsim.cases.sections import MEASURED_GASES, Gas
 from eclsim.devices.device import CaseValues, device_key
 from eclsim.devices.registry import device_of, devices
 from eclsim.inputs.mistakes import Remarks, shown

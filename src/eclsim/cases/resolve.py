@@ -53,7 +53,7 @@ def _patient(case: Case) -> tuple[Circuit, dict[str, Site]]:
 
 def _regulated(patient: Circuit, case: Case) -> Circuit:
     """The patient with what the case adds of reflexes, drugs and volume."""
-    from eclsim.drugs.attach import with_drugs
+    from eclsim.drugs.published import with_drugs
     from eclsim.parameters.regulation import EXTRA_VOLUME, UNSTRESSED
     from eclsim.regulation.attach import REFLEXES, with_reflex, with_volume_offset
     from eclsim.regulation.oxygen import with_chemoreflex, with_hypoxic_vasoconstriction, with_local_control

@@ -15,6 +15,7 @@ from typing import NamedTuple
 from eclsim.circuit.signals import Kind, Signal
 from eclsim.components.base import (
     Component,
+    Controller,
     Enclosure,
     Exchanger,
     Key,
@@ -24,7 +25,6 @@ from eclsim.components.base import (
     names_in,
     renamed,
 )
-from eclsim.components.controllers import Controller
 from eclsim.components.exchangers import BLOOD
 from eclsim.components.tubes import TubeVolume
 

@@ -6,6 +6,8 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from types import FrameType
 from typing import Annotated, TextIO
 
@@ -19,15 +21,45 @@ from eclsim.cli.course import course
 from eclsim.cli.crrt_study import crrt_study
 from eclsim.cli.identify import identify
 from eclsim.cli.importing import import_data
-from eclsim.cli.merging import merge
-from eclsim.cli.options import Command, as_command
+from eclsim.cli.options import COMMAND, MERGE, Command, argument, as_command, option
 from eclsim.cli.paper import demo, reproduce
-from eclsim.cli.plan import plan
+from eclsim.cli.plan import plan, settings
 from eclsim.cli.sensitivity import identifiability, sensitivity
-from eclsim.cli.settings import settings
 from eclsim.cli.simulate import simulate
 from eclsim.cli.track import track
 from eclsim.cli.validate import benchmark, validate
+
+_DISTRIBUTED = (course, crrt_study, identify, reproduce, sensitivity, validate)
+_COMMANDS = {function.__name__: function for function in _DISTRIBUTED}
+
+
+@dataclass(frozen=True, kw_only=True)
+class MergeOptions:
+    """Options of `eclsim merge`."""
+
+    folder: str = argument(..., "DIR", "Folder --out of the shards.")
+    json: str | None = option(None, "Write results as JSON; - for standard output.", "--json", metavar="FILE")
+
+
+def merge(options: MergeOptions) -> None:
+    """Finish a command whose shards are all there: the same results as of one run.
+
+    The command, with its options, is the one that the shards were of; its inputs have to be where they were.
+    Exit status: that of the command, 2 if a shard is missing.
+    """
+    from eclsim.execution.folder import ExecutionError, read_inputs
+
+    try:
+        recorded = read_inputs(Path(options.folder) / COMMAND)
+    except ExecutionError as error:
+        fail(error)
+    name, own = (recorded or {}).get("command"), (recorded or {}).get("options")
+    if not isinstance(own, dict) or name not in _COMMANDS:
+        fail(f"{options.folder}: holds no shards ({COMMAND} is missing); run them first, with --shard k/n")
+    where = {"out": options.folder, "json": options.json, "shard": MERGE}
+    here = {"workers": None, "dask": None, "resume": False, "force": False}
+    as_command(_COMMANDS[str(name)])(**own, **where, **here)
+
 
 _HELP = """Simulate a patient's circulation on extracorporeal life support.
 

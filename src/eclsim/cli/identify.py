@@ -293,7 +293,7 @@ def _fit_cohort(o: IdentifyOptions, distribution: Distribution) -> tuple[dict[st
     settings = replace(settings, shared=_unique(o.shared))
     _check_points(reading, settings, o.file)
 
-    from eclsim.cases.cohort_table import digest_of
+    from eclsim.cases.cohort_rows import digest_of
     from eclsim.execution import ExecutionError
     from eclsim.identification.cohort import PRELOAD, fit_cohort
     from eclsim.identification.files import fits_object, write_cohort_figures, write_fits

@@ -91,7 +91,7 @@ def validate(options: ValidateOptions) -> None:
 
 def _run(o: ValidateOptions, distribution: Distribution, quiet: bool) -> Sequence[Check]:
     from eclsim.validation import suite
-    from eclsim.validation.effort import Effort
+    from eclsim.validation.robustness import Effort
     from eclsim.validation.suite import check_text
 
     points = _SWEEP_QUICK if o.quick else _SWEEP_FULL if o.full else _SWEEP

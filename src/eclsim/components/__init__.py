@@ -3,6 +3,8 @@
 from eclsim.components.base import (
     Activation,
     Complement,
+    Controller,
+    ControlState,
     Derived,
     Enclosure,
     Exchanger,
@@ -10,11 +12,16 @@ from eclsim.components.base import (
     Scaled,
     Storage,
 )
-from eclsim.components.chambers import AtrialBump, Atrium, LinearChamber, Ventricle, VentricularSystole
+from eclsim.components.chambers import (
+    AtrialBump,
+    Atrium,
+    LinearChamber,
+    Pericardium,
+    Ventricle,
+    VentricularSystole,
+)
 from eclsim.components.collapse import CollapsibleChamber, CollapsibleVein
-from eclsim.components.controllers import Controller, ControlState
 from eclsim.components.exchangers import GasExchanger, MembraneLung, NativeLung, Tissue
-from eclsim.components.pericardium import Pericardium
 from eclsim.components.pumps import RollerPump, RotaryPump
 from eclsim.components.tubes import Cannula, Tube, TubeVolume
 from eclsim.components.valves import HeartValve, LeakingValve, OpenOrifice, Orifice

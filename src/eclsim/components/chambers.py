@@ -15,10 +15,10 @@ from typing import ClassVar, NamedTuple
 
 import jax.numpy as jnp
 
-from eclsim.components.base import Activation, Constants, Key, Number, Storage, Values, value_of
+from eclsim.components.base import Activation, Constants, Enclosure, Key, Number, Storage, Values, value_of
 
 LARGEST_EXPONENT = 30.0
-"""Cap of kappa * V: far beyond any patient (alpha e^30 = 5e11 mmHg), it keeps trial steps finite."""
+"""Cap of exponents: far beyond any patient (alpha e^30 = 5e11 mmHg), it keeps trial steps finite."""
 
 
 @dataclass(frozen=True)
@@ -208,3 +208,45 @@ class LinearChamber(Chamber[LinearChamberConstants]):
         """Pressure [mmHg] and elastance [mmHg/mL]."""
         elastance = constants.rest + constants.swing * activation
         return constants.rest_pressure + elastance * (volume - constants.rest_volume), elastance
+
+
+# --- the pericardium --------------------------------------------------------------------------------
+
+
+class PericardiumConstants(NamedTuple):
+    """Pressure scale [mmHg], volume without pressure and volume scale [mL]."""
+
+    pressure: Number
+    volume: Number
+    scale: Number
+
+
+@dataclass(frozen=True)
+class Pericardium(Enclosure[PericardiumConstants]):
+    """P = K (exp((V - V0) / phi) - 1), added to the pressure of every chamber in it.
+
+    Args:
+        scale_pressure: K [mmHg].
+        volume: V0, volume of all that is in it at which there is no pressure [mL].
+        scale_volume: phi [mL].
+
+    Source: Smith et al. 2004, doi 10.1016/j.medengphy.2003.10.001, there for the two ventricles.
+    """
+
+    scale_pressure: Key
+    volume: Key
+    scale_volume: Key
+    not_negative: ClassVar = ("scale_pressure",)
+    above_zero: ClassVar = ("scale_volume",)
+
+    def constants(self, values: Values) -> PericardiumConstants:
+        """The three coefficients."""
+        keys = (self.scale_pressure, self.volume, self.scale_volume)
+        return PericardiumConstants(*(value_of(values, key) for key in keys))
+
+    def pressure(self, volume: Number, constants: PericardiumConstants) -> tuple[Number, Number]:
+        """Pressure [mmHg] and stiffness [mmHg/mL]."""
+        relative = (volume - constants.volume) / constants.scale
+        grown = constants.pressure * jnp.exp(jnp.minimum(relative, LARGEST_EXPONENT))
+        beyond = jnp.maximum(relative - LARGEST_EXPONENT, 0.0)
+        return grown * (1.0 + beyond) - constants.pressure, grown / constants.scale

@@ -40,7 +40,7 @@ from eclsim.outputs.signals import needed_parameters, needed_signals, output_nam
 from eclsim.outputs.steady_beat import judging_outputs, statistics_of, steady_beat
 from eclsim.parameters.regulation import UNSTRESSED, local_resistance
 from eclsim.simulation.target_flow import with_speed
-from eclsim.slow.law import INFLOWS
+from eclsim.slow import INFLOWS
 
 LONGEST_MIN = 120.0
 SHOWN = 1200

@@ -37,7 +37,7 @@ from eclsim.orbit.equation import Anchor, OrbitOptions
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
-from eclsim.slow.law import INFLOWS
+from eclsim.slow import INFLOWS
 
 SHORTEST_S = 5.0
 """Step below which a moment without a steady beat ends a course."""

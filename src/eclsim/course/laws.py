@@ -11,7 +11,7 @@ from eclsim.drugs.infusion import InfusedDoses
 from eclsim.fluid.laws import slow_laws
 from eclsim.parameters.regulation import DRUGS, LUNG_RESISTANCE
 from eclsim.regulation.hypoxia import HypoxicVasoconstriction
-from eclsim.slow.law import Named, Shown, SlowLaw
+from eclsim.slow import Named, Shown, SlowLaw
 
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit

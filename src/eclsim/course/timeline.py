@@ -15,7 +15,7 @@ from eclsim.cases.settings import put_in
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.orbit.model import circuit_of, values_of
 from eclsim.parameters.regulation import DRUG_DOSES, DRUGS
-from eclsim.slow.law import INFLOWS
+from eclsim.slow import INFLOWS
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case

@@ -10,7 +10,7 @@ import numpy as np
 from eclsim.drugs.law import Drug
 from eclsim.drugs.published import PUBLISHED
 from eclsim.parameters.regulation import DRUG_DOSES, dose
-from eclsim.slow.law import Named, SlowLaw, SlowState
+from eclsim.slow import Named, SlowLaw, SlowState
 
 
 @dataclass(frozen=True)

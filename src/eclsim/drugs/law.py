@@ -9,8 +9,7 @@ from typing import ClassVar, NamedTuple
 import jax.numpy as jnp
 
 from eclsim.circuit.network import BLOOD_VOLUME, HEART_RATE
-from eclsim.components.base import Key, Number, Values, value_of
-from eclsim.components.controllers import ControlState
+from eclsim.components.base import ControlState, Key, Number, Values, value_of
 from eclsim.parameters.regulation import UNSTRESSED, dose, sensitivity
 from eclsim.regulation.reflex import SteadyController
 

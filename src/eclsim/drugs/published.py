@@ -7,7 +7,9 @@ what is here. What patients' reflexes did in the studies is therefore part of th
 
 from __future__ import annotations
 
-from eclsim.drugs.law import Drug, Effects
+from eclsim.circuit.network import Circuit, Control
+from eclsim.drugs.law import ACTS_ON, Drug, Effects, InfusedDrugs
+from eclsim.parameters.regulation import DRUGS
 
 BELOEIL = "Beloeil 2005 (Br J Anaesth 95:782), read in a public program"
 _ALL = (
@@ -67,3 +69,9 @@ _ALL = (
 )  # fmt: skip
 PUBLISHED: dict[str, Drug] = {drug.name: drug for drug in _ALL}
 """Drugs by name."""
+
+
+def with_drugs(circuit: Circuit) -> Circuit:
+    """A circuit with volume offset whose patient can be given every published drug."""
+    control = Control(DRUGS, InfusedDrugs(tuple(PUBLISHED.values())), (), ACTS_ON)
+    return circuit + Circuit(controllers=(control,))

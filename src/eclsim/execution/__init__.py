@@ -2,8 +2,7 @@
 
 from eclsim.execution.distribution import Distribution, Executor, Shard, ShardDone
 from eclsim.execution.folder import ExecutionError, Format, TaskFolder, json_format
-from eclsim.execution.tasks import Progress, TaskProgress, Tasks, announce
-from eclsim.execution.threads import threads, using_threads
+from eclsim.execution.tasks import Progress, TaskProgress, Tasks, announce, threads, using_threads
 
 __all__ = [
     "Distribution",

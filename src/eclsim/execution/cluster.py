@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from eclsim._version import __version__
 from eclsim.execution.folder import ExecutionError
-from eclsim.execution.tasks import Results, Tasks
-from eclsim.execution.threads import threads, using_threads
+from eclsim.execution.tasks import Results, Tasks, threads, using_threads
 
 if TYPE_CHECKING:
     from dask.distributed import Client, LocalCluster

@@ -10,8 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import TypeVar
 
 from eclsim.execution.folder import ExecutionError, Format, TaskFolder
-from eclsim.execution.tasks import Progress, Results, Store, Tasks, in_process, run_tasks
-from eclsim.execution.threads import using_threads
+from eclsim.execution.tasks import Progress, Results, Store, Tasks, in_process, run_tasks, using_threads
 
 Argument = TypeVar("Argument")
 Result = TypeVar("Result")

@@ -12,7 +12,7 @@ from eclsim.fluid.starling import EXCLUDED, Spaces, Wall, capillary_pressure, ex
 from eclsim.parameters.fluid import FCELLS, HAEMATOCRIT, INTERSTITIUM_TO_BLOOD, SECTION
 from eclsim.parameters.physiology import UPPER_SHARE
 from eclsim.parameters.regulation import EXTRA_VOLUME
-from eclsim.slow.law import Named, Shown, SlowLaw, SlowState
+from eclsim.slow import Named, Shown, SlowLaw, SlowState
 
 PACKED = 0.60
 """Haematocrit of a red cell concentrate; the rest is an additive solution without protein."""

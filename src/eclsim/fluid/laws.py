@@ -11,7 +11,7 @@ from eclsim.components.exchangers import HAEMOGLOBIN
 from eclsim.fluid.law import fluid_law
 from eclsim.fluid.solutes import solute_laws
 from eclsim.parameters.fluid import HAEMATOCRIT, SOLUTES
-from eclsim.slow.law import SlowLaw
+from eclsim.slow import SlowLaw
 
 
 def slow_laws(circuit: Circuit, settings: Mapping[str, float | np.ndarray]) -> tuple[SlowLaw, ...]:

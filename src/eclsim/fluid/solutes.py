@@ -19,7 +19,7 @@ from eclsim.components.dialysis import BASE_GAIN, EFFECTIVE_CLEARANCE, Hemofilte
 from eclsim.components.exchangers import BLOOD, HAEMOGLOBIN, Tissue
 from eclsim.fluid.law import INTERSTITIUM, PLASMA, blood_at_start
 from eclsim.parameters.fluid import SOLUTES, STORES_HOLD
-from eclsim.slow.law import Named, Shown, SlowLaw, SlowState
+from eclsim.slow import Named, Shown, SlowLaw, SlowState
 
 OUTSIDE_CELLS = 1.0 / 3.0
 """Share of the body's water outside of cells where fluid is not followed; textbook value."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from eclsim.cases.cohort_table import read_table
+from eclsim.cases.cohort_rows import read_table
 from eclsim.cases.quantities import quantity
 from eclsim.devices.registry import parameters
 from eclsim.files import csv_text, write_text

@@ -23,7 +23,7 @@ from jax import Array
 from eclsim.components.base import Number
 from eclsim.components.exchangers import BTPS_TO_STPD, DRY_MMHG
 from eclsim.parameters.regulation import LUNG_RESISTANCE, REGULATION
-from eclsim.slow.law import Named, SlowLaw, SlowState
+from eclsim.slow import Named, SlowLaw, SlowState
 
 VENOUS, ALVEOLAR = 0.41, 0.59
 EXPONENT, HALF, LARGEST = -2.616, 6.683e-5, 3.15

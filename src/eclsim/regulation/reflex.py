@@ -15,8 +15,7 @@ from typing import ClassVar, NamedTuple
 import jax.numpy as jnp
 
 from eclsim.circuit.network import BLOOD_VOLUME, Reading
-from eclsim.components.base import Constants, Key, Number, Values, value_of
-from eclsim.components.controllers import Controller, ControlState
+from eclsim.components.base import Constants, Controller, ControlState, Key, Number, Values, value_of
 from eclsim.parameters.regulation import GAIN, SET_POINT, UNSTRESSED, VENOUS_SET_POINT
 
 FAR_MMHG = 1000.0

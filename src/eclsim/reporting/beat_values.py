@@ -4,11 +4,13 @@ A case is an xarray Dataset with waveforms on `phase` (0 to 1, both ends include
 P [mmHg], Q [mL/s], V [mL].
 """
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eclsim.devices.registry import devices, namings
+from eclsim.devices.device import Naming
+from eclsim.devices.registry import devices, naming_of, namings
 from eclsim.reporting.numbers import number
 from eclsim.reporting.style import plain_text
 from eclsim.units import convert, quantity_of
@@ -80,3 +82,80 @@ def summary_lines(result: "xr.Dataset") -> list[str]:
         if share is not None:
             lines.append(f"{names.label} recirculation {number(100 * share, 0)} %")
     return lines
+
+
+# --- words for compartments and connections ---------------------------------------------------------
+
+
+COMPARTMENTS = {
+    "ao": "aorta",
+    "sart": "systemic arteries",
+    "svn": "systemic veins",
+    "arch": "aortic arch",
+    "descending": "descending aorta",
+    "upper": "upper body arteries",
+    "lower": "lower body arteries",
+    "svc": "superior vena cava",
+    "ivc": "inferior vena cava",
+    "tvc": "thoracic vena cava",
+    "tsvc": "thoracic superior vena cava",
+    "tivc": "thoracic inferior vena cava",
+    "pericardium": "pericardium",
+    "ra": "right atrium",
+    "rv": "right ventricle",
+    "pas": "pulmonary sinus",
+    "part": "pulmonary arteries",
+    "pvn": "pulmonary veins",
+    "la": "left atrium",
+    "lv": "left ventricle",
+}
+
+CONNECTIONS = {
+    "ao": "aorta",
+    "sart": "organs",
+    "svn": "venous return",
+    "arch": "descending aorta",
+    "archupper": "arch vessels",
+    "descending": "iliac arteries",
+    "upper": "upper body",
+    "lower": "lower body",
+    "svc": "superior vena cava",
+    "ivc": "inferior vena cava",
+    "tvc": "thoracic vena cava",
+    "tsvc": "thoracic superior vena cava",
+    "tivc": "thoracic inferior vena cava",
+    "bronchial": "bronchial return",
+    "ra": "tricuspid valve",
+    "rv": "pulmonary valve",
+    "pas": "pulmonary artery",
+    "part": "lungs",
+    "pvn": "pulmonary veins",
+    "la": "mitral valve",
+    "lv": "aortic valve",
+}
+
+
+def naming_at(place: str) -> Naming | None:
+    """The instance of a device that a compartment or connection belongs to; None for the patient's."""
+    key, _, rest = place.partition(".")
+    if rest:
+        return naming_of(f"{key}.{rest.partition('.')[0]}")
+    return next((one for one in map(Naming, devices().values()) if one.device_place(place)), None)
+
+
+def instances_at(places: Iterable[str]) -> list[Naming]:
+    """The instances of devices that compartments or connections belong to, in the order of the registry."""
+    result = {one.key: one for place in places if (one := naming_at(place)) is not None}
+    order = list(devices())
+    return sorted(result.values(), key=lambda one: order.index(one.device.key))
+
+
+def place_words(signal: str) -> str:
+    """What the place of a waveform is called."""
+    kind, place = signal[0], signal[1:]
+    names = naming_at(place)
+    if kind == "P" and (place.endswith("pump") or (names is not None and place in names.pumps())):
+        return "pressure rise over the pump"
+    if names is not None:
+        return names.place_label(signal)
+    return (CONNECTIONS if kind == "Q" else COMPARTMENTS).get(place, place)

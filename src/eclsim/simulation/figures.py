@@ -17,15 +17,19 @@ from eclsim.devices.device import Naming
 from eclsim.devices.registry import device_of, named_output
 from eclsim.files import file_stem
 from eclsim.reporting.beat_values import (
+    COMPARTMENTS,
+    CONNECTIONS,
     beat_mean,
     beat_period,
     case_name,
     in_unit,
+    instances_at,
+    naming_at,
+    place_words,
     scalar,
     summary_lines,
     two_beats,
 )
-from eclsim.reporting.names import COMPARTMENTS, CONNECTIONS, instances_at, naming_at, place_words
 from eclsim.reporting.numbers import number
 from eclsim.reporting.schematic import draw_circuit
 from eclsim.reporting.style import (

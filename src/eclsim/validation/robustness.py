@@ -9,11 +9,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import reduce
+from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from eclsim.circuit.assembly import assemble
-from eclsim.execution import Tasks, json_format
+from eclsim.execution import Distribution, Executor, Format, Progress, Tasks, json_format
+from eclsim.execution.tasks import in_process
 from eclsim.orbit.model import Model
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch, SolvedOrbits, start_state
@@ -21,8 +24,38 @@ from eclsim.outputs.results import simulate
 from eclsim.outputs.steady_beat import left_outputs, measured, steady_beat
 from eclsim.paper.comparison import Check, Row, at_least, at_most
 from eclsim.parameters.thiel2025 import BOUNDS
-from eclsim.validation.effort import Effort
 from eclsim.validation.reference_cases import PROTOCOLS, reference_case, with_devices_of
+
+Argument = TypeVar("Argument")
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much to compute, and where.
+
+    Args:
+        quick: a case of each kind of circuit instead of all.
+        points: points of the robustness sweep in each configuration.
+        executor: runs sweeps.
+        folder: keeps their results; None keeps them for this call alone.
+        progress: called as their tasks are done.
+    """
+
+    quick: bool = False
+    points: int = 512
+    executor: Executor = field(default=Executor(Distribution(), in_process))
+    folder: Path | None = None
+    progress: Progress | None = None
+
+    def complete(self, tasks: Tasks[Argument, Result], format: Format[Result]) -> list[Result]:
+        """Results of the tasks of a sweep, in a folder of its own."""
+        place = None if self.folder is None else self.folder / tasks.title
+        return self.executor.complete(tasks, place, format, self.progress)
+
+
+# --- the sweep --------------------------------------------------------------------------------------
+
 
 CONFIGURATIONS: dict[str, list[str]] = PROTOCOLS["configurations"]
 """Configuration, and the reference cases whose patient and devices it has."""

@@ -28,7 +28,6 @@ from eclsim.outputs.steady_beat import steady_beat
 from eclsim.paper.comparison import Check, Explanation, Row, at_most, within
 from eclsim.parameters import shi_hose2009
 from eclsim.patient.circulation import shi_hose_circulation
-from eclsim.validation.effort import Effort
 from eclsim.validation.reference_cases import (
     DATA,
     PROTOCOLS,
@@ -39,7 +38,7 @@ from eclsim.validation.reference_cases import (
     reference_result,
     waveform_statistics,
 )
-from eclsim.validation.robustness import CONFIGURATIONS, configuration_model
+from eclsim.validation.robustness import CONFIGURATIONS, Effort, configuration_model
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from eclsim.paper.comparison import Check, Row, worst
 from eclsim.reporting.numbers import text_table
 from eclsim.validation import (
-    dialysis,
     drugs,
     fluid,
     gas,
@@ -19,13 +18,11 @@ from eclsim.validation import (
     regulation,
     robustness,
     solvers,
-    suction,
 )
-from eclsim.validation.effort import Effort
+from eclsim.validation.robustness import Effort
 from eclsim.validation.timing import machine
 
 if TYPE_CHECKING:
-    from eclsim.paper.comparison import Check, Row
     from eclsim.validation.timing import Measurement
 
 PARTS: dict[str, Callable[[Effort], list[Check]]] = {
@@ -40,12 +37,12 @@ PARTS: dict[str, Callable[[Effort], list[Check]]] = {
     "robustness": lambda effort: robustness.checks(effort),
     "paper": lambda _: [measurements.paper_check()],
     "devices": lambda _: [measurements.devices_check()],
-    "dialysis": lambda _: [dialysis.dialysis_check()],
+    "dialysis": lambda _: [gas.dialysis_check()],
     "gas": lambda _: [gas.gas_check()],
     "drugs": lambda _: [drugs.drugs_check()],
     "regulation": lambda _: regulation.regulation_checks(),
     "fluid": lambda _: [fluid.fluid_check()],
-    "suction": lambda _: [suction.suction_check()],
+    "suction": lambda _: [fluid.suction_check()],
     "patients": lambda _: [measurements.healthy_check(), *measurements.effects_checks()],
 }
 """Parts of the validation by the name that `--only` takes."""
