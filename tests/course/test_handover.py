@@ -11,6 +11,7 @@ from eclsim.course.course import course, course_many
 from eclsim.course.engine import CourseOptions
 from eclsim.course.files import course_object
 from eclsim.course.result import spans_in_words
+from eclsim.outputs.results import simulate
 from small_patient import ON_ECMO
 
 SLOW = """[regulation]
@@ -163,3 +164,38 @@ def test_what_is_not_followed_is_said_with_its_reason(tmp_path):
     assert "because an event connects the circuit in another way" in sentence
     steady = course(own, minutes=6.0, every_min=2.0, outputs=OUTPUTS, options=STEADY)
     assert not any(one.startswith("not followed") for one in steady.attrs["warnings"])
+
+
+AT_ONCE = """[[events]]
+at_min = 0
+set = { "ecmo.speed_rpm" = 1500, "drugs.noradrenaline" = 0.1 }
+"""
+
+
+@pytest.mark.slow
+def test_events_at_minute_0_begin_with_what_was_before(tmp_path):
+    own = case(tmp_path, AT_ONCE)
+    before = simulate(own)
+    result = course(own, minutes=6.0, every_min=1.0)
+    ((begun, settled),) = spans(result)
+    assert begun == 0.0
+    assert 0.5 < settled < 5.0
+    assert result.attrs["settling_s"] > 10.0
+    beats = course_beats(own, minutes=6.0, outputs=OUTPUTS)
+    # The first beat is still filled as before the pump slowed down; a minute later little of it is left.
+    assert float(result["MAP"][0]) == pytest.approx(float(beats["MAP"][0]), abs=0.01)
+    first, last = float(result["PF"][0]), float(result["PF"][-1])
+    assert abs(first - float(before["PF"])) > 0.5 * abs(last - float(before["PF"]))
+    assert float(result["drugs.noradrenaline_in_effect"][0]) == 0.0
+    assert float(result["drugs.noradrenaline_in_effect"][-1]) > 0.05
+    minutes = result["time_min"].to_numpy()
+    there = np.interp(minutes, beats["time_min"], beats["MAP"])
+    assert np.abs(result["MAP"].to_numpy() - there)[minutes < float(beats["time_min"][-1])].max() < 0.3
+
+
+@pytest.mark.slow
+def test_a_clamp_is_closed_by_an_event_of_a_case_without_one(tmp_path):
+    own = case(tmp_path, AT_ONCE.replace('"ecmo.speed_rpm" = 1500', '"ecmo.return_clamp" = 1'))
+    result = course_beats(own, minutes=0.5, outputs=("PF", "post_pump_pressure"))
+    assert float(simulate(own)["PF"]) > 2.5
+    assert abs(float(result["PF"][-1])) < 0.01

@@ -25,7 +25,7 @@ from eclsim.course.alarms import alarms
 from eclsim.course.gases import Gases, GasesInTime
 from eclsim.course.laws import Laws, laws_of
 from eclsim.course.result import attributes_of, balance_of, labelled_course
-from eclsim.course.timeline import MINUTE, Timeline
+from eclsim.course.timeline import MINUTE, START, Timeline
 from eclsim.devices.description import GASES
 from eclsim.gas.network import Quantity
 from eclsim.inputs.mistakes import CaseError, Mistake
@@ -264,7 +264,7 @@ class BeatMarch:
         read = {name: beat.output(name) for name in self.laws.reads}
         slow, state = self.laws.start(settings, read), beat.orbits.states[:, 0]
         coupled = {name: float(np.asarray(beat.batch.values[name])[0]) for name in beat.coupled}
-        return self.from_steady(0.0, Steady(state, coupled), slow[:, 0], 0)
+        return self.from_steady(0.0, Steady(state, coupled), slow[:, 0], START)
 
     def from_steady(self, time: float, beat: Steady, slow: np.ndarray, segment: int) -> Moving:
         """On from a steady beat at a time in a segment of the timeline."""

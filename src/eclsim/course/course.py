@@ -223,7 +223,7 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
         result["impossible"] = (TIME, np.array(impossible, dtype=int))
     result["beat_by_beat"] = (TIME, moments.by_beat[own].astype(int))
     result["status"] = (TIME, [Status(int(s)).word for s in moments.status[own]])
-    minute, settling = time / MINUTE, moments.settling_s[member]
+    minute, settling = time / MINUTE, engine.settling_s[member]
     found = alarms(said, outputs, minute)
     message = _ended(moments.stopped[member], minute)
     sentences = [message] * bool(message) + [alarm.sentence for alarm in found]

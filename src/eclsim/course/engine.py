@@ -32,7 +32,7 @@ from eclsim.course.handover import (
 from eclsim.course.laws import Laws
 from eclsim.course.predictor import Predictor, anchor_at, point_of
 from eclsim.course.rosenbrock import step
-from eclsim.course.timeline import Timeline
+from eclsim.course.timeline import START, Timeline
 from eclsim.orbit.equation import Anchor, OrbitOptions
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution
 from eclsim.orbit.steady import Batch
@@ -123,7 +123,7 @@ class Engine:
         self.execution = execution or Execution(width=SIDE_BY_SIDE if len(timelines) >= MANY else 1)
         count, size = len(timelines), len(laws.states)
         self.circuits = canonical_circuits(timelines)
-        self.segment = np.zeros(count, dtype=int)
+        self.segment = np.full(count, START)
         self.time = np.zeros(count)
         self.length = np.full(count, options.step_s or FIRST_S)
         self.states, self.slopes = np.zeros((size, count)), np.zeros((size, count))
@@ -133,16 +133,21 @@ class Engine:
         self.messages = [""] * count
         self.table = {key: np.zeros(count) for one in timelines for key in one.start[1]}
         self.inflow = {kind: np.zeros(count) for kind in INFLOWS}
+        self.settling_s = [0.0] * count
 
     def march(self) -> list[History]:
-        """From the start to the end of every member."""
+        """From the start, the beat before events at minute 0, to the end of every member."""
         everyone = np.arange(len(self.timelines))
         for member in range(len(everyone)):
             self._settle(member)
         settings = self._settings(everyone, self.time)
         beat, known = self._solve(everyone, settings, None)
         self.states[:] = self.laws.start(settings, beat)
+        self.segment[:] = 0
+        for member in range(len(everyone)):
+            self._settle(member)
         running = self._enter(everyone[known])
+        self.settling_s = [predictor.settling_s for predictor in self.predictors]
         self._stop(everyone[~known])
         while len(running):
             running = self._advance(running)
@@ -225,14 +230,15 @@ class Engine:
         return who
 
     def _event(self, member: int) -> Event | None:
-        """What a member comes from as a segment begins; None at the start of a course."""
+        """What a member comes from as a segment begins; None where nothing happens at minute 0."""
         predictor, segment, time = (
             self.predictors[member],
             int(self.segment[member]),
             float(self.time[member]),
         )
         timeline = self.timelines[member]
-        if not segment or predictor.point is None or predictor.circuit is None:
+        nothing = not segment and not timeline.begins_at_once
+        if nothing or predictor.point is None or predictor.circuit is None:
             return None
         known, share = self._volumes(member, predictor.circuit), 1.0
         reconnected = any(self._circuit(member) is not one for one in self.circuits[member])
@@ -431,9 +437,9 @@ class Engine:
 
 
 def canonical_circuits(timelines: Sequence[Timeline]) -> list[list[Circuit]]:
-    """The circuit of each segment of each member; equal ones are one object."""
+    """The circuit of each segment of each member, at last that of the `START`; equal ones are one object."""
     kept: dict[Circuit, Circuit] = {}
     return [
-        [kept.setdefault(one.circuit(k), one.circuit(k)) for k in range(len(one.breaks) - 1)]
+        [kept.setdefault(one.circuit(k), one.circuit(k)) for k in (*range(len(one.breaks) - 1), START)]
         for one in timelines
     ]

@@ -11,13 +11,13 @@ import numpy as np
 from eclsim.circuit.network import Circuit
 from eclsim.course.engine import SHORTEST_S, Engine, History
 from eclsim.course.handover import Span
-from eclsim.course.predictor import anchor_at, settling_time
+from eclsim.course.predictor import anchor_at
 from eclsim.course.rosenbrock import between
 from eclsim.devices.description import Finding
 from eclsim.orbit.equation import Anchor, OrbitOptions
 from eclsim.orbit.execution import Execution
 from eclsim.orbit.status import Status
-from eclsim.orbit.steady import Batch, inverse_jacobian
+from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
 
 BEFORE_S = 1.0
@@ -44,7 +44,6 @@ class Moments:
         findings: what there is to say about each beat.
         by_beat: whether each is a beat of a span that was followed beat by beat.
         stopped: by member, why its course ended early; empty where it did not.
-        settling_s: by member, in which its circulation follows a sudden change.
     """
 
     member: np.ndarray
@@ -58,7 +57,6 @@ class Moments:
     findings: list[list[Finding]] = field(default_factory=list)
     by_beat: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     stopped: list[str] = field(default_factory=list)
-    settling_s: list[float] = field(default_factory=list)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -164,7 +162,6 @@ def beats_at(
     moments.status = np.full(count, int(Status.NOT_CONVERGED))
     moments.findings = [[] for _ in range(count)]
     moments.stopped = [history.stopped for history in engine.histories]
-    moments.settling_s = [0.0] * members
     measure = _Measured(moments, engine, outputs, with_findings, execution or engine.execution)
     groups: dict[int, list[int]] = {}
     for k in range(count):
@@ -245,10 +242,6 @@ class _Measured:
                 continue
             if self.with_findings:
                 moments.findings[place] = beat.findings(k)
-            if moments.time[place] == 0.0:
-                moments.settling_s[moments.member[place]] = settling_time(
-                    beat, k, inverse_jacobian(beat.orbits, k)
-                )
         return bool(beat.converged[0])
 
     def finish(self, member: int) -> None:
@@ -282,7 +275,6 @@ class _Measured:
             middle = 0.5 * (low + high)
             one = _joined(self.engine, [_moments_of(self.engine, member, history, np.array([middle]))])
             one.status, one.findings = np.zeros(1, dtype=int), [[]]
-            one.settling_s = moments.settling_s
             if not replace(self, moments=one).solve(np.zeros(1, dtype=int), None, before):
                 high, moments.stopped[member] = middle, self.engine.messages[member]
                 continue

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
 
 MINUTE = 60.0
+START = -1
+"""The segment before events at minute 0."""
 SENSITIVITIES = tuple(f"{drug}_sensitivity" for drug in DRUG_DOSES)
 
 
@@ -88,11 +90,11 @@ class Timeline:
 
     @cached_property
     def start_case(self) -> Case:
-        """The case whose veins may be given volume, with fluids and drugs at 0 that an event starts."""
+        """The case whose veins may be given volume, with fluids, drugs, clamps at 0 that an event starts."""
         bare = self.case.model_copy(update={"events": ()})
         bare = bare if bare.fluid is not None else bare.model_copy(update={"fluid": Fluid()})
         wanted = (place_of(key) for event in self.case.events for key in event.set)
-        started = [p for p in wanted if p and (p[1].endswith("_ml_h") or p[0] == DRUGS)]
+        started = [p for p in wanted if p and (p[1].endswith(("_ml_h", "_clamp")) or p[0] == DRUGS)]
         off = {p: 0.0 for p in started if bare.setting(*p) is None and p[1] not in SENSITIVITIES}
         return _with(bare, off) if off else bare
 
@@ -144,7 +146,7 @@ class Timeline:
         return np.unique([t for t in moments if t <= self.end])
 
     def circuit(self, segment: int) -> Circuit:
-        """The circuit between two breaks."""
+        """The circuit between two breaks, or at the `START`."""
         begun = self._begun(segment)
         return begun[-1].circuit if begun else self.start[0]
 
@@ -167,14 +169,21 @@ class Timeline:
 
     def inflows(self, segment: int) -> dict[str, float]:
         """What events give between two breaks, mL/s by kind."""
-        begin, rates = self.breaks[segment], {str(kind): 0.0 for kind in INFLOWS}
+        rates = {str(kind): 0.0 for kind in INFLOWS}
         for gift in self.gifts:
-            if gift.begin <= begin < gift.end:
+            if segment != START and gift.begin <= self.breaks[segment] < gift.end:
                 for kind, rate in gift.rates.items():
                     rates[kind] += rate
         return rates
 
+    @cached_property
+    def begins_at_once(self) -> bool:
+        """Whether anything happens at minute 0."""
+        return any(one.begin == 0.0 for one in (*self.changes, *self.gifts))
+
     def _begun(self, segment: int) -> list[Change]:
+        if segment == START:
+            return []
         return [change for change in self.changes if change.begin <= self.breaks[segment]]
 
 

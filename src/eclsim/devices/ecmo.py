@@ -341,6 +341,9 @@ class Ecmo(SecondCannulae):
     return_site: Annotated[str, patient_site("Compartment that receives", required=False)]
     return_cannula: Annotated[str, _cannula("Type of return cannula")]
     return_fr: Annotated[float, _size("Size of return cannula")]
+    return_clamp: Annotated[
+        float | None, number("Clamp on the return line: 0 open, 1 closed", "", 0, 1, 0, required=False)
+    ] = None
     sweep_l_min: float | None = None
     fdo2: float | None = None
     drainage_mixing: float | None = None
@@ -394,6 +397,7 @@ def ecmo(
     return_cannula: str = "arterial",
     roller: bool = False,
     second: tuple[Connection, ...] = (),
+    clamped: bool = False,
 ) -> Circuit:
     """An ECMO circuit between two sites.
 
@@ -405,6 +409,7 @@ def ecmo(
         roller: True for a roller pump (`ecmo.roller_l_min`), else a rotary pump (`ecmo.speed_rpm`,
             `ecmo.pump.a` ...).
         second: further cannulae.
+        clamped: whether the return line has a clamp (`ecmo.return_clamp`).
     """
     from eclsim.circuit.network import Circuit, Compartment, Connection, Exchange
     from eclsim.components import (
@@ -427,7 +432,8 @@ def ecmo(
         RollerPump("ecmo.roller_l_min", "l/min") if roller else RotaryPump("ecmo.speed_rpm", "ecmo.pump.")
     )
     drainage = Cannula("ecmo.drainage_fr", CANNULAE[drainage_cannula].coefficients)
-    back = Cannula("ecmo.return_fr", CANNULAE[return_cannula].coefficients)
+    clamp = "ecmo.return_clamp" if clamped else 0.0
+    back = Cannula("ecmo.return_fr", CANNULAE[return_cannula].coefficients, clamp)
     connections = (
         Connection("ecmodrain", drainage, drainage_site, "ecmodrain", GROUP, "ecmo.drainage_mixing"),
         Connection("ecmotudp", Tube("Lecmotudp", "Decmotudp"), "ecmodrain", "ecmotudp", GROUP),
@@ -586,7 +592,7 @@ class EcmoDevice(Device[Ecmo]):
         {
             "ecmo.speed_rpm": 3000.0, "ecmo.drainage_fr": 23.0, "ecmo.return_fr": 17.0,
             "ecmo.roller_l_min": 3.0, "Recmooxy": OXYGENATORS["Quadrox-i Adult"].resistance,
-            **pump_values(GROUP, PUMPS["Rotaflow"]), **NOMINAL,
+            "ecmo.return_clamp": 0.0, **pump_values(GROUP, PUMPS["Rotaflow"]), **NOMINAL,
         }
     )  # fmt: skip
     outputs = (
@@ -686,7 +692,7 @@ class EcmoDevice(Device[Ecmo]):
         roller = isinstance(section.pump, RollerPump)
         return ecmo(
             section.drainage_site, section.return_site, section.drainage_cannula, section.return_cannula,
-            roller, section.second_connections(CANNULAE),
+            roller, section.second_connections(CANNULAE), section.return_clamp is not None,
         )  # fmt: skip
 
     def values(self, section: Ecmo) -> dict[str, float]:
@@ -703,6 +709,7 @@ class EcmoDevice(Device[Ecmo]):
             **{f"ecmo.{name}": _gas_setting(section, name) for name in GAS_KEYS},
             **OXYGENATORS[section.oxygenator].gas_values(),
             **section.second_values(),
+            **({} if section.return_clamp is None else {"ecmo.return_clamp": section.return_clamp}),
         }
         if isinstance(section.pump, RollerPump):
             return values | {"ecmo.roller_l_min": section.pump.roller_l_min}
@@ -730,6 +737,8 @@ class EcmoDevice(Device[Ecmo]):
         for line, kind in (("drainage", section.drainage_cannula), ("return", section.return_cannula)):
             sizes = CANNULAE[kind].sizes_fr
             result.append(Knob(f"{line}_fr", f"{line.capitalize()} cannula", "Fr", sizes[0], sizes[-1], 1))
+        if section.return_clamp is not None:
+            result.append(Knob("return_clamp", "Clamp on the return line", "", 0.0, 1.0, 0.01))
         result.append(picker("oxygenator", "Oxygenator", OXYGENATORS))
         others = (OTHER_MODE,) if self.shown(section, "mode") == OTHER_MODE else ()
         result.append(picker("mode", "Mode", (*USUAL, *others), _MODES))
