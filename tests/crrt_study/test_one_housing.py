@@ -11,6 +11,7 @@ from eclsim.crrt_study.one_housing import beside_schemes
 from eclsim.crrt_study.report import study_page
 from eclsim.crrt_study.study import crrt_study
 from eclsim.devices.crrt import Crrt
+from eclsim.devices.renox import Renox
 from eclsim.paper.crrt import paper_case
 
 PICTURES = dict.fromkeys(DRAWINGS, "<svg></svg>")
@@ -64,6 +65,20 @@ def test_renox_moves_no_blood_and_clears_what_its_fluid_takes_up(regional):
     plain = json.loads(study_json(regional))["policies"]["patient_held"]["renox"]
     assert plain["RenOx"]["return_mmhg"] is None
     assert math.isfinite(plain["g"]["return_mmhg"])
+
+
+@pytest.mark.slow
+def test_a_case_with_renox_alone_gives_its_fluids_to_the_schemes_too():
+    own = Renox(dialysate_ml_h=2500, net_ultrafiltration_ml_h=120)
+    case = paper_case().model_copy(update={"crrt": None, "renox": own})
+    study = crrt_study(case, schemes="g", speeds="3425", volume_policy="patient_held")
+    assert "renox_clearance_urea" not in study.means
+    beside = beside_schemes(study, "patient_held")
+    assert beside["RenOx"]["urea_ml_min"] == pytest.approx(2620.0 / 60.0, rel=0.01)
+    assert beside["g"]["urea_ml_min"] == pytest.approx(2620.0 / 60.0, rel=0.05)
+    assert [sentence.startswith("RenOx: ") for sentence in study.assumed] == [False, False, True, True]
+    assert "37 mL/h/mmHg, is assumed" in study_page(study, PICTURES)
+    assert json.loads(study_json(study))["assumed"] == list(study.assumed)
 
 
 def test_without_fluids_there_is_no_renox():

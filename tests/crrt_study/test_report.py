@@ -132,7 +132,7 @@ def words_of(page: str) -> str:
 def test_an_unsettled_point_is_named_on_the_page_in_json_and_in_tables(hostile_study, tmp_path):
     gone = with_failures(hostile_study, [("patient_held", "g", 5000.0)])
     words = words_of(study_page(gone, DRAWN))
-    assert "Not all steady beats were found" in words
+    assert "Not all steady states were found" in words
     assert "Scheme g, patient's volume held: no steady beat at 5000 rpm (the native heart ejects" in words
     assert f"First choice for this patient: scheme {gone.ranking['as_published'][0].letter}" in words
     found = study_object(gone)

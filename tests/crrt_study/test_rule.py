@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from eclsim.crrt_study.files import study_object
-from eclsim.crrt_study.ranking import choice, rank
+from eclsim.crrt_study.ranking import choice, first_choice, rank
 from eclsim.crrt_study.rule import USUAL, Criterion, Rule, RuleError, check_quantities, read_rule
 from eclsim.crrt_study.schemes import nine_schemes
 from eclsim.crrt_study.study import crrt_study
@@ -65,6 +66,27 @@ def test_venous_blood_past_the_oxygenator_can_be_a_criterion(study):
     assert float(share) == pytest.approx(0.054, abs=0.001), "0.2 of 3.7 L/min"
     behind = study.means["behind_oxygenator"].to_series()
     assert sorted(behind.index[behind]) == ["d", "e", "f"]
+
+
+def test_a_quantity_of_the_rule_that_is_not_known_leaves_places_open(study):
+    saturation = xr.full_like(study.means["PF"], 95.0)
+    saturation.loc[{"scheme": "e"}] = np.nan
+    status = xr.where(np.isnan(saturation), "no_oxygen", "steady")
+    means = study.means.assign(SaO2=saturation, gas_status=status)
+    ranking = ranked_by(
+        replace(study, means=means), Criterion("SaO2", at_least=90.0), Criterion("margin", prefer="larger")
+    )
+    last = next(one for one in ranking if one.letter == "e")
+    assert (last.rank, last.places) == (None, (1, 9))
+    assert last.why_no_rank == "place 1 to 9: not known SaO2 of it"
+    assert "no steady gas state at 3425 rpm (a tissue gets less than a tenth" in "; ".join(last.reasons)
+    assert {one.rank for one in ranking} == {None}
+    assert ranking[0].why_no_rank == "place 1 to 2: not known SaO2 of scheme e"
+    assert first_choice(ranking) is None
+    lost = replace(study, means=means).unsettled
+    assert {(one.place, one.status, one.state) for one in lost} == {("scheme e", "no_oxygen", "gas state")}
+    assert "no steady gas state at" in lost[0].sentence
+    assert "raise the ventilation or the sweep" in lost[0].advice
 
 
 def test_a_rule_for_dialysis_ranks_by_clearance_and_an_unknown_quantity_is_refused():

@@ -51,6 +51,15 @@ def test_a_beat_has_clearances_and_the_same_pressures(case):
     assert float(found["effective_clearance_urea"]) == pytest.approx(expected, rel=1e-6)
 
 
+def test_constants_without_a_source_are_said_until_a_case_sets_them(case):
+    said = [line for line in eclsim.simulate(case).attrs["warnings"] if "assumed" in line]
+    assert len(said) == 2
+    assert "37 mL/h/mmHg" in said[0]
+    assert "KoAurea 300 mL/min" in said[1]
+    own = case.model_copy(update={"parameters": case.parameters | {"Kufcrrtfil": 45.0, "KoAurea": 280.0}})
+    assert not [line for line in eclsim.simulate(own).attrs["warnings"] if "assumed" in line]
+
+
 @pytest.mark.slow
 def test_derivatives_and_batches_are_those_of_single_beats(case):
     outputs = ["clearance_urea", "filtration_fraction", "effluent_pressure", "effective_clearance_urea"]

@@ -12,6 +12,7 @@ from eclsim.components.exchangers import Tissue
 from eclsim.devices.ecmo import OXYGENATORS
 from eclsim.gas.network import gas_exchanges, gas_of
 from eclsim.orbit.model import model_of
+from eclsim.orbit.status import NoDerivativesError
 from eclsim.sensitivity.inputs import varied
 from eclsim.validation.gas_bench import single_pass
 
@@ -94,6 +95,20 @@ def test_without_a_steady_state_there_are_no_numbers_but_a_finding(changes, stat
     assert np.isnan([float(result.SaO2), float(result.VO2_oxygenator)]).all()
     assert np.isfinite(result.MAP)
     assert any("no steady gas state" in sentence for sentence in result.attrs["warnings"])
+
+
+def test_gases_that_are_not_there_have_their_own_status_wherever_they_are_asked_for():
+    patient = model(gas_shunt_fraction=1.0, ecmo_sweep_l_min=0.0)
+    many = eclsim.simulate_many(patient, {"gas.shunt_fraction": [0.5, 1.0]}, outputs=["SaO2"])
+    assert many["gas_status"].values.tolist() == ["steady", "no_oxygen"]
+    assert np.isfinite(many["SaO2"].values).tolist() == [True, False]
+    assert "less than a tenth of the oxygen" in str(many["message"].values[1])
+    with pytest.raises(NoDerivativesError, match=r"no derivatives \(no_oxygen\)"):
+        eclsim.derivatives(patient, ["SaO2"], ["ecmo.speed_rpm"])
+    slopes = eclsim.derivatives(patient, ["SaO2"], ["ecmo.speed_rpm"], throw=False)
+    assert slopes.attrs["status"] == "no_oxygen"
+    assert np.isnan(slopes).all()
+    assert np.isfinite(eclsim.derivatives(patient, ["MAP"], ["ecmo.speed_rpm"])).all()
 
 
 def test_consumption_below_demand_is_said():

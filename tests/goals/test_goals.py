@@ -20,6 +20,7 @@ from eclsim.outputs.signals import parameters_read
 from eclsim.simulation.target_flow import with_speed
 
 CASE = PRESETS["paper"].case()
+VENO_VENOUS = Path(__file__).parents[2] / "examples" / "veno_venous_gas.toml"
 OUTPUTS = ("MAP", "PF", "PCWP", "drainage_pressure")
 
 
@@ -190,7 +191,7 @@ def test_all_mistakes_are_said_at_once_and_the_command_ends_with_two(tmp_path, c
 @pytest.mark.slow
 def test_with_gas_the_sweep_is_turned_too():
     """The lowest speed for a saturation: at less, no sweep within the bounds of PaCO2 reaches it."""
-    file = Path(__file__).parents[2] / "examples" / "veno_venous_gas.toml"
+    file = VENO_VENOUS
     result = reach(file, "SaO2 > 90, PaCO2 30..45")
     assert result.reached
     assert [setting.name for setting in result.settings] == ["ecmo.speed_rpm", "ecmo.sweep_l_min"]
@@ -205,3 +206,12 @@ def test_with_gas_the_sweep_is_turned_too():
     reached = allowed & (beside["SaO2"] >= 90.0)
     assert int(allowed.sum()) > 3
     assert list(np.flatnonzero(reached)) == [10]
+
+
+def test_gases_that_are_nowhere_in_the_ranges_are_named():
+    case = read_case(VENO_VENOUS).case
+    gas = case.gas.model_copy(update={"shunt_fraction": 1.0})
+    result = reach(case.model_copy(update={"gas": gas}), "SaO2 > 90", vary="ecmo.sweep_l_min=0..0.000001")
+    assert result.status is search.ReachStatus.NO_STEADY_GASES
+    assert "less than a tenth of the oxygen" in result.message
+    assert np.isnan(result.values).all()

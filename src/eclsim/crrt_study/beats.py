@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +20,7 @@ import numpy as np
 from eclsim.circuit import Choice, Circuit
 from eclsim.devices.crrt import CRRT, Crrt, crrt
 from eclsim.devices.ecmo import POSITIONS
+from eclsim.gas.network import GasStatus
 from eclsim.orbit.model import AS_PUBLISHED, PATIENT_HELD, POLICY_WORDS, circuit_of, values_of
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
@@ -230,6 +231,10 @@ def _variables(records: Sequence[SteadyBeat], dims: tuple[str, ...], shape: tupl
     data["converged"] = (dims, stacked([r.determined for r in records]), {"long_name": "steady beat found"})
     texts = [np.array([Status(k).word for k in r.status]) for r in records]
     data["status"] = (dims, stacked(texts), {"long_name": "how the search for the steady beat ended"})
+    if first.of_gases:
+        ends = [np.array([GasStatus(k).word for k in r.gas_status]) for r in records]
+        about = {"long_name": "how the search for the steady gas state ended"}
+        data["gas_status"] = (dims, stacked(ends), about)
     data["beats"] = (dims, stacked([r.orbits.beats for r in records]), {"long_name": "beats computed"})
     return data
 
@@ -363,7 +368,8 @@ def value(records: SteadyBeat, name: str) -> np.ndarray:
 # --- beats that were not found, in words ------------------------------------------------------------
 
 
-FOUND = Status.CONVERGED.name.lower()
+FOUND = (Status.CONVERGED.word, GasStatus.STEADY.word)
+GASES = "gas state"
 WITHOUT_CRRT = "without CRRT"
 WHY = {
     "no_ejection": "the native heart ejects next to nothing",
@@ -371,6 +377,8 @@ WHY = {
     "not_finite": "the pressures left the range of numbers",
     "one_of_many": "valves stay shut, so that the volumes depend on where the computation began",
     "invalid_input": "a value is not allowed",
+    "no_oxygen": "a tissue gets less than a tenth of the oxygen that it needs",
+    "no_removal": "carbon dioxide is hardly removed",
 }
 """Reason by status."""
 MOST_SPEEDS_NAMED = 4
@@ -378,7 +386,7 @@ MOST_SPEEDS_NAMED = 4
 
 @dataclass(frozen=True, slots=True)
 class Unsettled:
-    """Beats of one scheme that were not found for one reason.
+    """Beats of one scheme, or their gases, that were not found for one reason.
 
     Args:
         policy: blood volume policy.
@@ -386,6 +394,7 @@ class Unsettled:
         speeds: of the pump [rpm].
         status: how the search ended, in lower case.
         condition: what else was special about the beats.
+        state: what was not found, "beat" or "gas state".
     """
 
     policy: str
@@ -393,31 +402,33 @@ class Unsettled:
     speeds: tuple[float, ...]
     status: str
     condition: str = ""
+    state: str = "beat"
 
     @property
     def sentence(self) -> str:
-        """Where there is no steady beat, and why."""
+        """Where there is no steady state, and why."""
         where = f"{self.place} {self.condition}".strip()
-        return f"{where}: {no_beat(self.speeds, [self.status] * len(self.speeds))}"
+        return f"{where}: {not_found(self.speeds, [self.status] * len(self.speeds), self.state)}"
 
     @property
     def advice(self) -> str:
         """What the status means and what to do."""
-        return Status[self.status.upper()].message
+        return (GasStatus if self.state == GASES else Status)[self.status.upper()].message
 
 
-def no_beat(speeds: Sequence[float], statuses: Sequence[str]) -> str:
-    """Speeds without a steady beat, and the reasons; empty where all are found.
+def not_found(speeds: Sequence[float], statuses: Sequence[str], state: str = "beat") -> str:
+    """Speeds without a steady beat or gas state, and the reasons; empty where all are found.
 
     Args:
         speeds: of the pump [rpm].
         statuses: one for each speed; those that were found are left out.
+        state: "beat" or "gas state".
     """
-    reasons = dict.fromkeys(status for status in statuses if status != FOUND)
+    reasons = dict.fromkeys(status for status in statuses if status not in FOUND)
     messages = []
     for reason in reasons:
         affected = [v for v, status in zip(speeds, statuses, strict=True) if status == reason]
-        messages.append(f"no steady beat at {speeds_in_words(affected)} ({WHY[reason]})")
+        messages.append(f"no steady {state} at {speeds_in_words(affected)} ({WHY[reason]})")
     return ", ".join(messages)
 
 
@@ -439,17 +450,18 @@ def unsettled(study: CrrtStudy) -> tuple[Unsettled, ...]:
     result: list[Unsettled] = []
     for policy in study.policies:
         for letter in study.means["scheme"].values.astype(str):
-            one = study.means["status"].sel(policy=policy, scheme=letter)
-            result += _grouped(policy, f"scheme {letter}", one)
-        result += _grouped(policy, WITHOUT_CRRT, study.without_crrt["status"].sel(policy=policy))
+            result += _grouped(policy, f"scheme {letter}", study.means.sel(policy=policy, scheme=letter))
+        result += _grouped(policy, WITHOUT_CRRT, study.without_crrt.sel(policy=policy))
     return (*result, *_primed(study))
 
 
-def _grouped(policy: str, place: str, status: xr.DataArray) -> Iterator[Unsettled]:
-    """One entry for each reason."""
-    reasons = status.values.astype(str)
-    for reason in dict.fromkeys(reason for reason in reasons if reason != FOUND):
-        yield Unsettled(policy, place, tuple(status["speed"].values[reasons == reason].tolist()), reason)
+def _grouped(policy: str, place: str, one: xr.Dataset) -> Iterator[Unsettled]:
+    """One entry for each reason; gases of a beat that was not found are not asked for."""
+    speeds, beats = one["speed"].values, one["status"].values.astype(str)
+    gases = np.where(one["converged"], one["gas_status"], FOUND[1]) if "gas_status" in one else beats[:0]
+    for state, reasons in (("beat", beats), (GASES, gases.astype(str))):
+        for reason in dict.fromkeys(reason for reason in reasons if reason not in FOUND):
+            yield Unsettled(policy, place, tuple(speeds[reasons == reason].tolist()), reason, state=state)
 
 
 def _primed(study: CrrtStudy) -> Iterator[Unsettled]:
@@ -459,7 +471,7 @@ def _primed(study: CrrtStudy) -> Iterator[Unsettled]:
     for letter, status in zip(
         study.uptake["scheme"].values.astype(str), study.uptake["status"].values.astype(str), strict=True
     ):
-        if status not in (FOUND, NOT_ASKED):
+        if status not in (*FOUND, NOT_ASKED):
             yield Unsettled("patient_held", f"scheme {letter}", (study.case_speed,), status, PRIMED)
 
 
@@ -479,15 +491,15 @@ MOST_LINES = 20
 
 
 def not_known(study: CrrtStudy) -> list[str]:
-    """Every beat that was not found, with its reason and what to do; empty if all were."""
-    places_of: dict[tuple[str, str, tuple[float, ...], str], list[str]] = {}
+    """Every beat or gas state that was not found, with its reason and what to do; empty if all were."""
+    places_of: dict[Unsettled, list[str]] = {}
     for one in study.unsettled:
-        places_of.setdefault((one.policy, one.condition, one.speeds, one.status), []).append(one.place)
+        places_of.setdefault(replace(one, place=""), []).append(one.place)
     lines = []
-    for (policy, condition, speeds, status), places in places_of.items():
-        how = condition or POLICY_WORDS[policy].partition(":")[0]
-        where = f"{_places(places)}, {how}"
-        lines.append(f"{where}: {no_beat(speeds, [status] * len(speeds))}")
+    for one, places in places_of.items():
+        how = one.condition or POLICY_WORDS[one.policy].partition(":")[0]
+        why = not_found(one.speeds, [one.status] * len(one.speeds), one.state)
+        lines.append(f"{_places(places)}, {how}: {why}")
     if len(lines) > MOST_LINES:
         lines = [*lines[:MOST_LINES], f"and {len(lines) - MOST_LINES} more, see the list in the JSON object"]
     if study.samples_without_a_beat and study.uncertainty is not None:

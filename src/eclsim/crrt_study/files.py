@@ -73,6 +73,8 @@ EXCHANGE = (
 )
 """Outputs of dialysis and gas exchange of each scheme, where a study has them."""
 DIFFERENCES = ("difference", "uptake", "flow")
+STATES = ("converged", "status", "gas_status")
+"""How beats, and where a study has them gases, were found."""
 
 
 def study_object(study: CrrtStudy) -> dict[str, Json]:
@@ -92,6 +94,7 @@ def study_object(study: CrrtStudy) -> dict[str, Json]:
             }
             for one in study.unsettled
         ],
+        "assumed": list(study.assumed),
         "policies": {policy: _policy(study, policy) for policy in study.policies},
     }
     if study.uncertainty is not None:
@@ -101,6 +104,10 @@ def study_object(study: CrrtStudy) -> dict[str, Json]:
 
 def _names(study: CrrtStudy) -> list[str]:
     return [*MEANS, *(name for name in EXCHANGE if name in study.means)]
+
+
+def _states(data: xr.Dataset) -> list[str]:
+    return [name for name in STATES if name in data]
 
 
 def _values(one: xr.Dataset, names: Sequence[str] | Mapping[str, str]) -> dict[str, object]:
@@ -123,7 +130,7 @@ def _policy(study: CrrtStudy, policy: str) -> dict[str, object]:
             "returns_behind_oxygenator": scheme.returns_behind_oxygenator,
             "means": _values(one, _names(study)),
             "patient_volume_change_ml": one["patient_volume_change"].item(),
-            **_values(one, ("converged", "status")),
+            **_values(one, _states(one)),
         }
         if study.uptake is not None and policy == AS_PUBLISHED:
             split = study.uptake.sel(scheme=scheme.letter)
@@ -135,7 +142,7 @@ def _policy(study: CrrtStudy, policy: str) -> dict[str, object]:
     return {
         "speed_rpm": study.case_speed,
         "schemes": schemes,
-        "without_crrt": _values(alone, [*(n for n in MEANS if n in alone), "converged", "status"]),
+        "without_crrt": _values(alone, [*(n for n in MEANS if n in alone), *_states(alone)]),
         "summary": _summary(study.summary.sel(at_case)),
         "speeds": _at_speeds(study, policy),
         "limits": _limits(study.limits.sel(policy=policy), study.rule.limits),
@@ -155,7 +162,7 @@ def _summary(summary: xr.Dataset) -> dict[str, object]:
 def _at_speeds(study: CrrtStudy, policy: str) -> list[dict[str, object]]:
     """All schemes at every speed; read from plain arrays, as there are thousands of numbers."""
     means = study.means.sel(policy=policy)
-    names = ("converged", "status", *_names(study))
+    names = (*_states(means), *_names(study))
     values = {name: means[name].transpose("scheme", "speed").values.tolist() for name in names}
     letters = means["scheme"].values.tolist()
     return [
@@ -217,7 +224,7 @@ def tables(study: CrrtStudy) -> dict[str, pd.DataFrame]:
     `means` has a row for each policy, scheme and speed, `summary` for each policy and speed, `limits` for
     each policy, scheme and limit, `ranking` for each policy and scheme, `uptake` for each scheme.
     """
-    means = study.means[[*_names(study), "patient_volume_change", "converged", "status"]]
+    means = study.means[[*_names(study), "patient_volume_change", *_states(study.means)]]
     statistics = ("median", "variation", "variation_percent", "highest", "lowest")
     summary = study.summary[
         ["schemes_known", *(f"{name}_{what}" for name in SUMMARISED for what in statistics)]
@@ -274,7 +281,7 @@ def ranking_table(study: CrrtStudy) -> pd.DataFrame:
 
 
 MORE = (
-    "patient_volume", "ecmo_volume", "crrt_volume", "patient_volume_change", "converged", "status", "beats",
+    "patient_volume", "ecmo_volume", "crrt_volume", "patient_volume_change", "beats", *STATES,
 )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eclsim.crrt_study.beats import Variables, no_beat, speeds_in_words, value
+from eclsim.crrt_study.beats import Variables, not_found, speeds_in_words, value
 from eclsim.devices.crrt import ALARMS_MMHG, SANSOM_ACCESS_MMHG
 from eclsim.devices.ecmo import SUCTION_MMHG
 
@@ -118,7 +118,8 @@ def largest_flows(means: xr.Dataset, case_speed: float, judged: tuple[Limit, ...
     kept, texts = np.empty(shape, dtype=object), np.empty(shape, dtype=object)
     for p, s in np.ndindex(shape[:2]):
         one = few.isel(policy=p, scheme=s)
-        flow, missing = one["PF"].values, no_beat(speeds.tolist(), one["status"].values.astype(str).tolist())
+        flow, statuses = one["PF"].values, one["status"].values.astype(str).tolist()
+        missing = not_found(speeds.tolist(), statuses)
         values = {limit.quantity: one[limit.quantity].values for limit in judged}
         for k, margins in enumerate(_margins(values, judged).values()):
             margin[p, s, k] = margins[speeds == case_speed][0]

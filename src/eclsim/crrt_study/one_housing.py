@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eclsim.crrt_study.limits import CRRT_LIMITS
-from eclsim.devices.crrt import FILTER_PARAMETERS
+from eclsim.devices.crrt import CRRT, FILTER_PARAMETERS, Crrt
 from eclsim.devices.renox import GROUP, Renox
 from eclsim.orbit.model import circuit_of, values_of
 from eclsim.orbit.steady import Batch
+from eclsim.outputs.alarms import assumptions
 from eclsim.outputs.results import output_labels
 from eclsim.outputs.signals import output_names
 from eclsim.outputs.steady_beat import steady_beat
@@ -39,16 +40,17 @@ COLUMNS = {
 
 
 def without_renox(case: Case) -> Case:
-    """The case with its oxygenator alone."""
-    others = {key: section for key, section in case.other_devices.items() if key != GROUP}
-    return case.model_copy(update={"other_devices": others})
+    """The case with its oxygenator alone; without a CRRT, one that gives the fluids of its RenOx."""
+    crrt, renox = case.crrt, case.renox
+    if crrt is None and renox is not None:
+        crrt = Crrt(**CRRT.usual, **renox.model_dump())
+    return case.model_copy(update={"renox": None, "crrt": crrt})
 
 
 def section_of(case: Case) -> Renox | None:
     """The fluids of RenOx; None where the case has neither its section nor a CRRT that dialyses."""
-    section = case.other_devices.get(GROUP)
-    if isinstance(section, Renox):
-        return section
+    if case.renox is not None:
+        return case.renox
     if case.crrt is None or not case.crrt.dialyses:
         return None
     fluids = (case.crrt.dialysate_ml_h, case.crrt.replacement_pre_ml_h, case.crrt.replacement_post_ml_h)
@@ -67,8 +69,7 @@ def in_one_housing(case: Case, policies: Sequence[str], speeds: np.ndarray) -> x
     section = section_of(case)
     if section is None:
         return None
-    alone = without_renox(case).model_copy(update={"crrt": None})
-    case = alone.model_copy(update={"other_devices": {**alone.other_devices, GROUP: section}})
+    case = case.model_copy(update={"crrt": None, "renox": section})
     circuit, values = circuit_of(case), values_of(case)
     known = output_names(circuit)
     names = [n for n in known if n.startswith(f"{GROUP}_")] + [n for n in ("PF", *GASES) if n in known]
@@ -79,6 +80,7 @@ def in_one_housing(case: Case, policies: Sequence[str], speeds: np.ndarray) -> x
     dims = ("policy", "speed")
     data = {name: (dims, np.stack([b.output(name) for b in beats]), output_labels(name)) for name in names}
     attributes = {key: value for key, value in section.model_dump().items() if value is not None}
+    attributes["assumed"] = [f"RenOx: {one.sentence}" for one in assumptions(names, circuit, values)]
     return xr.Dataset(data, {"policy": list(policies), "speed": speeds}, attributes)
 
 

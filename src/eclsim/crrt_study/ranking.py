@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eclsim.crrt_study.beats import listed, no_beat, schemes_named
+from eclsim.crrt_study.beats import GASES, listed, not_found, schemes_named
 from eclsim.crrt_study.limits import CRRT_LIMITS, KEPT_TO_THE_END
 from eclsim.crrt_study.rule import FLOW, USUAL, Rule
 
@@ -72,6 +72,12 @@ class Ranked:
         """Whether it is known up to which flow the limits are kept, or that they never are."""
         return self.flow_at_most == self.largest_flow or bool(np.isnan(self.flow_at_most))
 
+    @property
+    def unknown(self) -> set[str]:
+        """Quantities of the rule that are not known."""
+        lost = {name for name, value in self.numbers.items() if name != FLOW and np.isnan(value)}
+        return lost if self.flow_known else {*lost, FLOW}
+
 
 def rank(
     means: xr.Dataset, limits: xr.Dataset, schemes: tuple[Scheme, ...], rule: Rule = USUAL
@@ -126,20 +132,31 @@ def _placed(one: Ranked, known: Sequence[Ranked], rule: Rule) -> Ranked:
     places = (1 + better, 1 + better + len(open_against))
     if not open_against:
         return replace(one, rank=places[0], places=places)
-    named = [other.letter for other in open_against if not other.flow_known]
-    others_keep = f"scheme {named[0]} keeps its" if len(named) == 1 else f"schemes {listed(named)} keep their"
-    which = f"{others_keep if one.flow_known else 'it keeps its'} limits"
-    why = f"place {places[0]} to {places[1]}: not known up to which ECMO flow {which}"
+    why = f"place {places[0]} to {places[1]}: not known {_open(one, open_against, rule)}"
     return replace(one, places=places, why_no_rank=why)
+
+
+def _open(one: Ranked, others: Sequence[Ranked], rule: Rule) -> str:
+    """What is not known of a scheme, or of those that it may stand before or behind."""
+    lost = one.unknown.union(*(other.unknown for other in others))
+    quantity = next(criterion.quantity for criterion in rule.criteria if criterion.quantity in lost)
+    named = [] if quantity in one.unknown else [o.letter for o in others if quantity in o.unknown]
+    which = schemes_named(named).lower() if named else "it"
+    if quantity != FLOW:
+        return f"{quantity} of {which}"
+    return f"up to which ECMO flow {which} {'keep their' if len(named) > 1 else 'keeps its'} limits"
 
 
 def _before(one: Ranked, other: Ranked, rule: Rule) -> bool | None:
     """Whether a scheme is better than another; None where what is known does not tell."""
     for criterion in rule.criteria:
-        if criterion.quantity == FLOW and not (one.flow_known and other.flow_known):
+        unknown = criterion.quantity in one.unknown or criterion.quantity in other.unknown
+        if criterion.quantity == FLOW and unknown:
             if criterion.key(one.largest_flow) < criterion.key(other.flow_at_most):
                 return True
             return False if criterion.key(other.largest_flow) < criterion.key(one.flow_at_most) else None
+        if unknown:
+            return None
         mine, theirs = (criterion.key(r.numbers[criterion.quantity]) for r in (one, other))
         if mine != theirs:
             return mine < theirs
@@ -149,7 +166,7 @@ def _before(one: Ranked, other: Ranked, rule: Rule) -> bool | None:
 def _judge(one: xr.Dataset, limits: xr.Dataset, scheme: Scheme, rule: Rule) -> Ranked:
     margin = {str(k): float(limits["margin"].sel(limit=k)) for k in limits["limit"].values}
     both = limits.sel(limit=CRRT_LIMITS)
-    missing = no_beat([float(one["speed"])], [str(one["status"].item())])
+    missing = not_found([float(one["speed"])], [str(one["status"].item())])
     numbers = {
         **margin,
         "alarms": min(margin["access_alarm"], margin["return_alarm"]),
@@ -200,6 +217,9 @@ def _sentences(one: Ranked, means: xr.Dataset, kept: str, scheme: Scheme, rule: 
         texts.append("returns behind the oxygenator: no trap for air or clots from the CRRT")
     if (share := float(means["past_oxygenator"])) > 0.0:
         texts.append(f"carries {100.0 * share:.1f} % of the ECMO's blood past the oxygenator")
+    if "gas_status" in means:
+        gases = not_found([float(means["speed"])], [str(means["gas_status"].item())], GASES)
+        texts += [gases] if gases else []
     return texts
 
 

@@ -93,6 +93,7 @@ def study_page(study: CrrtStudy, drawings: Mapping[str, str], policy: str | None
         volume=None if study.uptake is None else _volume_words(study, study.uptake),
         policies=[label for policy, label in POLICY_WORDS.items() if policy in study.policies],
         published_policy=AS_PUBLISHED in study.policies,
+        assumed=study.assumed,
         lines_on_patient=not nodes <= set(POSITIONS.values()),
         gas="SaO2" in study.means,
         drawings=drawings,
@@ -442,3 +443,5 @@ def show(study: CrrtStudy) -> None:
             table.add_row(place(one), one.letter, names[one.letter], *cells, flow)
         console.print(table)
         console.print("\n  ".join(choice(study, policy)) + "\n", markup=False)
+    for sentence in study.assumed:
+        console.print(f"{sentence[0].upper()}{sentence[1:]}", markup=False)

@@ -102,9 +102,14 @@ class Rule:
     limits: tuple[Limit, ...] = LIMITS
 
     def decides(self, one: Mapping[str, float], other: Mapping[str, float]) -> Criterion | None:
-        """The first criterion in which two schemes differ."""
-        differing = (c for c in self.criteria if c.key(one[c.quantity]) != c.key(other[c.quantity]))
-        return next(differing, None)
+        """The first criterion in which two schemes differ; None behind one that is not known."""
+        for criterion in self.criteria:
+            numbers = [numbers[criterion.quantity] for numbers in (one, other)]
+            if criterion.quantity != FLOW and any(map(math.isnan, numbers)):
+                return None
+            if criterion.key(numbers[0]) != criterion.key(numbers[1]):
+                return criterion
+        return None
 
     def as_object(self) -> dict[str, object]:
         """As plain data, which `read_rule` takes too; an infinite bound is None."""

@@ -60,6 +60,7 @@ class CrrtStudy:
         rule: by which schemes are ranked.
         renox: oxygenator and dialyzer in one housing on the beats without CRRT, over `policy` and `speed`;
             None where the case has no fluids for it.
+        assumed: what numbers of the study follow from without a source, a sentence each.
     """
 
     case: Case
@@ -76,6 +77,7 @@ class CrrtStudy:
     uncertainty: xr.Dataset | None = None
     rule: Rule = USUAL
     renox: xr.Dataset | None = None
+    assumed: tuple[str, ...] = ()
 
     @property
     def policies(self) -> tuple[str, ...]:
@@ -153,6 +155,7 @@ def crrt_study(
     from eclsim.crrt_study.limits import largest_flows, uncertainty
     from eclsim.crrt_study.one_housing import in_one_housing, without_renox
     from eclsim.crrt_study.ranking import rank
+    from eclsim.outputs.alarms import assumptions
     from eclsim.simulation.target_flow import with_speed
 
     case = as_case(case)
@@ -190,8 +193,12 @@ def crrt_study(
         policy: rank(means.sel(policy=policy, speed=own), limits.sel(policy=policy), chosen, judged_by)
         for policy in policies
     }
+    renox = in_one_housing(case, policies, rpm)
+    names = [str(name) for name in means]
+    sentences = [one.sentence for one in assumptions(names, circuits.circuit, circuits.values)]
+    sentences += [] if renox is None else renox.attrs["assumed"]
     return CrrtStudy(
         case, chosen, own, flow, means, crrt_datasets.without(alone, policies, rpm),
         crrt_datasets.waveforms(circuits, runs, policies), summarise(means), limits, uptake, ranking, doubt,
-        judged_by, in_one_housing(case, policies, rpm),
+        judged_by, renox, tuple(sentences),
     )  # fmt: skip

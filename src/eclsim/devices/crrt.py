@@ -17,6 +17,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
 from eclsim.devices.description import (
+    Assumption,
     BeatMeasures,
     Box,
     Control,
@@ -118,6 +119,33 @@ FILTER_PARAMETERS = tuple(
         ("KoAcitrate", 170.0, "mL/min", "The same for citrate", _ESTIMATE, 5.0, 3000.0),
     )
 )  # fmt: skip
+
+
+def assumed_membrane(membrane: Sequence[Parameter], prefix: str = "") -> tuple[Assumption, ...]:
+    """What is said of the membrane's constants, for which no source was read.
+
+    Args:
+        membrane: in the order of `FILTER_PARAMETERS`.
+        prefix: of the names of outputs.
+    """
+    permeability, urea = membrane[:2]
+    pressures = (f"{prefix}transmembrane_pressure", f"{prefix}effluent_pressure")
+    cleared = (f"{prefix}{what}_{name}" for what in ("clearance", "effective_clearance") for name in SOLUTES)
+    return (
+        Assumption(
+            permeability.key, permeability.value, pressures,
+            f"the ultrafiltration coefficient of the membrane, {permeability.value:g} mL/h/mmHg, is assumed "
+            "(30 to 60 is usual for 1.5 m2), and with it transmembrane pressure, effluent pressure and what "
+            f"an open effluent lets out: set {permeability.key} of your filter in [parameters]",
+        ),
+        Assumption(
+            urea.key, urea.value, tuple(cleared),
+            f"the mass transfer coefficients of the membrane, such as {urea.key} {urea.value:g} mL/min, are "
+            "assumed; clearances hardly depend on them while the effluent is far less than the flow of blood",
+        ),
+    )  # fmt: skip
+
+
 RED_CELL_HAEMOGLOBIN = 33.3
 """Haemoglobin in a dL of red cells [g], the usual mean corpuscular concentration."""
 HAEMATOCRIT = f"{GROUP}.haematocrit_in"
@@ -381,6 +409,7 @@ class CrrtDevice(Device[Crrt]):
         }
     )
     usual = MappingProxyType({"flow_ml_min": 200.0, "access_site": "post_oxy", "return_site": "pre_oxy"})
+    assumptions = assumed_membrane(FILTER_PARAMETERS)
     outputs = (
         mean_flow("crrt_flow", "mean blood flow of the CRRT", "Qcrrtpump"),
         mean("crrt_access_pressure", "mean pressure in the CRRT access line", "Pcrrttuin"),

@@ -167,6 +167,23 @@ class Limit:
         return value < self.value if self.side == "below" else value > self.value
 
 
+@dataclass(frozen=True, slots=True)
+class Assumption:
+    """A usual value that no source gives, and outputs that follow from it.
+
+    Attributes:
+        parameter: whose value it is; said only where a case leaves it at that.
+        value: in the parameter's unit.
+        concerns: names of outputs.
+        sentence: what is assumed, how far it matters, and what to set.
+    """
+
+    parameter: str
+    value: float
+    concerns: tuple[str, ...]
+    sentence: str
+
+
 @dataclass(frozen=True)
 class Finding:
     """Something to say about a beat.

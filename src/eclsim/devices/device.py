@@ -19,6 +19,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from eclsim.devices.description import (
+    Assumption,
     Box,
     Columns,
     Control,
@@ -93,6 +94,8 @@ class Device(ABC, Generic[S]):
     """Numbers of a beat that it adds."""
     limits: ClassVar[Sequence[Limit]] = ()
     """Bounds that its outputs should not cross."""
+    assumptions: ClassVar[Sequence[Assumption]] = ()
+    """Usual values without a source that its outputs follow from."""
     alike: ClassVar[Sequence[tuple[str, ...]]] = ()
     """Outputs that say the same: of their broken limits the gravest is said, not each."""
     usual: ClassVar[Mapping[str, Any]] = _EMPTY

@@ -18,7 +18,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eclsim.devices.crrt import FILTER_PARAMETERS, SOLUTES, USUAL_FLUID, Crrt
+from eclsim.devices.crrt import FILTER_PARAMETERS, SOLUTES, USUAL_FLUID, Crrt, assumed_membrane
 from eclsim.devices.description import BeatMeasures, Finding, Numbers, Output
 from eclsim.devices.device import CaseValues, Device, Naming
 from eclsim.inputs.fields import number
@@ -81,6 +81,7 @@ class RenoxDevice(Device[Renox]):
 
     key, name, section = GROUP, "RenOx", Renox
     parameters = MEMBRANE
+    assumptions = assumed_membrane(MEMBRANE, f"{GROUP}_")
     nominal = MappingProxyType(
         {
             f"{GROUP}.dialysate_ml_h": 2000.0, f"{GROUP}.replacement_pre_ml_h": 0.0,

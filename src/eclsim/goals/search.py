@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.optimize import linprog
 
+from eclsim.gas.network import GasStatus
 from eclsim.goals.goal import Goal, GoalError, Setting, read_goals, read_settings
 from eclsim.orbit.model import CaseSource, Model, as_case, model_of
 from eclsim.orbit.status import NoDerivativesError, Status
@@ -54,6 +55,7 @@ class ReachStatus(StrEnum):
     NOT_REACHED = "not_reached"
     NOT_CONVERGED = "not_converged"
     NO_STEADY_BEAT = "no_steady_beat"
+    NO_STEADY_GASES = "no_steady_gases"
 
 
 class GoalResult(NamedTuple):
@@ -180,6 +182,13 @@ class _Point(NamedTuple):
     slopes: np.ndarray
 
 
+class _Nowhere(NamedTuple):
+    """There is nowhere to search from: how the search ended, and why."""
+
+    status: ReachStatus
+    message: str
+
+
 class _End(NamedTuple):
     """Where a search ended, and why it did before it had converged (empty: it has)."""
 
@@ -223,23 +232,23 @@ class _Bedside:
         result = _Point(place, linear.values, linear.slopes * self.span)
         return result if np.isfinite(result.values).all() and np.isfinite(result.slopes).all() else None
 
-    def scan(self, outputs: Sequence[str]) -> tuple[np.ndarray, np.ndarray, list[str]]:
-        """Places all over the ranges (settings, members), the outputs there, and what became of each."""
+    def scan(self, outputs: Sequence[str]) -> tuple[np.ndarray, np.ndarray, SteadyBeat]:
+        """Places all over the ranges (settings, members), the outputs there, and their beats."""
         count = SCANNED.get(len(self.settings), 3)
         axis = np.linspace(0.0, 1.0, count)
         places = np.array(list(itertools.product(axis, repeat=len(self.settings)))).T
         beat = self.beat(places, outputs)
         values = np.where(beat.determined, beat.values, np.nan)
-        return places, values, [beat.message(k) for k in range(places.shape[1])]
+        return places, values, beat
 
 
 def _reached(bedside: _Bedside, goals: tuple[Goal, ...]) -> Reached:
     """Search, and where it ends short of a goal, ask what stands in the way."""
-    start, message = _best_start(bedside, goals)
-    if start is None:
+    start = _best_start(bedside, goals)
+    if isinstance(start, _Nowhere):
         nowhere = tuple(GoalResult(goal, np.nan, False, False, {}) for goal in goals)
         none, name = tuple(np.nan for _ in bedside.settings), bedside.model.name
-        status = ReachStatus.NO_STEADY_BEAT
+        status, message = start
         return Reached(name, bedside.settings, none, nowhere, status, message, beats=bedside.beats)
     end, unfinished = _search(bedside, goals, start)
     numbers = {name: float(value[0]) for name, value in bedside.values_at(end.place[:, None]).items()}
@@ -287,14 +296,19 @@ def _without(
     return settings
 
 
-def _best_start(bedside: _Bedside, goals: Sequence[Goal]) -> tuple[np.ndarray | None, str]:
-    """The best of places all over the ranges; None, and why, where no steady beat was found at any."""
-    places, values, messages = bedside.scan([goal.output for goal in goals])
+def _best_start(bedside: _Bedside, goals: Sequence[Goal]) -> np.ndarray | _Nowhere:
+    """The best of places all over the ranges, or why no goal's output is known at any."""
+    places, values, beat = bedside.scan([goal.output for goal in goals])
     merits = np.array([_merit(goals, u, v) for u, v in zip(places.T, values.T, strict=True)])
     known = np.isfinite(merits)
     if not known.any():
-        return None, f"no steady beat was found anywhere in the ranges: {messages[0]}"
-    return places[:, int(np.nanargmin(merits))], ""
+        steady = np.flatnonzero(beat.determined)
+        if len(steady):
+            why = GasStatus(int(beat.gas_status[steady[0]])).message
+            return _Nowhere(ReachStatus.NO_STEADY_GASES, f"nowhere in the ranges are there gases: {why}")
+        why = f"no steady beat was found anywhere in the ranges: {beat.message(0)}"
+        return _Nowhere(ReachStatus.NO_STEADY_BEAT, why)
+    return places[:, int(np.nanargmin(merits))]
 
 
 def _merit(goals: Sequence[Goal], place: np.ndarray, values: np.ndarray) -> float:

@@ -54,16 +54,21 @@ class NoDerivativesError(ValueError):
         status: how the search for the steady beat ended; `CONVERGED` where the equation is singular.
         name: of the patient; empty where it has none.
         reason: why, and what to do.
+        gases: how the search for the steady gas state ended, in lower case; empty where that is not what is
+            missing.
     """
 
-    def __init__(self, status: Status, reason: str, name: str = ""):
+    def __init__(self, status: Status, reason: str, name: str = "", gases: str = ""):
         self.status = status
         self.name = name
         self.reason = reason
+        self.gases = gases
         of = f"{name}: " if name else ""
         super().__init__(f"{of}no derivatives ({self.word}): {reason}")
 
     @property
     def word(self) -> str:
-        """The status in lower case, or "singular" for a steady beat whose equation is."""
+        """The status in lower case, that of the gases, or "singular" for a steady beat whose equation is."""
+        if self.gases:
+            return self.gases
         return "singular" if self.status in (Status.CONVERGED, Status.ONE_OF_MANY) else self.status.word

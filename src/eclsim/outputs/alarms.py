@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from eclsim.devices.description import CAUTION, COLLAPSE_MMHG, GRAVEST_FIRST, Finding, Limit
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["CAUTION", "Finding", "findings", "impossible"]
 
+NO_VALUES: Mapping[str, float] = MappingProxyType({})
 KINDS = (*GRAVEST_FIRST, CAUTION)
 THIN_WALLED = {
     "ra": "right atrium", "svn": "systemic veins", "rv": "right ventricle", "pvn": "pulmonary veins",
@@ -33,6 +35,7 @@ def findings(
     outputs: Mapping[str, float],
     extremes: Mapping[str, tuple[float, float]],
     circuit: Circuit | None = None,
+    values: Mapping[str, float] = NO_VALUES,
 ) -> list[Finding]:
     """What there is to say about a beat, the gravest first.
 
@@ -40,6 +43,7 @@ def findings(
         outputs: scalar outputs by name.
         extremes: smallest and largest value of each waveform.
         circuit: with fixed sites; without it nothing is said that depends on where devices are connected.
+        values: of the parameters; without them nothing is said of assumed ones.
     """
     result = [_broken(limit, outputs[limit.quantity]) for limit in broken_limits(outputs)]
     result += _collapsed(extremes, {} if circuit is None else _drained(circuit))
@@ -48,7 +52,27 @@ def findings(
         result += _shut_in(outputs, circuit)
         for names in instances_in(circuit):
             result += names.device.findings(names, outputs, circuit)
+        result += assumptions(outputs, circuit, values)
     return sorted(result, key=lambda finding: KINDS.index(finding.kind))
+
+
+def assumptions(outputs: Collection[str], circuit: Circuit, values: Mapping[str, float]) -> list[Finding]:
+    """Assumed values of devices that outputs follow from, where a case sets no others.
+
+    Args:
+        outputs: names of them.
+        circuit: of patient and devices.
+        values: of the parameters.
+    """
+    result = []
+    parts = (*circuit.compartments, *circuit.connections, *circuit.exchanges)
+    for names in namings(part.group for part in parts):
+        for one in names.device.assumptions:
+            concerned = tuple(name for name in map(names.output, one.concerns) if name in outputs)
+            if concerned and values.get(names.parameter(one.parameter)) == one.value:
+                about = Finding(CAUTION, concerned[0], one.value, one.value, one.sentence, concerns=concerned)
+                result.append(about)
+    return result
 
 
 def impossible(findings: Collection[Finding]) -> bool:

@@ -89,7 +89,7 @@ def labelled(beat: SteadyBeat, member: int = 0, name: str = "model") -> xr.Datas
         "impossible": int(impossible(result)),
         "one_of_many": int(status is Status.ONE_OF_MANY),
     }
-    if "VO2" in beat.names:
+    if beat.of_gases:
         attributes["gas_status"] = GasStatus(int(beat.gas_status[member])).word
     # Made an index by xarray, it would import Dask to see whether it is one of its arrays: 0.1 s.
     words = {"units": "1", "long_name": "phase of the beat"}
@@ -118,7 +118,7 @@ def simulate_many(
     data["status"] = ("member", [Status(int(status)).word for status in beat.status])
     data["message"] = ("member", [beat.message(k) for k in range(count)])
     data["beats"] = ("member", beat.orbits.beats)
-    if "VO2" in beat.names:
+    if beat.of_gases:
         data["gas_status"] = ("member", [GasStatus(int(status)).word for status in beat.gas_status])
     residual = {"long_name": "largest relative change over a beat"}
     data["residual"] = ("member", beat.orbits.residual, residual)
@@ -164,7 +164,7 @@ def derivatives(
         values, slopes = result.values, result.slopes
     except NoDerivativesError as error:
         if throw:
-            raise NoDerivativesError(error.status, error.reason, model.name) from None
+            raise NoDerivativesError(error.status, error.reason, model.name, error.gases) from None
         status, message = error.word, error.reason
         values, slopes = np.full(len(outputs), np.nan), np.full((len(outputs), len(parameters)), np.nan)
     return xr.DataArray(

@@ -101,6 +101,11 @@ class SteadyBeat:
         """Whether the values of a member determine its steady beat, shape (members,)."""
         return self.status == Status.CONVERGED
 
+    @property
+    def of_gases(self) -> tuple[str, ...]:
+        """Its outputs of gas exchange."""
+        return tuple(name for name in self.names if GASES in output(name).parameters)
+
     def output(self, name: str) -> np.ndarray:
         """An output of every member, shape (members,)."""
         return self.values[self.names.index(name)]
@@ -150,6 +155,8 @@ class SteadyBeat:
             return f"{text}: {'; '.join(mistakes)}"
         if status is Status.ONE_OF_MANY:
             text = f"{text}: {self.undetermined[member]}"
+        elif status is Status.CONVERGED and self.gas_status[member]:
+            text = f"{text}, but {GasStatus(int(self.gas_status[member])).message}"
         elif status is not Status.CONVERGED:
             residual, drift = self.orbits.residual[member], self.orbits.drift[member]
             native = f"native output {self.native_l_min[member]:.3g} L/min, "
@@ -175,15 +182,15 @@ class SteadyBeat:
             extremes = self.statistics[1:, :, member].T.tolist()
             circuit = self.batch.circuit.with_chosen_sites(self.batch.member(member))
             ranges = {name: (low, high) for name, (low, high) in zip(self.signals, extremes, strict=True)}
-            result = findings(self.outputs(member), ranges, circuit) + self._gas_findings(member)
+            contents = self.batch.numbers_for(circuit.content_names(), member)
+            result = findings(self.outputs(member), ranges, circuit, contents) + self._gas_findings(member)
         if doubt := self.orbits.grid_warning(member):
             result.append(Finding("warning", "grid", float("nan"), float("nan"), doubt))
         return result
 
     def _gas_findings(self, member: int) -> list[Finding]:
         """What there is to say about gases besides limits."""
-        read = tuple(name for name in self.names if GASES in output(name).parameters)
-        status = GasStatus(int(self.gas_status[member]))
+        read, status = self.of_gases, GasStatus(int(self.gas_status[member]))
         if status is not GasStatus.STEADY:
             return [Finding("alarm", "VO2", float("nan"), float("nan"), status.message, concerns=read)]
         if "VO2" not in read:
@@ -206,7 +213,7 @@ class SteadyBeat:
             raise NoDerivativesError(Status(int(self.status[member])), self.message(member))
         gases = GasStatus(int(self.gas_status[member]))
         if gases is not GasStatus.STEADY and any(GASES in output(name).parameters for name in outputs):
-            raise NoDerivativesError(Status(int(self.status[member])), gases.message)
+            raise NoDerivativesError(Status(int(self.status[member])), gases.message, gases=gases.word)
         wanted = (*outputs, *(SOLVED_BY[name] for name in self.coupled))
         names = (*parameters, *self.coupled)
         program = beat_program(self.batch.circuit, int(self.orbits.resolution[member]))

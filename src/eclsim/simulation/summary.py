@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from eclsim.devices.registry import devices, named_output
+from eclsim.outputs.regulation import REGULATED
 from eclsim.reporting.numbers import text_table
 from eclsim.simulation.target_flow import speed_found
 
@@ -26,8 +27,14 @@ _MANY = (
 _WIDTH_OF_PIPES = 120
 _GROUPS = (
     ("Arteries", ("SP", "DP", "MAP", "pulse_pressure")),
-    ("Flows", ("systemic_flow", "CO", "pulmonary_flow", "LVO")),
-    ("Filling", ("right_atrial_pressure", "MPAP", "SPAP", "DPAP", "PCWP", "end_diastolic_pressure_lv")),
+    ("Flows", ("systemic_flow", "CO", "pulmonary_flow", "LVO", "bronchial_flow")),
+    (
+        "Filling",
+        (
+            "right_atrial_pressure", "MPAP", "SPAP", "DPAP", "PCWP", "end_diastolic_pressure_lv",
+            "pericardial_pressure", "caval_filling", "superior_caval_filling", "inferior_caval_filling",
+        ),
+    ),
     (
         "Heart",
         (
@@ -35,7 +42,22 @@ _GROUPS = (
             "ESVLA", "EDVRA", "ESVRA",
         ),
     ),
-    ("Gases", ("SaO2", "PaO2", "PaCO2", "pHa", "SaO2_lower", "SvO2", "VO2", "DO2", "O2ER")),
+    (
+        "Regions",
+        (
+            "upper_body_pressure", "lower_body_pressure", "superior_caval_pressure",
+            "inferior_caval_pressure", "upper_body_flow", "lower_body_flow", "native_share_ao",
+            "native_share_arch", "native_share_upper", "native_share_descending", "native_share_lower",
+        ),
+    ),
+    (
+        "Gases",
+        (
+            "SaO2", "PaO2", "PaCO2", "pHa", "SaO2_lower", "PaO2_lower", "PaCO2_lower", "SvO2", "VO2",
+            "VO2_lung", "VCO2_lung", "DO2", "O2ER",
+        ),
+    ),
+    ("Regulation", tuple(one.name for one in REGULATED)),
 )  # fmt: skip
 """What clinicians ask for, in their order; an output that no case has is left out. Devices add theirs."""
 _SYMBOLS = {
