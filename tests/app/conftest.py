@@ -64,8 +64,7 @@ def stop(served: Served) -> None:
     served.process.stderr.close()  # type: ignore[union-attr]
 
 
-@pytest.fixture
-def serving() -> Iterator[Callable[..., Served]]:
+def _starting() -> Iterator[Callable[..., Served]]:
     """Starts servers and stops them at the end."""
     started: list[Served] = []
 
@@ -76,6 +75,10 @@ def serving() -> Iterator[Callable[..., Served]]:
     yield start
     for one in started:
         stop(one)
+
+
+serving = pytest.fixture(_starting, name="serving")
+serving_throughout = pytest.fixture(_starting, scope="module", name="serving_throughout")
 
 
 @pytest.fixture(scope="session")

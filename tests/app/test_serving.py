@@ -21,6 +21,33 @@ def status(url: str, **options: object) -> int:
         return error.code
 
 
+@pytest.fixture(scope="module", autouse=True)
+def slow_visitor(served):
+    """One who begins to ask and says no more; it is let go while other tests run."""
+    address = urllib.parse.urlsplit(served.url)
+    with socket.create_connection((address.hostname, address.port)) as slow:
+        slow.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: ")
+        yield slow
+
+
+@pytest.fixture(scope="module")
+def full(browser, serving_throughout):
+    """The page that a server for one session refused; the page before it has just been closed."""
+    served = serving_throughout("--max-sessions", "1")
+    first, second = browser.new_page(), browser.new_page()
+    first.goto(served.url)
+    first.wait_for_function("window.eclsim?.bus.last('beat')", timeout=150_000)
+    second.goto(served.url)
+    second.get_by_text("open 1 times already").wait_for()
+    first.close()
+    yield second
+    second.close()
+
+
+def test_no_more_sessions_than_allowed(full):
+    assert full.get_by_text("open 1 times already").is_visible()
+
+
 def test_behind_a_proxy_with_a_root_path(browser, serving):
     served = serving("--root-path", "/bed/side")
     page = browser.new_page()
@@ -63,23 +90,6 @@ def test_another_address_needs_a_password(tmp_path):
     assert "--password-file" in result.output
 
 
-def test_no_more_sessions_than_allowed(browser, serving):
-    served = serving("--max-sessions", "1")
-    first, second = browser.new_page(), browser.new_page()
-    first.goto(served.url)
-    first.wait_for_function("window.eclsim?.bus.last('beat')", timeout=150_000)
-    second.goto(served.url)
-    second.get_by_text("open 1 times already").wait_for()
-    first.close()
-    for _ in range(60):
-        second.reload()
-        if second.evaluate("!!document.querySelector('.ecl-page')"):
-            break
-        time.sleep(1)
-    second.wait_for_function("window.eclsim?.bus.last('beat')", timeout=150_000)
-    second.close()
-
-
 def test_what_a_stranger_tries(served):
     assert status(served.url + "/static/..%2f..%2fetc/passwd") == 404
     assert status(served.url, headers={"Host": "evil.example"}) == 400
@@ -99,10 +109,16 @@ def test_what_a_stranger_tries(served):
     assert status(served.url + "/favicon.ico") == 200
 
 
-def test_a_slow_visitor_is_let_go(served):
-    address = urllib.parse.urlsplit(served.url)
-    with socket.create_connection((address.hostname, address.port)) as slow:
-        slow.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: ")
-        slow.settimeout(120)  # a visitor who is kept has this raise
-        assert slow.recv(100) == b""
+def test_a_slow_visitor_is_let_go(served, slow_visitor):
+    slow_visitor.settimeout(120)  # a visitor who is kept has this raise
+    assert slow_visitor.recv(100) == b""
     assert status(served.url + "/favicon.ico") == 200
+
+
+def test_a_place_is_free_again_after_a_page_was_closed(full):
+    for _ in range(60):
+        full.reload()
+        if full.evaluate("!!document.querySelector('.ecl-page')"):
+            break
+        time.sleep(1)
+    full.wait_for_function("window.eclsim?.bus.last('beat')", timeout=150_000)

@@ -87,6 +87,7 @@ def constant_result(circuit: Circuit, pressure: float = -234.5, flow: float = -1
     return xr.Dataset({**curves, **scalars}, coordinates, attributes)
 
 
+@cache
 def shown_texts(figure: Figure) -> list[tuple[Text, Bbox]]:
     texts = [text for ax in figure.axes for text in ax.texts if text.get_text()]
     renderer = FigureCanvasAgg(figure).get_renderer()  # one for all: each is as large as the picture

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from types import ModuleType
 from typing import NamedTuple, Unpack
 
@@ -76,7 +77,7 @@ def gases(
         ValueError: the law is unknown.
     """
     blood = Blood(**of)
-    return equilibrium(_common(po2, pco2, blood, po2), _common(po2, pco2, blood, pco2), blood, law)
+    return _at_pressures(_common(po2, pco2, blood, po2), _common(po2, pco2, blood, pco2), blood, law)
 
 
 def gases_with_contents(
@@ -111,24 +112,8 @@ def gases_with_saturation(
     Other arguments as in `gases`.
     """
     blood = Blood(**of)
-    chosen = law_named(law)
     wanted, pco2 = _common(saturation, pco2, blood, saturation), _common(saturation, pco2, blood, pco2)
-
-    def missing(log_po2: Array) -> Array:
-        po2 = jnp.exp(log_po2)
-        ph = ph_of(pco2, blood, lambda _: wanted)
-        reached = chosen.saturation(po2, pco2, ph, blood)
-        return jnp.log(reached / (1.0 - reached)) - jnp.log(wanted / (1.0 - wanted))
-
-    log_po2 = jnp.log(standard.severinghaus_pressure(wanted))
-
-    def improved(_: int, at: jax.Array) -> jax.Array:
-        value, slope = jax.jvp(missing, (at,), (jnp.ones_like(at),))
-        return at - jnp.clip(value / slope, -LARGEST_STEP, LARGEST_STEP)
-
-    found = jax.lax.stop_gradient(jax.lax.fori_loop(0, 20, improved, jax.lax.stop_gradient(log_po2)))
-    slope = jax.jvp(missing, (found,), (jnp.ones_like(found),))[1]
-    return equilibrium(jnp.exp(found - missing(found) / jax.lax.stop_gradient(slope)), pco2, blood, law)
+    return _at_saturation(wanted, pco2, blood, law)
 
 
 def equilibrium(po2: Array, pco2: Array, blood: Blood, law: str) -> BloodGases:
@@ -153,6 +138,10 @@ def law_named(name: str) -> ModuleType:
     return LAWS[name]
 
 
+_at_pressures = jax.jit(equilibrium, static_argnames="law")
+
+
+@partial(jax.jit, static_argnames="law")
 def _at_contents(
     start: tuple[jax.Array, jax.Array], wanted: tuple[jax.Array, jax.Array], blood: Blood, law: str
 ) -> BloodGases:
@@ -195,6 +184,28 @@ def _at_contents(
     )
     po2, pco2 = (jnp.where(solved, jnp.exp(x - step), jnp.nan) for x, step in zip(at, move, strict=True))
     return equilibrium(po2, pco2, blood, law)
+
+
+@partial(jax.jit, static_argnames="law")
+def _at_saturation(wanted: jax.Array, pco2: jax.Array, blood: Blood, law: str) -> BloodGases:
+    """Newton's method on the logarithm of PO2, elementwise."""
+    chosen = law_named(law)
+
+    def missing(log_po2: Array) -> Array:
+        po2 = jnp.exp(log_po2)
+        ph = ph_of(pco2, blood, lambda _: wanted)
+        reached = chosen.saturation(po2, pco2, ph, blood)
+        return jnp.log(reached / (1.0 - reached)) - jnp.log(wanted / (1.0 - wanted))
+
+    log_po2 = jnp.log(standard.severinghaus_pressure(wanted))
+
+    def improved(_: int, at: jax.Array) -> jax.Array:
+        value, slope = jax.jvp(missing, (at,), (jnp.ones_like(at),))
+        return at - jnp.clip(value / slope, -LARGEST_STEP, LARGEST_STEP)
+
+    found = jax.lax.stop_gradient(jax.lax.fori_loop(0, 20, improved, jax.lax.stop_gradient(log_po2)))
+    slope = jax.jvp(missing, (found,), (jnp.ones_like(found),))[1]
+    return equilibrium(jnp.exp(found - missing(found) / jax.lax.stop_gradient(slope)), pco2, blood, law)
 
 
 def _common(first: Array, second: Array, blood: Blood, chosen: Array) -> jax.Array:

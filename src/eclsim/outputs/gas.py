@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import lru_cache
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
-import jax
 import numpy as np
 
 from eclsim.blood.gases import BloodGases, gases_with_contents
-from eclsim.blood.types import Array
 from eclsim.components.exchangers import BLOOD
 from eclsim.devices.description import GASES, Output, gas_sample
 from eclsim.gas.network import CONTENTS, gas_exchanges
@@ -117,7 +114,6 @@ GAS_OUTPUTS = (
 
 # --- every compartment of a beat ----------------------------------------------------------------
 
-_BLOOD = ("haemoglobin", "base_excess", "temperature", "oxygen_capacity")
 BLOCK = 16
 """Compartments are computed in multiples of so many, so that few programs serve all circuits."""
 
@@ -150,7 +146,11 @@ def gases_of_places(measures: Measures, member: int = 0) -> PlaceGases:
     contents *= np.array([[of(measures.gas(what, "mixed", names[0]))] for what in CONTENTS])
     for row, what in zip(contents, CONTENTS, strict=True):
         row[: len(names)] = [of(measures.gas(what, "mixed", name)) for name in names]
-    result = _gases()(*contents, *(of(measures.parameter(name)) for name in BLOOD))
+    haemoglobin, excess, temperature, capacity = (of(measures.parameter(name)) for name in BLOOD)
+    result = gases_with_contents(
+        oxygen=contents[0], carbon_dioxide=contents[1], haemoglobin=haemoglobin, base_excess=excess,
+        temperature=temperature, oxygen_capacity=capacity,
+    )  # fmt: skip
     table = np.stack([np.asarray(row) for row in result])
     places = {name: BloodGases(*table[:, k].tolist()) for k, name in enumerate(names)}
     exchanged = {
@@ -158,14 +158,3 @@ def gases_of_places(measures: Measures, member: int = 0) -> PlaceGases:
         for e in gas_exchanges(measures.circuit)
     }
     return PlaceGases(places, exchanged)
-
-
-@lru_cache(maxsize=1)
-def _gases() -> Callable[..., BloodGases]:
-    """Gases from both contents and what describes the blood, compiled."""
-
-    def compute(oxygen: Array, carbon_dioxide: Array, *blood: Array) -> BloodGases:
-        described = dict(zip(_BLOOD, blood, strict=True))
-        return gases_with_contents(oxygen=oxygen, carbon_dioxide=carbon_dioxide, **described)
-
-    return jax.jit(compute)
