@@ -45,7 +45,7 @@ EXPLORED, CLIMBS, DRAWN = 256, 3, 400
 
 def one_patient(seed: int) -> dict:
     started, random = time.perf_counter(), np.random.default_rng(seed)
-    model, prior = model_of(read_mapping(CASE).case), Prior.of(Box.of(BOUNDS))
+    model, prior = model_of(read_mapping(CASE).case), Prior.within(Box.of(BOUNDS))
     drawn = PosteriorDensity(model, dict.fromkeys(MEASURED, 0.0), dict.fromkeys(MEASURED, 1.0), prior)
     z = random.standard_normal((8, len(NAMES)))
     outputs = drawn.simulate(z)

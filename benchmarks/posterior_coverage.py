@@ -31,7 +31,7 @@ SHORT = Sampling(chains=4, warmup=300, draws=250)
 
 def prior_of() -> Prior:
     table = np.log(np.array([tuple(b) for b in BOUNDS.values()]))
-    return Prior(NAMES, table[:, 1], table[:, 2], table[:, 0])
+    return Prior(NAMES, *table.T)
 
 
 def starts(posterior: PosteriorDensity, seed: int) -> np.ndarray:

@@ -31,7 +31,7 @@ def refitted(points):
     squares = refine(objective, np.arange(len(points)), truth, box)
     highest = []
     for model, values, x in zip(models, measured, truth, strict=True):
-        prior = Prior.of(box)
+        prior = Prior.within(box)
         found = approximate(PosteriorDensity(model, values, measurement_errors(values), prior), x[None])
         highest.append((prior.x_of(found.centre), found.outputs))
     return (squares.x, squares.outputs), tuple(np.array(v) for v in zip(*highest, strict=True))

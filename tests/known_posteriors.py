@@ -19,7 +19,7 @@ class CurvedPosterior:
 
     @property
     def prior(self):
-        return Prior(("a", "b"), np.log([0.1, 0.1]), np.log([10.0, 10.0]), np.zeros(2))
+        return Prior(("a", "b"), np.zeros(2), np.log([0.1, 0.1]), np.log([10.0, 10.0]))
 
     def simulate(self, z, centre=None):
         self.calls += len(z)

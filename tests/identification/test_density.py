@@ -6,12 +6,12 @@ from scipy.stats import kstest, norm, truncnorm
 
 from eclsim.identification.density import DEVIATIONS_TO_BOUNDS, Prior
 
-LOWER, UPPER, START = np.log([0.1, 0.02]), np.log([10.0, 8.0]), np.log([1.0, 0.5])
+START, LOWER, UPPER = np.log([0.1, 0.02]), np.log([10.0, 8.0]), np.log([1.0, 0.5])
 
 
 @pytest.fixture(params=["log-uniform", "log-normal"])
 def prior(request):
-    return Prior(("a", "b"), LOWER, UPPER, START, request.param)
+    return Prior(("a", "b"), START, LOWER, UPPER, request.param)
 
 
 def test_there_and_back(prior):
@@ -36,13 +36,13 @@ def test_parameters_at_a_bound_have_finite_variables(prior):
 
 
 def test_log_uniform_is_uniform_in_the_logarithm():
-    x = Prior(("a", "b"), LOWER, UPPER, START).x_of(norm.ppf((np.arange(2000) + 0.5) / 2000)[:, None])
+    x = Prior(("a", "b"), START, LOWER, UPPER).x_of(norm.ppf((np.arange(2000) + 0.5) / 2000)[:, None])
     shares = (x - LOWER) / (UPPER - LOWER)
     assert kstest(shares[:, 0], "uniform").statistic < 1e-3
 
 
 def test_log_normal_is_a_normal_distribution_cut_at_the_bounds():
-    prior = Prior(("a", "b"), LOWER, UPPER, START, "log-normal")
+    prior = Prior(("a", "b"), START, LOWER, UPPER, "log-normal")
     x = prior.x_of(norm.ppf((np.arange(2000) + 0.5) / 2000)[:, None])[:, 1]
     spread = max(UPPER[1] - START[1], START[1] - LOWER[1]) / DEVIATIONS_TO_BOUNDS
     ends = (LOWER[1] - START[1]) / spread, (UPPER[1] - START[1]) / spread

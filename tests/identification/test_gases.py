@@ -61,7 +61,7 @@ def test_gradient_of_the_potential_goes_through_the_gas_state():
     names = ("Rmc", "gas.shunt_fraction", "gas.vo2_ml_min")
     case, values = measured(CASE, ("MAP", "SaO2", "PaCO2", "SpreO2"))
     box = Box.of(checked_fit(case, FitSettings(names)).free)
-    prior = Prior.of(box)
+    prior = Prior.within(box)
     density = PosteriorDensity(model_of(case), values, measurement_errors(values), prior)
     z = np.array([0.1, 0.3, -0.2])
     evaluator = GradientEvaluator(density, z, by_point=True)

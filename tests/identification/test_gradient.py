@@ -25,7 +25,7 @@ OUTPUTS = ("SP", "DP", "MPAP", "CO", "PF")
 def posterior_of(names, policy="as_published"):
     point = simulated_patient(1)
     table = np.log([BOUNDS.get(n, (80.0, 8.0, 800.0)) for n in names])
-    prior = Prior(names, table[:, 1], table[:, 2], table[:, 0])
+    prior = Prior(names, *table.T)
     measured = {n: getattr(point.case.measurements, n) for n in OUTPUTS}
     model = model_of(point.case).with_values(dict(point.truth))
     return PosteriorDensity(model, measured, measurement_errors(measured), prior, policy)
@@ -112,7 +112,7 @@ def test_a_highest_point_behind_shut_valves_is_refused():
     """No derivatives there: the patient's beat is one of many."""
     posterior = posterior_of(NAMES)
     shut = replace(posterior, model=posterior.model.with_values({"Emaxrv": 0.02, "Rmc": 0.3}))
-    fixed = replace(shut, prior=Prior(("Csart",), np.log([1.0]), np.log([2.0]), np.log([1.5])))
+    fixed = replace(shut, prior=Prior(("Csart",), np.log([1.5]), np.log([1.0]), np.log([2.0])))
     fixed = replace(fixed, model=fixed.model.with_values({"Emaxlv": 0.1, "ecmo.speed_rpm": 4500.0}))
     assert GradientEvaluator(fixed, np.zeros(1)).linear(np.zeros(1)) is None
     with pytest.raises(NoSteadyBeatError):

@@ -55,7 +55,7 @@ def test_a_twin_gives_back_gain_and_sensitivity_to_their_sections(twin, tmp_path
 
 def test_the_prior_of_a_sensitivity_is_what_was_published():
     usual = parameters()[SENSITIVITY].bounds
-    prior = Prior.of(Box.of({SENSITIVITY: usual}), "log-normal")
+    prior = Prior.within(Box.of({SENSITIVITY: usual}), "log-normal")
     one = prior.values_of(np.array([[0.0], [1.0]]))[:, 0]
     assert one[0] == pytest.approx(1.0)
     # Cut at two standard deviations, which narrows the rest a little.

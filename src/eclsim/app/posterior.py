@@ -218,7 +218,7 @@ def _density(
     """The density of a fitted case's parameters, and the coordinates of their fitted values."""
     case = read_mapping(raw).case
     checked = checked_fit(case, FitSettings(volume_policy=policy))
-    prior = Prior.of(Box.of(checked.free))
+    prior = Prior.within(Box.of(checked.free))
     model = model_of(case).with_values(dict(checked.fixed))
     errors = measurement_errors(checked.targets)
     return _Reporting(model, dict(checked.targets), errors, prior, policy, report), prior.start

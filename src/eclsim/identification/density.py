@@ -36,7 +36,6 @@ from scipy.special import ndtr, ndtri
 
 from eclsim.beat.heartbeat import beat_program
 from eclsim.identification.objective import Box, Tangent, execution_of
-from eclsim.identification.quantities import Scale
 from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem
 from eclsim.orbit.model import AS_PUBLISHED, Model
 from eclsim.orbit.search import solve_orbits
@@ -57,32 +56,20 @@ SETTLED = OrbitOptions(tolerance=1e-5, error_tolerance=1e-4, newton_iterations=6
 
 
 @dataclass(frozen=True)
-class Prior:
-    """Independent priors of the coordinates of the parameters: the logarithms of most (see `scale`).
+class Prior(Box):
+    """Independent priors of the coordinates of free parameters, between their bounds.
 
     Args:
-        names: of the parameters.
-        lower: coordinates of the lower bounds, shape (parameters,).
-        upper: of the upper bounds.
-        start: of the start values, the median of the log-normal kind before it is cut at the bounds.
-        kind: "log-uniform", each coordinate between the bounds as likely as any other, or "log-normal".
+        kind: "log-uniform", each coordinate between the bounds as likely as any other, or "log-normal", whose
+            median is the start value before it is cut at the bounds.
     """
 
-    names: tuple[str, ...]
-    lower: np.ndarray
-    upper: np.ndarray
-    start: np.ndarray
     kind: PriorKind = "log-uniform"
 
     @classmethod
-    def of(cls, box: Box, kind: PriorKind = "log-uniform") -> Prior:
+    def within(cls, box: Box, kind: PriorKind = "log-uniform") -> Prior:
         """Of free parameters with bounds."""
-        return cls(box.names, box.lower, box.upper, box.clip(box.start), kind)
-
-    @property
-    def scale(self) -> Scale:
-        """The coordinates."""
-        return Scale.of(self.names)
+        return cls(box.names, box.clip(box.start), box.lower, box.upper, kind)
 
     def values_of(self, z: np.ndarray) -> np.ndarray:
         """The parameters in their units, shape (..., parameters) as z."""
@@ -92,7 +79,7 @@ class Prior:
         """Coordinates of the parameters, shape (..., parameters) as z."""
         share = ndtr(z)
         if self.kind == "log-uniform":
-            return self.lower + (self.upper - self.lower) * share
+            return self.lower + self.width * share
         first, last = self._ends()
         inside = self.start + self._spread() * ndtri(first + (last - first) * share)
         return np.clip(inside, self.lower, self.upper)
@@ -101,7 +88,7 @@ class Prior:
         """d coordinate / dz, shape (..., parameters)."""
         density = np.exp(-0.5 * np.asarray(z) ** 2) / np.sqrt(2.0 * np.pi)
         if self.kind == "log-uniform":
-            return (self.upper - self.lower) * density
+            return self.width * density
         first, last = self._ends()
         standard = (self.x_of(z) - self.start) / self._spread()
         return self._spread() * (last - first) * density / (np.exp(-0.5 * standard**2) / np.sqrt(2.0 * np.pi))
@@ -109,7 +96,7 @@ class Prior:
     def z_of(self, x: np.ndarray) -> np.ndarray:
         """Latent variables of coordinates; a parameter at a bound gives -`FARTHEST` or `FARTHEST`."""
         if self.kind == "log-uniform":
-            share = (np.asarray(x) - self.lower) / (self.upper - self.lower)
+            share = (np.asarray(x) - self.lower) / self.width
         else:
             first, last = self._ends()
             share = (ndtr((np.asarray(x) - self.start) / self._spread()) - first) / (last - first)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import FixedLocator, MaxNLocator, NullFormatter
 
 from eclsim.identification.quantities import (
     FLOWS,
@@ -18,17 +18,19 @@ from eclsim.identification.quantities import (
     Scale,
     axis_label,
     measured_and_simulated,
-    short,
     unit_of,
 )
 from eclsim.reporting.style import (
     GREY,
     OKABE_ITO,
     curve_style,
+    draw_matrix,
     figure_style,
     new_figure,
+    panel_grid,
     plain_log_ticks,
     plain_text,
+    short_name,
 )
 
 if TYPE_CHECKING:
@@ -48,36 +50,23 @@ _DOT: dict[str, Any] = {"color": OKABE_ITO["vermillion"], "markersize": 4, "clip
 
 def _parameter_panels(
     curves: CostCurves, units: Mapping[str, str], label: str, margin_mm: float
-) -> tuple[Figure, Iterator[tuple[int, Axes]]]:
+) -> tuple[Figure, list[Axes]]:
     """A figure with a panel for each parameter from bound to bound, its axis as it is sought."""
-    count = len(curves.names)
-    across = min(count, 3)
-    down = -(-count // across)
-    fig = new_figure(height_mm=margin_mm + 46 * down)
-
-    def panels() -> Iterator[tuple[int, Axes]]:
-        for k, (name, values) in enumerate(zip(curves.names, curves.values, strict=True)):
-            axes = fig.add_subplot(down, across, k + 1)
-            yield k, axes
-            if not Scale.of([name]).linear[0]:
-                axes.set_xscale("log")
-                wide = values[-1] / values[0] > 8.0
-                axes.xaxis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0)))
-                axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-                axes.xaxis.set_minor_formatter(NullFormatter())
-            axes.set_xlim(values[0], values[-1])
-            axes.set_xlabel(f"{name} [{unit}]" if (unit := units.get(name, "")) not in ("", "1") else name)
-            if k % across == 0:
-                axes.set_ylabel(label)
-
-    return fig, panels()
+    fig, panels = panel_grid(len(curves.names), 3, 46, margin_mm)
+    for axes, name, values in zip(panels, curves.names, curves.values, strict=True):
+        _scaled(axes.xaxis, name)
+        axes.set_xlim(values[0], values[-1])
+        axes.set_xlabel(f"{name} [{unit}]" if (unit := units.get(name, "")) not in ("", "1") else name)
+    for axes in panels[::3]:
+        axes.set_ylabel(label)
+    return fig, panels
 
 
 def plot_slices(slices: CostCurves, units: Mapping[str, str]) -> Figure:
     """Cost along each parameter from bound to bound, the others at the optimum."""
     with figure_style():
         fig, panels = _parameter_panels(slices, units, "sum of squared residuals", 12)
-        for k, axes in panels:
+        for k, axes in enumerate(panels):
             values, costs = slices.values[k], slices.costs[k]
             axes.plot(values, costs, color="black")
             axes.plot(slices.optimum[k], slices.cost, "o", **_DOT)
@@ -102,7 +91,7 @@ def plot_profiles(refitted: CostCurves, held: CostCurves, units: Mapping[str, st
     low = float(np.nanmin(refitted.costs))
     with figure_style():
         fig, panels = _parameter_panels(refitted, units, "chi-square", 16)
-        for k, axes in panels:
+        for k, axes in enumerate(panels):
             axes.plot(held.values[k], held.costs[k], color=GREY, label="others held")
             axes.plot(
                 refitted.values[k], refitted.costs[k], "o-", color=OKABE_ITO["blue"], markersize=2.5,
@@ -112,8 +101,7 @@ def plot_profiles(refitted: CostCurves, held: CostCurves, units: Mapping[str, st
             axes.axhline(low + rise, color="black", lw=0.8, ls=dashed, label="limit of the 90 % interval")
             axes.plot(refitted.optimum[k], refitted.cost, "o", label="likeliest", zorder=5, **_DOT)
             axes.set_ylim(low - 0.15 * rise, low + 4.0 * rise)
-        handles, labels = fig.axes[0].get_legend_handles_labels()
-        fig.legend(handles, labels, loc="outside upper center", ncols=4)
+        fig.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     return fig
 
 
@@ -148,7 +136,7 @@ def plot_starts(starts: Starts, names: Sequence[str], lower: np.ndarray, upper: 
         left.set_xlabel("start")
         left.set_ylabel("sum of squared residuals")
         left.legend(loc="best", frameon=True, framealpha=0.9)
-        right.set_xticks(range(len(names)), list(map(short, names)), rotation=45, ha="right")
+        right.set_xticks(range(len(names)), list(map(short_name, names)), rotation=45, ha="right")
         right.set_yticks((0.0, 0.5, 1.0), ("lower\nbound", "middle", "upper\nbound"))
         right.set_ylim(-0.06, 1.06)
         right.set_ylabel("where it ended")
@@ -189,20 +177,13 @@ def plot_residuals(
 
 def plot_correlation(names: Sequence[str], matrix: np.ndarray) -> Figure:
     """Correlation of the estimates of the parameters; matrix (parameters, parameters)."""
-    size = len(names)
+    side = 10.0 * max(len(names), 4)
     with figure_style():
-        side = 10.0 * max(size, 4)
         fig = new_figure(width_mm=1.08 * side + 33.0, height_mm=side + 18.0)
-        axes = fig.subplots()
-        image = axes.imshow(matrix, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
-        axes.set_xticks(range(size), list(map(short, names)), rotation=45, ha="right")
-        axes.set_yticks(range(size), list(map(short, names)))
-        axes.tick_params(length=0)
-        axes.spines[:].set_visible(False)
-        for (row, column), value in np.ndenumerate(matrix):
-            colour = "white" if abs(value) > 0.6 else "black"
-            axes.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=6, color=colour)
-        fig.colorbar(image, ax=axes, label="correlation of the estimates", fraction=0.05, pad=0.03)
+        draw_matrix(
+            fig, matrix, names, names, "RdBu_r", (-1.0, 1.0), lambda v: f"{v:.2f}", lambda v: abs(v) > 0.6,
+            label="correlation of the estimates", turned=45.0, aspect="equal", pad=0.03,
+        )  # fmt: skip
     return fig
 
 
@@ -339,25 +320,21 @@ def plot_pairs(result: PosteriorResult) -> Figure:
 def plot_predictive(result: PosteriorResult) -> Figure:
     """What the draws say of every output, at all settings, beside what was measured."""
     outputs = list(dict.fromkeys(n for p in result.predictions for n in p.outputs))
-    across = 4
-    down = -(-len(outputs) // across)
-    rows = len(result.predictions)
+    labels = [
+        plain_text(p.settings or "as measured", 40).replace("=", "=\n").replace(",", ",\n")
+        for p in result.predictions
+    ]
+    rows, across = len(labels), 4
     with figure_style():
-        fig = new_figure(height_mm=22 + down * (24 + 7 * rows))
+        fig, panels = panel_grid(len(outputs), across, 24 + 7 * rows, 22)
         fig.suptitle(_title(result, "90 % intervals of the model's outputs"))
-        for k, name in enumerate(outputs):
-            ax = fig.add_subplot(down, across, k + 1)
+        for k, (ax, name) in enumerate(zip(panels, outputs, strict=True)):
             _intervals(ax, result, name)
-            ax.set_yticks(range(rows))
-            labels = [
-                plain_text(p.settings or "as measured", 40).replace("=", "=\n").replace(",", ",\n")
-                for p in result.predictions
-            ]
-            ax.set_yticklabels(labels if k % across == 0 else [], fontsize=6)
+            ax.set_yticks(range(rows), [] if k % across else labels, fontsize=6)
             ax.set_ylim(rows - 0.4, -0.6)
             ax.set_xlabel(f"{name} [{unit_of(name)}]")
-        handles, labels = fig.axes[0].get_legend_handles_labels()
-        fig.legend(handles, labels, loc="outside lower center", ncols=3, columnspacing=1.4, fontsize=7)
+        legend = panels[0].get_legend_handles_labels()
+        fig.legend(*legend, loc="outside lower center", ncols=3, columnspacing=1.4, fontsize=7)
     return fig
 
 
@@ -549,12 +526,10 @@ def _of_points(series: Series, key: str, name: str) -> list[Any]:
 def _over_time(series: Series, key: str, title: str, draw: Callable[[Axes, TimeAxis, str], None]) -> Figure:
     """A panel over time for each name that the points have under a key."""
     names, time = list(dict.fromkeys(n for p in series["points"] for n in p[key])), TimeAxis.of(series)
-    down = -(-len(names) // _ACROSS)
     with figure_style():
-        fig = new_figure(height_mm=30 + 36 * down)
+        fig, panels = panel_grid(len(names), _ACROSS, 36, 30)
         fig.suptitle(f"{plain_text(series['id'])}\n{title}")
-        for k, name in enumerate(names):
-            ax = fig.add_subplot(down, _ACROSS, k + 1)
+        for k, (ax, name) in enumerate(zip(panels, names, strict=True)):
             draw(ax, time, name)
             time.draw(ax, k >= len(names) - _ACROSS)
     return fig

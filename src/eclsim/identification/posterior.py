@@ -314,7 +314,7 @@ def density_of(fit: FitResult, settings: PosteriorSettings) -> PosteriorDensity:
     policy = settings.volume_policy or fit.case.volume_policy
     errors = measurement_errors(fit.measured, given)
     return PosteriorDensity(
-        model_of(fit.case), dict(fit.measured), errors, Prior.of(fit.box, settings.prior), policy
+        model_of(fit.case), dict(fit.measured), errors, Prior.within(fit.box, settings.prior), policy
     )
 
 

@@ -104,11 +104,6 @@ def unit_of_parameter(name: str) -> str:
     return "" if known is None or known.unit == "1" else known.unit
 
 
-def short(name: str, longest: int = 16) -> str:
-    """The name of a parameter, without its section where it is long."""
-    return name.rpartition(".")[2] if len(name) > longest else name
-
-
 def axis_label(name: str) -> str:
     """Name and unit of a parameter for an axis."""
     unit = unit_of_parameter(name)

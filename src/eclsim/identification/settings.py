@@ -59,17 +59,13 @@ class FitSettings:
 
     def as_object(self) -> dict[str, Any]:
         """As plain data; two fits with the same object give the same numbers."""
-        m = self.multi_start
+        search = {name: value for name, value in vars(self.multi_start).items() if name != "polishing"}
         return {
             "parameters": list(self.parameters),
             "bounds": {k: list(v) for k, v in self.bounds.items()},
             "weights": self.weights,
             "uncertainties": {k: [u.absolute, u.relative] for k, u in self.uncertainties.items()},
-            "points_per_parameter": m.points_per_parameter,
-            "refined_share": m.refined_share,
-            "round_size": m.round_size,
-            "rediscoveries": m.rediscoveries,
-            "seed": m.seed,
+            **search,
             "blood_volume_policy": self.volume_policy,
             "shared": list(self.shared),
         }
@@ -102,7 +98,8 @@ class CheckedFit:
 
 def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
     """Targets and bounds of a case, checked, with everything there is to say."""
-    defaults = _own_defaults(case)
+    # What a case leaves open and follows from the patient's body surface.
+    defaults = {} if case.gas is None else {VO2: oxygen_consumption(*height_weight(case.patient))}
     wanted = {name: _bounds(name, case, settings.bounds, defaults) for name in settings.names}
     checked = check_fit(case, wanted)
     read = parameters_read(circuit_of(case))
@@ -121,13 +118,6 @@ def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
     if not checked.mistakes and not checked.free:
         checked.wrong("parameters", "none is free")
     return checked
-
-
-def _own_defaults(case: Case) -> dict[str, float]:
-    """What a case leaves open and follows from the patient: oxygen consumption, from the body surface."""
-    if case.gas is None:
-        return {}
-    return {VO2: oxygen_consumption(*height_weight(case.patient))}
 
 
 def check_fit(case: Case, bounds: Mapping[str, tuple[float, float, float]]) -> CheckedFit:
@@ -259,8 +249,3 @@ def read_bounds(text: str) -> dict[str, tuple[float, float]]:
     if wrong:
         raise ValueError("\n".join(wrong))
     return result
-
-
-def parameter_names(text: str) -> Sequence[str]:
-    """Read "Csart,Rmc"; each name once."""
-    return list(dict.fromkeys(p.strip() for p in text.split(",") if p.strip()))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -93,10 +93,6 @@ class Interval:
     median: float
     upper: float
 
-    def as_object(self) -> dict[str, float]:
-        """As plain data."""
-        return {"median": self.median, "lower": self.lower, "upper": self.upper}
-
 
 @dataclass(frozen=True)
 class Innovation:
@@ -155,27 +151,10 @@ class TrackedPoint:
 
     def as_object(self) -> dict[str, Any]:
         """As plain data for JSON; null for what is not known."""
-
-        def each(intervals: Mapping[str, Interval]) -> dict[str, dict[str, float]]:
-            return {n: i.as_object() for n, i in intervals.items()}
-
-        return {
-            "id": self.name,
-            "hours_since_last": self.hours,
-            "forecast": each(self.forecast),
-            "expected": each(self.expected),
-            "measurements": {n: dict(vars(i)) for n, i in self.innovations.items()},
-            "chi_square": self.chi_square,
-            "probability": self.probability,
-            "unusual": self.unusual,
-            "parameters": each(self.parameters),
-            "outputs": each(self.outputs),
-            "drift": self.drift,
-            "seconds": round(self.seconds, 3),
-            "failed": self.failed,
-            "verdict": None if self.verdict is None else self.verdict.as_object(),
-            "message": self.message,
-        }
+        names = {"name": "id", "hours": "hours_since_last", "innovations": "measurements"}
+        content = {names.get(name, name): value for name, value in asdict(self).items()}
+        verdict = None if self.verdict is None else self.verdict.as_object()
+        return {**content, "verdict": verdict, "seconds": round(self.seconds, 3)}
 
 
 @dataclass(frozen=True)
@@ -341,7 +320,7 @@ class Tracker:
         if checked.mistakes:
             raise CaseError(checked.mistakes)
         if self._prior is None:
-            self._prior = Prior.of(Box.of(checked.free), self.settings.prior)
+            self._prior = Prior.within(Box.of(checked.free), self.settings.prior)
         return self._prior, model_of(case).with_values(checked.fixed), dict(checked.targets)
 
     def _first(self, name: str, prior: Prior, model: Model, measured: Mapping[str, float]) -> TrackedPoint:

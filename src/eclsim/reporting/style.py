@@ -6,12 +6,14 @@ as well, so that figures can be read when printed in grey. Sizes are in millimet
 
 import unicodedata
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Literal
 
 import matplotlib.style
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, Locator, MaxNLocator, NullFormatter, NullLocator
@@ -21,6 +23,9 @@ from eclsim.files import whole_file
 MM_PER_INCH = 25.4
 PAGE_WIDTH_MM = 170.0
 DOTS_PER_INCH = 200
+FEW_NAMES = 12
+LONG_NAME = 16
+"""Letters; a longer name of a parameter is shown without its section."""
 
 OKABE_ITO = {
     "black": "#000000",
@@ -84,6 +89,80 @@ def figure_style() -> Iterator[None]:
 def new_figure(width_mm: float = PAGE_WIDTH_MM, height_mm: float = 110.0) -> Figure:
     """A figure of the given size [mm] that belongs to no window and no global list of figures."""
     return Figure(figsize=(width_mm / MM_PER_INCH, height_mm / MM_PER_INCH), layout="constrained")
+
+
+def panel_grid(count: int, columns: int, row_mm: float, margin_mm: float = 0.0) -> tuple[Figure, list[Axes]]:
+    """A figure with so many panels, row by row, and what is left of the last row empty.
+
+    Args:
+        count: panels.
+        columns: panels of a row; fewer where there are fewer.
+        row_mm: height of a row.
+        margin_mm: height of title and legend.
+    """
+    columns = min(columns, count)
+    rows = -(-count // columns)
+    fig = new_figure(height_mm=margin_mm + row_mm * rows)
+    return fig, [fig.add_subplot(rows, columns, k + 1) for k in range(count)]
+
+
+def draw_matrix(
+    fig: Figure,
+    numbers: np.ndarray,
+    across: Sequence[str],
+    down: Sequence[str],
+    colours: str,
+    limits: tuple[float, float],
+    text: Callable[[float], str],
+    white: Callable[[float], bool],
+    *,
+    label: str,
+    turned: float | None = None,
+    aspect: Literal["auto", "equal"] = "auto",
+    pad: float = 0.01,
+    shrink: float = 1.0,
+) -> Axes:
+    """Numbers as coloured cells with a text in each, names along both sides, and a bar of the colours.
+
+    Args:
+        fig: to draw in.
+        numbers: shape (down, across).
+        across: names of the columns, without their section where they are long.
+        down: names of the rows, likewise.
+        colours: a colour map of matplotlib.
+        limits: numbers at its ends.
+        text: of a number.
+        white: whether the text is white, for a dark cell.
+        label: of the bar.
+        turned: angle of the names of the columns [degrees]; left out, upright where they are many.
+        aspect: of the cells.
+        pad: between cells and bar, as a share of the figure.
+        shrink: height of the bar as a share of that of the cells.
+    """
+    axes = fig.add_subplot()
+    image = axes.imshow(numbers, cmap=colours, vmin=limits[0], vmax=limits[1], aspect=aspect)
+    for (i, j), value in np.ndenumerate(numbers):
+        if shown := text(value):
+            colour = "white" if white(value) else "black"
+            axes.text(j, i, shown, ha="center", va="center", color=colour, fontsize=6)
+    turned = turned_names(across) if turned is None else turned
+    align = "right" if 0.0 < turned < 90.0 else "center"
+    axes.set_xticks(range(len(across)), list(map(short_name, across)), rotation=turned, ha=align)
+    axes.set_yticks(range(len(down)), list(map(short_name, down)))
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)
+    fig.colorbar(image, ax=axes, label=label, fraction=0.05, pad=pad, shrink=shrink)
+    return axes
+
+
+def turned_names(names: Sequence[str]) -> float:
+    """Angle of names along an axis [degrees]: upright where they are many."""
+    return 90.0 if len(names) > FEW_NAMES else 0.0
+
+
+def short_name(name: str) -> str:
+    """The name of a parameter, without its section where it is long."""
+    return name.rpartition(".")[2] if len(name) > LONG_NAME else name
 
 
 def curve_style(index: int) -> dict[str, object]:

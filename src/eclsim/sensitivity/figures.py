@@ -20,7 +20,19 @@ from matplotlib.figure import Figure
 from eclsim.devices.registry import parameters
 from eclsim.outputs.registry import UnknownOutputError
 from eclsim.outputs.registry import output as registered_output
-from eclsim.reporting.style import CURVES, GREY, OKABE_ITO, figure_style, new_figure, save_figure
+from eclsim.reporting.style import (
+    CURVES,
+    FEW_NAMES,
+    GREY,
+    OKABE_ITO,
+    draw_matrix,
+    figure_style,
+    new_figure,
+    panel_grid,
+    save_figure,
+    short_name,
+    turned_names,
+)
 from eclsim.sensitivity.inputs import GROUPS
 from eclsim.sensitivity.results import Indices, SensitivityResult
 
@@ -30,10 +42,9 @@ if TYPE_CHECKING:
     from eclsim.sensitivity.identifiability import Identifiability
 
 LEADING = 7
+COLUMNS = 4
+"""Of panels; the last place of the last row holds the legend."""
 LABELS = {"ST": "total order $S_T$", "S1": "first order $S_1$", "ST-S1": "interactions $S_T - S_1$"}
-FEW_FACTORS = 12
-LONG_NAME = 16
-"""A longer name is shown without its section."""
 LETTER_MM = 1.7
 MOST_PAIRED = 10
 SMALLEST_PAIR = 0.005
@@ -101,7 +112,7 @@ def plot_heat_map(result: Indices, index: str = "ST", layout: Layout = "sums") -
 
     with figure_style():
         fig = new_figure(height_mm=22 + 8.5 * len(result.outputs) + _below(names))
-        axes = _draw_matrix(
+        axes = draw_matrix(
             fig, shown, names, result.outputs, "Blues", (0.0, top), text, lambda v: v > 0.5 * top,
             label=LABELS[index], shrink=0.9,
         )  # fmt: skip
@@ -110,46 +121,10 @@ def plot_heat_map(result: Indices, index: str = "ST", layout: Layout = "sums") -
     return fig
 
 
-def _draw_matrix(
-    fig: Figure,
-    numbers: np.ndarray,
-    across: Sequence[str],
-    down: Sequence[str],
-    colours: str,
-    limits: tuple[float, float],
-    text: Callable[[float], str],
-    white: Callable[[float], bool],
-    *,
-    label: str,
-    aspect: Literal["auto", "equal"] = "auto",
-    pad: float = 0.01,
-    shrink: float = 1.0,
-) -> Axes:
-    """Numbers as coloured cells with a text in each, names along both sides, and a bar of the colours."""
-    axes = fig.add_subplot()
-    image = axes.imshow(numbers, cmap=colours, vmin=limits[0], vmax=limits[1], aspect=aspect)
-    for (i, j), value in np.ndenumerate(numbers):
-        if shown := text(value):
-            colour = "white" if white(value) else "black"
-            axes.text(j, i, shown, ha="center", va="center", color=colour, fontsize=6)
-    axes.set_xticks(
-        range(len(across)), list(map(_short, across)), rotation=90 if len(across) > FEW_FACTORS else 0
-    )
-    axes.set_yticks(range(len(down)), list(map(_short, down)))
-    axes.tick_params(length=0)
-    axes.spines[:].set_visible(False)
-    fig.colorbar(image, ax=axes, label=label, fraction=0.05, pad=pad, shrink=shrink)
-    return axes
-
-
 def _below(names: Sequence[str]) -> float:
     """Room [mm] for names along an axis, which are turned where they are many."""
-    longest = max(len(_short(name)) for name in names)
-    return max(12.0, LETTER_MM * longest if len(names) > FEW_FACTORS else 0.0)
-
-
-def _short(name: str) -> str:
-    return name.rpartition(".")[2] if len(name) > LONG_NAME else name
+    longest = max(len(short_name(name)) for name in names)
+    return max(12.0, LETTER_MM * longest if turned_names(names) else 0.0)
 
 
 def by_sum(result: Indices) -> list[int]:
@@ -160,7 +135,7 @@ def by_sum(result: Indices) -> list[int]:
 def in_kinds(names: Sequence[str]) -> bool:
     """Whether neighbouring parameters share their kind, so that the paper's layout groups them."""
     kinds = [key for key, _ in groupby(names, key=_kind)]
-    return len(names) > FEW_FACTORS and len(kinds) == len(set(kinds)) > 1
+    return len(names) > FEW_NAMES and len(kinds) == len(set(kinds)) > 1
 
 
 def _kind(name: str) -> str:
@@ -185,7 +160,7 @@ def plot_bars(result: Indices) -> Figure:
     """First and total order of the leading factors of each output, with 95 % intervals."""
     e, chosen = result.estimates, result.selected()
     with figure_style():
-        fig, panels = _panels(len(result.outputs), height_mm=44)
+        fig, (*panels, rest) = panel_grid(len(result.outputs) + 1, COLUMNS, 44, 4)
         for k, (output, axes) in enumerate(zip(result.outputs, panels, strict=True)):
             order = np.argsort(-e.ST[k], kind="stable")[: min(8, len(result.factors))]
             place = np.arange(len(order))
@@ -197,14 +172,14 @@ def plot_bars(result: Indices) -> Figure:
                 whiskers = {"fmt": "none", "ecolor": "black", "elinewidth": 0.7, "capsize": 1.5}
                 axes.errorbar(numbers, place + shift, xerr=widths, **whiskers)
             names = [result.factors[j] for j in order]
-            labels = [_short(name) + (" *" if name in chosen[output] else "") for name in names]
+            labels = [short_name(name) + (" *" if name in chosen[output] else "") for name in names]
             axes.set_yticks(place, labels)
             axes.invert_yaxis()
             axes.set_xlim(left=min(0.0, axes.get_xlim()[0]))
             axes.axvline(0.0, color=GREY, linewidth=0.6)
             axes.set_title(output)
             axes.set_xlabel("index")
-        _legend(fig, panels, len(result.outputs), "bars: 95 % intervals\n* among those that\n  make up 90 %")
+        _legend(rest, panels[0], "bars: 95 % intervals\n* among those that\n  make up 90 %")
     return fig
 
 
@@ -232,8 +207,8 @@ def plot_sums(result: Indices, published: Mapping[str, float] | None = None) -> 
             )  # fmt: skip
             bottom += heights
         _label_sums(axes, names, bottom, published or {})
-        labels = list(map(_short, names))
-        axes.set_xticks(range(len(names)), labels, rotation=90 if len(names) > FEW_FACTORS else 0)
+        labels = list(map(short_name, names))
+        axes.set_xticks(range(len(names)), labels, rotation=turned_names(names))
         for label, name in zip(axes.get_xticklabels(), names, strict=True):
             label.set_fontweight("bold" if name in union else "normal")
         axes.set_ylabel("sum of $S_T$ over the outputs")
@@ -264,7 +239,7 @@ def plot_convergence(convergence: xr.Dataset) -> Figure:
     leading: list[str] = [str(name) for name in numbers["factor"].values[np.argsort(-sums.values)][:LEADING]]
     outputs = numbers["output"].values
     with figure_style():
-        fig, panels = _panels(len(outputs), height_mm=42)
+        fig, (*panels, rest) = panel_grid(len(outputs) + 1, COLUMNS, 42, 4)
         for output, axes in zip(outputs, panels, strict=True):
             for k, name in enumerate(leading):
                 curve, (colour, line) = numbers.sel(output=output, factor=name), CURVES[k]
@@ -279,7 +254,7 @@ def plot_convergence(convergence: xr.Dataset) -> Figure:
             axes.set_xlabel("rows N")
             axes.set_ylabel("$S_T$")
         note = "mean ± standard deviation\nover repeats; at the last N\nfrom the bootstrap"
-        _legend(fig, panels, len(outputs), note)
+        _legend(rest, panels[0], note)
     return fig
 
 
@@ -288,7 +263,7 @@ def plot_distributions(result: Indices, values: np.ndarray) -> Figure:
     points = np.concatenate([values[:, 0], values[:, -1]])
     bins = int(np.clip(np.sqrt(len(points)), 8, 40))
     with figure_style():
-        fig, panels = _panels(len(result.outputs), height_mm=40)
+        fig, (*panels, rest) = panel_grid(len(result.outputs) + 1, COLUMNS, 40, 4)
         for k, (output, axes) in enumerate(zip(result.outputs, panels, strict=True)):
             low, middle, high = np.quantile(points[:, k], (0.05, 0.5, 0.95))
             axes.hist(points[:, k], bins=bins, density=True, color=OKABE_ITO["sky blue"])
@@ -299,7 +274,7 @@ def plot_distributions(result: Indices, values: np.ndarray) -> Figure:
             axes.set_xlabel(f"{output} [{unit}]" if unit else output)
             of = f"({unit})" if "/" in unit else unit
             axes.set_ylabel(f"density [1/{of}]" if unit else "density")
-        _legend(fig, panels, len(result.outputs), f"{len(points)} runs")
+        _legend(rest, panels[0], f"{len(points)} runs")
     return fig
 
 
@@ -312,21 +287,10 @@ def output_unit(name: str) -> str:
     return "" if unit == "1" else unit
 
 
-def _panels(count: int, height_mm: float, columns: int = 4) -> tuple[Figure, list[Axes]]:
-    """Panels in rows of four; there is always one place more than panels, for the legend."""
-    columns = min(columns, count + 1)
-    rows = -(-(count + 1) // columns)
-    fig = new_figure(height_mm=height_mm * rows + 4)
-    grid = fig.subplots(rows, columns, squeeze=False)
-    for axes in grid.flat[count:]:
-        axes.set_axis_off()
-    return fig, list(grid.flat[:count])
-
-
-def _legend(fig: Figure, panels: list[Axes], count: int, note: str) -> None:
-    """Legend of the first panel in the place after the last one."""
-    place = fig.axes[count]
-    place.legend(*panels[0].get_legend_handles_labels(), loc="upper left", labelspacing=0.15)
+def _legend(place: Axes, panel: Axes, note: str) -> None:
+    """Legend of a panel in a place of its own."""
+    place.set_axis_off()
+    place.legend(*panel.get_legend_handles_labels(), loc="upper left", labelspacing=0.15)
     place.text(0.05, -0.3, note, transform=place.transAxes, va="bottom", fontsize=7, color=GREY)
 
 
@@ -341,20 +305,17 @@ def plot_pairs(result: Indices) -> Figure:
     angle = np.linspace(0.5 * np.pi, 2.5 * np.pi, len(leading), endpoint=False)
     place = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     with figure_style():
-        columns = min(4, len(result.outputs) + 1)
-        rows = -(-(len(result.outputs) + 1) // columns)
-        fig = new_figure(height_mm=46 * rows)
-        grid = fig.subplots(rows, columns, squeeze=False)
+        fig, places = panel_grid(len(result.outputs) + 1, COLUMNS, 46)
         right = 2.6 if any("." in result.factors[i] for i in leading) else 1.95
-        for axes in grid.flat:
+        for axes in places:
             axes.set_axis_off()
             axes.set_aspect("equal")
             axes.set(xlim=(-1.95, right), ylim=(-1.55, 1.55))
         drawn = 0
-        for k, output in enumerate(result.outputs):
-            drawn += _draw_pairs(grid.flat[k], result, k, leading, place)
-            grid.flat[k].set_title(output)
-        _explain_pairs(grid.flat[len(result.outputs)], drawn)
+        for k, (axes, output) in enumerate(zip(places, result.outputs, strict=False)):
+            drawn += _draw_pairs(axes, result, k, leading, place)
+            axes.set_title(output)
+        _explain_pairs(places[-1], drawn)
     return fig
 
 
@@ -385,13 +346,9 @@ def _label_factor(axes: Axes, name: str, place: np.ndarray, away: float) -> None
     if across:
         align["va"] = "center"
     # Text makes no room for itself: the panels of all outputs have the same size.
+    shown, at = name.replace(".", ".\n", 1), (away * place[0], away * place[1])
     text = axes.annotate(
-        name.replace(".", ".\n", 1),
-        (place[0], place[1]),
-        xytext=(away * place[0], away * place[1]),
-        textcoords="offset points",
-        fontsize=6,
-        **align,
+        shown, (place[0], place[1]), xytext=at, textcoords="offset points", fontsize=6, **align
     )
     text.set_in_layout(False)
 
@@ -426,7 +383,7 @@ def plot_scaled(result: Identifiability) -> Figure:
     top = float(np.abs(shown).max())
     with figure_style():
         fig = new_figure(height_mm=22 + 8.5 * len(scaled.outputs) + 12)
-        _draw_matrix(
+        draw_matrix(
             fig, shown, [scaled.parameters[k] for k in order], scaled.outputs, "PuOr", (-top, top),
             lambda v: f"{v:+.1f}" if abs(v) >= 0.05 else "", lambda v: abs(v) > 0.6 * top,
             label="uncertainties per 10 %",
@@ -442,7 +399,7 @@ def plot_orthogonality(result: Identifiability) -> Figure:
     np.fill_diagonal(shown, np.nan)
     with figure_style():
         fig = new_figure(width_mm=130, height_mm=105)
-        _draw_matrix(
+        draw_matrix(
             fig, shown, names, names, "cividis", (0.0, 1.0), lambda v: f"{v:.2f}" if np.isfinite(v) else "",
             lambda v: v < 0.5, label="orthogonality: 1 unlike, 0 alike", aspect="equal", pad=0.02,
         )  # fmt: skip
@@ -459,15 +416,8 @@ def plot_collinearity(result: Identifiability) -> Figure:
     with figure_style():
         fig = new_figure(width_mm=110, height_mm=85)
         axes = fig.add_subplot()
-        axes.fill_between(
-            sizes,
-            low,
-            np.minimum(high, ceiling),
-            color=OKABE_ITO["sky blue"],
-            alpha=0.4,
-            lw=0,
-            label="5 to 95 %",
-        )
+        band = {"color": OKABE_ITO["sky blue"], "alpha": 0.4, "lw": 0}
+        axes.fill_between(sizes, low, np.minimum(high, ceiling), label="5 to 95 %", **band)
         axes.plot(sizes, middle, color=OKABE_ITO["blue"], label="median of all sets")
         axes.plot(sizes, smallest, "o-", color="black", markersize=3, label="best set")
         axes.axhspan(10.0, 15.0, color=GREY, alpha=0.25, lw=0, label="limit 10 to 15")
@@ -495,7 +445,7 @@ def plot_fisher(result: Identifiability) -> Figure:
     labels = [f"{k + 1}: ±{e:.0f} %" if e <= 100.0 else f"{k + 1}: over 100 %" for k, e in enumerate(errors)]
     with figure_style():
         fig = new_figure(height_mm=24 + 8.5 * count)
-        axes = _draw_matrix(
+        axes = draw_matrix(
             fig, vectors, names, labels, "PuOr", (-1.0, 1.0), lambda v: f"{v:+.2f}" if abs(v) >= 0.1 else "",
             lambda v: abs(v) > 0.6, label="share of the parameter",
         )  # fmt: skip
