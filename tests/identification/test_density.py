@@ -6,7 +6,7 @@ from scipy.stats import kstest, norm, truncnorm
 
 from eclsim.identification.density import DEVIATIONS_TO_BOUNDS, Prior
 
-START, LOWER, UPPER = np.log([0.1, 0.02]), np.log([10.0, 8.0]), np.log([1.0, 0.5])
+LOWER, UPPER, START = np.log([0.1, 0.02]), np.log([10.0, 8.0]), np.log([1.0, 0.5])
 
 
 @pytest.fixture(params=["log-uniform", "log-normal"])

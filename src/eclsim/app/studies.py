@@ -28,7 +28,7 @@ def ramp(state: PageState) -> dict[str, Any] | None:
     if sweep is None:
         return None
     circuit, values = page_circuit(state.computed)
-    speeds = np.unique([*np.linspace(sweep.low, sweep.high, SPEEDS), sweep.own])
+    speeds = np.unique([*np.linspace(sweep.low, sweep.high, SPEEDS), sweep.present])
     members = values | {sweep.key: speeds}
     resolution = int(np.max(needed_resolution(assemble(circuit), members)))
     batch = Batch(circuit, members, len(speeds), state.policy)
@@ -36,7 +36,7 @@ def ramp(state: PageState) -> dict[str, Any] | None:
     shown = [curve.output for _, curve in curves_of(state.case) if curve.output in known]
     result = steady_beat(batch, shown, start=values, resolution=resolution)
     return {
-        "of": key_of(state), "key": sweep.key, "own": sweep.own, "speeds": speeds.tolist(),
+        "of": key_of(state), "key": sweep.key, "own": sweep.present, "speeds": speeds.tolist(),
         "outputs": {n: plain_curve(result.output(n)) for n in shown},
         "curves": plain_curves(state.case, shown),
         "lost": speeds[~result.converged].tolist(),

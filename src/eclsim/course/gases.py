@@ -19,7 +19,7 @@ from eclsim.components.exchangers import HAEMOGLOBIN
 from eclsim.gas.network import CONTENTS, GasStatus, Quantity, gas_of
 from eclsim.outputs.coupling import solved_for
 from eclsim.outputs.gas import artery_of
-from eclsim.outputs.measures import Measures, alone
+from eclsim.outputs.measures import Measures, single
 from eclsim.outputs.regulation import LOCAL_OUTPUTS
 from eclsim.parameters.regulation import LUNG_RESISTANCE, SENSED_PACO2, SENSED_PAO2, local_resistance
 from eclsim.regulation.oxygen import (
@@ -122,7 +122,7 @@ class GasesInTime:
             settings = [values[name] for name in local_settings(bed)]
             # Content and oxygen supply stand for the content of the blood that leaves.
             numbers = [felt[f"{bed}.oxygen"], 1.0, 0.0, felt[f"{bed}.carbon_dioxide"], *settings]
-            found[local_resistance(bed)] = float(alone(local_law(), None)(np.array(numbers))[0])
+            found[local_resistance(bed)] = float(single(local_law(), None)(np.array(numbers))[0])
         return {name: found[name] for name in self.answers if name in found}
 
     def apart(self, one: Gases, other: Gases) -> float:
@@ -165,7 +165,7 @@ class GasesInTime:
         return [np.array([values[name] for name in function.parameters])]
 
     def _state(self, function: GasFunction, numbers: Sequence[np.ndarray]) -> dict[Quantity, float]:
-        found = np.asarray(alone(function.compute, function.key)(np.concatenate(numbers)))
+        found = np.asarray(single(function.compute, function.key)(np.concatenate(numbers)))
         return dict(zip(function.quantities, found.tolist(), strict=True))
 
     def _contents(self, state: Mapping[Quantity, float]) -> np.ndarray:

@@ -416,7 +416,7 @@ class Sweep:
     """The speed of a pump that the page can sweep: key of the section, where it stands, usual range."""
 
     key: str
-    own: float
+    present: float
     low: float
     high: float
 

@@ -42,10 +42,6 @@ _FORMAT = json_format(list[KeptFit])
 Group = tuple["CohortPoint", ...]
 
 
-def _announced(step: object) -> None:
-    announce(str(step))
-
-
 @dataclass(frozen=True)
 class FitGroup:
     """Fits the points of a group side by side."""
@@ -54,7 +50,8 @@ class FitGroup:
 
     def __call__(self, group: Group) -> list[KeptFit]:
         """The fits, in the order of the points."""
-        fits = fit_cases([(point.name, point.case) for point in group], self.settings, _announced)
+        named_cases = [(point.name, point.case) for point in group]
+        fits = fit_cases(named_cases, self.settings, lambda step: announce(str(step)))
         return [
             KeptFit(
                 numbers={

@@ -42,7 +42,11 @@ def read_samples(path: str | Path) -> dict[str, list[float]]:
         SamplesError: With every mistake.
     """
     head, rows, mistakes = _of_posterior(path) if Path(path).suffix == ".nc" else _of_table(path)
-    mistakes += [_unknown(path, name) for name in head if name not in OPEN and quantity(name) is None]
+    mistakes += [
+        f"{path}: column '{name[:40]}' is no parameter{spelling_hint(name, (*parameters(), *OPEN))}"
+        for name in head
+        if name not in OPEN and quantity(name) is None
+    ]
     twice = sorted({n for n in head if head.count(n) > 1})
     mistakes += [f"{path}: column {name} is there twice" for name in twice]
     values = []
@@ -87,10 +91,6 @@ def _of_posterior(path: str | Path) -> tuple[Sequence[str], _Rows, list[str]]:
     if not rows:
         raise SamplesError(f"{path}: its group posterior holds no draws")
     return list(columns), rows, []
-
-
-def _unknown(path: str | Path, name: str) -> str:
-    return f"{path}: column '{name[:40]}' is no parameter{spelling_hint(name, (*parameters(), *OPEN))}"
 
 
 def _mistake(name: str, cell: str, value: float) -> str:

@@ -125,7 +125,7 @@ class Measures:
             table[k] = number
         flat = table.reshape(len(table), -1)
         if (flat == flat[:, :1]).all():
-            result = np.repeat(np.asarray(alone(function, key)(flat[:, 0]))[:, None], flat.shape[1], axis=1)
+            result = np.repeat(np.asarray(single(function, key)(flat[:, 0]))[:, None], flat.shape[1], axis=1)
         else:
             count = flat.shape[1]
             blocks = np.arange(-(-count // SIDE_BY_SIDE) * SIDE_BY_SIDE).reshape(-1, SIDE_BY_SIDE) % count
@@ -246,7 +246,7 @@ def whole_beat(recorded: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=64)
-def alone(function: Law, key: Key | None) -> Callable[..., jax.Array]:
+def single(function: Law, key: Key | None) -> Callable[..., jax.Array]:
     """A function of one patient's numbers, compiled."""
     return compiled(function, _named("alone", key))
 

@@ -247,7 +247,8 @@ def with_collapsible_veins(circuit: Circuit) -> Circuit:
         if store.name in veins:
             stores += _divided(store, circuit.connection(store.name))
         else:
-            stores.append(_emptied(store) if store.name in _RIGHT_HEART else store)
+            emptied = CollapsibleChamber(store.component, "chamber_emptying_ml")
+            stores.append(replace(store, component=emptied) if store.name in _RIGHT_HEART else store)
     for path in circuit.connections:
         paths += _through(path) if path.name in veins else [path]
     return replace(circuit, compartments=tuple(stores), connections=tuple(paths))
@@ -283,7 +284,3 @@ def _through(path: Connection) -> tuple[Connection, Connection]:
     inlet = Resistance(_times(path.component.ohmic, Complement(_RESISTANCE)))
     cava = DRAINED[path.name]
     return replace(path, component=inlet, target=cava), Connection(cava, Resistance(0.0), cava, path.target)
-
-
-def _emptied(chamber: Compartment) -> Compartment:
-    return replace(chamber, component=CollapsibleChamber(chamber.component, "chamber_emptying_ml"))

@@ -51,8 +51,8 @@ _PATIENT_HEIGHTS = {
 
 
 @dataclass(frozen=True)
-class Place:
-    """Place of one compartment: row, middle of its column [mm], label, and the side that faces the lanes."""
+class BoxPosition:
+    """Where the box of a compartment stands: row, middle of its column [mm], label, side facing the lanes."""
 
     row: Row
     x: float
@@ -103,23 +103,23 @@ class Bridge:
     mark: Mark
 
 
-PATIENT_PLACES: Mapping[str, Place] = {
-    "pas": Place(LUNGS, 30, "Pulmonary sinus", "left"),
-    "part": Place(LUNGS, 90, "Pulmonary arteries", "up"),
-    "pvn": Place(LUNGS, 150, "Pulmonary veins", "right"),
-    "rv": Place(HEART_UPPER, 30, "Right ventricle", "left"),
-    "la": Place(HEART_UPPER, 150, "Left atrium", "right"),
-    "ra": Place(HEART_LOWER, 30, "Right atrium", "left"),
-    "lv": Place(HEART_LOWER, 150, "Left ventricle", "right"),
-    "svn": Place(BODY, 30, "Systemic veins", "left"),
-    "sart": Place(BODY, 90, "Systemic arteries", "down"),
-    "ao": Place(BODY, 150, "Aorta", "right"),
-    "arch": Place(BODY, 110, "Aortic arch", "up"),
-    "upper": Place(BODY, 70, "Upper body", "up"),
-    "svc": Place(BODY, 30, "Superior cava", "left"),
-    "descending": Place(LOWER_BODY, 110, "Descending aorta", "right"),
-    "lower": Place(LOWER_BODY, 70, "Lower body", "down"),
-    "ivc": Place(LOWER_BODY, 30, "Inferior cava", "left"),
+PATIENT_PLACES: Mapping[str, BoxPosition] = {
+    "pas": BoxPosition(LUNGS, 30, "Pulmonary sinus", "left"),
+    "part": BoxPosition(LUNGS, 90, "Pulmonary arteries", "up"),
+    "pvn": BoxPosition(LUNGS, 150, "Pulmonary veins", "right"),
+    "rv": BoxPosition(HEART_UPPER, 30, "Right ventricle", "left"),
+    "la": BoxPosition(HEART_UPPER, 150, "Left atrium", "right"),
+    "ra": BoxPosition(HEART_LOWER, 30, "Right atrium", "left"),
+    "lv": BoxPosition(HEART_LOWER, 150, "Left ventricle", "right"),
+    "svn": BoxPosition(BODY, 30, "Systemic veins", "left"),
+    "sart": BoxPosition(BODY, 90, "Systemic arteries", "down"),
+    "ao": BoxPosition(BODY, 150, "Aorta", "right"),
+    "arch": BoxPosition(BODY, 110, "Aortic arch", "up"),
+    "upper": BoxPosition(BODY, 70, "Upper body", "up"),
+    "svc": BoxPosition(BODY, 30, "Superior cava", "left"),
+    "descending": BoxPosition(LOWER_BODY, 110, "Descending aorta", "right"),
+    "lower": BoxPosition(LOWER_BODY, 70, "Lower body", "down"),
+    "ivc": BoxPosition(LOWER_BODY, 30, "Inferior cava", "left"),
 }
 _PATIENT_WIRES = (
     Wire("ra", "ra", "rv", Mark("valve", "tricuspid valve")),
@@ -171,7 +171,7 @@ class Plan:
     """
 
     frames: dict[str, str] = field(default_factory=dict)
-    places: dict[str, Place] = field(default_factory=dict)
+    places: dict[str, BoxPosition] = field(default_factory=dict)
     spare: list[str] = field(default_factory=list)
     wires: list[Wire] = field(default_factory=list)
     lines: list[Attachment] = field(default_factory=list)
@@ -277,7 +277,7 @@ def _add(plan: Plan, connection: Connection, names: Naming | None, groups: Mappi
         plan.others.append(name)
 
 
-def _device_places(names: Naming, compartments: Sequence[str]) -> dict[str, Place]:
+def _device_places(names: Naming, compartments: Sequence[str]) -> dict[str, BoxPosition]:
     """Places of a device's compartments: its own, or in flow direction."""
     own = {name: names.device_place(name) or name for name in compartments}
     boxes = {name: names.device.boxes.get(own[name]) for name in compartments}
@@ -289,7 +289,7 @@ def _device_places(names: Naming, compartments: Sequence[str]) -> dict[str, Plac
     for name, box in boxes.items():
         assert box is not None  # all have one
         side: Side = "up" if box.row == 0 else "left" if box.column == 0 else "right"
-        result[name] = Place((names.key, box.row), COLUMNS[box.column], box.label, side)
+        result[name] = BoxPosition((names.key, box.row), COLUMNS[box.column], box.label, side)
     return result
 
 

@@ -386,16 +386,12 @@ def _given_off(law: str) -> float:
 
 def _ventilated() -> Explanation:
     """Where gas limits removal, a mmHg before the oxygenator counts less."""
-    ends = [_park_2013_transfer(pco2) for pco2 in (44.0, 46.0)]
+    ends = [single_pass(3.0, 1.5, 0.65, pco2, 10.0).carbon_dioxide for pco2 in (44.0, 46.0)]
     return Explanation(
         "the slope depends on the sweep at which it is taken, and the regression is over several",
         (Row("at a sweep of 1.5 L/min", 0.5 * (ends[1] - ends[0]), 0.6, 2.4, "mL/min per mmHg"),),
         undecided=True,
     )
-
-
-def _park_2013_transfer(pco2: float) -> float:
-    return single_pass(3.0, 1.5, 0.65, pco2, 10.0).carbon_dioxide
 
 
 def _outputs(numbers: Mapping[str, float]) -> dict[str, Explanation]:
