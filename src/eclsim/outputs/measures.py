@@ -273,7 +273,7 @@ def _named(what: str, key: Key | None) -> Key | None:
     return None if key is None else (what, *key)
 
 
-def _stationary(rise: Any, second: Any, third: Any, fall: Any) -> np.ndarray:
+def _stationary(rise: np.ndarray, second: np.ndarray, third: np.ndarray, fall: np.ndarray) -> np.ndarray:
     """Where in 0..1 a cubic that rises at 0 and falls at 1 is largest; an end where it does not."""
     root = np.sqrt(np.maximum(second**2 - 3.0 * third * rise, 0.0))
     divisor = root - second
@@ -282,7 +282,7 @@ def _stationary(rise: Any, second: Any, third: Any, fall: Any) -> np.ndarray:
     return np.clip(place, 0.0, 1.0)
 
 
-def _at(series: np.ndarray, index: Any) -> Any:
+def _at(series: np.ndarray, index: np.ndarray) -> np.ndarray:
     """Value of each patient at an index ([patients]) along the points."""
     return series[index] if np.ndim(index) == 0 else np.take_along_axis(series, index[None], axis=0)[0]
 
