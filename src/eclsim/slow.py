@@ -91,6 +91,15 @@ class SlowLaw(ABC):
             inflows: what events give at that moment, mL/s by the names of `INFLOWS`.
         """
 
+    @property
+    def blood(self) -> tuple[str, ...]:
+        """States that say how far the blood has followed [mmHg], which beat by beat it says itself."""
+        return ()
+
+    def beat_by_beat(self) -> SlowLaw:
+        """The law where gases of the blood are followed beat by beat."""
+        return self
+
     def shown(self, states: Named, in_effect: Named) -> tuple[Shown, ...]:
         """What is shown of the states beside themselves.
 

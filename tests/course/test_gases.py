@@ -105,3 +105,33 @@ def test_without_a_section_gas_none_are_followed():
     assert march.marching.in_time is None
     assert march.marching.circuit.exchanges
     assert all(beat.gases is None for beat in march.beats)
+
+
+LUNG = {**CASE, "ecmo": CASE["ecmo"] | {"mode": "VA", "speed_rpm": 3000, "sweep_l_min": 3.0}}
+SWEPT = LUNG | {"events": [
+    {"at_min": 1, "set": {"ecmo.sweep_l_min": 8}}, {"at_min": 1, "give": {"bleed_ml": 400}, "over_min": 3}
+]}  # fmt: skip
+
+
+def step_where_handed_back(result, name):
+    """From the last beat of the only span, continued, to the first steady beat."""
+    (span,) = json.loads(result.attrs["spans"])
+    minute = result["time_min"].to_numpy()
+    k, values = int(np.searchsorted(minute, span["until_min"] - 1e-6)), result[name].to_numpy()
+    slope = (values[k - 1] - values[k - 2]) / (minute[k - 1] - minute[k - 2])
+    return abs(values[k] - values[k - 1] - slope * (minute[k] - minute[k - 1]))
+
+
+@pytest.mark.slow
+def test_carbon_dioxide_goes_on_where_beats_hand_back_though_stores_still_empty(courses):
+    case, shown = read_mapping(SWEPT).case, ("PaCO2", "tissue_PCO2")
+    swept = course(case, minutes=20.0, outputs=shown, every_min=0.5)
+    every = course_beats(case, minutes=20.0, outputs=("PaCO2",), every_min=0.1)
+    for result in (swept, courses[0]):
+        assert step_where_handed_back(result, "PaCO2") < 0.1
+    assert step_where_handed_back(swept, "tissue_PCO2") < 0.1
+    (span,) = json.loads(swept.attrs["spans"])
+    then = span["until_min"] + 0.5
+    assert at(swept, then, "PaCO2") - at(swept, 20.0, "PaCO2") > 0.5
+    for minute in np.arange(then, 19.5):
+        assert at(swept, minute, "PaCO2") == pytest.approx(at(every, minute, "PaCO2"), abs=0.25)

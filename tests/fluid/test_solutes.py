@@ -182,9 +182,18 @@ def test_stores_fill_with_what_the_blood_does_not_carry_away():
     removed = found["VCO2_oxygenator"] + found["VCO2_lung"]
     assert removed > steady["VCO2_oxygenator"] + steady["VCO2_lung"] + 10.0
     assert found["stored_CO2"] == pytest.approx(0.8 * found["VO2"] - removed, abs=1e-6)
-    rate = law.rates({}, values, {k: np.array([found[k]]) for k in law.reads}, {})
-    store = patient.values["solutes.carbon_dioxide_store_ml_mmHg"]
-    assert 60.0 * rate["solutes.tissue_pco2_mmHg"] == pytest.approx(found["stored_CO2"] / store)
+    store, pressures = patient.values["solutes.carbon_dioxide_store_ml_mmHg"], np.array([50.0, 47.0])
+    states, read = (
+        dict(zip([s.name for s in law.states], pressures[:, None], strict=True)),
+        {k: found[k] for k in law.reads},
+    )
+    tissue, blood = (60.0 * float(rate[0]) for rate in law.rates(states, values, read, {}).values())
+    # Blood follows by 3 mmHg/min; what it gains the tissue loses.
+    assert blood == pytest.approx(3.0)
+    assert store * (0.8 * tissue + 0.2 * blood) == pytest.approx(found["stored_CO2"])
+    # Beat by beat blood holds its own, and the tissue alone fills.
+    alone = law.beat_by_beat().rates(states, values, read, {})
+    assert 60.0 * float(next(iter(alone.values()))[0]) == pytest.approx(found["stored_CO2"] / (0.8 * store))
 
 
 def test_stores_change_no_steady_state():

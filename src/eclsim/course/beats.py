@@ -33,6 +33,7 @@ from eclsim.orbit.model import CaseSource, as_case
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.alarms import THIN_WALLED, Finding, findings
+from eclsim.outputs.gas import artery_of
 from eclsim.outputs.measures import Measures, whole_beat
 from eclsim.outputs.registry import CHAMBERS, output
 from eclsim.outputs.regulation import FACTORS, LOCAL_OUTPUTS
@@ -241,7 +242,8 @@ class BeatMarch:
         self.timeline, self.policy = timeline, policy
         self.circuit, start = timeline.start
         _refuse_reconnection(timeline)
-        self.laws = Laws(laws_of(self.circuit, start))
+        self.steady_laws = Laws(laws_of(self.circuit, start))
+        self.laws = self.steady_laws.beat_by_beat()
         self.assembly = assemble(self.circuit)
         self.names = tuple(output_names(self.circuit) if outputs is None else outputs)
         self.reads, exchanging = self.laws.reads, GASES in self.circuit.content_names()
@@ -269,7 +271,7 @@ class BeatMarch:
     def from_steady(self, time: float, beat: Steady, slow: np.ndarray, segment: int) -> Moving:
         """On from a steady beat at a time in a segment of the timeline."""
         settings = _columns({**self.timeline.settings(segment, time), **beat.coupled})
-        before = self.laws.in_effect(slow[:, None], settings)
+        before = self.steady_laws.in_effect(slow[:, None], settings)
         return Moving(time, beat.state, slow[:, None], before, None, self._steady_gases(beat.state, before))
 
     def _steady_gases(self, state: np.ndarray, values: Mapping[str, np.ndarray]) -> Gases | None:
@@ -284,14 +286,21 @@ class BeatMarch:
         names = (c.name for c in self.circuit.compartments)
         return dict(zip(names, state[self.assembly.layout.volumes.where].tolist(), strict=True))
 
-    def apart(self, at: Moving, beat: Steady) -> float:
-        """How far a moment is from the steady beat there, in what counts as settled."""
+    def apart(self, at: Moving, beat: Steady, slow: np.ndarray) -> float:
+        """How far a moment is from the steady beat at some slow states, in what counts as settled."""
         shift = shift_ml(self.volumes(at.state), self.volumes(beat.state)) / SETTLED_ML
         if self.in_time is None or at.gases is None:
             return shift
-        segment = self._segment(at.time)
-        goal = self.from_steady(at.time, beat, at.slow[:, 0], segment).gases
+        goal = self.from_steady(at.time, beat, slow, self._segment(at.time)).gases
         return max(shift, self.in_time.apart(at.gases, goal)) if goal is not None else shift
+
+    def behind_mmhg(self, at: Moving, beat: Steady, slow: np.ndarray) -> float:
+        """Arterial PCO2 of a moment above that of a steady beat; 0 where gases are not followed."""
+        goal = self.from_steady(at.time, beat, slow, self._segment(at.time)).gases
+        if at.gases is None or goal is None:
+            return 0.0
+        place = Quantity("PCO2", "in", artery_of(self.circuit))
+        return at.gases.state[place] - goal.state[place]
 
     def follow(self, at: Moving, until: float, shown: ShownBeats) -> Moving:
         """Beats from a moment on, up to the last that begins before another."""

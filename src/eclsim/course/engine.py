@@ -45,6 +45,8 @@ FIRST_S = 20.0
 LONGEST_S = 3600.0
 MANY = 16
 """From so many members on, the program for many side by side is worth its compilation."""
+TRIES, SAME_MMHG = 4, 0.01
+"""Of blood and its stores of carbon dioxide until both say the same arterial PCO2."""
 SHIFT = 0.3
 """Of a state for its column of the Jacobian, of its scale."""
 
@@ -275,26 +277,34 @@ class Engine:
         segment = int(self.segment[member])
         start = march.from_steady(begin, event.beat, self.states[:, member], segment - 1)
         span, at = follow_until_settled(
-            march, start, lambda at: self._steady_at(member, at), settling, end, reason
+            march, start, lambda at: self._steady_at(member, at, march), settling, end, reason
         )
         self.histories[member].spans.append(span)
-        known = self._steady_at(member, at) is not None
+        known = self._steady_at(member, at, march) is not None
         if march.stopped:
             self.messages[member] = march.stopped
         return known and not march.stopped
 
-    def _steady_at(self, member: int, at: Moving) -> Goal | None:
-        """The steady beat at what a march beat by beat has come to; the member goes on from there."""
-        who = np.array([member])
+    def _steady_at(self, member: int, at: Moving, march: BeatMarch) -> Goal | None:
+        """The steady beat at what a march beat by beat has come to; the member goes on from there.
+
+        How far the blood has followed the stores of carbon dioxide is what its arterial PCO2 says.
+        """
+        who, predictor = np.array([member]), self.predictors[member]
         breaks = self.timelines[member].breaks
         self.segment[member] = np.searchsorted(breaks, at.time + 1e-9, side="right") - 1
         self.time[member], self.states[:, member] = at.time, at.slow[:, 0]
         self._settle(member)
-        self.slopes[:, who], known = self._rates(who, self.time[who], self.states[:, who])
-        if not known[0]:
-            return None
-        predictor = self.predictors[member]
-        return Goal(predictor.beat, lag_of(self.slopes[:, member], predictor.settling_s, self.laws))
+        for left in reversed(range(TRIES if self.laws.blood else 1)):
+            self.slopes[:, who], known = self._rates(who, self.time[who], self.states[:, who])
+            if not known[0]:
+                return None
+            slow = self.states[:, member].copy()
+            behind = march.behind_mmhg(at, predictor.beat, slow) if left else 0.0
+            if abs(behind) < SAME_MMHG:
+                break
+            self.states[self.laws.blood, member] += behind
+        return Goal(predictor.beat, lag_of(self.slopes[:, member], predictor.settling_s, self.laws), slow)
 
     def _note(self, who: np.ndarray) -> None:
         for m in who:

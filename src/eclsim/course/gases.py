@@ -16,7 +16,7 @@ import numpy as np
 from eclsim.circuit.network import Circuit
 from eclsim.circuit.volumes import total_volumes
 from eclsim.components.exchangers import HAEMOGLOBIN
-from eclsim.gas.network import CONTENTS, GasStatus, Quantity, gas_of
+from eclsim.gas.network import CONTENTS, PATIENT, GasStatus, Quantity, gas_of
 from eclsim.outputs.coupling import solved_for
 from eclsim.outputs.gas import artery_of
 from eclsim.outputs.measures import Measures, single
@@ -39,9 +39,9 @@ if TYPE_CHECKING:
 
 LEAST_ML = 1.0
 """Blood that a compartment holds at least, as far as gases go."""
-SETTLED_ML_DL = (0.1, 0.5)
-"""Content of oxygen and of carbon dioxide within which a compartment has settled: half a percent of
-saturation at 15 g/dL of haemoglobin, and 1 mmHg."""
+SETTLED_ML_DL = (0.03, 0.05)
+"""Content of oxygen and of carbon dioxide within which a compartment of the patient has settled: a fifth of a
+percent of saturation at 10 g/dL of haemoglobin, and 0.1 mmHg."""
 
 
 class Gases(NamedTuple):
@@ -74,6 +74,7 @@ class GasesInTime:
         self.signals = signals
         slow = (LUNG_RESISTANCE,)
         self.answers = tuple(n for n in solved_for(circuit) if n not in slow and np.isnan(values[n]))
+        self.of_patient = [c.group == PATIENT for c in circuit.compartments]
         self.beside = np.array(total_volumes(circuit, values, [0.0] * len(circuit.compartments)))
 
     def begin(self, series: np.ndarray, phases: np.ndarray, values: Mapping[str, float]) -> Gases:
@@ -127,7 +128,8 @@ class GasesInTime:
 
     def apart(self, one: Gases, other: Gases) -> float:
         """Largest difference of contents, in those that count as settled."""
-        return float((np.abs(one.contents - other.contents) / np.array(SETTLED_ML_DL)[:, None]).max())
+        share = np.abs(one.contents - other.contents) / np.array(SETTLED_ML_DL)[:, None]
+        return float(share[:, self.of_patient].max())
 
     def trouble(self, gases: Gases) -> str:
         """Why there are no gases; empty where there are."""

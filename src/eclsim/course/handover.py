@@ -112,10 +112,12 @@ class Goal(NamedTuple):
     Attributes:
         beat: it.
         lag: slow states' largest change while the circulation settles, in their scales.
+        slow: states that the course goes on with.
     """
 
     beat: Steady
     lag: float
+    slow: np.ndarray
 
 
 def follow_until_settled(
@@ -145,7 +147,7 @@ def follow_until_settled(
         if march.stopped or at.time >= end - settling_s / 3.0:
             break
         goal = steady(at)
-        now = np.inf if goal is None or goal.lag > LAG else march.apart(at, goal.beat)
+        now = np.inf if goal is None or goal.lag > LAG else march.apart(at, goal.beat, goal.slow)
         before = [left for time, left in looks if time <= at.time - 0.9 * patience]
         if now <= 1.0 or (np.isfinite(now) and before and now > STILL * before[-1]):
             break

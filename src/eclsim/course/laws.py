@@ -40,7 +40,12 @@ class Laws:
         self.states = tuple(state for law in laws for state in law.states)
         self.names = tuple(state.name for state in self.states)
         self.scales = np.array([state.scale for state in self.states])
+        self.blood = [self.names.index(name) for law in laws for name in law.blood]
         self.reads = tuple(dict.fromkeys(name for law in laws for name in law.reads))
+
+    def beat_by_beat(self) -> Laws:
+        """The laws where gases of the blood are followed beat by beat."""
+        return Laws(tuple(law.beat_by_beat() for law in self.laws))
 
     def start(self, settings: Named, beat: Named) -> np.ndarray:
         """States at time 0, shape (states, members)."""

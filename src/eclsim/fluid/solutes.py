@@ -7,7 +7,7 @@ made, removed and mobilised is a state, so that balances hold. Clearances are th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,6 +29,10 @@ BETWEEN_POOLS = {"urea": 600.0, "creatinine": 280.0}
 """Transfer between water outside and inside of cells [mL/min]; usual in two-pool models, not verified."""
 POTASSIUM_MOBILISATION = 158.0
 """Mobilisation clearance of potassium [mL/min], 547 patients (Agar 2015); the number is not verified."""
+BLOOD_SHARE = 0.2
+"""Of the store of carbon dioxide: 5 L of blood hold 24 mL for each mmHg, all tissues and blood 120."""
+BLOOD_FOLLOWS_S = 60.0
+"""In which blood is renewed [s], its volume over its flow."""
 STANDARD_PCO2 = 40.0
 BASE_EXCESS = BLOOD[1]
 _MINUTE, _HOUR = 60.0, 3600.0
@@ -182,36 +186,66 @@ class SolutesLaw(SlowLaw):
 
 @dataclass(frozen=True)
 class CarbonDioxideLaw(SlowLaw):
-    """Stores of carbon dioxide, which hold the PCO2 of tissues: dP/dt = (made - given to the blood) / store.
+    """Stores of carbon dioxide: tissues, which hold their PCO2, and the blood, which follows them.
+
+        tissues  (1 - b) S dP/dt = made - given to the blood - b S (P - P_b) / tau
+        blood    dP_b/dt = (P - P_b) / tau
+
+    with b of the store S in the blood. A steady beat has the blood of tissues at P_b, so that it is late by
+    tau. Beat by beat blood holds its carbon dioxide itself.
 
     Args:
         tissues: their exchanges, with the share of the store that is theirs.
+        every_beat: whether blood is followed beat by beat.
     """
 
     tissues: tuple[tuple[str, Derived | str | float], ...]
+    every_beat: bool = False
 
     @property
     def states(self) -> tuple[SlowState, ...]:  # noqa: D102
-        return tuple(SlowState(_pressure(name), "mmHg", 1.0) for name, _ in self.tissues)
+        names = (key(name) for name, _ in self.tissues for key in (_pressure, _of_blood))
+        return tuple(SlowState(name, "mmHg", 1.0) for name in names)
+
+    @property
+    def blood(self) -> tuple[str, ...]:  # noqa: D102
+        return tuple(_of_blood(name) for name, _ in self.tissues)
+
+    def beat_by_beat(self) -> SlowLaw:  # noqa: D102
+        return replace(self, every_beat=True)
 
     @property
     def reads(self) -> tuple[str, ...]:  # noqa: D102
         return tuple(_read(what, name) for name, _ in self.tissues for what in ("tissue_PCO2", "stored_CO2"))
 
     def start(self, settings: Named, beat: Named) -> Named:  # noqa: D102
-        return {_pressure(name): beat[_read("tissue_PCO2", name)] for name, _ in self.tissues}
+        return {
+            key(name): beat[_read("tissue_PCO2", name)]
+            for name, _ in self.tissues
+            for key in (_pressure, _of_blood)
+        }
 
     def in_effect(self, states: Named, settings: Named) -> Named:  # noqa: D102
-        own = {_pressure(name): states[_pressure(name)] for name, _ in self.tissues}
+        held = _pressure if self.every_beat else _of_blood
+        own = {_pressure(name): states[held(name)] for name, _ in self.tissues}
         return own | {STORES_HOLD: np.ones_like(next(iter(own.values())))}
 
     def rates(self, states: Named, settings: Named, beat: Named, inflows: Named) -> Named:  # noqa: D102
-        store = settings[_of("carbon_dioxide_store_ml_mmHg")]
-        return {
-            _pressure(name): beat[_read("stored_CO2", name)]
-            / (_MINUTE * store * np.asarray(value_of(settings, share)))
-            for name, share in self.tissues
-        }
+        found: dict[str, np.ndarray] = {}
+        for name, share in self.tissues:
+            store = settings[_of("carbon_dioxide_store_ml_mmHg")] * np.asarray(value_of(settings, share))
+            follows = (states[_pressure(name)] - states[_of_blood(name)]) / BLOOD_FOLLOWS_S
+            stored = beat[_read("stored_CO2", name)] / _MINUTE
+            if not self.every_beat:
+                stored = stored - BLOOD_SHARE * store * follows
+            found |= {_pressure(name): stored / ((1.0 - BLOOD_SHARE) * store), _of_blood(name): follows}
+        return found
+
+    def shown(self, states: Named, in_effect: Named) -> tuple[Shown, ...]:  # noqa: D102
+        return tuple(
+            Shown(_read("tissue_PCO2", name), "mmHg", "PCO2 of the tissues", states[_pressure(name)])
+            for name, _ in self.tissues
+        )
 
 
 def solute_laws(circuit: Circuit, fluid: bool, gas: bool) -> tuple[SlowLaw, ...]:
@@ -238,6 +272,10 @@ def solute_laws(circuit: Circuit, fluid: bool, gas: bool) -> tuple[SlowLaw, ...]
 
 def _pressure(tissue: str) -> str:
     return _of(f"{tissue}_pco2_mmHg")
+
+
+def _of_blood(tissue: str) -> str:
+    return _of(f"{tissue}_blood_pco2_mmHg")
 
 
 def _read(what: str, tissue: str) -> str:

@@ -8,21 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 
 from eclsim.cases.reading import read_mapping
+from eclsim.course.course import course
 from eclsim.devices.ecmo import ECMO
 from eclsim.fluid.law import PLASMA, RED_CELLS, fluid_law
-from eclsim.fluid.laws import slow_laws
-from eclsim.fluid.solutes import CarbonDioxideLaw
 from eclsim.orbit.model import PATIENT_HELD, Model, model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.results import simulate, simulate_many
 from eclsim.outputs.steady_beat import steady_beat
 from eclsim.paper.comparison import YES_NO, Check, Explanation, Row, within
-from eclsim.parameters.fluid import STORES_HOLD
 from eclsim.parameters.regulation import EXTRA_VOLUME
 from eclsim.slow import INFLOWS
 from eclsim.validation.matching import with_outputs
@@ -276,26 +273,15 @@ def _stores() -> list[Row]:
 
 def _after_sweep(rpm: float) -> np.ndarray:
     """PaCO2 [mmHg] each minute from just before the change on, and in the end."""
-    before, after = _apnoeic(rpm, 3.0), _apnoeic(rpm, 10.0)
-    (law,) = (one for one in slow_laws(after.circuit, after.values) if isinstance(one, CarbonDioxideLaw))
-    names, key = (*law.reads, "PaCO2"), "solutes.tissue_pco2_mmHg"
-    old, new = (steady_beat(Batch.of(one), names).outputs() for one in (before, after))
-    held = np.linspace(old["tissue_PCO2"] + 1.0, new["tissue_PCO2"] - 1.0, 16)
-    beats = steady_beat(_batch(after, {key: held, STORES_HOLD: np.ones_like(held)}), names)
-    rates = law.rates({}, _arrays(after.values), {n: beats.output(n) for n in law.reads}, {})[key]
-    order, pressure, arterial = np.argsort(held), old["tissue_PCO2"], [old["PaCO2"]]
-    for _ in range(50):
-        for _ in range(20):
-            pressure += 3.0 * np.interp(pressure, held[order], rates[order])
-        arterial.append(float(np.interp(pressure, held[order], beats.output("PaCO2")[order])))
-    return np.array([*arterial, new["PaCO2"]])
-
-
-@lru_cache(maxsize=8)
-def _apnoeic(rpm: float, sweep: float) -> Model:
     pig = PROTOCOLS["apnoeic"]
-    circuit = pig[ECMO.key] | {"speed_rpm": rpm, "sweep_l_min": sweep}
-    return model_of(read_mapping(pig | {ECMO.key: circuit}).case)
+    before, after = (
+        pig | {ECMO.key: pig[ECMO.key] | {"speed_rpm": rpm, "sweep_l_min": sweep}} for sweep in (3.0, 10.0)
+    )
+    change = {"at_min": 1.0, "set": {f"{ECMO.key}.sweep_l_min": 10.0}}
+    case, names = read_mapping(before | {"events": [change]}).case, ("PaCO2",)
+    arterial = course(case, minutes=51.0, every_min=1.0, outputs=names)["PaCO2"]
+    end = simulate(read_mapping(after).case)["PaCO2"]
+    return np.array([*arterial.to_numpy()[[0, *range(3, 53)]], float(end)])
 
 
 def _batch(model: Model, columns: Mapping[str, np.ndarray]) -> Batch:
