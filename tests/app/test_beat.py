@@ -109,9 +109,14 @@ def test_blood_gases_stand_everywhere_with_their_colour(paper):
 
 
 def test_without_a_steady_gas_state_the_reason_stands_in_place_of_numbers():
-    gas = plain(compute_beat(with_gas(gas__shunt_fraction=1.0, ecmo__sweep_l_min=0.0)), ())["gas"]
+    shown = plain(compute_beat(with_gas(gas__shunt_fraction=1.0, ecmo__sweep_l_min=0.0)), ())
+    gas = shown["gas"]
     assert (gas["places"], gas["exchanged"]) == ({}, {})
     assert "no steady gas state" in gas["message"]
+    assert shown["outputs"]["SaO2"] is None
+    assert shown["levels"]["SaO2"] == "alarm"
+    kinds = [kind for kind, _ in shown["notes"]]
+    assert kinds == sorted(kinds, key=("collapse", "alarm", "warning", "caution").index), "the gravest first"
 
 
 @pytest.mark.slow

@@ -73,7 +73,7 @@ FAULTS_OF_THE_SCHEMATIC = """(smallest) => {
 }"""
 CONNECTED = [
     ("paper", ()), ("paper", ("lvad",)), ("healthy", ()), ("healthy", ("crrt",)), ("lvad", ()),
-    ("vv-ecmo", ()), ("healthy", ("two pumps",)),
+    ("vv-ecmo", ()), ("healthy", ("two pumps",)), ("paper", ("gas", "physiology")),
 ]  # fmt: skip
 TWO_PUMPS = {
     "left": {"pump": "HM3", "speed_rpm": 4900, "inlet_site": "lv", "outlet_site": "ao"},

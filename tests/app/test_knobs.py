@@ -2,6 +2,7 @@
 
 import pytest
 
+from eclsim.app.display import described
 from eclsim.app.drawing import drawing_of
 from eclsim.app.knobs import (
     VOLUME,
@@ -11,10 +12,11 @@ from eclsim.app.knobs import (
     turn,
     value_of,
 )
+from eclsim.app.texts import ENGLISH
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.sections import PATIENT_SECTIONS
-from eclsim.devices.description import Knob, Picker
+from eclsim.devices.description import Knob, Picker, plain_control
 from eclsim.devices.ecmo import OTHER_MODE, ROLLER_PUMP
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
@@ -214,3 +216,13 @@ def test_second_cannulae_and_bronchial_return_are_drawn():
     assert lines["ecmoreturn2"]["at"] != lines["ecmoreturn"]["at"]
     (bronchial,) = [wire for wire in drawing["wires"] if wire["name"] == "bronchial"]
     assert bronchial["ends"] == ["descending", "pvn"]
+
+
+def test_labels_of_knobs_are_short_and_units_are_written_as_usual():
+    every = [(one, name) for one in PATIENT_SECTIONS for name in one.fields()]
+    turned = [f"{one.section}.{name}" for one, name in every if plain_control(one.fields()[name])]
+    long = [key for key in turned if len(ENGLISH.get(key, "?" * 99)) > 34]
+    assert long == []
+    units = [described(control).get("unit") for control in controls(everything_on())]
+    assert {"°C", "cm²"} <= set(units)
+    assert not {"C", "cm2"} & set(units)

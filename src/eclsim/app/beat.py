@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -17,7 +18,7 @@ from eclsim.gas.network import GasStatus
 from eclsim.orbit.model import circuit_of, values_of
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
-from eclsim.outputs.alarms import CAUTION, Finding, impossible
+from eclsim.outputs.alarms import CAUTION, Finding, gravest_first, impossible
 from eclsim.outputs.gas import PlaceGases
 from eclsim.outputs.limits import level, place_levels
 from eclsim.outputs.recirculation import recirculation
@@ -104,8 +105,18 @@ class Beat:
         return not impossible(self.findings)
 
     def levels(self) -> dict[str, str]:
-        """How each output stands to its limits: "ok", "warning", "alarm" or "collapse"."""
-        return {name: level(name, value, self.outputs) for name, value in self.outputs.items()}
+        """How each output stands to its limits: "ok", "warning", "alarm" or "collapse".
+
+        One that has no value is as grave as the finding that says why.
+        """
+        without = {
+            name: finding.kind
+            for finding in self.findings
+            for name in finding.concerns
+            if finding.kind == "alarm" and not math.isfinite(self.outputs.get(name, 0.0))
+        }
+        levels = {name: level(name, value, self.outputs) for name, value in self.outputs.items()}
+        return levels | without
 
     def place_levels(self) -> dict[str, str]:
         """The same for each compartment; one that has collapsed is marked whatever its mean pressure."""
@@ -140,7 +151,7 @@ def beat_of(
     means = {n: float(solved.mean(n)[0]) for n in solved.signals if n[0] in "PQ"}
     series = {n: solved.waveform(n) for n in solved.signals}
     waves = _evenly(series, solved.waveforms[0].phases, circuit, values)
-    findings = (*solved.findings(), *state.case.findings(outputs))
+    findings = tuple(gravest_first((*solved.findings(), *state.case.findings(outputs))))
     rate = float(np.asarray(solved.values_in_effect()[HEART_RATE]))
     return Beat(
         circuit, values, 60.0 / (rate if rate > 0.0 else values[HEART_RATE]), waves, means, outputs, findings,
@@ -154,7 +165,7 @@ def passing_beat(state: PageState, moment: PassingBeat) -> Beat:
     series = dict(zip(moment.signals, moment.waves.T, strict=True))
     waves = _evenly(series, moment.phases, moment.circuit, moment.values)
     means = {n: float(v) for n, v in zip(moment.signals, moment.means, strict=True) if n[0] in "PQ"}
-    findings = (*moment.findings, *state.case.findings(moment.outputs))
+    findings = tuple(gravest_first((*moment.findings, *state.case.findings(moment.outputs))))
     gas = GasStatus.STEADY if state.case.gas is not None else None
     return Beat(
         moment.circuit, moment.values, moment.period, waves, means, moment.outputs, findings,

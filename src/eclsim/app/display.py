@@ -54,7 +54,8 @@ PATIENT = Views(
         _figure("PCWP", "PCWP", "mmHg", 0),
         _figure("CVP", "right_atrial_pressure", "mmHg", 0),
         _figure("EF", "ejection_fraction_lv", "%", 0),
-        _figure("SaO2", "SaO2", "%", 0, limits=("SaO2", "SaO2_lower")),
+        _figure("SaO2", "SaO2", "%", 0),
+        _figure("SaO2_lower", "SaO2_lower", "%", 0),
         _figure("PaCO2", "PaCO2", "mmHg", 0),
     ),
     curves=(
@@ -90,6 +91,8 @@ _COLOURS = (
 """Of traces on the dark ground of the monitor: the patient's, then those of devices."""
 _INKS = 4
 """Colours of devices in the style sheet."""
+_UNITS = {"C": "°C", "cm2": "cm²"}
+"""Units of knobs that are written in another way than in case files."""
 LOOPS = ("Plv", "Vlv", "Prv", "Vrv")
 
 
@@ -211,8 +214,11 @@ def _plain_traces(shown: Sequence[tuple[str, Views]]) -> list[dict[str, Any]]:
 
 
 def _plain_figure(figure: KeyFigure) -> dict[str, Any]:
-    limits = figure.limits or (figure.output,)
-    return asdict(figure) | {"limits": limits, "extremes": figure.extremes or None}
+    entry = all_outputs().get(figure.output)
+    return asdict(figure) | {
+        "limits": figure.limits or (figure.output,), "extremes": figure.extremes or None,
+        "text": figure.label if entry is None else entry.long_name,
+    }  # fmt: skip
 
 
 def _in_order(figures: Sequence[KeyFigure]) -> list[KeyFigure]:
@@ -235,8 +241,8 @@ def described(control: Control) -> dict[str, Any]:
     common = {"key": control.key, "group": control.group, "label": control.label, "hint": hint}
     if isinstance(control, Knob):
         return common | {
-            "unit": control.unit, "low": control.low, "high": control.high, "step": control.step,
-            "log": control.logarithmic,
+            "unit": _UNITS.get(control.unit, control.unit), "low": control.low, "high": control.high,
+            "step": control.step, "log": control.logarithmic,
         }  # fmt: skip
     return common | {"options": [list(option) for option in control.options]}
 

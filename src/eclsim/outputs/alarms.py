@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,7 @@ from eclsim.patient.sites import DRAINED
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
 
-__all__ = ["CAUTION", "Finding", "findings", "impossible"]
+__all__ = ["CAUTION", "Finding", "findings", "gravest_first", "impossible"]
 
 NO_VALUES: Mapping[str, float] = MappingProxyType({})
 KINDS = (*GRAVEST_FIRST, CAUTION)
@@ -53,7 +53,12 @@ def findings(
         for names in instances_in(circuit):
             result += names.device.findings(names, outputs, circuit)
         result += assumptions(outputs, circuit, values)
-    return sorted(result, key=lambda finding: KINDS.index(finding.kind))
+    return gravest_first(result)
+
+
+def gravest_first(found: Iterable[Finding]) -> list[Finding]:
+    """The same in the order in which it is said."""
+    return sorted(found, key=lambda finding: KINDS.index(finding.kind))
 
 
 def assumptions(outputs: Collection[str], circuit: Circuit, values: Mapping[str, float]) -> list[Finding]:

@@ -25,7 +25,7 @@ from eclsim.orbit.execution import SIDE_BY_SIDE, Execution, in_threads
 from eclsim.orbit.inputs import allowed_values
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import Batch, SolvedOrbits, solve
-from eclsim.outputs.alarms import Finding, findings
+from eclsim.outputs.alarms import Finding, findings, gravest_first
 from eclsim.outputs.coupling import CoupledAnchor, open_parameters, settle, solved_for, total, with_neutral
 from eclsim.outputs.derivatives import Linearisation, linearise
 from eclsim.outputs.gas import PlaceGases, gases_of_places
@@ -186,7 +186,7 @@ class SteadyBeat:
             result = findings(self.outputs(member), ranges, circuit, contents) + self._gas_findings(member)
         if doubt := self.orbits.grid_warning(member):
             result.append(Finding("warning", "grid", float("nan"), float("nan"), doubt))
-        return result
+        return gravest_first(result)
 
     def _gas_findings(self, member: int) -> list[Finding]:
         """What there is to say about gases besides limits."""

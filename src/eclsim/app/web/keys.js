@@ -7,7 +7,7 @@ export default {
     <div v-for="k in seen" :key="k.key" :class="k.level" :title="k.hint" :data-key="k.key">
       <dt><span v-if="k.caution" role="img" :aria-label="k.hint">† </span>{{ k.label }}</dt>
       <dd><b :class="{ long: k.value.length > 5 }">{{ k.value }}</b></dd>
-      <dd class="more"><em v-if="k.more">{{ k.more }}</em><template v-else>{{ k.unit }}</template></dd>
+      <dd class="more">{{ k.unit }}<em v-for="m in k.more" :key="m">{{ m }}</em></dd>
     </div>
   </dl>`,
   mixins: [
@@ -37,15 +37,17 @@ export default {
     },
   },
   methods: {
-    tile({ key, label, unit, digits, output, limits, extremes }) {
+    tile({ key, label, text: words, unit, digits, output, limits, extremes }) {
       const { outputs, levels, cautions } = this.beat;
       const value = outputs[output];
       const level = gravest(levels, limits);
       const caution = limits.map((name) => cautions[name]).find(Boolean);
-      const hint = caution ? `${unit}, ${fill(this.texts.caution, { why: caution })}` : unit;
+      const full = `${words} [${unit}]`;
+      const hint = caution ? `${full}, ${fill(this.texts.caution, { why: caution })}` : full;
       const range = extremes ? extremes.map((name) => fixed(outputs[name], 0)).join("/") : "";
       const text = level === "collapse" ? ` ${MISSING}` : fixed(value, digits);
-      const more = this.difference(output, value, digits) || this.asMeasured(output, digits) || range;
+      const measured = this.asMeasured(output, digits);
+      const more = [this.difference(output, value, digits) || range, measured].filter(Boolean);
       return { key, label, unit, level, caution, hint, value: SIGNS[level].trim() + text, more };
     },
     difference(output, value, digits) {

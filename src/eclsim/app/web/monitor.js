@@ -26,7 +26,7 @@ export default {
         <div v-for="t in traces" :key="t.signal" class="trace" :style="{ color: t.colour }" :title="t.hint"
           :data-wave="t.signal" :data-scale="t.scale.join()">
           <span class="name">{{ t.label }} <em>{{ t.unit }}</em></span>
-          <span class="big">{{ t.big }}</span>
+          <span class="big" :style="{ '--long': t.big.length }">{{ t.big }}</span>
           <span class="small">{{ t.small }}</span>
           <span v-if="t.band" class="band" :title="texts.bands_column">{{ t.band }}</span>
           <span v-if="t.pinned" class="pinned">{{ texts.pinned }} {{ t.pinned }}</span>

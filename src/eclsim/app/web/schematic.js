@@ -3,6 +3,11 @@ import { SIGNS, fill, fixed, handleOf, listening, nearest, placed, polyline } fr
 
 const LETTERING = 'system-ui, "Segoe UI", Roboto, sans-serif';
 const LETTERS = 4.05; // mm, as in the style sheet
+const FONTS = {
+  name: { size: LETTERS, weight: 400 },
+  saturation: { size: LETTERS, weight: 700 },
+  pressure: { size: 5.4, weight: 700 },
+};
 const LEAST_SCALE = 11 / LETTERS; // px a mm: no letter is smaller than 11 px
 const EMPTY = { view: [0, 0, 180, 120], frames: [], boxes: [], wires: [], lines: [] };
 const SYMBOLS = {
@@ -39,14 +44,14 @@ export default {
         :class="[level(b), { target: dragged && b.position, near: dragged?.near === b.name }]">
         <title>{{ aboutBox(b) }}</title>
         <rect :x="b.x" :y="b.y" :width="b.w" :height="b.h" rx="1.6" />
-        <text :x="b.x + b.w / 2" :y="b.y + 4.6" class="name" :textLength="squeezed(b)"
-          lengthAdjust="spacingAndGlyphs">{{ b.short }}</text>
-        <text :x="b.x + (gases[b.name] ? (b.w - 14) / 2 : b.w / 2)" :y="b.y + 10.5" class="pressure">{{
-          signs[level(b)] }}{{ pressure(b) }}</text>
+        <text :x="b.x + b.w / 2" :y="b.y + 4.6" class="name"
+          v-bind="squeezed(b.short, fonts.name, b.w - 2)">{{ b.short }}</text>
+        <text :x="b.x + room(b) / 2" :y="b.y + 10.5" class="pressure"
+          v-bind="squeezed(marked(b), fonts.pressure, room(b) - 2)">{{ marked(b) }}</text>
         <g v-if="gases[b.name]" class="saturation" :style="{ '--blood': gases[b.name].colour }">
           <rect :x="b.x + b.w - 15" :y="b.y + 6.2" width="14" height="5" rx="2" />
-          <text :x="b.x + b.w - 8" :y="b.y + 10.2" :style="{ fill: gases[b.name].letters }">{{
-            saturation(b) }}</text>
+          <text :x="b.x + b.w - 8" :y="b.y + 10.2" :style="{ fill: gases[b.name].letters }"
+            v-bind="squeezed(saturation(b), fonts.saturation, 13)">{{ saturation(b) }}</text>
         </g>
       </g>
       <g v-for="l in movable" :key="l.moves" class="handle" tabindex="0" role="slider" :data-line="l.moves"
@@ -93,6 +98,7 @@ export default {
     stops: [],
     signs: SIGNS,
     symbols: SYMBOLS,
+    fonts: FONTS,
     dragged: null,
   }),
   computed: {
@@ -119,12 +125,19 @@ export default {
     polyline,
     placed,
     ink: (item) => `--ink-of: var(--${item.ink}, var(--soft))`,
-    // Where the letters of this browser are wide, a name is drawn narrower: it stays in its box.
-    squeezed(box) {
+    // Where a text is wider than its room in the letters of this browser, it is drawn narrower.
+    squeezed(text, { size, weight }, room) {
       this.pen ??= document.createElement("canvas").getContext("2d");
-      this.pen.font = `100px ${LETTERING}`;
-      const width = (this.pen.measureText(box.short).width * LETTERS) / 100;
-      return width > box.w - 2 ? box.w - 2 : null;
+      this.pen.font = `${weight} 100px ${LETTERING}`;
+      const width = (this.pen.measureText(text).width * size) / 100;
+      return width > room ? { textLength: room, lengthAdjust: "spacingAndGlyphs" } : {};
+    },
+    // What the saturation leaves of a box.
+    room(box) {
+      return this.gases[box.name] ? box.w - 14.5 : box.w;
+    },
+    marked(box) {
+      return this.signs[this.level(box)] + this.pressure(box);
     },
     // What flows through a line has the colour of where it comes from.
     blood({ name, ends }) {
