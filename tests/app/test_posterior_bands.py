@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from eclsim.app import bands, updates
+from eclsim.app import studies, updates
 from eclsim.app.beat import compute_beat
 from eclsim.app.files import parse_posterior
 from eclsim.app.knobs import connect, turn
@@ -66,8 +66,8 @@ def quick(monkeypatch) -> list:
         return {"of": key_of(state)} if wanted() else None
 
     monkeypatch.setattr(updates, "PAUSE_S", 0.02)
-    monkeypatch.setattr(bands, "beat_bands", computed)
-    monkeypatch.setattr(bands, "ramp_bands", computed)
+    monkeypatch.setattr(studies, "beat_bands", computed)
+    monkeypatch.setattr(studies, "ramp_bands", computed)
     return asked
 
 
@@ -127,7 +127,7 @@ def test_bands_of_a_beat_that_is_no_longer_seen_are_dropped(quick, monkeypatch):
             asyncio.run_coroutine_threadsafe(go_on.wait(), loop).result(PATIENCE_S)
             return {"of": key_of(state)}
 
-        monkeypatch.setattr(bands, "beat_bands", slow)
+        monkeypatch.setattr(studies, "beat_bands", slow)
         one.add("1", MADE_UP)
         await began.wait()
         session.state = faster(3100)  # turned, its beat still on its way
@@ -166,7 +166,7 @@ def test_hidden_bands_are_taken_away_and_not_computed(quick):
 
 def test_bands_that_fail_leave_the_page_as_it_was(monkeypatch):
     monkeypatch.setattr(updates, "PAUSE_S", 0.01)
-    monkeypatch.setattr(bands, "beat_bands", lambda *_: 1 / 0)
+    monkeypatch.setattr(studies, "beat_bands", lambda *_: 1 / 0)
 
     async def action(one, session):
         one.add("1", MADE_UP)
@@ -187,7 +187,7 @@ def test_a_knob_turns_a_fitted_parameter_in_all_members():
 
 @pytest.mark.slow
 def test_bands_of_a_beat_are_quantiles_of_its_members():
-    found = bands.beat_bands(STATE, MADE_UP, lambda: True)
+    found = studies.beat_bands(STATE, MADE_UP, lambda: True)
     assert found is not None
     single = [
         compute_beat(STATE.with_case(turn(CASE, "parameters.Rmc", RMC * s))).outputs["MAP"] for s in SPREAD
@@ -198,18 +198,18 @@ def test_bands_of_a_beat_are_quantiles_of_its_members():
     middle = own.waves["Pao"][::2]
     assert ((low < middle) & (middle < high)).all()
     assert found["lost"] == 0
-    assert len(found["loops"]["lv"]) == bands.LOOPS
-    assert bands.beat_bands(STATE, MADE_UP, lambda: False) is None
+    assert len(found["loops"]["lv"]) == studies.LOOPS
+    assert studies.beat_bands(STATE, MADE_UP, lambda: False) is None
 
 
 @pytest.mark.slow
 def test_the_ramp_has_bands_at_its_own_speed_range():
-    found = bands.ramp_bands(STATE, MADE_UP, lambda: True)
+    found = studies.ramp_bands(STATE, MADE_UP, lambda: True)
     assert found is not None
     low, high = found["outputs"]["PF"]
     assert all(a < b for a, b in zip(low, high, strict=True))
     assert low == sorted(low)
-    assert bands.ramp_bands(PageState(PRESETS["healthy"].case()), MADE_UP, lambda: True) is None
+    assert studies.ramp_bands(PageState(PRESETS["healthy"].case()), MADE_UP, lambda: True) is None
 
 
 def written(folder: Path, name: str = "Rmc", values=SPREAD, **attributes) -> bytes:

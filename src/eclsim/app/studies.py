@@ -1,23 +1,34 @@
-"""What views compute beyond one beat: the speed ramp and the nine schemes, each one batch."""
+"""What views compute beyond one beat: the speed ramp and the nine schemes, each one batch; 90 % bands.
+
+All members of a posterior are solved side by side, one block after the other in one thread, so that a
+processor is left for the knobs; between blocks somebody may say that nobody wants them any more.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from eclsim.app.beat import page_circuit
-from eclsim.app.display import curves_of, plain_curves, sweep_of
+from eclsim.app.display import curves_of, plain_curves, sweep_of, waves_of
 from eclsim.app.state import key_of
 from eclsim.beat.grid import needed_resolution
+from eclsim.beat.heartbeat import beat_program
 from eclsim.circuit.assembly import assemble
 from eclsim.files import finite
+from eclsim.identification.density import SETTLED
+from eclsim.orbit.execution import SIDE_BY_SIDE, Execution
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.signals import output_names
 from eclsim.outputs.steady_beat import steady_beat
 
 if TYPE_CHECKING:
+    from eclsim.app.posterior import PosteriorDraws
     from eclsim.app.state import PageState
+    from eclsim.circuit import Circuit
 
 SPEEDS = 15
 
@@ -54,3 +65,148 @@ def schemes(state: PageState) -> dict[str, Any] | None:
 def plain_curve(values: np.ndarray) -> list[float | None]:
     """Rounded numbers for the browser; null for what is not finite."""
     return [finite(float(value), digits=5) for value in values]
+
+
+# --- bands of a posterior ---------------------------------------------------------------------------
+
+
+CENTRAL_90 = (0.05, 0.95)
+POINTS = 100
+RAMP_MEMBERS = 64
+LOOP_POINTS = 60
+LOOPS = 24
+"""Loops drawn of a ventricle: a band has no meaning where a curve closes on itself."""
+FEWEST = 10
+"""Below so many members with a steady beat there is no band."""
+VENTRICLES = ("lv", "rv")
+LOOP_WAVES = frozenset(kind + place for place in VENTRICLES for kind in "VP")
+Wanted = Callable[[], bool]
+
+
+@dataclass(frozen=True)
+class Solved:
+    """PosteriorDraws with a steady beat, last.
+
+    Args:
+        phases: grid of the beat.
+        waves: by name, shape (points, members).
+        outputs: by name, shape (members,).
+        lost: members without a steady beat.
+    """
+
+    phases: np.ndarray
+    waves: Mapping[str, np.ndarray]
+    outputs: Mapping[str, np.ndarray]
+    lost: int
+
+    @property
+    def count(self) -> int:
+        """PosteriorDraws with a steady beat."""
+        return len(next(iter(self.outputs.values())))
+
+
+def beat_bands(state: PageState, members: PosteriorDraws, wanted: Wanted) -> dict[str, Any] | None:
+    """Bands of the waveforms and outputs of a state, and loops of members; None if nobody wants them."""
+    circuit, values = page_circuit(state.computed)
+    count = len(members.draws)
+    signals = tuple(n for n in waves_of(state.case) if n in beat_program(circuit).signals)
+    solved = solve(
+        circuit, members.values(values, count), count, state.policy, values,
+        (output_names(circuit), signals), wanted,
+    )  # fmt: skip
+    if solved is None:
+        return None
+    result = {
+        "of": key_of(state),
+        "count": count,
+        "lost": solved.lost,
+        "outputs": {},
+        "waves": {},
+        "loops": {},
+    }
+    if solved.count < FEWEST:
+        return result
+    even = np.linspace(0.0, 1.0, POINTS, endpoint=False)
+    result["outputs"] = {n: plain_curve(np.quantile(v, CENTRAL_90)) for n, v in solved.outputs.items()}
+    result["waves"] = {
+        n: [plain_curve(np.interp(even, solved.phases, q)) for q in np.quantile(w, CENTRAL_90, axis=1)]
+        for n, w in solved.waves.items()
+        if n not in LOOP_WAVES
+    }
+    result["loops"] = {p: _loops(solved, p) for p in VENTRICLES}
+    return result
+
+
+def ramp_bands(state: PageState, members: PosteriorDraws, wanted: Wanted) -> dict[str, Any] | None:
+    """Bands of outputs over the speeds of the state's pump; None without one, or if nobody wants them."""
+    sweep = sweep_of(state.case)
+    if sweep is None:
+        return None
+    circuit, values = page_circuit(state.computed)
+    names = tuple(c.output for _, c in curves_of(state.case) if c.output in output_names(circuit))
+    count = min(RAMP_MEMBERS, len(members.draws))
+    speeds = np.linspace(sweep.low, sweep.high, (SPEEDS + 1) // 2)
+    bands: dict[str, list[Any]] = {n: [] for n in names}
+    lost = 0
+    for speed in speeds:
+        own = {**values, sweep.key: float(speed)}
+        solved = solve(circuit, members.values(own, count), count, state.policy, values, (names, ()), wanted)
+        if solved is None:
+            return None
+        lost = max(lost, solved.lost)
+        for n in names:
+            enough = solved.count >= FEWEST
+            bands[n].append(np.quantile(solved.outputs[n], CENTRAL_90) if enough else (np.nan, np.nan))
+    curves = {n: [plain_curve(side) for side in np.array(b).T] for n, b in bands.items()}
+    return {"of": key_of(state), "speeds": speeds.tolist(), "count": count, "lost": lost, "outputs": curves}
+
+
+def solve(
+    circuit: Circuit, values: Mapping[str, Any], count: int, policy: str, start: Mapping[str, float],
+    shown: tuple[tuple[str, ...], tuple[str, ...]], wanted: Wanted,
+) -> Solved | None:  # fmt: skip
+    """Steady beats of members side by side.
+
+    Args:
+        circuit: that all share.
+        values: a number or an array (members,) for every parameter.
+        count: members.
+        policy: blood volume policy.
+        start: values that all are close to.
+        shown: names of outputs and of waveforms.
+        wanted: whether anybody still wants them; asked before each block.
+    """
+    names, signals = shown
+    resolution = int(np.max(needed_resolution(assemble(circuit), values)))
+    outputs, waves, lost = [], [], 0
+    for first in range(0, count, SIDE_BY_SIDE):
+        if not wanted():
+            return None
+        part = slice(first, min(first + SIDE_BY_SIDE, count))
+        own = {n: v[part] if np.ndim(v) else v for n, v in values.items()}
+        batch = Batch(circuit, own, part.stop - first, policy)
+        beat = steady_beat(
+            batch, names, waveforms=signals, keep=None, options=SETTLED, start=start, resolution=resolution,
+            execution=Execution(threads=1, width=SIDE_BY_SIDE),
+        )  # fmt: skip
+        good = np.flatnonzero(beat.determined)
+        outputs.append(beat.values[:, good])
+        waves += [beat.waveforms[int(k)].values for k in good]
+        lost += batch.count - len(good)
+    phases = beat_program(circuit, resolution).grid.phases
+    recorded = np.stack(waves, axis=-1) if waves else np.empty((len(phases), len(signals), 0))
+    result = dict(zip(names, np.concatenate(outputs, axis=1), strict=True))
+    return Solved(phases, {n: recorded[:, k] for k, n in enumerate(signals)}, result, lost)
+
+
+def _loops(solved: Solved, place: str) -> list[list[list[float | None]]]:
+    """Loops of some of the 90 % of members that stay nearest to the median loop."""
+    sides = [solved.waves[kind + place] for kind in "VP"]
+    away = np.zeros(solved.count)
+    for wave in sides:
+        middle = np.median(wave, axis=1, keepdims=True)
+        spread = np.maximum(np.median(np.abs(wave - middle), axis=1, keepdims=True), 1e-3)
+        away = np.maximum(away, (np.abs(wave - middle) / spread).max(axis=0))
+    central = np.flatnonzero(away <= np.quantile(away, 0.9))[:LOOPS]
+    even = np.linspace(0.0, 1.0, LOOP_POINTS)
+    return [[plain_curve(np.interp(even, solved.phases, wave[:, m])) for wave in sides] for m in central]

@@ -246,9 +246,9 @@ class PosteriorBands(_OneAtATime):
         self, shown: tuple[PageState, Beat], members: PosteriorDraws, topic: str
     ) -> dict[str, Any] | None:
         def work() -> dict[str, Any] | None:
-            from eclsim.app import bands
+            from eclsim.app import studies
 
-            compute = bands.ramp_bands if topic == "ramp_bands" else bands.beat_bands
+            compute = studies.ramp_bands if topic == "ramp_bands" else studies.beat_bands
             return compute(shown[0], members, lambda: self._newest(shown))
 
         try:

@@ -26,7 +26,7 @@ from eclsim.components.base import (
     renamed,
 )
 from eclsim.components.exchangers import BLOOD
-from eclsim.components.tubes import TubeVolume
+from eclsim.components.vessels import TubeVolume
 
 HEART_RATE = "heart_rate_bpm"
 """The parameter that every circuit has beside those of its laws."""

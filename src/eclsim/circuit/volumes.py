@@ -9,7 +9,7 @@ import numpy as np
 
 from eclsim.circuit.network import BLOOD_VOLUME, Circuit, Compartment, StartPressure
 from eclsim.components.base import Number, Storage, Values, value_of
-from eclsim.components.tubes import TubeVolume
+from eclsim.components.vessels import TubeVolume
 
 LARGEST_VOLUME_ML = 2.0**17
 """Volume, filled or sucked out, up to which a pressure is looked for [mL]."""

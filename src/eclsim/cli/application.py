@@ -19,8 +19,7 @@ from eclsim.cli.catalogue import ListOptions, devices, explain, export, list_par
 from eclsim.cli.console import fail, say
 from eclsim.cli.course import course
 from eclsim.cli.crrt_study import crrt_study
-from eclsim.cli.identify import identify
-from eclsim.cli.importing import import_data
+from eclsim.cli.identify import identify, import_data
 from eclsim.cli.options import COMMAND, MERGE, Command, argument, as_command, option
 from eclsim.cli.paper import demo, reproduce
 from eclsim.cli.plan import plan, settings

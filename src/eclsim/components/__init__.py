@@ -23,9 +23,8 @@ from eclsim.components.chambers import (
 from eclsim.components.collapse import CollapsibleChamber, CollapsibleVein
 from eclsim.components.exchangers import GasExchanger, MembraneLung, NativeLung, Tissue
 from eclsim.components.pumps import RollerPump, RotaryPump
-from eclsim.components.tubes import Cannula, Tube, TubeVolume
 from eclsim.components.valves import HeartValve, LeakingValve, OpenOrifice, Orifice
-from eclsim.components.vessels import Artery, ElasticVessel, Resistance
+from eclsim.components.vessels import Artery, Cannula, ElasticVessel, Resistance, Tube, TubeVolume
 
 all_storages = (ElasticVessel, CollapsibleVein, Atrium, CollapsibleChamber, Ventricle, LinearChamber)
 all_paths = (Resistance, Artery, Tube, HeartValve, LeakingValve, OpenOrifice, Cannula, RotaryPump, RollerPump)

@@ -1,11 +1,15 @@
-"""Elastic compartments and the resistances between them: vessels, oxygenators, dialyzers."""
+"""Elastic compartments and the resistances between them: vessels, oxygenators, dialyzers, tubes, cannulae."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
-from eclsim.components.base import Key, Number, Path, Storage, Values, value_of
+import jax.numpy as jnp
+
+from eclsim.components.base import Component, Key, Number, Path, Storage, Values, value_of
+from eclsim.units import ML_S_PER_L_MIN, PA_PER_MMHG
 
 
 class VesselConstants(NamedTuple):
@@ -136,3 +140,101 @@ class Artery(InertialResistance):
     def constants(self, values: Values) -> Inertial:
         """R and L."""
         return Inertial(value_of(values, self.ohmic), value_of(values, self.inertia))
+
+
+# --- tubes and cannulae -----------------------------------------------------------------------------
+
+
+CUBIC_METRE_PER_ML = 1e-6
+ALL_BUT_CLOSED = 1e-9
+"""Keeps the resistance of a closed clamp finite: some 0.001 mL/s leak."""
+TINY = 1e-12
+"""Keeps the square root differentiable at zero flow; far below the rounding of a flow [mmHg^2 s^2/mL^2]."""
+
+
+@dataclass(frozen=True)
+class Tube(InertialResistance):
+    """Laminar flow through a straight tube.
+
+        source o===[ R ]===( L )===o target      L dQ/dt = dp - R Q
+        R = 128 eta l / (pi d^4)                 (Hagen-Poiseuille)
+        L = rho l / (pi d^2 / 4)
+
+    Args:
+        length: l [cm].
+        diameter: inner diameter d [cm].
+        viscosity: eta [Pa s].
+        density: rho [kg/mL].
+
+    Source: Thiel et al., section 2.2 and Tables S-1 to S-3.
+    """
+
+    length: Key
+    diameter: Key
+    viscosity: Key = "etaB"
+    density: Key = "rhoB"
+    above_zero: ClassVar = ("length", "diameter", "viscosity", "density")
+
+    def constants(self, values: Values) -> Inertial:
+        """R and L."""
+        metres = value_of(values, self.length) / 100.0
+        bore = value_of(values, self.diameter) / 100.0
+        to_mmhg_ml = CUBIC_METRE_PER_ML / PA_PER_MMHG
+        resistance = 128.0 * value_of(values, self.viscosity) * metres / (math.pi * bore**4) * to_mmhg_ml
+        density = value_of(values, self.density) / CUBIC_METRE_PER_ML
+        return Inertial(resistance, density * metres / (math.pi / 4.0 * bore**2) * to_mmhg_ml)
+
+
+@dataclass(frozen=True)
+class TubeVolume(Component):
+    """What a tube holds at zero pressure [mL], pi d^2 l / 4, from length l and inner diameter d [cm]."""
+
+    length: Key
+    diameter: Key
+
+    def volume(self, values: Values) -> Number:
+        """Volume [mL]."""
+        return math.pi / 4.0 * value_of(values, self.diameter) ** 2 * value_of(values, self.length)
+
+
+@dataclass(frozen=True)
+class Cannula(Path[Number]):
+    """Turbulent orifice: quadratic pressure drop in both directions, from the French size.
+
+        source o---<=====>---o target      Q [L/min] = sign(dp) sqrt(|dp| / R)
+                                           R = c3 D^3 + c2 D^2 + c1 D + c0, D in Fr
+
+    Args:
+        french: size D [Fr].
+        coefficients: c3, c2, c1, c0 of R [mmHg min^2/L^2].
+        clamp: share of its area that is closed; a number 0 for none.
+        viscosity: factor of R by which the blood's viscosity counts; a number 1 for none.
+
+    Source: Getinge HLS data sheets (water), as fitted in the published code of Thiel et al.
+    """
+
+    french: Key
+    coefficients: tuple[float, float, float, float]
+    clamp: Key = 0.0
+    viscosity: Key = 1.0
+    above_zero: ClassVar = ("french",)
+
+    def constants(self, values: Values) -> Number:
+        """R [mmHg s^2/mL^2]."""
+        size = value_of(values, self.french)
+        c3, c2, c1, c0 = self.coefficients
+        resistance = (((c3 * size + c2) * size + c1) * size + c0) / ML_S_PER_L_MIN**2
+        if self.viscosity != 1.0:
+            resistance = resistance * value_of(values, self.viscosity)
+        if self.clamp == 0.0:
+            return resistance
+        return resistance / ((1.0 - value_of(values, self.clamp)) ** 2 + ALL_BUT_CLOSED)
+
+    def pressure_drop(self, flow: Number, constants: Number) -> Number:
+        """R Q |Q| [mmHg]."""
+        return constants * flow * jnp.abs(flow)
+
+    def flow(self, pressure_difference: Number, load: Number, constants: Number) -> Number:
+        """Flow [mL/s] in either direction."""
+        root = jnp.sqrt(load * load + 4.0 * constants * jnp.abs(pressure_difference) + TINY)
+        return 2.0 * pressure_difference / (load + root)
