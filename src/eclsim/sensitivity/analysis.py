@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -255,7 +255,7 @@ def solve_for_pressure(
     return model.values[adjusted] * math.exp(float(root))  # pyright: ignore[reportArgumentType]  # a number
 
 
-def _bracket(excess) -> tuple[float | None, float | None]:
+def _bracket(excess: Callable[[float], float]) -> tuple[float | None, float | None]:
     """Two neighbouring powers of two between which the pressure passes its target."""
     excess_here, step = excess(0.0), math.log(2.0)
     direction = -1.0 if excess_here > 0.0 else 1.0
