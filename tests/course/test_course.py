@@ -152,7 +152,20 @@ def test_the_figure_shows_every_event(hour, tmp_path):
 
     fig = plot_course(hour)
     assert "blood 200 mL over 20 min" in fig._supxlabel.get_text()
-    assert any(ax.get_title(loc="left") == "Arterial pressure" for ax in fig.axes)
+    panels = {ax.get_title(loc="left"): ax for ax in fig.axes}
+    assert "Arterial pressure" in panels
+    assert np.diff(panels["Fluid and blood"].get_ylim()) > 100.0
+
+
+def test_rounding_is_no_curve_in_the_figure(tmp_path):
+    from eclsim.course.figures import plot_course
+
+    rest = course(case(tmp_path), minutes=60.0, every_min=20.0, outputs=("MAP",))
+    spread = 1e-9 * np.arange(rest.sizes["time_min"])
+    rest = rest.assign({name: rest[name] + spread for name in ("haematocrit", "fluid.refilled_ml")})
+    panels = {ax.get_title(loc="left"): ax for ax in plot_course(rest).axes}
+    assert np.diff(panels["Haematocrit"].get_ylim()) == pytest.approx(0.005)
+    assert np.diff(panels["Fluid and blood"].get_ylim()) == pytest.approx(2.0)
 
 
 def test_a_limit_that_is_another_number_each_moment_is_one_alarm():

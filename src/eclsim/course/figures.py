@@ -41,6 +41,8 @@ _AXES = {
     "1/min": "Rate",
     "mL/min": "Oxygen",
 }
+_NARROWEST = {"1": 0.005, "mL": 2.0}
+"""Span of an axis at least, in its unit, so that rounding is no curve; 0.1 of others."""
 MOST_ALARMS = 5
 """Of a band: the most probable ones are drawn."""
 _BARS = {"collapse": "#7A0000", "alarm": style.OKABE_ITO["vermillion"], "warning": style.OKABE_ITO["orange"]}
@@ -96,6 +98,10 @@ def _draw(ax: Axes, result: xr.Dataset, panel: Panel, events: list[Event]) -> No
     shown = [pair for pair in zip(panel.names, panel.labels, strict=True) if pair[0] in result]
     for index, (name, label) in enumerate(shown):
         _curve(ax, hours, result[name], label, index)
+    low, high = ax.get_ylim()
+    short = _NARROWEST.get(panel.unit, 0.1) - (high - low)
+    if short > 0.0:
+        ax.set_ylim(low - 0.5 * short, high + 0.5 * short)
     _mark_events(ax, hours, events, minutes)
     ax.set_ylabel(f"{_AXES.get(panel.unit, '')} [{panel.unit}]".strip())
     rows = -(-len(shown) // 2)
