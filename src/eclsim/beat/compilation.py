@@ -40,8 +40,13 @@ Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 Key = tuple[Hashable, ...]
 Shapes = tuple[tuple[int, ...], ...]
-COMPILER_OPTIONS = {"xla_cpu_prefer_vector_width": 512, "xla_cpu_experimental_ynn_fusion_type": ""}
-"""Products of matrices are not left to a library, whose calls cannot be a part of one function."""
+COMPILER_OPTIONS = {
+    "xla_cpu_prefer_vector_width": 512,
+    "xla_cpu_experimental_ynn_fusion_type": "",
+    "xla_disable_hlo_passes": "while-loop-invariant-code-motion",
+}
+"""Products of matrices are not left to a library, whose calls cannot be a part of one function. XLA does not
+move constants out of loops: in nested loops that takes a fifth of all compiling, and LLVM does so anyway."""
 PACKAGE = Path(__file__).parents[1]
 
 

@@ -25,10 +25,10 @@ import numpy as np
 
 from eclsim.beat.compilation import compiled
 from eclsim.beat.grid import STEPS_PER_BLOCK, PhaseGrid
-from eclsim.beat.recording import Moment, Readings, Recorder, all_signals, with_means, with_rates
+from eclsim.beat.recording import MEAN, Moment, Readings, Recorder, all_signals, with_means, with_rates
 from eclsim.circuit.assembly import Assembly, Constants, States, assemble
 from eclsim.circuit.network import HEART_RATE, Circuit
-from eclsim.components.base import Number
+from eclsim.components.base import Number, Values
 
 GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
 
@@ -108,6 +108,16 @@ class BeatProgram:
         circuit = self.assembly.circuit
         return with_means(circuit, with_rates(circuit, all_signals(self.assembly)))
 
+    @cached_property
+    def primary(self) -> tuple[str, ...]:
+        """Signals that all others follow from: volumes, flows, means of the flows that open and shut."""
+        circuit = self.assembly.circuit
+        volumes, flows = (
+            ("V" + c.name for c in circuit.compartments),
+            ("Q" + c.name for c in circuit.connections),
+        )
+        return with_means(circuit, (*volumes, *flows))
+
     def trace(self, signals: tuple[str, ...]) -> RecordedBeat:
         """Compiled beat that records signals, named as in `Recorder`: shape (steps, signals[, patients])."""
         return _trace(self, signals)
@@ -120,10 +130,7 @@ class BeatProgram:
         With weights (steps, signals) the signals are not handed back one by one but summed with them, shape
         (signals[, patients]): any mean, and to first order any extreme, is such a sum.
         """
-        given = dict(zip(self.names, packed, strict=True))
-        values = self.assembly.in_effect(given, state)
-        constants = self.assembly.constants(values)
-        period = 60.0 / values[HEART_RATE]
+        given, constants, period = self._in_effect(state, packed)
         recorder, readings = Recorder(self.assembly, signals), Readings(self.assembly)
 
         def block(carry: Carry, inputs: tuple[Number, Tables]) -> tuple[Carry, jax.Array | None]:
@@ -156,14 +163,45 @@ class BeatProgram:
         assert recorded is not None
         return end, recorded.reshape(self.grid.n_steps, *recorded.shape[2:])
 
+    def derived(
+        self, recorded: States, state: States, packed: States, signals: tuple[str, ...]
+    ) -> jax.Array:
+        """Signals of the beat from a state, from its recorded `primary` ones; uncompiled, as `run`."""
+        _, constants, period = self._in_effect(state, packed)
+        recorder, circuit, names = Recorder(self.assembly, signals), self.assembly.circuit, self.primary
+
+        def step(_: None, now: tuple[States, jax.Array]) -> tuple[None, jax.Array]:
+            own = dict(zip(names, now[0], strict=True))
+            volumes, flows = (
+                [kind + entry.name for entry in table]
+                for kind, table in (("V", circuit.compartments), ("Q", circuit.connections))
+            )
+            means = [own.get(name + MEAN, own[name]) for name in flows]
+            moment = Moment(
+                [own[n] for n in volumes], [own[n] for n in flows], now[1], constants, period, means
+            )
+            return None, recorder.pick(moment)
+
+        return jax.lax.scan(step, None, (recorded, jnp.asarray(self._activations[:, 1])))[1]
+
+    def _in_effect(self, state: States, packed: States) -> tuple[Values, Constants, Number]:
+        """Parameters as given; constants of the laws and period [s] as controllers have them in the beat."""
+        given = dict(zip(self.names, packed, strict=True))
+        values = self.assembly.in_effect(given, state)
+        return given, self.assembly.constants(values), 60.0 / values[HEART_RATE]
+
+    @cached_property
+    def _activations(self) -> np.ndarray:
+        """Of both stages of each step, shape (steps, 2, curves)."""
+        nodes = self.grid.phases
+        stages = np.stack([nodes[:-1] + GAMMA * np.diff(nodes), nodes[1:]], axis=1)
+        curves = [a.at(stages, np) for a in self.assembly.activations]
+        return np.stack(curves, axis=-1) if curves else np.zeros((*stages.shape, 0))
+
     def _tables(self, weights: States | None, readings: Readings) -> Tables:
         """What differs from step to step, in blocks of steps."""
-        nodes, blocks = self.grid.phases, (len(self.grid.block_steps), STEPS_PER_BLOCK)
-        width = np.diff(nodes)
-        stages = np.stack([nodes[:-1] + GAMMA * width, nodes[1:]], axis=1)
-        curves = [a.at(stages, np) for a in self.assembly.activations]
-        activations = np.stack(curves, axis=-1) if curves else np.zeros((*stages.shape, 0))
-        of_readings = readings.weights(width)
+        blocks, activations = (len(self.grid.block_steps), STEPS_PER_BLOCK), self._activations
+        of_readings = readings.weights(np.diff(self.grid.phases))
         return Tables(
             jnp.asarray(activations.reshape(*blocks, *activations.shape[1:])),
             None if weights is None else weights.reshape(*blocks, weights.shape[1]),
@@ -299,13 +337,13 @@ class BeatProgram:
         self, volumes: Sequence[Number], activations: States, steps: StepConstants, constants: Constants
     ) -> Linearised:
         """Pressures, stiffness and resistances at some volumes."""
-        pressures, stiffness = self.assembly.pressures(volumes, activations, constants)
+        around = self.assembly.surrounding_pressures(volumes, constants)
+        pressures, stiffness = self.assembly.pressures(volumes, activations, constants, around)
         compartments = self.assembly.circuit.compartments
         loads: list[Number] = [
             fixed if c.component.constant_stiffness else steps.weight * s
             for c, s, fixed in zip(compartments, stiffness, steps.compliance_load, strict=True)
         ]
-        around = self.assembly.surrounding_pressures(volumes, constants)
         outlets = self.assembly.outlets(volumes, constants)
         return Linearised(pressures, loads, outlets, [steps.weight * slope for _, slope in around])
 

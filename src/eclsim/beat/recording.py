@@ -121,10 +121,13 @@ class Recorder:
         allowed = all_signals(assembly)
         self.signals = tuple(known_signal(assembly.circuit, name, allowed) for name in signals)
         self._wants_rates = any(signal.form is Form.RATE for signal in self.signals)
+        self._wants_pressures = any(signal.kind is Kind.PRESSURE for signal in self.signals)
 
     def pick(self, now: Moment) -> jax.Array:
         """The signals of one moment, stacked; shape (signals[, patients])."""
-        pressures, stiffness = self.assembly.pressures(now.volumes, now.activations, now.constants)
+        pressures, stiffness = list[Number](), list[Number]()
+        if self._wants_pressures:
+            pressures, stiffness = self.assembly.pressures(now.volumes, now.activations, now.constants)
         zero = jnp.zeros_like(now.volumes[0])
         rates = self._volume_rates(now.flows, now.constants) if self._wants_rates else []
         picked = []

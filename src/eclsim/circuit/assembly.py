@@ -150,9 +150,16 @@ class Assembly:
         return self.at(source, outlets, constants)
 
     def pressures(
-        self, volumes: Sequence[Number], activations: Sequence[Number] | States, constants: Constants
+        self,
+        volumes: Sequence[Number],
+        activations: Sequence[Number] | States,
+        constants: Constants,
+        around: Sequence[tuple[Number, Number]] | None = None,
     ) -> tuple[list[Number], list[Number]]:
-        """Pressure [mmHg] of every compartment, and stiffness [mmHg/mL] of its own wall."""
+        """Pressure [mmHg] of every compartment, and stiffness [mmHg/mL] of its own wall.
+
+        `around` are the `surrounding_pressures`, where they are known already.
+        """
         pairs = []
         for position, compartment in enumerate(self.circuit.compartments):
             index = self.activation_index(position)
@@ -160,7 +167,7 @@ class Assembly:
             law = compartment.component
             pairs.append(law.pressure(volumes[position], activation, constants.storages[position]))
         pressures = [p for p, _ in pairs]
-        around = self.surrounding_pressures(volumes, constants)
+        around = self.surrounding_pressures(volumes, constants) if around is None else around
         for (outside, _), inside in zip(around, self.enclosed, strict=True):
             for position in inside:
                 pressures[position] = pressures[position] + outside

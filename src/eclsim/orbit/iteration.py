@@ -202,18 +202,21 @@ def _begin(state: Array, running: Array, inverse: Array) -> Iterate:
 @lru_cache(maxsize=64)
 def _single(program: BeatProgram) -> Callable[..., tuple[Array, Array]]:
     """Compiled search of one member: (best, after, converged, beats, change, drift) in one array, signals."""
-    signals = program.signals
+    primary = program.primary
 
     def run(
         state: Array, inverse: Array, packed: Array, weights: Array, target: Array, rules: Array
     ) -> tuple[Array, Array]:
-        def beat(carry: tuple[Iterate, Array]) -> tuple[Iterate, Array]:
-            return _iterated(program, signals, carry[0], packed, weights, target, rules)
+        def beat(carry: tuple[Iterate, Array, Array]) -> tuple[Iterate, Array, Array]:
+            now = carry[0]
+            return *_iterated(program, primary, now, packed, weights, target, rules), now.state
 
-        begin = _begin(state, jnp.asarray(True), inverse), jnp.zeros((program.grid.n_steps, len(signals)))
-        end, recorded = jax.lax.while_loop(lambda carry: carry[0].running, beat, begin)
+        nothing = jnp.zeros((program.grid.n_steps, len(primary)))
+        begin = _begin(state, jnp.asarray(True), inverse), nothing, state
+        end, recorded, before = jax.lax.while_loop(lambda carry: carry[0].running, beat, begin)
         numbers = [end.converged.astype(float), end.beats.astype(float), end.change, end.drift]
-        return jnp.concatenate([end.best, end.after, jnp.stack(numbers)]), recorded
+        signals = program.derived(recorded, before, packed, program.signals)
+        return jnp.concatenate([end.best, end.after, jnp.stack(numbers)]), signals
 
     return compiled(run, ("search", program))
 
