@@ -163,9 +163,7 @@ class BeatProgram:
         assert recorded is not None
         return end, recorded.reshape(self.grid.n_steps, *recorded.shape[2:])
 
-    def derived(
-        self, recorded: States, state: States, packed: States, signals: tuple[str, ...]
-    ) -> jax.Array:
+    def derived(self, recorded: States, state: States, packed: States, signals: tuple[str, ...]) -> jax.Array:
         """Signals of the beat from a state, from its recorded `primary` ones; uncompiled, as `run`."""
         _, constants, period = self._in_effect(state, packed)
         recorder, circuit, names = Recorder(self.assembly, signals), self.assembly.circuit, self.primary

@@ -53,15 +53,19 @@ def _patient(case: Case) -> tuple[Circuit, dict[str, Site]]:
 
 def _regulated(patient: Circuit, case: Case) -> Circuit:
     """The patient with what the case adds of reflexes, drugs and volume."""
-    from eclsim.drugs.published import with_drugs
     from eclsim.parameters.regulation import EXTRA_VOLUME, UNSTRESSED
+
+    shifted = {EXTRA_VOLUME, UNSTRESSED} & case.parameters.keys()
+    if not (case.regulation or case.drugs or case.fluid or shifted):
+        return patient
+    from eclsim.drugs.published import with_drugs
     from eclsim.regulation.attach import REFLEXES, with_reflex, with_volume_offset
     from eclsim.regulation.oxygen import with_chemoreflex, with_hypoxic_vasoconstriction, with_local_control
 
     own = case.regulation if case.regulation and case.regulation.baroreflex is not None else None
     by_gases = case.regulation if case.gas else None
     chemoreflex = by_gases is not None and by_gases.chemoreflex is not None
-    if own or chemoreflex or case.drugs or case.fluid or {EXTRA_VOLUME, UNSTRESSED} & case.parameters.keys():
+    if own or chemoreflex or case.drugs or case.fluid or shifted:
         patient = with_volume_offset(patient)
     if chemoreflex:
         patient = with_chemoreflex(patient)
@@ -85,9 +89,11 @@ def circuit_of(case: Case) -> Circuit:
 
 def _thickened(circuit: Circuit, case: Case) -> Circuit:
     """The circuit with resistances that follow the haematocrit, where the case follows its fluid."""
+    if case.fluid is None:
+        return circuit
     from eclsim.fluid.viscosity import with_viscosity
 
-    return circuit if case.fluid is None else with_viscosity(circuit)
+    return with_viscosity(circuit)
 
 
 def switched_circuit(case: Case) -> tuple[Circuit, dict[str, float]]:

@@ -13,7 +13,6 @@ import numpy as np
 from eclsim.circuit.network import Circuit
 from eclsim.devices.device import Naming
 from eclsim.devices.registry import devices, instances_in
-from eclsim.gas.transport import Flows, balanced, mixtures
 from eclsim.units import ML_S_PER_L_MIN
 
 DEFINITION = "share of the access flow that left the return line and did not pass the patient (steady mixing)"
@@ -81,6 +80,8 @@ def _share(circuit: Circuit, names: Naming, mean_flows: Mapping[str, float]) -> 
     mixed_in = groups[access]
     if mixed_in not in {other.key for other in instances_in(circuit)}:
         return 0.0
+    from eclsim.gas.transport import Flows, balanced, mixtures
+
     place = {name: k for k, name in enumerate(n for n, group in groups.items() if group == mixed_in)}
     touching = [c for c in circuit.connections if place.keys() & {c.source, c.target}]
     if any(not isinstance(site, str) for c in touching for site in c.sites):

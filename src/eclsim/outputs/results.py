@@ -20,7 +20,6 @@ from eclsim.orbit.execution import Execution
 from eclsim.orbit.model import Model, ModelSource, as_model, nominal_values
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import ADAPTIVE, SEMI_IMPLICIT, Batch
-from eclsim.orbit.transient import follow
 from eclsim.outputs.alarms import findings, impossible
 from eclsim.outputs.recirculation import recirculation
 from eclsim.outputs.registry import contract, output
@@ -261,6 +260,8 @@ def simulate_course(
     Returns:
         Waveforms over `time` [s]; the attributes say how they were computed.
     """
+    from eclsim.orbit.transient import follow
+
     known = all_signals(assemble(model.circuit))
     signals = known if names is None else tuple(name for name in known if name in set(names))
     policy = policy or model.policy

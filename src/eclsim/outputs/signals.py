@@ -15,9 +15,7 @@ from eclsim.components.base import Number, Values
 from eclsim.components.exchangers import GasExchanger
 from eclsim.devices.description import GASES
 from eclsim.devices.registry import registered
-from eclsim.gas.network import switches
 from eclsim.outputs.registry import available, output
-from eclsim.regulation.effects import parameters_of, steady_controls
 
 WORDS = {Kind.PRESSURE: "pressure in", Kind.FLOW: "flow through", Kind.VOLUME: "blood volume of"}
 
@@ -65,8 +63,12 @@ def _needed_parameters(
     entries = [output(name) for name in outputs]
     names = [name for entry in entries for name in entry.parameters]
     if any(entry.all_flows for entry in entries):
+        from eclsim.gas.network import switches
+
         names += [*circuit.content_names(), *switches(circuit)]
     if any(entry.in_effect for entry in entries):
+        from eclsim.regulation.effects import parameters_of, steady_controls
+
         names += parameters_of(steady_controls(circuit))
     return tuple(dict.fromkeys(names))
 
