@@ -15,7 +15,7 @@ import jax
 import numpy as np
 
 from eclsim.circuit.layout import StateLayout, layout_of
-from eclsim.circuit.network import Choice, Circuit, Site
+from eclsim.circuit.network import Choice, Circuit, Compartment, Site
 from eclsim.circuit.sweep import sweep_order
 from eclsim.circuit.validation import validate
 from eclsim.circuit.volumes import start_volume
@@ -232,6 +232,17 @@ class Assembly:
     def start_volumes(self, values: Values) -> list[Number]:
         """Stressed volume of every compartment at the start [mL]."""
         return [start_volume(c, values) for c in self.circuit.compartments]
+
+    def start_changes(self, before: Values, now: Values) -> list[Number]:
+        """By how much other values change the start volume of every compartment of one patient [mL]."""
+        return [
+            start_volume(c, now) - start_volume(c, before) if any(before[n] != now[n] for n in names) else 0.0
+            for c, names in self._read_by_compartments
+        ]
+
+    @cached_property
+    def _read_by_compartments(self) -> list[tuple[Compartment, tuple[str, ...]]]:
+        return [(c, c.parameter_names()) for c in self.circuit.compartments]
 
     def start_state(self, values: Values) -> np.ndarray:
         """State of one patient at the start: start volumes, flows at rest; shape (states,)."""

@@ -365,8 +365,8 @@ class BeatMarch:
         A setting that changes how much the circulation holds at the start changes it, as for steady beats.
         """
         change = np.zeros(self.assembly.layout.size)
-        volumes = [np.array(self.assembly.start_volumes(_numbers(values))) for values in (before, now)]
-        change[self.assembly.layout.volumes.where] = volumes[1] - volumes[0]
+        started = self.assembly.start_changes(_numbers(before), _numbers(now))
+        change[self.assembly.layout.volumes.where] = started
         return change
 
     def _moved(
