@@ -87,3 +87,8 @@ def test_a_case_with_events_is_written_and_read_back(tmp_path):
 )
 def test_the_haematocrit_at_any_filter_says_how_a_course_starts(key, refused):
     assert says_start(key) is refused
+
+
+def test_a_first_event_before_the_start_is_one_mistake(tmp_path):
+    (only,) = mistakes(tmp_path, "[[events]]\nat_min = -5\nset = { Rmc = 1.2 }\n")
+    assert "at_min = -5: outside the allowed range" in only

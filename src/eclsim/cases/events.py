@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -208,7 +209,7 @@ def _flat(raw: Raw, before: str = "") -> list[tuple[str, object]]:
 
 
 def _check_order(raw: Sequence[object], remarks: Remarks) -> None:
-    last = -1.0
+    last = -math.inf
     for n, one in enumerate(raw, start=1):
         at = one.get("at_min") if isinstance(one, Mapping) else None
         if not isinstance(at, (int, float)) or isinstance(at, bool):
