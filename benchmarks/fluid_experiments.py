@@ -1,4 +1,4 @@
-"""The experiments of docs/fluid.md: fluid removal at three walls, solutes, a change of sweep, legs apart.
+"""The experiments of docs/fluid.md: fluid removal at three walls, solutes, sweep, men who bleed or stand up.
 
     python benchmarks/fluid_experiments.py [FOLDER]
 
@@ -9,14 +9,12 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from eclsim.cases.reading import read_case
 from eclsim.course.course import course
-from eclsim.fluid.law import fluid_law
-from eclsim.fluid.starling import Spaces, Wall, exchange
+from eclsim.regulation.attach import REFLEXES
 from eclsim.reporting.style import curve_style, figure_style
-from eclsim.validation.fluid import dialysed, fall_of_blood, standing_man
+from eclsim.validation.fluid import MEASURED, Patient, bled, healthy, stood
 
 CASE = Path(__file__).parents[1] / "examples" / "fluid_removal.toml"
 WALLS = {
@@ -66,79 +64,40 @@ def sweep():
     return found
 
 
-LEGS, LEGS_HG = 0.32, 240.0
-"""Share of the body that hangs below the heart, and its mass [100 g] in a man of 75 kg."""
-COLUMN_MMHG = 0.75 * 1060.0 * 9.81 / 133.322
-COEFFICIENTS = (0.002, 0.004, 0.006, 0.010)
-"""Filtration coefficients of limbs [mL/min/mmHg/100 g]: plethysmography, then what standing men suggest."""
-TIGHTNESS = (0.0, 0.02, 0.04)
-"""Rise of tissue pressure for each mL that legs swell [mmHg/mL], beside the curve of all tissue. With 0.04 it
-ends at 50 cmH2O in the whole leg, as in the anterior tibial muscle (Wells et al. 1938); skin stays at 0."""
+def bleeding() -> None:
+    """Men who lose blood: by reflex, veins and the pressure of an empty right ventricle."""
+    print("\nmen who lose blood")
+    print("measured".ljust(36), *(f"{expected:7.4g}" for _, expected, *_ in MEASURED))
+    for reflex in REFLEXES:
+        for words, stiff, empty in (
+            ("published veins", True, {}),
+            ("soft veins", False, {}),
+            ("soft veins, RV_Pd_beta 0", False, {"RV_Pd_beta": 0.0}),
+        ):
+            found = bled(healthy(reflex, stiff, **empty))
+            print(f"{reflex}, {words}".ljust(36), *(f"{found[name]:7.3g}" for name, *_ in MEASURED),
+                  f" resistance {found['0.9 L: resistance']:+.0f} %")  # fmt: skip
 
 
-def legs_apart() -> None:
-    """Standing with an interstitium of the legs of its own; a dialysis with the same wall lying down."""
-    man = standing_man()
-    law = fluid_law(man.model.circuit)
-    spaces, wall = law.at_rest({key: np.array([v]) for key, v in man.model.values.items()})
-    print(
-        "\nlegs apart, by filtration coefficient and tightness: plasma lost [%] 3, 10, 35 min after standing"
-    )
-    print("up; time constant [min]; rise of pressure in the legs [mmHg]; half of it back lying [min];")
-    print("dialysis of 1.7 L [%/h], 1.5 L and 2.7 L [%/L]")
-    print("measured".ljust(15), "8.5   16.8   17.4    4.6  37 (one)    6.0  dialysis  3.20  4.90  2.40")
-    for coefficient in COEFFICIENTS:
-        legs = coefficient * LEGS_HG
-        patient = dialysed(legs / LEGS)
-        falls = [
-            fall_of_blood(patient, 1000.0 * litres) / per
-            for litres, per in ((1.7, 4), (1.5, 1.5), (2.7, 2.7))
-        ]
-        for tightness in TIGHTNESS:
-            values = _stood(spaces, wall, (legs, legs / LEGS - legs), tightness)
-            words = f"{coefficient:g}, {tightness:g}".ljust(12)
-            print(words, *(f"{v:6.1f}" for v in values), " dialysis", *(f"{v:5.2f}" for v in falls))
-
-
-def _stood(spaces: Spaces, wall: Wall, coefficients, tightness: float) -> list[float]:
-    """What a man who stands 35 min loses, and how fast it is back in one who lies down after 15."""
-    whole = Spaces(*(float(np.ravel(v)[0]) for v in spaces))
-    shares = (LEGS, 1.0 - LEGS)
-    rest = [
-        Spaces(whole.plasma, s * whole.interstitium, whole.plasma_protein, s * whole.interstitial_protein,
-               s * whole.normal)
-        for s in shares
-    ]  # fmt: skip
-    walls = [
-        Wall(k, float(wall.reflection[0]), s * float(wall.lymph[0]))
-        for k, s in zip(coefficients, shares, strict=True)
-    ]
-
-    def slope(column: float, y: np.ndarray) -> np.ndarray:
-        plasma, protein = whole.plasma - y[0] - y[1], whole.plasma_protein - y[2] - y[3]
-        rises = (column - tightness * y[0], 0.0)
-        out = [
-            exchange(
-                r._replace(plasma=plasma, plasma_protein=protein, interstitium=r.interstitium + y[k],
-                           interstitial_protein=r.interstitial_protein + y[2 + k]),
-                r, rises[k], walls[k],
-            )
-            for k, r in enumerate(rest)
-        ]  # fmt: skip
-        return np.array([e.fluid for e in out] + [e.protein for e in out])
-
-    def followed(column: float, start: np.ndarray, minutes: float):
-        return solve_ivp(
-            lambda _, y: slope(column, y), (0.0, minutes), start, "LSODA", rtol=1e-8, atol=1e-6, max_step=0.05
-        )
-
-    up = followed(COLUMN_MMHG, np.zeros(4), 35.0)
-    lost = 100.0 * (up.y[0] + up.y[1]) / whole.plasma
-    tau = np.interp((1.0 - np.exp(-1.0)) * lost[-1], lost, up.t)
-    stood = np.array([np.interp(15.0, up.t, row) for row in up.y])
-    down = followed(0.0, stood, 60.0)
-    half = np.interp(-0.5 * (stood[0] + stood[1]), -(down.y[0] + down.y[1]), down.t)
-    return [*np.interp((3.0, 10.0, 35.0), up.t, lost), tau, tightness * up.y[0][-1], half]
+def standing() -> None:
+    """Plasma lost by men who stand: what circulation and veins of the legs do."""
+    print("\nplasma lost at 3, 5, 10, 35 min [%], time constant and half of it back [min]")
+    print("measured".ljust(36), "    8.5    11.7    16.8    17.4    4.6    6.0")
+    for reflex in REFLEXES:
+        for words, held, pooled in (
+            ("pressures as lying", True, 0.0),
+            ("none pooled", False, 0.0),
+            ("pooled", False, None),
+            ("700 mL", False, 700.0),
+        ):
+            man = Patient(healthy(reflex))
+            man.pooled_ml = man.pooled_ml if pooled is None else pooled
+            if held:
+                man.values = {
+                    name: np.full_like(v, man.at(np.zeros(1))[name][0]) for name, v in man.values.items()
+                }
+            lost, tau, back = stood(man)
+            print(f"{reflex}, {words}".ljust(36), *(f"{v:7.3g}" for v in (*lost, tau, back)))
 
 
 def draw(found, swept, folder: Path) -> None:
@@ -179,7 +138,8 @@ def draw(found, swept, folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    legs_apart()
+    bleeding()
+    standing()
     days_, swept_ = days(), sweep()
     if len(sys.argv) > 1:
         draw(days_, swept_, Path(sys.argv[1]))

@@ -25,8 +25,8 @@ def read(**sections):
          "regulation.baroreflex = -1: outside the allowed range; allowed: 0 to 1.2: 1 is the published "
          "reflex, less is sedation, 0 is off"),
         ("regulation", {"baroreflex": 1, "model": "urisno1998"},
-         'regulation.model = "urisno1998": unknown name; allowed: ursino1998, heldt2004; did you mean '
-         "ursino1998?"),
+         'regulation.model = "urisno1998": unknown name; allowed: ursino1998, heldt2004, heldt2010; did you '
+         "mean ursino1998?"),
         ("regulation", {"baroreflex": 1, "set_point_mmHg": 12},
          "regulation.set_point_mmHg = 12: outside the allowed range; allowed: 20 to 160 mmHg; did you mean "
          "12 kPa = 90.01 mmHg?"),

@@ -13,7 +13,7 @@ from eclsim.regulation.ursino1998 import (
     sympathetic_firing,
 )
 
-URSINO, HELDT = REFLEXES["ursino1998"], REFLEXES["heldt2004"]
+URSINO = REFLEXES["ursino1998"]
 HUMAN_RR_GAIN = (22.7 - 9.5, 22.7 + 9.5)
 """Lengthening of the heart period with pressure in healthy people, pooled [ms/mmHg]."""
 
@@ -95,18 +95,39 @@ def test_the_heart_period_answers_as_in_healthy_people(model):
     assert HUMAN_RR_GAIN[0] < gain < HUMAN_RR_GAIN[1]
 
 
-@pytest.mark.parametrize(("arterial", "venous"), [(-31.0, 0.0), (-5.0, -4.0), (20.0, 3.0), (-91.0, -5.0)])
-def test_heldt_follows_its_equations(arterial, venous):
-    a, v = 18.0 * math.atan(arterial / 18.0), 5.0 * math.atan(venous / 5.0)
-    beds = (4.9, 4.1, 3.0, 4.5)
-    wanted = {
+BEDS = (4.9, 4.1, 3.0, 4.5)
+
+
+def _thesis(a, v):
+    """Heldt's thesis with its constants, from the effective deviations of both pressures."""
+    return {
         "Emaxlv": 0.40 / (0.40 + 0.007 * a),
         "Emaxrv": 1.30 / (1.30 + 0.022 * a),
-        "Rmc": sum(1.0 / r for r in beds) / sum(1.0 / (r - 0.05 * a - 0.05 * v) for r in beds),
+        "Rmc": sum(1.0 / r for r in BEDS) / sum(1.0 / (r - 0.05 * a - 0.05 * v) for r in BEDS),
         HEART_RATE: (60.0 / 70.0) / (60.0 / 70.0 + 0.022 * a),
         "unstressed_volume_ml": 31.0 * a + 100.0 * v,
     }
-    found = effects(HELDT, arterial, venous)
+
+
+def _cvsim(a, v):
+    """The program CVSim likewise, and the limit below which a bed's resistance does not fall here."""
+    resistances = [max(r - 0.13 * a - 0.3 * v, 0.2 * r) for r in BEDS]
+    return {
+        "Emaxlv": 0.40 / max(0.40 + 0.014 * a, 0.3),
+        "Emaxrv": 1.30 / max(1.30 + 0.021 * a, 0.01),
+        "Rmc": sum(1.0 / r for r in BEDS) / sum(1.0 / r for r in resistances),
+        HEART_RATE: (60.0 / 70.0) / (60.0 / 70.0 + 0.021 * a),
+        "unstressed_volume_ml": 26.6 * a + 110.2 * v,
+    }
+
+
+@pytest.mark.parametrize(("name", "printed"), [("heldt2004", _thesis), ("heldt2010", _cvsim)])
+@pytest.mark.parametrize(
+    ("arterial", "venous"), [(-31.0, 0.0), (-5.0, -4.0), (20.0, 3.0), (-91.0, -5.0), (90.0, 20.0)]
+)
+def test_heldt_follows_its_equations(name, printed, arterial, venous):
+    wanted = printed(18.0 * math.atan(arterial / 18.0), 5.0 * math.atan(venous / 5.0))
+    found = effects(REFLEXES[name], arterial, venous)
     np.testing.assert_allclose([found[n] for n in wanted], list(wanted.values()), rtol=1e-9, atol=1e-9)
 
 

@@ -131,6 +131,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "regulation.hypoxic_resistance_at_rest": "Hypoxic constriction at rest",
         "regulation.model.ursino1998": "Ursino 1998",
         "regulation.model.heldt2004": "Heldt 2004",
+        "regulation.model.heldt2010": "Heldt 2010 (CVSim)",
         "drugs.noradrenaline": "Noradrenaline",
         "drugs.adrenaline": "Adrenaline",
         "drugs.vasopressin": "Vasopressin",

@@ -39,7 +39,7 @@ class Regulation(_Settings):
         ),
     ] = None
     model: Annotated[
-        Literal["ursino1998", "heldt2004"], one_of("Published reflex", MODELS, required=False)
+        Literal["ursino1998", "heldt2004", "heldt2010"], one_of("Published reflex", MODELS, required=False)
     ] = "ursino1998"
     set_point_mmHg: float | None = None  # noqa: N815
     venous_set_point_mmHg: float | None = None  # noqa: N815
@@ -66,7 +66,7 @@ class Regulation(_Settings):
         wanted: list[str] = []
         if self.baroreflex is not None:
             wanted += [regulation.SET_POINT]
-            wanted += [regulation.VENOUS_SET_POINT] if self.model == "heldt2004" else []
+            wanted += [regulation.VENOUS_SET_POINT] if self.model != "ursino1998" else []
         if self.chemoreflex is not None:
             wanted += regulation.CHEMOREFLEX_SET_POINTS
         if self.hypoxic_vasodilation is not None:
@@ -92,7 +92,7 @@ class Regulation(_Settings):
     def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
         """Say what is without effect or does not go together."""
         if "chemoreflex" in values and values.get("model", "ursino1998") != "ursino1998":
-            message = "acts on the firing of nerves, which heldt2004 has none of"
+            message = f"acts on the firing of nerves, which {values['model']} has none of"
             remarks.error(f"{key}.chemoreflex", message, shown(values["chemoreflex"]), 'model = "ursino1998"')
         if "baroreflex" not in raw and not any(name in values for name in BY_GASES):
             message = "left out, so nothing is regulated; 1 is the published reflex"

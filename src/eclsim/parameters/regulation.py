@@ -28,7 +28,7 @@ LUNG_RESISTANCE = f"{REGULATION}.hypoxic_resistance"
 LUNG_AT_REST = f"{REGULATION}.hypoxic_resistance_at_rest"
 UNSTRESSED = "unstressed_volume_ml"
 EXTRA_VOLUME = f"{FLUID}.extra_volume_ml"
-MODELS = ("ursino1998", "heldt2004")
+MODELS = ("ursino1998", "heldt2004", "heldt2010")
 """Published reflexes, by the name in a case file."""
 
 

@@ -9,11 +9,11 @@ from eclsim.components import Complement, ElasticVessel
 from eclsim.components.base import Key, Scaled, names_in
 from eclsim.parameters.physiology import CAVAL_SHARE
 from eclsim.parameters.regulation import EXTRA_VOLUME, REGULATION, UNSTRESSED
-from eclsim.regulation.heldt2004 import HELDT_2004
+from eclsim.regulation.heldt import HELDT_2004, HELDT_2010
 from eclsim.regulation.reflex import Reflex, ReflexModel
 from eclsim.regulation.ursino1998 import URSINO_1998
 
-REFLEXES: dict[str, ReflexModel] = {model.name: model for model in (URSINO_1998, HELDT_2004)}
+REFLEXES: dict[str, ReflexModel] = {model.name: model for model in (URSINO_1998, HELDT_2004, HELDT_2010)}
 """Published reflexes by name."""
 SYSTEMIC_VEINS = "Csvn"
 """Compliance of the systemic veins, which take up whatever blood comes, goes or is shifted."""

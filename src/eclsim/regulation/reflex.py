@@ -57,19 +57,22 @@ class Effector:
         gains: of each bed, one for each pathway.
         inverse: whether the published quantity is the inverse of the parameter: the period of the heart rate,
             the end-systolic compliance of the elastance.
+        least: share of theta_i below which the published quantity of a bed does not fall; 0 for no limit.
     """
 
     parameter: str
     reference: tuple[float, ...]
     gains: tuple[tuple[float, ...], ...]
     inverse: bool = False
+    least: float = 0.0
 
     def factor(self, drives: Sequence[Number]) -> Number:
         """Value of the parameter relative to that at the set point; exactly 1 where all drives are 0."""
         changed: Number = 0.0
         for reference, gains in zip(self.reference, self.gains, strict=True):
             shift = sum((g * d for g, d in zip(gains, drives, strict=True) if g), start=0.0)
-            changed = changed + 1.0 / (reference + shift)
+            value = reference + shift
+            changed = changed + 1.0 / (jnp.maximum(value, self.least * reference) if self.least else value)
         factor = sum(1.0 / reference for reference in self.reference) / changed
         return 1.0 / factor if self.inverse else factor
 

@@ -205,7 +205,7 @@ def lvad_rows() -> Iterator[Row]:
         lowest = {name: matched.values[name] for name in free}
         for reflex in REFLEXES:
             regulation = {"baroreflex": 1.0, "model": reflex, "set_point_mmHg": LOWEST["MAP"]}
-            regulation |= {"venous_set_point_mmHg": LOWEST[RIGHT_ATRIUM]} if reflex == "heldt2004" else {}
+            regulation |= {"venous_set_point_mmHg": LOWEST[RIGHT_ATRIUM]} if reflex != "ursino1998" else {}
             patient = adult(80.0, 85.0, lvad=assist, regulation=regulation).with_values(lowest)
             low, high = (simulate(patient.with_values({SPEED: speed})) for speed in (first, last))
             for name, expected, spread in RAMP_EFFECTS:

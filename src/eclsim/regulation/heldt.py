@@ -1,0 +1,123 @@
+"""Arterial baroreflex and cardiopulmonary reflex of Heldt: of his thesis, and of the program CVSim.
+
+    arterial         e = 18 arctan((P - P_n) / 18)           P mean arterial pressure [mmHg]
+    cardiopulmonary  e = 5 arctan((P_ra - P_ra,n) / 5)       P_ra transmural right atrial pressure [mmHg]
+    effector         theta + gain * e
+
+A rise of either pressure withdraws tone: resistance falls and veins widen. Gains of resistance are those of
+each bed, in PRU (mmHg s/mL) per mmHg. Values at rest (resistances, end-systolic compliances, heart rate,
+blood volume) are those of CVSim in both sets.
+
+`heldt2004`: gains of the doctoral thesis (MIT), tables 3.1 to 3.3; the sign of the cardiopulmonary gain of
+resistance is that of the program. `heldt2010`: gains of CVSim 1.0 with 21 compartments (Heldt, Mukkamala,
+Moody and Mark 2010, Open Pacing Electrophysiol Ther J 3:45), read in the program and in a translation of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax.numpy as jnp
+
+from eclsim.circuit.network import HEART_RATE, mean_of
+from eclsim.components.base import Number
+from eclsim.regulation.reflex import Effector, Pathway, ReflexModel
+
+ARTERIAL_SCALE, VENOUS_SCALE = 18.0, 5.0
+"""Pressure over which each reflex saturates [mmHg]."""
+RESISTANCES = (4.9, 4.1, 3.0, 4.5)
+"""Upper body, kidneys, splanchnic organs, legs [mmHg s/mL]."""
+COMPLIANCES = {"Emaxlv": 0.40, "Emaxrv": 1.30}
+"""End-systolic compliance at rest [mL/mmHg]."""
+PERIOD = 60.0 / 70.0
+"""Heart period at rest [s]."""
+LEAST_RESISTANCE = 0.2
+"""Share of its resistance below which no bed opens, where the gain is large; CVSim has no limit, and its
+resistances would become negative at a high pressure."""
+
+
+class Gains(NamedTuple):
+    """What differs between the sets, by mmHg of effective deviation.
+
+    Attributes:
+        resistance: of each bed, arterial and cardiopulmonary [mmHg s/mL].
+        compliance: end-systolic, of the left and of the right ventricle [mL/mmHg].
+        least_compliance: shares of the compliance at rest below which it does not fall.
+        period: sympathetic and vagal branch [s].
+        veins: arterial and cardiopulmonary gain of venous unstressed volume [mL].
+        lags: onset, peak and end of the triangular responses [s] of contractility and sympathetic period,
+            resistance (arterial, cardiopulmonary) and veins (likewise).
+    """
+
+    resistance: tuple[float, float]
+    compliance: tuple[float, float]
+    least_compliance: tuple[float, float]
+    period: tuple[float, float]
+    veins: tuple[float, float]
+    lags: tuple[tuple[float, float, float], ...]
+
+
+THESIS = Gains(
+    (-0.05, -0.05), (0.007, 0.022), (0.0, 0.0), (0.011, 0.011), (31.0, 100.0),
+    ((2.5, 3.5, 15.0), (2.5, 4.5, 30.0), (2.5, 4.5, 30.0), (5.0, 7.0, 40.0), (5.0, 7.0, 40.0)),
+)  # fmt: skip
+CVSIM = Gains(
+    (-0.13, -0.3), (0.014, 0.021), (0.3 / 0.40, 0.01 / 1.30), (0.012, 0.009),
+    (5.3 + 1.3 + 13.3 + 6.7, 13.5 + 2.7 + 64.0 + 30.0),
+    ((2.5, 3.5, 15.0), (2.5, 3.5, 30.0), (2.5, 5.5, 35.0), (5.0, 10.0, 42.0), (5.0, 9.0, 40.0)),
+)  # fmt: skip
+VAGAL = (0.59, 0.70, 1.0)
+"""The same of the vagal branch."""
+
+
+def arterial_error(deviation: Number) -> Number:
+    """Effective deviation of arterial pressure [mmHg]."""
+    return ARTERIAL_SCALE * jnp.arctan(deviation / ARTERIAL_SCALE)
+
+
+def venous_error(deviation: Number) -> Number:
+    """Effective deviation of right atrial pressure [mmHg]."""
+    return VENOUS_SCALE * jnp.arctan(deviation / VENOUS_SCALE)
+
+
+def _drives(deviations: Sequence[Number]) -> list[Number]:
+    arterial, venous = arterial_error(deviations[0]), venous_error(deviations[1])
+    return [arterial, arterial, venous, arterial, venous, arterial, arterial]
+
+
+def _pathways(gains: Gains) -> tuple[Pathway, ...]:
+    names = ("contractility", "resistance_arterial", "resistance_cardiopulmonary", "veins_arterial",
+             "veins_cardiopulmonary", "sinus_sympathetic", "sinus_vagal")  # fmt: skip
+    return tuple(
+        Pathway(name, sum(times) / 3.0, 3.0 if name.endswith("cardiopulmonary") else 10.0)
+        for name, times in zip(names, (*gains.lags, gains.lags[0], VAGAL), strict=True)
+    )
+
+
+def _model(name: str, source: str, set_points: tuple[float, float], gains: Gains) -> ReflexModel:
+    contractile = zip(COMPLIANCES.items(), gains.compliance, gains.least_compliance, strict=True)
+    resistance = (0.0, *gains.resistance, 0.0, 0.0, 0.0, 0.0)
+    limited = LEAST_RESISTANCE if gains is CVSIM else 0.0
+    return ReflexModel(
+        name=name,
+        source=source,
+        reads=(mean_of("Pao"), mean_of("Pra")),
+        published_set_points=set_points,
+        pathways=_pathways(gains),
+        drives=_drives,
+        effectors=(
+            *(
+                Effector(key, (rest,), ((gain, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),), inverse=True, least=least)
+                for (key, rest), gain, least in contractile
+            ),
+            Effector("Rmc", RESISTANCES, (resistance,) * len(RESISTANCES), least=limited),
+            Effector(HEART_RATE, (PERIOD,), ((0.0, 0.0, 0.0, 0.0, 0.0, *gains.period),), inverse=True),
+        ),
+        venous_gains_ml=(0.0, 0.0, 0.0, *gains.veins, 0.0, 0.0),
+        blood_volume_ml=5150.0,
+    )
+
+
+HELDT_2004 = _model("heldt2004", "Heldt 2004, doctoral thesis, MIT", (91.0, 5.0), THESIS)
+HELDT_2010 = _model("heldt2010", "CVSim 1.0, 21 compartments (Heldt et al. 2010)", (91.0, 8.0), CVSIM)
