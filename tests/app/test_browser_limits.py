@@ -40,6 +40,9 @@ def test_collapsed_chambers_are_named_in_sight_and_not_under_a_green_light(
     status.not_to_have_class(re.compile(r"\bgood\b"))
     for place in ("ra", "rv"):
         expect(page.locator(f'[data-node="{place}"]')).to_have_class(re.compile(r"\bcollapse\b"))
+    for key in ("MAP", "PF"):
+        expect(page.locator(f'.ecl-keys [data-key="{key}"]')).not_to_contain_text(re.compile(r"\d"))
+    expect(page.locator(".ecl-schematic .pressure").first).to_have_css("text-decoration-line", "line-through")
     picture(page, shots, f"impossible_{viewport['width']}")
 
 

@@ -173,3 +173,18 @@ def test_a_limit_that_is_another_number_each_moment_is_one_alarm():
     said = [[Finding("warning", "CO", 0.2, flow, words.format(flow))] for flow in (0.1, 0.12)]
     (found,) = alarms(said, {}, np.arange(2.0))
     assert (found.at_min, found.until_min) == (0.0, None)
+
+
+def test_a_limit_broken_in_a_beat_is_so_from_the_start_of_that_beat():
+    """What a pump does after it was stopped at 00:01:00 does not stand before it."""
+    said = [
+        [],
+        [],
+        [Finding("alarm", "PF", -0.8, 0.0, "ECMO pump flow -0.8 L/min is below 0 L/min: clamp it")],
+    ]
+    flows, minutes = {"PF": np.array([3.7, 3.7, -0.8])}, np.array([118.0, 119.0, 120.0]) / 120.0
+    (beats,) = alarms(said, flows, minutes, seconds=True)
+    assert beats.at_min == 1.0
+    assert "at 00:01:00" in beats.sentence
+    (steady,) = alarms(said, flows, minutes)
+    assert minutes[1] < steady.at_min < 1.0, "between steady beats it is crossed in between"

@@ -85,6 +85,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "connect": "Connect {device}",
         "disconnect": "Disconnect {device}",
         "knobs": "Knobs",
+        "knobs_of_start": "Knobs of 00:00; the page shows {time}.",
         # knobs
         "patient.heart_rate_bpm": "Heart rate",
         "parameters.Emaxlv": "LV contractility",
@@ -218,7 +219,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "computing": "Computing …",
         "offline": "Not connected: the numbers are of {what}",
         "silent": "No answer from the server: the numbers are of {what}",
-        "compiling": "Preparing this circuit (a few seconds, once) …",
+        "compiling": "Preparing this circuit (seconds, with gases and reflexes a minute; once) …",
         "not_converged": "No steady beat",
         "failed": "This beat could not be computed. Undo the last change.",
         # schematic
@@ -336,6 +337,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "gases_none": "No numbers: {why}.",
         "gases_samples": "Blood gases and contents by site",
         "gases_site": "Site",
+        "gases_backwards": "blood runs backwards",
         "gases_exchange": "What is exchanged [mL/min STPD]",
         "gases_where": "Where",
         "gases_uptake": "O2 into blood",

@@ -23,7 +23,7 @@ class Alarm(NamedTuple):
     """A limit broken for some time.
 
     Attributes:
-        at_min: from when [min], between two moments where the output crosses its limit.
+        at_min: from when [min]: between two moments where the output crosses its limit, or a beat's start.
         until_min: until when [min]; None where it is broken at the end.
         kind: "collapse", "alarm", "warning" or "caution".
         quantity: the output or waveform.
@@ -60,7 +60,7 @@ def alarms(
         findings: of each moment.
         outputs: by name, of each moment.
         minute: time of each [min].
-        seconds: whether the words say the second too.
+        seconds: whether moments are beats that follow each other; the words then say the second too.
     """
     by_limit: dict[tuple[str, str, str], dict[int, Finding]] = {}
     for k, said in enumerate(findings):
@@ -90,6 +90,7 @@ def _alarm(
     run: list[int], broken: dict[int, Finding], minute: np.ndarray, values: np.ndarray | None, seconds: bool
 ) -> Alarm:
     first, last = broken[run[0]], run[-1]
+    values = None if seconds else values  # means of a beat, which begins at its minute
     at = _crossing(run[0] - 1, run[0], first.limit, minute, values)
     until = None if last + 1 >= len(minute) else _crossing(last, last + 1, first.limit, minute, values)
     worst = max((broken[k].value for k in run), key=lambda value: abs(value - first.limit))

@@ -10,6 +10,7 @@ test("minutes are read as on a clock, with days in front", () => {
   assert.equal(clock(1440 + 61), "1 d 01:01");
   assert.equal(clock(1.75, true), "00:01:45");
   assert.equal(clock(59 / 60, true), "00:00:59");
+  assert.equal(clock(2 - 1.2e-5, true), "00:02:00", "never 60 seconds");
 });
 
 test("play goes on at its speed and ends at the end", () => {

@@ -5,6 +5,7 @@ import {
   extent,
   fixedRange,
   logShare,
+  laneRange,
   niceRange,
   positionOf,
   positions,
@@ -78,4 +79,10 @@ test("a logarithmic slider is within a step of the value, and exact at its ends"
   const step = (4 / 0.1) ** (1 / positions(resistance));
   const value = valueAt(resistance, positionOf(resistance, 0.76));
   assert.ok(Math.abs(Math.log(value / 0.76)) < Math.log(step));
+});
+
+test("a share in percent has no scale beyond 100", () => {
+  assert.equal(laneRange([97, 99.8], "%")[1], 100);
+  assert.ok(laneRange([97, 104], "%")[1] >= 104, "what is above is still drawn");
+  assert.ok(laneRange([97, 99.8], "mmHg")[1] > 100);
 });

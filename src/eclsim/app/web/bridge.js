@@ -101,10 +101,12 @@ export default {
       bus.publish("connected", true);
       this.markStale();
     },
-    // Numbers that do not belong to where the knobs stand are pale.
+    // Numbers that do not belong to where the knobs stand are pale, those of no patient are struck through.
     markStale() {
-      const stale = !!this.cut || bus.last("beat")?.of !== bus.last("state")?.of;
-      document.querySelector(".ecl-page")?.classList.toggle("ecl-stale", stale);
+      const beat = bus.last("beat");
+      const page = document.querySelector(".ecl-page")?.classList;
+      page?.toggle("ecl-stale", !!this.cut || beat?.of !== bus.last("state")?.of);
+      page?.toggle("ecl-impossible", beat?.possible === false);
     },
     judge(beat) {
       const grave = beat.notes.filter(([kind]) => kind === "alarm" || kind === "collapse");

@@ -99,13 +99,15 @@ export default {
       return fill(this.texts.gases_none, { why: this.beat.gas.message });
     },
     sites() {
-      const { places } = this.beat.gas;
+      const { means, gas } = this.beat;
+      const { places } = gas;
+      const against = (place) => (means[`Q${place}`] < 0 ? ` (${this.texts.gases_backwards})` : "");
       return this.samples
         .filter(({ place }) => places[place])
         .map(({ place, label, outputs }) => {
           const { values, colour } = places[place];
           const cells = COLUMNS.map(([name, digits]) => this.cell(name, values[name], digits, outputs[name]));
-          return { place, label, colour, cells };
+          return { place, label: label + against(place), colour, cells };
         });
     },
     exchanged() {

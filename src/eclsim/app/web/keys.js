@@ -38,13 +38,13 @@ export default {
   },
   methods: {
     tile({ key, label, text: words, unit, digits, output, limits, extremes }) {
-      const { outputs, levels, cautions } = this.beat;
+      const { outputs, levels, cautions, possible } = this.beat;
       const value = outputs[output];
-      const level = gravest(levels, limits);
+      const level = possible ? gravest(levels, limits) : "collapse";
       const caution = limits.map((name) => cautions[name]).find(Boolean);
       const full = `${words} [${unit}]`;
       const hint = caution ? `${full}, ${fill(this.texts.caution, { why: caution })}` : full;
-      const range = extremes ? extremes.map((name) => fixed(outputs[name], 0)).join("/") : "";
+      const range = extremes && possible ? extremes.map((name) => fixed(outputs[name], 0)).join("/") : "";
       const text = level === "collapse" ? ` ${MISSING}` : fixed(value, digits);
       const measured = this.asMeasured(output, digits);
       const more = [this.difference(output, value, digits) || range, measured].filter(Boolean);

@@ -1,5 +1,5 @@
 // The panel of knobs: a slider and a typed number each, a list for each choice.
-import { bus, fill, latency, listening, positionOf, positions, valueAt } from "eclsim-page";
+import { bus, clock, fill, latency, listening, positionOf, positions, valueAt } from "eclsim-page";
 
 const WAIT = 400; // ms after which a turn is sent although the last one is not yet drawn
 let seq = 0;
@@ -8,6 +8,7 @@ export default {
   template: `
   <div class="ecl-knobs" tabindex="-1" role="group" :aria-label="texts.knobs">
     <span id="knobs" tabindex="-1"></span>
+    <p v-if="later" class="later" role="status">{{ later }}</p>
     <section v-for="group in groups" :key="group.key" :class="'group-' + group.key" :aria-label="group.label">
       <header>
         <h2>{{ group.label }}</h2>
@@ -72,12 +73,15 @@ export default {
         this.values = { ...state.values, ...(ahead ? { [held.key]: this.values[held.key] } : {}) };
         this.devices = state.devices;
         this.policy = state.policy;
+        this.recording = state.recording;
         this.errors = {};
       },
       error(error) {
         this.refuse(error);
       },
       beat(beat) {
+        this.minute = beat.minute;
+        this.passing = beat.passing;
         this.arrived(beat.seq);
       },
       failed() {
@@ -97,7 +101,17 @@ export default {
     policy: "as_published",
     connected: true,
     typed: undefined,
+    minute: 0,
+    passing: false,
+    recording: false,
   }),
+  computed: {
+    // A later minute is shown, and the knobs do not stand as they do then.
+    later() {
+      if (!this.minute || this.recording) return "";
+      return fill(this.texts.knobs_of_start, { time: clock(this.minute, this.passing) });
+    },
+  },
   methods: {
     positions,
     id: (knob) => `knob-${knob.key.replace(/\W/g, "-")}`,

@@ -1,5 +1,5 @@
 // Hours of the case under the monitor: play, jump, events; the whole page shows the minute of the cursor.
-import { clock, curvePath, extent, fill, fixed, listening, niceRange, playedTo, valueIn } from "eclsim-page";
+import { clock, curvePath, extent, fill, fixed, laneRange, listening, playedTo, valueIn } from "eclsim-page";
 
 const SPEEDS = [1, 10, 60, 600, 3600];
 const [WIDTH, LANE] = [1000, 40];
@@ -39,7 +39,8 @@ export default {
         :aria-valuetext="time(minute)" @pointerdown="grab" @pointermove="drag" @pointerup="held = false"
         @pointercancel="held = false" @keydown="step">
         <div v-for="r in rows" :key="r.name" class="lane">
-          <span class="name">{{ r.label }} <em>{{ r.unit }}</em></span>
+          <span class="name" :title="r.care"><template v-if="r.care">† </template>{{ r.label }} <em>{{
+            r.unit }}</em></span>
           <svg :viewBox="'0 0 1000 40'" preserveAspectRatio="none" aria-hidden="true">
             <rect v-for="a in r.alarms" :key="a.from + a.kind" :x="a.from" y="0" :width="a.width" height="40"
               :class="a.kind" />
@@ -84,6 +85,10 @@ export default {
   props: { lengths: Array },
   mixins: [
     listening({
+      beat(beat) {
+        this.cautions = beat.cautions;
+        this.shownBeat = beat;
+      },
       state({ events, of }) {
         this.events = events;
         this.of = of;
@@ -123,6 +128,7 @@ export default {
     amount: "300",
     over: "15",
     minute: 0,
+    of: "",
     speed: 600,
     speeds: SPEEDS,
     length: 360,
@@ -130,6 +136,8 @@ export default {
     held: false,
     recording: false,
     seen: {},
+    cautions: {},
+    shownBeat: null,
   }),
   unmounted() {
     this.stop();
@@ -152,6 +160,10 @@ export default {
         { label: this.texts.timeline_set, items: of(false) },
       ];
     },
+    // The beat of the cursor, once the page shows it.
+    beat() {
+      return this.shownBeat?.minute === this.minute && this.shownBeat.of === this.of ? this.shownBeat : null;
+    },
     beatByBeat() {
       return this.length < 60;
     },
@@ -164,18 +176,20 @@ export default {
     },
     rows() {
       const { time, rows, alarms } = this.course;
-      return rows.filter(this.isSeen).map(({ name, label, unit, digits, values }) => {
-        const [low, high] = niceRange(...(extent(values, 4 * 10 ** -digits) ?? [0, 1]));
+      return rows.filter(this.isSeen).map(({ name, label, unit, digits, values, usual }) => {
+        const [low, high] = laneRange(extent(values, 4 * 10 ** -digits), unit);
         const path = curvePath(time, values, { end: this.length, width: WIDTH, height: LANE, low, high });
-        const own = alarms.filter((a) => a.quantity === name && a.kind !== "caution");
-        const broken = own.map(({ at_min: from, until_min: until, kind }) => ({
+        const met = alarms.filter((a) => a.quantity === name && a.kind !== "caution");
+        const broken = met.map(({ at_min: from, until_min: until, kind }) => ({
           kind,
           from: this.at(from),
           width: Math.max(this.at(until ?? time.at(-1)) - this.at(from), 2),
         }));
-        const now = fixed(valueIn(time, values, this.minute), digits);
+        const own = usual ? this.beat?.outputs[name] : undefined;
+        const now = fixed(own ?? valueIn(time, values, this.minute), digits);
+        const care = this.cautions[name] ?? "";
         const written = [low, high].map((v) => fixed(v, high - low < 0.3 ? 2 : high - low < 3 ? 1 : 0));
-        return { name, label, unit, path, alarms: broken, now, low: written[0], high: written[1] };
+        return { name, label, unit, path, alarms: broken, now, care, low: written[0], high: written[1] };
       });
     },
     marks() {

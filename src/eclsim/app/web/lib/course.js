@@ -2,10 +2,11 @@
 
 // Hours and minutes, such as 03:12, or 00:03:12 with seconds; days in front where there are any.
 export function clock(minute, seconds = false) {
-  const whole = Math.floor(minute + 1e-6);
+  const all = Math.floor(60 * minute + 1e-3);
+  const whole = Math.floor(all / 60);
   const [day, hour, rest] = [Math.floor(whole / 1440), Math.floor(whole / 60) % 24, whole % 60];
   const pad = (number) => String(number).padStart(2, "0");
-  const end = seconds ? `:${pad(Math.floor(60 * (minute - whole) + 1e-3))}` : "";
+  const end = seconds ? `:${pad(all % 60)}` : "";
   return `${day ? `${day} d ` : ""}${pad(hour)}:${pad(rest)}${end}`;
 }
 

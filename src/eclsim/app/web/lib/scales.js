@@ -21,6 +21,12 @@ export function niceRange(low, high, old) {
   return [bottom, Math.ceil((high + margin) / step) * step];
 }
 
+// The scale of a lane; shares in percent end at 100.
+export function laneRange(ends, unit) {
+  const [low, high] = niceRange(...(ends ?? [0, 1]));
+  return unit === "%" && ends?.[1] <= 100 ? [low, Math.min(high, 100)] : [low, high];
+}
+
 // The first of some fixed scales that holds all values; the last one doubled until it does.
 export function fixedRange(scales, low, high) {
   const holding = scales.find(([bottom, top]) => low >= bottom && high <= top);
