@@ -93,19 +93,33 @@ def browser() -> Iterator[object]:
     yield from system_browser()
 
 
+@pytest.fixture(scope="module")
+def contexts(browser) -> Iterator[Callable[..., Any]]:
+    """Windows by their options, kept: scripts that one page has loaded are there for the next."""
+    kept: dict[str, Any] = {}
+
+    def context(**options: Any) -> Any:
+        if repr(options) not in kept:
+            kept[repr(options)] = browser.new_context(
+                reduced_motion="reduce", accept_downloads=True, **options
+            )
+        return kept[repr(options)]
+
+    yield context
+    for one in kept.values():
+        one.close()
+
+
 @pytest.fixture
-def open_page(browser, served) -> Iterator[Callable[..., Any]]:
+def open_page(contexts, served) -> Iterator[Callable[..., Any]]:
     """Opens pages and fails if one asked for anything elsewhere or had an error."""
-    contexts, foreign, errors = [], [], []
+    pages, foreign, errors = [], [], []
 
     def start(
         preset: str = "paper", viewport: dict[str, int] = LAPTOP, url: str | None = None, **options: Any
     ):
-        context = browser.new_context(
-            viewport=viewport, reduced_motion="reduce", accept_downloads=True, **options
-        )
-        contexts.append(context)
-        page = context.new_page()
+        page = contexts(viewport=viewport, **options).new_page()
+        pages.append(page)
         own = (served.url, "data:", "blob:")
         page.on("request", lambda r: None if r.url.startswith(own) else foreign.append(r.url))
         page.on("pageerror", lambda error: errors.append(str(error)))
@@ -115,8 +129,8 @@ def open_page(browser, served) -> Iterator[Callable[..., Any]]:
         return page
 
     yield start
-    for context in contexts:
-        context.close()
+    for page in pages:
+        page.close()
     assert foreign == []
     assert errors == []
 
