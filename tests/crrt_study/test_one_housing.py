@@ -23,7 +23,7 @@ REGIONAL = {
     "gas": {"haemoglobin_g_dl": 9.0, "shunt_fraction": 0.7},
     "ecmo": {"pump": "Rotaflow", "speed_rpm": 3000, "oxygenator": "Quadrox-i Adult", "drainage_site": "ivc",
              "drainage_cannula": "venous", "drainage_fr": 25, "return_site": "lower",
-             "return_cannula": "arterial", "return_fr": 17, "sweep_l_min": 3.0, "fdo2": 1.0},
+             "return_cannula": "arterial", "return_fr": 17, "sweep_l_min": 3.0, "fdo2": 0.6},
     "crrt": {"flow_ml_min": 200, "access_site": "post_oxy", "return_site": "pre_oxy",
              "dialysate_ml_h": 1000, "replacement_post_ml_h": 1000, "net_ultrafiltration_ml_h": 100},
 }  # fmt: skip
@@ -31,19 +31,26 @@ REGIONAL = {
 
 @pytest.fixture(scope="module")
 def regional():
-    return crrt_study(read_mapping(REGIONAL).case, schemes="b,e,g,svc:ra", speeds="3000")
+    return crrt_study(read_mapping(REGIONAL).case, schemes="b,d,e,g,svc:ra", speeds="3000")
 
 
 @pytest.mark.slow
 def test_a_patient_with_regions_is_ranked_and_has_gases(regional):
     means = regional.means.sel(policy="patient_held", speed=3000.0)
     assert bool(means["converged"].all())
-    assert {one.letter for one in regional.ranking["patient_held"]} == {"b", "e", "g", "svc:ra"}
-    returned = means["SreturnO2"]
-    assert float(returned.sel(scheme="e")) < float(returned.sel(scheme="g")), (
-        "venous blood past the oxygenator"
-    )
+    assert {one.letter for one in regional.ranking["patient_held"]} == {"b", "d", "e", "g", "svc:ra"}
     assert float(means["recirculated_fraction"].sel(scheme="svc:ra")) == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.slow
+def test_blood_past_the_oxygenator_lowers_what_reaches_the_patient(regional):
+    here = regional.means.sel(policy="patient_held", speed=3000.0)
+    lost, taken_up = here["SpostO2"] - here["SreturnO2"], here["SpostO2"] - here["SpreO2"]
+    for scheme in ("d", "g"):
+        assert float(lost.sel(scheme=scheme)) == pytest.approx(0.0, abs=1e-4)
+    most = here["past_oxygenator"] * taken_up
+    assert 0.3 < float(lost.sel(scheme="e")) < float(most.sel(scheme="e"))
+    assert float(here["PreturnCO2"].sel(scheme="e") - here["PpostCO2"].sel(scheme="e")) > 0.05
 
 
 @pytest.mark.slow

@@ -95,7 +95,7 @@ def test_lost_blood_is_answered_and_the_solved_beat_is_where_marching_ends(which
     assert regulated.volume("patient") == pytest.approx(bled.volume("patient"), abs=1e-6)
     program, state = beat_program(patient.circuit), start_state(patient)
     packed = np.array([patient.values[name] for name in program.names])
-    step = program.trace(program.signals)
+    step = program.trace(())
     for _ in range(1500):
         state = np.asarray(step(state, packed)[0])
     np.testing.assert_allclose(state, regulated.orbits.states[:, 0], rtol=1e-6, atol=1e-6)

@@ -64,7 +64,7 @@ def test_killed_or_stopped_processes_lose_nothing(tmp_path):
 
     assert command(tmp_path / "straight", 2).wait() == 0
     chance = random.Random(1)
-    for number in (signal.SIGINT, signal.SIGKILL, signal.SIGTERM, signal.SIGKILL):
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
         process = command(tmp_path / "broken", 1 + number % 2, "--resume")
         time.sleep(chance.uniform(2.0, 6.0))
         process.send_signal(number)
