@@ -10,6 +10,7 @@ from eclsim.circuit.network import Control, Statistic, maximum_of, mean_of, mini
 from eclsim.orbit.equation import OrbitOptions
 from eclsim.orbit.execution import Execution
 from eclsim.orbit.independent import AdaptiveBeats
+from eclsim.orbit.iteration import compiled_search
 from eclsim.orbit.steady import Batch, solve, start_state
 from eclsim.orbit.transient import follow
 from eclsim.outputs.results import derivatives
@@ -51,6 +52,17 @@ def test_the_steady_value_is_where_marching_beat_by_beat_ends(case):
         state = np.asarray(step(state, packed)[0])
     assert abs(orbit[-1]) > 0.02, "the controller has something to do"
     np.testing.assert_allclose(state, orbit, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.slow
+def test_signals_that_the_search_derives_are_those_recorded_step_by_step():
+    patient = regulated(*CASES["resistance and heart rate"])
+    program, state = beat_program(patient.circuit), solved(patient).states
+    packed = Batch.of(patient).packed(program)
+    names, derived = compiled_search(program, 1).record(state, packed, program.signals)
+    stepwise = np.asarray(program.trace(names)(state[:, 0], packed[:, 0])[1])
+    assert {"Psart", "Psart'", "Qlv~", "Vlv'"} <= set(names)
+    np.testing.assert_allclose(derived[..., 0], stepwise, rtol=1e-10, atol=1e-8)
 
 
 @pytest.mark.slow
