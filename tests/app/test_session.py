@@ -246,8 +246,9 @@ def test_numbers_say_where_their_knobs_stood():
     async def turns():
         one = session(engine, told)
         one.start()
+        await asyncio.sleep(0)  # the first beat is being computed
         one.turn("patient.heart_rate_bpm", 81.0, 1)
-        await until(lambda: beats(told))
+        await until(lambda: len(beats(told)) == 2)
 
     asyncio.run(turns())
     assert {b["outputs"]["MAP"] == b["values"]["patient.heart_rate_bpm"] for b in beats(told)} == {True}

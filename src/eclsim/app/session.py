@@ -306,7 +306,7 @@ class Session:
     def _send_beat(self, state: PageState, beat: Beat, seq: int, minute: float = 0.0) -> None:
         from eclsim.app.beat import plain
 
-        about = {"seq": seq, "of": key_of(state), "values": self._values(), "minute": minute}
+        about = {"seq": seq, "of": key_of(state), "values": self._values(state), "minute": minute}
         self.send("beat", {**plain(beat, waves_of(state.case)), **about})
 
     def _show(self, state: PageState, beat: Beat, seq: int) -> None:
@@ -402,9 +402,9 @@ class Session:
         })  # fmt: skip
         self._keep_soon()
 
-    def _values(self) -> dict[str, Any]:
-        """Where the knobs stand."""
-        case = self.state.case
+    def _values(self, state: PageState | None = None) -> dict[str, Any]:
+        """Where the knobs stand, or stood in a state whose beat comes when they have moved on."""
+        case = (state or self.state).case
         return _values(case_at(case, self.minute) if self.recording and self.minute else case)
 
     def _keep_soon(self) -> None:
