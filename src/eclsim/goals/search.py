@@ -238,7 +238,7 @@ class _Bedside:
         axis = np.linspace(0.0, 1.0, count)
         places = np.array(list(itertools.product(axis, repeat=len(self.settings)))).T
         beat = self.beat(places, outputs)
-        values = np.where(beat.determined, beat.values, np.nan)
+        values = np.where(beat.determined, np.stack([beat.output(name) for name in outputs]), np.nan)
         return places, values, beat
 
 
