@@ -46,8 +46,8 @@ def test_a_patient_with_regions_is_ranked_and_has_gases(regional):
 def test_blood_past_the_oxygenator_lowers_what_reaches_the_patient(regional):
     here = regional.means.sel(policy="patient_held", speed=3000.0)
     lost, taken_up = here["SpostO2"] - here["SreturnO2"], here["SpostO2"] - here["SpreO2"]
-    for scheme in ("d", "g"):
-        assert float(lost.sel(scheme=scheme)) == pytest.approx(0.0, abs=1e-4)
+    assert float(lost.sel(scheme="g")) == pytest.approx(0.0, abs=1e-4)
+    assert 0.001 < float(lost.sel(scheme="d")) < 0.01  # carbon dioxide of the fluids, which loosens oxygen
     most = here["past_oxygenator"] * taken_up
     assert 0.3 < float(lost.sel(scheme="e")) < float(most.sel(scheme="e"))
     assert float(here["PreturnCO2"].sel(scheme="e") - here["PpostCO2"].sel(scheme="e")) > 0.05
@@ -58,7 +58,8 @@ def test_renox_moves_no_blood_and_clears_what_its_fluid_takes_up(regional):
     renox = regional.renox.sel(policy="patient_held", speed=3000.0)
     alone = regional.without_crrt.sel(policy="patient_held", speed=3000.0)
     assert float(renox["PF"]) == pytest.approx(float(alone["PF"]), rel=1e-9)
-    assert float(renox["SaO2"]) == pytest.approx(float(alone["SaO2"]), rel=1e-6)
+    assert float(renox["PreturnCO2"]) > float(alone["PreturnCO2"])  # its fluid has more base than the blood
+    assert float(renox["SreturnO2"]) == pytest.approx(float(alone["SreturnO2"]), rel=1e-3)
     beside = beside_schemes(regional, "patient_held")
     assert next(iter(beside)) == "RenOx"
     assert beside["RenOx"]["access_mmhg"] is None

@@ -5,11 +5,25 @@ import pytest
 
 import eclsim
 from eclsim.cases import CaseError, read_case
-from eclsim.devices.crrt import SETTINGS, SOLUTES, crrt
+from eclsim.cases.reading import read_mapping
+from eclsim.devices.crrt import ON_THE_PATIENT, SETTINGS, SOLUTES, crrt
 from eclsim.outputs.limits import broken_limits
 from eclsim.validation.reference_cases import DATA
 
 FLUIDS = {"dialysate_ml_h": 1000, "replacement_post_ml_h": 1000, "net_ultrafiltration_ml_h": 100}
+ON_ECMO = {"flow_ml_min": 200, "access_site": "post_oxy", "return_site": "pre_oxy"}
+VV = {
+    "format": 1,
+    "patient": {
+        "id": "vv", "sex": "male", "age_years": 45, "height_cm": 178, "weight_kg": 80, "heart_rate_bpm": 95,
+    },
+    "gas": {"haemoglobin_g_dl": 9.0, "shunt_fraction": 0.8},
+    "ecmo": {
+        "pump": "Rotaflow", "speed_rpm": 3400, "oxygenator": "Quadrox-i Adult", "drainage_site": "ra",
+        "drainage_cannula": "venous", "drainage_fr": 25, "return_site": "ra", "return_cannula": "venous",
+        "return_fr": 21, "sweep_l_min": 4.0,
+    },
+}  # fmt: skip
 CASE = DATA / "cases" / "s4_crrt_g_3425.toml"
 
 
@@ -58,6 +72,44 @@ def test_constants_without_a_source_are_said_until_a_case_sets_them(case):
     assert "KoAurea 300 mL/min" in said[1]
     own = case.model_copy(update={"parameters": case.parameters | {"Kufcrrtfil": 45.0, "KoAurea": 280.0}})
     assert not [line for line in eclsim.simulate(own).attrs["warnings"] if "assumed" in line]
+
+
+def test_without_gas_a_dialyzer_needs_no_blood_gases(case):
+    alone = case.model_copy(update={"ecmo": None, "crrt": case.crrt.model_copy(update=dict(ON_THE_PATIENT))})
+    found = eclsim.simulate(alone)
+    assert found.attrs["converged"]
+    assert not [name for name in found.data_vars if "SaO2" in name]
+
+
+GASEOUS = [
+    ({"crrt": FLUIDS}, "crrt_carbon_dioxide_removal"),
+    ({"crrt": FLUIDS | {"fluid_bicarbonate_mmol_l": 0}}, "crrt_carbon_dioxide_removal"),
+    ({"renox": {"dialysate_ml_h": 5000}}, "renox_carbon_dioxide_removal"),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("sections", "removal"), GASEOUS, ids=["fluid above blood", "no base", "renox"])
+def test_carbon_dioxide_that_fluids_take_or_bring_is_in_the_balance_of_the_lungs(sections, removal):
+    raw = VV | {key: (ON_ECMO if key == "crrt" else {}) | keys for key, keys in sections.items()}
+    found, plain = eclsim.simulate(read_mapping(raw).case), eclsim.simulate(read_mapping(VV).case)
+    taken = float(found[removal])
+    lungs = float(found["VCO2_lung"] + found["VCO2_oxygenator"])
+    assert abs(taken) > 3.0
+    assert lungs + taken == pytest.approx(0.8 * float(found["VO2"]), rel=1e-9)
+    assert float(found["VO2_lung"] + found["VO2_oxygenator"]) == pytest.approx(float(found["VO2"]), rel=1e-9)
+    assert (float(found["PaCO2"]) - float(plain["PaCO2"])) * taken < 0.0
+
+
+@pytest.mark.slow
+def test_arterial_carbon_dioxide_follows_the_fluid_as_its_derivative_says():
+    case = read_mapping(VV | {"crrt": ON_ECMO | FLUIDS}).case
+    exact = eclsim.derivatives(case, ["PaCO2"], ["crrt.fluid_bicarbonate_mmol_l", "crrt.dialysate_ml_h"])
+    for name in exact["parameter"].values:
+        value = float(exact["parameter_value"].sel(parameter=name))
+        many = eclsim.simulate_many(case, {name: [0.999 * value, 1.001 * value]}, ["PaCO2"])
+        slope = float(np.diff(many["PaCO2"].values)[0]) / (0.002 * value)
+        assert float(exact.sel(output="PaCO2", parameter=name)) == pytest.approx(slope, rel=1e-4)
 
 
 @pytest.mark.slow

@@ -23,12 +23,13 @@ Flows in mL/min here, concentrations in water.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import jax.numpy as jnp
 from jax import Array
 
-from eclsim.components.base import Exchanger, Renaming
+from eclsim.components.base import Exchanger, Renaming, Values
+from eclsim.components.exchangers import BLOOD, GasExchanger, Points
 
 PLASMA_WATER = 0.93
 """Share of plasma that is water; proteins take up the rest (textbook value)."""
@@ -200,9 +201,7 @@ def performance(numbers: Array) -> Array:
         solute = settings.solute(name)
         return clearance(solute.water_flow(blood, haematocrit), fluids, solute)
 
-    lost = removed(
-        cleared("carbon_dioxide"), settings.plasma_bicarbonate, settings.fluid_bicarbonate, fluids.net
-    )
+    lost = _carbon_dioxide_lost(blood, settings)
     dose = 1e-3 * settings.citrate * blood
     plasma_water = settings.solute("citrate_ion").water_flow(blood, haematocrit)
     urea_water = settings.solute("urea").water_flow(blood, haematocrit)
@@ -223,6 +222,44 @@ def performance(numbers: Array) -> Array:
         plasma_water,
     )
     return jnp.stack(jnp.broadcast_arrays(*result))
+
+
+def _carbon_dioxide_lost(blood: Array, settings: Settings) -> Array:
+    """Bicarbonate and dissolved carbon dioxide that a patient loses [mmol/min]; blood flow in mL/min."""
+    solute = settings.solute("carbon_dioxide")
+    cleared = clearance(solute.water_flow(blood, settings.haematocrit), settings.fluids, solute)
+    return removed(cleared, settings.plasma_bicarbonate, settings.fluid_bicarbonate, settings.fluids.net)
+
+
+@dataclass(frozen=True)
+class DialysedBlood(GasExchanger):
+    """Blood from which a filter clears bicarbonate and dissolved carbon dioxide, in the balance of its gases.
+
+        in --(fibres, V_CO2 = K (c_plasma - c_fluid) + net x c_fluid)--> out
+
+    Base excess is the patient's own, so that what fluids bring leaves as gas where acid is made. A filter
+    that takes more water than enters it exchanges nothing here; its own outputs say so.
+
+    Args:
+        settings: names of its parameters, in the order of `Settings`.
+    """
+
+    settings: tuple[str, ...]
+    analysed: ClassVar[bool] = False
+
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the filter's parameters and of those of the blood."""
+        return (*self.settings, *BLOOD)
+
+    def renamed(self, parameter: Renaming) -> DialysedBlood:
+        """The same filter of other parameters."""
+        return replace(self, settings=tuple(map(parameter, self.settings)))
+
+    def rates(self, flow: Array, inside: Points, values: Values) -> Array:  # noqa: D102
+        settings = Settings(*(jnp.asarray(values[name]) for name in self.settings))
+        lost = CARBON_DIOXIDE_ML_PER_MMOL * _carbon_dioxide_lost(1000.0 * jnp.asarray(flow), settings)
+        gained = jnp.where(jnp.isfinite(lost), -lost, 0.0)
+        return jnp.stack([jnp.zeros_like(inside.gained[1]), jnp.broadcast_to(gained, inside.gained[1].shape)])
 
 
 def clearance(water: Array, fluids: Fluids, solute: Solute) -> Array:

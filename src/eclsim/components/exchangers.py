@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -56,7 +56,13 @@ class Points(NamedTuple):
 
 
 class GasExchanger(Exchanger, ABC):
-    """The law of a place where oxygen and carbon dioxide enter or leave the blood of a connection."""
+    """The law of a place where oxygen and carbon dioxide enter or leave the blood of a connection.
+
+    Attributes:
+        analysed: whether the blood before and behind it is, outside of the patient.
+    """
+
+    analysed: ClassVar[bool] = True
 
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters that the law reads, those of the blood among them."""

@@ -256,11 +256,11 @@ def crrt(access_site: Site, return_site: Site, dialysis: bool = False) -> Circui
     )
     if not dialysis:
         return Circuit(compartments, connections)
-    from eclsim.components.dialysis import Hemofilter
+    from eclsim.components.dialysis import DialysedBlood, Hemofilter
 
-    return Circuit(
-        compartments, connections, (), (Exchange("dialyzer", Hemofilter(SETTINGS), "crrtfil", GROUP),)
-    )
+    laws = {"dialyzer": Hemofilter(SETTINGS), "dialysed": DialysedBlood(SETTINGS)}
+    exchanges = tuple(Exchange(name, law, "crrtfil", GROUP) for name, law in laws.items())
+    return Circuit(compartments, connections, (), exchanges)
 
 
 # --- dialysis -------------------------------------------------------------------------------------

@@ -114,6 +114,10 @@ class RenoxDevice(Device[Renox]):
         ),
         _output("base_gain", "base_gain", "bicarbonate gained from the RenOx", "mmol/h",
                 "from the dialysate, less what is removed"),
+        _output(
+            "carbon_dioxide_removal", "carbon_dioxide", "carbon dioxide removed by the RenOx", "mL/min",
+            "STPD, as bicarbonate and dissolved, less what the dialysate brings",
+        ),
         Output(
             f"{GROUP}_free_ultrafiltration_ml_h", "ultrafiltration of the RenOx with an open effluent",
             "mL/h",
@@ -123,12 +127,13 @@ class RenoxDevice(Device[Renox]):
     )  # fmt: skip
 
     def circuit(self, section: Renox) -> Circuit:
-        """The exchange along the oxygenator; it moves no blood."""
+        """Exchanges along the oxygenator, which move no blood; carbon dioxide behind the gas fibres."""
         from eclsim.circuit.network import Circuit, Exchange
-        from eclsim.components.dialysis import Hemofilter
+        from eclsim.components.dialysis import DialysedBlood, Hemofilter
 
         fibres = Hemofilter(SETTINGS, f"{GROUP}_clearance", f"{GROUP}_base_gain")
-        return Circuit(exchanges=(Exchange(GROUP, fibres, "ecmooxy", GROUP),))
+        dialysed = Exchange("renox_dialysed", DialysedBlood(SETTINGS), "ecmotuor", GROUP)
+        return Circuit(exchanges=(Exchange(GROUP, fibres, "ecmooxy", GROUP), dialysed))
 
     def values(self, section: Renox) -> dict[str, float]:
         """Flows of fluid, and the blood and the fluid that meet."""

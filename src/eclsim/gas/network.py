@@ -225,7 +225,7 @@ def _drawn(circuit: Circuit) -> list[tuple[str, int]]:
         (c.name, k)
         for k, exchange in enumerate(gas_exchanges(circuit))
         for c in circuit.connections
-        if exchange.group != PATIENT and c.group == exchange.group
+        if _analysed(exchange) and c.group == exchange.group
         if all(groups[site] == PATIENT for site in sites_of(c.source))
     ]
 
@@ -233,10 +233,10 @@ def _drawn(circuit: Circuit) -> list[tuple[str, int]]:
 def _samples(circuit: Circuit) -> tuple[tuple[str, str], ...]:
     """Where blood is analysed, and the compartment or connection."""
     compartments = [("in", c.name) for c in circuit.compartments if c.name in SAMPLED]
-    behind = [("behind", e.at) for e in gas_exchanges(circuit) if e.group != PATIENT or _stores(e)]
+    behind = [("behind", e.at) for e in gas_exchanges(circuit) if _analysed(e) or _stores(e)]
     drawn = dict.fromkeys(("drawn", name) for name, _ in _drawn(circuit))
     groups = {c.name: c.group for c in circuit.compartments}
-    exchanging = {e.group for e in gas_exchanges(circuit)} - {PATIENT}
+    exchanging = {e.group for e in gas_exchanges(circuit) if _analysed(e)}
     returned = [
         ("drawn", c.name)
         for c in circuit.connections
@@ -245,6 +245,12 @@ def _samples(circuit: Circuit) -> tuple[tuple[str, str], ...]:
         and all(groups[site] == PATIENT for site in sites_of(c.target))
     ]
     return (*compartments, *drawn, *behind, *returned)
+
+
+def _analysed(exchange: Exchange) -> bool:
+    """Whether blood before and behind an exchange of a device is analysed."""
+    law = exchange.component
+    return exchange.group != PATIENT and isinstance(law, GasExchanger) and law.analysed
 
 
 def _stores(exchange: Exchange) -> bool:
