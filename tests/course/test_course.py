@@ -1,6 +1,7 @@
 """Courses: events are hit exactly, blood balances, moments are steady beats, an end has its reason."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from eclsim.orbit.model import model_of
 from eclsim.slow import SlowLaw, SlowState
 from small_patient import PATIENT
 
+VV_GAS = Path(__file__).parents[2] / "examples" / "veno_venous_gas.toml"
 WITH_FLUID = f"""{PATIENT}[fluid]
 capillary_refill = false
 """
@@ -186,5 +188,23 @@ def test_a_limit_broken_in_a_beat_is_so_from_the_start_of_that_beat():
     (beats,) = alarms(said, flows, minutes, seconds=True)
     assert beats.at_min == 1.0
     assert "at 00:01:00" in beats.sentence
-    (steady,) = alarms(said, flows, minutes)
-    assert minutes[1] < steady.at_min < 1.0, "between steady beats it is crossed in between"
+    (steady,) = alarms(said, flows, 10.0 * minutes)
+    assert 10.0 * minutes[1] < steady.at_min < 10.0, "between steady beats it is crossed in between"
+    (sudden,) = alarms(said, flows, np.array([4.0, 5.0 - 1.0 / 60.0, 5.0]))
+    assert sudden.at_min == 5.0, "a moment stands a second before what is sudden, the alarm does not"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stores", ["", "[fluid]\n[solutes]\n"], ids=["blood alone", "stores"])
+def test_gases_that_steady_beats_change_at_once_are_said(tmp_path, stores):
+    file, (before, after) = tmp_path / "case.toml", VV_GAS.read_text().split("[ecmo]")
+    events = '[[events]]\nat_min = 5\nset = { "ecmo.sweep_l_min" = %s }\n'
+    file.write_text(before + stores + "[ecmo]" + after + events % 0)
+    found = course(file, minutes=8.0, every_min=2.0, outputs=("SaO2", "PaCO2"))
+    (said,) = [line for line in found.attrs["warnings"] if "at once" in line]
+    assert said.startswith("at 00:05 steady beats take SaO2 from 94 to 2")
+    assert ("PaCO2 from 40 to 85 mmHg" in said) is (stores == "")
+    assert "at 00:05 (2" in next(line for line in found.attrs["warnings"] if "below 80 %" in line)
+    file.write_text(before + stores + "[ecmo]" + after + events % 1.9)
+    quiet = course(file, minutes=8.0, every_min=2.0, outputs=("SaO2", "PaCO2"))
+    assert not [line for line in quiet.attrs["warnings"] if "at once" in line]

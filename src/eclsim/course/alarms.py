@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from eclsim.course.timeline import BEFORE_S, MINUTE
 from eclsim.devices.description import CAUTION, GRAVEST_FIRST
 from eclsim.outputs.registry import UnknownOutputError, output
 
@@ -100,10 +101,11 @@ def _alarm(
 
 
 def _crossing(left: int, right: int, limit: float, minute: np.ndarray, values: np.ndarray | None) -> float:
-    """When an output crosses its limit between two moments."""
+    """When an output crosses its limit between two moments; with the event where that is sudden."""
     if left < 0:
         return float(minute[0])
-    if values is None or not (values[left] - limit) * (values[right] - limit) < 0.0:
+    sudden = minute[right] - minute[left] < 1.001 * BEFORE_S / MINUTE
+    if values is None or sudden or not (values[left] - limit) * (values[right] - limit) < 0.0:
         return float(minute[right])
     share = (limit - values[left]) / (values[right] - values[left])
     return float(minute[left] + share * (minute[right] - minute[left]))

@@ -13,6 +13,7 @@ from eclsim.course.engine import SHORTEST_S, Engine, History
 from eclsim.course.handover import Span
 from eclsim.course.predictor import anchor_at
 from eclsim.course.rosenbrock import between
+from eclsim.course.timeline import BEFORE_S
 from eclsim.devices.description import Finding
 from eclsim.orbit.equation import Anchor, OrbitOptions
 from eclsim.orbit.execution import Execution
@@ -20,8 +21,6 @@ from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
 
-BEFORE_S = 1.0
-"""A moment so long before a sudden change shows what it finds."""
 AT_A_TIME = 2048
 """Moments whose beats are solved as one batch."""
 SOLVED = (int(Status.CONVERGED), int(Status.ONE_OF_MANY))

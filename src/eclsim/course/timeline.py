@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
 
 MINUTE = 60.0
+BEFORE_S = 1.0
+"""A moment so long before a sudden change shows what it finds."""
 START = -1
 """The segment before events at minute 0."""
 SENSITIVITIES = tuple(f"{drug}_sensitivity" for drug in DRUG_DOSES)
