@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 
 from eclsim.files import file_stems
+from eclsim.simulation import single
 
 
 def test_json_on_standard_output_is_all_there_is(shell, instant):
@@ -203,6 +204,16 @@ def test_warnings_name_the_oxygenators_label(shell, instant):
     )
     done = shell.run("simulate", shell.case(more=small.replace("speed_rpm = 3425\n", "")), "--json", "-")
     assert "0.5 to 5 L/min" in done.stderr
+
+
+def test_a_flow_outside_of_the_label_is_said_in_the_file_too(shell, instant, monkeypatch):
+    plain = single.simulate
+    monkeypatch.setattr(single, "simulate", lambda case, **options: plain(case, **options).assign(PF=6.5))
+    small = shell.ecmo.replace("Quadrox-i Adult", "Quadrox-i Small Adult")
+    done = shell.run("simulate", shell.case(more=small), "--json", "-")
+    (said,) = json.loads(done.stdout)["cases"][0]["warnings"]
+    assert "0.5 to 5 L/min" in said
+    assert said in " ".join(done.stderr.split())
 
 
 def test_file_names_are_safe_and_all_different():

@@ -130,6 +130,7 @@ def _each(
     o: SimulateOptions, readings: Sequence[CaseReading], labels: Sequence[str] | None = None
 ) -> Sequence[xr.Dataset]:
     """The beat of each case, written and shown; labels say what is before and what after a change."""
+    from eclsim.simulation.files import outputs_of
     from eclsim.simulation.single import simulate as steady
     from eclsim.simulation.single import simulate_transient
 
@@ -140,7 +141,9 @@ def _each(
     with Progress() as progress:
         for case in cases:
             progress(f"simulating {case.patient.id}")
-            results.append(steady(case, solver=o.solver, check_grid=o.check_grid))
+            result = steady(case, solver=o.solver, check_grid=o.check_grid)
+            also = [finding.sentence for finding in case.findings(outputs_of(result))]
+            results.append(result.assign_attrs(warnings=[*result.attrs.get("warnings", ()), *also]))
     courses = [
         simulate_transient(case, o.transient, solver=o.solver, names=names)
         if "phase" in result.dims
@@ -204,7 +207,6 @@ def _write(
 
 def _say_doubts(readings: Sequence[CaseReading], results: Sequence[xr.Dataset]) -> None:
     """What did not converge, limits that a beat breaks, and flows outside the oxygenator's label."""
-    from eclsim.simulation.files import outputs_of
     from eclsim.simulation.single import NOT_REACHED
     from eclsim.simulation.target_flow import speed_found
 
@@ -215,7 +217,6 @@ def _say_doubts(readings: Sequence[CaseReading], results: Sequence[xr.Dataset]) 
         if not result.attrs["converged"]:
             kind = "" if result.attrs.get("status") == NOT_REACHED else "not converged: "
             lines.insert(0, f"{kind}{result.attrs.get('message', '')}")
-        lines += [finding.sentence for finding in reading.case.findings(outputs_of(result))]
         warn(f"{reading.file}: {line}" for line in lines)
 
 
