@@ -42,11 +42,12 @@ def test_narrow_vessels_thicken_less():
 
 
 @pytest.mark.slow
-def test_at_its_own_haematocrit_a_patient_keeps_every_bit():
+def test_at_its_own_haematocrit_a_patient_keeps_its_numbers():
+    """Factors are 1; the program is another one, whose products the compiler may order in another way."""
     plain, followed = (steady_beat(Batch.of(one)) for one in (model(), model(fluid={"haematocrit": 0.37})))
     assert HAEMATOCRIT in model(fluid={}).circuit.parameter_names()
     for name in plain.names:
-        np.testing.assert_array_equal(plain.output(name), followed.output(name))
+        np.testing.assert_allclose(plain.output(name), followed.output(name), rtol=1e-14)
 
 
 @pytest.mark.slow
