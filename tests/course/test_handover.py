@@ -68,6 +68,7 @@ def test_a_speed_step_and_a_fast_infusion_are_followed_beat_by_beat(fast):
     np.testing.assert_array_equal(by_beat, within)
     assert (np.diff(minute) > 0.0).all()
     assert not any("--beats" in sentence for sentence in result.attrs["warnings"])
+    assert sum("coefficient of the membrane, 37" in said for said in result.attrs["warnings"]) == 1
     assert spans_in_words(result).startswith("followed beat by beat 00:02:00 to 00:0")
     first, second = course_object(result)["beat_by_beat"]
     assert "the circulation shifts" in first["reason"]

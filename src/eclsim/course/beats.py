@@ -458,7 +458,7 @@ class BeatMarch:
         for k, beat in enumerate(beats):
             now = {name: float(column[k]) for name, column in outputs.items()}
             ranges = {n: (low, np.nan) for n, low in zip(self.watched, beat.lowest.tolist(), strict=True)}
-            said.append(findings(now, ranges, self.circuit.with_chosen_sites(beat.values)))
+            said.append(findings(now, ranges, self.circuit.with_chosen_sites(beat.values), beat.values))
         return {name: outputs[name] for name in self.names}, said
 
     def dataset(
