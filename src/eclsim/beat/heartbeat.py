@@ -111,12 +111,15 @@ class BeatProgram:
     @cached_property
     def primary(self) -> tuple[str, ...]:
         """Signals that all others follow from: volumes, flows, means of the flows that open and shut."""
-        circuit = self.assembly.circuit
-        volumes, flows = (
-            ("V" + c.name for c in circuit.compartments),
-            ("Q" + c.name for c in circuit.connections),
-        )
-        return with_means(circuit, (*volumes, *flows))
+        return with_means(self.assembly.circuit, (*self._volumes, *self._flows))
+
+    @cached_property
+    def _volumes(self) -> tuple[str, ...]:
+        return tuple("V" + c.name for c in self.assembly.circuit.compartments)
+
+    @cached_property
+    def _flows(self) -> tuple[str, ...]:
+        return tuple("Q" + c.name for c in self.assembly.circuit.connections)
 
     def trace(self, signals: tuple[str, ...]) -> RecordedBeat:
         """Compiled beat that records signals, named as in `Recorder`: shape (steps, signals[, patients])."""
@@ -166,19 +169,13 @@ class BeatProgram:
     def derived(self, recorded: States, state: States, packed: States, signals: tuple[str, ...]) -> jax.Array:
         """Signals of the beat from a state, from its recorded `primary` ones; uncompiled, as `run`."""
         _, constants, period = self._in_effect(state, packed)
-        recorder, circuit, names = Recorder(self.assembly, signals), self.assembly.circuit, self.primary
+        recorder = Recorder(self.assembly, signals)
 
         def step(_: None, now: tuple[States, jax.Array]) -> tuple[None, jax.Array]:
-            own = dict(zip(names, now[0], strict=True))
-            volumes, flows = (
-                [kind + entry.name for entry in table]
-                for kind, table in (("V", circuit.compartments), ("Q", circuit.connections))
-            )
-            means = [own.get(name + MEAN, own[name]) for name in flows]
-            moment = Moment(
-                [own[n] for n in volumes], [own[n] for n in flows], now[1], constants, period, means
-            )
-            return None, recorder.pick(moment)
+            own = dict(zip(self.primary, now[0], strict=True))
+            volumes, flows = [own[n] for n in self._volumes], [own[n] for n in self._flows]
+            means = [own.get(n + MEAN, own[n]) for n in self._flows]
+            return None, recorder.pick(Moment(volumes, flows, now[1], constants, period, means))
 
         return jax.lax.scan(step, None, (recorded, jnp.asarray(self._activations[:, 1])))[1]
 

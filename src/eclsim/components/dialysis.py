@@ -241,22 +241,22 @@ class DialysedBlood(GasExchanger):
     that takes more water than enters it exchanges nothing here; its own outputs say so.
 
     Args:
-        settings: names of its parameters, in the order of `Settings`.
+        filter: that it passes.
     """
 
-    settings: tuple[str, ...]
+    filter: Hemofilter
     analysed: ClassVar[bool] = False
 
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the filter's parameters and of those of the blood."""
-        return (*self.settings, *BLOOD)
+        return (*self.filter.parameter_names(), *BLOOD)
 
     def renamed(self, parameter: Renaming) -> DialysedBlood:
-        """The same filter of other parameters."""
-        return replace(self, settings=tuple(map(parameter, self.settings)))
+        """Blood that passes the same filter of other parameters."""
+        return replace(self, filter=self.filter.renamed(parameter))
 
     def rates(self, flow: Array, inside: Points, values: Values) -> Array:  # noqa: D102
-        settings = Settings(*(jnp.asarray(values[name]) for name in self.settings))
+        settings = Settings(*(jnp.asarray(values[name]) for name in self.filter.settings))
         lost = CARBON_DIOXIDE_ML_PER_MMOL * _carbon_dioxide_lost(1000.0 * jnp.asarray(flow), settings)
         gained = jnp.where(jnp.isfinite(lost), -lost, 0.0)
         return jnp.stack([jnp.zeros_like(inside.gained[1]), jnp.broadcast_to(gained, inside.gained[1].shape)])

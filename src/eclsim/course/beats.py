@@ -286,21 +286,23 @@ class BeatMarch:
         names = (c.name for c in self.circuit.compartments)
         return dict(zip(names, state[self.assembly.layout.volumes.where].tolist(), strict=True))
 
-    def apart(self, at: Moving, beat: Steady, slow: np.ndarray) -> float:
-        """How far a moment is from the steady beat at some slow states, in what counts as settled."""
-        shift = shift_ml(self.volumes(at.state), self.volumes(beat.state)) / SETTLED_ML
-        if self.in_time is None or at.gases is None:
-            return shift
-        goal = self.from_steady(at.time, beat, slow, self._segment(at.time)).gases
-        return max(shift, self.in_time.apart(at.gases, goal)) if goal is not None else shift
+    def steady(self, time: float, beat: Steady, slow: np.ndarray) -> Moving:
+        """A steady beat at a time with the settings and some slow states of then."""
+        return self.from_steady(time, beat, slow, self._segment(time))
 
-    def behind_mmhg(self, at: Moving, beat: Steady, slow: np.ndarray) -> float:
-        """Arterial PCO2 of a moment above that of a steady beat; 0 where gases are not followed."""
-        goal = self.from_steady(at.time, beat, slow, self._segment(at.time)).gases
-        if at.gases is None or goal is None:
+    def apart(self, at: Moving, goal: Moving) -> float:
+        """How far a moment is from the steady one, in what counts as settled."""
+        shift = shift_ml(self.volumes(at.state), self.volumes(goal.state)) / SETTLED_ML
+        if self.in_time is None or at.gases is None or goal.gases is None:
+            return shift
+        return max(shift, self.in_time.apart(at.gases, goal.gases))
+
+    def behind_mmhg(self, at: Moving, goal: Moving) -> float:
+        """Arterial PCO2 of a moment above that of the steady one; 0 where gases are not followed."""
+        if at.gases is None or goal.gases is None:
             return 0.0
         place = Quantity("PCO2", "in", artery_of(self.circuit))
-        return at.gases.state[place] - goal.state[place]
+        return at.gases.state[place] - goal.gases.state[place]
 
     def follow(self, at: Moving, until: float, shown: ShownBeats) -> Moving:
         """Beats from a moment on, up to the last that begins before another."""

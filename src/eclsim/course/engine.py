@@ -299,12 +299,12 @@ class Engine:
             self.slopes[:, who], known = self._rates(who, self.time[who], self.states[:, who])
             if not known[0]:
                 return None
-            slow = self.states[:, member].copy()
-            behind = march.behind_mmhg(at, predictor.beat, slow) if left else 0.0
+            goal = march.steady(at.time, predictor.beat, self.states[:, member].copy())
+            behind = march.behind_mmhg(at, goal) if left else 0.0
             if abs(behind) < SAME_MMHG:
                 break
             self.states[self.laws.blood, member] += behind
-        return Goal(predictor.beat, lag_of(self.slopes[:, member], predictor.settling_s, self.laws), slow)
+        return Goal(goal, lag_of(self.slopes[:, member], predictor.settling_s, self.laws))
 
     def _note(self, who: np.ndarray) -> None:
         for m in who:

@@ -107,17 +107,15 @@ def reason_of(shift: float, lag: float, rates: np.ndarray, settling_s: float, la
 
 
 class Goal(NamedTuple):
-    """The steady beat at some slow states.
+    """The steady beat that beats in a row come to.
 
     Attributes:
-        beat: it.
+        moment: of it, with the slow states that the course goes on with.
         lag: slow states' largest change while the circulation settles, in their scales.
-        slow: states that the course goes on with.
     """
 
-    beat: Steady
+    moment: Moving
     lag: float
-    slow: np.ndarray
 
 
 def follow_until_settled(
@@ -147,7 +145,7 @@ def follow_until_settled(
         if march.stopped or at.time >= end - settling_s / 3.0:
             break
         goal = steady(at)
-        now = np.inf if goal is None or goal.lag > LAG else march.apart(at, goal.beat, goal.slow)
+        now = np.inf if goal is None or goal.lag > LAG else march.apart(at, goal.moment)
         before = [left for time, left in looks if time <= at.time - 0.9 * patience]
         if now <= 1.0 or (np.isfinite(now) and before and now > STILL * before[-1]):
             break

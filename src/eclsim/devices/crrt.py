@@ -258,7 +258,8 @@ def crrt(access_site: Site, return_site: Site, dialysis: bool = False) -> Circui
         return Circuit(compartments, connections)
     from eclsim.components.dialysis import DialysedBlood, Hemofilter
 
-    laws = {"dialyzer": Hemofilter(SETTINGS), "dialysed": DialysedBlood(SETTINGS)}
+    fibres = Hemofilter(SETTINGS)
+    laws = {"dialyzer": fibres, "dialysed": DialysedBlood(fibres)}
     exchanges = tuple(Exchange(name, law, "crrtfil", GROUP) for name, law in laws.items())
     return Circuit(compartments, connections, (), exchanges)
 

@@ -132,7 +132,7 @@ class RenoxDevice(Device[Renox]):
         from eclsim.components.dialysis import DialysedBlood, Hemofilter
 
         fibres = Hemofilter(SETTINGS, f"{GROUP}_clearance", f"{GROUP}_base_gain")
-        dialysed = Exchange("renox_dialysed", DialysedBlood(SETTINGS), "ecmotuor", GROUP)
+        dialysed = Exchange("renox_dialysed", DialysedBlood(fibres), "ecmotuor", GROUP)
         return Circuit(exchanges=(Exchange(GROUP, fibres, "ecmooxy", GROUP), dialysed))
 
     def values(self, section: Renox) -> dict[str, float]:

@@ -32,9 +32,6 @@ COMPLIANCES = {"Emaxlv": 0.40, "Emaxrv": 1.30}
 """End-systolic compliance at rest [mL/mmHg]."""
 PERIOD = 60.0 / 70.0
 """Heart period at rest [s]."""
-LEAST_RESISTANCE = 0.2
-"""Share of its resistance below which no bed opens, where the gain is large; CVSim has no limit, and its
-resistances would become negative at a high pressure."""
 
 
 class Gains(NamedTuple):
@@ -44,6 +41,7 @@ class Gains(NamedTuple):
         resistance: of each bed, arterial and cardiopulmonary [mmHg s/mL].
         compliance: end-systolic, of the left and of the right ventricle [mL/mmHg].
         least_compliance: shares of the compliance at rest below which it does not fall.
+        least_resistance: share of its resistance at rest below which no bed opens.
         period: sympathetic and vagal branch [s].
         veins: arterial and cardiopulmonary gain of venous unstressed volume [mL].
         lags: onset, peak and end of the triangular responses [s] of contractility and sympathetic period,
@@ -53,22 +51,24 @@ class Gains(NamedTuple):
     resistance: tuple[float, float]
     compliance: tuple[float, float]
     least_compliance: tuple[float, float]
+    least_resistance: float
     period: tuple[float, float]
     veins: tuple[float, float]
     lags: tuple[tuple[float, float, float], ...]
 
 
 THESIS = Gains(
-    (-0.05, -0.05), (0.007, 0.022), (0.0, 0.0), (0.011, 0.011), (31.0, 100.0),
+    (-0.05, -0.05), (0.007, 0.022), (0.0, 0.0), 0.0, (0.011, 0.011), (31.0, 100.0),
     ((2.5, 3.5, 15.0), (2.5, 4.5, 30.0), (2.5, 4.5, 30.0), (5.0, 7.0, 40.0), (5.0, 7.0, 40.0)),
 )  # fmt: skip
 CVSIM = Gains(
-    (-0.13, -0.3), (0.014, 0.021), (0.3 / 0.40, 0.01 / 1.30), (0.012, 0.009),
+    (-0.13, -0.3), (0.014, 0.021), (0.3 / 0.40, 0.01 / 1.30), 0.2, (0.012, 0.009),
     (5.3 + 1.3 + 13.3 + 6.7, 13.5 + 2.7 + 64.0 + 30.0),
     ((2.5, 3.5, 15.0), (2.5, 3.5, 30.0), (2.5, 5.5, 35.0), (5.0, 10.0, 42.0), (5.0, 9.0, 40.0)),
 )  # fmt: skip
+"""The least resistance is ours; without it those of CVSim become negative at a high pressure."""
 VAGAL = (0.59, 0.70, 1.0)
-"""The same of the vagal branch."""
+"""Onset, peak and end of the vagal branch of the period [s]."""
 
 
 def arterial_error(deviation: Number) -> Number:
@@ -98,7 +98,6 @@ def _pathways(gains: Gains) -> tuple[Pathway, ...]:
 def _model(name: str, source: str, set_points: tuple[float, float], gains: Gains) -> ReflexModel:
     contractile = zip(COMPLIANCES.items(), gains.compliance, gains.least_compliance, strict=True)
     resistance = (0.0, *gains.resistance, 0.0, 0.0, 0.0, 0.0)
-    limited = LEAST_RESISTANCE if gains is CVSIM else 0.0
     return ReflexModel(
         name=name,
         source=source,
@@ -111,7 +110,7 @@ def _model(name: str, source: str, set_points: tuple[float, float], gains: Gains
                 Effector(key, (rest,), ((gain, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),), inverse=True, least=least)
                 for (key, rest), gain, least in contractile
             ),
-            Effector("Rmc", RESISTANCES, (resistance,) * len(RESISTANCES), least=limited),
+            Effector("Rmc", RESISTANCES, (resistance,) * len(RESISTANCES), least=gains.least_resistance),
             Effector(HEART_RATE, (PERIOD,), ((0.0, 0.0, 0.0, 0.0, 0.0, *gains.period),), inverse=True),
         ),
         venous_gains_ml=(0.0, 0.0, 0.0, *gains.veins, 0.0, 0.0),
