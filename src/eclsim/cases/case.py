@@ -105,13 +105,13 @@ class Case(PublishedDevices):
 
     def instance(self, key: str) -> Instance | None:
         """The device of a section such as "lvad" or "lvad.left"; None where it is not connected."""
-        return next((one for one in self.instances() if one.key == key), None)
+        return next((instance for instance in self.instances() if instance.key == key), None)
 
     def with_section(self, key: str, **changes: object) -> Case:
         """The same case with some keys of a device's section changed; the values are right."""
-        one = self.instance(key)
-        assert one is not None
-        section = one.section.model_copy(update=changes)
+        instance = self.instance(key)
+        assert instance is not None
+        section = instance.section.model_copy(update=changes)
         if key in PublishedDevices.model_fields:
             return self.model_copy(update={key: section})
         return self.model_copy(update={"other_devices": {**self.other_devices, key: section}})
@@ -119,22 +119,24 @@ class Case(PublishedDevices):
     def targets(self) -> tuple[tuple[Instance, Target], ...]:
         """Devices that name a value in place of a setting, such as a pump flow in place of a speed."""
         return tuple(
-            (one, target)
-            for one in self.instances()
-            if (target := one.device.target) and getattr(one.section, target.key) is not None
+            (instance, target)
+            for instance in self.instances()
+            if (target := instance.device.target) and getattr(instance.section, target.key) is not None
         )
 
     def sites(self) -> dict[str, str]:
         """Where a device can be connected, in words: positions in other devices, and the patient."""
-        own = patient_sites(self.physiology is not None and self.physiology.regional)
-        return {k: words for one in self.instances() for k, words in one.site_words().items()} | own
+        patient = patient_sites(self.physiology is not None and self.physiology.regional)
+        return {
+            k: label for instance in self.instances() for k, label in instance.site_words().items()
+        } | patient
 
     def findings(self, outputs: Mapping[str, float]) -> list[Finding]:
         """What there is to say about a beat in view of what the case names, such as a label's range."""
         return [
             finding
-            for one in self.instances()
-            for finding in one.device.section_findings(one.section, one, outputs)
+            for instance in self.instances()
+            for finding in instance.device.section_findings(instance.section, instance, outputs)
         ]
 
     def at_rest(self) -> Case:
@@ -153,7 +155,8 @@ class Case(PublishedDevices):
         dumped = self.model_dump(exclude_none=True)
         result = {key: dumped[key] for key in _BEFORE_DEVICES if key in dumped}
         result = _nested(
-            result, {one.key: one.section.model_dump(exclude_none=True) for one in self.instances()}
+            result,
+            {instance.key: instance.section.model_dump(exclude_none=True) for instance in self.instances()},
         )
         result |= {"parameters": self.parameters} if self.parameters else {}
         return result | ({"events": [event.as_object() for event in self.events]} if self.events else {})

@@ -75,17 +75,19 @@ def check_case(raw: object) -> Checked:
         needed = ", ".join(name for name, item in Patient.fields().items() if item.required)
         checked.error("patient", "this section is missing", allowed=f"[patient] with {needed}")
     parameters = check_parameters(raw.get("parameters", {}), connected, checked)
-    present = (one.section for one in PATIENT_SECTIONS if one.section in checked.values)
-    own = {name: checked.values[name] for name in present}
+    present = (
+        section_class.section for section_class in PATIENT_SECTIONS if section_class.section in checked.values
+    )
+    patient_sections = {name: checked.values[name] for name in present}
     values = CaseValues(
-        checked.values.get("patient", {}), checked.values.get("measurements", {}), connected, own
+        checked.values.get("patient", {}), checked.values.get("measurements", {}), connected, patient_sections
     )
     checked.values["parameters"] = parameters
     check_plausibility(values, parameters, checked)
     if "events" in raw:
-        rest = {key: value for key, value in raw.items() if key != "events"}
+        without_events = {key: value for key, value in raw.items() if key != "events"}
         blood_ml = None if checked.mistakes else _blood_ml(checked.values)
-        checked.values["events"] = check_events(raw["events"], rest, blood_ml, check_case, checked)
+        checked.values["events"] = check_events(raw["events"], without_events, blood_ml, check_case, checked)
     return checked
 
 
@@ -190,8 +192,8 @@ def _check_value(
     try:
         values[key] = read_number(value, field)
     except RefusedValueError as error:
-        why = error.mistake
-        remarks.error(place, why.message, shown(value), why.allowed, why.suggestion)
+        mistake = error.mistake
+        remarks.error(place, mistake.message, shown(value), mistake.allowed, mistake.suggestion)
         return
     if parameter.value and not typical / 12.0 <= values[key] <= typical * 12.0:
         hint = suspected_unit(values[key], parameter.unit, typical, (typical / 3.0, typical * 3.0))
@@ -208,34 +210,34 @@ def _refuse_unknown(written: str, value: object, remarks: Remarks) -> None:
 
 
 def _warn_without_effect(values: Mapping[str, float], connected: Mapping[str, Raw], remarks: Remarks) -> None:
-    there = {device_key(key) for key in connected}
+    present = {device_key(key) for key in connected}
     for name, device in devices().items():
-        own = {parameter.key for parameter in device.parameters}
+        read_by_device = {parameter.key for parameter in device.parameters}
         for key, value in values.items():
-            if key in own and name not in there:
+            if key in read_by_device and name not in present:
                 message = f"without effect: the case has no [{name}] section"
                 remarks.warning(f"parameters.{key}", message, shown(value))
 
 
 def _check_atria(values: Mapping[str, float], remarks: Remarks) -> None:
     """An atrium that is stiffer at rest than at its strongest contraction fills when it should empty."""
-    for side, words in (("la", "left"), ("ra", "right")):
+    for side, side_name in (("la", "left"), ("ra", "right")):
         names = (f"Ed{side}", f"Emax{side}")
-        rest, most = (values.get(name, thiel2025.PARAMETERS[name].value) for name in names)
-        if rest > most and any(name in values for name in names):
-            given = names[0] if names[0] in values else names[1]
+        resting, most = (values.get(name, thiel2025.PARAMETERS[name].value) for name in names)
+        if resting > most and any(name in values for name in names):
+            stated = names[0] if names[0] in values else names[1]
             message = (
-                f"{names[0]} = {rest:g} is above {names[1]} = {most:g} mmHg/mL: the {words} atrium is "
+                f"{names[0]} = {resting:g} is above {names[1]} = {most:g} mmHg/mL: the {side_name} atrium is "
                 "stiffer at rest than in contraction, so it fills when it should empty"
             )
-            remarks.warning(f"parameters.{given}", message, shown(values[given]))
+            remarks.warning(f"parameters.{stated}", message, shown(values[stated]))
 
 
 def _check_fractions(values: Mapping[str, float], remarks: Remarks) -> None:
-    given = [key for key in thiel2025.VOLUME_FRACTIONS if key in values]
-    if not given:
+    stated = [key for key in thiel2025.VOLUME_FRACTIONS if key in values]
+    if not stated:
         return
-    for key in given:
+    for key in stated:
         place = key.removeprefix("volume_fraction_")
         if f"P0{place}" in thiel2025.PARAMETERS or place == "capillaries":
             message = "without effect on pressures and flows: it only shifts the volume shown for a vessel"
@@ -246,4 +248,4 @@ def _check_fractions(values: Mapping[str, float], remarks: Remarks) -> None:
     if abs(total - 1.0) > _FRACTION_TOLERANCE:
         message = f"the shares of the blood volume add to {total:.6g}, not to 1"
         allowed = "shares that add to 1: " + ", ".join(thiel2025.VOLUME_FRACTIONS)
-        remarks.error(f"parameters.{given[0]}", message, shown(values[given[0]]), allowed)
+        remarks.error(f"parameters.{stated[0]}", message, shown(values[stated[0]]), allowed)

@@ -196,23 +196,23 @@ class _Rows:
                 more = hint if len(row) > len(self.table.header) else ""
                 self.refused.append(Mistake("", message, suggestion=more, line=line))
                 continue
-            named = {k: unguarded(v.strip()) for k, v in zip(self.table.header, row, strict=True)}
-            if row == self.table.header or all(k == v for k, v in named.items()):
+            by_column = {k: unguarded(v.strip()) for k, v in zip(self.table.header, row, strict=True)}
+            if row == self.table.header or all(k == v for k, v in by_column.items()):
                 self.refused.append(Mistake("", "the header again, in the middle of the table", line=line))
                 continue
-            if is_units_row(named):
-                self._check_units(named, line)
+            if is_units_row(by_column):
+                self._check_units(by_column, line)
                 continue
-            result[line] = named
+            result[line] = by_column
         return result
 
     def _check_units(self, row: dict[str, str], line: int) -> None:
         wrong = {k: v for k, v in row.items() if (unit := expected_unit(k, v)) and unit[0] != unit[1]}
         if wrong:
             text = ", ".join(f"{k} in {v}" for k, v in wrong.items())
-            wanted = ", ".join(f"{k} in {(expected_unit(k, v) or ('',))[0]}" for k, v in wrong.items())
+            expected = ", ".join(f"{k} in {(expected_unit(k, v) or ('',))[0]}" for k, v in wrong.items())
             message = f"a row of units says {text}"
-            raise CaseError([Mistake("", message, allowed=wanted, file=self.table.file, line=line)])
+            raise CaseError([Mistake("", message, allowed=expected, file=self.table.file, line=line)])
         self.notes.append(Mistake("", "a row of units, the usual ones; no patient", line=line))
 
     def point(self, line: int, row: dict[str, str]) -> CohortPoint | None:
@@ -260,9 +260,9 @@ def _as_mapping(row: dict[str, str]) -> tuple[dict[str, Any], list[Mistake]]:
         section, _, name = key.partition(".")
         number = column not in _TEXT_COLUMNS and _NUMBER.fullmatch(text)
         raw.setdefault(section, {})[name] = NumberAsWritten(text) if number else text
-    for one in _WITH_COLUMNS:
-        if one.key in raw and not any(row.get(column) for column in one.columns.optional):
-            raw[one.key] |= one.columns.usual
+    for device in _WITH_COLUMNS:
+        if device.key in raw and not any(row.get(column) for column in device.columns.optional):
+            raw[device.key] |= device.columns.usual
     return raw, wrong
 
 

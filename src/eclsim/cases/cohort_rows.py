@@ -139,15 +139,15 @@ def _units() -> dict[str, str]:
 
 def expected_unit(column: str, text: str) -> tuple[str, str] | None:
     """The unit of a column and the one that a text names; None if it names none."""
-    named = known_unit(text.strip("[]() "))
+    written = known_unit(text.strip("[]() "))
     unit = _units().get(column)
-    return (unit, named) if unit is not None and named is not None else None
+    return (unit, written) if unit is not None and written is not None else None
 
 
 def is_units_row(row: Mapping[str, str]) -> bool:
     """Whether the cells of a row are units, not values."""
-    named = [column for column, text in row.items() if expected_unit(column, text)]
-    return len(named) >= 2 and not any(_number(row.get(name, "")) is not None for name in _units())
+    columns = [column for column, text in row.items() if expected_unit(column, text)]
+    return len(columns) >= 2 and not any(_number(row.get(name, "")) is not None for name in _units())
 
 
 def across_rows(rows: Mapping[int, Mapping[str, str]]) -> tuple[set[int], RowRemarks]:

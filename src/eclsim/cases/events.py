@@ -64,9 +64,9 @@ class Event(BaseModel):
 
     def as_object(self) -> dict[str, Any]:
         """As a case file holds it."""
-        kept = {"at_min": self.at_min}
-        kept |= {"set": dict(self.set), "ramp_min": self.ramp_min} if self.set else {}
-        return kept | ({"give": dict(self.give), "over_min": self.over_min} if self.give else {})
+        content = {"at_min": self.at_min}
+        content |= {"set": dict(self.set), "ramp_min": self.ramp_min} if self.set else {}
+        return content | ({"give": dict(self.give), "over_min": self.over_min} if self.give else {})
 
 
 def check_events(raw: object, case: Raw, blood_ml: float | None, check: Check, remarks: Remarks) -> list[Raw]:
@@ -86,7 +86,7 @@ def check_events(raw: object, case: Raw, blood_ml: float | None, check: Check, r
         remarks.error("events", "a list of events belongs here", shown(raw), "[[events]], in double brackets")
         return []
     checks = _Checks(case, check, remarks)
-    events = [checks.event(f"events[{n}]", one) for n, one in enumerate(raw, start=1)]
+    events = [checks.event(f"events[{n}]", table) for n, table in enumerate(raw, start=1)]
     right = [event for event in events if event]
     _check_order(raw, remarks)
     _check_overlap(right, remarks)
@@ -137,8 +137,8 @@ class _Checks:
         try:
             values[key] = read_number(value, field)
         except RefusedValueError as error:
-            why = error.mistake
-            self.remarks.error(place, why.message, shown(value), why.allowed, why.suggestion)
+            mistake = error.mistake
+            self.remarks.error(place, mistake.message, shown(value), mistake.allowed, mistake.suggestion)
 
     def _given(self, place: str, raw: object) -> dict[str, float]:
         values: dict[str, float] = {}
@@ -182,10 +182,10 @@ class _Checks:
         merged, _ = put_in(self.case, {path: value})
         checked = self.check(merged)
         new = [mistake for mistake in checked.mistakes if _key_and_message(mistake) not in self.known]
-        for why in new:
-            own = why.key in (".".join(path), path[1])
-            message = why.message if own else f"{why.key}: {why.message}"
-            self.remarks.error(key, message, shown(value), why.allowed, why.suggestion)
+        for refused in new:
+            same_key = refused.key in (".".join(path), path[1])
+            message = refused.message if same_key else f"{refused.key}: {refused.message}"
+            self.remarks.error(key, message, shown(value), refused.allowed, refused.suggestion)
         if not new:
             self.case = merged
         return not new
@@ -210,8 +210,8 @@ def _flat(raw: Raw, before: str = "") -> list[tuple[str, object]]:
 
 def _check_order(raw: Sequence[object], remarks: Remarks) -> None:
     last = -math.inf
-    for n, one in enumerate(raw, start=1):
-        at = one.get("at_min") if isinstance(one, Mapping) else None
+    for n, event in enumerate(raw, start=1):
+        at = event.get("at_min") if isinstance(event, Mapping) else None
         if not isinstance(at, (int, float)) or isinstance(at, bool):
             continue
         if at < last:
@@ -239,12 +239,12 @@ def _check_overlap(events: Sequence[Raw], remarks: Remarks) -> None:
 
 def _check_blood(events: Sequence[Raw], blood_ml: float, remarks: Remarks) -> None:
     """No more blood is taken than there is."""
-    there = blood_ml
+    available = blood_ml
     for event in events:
         gifts = event.get("give", {})
-        lost = gifts.get("bleed_ml", 0.0)
-        there += sum(ml for kind, ml in gifts.items() if kind != "bleed_ml")
-        if lost >= there:
+        bled = gifts.get("bleed_ml", 0.0)
+        available += sum(ml for kind, ml in gifts.items() if kind != "bleed_ml")
+        if bled >= available:
             key, message = f"{event['place']}.give.bleed_ml", "more blood than there is"
-            remarks.error(key, message, shown(lost), f"below {there:.0f} mL, what the patient has then")
-        there -= lost
+            remarks.error(key, message, shown(bled), f"below {available:.0f} mL, what the patient has then")
+        available -= bled

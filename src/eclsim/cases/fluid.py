@@ -89,17 +89,17 @@ def fluid_values(
         weight_kg: weight.
     """
     result: dict[str, float] = {}
-    if (own := case.fluid) is not None:
+    if (section := case.fluid) is not None:
         grams = haemoglobin(case)
         usual = values.get(HAEMATOCRIT_IN, fluid.USUAL_HAEMATOCRIT)
-        haematocrit = own.haematocrit or (usual if grams is None else grams / RED_CELL_HAEMOGLOBIN)
+        haematocrit = section.haematocrit or (usual if grams is None else grams / RED_CELL_HAEMOGLOBIN)
         inferred = {
             "haematocrit": haematocrit, "reference_haematocrit": haematocrit,
-            "interstitial_protein_g_dl": INTERSTITIAL_PROTEIN * own.plasma_protein_g_dl,
+            "interstitial_protein_g_dl": INTERSTITIAL_PROTEIN * section.plasma_protein_g_dl,
             "interstitial_volume_ml": fluid.INTERSTITIUM_TO_BLOOD * values["total_blood_volume_ml"],
         }  # fmt: skip
-        given = inferred | own.model_dump(exclude_none=True)
-        result |= {f"{fluid.SECTION}.{name}": float(value) for name, value in given.items()}
+        content = inferred | section.model_dump(exclude_none=True)
+        result |= {f"{fluid.SECTION}.{name}": float(value) for name, value in content.items()}
     if (solutes := case.solutes) is not None:
         patient = case.patient
         inferred = {
@@ -109,9 +109,9 @@ def fluid_values(
             "bicarbonate_space_ml": BICARBONATE_SPACE * weight_kg,
             "carbon_dioxide_store_ml_mmHg": CARBON_DIOXIDE_STORE * weight_kg,
         }
-        given = inferred | _acid_base(case) | solutes.model_dump(exclude_none=True)
-        result |= {f"{fluid.SOLUTES}.{name}": float(value) for name, value in given.items()}
-        result |= _same_start(case, given["bicarbonate_mmol_l"])
+        content = inferred | _acid_base(case) | solutes.model_dump(exclude_none=True)
+        result |= {f"{fluid.SOLUTES}.{name}": float(value) for name, value in content.items()}
+        result |= _same_start(case, content["bicarbonate_mmol_l"])
     return result
 
 
@@ -135,8 +135,8 @@ def _same_start(case: Case, bicarbonate: float) -> dict[str, float]:
 
     key = "plasma_bicarbonate_mmol_l"
     total = float(bicarbonate + carbon_dioxide_solubility() * STANDARD_PCO2)
-    open_ones = (one for one in case.instances() if getattr(one.section, key, 0.0) is None)
-    result = {f"{one.key}.{key}": total for one in open_ones}
+    unset = (instance for instance in case.instances() if getattr(instance.section, key, 0.0) is None)
+    result = {f"{instance.key}.{key}": total for instance in unset}
     if case.gas is not None and case.gas.base_excess_mmol_l == 0.0:
         excess = standard_base_excess(bicarbonate, case.gas.haemoglobin_g_dl)
         result["gas.base_excess_mmol_l"] = float(excess)

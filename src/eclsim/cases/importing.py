@@ -63,13 +63,13 @@ def as_table(rows: list[dict[str, str]]) -> str:
 
 
 def _fill(result: Imported, base: Case, file: str) -> None:
-    given = {f"patient.{k}": v for k, v in base.patient.model_dump(exclude_none=True).items()}
+    stated = {f"patient.{k}": v for k, v in base.patient.model_dump(exclude_none=True).items()}
     gas = {} if base.gas is None else base.gas.model_dump(exclude_none=True)
-    given |= {f"{Gas.section}.{k}": v for k, v in gas.items()}
-    for one in base.instances():
-        given |= {f"{one.key}.{k}": v for k, v in one.section.model_dump(exclude_none=True).items()}
+    stated |= {f"{Gas.section}.{k}": v for k, v in gas.items()}
+    for device in base.instances():
+        stated |= {f"{device.key}.{k}": v for k, v in device.section.model_dump(exclude_none=True).items()}
     for column, key in (COLUMNS | OPTIONAL).items():
-        if column == "patient_id" or not isinstance(value := given.get(key), str | float | int):
+        if column == "patient_id" or not isinstance(value := stated.get(key), str | float | int):
             continue
         text = value if isinstance(value, str) else f"{value:g}"
         empty = [row for row in result.rows if not row.get(column)]
@@ -79,9 +79,9 @@ def _fill(result: Imported, base: Case, file: str) -> None:
             message = f"{text} of the base case, in {len(empty)} of {len(result.rows)} data points"
             result.notes.append(Mistake(column, message, file=file))
     result.notes += [
-        Mistake(one.key, "circuit of the base case, where the file says nothing", file=file)
-        for one in base.instances()
-        if one.device.columns.needed
+        Mistake(device.key, "circuit of the base case, where the file says nothing", file=file)
+        for device in base.instances()
+        if device.device.columns.needed
     ]
 
 
@@ -110,7 +110,7 @@ def read_long_table(
             wrong.append(Mistake(name, message, allowed=", ".join(LONG), suggestion=suggestion))
     if wrong:
         raise CaseError([m.at(table.file, None) for m in wrong])
-    result, kept, about = Imported(notes=list(table.notes), mistakes=list(table.mistakes)), [], {}
+    result, values, about = Imported(notes=list(table.notes), mistakes=list(table.mistakes)), [], {}
     place = {name: table.header.index(name) for name in LONG}
     for line, cells in table.rows:
         if len(cells) != len(table.header):
@@ -123,8 +123,8 @@ def read_long_table(
         elif row["code"] in ABOUT:
             _say_about(row, about.setdefault(row["patient"], {}), line, result)
         else:
-            kept += _observation(row, line, result)
-    return kept, about, result
+            values += _observation(row, line, result)
+    return values, about, result
 
 
 def _say_about(row: dict[str, str], cells: dict[str, str], line: int, result: Imported) -> None:
@@ -168,20 +168,20 @@ def read_bundle(
     file = os.fsdecode(path)
     bundle = _json_of(file)
     result = Imported()
-    patients, kept = {}, []
+    patients, values = {}, []
     for number, resource in _resources(bundle, result):
         place = f"entry {number}"
         if resource.get("resourceType") == "Patient":
             patients[str(resource.get("id", ""))] = resource
         elif resource.get("resourceType") == "Observation":
-            kept += _observations(resource, place, result)
+            values += _observations(resource, place, result)
         else:
             kind = str(resource.get("resourceType"))
             result.warnings.append(
                 Mistake(place, "neither a Patient nor an Observation: not read", shown(kind))
             )
-    about = {name: _about(name, patients.get(name), kept, result) for name in {o.patient for o in kept}}
-    return kept, about, result
+    about = {name: _about(name, patients.get(name), values, result) for name in {o.patient for o in values}}
+    return values, about, result
 
 
 def _json_of(file: str) -> Mapping[str, Any]:
@@ -262,7 +262,7 @@ def code_of(part: Mapping[str, Any]) -> str:
 
 
 def _about(
-    name: str, resource: Mapping[str, Any] | None, kept: list[Observation], result: Imported
+    name: str, resource: Mapping[str, Any] | None, values: list[Observation], result: Imported
 ) -> dict[str, str]:
     """Sex, and age at the first observation, as cells of a cohort."""
     if resource is None:
@@ -278,12 +278,12 @@ def _about(
         )
     try:
         born = date.fromisoformat(str(resource.get("birthDate", "")))
-        seen = date.fromisoformat(min(o.time for o in kept if o.patient == name)[:10])
+        day = date.fromisoformat(min(o.time for o in values if o.patient == name)[:10])
     except ValueError:
         message = "no full date, so no age"
         result.mistakes.append(Mistake(f"Patient {name} birthDate", message, allowed="1955-04-17"))
         return cells
-    cells["age_years"] = str(seen.year - born.year - ((seen.month, seen.day) < (born.month, born.day)))
+    cells["age_years"] = str(day.year - born.year - ((day.month, day.day) < (born.month, born.day)))
     return cells
 
 

@@ -83,24 +83,24 @@ class UnitError(ValueError):
     """A unit that is missing, unknown or measures something else."""
 
 
-def in_unit_of(value: float, unit: str, what: Measurable) -> tuple[float, str]:
+def in_unit_of(value: float, unit: str, kind: Measurable) -> tuple[float, str]:
     """A value in the unit of its column, and what was converted; empty if nothing was.
 
     Raises:
         UnitError: With what is allowed.
     """
-    wanted = quantity_of(what.unit)
+    quantity = quantity_of(kind.unit)
     if not unit.strip():
-        raise UnitError(f"no unit; {what.column} needs one, such as {what.unit}")
-    if wanted in ("rate", "speed") and unit.strip() in ("/min", "1/min"):
+        raise UnitError(f"no unit; {kind.column} needs one, such as {kind.unit}")
+    if quantity in ("rate", "speed") and unit.strip() in ("/min", "1/min"):
         return value, ""
     known = known_unit(_UCUM.get(unit.strip(), unit))
-    if known is None or quantity_of(known) != wanted:
-        raise UnitError(f"unit {unit!r} is no unit of a {wanted}; {what.column} is in {what.unit}")
-    if known == what.unit:
+    if known is None or quantity_of(known) != quantity:
+        raise UnitError(f"unit {unit!r} is no unit of a {quantity}; {kind.column} is in {kind.unit}")
+    if known == kind.unit:
         return value, ""
-    converted = float(f"{convert(value, known, what.unit):.6g}")
-    return converted, f"{value:g} {known} = {converted:g} {what.unit}"
+    converted = float(f"{convert(value, known, kind.unit):.6g}")
+    return converted, f"{value:g} {known} = {converted:g} {kind.unit}"
 
 
 # --- observations -----------------------------------------------------------------------------------
@@ -165,14 +165,14 @@ def data_points(
     """
     placed: dict[str, list[tuple[datetime, Observation, Measurable, float]]] = {}
     unread: dict[str, int] = {}
-    for seen in observations:
-        what = BY_CODE.get(seen.code)
-        if what is None:
-            unread[seen.code] = unread.get(seen.code, 0) + 1
+    for record in observations:
+        kind = BY_CODE.get(record.code)
+        if kind is None:
+            unread[record.code] = unread.get(record.code, 0) + 1
             continue
-        entry = _checked(seen, what, result)
+        entry = _checked(record, kind, result)
         if entry is not None:
-            placed.setdefault(seen.patient, []).append((entry[0], seen, what, entry[1]))
+            placed.setdefault(record.patient, []).append((entry[0], record, kind, entry[1]))
     for code, count in unread.items():
         times = f"{count} times" if count > 1 else "once"
         result.warnings.append(Mistake("", f"code {shown(code)}, {times}: not read"))
@@ -182,22 +182,24 @@ def data_points(
         result.mistakes.append(Mistake("", "nothing that can be fitted", allowed=", ".join(BY_CODE)))
 
 
-def _checked(seen: Observation, what: Measurable, result: Imported) -> tuple[datetime, float] | None:
+def _checked(record: Observation, kind: Measurable, result: Imported) -> tuple[datetime, float] | None:
     """Time and converted value, or None with the reason kept."""
-    key = f"{seen.place} {what.column}".strip()
-    when, wrong = _time(seen.time)
+    key = f"{record.place} {kind.column}".strip()
+    when, wrong = _time(record.time)
     if wrong:
-        result.mistakes.append(Mistake(key, wrong, shown(seen.time), "2024-03-01T08:00", line=seen.line))
-    if not math.isfinite(seen.value):
-        result.mistakes.append(Mistake(key, "no finite number", f"{seen.value}", line=seen.line))
+        result.mistakes.append(Mistake(key, wrong, shown(record.time), "2024-03-01T08:00", line=record.line))
+    if not math.isfinite(record.value):
+        result.mistakes.append(Mistake(key, "no finite number", f"{record.value}", line=record.line))
         return None
     try:
-        value, converted = in_unit_of(seen.value, seen.unit, what)
+        value, converted = in_unit_of(record.value, record.unit, kind)
     except UnitError as error:
-        result.mistakes.append(Mistake(key, str(error), f"{seen.value:g}", line=seen.line))
+        result.mistakes.append(Mistake(key, str(error), f"{record.value:g}", line=record.line))
         return None
     if converted:
-        result.notes.append(Mistake(f"{seen.patient} {seen.time} {what.column}", converted, line=seen.line))
+        result.notes.append(
+            Mistake(f"{record.patient} {record.time} {kind.column}", converted, line=record.line)
+        )
     return (when, value) if when is not None else None
 
 
@@ -223,20 +225,20 @@ def _rows_of(
     first: datetime | None = None
     row: dict[str, str] = {}
     spread = 0
-    for when, seen, what, value in sorted(entries, key=lambda e: (e[0], e[2].column)):
+    for when, record, kind, value in sorted(entries, key=lambda e: (e[0], e[2].column)):
         if first is None or when - first > within:
-            first, row = when, {"patient_id": patient, "measurement": seen.time.strip(), **about}
+            first, row = when, {"patient_id": patient, "measurement": record.time.strip(), **about}
             result.rows.append(row)
         elif when > first:
             spread += 1
         text = f"{value:.10g}"
-        if row.get(what.column, text) != text and what.column not in about:
-            both = f"{row[what.column]} and {text} {what.unit}"
+        if row.get(kind.column, text) != text and kind.column not in about:
+            both = f"{row[kind.column]} and {text} {kind.unit}"
             message = "two values of one data point: which one is right?"
             result.mistakes.append(
-                Mistake(f"{patient} {row['measurement']} {what.column}", message, both, line=seen.line)
+                Mistake(f"{patient} {row['measurement']} {kind.column}", message, both, line=record.line)
             )
-        row[what.column] = text
+        row[kind.column] = text
     if spread:
         minutes = within.total_seconds() / 60.0
         message = f"{spread} values up to {minutes:g} min after the first of a data point belong to it"

@@ -46,17 +46,17 @@ def check_plausibility(case: CaseValues, parameters: Mapping[str, float], remark
         )
         remarks.warning("measurements.PCWP", message, shown(wedge))
     for device in devices().values():
-        for name in (one.name for one in device.outputs if one.in_contract):
+        for name in (entry.name for entry in device.outputs if entry.in_contract):
             if name in case.measurements and not case.of(device.key):
                 message = f"a pump flow was measured, but the case has no [{device.key}] section"
                 remarks.warning(f"measurements.{name}", message, shown(case.measurements[name]))
     _check_blood(case, parameters, remarks)
     _check_blood_gases(case, remarks)
     for name in BY_GASES:
-        own = case.physiology.get(REGULATION, {}).get(name)
-        if own is not None and Gas.section not in case.physiology:
+        stated = case.physiology.get(REGULATION, {}).get(name)
+        if stated is not None and Gas.section not in case.physiology:
             message = "without effect: no gases are computed that it could answer to; add a section [gas]"
-            remarks.warning(f"{REGULATION}.{name}", message, shown(own))
+            remarks.warning(f"{REGULATION}.{name}", message, shown(stated))
     _check_regions(case, parameters, remarks)
     for key, values in case.devices.items():
         device = device_of(device_key(key))
@@ -75,13 +75,13 @@ def _check_blood_gases(case: CaseValues, remarks: Remarks) -> None:
         if saturation not in measured or pressure not in measured:
             continue
         percent, mmhg = measured[saturation], measured[pressure]
-        meant, doubt = mmhg * MMHG_PER_KPA, abs(_saturation(mmhg) - percent)
+        converted, doubt = mmhg * MMHG_PER_KPA, abs(_saturation(mmhg) - percent)
         if doubt < _UNLIKE_SATURATION:
             continue
         usual = f"{_saturation(mmhg):.0f} %"
         message = f"{saturation} = {percent:g} % does not go with it, which is one of about {usual}"
-        if abs(_saturation(meant) - percent) < 0.25 * doubt:
-            hint = f"{mmhg:g} kPa = {meant:.4g} mmHg"
+        if abs(_saturation(converted) - percent) < 0.25 * doubt:
+            hint = f"{mmhg:g} kPa = {converted:.4g} mmHg"
             remarks.error(f"measurements.{pressure}", message, shown(mmhg), "mmHg", hint)
         else:
             remarks.warning(f"measurements.{pressure}", message, shown(mmhg))
@@ -99,15 +99,15 @@ _MISSING = {
 
 def _check_regions(case: CaseValues, parameters: Mapping[str, float], remarks: Remarks) -> None:
     """Sites that the patient does not have, and settings of regions where there are none."""
-    own = case.physiology.get(SECTION, {})
-    regional = own.get("regional", False)
+    section = case.physiology.get(SECTION, {})
+    regional = section.get("regional", False)
     usual = physiology.PARAMETERS[physiology.UPPER_SHARE].value
-    if not regional and own.get("upper_share", usual) != usual:
+    if not regional and section.get("upper_share", usual) != usual:
         message = "without effect: the patient has no regions; add regional = true"
-        remarks.warning(f"{SECTION}.upper_share", message, shown(own["upper_share"]))
+        remarks.warning(f"{SECTION}.upper_share", message, shown(section["upper_share"]))
     for name in parameters:
         needed = physiology.NEEDS.get(name, "")
-        if needed and not own.get(needed, False):
+        if needed and not section.get(needed, False):
             message = (
                 f"without effect: the patient has no {_MISSING[needed]}; add [{SECTION}] {needed} = true"
             )
@@ -133,10 +133,10 @@ def _check_patient(patient: Raw, refused: Collection[str], remarks: Remarks) -> 
     if height is not None and weight is not None:
         _check_body_size(height, weight, remarks)
     elif height is not None or weight is not None:
-        lacking, given = ("weight_kg", "height_cm") if weight is None else ("height_cm", "weight_kg")
+        lacking, present = ("weight_kg", "height_cm") if weight is None else ("height_cm", "weight_kg")
         if f"patient.{lacking}" not in refused:
             allowed = "both, or neither (then the mean of sex and age is taken)"
-            remarks.error(f"patient.{lacking}", f"missing, while {given} is there", allowed=allowed)
+            remarks.error(f"patient.{lacking}", f"missing, while {present} is there", allowed=allowed)
     elif patient and not {"patient.height_cm", "patient.weight_kg"} & set(refused):
         remarks.note("patient.height_cm", "height and weight: the mean of sex and age is taken")
 
@@ -170,8 +170,8 @@ def _check_arterial_pressures(case: CaseValues, remarks: Remarks) -> None:
     below = diastolic is not None and mean < diastolic
     above = systolic is not None and mean > systolic
     if below or above:
-        given = [f"{name} {measured[name]:g}" for name in ("SP", "DP", "MAP") if name in measured]
-        message = f"mean pressure outside of diastolic to systolic pressure: {', '.join(given)} mmHg"
+        stated = [f"{name} {measured[name]:g}" for name in ("SP", "DP", "MAP") if name in measured]
+        message = f"mean pressure outside of diastolic to systolic pressure: {', '.join(stated)} mmHg"
         remarks.error("measurements.MAP", message, shown(mean), "DP <= MAP <= SP")
     elif systolic is not None and diastolic is not None:
         expected = diastolic + (systolic - diastolic) / 3.0
@@ -180,37 +180,37 @@ def _check_arterial_pressures(case: CaseValues, remarks: Remarks) -> None:
             remarks.warning("measurements.MAP", message, shown(mean))
 
 
-def _check_blood(case: CaseValues, given: Mapping[str, float], remarks: Remarks) -> None:
+def _check_blood(case: CaseValues, stated: Mapping[str, float], remarks: Remarks) -> None:
     """Stressed volumes against the blood volume: more than all is an error, more than a half a doubt."""
-    named = [key for key in given if (key[2:] in _VESSELS and key[:2] == "P0") or key[1:] in _VESSELS]
+    concerned = [key for key in stated if (key[2:] in _VESSELS and key[:2] == "P0") or key[1:] in _VESSELS]
     total = _blood_volume(case.patient)
-    if not named or total is None:
+    if not concerned or total is None:
         return
-    values = {key: parameter.value for key, parameter in thiel2025.PARAMETERS.items()} | dict(given)
+    values = {key: parameter.value for key, parameter in thiel2025.PARAMETERS.items()} | dict(stated)
     stressed = {place: values[f"P0{place}"] * values[f"C{place}"] for place in _VESSELS}
     chambers = sum(values[f"volume_fraction_{place}"] for place in _CHAMBERS) * total
-    whole = sum(stressed.values()) + chambers
-    key = max(named, key=lambda name: stressed[name.removeprefix("P0") if name[1] == "0" else name[1:]])
-    message = f"the stressed volume is {whole:.0f} mL of a blood volume of {total:.0f} mL"
-    if whole > total:
+    total_stressed = sum(stressed.values()) + chambers
+    key = max(concerned, key=lambda name: stressed[name.removeprefix("P0") if name[1] == "0" else name[1:]])
+    message = f"the stressed volume is {total_stressed:.0f} mL of a blood volume of {total:.0f} mL"
+    if total_stressed > total:
         remarks.error(
-            f"parameters.{key}", f"{message}: more than there is", shown(given[key]), "less than all of it"
+            f"parameters.{key}", f"{message}: more than there is", shown(stated[key]), "less than all of it"
         )
-    elif whole > _LARGEST_SHARE * total:
-        message += f", {100.0 * whole / total:.0f} %; about 25 to 30 % is usual"
-        remarks.warning(f"parameters.{key}", message, shown(given[key]))
+    elif total_stressed > _LARGEST_SHARE * total:
+        message += f", {100.0 * total_stressed / total:.0f} %; about 25 to 30 % is usual"
+        remarks.warning(f"parameters.{key}", message, shown(stated[key]))
     else:
         if not case.physiology.get(SECTION, {}).get("collapsible_veins", False):
-            _check_empty_vein(named, given, stressed["svn"], remarks)
+            _check_empty_vein(concerned, stated, stressed["svn"], remarks)
         for place in _VESSELS:
-            held = values[f"volume_fraction_{place}"] * total
-            _check_vessel(place, named, given, stressed[place], held, remarks)
+            capacity = values[f"volume_fraction_{place}"] * total
+            _check_vessel(place, concerned, stated, stressed[place], capacity, remarks)
 
 
 def _check_empty_vein(
-    named: list[str], given: Mapping[str, float], stressed: float, remarks: Remarks
+    concerned: list[str], stated: Mapping[str, float], stressed: float, remarks: Remarks
 ) -> None:
-    keys = [key for key in named if key in ("P0svn", "Csvn")]
+    keys = [key for key in concerned if key in ("P0svn", "Csvn")]
     if keys and stressed < _LEAST_VENOUS_ML:
         usual = thiel2025.PARAMETERS["P0svn"].value * thiel2025.PARAMETERS["Csvn"].value
         message = (
@@ -219,19 +219,24 @@ def _check_empty_vein(
             "at the bedside goes on, and with the arterial pressure falling the pump flow may even rise "
             f"([{SECTION}] collapsible_veins = true lets them collapse)"
         )
-        remarks.warning(f"parameters.{keys[0]}", message, shown(given[keys[0]]))
+        remarks.warning(f"parameters.{keys[0]}", message, shown(stated[keys[0]]))
 
 
 def _check_vessel(
-    place: str, named: list[str], given: Mapping[str, float], stressed: float, held: float, remarks: Remarks
+    place: str,
+    concerned: list[str],
+    stated: Mapping[str, float],
+    stressed: float,
+    capacity: float,
+    remarks: Remarks,
 ) -> None:
-    keys = [key for key in named if key in (f"P0{place}", f"C{place}")]
-    if keys and stressed > held:
+    keys = [key for key in concerned if key in (f"P0{place}", f"C{place}")]
+    if keys and stressed > capacity:
         message = (
             f"C{place} times P0{place} is a stressed volume of {stressed:.0f} mL, more than the "
-            f"{held:.0f} mL that this vessel holds"
+            f"{capacity:.0f} mL that this vessel holds"
         )
-        remarks.warning(f"parameters.{keys[0]}", message, shown(given[keys[0]]))
+        remarks.warning(f"parameters.{keys[0]}", message, shown(stated[keys[0]]))
 
 
 def _blood_volume(patient: Raw) -> float | None:

@@ -57,9 +57,9 @@ def quantity(name: str) -> Parameter | None:
 
 def _in_tables(name: str) -> Parameter | None:
     """The parameter of a name, that of an instance by the name of its device's."""
-    known, (device, _, rest) = parameters(), name.partition(".")
-    instance, _, own = rest.partition(".")
-    names = (f"{device}.{own}", own) if own and device in devices() and is_instance_name(instance) else ()
+    known, (device, _, remainder) = parameters(), name.partition(".")
+    instance, _, key = remainder.partition(".")
+    names = (f"{device}.{key}", key) if key and device in devices() and is_instance_name(instance) else ()
     return next((known[each] for each in (name, *names) if each in known), None)
 
 
@@ -88,14 +88,14 @@ def with_values(case: Case, values: Mapping[str, float]) -> Case:
         if place is None:
             raise ValueError(f"{name}: no number of a case")
         changes.setdefault(place[0], {})[place[1]] = value
-    for section, own in changes.items():
-        held = getattr(case, section, None)
+    for section, section_values in changes.items():
+        current = getattr(case, section, None)
         if section == PARAMETERS:
-            case = case.model_copy(update={section: {**case.parameters, **own}})
+            case = case.model_copy(update={section: {**case.parameters, **section_values}})
         elif case.instance(section) is not None:
-            case = case.with_section(section, **own)
-        elif isinstance(held, Section):
-            case = case.model_copy(update={section: held.model_copy(update=own)})
+            case = case.with_section(section, **section_values)
+        elif isinstance(current, Section):
+            case = case.model_copy(update={section: current.model_copy(update=section_values)})
         else:
-            raise ValueError(f"{', '.join(own)}: the case has no [{section}] section")
+            raise ValueError(f"{', '.join(section_values)}: the case has no [{section}] section")
     return case

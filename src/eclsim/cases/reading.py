@@ -84,11 +84,11 @@ def _as_written(raw: dict[str, Any]) -> Case | None:
 
 def _with_policy(merged: dict[str, Any], policy: str, file: str) -> list[Mistake]:
     """Put a policy in; a note where the file's own gives way."""
-    own = merged.get(POLICY_KEY)
+    of_file = merged.get(POLICY_KEY)
     merged[POLICY_KEY] = policy
-    if own in (None, policy):
+    if of_file in (None, policy):
         return []
-    message = f"wins over {shown(own)} of {file}, which the case may have been fitted with"
+    message = f"wins over {shown(of_file)} of {file}, which the case may have been fitted with"
     return [Mistake(POLICY_KEY, message, shown(policy), file=POLICY_PLACE)]
 
 
@@ -163,9 +163,9 @@ def _syntax_mistake(reason: str, text: str, file: str) -> Mistake:
     number = int(place[1])
     lines = text.split("\n")
     written = lines[number - 1].strip() if number <= len(lines) else ""
-    meant = _meant(written)
+    suggestion = _meant(written)
     return Mistake(
-        "", message, shown(written)[1:-1] if written else "", suggestion=meant, file=file, line=number
+        "", message, shown(written)[1:-1] if written else "", suggestion=suggestion, file=file, line=number
     )
 
 
@@ -176,9 +176,9 @@ def _meant(written: str) -> str:
     if result := _SLASH_VALUE.search(written):
         return f"SP = {result[1]} and DP = {result[2]} on two lines"
     if result := _UNIT_VALUE.search(written):
-        meant = number_meant(written.partition("=")[2].partition("#")[0])
-        words = "a number without a unit" if meant == result[1] else "digits alone"
-        return f"{key} = {meant} ({words})" if meant else ""
+        number = number_meant(written.partition("=")[2].partition("#")[0])
+        remark = "a number without a unit" if number == result[1] else "digits alone"
+        return f"{key} = {number} ({remark})" if number else ""
     if result := _WORD_VALUE.search(written):
         return f'{key} = "{result[1]}" (text in quotes)'
     return ""

@@ -22,10 +22,10 @@ class _Settings(Section):
 
     def values(self) -> dict[str, float]:
         """Values of the parameters that are given."""
-        given = {
+        stated = {
             f"{self.section}.{name}": value for name, value in self.model_dump(exclude_none=True).items()
         }
-        return {key: value for key, value in given.items() if key in PARAMETERS}
+        return {key: value for key, value in stated.items() if key in PARAMETERS}
 
 
 class Regulation(_Settings):
@@ -63,30 +63,30 @@ class Regulation(_Settings):
     @property
     def open_set_points(self) -> tuple[str, ...]:
         """Set points that are wanted and not given."""
-        wanted: list[str] = []
+        required: list[str] = []
         if self.baroreflex is not None:
-            wanted += [regulation.SET_POINT]
-            wanted += [regulation.VENOUS_SET_POINT] if self.model != "ursino1998" else []
+            required += [regulation.SET_POINT]
+            required += [regulation.VENOUS_SET_POINT] if self.model != "ursino1998" else []
         if self.chemoreflex is not None:
-            wanted += regulation.CHEMOREFLEX_SET_POINTS
+            required += regulation.CHEMOREFLEX_SET_POINTS
         if self.hypoxic_vasodilation is not None:
-            wanted += regulation.DILATION_SET_POINTS
+            required += regulation.DILATION_SET_POINTS
         if self.hypoxic_vasoconstriction is not None:
-            wanted += [regulation.LUNG_AT_REST]
-        given = self.values()
-        return tuple(name for name in dict.fromkeys(wanted) if name not in given)
+            required += [regulation.LUNG_AT_REST]
+        stated = self.values()
+        return tuple(name for name in dict.fromkeys(required) if name not in stated)
 
     def values(self) -> dict[str, float]:
         """Values of the parameters that are given; a set point of all organs is that of each region too."""
-        own = super().values()
+        stated = super().values()
         for key in (regulation.PACO2_SET_POINT, regulation.VENOUS_O2_SET_POINT):
-            own |= {
-                name: own.get(name, own[key])
+            stated |= {
+                name: stated.get(name, stated[key])
                 for bed in regulation.BEDS
-                if key in own and (name := regulation.of_bed(key, bed)) in PARAMETERS
+                if key in stated and (name := regulation.of_bed(key, bed)) in PARAMETERS
             }
-        alone = self.chemoreflex is not None and self.baroreflex is None
-        return own | ({regulation.GAIN: 0.0} if alone else {})
+        without_baroreflex = self.chemoreflex is not None and self.baroreflex is None
+        return stated | ({regulation.GAIN: 0.0} if without_baroreflex else {})
 
     @classmethod
     def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
@@ -112,10 +112,10 @@ class Regulation(_Settings):
             *regulation.DILATION_SET_POINTS,
             regulation.LUNG_AT_REST,
         ):
-            readers, own = read_by.get(name, ("hypoxic_vasodilation",)), name.partition(".")[2]
-            if own in values and not any(reader in values for reader in readers):
+            readers, key_name = read_by.get(name, ("hypoxic_vasodilation",)), name.partition(".")[2]
+            if key_name in values and not any(reader in values for reader in readers):
                 message = f"without effect: it is read by {' and '.join(readers)}"
-                remarks.warning(f"{key}.{own}", message, shown(values[own]))
+                remarks.warning(f"{key}.{key_name}", message, shown(values[key_name]))
 
 
 _MEANT = {
@@ -132,12 +132,12 @@ def _read_dose(value: object, field: Field) -> float:
     try:
         return read_number(value, field)
     except RefusedValueError as error:
-        why = error.mistake
+        mistake = error.mistake
         given = float(value) if isinstance(value, int | float) else 0.0
-        for factor, words in _MEANT[field.unit]:
+        for factor, template in _MEANT[field.unit]:
             if field.maximum < given <= factor * field.typical:
-                meant = words.format(given=given, meant=given / factor)
-                raise RefusedValueError(why.message, why.allowed, meant) from None
+                meant = template.format(given=given, meant=given / factor)
+                raise RefusedValueError(mistake.message, mistake.allowed, meant) from None
         raise
 
 

@@ -24,17 +24,17 @@ def anatomy_of(case: Case) -> Anatomy:
     """What the patient has beyond the published circulation."""
     from eclsim.patient.circulation import FLOW_COEFFICIENTS, Anatomy
 
-    own = case.physiology
-    if own is None:
+    section = case.physiology
+    if section is None:
         return Anatomy()
-    given = own.model_dump(exclude_none=True)
+    stated = section.model_dump(exclude_none=True)
 
-    def valves(what: str) -> frozenset[str]:
-        return frozenset(name for name in FLOW_COEFFICIENTS if given.get(f"{name}_{what}_cm2"))
+    def valves(defect: str) -> frozenset[str]:
+        return frozenset(name for name in FLOW_COEFFICIENTS if stated.get(f"{name}_{defect}_cm2"))
 
-    bronchial = own.bronchial_fraction > 0.0
-    walls = own.collapsible_veins, own.pericardium
-    return Anatomy(own.regional, bronchial, valves("regurgitation"), valves("stenosis"), *walls)
+    bronchial = section.bronchial_fraction > 0.0
+    walls = section.collapsible_veins, section.pericardium
+    return Anatomy(section.regional, bronchial, valves("regurgitation"), valves("stenosis"), *walls)
 
 
 def _patient(case: Case) -> tuple[Circuit, dict[str, Site]]:
@@ -62,15 +62,15 @@ def _regulated(patient: Circuit, case: Case) -> Circuit:
     from eclsim.regulation.attach import REFLEXES, with_reflex, with_volume_offset
     from eclsim.regulation.oxygen import with_chemoreflex, with_hypoxic_vasoconstriction, with_local_control
 
-    own = case.regulation if case.regulation and case.regulation.baroreflex is not None else None
+    baroreflex = case.regulation if case.regulation and case.regulation.baroreflex is not None else None
     by_gases = case.regulation if case.gas else None
     chemoreflex = by_gases is not None and by_gases.chemoreflex is not None
-    if own or chemoreflex or case.drugs or case.fluid or shifted:
+    if baroreflex or chemoreflex or case.drugs or case.fluid or shifted:
         patient = with_volume_offset(patient)
     if chemoreflex:
         patient = with_chemoreflex(patient)
-    elif own:
-        patient = with_reflex(patient, REFLEXES[own.model])
+    elif baroreflex:
+        patient = with_reflex(patient, REFLEXES[baroreflex.model])
     if by_gases is not None and by_gases.hypoxic_vasodilation is not None:
         patient = with_local_control(patient)
     if by_gases is not None and by_gases.hypoxic_vasoconstriction is not None:
@@ -106,16 +106,16 @@ def switched_circuit(case: Case) -> tuple[Circuit, dict[str, float]]:
 
     instances = case.instances()
     (circuit, nodes), switched, chosen = _patient(case), Circuit(), dict[str, float]()
-    nodes |= {site: node for one in instances for site, node in one.sites().items()}
-    for one in instances:
-        at = {line: getattr(one.section, line) for line in one.device.lines}
+    nodes |= {site: node for instance in instances for site, node in instance.sites().items()}
+    for instance in instances:
+        at = {line: getattr(instance.section, line) for line in instance.device.lines}
         sites = next((s for o in instances if at and set(at.values()) <= set(s := o.sites())), None)
         if sites is None:
-            circuit += one.circuit()
+            circuit += instance.circuit()
             continue
-        names = {line: one.parameter(f"{one.device.key}.{line}") for line in at}
-        choices = {line: Choice(tuple(sites.values()), f"{one.device.key}.{line}") for line in at}
-        switched += replace(one, section=one.section.model_copy(update=choices)).circuit()
+        names = {line: instance.parameter(f"{instance.device.key}.{line}") for line in at}
+        choices = {line: Choice(tuple(sites.values()), f"{instance.device.key}.{line}") for line in at}
+        switched += replace(instance, section=instance.section.model_copy(update=choices)).circuit()
         chosen |= {names[line]: float(list(sites).index(site)) for line, site in at.items()}
     return with_sites(_thickened(circuit + switched, case), nodes), chosen
 

@@ -52,9 +52,9 @@ class Gas(Section):
             remarks.note(f"{key}.vo2_ml_min", "left out, so 126 mL/min per m2 of body surface (Dehmer 1982)")
         haemoglobin = values.get("haemoglobin_g_dl")
         if haemoglobin is not None and haemoglobin < LOW_HAEMOGLOBIN:
-            meant = f"{haemoglobin:g} mmol/L = {haemoglobin * GRAMS_PER_MMOL:.1f} g/dL"
+            conversion = f"{haemoglobin:g} mmol/L = {haemoglobin * GRAMS_PER_MMOL:.1f} g/dL"
             message = f"below {LOW_HAEMOGLOBIN:g} g/dL, the usual threshold of transfusion; used as g/dL"
-            remarks.warning(f"{key}.haemoglobin_g_dl", message, shown(haemoglobin), meant)
+            remarks.warning(f"{key}.haemoglobin_g_dl", message, shown(haemoglobin), conversion)
 
 
 POLICY_KEY = "blood_volume_policy"
@@ -137,8 +137,8 @@ class Physiology(Section):
 
     def values(self) -> dict[str, float]:
         """Values of the parameters of the circuit."""
-        given = self.model_dump(exclude_none=True)
-        return {f"{self.section}.{k}": value for k, value in given.items() if not isinstance(value, bool)}
+        stated = self.model_dump(exclude_none=True)
+        return {f"{self.section}.{k}": value for k, value in stated.items() if not isinstance(value, bool)}
 
 
 PATIENT_SECTIONS: tuple[type[Section], ...] = (Physiology, Gas, Regulation, Drugs, Fluid, Solutes)
@@ -152,7 +152,7 @@ MEASURED_GASES = MEASURED[MEASURED.index("SaO2") :]
 def sections() -> dict[str, type[Section]]:
     """All sections by name, in the order in which they are written."""
     result: dict[str, type[Section]] = {
-        one.section: one for one in (Patient, Measurements, *PATIENT_SECTIONS)
+        section.section: section for section in (Patient, Measurements, *PATIENT_SECTIONS)
     }
     return result | {key: device.section for key, device in devices().items()}
 
@@ -176,9 +176,9 @@ def places_of(name: str) -> list[str]:
 def by_instance(device: AnyDevice, raw: object) -> Mapping[str, object]:
     """What a section holds for each instance of a device, by name; of an only one the name is empty."""
     if isinstance(raw, Mapping) and not any(key in device.section.fields() for key in raw):
-        named = {str(key): value for key, value in raw.items() if isinstance(value, Mapping)}
-        if named and len(named) == len(raw):
-            return named
+        by_name = {str(key): value for key, value in raw.items() if isinstance(value, Mapping)}
+        if by_name and len(by_name) == len(raw):
+            return by_name
     return {"": raw}
 
 

@@ -52,12 +52,12 @@ def merge(options: MergeOptions) -> None:
         recorded = read_inputs(Path(options.folder) / COMMAND)
     except ExecutionError as error:
         fail(error)
-    name, own = (recorded or {}).get("command"), (recorded or {}).get("options")
-    if not isinstance(own, dict) or name not in _COMMANDS:
+    name, own_options = (recorded or {}).get("command"), (recorded or {}).get("options")
+    if not isinstance(own_options, dict) or name not in _COMMANDS:
         fail(f"{options.folder}: holds no shards ({COMMAND} is missing); run them first, with --shard k/n")
     where = {"out": options.folder, "json": options.json, "shard": MERGE}
-    here = {"workers": None, "dask": None, "resume": False, "force": False}
-    as_command(_COMMANDS[str(name)])(**own, **where, **here)
+    local_options = {"workers": None, "dask": None, "resume": False, "force": False}
+    as_command(_COMMANDS[str(name)])(**own_options, **where, **local_options)
 
 
 _HELP = """Simulate a patient's circulation on extracorporeal life support.
@@ -113,8 +113,8 @@ def _list_by_default(context: typer.Context) -> None:
         list_parameters(ListOptions())
 
 
-def _show_version(wanted: bool) -> None:
-    if wanted:
+def _show_version(requested: bool) -> None:
+    if requested:
         typer.echo(f"eclsim {__version__}")
         raise typer.Exit
 

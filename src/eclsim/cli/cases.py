@@ -30,20 +30,20 @@ def read_all(
 
 
 def read_each(
-    wanted: Iterable[tuple[str, Sequence[str], str | None]],
+    sources: Iterable[tuple[str, Sequence[str], str | None]],
     renamed: Callable[[Mistake], Mistake] = lambda mistake: mistake,
 ) -> list[CaseReading]:
     """Read cases, each a file with settings and a policy; what warnings and notes say is left to the caller.
 
     Args:
-        wanted: files, settings and blood volume policies, as `read_case` takes them.
+        sources: files, settings and blood volume policies, as `read_case` takes them.
         renamed: what a mistake is said as.
     """
     from eclsim.cases import CaseError, read_case
 
     readings: list[CaseReading] = []
     mistakes: list[Mistake] = []
-    for file, settings, policy in wanted:
+    for file, settings, policy in sources:
         try:
             readings.append(read_case(file, settings, policy))
         except CaseError as error:

@@ -107,7 +107,7 @@ def export(options: ExportOptions) -> None:
             section, _, key = p.key.rpartition(".")
             line = f"{key} = {p.value!r}  # {p.description} [{p.unit}]"
             lines.setdefault(section or "parameters", []).append(line)
-        text = "\n".join(line for name, own in lines.items() for line in (f"[{name}]", *own)) + "\n"
+        text = "\n".join(line for name, items in lines.items() for line in (f"[{name}]", *items)) + "\n"
     typer.echo(text, nl=False)
 
 
@@ -143,7 +143,7 @@ def _overview() -> Iterator[str]:
     from eclsim.devices.registry import devices, products
 
     yield "Devices (sections of a case file)"
-    rows = [(f"[{key}]", one.name, ", ".join(one.section.fields())) for key, one in devices().items()]
+    rows = [(f"[{key}]", entry.name, ", ".join(entry.section.fields())) for key, entry in devices().items()]
     yield text_table(("section", "device", "keys"), rows)
     kinds = {type(product): type(product) for product in products().values()}
     for kind in kinds:

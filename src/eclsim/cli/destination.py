@@ -58,8 +58,8 @@ class Destinations:
             )
         self.mistakes += [
             f"{other} and {option} name the same file: {path}"
-            for other, taken in self.files.items()
-            if _is_same(path, taken)
+            for other, target in self.files.items()
+            if _is_same(path, target)
         ]
         self.files[option] = path
         return path
@@ -116,11 +116,11 @@ class Destinations:
                 return f"the folder {path.parent} does not exist"
             return "" if parents else _unwritable(above)
         if not self.overwrites:
-            if held := [name for name in names if (path / name).exists()]:
-                return f"holds {held[0]} already; {self.way_out}"
+            if existing := [name for name in names if (path / name).exists()]:
+                return f"holds {existing[0]} already; {self.way_out}"
             beginnings = tuple(f"{stem}{end}" for stem in stems for end in "._")
-            if held := sorted(item.name for item in path.iterdir() if item.name.startswith(beginnings)):
-                return f"holds results of these cases ({held[0]}); --force overwrites them"
+            if existing := sorted(item.name for item in path.iterdir() if item.name.startswith(beginnings)):
+                return f"holds results of these cases ({existing[0]}); --force overwrites them"
         return _unwritable(path)
 
 
@@ -128,9 +128,9 @@ def _unwritable(folder: Path) -> str:
     return "" if os.access(folder, os.W_OK | os.X_OK) else f"no permission to write to the folder {folder}"
 
 
-def _is_same(one: Path, other: Path) -> bool:
+def _is_same(first: Path, second: Path) -> bool:
     try:
-        return one.resolve() == other.resolve() or os.path.samefile(one, other)
+        return first.resolve() == second.resolve() or os.path.samefile(first, second)
     except (OSError, ValueError, RuntimeError):
         return False
 

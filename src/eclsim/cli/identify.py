@@ -230,8 +230,8 @@ def _predictions(o: IdentifyOptions, free: Collection[str]) -> list[tuple[str, C
                 if (name := key if section == "parameters" else f"{section}.{key}") in free
             ]
             wrong += [
-                f"--predict {written}: a target flow; predictions hold {one.key}.{target.setting}"
-                for one, target in case.targets()
+                f"--predict {written}: a target flow; predictions hold {instance.key}.{target.setting}"
+                for instance, target in case.targets()
             ]
             cases.append((written, case))
         except CaseError as error:
@@ -254,8 +254,8 @@ def _with_posterior(
         return fit, {}
     posterior = _sample(o, fit, predictions, folder, progress)
     if posterior["method"] != "gaussian" and posterior["trusted"]:
-        own = fit.as_object()["parameters"]
-        fit = fit.judged(interval_agreement(own, posterior["parameters"], "posterior"))
+        fitted = fit.as_object()["parameters"]
+        fit = fit.judged(interval_agreement(fitted, posterior["parameters"], "posterior"))
     return fit, {"posterior": posterior}
 
 

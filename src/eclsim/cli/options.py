@@ -95,7 +95,7 @@ def as_command(function: Callable[..., None]) -> Callable[..., None]:
     Where the options name a folder of results, it is held while the command runs.
     """
     kind: type = get_type_hints(function)["options"]
-    types, shown = get_type_hints(kind), {one.name: one.metadata[_SHOWN] for one in fields(kind)}
+    types, shown = get_type_hints(kind), {item.name: item.metadata[_SHOWN] for item in fields(kind)}
 
     def command(**written: object) -> None:
         options = kind(**written)
@@ -118,7 +118,9 @@ def as_command(function: Callable[..., None]) -> Callable[..., None]:
 
 def _own_first(kind: type) -> list[str]:
     """Names of the fields: those of the class itself before those it shares with others."""
-    return list(dict.fromkeys(name for one in kind.__mro__ for name in inspect.get_annotations(one)))
+    return list(
+        dict.fromkeys(name for ancestor in kind.__mro__ for name in inspect.get_annotations(ancestor))
+    )
 
 
 # --- options that commands share ------------------------------------------------------------------
@@ -258,5 +260,5 @@ class Distributed(Resumable, ResultsFolder):
         if self.merges:
             file.unlink(missing_ok=True)
             return
-        own = {name: value for name, value in asdict(self).items() if name not in WHERE}
-        write_json({"command": command, "options": own}, file)
+        own_options = {name: value for name, value in asdict(self).items() if name not in WHERE}
+        write_json({"command": command, "options": own_options}, file)

@@ -90,7 +90,7 @@ def track(options: TrackOptions) -> None:
         write_tracks(Path(options.out), content)
     if hand_over(content, target):
         typer.echo("\n".join(map(series_text, tracks)))
-    if refused or any(_unusable(point) for one in tracks for point in one["points"]):
+    if refused or any(_unusable(point) for followed in tracks for point in followed["points"]):
         raise typer.Exit(INCOMPLETE)
 
 
@@ -118,8 +118,8 @@ def _series(o: TrackOptions) -> tuple[Series, list[str]]:
 
 def _check_each_once(files: Sequence[str]) -> None:
     """A measurement that is counted twice would make the filter too sure."""
-    twice = [file for file in dict.fromkeys(files) if files.count(file) > 1]
-    refuse([f"{file}: given {files.count(file)} times; a measurement counts once" for file in twice])
+    repeated = [file for file in dict.fromkeys(files) if files.count(file) > 1]
+    refuse([f"{file}: given {files.count(file)} times; a measurement counts once" for file in repeated])
 
 
 def _check_one_patient(files: Sequence[tuple[str, str]]) -> None:

@@ -127,9 +127,9 @@ def benchmark(options: BenchmarkOptions) -> None:
         measurements.append(measurement)
         say(f"measured: {measurement.name}")
     about = timing.machine()
-    content = {"machine": about, "measurements": [one.as_object() for one in measurements]}
+    content = {"machine": about, "measurements": [figure.as_object() for figure in measurements]}
     if hand_over(content, target):
         typer.echo(measurements_text(measurements))
         typer.echo("\n" + ", ".join(f"{key} {value}" for key, value in about.items()))
-    if not all(one.holds for one in measurements):
+    if not all(figure.holds for figure in measurements):
         raise typer.Exit(INCOMPLETE)

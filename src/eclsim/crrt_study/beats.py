@@ -114,13 +114,13 @@ class StudyCircuits:
 
 def study_circuits(case: Case, schemes: Sequence[Scheme], crrt_flow_ml_min: float) -> StudyCircuits:
     """The circuits of a case with ECMO; its own CRRT section, if any, gives way to the schemes."""
-    alone = case.model_copy(update={"crrt": None})
-    without = circuit_of(alone)
+    without_crrt = case.model_copy(update={"crrt": None})
+    without = circuit_of(without_crrt)
     others = dict.fromkeys(node for s in schemes for node in s.nodes if node not in POSITIONS.values())
     nodes = (*POSITIONS.values(), *sorted(others))
     section = case.crrt or Crrt(flow_ml_min=crrt_flow_ml_min, access_site="post_oxy", return_site="pre_oxy")
     circuit = without + crrt(Choice(nodes, ACCESS), Choice(nodes, RETURN), section.dialyses)
-    values = values_of(alone) | CRRT.values(section)
+    values = values_of(without_crrt) | CRRT.values(section)
     if case.gas is not None:
         values |= CRRT.values_of_blood(section, case.gas.haemoglobin_g_dl)
     values["crrt.flow_ml_min"] = crrt_flow_ml_min
@@ -145,7 +145,7 @@ def quantities(circuits: StudyCircuits) -> tuple[str, ...]:
 def means(
     circuits: StudyCircuits,
     runs: Sequence[SteadyBeat],
-    alone: Sequence[SteadyBeat],
+    without_crrt: Sequence[SteadyBeat],
     policies: Sequence[str],
     speeds: np.ndarray,
 ) -> xr.Dataset:
@@ -156,7 +156,10 @@ def means(
     shape = (len(circuits.schemes), len(speeds))
     data = _variables(runs, dims, shape)
     change = np.stack(
-        [r.volume("patient").reshape(shape) - a.volume("patient") for r, a in zip(runs, alone, strict=True)]
+        [
+            r.volume("patient").reshape(shape) - a.volume("patient")
+            for r, a in zip(runs, without_crrt, strict=True)
+        ]
     )
     about = "stressed volume of the patient at phase 0, less that without CRRT at the same speed and policy"
     data["patient_volume_change"] = (dims, change, {"units": "mL", "long_name": about})
@@ -181,11 +184,11 @@ def means(
     return xr.Dataset(data, coordinates)
 
 
-def without(alone: Sequence[SteadyBeat], policies: Sequence[str], speeds: np.ndarray) -> xr.Dataset:
+def without(without_crrt: Sequence[SteadyBeat], policies: Sequence[str], speeds: np.ndarray) -> xr.Dataset:
     """The same without CRRT, over `policy` and `speed`."""
     import xarray as xr
 
-    data = _variables(alone, ("policy", "speed"), (len(speeds),))
+    data = _variables(without_crrt, ("policy", "speed"), (len(speeds),))
     speed = ("speed", speeds, {"units": "rpm", "long_name": "ECMO pump speed"})
     return xr.Dataset(data, {"policy": list(policies), "speed": speed})
 
@@ -306,11 +309,11 @@ def summarise(means: xr.Dataset) -> xr.Dataset:
             result[f"{name}_{word}"] = (dims, numbers, {"units": unit, "long_name": long_name})
         known = np.isfinite(values).all(axis=0)
         for word, choose in (("highest", np.argmax), ("lowest", np.argmin)):
-            named = np.where(known, letters[choose(np.nan_to_num(values), axis=0)], "")
-            result[f"{name}_{word}"] = (dims, named, {"long_name": f"scheme with the {word} {name}"})
-    every = np.stack([means[name].transpose("scheme", *dims).values for name in SUMMARISED])
+            letter_there = np.where(known, letters[choose(np.nan_to_num(values), axis=0)], "")
+            result[f"{name}_{word}"] = (dims, letter_there, {"long_name": f"scheme with the {word} {name}"})
+    all_values = np.stack([means[name].transpose("scheme", *dims).values for name in SUMMARISED])
     about = {"units": "1", "long_name": "schemes whose beat was found, of which these are computed"}
-    result["schemes_known"] = (dims, np.isfinite(every).all(axis=0).sum(axis=0), about)
+    result["schemes_known"] = (dims, np.isfinite(all_values).all(axis=0).sum(axis=0), about)
     return xr.Dataset(result, {d: means[d] for d in dims})
 
 
@@ -455,10 +458,10 @@ def unsettled(study: CrrtStudy) -> tuple[Unsettled, ...]:
     return (*result, *_primed(study))
 
 
-def _grouped(policy: str, place: str, one: xr.Dataset) -> Iterator[Unsettled]:
+def _grouped(policy: str, place: str, data: xr.Dataset) -> Iterator[Unsettled]:
     """One entry for each reason; gases of a beat that was not found are not asked for."""
-    speeds, beats = one["speed"].values, one["status"].values.astype(str)
-    gases = np.where(one["converged"], one["gas_status"], FOUND[1]) if "gas_status" in one else beats[:0]
+    speeds, beats = data["speed"].values, data["status"].values.astype(str)
+    gases = np.where(data["converged"], data["gas_status"], FOUND[1]) if "gas_status" in data else beats[:0]
     for state, reasons in (("beat", beats), (GASES, gases.astype(str))):
         for reason in dict.fromkeys(reason for reason in reasons if reason not in FOUND):
             yield Unsettled(policy, place, tuple(speeds[reasons == reason].tolist()), reason, state=state)
@@ -493,19 +496,19 @@ MOST_LINES = 20
 def not_known(study: CrrtStudy) -> list[str]:
     """Every beat or gas state that was not found, with its reason and what to do; empty if all were."""
     places_of: dict[Unsettled, list[str]] = {}
-    for one in study.unsettled:
-        places_of.setdefault(replace(one, place=""), []).append(one.place)
+    for entry in study.unsettled:
+        places_of.setdefault(replace(entry, place=""), []).append(entry.place)
     lines = []
-    for one, places in places_of.items():
-        how = one.condition or POLICY_WORDS[one.policy].partition(":")[0]
-        why = not_found(one.speeds, [one.status] * len(one.speeds), one.state)
-        lines.append(f"{_places(places)}, {how}: {why}")
+    for entry, places in places_of.items():
+        how = entry.condition or POLICY_WORDS[entry.policy].partition(":")[0]
+        reasons = not_found(entry.speeds, [entry.status] * len(entry.speeds), entry.state)
+        lines.append(f"{_places(places)}, {how}: {reasons}")
     if len(lines) > MOST_LINES:
         lines = [*lines[:MOST_LINES], f"and {len(lines) - MOST_LINES} more, see the list in the JSON object"]
     if study.samples_without_a_beat and study.uncertainty is not None:
         count = ", ".join(f"{number} (scheme {k})" for k, number in study.samples_without_a_beat.items())
-        every = study.uncertainty.attrs["samples"]
-        lines.append(f"Samples of the patient's parameters without a steady beat, of {every}: {count}")
+        total = study.uncertainty.attrs["samples"]
+        lines.append(f"Samples of the patient's parameters without a steady beat, of {total}: {count}")
     return lines + [
         f"What this means: {advice}" for advice in dict.fromkeys(u.advice for u in study.unsettled)
     ]
@@ -515,8 +518,8 @@ def _places(places: list[str]) -> str:
     """Places of one kind together: schemes a, b and c."""
     letters = [place.removeprefix("scheme ") for place in places if place.startswith("scheme ")]
     others = [place for place in places if not place.startswith("scheme ")]
-    named = [schemes_named(letters)] if letters else []
-    sentence = listed([*named, *others])
+    terms = [schemes_named(letters)] if letters else []
+    sentence = listed([*terms, *others])
     return sentence[0].upper() + sentence[1:]
 
 

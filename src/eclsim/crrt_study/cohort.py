@@ -60,7 +60,7 @@ class PointResult:
 
     def ranked(self, policy: str, letter: str) -> Ranked:
         """A scheme's place and the numbers behind it."""
-        return next(one for one in self.ranking[policy] if one.letter == letter)
+        return next(ranked for ranked in self.ranking[policy] if ranked.letter == letter)
 
     def first(self, policy: str) -> str | None:
         """The scheme that is first; None if what is known does not tell."""
@@ -229,14 +229,16 @@ def crrt_cohort(
     # Studies with other options do not disturb each other, so the fits can be used again.
     mark = hashlib.sha256(json.dumps(vars(compute)).encode()).hexdigest()[:8]
     place = None if folder is None else folder / f"studies-{mark}"
-    outcomes = [one for group in executor.complete(tasks, place, _FORMAT, progress) for one in group]
-    by_name = {one.name: one for one in outcomes}
-    lost = {**fitted.not_fitted, **{one.name: one.lost for one in outcomes if one.lost}}
+    outcomes = [outcome for group in executor.complete(tasks, place, _FORMAT, progress) for outcome in group]
+    by_name = {outcome.name: outcome for outcome in outcomes}
+    failures = {**fitted.not_fitted, **{outcome.name: outcome.lost for outcome in outcomes if outcome.lost}}
     points = tuple(study for name in fitted.cases if (study := by_name[name].study) is not None)
     if not points:
-        raise StudyError("no data point can be studied: " + "; ".join(f"{k}: {v}" for k, v in lost.items()))
+        raise StudyError(
+            "no data point can be studied: " + "; ".join(f"{k}: {v}" for k, v in failures.items())
+        )
     chosen = tuple(select_schemes(schemes, scheme_h))
-    return CohortStudy(points, chosen, fitted, crrt_flow_ml_min, lost, judged_by)
+    return CohortStudy(points, chosen, fitted, crrt_flow_ml_min, failures, judged_by)
 
 
 def _fixed(values: str | Sequence[Value]) -> str | tuple[Value, ...]:
@@ -245,15 +247,16 @@ def _fixed(values: str | Sequence[Value]) -> str | tuple[Value, ...]:
 
 def _point(name: str, study: CrrtStudy) -> PointResult:
     policy, speed = study.policies[0], study.case_speed
-    alone = study.without_crrt.sel(policy=policy, speed=speed)
+    without_crrt = study.without_crrt.sel(policy=policy, speed=speed)
     pressures = study.means["MAP"].sel(speed=speed)
     spread = pressures.max("scheme", skipna=False) - pressures.min("scheme", skipna=False)
-    taken = np.nan if study.uptake is None else float(study.uptake["blood_taken_up"].max(skipna=False))
+    taken_up = np.nan if study.uptake is None else float(study.uptake["blood_taken_up"].max(skipna=False))
     variation = {p: float(spread.sel(policy=p)) for p in study.policies}
     missing = study.unsettled
     return PointResult(
-        name, float(alone["PF"]), float(alone["MAP"]), speed, study.ranking, variation, taken,
-        tuple(f"{one.policy}, {one.sentence}" for one in missing), sum(len(one.speeds) for one in missing),
+        name, float(without_crrt["PF"]), float(without_crrt["MAP"]), speed, study.ranking, variation,
+        taken_up, tuple(f"{beat.policy}, {beat.sentence}" for beat in missing),
+        sum(len(beat.speeds) for beat in missing),
     )  # fmt: skip
 
 
@@ -262,9 +265,9 @@ def summaries(study: CohortStudy, policy: str) -> tuple[SchemeSummary, ...]:
     winners = study.winners(policy)
     result = []
     for scheme in study.schemes:
-        ones = [point.ranked(policy, scheme.letter) for point in study.points]
-        ranks, known = [r.rank for r in ones if r.rank is not None], [r for r in ones if r.known]
-        flows = [0.0 if np.isnan(r.largest_flow) else r.largest_flow for r in ones if r.flow_known]
+        rankings = [point.ranked(policy, scheme.letter) for point in study.points]
+        ranks, known = [r.rank for r in rankings if r.rank is not None], [r for r in rankings if r.known]
+        flows = [0.0 if np.isnan(r.largest_flow) else r.largest_flow for r in rankings if r.flow_known]
         result.append(
             SchemeSummary(
                 scheme.letter, winners[scheme.letter], len(ranks), _median(ranks), max(ranks, default=None),
@@ -281,9 +284,9 @@ def _median(values: Sequence[float]) -> float:
     return float(np.median(values)) if values else np.nan
 
 
-def _order(one: SchemeSummary) -> tuple[float, ...]:
-    median = np.inf if np.isnan(one.median_rank) else one.median_rank
-    return -one.first, median, np.inf if one.worst_rank is None else one.worst_rank
+def _order(summary: SchemeSummary) -> tuple[float, ...]:
+    median = np.inf if np.isnan(summary.median_rank) else summary.median_rank
+    return -summary.first, median, np.inf if summary.worst_rank is None else summary.worst_rank
 
 
 def answer(study: CohortStudy, policy: str) -> str:
@@ -308,18 +311,20 @@ def answer(study: CohortStudy, policy: str) -> str:
 
 def _where_not(study: CohortStudy, policy: str, letter: str) -> str:
     """Why the scheme that is first most often is not first in the other points."""
-    ones = [point.ranked(policy, letter) for point in study.points if point.first(policy) != letter]
-    lost = [one for one in ones if one.known and one.places is not None and one.places[0] > 1]
-    if not lost:
+    rankings = [point.ranked(policy, letter) for point in study.points if point.first(policy) != letter]
+    not_first = [
+        ranked for ranked in rankings if ranked.known and ranked.places is not None and ranked.places[0] > 1
+    ]
+    if not not_first:
         return f"Elsewhere {letter} shares the first place."
-    alarms = sum(not one.alarms_kept for one in lost)
-    access = sum(bool(one.alarms_kept) and not one.access_190_kept for one in lost)
+    alarms = sum(not ranked.alarms_kept for ranked in not_first)
+    access = sum(bool(ranked.alarms_kept) and not ranked.access_190_kept for ranked in not_first)
     reasons = [
         f"breaks an alarm in {alarms}" if alarms else "",
         f"exceeds 190 mmHg of access pressure in {access}" if access else "",
-        f"stands behind for other reasons in {len(lost) - alarms - access}"
-        if len(lost) > alarms + access
+        f"stands behind for other reasons in {len(not_first) - alarms - access}"
+        if len(not_first) > alarms + access
         else "",
     ]
-    place = f"and is placed {max(one.places[1] for one in lost if one.places)} at worst"
+    place = f"and is placed {max(ranked.places[1] for ranked in not_first if ranked.places)} at worst"
     return f"Elsewhere {letter} {', '.join(filter(None, reasons))}, {place}."

@@ -36,7 +36,7 @@ def write_cohort(study: CohortStudy, folder: Path) -> list[Path]:
         "cohort.json": cohort_json(study),
         "points.csv": _csv(_point_rows(study)),
         "schemes.csv": _csv(
-            [{"policy": p, **asdict(one)} for p in study.policies for one in summaries(study, p)]
+            [{"policy": p, **asdict(summary)} for p in study.policies for summary in summaries(study, p)]
         ),
         "ranks.svg": drawn,
     }
@@ -51,7 +51,7 @@ def cohort_json(study: CohortStudy) -> str:
         "policies": {
             policy: {
                 "answer": answer(study, policy),
-                "schemes": [asdict(one) for one in summaries(study, policy)],
+                "schemes": [asdict(summary) for summary in summaries(study, policy)],
             }
             for policy in study.policies
         },
@@ -96,18 +96,18 @@ _SHORT_HEAD = (
 def _scheme_rows(study: CohortStudy, policy: str) -> list[list[object]]:
     names, total = {scheme.letter: scheme.name for scheme in study.schemes}, len(study.points)
     rows: list[list[object]] = []
-    for one in summaries(study, policy):
-        result = _of(one.known, total)
-        ranked, flows = ("" if n == total else f" (n = {n})" for n in (one.ranked, one.flow_known))
+    for summary in summaries(study, policy):
+        result = _of(summary.known, total)
+        ranked, flows = ("" if n == total else f" (n = {n})" for n in (summary.ranked, summary.flow_known))
         decided = _of(total - len(study.undecided(policy)), total)
-        worst = "–" if one.worst_rank is None else one.worst_rank
-        median = "–" if math.isnan(one.median_rank) else f"{one.median_rank:g}"
+        worst = "–" if summary.worst_rank is None else summary.worst_rank
+        median = "–" if math.isnan(summary.median_rank) else f"{summary.median_rank:g}"
         rows.append(
             [
-                one.letter, names[one.letter], f"{one.first}{decided}",
-                f"{median}{ranked}", f"{worst}{ranked}", f"{one.alarms_kept}{result}",
-                f"{one.access_190_kept}{result}", f"{one.above_atmosphere}{result}",
-                f"{number(one.median_flow, 1)}{flows}", f"{number(one.smallest_flow, 1)}{flows}",
+                summary.letter, names[summary.letter], f"{summary.first}{decided}",
+                f"{median}{ranked}", f"{worst}{ranked}", f"{summary.alarms_kept}{result}",
+                f"{summary.access_190_kept}{result}", f"{summary.above_atmosphere}{result}",
+                f"{number(summary.median_flow, 1)}{flows}", f"{number(summary.smallest_flow, 1)}{flows}",
             ]
         )  # fmt: skip
     return rows
@@ -138,7 +138,8 @@ def _point_rows(study: CohortStudy) -> list[dict[str, object]]:
 def _order(point: PointResult, policy: str) -> str:
     """Schemes from best to worst; the place in brackets where it is not known for sure."""
     return " ".join(
-        one.letter if one.rank is not None else f"{one.letter}({place(one)})" for one in point.ranking[policy]
+        ranked.letter if ranked.rank is not None else f"{ranked.letter}({place(ranked)})"
+        for ranked in point.ranking[policy]
     )
 
 
@@ -148,13 +149,13 @@ def _csv(rows: Sequence[dict[str, object]]) -> str:
 
 def _figure(study: CohortStudy) -> Figure:
     policy = study.policies[0]
-    letters = [one.letter for one in summaries(study, policy)]
+    letters = [ranked.letter for ranked in summaries(study, policy)]
     places, limits = np.full((2, len(study.points), len(letters)), np.nan)
     for (row, column), _ in np.ndenumerate(places):
-        one = study.points[row].ranked(policy, letters[column])
-        places[row, column] = np.nan if one.rank is None else one.rank
-        if one.flow_known:
-            limits[row, column] = 0.0 if math.isnan(one.largest_flow) else one.largest_flow
+        ranked = study.points[row].ranked(policy, letters[column])
+        places[row, column] = np.nan if ranked.rank is None else ranked.rank
+        if ranked.flow_known:
+            limits[row, column] = 0.0 if math.isnan(ranked.largest_flow) else ranked.largest_flow
     points = study.points
     return plot_cohort_ranks(places, letters, [p.name for p in points], [p.flow for p in points], limits)
 
@@ -199,7 +200,7 @@ def _differences(study: CohortStudy) -> str:
 
 
 def _doubts(study: CohortStudy) -> list[str]:
-    lines = [f"{name}: {why}" for name, why in study.lost.items()]
+    lines = [f"{name}: {reason}" for name, reason in study.lost.items()]
     for point in study.unsettled:
         lines.append(f"{point.name}: {'; '.join(point.unsettled)}")
     for policy in study.policies:

@@ -199,9 +199,9 @@ def _over_flow(
     ax: Axes, means: xr.Dataset, name: str, highest: str, lowest: str
 ) -> dict[str, tuple[float, float]]:
     ends = {}
-    every = {n: means[n].transpose("scheme", "speed").values for n in (name, "PF")}
+    values_of = {n: means[n].transpose("scheme", "speed").values for n in (name, "PF")}
     for k, letter in enumerate(means["scheme"].values.astype(str)):
-        flow, values, look = every["PF"][k], every[name][k], style_of(letter, highest, lowest)
+        flow, values, look = values_of["PF"][k], values_of[name][k], style_of(letter, highest, lowest)
         ax.plot(flow, values, **look)  # pyright: ignore[reportArgumentType] - keywords of a line
         mark_gaps(ax, flow, values, look["color"])
         known = np.flatnonzero(np.isfinite(flow) & np.isfinite(values))
@@ -241,8 +241,8 @@ def plot_crrt_uptake(uptake: xr.Dataset, means: xr.Dataset, without: xr.Dataset)
     for word, colour, label, shift in parts:
         right.barh(rows + shift, uptake[f"Psart_{word}"], height=0.38, color=colour, label=label)
     _say_unknown(right, rows, np.isnan(uptake["Psart_flow"].values))
-    for row, taken in zip(rows, uptake["blood_taken_up"].values, strict=True):
-        volume = f"{taken:.0f} mL".replace("-", "−") if np.isfinite(taken) else "– mL"
+    for row, volume_ml in zip(rows, uptake["blood_taken_up"].values, strict=True):
+        volume = f"{volume_ml:.0f} mL".replace("-", "−") if np.isfinite(volume_ml) else "– mL"
         right.annotate(volume, (1.0, row), xycoords=("axes fraction", "data"),
                        xytext=(3, 0), textcoords="offset points", va="center", fontsize=7.5)  # fmt: skip
     right.axvline(0.0, color="black", linewidth=0.7)
@@ -278,15 +278,15 @@ def plot_crrt_limits(
     fig = new_figure(PAGE_WIDTH_MM, 22 + 6.5 * max(len(ranked), 5))  # room for label and legend
     ax = fig.subplots()
     rows = np.arange(len(ranked))
-    both = limits.sel(limit="crrt", scheme=ranked)
+    all_limits = limits.sel(limit="crrt", scheme=ranked)
     end = 1.04 * float(np.nanmax([1.0, case_flow, *limits["largest_flow"].values.ravel()]))
-    kept = both["largest_flow"].fillna(0.0).values
-    ax.barh(rows, kept, height=0.55, color="#C9D9E6", label="all limits of the CRRT lines kept")
-    open_ = np.isin(both["state"].values, ("not_known_above", "not_known"))
-    if open_.any():
-        further = np.minimum(both["flow_at_most"].values[open_], 0.99 * end) - kept[open_]
+    flow_kept = all_limits["largest_flow"].fillna(0.0).values
+    ax.barh(rows, flow_kept, height=0.55, color="#C9D9E6", label="all limits of the CRRT lines kept")
+    unsure = np.isin(all_limits["state"].values, ("not_known_above", "not_known"))
+    if unsure.any():
+        further = np.minimum(all_limits["flow_at_most"].values[unsure], 0.99 * end) - flow_kept[unsure]
         ax.barh(
-            rows[open_], further, left=kept[open_], height=0.55, facecolor="white", edgecolor=GREY,
+            rows[unsure], further, left=flow_kept[unsure], height=0.55, facecolor="white", edgecolor=GREY,
             linestyle=":", hatch="////", linewidth=0.6, label="not known: no steady beat found",
         )  # fmt: skip
     bounds = {limit.name: (limit.low, limit.high) for limit in judged}
@@ -297,8 +297,8 @@ def plot_crrt_limits(
         "suction": (f"drainage below {bounds['suction'][0]:g} mmHg".replace("-", "−"), "black", "|"),
     }
     for name, (label, colour, marker) in marks.items():
-        one = limits.sel(limit=name, scheme=ranked)
-        flows = one["largest_flow"].where(one["state"] == "broken_above")
+        limit_data = limits.sel(limit=name, scheme=ranked)
+        flows = limit_data["largest_flow"].where(limit_data["state"] == "broken_above")
         ax.plot(flows, rows, marker, color=colour, markersize=6, label=f"{label} from here")
     if np.isfinite(case_flow):
         ax.axvline(case_flow, color="black", linewidth=0.9, linestyle="--", label="ECMO flow of the case")

@@ -86,13 +86,13 @@ def study_object(study: CrrtStudy) -> dict[str, Json]:
         "rule": {**study.rule.as_object(), "in_words": [c.sentence for c in study.rule.criteria]},
         "not_known": [
             {
-                "policy": one.policy,
-                "of": one.place,
-                "speeds_rpm": one.speeds,
-                "status": one.status,
-                "message": f"{one.sentence}; {one.advice}",
+                "policy": entry.policy,
+                "of": entry.place,
+                "speeds_rpm": entry.speeds,
+                "status": entry.status,
+                "message": f"{entry.sentence}; {entry.advice}",
             }
-            for one in study.unsettled
+            for entry in study.unsettled
         ],
         "assumed": list(study.assumed),
         "policies": {policy: _policy(study, policy) for policy in study.policies},
@@ -110,27 +110,27 @@ def _states(data: xr.Dataset) -> list[str]:
     return [name for name in STATES if name in data]
 
 
-def _values(one: xr.Dataset, names: Sequence[str] | Mapping[str, str]) -> dict[str, object]:
+def _values(data: xr.Dataset, names: Sequence[str] | Mapping[str, str]) -> dict[str, object]:
     """Scalars of a dataset under their names, or under the keys of a mapping to their names."""
     keys = names if isinstance(names, Mapping) else {name: name for name in names}
-    return {key: one[name].item() for key, name in keys.items()}
+    return {key: data[name].item() for key, name in keys.items()}
 
 
 def _policy(study: CrrtStudy, policy: str) -> dict[str, object]:
     at_case = {"policy": policy, "speed": study.case_speed}
-    means, alone = study.means.sel(at_case), study.without_crrt.sel(at_case)
+    means, without_crrt = study.means.sel(at_case), study.without_crrt.sel(at_case)
     schemes = {}
     for scheme in study.schemes:
-        one = means.sel(scheme=scheme.letter)
+        scheme_means = means.sel(scheme=scheme.letter)
         schemes[scheme.letter] = {
             "name": scheme.name,
             "access_site": scheme.access_site,
             "return_site": scheme.return_site,
             "note": scheme.note,
             "returns_behind_oxygenator": scheme.returns_behind_oxygenator,
-            "means": _values(one, _names(study)),
-            "patient_volume_change_ml": one["patient_volume_change"].item(),
-            **_values(one, _states(one)),
+            "means": _values(scheme_means, _names(study)),
+            "patient_volume_change_ml": scheme_means["patient_volume_change"].item(),
+            **_values(scheme_means, _states(scheme_means)),
         }
         if study.uptake is not None and policy == AS_PUBLISHED:
             split = study.uptake.sel(scheme=scheme.letter)
@@ -142,7 +142,9 @@ def _policy(study: CrrtStudy, policy: str) -> dict[str, object]:
     return {
         "speed_rpm": study.case_speed,
         "schemes": schemes,
-        "without_crrt": _values(alone, [*(n for n in MEANS if n in alone), *_states(alone)]),
+        "without_crrt": _values(
+            without_crrt, [*(n for n in MEANS if n in without_crrt), *_states(without_crrt)]
+        ),
         "summary": _summary(study.summary.sel(at_case)),
         "speeds": _at_speeds(study, policy),
         "limits": _limits(study.limits.sel(policy=policy), study.rule.limits),
@@ -155,7 +157,10 @@ def _policy(study: CrrtStudy, policy: str) -> dict[str, object]:
 
 def _summary(summary: xr.Dataset) -> dict[str, object]:
     statistics = ("median", "variation", "variation_percent", "highest", "lowest")
-    each = {name: _values(summary, {what: f"{name}_{what}" for what in statistics}) for name in SUMMARISED}
+    each = {
+        name: _values(summary, {statistic: f"{name}_{statistic}" for statistic in statistics})
+        for name in SUMMARISED
+    }
     return {"schemes_known": summary["schemes_known"].item(), **each}
 
 
@@ -204,13 +209,13 @@ def _uncertainty(result: xr.Dataset) -> dict[str, object]:
     names = [str(name) for name in result.data_vars if str(name).endswith("_quantiles")]
     keys, schemes = result["limit"].values.tolist(), {}
     for letter in result["scheme"].values.tolist():
-        one = result.sel(scheme=letter)
+        scheme_result = result.sel(scheme=letter)
         shares = {
-            name: dict(zip(keys, one[name].values.tolist(), strict=True))
+            name: dict(zip(keys, scheme_result[name].values.tolist(), strict=True))
             for name in ("probability_kept", "probability_at_least", "probability_at_most")
         }
-        spread = {n.removesuffix("_quantiles"): one[n].values.tolist() for n in names}
-        schemes[letter] = {**shares, "quantiles": spread, "settled": one["settled"].item()}
+        spread = {n.removesuffix("_quantiles"): scheme_result[n].values.tolist() for n in names}
+        schemes[letter] = {**shares, "quantiles": spread, "settled": scheme_result["settled"].item()}
     about = {str(key): value for key, value in result.attrs.items()}
     return {**about, "quantiles": result["quantile"].values.tolist(), "schemes": schemes}
 
@@ -227,7 +232,7 @@ def tables(study: CrrtStudy) -> dict[str, pd.DataFrame]:
     means = study.means[[*_names(study), "patient_volume_change", *_states(study.means)]]
     statistics = ("median", "variation", "variation_percent", "highest", "lowest")
     summary = study.summary[
-        ["schemes_known", *(f"{name}_{what}" for name in SUMMARISED for what in statistics)]
+        ["schemes_known", *(f"{name}_{statistic}" for name in SUMMARISED for statistic in statistics)]
     ]
     about = ("policy", "scheme", "connection", "access_site", "return_site", "speed")
     result = {
@@ -257,20 +262,20 @@ def ranking_table(study: CrrtStudy) -> pd.DataFrame:
 
     rows = []
     for policy, ranked in study.ranking.items():
-        for one in ranked:
+        for scheme in ranked:
             rows.append(
                 {
                     "policy": policy,
-                    "rank": one.rank,
-                    "scheme": one.letter,
-                    "best_place": one.places and one.places[0],
-                    "worst_place": one.places and one.places[1],
-                    "largest_flow [L/min]": one.largest_flow,
-                    "flow_at_most [L/min]": one.flow_at_most,
-                    "margin [mmHg]": one.margin,
-                    "decided_by": one.decided_by,
-                    "why_no_rank": one.why_no_rank,
-                    "reasons": "; ".join(one.reasons),
+                    "rank": scheme.rank,
+                    "scheme": scheme.letter,
+                    "best_place": scheme.places and scheme.places[0],
+                    "worst_place": scheme.places and scheme.places[1],
+                    "largest_flow [L/min]": scheme.largest_flow,
+                    "flow_at_most [L/min]": scheme.flow_at_most,
+                    "margin [mmHg]": scheme.margin,
+                    "decided_by": scheme.decided_by,
+                    "why_no_rank": scheme.why_no_rank,
+                    "reasons": "; ".join(scheme.reasons),
                 }
             )
     places = ("rank", "best_place", "worst_place")

@@ -117,10 +117,10 @@ def largest_flows(means: xr.Dataset, case_speed: float, judged: tuple[Limit, ...
     margin, throughout = np.full(shape, np.nan), np.zeros(shape, dtype=bool)
     kept, texts = np.empty(shape, dtype=object), np.empty(shape, dtype=object)
     for p, s in np.ndindex(shape[:2]):
-        one = few.isel(policy=p, scheme=s)
-        flow, statuses = one["PF"].values, one["status"].values.astype(str).tolist()
+        scheme_means = few.isel(policy=p, scheme=s)
+        flow, statuses = scheme_means["PF"].values, scheme_means["status"].values.astype(str).tolist()
         missing = not_found(speeds.tolist(), statuses)
-        values = {limit.quantity: one[limit.quantity].values for limit in judged}
+        values = {limit.quantity: scheme_means[limit.quantity].values for limit in judged}
         for k, margins in enumerate(_margins(values, judged).values()):
             margin[p, s, k] = margins[speeds == case_speed][0]
             throughout[p, s, k] = bool((margins >= 0.0).all())
@@ -129,7 +129,11 @@ def largest_flows(means: xr.Dataset, case_speed: float, judged: tuple[Limit, ...
             texts[p, s, k] = in_words(kept[p, s, k], missing, noun)
     dims = ("policy", "scheme", "limit")
     data: Variables = {
-        name: (dims, np.array([getattr(one, field) for one in kept.flat]).reshape(shape), about)
+        name: (
+            dims,
+            np.array([getattr(scheme_means, field) for scheme_means in kept.flat]).reshape(shape),
+            about,
+        )
         for name, (field, about) in _COLUMNS.items()
     }
     about = {"units": "mmHg", "long_name": "distance to the limit at the case's speed; negative: broken"}
@@ -200,8 +204,8 @@ def _crossing(speeds: np.ndarray, flows: np.ndarray, margins: np.ndarray, last: 
     from scipy.interpolate import PchipInterpolator
 
     fine = np.linspace(speeds[0], speeds[-1], FINE_POINTS)
-    kept = fine[PchipInterpolator(speeds, margins)(fine) >= 0.0]
-    speed = float(max(last, kept[-1])) if len(kept) else last
+    keeping = fine[PchipInterpolator(speeds, margins)(fine) >= 0.0]
+    speed = float(max(last, keeping[-1])) if len(keeping) else last
     return speed, float(PchipInterpolator(speeds, flows)(speed))
 
 
@@ -282,17 +286,17 @@ def uncertainty(
     shape = (len(circuits.schemes), -1)
     settled = records.determined.reshape(shape)
     margins = _margins({o.quantity: value(records, o.quantity).reshape(shape) for o in judged}, judged)
-    kept = np.stack([(m >= 0.0).sum(axis=1) for m in margins.values()], axis=1)
-    known, every = settled.sum(axis=1)[:, None], settled.shape[1]
+    counts = np.stack([(m >= 0.0).sum(axis=1) for m in margins.values()], axis=1)
+    known, total = settled.sum(axis=1)[:, None], settled.shape[1]
     dims = ("scheme", "limit")
     data: Variables = {
         "probability_kept": (
             dims,
-            np.where(known > 0, kept / np.maximum(known, 1), np.nan),
+            np.where(known > 0, counts / np.maximum(known, 1), np.nan),
             {"units": "1"},
         ),
-        "probability_at_least": (dims, kept / every, {"units": "1"}),
-        "probability_at_most": (dims, (kept + every - known) / every, {"units": "1"}),
+        "probability_at_least": (dims, counts / total, {"units": "1"}),
+        "probability_at_most": (dims, (counts + total - known) / total, {"units": "1"}),
         "settled": (("scheme",), settled.mean(axis=1), {"units": "1"}),
     }
     for name in QUANTITIES:

@@ -80,7 +80,9 @@ def in_one_housing(case: Case, policies: Sequence[str], speeds: np.ndarray) -> x
     dims = ("policy", "speed")
     data = {name: (dims, np.stack([b.output(name) for b in beats]), output_labels(name)) for name in names}
     attributes = {key: value for key, value in section.model_dump().items() if value is not None}
-    attributes["assumed"] = [f"RenOx: {one.sentence}" for one in assumptions(names, circuit, values)]
+    attributes["assumed"] = [
+        f"RenOx: {assumption.sentence}" for assumption in assumptions(names, circuit, values)
+    ]
     return xr.Dataset(data, {"policy": list(policies), "speed": speeds}, attributes)
 
 
@@ -105,18 +107,18 @@ def beside_schemes(study: CrrtStudy, policy: str) -> dict[str, Mapping[str, floa
     }  # fmt: skip
     means = study.means.sel(policy=policy, speed=study.case_speed)
     margin = study.limits["margin"].sel(policy=policy, limit=CRRT_LIMITS)
-    for one in study.ranking[policy]:
-        scheme = means.sel(scheme=one.letter)
+    for ranked in study.ranking[policy]:
+        scheme = means.sel(scheme=ranked.letter)
         numbers: dict[str, float | bool | None] = {
             key: float(scheme[name]) for key, name in COLUMNS.items() if name in scheme
         }
-        kept = float(margin.sel(scheme=one.letter))
-        numbers["alarms_kept"] = None if np.isnan(kept) else kept >= 0.0
+        nearest = float(margin.sel(scheme=ranked.letter))
+        numbers["alarms_kept"] = None if np.isnan(nearest) else nearest >= 0.0
         numbers["blood_taken_up_ml"] = -float(scheme["patient_volume_change"])
         if "effluent_pressure" in scheme:
             blood = float(scheme["effluent_pressure"] + scheme["transmembrane_pressure"])
             numbers["open_effluent_l_h"] = 1e-3 * _permeability(study) * blood
-        result[one.letter] = numbers
+        result[ranked.letter] = numbers
     return result
 
 

@@ -75,8 +75,8 @@ class Ranked:
     @property
     def unknown(self) -> set[str]:
         """Quantities of the rule that are not known."""
-        lost = {name for name, value in self.numbers.items() if name != FLOW and np.isnan(value)}
-        return lost if self.flow_known else {*lost, FLOW}
+        missing = {name for name, value in self.numbers.items() if name != FLOW and np.isnan(value)}
+        return missing if self.flow_known else {*missing, FLOW}
 
 
 def rank(
@@ -93,89 +93,91 @@ def rank(
     judged = [_judge(means.sel(scheme=s.letter), limits.sel(scheme=s.letter), s, rule) for s in schemes]
     known, unknown = [r for r in judged if r.known], [r for r in judged if not r.known]
 
-    def order(one: Ranked) -> tuple[object, ...]:
-        return (one.places, *(c.key(one.numbers[c.quantity]) for c in rule.criteria))
+    def order(scheme: Ranked) -> tuple[object, ...]:
+        return (scheme.places, *(c.key(scheme.numbers[c.quantity]) for c in rule.criteria))
 
-    placed = sorted((_placed(one, known, rule) for one in known), key=order)
-    for k, (before, one) in enumerate(itertools.pairwise(placed), 1):
-        by = rule.decides(before.numbers, one.numbers)
-        placed[k] = replace(one, decided_by="" if by is None else by.sentence)
+    placed = sorted((_placed(scheme, known, rule) for scheme in known), key=order)
+    for k, (before, scheme) in enumerate(itertools.pairwise(placed), 1):
+        by = rule.decides(before.numbers, scheme.numbers)
+        placed[k] = replace(scheme, decided_by="" if by is None else by.sentence)
     return (*placed, *unknown)
 
 
 def first_choice(ranking: Sequence[Ranked]) -> Ranked | None:
     """The scheme that is first of all; None where that is not known, or the beat of another was not found."""
-    return best_known(ranking) if all(one.known for one in ranking) else None
+    return best_known(ranking) if all(r.known for r in ranking) else None
 
 
 def best_known(ranking: Sequence[Ranked]) -> Ranked | None:
     """The scheme that is first for sure of those whose beat was found; None where that is not known."""
-    return next((one for one in ranking if one.rank == 1), None)
+    return next((r for r in ranking if r.rank == 1), None)
 
 
 def ties(ranking: Sequence[Ranked]) -> list[str]:
     """Letters of the schemes that share the first place, which the rule does not tell apart; else empty."""
-    first = [one.letter for one in ranking if one.rank == 1]
+    first = [r.letter for r in ranking if r.rank == 1]
     return first if len(first) > 1 else []
 
 
 def candidates(ranking: Sequence[Ranked]) -> list[Ranked]:
     """Schemes that may be first by what is known."""
-    return [one for one in ranking if one.places is not None and one.places[0] == 1]
+    return [r for r in ranking if r.places is not None and r.places[0] == 1]
 
 
-def _placed(one: Ranked, known: Sequence[Ranked], rule: Rule) -> Ranked:
+def _placed(scheme: Ranked, known: Sequence[Ranked], rule: Rule) -> Ranked:
     """With the best and the worst place among the schemes that are known, and the rank where they agree."""
-    others = [other for other in known if other is not one]
-    better = sum(_before(other, one, rule) is True for other in others)
-    open_against = [other for other in others if _before(other, one, rule) is None]
+    others = [other for other in known if other is not scheme]
+    better = sum(_before(other, scheme, rule) is True for other in others)
+    open_against = [other for other in others if _before(other, scheme, rule) is None]
     places = (1 + better, 1 + better + len(open_against))
     if not open_against:
-        return replace(one, rank=places[0], places=places)
-    why = f"place {places[0]} to {places[1]}: not known {_open(one, open_against, rule)}"
-    return replace(one, places=places, why_no_rank=why)
+        return replace(scheme, rank=places[0], places=places)
+    reason = f"place {places[0]} to {places[1]}: not known {_open(scheme, open_against, rule)}"
+    return replace(scheme, places=places, why_no_rank=reason)
 
 
-def _open(one: Ranked, others: Sequence[Ranked], rule: Rule) -> str:
+def _open(scheme: Ranked, others: Sequence[Ranked], rule: Rule) -> str:
     """What is not known of a scheme, or of those that it may stand before or behind."""
-    lost = one.unknown.union(*(other.unknown for other in others))
-    quantity = next(criterion.quantity for criterion in rule.criteria if criterion.quantity in lost)
-    named = [] if quantity in one.unknown else [o.letter for o in others if quantity in o.unknown]
-    which = schemes_named(named).lower() if named else "it"
+    missing = scheme.unknown.union(*(other.unknown for other in others))
+    quantity = next(criterion.quantity for criterion in rule.criteria if criterion.quantity in missing)
+    letters = [] if quantity in scheme.unknown else [o.letter for o in others if quantity in o.unknown]
+    which = schemes_named(letters).lower() if letters else "it"
     if quantity != FLOW:
         return f"{quantity} of {which}"
-    return f"up to which ECMO flow {which} {'keep their' if len(named) > 1 else 'keeps its'} limits"
+    return f"up to which ECMO flow {which} {'keep their' if len(letters) > 1 else 'keeps its'} limits"
 
 
-def _before(one: Ranked, other: Ranked, rule: Rule) -> bool | None:
+def _before(a: Ranked, b: Ranked, rule: Rule) -> bool | None:
     """Whether a scheme is better than another; None where what is known does not tell."""
     for criterion in rule.criteria:
-        unknown = criterion.quantity in one.unknown or criterion.quantity in other.unknown
+        unknown = criterion.quantity in a.unknown or criterion.quantity in b.unknown
         if criterion.quantity == FLOW and unknown:
-            if criterion.key(one.largest_flow) < criterion.key(other.flow_at_most):
+            if criterion.key(a.largest_flow) < criterion.key(b.flow_at_most):
                 return True
-            return False if criterion.key(other.largest_flow) < criterion.key(one.flow_at_most) else None
+            return False if criterion.key(b.largest_flow) < criterion.key(a.flow_at_most) else None
         if unknown:
             return None
-        mine, theirs = (criterion.key(r.numbers[criterion.quantity]) for r in (one, other))
-        if mine != theirs:
-            return mine < theirs
+        key_a, key_b = (criterion.key(r.numbers[criterion.quantity]) for r in (a, b))
+        if key_a != key_b:
+            return key_a < key_b
     return False
 
 
-def _judge(one: xr.Dataset, limits: xr.Dataset, scheme: Scheme, rule: Rule) -> Ranked:
+def _judge(means: xr.Dataset, limits: xr.Dataset, scheme: Scheme, rule: Rule) -> Ranked:
     margin = {str(k): float(limits["margin"].sel(limit=k)) for k in limits["limit"].values}
-    both = limits.sel(limit=CRRT_LIMITS)
-    missing = not_found([float(one["speed"])], [str(one["status"].item())])
+    limit = limits.sel(limit=CRRT_LIMITS)
+    missing = not_found([float(means["speed"])], [str(means["status"].item())])
     numbers = {
         **margin,
         "alarms": min(margin["access_alarm"], margin["return_alarm"]),
         "margin": margin[CRRT_LIMITS],
-        "lowest_site_pressure": min(float(one["P" + node]) for node in scheme.nodes),
-        FLOW: float(both["largest_flow"]),
+        "lowest_site_pressure": min(float(means["P" + node]) for node in scheme.nodes),
+        FLOW: float(limit["largest_flow"]),
     }
-    asked = [c.quantity for c in rule.criteria]
-    numbers |= {name: float(one[name]) for name in (*asked, "recirculated_fraction") if name not in numbers}
+    quantities = [c.quantity for c in rule.criteria]
+    numbers |= {
+        name: float(means[name]) for name in (*quantities, "recirculated_fraction") if name not in numbers
+    }
     ranked = Ranked(
         letter=scheme.letter,
         rank=None,
@@ -183,35 +185,37 @@ def _judge(one: xr.Dataset, limits: xr.Dataset, scheme: Scheme, rule: Rule) -> R
         access_190_kept=None if missing else margin["access_190"] >= 0.0,
         lowest_site_pressure=numbers["lowest_site_pressure"],
         largest_flow=numbers[FLOW],
-        throughout=both["state"].item() == KEPT_TO_THE_END,
+        throughout=limit["state"].item() == KEPT_TO_THE_END,
         recirculated=numbers["recirculated_fraction"],
         margin=numbers["margin"],
         reasons=(),
-        flow_at_most=float(both["flow_at_most"]),
+        flow_at_most=float(limit["flow_at_most"]),
         why_no_rank=f"no place: {missing}" if missing else "",
-        numbers={name: numbers[name] for name in asked},
+        numbers={name: numbers[name] for name in quantities},
     )
-    return replace(ranked, reasons=tuple(_sentences(ranked, one, both["in_words"].item(), scheme, rule)))
+    return replace(ranked, reasons=tuple(_sentences(ranked, means, limit["in_words"].item(), scheme, rule)))
 
 
-def _sentences(one: Ranked, means: xr.Dataset, kept: str, scheme: Scheme, rule: Rule) -> list[str]:
-    if not one.known:
-        return [one.why_no_rank.removeprefix("no place: "), kept]
+def _sentences(ranked: Ranked, means: xr.Dataset, flows: str, scheme: Scheme, rule: Rule) -> list[str]:
+    if not ranked.known:
+        return [ranked.why_no_rank.removeprefix("no place: "), flows]
     access_pressure, return_pressure = float(means["Pcrrttuin"]), float(means["Pcrrttuout"])
     texts = [f"access {_whole(access_pressure)} mmHg, return {_whole(return_pressure)} mmHg"]
-    if not one.alarms_kept:
+    if not ranked.alarms_kept:
         texts.append("breaks a pressure alarm of the machine")
-    if not one.access_190_kept:
+    if not ranked.access_190_kept:
         bound = next(limit.high for limit in rule.limits if limit.name == "access_190")
         texts.append(
             f"access pressure above {bound:g} mmHg: early failure of the CRRT circuit is more likely"
         )
-    if one.lowest_site_pressure < 0.0:
-        texts.append(f"a line attaches at {_whole(one.lowest_site_pressure)} mmHg: a leak there draws in air")
-    texts.append(kept)
-    if one.recirculated >= 0.005:
+    if ranked.lowest_site_pressure < 0.0:
         texts.append(
-            f"{100.0 * one.recirculated:.0f} % of the access flow comes straight from the return line"
+            f"a line attaches at {_whole(ranked.lowest_site_pressure)} mmHg: a leak there draws in air"
+        )
+    texts.append(flows)
+    if ranked.recirculated >= 0.005:
+        texts.append(
+            f"{100.0 * ranked.recirculated:.0f} % of the access flow comes straight from the return line"
         )
     if scheme.returns_behind_oxygenator:
         texts.append("returns behind the oxygenator: no trap for air or clots from the CRRT")
@@ -240,55 +244,55 @@ MOST_LINES = 20
 def choice(study: CrrtStudy, policy: str) -> list[str]:
     """Which scheme is first and why, or what is missing to tell; the first line is the answer."""
     ranking = study.ranking[policy]
-    best, unknown = best_known(ranking), [one for one in ranking if not one.known]
+    best, unknown = best_known(ranking), [r for r in ranking if not r.known]
     left_out = _left_out(unknown)
     if best is not None:
         tied = ties(ranking)
         equal = [f"schemes {listed(tied)} share its place: the rule does not tell them apart"] if tied else []
         name = f"scheme {best.letter} ({next(s.name for s in study.schemes if s.letter == best.letter)})"
         if not unknown:
-            second = next((one for one in ranking if one.decided_by), None)
+            second = next((r for r in ranking if r.decided_by), None)
             by = [f"before scheme {second.letter} by: {second.decided_by}"] if second else []
             if tied:
                 answer = f"First for this patient: schemes {listed(tied)}, which the rule does not tell apart"
                 first = ranking[: min(len(tied), MOST_LINES)]
-                return [answer, *by, *(f"Scheme {one.letter}: {'; '.join(one.reasons)}" for one in first)]
+                return [answer, *by, *(f"Scheme {r.letter}: {'; '.join(r.reasons)}" for r in first)]
             return [f"First choice for this patient: {name}", *by, *best.reasons]
         of = f"the {len(ranking) - len(unknown)} of {len(ranking)} schemes whose beat was found"
         answer = f"No first choice can be named; best of {of} at {study.case_speed:.0f} rpm: {name}"
         return [answer, *equal, *best.reasons, *left_out]
-    open_ = candidates(ranking)
-    if not open_:
+    possible = candidates(ranking)
+    if not possible:
         return ["No scheme can be ranked", *left_out]
-    answer = f"No first choice can be named: schemes {listed([r.letter for r in open_])} may each be first"
-    lines = [f"Scheme {one.letter}: {one.why_no_rank}; {'; '.join(one.reasons)}" for one in open_]
+    answer = f"No first choice can be named: schemes {listed([r.letter for r in possible])} may each be first"
+    lines = [f"Scheme {r.letter}: {r.why_no_rank}; {'; '.join(r.reasons)}" for r in possible]
     return [answer, *lines[:MOST_LINES], *left_out]
 
 
 def _left_out(unknown: list[Ranked]) -> list[str]:
     """Schemes without a place, those with the same reason together."""
     letters_of: dict[str, list[str]] = {}
-    for one in unknown:
-        letters_of.setdefault(one.why_no_rank, []).append(one.letter)
-    return [f"{schemes_named(letters)}: {why}" for why, letters in letters_of.items()]
+    for r in unknown:
+        letters_of.setdefault(r.why_no_rank, []).append(r.letter)
+    return [f"{schemes_named(letters)}: {reason}" for reason, letters in letters_of.items()]
 
 
 def choice_elsewhere(study: CrrtStudy, policy: str) -> str | None:
     """Which scheme is first under the other blood volume policy; None if only one was studied."""
-    others = [one for one in study.policies if one != policy]
+    others = [p for p in study.policies if p != policy]
     if not others:
         return None
-    best, here = first_choice(study.ranking[others[0]]), first_choice(study.ranking[policy])
+    best, first = first_choice(study.ranking[others[0]]), first_choice(study.ranking[policy])
     where = IN_ANOTHER_POLICY[others[0]]
     if best is None:
         return f"Which scheme is first {where} is not known."
-    if here is not None and best.letter == here.letter:
+    if first is not None and best.letter == first.letter:
         return f"It is also first {where}."
     return f"{where[0].upper()}{where[1:]}, scheme {best.letter} is first."
 
 
-def place(one: Ranked) -> str:
+def place(ranked: Ranked) -> str:
     """A scheme's place; where it is not known, the places that it may have."""
-    if one.rank is not None:
-        return str(one.rank)
-    return "–" if one.places is None else f"{one.places[0]}–{one.places[1]}"
+    if ranked.rank is not None:
+        return str(ranked.rank)
+    return "–" if ranked.places is None else f"{ranked.places[0]}–{ranked.places[1]}"

@@ -62,7 +62,7 @@ def study_page(study: CrrtStudy, drawings: Mapping[str, str], policy: str | None
         policy: blood volume policy that answer, ranking and figures are for; left out, the first studied.
     """
     main = main_policy(study, policy)
-    case, known = study.case, sum(one.known for one in study.ranking[main])
+    case, known = study.case, sum(r.known for r in study.ranking[main])
     nodes = {node for scheme in study.schemes for node in scheme.nodes}
     return render(
         "crrt_study/report.html",
@@ -83,8 +83,7 @@ def study_page(study: CrrtStudy, drawings: Mapping[str, str], policy: str | None
         renox=_renox_tables(study, main),
         notes=[f"Scheme {scheme.letter}: {scheme.note}." for scheme in study.schemes if scheme.note],
         policy_means=[
-            (POLICY_WORDS[one], _means_table(study, one))
-            for one in sorted(study.policies, key=lambda one: one != main)
+            (POLICY_WORDS[r], _means_table(study, r)) for r in sorted(study.policies, key=lambda r: r != main)
         ],
         summary=_summary_table(study, main),
         beats_missing=int(study.summary["schemes_known"].sel(policy=main).min()) < len(study.schemes),
@@ -172,12 +171,12 @@ def _exchange_tables(study: CrrtStudy, policy: str) -> list[Table]:
         if order and not columns:
             continue
         rows = []
-        for one in study.ranking[policy]:
-            of_scheme = means.sel(scheme=one.letter)
+        for ranked in study.ranking[policy]:
+            of_scheme = means.sel(scheme=ranked.letter)
             before = "before" if of_scheme["return_site"].item() in POSITIONS else "on the patient"
             where = "behind" if bool(of_scheme["behind_oxygenator"]) else before
             numbers = (number(factor * float(of_scheme[name]), digits) for name, _, factor, digits in columns)
-            rows.append([one.letter, where, *numbers])
+            rows.append([ranked.letter, where, *numbers])
         head = ["Scheme", "Returns: oxygenator", *(title for _, title, _, _ in columns)]
         tables.append(Table(head, rows, numeric=range(2, len(head))))
     return tables
@@ -214,16 +213,16 @@ def _beside(
     compared: Mapping[str, Mapping[str, float | bool | None]], columns: Sequence[tuple[str, str, float, int]]
 ) -> Table:
     rows = []
-    for name, one in compared.items():
-        cells = [one.get(key) for key, *_ in columns]
+    for name, values in compared.items():
+        cells = [values.get(key) for key, *_ in columns]
         shown = (
             "none"
             if cell is None and name == "RenOx"
             else number(np.nan if cell is None else factor * cell, digits)
             for cell, (_, _, factor, digits) in zip(cells, columns, strict=True)
         )
-        kept = "no lines" if name == "RenOx" else KEPT_WORDS[one["alarms_kept"]]  # type: ignore[index]
-        rows.append([name, kept, *shown])
+        alarms = "no lines" if name == "RenOx" else KEPT_WORDS[values["alarms_kept"]]  # type: ignore[index]
+        rows.append([name, alarms, *shown])
     head = ["", "Alarms of the lines", *(title for _, title, _, _ in columns)]
     return Table(head, rows, numeric=range(2, len(head)))
 
@@ -250,8 +249,8 @@ def _means_table(study: CrrtStudy, policy: str) -> Table:
 
 def _of_schemes(study: CrrtStudy, summary: xr.Dataset) -> str:
     """Of how many schemes a median is; empty if of all."""
-    known, every = int(summary["schemes_known"]), len(study.schemes)
-    return "" if known == every else f" of {known} of {every}"
+    known, total = int(summary["schemes_known"]), len(study.schemes)
+    return "" if known == total else f" of {known} of {total}"
 
 
 def _summary_table(study: CrrtStudy, policy: str) -> Table:
@@ -263,13 +262,13 @@ def _summary_table(study: CrrtStudy, policy: str) -> Table:
     titles = {n: w for n, w, _ in MEAN_COLUMNS}
     rows = []
     for speed in shown:
-        one = study.summary.sel(policy=policy, speed=speed)
+        data = study.summary.sel(policy=policy, speed=speed)
         cells = [
-            f"{number(float(one[f'{n}_median']), 1)} ± {number(0.5 * float(one[f'{n}_variation']), 1)}"
+            f"{number(float(data[f'{n}_median']), 1)} ± {number(0.5 * float(data[f'{n}_variation']), 1)}"
             for n in names
         ]
-        order = f"{one['Psart_highest'].item()} / {one['Psart_lowest'].item()}"
-        rows.append([f"{speed:.0f}{_of_schemes(study, one)}", *cells, order if order != " / " else "–"])
+        order = f"{data['Psart_highest'].item()} / {data['Psart_lowest'].item()}"
+        rows.append([f"{speed:.0f}{_of_schemes(study, data)}", *cells, order if order != " / " else "–"])
     head = ["Speed [rpm]", *(titles[n] for n in names), "Highest / lowest arterial"]
     return Table(head, rows, numeric=range(len(head) - 1))
 
@@ -280,9 +279,9 @@ def _limits_table(study: CrrtStudy, policy: str) -> Table:
     for ranked in study.ranking[policy]:
         cells = []
         for name in ("access_alarm", "return_alarm", "access_190", "suction", "crrt"):
-            one = limits.sel(scheme=ranked.letter, limit=name)
-            to_the_end = one["state"].item() == KEPT_TO_THE_END
-            cells.append(kept(float(one["largest_flow"]), float(one["flow_at_most"]), to_the_end))
+            data = limits.sel(scheme=ranked.letter, limit=name)
+            to_the_end = data["state"].item() == KEPT_TO_THE_END
+            cells.append(kept(float(data["largest_flow"]), float(data["flow_at_most"]), to_the_end))
         rows.append(
             [
                 ranked.letter,
@@ -309,13 +308,13 @@ def _uncertainty(study: CrrtStudy, policy: str) -> dict[str, object] | None:
         return None
     rows = []
     for ranked in study.ranking[policy]:
-        one = result.sel(scheme=ranked.letter)
+        data = result.sel(scheme=ranked.letter)
         spread = []
         for name in ("Psart", "Pcrrttuin", "Pcrrttuout"):
-            low, middle, high = (number(v, 0) for v in one[f"{name}_quantiles"].values.tolist())
+            low, middle, high = (number(v, 0) for v in data[f"{name}_quantiles"].values.tolist())
             spread.append(f"{middle} ({low} to {high})")
-        shares = [_share(one.sel(limit=k)) for k in ("access_alarm", "return_alarm", "access_190", "crrt")]
-        rows.append([ranked.letter, f"{percent(float(one['settled']))} %", *spread, *shares])
+        shares = [_share(data.sel(limit=k)) for k in ("access_alarm", "return_alarm", "access_190", "crrt")]
+        rows.append([ranked.letter, f"{percent(float(data['settled']))} %", *spread, *shares])
     high = next(limit.high for limit in study.rule.limits if limit.name == "access_190")
     head = ["Scheme", "Beat found in", "Arterial [mmHg]", "Access [mmHg]", "Return [mmHg]"]
     head += ["Access alarms kept", "Return alarms kept", f"Access ≤ {high:g} mmHg", "All of the CRRT lines"]
@@ -326,9 +325,9 @@ def _uncertainty(study: CrrtStudy, policy: str) -> dict[str, object] | None:
     }
 
 
-def _share(one: xr.Dataset) -> str:
+def _share(data: xr.Dataset) -> str:
     """Share of the samples in which a limit is kept; a range where some have no beat."""
-    low, high = (percent(float(one[f"probability_at_{word}"])) for word in ("least", "most"))
+    low, high = (percent(float(data[f"probability_at_{word}"])) for word in ("least", "most"))
     return f"{low} %" if low == high else f"{low} to {high} %"
 
 
@@ -340,23 +339,23 @@ def percent(share: float) -> str:
 
 
 def _volume_words(study: CrrtStudy, uptake: xr.Dataset) -> list[str]:
-    taken, whole, flow = (
+    volumes, total, flow = (
         values[np.isfinite(values)]
         for values in (uptake["blood_taken_up"].values, *(abs(uptake[f"Psart_{w}"].values) for w in _PARTS))
     )
-    if not len(taken):
+    if not len(volumes):
         return ["Not known: no steady beat of the patient without CRRT, or of any scheme, was found"]
-    of = f", of the {len(taken)} of {len(study.schemes)} schemes whose beat was found"
+    of = f", of the {len(volumes)} of {len(study.schemes)} schemes whose beat was found"
     lines = [
-        f"The CRRT tubing takes up {number(taken.min(), 0)} to {number(taken.max(), 0)} mL of blood"
-        + (of if len(taken) < len(study.schemes) else "")
+        f"The CRRT tubing takes up {number(volumes.min(), 0)} to {number(volumes.max(), 0)} mL of blood"
+        + (of if len(volumes) < len(study.schemes) else "")
     ]
     if len(flow) < len(study.schemes):
         result = f"known for {len(flow)} of {len(study.schemes)} schemes"
         lines.append(f"What is left with the patient's blood volume kept is {result}; a beat was not found.")
     if len(flow):
         lines.append(
-            f"As published, schemes change the mean arterial pressure by up to {whole.max():.1f} mmHg. "
+            f"As published, schemes change the mean arterial pressure by up to {total.max():.1f} mmHg. "
             f"With the patient's blood volume kept, what is left is at most {flow.max():.1f} mmHg. A circuit "
             "that is primed, or a patient who is given that volume, does not show the difference."
         )
@@ -387,10 +386,10 @@ def drawings(study: CrrtStudy, policy: str | None = None) -> dict[str, str]:
     policy, speed = main_policy(study, policy), study.case_speed
     means = study.means.sel(policy=policy)
     ranked, judged = study.ranking[policy], study.rule.limits
-    best_first = [one.letter for one in ranked]
+    best_first = [r.letter for r in ranked]
     flow = float(study.without_crrt["PF"].sel(policy=policy, speed=speed))
     figures = {
-        "schemes": draw_schemes(study.schemes, {one.letter: place(one) for one in ranked}),
+        "schemes": draw_schemes(study.schemes, {r.letter: place(r) for r in ranked}),
         "beat": plot_crrt_beat(study.waveforms.sel(policy=policy), means.sel(speed=speed), judged),
         "speeds": plot_crrt_speeds(means, speed, judged),
         "limits": plot_crrt_limits(study.limits.sel(policy=policy), flow, best_first, judged),
@@ -425,7 +424,7 @@ def show(study: CrrtStudy) -> None:
     console = Console(width=None if sys.stdout.isatty() else _WIDTH_OF_PIPES, highlight=False)
     names = {scheme.letter: scheme.name for scheme in study.schemes}
     for policy, ranked in study.ranking.items():
-        known = sum(one.known for one in ranked)
+        known = sum(r.known for r in ranked)
         among = "" if known == len(ranked) else f"; ranked: the {known} of {len(ranked)} whose beat was found"
         title = f"CRRT schemes at {study.case_speed:.0f} rpm, {POLICY_WORDS[policy]}{among}"
         table = Table(title=title, title_justify="left", box=None, pad_edge=False)
@@ -435,12 +434,10 @@ def show(study: CrrtStudy) -> None:
             table.add_column(head, justify="right")
         table.add_column("limits kept\nto L/min", justify="right")
         means = study.means.sel(policy=policy, speed=study.case_speed)
-        for one in ranked:
-            cells = [
-                number(float(means[name].sel(scheme=one.letter)), digits) for name, _, digits in _COLUMNS
-            ]
-            flow = kept(one.largest_flow, one.flow_at_most, one.throughout)
-            table.add_row(place(one), one.letter, names[one.letter], *cells, flow)
+        for r in ranked:
+            cells = [number(float(means[name].sel(scheme=r.letter)), digits) for name, _, digits in _COLUMNS]
+            flow = kept(r.largest_flow, r.flow_at_most, r.throughout)
+            table.add_row(place(r), r.letter, names[r.letter], *cells, flow)
         console.print(table)
         console.print("\n  ".join(choice(study, policy)) + "\n", markup=False)
     for sentence in study.assumed:

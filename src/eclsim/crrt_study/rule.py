@@ -82,8 +82,8 @@ class Criterion:
         if self.words:
             return self.words
         bounds = {"at least": self.at_least, "at most": self.at_most}
-        asked = [f"{word} {bound:g}" for word, bound in bounds.items() if bound is not None]
-        text = " and ".join(asked) or f"the {self.prefer}"
+        terms = [f"{word} {bound:g}" for word, bound in bounds.items() if bound is not None]
+        text = " and ".join(terms) or f"the {self.prefer}"
         return f"{self.quantity}: {text}" + (f", in steps of {self.step:g}" if self.step else "")
 
 
@@ -101,10 +101,10 @@ class Rule:
     criteria: tuple[Criterion, ...]
     limits: tuple[Limit, ...] = LIMITS
 
-    def decides(self, one: Mapping[str, float], other: Mapping[str, float]) -> Criterion | None:
+    def decides(self, first: Mapping[str, float], second: Mapping[str, float]) -> Criterion | None:
         """The first criterion in which two schemes differ; None behind one that is not known."""
         for criterion in self.criteria:
-            numbers = [numbers[criterion.quantity] for numbers in (one, other)]
+            numbers = [numbers[criterion.quantity] for numbers in (first, second)]
             if criterion.quantity != FLOW and any(map(math.isnan, numbers)):
                 return None
             if criterion.key(numbers[0]) != criterion.key(numbers[1]):
@@ -113,7 +113,9 @@ class Rule:
 
     def as_object(self) -> dict[str, object]:
         """As plain data, which `read_rule` takes too; an infinite bound is None."""
-        criteria = [{k: v for k, v in asdict(one).items() if v not in (None, "")} for one in self.criteria]
+        criteria = [
+            {k: v for k, v in asdict(criterion).items() if v not in (None, "")} for criterion in self.criteria
+        ]
         bounds = {o.name: [None if math.isinf(b) else b for b in (o.low, o.high)] for o in self.limits}
         return {"name": self.name, "criteria": criteria, "limits": bounds}
 
@@ -179,8 +181,8 @@ class _File(BaseModel):
         return Rule(self.name, self.criteria, tuple(limits))
 
 
-def _bounds(given: tuple[float | None, float | None]) -> tuple[float, float]:
-    low, high = given
+def _bounds(bounds: tuple[float | None, float | None]) -> tuple[float, float]:
+    low, high = bounds
     return -math.inf if low is None else low, math.inf if high is None else high
 
 

@@ -231,16 +231,18 @@ def check_flow(flow: float) -> None:
     field = Crrt.fields()["flow_ml_min"]
     if not field.minimum <= flow <= field.maximum:
         hint = suspected_unit(flow, field.unit, field.typical, (field.minimum, field.maximum))
-        meant = f"; did you mean {hint}?" if hint else ""
-        raise StudyError(f"CRRT flow {flow:g} mL/min; allowed: {field.minimum:g} to {field.maximum:g}{meant}")
+        suggestion = f"; did you mean {hint}?" if hint else ""
+        raise StudyError(
+            f"CRRT flow {flow:g} mL/min; allowed: {field.minimum:g} to {field.maximum:g}{suggestion}"
+        )
 
 
-def crrt_flow(case: Case, wanted: float | None) -> float:
+def crrt_flow(case: Case, requested: float | None) -> float:
     """Blood flow of the CRRT [mL/min]: as asked for, else the case's, else 200."""
-    if wanted is None:
-        wanted = USUAL_FLOW_ML_MIN if case.crrt is None else case.crrt.flow_ml_min
-    check_flow(wanted)
-    return float(wanted)
+    if requested is None:
+        requested = USUAL_FLOW_ML_MIN if case.crrt is None else case.crrt.flow_ml_min
+    check_flow(requested)
+    return float(requested)
 
 
 # --- pump speeds -----------------------------------------------------------------------------------

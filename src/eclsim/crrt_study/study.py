@@ -163,42 +163,42 @@ def crrt_study(
     policies = policies_of(volume_policy or case.blood_volume_policy or BOTH)
     case = with_speed(case, policies[0])[0]
     judged_by = read_rule(rule)
-    own = case_speed(case)
-    rpm = np.unique([*(parse_speeds(speeds) if isinstance(speeds, str) else speeds), own]).astype(float)
+    own_speed = case_speed(case)
+    rpm = np.unique([*(parse_speeds(speeds) if isinstance(speeds, str) else speeds), own_speed]).astype(float)
     flow = crrt_flow(case, crrt_flow_ml_min)
     circuits = study_circuits(without_renox(case), chosen, flow)
     check_quantities(judged_by, crrt_datasets.quantities(circuits))
-    at = np.arange(len(chosen)) * len(rpm) + int(np.flatnonzero(rpm == own)[0])
-    runs, alone = [], []
+    at = np.arange(len(chosen)) * len(rpm) + int(np.flatnonzero(rpm == own_speed)[0])
+    runs, without_crrt = [], []
     for k, policy in enumerate(policies):
         of = f"policy {k + 1} of {len(policies)} ({policy})"
         progress(f"{of}: {len(chosen)} schemes at {len(rpm)} speeds")
         runs.append(circuits.run(rpm, policy, keep=at.tolist()))
-        alone.append(circuits.run_without(rpm, policy))
+        without_crrt.append(circuits.run_without(rpm, policy))
     uptake = None
     if AS_PUBLISHED in policies:
         progress("effects of the schemes split into blood volume and flow")
         first = policies.index(AS_PUBLISHED)
         uptake = split_differences(
-            circuits, runs[first], circuits.run_without(np.array([own]), AS_PUBLISHED), at, own
+            circuits, runs[first], circuits.run_without(np.array([own_speed]), AS_PUBLISHED), at, own_speed
         )
     doubt = None
     if samples:
         progress("samples of the patient's parameters")
-        doubt = uncertainty(circuits, own, policies[0], samples, judged_by.limits)
+        doubt = uncertainty(circuits, own_speed, policies[0], samples, judged_by.limits)
     progress("limits and ranking")
-    means = crrt_datasets.means(circuits, runs, alone, policies, rpm)
-    limits = largest_flows(means, own, judged_by.limits)
+    means = crrt_datasets.means(circuits, runs, without_crrt, policies, rpm)
+    limits = largest_flows(means, own_speed, judged_by.limits)
     ranking = {
-        policy: rank(means.sel(policy=policy, speed=own), limits.sel(policy=policy), chosen, judged_by)
+        policy: rank(means.sel(policy=policy, speed=own_speed), limits.sel(policy=policy), chosen, judged_by)
         for policy in policies
     }
     renox = in_one_housing(case, policies, rpm)
     names = [str(name) for name in means]
-    sentences = [one.sentence for one in assumptions(names, circuits.circuit, circuits.values)]
+    sentences = [assumption.sentence for assumption in assumptions(names, circuits.circuit, circuits.values)]
     sentences += [] if renox is None else renox.attrs["assumed"]
     return CrrtStudy(
-        case, chosen, own, flow, means, crrt_datasets.without(alone, policies, rpm),
+        case, chosen, own_speed, flow, means, crrt_datasets.without(without_crrt, policies, rpm),
         crrt_datasets.waveforms(circuits, runs, policies), summarise(means), limits, uptake, ranking, doubt,
         judged_by, renox, tuple(sentences),
     )  # fmt: skip

@@ -350,13 +350,13 @@ def approximate(posterior: PosteriorDensity, starts: np.ndarray) -> Gaussian:
 def _climb(posterior: PosteriorDensity, start: np.ndarray) -> Gaussian | None:
     z = np.clip(start, -FARTHEST_START, FARTHEST_START)
     evaluator = GradientEvaluator(posterior, z)
-    here = evaluator.linear(z)
-    if here is None:
+    linear = evaluator.linear(z)
+    if linear is None:
         return None
     damping, size = 1e-3, len(z)
-    level = float(posterior.potential(z, here[0]))
+    level = float(posterior.potential(z, linear[0]))
     for _ in range(ITERATIONS):
-        outputs, jacobian = here
+        outputs, jacobian = linear
         scaled = jacobian / posterior.scale[:, None]
         gradient = scaled.T @ ((outputs - posterior.target) / posterior.scale) + z
         curvature = scaled.T @ scaled + np.eye(size)
@@ -367,10 +367,10 @@ def _climb(posterior: PosteriorDensity, start: np.ndarray) -> Gaussian | None:
         trial = evaluator.linear(z + step)
         lower = np.inf if trial is None else float(posterior.potential(z + step, trial[0]))
         if trial is not None and lower < level:
-            z, here, level, damping = z + step, trial, lower, damping / 5.0
+            z, linear, level, damping = z + step, trial, lower, damping / 5.0
         else:
             damping = max(damping * 4.0, 1e-3)
-    outputs, jacobian = here
+    outputs, jacobian = linear
     scaled = jacobian / posterior.scale[:, None]
     covariance = np.linalg.inv(scaled.T @ scaled + np.eye(size))
     return Gaussian(z, covariance, outputs, jacobian, level)

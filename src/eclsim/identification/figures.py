@@ -375,10 +375,10 @@ def _scaled(axis: Axis, name: str, gap: float = 0.2, *, shown: bool = True) -> N
 
 def _histogram(ax: Axes, name: str, values: np.ndarray, gaussian: np.ndarray | None) -> None:
     """Shares of draws, and of those of the Gaussian approximation as a line."""
-    both = [(values, "blue", True)] + ([] if gaussian is None else [(gaussian, "vermillion", False)])
-    every = np.concatenate([drawn for drawn, _, _ in both])
-    edges = _edges(name, every)
-    for drawn, colour, fill in both:
+    histograms = [(values, "blue", True)] + ([] if gaussian is None else [(gaussian, "vermillion", False)])
+    pooled = np.concatenate([drawn for drawn, _, _ in histograms])
+    edges = _edges(name, pooled)
+    for drawn, colour, fill in histograms:
         share = np.histogram(drawn, edges)[0] / len(drawn)
         ax.stairs(share, edges, color=OKABE_ITO[colour], fill=fill, alpha=0.5 if fill else 1.0, linewidth=0.9)
     ax.set_yticks([])
@@ -478,8 +478,8 @@ class TimeAxis:
         margin = 3.0 * self.step if np.ptp(self.at) else 1.0
         ax.set_xlim(self.at.min() - margin, self.at.max() + margin)
         if self.names:
-            every = -(-len(self.names) // MOST_NAMES)
-            chosen = range(0, len(self.names), every)
+            stride = -(-len(self.names) // MOST_NAMES)
+            chosen = range(0, len(self.names), stride)
             ax.xaxis.set_major_locator(FixedLocator([self.at[k] for k in chosen]))
             ax.set_xticklabels([self.names[k] for k in chosen])
         else:
@@ -511,8 +511,8 @@ def plot_outputs(series: Series) -> Figure:
         ax.set_ylabel(f"{name} [{unit_of(name)}]")
 
     fig = _over_time(series, "outputs", "outputs: expected beforehand, measured, and afterwards", draw)
-    every = [zip(*ax.get_legend_handles_labels(), strict=True) for ax in fig.axes]
-    legend = {label: handle for pairs in reversed(every) for handle, label in pairs}
+    entries = [zip(*ax.get_legend_handles_labels(), strict=True) for ax in fig.axes]
+    legend = {label: handle for pairs in reversed(entries) for handle, label in pairs}
     order = dict.fromkeys(label for ax in fig.axes for label in ax.get_legend_handles_labels()[1])
     with figure_style():
         fig.legend([legend[label] for label in order], list(order), loc="outside lower center", ncols=2)
@@ -548,12 +548,14 @@ def _band(
         ax.plot(time.at, middle, "-o", color=OKABE_ITO[colour], linewidth=0.8, markersize=3)
 
 
-def _measured(ax: Axes, time: TimeAxis, held: Sequence[Mapping[str, Any] | None]) -> None:
+def _measured(ax: Axes, time: TimeAxis, measurements: Sequence[Mapping[str, Any] | None]) -> None:
     for usual, colour, marker, label in (
         (True, "black", "D", "measured"),
         (False, "vermillion", "X", "measured, does not fit"),
     ):
-        chosen = {k: h["measured"] for k, h in enumerate(held) if h is not None and h["unusual"] != usual}
+        chosen = {
+            k: h["measured"] for k, h in enumerate(measurements) if h is not None and h["unusual"] != usual
+        }
         at, values = list(chosen), list(chosen.values())
         if at:
             ax.plot(time.at[at] + time.step, values, marker, color=OKABE_ITO[colour], linestyle="",

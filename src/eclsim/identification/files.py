@@ -184,8 +184,8 @@ def _tracked_rows(each: Iterable[tuple[str, Mapping[str, Any]]]) -> Iterable[Seq
     for patient, point in each:
         names = dict.fromkeys([*point["outputs"], *point["measurements"]])
         for name in names:
-            held = point["measurements"].get(name, {})
+            measurement = point["measurements"].get(name, {})
             kinds = (point["forecast"], point["expected"], point["outputs"])
             quantiles = [kind.get(name, {}).get(q) for kind in kinds for q in _QUANTILES]
-            given = [held.get(k) for k in ("measured", "deviation", "unusual", "used")]
-            yield (patient, point["id"], name, *given, *quantiles)
+            columns = [measurement.get(k) for k in ("measured", "deviation", "unusual", "used")]
+            yield (patient, point["id"], name, *columns, *quantiles)

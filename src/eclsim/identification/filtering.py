@@ -104,9 +104,9 @@ class GaussianMixture:
 
     def _drifted(self, drifts: np.ndarray, transport: Transport) -> GaussianMixture:
         """After one step, the drift of z taken to u at each mean."""
-        kept = np.sqrt(1.0 - drifts**2)
+        shares = np.sqrt(1.0 - drifts**2)
         means, covariances = self.means.copy(), self.covariances.copy()
-        for k, (share, drift) in enumerate(zip(kept, drifts, strict=True)):
+        for k, (share, drift) in enumerate(zip(shares, drifts, strict=True)):
             back = np.linalg.inv(transport.jacobian(self.means[k]))
             means[k] += back @ ((share - 1.0) * transport.z_of(self.means[k])[0])
             covariances[k] = share**2 * covariances[k] + drift**2 * back @ back.T
@@ -220,8 +220,8 @@ def _linear_update(
     noise: np.ndarray, used: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Kalman's update of the forecast with a model that is linear around some points."""
-    slope, rest = regression.slope[:, used], regression.rest[:, used][:, :, used]
-    total = slope @ forecast.covariances @ np.swapaxes(slope, 1, 2) + rest + noise
+    slope, residual = regression.slope[:, used], regression.rest[:, used][:, :, used]
+    total = slope @ forecast.covariances @ np.swapaxes(slope, 1, 2) + residual + noise
     gain = np.swapaxes(np.linalg.solve(total, slope @ forecast.covariances), 1, 2)
     expected = regression.mean[:, used] + np.einsum("fop,fp->fo", slope, forecast.means - around)
     means = forecast.means + np.einsum("fpo,fo->fp", gain, measured[used] - expected)
@@ -264,28 +264,28 @@ class InnovationTest:
 
     @classmethod
     def of(
-        cls, values: np.ndarray, scales: np.ndarray, outputs: GaussianMixture, given: np.ndarray
+        cls, values: np.ndarray, scales: np.ndarray, outputs: GaussianMixture, measured: np.ndarray
     ) -> InnovationTest:
         """Hold measurements against the outputs expected.
 
         One output that does not fit, while all others do, is left out of the update: a clotted line is
         likelier than a heart that changed so. Where several do not fit, the patient has changed.
         """
-        total = outputs.covariance + np.diag(np.where(given, scales, 1.0) ** 2)
+        total = outputs.covariance + np.diag(np.where(measured, scales, 1.0) ** 2)
         away = values - outputs.mean
         deviations = away / np.sqrt(np.diag(total))
-        square, probability = _chi_square(away, total, given)
-        unusual = given & (np.abs(np.nan_to_num(deviations)) > np.sqrt(chi2.isf(UNUSUAL_OUTPUT, 1)))
-        left_out = np.zeros_like(given)
-        if probability < UNUSUAL_SERIES and given.sum() > 2:
+        square, probability = _chi_square(away, total, measured)
+        unusual = measured & (np.abs(np.nan_to_num(deviations)) > np.sqrt(chi2.isf(UNUSUAL_OUTPUT, 1)))
+        left_out = np.zeros_like(measured)
+        if probability < UNUSUAL_SERIES and measured.sum() > 2:
             rests = []
-            for k in np.flatnonzero(given):
-                others = given.copy()
+            for k in np.flatnonzero(measured):
+                others = measured.copy()
                 others[k] = False
                 rests.append((_chi_square(away, total, others)[0], k))
-            rest, k = min(rests)
-            by_itself = chi2.sf(square - rest, 1) < UNUSUAL_OUTPUT
-            if by_itself and chi2.sf(rest, given.sum() - 1) > UNUSUAL_SERIES:
+            smallest, k = min(rests)
+            by_itself = chi2.sf(square - smallest, 1) < UNUSUAL_OUTPUT
+            if by_itself and chi2.sf(smallest, measured.sum() - 1) > UNUSUAL_SERIES:
                 unusual[k] = left_out[k] = True
         return cls(deviations, unusual, left_out, square, probability)
 

@@ -307,8 +307,8 @@ def _result(
     fitted = {n: p.value for n, p in parameters.items()}
     fixed = {n: target.model.values[n] for n in settings.names if n not in fitted}
     open_ones = () if case.regulation is None else case.regulation.open_set_points
-    held = {n: target.model.values[n] for n in open_ones}
-    changed = with_values(case, {**fixed, **fitted, **held})
+    set_points = {n: target.model.values[n] for n in open_ones}
+    changed = with_values(case, {**fixed, **fitted, **set_points})
     changed = changed.model_copy(update={"blood_volume_policy": objective.policy})
     reasons = [
         *agreement(target.measured, simulated, goodness, settings.weights), *search(optimum.status),
@@ -421,8 +421,8 @@ def _without_compensated(results: Sequence[FitResult], objective: Objective, box
     ]
     held = held_fits(objective, box, [f.optimum.x for f in results], undetermined)
     judged = []
-    for result, own in zip(results, held, strict=True):
-        moved, followed = own.compensation(result.optimum.x)
+    for result, held_fit in zip(results, held, strict=True):
+        moved, followed = held_fit.compensation(result.optimum.x)
         reasons = {
             name: (
                 f"follows {box.names[followed[k]]}, which the measurements do not determine: with it "

@@ -101,8 +101,8 @@ class Transport:
         shapes = np.zeros((z.shape[1], 4))
         try:
             for k in range(z.shape[1]):
-                rest = _fit_one(k, standard, weights, middles[k], scales[k])
-                shapes[k] = _fit_shape(rest, weights)
+                residuals = _fit_one(k, standard, weights, middles[k], scales[k])
+                shapes[k] = _fit_shape(residuals, weights)
         except np.linalg.LinAlgError:  # draws in a plane: nothing to fit a curve to
             return linear
         return cls(linear.order, centre, linear.spread, middles, scales, shapes)
@@ -150,12 +150,12 @@ def _inverse_sinh_arcsinh(value: np.ndarray, shape: np.ndarray) -> np.ndarray:
     return np.sinh(np.arcsinh((value - location) * np.exp(-log_scale)) * np.exp(-log_tail) - skew)
 
 
-def _fit_shape(rest: np.ndarray, weights: np.ndarray) -> np.ndarray:
+def _fit_shape(residuals: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """g that makes what is left of a variable most nearly standard normal."""
     from scipy.optimize import minimize
 
     def loss(shape: np.ndarray) -> float:
-        u = _inverse_sinh_arcsinh(rest, shape)
+        u = _inverse_sinh_arcsinh(residuals, shape)
         total = weights @ (0.5 * u**2 + _sinh_arcsinh(u, shape, np)[1]) + SHAPE_RIDGE * shape @ shape
         return float(total) if np.isfinite(total) else 1e10
 
@@ -193,27 +193,27 @@ def _fit_one(
     ones = np.ones((len(standard), 1))
     columns = np.concatenate([ones, before, *(p[:, None] for p in products)], axis=1)
     spread_columns = np.concatenate([ones, squashed], axis=1)
-    log_scale, rest, coefficients = np.zeros(len(standard)), standard[:, k], middles
+    log_scale, residuals, coefficients = np.zeros(len(standard)), standard[:, k], middles
     for _ in range(ROUNDS):
         precision = weights * np.exp(-2.0 * log_scale)
         ridge = RIDGE * precision.sum() * np.diag([0.0, *[1.0] * (columns.shape[1] - 1)])
         normal = (columns.T * precision) @ columns + ridge
         coefficients = np.linalg.solve(normal, (columns.T * precision) @ standard[:, k])
-        rest = standard[:, k] - columns @ coefficients
-        _fit_scale(rest, spread_columns, weights, scales[: k + 1])
+        residuals = standard[:, k] - columns @ coefficients
+        _fit_scale(residuals, spread_columns, weights, scales[: k + 1])
         change = LARGEST_LOG_SCALE * np.tanh(spread_columns[:, 1:] @ scales[1 : k + 1] / LARGEST_LOG_SCALE)
         log_scale = scales[0] + change
     middles[: len(coefficients)] = coefficients
-    return rest * np.exp(-log_scale)
+    return residuals * np.exp(-log_scale)
 
 
-def _fit_scale(rest: np.ndarray, columns: np.ndarray, weights: np.ndarray, scales: np.ndarray) -> None:
+def _fit_scale(residuals: np.ndarray, columns: np.ndarray, weights: np.ndarray, scales: np.ndarray) -> None:
     """Newton's method for the logarithm of the spread of what is left, which is a convex problem."""
-    scales[0] = 0.5 * np.log(weights @ rest**2)
+    scales[0] = 0.5 * np.log(weights @ residuals**2)
     scales[1:] = 0.0
     ridge = RIDGE * np.diag([0.0, *[1.0] * (len(scales) - 1)])
     for _ in range(8):
-        square = weights * rest**2 * np.exp(-2.0 * (columns @ scales))
+        square = weights * residuals**2 * np.exp(-2.0 * (columns @ scales))
         gradient = columns.T @ (weights - square) + ridge @ scales
         curvature = 2.0 * (columns.T * square) @ columns + ridge
         step = -np.linalg.solve(curvature, gradient)
@@ -287,8 +287,8 @@ class Jumps:
 
     def refused(self, chain: int, draw: int, log_ratio: float, potential: float) -> bool:
         """Whether a jump from a point of that ratio to the proposal, with its potential, is refused."""
-        there = -potential - self.log_density[chain, draw]
-        return not self.log_chance[chain, draw] + log_ratio - there <= 0.0
+        proposal_ratio = -potential - self.log_density[chain, draw]
+        return not self.log_chance[chain, draw] + log_ratio - proposal_ratio <= 0.0
 
 
 # --- the posterior by weighted draws ----------------------------------------------------------------

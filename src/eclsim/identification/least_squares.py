@@ -174,8 +174,8 @@ class _Search:
         )
 
     def evaluate(self, rows: np.ndarray, x: np.ndarray) -> Evaluation:
-        own, t = self.tangents[rows], self.tolerances
-        tangents = None if any(known is None for known in own) else list(own)
+        known_tangents, t = self.tangents[rows], self.tolerances
+        tangents = None if any(known is None for known in known_tangents) else list(known_tangents)
         return self.problem.evaluate(self.points[rows], x, t.orbits, t.resolution, tangents)
 
     def differentiate(self, evaluation: Evaluation, members: np.ndarray, rows: np.ndarray) -> None:
@@ -320,8 +320,8 @@ def bounded_step(
     for _ in range(len(x)):
         if not free.any():
             break
-        rest = residuals + jacobian[:, ~free] @ step[~free]
-        step[free] = _damped(jacobian[:, free], rest[None], np.array([damping]))[0]
+        remaining = residuals + jacobian[:, ~free] @ step[~free]
+        step[free] = _damped(jacobian[:, free], remaining[None], np.array([damping]))[0]
         over = free & ((step < lower) | (step > upper))
         if not over.any():
             break

@@ -244,8 +244,8 @@ def _explore(
     """Rank sets of parameters for one data point by cost; keep the best share that has a steady beat."""
     evaluation = problem.evaluate(np.full(len(explored), point), explored, EXPLORING, COARSE)
     costs = evaluation.costs
-    kept = max(round(settings.refined_share * len(explored)), 2)
-    order = np.argsort(costs, kind="stable")[:kept]
+    count = max(round(settings.refined_share * len(explored)), 2)
+    order = np.argsort(costs, kind="stable")[:count]
     order = order[np.isfinite(costs[order])]
     shut = int(evaluation.one_of_many.sum())
     dropped = int((~np.isfinite(costs)).sum()) - shut

@@ -186,7 +186,7 @@ class _Sampler:
                 model_kwargs={},
                 rng_key=jax.random.fold_in(jax.random.PRNGKey(settings.seed), chain),
             )
-        draws, kept = [], {name: [] for name in STATISTICS}
+        draws, statistics = [], {name: [] for name in STATISTICS}
         for k in range(settings.warmup + settings.draws):
             moved = self.advance(state, chain)
             state = self._jumped(moved, chain, k)
@@ -196,10 +196,10 @@ class _Sampler:
                     "jumped": state is not moved, "saturated": moved.num_steps >= 2**settings.deepest - 1,
                     "step_size": state.adapt_state.step_size,
                 }  # fmt: skip
-                for name, values in kept.items():
+                for name, values in statistics.items():
                     values.append(np.asarray(of_draw[name] if name in of_draw else getattr(state, name)))
             self._count()
-        return np.stack(draws), {name: np.array(values) for name, values in kept.items()}
+        return np.stack(draws), {name: np.array(values) for name, values in statistics.items()}
 
     def _jumped(self, state: HMCState, chain: int, draw: int) -> HMCState:
         """The sampler's state after a proposed jump, taken or not."""
@@ -226,14 +226,14 @@ def _host_potential(host: HostPotential, chain: jax.Array, z: jax.Array) -> jax.
 
     shapes = jax.ShapeDtypeStruct((), jnp.float64), jax.ShapeDtypeStruct(z.shape, jnp.float64)
 
-    def both(z: jax.Array) -> tuple[jax.Array, jax.Array]:
+    def potential_and_gradient(z: jax.Array) -> tuple[jax.Array, jax.Array]:
         return jax.pure_callback(host, shapes, chain, z)
 
     @jax.custom_vjp
     def value(z: jax.Array) -> jax.Array:
-        return both(z)[0]
+        return potential_and_gradient(z)[0]
 
-    value.defvjp(both, lambda gradient, weight: (weight * gradient,))
+    value.defvjp(potential_and_gradient, lambda gradient, weight: (weight * gradient,))
     return value(z)
 
 

@@ -310,9 +310,9 @@ def posterior(
 
 def density_of(fit: FitResult, settings: PosteriorSettings) -> PosteriorDensity:
     """The posterior density of a fitted data point's parameters."""
-    given = fit.settings.uncertainties if settings.uncertainties is None else settings.uncertainties
+    uncertainties = fit.settings.uncertainties if settings.uncertainties is None else settings.uncertainties
     policy = settings.volume_policy or fit.case.volume_policy
-    errors = measurement_errors(fit.measured, given)
+    errors = measurement_errors(fit.measured, uncertainties)
     return PosteriorDensity(
         model_of(fit.case), dict(fit.measured), errors, Prior.within(fit.box, settings.prior), policy
     )

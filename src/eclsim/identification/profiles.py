@@ -193,7 +193,7 @@ def held_fits(
     scale = np.where(problem.weights > 0.0, np.maximum(np.abs(optimal), 1e-3), np.inf)
     change = np.max(np.abs(refined.outputs - optimal[points]) / scale[points], axis=1)
     each = [points == k for k in range(len(plans))]
-    return [HeldFits(held[own], refined.x[own], change[own]) for own in each]
+    return [HeldFits(held[members], refined.x[members], change[members]) for members in each]
 
 
 def held_values(x: np.ndarray, box: Box, chosen: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
@@ -231,8 +231,8 @@ def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles]:
     likelihood = Objective(
         [Target(target.model, target.measured, fit.uncertainties)], fit.box.names, fit.objective.policy
     )
-    one = np.zeros(1, dtype=int)
-    best = refine(likelihood, one, fit.optimum.x[None], fit.box, replace(REFITTING, resolution=1))
+    point = np.zeros(1, dtype=int)
+    best = refine(likelihood, point, fit.optimum.x[None], fit.box, replace(REFITTING, resolution=1))
     scaled = best.jacobians[0] * likelihood.weights[0][:, None]
     spread = fit.box.covariance(scaled)
     further = best.x[0][:, None] + np.outer(np.sqrt(np.diag(spread)), STANDARD_STEPS)

@@ -136,12 +136,12 @@ def measured_and_simulated(results: Sequence[Mapping[str, Any]], names: Sequence
 
 
 def measurement_errors(
-    measured: Mapping[str, float], given: Mapping[str, Uncertainty] | None = None
+    measured: Mapping[str, float], uncertainties: Mapping[str, Uncertainty] | None = None
 ) -> dict[str, float]:
     """Standard uncertainty of each measurement, in its unit.
 
     Args:
         measured: values [mmHg, L/min].
-        given: uncertainties that differ from the defaults.
+        uncertainties: uncertainties that differ from the defaults.
     """
-    return standard_uncertainties(measured, {**DEFAULTS, **(given or {})})
+    return standard_uncertainties(measured, {**DEFAULTS, **(uncertainties or {})})

@@ -277,10 +277,12 @@ def _about(case: Case) -> str:
     """The patient, and every device with the keys of its section."""
     patient = case.patient
     lines = [f"{patient.sex}, {patient.age_years:g} years, {patient.heart_rate_bpm:g} beats/min"]
-    for one in case.instances():
-        written = one.section.model_dump(exclude_none=True)
+    for instance in case.instances():
+        written = instance.section.model_dump(exclude_none=True)
         keys = (f"{key} {_written(value)}" for key, value in written.items())
-        lines.append(f"{one.device.name}{f' ({one.name})' if one.name else ''}: {', '.join(keys)}")
+        lines.append(
+            f"{instance.device.name}{f' ({instance.name})' if instance.name else ''}: {', '.join(keys)}"
+        )
     return ". ".join(lines) + "."
 
 
@@ -309,8 +311,8 @@ def _parameters_table(point: Data, posterior: Data | None) -> Table:
     rows = []
     for name, p in point["parameters"].items():
         known = quantity(name)
-        words = name if known is None else f"{name}: {known.description}"
-        row = [words, unit_of_parameter(name), number(p["value"])]
+        label = name if known is None else f"{name}: {known.description}"
+        row = [label, unit_of_parameter(name), number(p["value"])]
         low, high = p["profile"] or (None, None)
         row += [interval(p["lower"], p["upper"]), *[interval(low, high)] * profiled]
         if after:
@@ -472,13 +474,13 @@ def _state(points: Sequence[Data]) -> list[str]:
 def _tracked_outputs(point: Data) -> Table:
     rows = []
     for name in dict.fromkeys([*point["outputs"], *point["measurements"]]):
-        held = point["measurements"].get(name, {})
-        off = held.get("deviation")
-        unusual = "unusual" if held.get("unusual") else ""
+        measurement = point["measurements"].get(name, {})
+        off = measurement.get("deviation")
+        unusual = "unusual" if measurement.get("unusual") else ""
         rows.append(
-            (f"{name} [{unit_of(name)}]", number(held.get("measured")), _range(point["expected"].get(name)),
-             MISSING if off is None else f"{off:+.1f}", _median(point["outputs"].get(name)),
-             unusual if held.get("used", True) else "not used")
+            (f"{name} [{unit_of(name)}]", number(measurement.get("measured")),
+             _range(point["expected"].get(name)), MISSING if off is None else f"{off:+.1f}",
+             _median(point["outputs"].get(name)), unusual if measurement.get("used", True) else "not used")
         )  # fmt: skip
     head = ("Output", "Measured", "Expected", "Deviation [SD]", "Model afterwards", "Remark")
     return Table(head, rows, numeric=(1, 2, 3, 4))

@@ -47,8 +47,8 @@ def read_samples(path: str | Path) -> dict[str, list[float]]:
         for name in head
         if name not in OPEN and quantity(name) is None
     ]
-    twice = sorted({n for n in head if head.count(n) > 1})
-    mistakes += [f"{path}: column {name} is there twice" for name in twice]
+    repeated = sorted({n for n in head if head.count(n) > 1})
+    mistakes += [f"{path}: column {name} is there twice" for name in repeated]
     values = []
     for line, cells in rows:
         if len(cells) != len(head):
@@ -59,8 +59,8 @@ def read_samples(path: str | Path) -> dict[str, list[float]]:
     if mistakes:
         more = len(mistakes) - MOST_MISTAKES
         raise SamplesError("; ".join(mistakes[:MOST_MISTAKES]) + (f"; and {more} more" if more > 0 else ""))
-    kept = values[:: math.ceil(len(values) / MOST)]
-    return {name: [row[k] for row in kept] for k, name in enumerate(head)}
+    thinned = values[:: math.ceil(len(values) / MOST)]
+    return {name: [row[k] for row in thinned] for k, name in enumerate(head)}
 
 
 _Rows = Sequence[tuple[int, Sequence[str]]]

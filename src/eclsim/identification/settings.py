@@ -100,13 +100,13 @@ def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
     """Targets and bounds of a case, checked, with everything there is to say."""
     # What a case leaves open and follows from the patient's body surface.
     defaults = {} if case.gas is None else {VO2: oxygen_consumption(*height_weight(case.patient))}
-    wanted = {name: _bounds(name, case, settings.bounds, defaults) for name in settings.names}
-    checked = check_fit(case, wanted)
+    limits = {name: _bounds(name, case, settings.bounds, defaults) for name in settings.names}
+    checked = check_fit(case, limits)
     read = parameters_read(circuit_of(case))
     for name in [*checked.free, *checked.fixed]:
         if name not in read:
             checked.wrong(name, "not read by the circuit of this case, so it cannot be fitted")
-        elif wanted[name][1] <= 0.0 and not Scale.of([name]).linear[0]:
+        elif limits[name][1] <= 0.0 and not Scale.of([name]).linear[0]:
             checked.wrong(name, "is sought on a logarithmic scale: its lower bound must be above 0")
     for name in settings.bounds:
         if name not in settings.names:
@@ -129,11 +129,11 @@ def check_fit(case: Case, bounds: Mapping[str, tuple[float, float, float]]) -> C
             such as `eclsim.parameters.thiel2025.BOUNDS`.
     """
     checked = CheckedFit()
-    for one, target in case.targets():
-        allowed = f"{one.key}.{target.setting} in its place; a measured pump flow is measurements.PF"
+    for instance, target in case.targets():
+        allowed = f"{instance.key}.{target.setting} in its place; a measured pump flow is measurements.PF"
         message = "a target, while a fit needs the speed that the pump ran at"
-        value = shown(getattr(one.section, target.key))
-        checked.wrong(f"{one.key}.{target.key}", message, value, allowed)
+        value = shown(getattr(instance.section, target.key))
+        checked.wrong(f"{instance.key}.{target.key}", message, value, allowed)
     known = output_names(circuit_of(case))
     for name in OUTPUTS:
         value = getattr(case.measurements, name, None)
@@ -177,14 +177,14 @@ def _check_bounds(key: str, limits: tuple[float, float, float], checked: Checked
         checked.free[key] = (start, lower, upper)
 
 
-def common_policy(cases: Sequence[Case], wanted: str | None = None) -> str:
+def common_policy(cases: Sequence[Case], chosen: str | None = None) -> str:
     """The blood volume policy that cases are fitted with together: the one wanted, else their own.
 
     Raises:
         CaseError: The cases say different things.
     """
-    if wanted is not None:
-        return wanted
+    if chosen is not None:
+        return chosen
     policies = {case.volume_policy: case.patient.id for case in cases}
     if len(policies) > 1:
         each = ", ".join(f"{policy} in {name}" for policy, name in policies.items())
@@ -205,7 +205,7 @@ def unmeasured_uncertainties(cases: Iterable[Case], settings: FitSettings) -> li
 
 
 def _bounds(
-    name: str, case: Case, given: Mapping[str, tuple[float, float]], defaults: Mapping[str, float]
+    name: str, case: Case, bounds: Mapping[str, tuple[float, float]], defaults: Mapping[str, float]
 ) -> tuple[float, float, float]:
     """Start value, lower and upper bound; a case's own value is the start where it is inside the bounds."""
     known = quantity(name)
@@ -220,8 +220,8 @@ def _bounds(
         lower, upper = max(start / WIDE, known.minimum), min(start * WIDE, known.maximum)
     value = stated(case, name)
     value = defaults.get(name, start) if value is None else value
-    if name in given:
-        lower, upper = given[name]
+    if name in bounds:
+        lower, upper = bounds[name]
         middle = (lower * upper) ** 0.5 if 0.0 < lower <= upper else 0.5 * (lower + upper)
         start = start if lower <= start <= upper else middle
     if lower > upper:

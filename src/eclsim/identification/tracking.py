@@ -78,9 +78,9 @@ class TrackSettings:
     def as_object(self) -> dict[str, Any]:
         """As plain data for JSON."""
         of_fit = self.fit.as_object()
-        kept = ("parameters", "bounds", "uncertainties", "blood_volume_policy")
+        fit_keys = ("parameters", "bounds", "uncertainties", "blood_volume_policy")
         return {
-            **{name: of_fit[name] for name in kept},
+            **{name: of_fit[name] for name in fit_keys},
             "prior": self.prior, "drifts": list(self.drifts), "seed": self.seed,
         }  # fmt: skip
 
@@ -182,7 +182,7 @@ class TrackResult:
 
         def intervals(each: Sequence[Mapping[str, Interval]], names: Sequence[str]) -> np.ndarray:
             nothing = Interval(np.nan, np.nan, np.nan)
-            result = [[own.get(n, nothing) for n in names] for own in each]
+            result = [[by_name.get(n, nothing) for n in names] for by_name in each]
             return np.array([[(i.lower, i.median, i.upper) for i in row] for row in result])
 
         def of_measured(attribute: str) -> np.ndarray:
@@ -341,18 +341,18 @@ class Tracker:
         u, _ = transport.u_of(weighted.z)
         mean = weights @ u
         covariance = ((u - mean).T * weights) @ (u - mean)
-        one = GaussianMixture(np.ones(1), mean[None], covariance[None])
+        gaussian_state = GaussianMixture(np.ones(1), mean[None], covariance[None])
         count = len(self.drifts)
         state = GaussianMixture(
             np.full(count, 1.0 / count), np.tile(mean, (count, 1)), np.tile(covariance, (count, 1, 1))
         )
         self.estimate = _Estimate(prior, transport, state)
         self._starts[model.circuit] = density.numbers(transport.z_of(mean)[0])
-        names, _, regression = self._regression(replace(self.estimate, state=one), model)
+        names, _, regression = self._regression(replace(self.estimate, state=gaussian_state), model)
         verdict = _verdict(density, gaussian)
         return TrackedPoint(
             name, {n: Innovation(v) for n, v in measured.items()}, self.estimate.parameters(settings.seed),
-            _intervals(names, regression.outputs(one)), self._drift(state), verdict=verdict,
+            _intervals(names, regression.outputs(gaussian_state)), self._drift(state), verdict=verdict,
             message=_doubt(verdict, weighted, power),
         )  # fmt: skip
 
@@ -365,15 +365,15 @@ class Tracker:
         errors = self._errors(measured)
         values = np.array([measured.get(n, np.nan) for n in names])
         scales = np.array([errors.get(n, np.inf) for n in names])
-        given = np.isfinite(values)
-        test = InnovationTest.of(values, scales, outputs, given)
-        used = given & ~test.left_out
+        available = np.isfinite(values)
+        test = InnovationTest.of(values, scales, outputs, available)
+        used = available & ~test.left_out
         state = updated(simulate, forecast.state, first, values, scales, used)
         self.estimate = replace(forecast, state=state)
         innovations = {
             n: Innovation(float(values[k]), float(test.deviations[k]), bool(test.unusual[k]), bool(used[k]))
             for k, n in enumerate(names)
-            if given[k]
+            if available[k]
         }
         # Outputs after the update, to first order in what the update moved.
         means = first.mean + np.einsum("fop,fp->fo", first.slope, state.means - forecast.state.means)

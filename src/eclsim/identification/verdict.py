@@ -118,8 +118,8 @@ class FitVerdict:
 
     def with_reasons(self, more: Iterable[Reason]) -> FitVerdict:
         """The verdict when more is known."""
-        every = dict.fromkeys([*self.reasons, *more])
-        return replace(self, reasons=tuple(sorted(every, key=lambda r: -_ORDER.index(r.level))))
+        reasons = dict.fromkeys([*self.reasons, *more])
+        return replace(self, reasons=tuple(sorted(reasons, key=lambda r: -_ORDER.index(r.level))))
 
     def as_object(self) -> dict[str, Any]:
         """As plain data for JSON."""
@@ -282,24 +282,25 @@ def interval_agreement(
     """
     reasons = []
     for name, estimate in fitted.items():
-        its = other.get(name)
-        if its is None or not estimate["identifiable"] or None in (its["lower"], its["upper"]):
+        interval = other.get(name)
+        if interval is None or not estimate["identifiable"] or None in (interval["lower"], interval["upper"]):
             continue
         level, verdict = Level.DOUBTFUL, ""
-        if estimate["upper"] < its["lower"] or its["upper"] < estimate["lower"]:
+        if estimate["upper"] < interval["lower"] or interval["upper"] < estimate["lower"]:
             level = Level.POOR
             verdict = (
                 "they exclude each other, so take neither; the measurements contradict the model, or the "
                 "weights decide the fit (--weights uncertainty)"
             )
-        elif not its["lower"] <= estimate["value"] <= its["upper"]:
+        elif not interval["lower"] <= estimate["value"] <= interval["upper"]:
             verdict = f"the fitted value {estimate['value']:.3g} is outside of the latter"
-        elif not 1.0 / UNLIKE_WIDTH <= _width(name, its) / _width(name, estimate) <= UNLIKE_WIDTH:
+        elif not 1.0 / UNLIKE_WIDTH <= _width(name, interval) / _width(name, estimate) <= UNLIKE_WIDTH:
             verdict = "take the wider of the two"
         if verdict:
             sentence = (
                 f"{name}: 90 % interval {estimate['lower']:.3g} to {estimate['upper']:.3g} by the Gaussian "
-                f"approximation, {its['lower']:.3g} to {its['upper']:.3g} by the {source}: {verdict}"
+                f"approximation, {interval['lower']:.3g} to {interval['upper']:.3g} by the "
+                f"{source}: {verdict}"
             )
             reasons.append(Reason(Aspect.INTERVALS, level, name, sentence))
     return reasons

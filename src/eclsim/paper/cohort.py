@@ -90,15 +90,15 @@ def reproduce_cohort(
 
 
 def _table_1(reading: CohortReading, synthetic: bool) -> list[Row]:
-    why = "the clinical data are not published: the cohort is synthetic" if synthetic else "another cohort"
+    reason = "the clinical data are not published: the cohort is synthetic" if synthetic else "another cohort"
     rows = []
     for name, printed in TABLE_1.items():
         values = [v for p in reading.points if (v := getattr(p.case.measurements, name, None)) is not None]
         result = (np.median(values), min(values), max(values)) if values else (np.nan,) * 3
         rows += [
-            printed_number("Table 1", f"{name}, {words}", UNITS.get(name, "mmHg"), paper, float(ours),
-                           decimals=1, reason=why, other_data=True)
-            for words, paper, ours in zip(("median", "smallest", "largest"), printed, result, strict=True)
+            printed_number("Table 1", f"{name}, {statistic}", UNITS.get(name, "mmHg"), paper, float(ours),
+                           decimals=1, reason=reason, other_data=True)
+            for statistic, paper, ours in zip(("median", "smallest", "largest"), printed, result, strict=True)
         ]  # fmt: skip
     return rows
 

@@ -196,10 +196,12 @@ def printed_number(
     return replace(row, decimals=max(decimals, 0), other_data=other_data)
 
 
-def statement(section: str, words: str, holds: bool, reason: str = "", explained: bool | None = None) -> Row:
+def statement(
+    section: str, sentence: str, holds: bool, reason: str = "", explained: bool | None = None
+) -> Row:
     """A statement of a paper's text: whether it holds for ours."""
     result = None if explained is None else float(explained)
-    return printed_number(section, words, YES_NO, 1.0, float(holds), explained=result, reason=reason)
+    return printed_number(section, sentence, YES_NO, 1.0, float(holds), explained=result, reason=reason)
 
 
 @dataclass(frozen=True)

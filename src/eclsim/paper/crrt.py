@@ -152,9 +152,9 @@ def _on_grid(case: Case, printed: list[Printed]) -> np.ndarray:
     data = {name: (dims, value(records, name).reshape(shape)) for name in SUMMARISED}
     coordinates = {"scheme": [s.letter for s in circuits.schemes], "speed": speeds}
     summary = summarise(xr.Dataset(data, coordinates))
-    what = [p.what for p in printed if isinstance(p.what, OverSchemes)]
-    surfaces = [summary[f"{w.quantity}_{w.statistic}"].sel(speed=w.speed) for w in what]
-    return np.stack([one.transpose("rate", "volume").values for one in surfaces], axis=-1)
+    definitions = [p.what for p in printed if isinstance(p.what, OverSchemes)]
+    surfaces = [summary[f"{w.quantity}_{w.statistic}"].sel(speed=w.speed) for w in definitions]
+    return np.stack([surface.transpose("rate", "volume").values for surface in surfaces], axis=-1)
 
 
 # --- the numbers of sections 3.3 and 4 --------------------------------------------------------------
@@ -185,8 +185,8 @@ def reproduce_crrt(progress: Callable[[str], None] = lambda _: None) -> CrrtComp
     progress("blood volume and heart rate of the paper's patient")
     unstated = search_unstated()
     studies = []
-    for words, case in (("as assumed", paper_case()), ("as found", explained_case(unstated))):
-        progress(f"CRRT study of the paper's patient, {words}")
+    for label, case in (("as assumed", paper_case()), ("as found", explained_case(unstated))):
+        progress(f"CRRT study of the paper's patient, {label}")
         studies.append(crrt_study(case, volume_policy=AS_PUBLISHED))
     study, explained = studies
     rows = [_row(printed, study, explained, unstated) for printed in TEXT]
@@ -225,11 +225,11 @@ def compute(printed: Printed, study: CrrtStudy) -> float:
 
 def _lowest_alarm(study: CrrtStudy, name: str) -> float:
     """Smallest ECMO flow at which a scheme reaches a low alarm [L/min]."""
-    (limit,) = (one for one in LIMITS if one.name == name)
+    (limit,) = (candidate for candidate in LIMITS if candidate.name == name)
     result = []
     for letter in study.means["scheme"].values:
-        one = study.means.sel(policy=AS_PUBLISHED, scheme=letter)
-        pressure, flow = one[limit.quantity].values, one["PF"].values
+        candidate = study.means.sel(policy=AS_PUBLISHED, scheme=letter)
+        pressure, flow = candidate[limit.quantity].values, candidate["PF"].values
         if pressure.min() < limit.low:
             result.append(float(np.interp(-limit.low, -pressure, flow)))
     return min(result, default=np.nan)
@@ -238,8 +238,8 @@ def _lowest_alarm(study: CrrtStudy, name: str) -> float:
 def _needed_median(printed: Printed, explained: CrrtStudy) -> str:
     """How much the median would have to be off for the printed percentage."""
     assert isinstance(printed.what, OverSchemes)
-    one = explained.summary.sel(policy=AS_PUBLISHED, speed=printed.what.speed)
-    median, variation = (float(one[f"{printed.what.quantity}_{w}"]) for w in ("median", "variation"))
+    summary = explained.summary.sel(policy=AS_PUBLISHED, speed=printed.what.speed)
+    median, variation = (float(summary[f"{printed.what.quantity}_{w}"]) for w in ("median", "variation"))
     needed = 100.0 * variation / printed.value - abs(median)
     return f": a median {abs(needed):.3f} mmHg {'larger' if needed > 0.0 else 'smaller'} gives it"
 

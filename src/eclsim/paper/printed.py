@@ -86,12 +86,12 @@ def _section(
         for statistic, value in zip((MEDIAN, VARIATION, PERCENT), values, strict=True):
             if value is None:
                 continue
-            words = f"{QUANTITIES[name]}, {statistic.replace('_percent', ' relative')}"
+            description = f"{QUANTITIES[name]}, {statistic.replace('_percent', ' relative')}"
             unit = "%" if statistic == PERCENT else units.get(name, "mmHg")
             places = (decimals or {}).get((name, statistic), 1)
             remark = NEAR_ZERO if statistic == PERCENT and (name, speed) in _NEAR_ZERO else ""
-            what = OverSchemes(name, statistic, speed)
-            result.append(Printed(f"3.3, {where}", words, value, unit, places, what, remark))
+            definition = OverSchemes(name, statistic, speed)
+            result.append(Printed(f"3.3, {where}", description, value, unit, places, definition, remark))
     return result
 
 
@@ -122,15 +122,17 @@ _WU = "clinical mean of other patients on other circuits; the paper's own model 
 
 def _pressure(section: str, name: str, value: float, scheme: str, remark: str = "") -> Printed:
     measured = remark is _WU
-    words = QUANTITIES[name] + (", measured" if measured else "")
-    what = OfScheme(name, scheme, AT_CASE)
-    return Printed(section, words, value, "mmHg", 0, what, remark, measured)
+    description = QUANTITIES[name] + (", measured" if measured else "")
+    definition = OfScheme(name, scheme, AT_CASE)
+    return Printed(section, description, value, "mmHg", 0, definition, remark, measured)
 
 
 def _flow(
-    section: str, words: str, value: float, decimals: int, what: FlowAtLimit, remark: str = ""
+    section: str, condition: str, value: float, decimals: int, definition: FlowAtLimit, remark: str = ""
 ) -> Printed:
-    return Printed(section, f"ECMO flow {words}", value, "L/min", decimals, what, remark, remark is _XU)
+    return Printed(
+        section, f"ECMO flow {condition}", value, "L/min", decimals, definition, remark, remark is _XU
+    )
 
 
 SECTION_4 = (

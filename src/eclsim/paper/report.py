@@ -217,8 +217,8 @@ _FACTORS = {
 
 def _readable(finished: SensitivityResult) -> SensitivityResult:
     """The analysis with its factors in words that fit under a column."""
-    words = tuple(_FACTORS.get(name, name) for name in finished.indices.factors)
-    return replace(finished, indices=replace(finished.indices, factors=words))
+    labels = tuple(_FACTORS.get(name, name) for name in finished.indices.factors)
+    return replace(finished, indices=replace(finished.indices, factors=labels))
 
 
 def _sobol_figure(name: str, finished: SensitivityResult) -> Figure:

@@ -90,14 +90,14 @@ def reproduce_circulation(
     """
 
     def run(name: str, case: Case, state: str = "") -> SensitivityResult:
-        words = f"sensitivity, {name}" + (f", {state}" if state else "")
+        label = f"sensitivity, {name}" + (f", {state}" if state else "")
         values = state_values(model_of(case), state) if state else None
         return sensitivity(
             case,
             settings=SobolSettings(samples=samples, second_order=False, values=values),
             folder=folder / f"{name}{'_' if state else ''}{state}",
             distribution=executor,
-            progress=lambda p: progress(f"{words}: {p.done} of {p.total} blocks"),
+            progress=lambda p: progress(f"{label}: {p.done} of {p.total} blocks"),
         )
 
     woman, man = healthy_parameters_case(False), healthy_parameters_case(True)
@@ -134,7 +134,7 @@ def _statements(
 ) -> list[Row]:
     first, second = assumed.indices, average.indices
     runs = SAMPLES * (2 * len(CARDIOVASCULAR) + 2)
-    union = {name for one in states.values() for name in one.indices.union()}
+    union = {name for analysis in states.values() for name in analysis.indices.union()}
     more = ", ".join(sorted(union - set(TABLE_2)))
     messages = (
         ("3.1", "Csart acts on SP and DP more than on the others",
@@ -149,8 +149,10 @@ def _statements(
          lambda i: list(i.sums)[: len(TABLE_2)] == list(TABLE_2)),
         ("3.1, Figure S-3", "parameters act independently (total less first order below 0.05)", _additive),
     )  # fmt: skip
-    why, lacking = "start values are not printed", _lacking(first)
-    rows = [statement(where, words, holds(first), why, holds(second)) for where, words, holds in messages]
+    reason, lacking = "start values are not printed", _lacking(first)
+    rows = [
+        statement(where, sentence, holds(first), reason, holds(second)) for where, sentence, holds in messages
+    ]
     return [
         printed_number("2.3", "runs at N = 2048 for 24 parameters", "1", RUNS, runs),
         statement("3.1", "Rmc and Emaxlv are among those that make up 90 % of every output", not lacking,
@@ -294,7 +296,9 @@ def position_rows(designed: SensitivityResult, drawn: SensitivityResult) -> list
         ("4", "the strongest pair is that of both positions, or resistances and pump speed", _strongest_pair),
         ("4", "that pair is beyond its 95 % interval and above 0.05 for MPAP or CO", _strong_pair),
     )
-    rows = [statement(where, words, holds(ours), _DRAWN, holds(theirs)) for where, words, holds in messages]
+    rows = [
+        statement(where, sentence, holds(ours), _DRAWN, holds(theirs)) for where, sentence, holds in messages
+    ]
     rows = [row.because(_NEITHER) if row.verdict is Verdict.DIFFERS else row for row in rows]
     return rows + _ranges(designed, drawn)
 
@@ -304,10 +308,10 @@ def _ranges(designed: SensitivityResult, drawn: SensitivityResult) -> list[Row]:
     rows = []
     for name, unit, low, high, decimals in (("MAP", "mmHg", 50.0, 100.0, -1), ("PF", "L/min", 2.0, 5.0, 0)):
         k = designed.indices.outputs.index(name)
-        for words, printed, choose in (("smallest", low, np.min), ("largest", high, np.max)):
+        for label, printed, choose in (("smallest", low, np.min), ("largest", high, np.max)):
             ours, other = (float(choose(f.values[:, :, k])) for f in (designed, drawn))
             rows.append(
-                printed_number("3.3, Figure S-6", f"{words} {name} of the samples", unit, printed, ours,
+                printed_number("3.3, Figure S-6", f"{label} {name} of the samples", unit, printed, ours,
                                decimals=decimals, explained=other, reason="printed in round numbers")
             )  # fmt: skip
     return rows
@@ -347,7 +351,7 @@ def _pairs(indices: Indices, output: str) -> list[tuple[float, float, frozenset[
         (float(e.S2[k, i, j]), float(e.S2_conf[k, i, j]), frozenset((indices.factors[i], indices.factors[j])))
         for i, j in zip(*np.triu_indices(len(indices.factors), 1), strict=True)
     ]
-    return sorted(result, key=lambda one: -one[0])
+    return sorted(result, key=lambda pair: -pair[0])
 
 
 _NAMED = (frozenset((ACCESS, RETURN)), frozenset(("R", SPEED)))

@@ -137,17 +137,17 @@ CONNECTIONS = {
 
 def naming_at(place: str) -> Naming | None:
     """The instance of a device that a compartment or connection belongs to; None for the patient's."""
-    key, _, rest = place.partition(".")
-    if rest:
-        return naming_of(f"{key}.{rest.partition('.')[0]}")
-    return next((one for one in map(Naming, devices().values()) if one.device_place(place)), None)
+    key, _, local = place.partition(".")
+    if local:
+        return naming_of(f"{key}.{local.partition('.')[0]}")
+    return next((naming for naming in map(Naming, devices().values()) if naming.device_place(place)), None)
 
 
 def instances_at(places: Iterable[str]) -> list[Naming]:
     """The instances of devices that compartments or connections belong to, in the order of the registry."""
-    result = {one.key: one for place in places if (one := naming_at(place)) is not None}
+    result = {naming.key: naming for place in places if (naming := naming_at(place)) is not None}
     order = list(devices())
-    return sorted(result.values(), key=lambda one: order.index(one.device.key))
+    return sorted(result.values(), key=lambda naming: order.index(naming.device.key))
 
 
 def place_words(signal: str) -> str:

@@ -223,10 +223,10 @@ def plan_of(circuit: Circuit) -> Plan:
     instances = instances_in(circuit)
     groups = {c.name: c.group for c in circuit.compartments}
     for names in reversed(instances):
-        own = [c.name for c in circuit.compartments if c.group == names.key]
-        if own:
+        members = [c.name for c in circuit.compartments if c.group == names.key]
+        if members:
             plan.frames[names.key] = f"{names.device.name} circuit {names.name}".strip()
-            plan.places |= _device_places(names, own)
+            plan.places |= _device_places(names, members)
     known = {name: place for name, place in PATIENT_PLACES.items() if name in groups}
     if known:
         plan.frames[PATIENT] = "Patient"
@@ -264,14 +264,14 @@ def _add(plan: Plan, connection: Connection, names: Naming | None, groups: Mappi
             plan.others.append(name)
         return
     mark = _mark(names, connection)
-    own = [end for end in (source, target) if groups.get(end) == names.key]
-    site = next((end for end in (source, target) if end not in own), "")
-    if len(own) == 2 and _neighbours(plan, source, target):
+    inside = [end for end in (source, target) if groups.get(end) == names.key]
+    site = next((end for end in (source, target) if end not in inside), "")
+    if len(inside) == 2 and _neighbours(plan, source, target):
         plan.wires.append(Wire(name, source, target, mark))
-    elif len(own) == 1 and site in plan.places and _can_leave(plan, own[0], site):
-        port = sum(line.node == own[0] for line in plan.lines)
-        plan.lines.append(Attachment(name, site, own[0], names.key, target in own, mark, port))
-    elif not own and source != target and {source, target} <= set(PATIENT_PLACES) & set(plan.places):
+    elif len(inside) == 1 and site in plan.places and _can_leave(plan, inside[0], site):
+        port = sum(line.node == inside[0] for line in plan.lines)
+        plan.lines.append(Attachment(name, site, inside[0], names.key, target in inside, mark, port))
+    elif not inside and source != target and {source, target} <= set(PATIENT_PLACES) & set(plan.places):
         plan.bridges.append(Bridge(name, source, target, mark))
     else:
         plan.others.append(name)
@@ -279,10 +279,10 @@ def _add(plan: Plan, connection: Connection, names: Naming | None, groups: Mappi
 
 def _device_places(names: Naming, compartments: Sequence[str]) -> dict[str, BoxPosition]:
     """Places of a device's compartments: its own, or in flow direction."""
-    own = {name: names.device_place(name) or name for name in compartments}
-    boxes = {name: names.device.boxes.get(own[name]) for name in compartments}
+    places = {name: names.device_place(name) or name for name in compartments}
+    boxes = {name: names.device.boxes.get(places[name]) for name in compartments}
     if any(box is None for box in boxes.values()):
-        labels = [names.device.compartments.get(own[name], own[name]) for name in compartments]
+        labels = [names.device.compartments.get(places[name], places[name]) for name in compartments]
         capitalised = [text[:1].upper() + text[1:] for text in labels]
         boxes = dict(zip(compartments, _in_flow_direction(capitalised), strict=True))
     result = {}
@@ -308,12 +308,12 @@ def _in_flow_direction(labels: Sequence[str]) -> list[Box]:
 
 def _mark(names: Naming, connection: Connection) -> Mark:
     """How a connection of a device is marked, the name of a named instance behind its words."""
-    own = names.device_place(connection.name) or connection.name
+    place = names.device_place(connection.name) or connection.name
     law = connection.component
     symbol = "roller" if law.given_flow else "valve" if law.one_way else "tube"
-    mark = names.device.marks.get(own) or Mark(symbol, names.device.connections.get(own, own))
-    alone = not names.device.compartments
-    label = f"{mark.label} {names.name}".strip() if alone else mark.label
+    mark = names.device.marks.get(place) or Mark(symbol, names.device.connections.get(place, place))
+    single = not names.device.compartments
+    label = f"{mark.label} {names.name}".strip() if single else mark.label
     return Mark("roller" if law.given_flow else mark.symbol, label)
 
 

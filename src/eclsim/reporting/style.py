@@ -253,8 +253,8 @@ class PlainLogLocator(Locator):
             return []
         decades = 10.0 ** np.arange(np.floor(np.log10(vmin)), np.ceil(np.log10(vmax)) + 1.0)
         for digits in _STEPS:
-            every = np.sort(np.outer(decades, digits).ravel())
-            chosen = self._apart(every[(every >= vmin) & (every <= vmax)], vmin, vmax)
+            ticks = np.sort(np.outer(decades, digits).ravel())
+            chosen = self._apart(ticks[(ticks >= vmin) & (ticks <= vmax)], vmin, vmax)
             if len(chosen) >= self.fewest:
                 return chosen
         even = np.array(MaxNLocator(4).tick_values(vmin, vmax))

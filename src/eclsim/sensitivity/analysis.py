@@ -168,13 +168,13 @@ def run_analysis(
         progress: called after every block.
     """
     started = time.perf_counter()
-    store, whole = plan.folder(folder), plan.design
+    store, design = plan.folder(folder), plan.design
     store.open(executor)
     executor.run_shard(plan.tasks, store, folder, progress)
-    for rows in _stages(whole, until):
-        blocks = range(rows // whole.rows_per_block)
+    for rows in _stages(design, until):
+        blocks = range(rows // design.rows_per_block)
         run_tasks(plan.tasks, store, blocks, executor.run, progress)
-        result = conclude(replace(whole, samples=rows), plan.evaluator.outputs, store.load(blocks))
+        result = conclude(replace(design, samples=rows), plan.evaluator.outputs, store.load(blocks))
         if until is not None and result.indices.estimates.ST_conf.max() <= until:
             break
     store.finish(result.runs)

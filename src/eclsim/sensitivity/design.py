@@ -50,9 +50,11 @@ class Design:
 
     def __post_init__(self) -> None:
         names = [i.name for i in self.inputs]
-        twice = sorted({n for n in names if names.count(n) > 1})
-        if not names or twice:
-            raise DesignError(f"inputs: {'none given' if not names else 'given twice: ' + ', '.join(twice)}")
+        repeated = sorted({n for n in names if names.count(n) > 1})
+        if not names or repeated:
+            raise DesignError(
+                f"inputs: {'none given' if not names else 'given twice: ' + ', '.join(repeated)}"
+            )
         if self.samples < 2 or self.samples & (self.samples - 1):
             raise DesignError(
                 f"samples = {self.samples}: allowed: a power of two from 2, such as 1024 or 2048"
@@ -266,9 +268,9 @@ def _second_order(
     assert samples.BA is not None
     factors = samples.AB.shape[1]
     result = np.full((len(weights), factors, factors, samples.A.shape[-1]), np.nan)
-    both = samples.A * samples.B
+    products = samples.A * samples.B
     for j in range(factors - 1):
-        terms = samples.BA[:, j, None] * samples.AB[:, j + 1 :] - both[:, None]
+        terms = samples.BA[:, j, None] * samples.AB[:, j + 1 :] - products[:, None]
         closed = _over(_means(weights, terms), variance)
         result[:, j, j + 1 :] = closed - first[:, j, None] - first[:, j + 1 :]
     return result

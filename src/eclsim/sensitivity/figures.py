@@ -160,7 +160,7 @@ def plot_bars(result: Indices) -> Figure:
     """First and total order of the leading factors of each output, with 95 % intervals."""
     e, chosen = result.estimates, result.selected()
     with figure_style():
-        fig, (*panels, rest) = panel_grid(len(result.outputs) + 1, COLUMNS, 44, 4)
+        fig, (*panels, legend_panel) = panel_grid(len(result.outputs) + 1, COLUMNS, 44, 4)
         for k, (output, axes) in enumerate(zip(result.outputs, panels, strict=True)):
             order = np.argsort(-e.ST[k], kind="stable")[: min(8, len(result.factors))]
             place = np.arange(len(order))
@@ -179,7 +179,7 @@ def plot_bars(result: Indices) -> Figure:
             axes.axvline(0.0, color=GREY, linewidth=0.6)
             axes.set_title(output)
             axes.set_xlabel("index")
-        _legend(rest, panels[0], "bars: 95 % intervals\n* among those that\n  make up 90 %")
+        _legend(legend_panel, panels[0], "bars: 95 % intervals\n* among those that\n  make up 90 %")
     return fig
 
 
@@ -239,7 +239,7 @@ def plot_convergence(convergence: xr.Dataset) -> Figure:
     leading: list[str] = [str(name) for name in numbers["factor"].values[np.argsort(-sums.values)][:LEADING]]
     outputs = numbers["output"].values
     with figure_style():
-        fig, (*panels, rest) = panel_grid(len(outputs) + 1, COLUMNS, 42, 4)
+        fig, (*panels, legend_panel) = panel_grid(len(outputs) + 1, COLUMNS, 42, 4)
         for output, axes in zip(outputs, panels, strict=True):
             for k, name in enumerate(leading):
                 curve, (colour, line) = numbers.sel(output=output, factor=name), CURVES[k]
@@ -254,7 +254,7 @@ def plot_convergence(convergence: xr.Dataset) -> Figure:
             axes.set_xlabel("rows N")
             axes.set_ylabel("$S_T$")
         note = "mean ± standard deviation\nover repeats; at the last N\nfrom the bootstrap"
-        _legend(rest, panels[0], note)
+        _legend(legend_panel, panels[0], note)
     return fig
 
 
@@ -263,7 +263,7 @@ def plot_distributions(result: Indices, values: np.ndarray) -> Figure:
     points = np.concatenate([values[:, 0], values[:, -1]])
     bins = int(np.clip(np.sqrt(len(points)), 8, 40))
     with figure_style():
-        fig, (*panels, rest) = panel_grid(len(result.outputs) + 1, COLUMNS, 40, 4)
+        fig, (*panels, legend_panel) = panel_grid(len(result.outputs) + 1, COLUMNS, 40, 4)
         for k, (output, axes) in enumerate(zip(result.outputs, panels, strict=True)):
             low, middle, high = np.quantile(points[:, k], (0.05, 0.5, 0.95))
             axes.hist(points[:, k], bins=bins, density=True, color=OKABE_ITO["sky blue"])
@@ -274,7 +274,7 @@ def plot_distributions(result: Indices, values: np.ndarray) -> Figure:
             axes.set_xlabel(f"{output} [{unit}]" if unit else output)
             of = f"({unit})" if "/" in unit else unit
             axes.set_ylabel(f"density [1/{of}]" if unit else "density")
-        _legend(rest, panels[0], f"{len(points)} runs")
+        _legend(legend_panel, panels[0], f"{len(points)} runs")
     return fig
 
 

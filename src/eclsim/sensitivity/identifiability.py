@@ -265,10 +265,9 @@ def _reason(scaled: ScaledSensitivities, chosen: list[str], name: str, limit: fl
             f"cannot be told from {like}: collinearity index {gamma:.3g} with the set (limit {limit:g}), "
             f"cosine {cosine:+.3f} with {others[0]}"
         )
-    own = left * float(np.linalg.norm(scaled.matrix[:, scaled.parameters.index(name)]))
-    return (
-        f"nearly all its effect is that of {like}: {own:.2g} uncertainties are its own (needed {threshold:g})"
-    )
+    remaining = left * float(np.linalg.norm(scaled.matrix[:, scaled.parameters.index(name)]))
+    share = f"{remaining:.2g} uncertainties are its own (needed {threshold:g})"
+    return f"nearly all its effect is that of {like}: {share}"
 
 
 # --- identifiability of a case ----------------------------------------------------------------------
@@ -398,15 +397,15 @@ def identifiability(
     chosen = uncertainties_of(measured, uncertainties or {})
     slopes = derivatives(model, measured, names, volume_policy)
     simulated = dict(zip(measured, np.asarray(slopes["value"]).tolist(), strict=True))
-    taken = {o: v for o in measured if (v := getattr(case.measurements, o, None)) is not None}
-    errors = standard_uncertainties({**simulated, **taken}, chosen)
+    values = {o: v for o in measured if (v := getattr(case.measurements, o, None)) is not None}
+    errors = standard_uncertainties({**simulated, **values}, chosen)
     scaled = ScaledSensitivities.of(
         measured, names, slopes.values, np.asarray(slopes["parameter_value"]), np.array(list(errors.values()))
     )
     return Identifiability(
         name=case.patient.id,
         simulated=simulated,
-        measured=taken,
+        measured=values,
         uncertainties=errors,
         scaled=scaled,
         subsets=all_subsets(scaled, limit),
@@ -419,9 +418,9 @@ def _measured(case: Case, model: Model) -> tuple[str, ...]:
     """Outputs that the case has measurements of, else all that it has."""
     from eclsim.outputs.signals import output_names
 
-    named = tuple(o for o in OUTPUTS if getattr(case.measurements, o, None) is not None)
+    measured_here = tuple(o for o in OUTPUTS if getattr(case.measurements, o, None) is not None)
     available = output_names(model.circuit)
-    return named or tuple(o for o in OUTPUTS if o in available)
+    return measured_here or tuple(o for o in OUTPUTS if o in available)
 
 
 def _check_names(parameters: Sequence[str], outputs: Sequence[str], model: Model) -> None:

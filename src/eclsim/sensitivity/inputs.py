@@ -161,8 +161,8 @@ def varied(
     lines = _line_inputs(case)
     circuit, positions = _circuit(case, [name for name in include if name in lines])
     known = [*parameters_read(circuit), *lines]
-    wanted = [*parameters, *include]
-    mistakes = unknown_names(wanted, known, "parameter that this case reads") + _wrong_groups(
+    requested = [*parameters, *include]
+    mistakes = unknown_names(requested, known, "parameter that this case reads") + _wrong_groups(
         groups, parameters
     )
     if not 0.0 < perturbation_percent < 100.0:
@@ -183,7 +183,7 @@ def varied(
 
 def _line_inputs(case: Case) -> dict[str, tuple[str, ...]]:
     """Inputs that say where lines are, such as `crrt.scheme`; of a scheme the lines that it sets."""
-    connected = [(one.key, one.device) for one in case.instances()]
+    connected = [(instance.key, instance.device) for instance in case.instances()]
     absent = [(k, device) for k, device in devices().items() if device not in [d for _, d in connected]]
     result: dict[str, tuple[str, ...]] = {}
     for key, device in (*connected, *absent):
@@ -203,8 +203,8 @@ def _circuit(case: Case, moved: Sequence[str]) -> tuple[Circuit, dict[str, float
     wrong = []
     for name in moved:
         section, _, line = name.rpartition(".")
-        wanted = [name] if line != SCHEME else [key for key in positions if key.startswith(f"{section}.")]
-        if not wanted or not set(wanted) <= set(positions):
+        lines = [name] if line != SCHEME else [key for key in positions if key.startswith(f"{section}.")]
+        if not lines or not set(lines) <= set(positions):
             wrong.append(_cannot_be_moved(case, name))
     if wrong:
         raise InputError(wrong)
@@ -214,12 +214,12 @@ def _circuit(case: Case, moved: Sequence[str]) -> tuple[Circuit, dict[str, float
 def _cannot_be_moved(case: Case, name: str) -> str:
     """Why the lines of a device are no input of this case."""
     section = name.rpartition(".")[0]
-    one = case.instance(section)
+    instance = case.instance(section)
     sites = [site for other in case.instances() for site in other.sites()]
-    if one is None or not sites:
+    if instance is None or not sites:
         others = [key for key, device in devices().items() if device.positions]
         return f"{name}: the case needs the sections {' and '.join(f'[{k}]' for k in (*others, section))}"
-    at = ", ".join(str(getattr(one.section, line)) for line in one.device.lines)
+    at = ", ".join(str(getattr(instance.section, line)) for line in instance.device.lines)
     return f"{section} at {at}: as an input each line is at one of {', '.join(sites)}"
 
 
@@ -259,19 +259,19 @@ def _wrong_groups(groups: Sequence[str], parameters: Sequence[str]) -> list[str]
 
 def _input(name: str, case: Case, circuit: Circuit, base: Mapping[str, float], share: float) -> Input:
     section, _, key = name.rpartition(".")
-    one = case.instance(section)
+    device = case.instance(section)
     choices = {
         site.parameter: site
         for path in circuit.connections
         for site in (path.source, path.target)
         if isinstance(site, Choice)
     }
-    if one is not None and key == SCHEME:
-        return _schemes(name, one, case)
+    if device is not None and key == SCHEME:
+        return _schemes(name, device, case)
     if name in choices:
-        labels = tuple(one.sites()) if (one := _at(case, choices[name])) else choices[name].sites
+        labels = tuple(device.sites()) if (device := _at(case, choices[name])) else choices[name].sites
         return Categorical(name, labels, ((name, tuple(float(k) for k in range(len(labels)))),))
-    sizes = one.device.sizes(one.section, key) if one is not None else ()
+    sizes = device.device.sizes(device.section, key) if device is not None else ()
     if sizes:
         return _within(name, sizes, base[name], share)
     if (parameter := parameters().get(name)) is not None:
@@ -281,19 +281,24 @@ def _input(name: str, case: Case, circuit: Circuit, base: Mapping[str, float], s
 
 def _at(case: Case, choice: Choice) -> Instance | None:
     """The device whose positions a line can be moved to."""
-    return next((one for one in case.instances() if tuple(one.sites().values()) == choice.sites), None)
+    return next(
+        (device for device in case.instances() if tuple(device.sites().values()) == choice.sites), None
+    )
 
 
-def _schemes(name: str, one: Instance, case: Case) -> Categorical:
+def _schemes(name: str, device: Instance, case: Case) -> Categorical:
     """The usual ways of connecting the lines of a device."""
-    at = {getattr(one.section, line) for line in one.device.lines}
+    at = {getattr(device.section, line) for line in device.device.lines}
     (other,) = (o for o in case.instances() if at <= set(o.sites()))
     places = list(other.device.positions)
     settings = tuple(
-        (f"{one.key}.{line}", tuple(float(places.index(way[line])) for way in one.device.schemes.values()))
-        for line in one.device.lines
+        (
+            f"{device.key}.{line}",
+            tuple(float(places.index(way[line])) for way in device.device.schemes.values()),
+        )
+        for line in device.device.lines
     )
-    return Categorical(name, tuple(one.device.schemes), settings)
+    return Categorical(name, tuple(device.device.schemes), settings)
 
 
 def _within(name: str, sizes: Sequence[float], size: float, share: float) -> Categorical:
@@ -323,16 +328,16 @@ def _check_ranges(inputs: Sequence[Input], case: Case) -> None:
 
 def _allowed(name: str, case: Case) -> tuple[float, float] | None:
     """Range of a parameter, of a speed, or of another number of a device's section."""
-    if (parameter := parameter_of(name, [one.key for one in case.instances()])) is not None:
+    if (parameter := parameter_of(name, [device.key for device in case.instances()])) is not None:
         return parameter.minimum, parameter.maximum
     section, _, key = name.rpartition(".")
-    one = case.instance(section)
-    if one is None:
+    device = case.instance(section)
+    if device is None:
         return None
-    sweep = one.device.sweep(one.section)
+    sweep = device.device.sweep(device.section)
     if sweep is not None and sweep.key == key:
         return float(sweep.low), float(sweep.high)
-    field = one.device.section.fields().get(key)
+    field = device.device.section.fields().get(key)
     return None if field is None else (field.minimum, field.maximum)
 
 
@@ -419,10 +424,10 @@ def read_uncertainties(text: str) -> dict[str, Uncertainty]:
     return result
 
 
-def uncertainties_of(outputs: Sequence[str], given: Mapping[str, Uncertainty]) -> dict[str, Uncertainty]:
+def uncertainties_of(outputs: Sequence[str], stated: Mapping[str, Uncertainty]) -> dict[str, Uncertainty]:
     """The uncertainty of each output: the one given, else the default."""
-    wrong = [f"uncertainty of {name}: not among the measurements" for name in given if name not in outputs]
-    known = {**DEFAULTS, **given}
+    wrong = [f"uncertainty of {name}: not among the measurements" for name in stated if name not in outputs]
+    known = {**DEFAULTS, **stated}
     wrong += [
         f"uncertainty of {name}: no default; give one, such as {name}=5%"
         for name in outputs

@@ -167,8 +167,8 @@ class Indices:
         if second_order and e.S2 is not None and e.S2_conf is not None:
             for name, pairs in (("S2", e.S2), ("S2_conf", e.S2_conf)):
                 content[name] = {
-                    one: {self.factors[j]: float(pairs[k, i, j]) for j in range(i + 1, len(self.factors))}
-                    for i, one in enumerate(self.factors[:-1])
+                    factor: {self.factors[j]: float(pairs[k, i, j]) for j in range(i + 1, len(self.factors))}
+                    for i, factor in enumerate(self.factors[:-1])
                 }
         return content
 

@@ -116,8 +116,8 @@ class SteadyBeatEvaluator:
         beat = steady_beat(
             batch, self.outputs, start=self.base, resolution=self.resolution, execution=Execution(threads=1)
         ).determined_only()
-        lost = (beat.status == 0) & (beat.gas_status != 0)
-        status = np.where(lost, WITHOUT_GASES + beat.gas_status, beat.status)
+        without_gases = (beat.status == 0) & (beat.gas_status != 0)
+        status = np.where(without_gases, WITHOUT_GASES + beat.gas_status, beat.status)
         return Runs(beat.values.T, status, beat.orbits.beats, beat.orbits.residual)
 
     def description(self) -> Description:
@@ -190,13 +190,13 @@ class SampleFolder:
     @classmethod
     def found_in(cls, folder: Path) -> SampleFolder:
         """For the analysis that a folder holds."""
-        held: Description | None = read_inputs(folder / DESIGN)
-        if held is None:
+        recorded: Description | None = read_inputs(folder / DESIGN)
+        if recorded is None:
             raise ExecutionError(f"{folder}: holds no analysis ({DESIGN} is missing)")
-        design = Design.described(held["design"], held["samples"])
-        store = cls(folder, design, tuple(held["outputs"]), held["model"])
-        if store.blocks.fingerprint != held["hash"]:
-            made_by = f"version {held['version']} of eclsim; this is {__version__}"
+        design = Design.described(recorded["design"], recorded["samples"])
+        store = cls(folder, design, tuple(recorded["outputs"]), recorded["model"])
+        if store.blocks.fingerprint != recorded["hash"]:
+            made_by = f"version {recorded['version']} of eclsim; this is {__version__}"
             raise ExecutionError(f"{folder}: its analysis was made by {made_by}, or its {DESIGN} was changed")
         return store
 
@@ -221,13 +221,13 @@ class SampleFolder:
 
     def load(self, blocks: range) -> Runs:
         """Results of finished blocks, in order."""
-        whole = self._blocks_in_samples()
+        joined = self._blocks_in_samples()
         pieces = []
-        if blocks.start < whole:
+        if blocks.start < joined:
             runs = self.design.rows_per_block * self.design.runs_per_row
-            rows = slice(blocks.start * runs, min(blocks.stop, whole) * runs)
+            rows = slice(blocks.start * runs, min(blocks.stop, joined) * runs)
             pieces.append(self.blocks.read(self.samples, partial(_read, outputs=self.outputs, rows=rows)))
-        return Runs.joined([*pieces, *(self.blocks.load(b) for b in blocks if b >= whole)])
+        return Runs.joined([*pieces, *(self.blocks.load(b) for b in blocks if b >= joined)])
 
     def finish(self, runs: Runs) -> None:
         """Write the samples of all blocks as one file; the files of the blocks go."""

@@ -109,15 +109,15 @@ class Arm:
     @property
     def before(self) -> dict[str, float]:
         """Values before the drug."""
-        given = {row["quantity"]: float(row["before"]) for row in self.rows}
-        if "HR" not in given and {"CI", "SVI"} <= given.keys():
-            given["HR"] = 1e3 * given["CI"] / given["SVI"]
-        return given
+        values = {row["quantity"]: float(row["before"]) for row in self.rows}
+        if "HR" not in values and {"CI", "SVI"} <= values.keys():
+            values["HR"] = 1e3 * values["CI"] / values["SVI"]
+        return values
 
     @property
     def label(self) -> str:
         """What was given, with its dose where the study has several."""
-        several = len({one.doses for one in arms() if (one.study, one.arm) == (self.study, self.arm)}) > 1
+        several = len({arm.doses for arm in arms() if (arm.study, arm.arm) == (self.study, self.arm)}) > 1
         return f"{self.arm} {self.doses[0][1]:g}" if several else self.arm
 
     @property
@@ -162,18 +162,18 @@ def patient_of(arm: Arm) -> Model:
     """The patient who has an arm's values before the drug."""
     before = arm.before
     patient = plain_patient(before["HR"])
-    wanted = {
+    targets = {
         parameter: next(q for q in quantities if q in before)
         for parameter, quantities in TARGETS.items()
         if any(q in before for q in quantities)
     }
-    names = list(wanted.values())
+    names = list(targets.values())
 
     def measure(values: Mapping[str, np.ndarray]) -> np.ndarray:
         table = measured(patient, values, names)
         return np.stack([table[name] for name in names], axis=-1)
 
-    return with_quantities(patient, list(wanted), measure, [before[name] for name in names])
+    return with_quantities(patient, list(targets), measure, [before[name] for name in names])
 
 
 def expected(row: Mapping[str, str], before: float) -> float:
@@ -226,21 +226,21 @@ def _arm_rows(arm: Arm) -> list[Row]:
     table, result = measured(patient, doses, names), []
     for row in rows:
         name, use = row["quantity"], row["use"]
-        words, unit, _ = QUANTITIES[name]
+        description, unit, _ = QUANTITIES[name]
         before, got = map(float, table[name])
         source = f"{arm.study}, n {row['n']}, {row['source']}"
         reason = REASONS.get(f"{arm.study} {arm.arm}") or REASONS.get(name)
-        why = Explanation(reason) if reason else None
-        label = f"{arm.study}, {arm.label}: {words} ({use})"
+        explanation = Explanation(reason) if reason else None
+        label = f"{arm.study}, {arm.label}: {description} ({use})"
         way = np.sign(got - before) * (abs(got - before) > 1e-3 * before)
         if row["after"] == RISES:
-            result.append(within(f"{label}: sign", 1.0, way, 0.5, source=source, explanation=why))
+            result.append(within(f"{label}: sign", 1.0, way, 0.5, source=source, explanation=explanation))
             continue
-        wanted, error = expected(row, before), uncertainty(row, before)
-        result.append(within(label, wanted, got, 2.0 * error, unit, source=source, explanation=why))
-        if use == "test" and abs(wanted - before) > 0.999 * error:  # one error whatever the last digits
-            sign = np.sign(wanted - before)
-            result.append(within(f"{label}: sign", sign, way, 0.5, source=source, explanation=why))
+        target, error = expected(row, before), uncertainty(row, before)
+        result.append(within(label, target, got, 2.0 * error, unit, source=source, explanation=explanation))
+        if use == "test" and abs(target - before) > 0.999 * error:  # one error whatever the last digits
+            sign = np.sign(target - before)
+            result.append(within(f"{label}: sign", sign, way, 0.5, source=source, explanation=explanation))
     return result
 
 
@@ -249,9 +249,11 @@ def _noradrenaline_reduced() -> list[Row]:
     septic, key = patient_of(arms()[0]), dose("noradrenaline")
     doses = {key: [0.32, 0.26, 0.30, 0.19]}
     table = measured(septic, doses, ("MAP", "Pms"))
-    given = measured(septic, doses | {EXTRA_VOLUME: [septic.values[EXTRA_VOLUME] + LEGS_ML] * 4}, ("Pms",))
+    legs_raised = measured(
+        septic, doses | {EXTRA_VOLUME: [septic.values[EXTRA_VOLUME] + LEGS_ML] * 4}, ("Pms",)
+    )
     low, high = table["MAP"], table["Pms"]
-    rise = given["Pms"] / high - 1.0
+    rise = legs_raised["Pms"] / high - 1.0
 
     def change(values: np.ndarray, first: int) -> float:
         return 100.0 * float(values[first + 1] / values[first] - 1.0)

@@ -223,15 +223,15 @@ def healthy(reflex: str, stiff_veins: bool = False, **changes: float) -> Model:
         changes: other parameters.
     """
     parameters = ({} if stiff_veins else SOFT) | changes
-    given = {
+    case = {
         "patient": {"id": "P", "sex": "male", "age_years": 25, "heart_rate_bpm": 59.0, "height_cm": 180,
                     "weight_kg": 75},
         "fluid": {"haematocrit": 0.45, "plasma_protein_g_dl": 7.0},
         "parameters": parameters,
     }  # fmt: skip
     free = ("Rmc", EXTRA_VOLUME, "Emaxlv", "Rpmc")
-    matched = with_outputs(_person(25.0, 59.0, **given), free, BEFORE)
-    regulated = _person(25.0, 59.0, reflex, **given)
+    matched = with_outputs(_person(25.0, 59.0, **case), free, BEFORE)
+    regulated = _person(25.0, 59.0, reflex, **case)
     points = {SET_POINT: BEFORE["MAP"], VENOUS_SET_POINT: BEFORE["right_atrial_pressure"]}
     values = {name: matched.values[name] for name in free} | points
     return regulated.with_values({name: v for name, v in values.items() if name in regulated.values})
@@ -429,10 +429,10 @@ def suction_check() -> Check:
     filled = with_outputs(patient(), (SPEED,), {"PF": NORMAL_L_MIN})
     short = with_outputs(filled.with_values({EXTRA_VOLUME: LOST_ML}), (EXTRA_VOLUME,), {"PF": SHORT_L_MIN})
     pressure = float(simulate(short)["drainage_pressure"])
-    words = f"as much blood lost as lowers {NORMAL_L_MIN} to {SHORT_L_MIN} L/min: drainage pressure"
-    gains = [_gain(one) for one in (filled, short)]
+    label = f"as much blood lost as lowers {NORMAL_L_MIN} to {SHORT_L_MIN} L/min: drainage pressure"
+    gains = [_gain(model) for model in (filled, short)]
     rows: list[Row] = [
-        within(words, SHORT_MMHG, pressure, SPREAD_MMHG, "mmHg", source=SIMONS),
+        within(label, SHORT_MMHG, pressure, SPREAD_MMHG, "mmHg", source=SIMONS),
         within("a step of speed changes the flow less in collapse: sign", -1.0,
                float(np.sign(gains[1] - gains[0])), 0.5, source=COLLAPSED),
     ]  # fmt: skip

@@ -53,19 +53,19 @@ LOWERED = 0.6
 def gas_check() -> Check:
     """All rows, by the table `gas.csv`."""
     numbers = {**_oxygenators(), **_slopes(), **_joyce(), **_regions()}
-    why = _reasons(numbers)
+    reasons = _reasons(numbers)
     with (DATA / "gas.csv").open(encoding="utf-8", newline="") as file:
-        rows = tuple(_row(entry, numbers, why) for entry in csv.DictReader(file))
+        rows = tuple(_row(entry, numbers, reasons) for entry in csv.DictReader(file))
     dialysis = tuple(replace(row, name=f"May 2017: {row.name}") for row in respiratory_dialysis())
     bar = "spreads of the measurements; compared, not required"
     return Check("gas", "Gas exchange against measurements", bar, (*rows, *dialysis), required=False)
 
 
-def _row(entry: Mapping[str, str], numbers: Mapping[str, float], why: Mapping[str, Explanation]) -> Row:
+def _row(entry: Mapping[str, str], numbers: Mapping[str, float], reasons: Mapping[str, Explanation]) -> Row:
     key, low, high = entry["key"], float(entry["low"]), float(entry["high"])
     return Row(
         f"{entry['study']}: {entry['quantity']} ({entry['use']})", numbers[key], low, high, entry["unit"],
-        float(entry["expected"]), why.get(key), f"{entry['source']}; {entry['how_read']}",
+        float(entry["expected"]), reasons.get(key), f"{entry['source']}; {entry['how_read']}",
     )  # fmt: skip
 
 
@@ -128,13 +128,13 @@ def _slopes() -> dict[str, float]:
 
 def _swept(sweep: float, membrane: float = 1.0) -> float:
     """PaCO2 of the other simulator's patient, with a membrane of so many times the constant."""
-    given = {"vo2_ml_min": 200.0, "alveolar_ventilation_l_min": 0.0, "sweep_l_min": sweep}
-    return veno_venous(5.0, 5.0, 0.1, **given, carbon_dioxide_transfer=CARBON_DIOXIDE * membrane).paco2
+    values = {"vo2_ml_min": 200.0, "alveolar_ventilation_l_min": 0.0, "sweep_l_min": sweep}
+    return veno_venous(5.0, 5.0, 0.1, **values, carbon_dioxide_transfer=CARBON_DIOXIDE * membrane).paco2
 
 
-def _park_2013(**given: float) -> dict[str, float]:
+def _park_2013(**changes: float) -> dict[str, float]:
     """Slopes of the transfers of one oxygenator around usual conditions."""
-    usual = {"flow": 3.0, "sweep": 5.0, "saturation": 0.65, "pco2": 45.0, "hb": 10.0} | given
+    usual = {"flow": 3.0, "sweep": 5.0, "saturation": 0.65, "pco2": 45.0, "hb": 10.0} | changes
     steps = {
         "oxygen flow": ("oxygen", "flow", 0.1), "oxygen saturation": ("oxygen", "saturation", 0.01),
         "co2 flow": ("carbon_dioxide", "flow", 0.1), "co2 sweep": ("carbon_dioxide", "sweep", 0.1),
@@ -155,11 +155,11 @@ def _joyce() -> dict[str, float]:
     """
 
     def pair(output: float, consumed: float, ecmo: float, shunt: float, mixing: float) -> np.ndarray:
-        given = {
+        values = {
             "vo2_ml_min": consumed, "shunt_fraction": shunt, "sweep_l_min": 5.0, "fio2": 0.5,
             "alveolar_ventilation_l_min": 3.0,
         }  # fmt: skip
-        numbers = veno_venous(output, ecmo, mixing, **given)
+        numbers = veno_venous(output, ecmo, mixing, **values)
         return np.array([numbers.sao2, numbers.svo2])
 
     patients = {
@@ -170,15 +170,15 @@ def _joyce() -> dict[str, float]:
     numbers, fitted = {}, {}
     for name, (output, target, start, arranged) in patients.items():
 
-        def both(x: np.ndarray, output: float = output, arranged=arranged) -> np.ndarray:  # type: ignore[no-untyped-def]
+        def pairs(x: np.ndarray, output: float = output, arranged=arranged) -> np.ndarray:  # type: ignore[no-untyped-def]
             return np.append(pair(output, *arranged(x)), pair(LOWERED * output, *arranged(x)))
 
-        def missed(x: np.ndarray, target=target, both=both) -> np.ndarray:  # type: ignore[no-untyped-def]
-            return both(x)[: len(target)] - np.array(target)
+        def errors(x: np.ndarray, target=target, pairs=pairs) -> np.ndarray:  # type: ignore[no-untyped-def]
+            return pairs(x)[: len(target)] - np.array(target)
 
-        fitted[name] = fsolve(missed, start, epsfcn=1e-6, xtol=1e-6)
+        fitted[name] = fsolve(errors, start, epsfcn=1e-6, xtol=1e-6)
         keys = ("a before", "v before", "a after", "v after")
-        numbers |= {f"joyce {name} {x}": float(y) for x, y in zip(keys, both(fitted[name]), strict=True)}
+        numbers |= {f"joyce {name} {x}": float(y) for x, y in zip(keys, pairs(fitted[name]), strict=True)}
     consumed, mixing = fitted["3"]
     # Recirculation is a number that their model is given, and the third patient is the one in whom it rises.
     raised = _root(lambda m: pair(3.6, consumed, 5.0, 1.0, m)[1] - 25.5, mixing, 1.0)
@@ -221,9 +221,9 @@ def _superior_cava(beats: Mapping[str, np.ndarray], variant: int) -> float:
     tissue = next(e.component for e in model.circuit.exchanges if e.at == "upper")
     consumed = float(tissue.wanted(dict(model.values) | {"gas.vo2_ml_min": beats["VO2"][variant]}))  # type: ignore[attr-defined]
     arterial = gases(po2=beats["PaO2"][variant], pco2=beats["PaCO2"][variant], haemoglobin=9.0)
-    lost = consumed / (10.0 * beats["upper_body_flow"][variant])
+    fall = consumed / (10.0 * beats["upper_body_flow"][variant])
     venous = gases_with_contents(
-        oxygen=arterial.oxygen - lost, carbon_dioxide=arterial.carbon_dioxide + 0.8 * lost, haemoglobin=9.0
+        oxygen=arterial.oxygen - fall, carbon_dioxide=arterial.carbon_dioxide + 0.8 * fall, haemoglobin=9.0
     )
     return 100.0 * float(venous.saturation)
 
@@ -262,8 +262,8 @@ def _regions() -> dict[str, float]:
     for variant, share in ((2, "90"), (3, "75"), (4, "50"), (5, "75 small")):
         numbers[f"watershed {share}"] = float(ivc["native_share_arch"][variant])
     for name, ratio in (("bachmann", 1.5), ("bachmann even", 1.0)):
-        missed = _by_carbon_dioxide(_ventilated_at(ratio), ratio)
-        numbers |= dict(zip((f"{name} low", f"{name} high"), missed.tolist(), strict=True))
+        errors = _by_carbon_dioxide(_ventilated_at(ratio), ratio)
+        numbers |= dict(zip((f"{name} low", f"{name} high"), errors.tolist(), strict=True))
     return numbers
 
 
@@ -335,7 +335,7 @@ def _reasons(numbers: Mapping[str, float]) -> dict[str, Explanation]:
         "0.8 and 1.35 m2 removed the same, so no constant by area alone gives both: fibres differ",
         (Row("constant that 1.35 m2 needs over that of 0.8 m2", needed[1] / needed[0], 0.0, 1.0),),
     )
-    why = {
+    reasons = {
         "carbon dioxide 1": Explanation(
             f"gas that leaves 1:1 at the PCO2 of the inlet carries {ceiling:.0f} mL/min at 45 mmHg, less "
             f"than was measured: the inlet was richer; {rich:.0f} mmHg give 64 mL/min",
@@ -365,7 +365,7 @@ def _reasons(numbers: Mapping[str, float]) -> dict[str, Explanation]:
             (Row("with an upper body of 20 %", numbers["watershed 75 small"], 75.0, 100.0, "%"),),
         ),
     }  # fmt: skip
-    return why
+    return reasons
 
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:
@@ -413,14 +413,14 @@ def _outputs(numbers: Mapping[str, float]) -> dict[str, Explanation]:
     def slope(output: float) -> float:
         return (_pig(output=output + 0.1).pao2 - _pig(output=output - 0.1).pao2) / 0.2
 
-    there = _root(lambda output: slope(output) + 12.0, 3.6, 6.0)
+    steep = _root(lambda output: slope(output) + 12.0, 3.6, 6.0)
     by_consumption = (_pig(vo2_ml_min=205.0).paco2 - _pig(vo2_ml_min=195.0).paco2) / 10.0
     more = (3.6 - numbers["park pco2 output"]) / by_consumption
     return {
         "park po2 output": Explanation(
             "the slope is steep where the output is near the flow of the pump and nil far above: -12 at "
-            f"{there:.1f} L/min; theirs is over several flows",
-            (Row(f"at an output of {there:.1f} L/min", slope(there), -24.0, -6.0, "mmHg per L/min"),),
+            f"{steep:.1f} L/min; theirs is over several flows",
+            (Row(f"at an output of {steep:.1f} L/min", slope(steep), -24.0, -6.0, "mmHg per L/min"),),
             undecided=True,
         ),
         "park pco2 output": Explanation(
@@ -447,8 +447,8 @@ def _sheep(numbers: Mapping[str, float]) -> dict[str, Explanation]:
         f"{100 * _SHEEP['gas.shunt_fraction']:.0f} %, a slower pump and a weaker heart three of the four "
         "numbers come out",
         tuple(
-            within(f"{words} of such a sheep", expected, numbers[f"lungs {key}"], 5.0, "%")
-            for words, key, expected in (
+            within(f"{place} of such a sheep", expected, numbers[f"lungs {key}"], 5.0, "%")
+            for place, key, expected in (
                 ("superior cava", "svc", 40.3), ("drained from it", "svc drained", 70.4),
                 ("pulmonary artery", "pa", 73.4),
             )
@@ -485,10 +485,10 @@ def _other_membrane() -> Explanation:
 def _formula(numbers: Mapping[str, float]) -> Explanation:
     """The constant by which the formula brings removal to another ratio of gas to blood."""
     beats = _ventilated_at(1.5)
-    own = _root(lambda c: _by_carbon_dioxide(beats, 1.5, c)[1], 1.0, 8.0)
-    low = float(_by_carbon_dioxide(beats, 1.5, own)[0])
+    fitted = _root(lambda c: _by_carbon_dioxide(beats, 1.5, c)[1], 1.0, 8.0)
+    low = float(_by_carbon_dioxide(beats, 1.5, fitted)[0])
     return Explanation(
-        f"the formula's constant is 1.157 in those pigs and {own:.1f} in the model; with that, or with as "
+        f"the formula's constant is 1.157 in those pigs and {fitted:.1f} in the model; with that, or with as "
         "much gas as blood, where it does not matter, the output comes out",
         (
             Row("with as much gas as blood", numbers["bachmann even high"], -266.0, 418.0, "mL/min"),
@@ -562,8 +562,8 @@ def respiratory_dialysis() -> list[Row]:
     """Carbon dioxide that dialysate without bicarbonate removes [mL/min]."""
 
     def plasma(pco2: float) -> float:
-        found = gases(po2=60.0, pco2=pco2, haemoglobin=10.0)
-        return float(found.bicarbonate + carbon_dioxide_solubility() * pco2)
+        blood = gases(po2=60.0, pco2=pco2, haemoglobin=10.0)
+        return float(blood.bicarbonate + carbon_dioxide_solubility() * pco2)
 
     def water(blood: float) -> float:
         return float(Solute(0.0, 1.0, 1.0).water_flow(jnp.asarray(blood), jnp.asarray(HAEMATOCRIT)))

@@ -37,8 +37,8 @@ class GivenBlood(GasExchanger):
     pco2: str = "bench.pco2"
 
     def rates(self, flow: Array, inside: Points, values: Values) -> Array:  # noqa: D102  (see the base class)
-        given = jnp.stack([jnp.asarray(values[self.po2]), jnp.asarray(values[self.pco2])])[:, None]
-        return inside.gained - 10.0 * flow * jnp.log(inside.pressure / given)
+        reservoir = jnp.stack([jnp.asarray(values[self.po2]), jnp.asarray(values[self.pco2])])[:, None]
+        return inside.gained - 10.0 * flow * jnp.log(inside.pressure / reservoir)
 
 
 class Pass(NamedTuple):
@@ -79,14 +79,14 @@ class VenoVenous(NamedTuple):
     carbon_dioxide: float
 
 
-def values_with(given: Mapping[str, float]) -> dict[str, float]:
+def values_with(values: Mapping[str, float]) -> dict[str, float]:
     """Defaults of all parameters of gas exchange, and what is given."""
     known = {name: parameter.value for name, parameter in parameters().items()}
-    return known | OXYGENATORS[ADULT].gas_values() | dict(given)
+    return known | OXYGENATORS[ADULT].gas_values() | dict(values)
 
 
 def single_pass(
-    flow: float, sweep: float, saturation: float, pco2: float = 45.0, hb: float = 12.0, **given: float
+    flow: float, sweep: float, saturation: float, pco2: float = 45.0, hb: float = 12.0, **oxygenator: float
 ) -> Pass:
     """An oxygenator that blood of an inlet saturation [-] passes once; flows in L/min.
 
@@ -97,9 +97,9 @@ def single_pass(
         {
             "gas.haemoglobin_g_dl": hb,
             f"{_CIRCUIT}sweep_l_min": sweep,
-            f"{_CIRCUIT}fdo2": given.pop("fdo2", 1.0),
+            f"{_CIRCUIT}fdo2": oxygenator.pop("fdo2", 1.0),
         }
-        | {_MEMBRANE + name: value for name, value in given.items()}
+        | {_MEMBRANE + name: value for name, value in oxygenator.items()}
     ) | {"bench.po2": float(inlet.po2), "bench.pco2": pco2}
     state = _bench()(jnp.asarray(flow), values)
     oxygen, carbon_dioxide = map(float, state.gained[:, 1])
@@ -108,25 +108,27 @@ def single_pass(
     )
 
 
-def veno_venous(output: float, ecmo: float, mixing: float = 0.0, **given: float) -> VenoVenous:
+def veno_venous(output: float, ecmo: float, mixing: float = 0.0, **settings: float) -> VenoVenous:
     """A patient on V-V ECMO with an output and a pump flow [L/min].
 
     Other arguments are keys of the section [gas], `sweep_l_min`, `fdo2`, or `carbon_dioxide_transfer`.
     """
-    named = {_SECTIONS.get(key, "gas.") + key: value for key, value in given.items()}
-    values = values_with(named)
+    by_parameter = {_SECTIONS.get(key, "gas.") + key: value for key, value in settings.items()}
+    values = values_with(by_parameter)
     state, inlets = _patient()(jnp.asarray(output), jnp.asarray(ecmo), jnp.asarray(mixing), values)
     hb = values["gas.haemoglobin_g_dl"]
     blood = jnp.stack([state.outlets[:, 1], state.outlets[:, 0], inlets])
-    found = gases_with_contents(
+    blood_gases = gases_with_contents(
         oxygen=blood[:, 0],
         carbon_dioxide=blood[:, 1],
         haemoglobin=hb,
         temperature=values["gas.temperature_c"],
     )
     oxygen, carbon_dioxide = map(float, state.gained[:, 2])
-    art, ven, pre = (100.0 * found.saturation).tolist()
-    return VenoVenous(art, float(found.po2[0]), float(found.pco2[0]), ven, pre, oxygen, -carbon_dioxide)
+    art, ven, pre = (100.0 * blood_gases.saturation).tolist()
+    return VenoVenous(
+        art, float(blood_gases.po2[0]), float(blood_gases.pco2[0]), ven, pre, oxygen, -carbon_dioxide
+    )
 
 
 @cache

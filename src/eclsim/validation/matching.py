@@ -29,7 +29,7 @@ def with_quantities(patient: Model, unknown: Sequence[str], measure: Measure, go
     start = np.array([patient.values[name] for name in unknown])
     logarithmic = (start > 0.0) & [not name.endswith("_ml") for name in unknown]
     difference, longest = np.where(logarithmic, 1e-3, 1.0), np.where(logarithmic, 0.4, 400.0)
-    wanted, moved = np.array(goal), np.zeros(len(start))
+    target, moved = np.array(goal), np.zeros(len(start))
 
     def values(points: np.ndarray) -> dict[str, np.ndarray]:
         columns = np.where(logarithmic, start * np.exp(np.where(logarithmic, points, 0.0)), start + points)
@@ -37,8 +37,8 @@ def with_quantities(patient: Model, unknown: Sequence[str], measure: Measure, go
 
     for _ in range(_STEPS):
         table = measure(values(np.vstack([moved, moved + np.diag(difference)])))
-        missing = wanted - table[0]
-        if np.all(np.abs(missing) < _ACCURACY * np.maximum(np.abs(wanted), 1.0)):
+        missing = target - table[0]
+        if np.all(np.abs(missing) < _ACCURACY * np.maximum(np.abs(target), 1.0)):
             return patient.with_values({name: float(v) for name, v in values(moved).items()})
         if not np.isfinite(table).all():
             break

@@ -73,10 +73,12 @@ def text_study(blood_volume_ml: float | None = None) -> CrrtStudy:
     return crrt_study(case, speeds=(LOW, AT_CASE, HIGH), volume_policy=AS_PUBLISHED)
 
 
-def _text_row(printed: Printed, what: OverSchemes | OfScheme) -> Row:
+def _text_row(printed: Printed, definition: OverSchemes | OfScheme) -> Row:
     """One number of the text beside eclsim's, and why it misses where a smaller patient has it."""
-    statistic = what.statistic if isinstance(what, OverSchemes) else f"of scheme {what.scheme}"
-    label = f"{QUANTITIES[what.quantity]}, {what.speed:.0f} rpm, {statistic}"
+    statistic = (
+        definition.statistic if isinstance(definition, OverSchemes) else f"of scheme {definition.scheme}"
+    )
+    label = f"{QUANTITIES[definition.quantity]}, {definition.speed:.0f} rpm, {statistic}"
     tolerance = max(10.0**-printed.decimals, TEXT_RELATIVE * abs(printed.value))
     source = f"Thiel et al., section {printed.section.partition(',')[0]}"
     got = compute(printed, text_study())
@@ -182,8 +184,8 @@ def effects_checks() -> list[Check]:
 
 
 def _sign(name: str, expected: float, got: float, source: str) -> Row:
-    wanted = math.copysign(1.0, expected)
-    return within(f"{name}: sign", wanted, math.copysign(1.0, got), 0.5, source=source)
+    sign = math.copysign(1.0, expected)
+    return within(f"{name}: sign", sign, math.copysign(1.0, got), 0.5, source=source)
 
 
 @lru_cache(maxsize=4)

@@ -60,7 +60,7 @@ def reference_case(name: str) -> Case:
 
 def with_devices_of(patient: Case, other: Case) -> Case:
     """The patient with the devices of another case besides."""
-    return patient.model_copy(update={one.key: one.section for one in other.instances()})
+    return patient.model_copy(update={instance.key: instance.section for instance in other.instances()})
 
 
 def reference_model(name: str) -> Model:
@@ -133,8 +133,8 @@ def waveform_rows(name: str) -> list[Row]:
         tolerance = max(OF_RANGE * (expected["max"] - expected["min"]), WAVEFORM_ABSOLUTE[signal[0]])
         for kind, value in waveform_statistics(result, signal).items():
             label, unit = f"{name} {signal} {kind}", WAVEFORM_UNITS[signal[0]]
-            why = explanation(label, expected[kind], value, tolerance)
-            rows.append(within(label, expected[kind], value, tolerance, unit, explanation=why))
+            reason = explanation(label, expected[kind], value, tolerance)
+            rows.append(within(label, expected[kind], value, tolerance, unit, explanation=reason))
     return rows
 
 

@@ -49,8 +49,10 @@ def adult(heart_rate: float, weight_kg: float = 70.0, **sections: object) -> Mod
     return model_of(read_mapping(case | sections).case)
 
 
-def _sign(name: str, expected: float, got: float, source: str, why: Explanation | None = None) -> Row:
-    return within(f"{name}: sign", np.sign(expected), np.sign(got), 0.5, source=source, explanation=why)
+def _sign(name: str, expected: float, got: float, source: str, explanation: Explanation | None = None) -> Row:
+    return within(
+        f"{name}: sign", np.sign(expected), np.sign(got), 0.5, source=source, explanation=explanation
+    )
 
 
 # --- curves ---------------------------------------------------------------------------------------
@@ -90,9 +92,11 @@ def curve_rows() -> list[Row]:
                source=URSINO),
     ]  # fmt: skip
     for name, reflex in REFLEXES.items():
-        rest = [0.0] * (len(reflex.reads) - 1)
+        unchanged = [0.0] * (len(reflex.reads) - 1)
         place = reflex.acts_on.index("heart_rate_bpm")
-        above, below = (float(reflex.steady_effects([d, *rest], 1.0, 5000.0)[place]) for d in (0.5, -0.5))
+        above, below = (
+            float(reflex.steady_effects([d, *unchanged], 1.0, 5000.0)[place]) for d in (0.5, -0.5)
+        )
         period = next(e.reference[0] for e in reflex.effectors if e.parameter == "heart_rate_bpm")
         gain = 1000.0 * period * (1.0 / above - 1.0 / below)
         label = f"{name}: heart period per pressure"
@@ -115,10 +119,10 @@ def haemorrhage_rows() -> list[Row]:
     """A litre of blood lost at once, both reflexes, in the published patient at rest."""
     rows = []
     for name in REFLEXES:
-        rest = adult(75.0, regulation={"baroreflex": 1.0, "model": name})
-        before, after = simulate(rest), simulate(rest.with_values({EXTRA_VOLUME: -1000.0}))
-        given = -float(after["unstressed_volume"])
-        rows.append(within(f"{name}: blood from veins", 500.0, given, 250.0, "mL", source=BLED))
+        patient = adult(75.0, regulation={"baroreflex": 1.0, "model": name})
+        before, after = simulate(patient), simulate(patient.with_values({EXTRA_VOLUME: -1000.0}))
+        released = -float(after["unstressed_volume"])
+        rows.append(within(f"{name}: blood from veins", 500.0, released, 250.0, "mL", source=BLED))
         for quantity in ("heart_rate", "CO", "systemic_resistance_factor"):
             change = 100.0 * float(after[quantity] / before[quantity] - 1.0)
             label = f"{name}: {output(quantity).long_name}, change"
@@ -169,16 +173,16 @@ def ecmo_rows() -> Iterator[Row]:
     table = read_table("effects.csv")
     for study in ANIMALS:
         patient = animal(study)
-        low, held = simulate(patient), simulate(patient.with_values({FLOW: HIGH_FLOW}))
+        low, volume_held = simulate(patient), simulate(patient.with_values({FLOW: HIGH_FLOW}))
         filled = simulate(holding(patient, RIGHT_ATRIUM))
         for row in (row for row in table if row["study"] == study):
             start, end, name = float(row["from"]), float(row["to"]), row["quantity"]
             spread = math.hypot(float(row["from_sd"]), float(row["to_sd"])) / start
             label, expected = f"{study}: {output(name).long_name}", end / start - 1.0
-            changes = [float(high[name] / low[name] - 1.0) for high in (held, filled)]
+            changes = [float(high[name] / low[name] - 1.0) for high in (volume_held, filled)]
             sign = _sign(f"{label}, right atrial pressure held", expected, changes[1], row["source"])
-            why = Explanation(VOLUME_HELD, (sign,))
-            yield _sign(f"{label}, volume held", expected, changes[0], row["source"], why)
+            explanation = Explanation(VOLUME_HELD, (sign,))
+            yield _sign(f"{label}, volume held", expected, changes[0], row["source"], explanation)
             yield sign
             numbers = (100.0 * expected, 100.0 * changes[1], 100.0 * spread)
             yield within(f"{label}, right atrial pressure held: change", *numbers, "%", source=row["source"])

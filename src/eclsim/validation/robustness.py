@@ -144,13 +144,13 @@ def sweep(name: str, points: dict[str, np.ndarray]) -> Sweep:
     beat = steady_beat(Batch(model.circuit, {**model.values, **points}, count), left_outputs(model.circuit))
     orbits, output = beat.orbits, beat.values.sum(axis=0)
     drift, moved = orbits.drift.copy(), np.full(count, np.nan)
-    settled, rest = np.flatnonzero(beat.converged), np.flatnonzero(~beat.converged)
+    settled, unsettled = np.flatnonzero(beat.converged), np.flatnonzero(~beat.converged)
     start = orbits.states[:, settled]
     least = assemble(model.circuit).layout.smallest_sizes[:, None]
     change = np.abs(orbits.wait(settled, start, RECHECK_BEATS) - start)
     moved[settled] = (change / np.maximum(np.abs(start), least)).max(axis=0, initial=0.0)
-    if len(rest):
-        output[rest], drift[rest] = _waited(model, orbits, rest)
+    if len(unsettled):
+        output[unsettled], drift[unsettled] = _waited(model, orbits, unsettled)
     return Sweep(name, points, beat.status, output, drift, orbits.beats, moved)
 
 
@@ -183,13 +183,13 @@ def sweeps(count: int, effort: Effort) -> list[Sweep]:
     tasks = Tasks("robustness", "chunks of points", SweepChunk(count), chunks, inputs)
     results = effort.complete(tasks, json_format(dict[str, list[float]]))
     points = sobol_points(count)
-    found = []
+    results_by_name = []
     for name in CONFIGURATIONS:
         pieces = [result for chunk, result in zip(chunks, results, strict=True) if chunk[0] == name]
         arrays = {field: np.concatenate([result[field] for result in pieces]) for field in SWEPT}
-        whole = {"status": arrays.pop("status").astype(int), "beats": arrays.pop("beats").astype(int)}
-        found.append(Sweep(name, points, **whole, **arrays))
-    return found
+        integers = {"status": arrays.pop("status").astype(int), "beats": arrays.pop("beats").astype(int)}
+        results_by_name.append(Sweep(name, points, **integers, **arrays))
+    return results_by_name
 
 
 def _waited(model: Model, orbits: SolvedOrbits, members: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -221,7 +221,7 @@ def checks(effort: Effort) -> list[Check]:
 def _rows(sweep: Sweep) -> list[Row]:
     ejecting, settled = sweep.ejecting, sweep.converged
     share = float((ejecting & settled).sum() / max(ejecting.sum(), 1))
-    named = _named(sweep)
+    recognised = _named(sweep)
     return [
         at_least(f"{sweep.name}: share of {ejecting.sum()} ejecting that converge", share, NEEDED_SHARE),
         at_most(f"{sweep.name}: called converged and not steady", float(sweep.false_converged.sum()), 0.0),
@@ -229,7 +229,11 @@ def _rows(sweep: Sweep) -> list[Row]:
             f"{sweep.name}: largest change over 10 more beats", np.nanmax(sweep.moved), RECHECK_TOLERANCE
         ),
         at_most(f"{sweep.name}: number that is not finite, unsaid", float(sweep.silent_nan.sum()), 0.0),
-        at_most(f"{sweep.name}: not steady and not named NO_EJECTION", float(named.size - named.sum()), 0.0),
+        at_most(
+            f"{sweep.name}: not steady and not named NO_EJECTION",
+            float(recognised.size - recognised.sum()),
+            0.0,
+        ),
     ]
 
 
@@ -249,19 +253,19 @@ def _named(sweep: Sweep) -> np.ndarray:
 def _remarks(sweep: Sweep) -> list[str]:
     settled = sweep.converged
     beats = sweep.beats[settled]
-    words = [
+    sentences = [
         f"{sweep.name}: {settled.sum()} of {settled.size} steady, median {np.median(beats):.0f} beats, "
         f"largest {beats.max()}"
     ]
-    rest = np.flatnonzero(~settled)
-    if len(rest):
-        words.append(
-            f"{sweep.name}: {len(rest)} without a steady beat; after {SETTLING_BEATS} plain beats the native "
-            f"output is at most {sweep.output[rest].max():.2g} L/min, their drift at most "
-            f"{sweep.drift[rest].max():.2g} mL a beat"
+    unsettled = np.flatnonzero(~settled)
+    if len(unsettled):
+        sentences.append(
+            f"{sweep.name}: {len(unsettled)} without a steady beat; after {SETTLING_BEATS} plain beats the "
+            f"native output is at most {sweep.output[unsettled].max():.2g} L/min, their drift at most "
+            f"{sweep.drift[unsettled].max():.2g} mL a beat"
         )
     failed = np.flatnonzero(sweep.ejecting & ~settled)
     for k in failed[:NAMED]:
         point = ", ".join(f"{name} {value[k]:.4g}" for name, value in sweep.values.items())
-        words.append(f"{sweep.name}: ejects {sweep.output[k]:.2f} L/min and is not steady: {point}")
-    return words
+        sentences.append(f"{sweep.name}: ejects {sweep.output[k]:.2f} L/min and is not steady: {point}")
+    return sentences

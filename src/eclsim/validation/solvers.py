@@ -56,7 +56,7 @@ def adaptive_check(effort: Effort) -> Check:
     """Outputs of both solvers for the reference cases."""
     names = ADAPTIVE_QUICK if effort.quick else case_names()
     tasks = Tasks("adaptive", "cases", _both, names, {"cases": list(names)})
-    rows = tuple(row for both in effort.complete(tasks, json_format(list[Row])) for row in both)
+    rows = tuple(row for pair in effort.complete(tasks, json_format(list[Row])) for row in pair)
     title = f"Semi-implicit beat against Dopri8 with adaptive steps ({len(names)} cases)"
     beyond = [row for row in rows if row.holds and abs(row.percent or 0.0) > 100.0 * RELATIVE]
     remarks = tuple(
@@ -218,7 +218,7 @@ def gradient_checks() -> list[Check]:
     """All comparisons, of both cases."""
     published: list[Row] = []
     finer: list[Row] = []
-    own: list[Row] = []
+    own_differences_rows: list[Row] = []
     for key, case in CASES.items():
         computed = elasticities(key)
         half_step = _rows(case, computed, computed.finer, computed.published, OF_LARGEST)
@@ -226,14 +226,14 @@ def gradient_checks() -> list[Check]:
         whys = [Explanation(GRID, evidence) for evidence in zip(half_step, differences, strict=True)]
         published += _rows(case, computed, computed.exact, computed.published, OF_LARGEST, whys)
         finer += half_step
-        own += differences
-    words = "Derivatives against central differences of the published code"
+        own_differences_rows += differences
+    title = "Derivatives against central differences of the published code"
     return [
-        Check("gradients", f"{words}, default grid", BAR, tuple(published)),
-        Check("gradients-finer", f"{words}, half the step", BAR, tuple(finer)),
+        Check("gradients", f"{title}, default grid", BAR, tuple(published)),
+        Check("gradients-finer", f"{title}, half the step", BAR, tuple(finer)),
         Check(
             "own-gradients", "Derivatives against own central differences of the converged orbit",
-            "1e-5 of the largest of each output", tuple(own),
+            "1e-5 of the largest of each output", tuple(own_differences_rows),
         ),
     ]  # fmt: skip
 
@@ -251,6 +251,6 @@ def _rows(
         tolerance = share * float(np.abs(expected[i]).max())
         for k, parameter in enumerate(computed.parameters):
             label, unit = f"{case} d {name} / d ln {parameter}", output(name).unit
-            why = explanations[len(rows)] if explanations else None
-            rows.append(within(label, expected[i, k], got[i, k], tolerance, unit, explanation=why))
+            explanation = explanations[len(rows)] if explanations else None
+            rows.append(within(label, expected[i, k], got[i, k], tolerance, unit, explanation=explanation))
     return rows

@@ -136,8 +136,8 @@ def _summary(checks: Iterable[Check]) -> str:
     rows = []
     for check in checks:
         hardest = worst(check.rows)
-        held = f"{len(check.rows) - len(check.missed)} of {len(check.rows)}"
-        rows.append((check.title, check.bar.partition(";")[0], held, f"{hardest.name}: {_error(hardest)}"))
+        within = f"{len(check.rows) - len(check.missed)} of {len(check.rows)}"
+        rows.append((check.title, check.bar.partition(";")[0], within, f"{hardest.name}: {_error(hardest)}"))
     return _table(("comparison", "bar", "rows within", "hardest row"), rows)
 
 
@@ -201,16 +201,16 @@ def check_text(check: Check, every_row: bool = False) -> str:
     for text in dict.fromkeys(row.explained for row in check.missed if row.explained):
         lines.append(f"explained: {text}")
     lines += [f"note: {remark}" for remark in check.remarks]
-    held = len(check.rows) - len(check.missed)
-    lines.append(f"{held} of {len(check.rows)} rows within the bar ({check.seconds:.1f} s)")
+    within = len(check.rows) - len(check.missed)
+    lines.append(f"{within} of {len(check.rows)} rows within the bar ({check.seconds:.1f} s)")
     return "\n".join(lines)
 
 
 def _chosen(check: Check, every_row: bool) -> Sequence[Row]:
     if every_row or len(check.rows) <= _SHORT:
         return check.rows
-    held = sorted((row for row in check.rows if row.holds), key=lambda row: -row.used)
-    return [*check.missed, *held[:_WORST]]
+    within = sorted((row for row in check.rows if row.holds), key=lambda row: -row.used)
+    return [*check.missed, *within[:_WORST]]
 
 
 def verdict_text(checks: Sequence[Check]) -> str:
@@ -262,17 +262,17 @@ def measurements_text(measurements: Sequence[Measurement]) -> str:
     head = ("figure", "elapsed", "processor", "bar", "verdict", "published code", "times faster")
     rows = [
         (
-            one.name,
-            *(_with_unit(number, one) for number in (one.value, one.processor, one.bar)),
-            "ok" if one.holds else "MISS",
-            _with_unit(one.published, one),
-            f"{one.ratio:.0f}" if one.ratio else "",
+            m.name,
+            *(_with_unit(number, m) for number in (m.value, m.processor, m.bar)),
+            "ok" if m.holds else "MISS",
+            _with_unit(m.published, m),
+            f"{m.ratio:.0f}" if m.ratio else "",
         )
-        for one in measurements
+        for m in measurements
     ]
-    remarks = "\n".join(f"  {one.name}: {one.remark}" for one in measurements)
+    remarks = "\n".join(f"  {m.name}: {m.remark}" for m in measurements)
     return f"{text_table(head, rows, numeric=(1, 2, 3, 5, 6))}\n{remarks}"
 
 
-def _with_unit(value: float | None, one: Measurement) -> str:
-    return "" if value is None else f"{value:.3g} {one.unit}" if value < 1000 else f"{value:,.0f} {one.unit}"
+def _with_unit(value: float | None, m: Measurement) -> str:
+    return "" if value is None else f"{value:.3g} {m.unit}" if value < 1000 else f"{value:,.0f} {m.unit}"

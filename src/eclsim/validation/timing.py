@@ -119,9 +119,9 @@ def warm_orbit() -> Measurement:
     """One steady beat, everything compiled."""
     from eclsim.orbit.steady import Batch, solve
 
-    one = Batch.of(reference_model(PAPER_PATIENT))
-    wall, cpu = _medians(lambda: solve(one))
-    beats = int(solve(one).beats[0])
+    single = Batch.of(reference_model(PAPER_PATIENT))
+    wall, cpu = _medians(lambda: solve(single))
+    beats = int(solve(single).beats[0])
     remark = f"{beats} beats from the circuit's nominal orbit; median of {REPEATS}"
     return Measurement("one steady beat, warm", wall, "ms", 10.0, cpu, 1740.0, remark)
 
@@ -235,5 +235,5 @@ def processor() -> str:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
         lines = []
-    named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return named[0] if named else platform.processor() or "unknown"
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or "unknown"
