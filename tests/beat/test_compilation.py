@@ -12,7 +12,13 @@ from eclsim.beat.compilation import StoredProgram
 from eclsim.beat.heartbeat import beat_program
 from eclsim.circuit.network import Circuit
 from eclsim.components import Resistance
+from eclsim.outputs.measures import single
 from eclsim.patient.circulation import circulation
+from eclsim.regulation import heldt
+from eclsim.regulation.attach import with_reflex, with_volume_offset
+from eclsim.regulation.effects import effect_law, parameters_of, readings_of
+from eclsim.regulation.heldt import HELDT_2010
+from eclsim.regulation.oxygen import local_law
 
 KEY = ("doubled", 1)
 X = np.arange(3.0)
@@ -44,7 +50,7 @@ def test_other_shapes_and_other_keys_are_other_programs(folder):
 
 def test_other_sources_make_another_program(folder, monkeypatch):
     StoredProgram(jax.jit(lambda x: 2.0 * x), KEY)(X)
-    monkeypatch.setattr(compilation, "_sources", lambda module: "edited")
+    monkeypatch.setattr(compilation, "_sources", lambda modules: "edited")
     np.testing.assert_array_equal(StoredProgram(jax.jit(lambda x: 3.0 * x), KEY)(X), 3.0 * X)
 
 
@@ -66,10 +72,10 @@ def test_the_fingerprint_covers_whatever_the_code_imports(edited, counts, tmp_pa
     )
     monkeypatch.setattr(compilation, "PACKAGE", package)
     fingerprint = compilation._sources.__wrapped__
-    before = fingerprint("eclsim.beat.heartbeat")
+    before = fingerprint(frozenset({"eclsim.beat.heartbeat"}))
     with (package / edited).open("a", encoding="utf-8") as file:
         file.write("# another line\n")
-    assert (fingerprint("eclsim.beat.heartbeat") != before) == counts
+    assert (fingerprint(frozenset({"eclsim.beat.heartbeat"})) != before) == counts
 
 
 @pytest.mark.parametrize("damage", [b"", b"no program", None])
@@ -98,6 +104,59 @@ def test_circuits_with_components_of_others_are_not_kept(folder):
     circuit = Circuit(own.compartments, tuple(other if c is path else c for c in own.connections))
     assert compilation._file(("beat", beat_program(own)), ()) is not None
     assert compilation._file(("beat", beat_program(circuit)), ()) is None
+
+
+def regulated(model=HELDT_2010):
+    return beat_program(with_reflex(with_volume_offset(circulation()), model))
+
+
+@pytest.mark.parametrize(
+    ("edited", "counts"),
+    [("regulation/heldt.py", True), ("regulation/reflex.py", True), ("regulation/oxygen.py", False)],
+)
+def test_a_program_with_a_reflex_is_kept_until_the_code_of_the_reflex_changes(
+    edited, counts, folder, tmp_path, monkeypatch
+):
+    package = tmp_path / "eclsim"
+    shutil.copytree(
+        compilation.PACKAGE, package, ignore=shutil.ignore_patterns("data", "static", "__pycache__")
+    )
+    monkeypatch.setattr(compilation, "PACKAGE", package)
+    monkeypatch.setattr(compilation, "_sources", compilation._sources.__wrapped__)
+    key = ("search", regulated())
+    before = compilation._file(key, (), ("eclsim.orbit.iteration",))
+    assert before is not None
+    with (package / edited).open("a", encoding="utf-8") as file:
+        file.write("# another line\n")
+    assert (compilation._file(key, (), ("eclsim.orbit.iteration",)) != before) == counts
+
+
+def test_a_description_is_that_of_every_process():
+    text = compilation._described(regulated()).text
+    assert "eclsim.regulation.heldt._drives" in text
+    assert " at 0x" not in text
+
+
+def test_what_functions_within_others_know_is_not_described():
+    own = replace(HELDT_2010, drives=lambda deviations: HELDT_2010.drives(deviations))
+    assert compilation._described(regulated(own)) is None
+    assert compilation._described((Circuit, 1)) is None
+
+
+def test_a_function_under_the_name_of_another_is_not_described(monkeypatch):
+    program = regulated()
+    monkeypatch.setattr(heldt, "_drives", lambda deviations: deviations)
+    assert compilation._described.__wrapped__(program) is None
+
+
+def test_a_law_is_kept_by_its_name_or_by_what_it_is_made_of(folder):
+    controls = regulated().assembly.circuit.controllers
+    for law, size in ((local_law, 7), (effect_law(controls, ("Rmc",)), None)):
+        size = size or len(readings_of(controls)) + len(parameters_of(controls))
+        numbers = np.linspace(1.0, 2.0, size)
+        before = set(folder.iterdir())
+        single(law, None)(numbers)
+        assert len(set(folder.iterdir()) - before) == 1
 
 
 def test_different_circuits_have_different_descriptions():

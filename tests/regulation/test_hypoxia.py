@@ -34,9 +34,7 @@ def wanted(po2, venous, shunt=0.0, ventilation=5.0):
     """Of a lung with that alveolar PO2, from the balance solved the other way round."""
     fio2 = (po2 / 713.0 * (GAS - 250.0 + 200.0) + 250.0) / GAS
     rest = relative_resistance(40.0, 100.0)
-    return float(
-        lung_law()(jnp.array([venous, 250.0, -200.0, ventilation, fio2, shunt, 1.0, float(rest)]))[0]
-    )
+    return float(lung_law(jnp.array([venous, 250.0, -200.0, ventilation, fio2, shunt, 1.0, float(rest)]))[0])
 
 
 def test_rest_shunt_and_apnoea():

@@ -8,8 +8,9 @@ make a batch 1.5 times faster where the processor has them.
 
 A new process neither traces nor lowers what an earlier one compiled. JAX's own cache is asked after tracing,
 which costs 0.4 s for a beat and 3 s for its tangents. Here the key is known before: the sources that make a
-program, the circuit, what is asked of it and the shapes. Only circuits of eclsim's own components are kept:
-what a user's class computes cannot be read off its name.
+program, the circuit, what is asked of it and the shapes. The sources are those of all classes and functions
+in the key too, such as those of a reflex. Only circuits of eclsim's own components are kept: what a user's
+class computes cannot be read off its name.
 """
 
 from __future__ import annotations
@@ -19,13 +20,15 @@ import hashlib
 import os
 import pickle
 import re
+import sys
 import threading
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterable
 from enum import Enum
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import ParamSpec, TypeVar
+from types import FunctionType
+from typing import NamedTuple, ParamSpec, TypeVar
 
 import jax
 import numpy as np
@@ -51,7 +54,10 @@ PACKAGE = Path(__file__).parents[1]
 
 
 def compiled(
-    function: Callable[Arguments, Result], key: Key | None = None, level: int = 1
+    function: Callable[Arguments, Result],
+    key: Key | None = None,
+    level: int = 1,
+    law: Callable[..., object] | None = None,
 ) -> Callable[Arguments, Result]:
     """The function, compiled on first use: as one machine-code function on the CPU and as usual elsewhere.
 
@@ -59,6 +65,7 @@ def compiled(
         function: of arrays, given by position.
         key: what tells it from all other functions, for the store on disk (see `StoredProgram`).
         level: of the compiler's optimiser.
+        law: function of another module that this one calls.
     """
     inner = jax.jit(function)
     if jax.default_backend() != "cpu":
@@ -69,7 +76,8 @@ def compiled(
         return set_xla_metadata(result, inlineable="false", xla_cpu_small_call="true")
 
     options = {**COMPILER_OPTIONS, "xla_backend_optimization_level": level}
-    program = StoredProgram(jax.jit(call, compiler_options=options), key, function.__module__)
+    modules = {one.__module__ for one in (function, law) if one is not None}
+    program = StoredProgram(jax.jit(call, compiler_options=options), key, modules)
     return program  # pyright: ignore[reportReturnType]  # takes and returns what the function does
 
 
@@ -79,13 +87,14 @@ class StoredProgram:
     Args:
         function: to be compiled, already wrapped in `jax.jit`; takes and returns arrays.
         key: what tells it from all others, hashable; None keeps it out of the store.
-        module: name of the module whose code it is; what that imports is part of the key.
+        modules: names of the modules whose code it is; what they import is part of the key, as is that of
+            the classes and functions in the key itself.
     """
 
-    def __init__(self, function: Wrapped, key: Key | None, module: str = __name__):
+    def __init__(self, function: Wrapped, key: Key | None, modules: Iterable[str] = (__name__,)):
         self.function = function
         self.key = key
-        self.module = module
+        self.modules = frozenset(modules)
         self._ready: dict[Shapes, Wrapped | Compiled] = {}
         self._lock = threading.Lock()
 
@@ -100,51 +109,79 @@ class StoredProgram:
         return program(*arguments)
 
     def _get(self, shapes: Shapes, arguments: tuple[ArrayLike, ...]) -> Wrapped | Compiled:
-        file = _file(self.key, shapes, self.module)
+        file = _file(self.key, shapes, self.modules)
         if file is None:
             return self.function
         return _load(file) or _save(file, _compiled_afresh(self.function.lower(*arguments)))
 
 
+class Described(NamedTuple):
+    """All there is to say of a part of a key, and the modules whose code it stands for."""
+
+    text: str
+    modules: frozenset[str]
+
+
 @lru_cache(maxsize=1024)
-def _described(part: Hashable) -> str | None:
-    """All there is to say of a part of a key; None if something in it is not eclsim's own."""
-    return repr(part) if all(map(_is_ours, _contents(part))) else None
-
-
-def _contents(value: object) -> Iterator[object]:
-    """A value and everything in it."""
-    yield value
-    if isinstance(value, (tuple, list)):
-        for item in value:
-            yield from _contents(item)
-    elif dataclasses.is_dataclass(value):
-        for entry in dataclasses.fields(value):
-            yield from _contents(getattr(value, entry.name))
-
-
-def _is_ours(value: object) -> bool:
-    """Whether a value is plain, or of a class that is part of eclsim: its text says all about it."""
-    if value is None or isinstance(value, (str, int, float, tuple, list)):
-        return True
-    known = dataclasses.is_dataclass(value) or isinstance(value, Enum)
-    return known and type(value).__module__.partition(".")[0] == "eclsim"
-
-
-def _file(key: Key | None, shapes: Shapes, module: str = __name__) -> Path | None:
-    folder = cache_folder() if key is not None else None
-    descriptions = [_described(part) for part in key or ()]
-    if folder is None or None in descriptions:
+def _described(part: Hashable) -> Described | None:
+    """A part of a key in words; None if something in it is not eclsim's own."""
+    modules = set[str]()
+    try:
+        return Described(_text(part, modules), frozenset(modules))
+    except _ForeignError:
         return None
-    text = f"{_sources(module)}\n{shapes}\n{descriptions}"
+
+
+class _ForeignError(Exception):
+    """A value whose text does not say all about it."""
+
+
+def _text(value: object, modules: set[str]) -> str:
+    """A value and everything in it; adds the modules that its classes and functions are of."""
+    kind = type(value)
+    if isinstance(value, FunctionType):
+        modules.add(_ours(value.__module__))
+        if getattr(sys.modules[value.__module__], value.__qualname__, None) is not value:
+            raise _ForeignError  # a function within another knows more than its name says
+        return f"{value.__module__}.{value.__qualname__}"
+    if value is None or (isinstance(value, (str, int, float)) and not isinstance(value, Enum)):
+        return repr(value)
+    if kind not in (tuple, list):
+        modules.add(_ours(kind.__module__))
+    name = f"{kind.__module__}.{kind.__qualname__}"
+    if isinstance(value, Enum):
+        return f"{name}.{value.name}"
+    if isinstance(value, (tuple, list)):
+        return f"{name}({', '.join([_text(item, modules) for item in value])})"
+    if not dataclasses.is_dataclass(value):
+        raise _ForeignError
+    entries = [(f.name, getattr(value, f.name)) for f in dataclasses.fields(value)]
+    return f"{name}({', '.join([f'{field}={_text(entry, modules)}' for field, entry in entries])})"
+
+
+def _ours(module: str) -> str:
+    """The name of a module of eclsim's own."""
+    if module.partition(".")[0] != "eclsim":
+        raise _ForeignError
+    return module
+
+
+def _file(key: Key | None, shapes: Shapes, modules: Iterable[str] = (__name__,)) -> Path | None:
+    folder = cache_folder() if key is not None else None
+    described = [_described(part) for part in key or ()]
+    known = [part for part in described if part is not None]
+    if folder is None or len(known) < len(described):
+        return None
+    sources = _sources(frozenset(modules).union(*(part.modules for part in known)))
+    text = f"{sources}\n{shapes}\n{[part.text for part in known]}"
     return folder / f"eclsim-{hashlib.sha256(text.encode()).hexdigest()[:40]}"
 
 
-@lru_cache(maxsize=16)
-def _sources(module: str) -> str:
-    """Fingerprint of all code that the programs of a module are made by, and of what compiles it."""
+@lru_cache(maxsize=64)
+def _sources(modules: frozenset[str]) -> str:
+    """Fingerprint of the code of some modules, of all that they import, and of the compiler."""
     digest = hashlib.sha256(f"{version('jax')} {version('jaxlib')}".encode())
-    for file in imported_files(module):
+    for file in imported_files(*modules):
         digest.update(file.relative_to(PACKAGE).as_posix().encode() + file.read_bytes())
     return digest.hexdigest()
 
@@ -152,9 +189,9 @@ def _sources(module: str) -> str:
 IMPORTS = re.compile(r"^from (eclsim[\w.]*) import (\([^)]*\)|[^\n]*)|^import (eclsim[\w.]*)", re.MULTILINE)
 
 
-def imported_files(module: str) -> list[Path]:
-    """Files of eclsim that a module imports when it is loaded, itself included, in alphabetical order."""
-    waiting, files = [module], dict[Path, None]()
+def imported_files(*modules: str) -> list[Path]:
+    """Files of eclsim that modules import when they are loaded, themselves included, in order of names."""
+    waiting, files = list(modules), dict[Path, None]()
     while waiting:
         name = waiting.pop()
         file = _file_of(name)

@@ -123,7 +123,7 @@ class GasesInTime:
             settings = [values[name] for name in local_settings(bed)]
             # Content and oxygen supply stand for the content of the blood that leaves.
             numbers = [felt[f"{bed}.oxygen"], 1.0, 0.0, felt[f"{bed}.carbon_dioxide"], *settings]
-            found[local_resistance(bed)] = float(single(local_law(), None)(np.array(numbers))[0])
+            found[local_resistance(bed)] = float(single(local_law, None)(np.array(numbers))[0])
         return {name: found[name] for name in self.answers if name in found}
 
     def apart(self, one: Gases, other: Gases) -> float:

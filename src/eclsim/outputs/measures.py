@@ -118,7 +118,8 @@ class Measures:
         Args:
             function: that JAX can trace.
             numbers: one for each argument, or one for each patient.
-            key: what tells the function from all others, so that its programs are kept on disk.
+            key: what tells the function from all others, so that its programs are kept on disk; left out, its
+                own name, or what it is made of.
         """
         table = np.empty((len(numbers), *np.broadcast_shapes(*map(np.shape, numbers))))
         for k, number in enumerate(numbers):
@@ -248,14 +249,14 @@ def whole_beat(recorded: np.ndarray) -> np.ndarray:
 @lru_cache(maxsize=64)
 def single(function: Law, key: Key | None) -> Callable[..., jax.Array]:
     """A function of one patient's numbers, compiled."""
-    return compiled(function, _named("alone", key))
+    return compiled(function, _named("alone", function, key))
 
 
 @lru_cache(maxsize=64)
 def side_by_side(function: Law, key: Key | None) -> Callable[..., jax.Array]:
     """A function of `SIDE_BY_SIDE` patients' numbers, shape (numbers, patients), compiled."""
     several = jax.vmap(function, in_axes=1, out_axes=1)
-    return compiled(several, _named("side by side", key), VECTORISED)
+    return compiled(several, _named("side by side", function, key), VECTORISED, function)
 
 
 @lru_cache(maxsize=64)
@@ -266,11 +267,11 @@ def jacobian(function: Law, key: Key | None) -> Callable[..., jax.Array]:
         value, along = jax.linearize(function, numbers)
         return jnp.concatenate([value[None], jax.vmap(along)(jnp.eye(numbers.shape[0]))]).T
 
-    return compiled(table, _named("jacobian", key))
+    return compiled(table, _named("jacobian", function, key), law=function)
 
 
-def _named(what: str, key: Key | None) -> Key | None:
-    return None if key is None else (what, *key)
+def _named(what: str, function: Law, key: Key | None) -> Key:
+    return (what, *((function,) if key is None else key))
 
 
 def _stationary(rise: np.ndarray, second: np.ndarray, third: np.ndarray, fall: np.ndarray) -> np.ndarray:

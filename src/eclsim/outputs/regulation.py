@@ -75,7 +75,7 @@ def _local(bed: str) -> Callable[[BeatMeasures], Numbers]:
 
         numbers = [m.gas("oxygen", "mixed", bed), m.gas("supplied", "at", bed), m.gas("gained", "at", bed)]
         numbers += [m.gas("PCO2", "in", bed), *map(m.parameter, local_settings(bed))]
-        return m.apply(local_law(), numbers)[0]
+        return m.apply(local_law, numbers)[0]
 
     return compute
 
@@ -85,7 +85,7 @@ def _lung(m: BeatMeasures) -> Numbers:
 
     gases = [m.gas("PO2", "in", "pas"), *(m.gas(what, "at", "part") for what in ("gained", "gained_co2"))]
     settings = map(m.parameter, (*LUNG_SETTINGS, keys.HYPOXIA, keys.LUNG_AT_REST))
-    return m.apply(lung_law(), [*gases, *settings])[0]
+    return m.apply(lung_law, [*gases, *settings])[0]
 
 
 LOCAL_OUTPUTS = {bed: keys.local_resistance(bed).partition(".")[2] + "_factor" for bed in keys.BEDS}

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import jax.numpy as jnp
@@ -11,7 +12,7 @@ from jax import Array
 from eclsim.circuit.network import HEART_RATE, Circuit, Control, Reading
 from eclsim.components.base import Number
 from eclsim.parameters.regulation import REGULATION
-from eclsim.regulation.reflex import Reflex, SteadyController
+from eclsim.regulation.reflex import Reflex, ReflexModel, SteadyController
 
 
 def steady_controls(circuit: Circuit) -> tuple[Control, ...]:
@@ -30,33 +31,60 @@ def parameters_of(controls: Sequence[Control]) -> tuple[str, ...]:
     return tuple(dict.fromkeys((HEART_RATE, *names)))
 
 
-@lru_cache(maxsize=64)
-def effect_law(controls: tuple[Control, ...], wanted: tuple[str, ...]) -> Callable[[Array], Array]:
-    """From readings and parameters, in the order of the functions above, to the values in effect."""
-    count, names = len(readings_of(controls)), parameters_of(controls)
+@dataclass(frozen=True, eq=False)
+class EffectLaw:
+    """From readings and parameters, in the order of the functions above, to the values in effect.
 
-    def law(numbers: Array) -> Array:
+    Args:
+        controls: controllers.
+        wanted: parameters that they act on.
+    """
+
+    controls: tuple[Control, ...]
+    wanted: tuple[str, ...]
+
+    def __call__(self, numbers: Array) -> Array:
+        """The values in effect."""
+        count, names = len(readings_of(self.controls)), parameters_of(self.controls)
         rest, values = list(numbers[:count]), dict(zip(names, numbers[count:], strict=True))
         acted: dict[str, Number] = dict(values)
-        for control in controls:
+        for control in self.controls:
             component, constants = control.component, control.component.constants(values)
             assert isinstance(component, SteadyController)
             own, rest = rest[: len(control.reads)], rest[len(control.reads) :]
             states = component.steady_states(own, constants)
             given = [acted[name] for name in control.acts_on]
             acted.update(zip(control.acts_on, component.in_effect(states, given, constants), strict=True))
-        return jnp.stack([jnp.asarray(acted[name]) for name in wanted])
+        return jnp.stack([jnp.asarray(acted[name]) for name in self.wanted])
 
-    return law
+
+@lru_cache(maxsize=64)
+def effect_law(controls: tuple[Control, ...], wanted: tuple[str, ...]) -> EffectLaw:
+    """The law of some controllers, the same object each time: its programs are kept by it."""
+    return EffectLaw(controls, wanted)
+
+
+@dataclass(frozen=True, eq=False)
+class UseLaw:
+    """From arterial pressure, set point and gain to the share of a reflex's range in use, -100 to 100 %.
+
+    Args:
+        model: of the reflex.
+    """
+
+    model: ReflexModel
+
+    def __call__(self, n: Array) -> Array:
+        """The share."""
+        return jnp.stack([jnp.where(n[2] > 0.0, 100.0 * self.model.use(n[0] - n[1]), 0.0)])
 
 
 @lru_cache(maxsize=8)
-def use_law(control: Control) -> Callable[[Array], Array]:
-    """From arterial pressure, set point and gain to the share of the reflex's range in use, -100 to 100 %."""
+def use_law(control: Control) -> UseLaw:
+    """The law of a reflex, the same object each time."""
     reflex = control.component
     assert isinstance(reflex, Reflex)
-    model = reflex.model
-    return lambda n: jnp.stack([jnp.where(n[2] > 0.0, 100.0 * model.use(n[0] - n[1]), 0.0)])
+    return UseLaw(reflex.model)
 
 
 def reflex_of(circuit: Circuit) -> Control | None:

@@ -12,9 +12,8 @@ end-tidal PO2 of 50 instead of 100 mmHg resistance rose by 44 % in half an hour 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import jax.numpy as jnp
 import numpy as np
@@ -62,15 +61,10 @@ def lung_resistance(venous: Number, uptake: Number, gained_co2: Number, settings
     return 1.0 / ((1.0 - shunt) / ventilated + shunt / relative_resistance(venous, venous))
 
 
-@lru_cache(maxsize=1)
-def lung_law() -> Callable[[Array], Array]:
+def lung_law(n: Array) -> Array:
     """From mixed venous PO2, both gases gained, `LUNG_SETTINGS`, strength and value at rest to the factor."""
-
-    def law(n: Array) -> Array:
-        now = lung_resistance(n[0], n[1], n[2], (n[3], n[4], n[5]))
-        return jnp.stack([jnp.exp(n[6] * jnp.log(now / n[7]))])
-
-    return law
+    now = lung_resistance(n[0], n[1], n[2], (n[3], n[4], n[5]))
+    return jnp.stack([jnp.exp(n[6] * jnp.log(now / n[7]))])
 
 
 @dataclass(frozen=True)

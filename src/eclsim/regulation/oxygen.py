@@ -29,7 +29,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import NamedTuple, cast
 
 import jax.numpy as jnp
@@ -232,14 +231,9 @@ def local_settings(bed: str) -> tuple[str, str, str]:
     return keys.DILATION, keys.of_bed(keys.VENOUS_O2_SET_POINT, bed), keys.paco2_set_point(bed)
 
 
-@lru_cache(maxsize=1)
-def local_law() -> Callable[[Array], Array]:
+def local_law(n: Array) -> Array:
     """From arterial content, oxygen supplied and gained, PCO2 and `local_settings` to the factor."""
-
-    def law(n: Array) -> Array:
-        return jnp.stack([local_factor(venous_content(n[0], n[1], n[2]), n[3], (n[5], n[6]), n[4])])
-
-    return law
+    return jnp.stack([local_factor(venous_content(n[0], n[1], n[2]), n[3], (n[5], n[6]), n[4])])
 
 
 def venous_content(arterial: Number, supplied: Number, gained: Number) -> Number:
