@@ -23,7 +23,7 @@ from eclsim.cases.cohort_rows import (
     when,
 )
 from eclsim.cases.reading import read_mapping
-from eclsim.cases.sections import MEASURED, MEASURED_GASES, Gas, sections
+from eclsim.cases.sections import MEASURED, MEASURED_BESIDES, MEASURED_GASES, Gas, sections
 from eclsim.devices.description import Columns
 from eclsim.devices.registry import devices
 from eclsim.files import unguarded
@@ -42,14 +42,14 @@ _UNSAID = {"measurements.CO", *(f"{one.key}.{key}" for one in _WITH_COLUMNS for 
 COLUMNS: MappingProxyType[str, str] = MappingProxyType(
     {ID: "patient.id"}
     | {name: f"patient.{name}" for name in _ABOUT_PATIENT}
-    | {name: f"measurements.{name}" for name in MEASURED if name not in MEASURED_GASES}
+    | {name: f"measurements.{name}" for name in MEASURED[: MEASURED.index(MEASURED_BESIDES[0])]}
     | {name: f"{one.key}.{key}" for one in _WITH_COLUMNS for name, key in one.columns.needed.items()}
 )
 """Columns that a cohort has, besides `measurement`, and the key of a case file that each one is."""
 OPTIONAL: MappingProxyType[str, str] = MappingProxyType(
     {name: f"{one.key}.{key}" for one in _WITH_COLUMNS for name, key in one.columns.optional.items()}
     | {key: f"{one.key}.{key}" for one in _WITH_COLUMNS for key in one.columns.settings}
-    | {name: f"measurements.{name}" for name in MEASURED_GASES}
+    | {name: f"measurements.{name}" for name in MEASURED_BESIDES + MEASURED_GASES}
     | {name: f"{Gas.section}.{name}" for name in Gas.fields()}
 )
 """Columns that a cohort may have; without those of its sites ECMO is V-A with the usual ones, and gases are

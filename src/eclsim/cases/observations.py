@@ -1,10 +1,10 @@
 """From single observations to the rows of a cohort: what was measured together is a data point.
 
 LOINC and SNOMED CT codes are those of public FHIR profiles (HL7 vital signs; the intensive care module of
-the German Medical Informatics Initiative for PCWP and for the flow of an extracorporeal gas exchange, which
-has no LOINC code; HL7's value set of oxygen saturations for that of arterial blood, DICOM's context group
-3524 for its partial pressures; LOINC's own name for that of mixed venous blood). Pulse oximetry (59408-5) is
-not taken for a blood gas.
+the German Medical Informatics Initiative for PCWP, CVP and for the flow of an extracorporeal gas exchange,
+which has no LOINC code; HL7's value set of oxygen saturations for that of arterial blood, DICOM's context
+group 3524 for its partial pressures; LOINC's own name for that of mixed venous blood). Pulse oximetry
+(59408-5) is not taken for a blood gas.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from types import MappingProxyType
 
-from eclsim.cases.sections import MEASURED_GASES, Measurements
+from eclsim.cases.sections import MEASURED_BESIDES, MEASURED_GASES, Measurements
 from eclsim.devices.registry import devices
 from eclsim.inputs.mistakes import Mistake, shown
 from eclsim.units import convert, known_unit, quantity_of
@@ -49,6 +49,8 @@ MEASURABLES = (
     Measurable("PCWP", "mmHg", "75994-4"),
     Measurable("CO", "L/min", "8741-1"),
     Measurable("PF", "L/min", "", "251288004"),
+    Measurable("CVP", "mmHg", "60985-9", "71420008"),
+    *(Measurable(name, "mmHg") for name in MEASURED_BESIDES if name != "CVP"),
     Measurable("SaO2", "%", "2708-6"),
     Measurable("PaO2", "mmHg", "2703-7"),
     Measurable("PaCO2", "mmHg", "2019-8"),

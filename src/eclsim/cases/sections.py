@@ -85,8 +85,9 @@ def _saturation(where: str, typical: float) -> Field:
 class Measurements(Section):
     """What was measured: pressures in mmHg, flows in L/min, saturations in %, None where not measured.
 
-    CO is the native output, the flow through the lungs; PF is the flow of the ECMO pump. Those of gases are
-    fitted where the case has the section [gas].
+    CO is the native output, the flow through the lungs; PF is the flow of the ECMO pump. Pressures of its
+    circuit are those at the height of the heart. Those of gases are fitted where the case has the section
+    [gas].
     """
 
     section = "measurements"
@@ -99,6 +100,19 @@ class Measurements(Section):
         None
     )
     PF: Annotated[float | None, measured("Flow of the extracorporeal pump", "L/min", 0, 10, 3)] = None
+    CVP: Annotated[float | None, measured("Central venous pressure, mean", "mmHg", -10, 60, 10)] = None
+    drainage_pressure: Annotated[
+        float | None, measured("Mean pressure behind the drainage cannula (pVen)", "mmHg", -300, 100, -60)
+    ] = None
+    pump_inlet_pressure: Annotated[
+        float | None, measured("Mean pressure before the pump (pVen or P1)", "mmHg", -300, 100, -60)
+    ] = None
+    pre_oxygenator_pressure: Annotated[
+        float | None, measured("Mean pressure before the oxygenator (pInt or P2)", "mmHg", -50, 600, 220)
+    ] = None
+    post_oxygenator_pressure: Annotated[
+        float | None, measured("Mean pressure behind the oxygenator (pArt or P3)", "mmHg", -50, 600, 190)
+    ] = None
     SaO2: Annotated[float | None, _saturation("of the right radial artery", 95)] = None
     PaO2: Annotated[float | None, measured("PO2 of the right radial artery", "mmHg", 15, 700, 90)] = None
     PaCO2: Annotated[float | None, measured("PCO2 of the right radial artery", "mmHg", 8, 200, 40)] = None
@@ -147,6 +161,8 @@ MEASURED = tuple(Measurements.fields())
 """Names of what may have been measured."""
 MEASURED_GASES = MEASURED[MEASURED.index("SaO2") :]
 """Those of gas exchange."""
+MEASURED_BESIDES = MEASURED[MEASURED.index("CVP") : MEASURED.index("SaO2")]
+"""Pressures that the paper does not fit: they may be zero or negative."""
 
 
 def sections() -> dict[str, type[Section]]:

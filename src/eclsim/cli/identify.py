@@ -362,9 +362,9 @@ class ImportOptions(Force):
 def import_data(options: ImportOptions) -> None:
     """Turn clinical data into a cohort that `eclsim identify` takes.
 
-    Reads heart rate, SP, DP, MAP, MPAP, PCWP, CO, ECMO flow, height and weight by LOINC or SNOMED CT code or
-    by column name. Every conversion of a unit is said. Exit status: 0 written, 2 bad input, all mistakes
-    at once and nothing written.
+    Reads heart rate, SP, DP, MAP, MPAP, PCWP, CVP, CO, ECMO flow, height and weight by LOINC or SNOMED CT
+    code or by column name. Every conversion of a unit is said. Exit status: 0 written, 2 bad input, all
+    mistakes at once and nothing written.
     """
     from datetime import timedelta
 

@@ -210,7 +210,7 @@ class IdentifiabilityOptions(CaseChanges, Json):
     uncertainty: str | None = option(
         None,
         "Standard uncertainties of measurements: SP=4,CO=10% [mmHg, L/min or %]. Defaults: "
-        "SP=4,DP=4,MAP=3,MPAP=2,PCWP=2 mmHg, CO=10 %, PF=5 %.",
+        "SP=4,DP=4,MAP=3,MPAP=2,PCWP=2,CVP=2 mmHg, CO=10 %, PF=5 %.",
         metavar="NAME=VALUE,...",
     )
     limit: float = option(10.0, "Largest collinearity index of a set that can be told apart.", minimum=1.0)

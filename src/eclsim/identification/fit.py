@@ -21,7 +21,7 @@ from eclsim.identification.multi_start import (
 )
 from eclsim.identification.objective import Box, Objective, Target, correlation
 from eclsim.identification.profiles import held_fits
-from eclsim.identification.quantities import measurement_errors, unit_of, unit_of_parameter
+from eclsim.identification.quantities import measurement_errors, relative_scale, unit_of, unit_of_parameter
 from eclsim.identification.settings import (
     FitSettings,
     checked_fit,
@@ -278,8 +278,8 @@ def _target(
     case: Case, measured: Mapping[str, float], fixed: Mapping[str, float], settings: FitSettings
 ) -> Target:
     errors = measurement_errors(measured, settings.uncertainties)
-    relative = settings.weights == "relative"
-    scales = {n: abs(v) if relative and v != 0.0 else errors[n] for n, v in measured.items()}
+    sizes = {n: relative_scale(n, v) for n, v in measured.items() if settings.weights == "relative"}
+    scales = {n: sizes.get(n) or error for n, error in errors.items()}
     return Target(model_of(case).with_values(dict(fixed)), dict(measured), scales)
 
 

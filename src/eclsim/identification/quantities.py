@@ -17,18 +17,10 @@ from typing import Any
 import numpy as np
 
 from eclsim.cases.quantities import quantity
-from eclsim.cases.sections import MEASURED_GASES, Measurements
-from eclsim.parameters.parameter import Parameter
+from eclsim.cases.sections import MEASURED_BESIDES, MEASURED_GASES, Measurements
 from eclsim.sensitivity.inputs import DEFAULTS, Uncertainty, standard_uncertainties
 
-RANGE = math.log(100.0)
-"""What the allowed range of a parameter on a linear scale is long in its coordinate."""
 _DIGITS = 12
-
-
-def is_linear(parameter: Parameter) -> bool:
-    """Whether a parameter is sought itself and not by its logarithm: it may be negative, or no part of 1."""
-    return parameter.minimum < 0.0 or (parameter.minimum == 0.0 and parameter.unit == "1")
 
 
 @dataclass(frozen=True)
@@ -89,13 +81,7 @@ class Scale:
 
 @lru_cache(maxsize=1024)
 def _scale(names: tuple[str, ...]) -> Scale:
-    known = [quantity(name) for name in names]
-    return Scale(
-        tuple(
-            (p.maximum - p.minimum) / RANGE if p is not None and is_linear(p) else 0.0
-            for p in known
-        )
-    )  # fmt: skip
+    return Scale(tuple(0.0 if (p := quantity(name)) is None else p.linear_unit for name in names))
 
 
 def unit_of_parameter(name: str) -> str:
@@ -119,7 +105,7 @@ OF_THE_BEAT = PRESSURES + FLOWS
 """What can be fitted of the beat itself."""
 GASES = MEASURED_GASES
 """What can be fitted of gas exchange, where a case has it."""
-OUTPUTS = OF_THE_BEAT + GASES
+OUTPUTS = OF_THE_BEAT + MEASURED_BESIDES + GASES
 """What can be fitted."""
 
 
@@ -133,6 +119,12 @@ def measured_and_simulated(results: Sequence[Mapping[str, Any]], names: Sequence
     cells = [result["outputs"].get(name) or {} for result in results for name in names]
     pairs = [(cell.get("measured"), cell.get("simulated")) for cell in cells]
     return np.array([pair for pair in pairs if None not in pair], dtype=float).reshape(-1, 2)
+
+
+def relative_scale(output: str, value: float) -> float:
+    """What makes a difference relative: the value, of what may be negative at least its usual size."""
+    usual = abs(Measurements.fields()[output].typical) if output in MEASURED_BESIDES else 0.0
+    return max(abs(value), usual)
 
 
 def measurement_errors(

@@ -12,7 +12,6 @@ from eclsim.cases.cohort_rows import read_table
 from eclsim.cases.quantities import quantity
 from eclsim.devices.registry import parameters
 from eclsim.files import csv_text, write_text
-from eclsim.identification.quantities import is_linear
 from eclsim.inputs.mistakes import CaseError
 from eclsim.spelling import spelling_hint
 
@@ -96,7 +95,7 @@ def _of_posterior(path: str | Path) -> tuple[Sequence[str], _Rows, list[str]]:
 def _mistake(name: str, cell: str, value: float) -> str:
     """What is wrong with a value; empty where nothing is."""
     known = quantity(name)
-    if not (math.isfinite(value) and (value > 0.0 or (known is not None and is_linear(known)))):
+    if not (math.isfinite(value) and (value > 0.0 or (known is not None and known.is_linear))):
         comma = math.isfinite(_value(cell.replace(",", ".")))
         hint = f": '{cell}' has a decimal comma; write a decimal point" if "," in cell and comma else ""
         return f"{name} is no number above 0{hint}"

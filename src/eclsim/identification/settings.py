@@ -12,7 +12,7 @@ from eclsim.cases.resolve import height_weight
 from eclsim.devices.description import GASES as VO2
 from eclsim.devices.registry import parameters, usual_setting
 from eclsim.identification.multi_start import MultiStart
-from eclsim.identification.quantities import GASES, OUTPUTS, Scale, is_linear
+from eclsim.identification.quantities import OF_THE_BEAT, OUTPUTS, Scale
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.orbit.model import VolumePolicy, circuit_of
 from eclsim.outputs.registry import unavailable
@@ -137,7 +137,7 @@ def check_fit(case: Case, bounds: Mapping[str, tuple[float, float, float]]) -> C
     known = output_names(circuit_of(case))
     for name in OUTPUTS:
         value = getattr(case.measurements, name, None)
-        if value is None and name not in GASES:
+        if value is None and name in OF_THE_BEAT:
             checked.notes.append(Mistake(f"measurements.{name}", "not measured, so not fitted"))
         elif value is not None and name not in known:
             message = f"not fitted: the case has no such output{unavailable(name, known)}"
@@ -213,7 +213,7 @@ def _bounds(
         return (0.0, 0.0, 0.0)
     if known.bounds is not None:
         start, lower, upper = known.bounds
-    elif is_linear(known):
+    elif known.is_linear:
         start, lower, upper = float(known.value), known.minimum, known.maximum
     else:
         start = float(known.value)

@@ -57,7 +57,7 @@ def suspected_unit(number: float, unit: str, typical: float, allowed: tuple[floa
     best, best_distance = "", math.log(30.0)
     for other in units_of(quantity) if quantity else ():
         converted = convert(number, other, unit)
-        if other == unit or converted <= 0 or not allowed[0] <= converted <= allowed[1]:
+        if other == unit or converted / typical <= 0 or not allowed[0] <= converted <= allowed[1]:
             continue
         distance = abs(math.log(converted / typical))
         if distance < best_distance:

@@ -172,6 +172,7 @@ _MORE = (
     ),
     mean_flow("pulmonary_flow", "flow through the lungs", "Qpart"),
     mean("right_atrial_pressure", "mean right atrial pressure", "Pra"),
+    mean("CVP", "central venous pressure", "Pra"),
     mean("left_atrial_pressure", "mean left atrial pressure", "Pla"),
     mean("venous_pressure", "mean systemic venous pressure", "Psvn"),
     *_ventricle("lv"),

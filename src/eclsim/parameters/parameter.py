@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from eclsim.units import quantity_of
+
+RANGE = math.log(100.0)
+"""What the allowed range of a parameter on a linear scale is long in its coordinate."""
 
 
 class Bounds(NamedTuple):
@@ -56,6 +60,16 @@ class Parameter:
     def allowed(self) -> str:
         """The allowed range in words, such as "0.02 to 8 mmHg s/mL"."""
         return f"{self.minimum:g} to {self.maximum:g} {self.unit}".strip()
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether it is sought itself and not by its logarithm: it may be negative, or no part of 1."""
+        return self.minimum < 0.0 or (self.minimum == 0.0 and self.unit == "1")
+
+    @property
+    def linear_unit(self) -> float:
+        """The change that stands for 100 % where a share of the value says nothing; else 0."""
+        return (self.maximum - self.minimum) / RANGE if self.is_linear else 0.0
 
     def varied(self, value: float, share: float) -> tuple[float, float]:
         """Range of an analysis around a value; `share` is its half width as a share of it, such as 0.25."""

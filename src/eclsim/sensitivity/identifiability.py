@@ -14,10 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from eclsim.cases.quantities import quantity
 from eclsim.orbit.model import CaseSource, VolumePolicy, as_case, model_of
 from eclsim.reporting.numbers import text_table
 from eclsim.sensitivity.inputs import (
     CARDIOVASCULAR,
+    DEFAULTS,
     OUTPUTS,
     InputError,
     Uncertainty,
@@ -38,9 +40,24 @@ _CHUNK = 50_000
 _SINGULAR = 1e-12
 
 
+def change(name: str) -> tuple[float, str]:
+    """Change of a parameter that is taken for one of 100 %, with its unit; 0 for one of 100 % itself."""
+    parameter = quantity(name)
+    return (0.0, "") if parameter is None else (parameter.linear_unit, parameter.unit.removeprefix("1"))
+
+
+def _in_words(name: str, share: float) -> str:
+    """So many times that change: in percent, or in the unit of the parameter."""
+    whole, unit = change(name)
+    return f"{share * whole:.3g} {unit}".strip() if whole else f"{100 * share:.3g} %"
+
+
 @dataclass(frozen=True)
 class ScaledSensitivities:
     """How many standard uncertainties a measurement moves if a parameter changes by 100 %, to first order.
+
+    Of what may be zero or negative, where a share of the value says nothing, the change is a fixed one: the
+    unit of its linear scale (see `Parameter.linear_unit`), as in a fit.
 
     Args:
         outputs: measurements.
@@ -62,7 +79,8 @@ class ScaledSensitivities:
         uncertainties: np.ndarray,
     ) -> ScaledSensitivities:
         """From derivatives (outputs, parameters) in the units of both."""
-        matrix = np.asarray(derivatives) * parameter_values / np.asarray(uncertainties)[:, None]
+        changes = [change(name)[0] or value for name, value in zip(parameters, parameter_values, strict=True)]
+        matrix = np.asarray(derivatives) * changes / np.asarray(uncertainties)[:, None]
         return cls(tuple(outputs), tuple(parameters), matrix)
 
     @property
@@ -177,7 +195,10 @@ def fisher_information(scaled: ScaledSensitivities) -> FisherInformation:
 
 
 def relative_errors(scaled: ScaledSensitivities, chosen: Sequence[str]) -> dict[str, float]:
-    """Smallest standard error of each parameter [share of its value] if these are fitted together."""
+    """Smallest standard error of each parameter if these are fitted together, as a share.
+
+    Of its value, or of its `change` where that is a fixed one.
+    """
     columns = scaled.matrix[:, [scaled.parameters.index(p) for p in chosen]]
     if len(chosen) > len(scaled.outputs) or np.linalg.matrix_rank(columns) < len(chosen):
         return dict.fromkeys(chosen, float("inf"))
@@ -194,7 +215,8 @@ class Proposal:
             the others.
         excluded: reason for each parameter left out.
         collinearity: index of the set.
-        relative_errors: smallest standard error of each [share of its value] if all are fitted together.
+        relative_errors: smallest standard error of each if all are fitted together, as a share of its value
+            or of its `change`.
     """
 
     chosen: tuple[str, ...]
@@ -248,8 +270,8 @@ def _weak_reason(scaled: ScaledSensitivities, name: str, effect: float, threshol
     if effect == 0.0:
         return "no effect on any measurement"
     return (
-        f"too little effect: a change of 100 % moves {most} most, by {column.max():.2g} of its uncertainty "
-        f"(all together {effect:.2g}, needed {threshold:g})"
+        f"too little effect: a change of {_in_words(name, 1.0)} moves {most} most, by {column.max():.2g} of "
+        f"its uncertainty (all together {effect:.2g}, needed {threshold:g})"
     )
 
 
@@ -357,6 +379,7 @@ class Identifiability:
             "proposed": list(self.proposal.chosen),
             "proposed_collinearity": self.proposal.collinearity,
             "relative_errors": self.proposal.relative_errors,
+            "changes_for_100_percent": {n: fixed for n in names if (fixed := change(n)[0])},
             "excluded": self.proposal.excluded,
         }  # fmt: skip
 
@@ -380,7 +403,8 @@ def identifiability(
         outputs: what is measured; left out, the case's measurements, or all seven that it has.
         uncertainties: standard uncertainties that differ from the defaults.
         limit: largest collinearity index of a set that can be told apart.
-        threshold: smallest effect that counts, in uncertainties for a change of 100 %.
+        threshold: smallest effect that counts, in uncertainties for a change of 100 % (see
+            `ScaledSensitivities`).
         volume_policy: blood volume policy; left out, the case's.
 
     Raises:
@@ -418,9 +442,9 @@ def _measured(case: Case, model: Model) -> tuple[str, ...]:
     """Outputs that the case has measurements of, else all that it has."""
     from eclsim.outputs.signals import output_names
 
-    measured_here = tuple(o for o in OUTPUTS if getattr(case.measurements, o, None) is not None)
     available = output_names(model.circuit)
-    return measured_here or tuple(o for o in OUTPUTS if o in available)
+    named = tuple(o for o in DEFAULTS if getattr(case.measurements, o, None) is not None and o in available)
+    return named or tuple(o for o in OUTPUTS if o in available)
 
 
 def _check_names(parameters: Sequence[str], outputs: Sequence[str], model: Model) -> None:
@@ -442,7 +466,7 @@ def identifiability_text(result: Identifiability, limit: float) -> str:
     """Measurements, collinearity of all sets, the set proposed, and why others are left out."""
     p = result.proposal
     effect = dict(zip(result.scaled.parameters, result.scaled.effect, strict=True))
-    chosen = [(n, f"{effect[n]:.3g}", f"{100 * p.relative_errors[n]:.3g} %") for n in p.chosen]
+    chosen = [(n, f"{effect[n]:.3g}", _in_words(n, p.relative_errors[n])) for n in p.chosen]
     return "\n".join((
         "Measurements and their standard uncertainties (a percentage is one of the measured value)",
         _measurements(result),

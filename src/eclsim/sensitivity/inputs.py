@@ -370,6 +370,11 @@ DEFAULTS: MappingProxyType[str, Uncertainty] = MappingProxyType(
         "PCWP": Uncertainty(2.0),
         "CO": Uncertainty(relative=0.10),
         "PF": Uncertainty(relative=0.05),
+        "CVP": Uncertainty(2.0),
+        "drainage_pressure": Uncertainty(10.0),
+        "pump_inlet_pressure": Uncertainty(10.0),
+        "pre_oxygenator_pressure": Uncertainty(10.0),
+        "post_oxygenator_pressure": Uncertainty(10.0),
         "SaO2": Uncertainty(1.5),
         "PaO2": Uncertainty(3.0, 0.05),
         "PaCO2": Uncertainty(2.0, 0.04),
@@ -381,8 +386,9 @@ DEFAULTS: MappingProxyType[str, Uncertainty] = MappingProxyType(
     }
 )
 """Assumed, for want of the paper's: fluid-filled catheters (transducer, damping, levelling), thermodilution,
-an ultrasonic flow meter; of blood gases the analyser, and the minutes from the sample to the other readings.
-A percentage is one of the measured value. Give your own devices' where you know them."""
+an ultrasonic flow meter; sensors of the circuit, of which 14 cm of height between them and the heart, which
+the model does not have, are 10 mmHg; of blood gases the analyser, and the minutes from the sample to the
+other readings. A percentage is one of the measured value. Give your own devices' where you know them."""
 LEAST_FLOW = 0.1
 """A flow measured as 0 has the uncertainty of this one [L/min]."""
 

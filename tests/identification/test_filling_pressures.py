@@ -1,0 +1,104 @@
+"""Central venous pressure and the pressures of the ECMO circuit as measurements."""
+
+import numpy as np
+import pytest
+
+from eclsim.cases.case import Measurements
+from eclsim.cases.reading import read_mapping
+from eclsim.identification.fit import fit
+from eclsim.identification.multi_start import MultiStart
+from eclsim.identification.quantities import relative_scale
+from eclsim.identification.settings import FitSettings, check_fit
+from eclsim.inputs.mistakes import CaseError
+from eclsim.orbit.model import model_of
+from eclsim.orbit.steady import Batch
+from eclsim.outputs.steady_beat import steady_beat
+from eclsim.sensitivity.identifiability import identifiability
+
+RAW = {
+    "format": 1,
+    "patient": {
+        "id": "P", "sex": "male", "age_years": 50, "height_cm": 178, "weight_kg": 80, "heart_rate_bpm": 95,
+    },
+    "fluid": {},
+    "ecmo": {
+        "pump": "Rotaflow", "speed_rpm": 3000, "oxygenator": "Quadrox-i Adult", "mode": "VA",
+        "drainage_fr": 23, "return_fr": 17,
+    },
+}  # fmt: skip
+CASE = read_mapping(RAW).case
+CIRCUIT = (
+    "drainage_pressure", "pump_inlet_pressure", "pre_oxygenator_pressure", "post_oxygenator_pressure"
+)  # fmt: skip
+
+
+def measured(names, **values):
+    model = model_of(CASE).with_values(values)
+    outputs = steady_beat(Batch.of(model), names).outputs()
+    return CASE.model_copy(update={"measurements": Measurements(**{n: float(outputs[n]) for n in names})})
+
+
+def test_relative_differences_of_what_may_be_negative_are_of_at_least_its_usual_size():
+    assert relative_scale("CVP", 0.0) == relative_scale("CVP", -4.0) == 10.0
+    assert relative_scale("CVP", 15.0) == 15.0
+    assert relative_scale("drainage_pressure", -20.0) == 60.0
+    assert relative_scale("MAP", 50.0) == 50.0
+    assert relative_scale("CO", 0.0) == 0.0
+
+
+def test_pressures_of_a_circuit_that_is_not_there_are_named():
+    alone = read_mapping({k: v for k, v in RAW.items() if k != "ecmo"}).case
+    case = alone.model_copy(update={"measurements": Measurements(MAP=70.0, CVP=9.0, drainage_pressure=-40.0)})
+    checked = check_fit(case, {"Rmc": (0.5, 0.05, 5.0)})
+    assert set(checked.targets) == {"MAP", "CVP"}
+    assert any(w.key == "measurements.drainage_pressure" and "[ecmo]" in str(w) for w in checked.warnings)
+    assert not any("oxygenator" in note.key or "CVP" in note.key for note in checked.notes)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("CVP", 1300.0, "1300 Pa = 9.751 mmHg"),
+        ("drainage_pressure", -9000.0, "-9000 Pa = -67.51 mmHg"),
+        ("post_oxygenator_pressure", "25 kPa", "187.5"),
+    ],
+)
+def test_other_units_are_named(key, value, said):
+    with pytest.raises(CaseError, match=f"measurements.{key}") as error:
+        read_mapping(RAW | {"measurements": {key: value}})
+    assert said in str(error.value)
+
+
+@pytest.mark.slow
+def test_central_venous_pressure_tells_the_blood_volume():
+    truth = {"Rmc": 0.4, "Emaxlv": 1.1, "fluid.extra_volume_ml": 450.0}
+    names = ("SP", "DP", "MAP", "CO", "PF", "CVP", *CIRCUIT)
+    case = measured(names, **truth)
+    assert case.measurements.CVP > 5.0 > case.measurements.drainage_pressure
+    settings = FitSettings(tuple(truth), weights="uncertainty", multi_start=MultiStart.quick(300))
+    result = fit(case, settings=settings)
+    fitted = [result.parameters[name].value for name in truth]
+    np.testing.assert_allclose(fitted, list(truth.values()), rtol=2e-3)
+    assert result.parameters["fluid.extra_volume_ml"].identifiable
+
+
+@pytest.mark.slow
+def test_it_is_among_what_is_asked_for_identifiability():
+    free, names = ("Rmc", "fluid.extra_volume_ml"), ("MAP", "CO")
+    few = identifiability(measured(names), parameters=free)
+    more = identifiability(measured((*names, "CVP")), parameters=free)
+    assert tuple(few.measured) == names
+    assert tuple(more.measured) == (*names, "CVP")
+    assert few.proposal.relative_errors["Rmc"] > more.proposal.relative_errors["Rmc"]
+
+
+@pytest.mark.slow
+def test_what_is_zero_has_an_effect_too():
+    """A share of a volume of 0 mL is none: the change is a fixed one."""
+    found = identifiability(measured(("MAP", "CVP")), parameters=("Rmc", "fluid.extra_volume_ml"))
+    assert CASE.fluid.extra_volume_ml == 0.0
+    low, high = (measured(("MAP", "CVP"), **{"fluid.extra_volume_ml": v}).measurements for v in (-1.0, 1.0))
+    slope = np.array([high.MAP - low.MAP, high.CVP - low.CVP]) / 2.0
+    expected = slope * (5000.0 + 3000.0) / np.log(100.0) / [3.0, 2.0]
+    np.testing.assert_allclose(found.scaled.matrix[:, 1], expected, rtol=1e-4)
+    assert "no effect" not in " ".join(found.proposal.excluded.values())
