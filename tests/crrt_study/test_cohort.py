@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eclsim.crrt_study.cohort import CohortStudy, answer, crrt_cohort, summaries
+from eclsim.crrt_study.cohort import CohortStudy, StudyOptions, answer, crrt_cohort, summaries
 from eclsim.crrt_study.ranking import Ranked
 from eclsim.crrt_study.schemes import StudyError
 from eclsim.identification.cohort import as_they_are, with_fitted
@@ -27,9 +27,7 @@ def cohort() -> CohortStudy:
     alone = case("roller").model_copy(update={"ecmo": None})
     return crrt_cohort(
         as_they_are([*cases, alone], "tests"),
-        schemes="a,d,h",
-        speeds="2000:5000:1000",
-        volume_policy="as_published",
+        StudyOptions(schemes="a,d,h", speeds="2000:5000:1000", volume_policy="as_published"),
     )
 
 
@@ -156,8 +154,9 @@ def test_page_tables_and_json_of_a_cohort(cohort, tmp_path):
 
 def test_the_terminal_table_keeps_a_row_for_each_scheme_at_120_columns(cohort, capsys, monkeypatch):
     from eclsim.crrt_study import cohort_report as report
+    from eclsim.reporting import numbers
 
-    monkeypatch.setattr(report, "_WIDTH_OF_PIPES", 120)
+    monkeypatch.setattr(numbers, "WIDTH_OF_PIPES", 120)
     report.show(cohort)
     lines = capsys.readouterr().out.splitlines()
     first = lines.index("") if lines[0] == "" else 0

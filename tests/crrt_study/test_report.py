@@ -10,7 +10,7 @@ import xarray as xr
 
 from crrt_failures import forget, with_failures
 from eclsim.crrt_study.files import MEANS, file_names, study_object, tables, write_netcdf, write_study
-from eclsim.crrt_study.report import drawings, show, study_page
+from eclsim.crrt_study.report import show, study_page
 
 
 @pytest.fixture(scope="module")
@@ -202,18 +202,3 @@ def test_how_sure_it_is_tells_the_share_of_samples_with_a_beat(hostile_study):
         "Samples of the patient's parameters without a steady beat, of 1000: 100 (scheme a), 4 (scheme h)"
         in words
     )
-
-
-def test_the_page_is_about_the_policy_that_is_asked_for(hostile_study, tmp_path):
-    gone = with_failures(hostile_study, [("as_published", "a", 3425.0)])
-    assert "No first choice can be named" in words_of(study_page(gone, DRAWN))
-    held = words_of(study_page(gone, DRAWN, "patient_held"))
-    assert f"First choice for this patient: scheme {gone.ranking['patient_held'][0].letter}" in held
-    assert (
-        "Which scheme is first as published, where the patient's own blood fills the circuits is not known"
-        in held
-    )
-    assert "Two beats of every scheme; patient's volume held" in held
-    assert drawings(hostile_study, "patient_held")["speeds"] != drawings(hostile_study)["speeds"]
-    with pytest.raises(ValueError, match="'primed' was not studied; studied: as_published, patient_held"):
-        study_page(hostile_study, DRAWN, "primed")

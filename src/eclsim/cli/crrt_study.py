@@ -18,7 +18,7 @@ from eclsim.paper.reproduction import USUAL_EXPLORE
 if TYPE_CHECKING:
     from eclsim.cases import Case
     from eclsim.cases.cohort import CohortReading
-    from eclsim.crrt_study.cohort import CohortStudy
+    from eclsim.crrt_study.cohort import StudyOptions
     from eclsim.crrt_study.study import CrrtStudy
     from eclsim.execution import Distribution, Executor
     from eclsim.identification.cohort import FittedCases
@@ -106,6 +106,15 @@ def _first_policy(o: CrrtStudyOptions) -> str | None:
     return policies_of(o.volume_policy)[0] if o.volume_policy else None
 
 
+def _options(o: CrrtStudyOptions) -> StudyOptions:
+    from eclsim.crrt_study.cohort import StudyOptions
+
+    return StudyOptions(
+        schemes=o.schemes, speeds=o.speeds, crrt_flow_ml_min=o.crrt_flow, volume_policy=o.volume_policy,
+        scheme_h=o.scheme_h, rule=o.rule,
+    )  # fmt: skip
+
+
 def _check_options(o: CrrtStudyOptions, more: Mapping[str, Callable[[], object]]) -> list[str]:
     from eclsim.crrt_study.rule import read_rule
     from eclsim.crrt_study.schemes import parse_speeds, select_schemes
@@ -185,10 +194,7 @@ def _compute(o: CrrtStudyOptions, case: Case, samples: Mapping[str, Sequence[flo
 
     try:
         with Progress() as progress:
-            return crrt_study(
-                case, schemes=o.schemes, scheme_h=o.scheme_h, speeds=o.speeds, crrt_flow_ml_min=o.crrt_flow,
-                volume_policy=o.volume_policy, samples=samples, rule=o.rule, progress=progress,
-            )  # fmt: skip
+            return crrt_study(case, **vars(_options(o)), samples=samples, progress=progress)
     except RuleError as error:
         fail(error)
 
@@ -199,7 +205,7 @@ def _compute(o: CrrtStudyOptions, case: Case, samples: Mapping[str, Sequence[flo
 def _study_cohort(o: CrrtStudyOptions) -> Sequence[str]:
     """Fit or read the cases and study each; returns what could not be studied."""
     from eclsim.crrt_study import cohort_report
-    from eclsim.crrt_study.cohort import PRELOAD
+    from eclsim.crrt_study.cohort import PRELOAD, crrt_cohort
     from eclsim.crrt_study.schemes import StudyError
     from eclsim.execution import ExecutionError
 
@@ -213,7 +219,8 @@ def _study_cohort(o: CrrtStudyOptions) -> Sequence[str]:
             Progress() as progress,
         ):
             fitted = _from_folder(o) if reading is None else _fitted(o, reading, executor, progress)
-            study = _compute_cohort(o, fitted, executor, progress)
+            folder = None if o.out is None else Path(o.out)
+            study = crrt_cohort(fitted, _options(o), folder=folder, executor=executor, progress=progress)
     except (ExecutionError, StudyError) as error:
         fail(error)
     of = cohort_report
@@ -264,22 +271,3 @@ def _fitted(
     settings = FitSettings(multi_start=MultiStart.quick(o.explore), volume_policy=policy)
     folder = None if o.out is None else Path(o.out) / FITS
     return fit_points(reading, settings, folder=folder, executor=executor, progress=progress)
-
-
-def _compute_cohort(
-    o: CrrtStudyOptions, fitted: FittedCases, executor: Executor, progress: Progress
-) -> CohortStudy:
-    from eclsim.crrt_study.cohort import crrt_cohort
-
-    return crrt_cohort(
-        fitted,
-        schemes=o.schemes,
-        speeds=o.speeds,
-        crrt_flow_ml_min=o.crrt_flow,
-        volume_policy=o.volume_policy,
-        scheme_h=o.scheme_h,
-        rule=o.rule,
-        folder=None if o.out is None else Path(o.out),
-        executor=executor,
-        progress=progress,
-    )

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,9 +21,6 @@ from eclsim.execution.tasks import in_process
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
     from eclsim.identification.cohort import FittedCases
-
-Value = TypeVar("Value", str, float)
-
 
 FILES = ("report.html", "cohort.json", "points.csv", "schemes.csv", "ranks.svg")
 FITS = "fits"
@@ -76,7 +73,6 @@ class CohortStudy:
         points: one for each data point, in the order of the cohort.
         schemes: schemes compared.
         fitted: the cases and how they were found.
-        crrt_flow_ml_min: blood flow of the CRRT; None if each case has its own.
         lost: data points without a study, and why.
         rule: by which schemes are ranked.
     """
@@ -84,7 +80,6 @@ class CohortStudy:
     points: tuple[PointResult, ...]
     schemes: tuple[Scheme, ...]
     fitted: FittedCases
-    crrt_flow_ml_min: float | None
     lost: dict[str, str]
     rule: Rule = USUAL
 
@@ -156,16 +151,16 @@ PRELOAD = ("eclsim.identification.cohort", "eclsim.crrt_study.cohort", "eclsim.o
 _FORMAT = json_format(list[PointOutcome])
 
 
-@dataclass(frozen=True)
-class StudyGroup:
-    """Studies the cases of a group one after the other; the fields are the options of the study."""
+@dataclass(frozen=True, kw_only=True)
+class StudyOptions:
+    """Options of `crrt_study` for all cases of a cohort; called, it studies the cases of a group in turn."""
 
-    schemes: str | tuple[str, ...]
-    speeds: str | tuple[float, ...]
-    crrt_flow_ml_min: float | None
-    volume_policy: str
-    scheme_h: str
-    rule: dict[str, object]
+    schemes: str | Sequence[str] = NINE
+    speeds: str | Sequence[float] = USUAL_SPEEDS
+    crrt_flow_ml_min: float | None = None
+    volume_policy: str | None = None
+    scheme_h: str = PUBLISHED
+    rule: str | Path | Mapping[str, object] | Rule | None = None
 
     def __call__(self, cases: tuple[tuple[str, Case], ...]) -> list[PointOutcome]:
         """What becomes of each case."""
@@ -184,13 +179,8 @@ class StudyGroup:
 
 def crrt_cohort(
     fitted: FittedCases,
+    options: StudyOptions | None = None,
     *,
-    schemes: str | Sequence[str] = NINE,
-    speeds: str | Sequence[float] = USUAL_SPEEDS,
-    crrt_flow_ml_min: float | None = None,
-    volume_policy: str | None = None,
-    scheme_h: str = PUBLISHED,
-    rule: str | Path | Rule | None = None,
     folder: Path | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
@@ -199,12 +189,7 @@ def crrt_cohort(
 
     Args:
         fitted: the cases.
-        schemes: letters, groups and pairs, see `select_schemes`.
-        speeds: pump speeds [rpm]; each case's own is added.
-        crrt_flow_ml_min: blood flow of the CRRT; left out, each case's own, else 200 mL/min.
-        volume_policy: "as_published", "patient_held" or "both"; left out, what the cases say, else both.
-        scheme_h: "published" or "figure".
-        rule: of ranking, as in `crrt_study`.
+        options: of the study; without a policy, what the cases say, else both.
         folder: keeps the studies; None keeps them for this call alone.
         executor: runs them; None runs them in this process.
         progress: called as they are done.
@@ -216,12 +201,10 @@ def crrt_cohort(
     """
     from eclsim.crrt_study.schemes import StudyError, policy_of_cases
 
-    if executor is None:
-        executor = Executor(Distribution(), in_process)
-    policy = volume_policy or policy_of_cases(list(fitted.cases.values()))
-    judged_by = read_rule(rule)
-    rule_object = judged_by.as_object()
-    compute = StudyGroup(_fixed(schemes), _fixed(speeds), crrt_flow_ml_min, policy, scheme_h, rule_object)
+    options = options or StudyOptions()
+    judged_by = read_rule(options.rule)
+    policy = options.volume_policy or policy_of_cases(list(fitted.cases.values()))
+    compute = replace(options, volume_policy=policy, rule=judged_by.as_object())
     groups = [tuple((n, fitted.cases[n]) for n in names if n in fitted.cases) for names in fitted.groups]
     tasks = Tasks(
         "schemes", "groups of data points", compute, groups, {**fitted.inputs, "study": vars(compute)}
@@ -229,6 +212,7 @@ def crrt_cohort(
     # Studies with other options do not disturb each other, so the fits can be used again.
     mark = hashlib.sha256(json.dumps(vars(compute)).encode()).hexdigest()[:8]
     place = None if folder is None else folder / f"studies-{mark}"
+    executor = executor or Executor(Distribution(), in_process)
     outcomes = [outcome for group in executor.complete(tasks, place, _FORMAT, progress) for outcome in group]
     by_name = {outcome.name: outcome for outcome in outcomes}
     failures = {**fitted.not_fitted, **{outcome.name: outcome.lost for outcome in outcomes if outcome.lost}}
@@ -237,12 +221,8 @@ def crrt_cohort(
         raise StudyError(
             "no data point can be studied: " + "; ".join(f"{k}: {v}" for k, v in failures.items())
         )
-    chosen = tuple(select_schemes(schemes, scheme_h))
-    return CohortStudy(points, chosen, fitted, crrt_flow_ml_min, failures, judged_by)
-
-
-def _fixed(values: str | Sequence[Value]) -> str | tuple[Value, ...]:
-    return values if isinstance(values, str) else tuple(values)
+    chosen = select_schemes(options.schemes, options.scheme_h)
+    return CohortStudy(points, chosen, fitted, failures, judged_by)
 
 
 def _point(name: str, study: CrrtStudy) -> PointResult:

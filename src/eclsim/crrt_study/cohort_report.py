@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -18,13 +17,11 @@ from eclsim.crrt_study.ranking import place
 from eclsim.files import csv_text, json_text, write_text
 from eclsim.orbit.model import POLICY_WORDS
 from eclsim.reporting.html import Table, render, svg_text
-from eclsim.reporting.numbers import number
+from eclsim.reporting.numbers import number, show_table, show_text
 from eclsim.reporting.style import GREY, OKABE_ITO, PAGE_WIDTH_MM, figure_style, new_figure, plain_text
 
 if TYPE_CHECKING:
     from eclsim.crrt_study.cohort import CohortStudy, PointResult
-
-_WIDTH_OF_PIPES = 140
 
 
 def write_cohort(study: CohortStudy, folder: Path) -> list[Path]:
@@ -65,20 +62,12 @@ def cohort_json(study: CohortStudy) -> str:
 
 def show(study: CohortStudy) -> None:
     """Show the schemes over the cohort, most often first, for each blood volume policy."""
-    from rich.console import Console
-    from rich.table import Table
-
-    console = Console(width=None if sys.stdout.isatty() else _WIDTH_OF_PIPES, highlight=False)
+    heads = ("scheme", "access – return", *_SHORT_HEAD)
     for policy in study.policies:
-        shown = Table(title=POLICY_WORDS[policy], title_justify="left", box=None, pad_edge=False)
-        shown.add_column("scheme", no_wrap=True)
-        shown.add_column("access – return")
-        for head in _SHORT_HEAD:
-            shown.add_column(head, justify="right", no_wrap=True)
-        for row in _scheme_rows(study, policy):
-            shown.add_row(*map(str, row))
-        console.print(shown)
-        console.print(answer(study, policy) + "\n", markup=False)
+        rows = [list(map(str, row)) for row in _scheme_rows(study, policy)]
+        unbroken = [column for column in range(len(heads)) if column != 1]
+        show_table(POLICY_WORDS[policy], heads, rows, range(2, len(heads)), unbroken)
+        show_text(answer(study, policy) + "\n")
 
 
 _HEAD = (

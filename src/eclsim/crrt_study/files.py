@@ -31,19 +31,13 @@ def file_names() -> tuple[str, ...]:
     return (*FILES, *(f"{name}.csv" for name in TABLES), *(f"{name}.svg" for name in DRAWINGS))
 
 
-def write_study(study: CrrtStudy, folder: Path, policy: str | None = None) -> list[Path]:
-    """Write everything to a folder, which is made if it does not exist; returns the files.
-
-    Args:
-        study: results.
-        folder: to write to.
-        policy: blood volume policy that report and figures are for; left out, the first studied.
-    """
+def write_study(study: CrrtStudy, folder: Path) -> list[Path]:
+    """Write everything to a folder, which is made if it does not exist; returns the files."""
     from eclsim.crrt_study.report import drawings, study_page
 
     folder.mkdir(exist_ok=True)
-    drawn = drawings(study, policy)
-    texts = {"report.html": study_page(study, drawn, policy), "study.json": study_json(study)}
+    drawn = drawings(study)
+    texts = {"report.html": study_page(study, drawn), "study.json": study_json(study)}
     texts |= {f"{name}.svg": svg for name, svg in drawn.items()}
     for name, table in tables(study).items():
         texts[f"{name}.csv"] = frame_text(table)
@@ -72,6 +66,7 @@ EXCHANGE = (
     "transmembrane_pressure",
 )
 """Outputs of dialysis and gas exchange of each scheme, where a study has them."""
+STATISTICS = ("median", "variation", "variation_percent", "highest", "lowest")
 DIFFERENCES = ("difference", "uptake", "flow")
 STATES = ("converged", "status", "gas_status")
 """How beats, and where a study has them gases, were found."""
@@ -156,9 +151,8 @@ def _policy(study: CrrtStudy, policy: str) -> dict[str, object]:
 
 
 def _summary(summary: xr.Dataset) -> dict[str, object]:
-    statistics = ("median", "variation", "variation_percent", "highest", "lowest")
     each = {
-        name: _values(summary, {statistic: f"{name}_{statistic}" for statistic in statistics})
+        name: _values(summary, {statistic: f"{name}_{statistic}" for statistic in STATISTICS})
         for name in SUMMARISED
     }
     return {"schemes_known": summary["schemes_known"].item(), **each}
@@ -230,9 +224,8 @@ def tables(study: CrrtStudy) -> dict[str, pd.DataFrame]:
     each policy, scheme and limit, `ranking` for each policy and scheme, `uptake` for each scheme.
     """
     means = study.means[[*_names(study), "patient_volume_change", *_states(study.means)]]
-    statistics = ("median", "variation", "variation_percent", "highest", "lowest")
     summary = study.summary[
-        ["schemes_known", *(f"{name}_{statistic}" for name in SUMMARISED for statistic in statistics)]
+        ["schemes_known", *(f"{name}_{statistic}" for name in SUMMARISED for statistic in STATISTICS)]
     ]
     about = ("policy", "scheme", "connection", "access_site", "return_site", "speed")
     result = {

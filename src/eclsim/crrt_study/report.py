@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from eclsim.crrt_study.ranking import choice, choice_elsewhere, place
 from eclsim.devices.ecmo import POSITIONS
 from eclsim.orbit.model import AS_PUBLISHED, POLICY_WORDS
 from eclsim.reporting.html import Table, render, svg_text
-from eclsim.reporting.numbers import number
+from eclsim.reporting.numbers import number, show_table, show_text
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -25,43 +24,44 @@ if TYPE_CHECKING:
 
 PAGE = "crrt_study.html"
 """What the end of the name of a file with the page is."""
+
+
+class Column(NamedTuple):
+    """A column of numbers: variable of the study, head, decimals, and what the number is multiplied by."""
+
+    name: str
+    head: str
+    decimals: int = 0
+    factor: float = 1.0
+
+    def cell(self, value: float | None) -> str:
+        """A number as text."""
+        return number(None if value is None else self.factor * float(value), self.decimals)
+
+
 MEAN_COLUMNS = (
-    ("Psart", "Arterial [mmHg]", 1),
-    ("Ppart", "Pulm. artery [mmHg]", 1),
-    ("Psvn", "Venous [mmHg]", 1),
-    ("Pcrrttuin", "Access [mmHg]", 0),
-    ("Pcrrttuout", "Return [mmHg]", 0),
-    ("Pecmodrain", "Drainage [mmHg]", 0),
-    ("PF", "ECMO flow [L/min]", 2),
-    ("CO", "Native output [L/min]", 2),
-    ("EDVRV", "RV EDV [mL]", 0),
-    ("ESVRV", "RV ESV [mL]", 0),
-)
+    Column("Psart", "Arterial [mmHg]", 1), Column("Ppart", "Pulm. artery [mmHg]", 1),
+    Column("Psvn", "Venous [mmHg]", 1), Column("Pcrrttuin", "Access [mmHg]"),
+    Column("Pcrrttuout", "Return [mmHg]"), Column("Pecmodrain", "Drainage [mmHg]"),
+    Column("PF", "ECMO flow [L/min]", 2), Column("CO", "Native output [L/min]", 2),
+    Column("EDVRV", "RV EDV [mL]"), Column("ESVRV", "RV ESV [mL]"),
+)  # fmt: skip
 
 
-def main_policy(study: CrrtStudy, policy: str | None) -> str:
-    """The blood volume policy that a report is about: the one asked for, else the first studied.
-
-    Raises:
-        ValueError: If the study does not have it.
-    """
-    if policy is None:
-        return study.policies[0]
-    if policy not in study.policies:
-        studied = ", ".join(study.policies)
-        raise ValueError(f"blood volume policy '{policy}' was not studied; studied: {studied}")
-    return policy
+def _cells(data: xr.Dataset, columns: Sequence[Column], suffix: str = "") -> list[str]:
+    """Numbers of a row; empty where the data have none."""
+    return [c.cell(data[c.name + suffix].item()) if c.name + suffix in data else "" for c in columns]
 
 
-def study_page(study: CrrtStudy, drawings: Mapping[str, str], policy: str | None = None) -> str:
-    """The page.
+def _table(heads: Sequence[str], columns: Sequence[Column], rows: list[list[str]], foot: int = 0) -> Table:
+    """A table of text columns, then numbers."""
+    numeric = range(len(heads), len(heads) + len(columns))
+    return Table([*heads, *(column.head for column in columns)], rows, numeric, foot)
 
-    Args:
-        study: results.
-        drawings: figures as SVG text, from `eclsim.crrt_study.report.drawings` for the same policy.
-        policy: blood volume policy that answer, ranking and figures are for; left out, the first studied.
-    """
-    main = main_policy(study, policy)
+
+def study_page(study: CrrtStudy, drawings: Mapping[str, str]) -> str:
+    """The page; answer, ranking and figures (SVG text by name) are for the first policy studied."""
+    main = study.policies[0]
     case, known = study.case, sum(r.known for r in study.ranking[main])
     nodes = {node for scheme in study.schemes for node in scheme.nodes}
     return render(
@@ -82,9 +82,7 @@ def study_page(study: CrrtStudy, drawings: Mapping[str, str], policy: str | None
         exchange=_exchange_tables(study, main),
         renox=_renox_tables(study, main),
         notes=[f"Scheme {scheme.letter}: {scheme.note}." for scheme in study.schemes if scheme.note],
-        policy_means=[
-            (POLICY_WORDS[r], _means_table(study, r)) for r in sorted(study.policies, key=lambda r: r != main)
-        ],
+        policy_means=[(POLICY_WORDS[policy], _means_table(study, policy)) for policy in study.policies],
         summary=_summary_table(study, main),
         beats_missing=int(study.summary["schemes_known"].sel(policy=main).min()) < len(study.schemes),
         limits=_limits_table(study, main),
@@ -142,24 +140,24 @@ def _ranking_table(study: CrrtStudy, policy: str) -> Table:
 
 EXCHANGE_COLUMNS = (
     (
-        ("recirculated_fraction", "Recirculation [%]", 100.0, 0),
-        ("past_oxygenator", "Blood past the oxygenator [%]", 100.0, 1),
+        Column("recirculated_fraction", "Recirculation [%]", 0, 100.0),
+        Column("past_oxygenator", "Blood past the oxygenator [%]", 1, 100.0),
     ),
     (
-        ("effective_clearance_urea", "Urea cleared [mL/min]", 1.0, 1),
-        ("effective_clearance_creatinine", "Creatinine [mL/min]", 1.0, 1),
-        ("effective_clearance_potassium", "Potassium [mL/min]", 1.0, 1),
-        ("filtration_fraction", "Filtration fraction [%]", 100.0, 0),
-        ("effluent_pressure", "Effluent pressure [mmHg]", 1.0, 0),
+        Column("effective_clearance_urea", "Urea cleared [mL/min]", 1),
+        Column("effective_clearance_creatinine", "Creatinine [mL/min]", 1),
+        Column("effective_clearance_potassium", "Potassium [mL/min]", 1),
+        Column("filtration_fraction", "Filtration fraction [%]", 0, 100.0),
+        Column("effluent_pressure", "Effluent pressure [mmHg]", 0),
     ),
     (
-        ("SreturnO2", "SO2 from the ECMO [%]", 1.0, 1),
-        ("PreturnCO2", "PCO2 from the ECMO [mmHg]", 1.0, 1),
-        ("SaO2", "SaO2 [%]", 1.0, 1),
-        ("PaCO2", "PaCO2 [mmHg]", 1.0, 1),
+        Column("SreturnO2", "SO2 from the ECMO [%]", 1),
+        Column("PreturnCO2", "PCO2 from the ECMO [mmHg]", 1),
+        Column("SaO2", "SaO2 [%]", 1),
+        Column("PaCO2", "PaCO2 [mmHg]", 1),
     ),
 )
-"""What the CRRT does to the blood, a table each: name, head, factor and decimals, of what a study has."""
+"""What the CRRT does to the blood, a table each, of what a study has."""
 
 
 def _exchange_tables(study: CrrtStudy, policy: str) -> list[Table]:
@@ -167,7 +165,7 @@ def _exchange_tables(study: CrrtStudy, policy: str) -> list[Table]:
     means = study.means.sel(policy=policy, speed=study.case_speed)
     tables = []
     for order, group in enumerate(EXCHANGE_COLUMNS):
-        columns = [column for column in group if column[0] in means]
+        columns = [column for column in group if column.name in means]
         if order and not columns:
             continue
         rows = []
@@ -175,76 +173,65 @@ def _exchange_tables(study: CrrtStudy, policy: str) -> list[Table]:
             of_scheme = means.sel(scheme=ranked.letter)
             before = "before" if of_scheme["return_site"].item() in POSITIONS else "on the patient"
             where = "behind" if bool(of_scheme["behind_oxygenator"]) else before
-            numbers = (number(factor * float(of_scheme[name]), digits) for name, _, factor, digits in columns)
-            rows.append([ranked.letter, where, *numbers])
-        head = ["Scheme", "Returns: oxygenator", *(title for _, title, _, _ in columns)]
-        tables.append(Table(head, rows, numeric=range(2, len(head))))
+            rows.append([ranked.letter, where, *_cells(of_scheme, columns)])
+        tables.append(_table(["Scheme", "Returns: oxygenator"], columns, rows))
     return tables
 
 
 RENOX_COLUMNS = (
     (
-        ("access_mmhg", "Access [mmHg]", 1.0, 0), ("return_mmhg", "Return [mmHg]", 1.0, 0),
-        ("blood_taken_up_ml", "Blood taken up [mL]", 1.0, 0),
-        ("effluent_pressure_mmhg", "Effluent pressure [mmHg]", 1.0, 0),
-        ("open_effluent_l_h", "Filtered with an open effluent [L/h]", 1.0, 1),
+        Column("access_mmhg", "Access [mmHg]", 0),
+        Column("return_mmhg", "Return [mmHg]", 0),
+        Column("blood_taken_up_ml", "Blood taken up [mL]", 0),
+        Column("effluent_pressure_mmhg", "Effluent pressure [mmHg]", 0),
+        Column("open_effluent_l_h", "Filtered with an open effluent [L/h]", 1),
     ),
     (
-        ("urea_ml_min", "Urea cleared [mL/min]", 1.0, 1),
-        ("filtration_fraction", "Filtration fraction [%]", 100.0, 1), ("SaO2", "SaO2 [%]", 1.0, 1),
-        ("PaCO2", "PaCO2 [mmHg]", 1.0, 1),
+        Column("urea_ml_min", "Urea cleared [mL/min]", 1),
+        Column("filtration_fraction", "Filtration fraction [%]", 1, 100.0),
+        Column("SaO2", "SaO2 [%]", 1),
+        Column("PaCO2", "PaCO2 [mmHg]", 1),
     ),
-)  # fmt: skip
-"""What is set beside RenOx, a table each that fits a page: key, head, factor and decimals."""
+)
+"""What is set beside RenOx, a table each that fits a page; names are keys in JSON."""
 KEPT_WORDS = {True: "kept", False: "broken", None: "not known"}
 
 
 def _renox_tables(study: CrrtStudy, policy: str) -> list[Table]:
     """One housing for oxygenator and dialyzer against every scheme, at the case's speed."""
     compared = beside_schemes(study, policy)
-    return [
-        _beside(compared, [c for c in group if c[0] in compared["RenOx"]])
-        for group in RENOX_COLUMNS
-        if compared
-    ]
-
-
-def _beside(
-    compared: Mapping[str, Mapping[str, float | bool | None]], columns: Sequence[tuple[str, str, float, int]]
-) -> Table:
-    rows = []
-    for name, values in compared.items():
-        cells = [values.get(key) for key, *_ in columns]
-        shown = (
-            "none"
-            if cell is None and name == "RenOx"
-            else number(np.nan if cell is None else factor * cell, digits)
-            for cell, (_, _, factor, digits) in zip(cells, columns, strict=True)
-        )
-        alarms = "no lines" if name == "RenOx" else KEPT_WORDS[values["alarms_kept"]]  # type: ignore[index]
-        rows.append([name, alarms, *shown])
-    head = ["", "Alarms of the lines", *(title for _, title, _, _ in columns)]
-    return Table(head, rows, numeric=range(2, len(head)))
+    tables = []
+    for group in RENOX_COLUMNS if compared else ():
+        columns = [column for column in group if column.name in compared["RenOx"]]
+        rows = []
+        for name, values in compared.items():
+            numbers = [values.get(column.name) for column in columns]
+            cells = [column.cell(value) for column, value in zip(columns, numbers, strict=True)]
+            if name == "RenOx":  # it has no lines
+                cells = [
+                    "none" if value is None else cell for cell, value in zip(cells, numbers, strict=True)
+                ]
+            alarms = "no lines" if name == "RenOx" else KEPT_WORDS[values["alarms_kept"]]  # type: ignore[index]
+            rows.append([name, alarms, *cells])
+        tables.append(_table(["", "Alarms of the lines"], columns, rows))
+    return tables
 
 
 def _means_table(study: CrrtStudy, policy: str) -> Table:
-    means = study.means.sel(policy=policy, speed=study.case_speed)
-    alone = study.without_crrt.sel(policy=policy, speed=study.case_speed)
-    summary = study.summary.sel(policy=policy, speed=study.case_speed)
-    rows = []
-    for letter in means["scheme"].values.astype(str):
-        rows.append([letter, *(number(float(means[n].sel(scheme=letter)), d) for n, _, d in MEAN_COLUMNS)])
-    rows.append(["no CRRT", *(number(float(alone[n]), d) if n in alone else "" for n, _, d in MEAN_COLUMNS)])
-    of = _of_schemes(study, summary)
-    rows.append([f"median{of}", *(number(float(summary[f"{n}_median"]), d) for n, _, d in MEAN_COLUMNS)])
-    rows.append(
-        [f"variation{of}", *(number(float(summary[f"{n}_variation"]), d) for n, _, d in MEAN_COLUMNS)]
-    )
-    rows.append(
-        ["variation [%]", *(number(float(summary[f"{n}_variation_percent"]), 1) for n, _, _ in MEAN_COLUMNS)]
-    )
-    head = ["Scheme", *(title for _, title, _ in MEAN_COLUMNS)]
-    return Table(head, rows, numeric=range(1, len(head)), foot=3)
+    at_case = {"policy": policy, "speed": study.case_speed}
+    means, summary = study.means.sel(at_case), study.summary.sel(at_case)
+    of, percent = _of_schemes(study, summary), [column._replace(decimals=1) for column in MEAN_COLUMNS]
+    rows = [
+        *(
+            [letter, *_cells(means.sel(scheme=letter), MEAN_COLUMNS)]
+            for letter in means["scheme"].values.astype(str)
+        ),
+        ["no CRRT", *_cells(study.without_crrt.sel(at_case), MEAN_COLUMNS)],
+        [f"median{of}", *_cells(summary, MEAN_COLUMNS, "_median")],
+        [f"variation{of}", *_cells(summary, MEAN_COLUMNS, "_variation")],
+        ["variation [%]", *_cells(summary, percent, "_variation_percent")],
+    ]
+    return _table(["Scheme"], MEAN_COLUMNS, rows, foot=3)
 
 
 def _of_schemes(study: CrrtStudy, summary: xr.Dataset) -> str:
@@ -259,7 +246,7 @@ def _summary_table(study: CrrtStudy, policy: str) -> Table:
     step = math.ceil(len(speeds) / 8)
     shown = sorted({*speeds[::step], speeds[-1]})
     names = ("PF", "Psart", "Ppart", "Psvn", "Pecmodrain", "Pcrrttuin", "Pcrrttuout")
-    titles = {n: w for n, w, _ in MEAN_COLUMNS}
+    titles = {column.name: column.head for column in MEAN_COLUMNS}
     rows = []
     for speed in shown:
         data = study.summary.sel(policy=policy, speed=speed)
@@ -368,13 +355,8 @@ _PARTS = ("difference", "flow")
 # --- figures of the page --------------------------------------------------------------------------
 
 
-def drawings(study: CrrtStudy, policy: str | None = None) -> dict[str, str]:
-    """All figures by name.
-
-    Args:
-        study: results.
-        policy: blood volume policy of the figures that show one; left out, the first studied.
-    """
+def drawings(study: CrrtStudy) -> dict[str, str]:
+    """All figures by name, for the first policy studied."""
     from eclsim.crrt_study.figures import (
         draw_schemes,
         plot_crrt_beat,
@@ -383,7 +365,7 @@ def drawings(study: CrrtStudy, policy: str | None = None) -> dict[str, str]:
         plot_crrt_uptake,
     )
 
-    policy, speed = main_policy(study, policy), study.case_speed
+    policy, speed = study.policies[0], study.case_speed
     means = study.means.sel(policy=policy)
     ranked, judged = study.ranking[policy], study.rule.limits
     best_first = [r.letter for r in ranked]
@@ -404,41 +386,34 @@ def drawings(study: CrrtStudy, policy: str | None = None) -> dict[str, str]:
 # --- terminal -------------------------------------------------------------------------------------
 
 
-_WIDTH_OF_PIPES = 140
 _COLUMNS = (
-    ("Psart", "arterial\nmmHg", 1),
-    ("Psvn", "venous\nmmHg", 1),
-    ("Pcrrttuin", "access\nmmHg", 0),
-    ("Pcrrttuout", "return\nmmHg", 0),
-    ("Pecmodrain", "drainage\nmmHg", 0),
-    ("PF", "ECMO\nL/min", 2),
-    ("patient_volume_change", "blood volume\nmL", 0),
+    Column("Psart", "arterial\nmmHg", 1),
+    Column("Psvn", "venous\nmmHg", 1),
+    Column("Pcrrttuin", "access\nmmHg", 0),
+    Column("Pcrrttuout", "return\nmmHg", 0),
+    Column("Pecmodrain", "drainage\nmmHg", 0),
+    Column("PF", "ECMO\nL/min", 2),
+    Column("patient_volume_change", "blood volume\nmL", 0),
 )
 
 
 def show(study: CrrtStudy) -> None:
     """Show the schemes, best first, for each blood volume policy."""
-    from rich.console import Console
-    from rich.table import Table
-
-    console = Console(width=None if sys.stdout.isatty() else _WIDTH_OF_PIPES, highlight=False)
     names = {scheme.letter: scheme.name for scheme in study.schemes}
+    heads = ["rank", "scheme", "access – return", *(c.head for c in _COLUMNS), "limits kept\nto L/min"]
     for policy, ranked in study.ranking.items():
         known = sum(r.known for r in ranked)
         among = "" if known == len(ranked) else f"; ranked: the {known} of {len(ranked)} whose beat was found"
         title = f"CRRT schemes at {study.case_speed:.0f} rpm, {POLICY_WORDS[policy]}{among}"
-        table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-        for head in ("rank", "scheme", "access – return"):
-            table.add_column(head)
-        for _, head, _ in _COLUMNS:
-            table.add_column(head, justify="right")
-        table.add_column("limits kept\nto L/min", justify="right")
         means = study.means.sel(policy=policy, speed=study.case_speed)
-        for r in ranked:
-            cells = [number(float(means[name].sel(scheme=r.letter)), digits) for name, _, digits in _COLUMNS]
-            flow = kept(r.largest_flow, r.flow_at_most, r.throughout)
-            table.add_row(place(r), r.letter, names[r.letter], *cells, flow)
-        console.print(table)
-        console.print("\n  ".join(choice(study, policy)) + "\n", markup=False)
+        rows = [
+            (
+                place(r), r.letter, names[r.letter], *_cells(means.sel(scheme=r.letter), _COLUMNS),
+                kept(r.largest_flow, r.flow_at_most, r.throughout),
+            )
+            for r in ranked
+        ]  # fmt: skip
+        show_table(title, heads, rows, range(3, len(heads)))
+        show_text("\n  ".join(choice(study, policy)) + "\n")
     for sentence in study.assumed:
-        console.print(f"{sentence[0].upper()}{sentence[1:]}", markup=False)
+        show_text(f"{sentence[0].upper()}{sentence[1:]}")

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Collection, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 MINUS = "\N{MINUS SIGN}"
 MISSING = "–"
@@ -56,3 +61,46 @@ def text_table(head: Sequence[str], rows: Sequence[Sequence[str]], numeric: Coll
         ]
         lines.append("  ".join(cells).rstrip())
     return "\n".join(lines)
+
+
+# --- tables in a terminal ---------------------------------------------------------------------------
+
+WIDTH_OF_PIPES = 140
+"""Columns of the text where standard output is no terminal."""
+
+
+def show_table(
+    title: str,
+    heads: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    numeric: Collection[int] = (),
+    unbroken: Collection[int] = (),
+) -> None:
+    """Show a table on standard output, as wide as the terminal; a head may have several lines.
+
+    Args:
+        title: above it.
+        heads: of the columns.
+        rows: cells.
+        numeric: columns that are set flush right.
+        unbroken: columns whose cells stay on one line.
+    """
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    for k, head in enumerate(heads):
+        table.add_column(head, justify="right" if k in numeric else "left", no_wrap=k in unbroken)
+    for row in rows:
+        table.add_row(*row)
+    _console().print(table)
+
+
+def show_text(text: str) -> None:
+    """Show text on standard output, wrapped at the width of the terminal."""
+    _console().print(text, markup=False)
+
+
+def _console() -> Console:
+    from rich.console import Console
+
+    return Console(width=None if sys.stdout.isatty() else WIDTH_OF_PIPES, highlight=False)
