@@ -6,9 +6,10 @@ from collections.abc import Iterable
 
 # Candidates that are this much less like the word than the best one are not worth naming.
 _SPREAD = 0.12
+_MOST = 3
 
 
-def nearest(word: str, candidates: Iterable[str], count: int = 3) -> tuple[str, ...]:
+def nearest(word: str, candidates: Iterable[str]) -> tuple[str, ...]:
     """The candidates most like a word, best first; upper and lower case are not told apart.
 
     A word that is the beginning of a longer name ("age" of "age_years") means that name.
@@ -16,7 +17,6 @@ def nearest(word: str, candidates: Iterable[str], count: int = 3) -> tuple[str, 
     Args:
         word: What was written.
         candidates: The right spellings.
-        count: At most so many are returned.
 
     Returns:
         An empty tuple where nothing is near.
@@ -31,8 +31,8 @@ def nearest(word: str, candidates: Iterable[str], count: int = 3) -> tuple[str, 
         return (by_lower_case[written],)
     begun = [name for name in by_lower_case if written and name.startswith(f"{written}_")]
     if begun:
-        return tuple(by_lower_case[name] for name in begun[:count])
-    result = get_close_matches(written, by_lower_case, n=count, cutoff=0.6)
+        return tuple(by_lower_case[name] for name in begun[:_MOST])
+    result = get_close_matches(written, by_lower_case, n=_MOST, cutoff=0.6)
     likeness = {name: SequenceMatcher(None, written, name).ratio() for name in result}
     return tuple(by_lower_case[name] for name in result if likeness[name] > likeness[result[0]] - _SPREAD)
 

@@ -6,8 +6,7 @@ import pytest
 from eclsim.cases.reading import read_mapping
 from eclsim.course.course import course
 from eclsim.course.engine import CourseOptions
-from eclsim.drugs.infusion import InfusedDoses
-from eclsim.drugs.published import PUBLISHED
+from eclsim.drugs.published import PUBLISHED, InfusedDoses
 from eclsim.goals.search import reach
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate

@@ -56,7 +56,7 @@ def ramp(state: PageState) -> dict[str, Any] | None:
 
 def schemes(state: PageState) -> dict[str, Any] | None:
     """Line pressures of the nine schemes at the state's own speed; None without a rotary ECMO pump."""
-    from eclsim.crrt_study.preview import nine_at_own_speed
+    from eclsim.crrt_study.beats import nine_at_own_speed
 
     result = nine_at_own_speed(state.case, state.policy)
     return None if result is None else {"of": key_of(state), **result}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eclsim.drugs.infusion import InfusedDoses
+from eclsim.drugs.published import InfusedDoses
 from eclsim.fluid.laws import slow_laws
 from eclsim.parameters.regulation import DRUGS, LUNG_RESISTANCE
 from eclsim.regulation.hypoxia import HypoxicVasoconstriction

@@ -391,7 +391,6 @@ def importance_sample(
     gaussian: Gaussian,
     count: int = 1024,
     seed: int = 0,
-    tempers: tuple[float, ...] = TEMPERS,
 ) -> WeightedDraws:
     """Draw in rounds, each from a proposal fitted to the rounds before.
 
@@ -400,19 +399,18 @@ def importance_sample(
         gaussian: its approximation.
         count: draws of each round.
         seed: the same seed, the same draws.
-        tempers: how much the measurements count in each round; the last is 1.
     """
     random = np.random.default_rng(seed)
     scaled = gaussian.jacobian / posterior.scale[:, None]
-    flat = np.linalg.inv(tempers[0] * scaled.T @ scaled + np.eye(len(gaussian.centre)))
+    flat = np.linalg.inv(TEMPERS[0] * scaled.T @ scaled + np.eye(len(gaussian.centre)))
     proposals = [Transport.linear(gaussian.centre, flat)]
     z, outputs = np.empty((0, len(gaussian.centre))), np.empty((0, len(posterior.outputs)))
     weights, shape = np.empty(0), np.inf
-    for number in range(len(tempers) + MOST_MORE_ROUNDS):
-        planned = number < len(tempers)
+    for number in range(len(TEMPERS) + MOST_MORE_ROUNDS):
+        planned = number < len(TEMPERS)
         if not planned and shape < GOOD_SHAPE and effective_number(weights) > GOOD_EFFECTIVE:
             break
-        temper = tempers[number + 1] if number + 1 < len(tempers) else 1.0
+        temper = TEMPERS[number + 1] if number + 1 < len(TEMPERS) else 1.0
         new = Mixture((proposals[-1],)).draws(random, count)
         z = np.concatenate([z, new])
         outputs = np.concatenate([outputs, posterior.simulate(new, gaussian.centre)])

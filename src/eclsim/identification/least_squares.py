@@ -343,7 +343,6 @@ def polish(
     refined: Refinement,
     box: Box,
     tolerances: Tolerances,
-    seed: int = 0,
     most_iterations: int = MOST_ITERATIONS,
 ) -> Refinement:
     """Go on from a settled optimum as long as a cloud around it holds a better point.
@@ -354,10 +353,9 @@ def polish(
         refined: one refinement of it.
         box: bounds.
         tolerances: of the refinements between clouds.
-        seed: of the clouds.
         most_iterations: of the refinements between clouds, in total; 0 for no cloud at all.
     """
-    generator, points = np.random.default_rng(seed), np.full(CLOUD, point)
+    generator, points = np.random.default_rng(0), np.full(CLOUD, point)
     idle, most = 0, refined.iterations[0] + most_iterations
     for _ in range(MOST_CLOUDS):
         before = refined.costs[0]

@@ -24,7 +24,9 @@ from eclsim.orbit.equation import OrbitOptions
 if TYPE_CHECKING:
     from eclsim.identification.fit import FitResult
 
-REFITTING = Tolerances(1e-3, iterations=60, orbits=OrbitOptions(1e-6, 1e-5, newton_iterations=0))
+REFITTING = Tolerances(
+    1e-3, iterations=60, orbits=OrbitOptions(1e-6, 1e-5, newton_iterations=0), resolution=1
+)
 HELD_SHARES = (0.15, 0.4, 0.65, 0.9)
 """Where a parameter is held to see whether the others follow: shares of the way between its bounds."""
 APART = 0.15
@@ -84,20 +86,16 @@ def profiles(
     problem: LeastSquaresProblem,
     box: Box,
     x: np.ndarray,
-    point: int = 0,
-    steps: int = 12,
-    resolution: int = 1,
+    steps: int,
     further: np.ndarray | None = None,
 ) -> CostCurves:
     """Hold one parameter after the other at values from bound to bound, the others fitted again.
 
     Args:
-        problem: data points.
+        problem: its first data point is meant.
         box: bounds.
         x: coordinates of the parameters at the optimum.
-        point: which data point.
         steps: values of each parameter, besides the optimum's own.
-        resolution: of the grid of the beats.
         further: coordinates of each parameter to hold it at as well, shape (parameters, further).
     """
     size = len(box.names)
@@ -106,9 +104,9 @@ def profiles(
         along = np.column_stack([along, np.clip(further, box.lower[:, None], box.upper[:, None])])
     steps = along.shape[1]
     held = np.repeat(np.arange(size), steps)
-    points = np.full(len(held), point)
-    refined = refit(problem, points, box, np.tile(x, (len(held), 1)), held, along.ravel(), resolution)
-    cost = problem.evaluate(points[:1], x[None], resolution=resolution).costs[0]
+    points = np.zeros(len(held), dtype=int)
+    refined = refit(problem, points, box, np.tile(x, (len(held), 1)), held, along.ravel())
+    cost = problem.evaluate(points[:1], x[None], resolution=1).costs[0]
     costs = _nan_for_none(refined.costs).reshape(size, steps)
     values = np.column_stack([along, x])
     order = np.argsort(values, axis=1, kind="stable")
@@ -128,7 +126,6 @@ def refit(
     x: np.ndarray,
     held: np.ndarray,
     values: np.ndarray,
-    resolution: int,
 ) -> Refinement:
     """Fit again with one parameter held at a value, shape (fits, ...).
 
@@ -139,11 +136,10 @@ def refit(
         x: coordinates of the parameters that the others start from, shape (fits, parameters).
         held: place of the parameter that each fit holds, -1 for none, shape (fits,).
         values: coordinate that it is held at, shape (fits,).
-        resolution: of the grid of the beats.
     """
     mask = held[:, None] == np.arange(x.shape[1])
     starts = np.where(mask, values[:, None], x)
-    return refine(problem, points, starts, box, replace(REFITTING, resolution=resolution), mask)
+    return refine(problem, points, starts, box, REFITTING, mask)
 
 
 @dataclass(frozen=True)
@@ -186,7 +182,7 @@ def held_fits(
         return [HeldFits(held, np.zeros((0, len(box.names))), np.zeros(0)) for held, _ in plans]
     held, values = (np.concatenate(each) for each in zip(*plans, strict=True))
     stacked = np.stack(optima)
-    refined = refit(problem, points, box, stacked[points], held, values, 1)
+    refined = refit(problem, points, box, stacked[points], held, values)
     chosen = np.unique(points)
     optimal = np.full((len(plans), len(problem.outputs)), np.nan)
     optimal[chosen] = problem.evaluate(chosen, stacked[chosen], REFITTING.orbits, 1).outputs
@@ -232,7 +228,7 @@ def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles]:
         [Target(target.model, target.measured, fit.uncertainties)], fit.box.names, fit.objective.policy
     )
     point = np.zeros(1, dtype=int)
-    best = refine(likelihood, point, fit.optimum.x[None], fit.box, replace(REFITTING, resolution=1))
+    best = refine(likelihood, point, fit.optimum.x[None], fit.box, REFITTING)
     scaled = best.jacobians[0] * likelihood.weights[0][:, None]
     spread = fit.box.covariance(scaled)
     further = best.x[0][:, None] + np.outer(np.sqrt(np.diag(spread)), STANDARD_STEPS)

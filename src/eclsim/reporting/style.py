@@ -235,11 +235,10 @@ class PlainLogLocator(Locator):
 
     Args:
         gap: smallest distance of two ticks, as a share of the axis.
-        fewest: ticks that are wanted at least.
     """
 
-    def __init__(self, gap: float, fewest: int = 2):
-        self.gap, self.fewest = gap, fewest
+    def __init__(self, gap: float):
+        self.gap = gap
 
     def __call__(self) -> Sequence[float]:
         """Ticks of the axis as it is."""
@@ -255,7 +254,7 @@ class PlainLogLocator(Locator):
         for digits in _STEPS:
             ticks = np.sort(np.outer(decades, digits).ravel())
             chosen = self._apart(ticks[(ticks >= vmin) & (ticks <= vmax)], vmin, vmax)
-            if len(chosen) >= self.fewest:
+            if len(chosen) > 1:
                 return chosen
         even = np.array(MaxNLocator(4).tick_values(vmin, vmax))
         return self._apart(even[(even >= vmin) & (even <= vmax)], vmin, vmax)

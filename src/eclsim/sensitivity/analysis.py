@@ -224,35 +224,29 @@ class StateError(ValueError):
 
 
 def state_values(model: Model, state: str, policy: str = AS_PUBLISHED) -> dict[str, float]:
-    """The values that bring a model into a state: the systemic microcirculation's resistance [mmHg s/mL]."""
-    if state not in TARGETS:
-        raise StateError(f"state {state}: allowed: {', '.join(TARGETS)}")
-    return {ADJUSTED: solve_for_pressure(model, TARGETS[state], policy=policy)}
+    """The values that bring a model into a state: the systemic microcirculation's resistance [mmHg s/mL].
 
-
-def solve_for_pressure(
-    model: Model, mean_pressure_mmhg: float, adjusted: str = ADJUSTED, policy: str = AS_PUBLISHED
-) -> float:
-    """Value of a parameter at which the mean arterial pressure is as wanted, to 0.001 mmHg.
+    With it the mean arterial pressure is that of `TARGETS`, to 0.001 mmHg.
 
     Raises:
         StateError: the pressure is not reached, or a beat on the way to it did not settle.
     """
+    if state not in TARGETS:
+        raise StateError(f"state {state}: allowed: {', '.join(TARGETS)}")
     from scipy.optimize import brentq
 
+    target = TARGETS[state]
+
     def excess(log_factor: float) -> float:
-        value = model.values[adjusted] * math.exp(log_factor)
-        tried = model.with_values({adjusted: value})
-        return _mean_arterial_pressure(tried, policy, adjusted) - mean_pressure_mmhg
+        tried = model.with_values({ADJUSTED: model.values[ADJUSTED] * math.exp(log_factor)})
+        return _mean_arterial_pressure(tried, policy) - target
 
     low, high = _bracket(excess)
     if low is None or high is None:
-        limits = f"{adjusted} / {_WIDEST:g} to {adjusted} x {_WIDEST:g}"
-        raise StateError(
-            f"a mean arterial pressure of {mean_pressure_mmhg:g} mmHg: not reached from {limits}"
-        )
+        limits = f"{ADJUSTED} / {_WIDEST:g} to {ADJUSTED} x {_WIDEST:g}"
+        raise StateError(f"a mean arterial pressure of {target:g} mmHg: not reached from {limits}")
     root = brentq(excess, low, high, xtol=1e-6)
-    return model.values[adjusted] * math.exp(float(root))  # pyright: ignore[reportArgumentType]  # a number
+    return {ADJUSTED: model.values[ADJUSTED] * math.exp(float(root))}  # pyright: ignore[reportArgumentType]  # a number
 
 
 def _bracket(excess: Callable[[float], float]) -> tuple[float | None, float | None]:
@@ -269,7 +263,7 @@ def _bracket(excess: Callable[[float], float]) -> tuple[float | None, float | No
     return None, None
 
 
-def _mean_arterial_pressure(model: Model, policy: str, adjusted: str) -> float:
+def _mean_arterial_pressure(model: Model, policy: str) -> float:
     """Of the steady beat; `StateError` where there is none."""
     from eclsim.orbit.steady import Batch
     from eclsim.outputs.steady_beat import steady_beat
@@ -277,7 +271,7 @@ def _mean_arterial_pressure(model: Model, policy: str, adjusted: str) -> float:
     beat = steady_beat(Batch.of(model, policy), ("MAP",))
     if not beat.determined[0]:
         raise StateError(
-            f"at {adjusted} = {model.values[adjusted]:.4g}, on the way to the mean arterial pressure wanted, "
+            f"at {ADJUSTED} = {model.values[ADJUSTED]:.4g}, on the way to the mean arterial pressure wanted, "
             f"there is no steady beat ({Status(int(beat.status[0])).word}): {beat.message()}"
         )
     return float(beat.output("MAP")[0])

@@ -197,7 +197,6 @@ def sobol_indices(
     *,
     seed: int = 1,
     resamples: int = RESAMPLES,
-    confidence: float = CONFIDENCE,
 ) -> Estimates:
     """Indices of every output.
 
@@ -206,7 +205,6 @@ def sobol_indices(
         factors: number of factors.
         seed: of the resampling.
         resamples: bootstrap resamples of the rows.
-        confidence: level of the intervals.
     """
     from scipy.stats import norm
 
@@ -218,7 +216,7 @@ def sobol_indices(
     variance = _variance(samples, weights)
     first = _over(_means(weights, samples.B[:, None] * (samples.AB - samples.A[:, None])), variance)
     total = _over(_means(weights, 0.5 * (samples.A[:, None] - samples.AB) ** 2), variance)
-    width = float(norm.ppf(0.5 + confidence / 2))
+    width = float(norm.ppf(0.5 + CONFIDENCE / 2))
     pairs = None if samples.BA is None else _second_order(samples, weights, first, variance)
     return Estimates(
         *_with_width(first, width),

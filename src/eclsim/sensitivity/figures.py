@@ -51,9 +51,7 @@ SMALLEST_PAIR = 0.005
 Layout = Literal["sums", "paper"]
 
 
-def write_sensitivity_figures(
-    result: SensitivityResult, folder: Path, formats: Sequence[str] = ("svg", "png")
-) -> list[Path]:
+def write_sensitivity_figures(result: SensitivityResult, folder: Path) -> list[Path]:
     """Write every figure of an analysis to a folder, which is made if it does not exist."""
     indices = result.indices
     figures: dict[str, Callable[[], Figure]] = {
@@ -68,12 +66,10 @@ def write_sensitivity_figures(
     }
     if indices.estimates.S2 is not None and len(indices.factors) > 1:
         figures["pairs"] = lambda: plot_pairs(indices)
-    return _save(figures, folder, formats)
+    return _save(figures, folder)
 
 
-def write_identifiability_figures(
-    result: Identifiability, folder: Path, formats: Sequence[str] = ("svg", "png")
-) -> list[Path]:
+def write_identifiability_figures(result: Identifiability, folder: Path) -> list[Path]:
     """Write every figure of an identifiability analysis to a folder."""
     figures: dict[str, Callable[[], Figure]] = {
         "scaled_sensitivity": lambda: plot_scaled(result),
@@ -82,11 +78,11 @@ def write_identifiability_figures(
     }
     if result.subsets:
         figures["collinearity"] = lambda: plot_collinearity(result)
-    return _save(figures, folder, formats)
+    return _save(figures, folder)
 
 
-def _save(figures: Mapping[str, Callable[[], Figure]], folder: Path, formats: Sequence[str]) -> list[Path]:
-    return [path for name, draw in figures.items() for path in save_figure(draw(), folder / name, formats)]
+def _save(figures: Mapping[str, Callable[[], Figure]], folder: Path) -> list[Path]:
+    return [path for name, draw in figures.items() for path in save_figure(draw(), folder / name)]
 
 
 # --- Sobol indices ---------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ import numpy as np
 
 from eclsim.files import csv_text, write_json, write_text
 from eclsim.reporting.numbers import text_table
-from eclsim.sensitivity.design import RESAMPLES, Design, Estimates, sobol_indices
+from eclsim.sensitivity.design import Design, Estimates, sobol_indices
 from eclsim.sensitivity.runs import Runs, status_word
 
 if TYPE_CHECKING:
@@ -199,19 +199,7 @@ class SensitivityResult:
 
 
 def conclude(design: Design, outputs: tuple[str, ...], runs: Runs) -> SensitivityResult:
-    """Indices of the runs of a whole design."""
-    return SensitivityResult(design, indices_of(design, outputs, runs), runs)
-
-
-def indices_of(
-    design: Design,
-    outputs: tuple[str, ...],
-    runs: Runs,
-    *,
-    seed: int | None = None,
-    resamples: int = RESAMPLES,
-) -> Indices:
-    """Indices from the runs of a design, or of its first rows.
+    """Indices of the runs of a whole design.
 
     A row with a failed run is left out whole: the estimators compare the runs of a row with each other.
     """
@@ -220,12 +208,13 @@ def indices_of(
         raise ValueError(
             f"{int((~good).sum())} of {len(good)} rows have a failed run: nothing left to estimate from"
         )
-    seed = design.seed if seed is None else seed
-    estimates = sobol_indices(values[good], len(design.factors), seed=seed, resamples=resamples)
+    estimates = sobol_indices(values[good], len(design.factors), seed=design.seed)
     failed = tuple(
         _failed_run(design, int(run), int(runs.status[run])) for run in np.flatnonzero(runs.status)
     )
-    return Indices(design.factors, outputs, estimates, len(values), len(runs.status), failed, int(good.sum()))
+    evaluations, used = len(runs.status), int(good.sum())
+    indices = Indices(design.factors, outputs, estimates, len(values), evaluations, failed, used)
+    return SensitivityResult(design, indices, runs)
 
 
 def _failed_run(design: Design, run: int, status: int) -> FailedRun:

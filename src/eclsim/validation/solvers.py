@@ -76,7 +76,7 @@ def _both(name: str) -> list[Row]:
     return rows
 
 
-def periodicity_check(quick: bool = False) -> Check:
+def periodicity_check(quick: bool) -> Check:
     """Largest change of a state over one more plain beat, for each reference case."""
     rows = []
     for name in QUICK if quick else case_names():
@@ -87,16 +87,16 @@ def periodicity_check(quick: bool = False) -> Check:
     return Check("periodicity", "Periodicity of the solved orbits", "1e-8 of each state", tuple(rows))
 
 
-def conservation_check(quick: bool = False, beats: int = BEATS) -> Check:
+def conservation_check(quick: bool) -> Check:
     """Relative change of the blood volume over many plain beats, every configuration."""
     models = {name: configuration_model(name) for name in CONFIGURATIONS}
     if not quick:
         models |= {name: reference_model(name) for name in case_names()}
     rows = [
-        at_most(f"{name}: blood volume over {beats} beats", volume_error(model, beats), CONSERVATION)
+        at_most(f"{name}: blood volume over {BEATS} beats", volume_error(model, BEATS), CONSERVATION)
         for name, model in models.items()
     ]
-    return Check("conservation", f"Blood volume over {beats} beats", "1e-10 relative", tuple(rows))
+    return Check("conservation", f"Blood volume over {BEATS} beats", "1e-10 relative", tuple(rows))
 
 
 def volume_error(model: Model, beats: int) -> float:
