@@ -62,7 +62,15 @@ def test_simulate_says_that_it_is_and_marks_the_numbers(beat):
 
 def test_a_batch_says_so_of_each_member_whatever_its_outputs():
     found = simulate_many(model("V-A"), {"Emaxlv": [1.5, 0.1], "ecmo.speed_rpm": [3425.0, 4500.0]}, ("MAP",))
-    assert list(found.data_vars) == ["MAP", "status", "message", "beats", "residual"]
+    assert list(found.data_vars) == [
+        "MAP",
+        "status",
+        "message",
+        "warnings",
+        "impossible",
+        "beats",
+        "residual",
+    ]
     assert list(found["status"].values) == ["converged", "one_of_many"]
     assert found.attrs["failed"] == 0
     assert np.isfinite(found["MAP"].values).all()

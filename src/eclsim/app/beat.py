@@ -18,7 +18,7 @@ from eclsim.gas.network import GasStatus
 from eclsim.orbit.model import circuit_of, values_of
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
-from eclsim.outputs.alarms import CAUTION, Finding, gravest_first, impossible
+from eclsim.outputs.alarms import CAUTION, Finding, impossible
 from eclsim.outputs.gas import PlaceGases
 from eclsim.outputs.limits import level, place_levels
 from eclsim.outputs.recirculation import recirculation
@@ -151,7 +151,7 @@ def beat_of(
     means = {n: float(solved.mean(n)[0]) for n in solved.signals if n[0] in "PQ"}
     series = {n: solved.waveform(n) for n in solved.signals}
     waves = _evenly(series, solved.waveforms[0].phases, circuit, values)
-    findings = tuple(gravest_first((*solved.findings(), *state.case.findings(outputs))))
+    findings = tuple(solved.findings())
     rate = float(np.asarray(solved.values_in_effect()[HEART_RATE]))
     return Beat(
         circuit, values, 60.0 / (rate if rate > 0.0 else values[HEART_RATE]), waves, means, outputs, findings,
@@ -165,10 +165,9 @@ def passing_beat(state: PageState, moment: PassingBeat) -> Beat:
     series = dict(zip(moment.signals, moment.waves.T, strict=True))
     waves = _evenly(series, moment.phases, moment.circuit, moment.values)
     means = {n: float(v) for n, v in zip(moment.signals, moment.means, strict=True) if n[0] in "PQ"}
-    findings = tuple(gravest_first((*moment.findings, *state.case.findings(moment.outputs))))
     gas = GasStatus.STEADY if state.case.gas is not None else None
     return Beat(
-        moment.circuit, moment.values, moment.period, waves, means, moment.outputs, findings,
+        moment.circuit, moment.values, moment.period, waves, means, moment.outputs, tuple(moment.findings),
         Status.CONVERGED, text("timeline_passing"), gas, passing=True,
     )  # fmt: skip
 

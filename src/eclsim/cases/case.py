@@ -20,7 +20,7 @@ from eclsim.cases.sections import (
     device_sections,
     within,
 )
-from eclsim.devices.description import Finding, Target
+from eclsim.devices.description import Target
 from eclsim.devices.device import Instance, device_key, instance_key
 from eclsim.devices.registry import PublishedDevices, devices
 from eclsim.inputs.mistakes import CaseError
@@ -130,14 +130,6 @@ class Case(PublishedDevices):
         return {
             k: label for instance in self.instances() for k, label in instance.site_words().items()
         } | patient
-
-    def findings(self, outputs: Mapping[str, float]) -> list[Finding]:
-        """What there is to say about a beat in view of what the case names, such as a label's range."""
-        return [
-            finding
-            for instance in self.instances()
-            for finding in instance.device.section_findings(instance.section, instance, outputs)
-        ]
 
     def at_rest(self) -> Case:
         """The case that open set points refer to: as it was written, unregulated, without extra volume."""

@@ -130,7 +130,6 @@ def _each(
     o: SimulateOptions, readings: Sequence[CaseReading], labels: Sequence[str] | None = None
 ) -> Sequence[xr.Dataset]:
     """The beat of each case, written and shown; labels say what is before and what after a change."""
-    from eclsim.simulation.files import outputs_of
     from eclsim.simulation.single import simulate as steady
     from eclsim.simulation.single import simulate_transient
 
@@ -141,9 +140,7 @@ def _each(
     with Progress() as progress:
         for case in cases:
             progress(f"simulating {case.patient.id}")
-            result = steady(case, solver=o.solver, check_grid=o.check_grid)
-            also = [finding.sentence for finding in case.findings(outputs_of(result))]
-            results.append(result.assign_attrs(warnings=[*result.attrs.get("warnings", ()), *also]))
+            results.append(steady(case, solver=o.solver, check_grid=o.check_grid))
     courses = [
         simulate_transient(case, o.transient, solver=o.solver, names=names)
         if "phase" in result.dims

@@ -519,7 +519,9 @@ class CrrtDevice(Device[Crrt]):
             _check_flow(f"{key}.flow_ml_min", values.get("flow_ml_min"), circuits["ecmo"], remarks)
         _check_fluids(values, key, remarks)
 
-    def findings(self, names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
+    def findings(
+        self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
+    ) -> list[Finding]:
         """A CRRT that draws more from an ECMO circuit than the circuit carries."""
         ends = {c.name: (c.source, c.target) for c in circuit.connections}
         groups = {c.name: c.group for c in circuit.compartments}

@@ -175,18 +175,17 @@ class Device(ABC, Generic[S]):
         """The speed of its pump that can be swept, and its usual range; None without one."""
         return None
 
-    def findings(self, names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
-        """What there is to say about a beat besides limits that it breaks.
+    def findings(
+        self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
+    ) -> list[Finding]:
+        """What there is to say about a beat besides limits that it breaks, such as a label's range.
 
         Args:
             names: of one instance.
             outputs: of the beat, by name.
             circuit: of patient and devices, with fixed sites.
+            values: of all parameters, with all that `values` of the device's own section gives.
         """
-        return []
-
-    def section_findings(self, section: S, names: Naming, outputs: Mapping[str, float]) -> list[Finding]:
-        """What there is to say about a beat in view of what the case file names, such as a label's range."""
         return []
 
     def __repr__(self) -> str:

@@ -47,11 +47,13 @@ from eclsim.devices.description import (
 from eclsim.devices.device import CaseValues, Device, Naming, UnsolvedFlowError
 from eclsim.devices.plausibility import check_cannula, check_sites, check_speed, patient_site
 from eclsim.devices.products import (
+    LABEL_FLOWS,
     UNVALIDATED,
     CannulaType,
     Membrane,
     Oxygenator,
     PumpCurve,
+    beyond_label,
     by_key,
     makers_names,
     pump_values,
@@ -708,6 +710,7 @@ class EcmoDevice(Device[Ecmo]):
             "ecmo.return_fr": section.return_fr,
             **{f"ecmo.{name}": _gas_setting(section, name) for name in GAS_KEYS},
             **OXYGENATORS[section.oxygenator].gas_values(),
+            **OXYGENATORS[section.oxygenator].label_values(),
             **section.second_values(),
             **({} if section.return_clamp is None else {"ecmo.return_clamp": section.return_clamp}),
         }
@@ -819,28 +822,43 @@ class EcmoDevice(Device[Ecmo]):
         if alone:
             _check_native_output(values, case, remarks)
 
-    def findings(self, names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
-        """What this model does not show of the left ventricle while a pump returns blood to the arteries."""
-        back = (names.place("ecmoreturn"), names.place("ecmoreturn2"))
-        returns = any(c.name in back and c.target in ARTERIAL_SITES for c in circuit.connections)
-        if not returns or "EDVLV" not in outputs:
-            return []
-        text = (
-            f"{names.label} returns to the arteries: do not read distension or unloading of the left "
-            f"ventricle off EDVLV, LVEDP and PCWP; {_left_ventricle(circuit)}"
-        )
-        concerns = tuple(name for name in LEFT_SIDE if name in outputs)
-        return [Finding(CAUTION, "EDVLV", outputs["EDVLV"], float("nan"), text, concerns=concerns)]
+    def findings(
+        self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
+    ) -> list[Finding]:
+        """A flow outside the oxygenator's label, and what is not shown of the left ventricle."""
+        return [
+            *_outside_label(names, outputs, values),
+            *_left_ventricle_unlike(names, outputs, circuit),
+        ]
 
-    def section_findings(self, section: Ecmo, names: Naming, outputs: Mapping[str, float]) -> list[Finding]:
-        """A flow outside of what the oxygenator is labelled for; backwards is an alarm of its own."""
-        name = names.output("PF")
-        flow = outputs.get(name, -1.0)
-        warning = OXYGENATORS[section.oxygenator].label_warning(flow) if flow >= 0.0 else None
-        if warning is None:
-            return []
-        sentence = f"{names.label} flow of {warning}"
-        return [Finding("warning", name, flow, float("nan"), sentence, concerns=(name,))]
+
+def _outside_label(names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
+    """A flow outside of what the oxygenator is labelled for; backwards is an alarm of its own."""
+    name = names.output("PF")
+    flow = outputs.get(name, -1.0)
+    low, high = (values.get(names.parameter(end), math.nan) for end in LABEL_FLOWS)
+    end = beyond_label(flow, low, high) if flow >= 0.0 else None
+    if end is None:
+        return []
+    sentence = (
+        f"{names.label} flow {flow:.3g} L/min is {'below' if end == low else 'above'} {end:g} L/min: outside "
+        f"the label of its oxygenator, {low:g} to {high:g} L/min"
+    )
+    return [Finding("warning", name, flow, end, sentence, concerns=(name,))]
+
+
+def _left_ventricle_unlike(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
+    """What this model does not show of the left ventricle while a pump returns blood to the arteries."""
+    back = (names.place("ecmoreturn"), names.place("ecmoreturn2"))
+    returns = any(c.name in back and c.target in ARTERIAL_SITES for c in circuit.connections)
+    if not returns or "EDVLV" not in outputs:
+        return []
+    text = (
+        f"{names.label} returns to the arteries: do not read distension or unloading of the left "
+        f"ventricle off EDVLV, LVEDP and PCWP; {_left_ventricle(circuit)}"
+    )
+    concerns = tuple(name for name in LEFT_SIDE if name in outputs)
+    return [Finding(CAUTION, "EDVLV", outputs["EDVLV"], float("nan"), text, concerns=concerns)]
 
 
 def _left_ventricle(circuit: Circuit) -> str:

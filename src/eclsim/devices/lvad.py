@@ -185,7 +185,9 @@ class LvadDevice(Device[Lvad]):
         if case.of("ecmo"):
             remarks.note(key, "ECMO and LVAD work on the same circulation and may oppose each other")
 
-    def findings(self, names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
+    def findings(
+        self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
+    ) -> list[Finding]:
         """What an ejection fraction is where a pump empties the left ventricle."""
         name, pump = "ejection_fraction_lv", names.place("lvadpump")
         if name not in outputs or not any(c.name == pump and c.source == "lv" for c in circuit.connections):

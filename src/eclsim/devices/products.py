@@ -9,6 +9,7 @@ to 21 % lower (Broman et al., ECMO cannulae I and II).
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -239,13 +240,14 @@ class Oxygenator(Exchanger):
             "ecmo.oxygenator.carbon_dioxide_transfer": self.membrane.carbon_dioxide_transfer,
         }
 
+    def label_values(self) -> dict[str, float]:
+        """The flows of its label [L/min] by the names of its parameters; NaN without one."""
+        return dict(zip(LABEL_FLOWS, self.label_flow_l_min or (math.nan, math.nan), strict=True))
+
     def label_warning(self, flow_l_min: float) -> str | None:
         """What to say about a flow [L/min] outside the label, or None inside it or without one."""
-        if self.label_flow_l_min is None:
-            return None
-        low, high = self.label_flow_l_min
-        rounded = float(f"{flow_l_min:.3g}")  # as it is shown: a roller pump at the limit is within it
-        if low <= rounded <= high:
+        low, high = self.label_values().values()
+        if beyond_label(flow_l_min, low, high) is None:
             return None
         return f"{flow_l_min:.3g} L/min is outside the label of the {self.key}, {low:g} to {high:g} L/min"
 
@@ -274,6 +276,15 @@ class Dialyzer(Exchanger):
     def row(self) -> tuple[str, ...]:
         """Cells in the table of filters."""
         return self.key, f"{self.resistance:g}", _number(self.priming_volume_ml), self.evidence
+
+
+LABEL_FLOWS = ("ecmo.oxygenator.lowest_flow_l_min", "ecmo.oxygenator.highest_flow_l_min")
+
+
+def beyond_label(flow_l_min: float, low: float, high: float) -> float | None:
+    """The end of a label [L/min] that a flow is beyond, or None inside it or where its ends are NaN."""
+    rounded = float(f"{flow_l_min:.3g}")  # as it is shown: a roller pump at the limit is within it
+    return low if rounded < low else high if rounded > high else None
 
 
 P = TypeVar("P", bound=Product)

@@ -155,19 +155,21 @@ class RenoxDevice(Device[Renox]):
         if key != GROUP:
             remarks.error(key, "two in one circuit are not modelled", allowed=f"one [{GROUP}] section")
 
-    def section_findings(self, section: Renox, names: Naming, outputs: Mapping[str, float]) -> list[Finding]:
+    def findings(
+        self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
+    ) -> list[Finding]:
         """How much water leaves where nothing holds the effluent's pressure."""
         name = f"{GROUP}_free_ultrafiltration_ml_h"
-        free = outputs.get(name)
-        if free is None or not free > 10.0 * max(section.net_ultrafiltration_ml_h, 10.0):
+        free, net = outputs.get(name), values.get(f"{GROUP}.net_ultrafiltration_ml_h")
+        if free is None or net is None or not free > 10.0 * max(net, 10.0):
             return []
         text = (
             f"{names.label}: the pressure of the ECMO circuit would filter {free:.0f} mL/h through an open "
-            f"effluent, where {section.net_ultrafiltration_ml_h:g} mL/h is set: hold the effluent at "
+            f"effluent, where {net:g} mL/h is set: hold the effluent at "
             f"{outputs[f'{GROUP}_effluent_pressure']:.0f} mmHg"
         )
         concerns = (f"{GROUP}_effluent_pressure",)
-        return [Finding("warning", name, free, section.net_ultrafiltration_ml_h, text, concerns=concerns)]
+        return [Finding("warning", name, free, net, text, concerns=concerns)]
 
 
 RENOX = RenoxDevice()

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
-from eclsim.beat.grid import grid_warning, needed_resolution
+from eclsim.beat.grid import RESOLUTIONS, grid_warning, needed_resolution
 from eclsim.beat.heartbeat import HEART_RATE, BeatProgram, beat_program
 from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
@@ -60,9 +60,14 @@ class Batch:
 
     def member(self, which: int) -> dict[str, float]:
         """Parameters of one member."""
-        return {name: self._of(name, which) for name in (HEART_RATE, *self.circuit.parameter_names())}
+        return {name: self.value_of(name, which) for name in (HEART_RATE, *self.circuit.parameter_names())}
 
-    def _of(self, name: str, which: int) -> float:
+    def all_of(self, which: int) -> Mapping[str, float]:
+        """All values of one member, also those that its beat does not read."""
+        return _Member(self, which)
+
+    def value_of(self, name: str, which: int) -> float:
+        """One value of one member."""
         value = self.values[name]
         return float(value if np.ndim(value) == 0 else np.asarray(value)[which])
 
@@ -90,7 +95,7 @@ class Batch:
     def volume_slopes(self, parameters: Sequence[str], member: int = 0) -> np.ndarray:
         """d blood volume / d parameter of one member [mL per unit], by a complex step; (parameters,)."""
         counted = [self.policy == AS_PUBLISHED or c.group == "patient" for c in self.circuit.compartments]
-        values = {name: self._of(name, member) for name in parameters} | self.member(member)
+        values = {name: self.value_of(name, member) for name in parameters} | self.member(member)
         shifts = 1j * COMPLEX_STEP * np.eye(len(parameters))
         shifted = values | {
             name: values[name] + shift for name, shift in zip(parameters, shifts, strict=True)
@@ -104,6 +109,23 @@ class Batch:
         return np.array(
             np.broadcast_to(needed_resolution(assemble(self.circuit), self.values), (self.count,))
         )
+
+
+@dataclass(frozen=True)
+class _Member(Mapping[str, float]):
+    """Values of one member, each read from its batch when it is asked for."""
+
+    batch: Batch
+    which: int
+
+    def __getitem__(self, name: str) -> float:
+        return self.batch.value_of(name, self.which)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.batch.values)
+
+    def __len__(self) -> int:
+        return len(self.batch.values)
 
 
 @dataclass(frozen=True)
@@ -140,8 +162,16 @@ class SolvedOrbits(Orbits):
         """A sentence where the grid is too coarse for what oscillates in a member; None where it is fine."""
         if self.status[member] == Status.INVALID_INPUT or self.adaptive_tolerance is not None:
             return None
+        if self._surely_fine[member]:
+            return None
         values = self.batch.member(member)
         return grid_warning(assemble(self.batch.circuit), values, int(self.resolution[member]))
+
+    @cached_property
+    def _surely_fine(self) -> np.ndarray:
+        """Members whose grid is as fine as they need; what needs the finest may need one finer still."""
+        needed = self.batch.resolutions()
+        return (needed <= self.resolution) & (needed < RESOLUTIONS[-1])
 
 
 def solve(

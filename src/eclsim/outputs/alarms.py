@@ -7,8 +7,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from eclsim.devices.description import CAUTION, COLLAPSE_MMHG, GRAVEST_FIRST, Finding, Limit
-from eclsim.devices.device import device_key
-from eclsim.devices.registry import assist_flows, devices, instances_in, naming_of, namings
+from eclsim.devices.device import Naming, device_key
+from eclsim.devices.registry import assist_flows, devices, naming_of, namings
 from eclsim.outputs.limits import CLOSED_L_MIN, broken_limits
 from eclsim.outputs.registry import CHAMBERS, output
 from eclsim.outputs.sealed import sealed
@@ -43,15 +43,15 @@ def findings(
         outputs: scalar outputs by name.
         extremes: smallest and largest value of each waveform.
         circuit: with fixed sites; without it nothing is said that depends on where devices are connected.
-        values: of the parameters; without them nothing is said of assumed ones.
+        values: of all parameters; without them nothing is said of assumed ones and of labels.
     """
     result = [_broken(limit, outputs[limit.quantity]) for limit in broken_limits(outputs)]
     result += _collapsed(extremes, {} if circuit is None else _drained(circuit))
     result += _aortic_valve(outputs, circuit) + _different_flows(outputs, circuit)
     if circuit is not None:
         result += _shut_in(outputs, circuit)
-        for names in instances_in(circuit):
-            result += names.device.findings(names, outputs, circuit)
+        for names in _devices_of(circuit):
+            result += names.device.findings(names, outputs, circuit, values)
         result += assumptions(outputs, circuit, values)
     return gravest_first(result)
 
@@ -59,6 +59,17 @@ def findings(
 def gravest_first(found: Iterable[Finding]) -> list[Finding]:
     """The same in the order in which it is said."""
     return sorted(found, key=lambda finding: KINDS.index(finding.kind))
+
+
+def sentences(found: Iterable[Finding]) -> list[str]:
+    """What findings say, as `warnings` of results have it."""
+    return [f"impossible: {f.sentence}" if f.kind == "collapse" else f.sentence for f in found]
+
+
+def watched_signals(signals: Iterable[str]) -> tuple[str, ...]:
+    """Those of some waveforms whose extremes say whether a chamber is empty or a vessel sucked shut."""
+    places = {*THIN_WALLED, *CHAMBERS}
+    return tuple(name for name in signals if name[0] in "PV" and name[1:] in places)
 
 
 def assumptions(outputs: Collection[str], circuit: Circuit, values: Mapping[str, float]) -> list[Finding]:
@@ -70,14 +81,18 @@ def assumptions(outputs: Collection[str], circuit: Circuit, values: Mapping[str,
         values: of the parameters.
     """
     result = []
-    parts = (*circuit.compartments, *circuit.connections, *circuit.exchanges)
-    for names in namings(part.group for part in parts):
+    for names in _devices_of(circuit):
         for one in names.device.assumptions:
             concerned = tuple(name for name in map(names.output, one.concerns) if name in outputs)
             if concerned and values.get(names.parameter(one.parameter)) == one.value:
                 about = Finding(CAUTION, concerned[0], one.value, one.value, one.sentence, concerns=concerned)
                 result.append(about)
     return result
+
+
+def _devices_of(circuit: Circuit) -> tuple[Naming, ...]:
+    """Every device that adds to a circuit, be it an exchange alone."""
+    return namings(e.group for e in (*circuit.compartments, *circuit.connections, *circuit.exchanges))
 
 
 def impossible(findings: Collection[Finding]) -> bool:

@@ -20,7 +20,7 @@ from eclsim.orbit.execution import Execution
 from eclsim.orbit.model import Model, ModelSource, as_model, nominal_values
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import ADAPTIVE, SEMI_IMPLICIT, Batch
-from eclsim.outputs.alarms import findings, impossible
+from eclsim.outputs.alarms import findings, impossible, sentences, watched_signals
 from eclsim.outputs.recirculation import recirculation
 from eclsim.outputs.registry import contract, output
 from eclsim.outputs.signals import signal_labels, unstressed_volume
@@ -84,7 +84,7 @@ def labelled(beat: SteadyBeat, member: int = 0, name: str = "model") -> xr.Datas
         "drift_ml_per_beat": float(orbits.drift[member]),
         "blood_volume_policy": beat.batch.policy,
         **_solver(beat, member),
-        "warnings": [f"impossible: {f.sentence}" if f.kind == "collapse" else f.sentence for f in result],
+        "warnings": sentences(result),
         "impossible": int(impossible(result)),
         "one_of_many": int(status is Status.ONE_OF_MANY),
     }
@@ -112,10 +112,14 @@ def simulate_many(
     values = {**model.values, **{k: np.asarray(v, dtype=float) for k, v in changes.items()}}
     batch = Batch(model.circuit, values, count, volume_policy or model.policy)
     start = model.values if nominal_values(model.circuit) is None else None
-    beat = steady_beat(batch, outputs, options=options, start=start, execution=execution)
+    watched = watched_signals(all_signals(assemble(model.circuit)))
+    beat = steady_beat(batch, outputs, waveforms=watched, options=options, start=start, execution=execution)
+    said = [beat.findings(k) for k in range(count)]
     data: dict[str, Any] = {n: ("member", beat.output(n), output_labels(n)) for n in beat.names}
     data["status"] = ("member", [Status(int(status)).word for status in beat.status])
     data["message"] = ("member", [beat.message(k) for k in range(count)])
+    data["warnings"] = ("member", ["\n".join(sentences(one)) for one in said])
+    data["impossible"] = ("member", [int(impossible(one)) for one in said])
     data["beats"] = ("member", beat.orbits.beats)
     if beat.of_gases:
         data["gas_status"] = ("member", [GasStatus(int(status)).word for status in beat.gas_status])
@@ -156,7 +160,8 @@ def derivatives(
         NoDerivativesError: no steady beat was found, or its equation is singular.
     """
     model = as_model(case)
-    beat = steady_beat(Batch.of(model, volume_policy), outputs, resolution=resolution)
+    watched = watched_signals(all_signals(assemble(model.circuit)))
+    beat = steady_beat(Batch.of(model, volume_policy), outputs, waveforms=watched, resolution=resolution)
     status, message = Status(int(beat.status[0])).word, beat.message()
     try:
         result = beat.linearise(outputs, parameters)
@@ -180,6 +185,7 @@ def derivatives(
             "id": model.name,
             "status": status,
             "message": message,
+            "warnings": sentences(beat.findings()),
         },
     )
 

@@ -180,10 +180,10 @@ class SteadyBeat:
         result: list[Finding] = []
         if self.converged[member]:
             extremes = self.statistics[1:, :, member].T.tolist()
-            circuit = self.batch.circuit.with_chosen_sites(self.batch.member(member))
+            values = self.batch.all_of(member)
+            circuit = self.batch.circuit.with_chosen_sites(values)
             ranges = {name: (low, high) for name, (low, high) in zip(self.signals, extremes, strict=True)}
-            contents = self.batch.numbers_for(circuit.content_names(), member)
-            result = findings(self.outputs(member), ranges, circuit, contents) + self._gas_findings(member)
+            result = findings(self.outputs(member), ranges, circuit, values) + self._gas_findings(member)
         if doubt := self.orbits.grid_warning(member):
             result.append(Finding("warning", "grid", float("nan"), float("nan"), doubt))
         return gravest_first(result)

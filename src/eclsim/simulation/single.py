@@ -88,8 +88,9 @@ def simulate_many(
     Returns:
         Dataset over `member`: the changed parameters (and with a flow its key and the speed) as coordinates,
         outputs with units, `status` (see `Status`; "flow_not_reached" where no speed gives the flow),
-        `message`, `beats` and `residual`. Outputs of a member that did not settle are NaN, and its message
-        says why.
+        `message`, `beats` and `residual`, `warnings` about these outputs (a line each) and whether the beat
+        is `impossible` in a patient. Outputs of a member that did not settle are NaN, and its message says
+        why.
 
     Raises:
         ValueError: arrays of different lengths.
@@ -132,8 +133,8 @@ def derivatives(
 
     Returns:
         Array with dimensions (output, parameter); coordinates `value` and `parameter_value` hold the point,
-        attributes `status` ("converged", else as `Status`, "singular" or "flow_not_reached") and `message`
-        say what they are of.
+        attributes `status` ("converged", else as `Status`, "singular" or "flow_not_reached"), `message` and
+        `warnings` say what they are of.
 
     Raises:
         NoDerivativesError: no steady beat was found, or its equation is singular.
@@ -178,7 +179,12 @@ def _at_held_flow(
 def _no_derivatives(solved: SolvedSpeeds, outputs: Sequence[str], parameters: Sequence[str]) -> xr.DataArray:
     nothing = np.full((len(outputs), len(parameters)), np.nan)
     coordinates = {"output": list(outputs), "parameter": list(parameters)}
-    about = {"id": solved.case.patient.id, "status": NOT_REACHED, "message": solved.reasons[0]}
+    about = {
+        "id": solved.case.patient.id,
+        "status": NOT_REACHED,
+        "message": solved.reasons[0],
+        "warnings": [],
+    }
     return xr.DataArray(nothing, coordinates, ("output", "parameter"), attrs=about)
 
 
