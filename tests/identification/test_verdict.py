@@ -154,3 +154,13 @@ def test_the_worst_reason_comes_first_and_nothing_is_said_twice():
     assert plain["level"] == "poor"
     assert headline(plain) == verdict.headline
     assert plain["reasons"][1]["about"] == "EDVRV"
+
+
+def test_an_interval_from_bound_to_bound_determines_nothing():
+    fitted = {"Csart": {"value": 0.73, "lower": 0.29, "upper": 1.82, "identifiable": True}}
+    profile, bounds = {"Csart": {"lower": 0.09, "upper": 9.0}}, {"Csart": (0.09, 9.0)}
+    assert interval_agreement(fitted, profile, "profile likelihood") == []
+    (reason,) = interval_agreement(fitted, profile, "profile likelihood", bounds)
+    assert "do not determine it" in reason.sentence
+    one_end = {"Csart": {"lower": 0.09, "upper": 1.7}}
+    assert interval_agreement(fitted, one_end, "profile likelihood", bounds) == []

@@ -25,3 +25,10 @@ def test_a_unit_stands_behind_a_number_and_not_behind_none():
 def test_an_interval_has_both_ends_or_is_empty():
     assert interval(0.70012, -1.0) == "0.7 to \N{MINUS SIGN}1"
     assert interval(None, 1.0) == interval(1.0, None) == ""
+
+
+def test_thousands_are_written_out():
+    assert number(1064.4, digits=2) == "1100"
+    assert number(9999.6) == "10000"
+    assert number(-123456.0) == "\N{MINUS SIGN}123500"
+    assert number(2.5e7, digits=2) == "2.5e+07"

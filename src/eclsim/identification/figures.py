@@ -169,7 +169,8 @@ def plot_residuals(
         axes.stem(range(len(shown)), list(shown.values()), linefmt="C0-", markerfmt="C0o", basefmt=" ")
         reach = 1.15 * max(*edges.values(), *(abs(v) for v in shown.values()))
         axes.set_ylim(-reach, reach)
-        axes.set_xticks(range(len(shown)), list(shown))
+        names = [name.replace("_", "\n") for name in shown]
+        axes.set_xticks(range(len(shown)), names, size="small" if any("\n" in n for n in names) else None)
         axes.set_ylabel("(simulated - measured)\n/ standard uncertainty")
         fig.legend(loc="outside upper center", ncols=3)
     return fig

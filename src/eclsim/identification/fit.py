@@ -134,7 +134,11 @@ class FitResult:
     def judged(self, more: Iterable[Reason]) -> FitResult:
         """The fit when more is known; what a doubt rules out counts as determined no longer."""
         verdict = self.verdict.with_reasons(more)
-        disagreeing = {r.about: r.sentence for r in verdict.doubts if r.aspect is Aspect.INTERVALS}
+        disagreeing = {
+            r.about: r.sentence.removeprefix(f"{r.about}: ")
+            for r in verdict.doubts
+            if r.aspect is Aspect.INTERVALS
+        }
         if verdict.level is Level.POOR:
             disagreeing = dict.fromkeys(self.parameters, NOT_FROM_A_POOR_FIT)
         return replace(self, verdict=verdict, parameters=self._undetermined(disagreeing))

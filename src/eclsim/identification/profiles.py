@@ -238,7 +238,9 @@ def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles]:
         for name, values, costs in zip(refitted.names, refitted.values, refitted.costs, strict=True)
     }
     other = {n: {"lower": low, "upper": high} for n, (low, high) in intervals.items()}
-    reasons = interval_agreement(fit.as_object()["parameters"], other, "profile likelihood")
+    ends = fit.box.scale.values(np.array([fit.box.lower, fit.box.upper])).T.tolist()
+    bounds = dict(zip(fit.box.names, map(tuple, ends), strict=True))
+    reasons = interval_agreement(fit.as_object()["parameters"], other, "profile likelihood", bounds)
     curves = FitProfiles(refitted, slices(likelihood, fit.box, best.x[0]), intervals)
     return replace(fit, profile=intervals).judged(reasons), curves
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from eclsim.cases.quantities import quantity
 from eclsim.cases.sections import MEASURED_BESIDES, MEASURED_GASES, Measurements
+from eclsim.reporting.numbers import number
 from eclsim.sensitivity.inputs import DEFAULTS, Uncertainty, standard_uncertainties
 
 _DIGITS = 12
@@ -67,12 +68,12 @@ class Scale:
     def apart(self, k: int, distance: float) -> str:
         """Two values at a distance in the coordinate of a parameter: relative, or in its unit."""
         unit = self.units[k]
-        return f"{distance * unit:.2g}" if unit else f"{100.0 * math.expm1(distance):.0f} %"
+        return number(distance * unit, digits=2) if unit else f"{100.0 * math.expm1(distance):.0f} %"
 
     def error(self, k: int, error: float) -> str:
         """A standard error in words."""
         unit = self.units[k]
-        return f"{error * unit:.2g}" if unit else f"a factor of {math.exp(error):.2g}"
+        return number(error * unit, digits=2) if unit else f"a factor of {math.exp(error):.2g}"
 
     @property
     def _divisors(self) -> np.ndarray:

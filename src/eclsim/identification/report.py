@@ -278,7 +278,7 @@ def _about(case: Case) -> str:
     patient = case.patient
     lines = [f"{patient.sex}, {patient.age_years:g} years, {patient.heart_rate_bpm:g} beats/min"]
     for instance in case.instances():
-        written = instance.section.model_dump(exclude_none=True)
+        written = instance.section.model_dump(exclude_none=True, exclude_defaults=True)
         keys = (f"{key} {_written(value)}" for key, value in written.items())
         lines.append(
             f"{instance.device.name}{f' ({instance.name})' if instance.name else ''}: {', '.join(keys)}"
@@ -296,7 +296,7 @@ def _outputs_table(point: Data) -> Table:
     off, rows = _differences(point), []
     for name, cell in point["outputs"].items():
         known = point["uncertainties"].get(name)
-        measured = "not measured" if known is None else f"{cell['measured']:.4g} ± {known:.2g}"
+        measured = "not measured" if known is None else f"{number(cell['measured'])} ± {known:.2g}"
         apart = signed(off[name]) if name in off else ""
         rows.append((name, unit_of(name), measured, number(cell["simulated"]), apart))
     measured, off = "measured ± standard uncertainty", "difference in standard uncertainties"

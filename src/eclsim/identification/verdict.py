@@ -271,7 +271,10 @@ def plausibility(
 
 
 def interval_agreement(
-    fitted: Mapping[str, Mapping[str, Any]], other: Mapping[str, Mapping[str, Any]], source: str
+    fitted: Mapping[str, Mapping[str, Any]],
+    other: Mapping[str, Mapping[str, Any]],
+    source: str,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
 ) -> list[Reason]:
     """Whether the fit's Gaussian 90 % intervals agree with others, for the parameters called determined.
 
@@ -279,6 +282,7 @@ def interval_agreement(
         fitted: "value", "lower", "upper" and "identifiable" of each parameter, as in the JSON of a fit.
         other: "lower" and "upper" of each parameter.
         source: of the other intervals, such as "posterior".
+        bounds: of the parameters, where the other intervals may end at them.
     """
     reasons = []
     for name, estimate in fitted.items():
@@ -286,6 +290,7 @@ def interval_agreement(
         if interval is None or not estimate["identifiable"] or None in (interval["lower"], interval["upper"]):
             continue
         level, verdict = Level.DOUBTFUL, ""
+        ends = (interval["lower"], interval["upper"])
         if estimate["upper"] < interval["lower"] or interval["upper"] < estimate["lower"]:
             level = Level.POOR
             verdict = (
@@ -294,6 +299,8 @@ def interval_agreement(
             )
         elif not interval["lower"] <= estimate["value"] <= interval["upper"]:
             verdict = f"the fitted value {estimate['value']:.3g} is outside of the latter"
+        elif bounds is not None and np.allclose(ends, bounds[name], rtol=1e-6):
+            verdict = "the latter is all that its bounds allow, so the measurements do not determine it"
         elif not 1.0 / UNLIKE_WIDTH <= _width(name, interval) / _width(name, estimate) <= UNLIKE_WIDTH:
             verdict = "take the wider of the two"
         if verdict:

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 
 MINUS = "\N{MINUS SIGN}"
 MISSING = "–"
+WRITTEN_OUT = 1e6
+"""Numbers below have no power of ten."""
 
 
 def number(
@@ -34,6 +36,8 @@ def number(
     if value is None or not math.isfinite(value):
         return missing
     text = f"{value:.{digits}g}" if decimals is None else f"{value:.{decimals}f}"
+    if "e+" in text and abs(value) < WRITTEN_OUT:
+        text = f"{float(text):.0f}"
     if float(text) == 0.0:
         text = text.lstrip("-")
     return text.replace("-", MINUS) + (f" {unit}" if unit else "")
