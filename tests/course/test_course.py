@@ -9,7 +9,9 @@ import pytest
 import eclsim
 from eclsim.cases import read_case
 from eclsim.course.alarms import alarms
+from eclsim.course.beats import course_beats
 from eclsim.course.course import course, course_many, usual_every
+from eclsim.course.engine import CourseOptions
 from eclsim.course.files import course_object
 from eclsim.devices.description import Finding
 from eclsim.inputs.mistakes import CaseError
@@ -185,7 +187,7 @@ def test_a_limit_broken_in_a_beat_is_so_from_the_start_of_that_beat():
         [Finding("alarm", "PF", -0.8, 0.0, "ECMO pump flow -0.8 L/min is below 0 L/min: clamp it")],
     ]
     flows, minutes = {"PF": np.array([3.7, 3.7, -0.8])}, np.array([118.0, 119.0, 120.0]) / 120.0
-    (beats,) = alarms(said, flows, minutes, seconds=True)
+    (beats,) = alarms(said, flows, minutes, np.ones(3, dtype=bool))
     assert beats.at_min == 1.0
     assert "at 00:01:00" in beats.sentence
     (steady,) = alarms(said, flows, 10.0 * minutes)
@@ -194,17 +196,52 @@ def test_a_limit_broken_in_a_beat_is_so_from_the_start_of_that_beat():
     assert sudden.at_min == 5.0, "a moment stands a second before what is sudden, the alarm does not"
 
 
+SWEEP = '[[events]]\nat_min = 5\nset = { "ecmo.sweep_l_min" = %s }\n'
+OF_GASES = ("SaO2", "PaCO2")
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("stores", ["", "[fluid]\n[solutes]\n"], ids=["blood alone", "stores"])
-def test_gases_that_steady_beats_change_at_once_are_said(tmp_path, stores):
-    file, (before, after) = tmp_path / "case.toml", VV_GAS.read_text().split("[ecmo]")
-    events = '[[events]]\nat_min = 5\nset = { "ecmo.sweep_l_min" = %s }\n'
-    file.write_text(before + stores + "[ecmo]" + after + events % 0)
-    found = course(file, minutes=8.0, every_min=2.0, outputs=("SaO2", "PaCO2"))
-    (said,) = [line for line in found.attrs["warnings"] if "at once" in line]
+def test_a_sweep_that_stops_takes_its_time_or_a_warning_says_that_it_does_not(tmp_path):
+    file = tmp_path / "case.toml"
+    file.write_text(VV_GAS.read_text() + SWEEP % 0)
+    every = course_beats(file, minutes=16.0, outputs=OF_GASES, every_min=0.02)
+    found = course(file, minutes=16.0, every_min=2.0, outputs=OF_GASES)
+    (span,) = json.loads(found.attrs["spans"])
+    assert span["from_min"] == 5.0
+    assert span["reason"].startswith("SaO2 goes from 94 to 2")
+    shown = found["time_min"].to_numpy()
+    shown = shown[(shown < 15.7) & ((shown < 5.0) | (shown > 5.5))]
+    for name, bar in (("SaO2", 0.5), ("PaCO2", 0.2)):
+        apart = np.interp(shown, every["time_min"], every[name]) - np.interp(
+            shown, found["time_min"], found[name]
+        )
+        assert np.abs(apart).max() < bar
+    assert float(np.interp(6.0, found["time_min"], found["SaO2"])) > 50.0
+    assert "at 00:05:" in next(line for line in found.attrs["warnings"] if "below 80 %" in line)
+    alone = CourseOptions(hand_over=False)
+    steady = course(file, minutes=16.0, every_min=2.0, outputs=OF_GASES, options=alone)
+    (said,) = [line for line in steady.attrs["warnings"] if "at once" in line]
     assert said.startswith("at 00:05 steady beats take SaO2 from 94 to 2")
-    assert ("PaCO2 from 40 to 85 mmHg" in said) is (stores == "")
-    assert "at 00:05 (2" in next(line for line in found.attrs["warnings"] if "below 80 %" in line)
-    file.write_text(before + stores + "[ecmo]" + after + events % 1.9)
-    quiet = course(file, minutes=8.0, every_min=2.0, outputs=("SaO2", "PaCO2"))
+
+
+@pytest.mark.slow
+def test_a_sweep_that_changes_little_stays_with_steady_beats(tmp_path):
+    file = tmp_path / "case.toml"
+    file.write_text(VV_GAS.read_text() + SWEEP % 1.9)
+    quiet = course(file, minutes=8.0, every_min=2.0, outputs=OF_GASES)
+    assert json.loads(quiet.attrs["spans"]) == []
     assert not [line for line in quiet.attrs["warnings"] if "at once" in line]
+
+
+@pytest.mark.slow
+def test_without_any_oxygen_a_patient_is_followed_and_the_course_ends(tmp_path):
+    """No steady beat is ahead: a loop of blood that passes no lung."""
+    file = tmp_path / "case.toml"
+    file.write_text(VV_GAS.read_text() + (SWEEP % 0).replace("}", ', "gas.shunt_fraction" = 1 }'))
+    found = course(file, minutes=60.0, every_min=2.0, outputs=OF_GASES)
+    assert not found.attrs["converged"]
+    assert "no steady gas state" in found.attrs["message"]
+    saturation = found["SaO2"].to_numpy()
+    assert np.isfinite(saturation).all()
+    assert saturation[-1] < 1.0 < 50.0 < float(np.interp(5.7, found["time_min"], saturation))
+    assert 14.5 < float(found["time_min"][-1]) < 15.1

@@ -53,7 +53,7 @@ def alarms(
     findings: Sequence[Sequence[Finding]],
     outputs: Mapping[str, np.ndarray],
     minute: np.ndarray,
-    seconds: bool = False,
+    by_beat: np.ndarray | None = None,
 ) -> list[Alarm]:
     """Alarms of one patient, the gravest first and then by time.
 
@@ -61,8 +61,9 @@ def alarms(
         findings: of each moment.
         outputs: by name, of each moment.
         minute: time of each [min].
-        seconds: whether moments are beats that follow each other; the words then say the second too.
+        by_beat: which moments are beats that follow each other, of which the words say the second too.
     """
+    by_beat = np.zeros(len(minute), dtype=bool) if by_beat is None else by_beat
     by_limit: dict[tuple[str, str, str], dict[int, Finding]] = {}
     for k, said in enumerate(findings):
         for finding in said:
@@ -71,7 +72,7 @@ def alarms(
     found = []
     for broken in by_limit.values():
         values = outputs.get(next(iter(broken.values())).quantity)
-        found += [_alarm(run, broken, minute, values, seconds) for run in _runs(sorted(broken))]
+        found += [_alarm(run, broken, minute, values, by_beat) for run in _runs(sorted(broken))]
     order = [*GRAVEST_FIRST, CAUTION]
     return sorted(found, key=lambda alarm: (order.index(alarm.kind), alarm.at_min))
 
@@ -88,14 +89,22 @@ def _runs(places: list[int]) -> list[list[int]]:
 
 
 def _alarm(
-    run: list[int], broken: dict[int, Finding], minute: np.ndarray, values: np.ndarray | None, seconds: bool
+    run: list[int],
+    broken: dict[int, Finding],
+    minute: np.ndarray,
+    values: np.ndarray | None,
+    by_beat: np.ndarray,
 ) -> Alarm:
-    first, last = broken[run[0]], run[-1]
-    values = None if seconds else values  # means of a beat, which begins at its minute
-    at = _crossing(run[0] - 1, run[0], first.limit, minute, values)
-    until = None if last + 1 >= len(minute) else _crossing(last, last + 1, first.limit, minute, values)
+    first, begun, over = broken[run[0]], run[0], run[-1] + 1
+
+    def crossing(place: int) -> float:
+        means = None if by_beat[place] else values  # of a beat, which begins at its minute
+        return _crossing(place - 1, place, first.limit, minute, means)
+
+    at, until = crossing(begun), None if over >= len(minute) else crossing(over)
     worst = max((broken[k].value for k in run), key=lambda value: abs(value - first.limit))
-    begin, end = clock_time(at, seconds), "" if until is None else clock_time(until, seconds)
+    begin = clock_time(at, by_beat[begun])
+    end = "" if until is None else clock_time(until, by_beat[over] or by_beat[over - 1])
     sentence = _sentence(first, begin, end, worst)
     return Alarm(at, until, first.kind, first.quantity, first.limit, worst, sentence)
 

@@ -49,6 +49,9 @@ SHOWN = 1200
 ACTED = (*FACTORS.values(), HEART_RATE, UNSTRESSED)
 LATE = {name: local_resistance(bed) for bed, name in LOCAL_OUTPUTS.items()}
 """Outputs of what answers to gases with a lag, and the parameters in effect."""
+ALIKE, ALIKE_S, STANDS_ML = 0.05, 10.0, 0.1
+"""Share of the time since an event, and seconds, for which one beat may stand where gases alone still move;
+what compartments may gain and lose in it [mL], all together: 1.5 mL to go at 20 s a time constant."""
 SETTLED_ML = 1.0
 """Shift to the steady beat at which the circulation has settled."""
 
@@ -259,7 +262,7 @@ class BeatMarch:
         settings = _columns(self.timeline.start[1])
         batch = Batch(self.circuit, settings, 1, self.policy)
         beat = steady_beat(batch, self.laws.reads)
-        if not beat.converged[0]:
+        if not beat.converged[0] or beat.gas_status[0]:
             message = f"no steady beat to start from: {beat.message()}"
             raise CaseError([Mistake("", message)])
         read = {name: beat.output(name) for name in self.laws.reads}
@@ -303,8 +306,15 @@ class BeatMarch:
         place = Quantity("PCO2", "in", artery_of(self.circuit))
         return at.gases.state[place] - goal.gases.state[place]
 
-    def follow(self, at: Moving, until: float, shown: ShownBeats) -> Moving:
-        """Beats from a moment on, up to the last that begins before another."""
+    def follow(self, at: Moving, until: float, shown: ShownBeats, every_beat: bool = True) -> Moving:
+        """Beats from a moment on, up to the last that begins before another.
+
+        Args:
+            at: the moment.
+            until: [s].
+            shown: takes the beats.
+            every_beat: else a beat stands for several where the circulation stands still but for its gases.
+        """
         segment, program, settings = -1, None, dict[str, np.ndarray]()
         while at.time < until - 1e-9 and not self.stopped:
             now = self._segment(at.time)
@@ -312,15 +322,31 @@ class BeatMarch:
                 segment = now
                 settings = _columns(self.timeline.settings(segment, at.time))
                 program = self._program(self._values(at, settings))
-            for key, value in self.timeline.ramped(segment, at.time).items():
+            ramped = self.timeline.ramped(segment, at.time)
+            for key, value in ramped.items():
                 settings[key] = np.array([value])
-            at = self._beat(at, settings, program, shown)
+            alike = 0.0 if every_beat or ramped else self._alike_s(at, segment, until)
+            at = self._beat(at, settings, program, shown, alike)
         return at
 
+    def _alike_s(self, at: Moving, segment: int, until: float) -> float:
+        """For how long [s] beats may be alike: a share of the time since the last event."""
+        breaks = self.timeline.breaks
+        if self.in_time is None or self.in_time.answers or at.last is None:
+            return 0.0
+        return min(
+            ALIKE * (at.time - breaks[segment]), ALIKE_S, breaks[segment + 1] - at.time, until - at.time
+        )
+
     def _beat(
-        self, at: Moving, settings: dict[str, np.ndarray], program: BeatProgram, shown: ShownBeats
+        self,
+        at: Moving,
+        settings: dict[str, np.ndarray],
+        program: BeatProgram,
+        shown: ShownBeats,
+        alike_s: float,
     ) -> Moving:
-        """One beat; the march stops where it is not finite."""
+        """One beat, or as many alike as fit into some seconds; the march stops where it is not finite."""
         values = self._values(at, settings)
         state = at.state + self._given(at.before, values)
         plain = _numbers(values)
@@ -333,18 +359,23 @@ class BeatMarch:
             return at
         series = np.concatenate([recorded[-1:] if at.last is None else at.last[None], recorded])
         acted = {key: float(np.asarray(effective[key])) for key in ACTED if key in effective}
-        lowest, gases, known = watched.min(axis=0), at.gases, None
+        lowest, gases, known, alike = watched.min(axis=0), at.gases, None, 1
         if self.in_time is not None and gases is not None:
             where = self.assembly.layout.volumes.where
             ends = state[where], after[where]
-            gases = self.in_time.after(gases, series, program.grid.phases, plain, ends, period)
+            if np.abs(ends[1] - ends[0]).sum() < STANDS_ML:
+                alike = max(1, int(alike_s / period))
+            gases = self.in_time.after(gases, series, program.grid.phases, plain, ends, alike * period)
             self.stopped, known = self.in_time.trouble(gases), gases.state
             if self.stopped:
                 return at
         kept = KeptBeat(at.time, state, series, lowest, plain, acted, at.slow[:, 0].copy(), known)
-        shown.offer(at.time, kept)
-        slow = self._moved(at, settings, kept, program, period)
-        return Moving(at.time + period, after, slow, values, recorded[-1], gases)
+        slow = self._moved(at, settings, kept, program, alike * period)
+        end = at.time + alike * period
+        if alike > 1:  # the last of them is shown, at whose end gases are what they are
+            kept = kept._replace(time=end - period, slow=(slow - (slow - at.slow) / alike)[:, 0])
+        shown.offer(kept.time, kept)
+        return Moving(end, after, slow, values, recorded[-1], gases)
 
     def _values(self, at: Moving, settings: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Parameters of the beat that begins at a moment."""
@@ -472,7 +503,7 @@ class BeatMarch:
         )
         in_effect = {key: np.array([beat.values[key] for beat in beats]) for key in beats[0].values}
         result = labelled_course(time, outputs, self.laws, states, in_effect)
-        broken = alarms(said, outputs, time / MINUTE, seconds=True)
+        broken = alarms(said, outputs, time / MINUTE, np.ones(len(beats), dtype=bool))
         warnings = [self.stopped] * bool(self.stopped) + [alarm.sentence for alarm in broken]
         balance = balance_of(self.laws, states, in_effect)
         about = attributes_of(self.timeline, self.policy, self.stopped, balance, warnings)

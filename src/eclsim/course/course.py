@@ -12,14 +12,13 @@ import xarray as xr
 
 from eclsim.course.alarms import alarms, clock_time
 from eclsim.course.engine import MANY, CourseOptions, Engine, History
-from eclsim.course.handover import LAG
+from eclsim.course.handover import GASES_MOVE, LAG
 from eclsim.course.laws import Laws, laws_of
 from eclsim.course.moments import Moments, beats_at, in_effect_at, moments_of
 from eclsim.course.result import MOST_SPANS, TIME, attributes_of, balance_of, labelled_course
 from eclsim.course.timeline import BEFORE_S, MINUTE, Timeline
 from eclsim.orbit.model import CaseSource, as_case
 from eclsim.orbit.status import Status
-from eclsim.outputs.results import output_labels
 from eclsim.simulation.target_flow import with_speed
 
 if TYPE_CHECKING:
@@ -31,8 +30,6 @@ SHOWN = 144
 """About so many moments are shown where it is not said how often."""
 _EVERY_MIN = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0)
 MOST_MOMENTS = 20_000
-AT_ONCE = {"SaO2": 5.0, "PaCO2": 5.0}
-"""Steps of arterial gases [%, mmHg] at an event that are warned of, where steady beats take them at once."""
 
 
 def course(
@@ -227,11 +224,11 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
     result["beat_by_beat"] = (TIME, moments.by_beat[own].astype(int))
     result["status"] = (TIME, [Status(int(s)).word for s in moments.status[own]])
     minute, settling = time / MINUTE, engine.settling_s[member]
-    found = alarms(said, outputs, minute)
+    found = alarms(said, outputs, minute, moments.by_beat[own])
     message = _ended(moments.stopped[member], minute)
     sentences = [message] * bool(message) + [alarm.sentence for alarm in found]
     sentences += _passed_over(history) + _too_fast(history, laws, settling)
-    sentences += _gases_at_once(time, outputs, engine.timelines[member], laws)
+    sentences += _oxygen_at_once(time, outputs, engine.timelines[member])
     balance = balance_of(laws, states, in_effect)
     attributes = attributes_of(engine.timelines[member], engine.policy, message, balance, sentences)
     return result.assign_attrs(
@@ -267,23 +264,19 @@ def _passed_over(history: History) -> list[str]:
     ]
 
 
-def _gases_at_once(
-    time: np.ndarray, outputs: Mapping[str, np.ndarray], timeline: Timeline, laws: Laws
-) -> list[str]:
-    """The first event at which steady beats change arterial gases at once, where blood takes its time."""
-    named = [name for name in AT_ONCE if name in outputs and not (laws.blood and name == "PaCO2")]
+def _oxygen_at_once(time: np.ndarray, outputs: Mapping[str, np.ndarray], timeline: Timeline) -> list[str]:
+    """The first event at which steady beats change the saturation at once, where blood takes its time."""
+    saturation = outputs.get("SaO2", np.zeros(len(time)))
     for change in timeline.changes:
         before, after = np.searchsorted(time, [change.begin - BEFORE_S - 1e-6, change.begin - 1e-6])
         if change.end > change.begin or after >= len(time) or before == after:
             continue
-        pairs = {name: (outputs[name][before], outputs[name][after]) for name in named}
-        far = {name: pair for name, pair in pairs.items() if abs(pair[1] - pair[0]) > AT_ONCE[name]}
-        if far:
-            moves = [f"{k} from {a:.0f} to {b:.0f} {output_labels(k)['units']}" for k, (a, b) in far.items()]
-            slower = "; stores of carbon dioxide, which [solutes] brings, take an hour" * ("PaCO2" in far)
+        ends = saturation[before], saturation[after]
+        if abs(ends[1] - ends[0]) > GASES_MOVE["SaO2"]:
             return [
-                f"at {clock_time(change.begin / MINUTE)} steady beats take {' and '.join(moves)} at once, "
-                f"for which blood needs a minute or two: follow it with --beats{slower}"
+                f"at {clock_time(change.begin / MINUTE)} steady beats take SaO2 from {ends[0]:.0f} to "
+                f"{ends[1]:.0f} % at once, for which blood needs a minute or more: a course of this patient "
+                "alone follows it"
             ]
     return []
 

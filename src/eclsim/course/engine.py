@@ -16,15 +16,18 @@ from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
 from eclsim.course.beats import BeatMarch, Moving, shift_ml
 from eclsim.course.handover import (
-    LAG,
+    GASES_MOVE,
     LONGEST_RAMP,
     LONGEST_SPAN_S,
+    NO_STEADY_BEAT,
     RECONNECTED,
-    SHIFTED_ML,
+    TO_THE_END_S,
+    Ahead,
     Event,
     Goal,
     PassedOver,
     Span,
+    farthest,
     follow_until_settled,
     lag_of,
     reason_of,
@@ -33,9 +36,11 @@ from eclsim.course.laws import Laws
 from eclsim.course.predictor import Predictor, anchor_at, point_of
 from eclsim.course.rosenbrock import step
 from eclsim.course.timeline import START, Timeline
+from eclsim.gas.network import GasStatus
 from eclsim.orbit.equation import Anchor, OrbitOptions
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution
 from eclsim.orbit.steady import Batch
+from eclsim.outputs.signals import output_names
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 from eclsim.slow import INFLOWS
 
@@ -130,6 +135,7 @@ class Engine:
         self.length = np.full(count, options.step_s or FIRST_S)
         self.states, self.slopes = np.zeros((size, count)), np.zeros((size, count))
         self.jacobian = np.zeros((count, size, size))
+        self.reads = tuple(dict.fromkeys((*laws.reads, *_gases_read(self.circuits))))
         self.predictors = [Predictor(options.predictor) for _ in timelines]
         self.histories = [History() for _ in timelines]
         self.messages = [""] * count
@@ -219,9 +225,11 @@ class Engine:
             return who
         events = [self._event(m) for m in who] if self.options.hand_over else []
         self.slopes[:, who], known = self._rates(who, self.time[who], self.states[:, who])
-        self._stop(who[~known])
-        who, events = who[known], [event for event, there in zip(events, known, strict=False) if there]
-        lost = [m for m, event in zip(who, events, strict=False) if event and not self._followed(m, event)]
+        events = events or [None] * len(who)
+        lost = [
+            m for m, event, there in zip(who, events, known, strict=True)
+            if not (there if event is None else self._followed(m, event, there))
+        ]  # fmt: skip
         self._stop(np.array(lost, dtype=int))
         who = np.setdiff1d(who, lost)
         if len(who):
@@ -242,36 +250,44 @@ class Engine:
         nothing = not segment and not timeline.begins_at_once
         if nothing or predictor.point is None or predictor.circuit is None:
             return None
-        known, share = self._volumes(member, predictor.circuit), 1.0
+        before, share = self._ahead(member, predictor.circuit), 1.0
         reconnected = any(self._circuit(member) is not one for one in self.circuits[member])
         refusal, beat, ahead = RECONNECTED if reconnected else "", predictor.beat, None
         length = timeline.ramp_end(segment) - time
         if 0.0 < length <= LONGEST_RAMP * predictor.settling_s:
             who = np.array([member])
             there = self._rates(who, np.array([time + length]), self.states[:, who])[1]
-            ahead = self._volumes(member, self._circuit(member)) if there[0] else None
+            ahead = self._ahead(member, self._circuit(member)) if there[0] else None
             share = min(1.0, predictor.settling_s / length)
-        return Event(beat, known, ahead, share, refusal)
+        return Event(beat, before.gases, before.volumes, ahead, share, refusal)
 
-    def _volumes(self, member: int, circuit: Circuit) -> dict[str, float]:
-        """Volumes of a member's last beat, which was of that circuit, by compartment [mL]."""
-        volumes = self.predictors[member].known[assemble(circuit).layout.volumes.where]
-        return dict(zip((c.name for c in circuit.compartments), volumes.tolist(), strict=True))
+    def _ahead(self, member: int, circuit: Circuit) -> Ahead:
+        """What a member's last beat, which was of that circuit, has of blood and gases."""
+        predictor = self.predictors[member]
+        volumes = predictor.known[assemble(circuit).layout.volumes.where]
+        names = (c.name for c in circuit.compartments)
+        gases = {name: predictor.read[name] for name in GASES_MOVE if name in predictor.read}
+        return Ahead(dict(zip(names, volumes.tolist(), strict=True)), gases)
 
-    def _followed(self, member: int, event: Event) -> bool:
+    def _reason(self, member: int, event: Event) -> str:
+        """Why the beats behind an event are followed, in words; empty where they need not be."""
+        settling, rates = self.predictors[member].settling_s, self.slopes[:, member]
+        now = event.ahead or self._ahead(member, self._circuit(member))
+        shift = event.share * shift_ml(event.volumes, now.volumes)
+        gases = farthest(event.gases, now.gases, event.share)
+        return reason_of(shift, lag_of(rates, settling, self.laws), gases, rates, settling, self.laws)
+
+    def _followed(self, member: int, event: Event, known: bool) -> bool:
         """Follow a member beat by beat where steady beats would pass over too much; whether it goes on."""
         settling = self.predictors[member].settling_s
-        now = self._volumes(member, self._circuit(member)) if event.ahead is None else event.ahead
-        shift = event.share * shift_ml(event.volumes, now)
-        lag = lag_of(self.slopes[:, member], settling, self.laws)
+        reason = self._reason(member, event) if known else NO_STEADY_BEAT
         begin, timeline = float(self.time[member]), self.timelines[member]
-        end = min(begin + LONGEST_SPAN_S, timeline.end - SHORTEST_S)
-        if (shift <= SHIFTED_ML and lag <= LAG) or end - begin < settling:
-            return True
-        reason = reason_of(shift, lag, self.slopes[:, member], settling, self.laws)
+        end = min(begin + (LONGEST_SPAN_S if known else TO_THE_END_S), timeline.end - SHORTEST_S)
+        if not reason or end - begin < settling:
+            return known
         if event.refusal:
             self.histories[member].passed_over.append(PassedOver(begin, reason, event.refusal))
-            return True
+            return known
         self._note(np.array([member]))
         march = BeatMarch(timeline, self.policy, None)
         segment = int(self.segment[member])
@@ -403,14 +419,14 @@ class Engine:
             if all(begun):
                 start = anchor_at([p.guess(x) for p, x in zip(own, places, strict=True)], own)
             beat = self._beats(members, {key: column[chosen] for key, column in values.items()}, start)
-            known[chosen] = beat.converged
+            known[chosen] = beat.converged & (beat.gas_status == GasStatus.STEADY)
             for name in self.laws.reads:
                 read[name][chosen] = beat.output(name)
             for k, (predictor, place) in enumerate(zip(own, places, strict=True)):
                 m = members[k]
                 self.histories[m].beats += int(beat.orbits.beats[k])
                 self.histories[m].solves += 1
-                if beat.converged[k]:
+                if known[chosen[k]]:
                     predictor.put(beat, k, place, circuits[k])
                 else:
                     self.messages[m] = beat.message(k)
@@ -441,9 +457,17 @@ class Engine:
 
     def _beats(self, members: np.ndarray, values: dict[str, np.ndarray], start: Anchor | None) -> SteadyBeat:
         batch = Batch(self._circuit(members[0]), values, len(members), self.policy)
+        reads = self.reads if self.options.hand_over else self.laws.reads
         last_try = start is None or (self.length[members] <= SHORTEST_S).any()
         options = self.options.orbits if last_try else replace(self.options.orbits, newton_iterations=0)
-        return steady_beat(batch, self.laws.reads, options=options, start=start, execution=self.execution)
+        return steady_beat(batch, reads, options=options, start=start, execution=self.execution)
+
+
+def _gases_read(circuits: Sequence[Sequence[Circuit]]) -> list[str]:
+    """Those of `GASES_MOVE` that all circuits have."""
+    kept = {id(circuit): circuit for own in circuits for circuit in own}.values()
+    shared = set(GASES_MOVE).intersection(*(output_names(circuit) for circuit in kept))
+    return [name for name in GASES_MOVE if name in shared]
 
 
 def canonical_circuits(timelines: Sequence[Timeline]) -> list[list[Circuit]]:

@@ -1,7 +1,8 @@
 """Where an event leaves the circulation no time to settle, a course goes on beat by beat until it has.
 
 Steady beats see a sudden change as done at once. What they pass over is how much blood the circulation has to
-move for it, or how much slow states change meanwhile; where that is felt, the beats in between are followed.
+move for it, how far the gases of that blood have to go, or how much slow states change meanwhile; where that
+is felt, the beats in between are followed.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 
 from eclsim.course.beats import BeatMarch, KeptBeat, Moving, ShownBeats, Steady
 from eclsim.course.timeline import MINUTE
+from eclsim.outputs.registry import output
 
 if TYPE_CHECKING:
     from eclsim.course.laws import Laws
@@ -22,18 +24,35 @@ LAG = 4.0
 """Scales by which slow states may change while the circulation settles."""
 SHIFTED_ML = 40.0
 """Blood that compartments may have to shift at once: as much as `LAG` lets plasma change in that time."""
+GASES_MOVE = {"SaO2": 3.0, "SaO2_lower": 3.0, "PaCO2": 3.0, "PaCO2_lower": 3.0, "SvO2": 5.0}
+"""Change of the blood's gases [%, mmHg] that may come at once; blood is renewed in a minute or more."""
 STILL = 0.8
 """Of what was left a time constant ago: with more left, nothing is coming to rest any more."""
 GASES_S = 120.0
 """The same time where gases are followed, which settle within minutes."""
 LONGEST_SPAN_S = 1800.0
 """Longest span that is followed beat by beat; behind it steady beats go on."""
+TO_THE_END_S = 600.0
+"""The same where no steady beat is ahead, as for a patient without any oxygen; there a course ends."""
 LONGEST_RAMP = 10.0
 """Settling times within which a ramp may be too fast."""
 RECONNECTED = "an event connects the circuit in another way"
 """Why a patient is not followed beat by beat."""
+NO_STEADY_BEAT = "no steady beat is ahead"
 KEPT = 60
 """Beats of a span that are shown, about."""
+
+
+class Ahead(NamedTuple):
+    """Where a steady beat has the blood and its gases.
+
+    Attributes:
+        volumes: by compartment [mL].
+        gases: as far as they are in `GASES_MOVE`, by name.
+    """
+
+    volumes: Mapping[str, float]
+    gases: Mapping[str, float]
 
 
 class Event(NamedTuple):
@@ -41,15 +60,17 @@ class Event(NamedTuple):
 
     Attributes:
         beat: the steady beat before.
+        gases: of that beat, as far as they are in `GASES_MOVE`, by name.
         volumes: of that beat, by compartment [mL].
-        ahead: likewise of the steady beat at the end of a ramp; None without one.
+        ahead: the steady beat at the end of a ramp; None without one.
         share: of the ramp that is done while the circulation settles.
         refusal: why this patient is not followed beat by beat, in words; empty where nothing is in the way.
     """
 
     beat: Steady
+    gases: Mapping[str, float]
     volumes: Mapping[str, float]
-    ahead: Mapping[str, float] | None
+    ahead: Ahead | None
     share: float
     refusal: str = ""
 
@@ -96,9 +117,26 @@ def lag_of(rates: np.ndarray, settling_s: float, laws: Laws) -> float:
     return float((np.abs(rates) * settling_s / laws.scales).max(initial=0.0))
 
 
-def reason_of(shift: float, lag: float, rates: np.ndarray, settling_s: float, laws: Laws) -> str:
-    """Why beats are followed, in words."""
-    if shift > SHIFTED_ML and shift / SHIFTED_ML >= lag / LAG:
+def farthest(one: Mapping[str, float], other: Mapping[str, float], share: float) -> tuple[float, str]:
+    """Largest share of `GASES_MOVE` by which gases change at once, and the change in words."""
+    moves = {name: share * (other[name] - one[name]) for name in one.keys() & other.keys()}
+    name = max(sorted(moves), key=lambda name: abs(moves[name]) / GASES_MOVE[name], default="")
+    if not name:
+        return 0.0, ""
+    unit = output(name).unit
+    words = f"{name} goes from {one[name]:.0f} to {one[name] + moves[name]:.0f} {unit} with the blood"
+    return abs(moves[name]) / GASES_MOVE[name], words
+
+
+def reason_of(
+    shift: float, lag: float, gases: tuple[float, str], rates: np.ndarray, settling_s: float, laws: Laws
+) -> str:
+    """Why beats are followed, in words; empty where they need not be."""
+    if max(shift / SHIFTED_ML, lag / LAG, gases[0]) <= 1.0:
+        return ""
+    if gases[0] > max(shift / SHIFTED_ML, lag / LAG):
+        return gases[1]
+    if shift / SHIFTED_ML >= lag / LAG:
         return f"the circulation shifts {shift:.0f} mL"
     place = int((np.abs(rates) / laws.scales).argmax())
     state = laws.states[place]
@@ -137,11 +175,13 @@ def follow_until_settled(
         reason: why these beats are followed.
     """
     shown, at, until = ShownBeats(None, KEPT), start, start.time + settling_s
-    patience = settling_s / 3.0 if start.gases is None else max(settling_s / 3.0, GASES_S)
+    pause = patience = settling_s / 3.0
+    if start.gases is not None:
+        pause, patience = max(pause, GASES_S / 4.0), max(patience, GASES_S)
     looks: list[tuple[float, float]] = []
     while True:
-        at = march.follow(at, min(until, end), shown)
-        until = at.time + settling_s / 3.0
+        at = march.follow(at, min(until, end), shown, every_beat=False)
+        until = at.time + pause
         if march.stopped or at.time >= end - settling_s / 3.0:
             break
         goal = steady(at)

@@ -99,7 +99,8 @@ def _wanted(engine: Engine, member: int, history: History, every: float) -> np.n
     breaks = timeline.breaks[timeline.breaks <= end]
     sudden = [c.begin - BEFORE_S for c in timeline.changes if c.end == c.begin and 0.0 < c.begin <= end]
     spans = history.spans
-    wanted = np.unique(np.round(np.concatenate([regular, breaks, sudden, [end], [s.end for s in spans]]), 6))
+    behind = [span.end for span in spans if span.end <= end]
+    wanted = np.unique(np.round(np.concatenate([regular, breaks, sudden, [end], behind]), 6))
     within = [(wanted >= span.begin) & (wanted < span.end - 1e-6) for span in spans]
     return wanted[~np.any(within, axis=0)] if spans else wanted
 

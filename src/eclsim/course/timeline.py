@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eclsim.cases.quantities import place_of
-from eclsim.cases.sections import Fluid
+from eclsim.cases.sections import Fluid, Solutes
 from eclsim.cases.settings import put_in
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.orbit.model import circuit_of, values_of
+from eclsim.parameters.fluid import FOLLOWED
 from eclsim.parameters.regulation import DRUG_DOSES, DRUGS
 from eclsim.slow import INFLOWS
 
@@ -92,17 +93,22 @@ class Timeline:
 
     @cached_property
     def start_case(self) -> Case:
-        """The case whose veins may be given volume, with fluids, drugs, clamps at 0 that an event starts."""
+        """The case whose veins may be given volume and whose tissues hold carbon dioxide.
+
+        Fluids, drugs and clamps that an event starts are at 0.
+        """
         bare = self.case.model_copy(update={"events": ()})
-        bare = bare if bare.fluid is not None else bare.model_copy(update={"fluid": Fluid()})
+        added = {"fluid": bare.fluid or Fluid(), "solutes": bare.solutes or (Solutes() if bare.gas else None)}
+        bare = bare.model_copy(update=added)
         wanted = (place_of(key) for event in self.case.events for key in event.set)
         started = [p for p in wanted if p and (p[1].endswith(("_ml_h", "_clamp")) or p[0] == DRUGS)]
         off = {p: 0.0 for p in started if bare.setting(*p) is None and p[1] not in SENSITIVITIES}
         return _with(bare, off) if off else bare
 
     def values_of(self, case: Case) -> dict[str, float]:
-        """Parameters of a case, those overridden included."""
-        return {**values_of(case), **self.overrides}
+        """Parameters of a case, those overridden included; of solutes only stores where it has none."""
+        unfollowed = {} if self.case.solutes else {FOLLOWED: 0.0}
+        return {**values_of(case), **unfollowed, **self.overrides}
 
     @cached_property
     def start(self) -> tuple[Circuit, dict[str, float]]:

@@ -9,8 +9,8 @@ import numpy as np
 from eclsim.circuit.network import Circuit
 from eclsim.components.exchangers import HAEMOGLOBIN
 from eclsim.fluid.law import fluid_law
-from eclsim.fluid.solutes import solute_laws
-from eclsim.parameters.fluid import HAEMATOCRIT, SOLUTES
+from eclsim.fluid.solutes import solutes_law, stores_of_carbon_dioxide
+from eclsim.parameters.fluid import FOLLOWED, HAEMATOCRIT
 from eclsim.slow import SlowLaw
 
 
@@ -23,6 +23,6 @@ def slow_laws(circuit: Circuit, settings: Mapping[str, float | np.ndarray]) -> t
     """
     fluid = HAEMATOCRIT in circuit.parameter_names()
     laws: tuple[SlowLaw, ...] = (fluid_law(circuit),) if fluid else ()
-    if np.any(settings.get(f"{SOLUTES}.followed", 0.0)):
-        laws += solute_laws(circuit, fluid, HAEMOGLOBIN in circuit.content_names())
-    return laws
+    if np.any(settings.get(FOLLOWED, 0.0)):
+        laws += (solutes_law(circuit, fluid, HAEMOGLOBIN in circuit.content_names()),)
+    return (*laws, *stores_of_carbon_dioxide(circuit))

@@ -248,8 +248,8 @@ class CarbonDioxideLaw(SlowLaw):
         )
 
 
-def solute_laws(circuit: Circuit, fluid: bool, gas: bool) -> tuple[SlowLaw, ...]:
-    """Laws of a circuit whose solutes are followed.
+def solutes_law(circuit: Circuit, fluid: bool, gas: bool) -> SlowLaw:
+    """The law of a circuit whose solutes are followed.
 
     Args:
         circuit: patient and devices.
@@ -261,13 +261,17 @@ def solute_laws(circuit: Circuit, fluid: bool, gas: bool) -> tuple[SlowLaw, ...]
         for e in circuit.exchanges
         if isinstance(e.component, Hemofilter)
     )
+    return SolutesLaw(filters, fluid, gas)
+
+
+def stores_of_carbon_dioxide(circuit: Circuit) -> tuple[SlowLaw, ...]:
+    """The law of a circuit whose tissues hold carbon dioxide; none for any other."""
     tissues = tuple(
         (e.name, e.component.share)
         for e in circuit.exchanges
         if isinstance(e.component, Tissue) and e.component.held == STORES_HOLD
     )
-    stores = (CarbonDioxideLaw(tissues),) if tissues else ()  # pyright: ignore[reportArgumentType]
-    return (SolutesLaw(filters, fluid, gas), *stores)
+    return (CarbonDioxideLaw(tissues),) if tissues else ()  # pyright: ignore[reportArgumentType]
 
 
 def _pressure(tissue: str) -> str:
