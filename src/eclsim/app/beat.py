@@ -220,7 +220,7 @@ def _plain_gases(beat: Beat) -> dict[str, Any] | None:
         values = {name: float(number) for name, number in zip(GAS_COLUMNS, numbers, strict=True)}
         colours = {"colour": colour_of(percent), "letters": letters_on(percent)}
         result["places"][place] = {"values": finite(values, digits=5), **colours}
-    result["exchanged"] = finite({at: list(both) for at, both in beat.gases.exchanged.items()}, digits=6)
+    result["exchanged"] = finite({at: list(pair) for at, pair in beat.gases.exchanged.items()}, digits=6)
     return result
 
 

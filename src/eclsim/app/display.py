@@ -132,9 +132,9 @@ def plain_curves(case: Case, outputs: Collection[str]) -> list[dict[str, Any]]:
 
 def sweep_of(case: Case) -> Sweep | None:
     """The speed that the ramp sweeps, with its key in a case file: that of the first device that has one."""
-    for one in case.instances():
-        if sweep := one.device.sweep(one.section):
-            return replace(sweep, key=f"{one.key}.{sweep.key}")
+    for instance in case.instances():
+        if sweep := instance.device.sweep(instance.section):
+            return replace(sweep, key=f"{instance.key}.{sweep.key}")
     return None
 
 
@@ -163,14 +163,14 @@ def _exchangers(circuit: Circuit) -> dict[str, str]:
     result = {}
     for exchange in gas_exchanges(circuit):
         names = naming_of(exchange.group)
-        words = text(f"exchange_{exchange.at}") if names is None else names.place_label(f"Q{exchange.at}")
-        result[exchange.at] = words if names is None else f"{names.device.name} {words}"
+        label = text(f"exchange_{exchange.at}") if names is None else names.place_label(f"Q{exchange.at}")
+        result[exchange.at] = label if names is None else f"{names.device.name} {label}"
     return result
 
 
 def _shown(case: Case) -> list[tuple[str, Views]]:
     """What is shown of the patient (key "") and of each device."""
-    return [("", PATIENT), *((one.device.key, one.views()) for one in case.instances())]
+    return [("", PATIENT), *((instance.device.key, instance.views()) for instance in case.instances())]
 
 
 def _order(key: str) -> int:
@@ -180,11 +180,11 @@ def _order(key: str) -> int:
 def _firsts(shown: Sequence[tuple[str, Views]], items: Callable[[Views], Sequence[object]]) -> list[int]:
     """A number for the first item of each device, the same for every circuit; two of a kind differ."""
     lengths = {key: len(items(device.views)) for key, device in devices().items()}
-    firsts, seen = [], []
+    firsts, known = [], []
     for key, _ in shown:
         before = sum(list(lengths.values())[: _order(key)]) + len(items(PATIENT)) if key else 0
-        firsts.append(before + seen.count(key) * sum(lengths.values()))
-        seen.append(key)
+        firsts.append(before + known.count(key) * sum(lengths.values()))
+        known.append(key)
     return firsts
 
 
@@ -194,8 +194,8 @@ def _groups(case: Case) -> list[dict[str, str]]:
     for key, device in devices().items():
         if key in connectable():
             groups[key] = device.name
-        groups |= {one.key: one.label for one in case.instances() if one.device is device}
-    groups |= {one.section: group_name(one.section) for one in PATIENT_SECTIONS}
+        groups |= {instance.key: instance.label for instance in case.instances() if instance.device is device}
+    groups |= {instance.section: group_name(instance.section) for instance in PATIENT_SECTIONS}
     return [{"key": key, "label": label} for key, label in groups.items()]
 
 
@@ -296,9 +296,11 @@ def output_specs() -> dict[str, dict[str, Any]]:
 def named_specs(case: Case) -> dict[str, dict[str, Any]]:
     """The same of the outputs of devices that have a name, such as two of a kind."""
     return {
-        one.output(entry.name): _spec(entry, one.output(entry.name), f"{entry.long_name}, {one.label}")
-        for one in case.instances()
-        for entry in (one.device.outputs if one.name else ())
+        instance.output(entry.name): _spec(
+            entry, instance.output(entry.name), f"{entry.long_name}, {instance.label}"
+        )
+        for instance in case.instances()
+        for entry in (instance.device.outputs if instance.name else ())
     }
 
 

@@ -127,11 +127,11 @@ def _boxes(circuit: Circuit, plan: Plan, page: Layout) -> list[dict[str, Any]]:
         left, bottom, right, top = page.box(compartment.name)
         names = naming_of(compartment.group)
         place = compartment.name if names is None else names.device_place(compartment.name)
-        words = plan.places[compartment.name].label if compartment.name in plan.places else compartment.name
+        label = plan.places[compartment.name].label if compartment.name in plan.places else compartment.name
         result.append({
             "name": compartment.name, "group": compartment.group,
             "position": positions.get(compartment.name, ""),
-            "text": words, "short": ENGLISH.get(f"box_{place}", _short(names, place) or words),
+            "text": label, "short": ENGLISH.get(f"box_{place}", _short(names, place) or label),
             "ink": ink(compartment.group),
             "x": left - WIDER_MM, "y": -top, "w": right - left + 2 * WIDER_MM, "h": top - bottom,
         })  # fmt: skip

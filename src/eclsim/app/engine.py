@@ -129,7 +129,7 @@ def _warm_states() -> list[PageState]:
     from eclsim.cases.presets import PRESETS
 
     states = [PageState(preset.case(), origin=key) for key, preset in PRESETS.items()]
-    more = [PageState(connect(one.case(), key)) for one in PRESETS.values() for key in one.often]
+    more = [PageState(connect(start.case(), key)) for start in PRESETS.values() for key in start.often]
     usual = [*states, *more]
     slow = [s.with_case(turn(s.case, "patient.heart_rate_bpm", SLOW_RATE_BPM)) for s in usual]
     return [*usual, *slow]

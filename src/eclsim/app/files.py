@@ -108,10 +108,10 @@ def _read_apart(kind: str, name: str, content: bytes) -> dict[str, Any]:
         raise too_much from None
     if done.returncode != 0:
         raise too_much
-    answer = json.loads(done.stdout)
-    if "mistakes" in answer:
-        raise CaseError([Mistake(**mistake) for mistake in answer["mistakes"]])
-    return answer
+    reply = json.loads(done.stdout)
+    if "mistakes" in reply:
+        raise CaseError([Mistake(**mistake) for mistake in reply["mistakes"]])
+    return reply
 
 
 def with_speeds(opened: Opened) -> Opened:
@@ -204,8 +204,8 @@ def _checked_name(name: str, content: bytes, suffixes: tuple[str, ...]) -> tuple
     return shown, suffix
 
 
-def _refused(why: str) -> CaseError:
-    return CaseError([Mistake("", why)])
+def _refused(reason: str) -> CaseError:
+    return CaseError([Mistake("", reason)])
 
 
 def _limit_memory() -> None:
@@ -283,8 +283,8 @@ def _with_set_points(case: Case) -> Case:
     from eclsim.orbit.model import values_of
 
     values = values_of(case)
-    given = {key.partition(".")[2]: round(values[key], 3) for key in case.regulation.open_set_points}
-    update = {"regulation": case.regulation.model_copy(update=given), "as_written": None}
+    points = {key.partition(".")[2]: round(values[key], 3) for key in case.regulation.open_set_points}
+    update = {"regulation": case.regulation.model_copy(update=points), "as_written": None}
     return case.model_copy(update=update)
 
 

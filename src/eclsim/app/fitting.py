@@ -250,8 +250,8 @@ def judged(fit: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:
         for r in more
     ]
     order = [str(level) for level in Level]
-    every = sorted([*reasons, *fit["verdict"]["reasons"]], key=lambda r: -order.index(r["level"]))
+    reasons_sorted = sorted([*reasons, *fit["verdict"]["reasons"]], key=lambda r: -order.index(r["level"]))
     level = max([fit["verdict"]["level"], *(r["level"] for r in reasons)], key=order.index)
-    verdict = {**fit["verdict"], "level": level, "reasons": every}
+    verdict = {**fit["verdict"], "level": level, "reasons": reasons_sorted}
     doubted = {r["about"]: {"identifiable": False, "reason": r["sentence"]} for r in reasons}
     return {"verdict": verdict, "headline": headline(verdict), "parameters": doubted}

@@ -378,5 +378,5 @@ class SignIns:
 
 def sign_in_page(action: str, message: str = "") -> str:
     """The page that asks for the password."""
-    words = {key: text(key) for key in ("title", "brand", "sign_in", "password", "notice")}
-    return render("app/sign_in.html", action=action, message=message, **words)
+    texts = {key: text(key) for key in ("title", "brand", "sign_in", "password", "notice")}
+    return render("app/sign_in.html", action=action, message=message, **texts)

@@ -38,11 +38,11 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
 
-def notify(words: object, kind: str = "positive") -> None:
+def notify(message: object, kind: str = "positive") -> None:
     """A short note at the top; a bad one, above the notice at the bottom, until it is closed."""
     stays = kind == "negative"
     ui.notify(
-        str(words), type=kind, position="bottom" if stays else "top", multi_line=len(str(words)) > 80,  # pyright: ignore[reportArgumentType]  # one of its kinds
+        str(message), type=kind, position="bottom" if stays else "top", multi_line=len(str(message)) > 80,  # pyright: ignore[reportArgumentType]  # one of its kinds
         timeout=0 if stays else 5000, close_button=text("close") if stays else False,
     )  # fmt: skip
 
@@ -58,9 +58,9 @@ _CHOOSE_FILE = """
 """Head of the upload: Quasar's own has neither a label for its file input nor a button with a name."""
 
 
-def labelled(element: Labelled, words: str) -> Labelled:
+def labelled(element: Labelled, label: str) -> Labelled:
     """A dialog or menu with a name for screen readers."""
-    element.props(f'aria-label="{words}"')
+    element.props(f'aria-label="{label}"')
     return element
 
 
@@ -211,8 +211,8 @@ class Header:
     def save(self) -> None:
         """Keep the state for the comparison."""
         saved = self.session.save()
-        words = text("state_saved") if saved else text("states_full", most=MOST_SAVED)
-        notify(words, "positive" if saved else "warning")
+        message = text("state_saved") if saved else text("states_full", most=MOST_SAVED)
+        notify(message, "positive" if saved else "warning")
 
     def _preset(self, key: object) -> None:
         if isinstance(key, str) and key in PRESETS and preset_state(key) != self.session.state:

@@ -14,7 +14,7 @@ import numpy as np
 from eclsim.app.fitting import CancelledError, FitError, judged
 from eclsim.app.knobs import ambiguous_comma, as_written
 from eclsim.app.posterior import PosteriorDraws
-from eclsim.app.provenance import circuit_words, title_of
+from eclsim.app.provenance import circuit_text, title_of
 from eclsim.app.state import PageState, link_of, state_of, subject_of
 from eclsim.app.texts import text
 from eclsim.cases.checking import Checked, check_case
@@ -72,9 +72,9 @@ def checked_form(case: Case, typed: Mapping[str, Any]) -> Checked:
             if str(value).strip() != "":
                 raw[section][item.name] = as_written(value) if item.kind == "number" else str(value)[:200]
     checked = check_case(raw)
-    doubted = {key: meant for key, value in typed.items() if (meant := ambiguous_comma(value))}
+    doubted = {key: suggestion for key, value in typed.items() if (suggestion := ambiguous_comma(value))}
     checked.mistakes = [m for m in checked.mistakes if m.key not in doubted]
-    checked.mistakes += [Mistake(key, meant) for key, meant in doubted.items()]
+    checked.mistakes += [Mistake(key, suggestion) for key, suggestion in doubted.items()]
     if not raw["measurements"] and not checked.mistakes:
         checked.mistakes.append(Mistake("measurements", "nothing to fit", allowed="at least one measurement"))
     return checked
@@ -277,7 +277,7 @@ def verdict_of(fit: Mapping[str, Any]) -> str:
 
 def _of(raw: Mapping[str, Any], state: PageState) -> str:
     """Whose fit it is, and with which devices."""
-    return text("fit_of", name=raw["patient"]["id"], circuit=circuit_words(state.case))
+    return text("fit_of", name=raw["patient"]["id"], circuit=circuit_text(state.case))
 
 
 def _by_field(mistakes: list[Mistake]) -> dict[str, str]:

@@ -39,34 +39,36 @@ VOLUME_FIELD = Field("Blood given or taken", "number", "mL", -200.0, 3000.0, 500
 
 def controls(case: Case) -> list[Control]:
     """What can be turned for a case, in the order of the panel."""
-    found: list[Control] = [
+    offered: list[Control] = [
         Knob(key, text(key), unit, low, high, step, key.startswith("parameters"), group)
         for key, group, unit, low, high, step in _OF_THE_PATIENT
     ]
     sites = case.sites()
-    for one in case.instances():
-        own = (_offered(control, sites) for control in one.device.controls(one.section, sites))
-        found += [
-            replace(control, key=f"{one.key}.{control.key}", group=one.key)
-            for control in own
+    for instance in case.instances():
+        of_device = (
+            _offered(control, sites) for control in instance.device.controls(instance.section, sites)
+        )
+        offered += [
+            replace(control, key=f"{instance.key}.{control.key}", group=instance.key)
+            for control in of_device
             if isinstance(control, Picker) or not control.needs or getattr(case, control.needs) is not None
         ]
-    return [*found, *_of_sections(case)]
+    return [*offered, *_of_sections(case)]
 
 
 def _of_sections(case: Case) -> list[Control]:
     """The fields of the optional sections of the patient that the case has and that have a value."""
-    found: list[Control] = []
-    for one in PATIENT_SECTIONS:
-        for name, field in one.fields().items() if getattr(case, one.section) is not None else ():
-            key, control = f"{one.section}.{name}", plain_control(field)
+    offered: list[Control] = []
+    for kind in PATIENT_SECTIONS:
+        for name, field in kind.fields().items() if getattr(case, kind.section) is not None else ():
+            key, control = f"{kind.section}.{name}", plain_control(field)
             if control is not None and _has_effect(case, key) and value_of(case, key) is not None:
-                words = ENGLISH.get(key, control.label)
+                label = ENGLISH.get(key, control.label)
                 if isinstance(control, Picker):
-                    named = tuple((n, ENGLISH.get(f"{key}.{n}", own)) for n, own in control.options)
-                    control = replace(control, options=named)
-                found.append(replace(control, key=key, label=words, group=one.section))
-    return found
+                    options = tuple((n, ENGLISH.get(f"{key}.{n}", value)) for n, value in control.options)
+                    control = replace(control, options=options)
+                offered.append(replace(control, key=key, label=label, group=kind.section))
+    return offered
 
 
 def _has_effect(case: Case, key: str) -> bool:
@@ -76,14 +78,14 @@ def _has_effect(case: Case, key: str) -> bool:
 
 def _left_out(case: Case, section: str, name: str) -> float | None:
     """What a number that is left out counts as; None where nothing but a typed number says so."""
-    one = case.instance(section)
-    if one is not None:
-        return resolve_parameters(case).get(one.parameter(f"{one.device.key}.{name}"))
+    instance = case.instance(section)
+    if instance is not None:
+        return resolve_parameters(case).get(instance.parameter(f"{instance.device.key}.{name}"))
     key = f"{section}.{name}"
     if key == _CONSUMPTION:
         return resolve_parameters(case)[key]
-    own = next(own for own in PATIENT_SECTIONS if own.section == section)
-    return 0.0 if own.fields()[name].minimum == 0.0 else None
+    kind = next(kind for kind in PATIENT_SECTIONS if kind.section == section)
+    return 0.0 if kind.fields()[name].minimum == 0.0 else None
 
 
 def _offered(control: Control, sites: Mapping[str, str]) -> Control:
@@ -113,8 +115,12 @@ def value_of(case: Case, key: str) -> float | str | None:
     section, _, name = key.rpartition(".")
     if section == "parameters":
         return _parameter(case, name)
-    one = case.instance(section)
-    value = getattr(getattr(case, section), name) if one is None else one.device.shown(one.section, name)
+    instance = case.instance(section)
+    value = (
+        getattr(getattr(case, section), name)
+        if instance is None
+        else instance.device.shown(instance.section, name)
+    )
     if value is None:
         return _left_out(case, section, name)
     if isinstance(value, bool):
@@ -139,19 +145,19 @@ def turn(case: Case, key: str, value: object) -> Case:
     raw = case.as_mapping()
     raw["parameters"] = dict(raw.get("parameters", {}))
     section, _, name = key.rpartition(".")
-    one = case.instance(section)
+    instance = case.instance(section)
     if key == VOLUME:
         raw["parameters"] |= _start_pressures(case, _volume(value))
-    elif one is None:
+    elif instance is None:
         raw[section][name] = value
     else:
         inner = within(raw, section)
         assert inner is not None  # the section of a connected device
-        changed = one.device.turned(dict(inner), name, value)
+        changed = instance.device.turned(dict(inner), name, value)
         inner.clear()
         inner.update(changed)
-        if name in one.device.set_by_products:
-            raw["parameters"].pop(one.parameter(one.device.set_by_products[name]), None)
+        if name in instance.device.set_by_products:
+            raw["parameters"].pop(instance.parameter(instance.device.set_by_products[name]), None)
     return read_mapping(raw).case
 
 
@@ -163,8 +169,8 @@ def turned_value(case: Case, key: str, value: object) -> object:
     """
     if key not in {control.key for control in controls(case)}:
         raise CaseError([Mistake(str(key)[:64], "cannot be turned here")])
-    if meant := ambiguous_comma(value):
-        raise CaseError([Mistake(key, meant)])
+    if suggestion := ambiguous_comma(value):
+        raise CaseError([Mistake(key, suggestion)])
     section, _, name = key.rpartition(".")
     switch = isinstance(getattr(getattr(case, section, None), name, None), bool)
     value = as_written(value)
@@ -178,13 +184,13 @@ def connectable() -> list[str]:
 
 def switchable() -> list[str]:
     """What can be switched on and off: devices, and optional sections of the patient."""
-    return [*connectable(), *(one.section for one in PATIENT_SECTIONS)]
+    return [*connectable(), *(section.section for section in PATIENT_SECTIONS)]
 
 
 def connected(case: Case) -> list[str]:
     """Keys of the devices of a case, and its optional sections of the patient."""
-    sections = (one.section for one in PATIENT_SECTIONS if getattr(case, one.section) is not None)
-    return [*dict.fromkeys(one.device.key for one in case.instances()), *sections]
+    sections = (part.section for part in PATIENT_SECTIONS if getattr(case, part.section) is not None)
+    return [*dict.fromkeys(part.device.key for part in case.instances()), *sections]
 
 
 def connect(case: Case, key: str) -> Case:
@@ -196,7 +202,7 @@ def connect(case: Case, key: str) -> Case:
         del raw[key]
     else:
         raw[key] = dict(devices()[key].usual if key in devices() else _SWITCHED_ON.get(key, {}))
-    sites = {site for one in case.instances() if one.device.key in raw for site in one.sites()}
+    sites = {site for instance in case.instances() if instance.device.key in raw for site in instance.sites()}
     for place, other in devices().items():
         for name, section in by_instance(other, raw[place]).items() if place in raw else ():
             if isinstance(section, dict):
@@ -228,9 +234,9 @@ def _volume(value: object) -> float:
     try:
         return read_number(value, VOLUME_FIELD)
     except RefusedValueError as error:
-        found = error.mistake
+        refused = error.mistake
         raise CaseError(
-            [Mistake(VOLUME, found.message, shown(value), found.allowed, found.suggestion)]
+            [Mistake(VOLUME, refused.message, shown(value), refused.allowed, refused.suggestion)]
         ) from None
 
 
@@ -248,9 +254,9 @@ def _given_volume(case: Case) -> float:
 
 def _start_pressures(case: Case, volume_ml: float) -> dict[str, float]:
     """Start pressures that hold so much more blood than the published ones."""
-    found, left = {}, volume_ml
+    pressures, left = {}, volume_ml
     for at in _FILLED:
         usual, compliance = thiel2025.PARAMETERS["P0" + at].value, _parameter(case, "C" + at)
-        found["P0" + at] = round(max(usual + left / compliance, 0.0), 6)
-        left -= (found["P0" + at] - usual) * compliance
-    return found
+        pressures["P0" + at] = round(max(usual + left / compliance, 0.0), 6)
+        left -= (pressures["P0" + at] - usual) * compliance
+    return pressures

@@ -204,15 +204,19 @@ class BedsidePage:
         """Go on where the tab was; `last` is a state that it showed after it was kept."""
         try:
             newest = state_of(last) if last else None
-            kept = read_snapshot(tab) if tab else Snapshot(History(newest or self.session.state))
+            tab_state = read_snapshot(tab) if tab else Snapshot(History(newest or self.session.state))
         except CaseError:
             return False
         if newest is not None:
-            kept.history.change(newest, "", 0.0)
-        self.session.restore(kept)
-        steps, saved, pinned = len(kept.history.past), len(kept.saved), int(kept.pinned is not None)
+            tab_state.history.change(newest, "", 0.0)
+        self.session.restore(tab_state)
+        steps, saved, pinned = (
+            len(tab_state.history.past),
+            len(tab_state.saved),
+            int(tab_state.pinned is not None),
+        )
         message = text(
-            "tab_restored", name=title_of(kept.history.now), steps=steps, saved=saved, pinned=pinned
+            "tab_restored", name=title_of(tab_state.history.now), steps=steps, saved=saved, pinned=pinned
         )
         notify(message, "info")
         return True

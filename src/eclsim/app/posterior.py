@@ -69,13 +69,13 @@ class PosteriorDraws:
         draws, linear = self.draws[:count], Scale.of(self.names).linear
         lowest, highest = _ranges(self.names)
         moved = np.clip(draws + shown - base, lowest, highest)
-        own = np.where(linear, moved, shown * draws / np.where(linear, 1.0, base))
-        return {**values, **dict(zip(self.names, own.T, strict=True))}
+        draws_of = np.where(linear, moved, shown * draws / np.where(linear, 1.0, base))
+        return {**values, **dict(zip(self.names, draws_of.T, strict=True))}
 
     def of(self, case: Case) -> PosteriorDraws:
         """The same members around the numbers of a case."""
-        held = resolve_parameters(case)
-        return replace(self, base={name: held[name] for name in self.names})
+        values = resolve_parameters(case)
+        return replace(self, base={name: values[name] for name in self.names})
 
     def centred(self, case: Case) -> Case:
         """The case with the numbers that the members lie around.
@@ -83,10 +83,10 @@ class PosteriorDraws:
         Raises:
             CaseError: it has no such numbers, or others of it do not go with them.
         """
-        held = parameters_read(circuit_of(case))
-        if missing := [name for name in self.names if name not in held]:
-            why = text("posterior_foreign", name=case.patient.id)
-            raise CaseError([Mistake(", ".join(missing)[:80], why, allowed=text("posterior_own"))])
+        read = parameters_read(circuit_of(case))
+        if missing := [name for name in self.names if name not in read]:
+            reason = text("posterior_foreign", name=case.patient.id)
+            raise CaseError([Mistake(", ".join(missing)[:80], reason, allowed=text("posterior_own"))])
         return read_mapping(with_values(case, self.base).as_mapping()).case
 
     def as_object(self) -> dict[str, Any]:
@@ -107,8 +107,10 @@ class PosteriorDraws:
 
 def _ranges(names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
     """The smallest and the largest value that a case file takes, shape (parameters,) each."""
-    known = [one for name in names if (one := quantity(name)) is not None]
-    return np.array([one.minimum for one in known]), np.array([one.maximum for one in known])
+    known = [parameter for name in names if (parameter := quantity(name)) is not None]
+    return np.array([parameter.minimum for parameter in known]), np.array(
+        [parameter.maximum for parameter in known]
+    )
 
 
 def read_posterior(name: str, content: bytes) -> PosteriorDraws:
@@ -154,8 +156,8 @@ def _read(name: str, data: xr.Dataset) -> PosteriorDraws:
     return replace(result, base=result.central())
 
 
-def _refused(name: str, why: str, value: str = "") -> CaseError:
-    return CaseError([Mistake("", why, value, file=name)])
+def _refused(name: str, reason: str, value: str = "") -> CaseError:
+    return CaseError([Mistake("", reason, value, file=name)])
 
 
 # --- weighted draws around a fit, the quick way to a posterior --------------------------------------

@@ -45,7 +45,7 @@ def provenance(state: PageState) -> dict[str, Any]:
         "title": title_of(state), "badge": text("badge_changed" if state.changed else f"badge_{badge}"),
         "level": "warning" if doubted or state.changed else "ok", "text": " ".join(sentences),
         "measured": measured.model_dump(exclude_none=True) if measured else {},
-        "circuit": circuit_words(state.case),
+        "circuit": circuit_text(state.case),
     }  # fmt: skip
 
 
@@ -59,9 +59,11 @@ def kind_of(state: PageState) -> str:
     return "parameters" if start.case.parameters else "unfitted"
 
 
-def circuit_words(case: Case) -> str:
+def circuit_text(case: Case) -> str:
     """The devices of a case with their speeds and flows, on one line."""
-    summaries = [f"{one.label} {one.device.summary(one.section)}" for one in case.instances()]
+    summaries = [
+        f"{instance.label} {instance.device.summary(instance.section)}" for instance in case.instances()
+    ]
     return ", ".join(summaries) or text("provenance_no_device")
 
 
@@ -87,8 +89,8 @@ def changes(state: PageState) -> list[str]:
 
 def _parts(case: Case) -> dict[str, str]:
     """Devices and optional sections of a case in words."""
-    words = {one.key: one.label for one in case.instances()}
-    return words | {key: group_name(key) for key in connected(case) if key not in devices()}
+    labels = {instance.key: instance.label for instance in case.instances()}
+    return labels | {key: group_name(key) for key in connected(case) if key not in devices()}
 
 
 def _name(state: PageState) -> str:

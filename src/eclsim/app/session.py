@@ -237,7 +237,7 @@ class Session:
             self._send_saved()
 
     def _send_saved(self) -> None:
-        self.send("saved", [_named_beat(*one) for one in self.saved])
+        self.send("saved", [_named_beat(*saved) for saved in self.saved])
         self._keep_soon()
 
     def _send_pinned(self) -> None:
@@ -378,7 +378,9 @@ class Session:
         state, case = self.state, self.state.case
         knobs = controls(case)
         shape = shape_of(case)
-        if (parts := (connected(case), [one.key for one in case.instances()], shape)) != self._display:
+        if (
+            parts := (connected(case), [instance.key for instance in case.instances()], shape)
+        ) != self._display:
             self._display = parts
             self.send("display", display(case))
         panel = [described(control) for control in knobs]
@@ -430,8 +432,8 @@ def _named_beat(state: PageState, beat: Beat) -> dict[str, Any]:
     from eclsim.app.beat import plain
 
     labels = {control.key: control.label for control in controls(state.case)}
-    named = {"of": key_of(state), "name": title_of(state), "values": _values(state.case), "labels": labels}
-    return {**plain(beat, waves_of(state.case)), **named}
+    content = {"of": key_of(state), "name": title_of(state), "values": _values(state.case), "labels": labels}
+    return {**plain(beat, waves_of(state.case)), **content}
 
 
 def _without_key(mistake: Mistake) -> str:

@@ -202,9 +202,11 @@ def unpacked(text: str, longest: int, largest: int) -> dict[str, Any]:
     return result
 
 
-def refused_link(why: str) -> CaseError:
+def refused_link(reason: str) -> CaseError:
     """What is said of a link that cannot be used."""
-    return CaseError([Mistake("", f"the link is {why}", allowed="a link copied from this page", file="link")])
+    return CaseError(
+        [Mistake("", f"the link is {reason}", allowed="a link copied from this page", file="link")]
+    )
 
 
 @dataclass

@@ -105,14 +105,14 @@ class Solved:
         return len(next(iter(self.outputs.values())))
 
 
-def beat_bands(state: PageState, members: PosteriorDraws, wanted: Wanted) -> dict[str, Any] | None:
+def beat_bands(state: PageState, members: PosteriorDraws, current: Wanted) -> dict[str, Any] | None:
     """Bands of the waveforms and outputs of a state, and loops of members; None if nobody wants them."""
     circuit, values = page_circuit(state.computed)
     count = len(members.draws)
     signals = tuple(n for n in waves_of(state.case) if n in beat_program(circuit).signals)
     solved = solve(
         circuit, members.values(values, count), count, state.policy, values,
-        (output_names(circuit), signals), wanted,
+        (output_names(circuit), signals), current,
     )  # fmt: skip
     if solved is None:
         return None
@@ -137,7 +137,7 @@ def beat_bands(state: PageState, members: PosteriorDraws, wanted: Wanted) -> dic
     return result
 
 
-def ramp_bands(state: PageState, members: PosteriorDraws, wanted: Wanted) -> dict[str, Any] | None:
+def ramp_bands(state: PageState, members: PosteriorDraws, current: Wanted) -> dict[str, Any] | None:
     """Bands of outputs over the speeds of the state's pump; None without one, or if nobody wants them."""
     sweep = sweep_of(state.case)
     if sweep is None:
@@ -147,23 +147,25 @@ def ramp_bands(state: PageState, members: PosteriorDraws, wanted: Wanted) -> dic
     count = min(RAMP_MEMBERS, len(members.draws))
     speeds = np.linspace(sweep.low, sweep.high, (SPEEDS + 1) // 2)
     bands: dict[str, list[Any]] = {n: [] for n in names}
-    lost = 0
+    failed = 0
     for speed in speeds:
-        own = {**values, sweep.key: float(speed)}
-        solved = solve(circuit, members.values(own, count), count, state.policy, values, (names, ()), wanted)
+        at_speed = {**values, sweep.key: float(speed)}
+        solved = solve(
+            circuit, members.values(at_speed, count), count, state.policy, values, (names, ()), current
+        )
         if solved is None:
             return None
-        lost = max(lost, solved.lost)
+        failed = max(failed, solved.lost)
         for n in names:
             enough = solved.count >= FEWEST
             bands[n].append(np.quantile(solved.outputs[n], CENTRAL_90) if enough else (np.nan, np.nan))
     curves = {n: [plain_curve(side) for side in np.array(b).T] for n, b in bands.items()}
-    return {"of": key_of(state), "speeds": speeds.tolist(), "count": count, "lost": lost, "outputs": curves}
+    return {"of": key_of(state), "speeds": speeds.tolist(), "count": count, "lost": failed, "outputs": curves}
 
 
 def solve(
     circuit: Circuit, values: Mapping[str, Any], count: int, policy: str, start: Mapping[str, float],
-    shown: tuple[tuple[str, ...], tuple[str, ...]], wanted: Wanted,
+    shown: tuple[tuple[str, ...], tuple[str, ...]], current: Wanted,
 ) -> Solved | None:  # fmt: skip
     """Steady beats of members side by side.
 
@@ -174,17 +176,17 @@ def solve(
         policy: blood volume policy.
         start: values that all are close to.
         shown: names of outputs and of waveforms.
-        wanted: whether anybody still wants them; asked before each block.
+        current: whether anybody still wants them; asked before each block.
     """
     names, signals = shown
     resolution = int(np.max(needed_resolution(assemble(circuit), values)))
-    outputs, waves, lost = [], [], 0
+    outputs, waves, failed = [], [], 0
     for first in range(0, count, SIDE_BY_SIDE):
-        if not wanted():
+        if not current():
             return None
         part = slice(first, min(first + SIDE_BY_SIDE, count))
-        own = {n: v[part] if np.ndim(v) else v for n, v in values.items()}
-        batch = Batch(circuit, own, part.stop - first, policy)
+        chunk = {n: v[part] if np.ndim(v) else v for n, v in values.items()}
+        batch = Batch(circuit, chunk, part.stop - first, policy)
         beat = steady_beat(
             batch, names, waveforms=signals, keep=None, options=SETTLED, start=start, resolution=resolution,
             execution=Execution(threads=1, width=SIDE_BY_SIDE),
@@ -192,11 +194,11 @@ def solve(
         good = np.flatnonzero(beat.determined)
         outputs.append(beat.values[:, good])
         waves += [beat.waveforms[int(k)].values for k in good]
-        lost += batch.count - len(good)
+        failed += batch.count - len(good)
     phases = beat_program(circuit, resolution).grid.phases
     recorded = np.stack(waves, axis=-1) if waves else np.empty((len(phases), len(signals), 0))
     result = dict(zip(names, np.concatenate(outputs, axis=1), strict=True))
-    return Solved(phases, {n: recorded[:, k] for k, n in enumerate(signals)}, result, lost)
+    return Solved(phases, {n: recorded[:, k] for k, n in enumerate(signals)}, result, failed)
 
 
 def _loops(solved: Solved, place: str) -> list[list[list[float | None]]]:

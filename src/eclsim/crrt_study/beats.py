@@ -344,7 +344,7 @@ def split_differences(
     import xarray as xr
 
     volume, letters = float(without.volume("patient")[0]), [scheme.letter for scheme in circuits.schemes]
-    primed, status = None, [NOT_ASKED] * len(letters)
+    primed, status = None, [NOT_COMPUTED] * len(letters)
     if without.determined[0]:
         primed = circuits.run(np.array([speed]), PATIENT_HELD, patient_volume_ml=volume)
         status = [Status(k).word for k in primed.status]
@@ -433,11 +433,11 @@ def not_found(speeds: Sequence[float], statuses: Sequence[str], state: str = "be
     messages = []
     for reason in reasons:
         affected = [v for v, status in zip(speeds, statuses, strict=True) if status == reason]
-        messages.append(f"no steady {state} at {speeds_in_words(affected)} ({WHY[reason]})")
+        messages.append(f"no steady {state} at {speeds_text(affected)} ({WHY[reason]})")
     return ", ".join(messages)
 
 
-def speeds_in_words(speeds: Sequence[float]) -> str:
+def speeds_text(speeds: Sequence[float]) -> str:
     """A few speeds one by one, of more the first, the last and how many."""
     numbers = [f"{speed:.0f}" for speed in speeds]
     if len(numbers) > MOST_SPEEDS_NAMED:
@@ -476,12 +476,12 @@ def _primed(study: CrrtStudy) -> Iterator[Unsettled]:
     for letter, status in zip(
         study.uptake["scheme"].values.astype(str), study.uptake["status"].values.astype(str), strict=True
     ):
-        if status not in (*FOUND, NOT_ASKED):
+        if status not in (*FOUND, NOT_COMPUTED):
             yield Unsettled("patient_held", f"scheme {letter}", (study.case_speed,), status, PRIMED)
 
 
 PRIMED = "with the volume of the patient without CRRT"
-NOT_ASKED = "not_computed"
+NOT_COMPUTED = "not_computed"
 """Status of a beat that was not computed since the one it is compared with was not found."""
 
 

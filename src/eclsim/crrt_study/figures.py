@@ -233,14 +233,14 @@ def plot_crrt_uptake(uptake: xr.Dataset, means: xr.Dataset, without: xr.Dataset)
         colour, marker, label = looks[policy]
         left.plot(means["Psart"].sel(policy=policy), rows, marker, color=colour, markersize=5, label=label)
         left.axvline(float(without["Psart"].sel(policy=policy)), color=colour, linewidth=0.9, linestyle=":")
-    _say_unknown(left, rows, means["Psart"].isnull().any("policy").values)
+    _mark_unknown(left, rows, means["Psart"].isnull().any("policy").values)
     left.set_xlabel("Mean arterial pressure [mmHg]\n(dotted: without CRRT)")
     left.set_title("a) Arterial pressure", loc="left")
     parts = (("uptake", OKABE_ITO["vermillion"], "blood taken up by the tubing", -0.2),
              ("flow", OKABE_ITO["bluish green"], "changed flow", 0.2))  # fmt: skip
     for word, colour, label, shift in parts:
         right.barh(rows + shift, uptake[f"Psart_{word}"], height=0.38, color=colour, label=label)
-    _say_unknown(right, rows, np.isnan(uptake["Psart_flow"].values))
+    _mark_unknown(right, rows, np.isnan(uptake["Psart_flow"].values))
     for row, volume_ml in zip(rows, uptake["blood_taken_up"].values, strict=True):
         volume = f"{volume_ml:.0f} mL".replace("-", "−") if np.isfinite(volume_ml) else "– mL"
         right.annotate(volume, (1.0, row), xycoords=("axes fraction", "data"),
@@ -255,7 +255,7 @@ def plot_crrt_uptake(uptake: xr.Dataset, means: xr.Dataset, without: xr.Dataset)
     return fig
 
 
-def _say_unknown(ax: Axes, rows: np.ndarray, which: np.ndarray) -> None:
+def _mark_unknown(ax: Axes, rows: np.ndarray, which: np.ndarray) -> None:
     """Words in the rows of schemes of which something is missing."""
     for row in rows[which]:
         ax.annotate("not known: no steady beat", (0.02, row), xycoords=("axes fraction", "data"), va="center",
@@ -390,7 +390,7 @@ def mark_gaps(ax: Axes, x: np.ndarray, y: np.ndarray, colour: object) -> bool:
     return bool(edge.any())
 
 
-GAP_WORDS = "not known beyond: no steady beat found"
+GAP_LABEL = "not known beyond: no steady beat found"
 
 
 def explain_colours(
@@ -426,7 +426,7 @@ def explain_colours(
     if gaps:
         look = {"marker": "o", "markersize": 3.6, "markerfacecolor": "white", "markeredgecolor": "black"}
         handles.append(Line2D([], [], linestyle="none", **look))  # pyright: ignore[reportArgumentType] - keywords of a line
-        texts.append(GAP_WORDS)
+        texts.append(GAP_LABEL)
     if missing:
         handles.append(Line2D([], [], linestyle="none"))
         texts.append(f"no steady beat at the case's speed: {_few(missing)}")

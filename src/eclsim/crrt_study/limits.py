@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eclsim.crrt_study.beats import Variables, not_found, speeds_in_words, value
+from eclsim.crrt_study.beats import Variables, not_found, speeds_text, value
 from eclsim.devices.crrt import ALARMS_MMHG, SANSOM_ACCESS_MMHG
 from eclsim.devices.ecmo import SUCTION_MMHG
 
@@ -232,7 +232,7 @@ def in_words(kept: Kept, missing: str, noun: str = "its limits") -> str:
         text += f", the largest flow studied{doubt}"
     else:
         text += f" of ECMO flow{doubt}"
-    return text + (f"; broken at {speeds_in_words(kept.broken_below)}" if kept.broken_below else "")
+    return text + (f"; broken at {speeds_text(kept.broken_below)}" if kept.broken_below else "")
 
 
 def kept(flow: float, flow_at_most: float, to_the_end: bool) -> str:

@@ -87,7 +87,7 @@ def study_page(study: CrrtStudy, drawings: Mapping[str, str]) -> str:
         beats_missing=int(study.summary["schemes_known"].sel(policy=main).min()) < len(study.schemes),
         limits=_limits_table(study, main),
         uncertainty=_uncertainty(study, main),
-        volume=None if study.uptake is None else _volume_words(study, study.uptake),
+        volume=None if study.uptake is None else _volume_sentences(study, study.uptake),
         policies=[label for policy, label in POLICY_WORDS.items() if policy in study.policies],
         published_policy=AS_PUBLISHED in study.policies,
         assumed=study.assumed,
@@ -194,7 +194,7 @@ RENOX_COLUMNS = (
     ),
 )
 """What is set beside RenOx, a table each that fits a page; names are keys in JSON."""
-KEPT_WORDS = {True: "kept", False: "broken", None: "not known"}
+KEPT_LABELS = {True: "kept", False: "broken", None: "not known"}
 
 
 def _renox_tables(study: CrrtStudy, policy: str) -> list[Table]:
@@ -211,7 +211,7 @@ def _renox_tables(study: CrrtStudy, policy: str) -> list[Table]:
                 cells = [
                     "none" if value is None else cell for cell, value in zip(cells, numbers, strict=True)
                 ]
-            alarms = "no lines" if name == "RenOx" else KEPT_WORDS[values["alarms_kept"]]  # type: ignore[index]
+            alarms = "no lines" if name == "RenOx" else KEPT_LABELS[values["alarms_kept"]]  # type: ignore[index]
             rows.append([name, alarms, *cells])
         tables.append(_table(["", "Alarms of the lines"], columns, rows))
     return tables
@@ -325,7 +325,7 @@ def percent(share: float) -> str:
     return "> 99" if 0.995 <= share < 1.0 else number(100.0 * share, 0)
 
 
-def _volume_words(study: CrrtStudy, uptake: xr.Dataset) -> list[str]:
+def _volume_sentences(study: CrrtStudy, uptake: xr.Dataset) -> list[str]:
     volumes, total, flow = (
         values[np.isfinite(values)]
         for values in (uptake["blood_taken_up"].values, *(abs(uptake[f"Psart_{w}"].values) for w in _PARTS))

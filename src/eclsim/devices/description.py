@@ -326,10 +326,10 @@ Control = Knob | Picker
 
 
 def picker(
-    key: str, label: str, names: Iterable[str], words: Mapping[str, str] = _EMPTY, line: str = ""
+    key: str, label: str, names: Iterable[str], labels: Mapping[str, str] = _EMPTY, line: str = ""
 ) -> Picker:
     """A choice among names, each in words or, without words, as it is."""
-    return Picker(key, label, tuple((name, words.get(name, name)) for name in names), line)
+    return Picker(key, label, tuple((name, labels.get(name, name)) for name in names), line)
 
 
 _SWITCH_WORDS = MappingProxyType({"true": "yes", "false": "no"})
@@ -342,8 +342,8 @@ def plain_control(field: Field) -> Control | None:
         unit = "" if field.unit == "1" else field.unit
         factors = field.minimum > 0.0 and field.maximum > 500.0 * field.minimum
         return Knob(field.name, field.description, unit, field.minimum, field.maximum, step, factors)
-    words = {**PATIENT_SITES, **_SWITCH_WORDS}
-    return picker(field.name, field.description, field.names, words) if field.names else None
+    labels = {**PATIENT_SITES, **_SWITCH_WORDS}
+    return picker(field.name, field.description, field.names, labels) if field.names else None
 
 
 @dataclass(frozen=True)

@@ -142,8 +142,8 @@ class Device(ABC, Generic[S]):
 
     def summary(self, section: S) -> str:
         """Its main settings in a few words, such as "HM3 4900 rpm"."""
-        given = section.model_dump(exclude_none=True)
-        return ", ".join(f"{name} {value}" for name, value in given.items())
+        settings = section.model_dump(exclude_none=True)
+        return ", ".join(f"{name} {value}" for name, value in settings.items())
 
     def controls(self, section: S, sites: Mapping[str, str]) -> Sequence[Control]:
         """What can be turned on the page, in the order of the panel.
@@ -247,20 +247,20 @@ class Naming:
     def pumps(self) -> tuple[str, ...]:
         """Connections of it that are pumps."""
         marks = self.device.marks.items()
-        return tuple(self.place(own) for own, mark in marks if mark.symbol in ("pump", "roller"))
+        return tuple(self.place(place) for place, mark in marks if mark.symbol in ("pump", "roller"))
 
     def flows(self) -> tuple[str, ...]:
         """Its outputs that are mean flows."""
-        return tuple(self.output(one.name) for one in self.device.outputs if one.unit == "L/min")
+        return tuple(self.output(entry.name) for entry in self.device.outputs if entry.unit == "L/min")
 
     def panels(self) -> tuple[Panel, ...]:
         """Its figure of waveforms, under its own names."""
-        own = self.device.panels or (
+        panels = self.device.panels or (
             Panel("Pressures", "mmHg", tuple(f"P{place}" for place in self.device.compartments)),
             Panel("Flows", self.device.views.flow_unit.unit, tuple(f"Q{p}" for p in self.device.connections)),
             Panel("Pump head", "mmHg", tuple(f"P{place}" for place in Naming(self.device).pumps())),
         )
-        return tuple(replace(panel, names=tuple(map(self.signal, panel.names))) for panel in own)
+        return tuple(replace(panel, names=tuple(map(self.signal, panel.names))) for panel in panels)
 
     def swept(self) -> tuple[Panel, ...]:
         """Its panels in the figure of a sweep, under its own names."""
@@ -283,8 +283,8 @@ class Naming:
             return name
         if name.startswith(f"{self.device.key}."):
             return f"{self.key}.{name.removeprefix(f'{self.device.key}.')}"
-        own = any(name == parameter.key for parameter in self.device.parameters)
-        return f"{self.key}.{name}" if own else name
+        is_own = any(name == parameter.key for parameter in self.device.parameters)
+        return f"{self.key}.{name}" if is_own else name
 
     def sites(self) -> dict[str, str]:
         """Its positions for other devices, as case files name them, and the compartment that stands there."""
@@ -292,17 +292,17 @@ class Naming:
 
     def site_words(self) -> dict[str, str]:
         """The same positions in words."""
-        words = self.device.position_words
+        labels = self.device.position_words
         return {
-            self.place(position): f"{words.get(position, position)} {self.name}".strip()
+            self.place(position): f"{labels.get(position, position)} {self.name}".strip()
             for position in self.device.positions
         }
 
     def views(self) -> Views:
         """What the views of the page show of it, under its own names."""
-        own, name = self.device.views, self.name
+        views, name = self.device.views, self.name
         if not name:
-            return own
+            return views
         outputs = lambda names: tuple(map(self.output, names))  # noqa: E731
         return Views(
             tuple(
@@ -310,31 +310,31 @@ class Naming:
                     t, signal=self.signal(t.signal), label=f"{t.label} {name}", text=f"{t.text} {name}",
                     outputs=outputs(t.outputs),
                 )
-                for t in own.traces
+                for t in views.traces
             ),
             tuple(
                 replace(
                     f, key=f"{f.key}.{name}", label=f"{f.label} {name}", output=self.output(f.output),
                     limits=outputs(f.limits), extremes=outputs(f.extremes),
                 )
-                for f in own.figures
+                for f in views.figures
             ),
             tuple(
                 replace(
                     c, output=self.output(c.output), label=f"{c.label} {name}",
                     limited_by=c.limited_by and self.output(c.limited_by),
                 )
-                for c in own.curves
+                for c in views.curves
             ),
-            outputs(own.compared),
-            own.flow_unit,
-            {self.place(place): self.output(output) for place, output in own.flow_outputs.items()},
+            outputs(views.compared),
+            views.flow_unit,
+            {self.place(place): self.output(output) for place, output in views.flow_outputs.items()},
             tuple(
                 replace(
                     s, place=self.place(s.place), label=f"{s.label} {name}",
-                    outputs={what: self.output(output) for what, output in s.outputs.items()},
+                    outputs={key: self.output(output) for key, output in s.outputs.items()},
                 )
-                for s in own.samples
+                for s in views.samples
             ),
         )  # fmt: skip
 

@@ -297,9 +297,9 @@ def _read_pump(value: object, field: Field) -> object:
         try:
             return {"roller_l_min": read_number(value["roller_l_min"], ROLLER)}
         except RefusedValueError as error:
-            why = error.mistake
-            message = f"roller_l_min {shown(value['roller_l_min'])}: {why.message}"
-            raise RefusedValueError(message, why.allowed, why.suggestion) from None
+            mistake = error.mistake
+            message = f"roller_l_min {shown(value['roller_l_min'])}: {mistake.message}"
+            raise RefusedValueError(message, mistake.allowed, mistake.suggestion) from None
     if isinstance(value, str) and "roller" in value.lower():
         raise RefusedValueError("a roller pump needs its flow", field.allowed, "{ roller_l_min = 4.0 }")
     return read_name(value, field)
@@ -360,8 +360,8 @@ class Ecmo(SecondCannulae):
         filled = {name: value for name, value in usual.items() if name not in raw}
         values |= filled
         if filled:
-            words = ", ".join(f"{name} = {shown(value)}" for name, value in filled.items())
-            remarks.note(f"{key}.mode", f"fills in {words}", shown(values["mode"]))
+            settings = ", ".join(f"{name} = {shown(value)}" for name, value in filled.items())
+            remarks.note(f"{key}.mode", f"fills in {settings}", shown(values["mode"]))
         fields = cls.fields()
         for name in USUAL["VA"]:
             if name not in raw and name not in filled:
@@ -371,8 +371,8 @@ class Ecmo(SecondCannulae):
 
 
 def _gas_setting(section: Ecmo, name: str) -> float:
-    given = getattr(section, name)
-    return section.parameters[f"{GROUP}.{name}"].value if given is None else given
+    value = getattr(section, name)
+    return section.parameters[f"{GROUP}.{name}"].value if value is None else value
 
 
 def _check_speed_or_flow(raw: Raw, values: Raw, key: str, remarks: Remarks) -> None:
@@ -387,9 +387,9 @@ def _check_speed_or_flow(raw: Raw, values: Raw, key: str, remarks: Remarks) -> N
             remarks.error(f"{key}.flow_l_min", message, shown(raw["flow_l_min"]), "one of the two")
     if isinstance(pump, dict):
         wrong = {"speed_rpm": "has a flow and no speed", "flow_l_min": "has its flow as roller_l_min"}
-        for name, why in wrong.items():
+        for name, reason in wrong.items():
             if name in raw:
-                remarks.error(f"{key}.{name}", f"a roller pump {why}; leave it out", shown(raw[name]))
+                remarks.error(f"{key}.{name}", f"a roller pump {reason}; leave it out", shown(raw[name]))
 
 
 def ecmo(
@@ -425,9 +425,9 @@ def ecmo(
         TubeVolume,
     )
 
-    rest = {tube: TubeVolume("L" + tube, "D" + tube) for tube in TUBES} | {"ecmooxy": "ecmo.oxygenator_ml"}
+    volumes = {tube: TubeVolume("L" + tube, "D" + tube) for tube in TUBES} | {"ecmooxy": "ecmo.oxygenator_ml"}
     compartments = tuple(
-        Compartment(name, ElasticVessel("C" + name), GROUP, rest_volume=rest.get(name, 0.0))
+        Compartment(name, ElasticVessel("C" + name), GROUP, rest_volume=volumes.get(name, 0.0))
         for name in POSITIONS.values()
     )
     pump: Path = (
@@ -784,8 +784,8 @@ class EcmoDevice(Device[Ecmo]):
         if key == "roller_l_min":
             return {**raw, "pump": {"roller_l_min": value}}
         if key == "mode":
-            kept = {name: raw[name] for name in ("pump", "speed_rpm", "oxygenator") if name in raw}
-            return raw if value == OTHER_MODE else kept | {"mode": value}
+            settings = {name: raw[name] for name in ("pump", "speed_rpm", "oxygenator") if name in raw}
+            return raw if value == OTHER_MODE else settings | {"mode": value}
         if key in SECOND_SITES and isinstance(value, str):
             return with_second(raw, key, value)
         changed = {**raw, key: value}
@@ -817,9 +817,9 @@ class EcmoDevice(Device[Ecmo]):
         check_second(key, values, CANNULAE, remarks)
         check_speed(key, values, PUMPS, remarks)
         _check_sweep(values, case, key, remarks)
-        alone = len(case.of(self.key)) == 1
-        _check_pump_flow(values, case.measurements if alone else {}, key, remarks)
-        if alone:
+        single = len(case.of(self.key)) == 1
+        _check_pump_flow(values, case.measurements if single else {}, key, remarks)
+        if single:
             _check_native_output(values, case, remarks)
 
     def findings(
@@ -968,9 +968,9 @@ def _check_native_output(values: Raw, case: CaseValues, remarks: Remarks) -> Non
             remarks.warning("measurements.CO", message, shown(output))
         return
     message = "is read as the native output, through the lungs; "
-    if why := _looks_total(case, output, pump_flow):
+    if reason := _looks_total(case, output, pump_flow):
         hint = f"CO = {output - pump_flow:.3g}, a total less the pump flow {pump_flow:g} L/min"
-        remarks.warning("measurements.CO", message + why, shown(output), hint)
+        remarks.warning("measurements.CO", message + reason, shown(output), hint)
     else:
         message += f"with the pump flow the organs get {output + pump_flow:.3g} L/min"
         remarks.note("measurements.CO", message, shown(output))

@@ -37,8 +37,8 @@ def check_sites(key: str, values: Raw, source: str, target: str, remarks: Remark
         message = f"the same as {source}: the device would pump in a circle"
         remarks.error(f"{key}.{target}", message, shown(given_to), "another compartment than " + source)
     elif taken_from in ARTERIAL_SITES and given_to in (*VENOUS_SITES, *LEFT_HEART):
-        why = "against the heart's own flow" if given_to in LEFT_HEART else "an arterio-venous shunt"
-        message = f"drains {PATIENT_SITES[taken_from]} into {PATIENT_SITES[given_to]}: {why}"
+        reason = "against the heart's own flow" if given_to in LEFT_HEART else "an arterio-venous shunt"
+        message = f"drains {PATIENT_SITES[taken_from]} into {PATIENT_SITES[given_to]}: {reason}"
         hint = f"{source} = {shown(given_to)} and {target} = {shown(taken_from)} (reversed)"
         remarks.warning(f"{key}.{target}", message, shown(given_to), hint)
 
@@ -65,9 +65,9 @@ def check_cannula(key: str, size: float, cannula: CannulaType, remarks: Remarks)
     sizes = cannula.sizes_fr
     listed = ", ".join(map(str, sizes))
     if not sizes[0] <= size <= sizes[-1]:
-        meant = suspected_unit(size, "Fr", 19.0, (sizes[0], sizes[-1]))
+        suggestion = suspected_unit(size, "Fr", 19.0, (sizes[0], sizes[-1]))
         message = f"no {cannula.key} cannula of this size"
-        remarks.error(key, message, shown(size), f"{listed} Fr and what lies between", meant)
+        remarks.error(key, message, shown(size), f"{listed} Fr and what lies between", suggestion)
     elif size not in sizes:
         message = f"between the listed sizes of {cannula.key} cannulae ({listed} Fr): interpolated"
         remarks.warning(key, message, shown(size))

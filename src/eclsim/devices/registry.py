@@ -158,9 +158,9 @@ def _check(device: AnyDevice) -> None:
     if not isinstance(device, Device):
         raise DeviceError(f"{device!r} is no device: make it a subclass of eclsim.devices.Device")
     key = getattr(device, "key", "")
-    taken = (*RESERVED, *(one.key for one in _PACKAGE))
-    if not _KEY.fullmatch(key) or key in taken:
-        allowed = f"small letters, digits and _, and none of {', '.join(taken)}"
+    used = (*RESERVED, *(entry.key for entry in _PACKAGE))
+    if not _KEY.fullmatch(key) or key in used:
+        allowed = f"small letters, digits and _, and none of {', '.join(used)}"
         raise DeviceError(f"device key {key!r}; allowed: {allowed}")
     section = getattr(device, "section", None)
     if not (isinstance(section, type) and issubclass(section, Section)):
@@ -192,9 +192,9 @@ def find(name: str) -> Parameter:
     Raises:
         UnknownParameterError: With the nearest spellings.
     """
-    wanted = ALIASES.get(name.strip(), name.strip()).lower()
+    key = ALIASES.get(name.strip(), name.strip()).lower()
     for parameter in parameters().values():
-        if wanted in (parameter.key.lower(), parameter.description.lower()):
+        if key in (parameter.key.lower(), parameter.description.lower()):
             return parameter
     raise UnknownParameterError(name)
 
@@ -206,11 +206,11 @@ def parameter_of(name: str, connected: Collection[str] = ()) -> Parameter | None
         name: as a case file holds it.
         connected: keys of the sections of the devices connected.
     """
-    section, dot, own = name.rpartition(".")
+    section, dot, key = name.rpartition(".")
     device = device_of(section) if dot and section in connected and section not in devices() else None
     if device is None:
         return parameters().get(name)
-    return next((parameter for parameter in device.parameters if parameter.key == own), None)
+    return next((parameter for parameter in device.parameters if parameter.key == key), None)
 
 
 def usual_setting() -> str:
@@ -241,8 +241,8 @@ def nominal_value(name: str) -> float | None:
     """The usual value of a parameter of a device, also of a named instance; None where there is none."""
     for key, device in devices().items():
         values = {parameter.key: parameter.value for parameter in device.parameters} | dict(device.nominal)
-        own = name.removeprefix(f"{key}.").partition(".")[2] if name.startswith(f"{key}.") else ""
-        for candidate in (name, f"{key}.{own}", own):
+        item = name.removeprefix(f"{key}.").partition(".")[2] if name.startswith(f"{key}.") else ""
+        for candidate in (name, f"{key}.{item}", item):
             if candidate in values:
                 return values[candidate]
     return None
@@ -250,11 +250,11 @@ def nominal_value(name: str) -> float | None:
 
 def namings(groups: Iterable[str]) -> tuple[Naming, ...]:
     """The instances of devices among groups of compartments and connections, in the order of the registry."""
-    wanted = dict.fromkeys(groups)
+    left = dict.fromkeys(groups)
     return tuple(
         Naming(device, group.partition(".")[2])
         for key, device in devices().items()
-        for group in wanted
+        for group in left
         if device_key(group) == key
     )
 
@@ -304,7 +304,7 @@ def named_output(name: str) -> tuple[Naming, Output] | None:
 def _named_output(name: str, among: tuple[AnyDevice, ...]) -> tuple[Naming, Output] | None:
     device = device_of(name)
     if device is None:
-        owners = ((Naming(one), entry) for one in devices().values() for entry in one.outputs)
+        owners = ((Naming(owner), entry) for owner in devices().values() for entry in owner.outputs)
         return next(((names, entry) for names, entry in owners if entry.name == name), None)
     names = Naming(device, name.removeprefix(f"{device.key}.").partition(".")[0])
     return next(((names, entry) for entry in device.outputs if names.output(entry.name) == name), None)

@@ -137,8 +137,8 @@ class RenoxDevice(Device[Renox]):
 
     def values(self, section: Renox) -> dict[str, float]:
         """Flows of fluid, and the blood and the fluid that meet."""
-        given = section.model_dump(exclude_none=True)
-        return dict(self.nominal) | {f"{GROUP}.{key}": value for key, value in given.items()}
+        settings = section.model_dump(exclude_none=True)
+        return dict(self.nominal) | {f"{GROUP}.{key}": value for key, value in settings.items()}
 
     def summary(self, section: Renox) -> str:
         """Dialysate and net ultrafiltration."""

@@ -92,11 +92,11 @@ def check_second(key: str, values: Raw, types: Mapping[str, CannulaType], remark
     """Sites with their sizes, other sites than those of the first cannulae, and sizes that there are."""
     for line in LINES:
         site, size = values.get(f"second_{line}_site"), values.get(f"second_{line}_fr")
-        for given, missing in (("site", "fr"), ("fr", "site")):
-            there, other = f"second_{line}_{given}", f"second_{line}_{missing}"
-            lacks = values.get(there) is not None and values.get(other) is None
+        for present, missing in (("site", "fr"), ("fr", "site")):
+            present_key, other = f"second_{line}_{present}", f"second_{line}_{missing}"
+            lacks = values.get(present_key) is not None and values.get(other) is None
             if lacks and f"{key}.{other}" not in remarks.refused():
-                remarks.error(f"{key}.{other}", f"missing, while {there} is there")
+                remarks.error(f"{key}.{other}", f"missing, while {present_key} is there")
         if site is not None and site in (values.get("drainage_site"), values.get("return_site")):
             message = "a site of the first cannulae"
             remarks.error(f"{key}.second_{line}_site", message, f'"{site}"', "another compartment")
@@ -105,25 +105,25 @@ def check_second(key: str, values: Raw, types: Mapping[str, CannulaType], remark
 
 
 def second_controls(
-    section: SecondCannulae, taken: Collection[str], types: Mapping[str, CannulaType]
+    section: SecondCannulae, used: Collection[str], types: Mapping[str, CannulaType]
 ) -> list[Control]:
     """Sites, sizes and clamp as they are turned on the page.
 
     Args:
         section: as it is.
-        taken: sites of the first cannulae.
+        used: sites of the first cannulae.
         types: of cannulae.
     """
-    free = [site for site in PATIENT_SITES if site not in taken]
+    free = [site for site in PATIENT_SITES if site not in used]
     sizes = [size for kind in types.values() for size in kind.sizes_fr]
     result: list[Control] = []
-    for line, words in (("drainage", "Also drained from"), ("return", "Also returned to")):
+    for line, label in (("drainage", "Also drained from"), ("return", "Also returned to")):
         key = f"second_{line}_site"
-        result.append(picker(key, words, (NO_SITE, *free), {**PATIENT_SITES, NO_SITE: "no second cannula"}))
+        result.append(picker(key, label, (NO_SITE, *free), {**PATIENT_SITES, NO_SITE: "no second cannula"}))
         if getattr(section, key) is None:
             continue
-        words = f"Second {line} cannula"
-        result.append(Knob(f"second_{line}_fr", words, "Fr", min(sizes), max(sizes), 1))
+        label = f"Second {line} cannula"
+        result.append(Knob(f"second_{line}_fr", label, "Fr", min(sizes), max(sizes), 1))
         if line == "return":
             result.append(Knob("second_return_clamp", "Clamp on the second return", "", 0.0, 1.0, 0.01))
     return result

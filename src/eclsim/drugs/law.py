@@ -130,8 +130,8 @@ class InfusedDrugs(SteadyController[DrugConstants]):
         each = [drug.effects(dose) for drug, dose in zip(self.drugs, constants.doses, strict=True)]
         *logarithms, veins = (sum(effects, start=0.0) for effects in zip(*each, strict=True))
         heart, systemic, pulmonary, rate = map(jnp.exp, logarithms)
-        *given, unstressed = values
-        changed = (v * f for v, f in zip(given, (heart, heart, systemic, pulmonary, rate), strict=True))
+        *references, unstressed = values
+        changed = (v * f for v, f in zip(references, (heart, heart, systemic, pulmonary, rate), strict=True))
         return [*changed, unstressed + veins * constants.blood_volume_ml]
 
     def next_states(

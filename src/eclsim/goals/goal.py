@@ -135,8 +135,8 @@ def _repeated(names: Sequence[str]) -> list[str]:
 def usual_settings(case: Case, known: Sequence[str]) -> tuple[Setting, ...]:
     """What is turned on the devices of a case to reach goals, the dearest first, over the page's ranges."""
     settings: list[Setting | None] = []
-    for one in case.instances():
-        names = (f"{one.key}.{key}" for key in one.device.adjusted)
+    for instance in case.instances():
+        names = (f"{instance.key}.{key}" for key in instance.device.adjusted)
         settings += [_bounded(case, name) for name in names if name in known]
     return tuple(setting for setting in settings if setting is not None)
 
@@ -192,13 +192,13 @@ def _bounded(case: Case, name: str) -> Setting | None:
     knob = _knobs(case, section).get(key)
     if knob is not None:
         return Setting(name, knob.low, knob.high, knob.unit)
-    entry = parameter_of(name, [one.key for one in case.instances()])
+    entry = parameter_of(name, [instance.key for instance in case.instances()])
     return None if entry is None else Setting(name, entry.minimum, entry.maximum, entry.unit)
 
 
 def _knobs(case: Case, section: str) -> dict[str, Knob]:
-    one = case.instance(section)
-    if one is None:
+    instance = case.instance(section)
+    if instance is None:
         return {}
-    controls = one.device.controls(one.section, case.sites())
+    controls = instance.device.controls(instance.section, case.sites())
     return {control.key: control for control in controls if isinstance(control, Knob)}

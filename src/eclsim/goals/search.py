@@ -265,7 +265,7 @@ def _reached(bedside: _Bedside, goals: tuple[Goal, ...]) -> Reached:
     status = ReachStatus.REACHED if all(result.met for result in results) else ReachStatus.NOT_REACHED
     status = ReachStatus.NOT_CONVERGED if unfinished else status
     without = _without(bedside, goals, results, start) if status is ReachStatus.NOT_REACHED else {}
-    whole = bedside.beat(end.place[:, None], None)
+    beat = bedside.beat(end.place[:, None], None)
     return Reached(
         bedside.model.name,
         bedside.settings,
@@ -274,8 +274,8 @@ def _reached(bedside: _Bedside, goals: tuple[Goal, ...]) -> Reached:
         status,
         _message(bedside.settings, numbers, results, without, unfinished),
         without,
-        whole.outputs(),
-        tuple(whole.findings()),
+        beat.outputs(),
+        tuple(beat.findings()),
         bedside.beats,
     )
 
@@ -285,11 +285,11 @@ def _without(
 ) -> dict[str, Mapping[str, float] | None]:
     """For each goal that may stand in the way of a missed one: the settings that reach all but it, if any."""
     settings: dict[str, Mapping[str, float] | None] = {}
-    missed = sum(not result.met for result in results)
-    for left_out in [result.goal for result in results if result.binding and (result.met or missed > 1)]:
-        rest = tuple(goal for goal in goals if goal is not left_out)
-        end, unfinished = _search(bedside, rest, start)
-        met = all(g.excess(v) <= MET * g.scale for g, v in zip(rest, end.values, strict=True))
+    unmet = sum(not result.met for result in results)
+    for left_out in [result.goal for result in results if result.binding and (result.met or unmet > 1)]:
+        remaining = tuple(goal for goal in goals if goal is not left_out)
+        end, unfinished = _search(bedside, remaining, start)
+        met = all(g.excess(v) <= MET * g.scale for g, v in zip(remaining, end.values, strict=True))
         values = {name: float(value[0]) for name, value in bedside.values_at(end.place[:, None]).items()}
         if met or not unfinished:
             settings[str(left_out)] = values if met else None
@@ -304,10 +304,10 @@ def _best_start(bedside: _Bedside, goals: Sequence[Goal]) -> np.ndarray | _Nowhe
     if not known.any():
         steady = np.flatnonzero(beat.determined)
         if len(steady):
-            why = GasStatus(int(beat.gas_status[steady[0]])).message
-            return _Nowhere(ReachStatus.NO_STEADY_GASES, f"nowhere in the ranges are there gases: {why}")
-        why = f"no steady beat was found anywhere in the ranges: {beat.message(0)}"
-        return _Nowhere(ReachStatus.NO_STEADY_BEAT, why)
+            reason = GasStatus(int(beat.gas_status[steady[0]])).message
+            return _Nowhere(ReachStatus.NO_STEADY_GASES, f"nowhere in the ranges are there gases: {reason}")
+        reason = f"no steady beat was found anywhere in the ranges: {beat.message(0)}"
+        return _Nowhere(ReachStatus.NO_STEADY_BEAT, reason)
     return places[:, int(np.nanargmin(merits))]
 
 
@@ -347,8 +347,8 @@ def _search(bedside: _Bedside, goals: Sequence[Goal], start: np.ndarray) -> _End
         trial, trial_merit = moved(now, move)
         if trial is not None and merit - trial_merit <= 0.75 * (merit - expected):
             # Bounds that curve away are met by a second program with what the first one missed of them.
-            missed = trial.values - now.slopes @ (trial.place - now.place)
-            second = _linear_program(goals, now._replace(values=missed), region)[0]
+            residuals = trial.values - now.slopes @ (trial.place - now.place)
+            second = _linear_program(goals, now._replace(values=residuals), region)[0]
             corrected, corrected_merit = moved(now, second)
             if corrected_merit < trial_merit:
                 trial, trial_merit = corrected, corrected_merit
@@ -394,16 +394,16 @@ def _message(
     """The result in sentences."""
     where = " and ".join(f"{s.name} = {values[s.name]:.4g} {s.unit}".rstrip() for s in settings)
     if unfinished:
-        missed = ", ".join(str(result.goal) for result in results if not result.met)
-        goals = f"not reached: {missed}" if missed else "all goals are reached"
+        unmet = ", ".join(str(result.goal) for result in results if not result.met)
+        goals = f"not reached: {unmet}" if unmet else "all goals are reached"
         return f"not converged ({unfinished}): {goals} with {where}; smaller or better settings may exist"
     if all(result.met for result in results):
         stops = [str(result.goal) for result in results if result.binding]
         least = f"; less is stopped by {' and '.join(stops)}" if stops else ", the lowest of the range"
         return f"all goals are reached with {where}{least}"
-    missed = [r for r in results if not r.met]
+    unmet = [r for r in results if not r.met]
     text = "; ".join(
-        f"{r.goal} is not reached: {r.value:.4g} {output(r.goal.output).unit} at best" for r in missed
+        f"{r.goal} is not reached: {r.value:.4g} {output(r.goal.output).unit} at best" for r in unmet
     )
     text += f" beside the other goals, with {where}" if len(results) > 1 else f", with {where}"
     ends = [_at_end(s, values[s.name]) for s in settings]

@@ -56,22 +56,22 @@ def read_bytes(file: str, most: int, kind: str = "a file", too_large: str = "") 
     return data
 
 
-def decoded(data: bytes, file: str, wanted: str = "text in UTF-8") -> str:
+def decoded(data: bytes, file: str, expected: str = "text in UTF-8") -> str:
     """Text in UTF-8, lines ended by line feeds alone.
 
     Raises:
         CaseError: It is in another encoding, or no text.
     """
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        raise refused(file, "encoded as UTF-16", wanted)
+        raise refused(file, "encoded as UTF-16", expected)
     if b"\x00" in data:
-        raise refused(file, "holds zero bytes: UTF-16, or no text at all", wanted)
+        raise refused(file, "holds zero bytes: UTF-16, or no text at all", expected)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data[: error.start].count(b"\n") + 1
         message = f"not UTF-8: byte 0x{data[error.start]:02x} (Latin-1 or Windows-1252?)"
-        raise CaseError([Mistake("", message, allowed=wanted, file=file, line=line)]) from None
+        raise CaseError([Mistake("", message, allowed=expected, file=file, line=line)]) from None
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 

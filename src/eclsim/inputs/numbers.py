@@ -47,8 +47,8 @@ def read_number(value: object, field: Field) -> float:
     if field.minimum <= number <= field.maximum:
         return number
     message = "must be above 0" if number <= 0 < field.minimum else "outside the allowed range"
-    meant = suspected_unit(number, field.unit, field.typical, (field.minimum, field.maximum))
-    raise RefusedValueError(message, field.allowed, meant)
+    suggestion = suspected_unit(number, field.unit, field.typical, (field.minimum, field.maximum))
+    raise RefusedValueError(message, field.allowed, suggestion)
 
 
 def suspected_unit(number: float, unit: str, typical: float, allowed: tuple[float, float]) -> str:
@@ -61,9 +61,9 @@ def suspected_unit(number: float, unit: str, typical: float, allowed: tuple[floa
             continue
         distance = abs(math.log(converted / typical))
         if distance < best_distance:
-            meant = f"{converted:.4g}" if unit == "1" else f"{converted:.4g} {unit}"
+            suggestion = f"{converted:.4g}" if unit == "1" else f"{converted:.4g} {unit}"
             written = f"{number:g}" if other == "1" else f"{number:g} {other}"
-            best, best_distance = f"{written} = {meant}", distance
+            best, best_distance = f"{written} = {suggestion}", distance
     return best
 
 

@@ -150,10 +150,10 @@ def check_field(key: str, value: object, field: Field, values: dict[str, Any], r
     try:
         values[field.name] = read_value(value, field)
     except RefusedValueError as error:
-        why = error.mistake
+        mistake = error.mistake
         hidden = field.kind == "text" and looks_identifiable(value)
         written = "(hidden)" if hidden else shown(value)
-        remarks.error(key, why.message, written, why.allowed, why.suggestion)
+        remarks.error(key, mistake.message, written, mistake.allowed, mistake.suggestion)
 
 
 def read_value(value: object, field: Field) -> object:

@@ -56,9 +56,9 @@ def findings(
     return gravest_first(result)
 
 
-def gravest_first(found: Iterable[Finding]) -> list[Finding]:
+def gravest_first(findings: Iterable[Finding]) -> list[Finding]:
     """The same in the order in which it is said."""
-    return sorted(found, key=lambda finding: KINDS.index(finding.kind))
+    return sorted(findings, key=lambda finding: KINDS.index(finding.kind))
 
 
 def sentences(found: Iterable[Finding]) -> list[str]:
@@ -82,10 +82,12 @@ def assumptions(outputs: Collection[str], circuit: Circuit, values: Mapping[str,
     """
     result = []
     for names in _devices_of(circuit):
-        for one in names.device.assumptions:
-            concerned = tuple(name for name in map(names.output, one.concerns) if name in outputs)
-            if concerned and values.get(names.parameter(one.parameter)) == one.value:
-                about = Finding(CAUTION, concerned[0], one.value, one.value, one.sentence, concerns=concerned)
+        for entry in names.device.assumptions:
+            concerned = tuple(name for name in map(names.output, entry.concerns) if name in outputs)
+            if concerned and values.get(names.parameter(entry.parameter)) == entry.value:
+                about = Finding(
+                    CAUTION, concerned[0], entry.value, entry.value, entry.sentence, concerns=concerned
+                )
                 result.append(about)
     return result
 
@@ -119,16 +121,16 @@ def _collapsed(extremes: Mapping[str, tuple[float, float]], drained: Mapping[str
     result = []
     for name, (smallest, _) in extremes.items():
         place = name[1:]
-        why = f"; {drained[place]}" if place in drained else ""
+        cause = f"; {drained[place]}" if place in drained else ""
         if name[0] == "V" and place in CHAMBERS and smallest <= 0.0:
-            text = f"volume of the {CHAMBERS[place]} falls to {smallest:.1f} mL: the chamber collapses{why}"
+            text = f"volume of the {CHAMBERS[place]} falls to {smallest:.1f} mL: the chamber collapses{cause}"
             concerns = tuple(f"{what}{place.upper()}" for what in ("EDV", "ESV"))
             result.append(Finding("collapse", name, smallest, 0.0, text, concerns=concerns))
         if name[0] == "P" and place in THIN_WALLED and smallest < COLLAPSE_MMHG:
             text = (
                 f"pressure in the {THIN_WALLED[place]} {smallest:.1f} mmHg is below {COLLAPSE_MMHG:g} mmHg: "
             )
-            text += f"the vessel collapses{why}"
+            text += f"the vessel collapses{cause}"
             result.append(Finding("collapse", name, smallest, COLLAPSE_MMHG, text))
     return result
 

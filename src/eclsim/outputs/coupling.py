@@ -47,8 +47,8 @@ def with_neutral(values: Start) -> Start:
     """Values at which a search may begin: what is to be solved for as in a patient at rest."""
     if values is None or isinstance(values, Anchor):
         return values
-    wanted = [name for name in SOLVED_BY if name in values and np.isnan(values[name]).any()]
-    return {**values, **{name: PARAMETERS[name].value for name in wanted}}
+    unset = [name for name in SOLVED_BY if name in values and np.isnan(values[name]).any()]
+    return {**values, **{name: PARAMETERS[name].value for name in unset}}
 
 
 class Measured(Protocol):
@@ -139,10 +139,10 @@ def settle(
         beat, after = missing_at(place + step, begin)
         for _ in range(HALVINGS):
             # A step to where there is no steady beat or gas state is halved.
-            lost = known & ~np.isfinite(after).all(axis=0)
-            if not lost.any():
+            failed = known & ~np.isfinite(after).all(axis=0)
+            if not failed.any():
                 break
-            step = np.where(lost, 0.5 * step, step)
+            step = np.where(failed, 0.5 * step, step)
             beat, after = missing_at(place + step, begin)
         _learn(inverse, np.asarray(known & np.isfinite(after).all(axis=0)), step, after - missing)
         place, missing = place + step, after
@@ -182,8 +182,8 @@ def total(linear: Linearisation, outputs: int, parameters: int) -> Linearisation
         parameters: how many parameters come first.
     """
     slopes = linear.slopes
-    own = slopes[outputs:, parameters:]
-    following = np.linalg.solve(np.eye(len(own)) - own, slopes[outputs:, :parameters])
+    square = slopes[outputs:, parameters:]
+    following = np.linalg.solve(np.eye(len(square)) - square, slopes[outputs:, :parameters])
     return replace(
         linear,
         values=linear.values[:outputs],

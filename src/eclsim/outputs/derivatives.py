@@ -47,10 +47,10 @@ class Dual:
     value: float
     slopes: Mapping[Hashable, float] = field(default_factory=dict)
 
-    def _joined(self, other: Dual, mine: float, theirs: float, value: float) -> Dual:
-        slopes = {k: mine * v for k, v in self.slopes.items()}
+    def _joined(self, other: Dual, left: float, right: float, value: float) -> Dual:
+        slopes = {k: left * v for k, v in self.slopes.items()}
         for k, v in other.slopes.items():
-            slopes[k] = slopes.get(k, 0.0) + theirs * v
+            slopes[k] = slopes.get(k, 0.0) + right * v
         return Dual(value, slopes)
 
     def __add__(self, other: Dual | float) -> Dual:
@@ -113,9 +113,9 @@ class LinearMeasures(Measures):
 
     def apply(self, function: Law, numbers: Sequence[Dual | float], key: Key | None = None) -> Sequence[Dual]:
         """A function of some numbers; its results depend on themselves (see `slopes`)."""
-        given = [_dual(number) for number in numbers]
-        table = np.asarray(jacobian(function, key)(np.array([number.value for number in given])))
-        self.applied.append((given, table[:, 1:]))
+        duals = [_dual(number) for number in numbers]
+        table = np.asarray(jacobian(function, key)(np.array([number.value for number in duals])))
+        self.applied.append((duals, table[:, 1:]))
         call = len(self.applied) - 1
         return [Dual(value, {Result(call, k): 1.0}) for k, value in enumerate(table[:, 0].tolist())]
 
@@ -134,8 +134,8 @@ class LinearMeasures(Measures):
                         row[column[key]] += slope
             return table
 
-        for given, by_given in self.applied:
-            of_results.append(by_given @ rows(given))
+        for inputs, by_given in self.applied:
+            of_results.append(by_given @ rows(inputs))
         return rows(numbers)
 
     def _positive(self, name: str, weights: np.ndarray, sign: float) -> Dual:

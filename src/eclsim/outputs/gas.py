@@ -29,23 +29,23 @@ def artery_of(circuit: Circuit) -> str:
     return next(name for name in ARTERY if name in names)
 
 
-def _sum(m: BeatMeasures, what: str, law: str) -> Numbers:
+def _sum(m: BeatMeasures, gas: str, law: str) -> Numbers:
     """Sum of a quantity over all tissues, or over all lungs of the patient."""
     places = [e.at for e in m.circuit.exchanges if type(e.component).__name__ == law]
-    return sum((m.gas(what, "at", place) for place in places[1:]), m.gas(what, "at", places[0]))
+    return sum((m.gas(gas, "at", place) for place in places[1:]), m.gas(gas, "at", places[0]))
 
 
-def _of_artery(name: str, label: str, unit: str, what: str, factor: float = 1.0) -> Output:
+def _of_artery(name: str, label: str, unit: str, gas: str, factor: float = 1.0) -> Output:
     return Output(
         name, f"{label} of the right radial artery", unit,
         "of the blood in the systemic arteries (of the upper body, where there are two)", ("Qpas",),
-        lambda m: factor * m.gas(what, "in", artery_of(m.circuit)), parameters=(GASES,), all_flows=True,
+        lambda m: factor * m.gas(gas, "in", artery_of(m.circuit)), parameters=(GASES,), all_flows=True,
     )  # fmt: skip
 
 
-def _total(name: str, label: str, unit: str, definition: str, what: str, law: str, sign: float) -> Output:
+def _total(name: str, label: str, unit: str, definition: str, gas: str, law: str, sign: float) -> Output:
     return Output(
-        name, label, unit, definition, ("Qpas",), lambda m: sign * _sum(m, what, law), parameters=(GASES,),
+        name, label, unit, definition, ("Qpas",), lambda m: sign * _sum(m, gas, law), parameters=(GASES,),
         all_flows=True,
     )  # fmt: skip
 

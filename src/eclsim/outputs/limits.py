@@ -172,8 +172,8 @@ def limits_of(quantity: str, outputs: Collection[str] = ()) -> tuple[Limit, ...]
         result = [limit for limit in (*_IMPOSSIBLE, *_PATIENT, *_SATURATED) if limit.quantity == quantity]
     else:
         names, entry = known
-        own = (limit for limit in names.device.limits if limit.quantity == entry.name)
-        result = [replace(limit, quantity=quantity) for limit in own]
+        limits = (limit for limit in names.device.limits if limit.quantity == entry.name)
+        result = [replace(limit, quantity=quantity) for limit in limits]
     if any(limit.unassisted for limit in result) and _assisted(outputs):
         result = [limit for limit in result if not limit.unassisted]
     result = [limit for limit in result if not set(limit.without) & set(outputs)]

@@ -50,8 +50,8 @@ def recirculation(circuit: Circuit, mean_flows: Mapping[str, float]) -> dict[str
 
 def recirculation_labels() -> dict[str, dict[str, str]]:
     """Units, long names and definitions of all such numbers by name."""
-    alone = map(Naming, devices().values())
-    return {name: about for names in alone if names.device.lines for name, about in _labels(names).items()}
+    single = map(Naming, devices().values())
+    return {name: about for names in single if names.device.lines for name, about in _labels(names).items()}
 
 
 def _labels(names: Naming) -> dict[str, dict[str, str]]:

@@ -136,12 +136,12 @@ _REST, _SUPERIOR = "caval_rest_volume_ml", "svc_vessel_share"
 
 
 def _filling(
-    name: str, words: str, place: str, share: Callable[[BeatMeasures], Numbers], *read: str
+    name: str, label: str, place: str, share: Callable[[BeatMeasures], Numbers], *read: str
 ) -> Output:
     """The least that a vein that collapses holds, with its share of the rest volume."""
     signal = "V" + place
     return Output(
-        name, f"lowest filling of the {words}", "%",
+        name, f"lowest filling of the {label}", "%",
         f"minimum of {signal}, of the volume below which it buckles", (signal,),
         lambda m: 100.0 * m.minimum(signal) / (share(m) * m.parameter(_REST)), (signal,),
         parameters=(_REST, *read),
@@ -270,8 +270,8 @@ def _of_instance(entry: Output, names: Naming) -> Output:
 
 def contract(instances: Iterable[Naming] | None = None) -> tuple[Output, ...]:
     """The outputs that every result file leads with, in their order; arguments as for `all_outputs`."""
-    own = [entry for entry in _of_devices(instances) if entry.in_contract]
-    return (*_PRESSURES_AND_FLOWS, *own, *_PULMONARY_PRESSURES_AND_VOLUMES)
+    entries = [entry for entry in _of_devices(instances) if entry.in_contract]
+    return (*_PRESSURES_AND_FLOWS, *entries, *_PULMONARY_PRESSURES_AND_VOLUMES)
 
 
 def all_outputs(instances: Iterable[Naming] | None = None) -> dict[str, Output]:
@@ -294,7 +294,7 @@ def _usual(registered: tuple[object, ...]) -> Mapping[str, Output]:
 
 def _of_devices(instances: Iterable[Naming] | None) -> list[Output]:
     names = map(Naming, devices().values()) if instances is None else instances
-    return [_of_instance(entry, one) for one in names for entry in one.device.outputs]
+    return [_of_instance(entry, naming) for naming in names for entry in naming.device.outputs]
 
 
 def available(signals: Collection[str], parameters: Collection[str] = ()) -> tuple[Output, ...]:

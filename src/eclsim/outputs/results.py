@@ -91,8 +91,8 @@ def labelled(beat: SteadyBeat, member: int = 0, name: str = "model") -> xr.Datas
     if beat.of_gases:
         attributes["gas_status"] = GasStatus(int(beat.gas_status[member])).word
     # Made an index by xarray, it would import Dask to see whether it is one of its arrays: 0.1 s.
-    words = {"units": "1", "long_name": "phase of the beat"}
-    phase = xr.IndexVariable("phase", pd.Index(phases), words)
+    labels = {"units": "1", "long_name": "phase of the beat"}
+    phase = xr.IndexVariable("phase", pd.Index(phases), labels)
     time = variable("phase", phases * period, units="s", long_name="time")
     return xr.Dataset(data, coords={"phase": phase, "time": time}, attrs=attributes)
 

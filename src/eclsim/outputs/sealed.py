@@ -52,8 +52,8 @@ def sealed(outputs: Mapping[str, float], circuit: Circuit) -> Sealed | None:
     parts = _parts(circuit, valves) if valves else []
     if len(parts) < 2:
         return None
-    rest = max(parts, key=len)
-    parts = tuple(part for part in parts if part is not rest)
+    largest = max(parts, key=len)
+    parts = tuple(part for part in parts if part is not largest)
     names = _listed([VALVES[name] for name in valves])
     reason = f"no blood passes the {names} valve{'s' * (len(valves) > 1)} all beat"
     return Sealed(parts, reason, _sentence(parts, reason), _undetermined(outputs, circuit, parts))
@@ -99,9 +99,9 @@ def _needs(name: str) -> tuple[str, ...]:
 
 
 def _sentence(parts: tuple[tuple[str, ...], ...], reason: str) -> str:
-    held = _listed([" with the ".join(_labels(part)) for part in parts], "the ")
+    listing = _listed([" with the ".join(_labels(part)) for part in parts], "the ")
     return (
-        f"{reason}: how much blood {held} hold{'s' * (len(parts) == 1)} is not determined by the case but "
+        f"{reason}: how much blood {listing} hold{'s' * (len(parts) == 1)} is not determined by the case but "
         "left over from where the computation began, and so are the volumes and pressures there and how full "
         "veins and right atrium are; another start gives others, by tens of mL and some mmHg. Do not read "
         "them; raise Emaxlv or Emaxrv or lower the pump speed until the valves open"
@@ -114,5 +114,5 @@ def _labels(part: tuple[str, ...]) -> list[str]:
 
 def _listed(labels: list[str], article: str = "") -> str:
     """Words as in a sentence: a, b and c."""
-    named = [article + label for label in labels]
-    return " and ".join([", ".join(named[:-1]), named[-1]] if len(named) > 1 else named)
+    phrases = [article + label for label in labels]
+    return " and ".join([", ".join(phrases[:-1]), phrases[-1]] if len(phrases) > 1 else phrases)

@@ -132,8 +132,8 @@ class SteadyBeat:
 
     def volume(self, group: str) -> np.ndarray:
         """Stressed volume of a group of compartments at phase 0 [mL], shape (members,)."""
-        own = [c.group == group for c in self.batch.circuit.compartments]
-        volumes = self.orbits.states[assemble(self.batch.circuit).layout.volumes.where][own]
+        members = [c.group == group for c in self.batch.circuit.compartments]
+        volumes = self.orbits.states[assemble(self.batch.circuit).layout.volumes.where][members]
         return np.where(self.converged, volumes.sum(axis=0), np.nan)
 
     def values_in_effect(self, member: int = 0) -> Values:
@@ -148,8 +148,8 @@ class SteadyBeat:
         text = status.message
         if self.unsettled is not None and self.unsettled[member]:
             gases = GasStatus(int(self.gas_status[member]))
-            why = gases.message if gases is not GasStatus.STEADY else "gases and circulation do not settle"
-            return f"no steady beat found in which regulation answers to its gases: {why}"
+            reason = gases.message if gases is not GasStatus.STEADY else "gases and circulation do not settle"
+            return f"no steady beat found in which regulation answers to its gases: {reason}"
         if status is Status.INVALID_INPUT:
             mistakes = allowed_values(self.batch.circuit).reasons(self.batch.member(member))
             return f"{text}: {'; '.join(mistakes)}"
@@ -169,11 +169,13 @@ class SteadyBeat:
         """The same without numbers where a beat is one of many."""
         return self._without(~self.determined)
 
-    def _without(self, lost: np.ndarray) -> SteadyBeat:
-        kept = {k: w._replace(values=w.values * np.nan) if lost[k] else w for k, w in self.waveforms.items()}
-        gases = {k: result for k, result in self.gases.items() if not lost[k]}
-        values, statistics = (np.where(lost, np.nan, table) for table in (self.values, self.statistics))
-        return replace(self, values=values, statistics=statistics, waveforms=kept, gases=gases)
+    def _without(self, failed: np.ndarray) -> SteadyBeat:
+        waves = {
+            k: w._replace(values=w.values * np.nan) if failed[k] else w for k, w in self.waveforms.items()
+        }
+        gases = {k: result for k, result in self.gases.items() if not failed[k]}
+        values, statistics = (np.where(failed, np.nan, table) for table in (self.values, self.statistics))
+        return replace(self, values=values, statistics=statistics, waveforms=waves, gases=gases)
 
     def findings(self, member: int = 0) -> list[Finding]:
         """Limits that a member's beat breaks and how its numbers are to be read, the gravest first."""
@@ -214,14 +216,14 @@ class SteadyBeat:
         gases = GasStatus(int(self.gas_status[member]))
         if gases is not GasStatus.STEADY and any(GASES in output(name).parameters for name in outputs):
             raise NoDerivativesError(Status(int(self.status[member])), gases.message, gases=gases.word)
-        wanted = (*outputs, *(SOLVED_BY[name] for name in self.coupled))
+        read = (*outputs, *(SOLVED_BY[name] for name in self.coupled))
         names = (*parameters, *self.coupled)
         program = beat_program(self.batch.circuit, int(self.orbits.resolution[member]))
         problem = OrbitProblem(program, self.batch.packed(program), self.batch.volume()).take([member])
         slopes = self.batch.volume_slopes(names, member)
-        values = self.batch.numbers_for(needed_parameters(self.batch.circuit, wanted), member)
+        values = self.batch.numbers_for(needed_parameters(self.batch.circuit, read), member)
         state, circuit = self.orbits.states[:, member], self.batch.circuit
-        linear = linearise(problem, state, wanted, names, slopes, values, circuit)
+        linear = linearise(problem, state, read, names, slopes, values, circuit)
         return total(linear, len(outputs), len(parameters)) if self.coupled else linear
 
 
@@ -252,26 +254,26 @@ def steady_beat(
     keep = range(batch.count) if keep is None else keep
     first = with_neutral(start) if solved_for(batch.circuit) else start
 
-    def orbits_of(one: Batch, begin: Mapping[str, float] | Anchor | None) -> SolvedOrbits:
-        return solve(one, options, start=begin, resolution=resolution, execution=execution)
+    def orbits_of(part: Batch, begin: Mapping[str, float] | Anchor | None) -> SolvedOrbits:
+        return solve(part, options, start=begin, resolution=resolution, execution=execution)
 
     names = open_parameters(batch)
     if not names:
         return measured(orbits_of(batch, first), outputs, waveforms, keep, threads)
-    whole = outputs is None or waveforms is None or bool(waveforms) or bool(keep)
-    read = tuple(dict.fromkeys((*(SOLVED_BY[name] for name in names), *(() if whole else outputs or ()))))
+    full = outputs is None or waveforms is None or bool(waveforms) or bool(keep)
+    read = tuple(dict.fromkeys((*(SOLVED_BY[name] for name in names), *(() if full else outputs or ()))))
 
-    def measure(one: Batch, begin: Mapping[str, float] | Anchor | None) -> SteadyBeat:
-        return measured(orbits_of(one, begin), read, (), (), threads)
+    def measure(part: Batch, begin: Mapping[str, float] | Anchor | None) -> SteadyBeat:
+        return measured(orbits_of(part, begin), read, (), (), threads)
 
     tolerance = (options or OrbitOptions()).error_tolerance
     coupled = settle(batch, names, measure, tolerance, first)
     if isinstance(first, CoupledAnchor) and not coupled.settled.all():
         coupled = settle(batch, names, measure, tolerance, Anchor(first.state, first.inverse))
-    beat = measured(coupled.beat.orbits, outputs, waveforms, keep, threads) if whole else coupled.beat
-    lost = beat.converged & ~coupled.settled
-    beat.status[lost] = Status.NOT_CONVERGED
-    return replace(beat, coupled=names, unsettled=lost, response=coupled.response)._without(lost)
+    beat = measured(coupled.beat.orbits, outputs, waveforms, keep, threads) if full else coupled.beat
+    failed = beat.converged & ~coupled.settled
+    beat.status[failed] = Status.NOT_CONVERGED
+    return replace(beat, coupled=names, unsettled=failed, response=coupled.response)._without(failed)
 
 
 def measured(
@@ -283,8 +285,8 @@ def measured(
 ) -> SteadyBeat:
     """One more beat of every member, recorded and measured."""
     circuit, count = orbits.batch.circuit, orbits.batch.count
-    wanted = output_names(circuit) if outputs is None else tuple(outputs)
-    names = tuple(dict.fromkeys((*wanted, *judging_outputs(circuit))))
+    requested = output_names(circuit) if outputs is None else tuple(outputs)
+    names = tuple(dict.fromkeys((*requested, *judging_outputs(circuit))))
     signals = all_signals(assemble(circuit)) if waveforms is None else tuple(waveforms)
     values, statistics = np.full((len(names), count), np.nan), np.full((3, len(signals), count), np.nan)
     kept: dict[int, Waveforms] = {}
@@ -305,12 +307,14 @@ def measured(
             steady = [k for k, m in enumerate(members.tolist()) if m in keep and not gas_status[m]]
             gases.update({int(members[k]): gases_of_places(measures, k) for k in steady})
         statistics[:, :, members] = statistics_of(measures, signals)[..., : len(members)]
-        own = series[:, [recorded.index(signal) for signal in signals]]
-        kept.update({m: Waveforms(phases, own[..., k]) for k, m in enumerate(members.tolist()) if m in keep})
+        columns = series[:, [recorded.index(signal) for signal in signals]]
+        kept.update(
+            {m: Waveforms(phases, columns[..., k]) for k, m in enumerate(members.tolist()) if m in keep}
+        )
 
     in_threads(measure, _blocks(orbits), threads)
     outcome = dict(zip(names, values, strict=True))
-    return judged(orbits, wanted, outcome, signals, statistics, kept, gas_status, gases)
+    return judged(orbits, requested, outcome, signals, statistics, kept, gas_status, gases)
 
 
 def _blocks(orbits: SolvedOrbits) -> list[np.ndarray]:

@@ -149,14 +149,14 @@ def _statements(
          lambda i: list(i.sums)[: len(TABLE_2)] == list(TABLE_2)),
         ("3.1, Figure S-3", "parameters act independently (total less first order below 0.05)", _additive),
     )  # fmt: skip
-    reason, lacking = "start values are not printed", _lacking(first)
+    reason, lacking = "start values are not printed", _missing_from(first)
     rows = [
         statement(where, sentence, holds(first), reason, holds(second)) for where, sentence, holds in messages
     ]
     return [
         printed_number("2.3", "runs at N = 2048 for 24 parameters", "1", RUNS, runs),
         statement("3.1", "Rmc and Emaxlv are among those that make up 90 % of every output", not lacking,
-                  f"{lacking} is not", not _lacking(second)),
+                  f"{lacking} is not", not _missing_from(second)),
         *rows,
         statement("3.1", "the seven are selected over the three states", set(TABLE_2) <= union),
         printed_number("3.1", "number of parameters selected over the three states", "1", len(TABLE_2),
@@ -166,7 +166,7 @@ def _statements(
     ]  # fmt: skip
 
 
-def _lacking(indices: Indices) -> str:
+def _missing_from(indices: Indices) -> str:
     """Where Rmc and Emaxlv are not among those that make up 90 % of an output."""
     selected, two = indices.selected(), ("Rmc", "Emaxlv")
     result = [f"{name} of {o}" for o, names in selected.items() for name in two if name not in names]

@@ -79,12 +79,12 @@ _OTHERS = (
 def adult_ranges(sex: Sex) -> dict[str, AdultRange]:
     """Ranges of a woman or a man, by output."""
     result = []
-    for output, (words, by_sex) in _DIASTOLIC.items():
+    for output, (description, by_sex) in _DIASTOLIC.items():
         low, high = _two_deviations(by_sex[sex])
-        result.append(AdultRange(output, words, "mL", (low, high), (low / 3.0, 2.0 * high), _HUDSMITH))
-    for output, (words, by_sex) in _SYSTOLIC.items():
+        result.append(AdultRange(output, description, "mL", (low, high), (low / 3.0, 2.0 * high), _HUDSMITH))
+    for output, (description, by_sex) in _SYSTOLIC.items():
         low, high = _two_deviations(by_sex[sex])
-        result.append(AdultRange(output, words, "mL", (low, high), (0.0, 2.0 * high), _HUDSMITH))
+        result.append(AdultRange(output, description, "mL", (low, high), (0.0, 2.0 * high), _HUDSMITH))
     return {r.output: r for r in (*result, *_OTHERS)}
 
 

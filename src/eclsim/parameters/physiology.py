@@ -99,8 +99,8 @@ NEEDS = MappingProxyType(
 def _all_parameters() -> dict[str, Parameter]:
     result = [Parameter(f"{SECTION}.{row[0]}", *row[1:], SECTION) for row in _SETTINGS]
     for valve in VALVES:
-        for what, start, meaning, lowest, highest in _AREAS:
-            key, text = f"{SECTION}.{valve}_{what}_cm2", meaning.format(valve)
+        for name, start, meaning, lowest, highest in _AREAS:
+            key, text = f"{SECTION}.{valve}_{name}_cm2", meaning.format(valve)
             result.append(Parameter(key, start, "cm2", text, "the patient's own", lowest, highest, SECTION))
     for key, value, meaning, derivation in _SHARES:
         result.append(Parameter(key, value, "1", meaning, f"{_HELDT}: {derivation}", 0.001, 0.95, SECTION))

@@ -73,17 +73,17 @@ def _range(value: float, unit: str) -> tuple[float, float]:
 
 def _all_parameters() -> dict[str, Parameter]:
     rows = list(_OTHERS)
-    for place, words, volume, pressure, low, high, initial in _CHAMBERS:
+    for place, label, volume, pressure, low, high, initial in _CHAMBERS:
         rows += [
-            (f"v0{place}", volume, "mL", f"Volume of {words} at which its elastic pressure is zero", "heart"),
-            (f"p0{place}", pressure, "mmHg", f"Pressure offset of {words}", "heart"),
-            (f"Emin{place}", low, _E, f"Diastolic elastance of {words}", "heart"),
-            (f"Emax{place}", high, _E, f"Systolic elastance of {words}", "heart"),
-            (f"V0{place}", initial, "mL", f"Initial volume of {words}", "initial"),
+            (f"v0{place}", volume, "mL", f"Volume of {label} at which its elastic pressure is zero", "heart"),
+            (f"p0{place}", pressure, "mmHg", f"Pressure offset of {label}", "heart"),
+            (f"Emin{place}", low, _E, f"Diastolic elastance of {label}", "heart"),
+            (f"Emax{place}", high, _E, f"Systolic elastance of {label}", "heart"),
+            (f"V0{place}", initial, "mL", f"Initial volume of {label}", "initial"),
         ]
     return {
-        key: Parameter(key, value, unit, words, _SOURCE, *_range(value, unit), group)
-        for key, value, unit, words, group in rows
+        key: Parameter(key, value, unit, label, _SOURCE, *_range(value, unit), group)
+        for key, value, unit, label, group in rows
     }
 
 

@@ -104,11 +104,11 @@ _INITIAL = (
 
 def _all_parameters() -> dict[str, Parameter]:
     result = [Parameter(*row[:4], _S1, *row[4:], BOUNDS.get(row[0])) for row in _TABLE_S1]
-    for place, words, pressure, fraction in _INITIAL:
+    for place, label, pressure, fraction in _INITIAL:
         if pressure is not None:
-            text = f"Initial pressure of {words}"
+            text = f"Initial pressure of {label}"
             result.append(Parameter(f"P0{place}", pressure, "mmHg", text, _CODE, 0.0, 200.0, "initial"))
-        text = f"Initial share of the total blood volume: {words}"
+        text = f"Initial share of the total blood volume: {label}"
         result.append(Parameter(f"volume_fraction_{place}", fraction, "1", text, _CODE, 0.0, 1.0, "initial"))
     return {parameter.key: parameter for parameter in result}
 
@@ -123,8 +123,8 @@ def circuit_parameters(group: str, table: str, rows: Iterable[Sequence[Any]]) ->
     """
     source = f"Thiel et al. 2025, Table {table}"
     return tuple(
-        Parameter(key, value, unit, words, f"{source}; {basis}", low, high, group)
-        for key, value, unit, words, low, high, basis in rows
+        Parameter(key, value, unit, label, f"{source}; {basis}", low, high, group)
+        for key, value, unit, label, low, high, basis in rows
     )
 
 

@@ -265,7 +265,7 @@ def _divided(vein: Compartment, path: Connection) -> tuple[Compartment, Compartm
     assert isinstance(law, ElasticVessel)
     assert isinstance(inlet, Resistance)
     assert vein.total_fraction is not None
-    rest = replace(
+    divided = replace(
         vein,
         component=replace(law, compliance=_times(law.compliance, Complement(CAVAL_SHARE))),
         total_fraction=_times(vein.total_fraction, Complement(CAVAL_BLOOD)),
@@ -275,7 +275,7 @@ def _divided(vein: Compartment, path: Connection) -> tuple[Compartment, Compartm
         _times(law.compliance, CAVAL_SHARE), Scaled("caval_rest_volume_ml", regions), "caval_collapse_mmHg",
         _times(inlet.ohmic, _RESISTANCE), PUBLISHED_MMHG,
     )  # fmt: skip
-    return rest, Compartment(DRAINED[vein.name], cava, start=vein.start)
+    return divided, Compartment(DRAINED[vein.name], cava, start=vein.start)
 
 
 def _through(path: Connection) -> tuple[Connection, Connection]:

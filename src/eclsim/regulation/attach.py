@@ -34,7 +34,7 @@ def _with_offset(compartment: Compartment) -> Compartment:
         return compartment
     assert isinstance(start, StartPressure)
 
-    def own(total: str) -> Key:
+    def key_of(total: str) -> Key:
         if not isinstance(law.compliance, Scaled):
             return total
         # The vena cava has a part of the compliance but takes up no blood that is given.
@@ -43,8 +43,8 @@ def _with_offset(compartment: Compartment) -> Compartment:
 
     return replace(
         compartment,
-        component=replace(law, unstressed=own(UNSTRESSED)),
-        start=replace(start, given=own(EXTRA_VOLUME), unstressed=own(UNSTRESSED)),
+        component=replace(law, unstressed=key_of(UNSTRESSED)),
+        start=replace(start, given=key_of(EXTRA_VOLUME), unstressed=key_of(UNSTRESSED)),
     )
 
 

@@ -46,22 +46,22 @@ class EffectLaw:
     def __call__(self, numbers: Array) -> Array:
         """The values in effect."""
         count, names = len(readings_of(self.controls)), parameters_of(self.controls)
-        rest, values = list(numbers[:count]), dict(zip(names, numbers[count:], strict=True))
+        remaining, values = list(numbers[:count]), dict(zip(names, numbers[count:], strict=True))
         acted: dict[str, Number] = dict(values)
         for control in self.controls:
             component, constants = control.component, control.component.constants(values)
             assert isinstance(component, SteadyController)
-            own, rest = rest[: len(control.reads)], rest[len(control.reads) :]
-            states = component.steady_states(own, constants)
-            given = [acted[name] for name in control.acts_on]
-            acted.update(zip(control.acts_on, component.in_effect(states, given, constants), strict=True))
+            readings, remaining = remaining[: len(control.reads)], remaining[len(control.reads) :]
+            states = component.steady_states(readings, constants)
+            current = [acted[name] for name in control.acts_on]
+            acted.update(zip(control.acts_on, component.in_effect(states, current, constants), strict=True))
         return jnp.stack([jnp.asarray(acted[name]) for name in self.wanted])
 
 
 @lru_cache(maxsize=64)
-def effect_law(controls: tuple[Control, ...], wanted: tuple[str, ...]) -> EffectLaw:
+def effect_law(controls: tuple[Control, ...], parameters: tuple[str, ...]) -> EffectLaw:
     """The law of some controllers, the same object each time: its programs are kept by it."""
-    return EffectLaw(controls, wanted)
+    return EffectLaw(controls, parameters)
 
 
 @dataclass(frozen=True, eq=False)

@@ -107,8 +107,10 @@ def _model(name: str, source: str, set_points: tuple[float, float], gains: Gains
         drives=_drives,
         effectors=(
             *(
-                Effector(key, (rest,), ((gain, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),), inverse=True, least=least)
-                for (key, rest), gain, least in contractile
+                Effector(
+                    key, (reference,), ((gain, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),), inverse=True, least=least
+                )
+                for (key, reference), gain, least in contractile
             ),
             Effector("Rmc", RESISTANCES, (resistance,) * len(RESISTANCES), least=gains.least_resistance),
             Effector(HEART_RATE, (PERIOD,), ((0.0, 0.0, 0.0, 0.0, 0.0, *gains.period),), inverse=True),

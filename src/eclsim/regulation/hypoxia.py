@@ -93,9 +93,9 @@ class HypoxicVasoconstriction(SlowLaw):
 
     def rates(self, states: Named, settings: Named, beat: Named, inflows: Named) -> Named:
         """Towards what the oxygen now would bring about; none where nothing says what that is."""
-        wanted = np.asarray(beat[WANTED])
-        known = wanted > 0.0
+        target = np.asarray(beat[WANTED])
+        known = target > 0.0
         return {
-            self.factor: np.where(known, np.log(np.where(known, wanted, 1.0)) - states[self.factor], 0.0)
+            self.factor: np.where(known, np.log(np.where(known, target, 1.0)) - states[self.factor], 0.0)
             / LAG_S
         }

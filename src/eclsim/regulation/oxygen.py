@@ -152,7 +152,7 @@ class Chemoreflex(Reflex):
 
     def constants(self, values: Values) -> ReflexConstants:
         """Those of the baroreflex, and gases."""
-        own = super().constants(values)
+        constants = super().constants(values)
         now, rest = (
             Gases(value_of(values, oxygen), value_of(values, carbon_dioxide))
             for oxygen, carbon_dioxide in (
@@ -161,7 +161,9 @@ class Chemoreflex(Reflex):
             )
         )
         strength = value_of(values, self.strength)
-        more = ChemoreflexConstants(1.0, own.set_points, own.blood_volume_ml, own.gain, strength, now, rest)
+        more = ChemoreflexConstants(
+            1.0, constants.set_points, constants.blood_volume_ml, constants.gain, strength, now, rest
+        )
         return cast(ReflexConstants, more)
 
     def steady_states(self, readings: Sequence[Number], constants: ReflexConstants) -> Sequence[Number]:
@@ -213,17 +215,17 @@ def organ_conductance(organ: Organ, content: Number, pco2: Number, rest: tuple[N
     """
     oxygen = 1.0 - organ.per_content * (content - rest[0])
     if organ.scale_mmhg is None:
-        own = oxygen + brain_flow(pco2) / brain_flow(rest[1]) - 1.0
+        response = oxygen + brain_flow(pco2) / brain_flow(rest[1]) - 1.0
     else:
-        own = oxygen / (1.0 - jnp.tanh(0.5 * (pco2 - rest[1]) / organ.scale_mmhg))
-    return jnp.maximum(own, LEAST_CONDUCTANCE)
+        response = oxygen / (1.0 - jnp.tanh(0.5 * (pco2 - rest[1]) / organ.scale_mmhg))
+    return jnp.maximum(response, LEAST_CONDUCTANCE)
 
 
 def local_factor(content: Number, pco2: Number, rest: tuple[Number, Number], strength: Number) -> Number:
     """Factor of the resistance of all organs side by side; arguments as of `organ_conductance`."""
     others = 1.0 - sum(organ.share for organ in ORGANS)
-    own = (organ.share * organ_conductance(organ, content, pco2, rest) for organ in ORGANS)
-    return jnp.exp(-strength * jnp.log(sum(own, start=others)))
+    conductances = (organ.share * organ_conductance(organ, content, pco2, rest) for organ in ORGANS)
+    return jnp.exp(-strength * jnp.log(sum(conductances, start=others)))
 
 
 def local_settings(bed: str) -> tuple[str, str, str]:
@@ -270,8 +272,8 @@ def _with_factor(
         if connection.name not in at or not isinstance(law, Artery) or part not in names_in(law.ohmic):
             return connection
         total = law.ohmic.of if isinstance(law.ohmic, Scaled) else law.ohmic
-        own = PartTimes(total, part, factor(connection.name), settings(connection.name))
-        ohmic = replace(law.ohmic, of=own) if isinstance(law.ohmic, Scaled) else own
+        product = PartTimes(total, part, factor(connection.name), settings(connection.name))
+        ohmic = replace(law.ohmic, of=product) if isinstance(law.ohmic, Scaled) else product
         return replace(connection, component=replace(law, ohmic=ohmic))
 
     return replace(circuit, connections=tuple(map(changed, circuit.connections)))

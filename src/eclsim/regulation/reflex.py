@@ -190,8 +190,8 @@ class Reflex(SteadyController[ReflexConstants]):
         """Parameters times their factors, and the unstressed volume shifted."""
         drives = [constants.gain * state for state in states]
         *factors, shift = self.model.effects(drives, constants.blood_volume_ml)
-        *given, unstressed = values
-        return [*(value * factor for value, factor in zip(given, factors, strict=True)), unstressed + shift]
+        *usual, unstressed = values
+        return [*(value * factor for value, factor in zip(usual, factors, strict=True)), unstressed + shift]
 
     def next_states(
         self,
@@ -201,8 +201,8 @@ class Reflex(SteadyController[ReflexConstants]):
         constants: ReflexConstants,
     ) -> Sequence[Number]:
         """Each drive a beat's part of the way towards that of the pressures read."""
-        wanted = self.steady_states(readings, constants)
+        target = self.steady_states(readings, constants)
         return [
             state - jnp.expm1(-period / pathway.lag_s) * (drive - state)
-            for state, drive, pathway in zip(states, wanted, self.model.pathways, strict=True)
+            for state, drive, pathway in zip(states, target, self.model.pathways, strict=True)
         ]
