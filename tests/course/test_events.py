@@ -26,7 +26,7 @@ def mistakes(tmp_path, events):
         ('at_min = 30\nset = { "crrt.net_ultrafiltration_ml_h" = 9000 }', "effluent below 8400 mL/h"),
         ("at_min = 30\ngive = { bleed_ml = 9000 }", "more blood than there is; allowed: below 49"),
         ("at_min = 30\ngive = { crystaloid_ml = 500 }", "did you mean crystalloid_ml?"),
-        ("at_min = 30\ngive = { blood_ml = -5 }", "outside the allowed range"),
+        ("at_min = 30\ngive = { blood_ml = -5 }", "did you mean bleed_ml = 5?"),
         ("at_min = -1\ngive = { blood_ml = 5 }", "events[1].at_min = -1: outside the allowed range"),
         ("set = { Rmc = 1 }", "events[1].at_min: missing"),
         ("at_min = 3", "events[1]: nothing happens"),

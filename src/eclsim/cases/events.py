@@ -25,6 +25,7 @@ LONGEST_MIN = 31 * 1440.0
 QUICKEST_MIN = 1.0
 """In which what is given without `over_min` runs in: a bolus takes a minute."""
 LARGEST_ML = 20_000.0
+OPPOSITE = {"blood_ml": "bleed_ml", "bleed_ml": "blood_ml"}
 _TIMES = {
     "at_min": number("When it begins, in minutes from the start", "min", 0, LONGEST_MIN, 60),
     "ramp_min": number("In which the settings change, linearly; 0: at once", "min", 0, LONGEST_MIN, 5),
@@ -146,11 +147,16 @@ class _Checks:
             self.remarks.error(place, "volumes by kind belong here", shown(raw), "{ crystalloid_ml = 500 }")
             return values
         for kind, value in raw.items():
-            if kind in INFLOWS:
+            if kind in OPPOSITE and _is_number(value) and value < 0:
+                allowed, instead = f"0 to {LARGEST_ML:g} mL", f"{OPPOSITE[kind]} = {-value:g}"
+                self.remarks.error(f"{place}.{kind}", "is negative", shown(value), allowed, instead)
+            elif kind in INFLOWS:
                 self._number(f"{place}.{kind}", value, _AMOUNT, values, kind)
-                continue
-            hint = did_you_mean(str(kind), INFLOWS)
-            self.remarks.error(f"{place}.{short(kind)}", "unknown", shown(value), ", ".join(INFLOWS), hint)
+            else:
+                hint = did_you_mean(str(kind), INFLOWS)
+                self.remarks.error(
+                    f"{place}.{short(kind)}", "unknown", shown(value), ", ".join(INFLOWS), hint
+                )
         return values
 
     def _settings(self, place: str, raw: object, ramped: bool) -> dict[str, Any]:

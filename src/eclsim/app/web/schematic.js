@@ -34,7 +34,7 @@ export default {
       <g v-for="w in wires" :key="w.name" :style="ink(w)">
         <polyline :points="polyline(w.path)" class="wire" :style="blood(w)" />
         <polyline v-if="w.more" :points="polyline(w.more)" class="wire" :style="blood(w)" />
-        <g :transform="placed(w)" class="symbol" v-html="symbols[w.symbol] ?? ''"></g>
+        <g :transform="placed(w, means['Q' + w.name])" class="symbol" v-html="symbols[w.symbol] ?? ''"></g>
         <text :x="w.label[0]" :y="w.label[1]" :text-anchor="w.label[2]" class="label">{{ w.text }}</text>
         <text :x="w.label[0]" :y="w.label[1] + 4.4" :text-anchor="w.label[2]"
           :class="['flow', flowLevel(w)]">{{ signs[flowLevel(w)] }}{{ flow(w) }}</text>

@@ -14,11 +14,13 @@ export function pieceAt(path, at) {
   return path.slice(0, 2);
 }
 
-// How the symbol of a line is placed and turned; tips of cannulae point to the patient.
-export function placed({ path, more, at, symbol }) {
+// How the symbol of a line is placed and turned: arrows of tubes with the flow; tips of cannulae point to
+// the patient.
+export function placed({ path, more, at, symbol }, flow = 0) {
   const [a, b] = more ? more.slice(0, 2) : pieceAt(path, at);
   const angle = (Math.atan2(b[1] - a[1], b[0] - a[0]) * 180) / Math.PI;
-  return `translate(${at[0]} ${at[1]}) rotate(${symbol === "cannula" ? 90 : angle})`;
+  const turned = symbol === "tube" && flow < 0 ? angle + 180 : angle;
+  return `translate(${at[0]} ${at[1]}) rotate(${symbol === "cannula" ? 90 : turned})`;
 }
 
 // Where the handle of a line is: a little away from the site at its end.
