@@ -249,7 +249,9 @@ def test_shards_from_the_command_line_merge_to_the_same_samples(case_file, tmp_p
     )
     for shard in ("2/2", "1/2"):
         assert run_command("sensitivity", case_file, *common, "--out", tmp_path / "a", "--shard", shard) == 0
+    capsys.readouterr()
     assert run_command("sensitivity", "merge", "--out", tmp_path / "a", "--no-figures") == 0
+    assert f"eclsim merge {tmp_path / 'a'}" in " ".join(capsys.readouterr().err.split()).replace("- ", "-")
     assert run_command("sensitivity", case_file, *common, "--out", tmp_path / "b") == 0
     assert (tmp_path / "a/samples.parquet").read_bytes() == (tmp_path / "b/samples.parquet").read_bytes()
     capsys.readouterr()

@@ -184,6 +184,7 @@ def _fit_case(o: IdentifyOptions) -> dict[str, Any]:
     with Progress() as progress:
         result = fit(reading.case, settings=settings, progress=progress)
         (folder / "cases").mkdir(parents=True, exist_ok=True)
+        warn(f"{o.file}, fitted: {line}" for line in result.warnings)
         result = _with_profiles(result, folder, progress) if result.simulated else result
         result, posterior = _with_posterior(o, result, predictions, folder, progress)
         content = fits_object([result.as_object()], settings.as_object()) | posterior

@@ -27,9 +27,7 @@ if TYPE_CHECKING:
 class SensitivityOptions(CaseChanges, Distributed):
     """Options of `eclsim sensitivity`."""
 
-    case_file: str = argument(
-        ..., "CASE.toml", "Case file; or the word merge, to finish the shards in the folder --out."
-    )
+    case_file: str = argument(..., "CASE.toml", "Case file.")
     out: str | None = option(None, "Folder for samples, indices and figures.", metavar="DIR")
     samples: int = option(2048, "Rows N of Saltelli's design, a power of two: N (2 D + 2) runs.", minimum=2)
     perturbation: float = option(25.0, "Half width of the range of each number [%].", metavar="PERCENT")
@@ -77,6 +75,8 @@ def sensitivity(options: SensitivityOptions) -> None:
     """
     target, distribution = _checked_destinations(options)
     merges = MERGE in (options.case_file, options.shard)
+    if options.case_file == MERGE:
+        warn([f"eclsim sensitivity merge: will go; eclsim merge {options.out} does it for every command"])
     with _mistakes(options), resumable(options.out):
         results = _merged(options) if merges else _analysed(options, distribution)
     pairs = bool(options.second_order)

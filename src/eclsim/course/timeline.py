@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -83,6 +84,8 @@ class Timeline:
     overrides: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if not 0.0 < self.end < math.inf:
+            raise CaseError([Mistake("minutes", "", f"{self.end / MINUTE:g}", "a length above 0 min")])
         late = [
             Mistake(f"events[{n}].at_min", f"after the end of the course at {self.end / MINUTE:g} min",
                     f"{event.at_min:g}", f"below {self.end / MINUTE:g}, or a longer course")

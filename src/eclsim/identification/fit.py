@@ -101,6 +101,7 @@ class FitResult:
         verdict: whether it is to be used, and why (not).
         implied: outputs of the fitted patient that ranges of adults are known of, in their units.
         profile: 90 % interval of each parameter by its profile likelihood; empty where it was not computed.
+        warnings: what there is to say about the fitted patient's beat.
         seconds: wall time; points fitted side by side share theirs evenly.
     """
 
@@ -119,6 +120,7 @@ class FitResult:
     verdict: FitVerdict
     implied: Mapping[str, float] = field(default_factory=dict)
     profile: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
     seconds: float = 0.0
 
     @property
@@ -159,11 +161,13 @@ class FitResult:
 
         names, outputs = list(self.parameters), list(self.simulated or self.measured)
         columns = ("value", "lower", "upper", "at_bound", "identifiable")
-        data: dict[str, tuple[str | tuple[str, ...], object]] = {
+        data: dict[
+            str, tuple[str | tuple[str, ...], object] | tuple[tuple[str, ...], object, dict[str, str]]
+        ] = {
             column: ("parameter", [getattr(p, column) for p in self.parameters.values()])
             for column in columns
         }
-        data["correlation"] = (("parameter", "with_parameter"), self.correlation)
+        data["correlation"] = (("parameter", "with_parameter"), self.correlation, {"units": "1"})
         rows = {"measured": self.measured, "simulated": self.simulated, "uncertainty": self.uncertainties}
         data |= {row: ("output", [values.get(n, np.nan) for n in outputs]) for row, values in rows.items()}
         coordinates = {
@@ -174,7 +178,7 @@ class FitResult:
         attributes = {
             "id": self.name, "status": str(self.status), "message": self.status.message,
             "verdict": str(self.verdict.level), "headline": self.verdict.headline,
-            "sum_of_squares": self.optimum.cost,
+            "sum_of_squares": self.optimum.cost, "warnings": list(self.warnings),
         }  # fmt: skip
         return xr.Dataset(data, coordinates, attributes)
 
@@ -184,6 +188,7 @@ class FitResult:
         return {
             "id": self.name,
             "verdict": self.verdict.as_object(),
+            "warnings": list(self.warnings),
             "cost": finite(self.optimum.cost),
             "outputs": {
                 n: {"measured": self.measured.get(n), "simulated": finite(self.simulated.get(n))}
@@ -381,7 +386,7 @@ def held_against_its_beat(result: FitResult) -> FitResult:
     collapsed = [f.sentence for f in findings(outputs, extremes) if f.kind == "collapse"]
     implied = {n: outputs[n] for n in result.ranges if n in outputs}
     reasons = plausibility(implied, result.ranges, result.measured, collapsed)
-    return replace(result, implied=implied).judged(reasons)
+    return replace(result, implied=implied, warnings=tuple(beat.attrs["warnings"])).judged(reasons)
 
 
 def _parameters(

@@ -13,6 +13,7 @@ import xarray as xr
 from eclsim.beat.grid import RESOLUTIONS, PhaseGrid
 from eclsim.beat.heartbeat import HEART_RATE
 from eclsim.beat.recording import all_signals
+from eclsim.cases.quantities import quantity
 from eclsim.circuit.assembly import assemble
 from eclsim.gas.network import GasStatus
 from eclsim.orbit.equation import OrbitOptions
@@ -123,9 +124,11 @@ def simulate_many(
     data["beats"] = ("member", beat.orbits.beats)
     if beat.of_gases:
         data["gas_status"] = ("member", [GasStatus(int(status)).word for status in beat.gas_status])
-    residual = {"long_name": "largest relative change over a beat"}
+    residual = {"units": "1", "long_name": "largest relative change over a beat"}
     data["residual"] = ("member", beat.orbits.residual, residual)
-    coordinates = {k: ("member", np.broadcast_to(values[k], (count,))) for k in changes}
+    coordinates = {
+        k: ("member", np.broadcast_to(values[k], (count,)), {"units": unit_of_value(k)}) for k in changes
+    }
     attributes = {
         "id": model.name,
         "blood_volume_policy": batch.policy,
@@ -160,6 +163,7 @@ def derivatives(
         NoDerivativesError: no steady beat was found, or its equation is singular.
     """
     model = as_model(case)
+    model.with_values(dict.fromkeys(parameters, 0.0))
     watched = watched_signals(all_signals(assemble(model.circuit)))
     beat = steady_beat(Batch.of(model, volume_policy), outputs, waveforms=watched, resolution=resolution)
     status, message = Status(int(beat.status[0])).word, beat.message()
@@ -178,10 +182,13 @@ def derivatives(
             "output": list(outputs),
             "parameter": list(parameters),
             "value": ("output", values),
+            "output_units": ("output", [output(name).unit for name in outputs]),
             "parameter_value": ("parameter", [model.values[p] for p in parameters]),
+            "parameter_units": ("parameter", [unit_of_value(name) for name in parameters]),
         },
         attrs={
             "long_name": "derivative of the output with respect to the parameter",
+            "units": "output_units / parameter_units",
             "id": model.name,
             "status": status,
             "message": message,
@@ -214,6 +221,12 @@ def with_grid_check(model: Model, result: xr.Dataset) -> xr.Dataset:
         sentence = f"{worst} changes by {errors[worst]:.2f} % on a grid of half the step"
         checked.attrs["warnings"] = [*result.attrs["warnings"], sentence]
     return checked
+
+
+def unit_of_value(name: str) -> str:
+    """Unit of a number that a circuit reads; empty for one of a user's own circuit."""
+    known = quantity(name)
+    return "" if known is None else known.unit
 
 
 def output_labels(name: str) -> dict[str, str]:

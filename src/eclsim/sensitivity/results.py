@@ -108,7 +108,7 @@ class Indices:
         dims = ("output", "factor", "other_factor")
         chosen = self.selected()
         numbers["selected"] = np.array([[f in chosen[o] for f in self.factors] for o in self.outputs])
-        data = {name: (dims[: values.ndim], values) for name, values in numbers.items()}
+        data = {name: (dims[: values.ndim], values, {"units": "1"}) for name, values in numbers.items()}
         factors = list(self.factors)
         names = {"output": list(self.outputs), "factor": factors, "other_factor": factors}
         about = {

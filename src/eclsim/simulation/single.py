@@ -107,7 +107,7 @@ def simulate_many(
     lost = np.array(solved.reasons) != ""
     for name, texts in (("status", [NOT_REACHED] * len(lost)), ("message", solved.reasons)):
         result[name] = result[name].dims, np.where(lost, texts, result[name])
-    return result.assign_coords({solved.flow_key: ("member", solved.flows)})
+    return result.assign_coords({solved.flow_key: ("member", solved.flows, {"units": "L/min"})})
 
 
 def derivatives(
@@ -132,14 +132,16 @@ def derivatives(
         throw: False gives NaN and says why in the attributes where there are no derivatives.
 
     Returns:
-        Array with dimensions (output, parameter); coordinates `value` and `parameter_value` hold the point,
+        Array with dimensions (output, parameter), in `output_units` per `parameter_units`, which are
+        coordinates like `value` and `parameter_value`, the point;
         attributes `status` ("converged", else as `Status`, "singular" or "flow_not_reached"), `message` and
         `warnings` say what they are of.
 
     Raises:
         NoDerivativesError: no steady beat was found, or its equation is singular.
         FlowNotReachedError: no speed gives the flow.
-        UnknownValueError: the speed is asked for where the flow is held.
+        UnknownValueError: no parameter of the circuit, or the speed where the flow is held.
+        UnknownOutputError: no output.
     """
     known = case if isinstance(case, Model) else as_case(case)
     solved = None if isinstance(known, Model) else solve_speeds(known, {}, volume_policy)
@@ -166,8 +168,14 @@ def _at_held_flow(
     by_speed, flow = result.sel(parameter=solved.speed), result.sel(output=solved.output)
     by_flow = by_speed / float(flow.sel(parameter=solved.speed))
     held = (result - by_flow * flow).drop_sel(parameter=solved.speed)
-    at_flow = {"parameter": [solved.flow_key], "parameter_value": ("parameter", solved.flows)}
-    columns = by_flow.drop_vars(("parameter", "parameter_value")).expand_dims("parameter", 1)
+    at_flow = {
+        "parameter": [solved.flow_key],
+        "parameter_value": ("parameter", solved.flows),
+        "parameter_units": ("parameter", ["L/min"]),
+    }
+    columns = by_flow.drop_vars(("parameter", "parameter_value", "parameter_units")).expand_dims(
+        "parameter", 1
+    )
     held = xr.concat([held, columns.assign_coords(at_flow)], "parameter")
     found_speed = solved.solved_speed(0).attributes()
     held = held.sel(output=list(outputs), parameter=list(parameters))
