@@ -53,6 +53,27 @@ def commands_of(page: str) -> list[str]:
     return [line for line in lines if line.startswith("eclsim simulate ")]
 
 
+def typed(page: str) -> list[str]:
+    """Every command line that a page tells the reader to type, comments left out."""
+    blocks = re.findall(r"^```(?:sh|console|bash)?\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    blocks += re.findall(r"^((?:    eclsim (?!is ).*\n)+)", page, re.MULTILINE)
+    joined = "\n".join(blocks).replace("\\\n", " ")
+    lines = [line.partition(" #")[0].strip().removeprefix(".venv/bin/") for line in joined.splitlines()]
+    return [line for line in lines if line.startswith("eclsim ")]
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if typed(p.read_text(encoding="utf-8"))], ids=name)
+def test_every_command_of_the_pages_has_the_options_that_it_is_typed_with(page: Path):
+    from typer.testing import CliRunner
+
+    from eclsim.cli.application import app
+
+    for line in typed(page.read_text(encoding="utf-8")):
+        words = shlex.split(re.sub(r"--device \S+", "", line))[1:]
+        done = CliRunner().invoke(app, [*words, "--help"])  # options are read before help is given
+        assert done.exit_code == 0, f"{line}\n{done.stderr}"
+
+
 @pytest.mark.slow
 def test_the_commands_of_getting_started_work_one_after_the_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -62,10 +83,11 @@ def test_the_commands_of_getting_started_work_one_after_the_other(
     from eclsim.cli.application import app
 
     page = (REPOSITORY / "docs" / "getting-started.md").read_text(encoding="utf-8")
-    (case,) = re.findall(r"^```toml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    case, own_patient = re.findall(r"^```toml\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     (shown,) = re.findall(r"^```text\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     monkeypatch.chdir(tmp_path)
     Path("patient.toml").write_text(case, encoding="utf-8")
+    Path("my_patient.toml").write_text(own_patient, encoding="utf-8")
     commands = commands_of(page)
     assert len(commands) >= 8
     assert any("--sweep" in command for command in commands)

@@ -187,8 +187,7 @@ def derivatives(
             "parameter_units": ("parameter", [unit_of_value(name) for name in parameters]),
         },
         attrs={
-            "long_name": "derivative of the output with respect to the parameter",
-            "units": "output_units / parameter_units",
+            "long_name": "d output / d parameter, in output_units per parameter_units",
             "id": model.name,
             "status": status,
             "message": message,
