@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from eclsim.app import identify
-from eclsim.app.fitting import FitError, judged, on_the_page
+from eclsim.app.fitting import FitError, judged, on_the_page, to_fit
 from eclsim.app.identify import Identification, checked_form, fields, values_of
 from eclsim.app.knobs import turn
 from eclsim.app.state import PageState, link_of, preset_state, state_of, subject_of
@@ -341,3 +341,13 @@ def test_the_reasons_of_a_verdict_name_no_option_that_the_page_has_not():
     )
     assert "--" not in str(found["verdict"]["reasons"])
     assert "--" not in found["parameters"]["Rmc"]["reason"]
+
+
+def test_the_blood_volume_is_fitted_where_the_central_venous_pressure_was_measured():
+    raw = CASE.as_mapping() | {"measurements": {"MAP": 80.0, "CVP": 12.0}}
+    case, settings = to_fit(raw, "as_published")
+    assert case.fluid is not None
+    assert settings.parameters[-1] == "fluid.extra_volume_ml"
+    without, usual = to_fit(raw | {"measurements": {"MAP": 80.0}}, "as_published")
+    assert without.fluid is None
+    assert "fluid.extra_volume_ml" not in usual.parameters

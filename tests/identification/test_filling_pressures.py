@@ -102,3 +102,12 @@ def test_what_is_zero_has_an_effect_too():
     expected = slope * (5000.0 + 3000.0) / np.log(100.0) / [3.0, 2.0]
     np.testing.assert_allclose(found.scaled.matrix[:, 1], expected, rtol=1e-4)
     assert "no effect" not in " ".join(found.proposal.excluded.values())
+
+
+@pytest.mark.slow
+def test_a_fit_that_holds_the_volume_says_so_where_it_misses_the_central_venous_pressure():
+    case = measured(("MAP", "CO", "CVP"), **{"fluid.extra_volume_ml": 1500.0})
+    settings = FitSettings(("Rmc", "Emaxlv"), weights="uncertainty", multi_start=MultiStart.quick(100))
+    held = fit(case, settings=settings)
+    assert held.verdict.level != "good"
+    assert any("free fluid.extra_volume_ml" in reason.sentence for reason in held.verdict.reasons)

@@ -10,17 +10,21 @@ import re
 import threading
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from eclsim.app.texts import text
 from eclsim.cases.reading import read_mapping
+from eclsim.parameters.regulation import EXTRA_VOLUME
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
     from multiprocessing.context import SpawnProcess
     from multiprocessing.synchronize import Event
 
+    from eclsim.cases.case import Case
     from eclsim.identification.fit import FitResult
+    from eclsim.identification.settings import FitSettings
     from eclsim.orbit.model import VolumePolicy
 
 _OPTIONS = (("; or weigh them by uncertainty (--weights uncertainty)", "fit_weigh"),
@@ -181,10 +185,21 @@ def _fit(
 ) -> FitResult:
     from eclsim.identification.fit import fit
     from eclsim.identification.multi_start import MultiStart
+
+    case, settings = to_fit(raw, policy)
+    settings = replace(settings, multi_start=MultiStart(**looking))
+    return fit(case, settings=settings, progress=lambda step: report(str(step)))
+
+
+def to_fit(raw: Mapping[str, Any], policy: VolumePolicy) -> tuple[Case, FitSettings]:
+    """The case, and what is free: the paper's seven, and the blood volume where CVP was measured."""
     from eclsim.identification.settings import FitSettings
 
-    settings = FitSettings(multi_start=MultiStart(**looking), volume_policy=policy)
-    return fit(read_mapping(raw).case, settings=settings, progress=lambda step: report(str(step)))
+    settings = FitSettings(volume_policy=policy)
+    if "CVP" in raw["measurements"]:
+        raw = {**raw, "fluid": raw.get("fluid", {})}
+        settings = replace(settings, parameters=(*settings.parameters, EXTRA_VOLUME))
+    return read_mapping(raw).case, settings
 
 
 def _done(
@@ -207,18 +222,19 @@ def _done(
 
 def plain_fit(fit: FitResult) -> dict[str, Any]:
     """A fit as plain data: what `eclsim identify` writes, with units, bounds and the fitted case."""
-    from eclsim.devices.registry import parameters
+    from eclsim.cases.quantities import quantity
     from eclsim.identification.verdict import headline
 
     result = fit.as_object() | {"usable": bool(fit.simulated), "case": fit.case.as_mapping()}
     result["headline"] = headline(result["verdict"])
     result["verdict"]["reasons"] = [on_the_page(reason) for reason in result["verdict"]["reasons"]]
     for name, parameter in result["parameters"].items():
-        known = parameters()[name]
+        known = quantity(name)
+        assert known is not None  # whatever is fitted is a number of a case
         parameter |= {"unit": known.unit, "text": known.description}
         if name in fit.box.names:
             k = fit.box.names.index(name)
-            parameter["bounds"] = [math.exp(fit.box.lower[k]), math.exp(fit.box.upper[k])]
+            parameter["bounds"] = [fit.box.scale.value(k, side[k]) for side in (fit.box.lower, fit.box.upper)]
     return result
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from eclsim.app.fitting import to_fit
 from eclsim.app.texts import text
 from eclsim.cases.quantities import quantity, with_values
 from eclsim.cases.reading import read_mapping
@@ -18,7 +19,7 @@ from eclsim.identification.density import PosteriorDensity, Prior, approximate
 from eclsim.identification.importance import importance_sample
 from eclsim.identification.objective import Box
 from eclsim.identification.quantities import Scale, measurement_errors
-from eclsim.identification.settings import FitSettings, checked_fit
+from eclsim.identification.settings import checked_fit
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.orbit.model import VolumePolicy, model_of
 from eclsim.outputs.signals import parameters_read
@@ -218,8 +219,8 @@ def _density(
     raw: Mapping[str, Any], policy: VolumePolicy, report: Callable[[str], None]
 ) -> tuple[_Reporting, np.ndarray]:
     """The density of a fitted case's parameters, and the coordinates of their fitted values."""
-    case = read_mapping(raw).case
-    checked = checked_fit(case, FitSettings(volume_policy=policy))
+    case, settings = to_fit(raw, policy)
+    checked = checked_fit(case, settings)
     prior = Prior.within(Box.of(checked.free))
     model = model_of(case).with_values(dict(checked.fixed))
     errors = measurement_errors(checked.targets)

@@ -29,8 +29,10 @@ from eclsim.identification.settings import (
     unmeasured_uncertainties,
 )
 from eclsim.identification.verdict import (
+    DOUBTFUL_DIFFERENCE,
     Aspect,
     FitVerdict,
+    Goodness,
     Level,
     Reason,
     agreement,
@@ -41,6 +43,7 @@ from eclsim.identification.verdict import (
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import CaseSource, as_case, model_of
 from eclsim.parameters.adult_ranges import AdultRange, adult_ranges
+from eclsim.parameters.regulation import EXTRA_VOLUME
 from eclsim.sensitivity.identifiability import ScaledSensitivities, propose
 
 if TYPE_CHECKING:
@@ -321,7 +324,7 @@ def _result(
     changed = changed.model_copy(update={"blood_volume_policy": objective.policy})
     reasons = [
         *agreement(target.measured, simulated, goodness, settings.weights), *search(optimum.status),
-        *_held_back(parameters, gains),
+        *_held_back(parameters, gains), *_held_volume(goodness, box.names),
     ]  # fmt: skip
     return FitResult(
         name, changed, target.measured, simulated, parameters, correlation(spread),
@@ -365,6 +368,14 @@ def _held_back(parameters: Mapping[str, FittedParameter], gains: np.ndarray) -> 
         for (name, p), gain in zip(parameters.items(), gains, strict=True)
         if gain > HELD_BACK
     ]  # fmt: skip
+
+
+def _held_volume(goodness: Goodness, free: Sequence[str]) -> list[Reason]:
+    """That a central venous pressure is missed by a patient whose blood volume is held."""
+    if abs(goodness.differences.get("CVP", 0.0)) <= DOUBTFUL_DIFFERENCE or EXTRA_VOLUME in free:
+        return []
+    sentence = f"CVP tells how much blood there is, which is held here: free {EXTRA_VOLUME} ([fluid]) as well"
+    return [Reason(Aspect.AGREEMENT, Level.DOUBTFUL, "", sentence)]
 
 
 def held_against_its_beat(result: FitResult) -> FitResult:

@@ -63,6 +63,7 @@ test("a share on a logarithmic scale stays between 0 and 1", () => {
   assert.equal(logShare(1, [0.1, 10]), 0.5);
   assert.equal(logShare(0.01, [0.1, 10]), 0);
   assert.equal(logShare(99, [0.1, 10]), 1);
+  assert.equal(logShare(1000, [-3000, 5000]), 0.5);
 });
 
 test("a slider of even steps gives back the value that it was set to", () => {

@@ -48,9 +48,11 @@ export function extent(values, least = 0) {
   return [low - missing, high + missing];
 }
 
-// Where a value stands between two bounds on a logarithmic scale, from 0 to 1.
-export const logShare = (value, [low, high]) =>
-  Math.min(Math.max(Math.log(value / low) / Math.log(high / low), 0), 1);
+// Where a value stands between two bounds, from 0 to 1: on a logarithmic scale if both are positive.
+export const logShare = (value, [low, high]) => {
+  const share = low > 0 ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);
+  return Math.min(Math.max(share, 0), 1);
+};
 
 const LOG_POSITIONS = 400;
 
