@@ -4,9 +4,17 @@ import pytest
 
 from eclsim.cases import Case, read_case
 from eclsim.cases.writing import case_text
+from eclsim.course.course import course
 from eclsim.inputs.mistakes import CaseError
 from eclsim.parameters.fluid import says_start
 from small_patient import ON_ECMO
+
+
+@pytest.mark.parametrize("minutes", [0.0, -3.0, float("nan"), float("inf")])
+def test_a_course_needs_a_length(tmp_path, minutes):
+    (tmp_path / "case.toml").write_text(ON_ECMO)
+    with pytest.raises(CaseError, match=f"minutes = {minutes:g}; allowed: a length above 0 min"):
+        course(tmp_path / "case.toml", minutes=minutes)
 
 
 def mistakes(tmp_path, events):

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from eclsim.orbit.model import PATIENT_HELD
+from eclsim.orbit.model import PATIENT_HELD, UnknownValueError
 from eclsim.outputs.registry import contract
-from eclsim.outputs.results import simulate, simulate_course
+from eclsim.outputs.results import derivatives, simulate, simulate_course, simulate_many
 from model_catalogue import model
 
 
@@ -23,6 +23,18 @@ def test_everything_has_a_unit_and_a_name(beat):
     assert beat.attrs["converged"] == 1
     assert beat.attrs["blood_volume_policy"] == "as_published"
     assert all(entry.name in beat for entry in contract())
+
+
+def test_derivatives_and_batches_carry_units_and_refuse_what_is_misspelt():
+    patient = model("V-A")
+    slopes = derivatives(patient, ["MAP", "PF"], ["Rmc", "ecmo.speed_rpm", "heart_rate_bpm"])
+    assert list(slopes["output_units"].values) == ["mmHg", "L/min"]
+    assert list(slopes["parameter_units"].values) == ["mmHg s/mL", "rpm", "bpm"]
+    many = simulate_many(patient, {"Rmc": [0.5], "ecmo.speed_rpm": [3000.0]}, ["MAP"])
+    assert [many[name].attrs["units"] for name in ("Rmc", "ecmo.speed_rpm")] == ["mmHg s/mL", "rpm"]
+    assert many["residual"].attrs["units"] == "1"
+    with pytest.raises(UnknownValueError, match="no parameter 'Rmx'; did you mean Rmc"):
+        derivatives(patient, ["MAP"], ["Rmx"])
 
 
 def test_the_beat_closes(beat):
