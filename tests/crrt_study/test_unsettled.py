@@ -64,28 +64,28 @@ def test_a_limit_that_is_kept_at_one_studied_speed_alone_is_kept_up_to_it():
 
 @pytest.fixture(scope="module")
 def failing():
-    """A right heart so weak that at 7000 rpm, as published, only scheme h has a steady beat."""
+    """A left heart so weak that at 6000 rpm, as published, only with scheme h its valves open."""
     case = paper_case()
-    case = case.model_copy(update={"parameters": case.parameters | {"Emaxrv": 0.05}})
-    return crrt_study(case, schemes="a,d,h", speeds="5000,7000")
+    case = case.model_copy(update={"parameters": case.parameters | {"Emaxlv": 1.0}})
+    return crrt_study(case, schemes="a,d,h", speeds="5000,6000")
 
 
 def test_a_beat_that_was_not_found_has_no_number_and_a_reason(failing):
-    one = failing.means.sel(policy="as_published", scheme="d", speed=7000.0)
-    assert str(one["status"].item()) == "no_ejection"
+    one = failing.means.sel(policy="as_published", scheme="d", speed=6000.0)
+    assert str(one["status"].item()) == "one_of_many"
     numbers = [name for name, values in one.data_vars.items() if values.dtype.kind == "f"]
     assert len(numbers) > 50
     assert not any(np.isfinite(one[name]) for name in numbers)
-    assert np.isnan(failing.without_crrt["PF"].sel(policy="as_published", speed=7000.0))
+    assert np.isnan(failing.without_crrt["PF"].sel(policy="as_published", speed=6000.0))
     assert not failing.converged
     told = {(one.policy, one.place, one.speeds, one.status) for one in failing.unsettled}
-    assert ("as_published", "scheme d", (7000.0,), "no_ejection") in told
-    assert ("as_published", "without CRRT", (7000.0,), "no_ejection") in told
+    assert ("as_published", "scheme d", (6000.0,), "one_of_many") in told
+    assert ("as_published", "without CRRT", (6000.0,), "one_of_many") in told
 
 
 def test_medians_and_variations_are_of_the_schemes_that_are_known(failing):
-    top = failing.summary.sel(policy="as_published", speed=7000.0)
-    known = failing.means["Psart"].sel(policy="as_published", speed=7000.0).dropna("scheme")
+    top = failing.summary.sel(policy="as_published", speed=6000.0)
+    known = failing.means["Psart"].sel(policy="as_published", speed=6000.0).dropna("scheme")
     assert int(top["schemes_known"]) == known.sizes["scheme"] < 3
     assert float(top["Psart_median"]) == pytest.approx(float(known.median()))
     assert top["Psart_highest"].item() == ""

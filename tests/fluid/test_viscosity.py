@@ -43,11 +43,15 @@ def test_narrow_vessels_thicken_less():
 
 @pytest.mark.slow
 def test_at_its_own_haematocrit_a_patient_keeps_its_numbers():
-    """Factors are 1; the program is another one, whose products the compiler may order in another way."""
+    """Factors are 1; the program is another one, whose products the compiler may order in another way.
+
+    Forty copies of the patient, apart by 2e-16 in every parameter, spread by up to 1.7e-13: no two programs
+    can be asked for more.
+    """
     plain, followed = (steady_beat(Batch.of(one)) for one in (model(), model(fluid={"haematocrit": 0.37})))
     assert HAEMATOCRIT in model(fluid={}).circuit.parameter_names()
     for name in plain.names:
-        np.testing.assert_allclose(plain.output(name), followed.output(name), rtol=1e-14)
+        np.testing.assert_allclose(plain.output(name), followed.output(name), rtol=1e-12)
 
 
 @pytest.mark.slow

@@ -51,7 +51,7 @@ DEVIATIONS_TO_BOUNDS = 2.0
 """Bounds of the log-normal prior are this many standard deviations from the start value (the wider side)."""
 FARTHEST = 6.0
 """Largest |z| that a parameter is turned into: a share of 1e-9 of the prior lies beyond."""
-SETTLED = OrbitOptions(tolerance=1e-5, error_tolerance=1e-4, newton_iterations=6)
+SETTLED = OrbitOptions(tolerance=1e-5, error_tolerance=1e-4, newton_iterations=6, exact_iterations=0)
 """Enough for a density: outputs differ from those of the exact orbit by 1e-4 of their uncertainty."""
 
 
@@ -202,9 +202,9 @@ def simulate_members(
 # --- the posterior and its gradient at point after point, and its Gaussian approximation ------------
 
 
-FOLLOWED = OrbitOptions(tolerance=3e-4, error_tolerance=1e-3, newton_iterations=4)
+FOLLOWED = OrbitOptions(tolerance=3e-4, error_tolerance=1e-3, newton_iterations=4, exact_iterations=0)
 """Enough to begin with: a step of Newton's method follows."""
-CLOSER = OrbitOptions(tolerance=1e-6, error_tolerance=1e-5)
+CLOSER = OrbitOptions(tolerance=1e-6, error_tolerance=1e-5, exact_iterations=0)
 """Where the step of Newton's method from there would be too long, or no beat was found."""
 QUICK = replace(FOLLOWED, quasi_newton_beats=10, newton_iterations=0)
 """From the last point; if this does not settle, the beat is searched for from the centre."""

@@ -75,7 +75,7 @@ class Tolerances:
     resolution: int | None = None
 
 
-EXACT = Tolerances(1e-8, 1e-14, 1e-10, 60, OrbitOptions(newton_iterations=3))
+EXACT = Tolerances(1e-8, 1e-14, 1e-10, 60, OrbitOptions(newton_iterations=3, exact_iterations=0))
 """For the optimum itself."""
 
 

@@ -127,6 +127,17 @@ def orbit_derivatives(
     )
 
 
+def exact_jacobian(problem: OrbitProblem, state: np.ndarray) -> np.ndarray:
+    """dF/dy of one member at a state, in scaled states, shape (states, states)."""
+    n = len(state)
+    padded, steps = -(-n // MULTIPLE) * MULTIPLE, problem.program.grid.n_steps
+    directions = np.eye(padded, n), np.zeros((padded, len(problem.packed)))
+    tangents = _tangents(problem.program, ())(state, problem.packed[:, 0], *directions, np.zeros((steps, 0)))
+    end = np.asarray(tangents[1])[:n].T
+    system = np.eye(n) - end + np.outer(problem.spread[:, 0], problem.volume.weights)
+    return system * problem.scale[:, 0] / problem.scale
+
+
 def _inverse(system: np.ndarray) -> np.ndarray:
     """Inverse of a system; `NoDerivativesError` where it is singular to working accuracy."""
     try:

@@ -26,13 +26,15 @@ class OrbitOptions:
         error_tolerance: largest estimated distance to the orbit (inverse Jacobian times residual), relative;
             the state handed back is one step of that size further on, and so much nearer.
         quasi_newton_beats: beats of Broyden's method before Newton's method takes over.
-        newton_iterations: iterations of Newton's method, one Jacobian each.
+        newton_iterations: iterations of Newton's method, one Jacobian by differences each; 0 leaves out both.
+        exact_iterations: further ones with the exact Jacobian, where those end without a steady beat.
     """
 
     tolerance: float = 1e-8
     error_tolerance: float = 1e-7
     quasi_newton_beats: int = 25
     newton_iterations: int = 12
+    exact_iterations: int = 40
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """The search for steady heartbeats.
 
 Broyden's method starts from the inverse Jacobian of a known orbit; a member it does not settle is handed to
-Newton's method with a Jacobian of its own. Nothing here depends on the other members of a batch.
+Newton's method with a Jacobian of its own, by differences, and where that fails with the exact one and in
+shorter steps. Nothing here depends on the other members of a batch.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from eclsim.orbit.derivatives import exact_jacobian
 from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem, Orbits, Trial, allowed_moves
 from eclsim.orbit.iteration import CompiledSearch, compiled_search
 from eclsim.orbit.status import Status
@@ -18,6 +20,10 @@ WAITING_BEATS = 30
 """Plain beats after a search that found nothing."""
 DAMPING = (1.0, 0.5, 0.25, 0.1)
 """Shares of a step of Newton's method, tried until the residual falls."""
+SHORT_STEPS = tuple(0.5**k for k in range(11))
+"""With the exact Jacobian: valves that hardly open bend the residual within a thousandth of a step."""
+LARGEST_MULTIPLIER = 1.0 + 1e-4
+"""Of a beat that plain beats lead to; 1 is that of conserved blood, and rounding splits several of them."""
 DETERMINED, DETERMINED_IN_COLLAPSE = 1e-13, 1e-10
 """Share of the largest singular value below which a direction is taken for noise of the differences: where
 veins collapse, the right heart is shut in and the beat repeats, which the smaller share does not see."""
@@ -34,35 +40,50 @@ def solve_orbits(problem: OrbitProblem, anchor: Anchor, options: OrbitOptions, w
         for member in map(int, np.flatnonzero(~result.converged)):
             state = orbits.states[:, [member]]
             state = state if np.isfinite(state).all() else start[:, [member]]
-            single = _Newton(search, problem.take([member]), options).solve(state)
+            single = _by_newton(search, problem.take([member]), options, state)
             single.beats[:] += orbits.beats[member]
             orbits.put(np.array([member]), single)
     return orbits
 
 
+def _by_newton(
+    search: CompiledSearch, problem: OrbitProblem, options: OrbitOptions, state: np.ndarray
+) -> Orbits:
+    """Steady beat of one member from a state of shape (states, 1)."""
+    found = _Newton(search, problem, options).solve(state)
+    if not options.exact_iterations or found.status[0] == Status.CONVERGED:
+        return found
+    again = _Newton(search, problem, options, exact=True).solve(state)
+    again.beats[:] += found.beats
+    return again if again.status[0] == Status.CONVERGED else found
+
+
 @dataclass(frozen=True)
 class _Newton:
-    """Damped Newton's method for one member."""
+    """Damped Newton's method for one member, its Jacobian by differences or exact."""
 
     search: CompiledSearch
     problem: OrbitProblem
     options: OrbitOptions
+    exact: bool = False
 
     def solve(self, states: np.ndarray) -> Orbits:
         """From a state of shape (states, 1)."""
         result, after = _nothing(len(states)), self._wait(states)
-        for _ in range(self.options.newton_iterations):
+        for _ in range(self.options.exact_iterations if self.exact else self.options.newton_iterations):
             trial = self.problem.trial(states, after)
             if not trial.finite[0]:
                 result.status[:] = Status.NOT_FINITE
                 return result
-            step = -np.linalg.lstsq(self.jacobian(states), trial.residual, rcond=self.determined)[0]
+            jacobian = self.jacobian(states)
+            step = -np.linalg.lstsq(jacobian, trial.residual, rcond=self.determined)[0]
             moves = step * self.problem.scale
             result.beats[:] += 1 + len(states)
             if trial.change[0] <= result.residual[0]:
                 _keep(result, trial)
             error = (np.abs(moves) / trial.size).max()
-            if trial.change[0] <= self.options.tolerance and error <= self.options.error_tolerance:
+            there = trial.change[0] <= self.options.tolerance and error <= self.options.error_tolerance
+            if there and (not self.exact or self._attracts(jacobian)):
                 result.states[:] = states + moves
                 result.status[:] = Status.CONVERGED
                 return result
@@ -73,24 +94,33 @@ class _Newton:
     @property
     def determined(self) -> float:
         """Share of the largest singular value from which on a direction counts."""
-        collapses = bool(self.problem.program.assembly.narrowing)
+        collapses = not self.exact and bool(self.problem.program.assembly.narrowing)
         return DETERMINED_IN_COLLAPSE if collapses else DETERMINED
 
     def jacobian(self, states: np.ndarray) -> np.ndarray:
-        """dF/dy in scaled states, by central differences over a batch of beats."""
+        """dF/dy in scaled states, exact or by central differences over a batch of beats."""
+        if self.exact:
+            return exact_jacobian(self.problem, states[:, 0])
         n, scale = len(states), self.problem.scale[:, 0]
         shift = 1e-4 * np.maximum(np.abs(states[:, 0]), scale)
         points = np.concatenate([states + np.diag(shift), states - np.diag(shift)], axis=1)
         values = self.problem.take(np.zeros(2 * n, dtype=int)).trial(points, self._wait(points)).residual
         return (values[:, :n] - values[:, n:]) / (2.0 * shift) * scale
 
+    def _attracts(self, jacobian: np.ndarray) -> bool:
+        """Whether plain beats lead back to the orbit that an exact Jacobian is of."""
+        scale, weights = self.problem.scale, self.problem.volume.weights
+        volume = self.problem.spread * weights * scale[:, 0] / scale
+        multipliers = np.linalg.eigvals(np.eye(len(scale)) + volume - jacobian)
+        return bool(np.abs(multipliers).max() <= LARGEST_MULTIPLIER)
+
     def _wait(self, states: np.ndarray, beats: int = 1) -> np.ndarray:
         return self.search.wait(states, np.repeat(self.problem.packed, states.shape[1], axis=1), beats)
 
     def _step(self, trial: Trial, moves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Halve the step until the residual falls; settle for plain beats where it does not."""
+        """Shorten the step until the residual falls; settle for plain beats where it does not."""
         size = np.linalg.norm(trial.residual)
-        for fraction in DAMPING:
+        for fraction in SHORT_STEPS if self.exact else DAMPING:
             states = trial.states + fraction * moves
             after = self._wait(states)
             nearer = self.problem.trial(states, after)

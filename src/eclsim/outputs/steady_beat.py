@@ -167,7 +167,9 @@ class SteadyBeat:
 
     def determined_only(self) -> SteadyBeat:
         """The same without numbers where a beat is one of many."""
-        return self._without(~self.determined)
+        lost = ~self.determined
+        states = np.where(lost, np.nan, self.orbits.states)
+        return replace(self._without(lost), orbits=replace(self.orbits, states=states))
 
     def _without(self, failed: np.ndarray) -> SteadyBeat:
         waves = {
