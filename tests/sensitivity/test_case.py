@@ -163,7 +163,7 @@ def test_the_paper_s_parameters_lead(case):
 def test_no_state_is_solved_from_beats_that_were_not_found(case):
     from eclsim.orbit.model import model_of
 
-    with pytest.raises(StateError, match=r"at Rmc = .* no steady beat \(\(not_converged\)"):
+    with pytest.raises(StateError, match=r"at Rmc = .* no steady beat \(not_converged\)"):
         state_values(model_of(case).with_values({"LV_Pd_kappa": 50.0}), "normal")
 
 
