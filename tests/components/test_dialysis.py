@@ -123,9 +123,13 @@ def test_what_fluids_and_blood_share_is_lost_with_the_net_ultrafiltrate_alone():
 NUMBERS = Settings(1000.0, 200.0, 900.0, 100.0, 0.3, 32.0, 24.0, 3.0, 37.0, 300.0, 230.0, 300.0, 240.0, 170.0)
 
 
+GASES = (46.0, 7.36, 37.0)
+"""PCO2, pH and temperature of the blood that enters."""
+
+
 def filter_at(**changes):
     return Performance(
-        *np.asarray(performance(jnp.array([200.0, 180.0, 120.0, *NUMBERS._replace(**changes)])))
+        *np.asarray(performance(jnp.array([200.0, 180.0, 120.0, *GASES, *NUMBERS._replace(**changes)])))
     )
 
 
@@ -150,6 +154,16 @@ def test_carbon_and_base_are_balanced():
     assert 0.5 < found.citrate / (3.0 * 0.2 * 60.0) < 1.0
     neutral = filter_at(citrate=0.0, plasma_bicarbonate=32.0, net=0.0)
     assert neutral.base_gain == pytest.approx(0.0, abs=1e-12)
+
+
+def test_carbon_dioxide_is_the_bloods_own_unless_it_is_set():
+    held, dissolved = 0.0307 * 46.0 * 10.0 ** (7.36 - 6.1), 0.0307 * 46.0
+    own, given = filter_at(plasma_bicarbonate=0.0), filter_at(plasma_bicarbonate=held + dissolved)
+    assert own.carbon_dioxide == pytest.approx(given.carbon_dioxide, rel=1e-12)
+    # Of it bicarbonate alone is base; fluids bring no dissolved carbon dioxide.
+    alone = filter_at(plasma_bicarbonate=held)
+    assert own.base_gain == pytest.approx(alone.base_gain, rel=1e-12)
+    assert given.base_gain < own.base_gain
 
 
 def test_a_filter_is_renamed_with_its_parameters():

@@ -6,7 +6,8 @@ import pytest
 import eclsim
 from eclsim.cases import CaseError, read_case
 from eclsim.cases.reading import read_mapping
-from eclsim.devices.crrt import ON_THE_PATIENT, SETTINGS, SOLUTES, crrt
+from eclsim.devices.crrt import ON_THE_PATIENT, SETTINGS, SOLUTES, THE_BLOODS_OWN, crrt
+from eclsim.orbit.model import values_of
 from eclsim.outputs.limits import broken_limits
 from eclsim.validation.reference_cases import DATA
 
@@ -112,6 +113,55 @@ def test_arterial_carbon_dioxide_follows_the_fluid_as_its_derivative_says():
         assert float(exact.sel(output="PaCO2", parameter=name)) == pytest.approx(slope, rel=1e-4)
 
 
+REMOVED = ["crrt_carbon_dioxide_removal", "base_gain", "PaCO2"]
+
+
+@pytest.mark.slow
+def test_a_filter_meets_the_bicarbonate_of_the_blood_that_reaches_it():
+    gas = VV["gas"] | {"base_excess_mmol_l": -6.0}
+    found = eclsim.simulate(read_mapping(VV | {"gas": gas, "crrt": ON_ECMO | FLUIDS}).case)
+    into = eclsim.blood.gases(
+        po2=float(found["PpostO2"]), pco2=float(found["PpostCO2"]), haemoglobin=9.0, base_excess=-6.0
+    )
+    total = float(into.bicarbonate) + 0.0307 * float(found["PpostCO2"])
+    given = ON_ECMO | FLUIDS | {"plasma_bicarbonate_mmol_l": total}
+    again = eclsim.simulate(read_mapping(VV | {"gas": gas, "crrt": given}).case)
+    for name in ("crrt_carbon_dioxide_removal", "PaCO2", "PvCO2"):
+        # 1e-7 of the blood before the filter comes back from behind it with the beat.
+        assert float(found[name]) == pytest.approx(float(again[name]), rel=1e-6), name
+    usual = eclsim.simulate(
+        read_mapping(VV | {"gas": gas, "crrt": given | {"plasma_bicarbonate_mmol_l": 24.0}}).case
+    )
+    assert float(usual["crrt_carbon_dioxide_removal"]) > float(found["crrt_carbon_dioxide_removal"]) + 3.0
+
+
+@pytest.mark.slow
+def test_the_bloods_own_bicarbonate_has_exact_derivatives_and_the_same_bits_in_batches():
+    case = read_mapping(VV | {"crrt": ON_ECMO | FLUIDS}).case
+    names = ["gas.base_excess_mmol_l", "gas.haemoglobin_g_dl", "ecmo.sweep_l_min", "crrt.flow_ml_min"]
+    exact = eclsim.derivatives(case, REMOVED, names)
+    for name in names:
+        value = float(exact["parameter_value"].sel(parameter=name))
+        step = 1e-3 * max(abs(value), 1.0)
+        many = eclsim.simulate_many(case, {name: [value - step, value + step, value]}, REMOVED)
+        alone = eclsim.simulate_many(case, {name: [value]}, REMOVED)
+        for output in REMOVED:
+            low, high, middle = many[output].values
+            slope = (high - low) / (2.0 * step)
+            assert float(exact.sel(output=output, parameter=name)) == pytest.approx(slope, rel=3e-4, abs=1e-6)
+            assert middle == alone[output].values[0]
+
+
+def test_renox_meets_the_haematocrit_and_the_bicarbonate_of_the_patient():
+    values = values_of(read_mapping(VV | {"renox": {"dialysate_ml_h": 2000}}).case)
+    assert values["renox.haematocrit_in"] == pytest.approx(9.0 / 33.3)
+    assert values["renox.plasma_bicarbonate_mmol_l"] == THE_BLOODS_OWN
+    without = {key: value for key, value in VV.items() if key != "gas"}
+    values = values_of(read_mapping(without | {"renox": {"dialysate_ml_h": 2000}}).case)
+    assert values["renox.haematocrit_in"] == 0.3
+    assert values["renox.plasma_bicarbonate_mmol_l"] == 24.0
+
+
 @pytest.mark.slow
 def test_derivatives_and_batches_are_those_of_single_beats(case):
     outputs = ["clearance_urea", "filtration_fraction", "effluent_pressure", "effective_clearance_urea"]
@@ -163,3 +213,23 @@ def test_limits_of_filtration_and_of_the_membrane():
     assert [(b.quantity, b.kind) for b in broken] == [
         ("transmembrane_pressure", "alarm"), ("filtration_fraction", "warning"),
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("section", "key", "value", "message"),
+    [
+        ("crrt", "dialysate_ml_h", 1.5, r"0, or 20 to 20000 mL/h; did you mean 1\.5 L/h = 1500 mL/h"),
+        ("crrt", "replacement_pre_ml_h", 0.8, r"did you mean 0\.8 L/h = 800 mL/h"),
+        ("crrt", "net_ultrafiltration_ml_h", 0.1, r"0, or 1 to 20000 mL/h; did you mean 0\.1 L/h = 100 mL/h"),
+        ("renox", "dialysate_ml_h", 2, r"did you mean 2 L/h = 2000 mL/h"),
+        ("renox", "net_ultrafiltration_ml_h", 0.1, r"did you mean 0\.1 L/h = 100 mL/h"),
+    ],
+)
+def test_a_flow_of_fluid_in_litres_is_named(section, key, value, message):
+    own = (ON_ECMO if section == "crrt" else {"dialysate_ml_h": 2000}) | {key: value}
+    with pytest.raises(CaseError, match=message):
+        read_mapping(VV | {section: own})
+
+
+def test_no_flow_of_fluid_is_allowed():
+    read_mapping(VV | {"crrt": ON_ECMO | {"dialysate_ml_h": 0, "net_ultrafiltration_ml_h": 1}})

@@ -127,6 +127,30 @@ def test_bicarbonate_gained_raises_base_excess_and_what_the_filter_meets():
     assert end[BASE_EXCESS] > 2.0
 
 
+def test_where_the_filter_takes_the_bloods_own_bicarbonate_base_excess_alone_carries_what_is_gained():
+    values = settings() | {"crrt.plasma_bicarbonate_mmol_l": np.array([0.0])}
+    end = LAW.in_effect(after(24.0, values), values)
+    assert end["crrt.plasma_bicarbonate_mmol_l"] == 0.0
+    assert end[BASE_EXCESS] == LAW.in_effect(after(24.0, settings()), settings())[BASE_EXCESS]
+
+
+@pytest.mark.parametrize("acid", [0.0, 6.0, 15.0])
+def test_carbon_dioxide_that_stays_as_bicarbonate_is_not_in_the_tissues_too(acid):
+    """Over tissues and bicarbonate together: what is made, less what the blood gets, and acid's share."""
+    law = CarbonDioxideLaw((("tissue", 1.0),), LAW)
+    values = settings(acid_generation_mmol_h=acid)
+    store, beat = (
+        float(values["solutes.carbon_dioxide_store_ml_mmHg"][0]),
+        {**BEAT, "stored_CO2": 2.0, "tissue_PCO2": 45.0},
+    )
+    beat = {key: np.array([value]) for key, value in beat.items()}
+    pressure, blood = (float(r[0]) for r in law.rates(law.start(values, beat), values, beat, {}).values())
+    gases = store * (0.8 * pressure + 0.2 * blood)
+    none = {kind: np.zeros(1) for kind in INFLOWS}
+    bicarbonate = LAW.rates(LAW.start(values, beat), values, beat, none)["solutes.bicarbonate_outside_mmol"]
+    assert gases + 22.26 * float(bicarbonate[0]) == pytest.approx(2.0 / 60.0, rel=1e-12)
+
+
 @pytest.mark.parametrize("wanted", [12.0, 24.0, 34.0])
 def test_base_excess_of_a_bicarbonate_is_that_of_the_blood_laws(wanted):
     excess = standard_base_excess(np.array(wanted), np.array(11.0))

@@ -135,12 +135,13 @@ def _same_start(case: Case, bicarbonate: float) -> dict[str, float]:
 
     key = "plasma_bicarbonate_mmol_l"
     total = float(bicarbonate + carbon_dioxide_solubility() * STANDARD_PCO2)
-    unset = (instance for instance in case.instances() if getattr(instance.section, key, 0.0) is None)
-    result = {f"{instance.key}.{key}": total for instance in unset}
-    if case.gas is not None and case.gas.base_excess_mmol_l == 0.0:
-        excess = standard_base_excess(bicarbonate, case.gas.haemoglobin_g_dl)
-        result["gas.base_excess_mmol_l"] = float(excess)
-    return result
+    if case.gas is None:
+        unset = (one for one in case.instances() if getattr(one.section, key, 0.0) is None)
+        return {f"{one.key}.{key}": total for one in unset}
+    if case.gas.base_excess_mmol_l != 0.0:
+        return {}
+    excess = standard_base_excess(bicarbonate, case.gas.haemoglobin_g_dl)
+    return {"gas.base_excess_mmol_l": float(excess)}
 
 
 def haemoglobin(case: Case) -> float | None:

@@ -151,7 +151,7 @@ def resolve_parameters(case: Case) -> dict[str, float]:
         values["gas.vo2_ml_min"] = oxygen_consumption(*height_weight(case.patient))
         values |= {f"gas.{name}": number for name, number in case.gas.model_dump(exclude_none=True).items()}
     for instance in case.instances():
-        values |= instance.values(haemoglobin(case))
+        values |= instance.values(haemoglobin(case), case.gas is not None)
         common = {key: value for key, value in case.parameters.items() if instance.parameter(key) in values}
         values |= {instance.parameter(key): value for key, value in common.items()}
     return values | fluid_values(case, values, *height_weight(case.patient)) | case.parameters

@@ -26,10 +26,12 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
+from eclsim.blood.acid_base import bicarbonate, carbon_dioxide_solubility
 from eclsim.components.base import Exchanger, Renaming, Values
-from eclsim.components.exchangers import BLOOD, GasExchanger, Points
+from eclsim.components.exchangers import BLOOD, ENTERING, TEMPERATURE, GasExchanger, Points
 
 PLASMA_WATER = 0.93
 """Share of plasma that is water; proteins take up the rest (textbook value)."""
@@ -110,6 +112,24 @@ class Hemofilter(Exchanger):
         return replace(self, settings=tuple(map(parameter, self.settings)))
 
 
+class Carried(NamedTuple):
+    """Carbon dioxide of plasma [mmol/L].
+
+    Attributes:
+        bicarbonate: which is base; all of it where no more than the total is known.
+        dissolved: the rest.
+    """
+
+    bicarbonate: Array
+    dissolved: Array
+
+    @classmethod
+    def of(cls, pco2: Array, ph: Array, temperature: Array) -> Carried:
+        """By Henderson and Hasselbalch from PCO2 [mmHg], pH and temperature [C]."""
+        held = jnp.asarray(bicarbonate(pco2, ph, temperature))
+        return cls(held, jnp.asarray(carbon_dioxide_solubility(temperature) * pco2))
+
+
 class Settings(NamedTuple):
     """What is set at a filter and what it is made of.
 
@@ -120,7 +140,7 @@ class Settings(NamedTuple):
         net: net ultrafiltration [mL/h].
         haematocrit: of the blood that enters [-].
         fluid_bicarbonate: bicarbonate of the fluids [mmol/L].
-        plasma_bicarbonate: total CO2 of the plasma that enters [mmol/L].
+        plasma_bicarbonate: total CO2 of the plasma that enters [mmol/L]; 0 for the blood's own.
         citrate: dose of regional citrate [mmol per L of blood].
         permeability: Kuf of the membrane in blood [mL/h/mmHg].
         urea: KoA [mL/min].
@@ -149,6 +169,13 @@ class Settings(NamedTuple):
     def fluids(self) -> Fluids:
         """Flows [mL/min]."""
         return Fluids(*(flow / 60.0 for flow in self[:4]))
+
+    def plasma(self, own: Carried) -> Carried:
+        """Carbon dioxide of the plasma that enters: as it is set, or the blood's own."""
+        given = self.plasma_bicarbonate
+        return Carried(
+            jnp.where(given > 0.0, given, own.bicarbonate), jnp.where(given > 0.0, 0.0, own.dissolved)
+        )
 
     def solute(self, name: str) -> Solute:
         """A solute as this filter clears it; all of these pass an AN69 membrane freely (Troyanov 2003)."""
@@ -191,9 +218,10 @@ def performance(numbers: Array) -> Array:
     """What a filter does, in the order of `Performance`.
 
     Args:
-        numbers: blood flow [mL/min], pressure of the blood before and behind the fibres [mmHg], `Settings`.
+        numbers: blood flow [mL/min], pressure of the blood before and behind the fibres [mmHg]; PCO2 [mmHg]
+            and pH of the blood that enters and its temperature [C], where they are known; `Settings`.
     """
-    blood, inlet, outlet, *rest = numbers
+    blood, inlet, outlet, pco2, ph, temperature, *rest = numbers
     settings = Settings(*rest)
     fluids, haematocrit = settings.fluids, settings.haematocrit
 
@@ -201,7 +229,7 @@ def performance(numbers: Array) -> Array:
         solute = settings.solute(name)
         return clearance(solute.water_flow(blood, haematocrit), fluids, solute)
 
-    lost = _carbon_dioxide_lost(blood, settings)
+    carbon_dioxide, base = _lost(blood, settings, Carried.of(pco2, ph, temperature))
     dose = 1e-3 * settings.citrate * blood
     plasma_water = settings.solute("citrate_ion").water_flow(blood, haematocrit)
     urea_water = settings.solute("urea").water_flow(blood, haematocrit)
@@ -215,8 +243,8 @@ def performance(numbers: Array) -> Array:
         cleared("urea"),
         cleared("creatinine"),
         cleared("potassium"),
-        60.0 * (BASE_PER_CITRATE * load - lost),
-        CARBON_DIOXIDE_ML_PER_MMOL * lost,
+        60.0 * (BASE_PER_CITRATE * load - base),
+        CARBON_DIOXIDE_ML_PER_MMOL * carbon_dioxide,
         60.0 * load,
         urea_water,
         plasma_water,
@@ -224,11 +252,15 @@ def performance(numbers: Array) -> Array:
     return jnp.stack(jnp.broadcast_arrays(*result))
 
 
-def _carbon_dioxide_lost(blood: Array, settings: Settings) -> Array:
-    """Bicarbonate and dissolved carbon dioxide that a patient loses [mmol/min]; blood flow in mL/min."""
-    solute = settings.solute("carbon_dioxide")
+def _lost(blood: Array, settings: Settings, own: Carried) -> tuple[Array, Array]:
+    """Carbon dioxide and bicarbonate that a patient loses [mmol/min]; blood flow in mL/min.
+
+    Fluids bring bicarbonate, and hardly any dissolved carbon dioxide.
+    """
+    solute, plasma = settings.solute("carbon_dioxide"), settings.plasma(own)
     cleared = clearance(solute.water_flow(blood, settings.haematocrit), settings.fluids, solute)
-    return removed(cleared, settings.plasma_bicarbonate, settings.fluid_bicarbonate, settings.fluids.net)
+    base = removed(cleared, plasma.bicarbonate, settings.fluid_bicarbonate, settings.fluids.net)
+    return base + 1e-3 * cleared * plasma.dissolved, base
 
 
 @dataclass(frozen=True)
@@ -236,6 +268,8 @@ class DialysedBlood(GasExchanger):
     """Blood from which a filter clears bicarbonate and dissolved carbon dioxide, in the balance of its gases.
 
         in --(fibres, V_CO2 = K (c_plasma - c_fluid) + net x c_fluid)--> out
+
+    with c_plasma of the blood that enters, unless it is set.
 
     Base excess is the patient's own, so that what fluids bring leaves as gas where acid is made. A filter
     that takes more water than enters it exchanges nothing here; its own outputs say so.
@@ -247,6 +281,10 @@ class DialysedBlood(GasExchanger):
     filter: Hemofilter
     analysed: ClassVar[bool] = False
 
+    @property
+    def collocation(self) -> tuple[int, np.ndarray]:  # noqa: D102  (see the base class; so below)
+        return 1, ENTERING
+
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the filter's parameters and of those of the blood."""
         return (*self.filter.parameter_names(), *BLOOD)
@@ -257,9 +295,10 @@ class DialysedBlood(GasExchanger):
 
     def rates(self, flow: Array, inside: Points, values: Values) -> Array:  # noqa: D102
         settings = Settings(*(jnp.asarray(values[name]) for name in self.filter.settings))
-        lost = CARBON_DIOXIDE_ML_PER_MMOL * _carbon_dioxide_lost(1000.0 * jnp.asarray(flow), settings)
-        gained = jnp.where(jnp.isfinite(lost), -lost, 0.0)
-        return jnp.stack([jnp.zeros_like(inside.gained[1]), jnp.broadcast_to(gained, inside.gained[1].shape)])
+        own = Carried.of(inside.pressure[1], inside.ph, jnp.asarray(values[TEMPERATURE]))
+        lost, _ = _lost(1000.0 * jnp.asarray(flow), settings, own)
+        gained = jnp.where(jnp.isfinite(lost), -CARBON_DIOXIDE_ML_PER_MMOL * lost, 0.0)
+        return jnp.stack([jnp.zeros_like(gained), gained])
 
 
 def clearance(water: Array, fluids: Fluids, solute: Solute) -> Array:

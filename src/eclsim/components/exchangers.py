@@ -35,9 +35,12 @@ RADAU = np.array([[5.0, -1.0], [9.0, 3.0]]) / 12.0
 """Weights of the rates at 1/3 and at the end of a cell (Radau IIA)."""
 MIXED = np.ones((1, 1))
 """Of a place whose blood is mixed: the rate is that of the blood which leaves."""
+ENTERING = np.array([[0.0, 0.0], [1.0, 0.0]])
+"""Of a place where the rate is that of the blood which enters, the first of two points."""
 
 HAEMOGLOBIN, OXYGEN_CAPACITY = "gas.haemoglobin_g_dl", "gas.oxygen_capacity_ml_g"
-BLOOD = (HAEMOGLOBIN, "gas.base_excess_mmol_l", "gas.temperature_c", OXYGEN_CAPACITY)
+TEMPERATURE = "gas.temperature_c"
+BLOOD = (HAEMOGLOBIN, "gas.base_excess_mmol_l", TEMPERATURE, OXYGEN_CAPACITY)
 """Parameters of the blood, which is the same everywhere."""
 
 
@@ -48,11 +51,13 @@ class Points(NamedTuple):
         gained: gas that blood has gained up to there [mL/min STPD].
         pressure: partial pressures [mmHg].
         slope: derivative of the oxygen saturation with respect to PO2 at constant pH [1/mmHg].
+        ph: there.
     """
 
     gained: Array
     pressure: Array
     slope: Array
+    ph: Array
 
 
 class GasExchanger(Exchanger, ABC):

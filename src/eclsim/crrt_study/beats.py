@@ -124,7 +124,7 @@ def study_circuits(case: Case, schemes: Sequence[Scheme], crrt_flow_ml_min: floa
     circuit = without + crrt(Choice(nodes, ACCESS), Choice(nodes, RETURN), section.dialyses)
     values = values_of(without_crrt) | CRRT.values(section)
     if case.gas is not None:
-        values |= CRRT.values_of_blood(section, case.gas.haemoglobin_g_dl)
+        values |= CRRT.values_of_blood(section, case.gas.haemoglobin_g_dl, gases=True)
     values["crrt.flow_ml_min"] = crrt_flow_ml_min
     return StudyCircuits(circuit, without, values, nodes, tuple(schemes))
 

@@ -13,10 +13,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
 from eclsim.devices.description import (
+    GASES,
     Assumption,
     BeatMeasures,
     Box,
@@ -148,6 +150,10 @@ def assumed_membrane(membrane: Sequence[Parameter], prefix: str = "") -> tuple[A
 
 RED_CELL_HAEMOGLOBIN = 33.3
 """Haemoglobin in a dL of red cells [g], the usual mean corpuscular concentration."""
+THE_BLOODS_OWN = 0.0
+"""Carbon dioxide of the plasma that says: that of the blood which enters, from its gases."""
+UNKNOWN_GASES = (0.0, 7.4, 37.0)
+"""PCO2, pH and temperature where gases are not followed; the plasma's carbon dioxide is set then."""
 HAEMATOCRIT = f"{GROUP}.haematocrit_in"
 SETTINGS = (
     *(f"{GROUP}.{key}" for key in FLUIDS), HAEMATOCRIT, f"{GROUP}.fluid_bicarbonate_mmol_l",
@@ -191,8 +197,12 @@ def _site(description: str) -> Field:
     return Field(description, "name", names=names, aliases=MappingProxyType(nodes), read=_read_site)
 
 
-def _fluid(description: str, typical: float) -> Field:
-    return number(description, "mL/h", 0, 20000, typical, required=False)
+def fluid_flow(
+    description: str, typical: float, least: float = 20.0, maximum: float = 20000.0, required: bool = False
+) -> Field:
+    """A flow of fluid [mL/h]; no machine gives less than the least, which is likely in L/h."""
+    one = number(description, "mL/h", 0, maximum, typical, required=required)
+    return replace(one, least=least)
 
 
 _HAEMATOCRIT = Field(
@@ -208,14 +218,16 @@ class Crrt(Section):
     flow_ml_min: Annotated[float, number("Blood flow of the CRRT pump", "mL/min", 10, 600, 200)]
     access_site: Annotated[str, _site("Where the access line drains")]
     return_site: Annotated[str, _site("Where the return line ends")]
-    dialysate_ml_h: Annotated[float | None, _fluid("Flow of dialysate", 1000.0)] = None
-    replacement_pre_ml_h: Annotated[float | None, _fluid("Replacement fluid before the filter", 1000.0)] = (
-        None
-    )
-    replacement_post_ml_h: Annotated[float | None, _fluid("Replacement fluid behind the filter", 1000.0)] = (
-        None
-    )
-    net_ultrafiltration_ml_h: Annotated[float | None, _fluid("Fluid taken from the patient", 100.0)] = None
+    dialysate_ml_h: Annotated[float | None, fluid_flow("Flow of dialysate", 1000.0)] = None
+    replacement_pre_ml_h: Annotated[
+        float | None, fluid_flow("Replacement fluid before the filter", 1000.0)
+    ] = None
+    replacement_post_ml_h: Annotated[
+        float | None, fluid_flow("Replacement fluid behind the filter", 1000.0)
+    ] = None
+    net_ultrafiltration_ml_h: Annotated[
+        float | None, fluid_flow("Fluid taken from the patient", 100.0, 1.0)
+    ] = None
     fluid_bicarbonate_mmol_l: Annotated[
         float | None, number("Bicarbonate of all fluids", "mmol/L", 0, 60, 32, required=False)
     ] = None
@@ -267,22 +279,50 @@ def crrt(access_site: Site, return_site: Site, dialysis: bool = False) -> Circui
 # --- dialysis -------------------------------------------------------------------------------------
 
 
-def _dialysis(name: str, field: str, long_name: str, unit: str, definition: str) -> Output:
+def _dialysis(
+    name: str, field: str, long_name: str, unit: str, definition: str, by_gases: bool = False
+) -> Output:
     """A number of what the filter does, a field of `eclsim.components.dialysis.Performance`."""
-    compute = lambda m: getattr(performance(m), field)  # noqa: E731
-    return Output(name, long_name, unit, definition, _DIALYSIS_SIGNALS, compute, parameters=SETTINGS)
+    return Output(
+        name, long_name, unit, definition, _DIALYSIS_SIGNALS,
+        lambda m: getattr(performance(m, by_gases), field), parameters=SETTINGS, all_flows=by_gases,
+        by_gases=by_gases,
+    )  # fmt: skip
 
 
-def performance(m: BeatMeasures) -> Any:
-    """What the filter does in a beat (`eclsim.components.dialysis.Performance`)."""
+def dialysed_blood(section: Any, haemoglobin_g_dl: float, gases: bool) -> dict[str, float]:
+    """What a section with `haematocrit_in` and `plasma_bicarbonate_mmol_l` leaves to the patient's blood."""
+    own = {"haematocrit_in": haemoglobin_g_dl / RED_CELL_HAEMOGLOBIN}
+    if gases:
+        own["plasma_bicarbonate_mmol_l"] = THE_BLOODS_OWN
+    return {f"{section.section}.{key}": own[key] for key in own if getattr(section, key) is None}
+
+
+def gases_into(m: BeatMeasures, place: str) -> list[Numbers]:
+    """PCO2, pH and temperature of the blood that enters a filter."""
+    temperature = "gas.temperature_c"
+    return [m.gas("PCO2", "into", place), m.gas("pH", "into", place), m.parameter(temperature)]
+
+
+def performance(m: BeatMeasures, by_gases: bool = False) -> Any:
+    """What the filter does in a beat (`eclsim.components.dialysis.Performance`).
+
+    Args:
+        m: measures of the beat.
+        by_gases: whether the gases of the blood are asked for where they are followed.
+    """
     from eclsim.components import dialysis
 
-    def compute() -> dialysis.Performance:
-        pressures = m.mean("Pcrrtfil"), m.mean("Pcrrttuout")
-        numbers: list[Numbers] = [60.0 * m.mean("Qcrrtpump"), *pressures, *map(m.parameter, SETTINGS)]
-        return dialysis.Performance(*m.apply(dialysis.performance, numbers))
+    followed = by_gases and GASES in m.circuit.content_names()
 
-    return m.kept((GROUP, "performance"), compute)
+    def compute() -> dialysis.Performance:
+        blood = [60.0 * m.mean("Qcrrtpump"), m.mean("Pcrrtfil"), m.mean("Pcrrttuout")]
+        gases = gases_into(m, "crrtfil") if followed else UNKNOWN_GASES
+        return dialysis.Performance(
+            *m.apply(dialysis.performance, [*blood, *gases, *map(m.parameter, SETTINGS)])
+        )
+
+    return m.kept((GROUP, "performance", str(followed)), compute)
 
 
 def _effective(m: BeatMeasures, solute: str) -> Numbers:
@@ -327,11 +367,11 @@ _OUTPUTS = (
     ),
     _dialysis(
         "base_gain", "base_gain", "bicarbonate gained from the CRRT", "mmol/h",
-        "from fluids and citrate (3 each), less what is removed",
+        "from fluids and citrate (3 each), less what is removed", by_gases=True,
     ),
     _dialysis(
         "crrt_carbon_dioxide_removal", "carbon_dioxide", "carbon dioxide removed by the dialyzer", "mL/min",
-        "STPD, as bicarbonate and dissolved, less what the fluids bring",
+        "STPD, as bicarbonate and dissolved, less what the fluids bring", by_gases=True,
     ),
     _dialysis("citrate_load", "citrate", "citrate that reaches the patient", "mmol/h", "dose - removed"),
 )  # fmt: skip
@@ -475,11 +515,9 @@ class CrrtDevice(Device[Crrt]):
             values |= {key: given.get(key, usual) for key, usual in USUAL_FLUID.items()}
         return {f"{GROUP}.{key}": value for key, value in values.items()}
 
-    def values_of_blood(self, section: Crrt, haemoglobin_g_dl: float) -> dict[str, float]:
-        """Haematocrit of the blood in the access line."""
-        if not section.dialyses or section.haematocrit_in is not None:
-            return {}
-        return {HAEMATOCRIT: haemoglobin_g_dl / RED_CELL_HAEMOGLOBIN}
+    def values_of_blood(self, section: Crrt, haemoglobin_g_dl: float, gases: bool) -> dict[str, float]:
+        """Haematocrit and carbon dioxide of the blood in the access line."""
+        return dialysed_blood(section, haemoglobin_g_dl, gases) if section.dialyses else {}
 
     def summary(self, section: Crrt) -> str:
         """Blood flow."""

@@ -71,6 +71,7 @@ class Output:
         parameters: that it reads besides; it exists only in circuits that have them. Where it is not to be
             trusted it is NaN.
         all_flows: whether it follows from the flows of all connections.
+        by_gases: whether it follows from the gases of the blood too where they are followed.
         in_effect: whether it follows from what controllers read, and so from all parameters of theirs.
     """
 
@@ -84,6 +85,7 @@ class Output:
     in_contract: bool = False
     parameters: tuple[str, ...] = ()
     all_flows: bool = False
+    by_gases: bool = False
     in_effect: bool = False
 
 

@@ -126,8 +126,14 @@ class Device(ABC, Generic[S]):
     def values(self, section: S) -> dict[str, float]:
         """Values of the parameters of the circuit that `parameters` does not hold, or holds otherwise."""
 
-    def values_of_blood(self, section: S, haemoglobin_g_dl: float) -> dict[str, float]:
-        """Values that its section leaves to the patient's haemoglobin, where a case has it."""
+    def values_of_blood(self, section: S, haemoglobin_g_dl: float, gases: bool) -> dict[str, float]:
+        """Values that its section leaves to the patient's blood, where a case has its haemoglobin.
+
+        Args:
+            section: of the case.
+            haemoglobin_g_dl: of the patient.
+            gases: whether the gases of the blood are followed.
+        """
         return {}
 
     def check(self, values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
@@ -345,12 +351,17 @@ class Instance(Naming):
 
     section: Section = field(kw_only=True)
 
-    def values(self, haemoglobin_g_dl: float | None = None) -> dict[str, float]:
-        """Values of all its parameters; the patient's haemoglobin, where it is known."""
+    def values(self, haemoglobin_g_dl: float | None = None, gases: bool = False) -> dict[str, float]:
+        """Values of all its parameters, with what its section leaves to the patient's blood.
+
+        Args:
+            haemoglobin_g_dl: of the patient, where it is known.
+            gases: whether the gases of the blood are followed.
+        """
         values = {parameter.key: parameter.value for parameter in self.device.parameters}
         values |= self.device.values(self.section)
         if haemoglobin_g_dl is not None:
-            values |= self.device.values_of_blood(self.section, haemoglobin_g_dl)
+            values |= self.device.values_of_blood(self.section, haemoglobin_g_dl, gases)
         return {self.parameter(name): value for name, value in values.items()}
 
     def circuit(self) -> Circuit:

@@ -18,10 +18,19 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eclsim.devices.crrt import FILTER_PARAMETERS, SOLUTES, USUAL_FLUID, Crrt, assumed_membrane
-from eclsim.devices.description import BeatMeasures, Finding, Numbers, Output
+from eclsim.devices.crrt import (
+    FILTER_PARAMETERS,
+    SOLUTES,
+    UNKNOWN_GASES,
+    USUAL_FLUID,
+    Crrt,
+    assumed_membrane,
+    dialysed_blood,
+    fluid_flow,
+    gases_into,
+)
+from eclsim.devices.description import GASES, BeatMeasures, Finding, Numbers, Output
 from eclsim.devices.device import CaseValues, Device, Naming
-from eclsim.inputs.fields import number
 from eclsim.inputs.mistakes import Remarks
 from eclsim.inputs.sections import Raw, Section
 
@@ -48,22 +57,28 @@ class Renox(Section):
     """The dialysate side: flows in mL/h. Replacement fluid and citrate have no place in such a device."""
 
     section = GROUP
-    dialysate_ml_h: Annotated[float, number("Flow of dialysate", "mL/h", 0, 20000, 2000)]
+    dialysate_ml_h: Annotated[float, fluid_flow("Flow of dialysate", 2000.0, required=True)]
     net_ultrafiltration_ml_h: Annotated[
-        float, number("Fluid taken from the patient", "mL/h", 0, 5000, 100, required=False)
+        float, fluid_flow("Fluid taken from the patient", 100.0, 1.0, 5000.0)
     ] = 0.0
     haematocrit_in: Annotated[float | None, Crrt.fields()["haematocrit_in"]] = None
     fluid_bicarbonate_mmol_l: Annotated[float | None, Crrt.fields()["fluid_bicarbonate_mmol_l"]] = None
     plasma_bicarbonate_mmol_l: Annotated[float | None, Crrt.fields()["plasma_bicarbonate_mmol_l"]] = None
 
 
-def performance(m: BeatMeasures) -> Any:
-    """What the dialysate fibres do in a beat (`eclsim.components.dialysis.Performance`)."""
+def performance(m: BeatMeasures, by_gases: bool = False) -> Any:
+    """What the dialysate fibres do in a beat (`eclsim.components.dialysis.Performance`).
+
+    Args:
+        m: measures of the beat.
+        by_gases: whether the gases of the blood are asked for where they are followed.
+    """
     from eclsim.components import dialysis
 
-    blood = m.mean("Qecmooxy") * 60.0
-    numbers: list[Numbers] = [blood, m.mean("Pecmooxy"), m.mean("Pecmotuor"), *map(m.parameter, SETTINGS)]
-    return dialysis.Performance(*m.apply(dialysis.performance, numbers))
+    followed = by_gases and GASES in m.circuit.content_names()
+    blood = [m.mean("Qecmooxy") * 60.0, m.mean("Pecmooxy"), m.mean("Pecmotuor")]
+    gases = gases_into(m, "ecmotuor") if followed else UNKNOWN_GASES
+    return dialysis.Performance(*m.apply(dialysis.performance, [*blood, *gases, *map(m.parameter, SETTINGS)]))
 
 
 def _free_filtration(m: BeatMeasures) -> Numbers:
@@ -71,9 +86,14 @@ def _free_filtration(m: BeatMeasures) -> Numbers:
     return 0.5 * (m.mean("Pecmooxy") + m.mean("Pecmotuor")) * m.parameter(_PERMEABILITY)
 
 
-def _output(name: str, field: str, long_name: str, unit: str, definition: str) -> Output:
-    compute = lambda m: getattr(performance(m), field)  # noqa: E731
-    return Output(f"{GROUP}_{name}", long_name, unit, definition, _SIGNALS, compute, parameters=SETTINGS)
+def _output(
+    name: str, field: str, long_name: str, unit: str, definition: str, by_gases: bool = False
+) -> Output:
+    return Output(
+        f"{GROUP}_{name}", long_name, unit, definition, _SIGNALS,
+        lambda m: getattr(performance(m, by_gases), field), parameters=SETTINGS, all_flows=by_gases,
+        by_gases=by_gases,
+    )  # fmt: skip
 
 
 class RenoxDevice(Device[Renox]):
@@ -113,10 +133,10 @@ class RenoxDevice(Device[Renox]):
             for name in SOLUTES
         ),
         _output("base_gain", "base_gain", "bicarbonate gained from the RenOx", "mmol/h",
-                "from the dialysate, less what is removed"),
+                "from the dialysate, less what is removed", by_gases=True),
         _output(
             "carbon_dioxide_removal", "carbon_dioxide", "carbon dioxide removed by the RenOx", "mL/min",
-            "STPD, as bicarbonate and dissolved, less what the dialysate brings",
+            "STPD, as bicarbonate and dissolved, less what the dialysate brings", by_gases=True,
         ),
         Output(
             f"{GROUP}_free_ultrafiltration_ml_h", "ultrafiltration of the RenOx with an open effluent",
@@ -139,6 +159,10 @@ class RenoxDevice(Device[Renox]):
         """Flows of fluid, and the blood and the fluid that meet."""
         settings = section.model_dump(exclude_none=True)
         return dict(self.nominal) | {f"{GROUP}.{key}": value for key, value in settings.items()}
+
+    def values_of_blood(self, section: Renox, haemoglobin_g_dl: float, gases: bool) -> dict[str, float]:
+        """Haematocrit and carbon dioxide of the blood in the housing."""
+        return dialysed_blood(section, haemoglobin_g_dl, gases)
 
     def summary(self, section: Renox) -> str:
         """Dialysate and net ultrafiltration."""

@@ -23,6 +23,7 @@ def slow_laws(circuit: Circuit, settings: Mapping[str, float | np.ndarray]) -> t
     """
     fluid = HAEMATOCRIT in circuit.parameter_names()
     laws: tuple[SlowLaw, ...] = (fluid_law(circuit),) if fluid else ()
-    if np.any(settings.get(FOLLOWED, 0.0)):
-        laws += (solutes_law(circuit, fluid, HAEMOGLOBIN in circuit.content_names()),)
-    return (*laws, *stores_of_carbon_dioxide(circuit))
+    followed, gas = np.any(settings.get(FOLLOWED, 0.0)), HAEMOGLOBIN in circuit.content_names()
+    solutes = solutes_law(circuit, fluid, gas) if followed else None
+    dissolved = () if solutes is None else (solutes,)
+    return (*laws, *dissolved, *stores_of_carbon_dioxide(circuit, solutes))

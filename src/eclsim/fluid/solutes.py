@@ -15,7 +15,12 @@ from eclsim.blood.acid_base import carbon_dioxide_solubility, excess_of
 from eclsim.blood.types import Blood
 from eclsim.circuit.network import Circuit
 from eclsim.components.base import Derived, Number, value_of
-from eclsim.components.dialysis import BASE_GAIN, EFFECTIVE_CLEARANCE, Hemofilter
+from eclsim.components.dialysis import (
+    BASE_GAIN,
+    CARBON_DIOXIDE_ML_PER_MMOL,
+    EFFECTIVE_CLEARANCE,
+    Hemofilter,
+)
 from eclsim.components.exchangers import BLOOD, HAEMOGLOBIN, Tissue
 from eclsim.fluid.law import INTERSTITIUM, PLASMA, blood_at_start
 from eclsim.parameters.fluid import SOLUTES, STORES_HOLD
@@ -71,6 +76,10 @@ class Filter:
         cleared = (f"{self.clearance}_{name}" for name in (*BETWEEN_POOLS, "potassium"))
         return tuple(map(self.output, (*cleared, self.base_gain)))
 
+    def gained(self, beat: Named) -> np.ndarray:
+        """Bicarbonate for the patient [mmol/s]."""
+        return beat[self.output(self.base_gain)] / _HOUR
+
     def cleared(self, beat: Named, solute: str) -> np.ndarray:
         """Clearance of the patient [mL/s]."""
         return beat[self.output(f"{self.clearance}_{solute}")] / _MINUTE
@@ -125,7 +134,10 @@ class SolutesLaw(SlowLaw):
         bicarbonate = 1e3 * states[_state("bicarbonate")] / space
         start = 1e3 * (1e-3 * settings[_of("bicarbonate_mmol_l")] * space) / space
         keys = tuple(f"{one.group}.plasma_bicarbonate_mmol_l" for one in self.filters)
-        effect = {key: settings[key] + (bicarbonate - start) for key in keys}
+        # What is not set is the blood's own, whose base excess follows.
+        effect = {
+            key: np.where(settings[key] > 0.0, settings[key] + (bicarbonate - start), 0.0) for key in keys
+        }
         if self.gas:
             haemoglobin = settings[HAEMOGLOBIN]
             gained = standard_base_excess(bicarbonate, haemoglobin) - standard_base_excess(start, haemoglobin)
@@ -160,14 +172,19 @@ class SolutesLaw(SlowLaw):
             removed = removed + 1e-3 * (one.cleared(beat, "potassium") * (potassium - fresh) + net * fresh)
         missing = _concentration_at_start(settings, "potassium") - potassium
         moved, made = 1e-3 * POTASSIUM_MOBILISATION / _MINUTE * missing, _made(settings, "potassium")
-        gain = sum((beat[one.output(one.base_gain)] for one in self.filters), np.zeros_like(outside)) / _HOUR
         acid = settings[_of("acid_generation_mmol_h")] / _HOUR
+        gain = self.base_kept(settings, beat) + acid
         return result | {
             _state("potassium"): made + moved - removed, _state("potassium", "mobilised"): moved,
             _state("potassium", "made"): made, _state("potassium", "removed"): removed,
             _state("bicarbonate"): gain - acid, _state("bicarbonate", "made"): -acid,
             _state("bicarbonate", "removed"): -gain,
         }  # fmt: skip
+
+    def base_kept(self, settings: Named, beat: Named) -> np.ndarray:
+        """Bicarbonate that filters bring and acid does not use up [mmol/s]."""
+        acid = settings[_of("acid_generation_mmol_h")] / _HOUR
+        return sum((one.gained(beat) for one in self.filters), -acid)
 
     def concentrations(self, states: Named, settings: Named) -> dict[str, np.ndarray]:
         """Of the plasma [mmol/L]."""
@@ -188,18 +205,21 @@ class SolutesLaw(SlowLaw):
 class CarbonDioxideLaw(SlowLaw):
     """Stores of carbon dioxide: tissues, which hold their PCO2, and the blood, which follows them.
 
-        tissues  (1 - b) S dP/dt = made - given to the blood - b S (P - P_b) / tau
+        tissues  (1 - b) S dP/dt = made - given to the blood - kept as bicarbonate - b S (P - P_b) / tau
         blood    dP_b/dt = (P - P_b) / tau
 
     with b of the store S in the blood. A steady beat has the blood of tissues at P_b, so that it is late by
-    tau. Beat by beat blood holds its carbon dioxide itself.
+    tau. Beat by beat blood holds its carbon dioxide itself. A filter's bicarbonate is carbon dioxide of the
+    blood; what of it acid does not use up stays as the bicarbonate that `SolutesLaw` counts.
 
     Args:
         tissues: their exchanges, with the share of the store that is theirs.
+        solutes: what is dissolved, where it is followed; else base excess stays, and base leaves as gas.
         every_beat: whether blood is followed beat by beat.
     """
 
     tissues: tuple[tuple[str, Derived | str | float], ...]
+    solutes: SolutesLaw | None = None
     every_beat: bool = False
 
     @property
@@ -216,7 +236,9 @@ class CarbonDioxideLaw(SlowLaw):
 
     @property
     def reads(self) -> tuple[str, ...]:  # noqa: D102
-        return tuple(_read(what, name) for name, _ in self.tissues for what in ("tissue_PCO2", "stored_CO2"))
+        own = tuple(_read(what, name) for name, _ in self.tissues for what in ("tissue_PCO2", "stored_CO2"))
+        filters = self.solutes.filters if self.solutes else ()
+        return own + tuple(one.output(one.base_gain) for one in filters)
 
     def start(self, settings: Named, beat: Named) -> Named:  # noqa: D102
         return {
@@ -232,10 +254,13 @@ class CarbonDioxideLaw(SlowLaw):
 
     def rates(self, states: Named, settings: Named, beat: Named, inflows: Named) -> Named:  # noqa: D102
         found: dict[str, np.ndarray] = {}
-        for name, share in self.tissues:
-            store = settings[_of("carbon_dioxide_store_ml_mmHg")] * np.asarray(value_of(settings, share))
+        kept = self.solutes.base_kept(settings, beat) if self.solutes else 0.0
+        kept = CARBON_DIOXIDE_ML_PER_MMOL * kept * (1.0 - BLOOD_SHARE if self.every_beat else 1.0)
+        for name, of_all in self.tissues:
+            share = np.asarray(value_of(settings, of_all))
+            store = settings[_of("carbon_dioxide_store_ml_mmHg")] * share
             follows = (states[_pressure(name)] - states[_of_blood(name)]) / BLOOD_FOLLOWS_S
-            stored = beat[_read("stored_CO2", name)] / _MINUTE
+            stored = beat[_read("stored_CO2", name)] / _MINUTE - share * kept
             if not self.every_beat:
                 stored = stored - BLOOD_SHARE * store * follows
             found |= {_pressure(name): stored / ((1.0 - BLOOD_SHARE) * store), _of_blood(name): follows}
@@ -248,7 +273,7 @@ class CarbonDioxideLaw(SlowLaw):
         )
 
 
-def solutes_law(circuit: Circuit, fluid: bool, gas: bool) -> SlowLaw:
+def solutes_law(circuit: Circuit, fluid: bool, gas: bool) -> SolutesLaw:
     """The law of a circuit whose solutes are followed.
 
     Args:
@@ -264,14 +289,14 @@ def solutes_law(circuit: Circuit, fluid: bool, gas: bool) -> SlowLaw:
     return SolutesLaw(filters, fluid, gas)
 
 
-def stores_of_carbon_dioxide(circuit: Circuit) -> tuple[SlowLaw, ...]:
+def stores_of_carbon_dioxide(circuit: Circuit, solutes: SolutesLaw | None) -> tuple[SlowLaw, ...]:
     """The law of a circuit whose tissues hold carbon dioxide; none for any other."""
     tissues = tuple(
         (e.name, e.component.share)
         for e in circuit.exchanges
         if isinstance(e.component, Tissue) and e.component.held == STORES_HOLD
     )
-    return (CarbonDioxideLaw(tissues),) if tissues else ()  # pyright: ignore[reportArgumentType]
+    return (CarbonDioxideLaw(tissues, solutes),) if tissues else ()  # pyright: ignore[reportArgumentType]
 
 
 def _pressure(tissue: str) -> str:

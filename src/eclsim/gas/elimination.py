@@ -27,11 +27,13 @@ class Inside(NamedTuple):
         at: the points.
         content_by: change of the contents, (2 contents, 2 pressures, points).
         slope_by: change of the slope of the saturation curve, (2 pressures, points).
+        ph_by: change of the pH, (2 pressures, points).
     """
 
     at: Points
     content_by: Array
     slope_by: Array
+    ph_by: Array
 
 
 class Eliminated(NamedTuple):
@@ -155,7 +157,8 @@ def _rates_by(law: GasExchanger, flow: Array, inside: Inside, values: Values) ->
 
     def rates(gained: Array, move: Array) -> Array:
         slope = at.slope + (inside.slope_by * move).sum(axis=0)
-        return law.rates(flow, Points(gained, at.pressure * (1.0 + move), slope), values)
+        ph = at.ph + (inside.ph_by * move).sum(axis=0)
+        return law.rates(flow, Points(gained, at.pressure * (1.0 + move), slope, ph), values)
 
     _, along = jax.linearize(rates, at.gained, jnp.zeros_like(at.gained))
     directions = np.broadcast_to(np.eye(4)[:, :, None], (4, 4, law.points))

@@ -19,7 +19,7 @@ from jax import Array
 
 from eclsim.circuit.network import Choice, Circuit, Exchange, sites_of
 from eclsim.components.base import Values, names_in, value_of
-from eclsim.components.exchangers import GasExchanger, Tissue
+from eclsim.components.exchangers import ENTERING, GasExchanger, Tissue
 from eclsim.gas.steady import GasState, Samples, solve
 from eclsim.gas.transport import Drainage, Flows, Held, Mixtures, balanced, mixtures
 
@@ -79,7 +79,7 @@ class Quantity(NamedTuple):
         what: a name of `GASES`; "gained" gas or "gained_co2", "supplied" and "demanded" oxygen [mL/min STPD]
             of an exchange; "recirculated" share of what an exchange sent; or "status".
         where: "in" a compartment whose blood is analysed, "mixed" in any (contents alone), "drawn" by a
-            connection, "behind" an exchange, or "at" an exchange.
+            connection, "behind" an exchange, "into" one that answers to what enters, or "at" an exchange.
         place: name of the compartment or connection.
     """
 
@@ -181,6 +181,7 @@ def gas_of(circuit: Circuit, law: str = "severinghaus1979", in_time: bool = Fals
     parameters = tuple(dict.fromkeys((*own, *mixing, *switches(circuit))))
     samples = _samples(circuit)
     quantities = tuple(Quantity(gas, where, at) for where, at in samples for gas in GASES)
+    quantities += tuple(Quantity(gas, "into", exchanges[k].at) for k, _ in _entered(laws) for gas in GASES)
     quantities += tuple(Quantity("recirculated", "drawn", at) for at, _ in _drawn(circuit))
     quantities += tuple(Quantity(gas, "mixed", c.name) for gas in CONTENTS for c in circuit.compartments)
     quantities += tuple(
@@ -201,7 +202,8 @@ def gas_of(circuit: Circuit, law: str = "severinghaus1979", in_time: bool = Fals
         mixed = mixtures(flows, at, drawn, held)
         lasting = mixtures(balanced(flows), at, drawn) if in_time else mixed
         state = solve(laws, mixed, values, law, _shares(circuit, samples, mixed))
-        sampled = slice(state.ph.shape[0] - len(samples), None)
+        points = state.ph.shape[0]
+        sampled = np.r_[points - len(samples) : points, [first for _, first in _entered(laws)]].astype(int)
         gases = (*jnp.exp(state.pressure), state.ph, state.saturation, *state.content)
         recirculated = [lasting.drawn[names.index(at), k] for at, k in _drawn(circuit)]
         kept = 0.0 if mixed.kept is None else mixed.kept[0].T
@@ -256,6 +258,12 @@ def _analysed(exchange: Exchange) -> bool:
 def _stores(exchange: Exchange) -> bool:
     """Whether stores of a tissue can hold its PCO2."""
     return isinstance(exchange.component, Tissue) and exchange.component.held != 0.0
+
+
+def _entered(laws: Sequence[GasExchanger]) -> list[tuple[int, int]]:
+    """Exchanges whose first point is the blood that enters: their number, and that of the point."""
+    first = np.cumsum([0, *(law.points for law in laws)]).tolist()
+    return [(k, first[k]) for k, law in enumerate(laws) if law.collocation[1] is ENTERING]
 
 
 def _shares(circuit: Circuit, samples: Sequence[tuple[str, str]], mixed: Mixtures) -> Samples:

@@ -270,14 +270,16 @@ def _small_solved(matrix: Array, right: Array) -> Array:
     return jnp.stack([row[len(rows) :] for row in rows])
 
 
-def _missing(network: _Network, pressure: Array, content: Array, slope: Array) -> tuple[list[Points], Array]:
+def _missing(
+    network: _Network, pressure: Array, content: Array, slope: Array, ph: Array
+) -> tuple[list[Points], Array]:
     """Blood inside every exchanger, and what the equations of all miss [mL/min STPD], (2, points)."""
     inlets, found, missed = _streams(network, content)[1], [], []
     for k, (e, own) in enumerate(zip(network.exchangers, network.places, strict=True)):
         stream, (cells, weights) = network.mixed.streams[k], e.collocation
         exchanging = 10.0 * stream * jnp.asarray(e.exchanging(network.values))
         gained = exchanging * (content[:, own] - inlets[:, k, None])
-        found.append(Points(gained, jnp.exp(pressure[:, own]), slope[own]))
+        found.append(Points(gained, jnp.exp(pressure[:, own]), slope[own], ph[own]))
         reached = gained.reshape(2, cells, -1)
         before = jnp.pad(reached[:, :-1, -1:], ((0, 0), (1, 0), (0, 0)))
         rates = e.rates(stream, found[-1], network.values).reshape(2, cells, -1)
@@ -304,12 +306,13 @@ def _newton_step(
     """
     count = network.count
     local = _local(network.law, blood_of(network.values), pressure, ph)
-    found, value = _missing(network, pressure, local.content, local.slope)
+    found, value = _missing(network, pressure, local.content, local.slope, ph + local.acid)
     steady = network.frozen()
     fixed, at = jax.lax.stop_gradient((local, found))
     equations = [
         eliminated(
-            e, steady.mixed.streams[k], Inside(at[k], fixed.content_by[..., own], fixed.slope_by[:, own]),
+            e, steady.mixed.streams[k],
+            Inside(at[k], fixed.content_by[..., own], fixed.slope_by[:, own], fixed.acid_by[:, own]),
             steady.values, inertia,
         )
         for k, (e, own) in enumerate(zip(network.exchangers, network.places, strict=True))

@@ -28,6 +28,7 @@ class Field:
         names: Allowed names.
         aliases: Other spellings that are read, and the name they become.
         also_allowed: What is allowed besides, in words.
+        least: Smallest number above 0, where 0 is allowed too and less could only be in another unit.
         name: The key.
         read: Reads the value, in place of the reader of its kind; raises `RefusedValueError`.
     """
@@ -43,6 +44,7 @@ class Field:
     names: tuple[str, ...] = ()
     aliases: Mapping[str, str] = field(default_factory=lambda: _NONE)
     also_allowed: str = ""
+    least: float = 0.0
     name: str = ""
     read: Callable[[object, Field], object] | None = None
 
@@ -51,7 +53,8 @@ class Field:
         """What is allowed, in words."""
         if self.kind == "number":
             unit = "" if self.unit == "1" else self.unit
-            return self.also_allowed or f"{self.minimum:g} to {self.maximum:g} {unit}".rstrip()
+            smallest = f"0, or {self.least:g}" if self.least else f"{self.minimum:g}"
+            return self.also_allowed or f"{smallest} to {self.maximum:g} {unit}".rstrip()
         return ", ".join((*self.names, *filter(None, [self.also_allowed]))) or "text of 1 to 64 characters"
 
 

@@ -44,10 +44,12 @@ def read_number(value: object, field: Field) -> float:
         RefusedValueError: For anything else, and for a number outside the allowed range.
     """
     number = _finite(value, field)
-    if field.minimum <= number <= field.maximum:
+    too_little = 0.0 < number < field.least
+    if field.minimum <= number <= field.maximum and not too_little:
         return number
     message = "must be above 0" if number <= 0 < field.minimum else "outside the allowed range"
-    suggestion = suspected_unit(number, field.unit, field.typical, (field.minimum, field.maximum))
+    smallest = max(field.minimum, field.least)
+    suggestion = suspected_unit(number, field.unit, field.typical, (smallest, field.maximum))
     raise RefusedValueError(message, field.allowed, suggestion)
 
 

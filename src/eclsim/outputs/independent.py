@@ -8,7 +8,6 @@ import xarray as xr
 from eclsim.beat.grid import PhaseGrid
 from eclsim.beat.heartbeat import beat_program
 from eclsim.beat.recording import all_signals, with_rates
-from eclsim.devices.description import GASES
 from eclsim.gas.network import STATUS
 from eclsim.orbit.independent import AdaptiveBeats, AdaptiveOptions, Waited
 from eclsim.orbit.inputs import allowed_values
@@ -18,7 +17,7 @@ from eclsim.orbit.steady import Batch, SolvedOrbits, start_state
 from eclsim.outputs.measures import Measures
 from eclsim.outputs.registry import output
 from eclsim.outputs.results import labelled
-from eclsim.outputs.signals import needed_parameters, output_names
+from eclsim.outputs.signals import needed_parameters, of_gases, output_names
 from eclsim.outputs.steady_beat import Waveforms, judged, statistics_of
 
 RECORDED = PhaseGrid(4)
@@ -51,7 +50,7 @@ def simulate_adaptive(
     waves = {n: recorded[:, [k]] for k, n in enumerate(names)}
     measures = Measures(waves, RECORDED.phases, model.circuit, parameters)
     outputs = {n: output(n).compute(measures) for n in known}
-    with_gas = any(GASES in output(n).parameters for n in known)
+    with_gas = bool(of_gases(model.circuit, known))
     gas_status = np.asarray(measures.gas(*STATUS) if with_gas else [0], dtype=int)
     series = recorded[:, [names.index(n) for n in plain]]
     beat = judged(

@@ -31,6 +31,13 @@ def _output_names(circuit: Circuit, among: tuple[object, ...]) -> tuple[str, ...
     return tuple(o.name for o in available(all_signals(assemble(circuit)), parameters))
 
 
+def of_gases(circuit: Circuit, outputs: Sequence[str]) -> tuple[str, ...]:
+    """Those of some outputs that follow from the gases of the blood."""
+    followed = GASES in circuit.content_names()
+    entries = {name: output(name) for name in outputs}
+    return tuple(n for n, o in entries.items() if GASES in o.parameters or (followed and o.by_gases))
+
+
 def needed_signals(
     circuit: Circuit, outputs: Sequence[str], waveforms: Sequence[str] = ()
 ) -> tuple[str, ...]:

@@ -33,7 +33,7 @@ from eclsim.outputs.measures import Measures, whole_beat
 from eclsim.outputs.registry import output
 from eclsim.outputs.regulation import SOLVED_BY
 from eclsim.outputs.sealed import sealed, shut_valves, valve_flows
-from eclsim.outputs.signals import needed_parameters, needed_signals, output_names
+from eclsim.outputs.signals import needed_parameters, needed_signals, of_gases, output_names
 
 NO_GASES: Mapping[int, PlaceGases] = MappingProxyType({})
 DEMAND_MET = 0.99
@@ -104,7 +104,7 @@ class SteadyBeat:
     @property
     def of_gases(self) -> tuple[str, ...]:
         """Its outputs of gas exchange."""
-        return tuple(name for name in self.names if GASES in output(name).parameters)
+        return of_gases(self.batch.circuit, self.names)
 
     def output(self, name: str) -> np.ndarray:
         """An output of every member, shape (members,)."""
@@ -216,7 +216,7 @@ class SteadyBeat:
         if not self.converged[member]:
             raise NoDerivativesError(Status(int(self.status[member])), self.message(member))
         gases = GasStatus(int(self.gas_status[member]))
-        if gases is not GasStatus.STEADY and any(GASES in output(name).parameters for name in outputs):
+        if gases is not GasStatus.STEADY and of_gases(self.batch.circuit, outputs):
             raise NoDerivativesError(Status(int(self.status[member])), gases.message, gases=gases.word)
         read = (*outputs, *(SOLVED_BY[name] for name in self.coupled))
         names = (*parameters, *self.coupled)
@@ -293,7 +293,7 @@ def measured(
     values, statistics = np.full((len(names), count), np.nan), np.full((3, len(signals), count), np.nan)
     kept: dict[int, Waveforms] = {}
     gases: dict[int, PlaceGases] = {}
-    with_gas, gas_status = any(GASES in output(name).parameters for name in names), np.zeros(count, dtype=int)
+    with_gas, gas_status = bool(of_gases(circuit, names)), np.zeros(count, dtype=int)
 
     def measure(members: np.ndarray) -> None:
         recorded, series, phases = _recorded(orbits, members, needed_signals(circuit, names, signals))
