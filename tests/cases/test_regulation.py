@@ -6,7 +6,7 @@ from eclsim.cases import CaseError, read_case
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.resolve import circuit_of
 from eclsim.cases.writing import write_case
-from eclsim.devices.crrt import THE_BLOODS_OWN
+from eclsim.devices.dialysed_blood import THE_BLOODS_OWN
 from eclsim.orbit.model import model_of, values_of
 from eclsim.parameters.regulation import EXTRA_VOLUME, GAIN, SET_POINT, UNSTRESSED, VENOUS_SET_POINT
 

@@ -6,7 +6,8 @@ import pytest
 import eclsim
 from eclsim.cases import CaseError, read_case
 from eclsim.cases.reading import read_mapping
-from eclsim.devices.crrt import ON_THE_PATIENT, SETTINGS, SOLUTES, THE_BLOODS_OWN, crrt
+from eclsim.devices.crrt import ON_THE_PATIENT, SETTINGS, SOLUTES, crrt
+from eclsim.devices.dialysed_blood import THE_BLOODS_OWN
 from eclsim.orbit.model import values_of
 from eclsim.outputs.limits import broken_limits
 from eclsim.validation.reference_cases import DATA
@@ -157,6 +158,7 @@ def test_renox_meets_the_haematocrit_and_the_bicarbonate_of_the_patient():
     assert values["renox.haematocrit_in"] == pytest.approx(9.0 / 33.3)
     assert values["renox.plasma_bicarbonate_mmol_l"] == THE_BLOODS_OWN
     without = {key: value for key, value in VV.items() if key != "gas"}
+    without["ecmo"] = VV["ecmo"] | {"drainage_site": "svn"}
     values = values_of(read_mapping(without | {"renox": {"dialysate_ml_h": 2000}}).case)
     assert values["renox.haematocrit_in"] == 0.3
     assert values["renox.plasma_bicarbonate_mmol_l"] == 24.0

@@ -13,12 +13,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
 from eclsim.devices.description import (
-    GASES,
     Assumption,
     BeatMeasures,
     Box,
@@ -41,6 +39,7 @@ from eclsim.devices.description import (
     picker,
 )
 from eclsim.devices.device import CaseValues, Device, Naming, device_key
+from eclsim.devices.dialysed_blood import dialysed_blood, filtered, fluid_flow
 from eclsim.devices.ecmo import ECMO, POSITIONS
 from eclsim.devices.products import Dialyzer, by_key
 from eclsim.inputs.fields import Field, number
@@ -148,12 +147,6 @@ def assumed_membrane(membrane: Sequence[Parameter], prefix: str = "") -> tuple[A
     )  # fmt: skip
 
 
-RED_CELL_HAEMOGLOBIN = 33.3
-"""Haemoglobin in a dL of red cells [g], the usual mean corpuscular concentration."""
-THE_BLOODS_OWN = 0.0
-"""Carbon dioxide of the plasma that says: that of the blood which enters, from its gases."""
-UNKNOWN_GASES = (0.0, 7.4, 37.0)
-"""PCO2, pH and temperature where gases are not followed; the plasma's carbon dioxide is set then."""
 HAEMATOCRIT = f"{GROUP}.haematocrit_in"
 SETTINGS = (
     *(f"{GROUP}.{key}" for key in FLUIDS), HAEMATOCRIT, f"{GROUP}.fluid_bicarbonate_mmol_l",
@@ -195,14 +188,6 @@ def _site(description: str) -> Field:
     nodes = {node: position for position, node in POSITIONS.items()}
     names = (*POSITIONS, *PATIENT_SITES)
     return Field(description, "name", names=names, aliases=MappingProxyType(nodes), read=_read_site)
-
-
-def fluid_flow(
-    description: str, typical: float, least: float = 20.0, maximum: float = 20000.0, required: bool = False
-) -> Field:
-    """A flow of fluid [mL/h]; no machine gives less than the least, which is likely in L/h."""
-    one = number(description, "mL/h", 0, maximum, typical, required=required)
-    return replace(one, least=least)
 
 
 _HAEMATOCRIT = Field(
@@ -290,39 +275,14 @@ def _dialysis(
     )  # fmt: skip
 
 
-def dialysed_blood(section: Any, haemoglobin_g_dl: float, gases: bool) -> dict[str, float]:
-    """What a section with `haematocrit_in` and `plasma_bicarbonate_mmol_l` leaves to the patient's blood."""
-    own = {"haematocrit_in": haemoglobin_g_dl / RED_CELL_HAEMOGLOBIN}
-    if gases:
-        own["plasma_bicarbonate_mmol_l"] = THE_BLOODS_OWN
-    return {f"{section.section}.{key}": own[key] for key in own if getattr(section, key) is None}
-
-
-def gases_into(m: BeatMeasures, place: str) -> list[Numbers]:
-    """PCO2, pH and temperature of the blood that enters a filter."""
-    temperature = "gas.temperature_c"
-    return [m.gas("PCO2", "into", place), m.gas("pH", "into", place), m.parameter(temperature)]
-
-
 def performance(m: BeatMeasures, by_gases: bool = False) -> Any:
-    """What the filter does in a beat (`eclsim.components.dialysis.Performance`).
+    """What the filter does in a beat (`eclsim.components.dialysis.Performance`)."""
 
-    Args:
-        m: measures of the beat.
-        by_gases: whether the gases of the blood are asked for where they are followed.
-    """
-    from eclsim.components import dialysis
-
-    followed = by_gases and GASES in m.circuit.content_names()
-
-    def compute() -> dialysis.Performance:
+    def compute() -> Any:
         blood = [60.0 * m.mean("Qcrrtpump"), m.mean("Pcrrtfil"), m.mean("Pcrrttuout")]
-        gases = gases_into(m, "crrtfil") if followed else UNKNOWN_GASES
-        return dialysis.Performance(
-            *m.apply(dialysis.performance, [*blood, *gases, *map(m.parameter, SETTINGS)])
-        )
+        return filtered(m, blood, SETTINGS, "crrtfil" if by_gases else None)
 
-    return m.kept((GROUP, "performance", str(followed)), compute)
+    return m.kept((GROUP, "performance", str(by_gases)), compute)
 
 
 def _effective(m: BeatMeasures, solute: str) -> Numbers:

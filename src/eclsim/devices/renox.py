@@ -18,19 +18,10 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eclsim.devices.crrt import (
-    FILTER_PARAMETERS,
-    SOLUTES,
-    UNKNOWN_GASES,
-    USUAL_FLUID,
-    Crrt,
-    assumed_membrane,
-    dialysed_blood,
-    fluid_flow,
-    gases_into,
-)
-from eclsim.devices.description import GASES, BeatMeasures, Finding, Numbers, Output
+from eclsim.devices.crrt import FILTER_PARAMETERS, SOLUTES, USUAL_FLUID, Crrt, assumed_membrane
+from eclsim.devices.description import BeatMeasures, Finding, Numbers, Output
 from eclsim.devices.device import CaseValues, Device, Naming
+from eclsim.devices.dialysed_blood import dialysed_blood, filtered, fluid_flow
 from eclsim.inputs.mistakes import Remarks
 from eclsim.inputs.sections import Raw, Section
 
@@ -67,18 +58,9 @@ class Renox(Section):
 
 
 def performance(m: BeatMeasures, by_gases: bool = False) -> Any:
-    """What the dialysate fibres do in a beat (`eclsim.components.dialysis.Performance`).
-
-    Args:
-        m: measures of the beat.
-        by_gases: whether the gases of the blood are asked for where they are followed.
-    """
-    from eclsim.components import dialysis
-
-    followed = by_gases and GASES in m.circuit.content_names()
+    """What the dialysate fibres do in a beat (`eclsim.components.dialysis.Performance`)."""
     blood = [m.mean("Qecmooxy") * 60.0, m.mean("Pecmooxy"), m.mean("Pecmotuor")]
-    gases = gases_into(m, "ecmotuor") if followed else UNKNOWN_GASES
-    return dialysis.Performance(*m.apply(dialysis.performance, [*blood, *gases, *map(m.parameter, SETTINGS)]))
+    return filtered(m, blood, SETTINGS, "ecmotuor" if by_gases else None)
 
 
 def _free_filtration(m: BeatMeasures) -> Numbers:
