@@ -4,6 +4,7 @@ from eclsim.components import (
     Artery,
     AtrialBump,
     Atrium,
+    Balloon,
     Cannula,
     CollapsibleChamber,
     CollapsibleVein,
@@ -49,6 +50,7 @@ STORAGES: dict[str, tuple[Storage, dict[str, float]]] = {
         LinearChamber("Emin", "Emax", "v0", "p0", AtrialBump(0.92, 0.09)),
         {"Emin": 0.1, "Emax": 2.5, "v0": 5.0, "p0": 1.0},
     ),
+    "balloon": (Balloon("gas", "phase"), {"gas": 40.0, "phase": 0.36}),
 }
 
 PATHS: dict[str, tuple[Path, dict[str, float]]] = {

@@ -57,7 +57,8 @@ def has_rate(circuit: Circuit, name: str) -> bool:
     signal, laws = Signal.parse(name), {c.name: c.component for c in circuit.compartments}
     if signal.place not in laws or signal.kind is Kind.FLOW:
         return False
-    return signal.kind is Kind.VOLUME or laws[signal.place].constant_stiffness
+    law = laws[signal.place]
+    return signal.kind is Kind.VOLUME or (law.constant_stiffness and law.activation is None)
 
 
 def has_mean(circuit: Circuit, name: str) -> bool:

@@ -63,7 +63,8 @@ def check_case(raw: object) -> Checked:
     for key in raw:
         if key not in top_level:
             hint = did_you_mean(str(key), top_level) or other_place(str(key))
-            checked.error(short(key), "unknown key or section", shown(raw[key]), ", ".join(top_level), hint)
+            message = _WITHOUT_DATA.get(str(key), "unknown key or section")
+            checked.error(short(key), message, shown(raw[key]), ", ".join(top_level), hint)
     if POLICY_KEY in raw:
         check_field(POLICY_KEY, raw[POLICY_KEY], POLICY, checked.values, checked)
     for section in (Patient, Measurements, *PATIENT_SECTIONS):
@@ -95,6 +96,13 @@ def _blood_ml(values: Raw) -> float:
     """Blood of a patient at the start of a course [mL]."""
     extra = values.get("fluid", {}).get("extra_volume_ml", 0.0)
     return blood_volume_ml(Patient.model_construct(**values["patient"])) + extra
+
+
+_WITHOUT_DATA = {
+    "impella": "no section: no pressure-flow curves of these pumps are openly published; "
+    "with curves of your own it is a device of your own",
+}
+"""Sections that are asked for and that the package cannot have, and why."""
 
 
 def other_place(key: str) -> str:

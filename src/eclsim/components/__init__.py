@@ -15,6 +15,7 @@ from eclsim.components.base import (
 from eclsim.components.chambers import (
     AtrialBump,
     Atrium,
+    Balloon,
     LinearChamber,
     Pericardium,
     Ventricle,
@@ -26,11 +27,13 @@ from eclsim.components.pumps import RollerPump, RotaryPump
 from eclsim.components.valves import HeartValve, LeakingValve, OpenOrifice, Orifice
 from eclsim.components.vessels import Artery, Cannula, ElasticVessel, Resistance, Tube, TubeVolume
 
-all_storages = (ElasticVessel, CollapsibleVein, Atrium, CollapsibleChamber, Ventricle, LinearChamber)
+all_storages = (
+    ElasticVessel, CollapsibleVein, Atrium, CollapsibleChamber, Ventricle, LinearChamber, Balloon,
+)  # fmt: skip
 all_paths = (Resistance, Artery, Tube, HeartValve, LeakingValve, OpenOrifice, Cannula, RotaryPump, RollerPump)
 
 __all__ = [
-    "Activation", "Artery", "AtrialBump", "Atrium", "Cannula", "CollapsibleChamber",
+    "Activation", "Artery", "AtrialBump", "Atrium", "Balloon", "Cannula", "CollapsibleChamber",
     "CollapsibleVein", "Complement", "ControlState", "Controller", "Derived", "ElasticVessel", "Enclosure",
     "Exchanger", "GasExchanger", "HeartValve", "LeakingValve", "LinearChamber",
     "MembraneLung", "NativeLung", "OpenOrifice", "Orifice", "Path", "Pericardium", "Resistance", "RollerPump",

@@ -65,6 +65,15 @@ class VentricularSystole(Activation):
         return (self.peak, self.end)
 
 
+@dataclass(frozen=True)
+class PhaseItself(Activation):
+    """The phase as it is, for a law whose times are parameters; its pressure is the same at 0 and 1."""
+
+    def at(self, phase: Number, xp: ModuleType) -> Number:
+        """The phase."""
+        return xp.asarray(phase)
+
+
 class Chamber(Storage[Constants]):
     """A compartment that contracts."""
 
@@ -208,6 +217,58 @@ class LinearChamber(Chamber[LinearChamberConstants]):
         """Pressure [mmHg] and elastance [mmHg/mL]."""
         elastance = constants.rest + constants.swing * activation
         return constants.rest_pressure + elastance * (volume - constants.rest_volume), elastance
+
+
+# --- a balloon in the aorta ---------------------------------------------------------------------------
+
+
+class BalloonConstants(NamedTuple):
+    """Volume of the gas [mL], phase at which inflation begins."""
+
+    volume: Number
+    inflation: Number
+
+
+@dataclass(frozen=True)
+class Balloon(Chamber[BalloonConstants]):
+    """What a balloon in a vessel leaves of the room that it stands in: rigid, filled with gas from outside.
+
+    P = stiffness (V + u Vb),  u(phase) rises as (1 - cos) / 2 from `inflation` on and falls likewise until 1.
+
+    V is 0 where the balloon is empty and -Vb where it is full: the blood that it displaces is in the vessels,
+    and the sum over all compartments does not change.
+
+    Args:
+        gas: Vb, volume of the gas [mL].
+        inflation: phase at which it begins to fill.
+        ramp: share of the beat in which it fills, and in which it empties.
+        stiffness: [mmHg/mL]; so high that V follows -u Vb.
+    """
+
+    gas: Key
+    inflation: Key
+    ramp: float = 0.08
+    stiffness: float = 1e6
+    timing: Activation = field(default_factory=PhaseItself)
+    constant_stiffness: ClassVar = True
+    not_negative: ClassVar = ("gas",)
+
+    def constants(self, values: Values) -> BalloonConstants:
+        """Volume and phase."""
+        return BalloonConstants(value_of(values, self.gas), value_of(values, self.inflation))
+
+    def pressure(
+        self, volume: Number, activation: Number, constants: BalloonConstants
+    ) -> tuple[Number, Number]:
+        """Pressure [mmHg] and stiffness [mmHg/mL]; the activation is the phase."""
+
+        def risen(begin: Number) -> Number:
+            share = jnp.clip((activation - begin) / self.ramp, 0.0, 1.0)
+            return 0.5 * (1.0 - jnp.cos(jnp.pi * share))
+
+        full = risen(constants.inflation) - risen(1.0 - self.ramp)
+        pressure = self.stiffness * (volume + full * constants.volume)
+        return pressure, jnp.full_like(pressure, self.stiffness)
 
 
 # --- the pericardium --------------------------------------------------------------------------------

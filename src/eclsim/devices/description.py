@@ -39,6 +39,8 @@ class BeatMeasures(Protocol):
 
     def mean(self, name: str) -> Numbers: ...  # noqa: D102 (named after what it is)
     def maximum(self, name: str) -> Numbers: ...  # noqa: D102
+    def maximum_before(self, name: str, phase: str) -> Numbers: ...  # noqa: D102
+    def maximum_after(self, name: str, phase: str) -> Numbers: ...  # noqa: D102
     def minimum(self, name: str) -> Numbers: ...  # noqa: D102
     def at_start(self, name: str) -> Numbers: ...  # noqa: D102
     def largest_ratio(self, above: str, below: str) -> Numbers: ...  # noqa: D102

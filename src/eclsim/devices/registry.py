@@ -18,6 +18,7 @@ from eclsim.devices.crrt import CRRT, Crrt
 from eclsim.devices.description import Output
 from eclsim.devices.device import AnyDevice, Device, Naming, device_key
 from eclsim.devices.ecmo import ECMO, Ecmo
+from eclsim.devices.iabp import IABP, Iabp
 from eclsim.devices.lvad import LVAD, Lvad
 from eclsim.devices.products import Product
 from eclsim.devices.renox import RENOX, Renox
@@ -40,6 +41,7 @@ _PACKAGE: tuple[AnyDevice, ...] = (
     RENOX,
     VENT,
     SEPTOSTOMY,
+    IABP,
 )
 _OTHERS: dict[str, AnyDevice] = {}
 _LOADED: set[str] = set()
@@ -82,6 +84,7 @@ class PublishedDevices(BaseModel):
     renox: Renox | None = None
     vent: Vent | None = None
     septostomy: Septostomy | None = None
+    iabp: Iabp | None = None
 
 
 def devices() -> Mapping[str, AnyDevice]:

@@ -58,7 +58,7 @@ class Measures:
         parameters: Mapping[str, Any] | None = None,
         gases: Mapping[Quantity, Any] | None = None,
     ):
-        self.waveforms = waveforms
+        self.waveforms, self._phases = waveforms, phases
         self._widths = np.diff(phases)
         self._circuit, self._parameters = circuit, parameters or {}
         self._found: dict[tuple[str, ...], Any] = {} if gases is None else {("gas",): gases}
@@ -72,6 +72,18 @@ class Measures:
     def maximum(self, name: str) -> Any:
         """Largest value over the beat."""
         return self.kept(("maximum", name), lambda: self._sum(self._extreme(name, 1.0)))
+
+    def maximum_before(self, name: str, phase: str) -> Any:
+        """Largest value up to the phase that a parameter gives."""
+        return self._sum(self._extreme(name, 1.0, self._after(phase) <= 0.0))
+
+    def maximum_after(self, name: str, phase: str) -> Any:
+        """Largest value from the phase on that a parameter gives."""
+        return self._sum(self._extreme(name, 1.0, self._after(phase) >= 0.0))
+
+    def _after(self, phase: str) -> np.ndarray:
+        """By how much each grid point is after a phase, shape (points[, patients])."""
+        return np.subtract.outer(self._phases, np.asarray(self._parameters[phase], dtype=float))
 
     def minimum(self, name: str) -> Any:
         """Smallest value over the beat."""
@@ -199,16 +211,18 @@ class Measures:
     def _trapezoid(self) -> np.ndarray:
         return 0.5 * (np.r_[self._widths, 0.0] + np.r_[0.0, self._widths])
 
-    def _extreme(self, name: str, sign: float) -> Points:
+    def _extreme(self, name: str, sign: float, among: np.ndarray | None = None) -> Points:
+        values = sign * self.waveforms[name]
+        eligible = values if among is None else np.where(among, values, -np.inf)
+        top = np.argmax(eligible[: len(values) - 1], axis=0)
         if name + RATE in self.waveforms:
-            return self._cubic(name, sign)
-        return self._parabola(name, sign)
+            return self._cubic(name, sign, top)
+        return self._parabola(name, sign, top)
 
-    def _cubic(self, name: str, sign: float) -> Points:
+    def _cubic(self, name: str, sign: float, top: np.ndarray) -> Points:
         """Top of the Hermite cubic beside the largest point."""
         values, rates = sign * self.waveforms[name], sign * self.waveforms[name + RATE]
         points = len(values) - 1
-        top = np.argmax(values[:points], axis=0)
         left = np.where(_at(rates, top) < 0.0, (top - 1) % points, top)
         width = self._widths[left]
         change = _at(values, left + 1) - _at(values, left)
@@ -222,11 +236,10 @@ class Measures:
             (name + RATE, left + 1, width * s * s * (s - 1.0)),
         ]
 
-    def _parabola(self, name: str, sign: float) -> Points:
+    def _parabola(self, name: str, sign: float, top: np.ndarray) -> Points:
         """Top of the parabola through the largest point and its two neighbours; the beat is periodic."""
         values = sign * self.waveforms[name]
         points = len(values) - 1
-        top = np.argmax(values[:points], axis=0)
         before, after = self._widths[(top - 1) % points], self._widths[top]
         left, peak, right = (_at(values, (top + k) % points) for k in (-1, 0, 1))
         rise, fall = (peak - left) / before, (peak - right) / after

@@ -207,6 +207,12 @@ class _RenamedMeasures:
     def maximum(self, name: str) -> Numbers:
         return self._measures.maximum(self._names.signal(name))
 
+    def maximum_before(self, name: str, phase: str) -> Numbers:
+        return self._measures.maximum_before(self._names.signal(name), self._names.parameter(phase))
+
+    def maximum_after(self, name: str, phase: str) -> Numbers:
+        return self._measures.maximum_after(self._names.signal(name), self._names.parameter(phase))
+
     def minimum(self, name: str) -> Numbers:
         return self._measures.minimum(self._names.signal(name))
 
