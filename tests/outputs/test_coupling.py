@@ -139,7 +139,7 @@ def test_what_cannot_solve_for_gases_refuses(model):
 def test_a_long_course_ends_in_the_steady_beat(model):
     change = {"at_min": 5, "set": {"gas.alveolar_ventilation_l_min": 2.5}}
     shut = {"capillary_refill": False}
-    course = eclsim.course(case(events=[change], fluid=shut), minutes=120, outputs=OUTPUTS)
+    course = eclsim.course(case(events=[change], fluid=shut), minutes=1200, outputs=OUTPUTS)
     end = eclsim.simulate(model.with_values({"gas.alveolar_ventilation_l_min": 2.5}))
     for name in OUTPUTS:
         assert float(course[name][-1]) == pytest.approx(float(end[name]), rel=1e-4)
