@@ -48,7 +48,7 @@ def read_number(value: object, field: Field) -> float:
     if field.minimum <= number <= field.maximum and not too_little:
         return number
     message = "must be above 0" if number <= 0 < field.minimum else "outside the allowed range"
-    smallest = max(field.minimum, field.least)
+    smallest = field.least or field.minimum
     suggestion = suspected_unit(number, field.unit, field.typical, (smallest, field.maximum))
     raise RefusedValueError(message, field.allowed, suggestion)
 

@@ -24,7 +24,11 @@ test("a symbol points along the flow, a cannula to the patient", () => {
   assert.equal(placed({ ...wire, at: [10, 5] }), "translate(10 5) rotate(90)");
   assert.equal(placed({ ...wire, symbol: "cannula" }), "translate(25 20) rotate(90)");
   assert.equal(placed(wire, -0.5), "translate(25 20) rotate(180)");
-  assert.equal(placed({ ...wire, symbol: "pump" }, -0.5), "translate(25 20) rotate(0)", "a pump stays as it is built");
+  assert.equal(
+    placed({ ...wire, symbol: "pump" }, -0.5),
+    "translate(25 20) rotate(0)",
+    "a pump stays as it is built",
+  );
 });
 
 test("the handle stands beside the site, whichever way the line flows", () => {
