@@ -44,9 +44,9 @@ class Alarm(NamedTuple):
 
 def clock_time(minute: float, seconds: bool = False) -> str:
     """Hours and minutes from the start, such as 03:12, or 03:12:45 with seconds."""
-    whole = int(np.floor(minute + 1e-6))
-    end = f":{int(60.0 * (minute - whole) + 1e-4):02d}" if seconds else ""
-    return f"{whole // 60:02d}:{whole % 60:02d}{end}"
+    minutes = int(np.floor(minute + 1e-6))
+    end = f":{int(60.0 * (minute - minutes) + 1e-4):02d}" if seconds else ""
+    return f"{minutes // 60:02d}:{minutes % 60:02d}{end}"
 
 
 def alarms(
@@ -65,16 +65,16 @@ def alarms(
     """
     by_beat = np.zeros(len(minute), dtype=bool) if by_beat is None else by_beat
     by_limit: dict[tuple[str, str, str], dict[int, Finding]] = {}
-    for k, said in enumerate(findings):
-        for finding in said:
-            words = _NUMBER.sub("", finding.sentence) if finding.kind in GRAVEST_FIRST else ""
-            by_limit.setdefault((finding.kind, finding.quantity, words), {})[k] = finding
-    found = []
+    for k, of_moment in enumerate(findings):
+        for finding in of_moment:
+            wording = _NUMBER.sub("", finding.sentence) if finding.kind in GRAVEST_FIRST else ""
+            by_limit.setdefault((finding.kind, finding.quantity, wording), {})[k] = finding
+    result = []
     for broken in by_limit.values():
         values = outputs.get(next(iter(broken.values())).quantity)
-        found += [_alarm(run, broken, minute, values, by_beat) for run in _runs(sorted(broken))]
+        result += [_alarm(run, broken, minute, values, by_beat) for run in _runs(sorted(broken))]
     order = [*GRAVEST_FIRST, CAUTION]
-    return sorted(found, key=lambda alarm: (order.index(alarm.kind), alarm.at_min))
+    return sorted(result, key=lambda alarm: (order.index(alarm.kind), alarm.at_min))
 
 
 def _runs(places: list[int]) -> list[list[int]]:

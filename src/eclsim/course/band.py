@@ -68,8 +68,8 @@ def course_band(
     """
     began = clock.perf_counter()
     solved = with_speed(as_case(case), volume_policy)[0]
-    known = Timeline(solved, minutes * MINUTE).start[1]
-    if unknown := [name for name in samples if name not in known]:
+    parameters = Timeline(solved, minutes * MINUTE).start[1]
+    if unknown := [name for name in samples if name not in parameters]:
         message = "the course of this case has no such parameter, so no draw of it can be followed"
         raise CaseError([Mistake(name, message) for name in unknown])
     compute = CourseGroup(minutes, every_min or usual_every(minutes), volume_policy, hand_over=False)
@@ -91,25 +91,27 @@ def band_of(courses: Sequence[xr.Dataset], parameters: Sequence[str] = ()) -> xr
         courses: of the draws, as `eclsim.course_many` gives them.
         parameters: that differ between them.
     """
-    whole = [one for one in courses if one.attrs["converged"]] or list(courses)
-    time = max((one[TIME].to_numpy() for one in whole), key=len)
-    first = max(courses, key=lambda one: one.sizes[TIME])
+    finished = [course for course in courses if course.attrs["converged"]] or list(courses)
+    time = max((course[TIME].to_numpy() for course in finished), key=len)
+    first = max(courses, key=lambda course: course.sizes[TIME])
     names = [str(n) for n, v in first.data_vars.items() if v.dtype.kind == "f"]
-    columns = [_on(time, one, names) for one in courses]
-    there = np.array([np.isin(time, one[TIME].to_numpy()) for one in courses])
+    columns = [_on(time, course, names) for course in courses]
+    followed = np.array([np.isin(time, course[TIME].to_numpy()) for course in courses])
     data: dict[str, xr.Variable] = {}
     for k, name in enumerate(names):
-        values = np.array([own[k] for own in columns])
+        values = np.array([column[k] for column in columns])
         data[name] = variable(("quantile", TIME), _quantiles(values), **first[name].attrs)
-    data["draws_followed"] = variable(TIME, there.sum(axis=0), long_name="draws followed so far", units="1")
-    alarms = _alarm_probability(courses, time, there)
+    data["draws_followed"] = variable(
+        TIME, followed.sum(axis=0), long_name="draws followed so far", units="1"
+    )
+    alarms = _alarm_probability(courses, time, followed)
     data["alarm_probability"] = variable(
         ("alarm", TIME), np.array([*alarms.values()]).reshape(len(alarms), len(time)),
         long_name="share of the draws that break a limit", units="1",
     )  # fmt: skip
-    failed = [one for one in courses if not one.attrs["converged"]]
-    kept = ("id", "events", "blood_volume_policy", "settling_s", "beat_by_beat", "seconds")
-    about = {key: first.attrs[key] for key in kept}
+    failed = [course for course in courses if not course.attrs["converged"]]
+    shared = ("id", "events", "blood_volume_policy", "settling_s", "beat_by_beat", "seconds")
+    about = {key: first.attrs[key] for key in shared}
     coordinates = {
         TIME: variable(TIME, time, units="min", long_name="time from the start"),
         "quantile": np.array(QUANTILES),
@@ -123,23 +125,23 @@ def band_of(courses: Sequence[xr.Dataset], parameters: Sequence[str] = ()) -> xr
     )  # fmt: skip
 
 
-def _on(time: np.ndarray, one: xr.Dataset, names: Sequence[str]) -> np.ndarray:
+def _on(time: np.ndarray, course: xr.Dataset, names: Sequence[str]) -> np.ndarray:
     """A course's values at moments; NaN where it has none, shape (names, moments)."""
-    own = one[TIME].to_numpy()
+    moments = course[TIME].to_numpy()
     values = np.full((len(names), len(time)), np.nan)
-    shared = np.isin(time, own)
-    places = np.searchsorted(own, time[shared])
+    shared = np.isin(time, moments)
+    places = np.searchsorted(moments, time[shared])
     for k, name in enumerate(names):
-        if name in one:
-            values[k, shared] = one[name].to_numpy()[places]
+        if name in course:
+            values[k, shared] = course[name].to_numpy()[places]
     return values
 
 
 def _quantiles(values: np.ndarray) -> np.ndarray:
     """Quantiles over the draws that have a value; NaN where none has."""
-    found, known = np.full((len(QUANTILES), values.shape[1]), np.nan), np.isfinite(values).any(axis=0)
-    found[:, known] = np.nanquantile(values[:, known], QUANTILES, axis=0)
-    return found
+    result, with_value = np.full((len(QUANTILES), values.shape[1]), np.nan), np.isfinite(values).any(axis=0)
+    result[:, with_value] = np.nanquantile(values[:, with_value], QUANTILES, axis=0)
+    return result
 
 
 _Key = tuple[str, str, str, float]
@@ -147,23 +149,23 @@ _Key = tuple[str, str, str, float]
 
 
 def _alarm_probability(
-    courses: Sequence[xr.Dataset], time: np.ndarray, there: np.ndarray
+    courses: Sequence[xr.Dataset], time: np.ndarray, followed: np.ndarray
 ) -> dict[_Key, np.ndarray]:
     """Share of the draws followed that break a limit at each moment, the most probable first."""
     broken: dict[_Key, np.ndarray] = {}
     limits: dict[tuple[str, str, str], float] = {}
-    for k, one in enumerate(courses):
-        for alarm in json.loads(one.attrs["alarms"]):
+    for k, course in enumerate(courses):
+        for alarm in json.loads(course.attrs["alarms"]):
             if alarm["kind"] == CAUTION:
                 continue
             side = "below" if alarm["worst"] < alarm["limit"] else "above"
             about = (alarm["kind"], alarm["quantity"], side)
             key = (*about, limits.setdefault(about, alarm["limit"]))
             until = np.inf if alarm["until_min"] is None else alarm["until_min"]
-            own = broken.setdefault(key, np.zeros_like(there))
-            own[k] |= there[k] & (time >= alarm["at_min"]) & (time < until)
-    followed = np.maximum(there.sum(axis=0), 1)
-    shares = {key: own.sum(axis=0) / followed for key, own in broken.items() if own.any()}
+            draws = broken.setdefault(key, np.zeros_like(followed))
+            draws[k] |= followed[k] & (time >= alarm["at_min"]) & (time < until)
+    counts = np.maximum(followed.sum(axis=0), 1)
+    shares = {key: draws.sum(axis=0) / counts for key, draws in broken.items() if draws.any()}
     return dict(sorted(shares.items(), key=lambda item: -float(item[1].max())))
 
 
@@ -181,7 +183,7 @@ def _ended(failed: Sequence[xr.Dataset], count: int) -> str:
     """How many draws ended early, and why."""
     if not failed:
         return ""
-    reasons = Counter(str(one.attrs["message"]).partition(": ")[2].partition(" (")[0] for one in failed)
+    reasons = Counter(str(course.attrs["message"]).partition(": ")[2].partition(" (")[0] for course in failed)
     named = "; ".join(f"{reason} ({number})" for reason, number in reasons.most_common(REASONS))
     return f"{len(failed)} of {count} draws ended early and count as far as they went: {named}"
 

@@ -97,11 +97,11 @@ def marched(
     shown = ShownBeats(None if every_min is None else every_min * MINUTE)
     marching.follow(marching.begin(), timeline.end, shown)
     beats = shown.beats
-    measured, said = marching.measured(beats)
-    result = marching.dataset(beats, measured, said)
+    measured, beat_findings = marching.measured(beats)
+    result = marching.dataset(beats, measured, beat_findings)
     result.attrs["seconds"] = clock.perf_counter() - began
     return Marched(
-        result, marching, [beat._replace(series=beat.series[:0]) for beat in beats], measured, said
+        result, marching, [beat._replace(series=beat.series[:0]) for beat in beats], measured, beat_findings
     )
 
 
@@ -219,9 +219,9 @@ class ShownBeats:
 
     def offer(self, time: float, beat: KeptBeat) -> None:
         """Keep a beat if it is one to be shown."""
-        wanted = self._count % self._stride == 0 if self.every is None else time >= self._next - 1e-9
+        due = self._count % self._stride == 0 if self.every is None else time >= self._next - 1e-9
         self._count += 1
-        if not wanted:
+        if not due:
             return
         self.beats.append(beat)
         self._next += self.every or 0.0
@@ -229,12 +229,12 @@ class ShownBeats:
             self.beats, self._stride = self.beats[::2], 2 * self._stride
 
 
-def shift_ml(one: Mapping[str, float], other: Mapping[str, float]) -> float:
+def shift_ml(before: Mapping[str, float], after: Mapping[str, float]) -> float:
     """Blood that compartments gain, or lose if that is more, on the way from some volumes to others [mL].
 
     A compartment that only one of them has counts in neither.
     """
-    change = np.array([other[name] - one[name] for name in one if name in other])
+    change = np.array([after[name] - before[name] for name in before if name in after])
     return float(max(change.clip(min=0.0).sum(), -change.clip(max=0.0).sum()))
 
 
@@ -359,22 +359,22 @@ class BeatMarch:
             return at
         series = np.concatenate([recorded[-1:] if at.last is None else at.last[None], recorded])
         acted = {key: float(np.asarray(effective[key])) for key in ACTED if key in effective}
-        lowest, gases, known, alike = watched.min(axis=0), at.gases, None, 1
+        lowest, gases, gas_state, alike = watched.min(axis=0), at.gases, None, 1
         if self.in_time is not None and gases is not None:
             where = self.assembly.layout.volumes.where
             ends = state[where], after[where]
             if np.abs(ends[1] - ends[0]).sum() < STANDS_ML:
                 alike = max(1, int(alike_s / period))
             gases = self.in_time.after(gases, series, program.grid.phases, plain, ends, alike * period)
-            self.stopped, known = self.in_time.trouble(gases), gases.state
+            self.stopped, gas_state = self.in_time.trouble(gases), gases.state
             if self.stopped:
                 return at
-        kept = KeptBeat(at.time, state, series, lowest, plain, acted, at.slow[:, 0].copy(), known)
-        slow = self._moved(at, settings, kept, program, alike * period)
+        beat = KeptBeat(at.time, state, series, lowest, plain, acted, at.slow[:, 0].copy(), gas_state)
+        slow = self._moved(at, settings, beat, program, alike * period)
         end = at.time + alike * period
         if alike > 1:  # the last of them is shown, at whose end gases are what they are
-            kept = kept._replace(time=end - period, slow=(slow - (slow - at.slow) / alike)[:, 0])
-        shown.offer(kept.time, kept)
+            beat = beat._replace(time=end - period, slow=(slow - (slow - at.slow) / alike)[:, 0])
+        shown.offer(beat.time, beat)
         return Moving(end, after, slow, values, recorded[-1], gases)
 
     def _values(self, at: Moving, settings: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -405,14 +405,14 @@ class BeatMarch:
         self,
         at: Moving,
         settings: dict[str, np.ndarray],
-        kept: KeptBeat,
+        recorded: KeptBeat,
         program: BeatProgram,
         period: float,
     ) -> np.ndarray:
         """Slow states a beat later."""
-        beat = self._measured(self.reads, [kept], program)
-        given = self._amounts(at.time, at.time + period)
-        inflows = {kind: np.array([ml / period]) for kind, ml in given.items()}
+        beat = self._measured(self.reads, [recorded], program)
+        amounts = self._amounts(at.time, at.time + period)
+        inflows = {kind: np.array([ml / period]) for kind, ml in amounts.items()}
         return at.slow + period * self.laws.rates(at.slow, settings, beat, inflows)
 
     def _amounts(self, begin: float, end: float) -> dict[str, float]:
@@ -437,64 +437,71 @@ class BeatMarch:
             n: series[:, k].repeat(2, -1) if double else series[:, k] for k, n in enumerate(self.signals)
         }
         read = needed_parameters(self.circuit, names)
-        parameters = {n: np.array([one.get(n, np.nan) for one in values]) for n in read}
+        parameters = {n: np.array([of_beat.get(n, np.nan) for of_beat in values]) for n in read}
         if double:
             parameters = {n: column.repeat(2) for n, column in parameters.items()}
             gases = gases and {quantity: column.repeat(2) for quantity, column in gases.items()}
         measures = Measures(waves, program.grid.phases, self.circuit, parameters, gases)
-        found: dict[str, np.ndarray] = {}
+        result: dict[str, np.ndarray] = {}
         for name in names:
-            found[name] = self._acted(name, values, acted)
-            if found[name] is None:
-                found[name] = np.asarray(output(name).compute(measures))[: len(values)]
-        return found
+            result[name] = self._acted(name, values, acted)
+            if result[name] is None:
+                result[name] = np.asarray(output(name).compute(measures))[: len(values)]
+        return result
 
     def _acted(
         self, name: str, values: Sequence[Mapping[str, float]], acted: Sequence[Mapping[str, float]]
     ) -> Any:
         """What reflex and drugs have in effect in a beat, with their lag; None for other outputs."""
         if name == "heart_rate":
-            return np.array([one[HEART_RATE] for one in acted])
+            return np.array([of_beat[HEART_RATE] for of_beat in acted])
         if name == "unstressed_volume":
-            return np.array([one[UNSTRESSED] for one in acted])
+            return np.array([of_beat[UNSTRESSED] for of_beat in acted])
         if name in LATE:
-            return np.array([one[LATE[name]] for one in values])
+            return np.array([of_beat[LATE[name]] for of_beat in values])
         key = FACTORS.get(name)
         if key is None:
             return None
         return np.array([a.get(key, v[key]) / v[key] for v, a in zip(values, acted, strict=True)])
 
-    def again(self, kept: KeptBeat, outputs: Mapping[str, float], said: Sequence[Finding]) -> PassingBeat:
+    def again(
+        self, beat: KeptBeat, outputs: Mapping[str, float], beat_findings: Sequence[Finding]
+    ) -> PassingBeat:
         """A beat of the march with all its waveforms."""
-        program, wanted = self._program(_columns(kept.values)), all_signals(self.assembly)
-        names, phases = needed_signals(self.circuit, (), wanted), program.grid.phases
-        _, series = _traced(program, names, kept.state, kept.values)
-        whole = np.concatenate([series[:1], series])[..., None]
-        waves = {name: whole[:, k] for k, name in enumerate(names)}
-        means = statistics_of(Measures(waves, phases, self.circuit, {}), wanted)[0, :, 0]
-        own, period = [names.index(name) for name in wanted], 60.0 / kept.acted[HEART_RATE]
-        shown = series[:, own], phases[1:], means
-        return PassingBeat(self.circuit, kept.values, period, wanted, *shown, outputs, said)
+        program, signals = self._program(_columns(beat.values)), all_signals(self.assembly)
+        names, phases = needed_signals(self.circuit, (), signals), program.grid.phases
+        _, series = _traced(program, names, beat.state, beat.values)
+        points = np.concatenate([series[:1], series])[..., None]
+        waves = {name: points[:, k] for k, name in enumerate(names)}
+        means = statistics_of(Measures(waves, phases, self.circuit, {}), signals)[0, :, 0]
+        columns, period = [names.index(name) for name in signals], 60.0 / beat.acted[HEART_RATE]
+        recorded = series[:, columns], phases[1:], means
+        return PassingBeat(self.circuit, beat.values, period, signals, *recorded, outputs, beat_findings)
 
     def measured(self, beats: Sequence[KeptBeat]) -> tuple[dict[str, np.ndarray], list[list[Finding]]]:
         """Outputs of beats by name, shape (beats,), and the findings of each."""
-        found: dict[str, list[np.ndarray]] = {name: [] for name in self.judged}
+        columns: dict[str, list[np.ndarray]] = {name: [] for name in self.judged}
         for points, group in groupby(beats, key=lambda beat: len(beat.series)):
-            own = list(group)
-            program = self._program(_columns(own[0].values))
+            members = list(group)
+            program = self._program(_columns(members[0].values))
             assert points == program.grid.n_steps + 1
-            for name, column in self._measured(self.judged, own, program).items():
-                found[name].append(column)
-        outputs = {name: np.concatenate(parts) for name, parts in found.items()}
-        said = []
+            for name, column in self._measured(self.judged, members, program).items():
+                columns[name].append(column)
+        outputs = {name: np.concatenate(parts) for name, parts in columns.items()}
+        beat_findings = []
         for k, beat in enumerate(beats):
             now = {name: float(column[k]) for name, column in outputs.items()}
             ranges = {n: (low, np.nan) for n, low in zip(self.watched, beat.lowest.tolist(), strict=True)}
-            said.append(findings(now, ranges, self.circuit.with_chosen_sites(beat.values), beat.values))
-        return {name: outputs[name] for name in self.names}, said
+            beat_findings.append(
+                findings(now, ranges, self.circuit.with_chosen_sites(beat.values), beat.values)
+            )
+        return {name: outputs[name] for name in self.names}, beat_findings
 
     def dataset(
-        self, beats: Sequence[KeptBeat], outputs: Mapping[str, np.ndarray], said: Sequence[Sequence[Finding]]
+        self,
+        beats: Sequence[KeptBeat],
+        outputs: Mapping[str, np.ndarray],
+        beat_findings: Sequence[Sequence[Finding]],
     ) -> xr.Dataset:
         """Labelled beats."""
         time, states = (
@@ -503,12 +510,12 @@ class BeatMarch:
         )
         in_effect = {key: np.array([beat.values[key] for beat in beats]) for key in beats[0].values}
         result = labelled_course(time, outputs, self.laws, states, in_effect)
-        broken = alarms(said, outputs, time / MINUTE, np.ones(len(beats), dtype=bool))
+        broken = alarms(beat_findings, outputs, time / MINUTE, np.ones(len(beats), dtype=bool))
         warnings = [self.stopped] * bool(self.stopped) + [alarm.sentence for alarm in broken]
         balance = balance_of(self.laws, states, in_effect)
         about = attributes_of(self.timeline, self.policy, self.stopped, balance, warnings)
-        told = json.dumps([alarm._asdict() for alarm in broken])
-        return result.assign_attrs(about, alarms=told, settling_s=0.0, beat_by_beat=1, steps=len(beats))
+        as_json = json.dumps([alarm._asdict() for alarm in broken])
+        return result.assign_attrs(about, alarms=as_json, settling_s=0.0, beat_by_beat=1, steps=len(beats))
 
 
 def _traced(

@@ -58,12 +58,12 @@ class CourseGroup:
         """The course of each as plain data; of a case whose flow no speed gives, the reason."""
         announce(f"{len(members.cases)} patients" if not members.changes else "draws of a patient")
         reasons = [self._unreachable(case) for case in members.cases]
-        known = [case for case, reason in zip(members.cases, reasons, strict=True) if not reason]
-        found = iter(self._followed(known, members.changes) if known else ())
+        begun = [case for case, reason in zip(members.cases, reasons, strict=True) if not reason]
+        courses = iter(self._followed(begun, members.changes) if begun else ())
         if not any(reasons):
-            return [one.to_dict() for one in found]
+            return [course.to_dict() for course in courses]
         each = zip(members.cases, reasons, strict=True)
-        return [(self._not_begun(c, why) if why else next(found)).to_dict() for c, why in each]
+        return [(self._not_begun(c, refusal) if refusal else next(courses)).to_dict() for c, refusal in each]
 
     def _followed(self, cases: list[Case], changes: Mapping[str, tuple[float, ...]]) -> list[xr.Dataset]:
         return course_many(
@@ -123,12 +123,12 @@ def course_cohort(
         ExecutionError: the folder holds other courses, or workers cannot be reached.
         ShardDone: this was a shard.
     """
-    known = tuple(as_case(one) for one in cases)
-    for case in known:
+    patients = tuple(as_case(source) for source in cases)
+    for case in patients:
         Timeline(case, minutes * MINUTE)
     compute = CourseGroup(minutes, every_min or usual_every(minutes), volume_policy, hand_over)
-    groups = [Members(known[k : k + GROUP], {}) for k in range(0, len(known), GROUP)]
-    inputs = {"cases": [[case.patient.id, _digest(case_text(case))] for case in known]}
+    groups = [Members(patients[k : k + GROUP], {}) for k in range(0, len(patients), GROUP)]
+    inputs = {"cases": [[case.patient.id, _digest(case_text(case))] for case in patients]}
     return _complete(compute, groups, inputs, "groups of patients", folder, executor, progress)
 
 
@@ -164,8 +164,8 @@ def _complete(
         "courses", unit, compute, groups, {**inputs, "course": vars(compute)}, side_by_side=len(groups) > 1
     )
     executor = executor or Executor(Distribution(), in_process)
-    found = executor.complete(tasks, folder, _FORMAT, progress)
-    return [xr.Dataset.from_dict(one) for group in found for one in group]
+    results = executor.complete(tasks, folder, _FORMAT, progress)
+    return [xr.Dataset.from_dict(course) for group in results for course in group]
 
 
 def _digest(text: str) -> str:

@@ -107,7 +107,7 @@ def course_many(
     if len(sizes) > 1 or (sizes and len(listed) > 1):
         raise ValueError("changes need one case and arrays of one length")
     count = sizes.pop() if sizes else len(listed)
-    solved = [with_speed(as_case(one), volume_policy)[0] for one in listed]
+    solved = [with_speed(as_case(source), volume_policy)[0] for source in listed]
     timelines = [
         Timeline(solved[k % len(solved)], minutes * MINUTE, {key: c[k] for key, c in columns.items()})
         for k in range(count)
@@ -131,8 +131,8 @@ def follow(
     """Courses along some timelines, each with moments so many minutes apart; see `course_many`."""
     results: dict[int, xr.Dataset] = {}
     for members in _groups(timelines, volume_policy).values():
-        own, every = [timelines[m] for m in members], [every_min[m] for m in members]
-        engine, moments = _marched(own, every, outputs, volume_policy, options, execution, with_alarms)
+        of_group, every = [timelines[m] for m in members], [every_min[m] for m in members]
+        engine, moments = _marched(of_group, every, outputs, volume_policy, options, execution, with_alarms)
         results |= {m: _labelled(moments, k, engine, with_alarms) for k, m in enumerate(members)}
     return [results[m] for m in range(len(timelines))]
 
@@ -200,40 +200,40 @@ def usual_every(minutes: float) -> float:
 def _groups(timelines: Sequence[Timeline], policy: str | None) -> dict[Any, list[int]]:
     """Members that share laws and policy: those of one circuit at the start."""
     groups: dict[Any, list[int]] = {}
-    for k, one in enumerate(timelines):
-        groups.setdefault((one.start[0], policy or one.case.volume_policy), []).append(k)
+    for k, timeline in enumerate(timelines):
+        groups.setdefault((timeline.start[0], policy or timeline.case.volume_policy), []).append(k)
     return groups
 
 
 def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) -> xr.Dataset:
     """A member's course as a Dataset."""
-    own = moments.of(member)
+    places = moments.of(member)
     history, laws, time, states = (
         engine.histories[member],
         engine.laws,
-        moments.time[own],
-        moments.states[:, own],
+        moments.time[places],
+        moments.states[:, places],
     )
-    in_effect = {key: column[own] for key, column in moments.in_effect.items()}
-    outputs = {name: moments.values[name][own] for name in moments.names}
+    in_effect = {key: column[places] for key, column in moments.in_effect.items()}
+    outputs = {name: moments.values[name][places] for name in moments.names}
     result = labelled_course(time, outputs, laws, states, in_effect)
-    said = [moments.findings[k] for k in own] if with_alarms else []
+    moment_findings = [moments.findings[k] for k in places] if with_alarms else []
     if with_alarms:
-        impossible = [any(one.kind == "collapse" for one in findings) for findings in said]
+        impossible = [any(finding.kind == "collapse" for finding in findings) for findings in moment_findings]
         result["impossible"] = (TIME, np.array(impossible, dtype=int))
-    result["beat_by_beat"] = (TIME, moments.by_beat[own].astype(int))
-    result["status"] = (TIME, [Status(int(s)).word for s in moments.status[own]])
+    result["beat_by_beat"] = (TIME, moments.by_beat[places].astype(int))
+    result["status"] = (TIME, [Status(int(s)).word for s in moments.status[places]])
     minute, settling = time / MINUTE, engine.settling_s[member]
-    found = alarms(said, outputs, minute, moments.by_beat[own])
+    broken = alarms(moment_findings, outputs, minute, moments.by_beat[places])
     message = _ended(moments.stopped[member], minute)
-    sentences = [message] * bool(message) + [alarm.sentence for alarm in found]
+    sentences = [message] * bool(message) + [alarm.sentence for alarm in broken]
     sentences += _passed_over(history) + _too_fast(history, laws, settling)
     sentences += _oxygen_at_once(time, outputs, engine.timelines[member])
     balance = balance_of(laws, states, in_effect)
     attributes = attributes_of(engine.timelines[member], engine.policy, message, balance, sentences)
     return result.assign_attrs(
         attributes,
-        alarms=json.dumps([alarm._asdict() for alarm in found]),
+        alarms=json.dumps([alarm._asdict() for alarm in broken]),
         settling_s=settling,
         beat_by_beat=0,
         spans=json.dumps([span.as_object() for span in history.spans]),
@@ -254,7 +254,7 @@ def _passed_over(history: History) -> list[str]:
     """Sudden changes that should have been followed beat by beat and were not, and why."""
     if not history.passed_over:
         return []
-    times = ", ".join(clock_time(one.time / MINUTE) for one in history.passed_over[:MOST_SPANS])
+    times = ", ".join(clock_time(event.time / MINUTE) for event in history.passed_over[:MOST_SPANS])
     more = len(history.passed_over) - MOST_SPANS
     times += f" and at {more} more" if more > 0 else ""
     first = history.passed_over[0]
@@ -284,8 +284,8 @@ def _oxygen_at_once(time: np.ndarray, outputs: Mapping[str, np.ndarray], timelin
 def _too_fast(history: History, laws: Laws, settling: float) -> list[str]:
     """Where slow states change while the circulation still settles, so that steady beats run ahead of it."""
     lags = [np.abs(rates) * settling / laws.scales for rates in history.rates]
-    left = [k for k, t in enumerate(history.times) if not any(s.begin <= t < s.end for s in history.spans)]
-    over = [k for k in left if lags[k].max(initial=0.0) > LAG]
+    steady = [k for k, t in enumerate(history.times) if not any(s.begin <= t < s.end for s in history.spans)]
+    over = [k for k in steady if lags[k].max(initial=0.0) > LAG]
     if not over:
         return []
     worst = max(over, key=lambda k: lags[k].max())

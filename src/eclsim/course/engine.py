@@ -139,7 +139,7 @@ class Engine:
         self.predictors = [Predictor(options.predictor) for _ in timelines]
         self.histories = [History() for _ in timelines]
         self.messages = [""] * count
-        self.table = {key: np.zeros(count) for one in timelines for key in one.start[1]}
+        self.table = {key: np.zeros(count) for timeline in timelines for key in timeline.start[1]}
         self.inflow = {kind: np.zeros(count) for kind in INFLOWS}
         self.settling_s = [0.0] * count
 
@@ -149,14 +149,14 @@ class Engine:
         for member in range(len(everyone)):
             self._settle(member)
         settings = self._settings(everyone, self.time)
-        beat, known = self._solve(everyone, settings, None)
+        beat, solved = self._solve(everyone, settings, None)
         self.states[:] = self.laws.start(settings, beat)
         self.segment[:] = 0
         for member in range(len(everyone)):
             self._settle(member)
-        running = self._enter(everyone[known])
+        running = self._enter(everyone[solved])
         self.settling_s = [predictor.settling_s for predictor in self.predictors]
-        self._stop(everyone[~known])
+        self._stop(everyone[~solved])
         while len(running):
             running = self._advance(running)
         return self.histories
@@ -164,9 +164,11 @@ class Engine:
     def _advance(self, who: np.ndarray) -> np.ndarray:
         """One step of some members; those who go on."""
         ends = np.array([self.timelines[m].breaks[self.segment[m] + 1] for m in who])
-        left = ends - self.time[who]
-        wanted = self.length[who]
-        length = np.where(wanted >= 0.999 * left, left, np.where(wanted > 0.5 * left, 0.5 * left, wanted))
+        to_end = ends - self.time[who]
+        planned = self.length[who]
+        length = np.where(
+            planned >= 0.999 * to_end, to_end, np.where(planned > 0.5 * to_end, 0.5 * to_end, planned)
+        )
 
         def rates(time: np.ndarray, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             return self._rates(who, time, states)
@@ -176,35 +178,37 @@ class Engine:
         )
         error = np.abs(result.error / self.laws.scales[:, None]).max(axis=0) / self.options.tolerance
         fine = result.done & np.isfinite(error)
-        taken = fine & ((error <= 1.0) | (self.options.step_s is not None) | (length <= SHORTEST_S))
-        time = np.where(length == left, ends, self.time[who] + length)
+        accepted = fine & ((error <= 1.0) | (self.options.step_s is not None) | (length <= SHORTEST_S))
+        time = np.where(length == to_end, ends, self.time[who] + length)
         slopes = np.full_like(result.states, np.nan)
-        if taken.any():
-            after, known = self._rates(who[taken], time[taken], result.states[:, taken])
-            slopes[:, taken] = after
-            taken[np.flatnonzero(taken)[~known]] = False
+        if accepted.any():
+            after, solved = self._rates(who[accepted], time[accepted], result.states[:, accepted])
+            slopes[:, accepted] = after
+            accepted[np.flatnonzero(accepted)[~solved]] = False
             fine &= np.isfinite(slopes).all(axis=0) | ~(error <= 1.0)
-        self._adapt(who, length, error, fine, taken)
-        done = who[taken]
-        self.time[done], self.states[:, done] = time[taken], result.states[:, taken]
-        self.slopes[:, done] = slopes[:, taken]
-        self._note(done)
-        lost = who[~fine & (length <= SHORTEST_S)]
-        self._stop(lost)
-        over = done[self.time[done] >= ends[taken]]
+        self._adapt(who, length, error, fine, accepted)
+        advanced = who[accepted]
+        self.time[advanced], self.states[:, advanced] = time[accepted], result.states[:, accepted]
+        self.slopes[:, advanced] = slopes[:, accepted]
+        self._note(advanced)
+        without_beat = who[~fine & (length <= SHORTEST_S)]
+        self._stop(without_beat)
+        over = advanced[self.time[advanced] >= ends[accepted]]
         self.segment[over] += 1
         further = np.array([m for m in over if self.segment[m] + 1 < len(self.timelines[m].breaks)], int)
         for member in further:
             self._settle(member)
         entered = self._enter(further)
-        return np.sort(np.concatenate([np.setdiff1d(who, np.concatenate([over, lost])), entered])).astype(int)
+        return np.sort(
+            np.concatenate([np.setdiff1d(who, np.concatenate([over, without_beat])), entered])
+        ).astype(int)
 
     def _adapt(
-        self, who: np.ndarray, length: np.ndarray, error: np.ndarray, fine: np.ndarray, taken: np.ndarray
+        self, who: np.ndarray, length: np.ndarray, error: np.ndarray, fine: np.ndarray, accepted: np.ndarray
     ) -> None:
         """Lengths of the next steps; a moment without a steady beat is approached by halves."""
         if self.options.step_s is not None:
-            self.length[who] = np.where(taken, self.options.step_s, 0.5 * length)
+            self.length[who] = np.where(accepted, self.options.step_s, 0.5 * length)
             return
         with np.errstate(divide="ignore", invalid="ignore"):
             factor = np.clip(0.85 * error ** (-1.0 / 3.0), 0.2, 4.0)
@@ -224,14 +228,14 @@ class Engine:
         if not len(who):
             return who
         events = [self._event(m) for m in who] if self.options.hand_over else []
-        self.slopes[:, who], known = self._rates(who, self.time[who], self.states[:, who])
+        self.slopes[:, who], solved = self._rates(who, self.time[who], self.states[:, who])
         events = events or [None] * len(who)
-        lost = [
-            m for m, event, there in zip(who, events, known, strict=True)
-            if not (there if event is None else self._followed(m, event, there))
+        without_beat = [
+            m for m, event, has_beat in zip(who, events, solved, strict=True)
+            if not (has_beat if event is None else self._followed(m, event, has_beat))
         ]  # fmt: skip
-        self._stop(np.array(lost, dtype=int))
-        who = np.setdiff1d(who, lost)
+        self._stop(np.array(without_beat, dtype=int))
+        who = np.setdiff1d(who, without_beat)
         if len(who):
             self._differentiate(who)
         self._note(who)
@@ -251,20 +255,20 @@ class Engine:
         if nothing or predictor.point is None or predictor.circuit is None:
             return None
         before, share = self._ahead(member, predictor.circuit), 1.0
-        reconnected = any(self._circuit(member) is not one for one in self.circuits[member])
+        reconnected = any(self._circuit(member) is not circuit for circuit in self.circuits[member])
         refusal, beat, ahead = RECONNECTED if reconnected else "", predictor.beat, None
         length = timeline.ramp_end(segment) - time
         if 0.0 < length <= LONGEST_RAMP * predictor.settling_s:
             who = np.array([member])
-            there = self._rates(who, np.array([time + length]), self.states[:, who])[1]
-            ahead = self._ahead(member, self._circuit(member)) if there[0] else None
+            solved = self._rates(who, np.array([time + length]), self.states[:, who])[1]
+            ahead = self._ahead(member, self._circuit(member)) if solved[0] else None
             share = min(1.0, predictor.settling_s / length)
         return Event(beat, before.gases, before.volumes, ahead, share, refusal)
 
     def _ahead(self, member: int, circuit: Circuit) -> Ahead:
         """What a member's last beat, which was of that circuit, has of blood and gases."""
         predictor = self.predictors[member]
-        volumes = predictor.known[assemble(circuit).layout.volumes.where]
+        volumes = predictor.state[assemble(circuit).layout.volumes.where]
         names = (c.name for c in circuit.compartments)
         gases = {name: predictor.read[name] for name in GASES_MOVE if name in predictor.read}
         return Ahead(dict(zip(names, volumes.tolist(), strict=True)), gases)
@@ -277,17 +281,17 @@ class Engine:
         gases = farthest(event.gases, now.gases, event.share)
         return reason_of(shift, lag_of(rates, settling, self.laws), gases, rates, settling, self.laws)
 
-    def _followed(self, member: int, event: Event, known: bool) -> bool:
+    def _followed(self, member: int, event: Event, has_beat: bool) -> bool:
         """Follow a member beat by beat where steady beats would pass over too much; whether it goes on."""
         settling = self.predictors[member].settling_s
-        reason = self._reason(member, event) if known else NO_STEADY_BEAT
+        reason = self._reason(member, event) if has_beat else NO_STEADY_BEAT
         begin, timeline = float(self.time[member]), self.timelines[member]
-        end = min(begin + (LONGEST_SPAN_S if known else TO_THE_END_S), timeline.end - SHORTEST_S)
+        end = min(begin + (LONGEST_SPAN_S if has_beat else TO_THE_END_S), timeline.end - SHORTEST_S)
         if not reason or end - begin < settling:
-            return known
+            return has_beat
         if event.refusal:
             self.histories[member].passed_over.append(PassedOver(begin, reason, event.refusal))
-            return known
+            return has_beat
         self._note(np.array([member]))
         march = BeatMarch(timeline, self.policy, None)
         segment = int(self.segment[member])
@@ -296,10 +300,10 @@ class Engine:
             march, start, lambda at: self._steady_at(member, at, march), settling, end, reason
         )
         self.histories[member].spans.append(span)
-        known = self._steady_at(member, at, march) is not None
+        has_beat = self._steady_at(member, at, march) is not None
         if march.stopped:
             self.messages[member] = march.stopped
-        return known and not march.stopped
+        return has_beat and not march.stopped
 
     def _steady_at(self, member: int, at: Moving, march: BeatMarch) -> Goal | None:
         """The steady beat at what a march beat by beat has come to; the member goes on from there.
@@ -311,12 +315,12 @@ class Engine:
         self.segment[member] = np.searchsorted(breaks, at.time + 1e-9, side="right") - 1
         self.time[member], self.states[:, member] = at.time, at.slow[:, 0]
         self._settle(member)
-        for left in reversed(range(TRIES if self.laws.blood else 1)):
-            self.slopes[:, who], known = self._rates(who, self.time[who], self.states[:, who])
-            if not known[0]:
+        for tries_left in reversed(range(TRIES if self.laws.blood else 1)):
+            self.slopes[:, who], solved = self._rates(who, self.time[who], self.states[:, who])
+            if not solved[0]:
                 return None
             goal = march.steady(at.time, predictor.beat, self.states[:, member].copy())
-            behind = march.behind_mmhg(at, goal) if left else 0.0
+            behind = march.behind_mmhg(at, goal) if tries_left else 0.0
             if abs(behind) < SAME_MMHG:
                 break
             self.states[self.laws.blood, member] += behind
@@ -324,12 +328,12 @@ class Engine:
 
     def _note(self, who: np.ndarray) -> None:
         for m in who:
-            own = self.histories[m]
-            own.segments.append(int(self.segment[m]))
-            own.times.append(float(self.time[m]))
-            own.states.append(self.states[:, m].copy())
-            own.rates.append(self.slopes[:, m].copy())
-            own.points.append(self.predictors[m].point)
+            history = self.histories[m]
+            history.segments.append(int(self.segment[m]))
+            history.times.append(float(self.time[m]))
+            history.states.append(self.states[:, m].copy())
+            history.rates.append(self.slopes[:, m].copy())
+            history.points.append(self.predictors[m].point)
 
     def _stop(self, who: np.ndarray) -> None:
         for m in who:
@@ -346,9 +350,9 @@ class Engine:
     def _rates(self, who: np.ndarray, time: np.ndarray, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Rates of some members, and which have a steady beat."""
         settings = self._settings(who, time)
-        beat, known = self._solve(who, self.laws.in_effect(states, settings), states, time)
+        beat, solved = self._solve(who, self.laws.in_effect(states, settings), states, time)
         inflows = {kind: column[who] for kind, column in self.inflow.items()}
-        return self.laws.rates(states, settings, beat, inflows), known
+        return self.laws.rates(states, settings, beat, inflows), solved
 
     def _differentiate(self, who: np.ndarray) -> None:
         """Jacobians of the rates by differences, and slopes of the beats along the slow states."""
@@ -369,9 +373,11 @@ class Engine:
             chosen = np.flatnonzero(moved)
             if len(chosen):
                 shifted = {key: column[chosen] for key, column in values.items()}
-                own = self._shifted_beats(members[chosen], columns[chosen], shifted)
+                outputs = self._shifted_beats(members[chosen], columns[chosen], shifted)
                 for name in self.laws.reads:
-                    beat[name][chosen] = np.where(np.isfinite(own[name]), own[name], beat[name][chosen])
+                    beat[name][chosen] = np.where(
+                        np.isfinite(outputs[name]), outputs[name], beat[name][chosen]
+                    )
         rates = self.laws.rates(states, settings, beat, inflows)
         differences = (rates - self.slopes[:, members]) / shift
         self.jacobian[who] = np.nan_to_num(differences.reshape(size, size, n).transpose(2, 0, 1))
@@ -384,18 +390,18 @@ class Engine:
         self, members: np.ndarray, columns: np.ndarray, values: dict[str, np.ndarray]
     ) -> dict[str, np.ndarray]:
         """Beats with one slow state shifted; what is read of them. The predictors learn from them."""
-        found = {name: np.full(len(members), np.nan) for name in self.laws.reads}
+        outputs = {name: np.full(len(members), np.nan) for name in self.laws.reads}
         for chosen in self._alike(members):
-            own = [self.predictors[m] for m in members[chosen]]
-            start = anchor_at([p.last for p in own], own)
+            predictors = [self.predictors[m] for m in members[chosen]]
+            start = anchor_at([p.last for p in predictors], predictors)
             beat = self._beats(members[chosen], {k: v[chosen] for k, v in values.items()}, start)
             for name in self.laws.reads:
-                found[name][chosen] = beat.output(name)
-            for k, predictor in enumerate(own):
+                outputs[name][chosen] = beat.output(name)
+            for k, predictor in enumerate(predictors):
                 if beat.converged[k]:
                     change = (point_of(beat, k) - predictor.last) / SHIFT
                     predictor.learn(int(columns[chosen[k]]), change)
-        return found
+        return outputs
 
     def _solve(
         self,
@@ -405,32 +411,32 @@ class Engine:
         time: np.ndarray | None = None,
     ) -> tuple[dict[str, np.ndarray], np.ndarray]:
         """What the laws read of the beats of some members, and which have one."""
-        known = np.ones(len(who), dtype=bool)
+        solved = np.ones(len(who), dtype=bool)
         read = {name: np.full(len(who), np.nan) for name in self.laws.reads}
         if not self.laws.reads:
-            return read, known
+            return read, solved
         for chosen in self._alike(who):
             members = who[chosen]
-            own = [self.predictors[m] for m in members]
+            predictors = [self.predictors[m] for m in members]
             places = [self._place(m, c, states, time) for m, c in zip(members, chosen, strict=True)]
             circuits = [self._circuit(m) for m in members]
-            begun = [p.begun(c) for p, c in zip(own, circuits, strict=True)]
+            begun = [p.begun(c) for p, c in zip(predictors, circuits, strict=True)]
             start = None
             if all(begun):
-                start = anchor_at([p.guess(x) for p, x in zip(own, places, strict=True)], own)
+                start = anchor_at([p.guess(x) for p, x in zip(predictors, places, strict=True)], predictors)
             beat = self._beats(members, {key: column[chosen] for key, column in values.items()}, start)
-            known[chosen] = beat.converged & (beat.gas_status == GasStatus.STEADY)
+            solved[chosen] = beat.converged & (beat.gas_status == GasStatus.STEADY)
             for name in self.laws.reads:
                 read[name][chosen] = beat.output(name)
-            for k, (predictor, place) in enumerate(zip(own, places, strict=True)):
+            for k, (predictor, place) in enumerate(zip(predictors, places, strict=True)):
                 m = members[k]
                 self.histories[m].beats += int(beat.orbits.beats[k])
                 self.histories[m].solves += 1
-                if known[chosen[k]]:
+                if solved[chosen[k]]:
                     predictor.put(beat, k, place, circuits[k])
                 else:
                     self.messages[m] = beat.message(k)
-        return read, known
+        return read, solved
 
     def _place(
         self, member: int, column: int, states: np.ndarray | None, time: np.ndarray | None
@@ -465,15 +471,18 @@ class Engine:
 
 def _gases_read(circuits: Sequence[Sequence[Circuit]]) -> list[str]:
     """Those of `GASES_MOVE` that all circuits have."""
-    kept = {id(circuit): circuit for own in circuits for circuit in own}.values()
-    shared = set(GASES_MOVE).intersection(*(output_names(circuit) for circuit in kept))
+    unique = {id(circuit): circuit for of_member in circuits for circuit in of_member}.values()
+    shared = set(GASES_MOVE).intersection(*(output_names(circuit) for circuit in unique))
     return [name for name in GASES_MOVE if name in shared]
 
 
 def canonical_circuits(timelines: Sequence[Timeline]) -> list[list[Circuit]]:
     """The circuit of each segment of each member, at last that of the `START`; equal ones are one object."""
-    kept: dict[Circuit, Circuit] = {}
+    unique: dict[Circuit, Circuit] = {}
     return [
-        [kept.setdefault(one.circuit(k), one.circuit(k)) for k in (*range(len(one.breaks) - 1), START)]
-        for one in timelines
+        [
+            unique.setdefault(timeline.circuit(k), timeline.circuit(k))
+            for k in (*range(len(timeline.breaks) - 1), START)
+        ]
+        for timeline in timelines
     ]

@@ -59,8 +59,8 @@ def plot_course(result: xr.Dataset) -> Figure:
     drawn = list({p.names: p for p in panels if any(_has_values(result, name) for name in p.names)}.values())
     probable = bool(result.sizes.get("alarm"))
     rows = -(-max(len(drawn) + probable, 1) // 2)
-    events = [Event.model_validate(one) for one in json.loads(result.attrs["events"])]
-    alarms = [one for one in json.loads(result.attrs["alarms"]) if one["kind"] in _BARS]
+    events = [Event.model_validate(event) for event in json.loads(result.attrs["events"])]
+    alarms = [alarm for alarm in json.loads(result.attrs["alarms"]) if alarm["kind"] in _BARS]
     legend = _legend(events, result)
     fig = style.new_figure(style.PAGE_WIDTH_MM, 24 + 50 * rows + 4.0 * legend.count("\n"))
     axes = list(fig.subplots(rows, 2, squeeze=False, sharex=True).flat)
@@ -68,7 +68,7 @@ def plot_course(result: xr.Dataset) -> Figure:
         _draw(ax, result, panel, events)
         ax.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 3, 6, 10]))
         _mark_spans(ax, json.loads(result.attrs.get("spans", "[]")), _clock(result)[1])
-        _bars(ax, [one for one in alarms if one["quantity"] in panel.names], result)
+        _bars(ax, [alarm for alarm in alarms if alarm["quantity"] in panel.names], result)
     used = len(drawn)
     if probable:
         _draw_probability(axes[used], result, events)
@@ -95,8 +95,8 @@ def _has_values(result: xr.Dataset, name: str) -> bool:
 def _draw(ax: Axes, result: xr.Dataset, panel: Panel, events: list[Event]) -> None:
     _, minutes = _clock(result)
     hours = result["time_min"].to_numpy() / minutes
-    shown = [pair for pair in zip(panel.names, panel.labels, strict=True) if pair[0] in result]
-    for index, (name, label) in enumerate(shown):
+    drawn = [pair for pair in zip(panel.names, panel.labels, strict=True) if pair[0] in result]
+    for index, (name, label) in enumerate(drawn):
         _curve(ax, hours, result[name], label, index)
     low, high = ax.get_ylim()
     short = _NARROWEST.get(panel.unit, 0.1) - (high - low)
@@ -104,7 +104,7 @@ def _draw(ax: Axes, result: xr.Dataset, panel: Panel, events: list[Event]) -> No
         ax.set_ylim(low - 0.5 * short, high + 0.5 * short)
     _mark_events(ax, hours, events, minutes)
     ax.set_ylabel(f"{_AXES.get(panel.unit, '')} [{panel.unit}]".strip())
-    rows = -(-len(shown) // 2)
+    rows = -(-len(drawn) // 2)
     ax.set_title(panel.title, loc="left", pad=3 + 11.5 * rows)
     _legend_above(ax)
 
@@ -115,8 +115,8 @@ def _curve(ax: Axes, hours: np.ndarray, values: xr.DataArray, label: str, index:
     numbers = values.to_numpy().astype(float)
     if "quantile" in values.dims:
         lowest, low, numbers, high, highest = numbers
-        for (one, other), alpha in zip(((lowest, highest), (low, high)), (0.14, 0.24), strict=True):
-            ax.fill_between(hours, one, other, color=look["color"], alpha=alpha, linewidth=0.0)
+        for (lower, upper), alpha in zip(((lowest, highest), (low, high)), (0.14, 0.24), strict=True):
+            ax.fill_between(hours, lower, upper, color=look["color"], alpha=alpha, linewidth=0.0)
     ax.plot(hours, numbers, label=label, **look)
 
 
@@ -148,27 +148,27 @@ def _legend_above(ax: Axes, columns: int = 2) -> None:
 def _draw_probability(ax: Axes, result: xr.Dataset, events: list[Event]) -> None:
     """How many of the draws break a limit, over time."""
     _, minutes = _clock(result)
-    hours, shown = result["time_min"].to_numpy() / minutes, result.isel(alarm=slice(MOST_ALARMS))
+    hours, gravest = result["time_min"].to_numpy() / minutes, result.isel(alarm=slice(MOST_ALARMS))
     for index, (label, share) in enumerate(
-        zip(shown["alarm"].values, shown["alarm_probability"].to_numpy(), strict=True)
+        zip(gravest["alarm"].values, gravest["alarm_probability"].to_numpy(), strict=True)
     ):
         look: dict[str, Any] = {**style.curve_style(index)}
         ax.plot(hours, 100.0 * share, label=style.plain_text(str(label).replace("_", " "), 60), **look)
     _mark_events(ax, hours, events, minutes)
     ax.set_ylim(-3.0, 103.0)
     ax.set_ylabel("Draws [%]")
-    ax.set_title("Limits broken", loc="left", pad=3 + 11.5 * shown.sizes["alarm"])
+    ax.set_title("Limits broken", loc="left", pad=3 + 11.5 * gravest.sizes["alarm"])
     _legend_above(ax, 1)
 
 
 def _bars(ax: Axes, alarms: list[dict[str, object]], result: xr.Dataset) -> None:
     """Bars at the foot where a limit of one of the panel's outputs is broken."""
     end = float(result["time_min"][-1])
-    for one in sorted(alarms, key=lambda alarm: list(_BARS).index(str(alarm["kind"])), reverse=True):
-        until = end if one["until_min"] is None else float(str(one["until_min"]))
+    for alarm in sorted(alarms, key=lambda item: list(_BARS).index(str(item["kind"])), reverse=True):
+        until = end if alarm["until_min"] is None else float(str(alarm["until_min"]))
         spans, colour = (
-            np.array([float(str(one["at_min"])), until]) / _clock(result)[1],
-            _BARS[str(one["kind"])],
+            np.array([float(str(alarm["at_min"])), until]) / _clock(result)[1],
+            _BARS[str(alarm["kind"])],
         )
         foot = Line2D(spans, [0.02, 0.02], transform=ax.get_xaxis_transform(), color=colour, linewidth=3.0)
         foot.set_solid_capstyle("butt")

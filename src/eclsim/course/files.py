@@ -53,12 +53,14 @@ def course_object(result: xr.Dataset) -> dict[str, Any]:
 
 def cohort_object(results: Sequence[xr.Dataset]) -> dict[str, Any]:
     """Courses of a cohort as plain data for JSON: what became of each, without its moments."""
-    kept = ("id", "converged", "status", "message", "balance", "alarms", "warnings", "blood_volume_policy")
-    courses = [{key: value for key, value in course_object(one).items() if key in kept} for one in results]
-    for one, result in zip(courses, results, strict=True):
+    summary = ("id", "converged", "status", "message", "balance", "alarms", "warnings", "blood_volume_policy")
+    courses = [
+        {key: value for key, value in course_object(course).items() if key in summary} for course in results
+    ]
+    for course, result in zip(courses, results, strict=True):
         minute = result[TIME].to_numpy()
-        one["minutes"] = float(minute[-1]) if len(minute) else None
-    return {"courses": courses, "failed": sum(not one["converged"] for one in courses)}
+        course["minutes"] = float(minute[-1]) if len(minute) else None
+    return {"courses": courses, "failed": sum(not course["converged"] for course in courses)}
 
 
 def course_stem(name: str) -> str:
@@ -118,9 +120,9 @@ def _written(result: xr.Dataset, table: str, folder: Path, stem: str | None = No
     csv, netcdf = folder / f"{stem}.csv", folder / f"{stem}.nc"
     write_text(table, csv)
     lists = {name: "\n".join(value) for name, value in result.attrs.items() if isinstance(value, list)}
-    stored = result.assign_attrs(lists)
-    with whole_file(netcdf, stored.nbytes) as partial:
-        stored.to_netcdf(partial, engine="h5netcdf")
+    dataset = result.assign_attrs(lists)
+    with whole_file(netcdf, dataset.nbytes) as partial:
+        dataset.to_netcdf(partial, engine="h5netcdf")
     return [csv, netcdf]
 
 
@@ -136,16 +138,16 @@ def write_figure(result: xr.Dataset, folder: Path, stem: str | None = None) -> l
 def write_courses(results: Sequence[xr.Dataset], folder: Path) -> dict[str, Any]:
     """Write the courses of a cohort, a table and a NetCDF file each, and what became of all; returns that."""
     content, places = cohort_object(results), folder / COURSES
-    stems = course_stems([str(one.attrs["id"]) for one in results])
-    for stem, one in zip(stems, results, strict=True):
-        if one.sizes[TIME]:
-            write_tables(one, places, stem)
+    stems = course_stems([str(course.attrs["id"]) for course in results])
+    for stem, course in zip(stems, results, strict=True):
+        if course.sizes[TIME]:
+            write_tables(course, places, stem)
     write_json(content, folder / SUMMARY)
     head = ("id", "status", "minutes", "alarms", "MAP_lowest_mmHg", "message")
     rows = []
-    for one, result in zip(content["courses"], results, strict=True):
+    for course, result in zip(content["courses"], results, strict=True):
         lowest = float(result["MAP"].min()) if "MAP" in result else math.nan
-        found = sum(alarm["kind"] == "alarm" for alarm in one["alarms"])
-        rows.append((one["id"], one["status"], one["minutes"], found, lowest, one["message"]))
+        count = sum(alarm["kind"] == "alarm" for alarm in course["alarms"])
+        rows.append((course["id"], course["status"], course["minutes"], count, lowest, course["message"]))
     write_text(csv_text(head, rows), folder / TABLE)
     return content

@@ -107,9 +107,9 @@ class GasesInTime:
             volumes: stressed volumes of all compartments at its beginning and at its end [mL].
             period: of the beat [s].
         """
-        held = np.maximum(self.beside + np.stack(volumes), LEAST_ML) / period / ML_S_PER_L_MIN
+        blood = np.maximum(self.beside + np.stack(volumes), LEAST_ML) / period / ML_S_PER_L_MIN
         contents = gases.contents * [[values[HAEMOGLOBIN] / gases.haemoglobin], [1.0]]
-        numbers = [*self._flows(series, phases), *self._numbers(self.step, values), *held, *contents]
+        numbers = [*self._flows(series, phases), *self._numbers(self.step, values), *blood, *contents]
         state = self._state(self.step, numbers)
         now, lags = self._signals(state), self._lags()
         felt = {k: v - np.expm1(-period / lags[k]) * (now[k] - v) for k, v in gases.felt.items()}
@@ -118,17 +118,17 @@ class GasesInTime:
     def in_effect(self, gases: Gases, values: Mapping[str, float]) -> dict[str, float]:
         """Parameters that what is felt of the gases sets."""
         felt = gases.felt
-        found = {name: felt[name] for name in (SENSED_PAO2, SENSED_PACO2) if name in felt}
+        effective = {name: felt[name] for name in (SENSED_PAO2, SENSED_PACO2) if name in felt}
         for bed in self._beds():
             settings = [values[name] for name in local_settings(bed)]
             # Content and oxygen supply stand for the content of the blood that leaves.
             numbers = [felt[f"{bed}.oxygen"], 1.0, 0.0, felt[f"{bed}.carbon_dioxide"], *settings]
-            found[local_resistance(bed)] = float(single(local_law, None)(np.array(numbers))[0])
-        return {name: found[name] for name in self.answers if name in found}
+            effective[local_resistance(bed)] = float(single(local_law, None)(np.array(numbers))[0])
+        return {name: effective[name] for name in self.answers if name in effective}
 
-    def apart(self, one: Gases, other: Gases) -> float:
+    def apart(self, now: Gases, goal: Gases) -> float:
         """Largest difference of contents, in those that count as settled."""
-        share = np.abs(one.contents - other.contents) / np.array(SETTLED_ML_DL)[:, None]
+        share = np.abs(now.contents - goal.contents) / np.array(SETTLED_ML_DL)[:, None]
         return float(share[:, self.of_patient].max())
 
     def trouble(self, gases: Gases) -> str:
@@ -141,22 +141,22 @@ class GasesInTime:
     def _signals(self, state: Mapping[Quantity, float]) -> dict[str, float]:
         """What receptors and organs are exposed to."""
         artery = artery_of(self.circuit)
-        found = {}
+        signals = {}
         if SENSED_PAO2 in self.answers:
-            found[SENSED_PAO2] = state[Quantity("PO2", "in", artery)]
-            found[SENSED_PACO2] = state[Quantity("PCO2", "in", artery)]
+            signals[SENSED_PAO2] = state[Quantity("PO2", "in", artery)]
+            signals[SENSED_PACO2] = state[Quantity("PCO2", "in", artery)]
         for bed in self._beds():
             arterial = state[Quantity("oxygen", "mixed", bed)]
             supplied, gained = (state[Quantity(what, "at", bed)] for what in ("supplied", "gained"))
-            found[f"{bed}.oxygen"] = float(np.asarray(venous_content(arterial, supplied, gained)))
-            found[f"{bed}.carbon_dioxide"] = state[Quantity("PCO2", "in", bed)]
-        return found
+            signals[f"{bed}.oxygen"] = float(np.asarray(venous_content(arterial, supplied, gained)))
+            signals[f"{bed}.carbon_dioxide"] = state[Quantity("PCO2", "in", bed)]
+        return signals
 
     def _lags(self) -> dict[str, float]:
         """Time constant of each signal [s]."""
         organs = {"oxygen": ORGANS_OXYGEN_S, "carbon_dioxide": ORGANS_CARBON_DIOXIDE_S}
-        own = {f"{bed}.{gas}": lag for bed in self._beds() for gas, lag in organs.items()}
-        return {SENSED_PAO2: RECEPTORS_S, SENSED_PACO2: RECEPTORS_S, **own}
+        of_organs = {f"{bed}.{gas}": lag for bed in self._beds() for gas, lag in organs.items()}
+        return {SENSED_PAO2: RECEPTORS_S, SENSED_PACO2: RECEPTORS_S, **of_organs}
 
     def _flows(self, series: np.ndarray, phases: np.ndarray) -> np.ndarray:
         """Mean forward, then backward flow of each connection [L/min]."""
@@ -167,8 +167,8 @@ class GasesInTime:
         return [np.array([values[name] for name in function.parameters])]
 
     def _state(self, function: GasFunction, numbers: Sequence[np.ndarray]) -> dict[Quantity, float]:
-        found = np.asarray(single(function.compute, function.key)(np.concatenate(numbers)))
-        return dict(zip(function.quantities, found.tolist(), strict=True))
+        result = np.asarray(single(function.compute, function.key)(np.concatenate(numbers)))
+        return dict(zip(function.quantities, result.tolist(), strict=True))
 
     def _contents(self, state: Mapping[Quantity, float]) -> np.ndarray:
         names = [c.name for c in self.circuit.compartments]

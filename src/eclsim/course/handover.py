@@ -117,15 +117,15 @@ def lag_of(rates: np.ndarray, settling_s: float, laws: Laws) -> float:
     return float((np.abs(rates) * settling_s / laws.scales).max(initial=0.0))
 
 
-def farthest(one: Mapping[str, float], other: Mapping[str, float], share: float) -> tuple[float, str]:
+def farthest(before: Mapping[str, float], after: Mapping[str, float], share: float) -> tuple[float, str]:
     """Largest share of `GASES_MOVE` by which gases change at once, and the change in words."""
-    moves = {name: share * (other[name] - one[name]) for name in one.keys() & other.keys()}
+    moves = {name: share * (after[name] - before[name]) for name in before.keys() & after.keys()}
     name = max(sorted(moves), key=lambda name: abs(moves[name]) / GASES_MOVE[name], default="")
     if not name:
         return 0.0, ""
     unit = output(name).unit
-    words = f"{name} goes from {one[name]:.0f} to {one[name] + moves[name]:.0f} {unit} with the blood"
-    return abs(moves[name]) / GASES_MOVE[name], words
+    change = f"{name} goes from {before[name]:.0f} to {before[name] + moves[name]:.0f} {unit} with the blood"
+    return abs(moves[name]) / GASES_MOVE[name], change
 
 
 def reason_of(

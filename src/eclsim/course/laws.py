@@ -49,10 +49,10 @@ class Laws:
 
     def start(self, settings: Named, beat: Named) -> np.ndarray:
         """States at time 0, shape (states, members)."""
-        found: dict[str, np.ndarray] = {}
+        values: dict[str, np.ndarray] = {}
         for law in self.laws:
-            found |= law.start(settings, beat)
-        return np.array([found[name] for name in self.names])
+            values |= law.start(settings, beat)
+        return np.array([values[name] for name in self.names])
 
     def in_effect(self, states: np.ndarray, settings: Named) -> dict[str, np.ndarray]:
         """The settings with what slow states set."""
@@ -63,14 +63,14 @@ class Laws:
 
     def rates(self, states: np.ndarray, settings: Named, beat: Named, inflows: Named) -> np.ndarray:
         """Change of each state per second, shape (states, members)."""
-        named, found = self._named(states), dict[str, np.ndarray]()
+        named, rates = self._named(states), dict[str, np.ndarray]()
         for law in self.laws:
-            found |= law.rates(named, settings, beat, inflows)
-        return np.array([found[name] for name in self.names])
+            rates |= law.rates(named, settings, beat, inflows)
+        return np.array([rates[name] for name in self.names])
 
     def shown(self, states: np.ndarray, in_effect: Named) -> tuple[Shown, ...]:
         """What is shown of the states beside themselves."""
-        return tuple(one for law in self.laws for one in law.shown(self._named(states), in_effect))
+        return tuple(quantity for law in self.laws for quantity in law.shown(self._named(states), in_effect))
 
     def _named(self, states: np.ndarray) -> Mapping[str, np.ndarray]:
         return dict(zip(self.names, states, strict=True))

@@ -64,9 +64,9 @@ class Moments:
 
     def of(self, member: int) -> np.ndarray:
         """Positions of a member's moments up to the end of its course, in order."""
-        own = np.flatnonzero(self.member == member)
-        own = own[np.argsort(self.time[own], kind="stable")]
-        return own[np.isin(self.status[own], SOLVED)] if len(self.status) else own
+        places = np.flatnonzero(self.member == member)
+        places = places[np.argsort(self.time[places], kind="stable")]
+        return places[np.isin(self.status[places], SOLVED)] if len(self.status) else places
 
     def values_in_effect(self, place: int) -> dict[str, float]:
         """Parameters at a moment, by key."""
@@ -76,7 +76,7 @@ class Moments:
 def moments_of(engine: Engine, histories: Sequence[History], every: Sequence[float]) -> Moments:
     """Moments of all members, each in so many seconds and at every event."""
     rows = [
-        _moments_of(engine, m, history, _wanted(engine, m, history, every[m]))
+        _moments_of(engine, m, history, _moment_times(engine, m, history, every[m]))
         for m, history in enumerate(histories)
     ]
     return _joined(engine, rows)
@@ -85,11 +85,11 @@ def moments_of(engine: Engine, histories: Sequence[History], every: Sequence[flo
 def in_effect_at(engine: Engine, member: int, time: float) -> tuple[Circuit, dict[str, float]]:
     """Circuit and parameters of a member at any time [s] that it has marched through."""
     row = _moments_of(engine, member, engine.histories[member], np.array([time]))
-    one = _joined(engine, [row])
-    return engine.circuits[member][one.segment[0]], one.values_in_effect(0)
+    moment = _joined(engine, [row])
+    return engine.circuits[member][moment.segment[0]], moment.values_in_effect(0)
 
 
-def _wanted(engine: Engine, member: int, history: History, every: float) -> np.ndarray:
+def _moment_times(engine: Engine, member: int, history: History, every: float) -> np.ndarray:
     """Times [s] of a member's moments."""
     timeline = engine.timelines[member]
     if not history.times:
@@ -100,9 +100,9 @@ def _wanted(engine: Engine, member: int, history: History, every: float) -> np.n
     sudden = [c.begin - BEFORE_S for c in timeline.changes if c.end == c.begin and 0.0 < c.begin <= end]
     spans = history.spans
     behind = [span.end for span in spans if span.end <= end]
-    wanted = np.unique(np.round(np.concatenate([regular, breaks, sudden, [end], behind]), 6))
-    within = [(wanted >= span.begin) & (wanted < span.end - 1e-6) for span in spans]
-    return wanted[~np.any(within, axis=0)] if spans else wanted
+    moments = np.unique(np.round(np.concatenate([regular, breaks, sudden, [end], behind]), 6))
+    within = [(moments >= span.begin) & (moments < span.end - 1e-6) for span in spans]
+    return moments[~np.any(within, axis=0)] if spans else moments
 
 
 _Row = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, list[np.ndarray | None]]
@@ -144,8 +144,8 @@ def _joined(engine: Engine, rows: Sequence[_Row]) -> Moments:
     settings = [
         engine.timelines[m].settings(int(s), float(t)) for m, s, t in zip(member, segment, time, strict=True)
     ]
-    keys = dict.fromkeys(key for one in settings for key in one)
-    columns = {key: np.array([one.get(key, 0.0) for one in settings]) for key in keys}
+    keys = dict.fromkeys(key for of_moment in settings for key in of_moment)
+    columns = {key: np.array([of_moment.get(key, 0.0) for of_moment in settings]) for key in keys}
     points = [point for row in rows for point in row[4]]
     return Moments(member, segment, time, states, engine.laws.in_effect(states, columns), points)
 
@@ -180,13 +180,13 @@ def beats_at(
 
 def _add_span(moments: Moments, engine: Engine, member: int, span: Span, with_findings: bool) -> None:
     """Put the beats of a span behind the moments of steady beats, as far as the course goes."""
-    own, history, stopped = moments.of(member), engine.histories[member], moments.stopped[member]
+    places, history, stopped = moments.of(member), engine.histories[member], moments.stopped[member]
     within = stopped == history.stopped and history.times[-1] <= span.begin
-    last = moments.time[own[-1]] if len(own) and stopped and not within else np.inf
+    last = moments.time[places[-1]] if len(places) and stopped and not within else np.inf
     beats = [beat for beat in span.beats if beat.time <= last]
     if not beats:
         return
-    count, (columns, said) = len(beats), span.march.measured(beats)
+    count, (columns, beat_findings) = len(beats), span.march.measured(beats)
     breaks = engine.timelines[member].breaks
     time = np.array([beat.time for beat in beats])
     moments.member = np.concatenate([moments.member, np.full(count, member)])
@@ -204,7 +204,7 @@ def _add_span(moments: Moments, engine: Engine, member: int, span: Span, with_fi
     for name, column in moments.values.items():
         added = columns.get(name, np.full(count, np.nan))
         moments.values[name] = np.concatenate([column, added])
-    moments.findings += said if with_findings else [[] for _ in beats]
+    moments.findings += beat_findings if with_findings else [[] for _ in beats]
 
 
 @dataclass(frozen=True)
@@ -250,17 +250,17 @@ class _Measured:
         The last moment with a steady beat is then found by halves.
         """
         moments = self.moments
-        own = np.flatnonzero(moments.member == member)
-        for k, place in enumerate(own):
+        places = np.flatnonzero(moments.member == member)
+        for k, place in enumerate(places):
             if moments.status[place] in SOLVED:
                 continue
-            before = None if k == 0 else moments.values_in_effect(own[k - 1])
+            before = None if k == 0 else moments.values_in_effect(places[k - 1])
             if self.solve(np.array([place]), None, before):
                 continue
             moments.stopped[member] = moments.stopped[member] or self.engine.messages[member]
-            moments.status[own[k:]] = int(Status.NOT_CONVERGED)
+            moments.status[places[k:]] = int(Status.NOT_CONVERGED)
             if k:
-                self._close_in(member, int(own[k - 1]), int(place))
+                self._close_in(member, int(places[k - 1]), int(place))
             return
 
     def _close_in(self, member: int, good: int, bad: int) -> None:
@@ -273,13 +273,13 @@ class _Measured:
         )
         while high - low > 2.0 * SHORTEST_S:
             middle = 0.5 * (low + high)
-            one = _joined(self.engine, [_moments_of(self.engine, member, history, np.array([middle]))])
-            one.status, one.findings = np.zeros(1, dtype=int), [[]]
-            if not replace(self, moments=one).solve(np.zeros(1, dtype=int), None, before):
+            trial = _joined(self.engine, [_moments_of(self.engine, member, history, np.array([middle]))])
+            trial.status, trial.findings = np.zeros(1, dtype=int), [[]]
+            if not replace(self, moments=trial).solve(np.zeros(1, dtype=int), None, before):
                 high, moments.stopped[member] = middle, self.engine.messages[member]
                 continue
-            low, before = middle, one.values_in_effect(0)
-            _put(moments, bad, one)
+            low, before = middle, trial.values_in_effect(0)
+            _replace_moment(moments, bad, trial)
 
 
 def _start(moments: Moments, engine: Engine, chosen: np.ndarray) -> Anchor | None:
@@ -290,12 +290,12 @@ def _start(moments: Moments, engine: Engine, chosen: np.ndarray) -> Anchor | Non
     return anchor_at(points, [engine.predictors[moments.member[k]] for k in chosen])
 
 
-def _put(moments: Moments, place: int, one: Moments) -> None:
+def _replace_moment(moments: Moments, place: int, other: Moments) -> None:
     """A moment in place of another, which has no beat."""
-    moments.time[place], moments.segment[place] = one.time[0], one.segment[0]
-    moments.states[:, place], moments.status[place] = one.states[:, 0], one.status[0]
-    moments.findings[place] = one.findings[0]
+    moments.time[place], moments.segment[place] = other.time[0], other.segment[0]
+    moments.states[:, place], moments.status[place] = other.states[:, 0], other.status[0]
+    moments.findings[place] = other.findings[0]
     for key, column in moments.in_effect.items():
-        column[place] = one.in_effect[key][0]
+        column[place] = other.in_effect[key][0]
     for name, column in moments.values.items():
-        column[place] = one.values[name][0] if name in one.values else np.nan
+        column[place] = other.values[name][0] if name in other.values else np.nan

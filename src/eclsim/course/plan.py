@@ -112,13 +112,13 @@ def plan_removal(
         GoalError: goals that cannot be meant, or no device that removes fluid.
         CaseError: the file is no case.
     """
-    own = with_speed(as_case(case), volume_policy)[0].model_copy(update={"events": ()})
-    goals = read_goals(keep, output_names(model_of(own).circuit))
-    key = _filtration(own)
+    solved = with_speed(as_case(case), volume_policy)[0].model_copy(update={"events": ()})
+    goals = read_goals(keep, output_names(model_of(solved).circuit))
+    key = _filtration(solved)
     if not (math.isfinite(remove_ml) and remove_ml > 0.0 and hours > 0.0):
         raise GoalError([f"remove {remove_ml:g} mL in {hours:g} h; allowed: positive numbers"])
     slowest = remove_ml / hours
-    fastest = _fastest(own, key, slowest)
+    fastest = _fastest(solved, key, slowest)
     rates, tried, broken = (
         np.geomspace(slowest, fastest, TRIED),
         dict[float, bool](),
@@ -127,19 +127,19 @@ def plan_removal(
     for _ in range(ROUNDS):
         fresh = [float(rate) for rate in rates if float(rate) not in tried]
         for rate, result in zip(
-            fresh, _removed(own, key, fresh, remove_ml, goals, volume_policy), strict=True
+            fresh, _removed(solved, key, fresh, remove_ml, goals, volume_policy), strict=True
         ):
             broken[rate] = _breaks(goals, result)
             tried[rate] = not broken[rate]
-        below = _last_kept(tried)
+        below = _fastest_tolerated(tried)
         above = min((rate for rate, kept in tried.items() if not kept), default=None)
         if below is None or above is None:
             break
         rates = np.linspace(below, above, TRIED + 2)[1:-1]
-    return _removal(own.patient.id, remove_ml, goals, tried, broken)
+    return _removal(solved.patient.id, remove_ml, goals, tried, broken)
 
 
-def _last_kept(tried: dict[float, bool]) -> float | None:
+def _fastest_tolerated(tried: dict[float, bool]) -> float | None:
     """The fastest rate that keeps all goals below the first that does not."""
     first = min((rate for rate, kept in tried.items() if not kept), default=math.inf)
     return max((rate for rate in tried if rate < first), default=None)
@@ -147,10 +147,12 @@ def _last_kept(tried: dict[float, bool]) -> float | None:
 
 def _filtration(case: Case) -> str:
     """Key of the net ultrafiltration of the case's device."""
-    for one in case.instances():
-        if FILTRATION in one.device.section.fields():
-            return f"{one.key}.{FILTRATION}"
-    removing = " or ".join(f"[{key}]" for key, one in devices().items() if FILTRATION in one.section.fields())
+    for instance in case.instances():
+        if FILTRATION in instance.device.section.fields():
+            return f"{instance.key}.{FILTRATION}"
+    removing = " or ".join(
+        f"[{key}]" for key, instance in devices().items() if FILTRATION in instance.section.fields()
+    )
     raise GoalError([f"no device that removes fluid; allowed: a case with {removing}"])
 
 
@@ -180,22 +182,22 @@ def _removed(
 
 def _breaks(goals: Sequence[Goal], result: xr.Dataset) -> list[Break]:
     """What a course breaks, its own end included."""
-    minutes, found = result["time_min"].to_numpy(), []
+    minutes, breaks = result["time_min"].to_numpy(), []
     for goal in goals:
         values = result[goal.output].to_numpy() if goal.output in result else np.zeros(0)
         excess = np.array([goal.excess(float(value)) for value in values])
         unknown = ~np.isfinite(excess)
         if unknown.any():
-            found.append(Break(f"no value of {goal.output}", math.nan, float(minutes[unknown.argmax()])))
+            breaks.append(Break(f"no value of {goal.output}", math.nan, float(minutes[unknown.argmax()])))
         if (excess > 0.0).any():
             worst = float(values[np.nanargmax(excess)])
             first = float(minutes[(excess > 0.0).argmax()])
-            found.append(Break(str(goal), worst, first, unit_of(goal.output)))
+            breaks.append(Break(str(goal), worst, first, unit_of(goal.output)))
     if not result.attrs["converged"]:
-        found.append(
+        breaks.append(
             Break(str(result.attrs["message"]), math.nan, float(minutes[-1]) if len(minutes) else 0.0)
         )
-    return found
+    return breaks
 
 
 def _removal(
@@ -205,28 +207,29 @@ def _removal(
     tried: dict[float, bool],
     broken: dict[float, list[Break]],
 ) -> Removal:
-    best = _last_kept(tried)
+    best = _fastest_tolerated(tried)
     above = min((rate for rate, kept in tried.items() if not kept), default=None)
     limits = tuple(broken[above]) if above is not None else ()
-    said = " and ".join(_said(one) for one in limits)
+    sentence = " and ".join(_break_sentence(limit) for limit in limits)
     if best is None:
         assert above is not None
-        until = above * min(one.at_min for one in limits) / 60.0
-        text = f"{remove_ml:g} mL cannot be removed: at {above:.0f} mL/h, the slowest, {said}"
+        until = above * min(limit.at_min for limit in limits) / 60.0
+        text = f"{remove_ml:g} mL cannot be removed: at {above:.0f} mL/h, the slowest, {sentence}"
         text += f"; by then {until:.0f} mL are out"
     else:
         text = f"{remove_ml:g} mL can be removed at {best:.0f} mL/h, in {remove_ml / best:.1f} h"
-        text += f"; at {above:.0f} mL/h {said}" if above is not None else ", the fastest of the device"
+        text += f"; at {above:.0f} mL/h {sentence}" if above is not None else ", the fastest of the device"
     rate = math.nan if best is None else best
     keep = tuple(str(goal) for goal in goals)
     return Removal(name, remove_ml, keep, rate, remove_ml / rate, best is not None, limits, text, tried)
 
 
-def _said(one: Break) -> str:
-    hours = f"{one.at_min / 60.0:.1f} h"
-    if math.isnan(one.value):
-        return f"{one.goal} after {hours}"
-    return f"{one.goal} breaks after {hours} ({one.value:.4g}{f' {one.unit}' * (one.unit != '1')} at worst)"
+def _break_sentence(limit: Break) -> str:
+    hours = f"{limit.at_min / 60.0:.1f} h"
+    if math.isnan(limit.value):
+        return f"{limit.goal} after {hours}"
+    unit = f" {limit.unit}" * (limit.unit != "1")
+    return f"{limit.goal} breaks after {hours} ({limit.value:.4g}{unit} at worst)"
 
 
 # --- weaning --------------------------------------------------------------------------------------
@@ -275,24 +278,26 @@ def plan_weaning(
         GoalError: goals or settings that cannot be meant, or no ECMO.
         CaseError: the file is no case, or a speed is not allowed.
     """
-    own = with_speed(as_case(case), volume_policy)[0].model_copy(update={"events": ()})
-    if own.ecmo is None:
+    start = with_speed(as_case(case), volume_policy)[0].model_copy(update={"events": ()})
+    if start.ecmo is None:
         raise GoalError([f"no ECMO to wean from; allowed: a case with [{ECMO.key}]"])
     if (keep is None) != (vary is None):
         raise GoalError(["goals to keep and what is varied for them go together"])
-    if vary is not None and vary.strip().startswith("drugs.") and own.drugs is None:
-        own = changed(own, {vary.partition("=")[0].strip(): 0.0}, own)
+    if vary is not None and vary.strip().startswith("drugs.") and start.drugs is None:
+        start = changed(start, {vary.partition("=")[0].strip(): 0.0}, start)
     key = f"{ECMO.key}.speed_rpm"
-    return [_weaned(changed(own, {key: float(s)}, own), float(s), keep, vary, volume_policy) for s in speeds]
+    return [
+        _weaned(changed(start, {key: float(s)}, start), float(s), keep, vary, volume_policy) for s in speeds
+    ]
 
 
 def _weaned(case: Case, speed: float, keep: str | None, vary: str | None, policy: str | None) -> WeaningStep:
     if keep is None or vary is None:
         result = simulate(case, policy)
         numbers = {str(n): float(v) for n, v in result.data_vars.items() if v.ndim == 0}
-        done = bool(result.attrs["converged"])
+        converged = bool(result.attrs["converged"])
         return WeaningStep(
-            speed, None, done, _read(numbers, case), "" if done else str(result.attrs["message"])
+            speed, None, converged, _read(numbers, case), "" if converged else str(result.attrs["message"])
         )
     try:
         result = reach(case, keep, vary=vary, volume_policy=policy)
@@ -304,11 +309,11 @@ def _weaned(case: Case, speed: float, keep: str | None, vary: str | None, policy
 
 def _read(numbers: dict[str, float], case: Case) -> dict[str, float]:
     """What is read at the bedside, the velocity-time integral of a stroke among it."""
-    found = {name: numbers[name] for name in READ if name in numbers}
-    if "LVO" in found:
-        stroke = 1000.0 * found["LVO"] / found.get("heart_rate", case.patient.heart_rate_bpm)
-        found["LVOT_VTI_cm"] = stroke / (math.pi * (0.5 * OUTFLOW_TRACT_CM) ** 2)
-    return found
+    read = {name: numbers[name] for name in READ if name in numbers}
+    if "LVO" in read:
+        stroke = 1000.0 * read["LVO"] / read.get("heart_rate", case.patient.heart_rate_bpm)
+        read["LVOT_VTI_cm"] = stroke / (math.pi * (0.5 * OUTFLOW_TRACT_CM) ** 2)
+    return read
 
 
 def unit_of(name: str) -> str:

@@ -61,15 +61,15 @@ class Predictor:
         return self.point
 
     @property
-    def known(self) -> np.ndarray:
+    def state(self) -> np.ndarray:
         """State of the last beat at phase 0."""
         return self.last[: len(self.last) - len(self.coupled)]
 
     @property
     def beat(self) -> Steady:
         """The last beat."""
-        answers = np.exp(self.last[len(self.known) :]).tolist()
-        return Steady(self.known, dict(zip(self.coupled, answers, strict=True)))
+        coupled = np.exp(self.last[len(self.state) :]).tolist()
+        return Steady(self.state, dict(zip(self.coupled, coupled, strict=True)))
 
     def begun(self, circuit: Circuit) -> bool:
         """Whether a beat of that circuit was put."""
@@ -108,15 +108,18 @@ def point_of(beat: SteadyBeat, member: int) -> np.ndarray:
     return np.concatenate([beat.orbits.states[:, member], answers])
 
 
-def anchor_at(points: Sequence[np.ndarray], own: Sequence[Predictor]) -> Anchor | None:
+def anchor_at(points: Sequence[np.ndarray], predictors: Sequence[Predictor]) -> Anchor | None:
     """Where searches begin, from a point of each member; None where these are not of one kind."""
-    names = own[0].coupled
-    if len({(len(point), len(p.inverse), p.coupled) for point, p in zip(points, own, strict=True)}) > 1:
+    names = predictors[0].coupled
+    if (
+        len({(len(point), len(p.inverse), p.coupled) for point, p in zip(points, predictors, strict=True)})
+        > 1
+    ):
         return None
     states, places = np.split(np.stack(points, axis=-1), [len(points[0]) - len(names)])
-    inverse = np.stack([p.inverse for p in own], axis=-1)
+    inverse = np.stack([p.inverse for p in predictors], axis=-1)
     if len(states) != len(inverse):
         return None
     if not names:
         return Anchor(states, inverse)
-    return CoupledAnchor(states, inverse, names, places, np.stack([p.response for p in own]))
+    return CoupledAnchor(states, inverse, names, places, np.stack([p.response for p in predictors]))

@@ -42,8 +42,10 @@ def labelled_course(
     data = {name: variable(TIME, values, **output_labels(name)) for name, values in outputs.items()}
     for row, state in zip(states, laws.states, strict=True):
         data[state.name] = variable(TIME, row, units=state.unit, long_name=f"slow state {state.name}")
-    for one in laws.shown(states, in_effect):
-        data[one.name] = variable(TIME, one.values, units=one.unit, long_name=one.description)
+    for quantity in laws.shown(states, in_effect):
+        data[quantity.name] = variable(
+            TIME, quantity.values, units=quantity.unit, long_name=quantity.description
+        )
     axis = variable(TIME, time / MINUTE, units="min", long_name="time from the start")
     return xr.Dataset(data, coords={TIME: axis})
 
@@ -90,5 +92,5 @@ def spans_in_words(result: xr.Dataset) -> str:
     named = [
         f"{clock_time(s['from_min'], True)} to {clock_time(s['until_min'], True)}" for s in spans[:MOST_SPANS]
     ]
-    more = f" and {len(spans) - MOST_SPANS} more" if len(spans) > MOST_SPANS else ""
-    return f"followed beat by beat {', '.join(named)}{more}"
+    further = f" and {len(spans) - MOST_SPANS} more" if len(spans) > MOST_SPANS else ""
+    return f"followed beat by beat {', '.join(named)}{further}"

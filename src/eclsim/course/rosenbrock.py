@@ -65,13 +65,13 @@ def step(
     """
     n = len(states)
     matrix = np.eye(n) - GAMMA * length[:, None, None] * jacobian
-    done, stages = np.ones(len(length), dtype=bool), list[np.ndarray]()
+    solved, stages = np.ones(len(length), dtype=bool), list[np.ndarray]()
     for k, (alpha, coupling) in enumerate(zip(ALPHA, COUPLING, strict=True)):
         slope = first
         if k:
             place = states + sum(a * s for a, s in zip(alpha, stages, strict=True))
-            slope, known = rates(time + TIMES[k] * length, place)
-            done &= known
+            slope, has_rates = rates(time + TIMES[k] * length, place)
+            solved &= has_rates
         right = length * slope
         if coupling:
             mixed = sum(c * s for c, s in zip(coupling, stages, strict=True))
@@ -80,7 +80,7 @@ def step(
         stages.append(np.linalg.solve(matrix, right.T[..., None])[..., 0].T)
     end = states + sum(w * s for w, s in zip(WEIGHTS, stages, strict=True))
     difference = [w - e for w, e in zip(WEIGHTS, EMBEDDED, strict=True)]
-    return Step(end, np.asarray(sum(d * s for d, s in zip(difference, stages, strict=True))), done)
+    return Step(end, np.asarray(sum(d * s for d, s in zip(difference, stages, strict=True))), solved)
 
 
 def between(

@@ -100,13 +100,13 @@ class Timeline:
 
         Fluids, drugs and clamps that an event starts are at 0.
         """
-        bare = self.case.model_copy(update={"events": ()})
-        added = {"fluid": bare.fluid or Fluid(), "solutes": bare.solutes or (Solutes() if bare.gas else None)}
-        bare = bare.model_copy(update=added)
-        wanted = (place_of(key) for event in self.case.events for key in event.set)
-        started = [p for p in wanted if p and (p[1].endswith(("_ml_h", "_clamp")) or p[0] == DRUGS)]
-        off = {p: 0.0 for p in started if bare.setting(*p) is None and p[1] not in SENSITIVITIES}
-        return _with(bare, off) if off else bare
+        case = self.case.model_copy(update={"events": ()})
+        added = {"fluid": case.fluid or Fluid(), "solutes": case.solutes or (Solutes() if case.gas else None)}
+        case = case.model_copy(update=added)
+        paths = (place_of(key) for event in self.case.events for key in event.set)
+        started = [p for p in paths if p and (p[1].endswith(("_ml_h", "_clamp")) or p[0] == DRUGS)]
+        off = {p: 0.0 for p in started if case.setting(*p) is None and p[1] not in SENSITIVITIES}
+        return _with(case, off) if off else case
 
     def values_of(self, case: Case) -> dict[str, float]:
         """Parameters of a case, those overridden included; of solutes only stores where it has none."""
@@ -122,7 +122,7 @@ class Timeline:
     def changes(self) -> tuple[Change, ...]:
         """What events set, in their order."""
         now, (circuit, values) = self.start_case, self.start
-        found: list[Change] = []
+        changes: list[Change] = []
         for n, event in enumerate(self.case.events, start=1):
             if not event.set:
                 continue
@@ -132,14 +132,14 @@ class Timeline:
             keys = [key for key in after if values.get(key, after[key]) != after[key] or key not in values]
             before = {key: values.get(key, 0.0) for key in keys}
             begin = event.at_min * MINUTE
-            found.append(
+            changes.append(
                 Change(
                     begin, begin + event.ramp_min * MINUTE, before, {key: after[key] for key in keys}, circuit
                 )
             )
-            _refuse_overlap(found, n)
+            _refuse_overlap(changes, n)
             values = after
-        return tuple(found)
+        return tuple(changes)
 
     @cached_property
     def gifts(self) -> tuple[Gift, ...]:
@@ -153,7 +153,11 @@ class Timeline:
     @cached_property
     def breaks(self) -> np.ndarray:
         """Moments at which something begins or ends [s], the start and the end of the course among them."""
-        moments = [0.0, self.end, *(t for one in (*self.changes, *self.gifts) for t in (one.begin, one.end))]
+        moments = [
+            0.0,
+            self.end,
+            *(t for event in (*self.changes, *self.gifts) for t in (event.begin, event.end)),
+        ]
         return np.unique([t for t in moments if t <= self.end])
 
     def circuit(self, segment: int) -> Circuit:
@@ -190,7 +194,7 @@ class Timeline:
     @cached_property
     def begins_at_once(self) -> bool:
         """Whether anything happens at minute 0."""
-        return any(one.begin == 0.0 for one in (*self.changes, *self.gifts))
+        return any(event.begin == 0.0 for event in (*self.changes, *self.gifts))
 
     def _begun(self, segment: int) -> list[Change]:
         if segment == START:
@@ -221,7 +225,9 @@ def _with(case: Case, values: Mapping[tuple[str, str], object]) -> Case:
 def _refuse_overlap(changes: list[Change], event: int) -> None:
     """Two keys may stand for one parameter; it cannot be on two ramps at a time."""
     *earlier, last = changes
-    shared = [key for one in earlier if one.end > last.begin for key in last.after if key in one.after]
+    shared = [
+        key for change in earlier if change.end > last.begin for key in last.after if key in change.after
+    ]
     if shared:
         message = f"changes {shared[0]} while an earlier event is still changing it"
         raise CaseError([Mistake(f"events[{event}].at_min", message, allowed="one change at a time")])
