@@ -1,6 +1,8 @@
 """What users install: locked versions, public names, version."""
 
 import importlib
+import inspect
+import pydoc
 import re
 import sys
 import tomllib
@@ -11,6 +13,7 @@ import pytest
 
 import eclsim
 from architecture_checker import read_imports
+from eclsim.front_door import public_names
 
 REPOSITORY = Path(__file__).parents[1]
 PROJECT = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -69,6 +72,18 @@ def test_locks_name_no_other_registry_than_pypi(lock: str):
 def test_every_public_name_can_be_imported(name: str):
     assert getattr(eclsim, name) is not None
     assert name in dir(eclsim)
+
+
+@pytest.mark.parametrize("name", sorted(set(eclsim.__all__) - {"__version__"}))
+def test_help_says_what_a_public_name_does_and_how_it_is_called(name: str):
+    value = getattr(eclsim, name)
+    shown = pydoc.render_doc(value, renderer=pydoc.plaintext)
+    assert inspect.getdoc(value), name
+    assert str(inspect.getdoc(value)).splitlines()[0] in shown
+    defined = getattr(importlib.import_module(public_names()[name]), name)
+    if inspect.isfunction(defined):
+        assert inspect.signature(value) == inspect.signature(defined)
+        assert f"{name}{inspect.signature(defined)}" in shown
 
 
 def test_an_unknown_public_name_is_an_attribute_error():

@@ -1,4 +1,4 @@
-"""Adds one API page for each layer of the package, so that a new layer is documented by existing."""
+"""Adds a page of the public names and one for each room of the package; new ones appear by themselves."""
 
 import ast
 from pathlib import Path
@@ -6,11 +6,13 @@ from pathlib import Path
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
+from eclsim.front_door import public_names
+
 PACKAGE = Path(__file__).parents[2] / "src" / "eclsim"
 COMMAND_LINE = {"cli", "app"}  # described by what users see of them
 
 
-def layers() -> dict[str, str]:
+def rooms() -> dict[str, str]:
     """Public modules and packages with the first line of their docstring."""
     found = {}
     for path in sorted(PACKAGE.iterdir()):
@@ -29,22 +31,32 @@ def layers() -> dict[str, str]:
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Put the pages behind the overview in the navigation."""
-    pages = [{f"eclsim.{layer}": f"api/{layer}.md"} for layer in layers()]
-    config.nav[-1] = {"API": ["api/index.md", *pages]}
+    pages = [{f"eclsim.{room}": f"api/{room}.md"} for room in rooms()]
+    config.nav[-1] = {"API": ["api/index.md", {"eclsim": "api/eclsim.md"}, *pages]}
     return config
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Write the pages."""
-    for layer in layers():
-        text = f"# eclsim.{layer}\n\n::: eclsim.{layer}\n    options:\n      show_root_heading: false\n"
-        files.append(File.generated(config, f"api/{layer}.md", content=text))
+    public = sorted(public_names().items(), key=_order)
+    content = "\n\n".join(f"::: {module}.{name}" for name, module in public)
+    text = f"# eclsim\n\nWhat `import eclsim` gives: functions first, then classes.\n\n{content}\n"
+    files.append(File.generated(config, "api/eclsim.md", content=text))
+    for room in rooms():
+        text = f"# eclsim.{room}\n\n::: eclsim.{room}\n    options:\n      show_root_heading: false\n"
+        files.append(File.generated(config, f"api/{room}.md", content=text))
     return files
+
+
+def _order(entry: tuple[str, str]) -> tuple[bool, str]:
+    """Functions before classes, each by name."""
+    return entry[0][0].isupper(), entry[0]
 
 
 def on_page_markdown(markdown: str, page, **_: object) -> str:
     """List the pages in the overview."""
     if page.file.src_uri != "api/index.md":
         return markdown
-    rows = [f"| [`eclsim.{layer}`]({layer}.md) | {words} |" for layer, words in layers().items()]
+    public = "| [`eclsim`](eclsim.md) | What `import eclsim` gives. |"
+    rows = [public, *(f"| [`eclsim.{room}`]({room}.md) | {words} |" for room, words in rooms().items())]
     return markdown + "\n".join(["", "| module | |", "|---|---|", *rows, ""])

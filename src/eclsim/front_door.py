@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import sys
 from importlib import import_module
-from types import ModuleType
+from inspect import Signature, getdoc, signature
+from types import FunctionType, ModuleType
 
 
 def public_names() -> dict[str, str]:
@@ -17,7 +18,7 @@ def public_names() -> dict[str, str]:
 
 
 class CallablePackage(ModuleType):
-    """A package whose call goes to the function of its own name.
+    """A package whose call goes to the function of its own name, and whose help is that function's.
 
     Importing any of its modules binds the package to its name in `eclsim`, where users look for the function.
     """
@@ -26,8 +27,23 @@ class CallablePackage(ModuleType):
 
     def __call__(self, *arguments: object, **options: object) -> object:
         """Call the function."""
+        return self._function()(*arguments, **options)
+
+    @property
+    def __signature__(self) -> Signature:
+        """That of the function, for `inspect.signature`, notebooks and editors."""
+        return signature(self._function())
+
+    @property
+    def __doc__(self) -> str:  # pyright: ignore[reportIncompatibleVariableOverride] - read when help is asked for
+        """What the function does, how it is called, and its arguments: what `help` shows of a package."""
+        function = self._function()
+        first, _, rest = (getdoc(function) or "").partition("\n")
+        return f"{first}\n\neclsim.{function.__name__}{signature(function)}\n{rest}"
+
+    def _function(self) -> FunctionType:
         name = self.__name__.rpartition(".")[2]
-        return getattr(import_module(self.function_module), name)(*arguments, **options)
+        return getattr(import_module(self.function_module), name)
 
 
 def make_callable(package: str, module: str) -> None:

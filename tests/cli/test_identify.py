@@ -133,11 +133,11 @@ def test_a_cohort_with_a_bad_row_is_partial_and_can_be_gone_on_with(shell, quick
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--parameters", "Rmcc"), "did you mean Rmc"),
-        (("--bounds", "Rmc=2:0.1"), "lower bound above upper bound"),
+        (("--parameters", "Rmcc"), "error: --parameters: Rmcc: unknown parameter"),
+        (("--bounds", "Rmc=2:0.1"), "error: --bounds: Rmc = 2, 2 to 0.1: lower bound above upper bound"),
         (("--bounds", "Rmc=5"), "NAME=LOWER:UPPER"),
         (("--uncertainty", "XY=3"), "no measurement"),
-        (("--uncertainty", "PCWP=3"), "uncertainty = PCWP: not measured, so its uncertainty changes nothing"),
+        (("--uncertainty", "PCWP=3"), "error: --uncertainty: PCWP: not measured, so its"),
         (("--resume",), "for cohorts"),
         (("--draws", "60"), "--chains, --warmup, --draws: of --posterior"),
         (("--prior", "log-normal"), "--prior: of --posterior and --predict"),

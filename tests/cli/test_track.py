@@ -99,9 +99,9 @@ def test_times_that_run_back_are_refused(shell):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--parameters", "Rmd"), "Rmd"),
+        (("--parameters", "Rmd"), "error: --parameters: Rmd: unknown parameter"),
         (("--uncertainty", "XX=3"), "--uncertainty XX"),
-        (("--bounds", "Rmc=2:1"), "lower bound above upper bound"),
+        (("--bounds", "Rmc=2:1"), "error: --bounds: Rmc = 2, 2 to 1: lower bound above upper bound"),
     ],
 )
 def test_mistakes_are_told_before_anything_is_computed(shell, table, arguments, said):

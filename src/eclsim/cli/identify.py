@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from eclsim.execution import Distribution
     from eclsim.identification.fit import FitResult
     from eclsim.identification.settings import FitSettings
+    from eclsim.inputs.mistakes import Mistake
 
 Prior = Literal["log-uniform", "log-normal"]
 CHAINS = (4, 600, 1500)
@@ -156,6 +157,19 @@ def fit_settings(
     return FitSettings(names, limits, weights, uncertainties, MultiStart(seed=seed), policy)
 
 
+def place_of(mistake: Mistake, settings: FitSettings, file: str, line: int | None = None) -> Mistake:
+    """A mistake with the option or the file that it stands in."""
+    if mistake.key in settings.bounds:
+        return mistake.at("--bounds", None)
+    if mistake.key in settings.parameters:
+        return mistake.at("--parameters", None)
+    if mistake.key in settings.shared:
+        return mistake.at("--shared", None)
+    if mistake.key in ("parameters", "uncertainty"):
+        return replace(mistake, key="").at(f"--{mistake.key}", None)
+    return mistake.at(file, line)
+
+
 def _unique(names: str | None) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names_of(names) or ()))
 
@@ -172,7 +186,7 @@ def _fit_case(o: IdentifyOptions) -> dict[str, Any]:
     predictions = _predictions(o, settings.names)
     checked = checked_fit(reading.case, settings)
     unmeasured = unmeasured_uncertainties([reading.case], settings)
-    refuse([m.at(o.file, None) for m in (*checked.mistakes, *unmeasured)])
+    refuse([place_of(m, settings, o.file) for m in (*checked.mistakes, *unmeasured)])
     warn(checked.warnings)
     note(line for line in checked.notes if line.key in checked.fixed)
 
@@ -330,10 +344,10 @@ def _check_points(reading: CohortReading, settings: FitSettings, file: str) -> N
     doubts: dict[str, None] = {}
     for point in reading.points:
         checked = checked_fit(point.case, settings)
-        refuse(checked.mistakes)
+        refuse([place_of(mistake, settings, file, point.line) for mistake in checked.mistakes])
         doubts |= dict.fromkeys(str(w.at(file, point.line)) for w in checked.warnings)
     unmeasured = unmeasured_uncertainties([point.case for point in reading.points], settings)
-    refuse([mistake.at(file, None) for mistake in unmeasured])
+    refuse([place_of(mistake, settings, file) for mistake in unmeasured])
     warn(doubts)
 
 

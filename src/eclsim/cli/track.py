@@ -12,7 +12,7 @@ import typer
 from eclsim.cli.cases import TABLES, read_all, read_table
 from eclsim.cli.console import INCOMPLETE, Progress, fail, note, refuse
 from eclsim.cli.destination import Destinations, hand_over
-from eclsim.cli.identify import Prior, fit_settings
+from eclsim.cli.identify import Prior, fit_settings, place_of
 from eclsim.cli.options import FreeParameters, Json, ResultsFolder, VolumePolicy, argument, option
 
 if TYPE_CHECKING:
@@ -171,12 +171,13 @@ def _check_points(series: Series, settings: TrackSettings) -> None:
     from eclsim.identification.settings import checked_fit, common_policy
     from eclsim.inputs.mistakes import CaseError
 
-    wrong = [
-        f"{patient}/{name}: {mistake}"
+    mistakes = [
+        place_of(mistake, settings.fit, f"{patient}/{name}")
         for patient, points in series.items()
         for name, case in points
         for mistake in checked_fit(case, settings.fit).mistakes
     ]
+    wrong = list(dict.fromkeys(map(str, mistakes)))
     for patient, points in series.items():
         try:
             common_policy([case for _, case in points], settings.fit.volume_policy)

@@ -1,4 +1,4 @@
-"""A course of hours above the steady beat; called, it is `eclsim.course.course.course`."""
+"""A course of hours above the steady beat; `eclsim.course(case)` computes one."""
 
 from eclsim.front_door import make_callable
 

@@ -1,4 +1,4 @@
-"""The combined ECMO and CRRT study; called, it is `eclsim.crrt_study.study.crrt_study`."""
+"""Where the CRRT lines go on an ECMO circuit; `eclsim.crrt_study(case)` runs the study."""
 
 from eclsim.front_door import make_callable
 

@@ -127,7 +127,7 @@ def crrt_study(
     rule: str | Path | Mapping[str, object] | Rule | None = None,
     progress: Callable[[object], None] = lambda _: None,
 ) -> CrrtStudy:
-    """Run the study for one case.
+    """Where the CRRT lines go on an ECMO circuit: each scheme simulated, held against limits, and ranked.
 
     Args:
         case: case or its file, with an ECMO circuit and a rotary pump; its CRRT section gives the flow only.

@@ -231,7 +231,13 @@ class Crrt(Section):
 
 
 def crrt(access_site: Site, return_site: Site, dialysis: bool = False) -> Circuit:
-    """A CRRT circuit between two sites: compartments of the ECMO circuit or of the patient."""
+    """A CRRT circuit between two sites.
+
+    Args:
+        access_site: compartment of the ECMO circuit or of the patient that blood is drawn from.
+        return_site: compartment that it is returned to.
+        dialysis: whether the filter exchanges water and solutes with fluids as well.
+    """
     from eclsim.circuit.network import Circuit, Compartment, Connection, Exchange
     from eclsim.components import ElasticVessel, Resistance, RollerPump, Tube, TubeVolume
 

@@ -77,7 +77,11 @@ class Model:
 
 
 def model_of(case: Case) -> Model:
-    """The model of a case: its circuit with its parameter values and its blood volume policy."""
+    """The model of a case: its circuit with its parameter values and its blood volume policy.
+
+    Args:
+        case: checked, such as `read_case(file).case`.
+    """
     return Model(circuit_of(case), values_of(case), case.patient.id, case.volume_policy)
 
 

@@ -1,4 +1,4 @@
-"""Global sensitivity (Sobol) and identifiability; called, it is `eclsim.sensitivity.analysis.sensitivity`."""
+"""Global sensitivity (Sobol) and identifiability; `eclsim.sensitivity(case)` computes the indices."""
 
 from eclsim.front_door import make_callable
 
