@@ -197,7 +197,7 @@ class Executor:
 def _nowhere(tasks: Tasks[Argument, Result], numbers: Sequence[int]) -> Results[Result]:
     """A merge runs nothing: what is missing is named."""
     if numbers:
-        shown = ", ".join(map(str, numbers[:_NAMED])) + (" ..." if len(numbers) > _NAMED else "")
-        text = f"{len(numbers)} of {len(tasks.arguments)} {tasks.unit} are missing ({shown})"
+        names = ", ".join(map(str, numbers[:_NAMED])) + (" ..." if len(numbers) > _NAMED else "")
+        text = f"{len(numbers)} of {len(tasks.arguments)} {tasks.unit} are missing ({names})"
         raise ExecutionError(f"{tasks.title}: {text}; run their shards, or --resume without --shard")
     yield from ()

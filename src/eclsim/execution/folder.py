@@ -47,16 +47,16 @@ def json_format(kind: type[Result]) -> Format[Result]:
         from pydantic import TypeAdapter
 
         content = TypeAdapter(kind).dump_python(result)
-        whole = {"hash": fingerprint, "sha256": _checksum(content), "result": content}
-        path.write_text(json.dumps(whole) + "\n", encoding="utf-8")
+        record = {"hash": fingerprint, "sha256": _checksum(content), "result": content}
+        path.write_text(json.dumps(record) + "\n", encoding="utf-8")
 
     def read(path: Path) -> tuple[Result, str]:
         from pydantic import TypeAdapter
 
-        whole = json.loads(path.read_text(encoding="utf-8"))
-        if not isinstance(whole, dict) or whole.get("sha256") != _checksum(whole.get("result")):
+        record = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(record, dict) or record.get("sha256") != _checksum(record.get("result")):
             raise ValueError("its checksum is another")
-        return TypeAdapter(kind).validate_python(whole["result"]), whole["hash"]
+        return TypeAdapter(kind).validate_python(record["result"]), record["hash"]
 
     return Format(".json", write, read)
 
@@ -108,17 +108,17 @@ class TaskFolder(Generic[Result]):
         self.folder.mkdir(parents=True, exist_ok=True)
         if force:
             self.clear()
-        held = read_inputs(self.file)
-        if held is not None:
-            self._check(held, resume)
-        if held is None or any(held.get(key) != value for key, value in self.beside.items()):
+        present = read_inputs(self.file)
+        if present is not None:
+            self._check(present, resume)
+        if present is None or any(present.get(key) != value for key, value in self.beside.items()):
             text = json.dumps(self.about, indent=1, ensure_ascii=False)
             with whole_file(self.file) as partial:
                 partial.write_text(text + "\n", encoding="utf-8")
 
-    def _check(self, held: Mapping[str, object], resume: bool) -> None:
+    def _check(self, present: Mapping[str, object], resume: bool) -> None:
         place = self.file.parent
-        before = {key: value for key, value in held.items() if key not in _BESIDE}
+        before = {key: value for key, value in present.items() if key not in _BESIDE}
         if before != self.inputs:
             changed = _differences(before, self.inputs)
             shown = "; ".join(changed[:_NAMED]) + (
@@ -181,15 +181,15 @@ def _checksum(content: object) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def _differences(held: object, wanted: object, path: str = "") -> list[str]:
+def _differences(before: object, now: object, path: str = "") -> list[str]:
     """Entries that differ; with both values where they are short."""
-    if isinstance(held, dict) and isinstance(wanted, dict):
-        keys = sorted({*held, *wanted})
-        nested = (_differences(held.get(k), wanted.get(k), f"{path}.{k}" if path else k) for k in keys)
+    if isinstance(before, dict) and isinstance(now, dict):
+        keys = sorted({*before, *now})
+        nested = (_differences(before.get(k), now.get(k), f"{path}.{k}" if path else k) for k in keys)
         return [line for lines in nested for line in lines]
-    if held == wanted:
+    if before == now:
         return []
     short = all(
-        isinstance(value, str | int | float | None) and len(str(value)) < 40 for value in (held, wanted)
+        isinstance(value, str | int | float | None) and len(str(value)) < 40 for value in (before, now)
     )
-    return [f"{path} was {held!r} and is {wanted!r}" if short else path]
+    return [f"{path} was {before!r} and is {now!r}" if short else path]

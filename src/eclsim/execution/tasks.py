@@ -20,9 +20,9 @@ def threads() -> int:
     """Number of threads: of `using_threads`, else `ECLSIM_THREADS`, else the processors of this process."""
     if (chosen := _CHOSEN.get()) is not None:
         return chosen
-    wanted = os.environ.get("ECLSIM_THREADS", "")
-    if wanted.isdigit() and int(wanted) > 0:
-        return int(wanted)
+    setting = os.environ.get("ECLSIM_THREADS", "")
+    if setting.isdigit() and int(setting) > 0:
+        return int(setting)
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
 
 
@@ -135,10 +135,10 @@ def run_tasks(
     progress: Progress | None = None,
 ) -> None:
     """Run the tasks of these numbers that are not finished, and keep each result as soon as it is there."""
-    wanted, finished, started = list(numbers), store.finished(), time.perf_counter()
-    missing = [number for number in wanted if number not in finished]
-    before = len(wanted) - len(missing)
-    state = TaskProgress(tasks.title, tasks.unit, before, len(wanted), 0.0)
+    chosen, finished, started = list(numbers), store.finished(), time.perf_counter()
+    missing = [number for number in chosen if number not in finished]
+    before = len(chosen) - len(missing)
+    state = TaskProgress(tasks.title, tasks.unit, before, len(chosen), 0.0)
 
     def show(detail: str = "") -> None:
         if progress is not None:
@@ -152,7 +152,7 @@ def run_tasks(
                 store.save(number, result)
                 done = state.done + 1
                 each = (time.perf_counter() - started) / (done - before)
-                state = replace(state, done=done, left=each * (len(wanted) - done))
+                state = replace(state, done=done, left=each * (len(chosen) - done))
                 show()
         finally:
             results.close()
@@ -171,12 +171,12 @@ def in_process(tasks: Tasks[Argument, Result], numbers: Sequence[int]) -> Result
     """Run tasks in this process; closing the generator starts no more."""
     count = min(threads(), len(numbers)) if tasks.side_by_side else 1
     # The first task compiles; the others would wait for it or compile the same once more.
-    alone = numbers[:1] if count > 1 else numbers
-    for number in alone:
+    in_turn = numbers[:1] if count > 1 else numbers
+    for number in in_turn:
         with using_threads(1 if tasks.side_by_side else None):
             result = tasks.compute(tasks.arguments[number])
         yield number, result
-    if len(numbers) > len(alone):
+    if len(numbers) > len(in_turn):
         yield from _in_threads(tasks, numbers[1:], count)
 
 
