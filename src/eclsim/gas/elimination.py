@@ -75,9 +75,12 @@ def eliminated(
     by_gained, by_pressure = _rates_by(law, flow, inside, values)
     content_by = _by_cell(inside.content_by, cells)
     through = _by_cell(exchanging * _times(by_gained, inside.content_by) + by_pressure, cells)
-    own = (exchanging + inertia * 10.0 * flow) * content_by
+    diagonal = (exchanging + inertia * 10.0 * flow) * content_by
     blocks = [
-        [(own[..., j] if j == k else 0.0) - weights[j, k] / cells * through[..., k] for k in range(points)]
+        [
+            (diagonal[..., j] if j == k else 0.0) - weights[j, k] / cells * through[..., k]
+            for k in range(points)
+        ]
         for j in range(points)
     ]
     identity = jnp.broadcast_to(jnp.eye(2)[:, :, None], (2, 2, cells))
@@ -109,8 +112,10 @@ def responses(equations: Eliminated, missing: Array) -> tuple[list[Array], Array
         at the end, (2,).
     """
     cells, count = equations.ends.shape[-1], len(equations.blocks)
-    wanted = _by_cell(-missing, cells)
-    moves = [x[:, 0] for x in _solved(equations.blocks, [wanted[:, None, :, k] for k in range(count)])]
+    missing_by_cell = _by_cell(-missing, cells)
+    moves = [
+        x[:, 0] for x in _solved(equations.blocks, [missing_by_cell[:, None, :, k] for k in range(count)])
+    ]
     reached, before = jnp.zeros(2), []
     for c in range(cells):
         before.append(equations.flow * reached)
@@ -138,7 +143,7 @@ def moved(equations: Eliminated, moves: Sequence[Array], entering: Array) -> Arr
     return jnp.stack(parts, axis=-1).reshape(2, -1)
 
 
-def together(shares: Array, outlets_by: Array, offsets: Array) -> Array:
+def mixed_changes(shares: Array, outlets_by: Array, offsets: Array) -> Array:
     """Changes of what leaves every exchanger where each one's inlet is a mixture of all, (2, exchangers).
 
     Args:
@@ -194,8 +199,8 @@ def _solved(blocks: Sequence[Sequence[Array]], rights: Sequence[Array]) -> list[
     """
     if len(blocks) == 1:
         return [_divided(blocks[0][0], rights[0])]
-    (first, *row), *others = blocks
+    (first, *row), *rows = blocks
     along, right = [_divided(first, b) for b in row], _divided(first, rights[0])
-    rest = [[b - _times(o[0], a) for a, b in zip(along, o[1:], strict=True)] for o in others]
-    found = _solved(rest, [r - _times(o[0], right) for o, r in zip(others, rights[1:], strict=True)])
-    return [right - sum(_times(a, x) for a, x in zip(along, found, strict=True)), *found]
+    reduced = [[b - _times(o[0], a) for a, b in zip(along, o[1:], strict=True)] for o in rows]
+    behind = _solved(reduced, [r - _times(o[0], right) for o, r in zip(rows, rights[1:], strict=True)])
+    return [right - sum(_times(a, x) for a, x in zip(along, behind, strict=True)), *behind]

@@ -35,8 +35,8 @@ def _solution(matrix: Array, offsets: Array) -> tuple[Array, Array]:
 
 
 @solution.defjvp
-def _derivative(given: tuple[Array, Array], changes: tuple[Array, Array]) -> tuple[Array, Array]:
-    result, inverse = _solution(*given)
+def _derivative(arguments: tuple[Array, Array], changes: tuple[Array, Array]) -> tuple[Array, Array]:
+    result, inverse = _solution(*arguments)
     return result, inverse @ (changes[1] - changes[0] @ result)
 
 
@@ -49,8 +49,8 @@ def _inverse(matrix: Array) -> Array:
         pivot = jnp.argmax(jnp.where(rows < k, -1.0, jnp.abs(table[:, k])))
         row = table[pivot] / table[pivot, k]
         swapped = jnp.where((rows == pivot)[:, None], table[k], table)
-        rest = swapped - swapped[:, k][:, None] * row
-        return jnp.where((rows == k)[:, None], row, rest)
+        reduced = swapped - swapped[:, k][:, None] * row
+        return jnp.where((rows == k)[:, None], row, reduced)
 
     start = jnp.concatenate([matrix, jnp.eye(count)], axis=1)
     return jax.lax.fori_loop(0, count, eliminate, start)[:, count:]

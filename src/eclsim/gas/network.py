@@ -132,7 +132,7 @@ def switches(circuit: Circuit) -> tuple[str, ...]:
 def drainages(circuit: Circuit) -> tuple[Drainage, ...]:
     """Connections that may draw blood before what is returned to their source has mixed with it."""
     groups = {c.name: c.group for c in circuit.compartments}
-    found = []
+    result = []
     for j, connection in enumerate(circuit.connections):
         source = connection.source
         if connection.mixing == 1.0 or not isinstance(source, str):
@@ -143,8 +143,8 @@ def drainages(circuit: Circuit) -> tuple[Drainage, ...]:
             if source in sites_of(other.target) and other.group != groups[source]
         )
         if returns:
-            found.append(Drainage(j, returns, connection.mixing))
-    return tuple(found)
+            result.append(Drainage(j, returns, connection.mixing))
+    return tuple(result)
 
 
 @dataclass(frozen=True)
@@ -176,9 +176,9 @@ def gas_of(circuit: Circuit, law: str = "severinghaus1979", in_time: bool = Fals
     """
     exchanges, names = gas_exchanges(circuit), tuple(c.name for c in circuit.connections)
     laws = [e.component for e in exchanges if isinstance(e.component, GasExchanger)]
-    own = [n for e in exchanges for n in e.component.parameter_names()]
+    of_exchanges = [n for e in exchanges for n in e.component.parameter_names()]
     mixing = [n for d in drainages(circuit) for n in names_in(d.mixing)]
-    parameters = tuple(dict.fromkeys((*own, *mixing, *switches(circuit))))
+    parameters = tuple(dict.fromkeys((*of_exchanges, *mixing, *switches(circuit))))
     samples = _samples(circuit)
     quantities = tuple(Quantity(gas, where, at) for where, at in samples for gas in GASES)
     quantities += tuple(Quantity(gas, "into", exchanges[k].at) for k, _ in _entered(laws) for gas in GASES)
@@ -206,16 +206,16 @@ def gas_of(circuit: Circuit, law: str = "severinghaus1979", in_time: bool = Fals
         sampled = np.r_[points - len(samples) : points, [first for _, first in _entered(laws)]].astype(int)
         gases = (*jnp.exp(state.pressure), state.ph, state.saturation, *state.content)
         recirculated = [lasting.drawn[names.index(at), k] for at, k in _drawn(circuit)]
-        kept = 0.0 if mixed.kept is None else mixed.kept[0].T
-        found = jnp.concatenate(
+        from_held = 0.0 if mixed.kept is None else mixed.kept[0].T
+        result = jnp.concatenate(
             [jnp.stack(gases)[:, sampled].T.reshape(-1), jnp.array(recirculated)]
-            + [(state.outlets @ mixed.compartments.T + kept).reshape(-1)]
+            + [(state.outlets @ mixed.compartments.T + from_held).reshape(-1)]
             + [_exchanged(e, k, mixed, state, values) for k, e in enumerate(exchanges)]
         )
         status = _status(exchanges, state, values)
         # A tissue may be without oxygen for some time, which no steady state has.
         valid = state.error < WORST_ERROR if in_time else status == GasStatus.STEADY
-        return jnp.append(jnp.where(valid, found, jnp.nan), status)
+        return jnp.append(jnp.where(valid, result, jnp.nan), status)
 
     return GasFunction(names, parameters, (*quantities, STATUS), compute, ("gas", circuit, law, in_time))
 

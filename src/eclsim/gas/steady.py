@@ -26,7 +26,7 @@ from eclsim.blood.gases import law_named
 from eclsim.blood.types import Blood
 from eclsim.components.base import Values
 from eclsim.components.exchangers import BLOOD, GasExchanger, Points
-from eclsim.gas.elimination import Inside, eliminated, moved, responses, together
+from eclsim.gas.elimination import Inside, eliminated, mixed_changes, moved, responses
 from eclsim.gas.transport import Mixtures
 
 ITERATIONS = 150
@@ -149,7 +149,7 @@ def solve(
     """
     samples = Samples(jnp.zeros((0, len(exchangers)))) if samples is None else samples
     network = _Network(tuple(exchangers), mixed, samples, values, law)
-    end = _found(network.exchangers, law, mixed, samples, {k: jnp.asarray(v) for k, v in values.items()})
+    end = _searched(network.exchangers, law, mixed, samples, {k: jnp.asarray(v) for k, v in values.items()})
     content, _, saturation, _ = _properties(law, blood_of(values), end.pressure, end.ph)
     outlets, inlets = _streams(network, content)
     gained = 10.0 * mixed.streams * (outlets - inlets)
@@ -157,7 +157,7 @@ def solve(
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(0, 1))
-def _found(
+def _searched(
     exchangers: tuple[GasExchanger, ...], law: str, mixed: Mixtures, samples: Samples, values: Values
 ) -> _Search:
     """The end of the search; one step more than `TOLERANCE` asks for."""
@@ -191,21 +191,21 @@ def _found(
     return jax.lax.while_loop(unfinished, improve, start)
 
 
-@_found.defjvp
-def _derivative_of_found(
+@_searched.defjvp
+def _derivative(
     exchangers: tuple[GasExchanger, ...],
     law: str,
-    given: tuple[Mixtures, Samples, Values],
+    arguments: tuple[Mixtures, Samples, Values],
     changes: tuple[Mixtures, Samples, Values],
 ) -> tuple[_Search, _Search]:
     """By the implicit function theorem: how Newton's step from the solution follows what is given."""
-    end = _found(exchangers, law, *given)
+    end = _searched(exchangers, law, *arguments)
 
     def step(mixed: Mixtures, samples: Samples, values: Values) -> tuple[Array, Array]:
         network = _Network(exchangers, mixed, samples, values, law)
         return _newton_step(network, end.pressure, end.ph, 0.0)[:2]
 
-    _, (by, by_ph) = jax.jvp(step, given, changes)
+    _, (by, by_ph) = jax.jvp(step, arguments, changes)
     constant = jax.tree.map(
         lambda x: np.zeros(x.shape, dtypes.float0 if x.dtype.kind in "ib" else x.dtype), end
     )
@@ -254,11 +254,11 @@ def _streams(network: _Network, content: Array) -> tuple[Array, Array]:
     linear, and solved here.
     """
     shares = jnp.stack([jnp.asarray(e.exchanging(network.values)) for e in network.exchangers])
-    last = content[:, np.array([own.stop - 1 for own in network.places])]
+    last = content[:, np.array([place.stop - 1 for place in network.places])]
     matrix = jnp.eye(len(shares)) - (1.0 - shares)[:, None] * network.mixed.inlets
-    kept = 0.0 if network.mixed.kept is None else network.mixed.kept[2].T
-    outlets = _small_solved(matrix, (shares * last + (1.0 - shares) * kept).T).T
-    return outlets, (network.mixed.inlets @ outlets.T).T + kept
+    from_held = 0.0 if network.mixed.kept is None else network.mixed.kept[2].T
+    outlets = _small_solved(matrix, (shares * last + (1.0 - shares) * from_held).T).T
+    return outlets, (network.mixed.inlets @ outlets.T).T + from_held
 
 
 def _small_solved(matrix: Array, right: Array) -> Array:
@@ -274,18 +274,18 @@ def _missing(
     network: _Network, pressure: Array, content: Array, slope: Array, ph: Array
 ) -> tuple[list[Points], Array]:
     """Blood inside every exchanger, and what the equations of all miss [mL/min STPD], (2, points)."""
-    inlets, found, missed = _streams(network, content)[1], [], []
-    for k, (e, own) in enumerate(zip(network.exchangers, network.places, strict=True)):
+    inlets, points, missed = _streams(network, content)[1], [], []
+    for k, (e, place) in enumerate(zip(network.exchangers, network.places, strict=True)):
         stream, (cells, weights) = network.mixed.streams[k], e.collocation
         exchanging = 10.0 * stream * jnp.asarray(e.exchanging(network.values))
-        gained = exchanging * (content[:, own] - inlets[:, k, None])
-        found.append(Points(gained, jnp.exp(pressure[:, own]), slope[own], ph[own]))
+        gained = exchanging * (content[:, place] - inlets[:, k, None])
+        points.append(Points(gained, jnp.exp(pressure[:, place]), slope[place], ph[place]))
         reached = gained.reshape(2, cells, -1)
         before = jnp.pad(reached[:, :-1, -1:], ((0, 0), (1, 0), (0, 0)))
-        rates = e.rates(stream, found[-1], network.values).reshape(2, cells, -1)
+        rates = e.rates(stream, points[-1], network.values).reshape(2, cells, -1)
         within = sum(rates[..., i, None] * weights[:, i] for i in range(len(weights))) / cells
         missed.append((reached - before - within).reshape(2, -1))
-    return found, jnp.concatenate(missed, axis=1)
+    return points, jnp.concatenate(missed, axis=1)
 
 
 def _acid_step(law: str, blood: Blood, pressure: Array, ph: Array) -> Array:
@@ -306,20 +306,20 @@ def _newton_step(
     """
     count = network.count
     local = _local(network.law, blood_of(network.values), pressure, ph)
-    found, value = _missing(network, pressure, local.content, local.slope, ph + local.acid)
+    points, value = _missing(network, pressure, local.content, local.slope, ph + local.acid)
     steady = network.frozen()
-    fixed, at = jax.lax.stop_gradient((local, found))
+    fixed, at = jax.lax.stop_gradient((local, points))
     equations = [
         eliminated(
             e, steady.mixed.streams[k],
-            Inside(at[k], fixed.content_by[..., own], fixed.slope_by[:, own], fixed.acid_by[:, own]),
+            Inside(at[k], fixed.content_by[..., place], fixed.slope_by[:, place], fixed.acid_by[:, place]),
             steady.values, inertia,
         )
-        for k, (e, own) in enumerate(zip(network.exchangers, network.places, strict=True))
+        for k, (e, place) in enumerate(zip(network.exchangers, network.places, strict=True))
     ]  # fmt: skip
-    parts = [responses(e, value[:, own]) for e, own in zip(equations, network.places, strict=True)]
+    parts = [responses(e, value[:, place]) for e, place in zip(equations, network.places, strict=True)]
     shares = jnp.stack([jnp.asarray(e.exchanging(steady.values)) for e in network.exchangers])
-    changes = together(
+    changes = mixed_changes(
         steady.mixed.inlets,
         jnp.stack([e.outlet_by for e in equations], axis=-1),
         shares * jnp.stack([reached for _, reached in parts], axis=-1),
@@ -328,8 +328,8 @@ def _newton_step(
     move = [moved(e, m, entering[:, k]) for k, (e, (m, _)) in enumerate(zip(equations, parts, strict=True))]
     outlets = _streams(network, local.content)[0] + changes
     (a, b), (c, d) = fixed.content_by[:, :, count:]
-    kept = 0.0 if network.samples.kept is None else network.samples.kept.T
-    oxygen, carbon_dioxide = outlets @ network.samples.shares.T + kept - local.content[:, count:]
+    from_held = 0.0 if network.samples.kept is None else network.samples.kept.T
+    oxygen, carbon_dioxide = outlets @ network.samples.shares.T + from_held - local.content[:, count:]
     sampled = jnp.stack([d * oxygen - b * carbon_dioxide, a * carbon_dioxide - c * oxygen]) / (a * d - b * c)
     move = jnp.concatenate([*move, sampled], axis=1)
     passing = np.repeat(np.arange(len(equations)), [e.points for e in network.exchangers])

@@ -153,23 +153,23 @@ def mixtures(
     behind = enters.T  # what a backward stream carries off is the blood of its connection's target
 
     change = enters - leaves
-    lost_forward, lost_backward = enters * (forward * forward_acts), leaves * (backward * backward_acts)
-    pull = change * forward - lost_forward
-    matrix = pull @ drawn - (change * backward + lost_backward) @ behind
-    given = pull @ drawn_sent + enters @ arriving[0] + leaves @ arriving[1]
+    taken_forward, taken_backward = enters * (forward * forward_acts), leaves * (backward * backward_acts)
+    pull = change * forward - taken_forward
+    matrix = pull @ drawn - (change * backward + taken_backward) @ behind
+    offsets = pull @ drawn_sent + enters @ arriving[0] + leaves @ arriving[1]
     streams = xp.maximum(forward, backward)[at]
     if held is not None:
-        count = given.shape[1]
+        count = offsets.shape[1]
         matrix = matrix - xp.diag(held.after)
-        given = xp.concatenate([given, held.before[:, None] * held.contents], axis=1)
+        offsets = xp.concatenate([offsets, held.before[:, None] * held.contents], axis=1)
         drawn_sent = xp.concatenate([drawn_sent, xp.zeros((len(drawn_sent), held.contents.shape[1]))], axis=1)
-    compartments = _solved(xp, matrix, -given)
+    compartments = _solved(xp, matrix, -offsets)
     all_drawn = drawn @ compartments + drawn_sent
     inlets = xp.where(ahead[:, None], all_drawn, behind @ compartments)[at]
     if held is None:
         return Mixtures(compartments, all_drawn, inlets, streams)
-    kept = compartments[:, count:], all_drawn[:, count:], inlets[:, count:]
-    return Mixtures(compartments[:, :count], all_drawn[:, :count], inlets[:, :count], streams, kept)
+    from_held = compartments[:, count:], all_drawn[:, count:], inlets[:, count:]
+    return Mixtures(compartments[:, :count], all_drawn[:, :count], inlets[:, :count], streams, from_held)
 
 
 def _drawn(
@@ -184,10 +184,10 @@ def _drawn(
     xp = flows.numbers
     drawn, drawn_sent = xp.asarray(leaves.T), xp.zeros_like(arriving[0])
     for drainage, mixing in drainages:
-        here = leaves[:, drainage.connection]
+        source = leaves[:, drainage.connection]
         veins = np.ones(forward.shape[0])
         veins[[drainage.connection, *drainage.returns]] = 0.0
-        to, back = (here @ enters) * veins, (here @ leaves) * veins
+        to, back = (source @ enters) * veins, (source @ leaves) * veins
         total = to @ forward + back @ backward
         from_sources = (to * forward * (1.0 - forward_acts)) @ leaves.T
         from_targets = (back * backward * (1.0 - backward_acts)) @ enters.T
