@@ -158,13 +158,13 @@ def _tangents(program: BeatProgram, signals: tuple[str, ...]) -> Callable[..., t
     def run(
         state: Array, packed: Array, of_state: Array, of_packed: Array, weights: Array
     ) -> tuple[Array, Array, Array]:
-        def one(ds: Array, dp: Array) -> tuple[Array, tuple[Array, Array]]:
+        def along(ds: Array, dp: Array) -> tuple[Array, tuple[Array, Array]]:
             (end, _), tangents = jax.jvp(
                 lambda s, p: program.run(s, p, signals, weights), (state, packed), (ds, dp)
             )
             return end, tangents
 
-        end, tangents = jax.vmap(one, out_axes=(None, 0))(of_state, of_packed)
+        end, tangents = jax.vmap(along, out_axes=(None, 0))(of_state, of_packed)
         return end, *tangents
 
     return compiled(run, ("tangents", program, signals))

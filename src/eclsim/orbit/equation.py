@@ -89,9 +89,9 @@ class Orbits:
     residual: np.ndarray
     drift: np.ndarray
 
-    def put(self, members: np.ndarray, others: Orbits) -> None:
+    def put(self, members: np.ndarray, orbits: Orbits) -> None:
         """Write down other orbits as those of some members, in place."""
-        for name, values in vars(others).items():
+        for name, values in vars(orbits).items():
             getattr(self, name)[..., members] = values
 
 

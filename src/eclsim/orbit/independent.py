@@ -52,11 +52,11 @@ class ExplicitCircuit:
             assembly.add_at(source, changes, -flow, constants)
             assembly.add_at(target, changes, flow, constants)
         for j in assembly.inertial:
-            law, own = assembly.circuit.connections[j].component, constants.paths[j]
-            push = self._push(j, pressures, constants) - law.pressure_drop(flows[j], own)
+            law, path_constants = assembly.circuit.connections[j].component, constants.paths[j]
+            push = self._push(j, pressures, constants) - law.pressure_drop(flows[j], path_constants)
             outlet = assembly.outlet(j, outlets, constants)
             push = push if outlet is None else push - outlet * flows[j]
-            changes.append(push / law.inertance(own))
+            changes.append(push / law.inertance(path_constants))
         changes += [0.0] * len(assembly.layout.controllers.states)
         return jnp.stack([c + 0.0 * state[0] for c in changes])
 
@@ -70,11 +70,11 @@ class ExplicitCircuit:
 
     def flows(self, state: Any, pressures: Any, constants: Constants) -> list[Any]:
         """Flow of every connection [mL/s]."""
-        own, result = self.assembly.inertial_flows(state), []
+        inertial, result = self.assembly.inertial_flows(state), []
         outlets = self.assembly.outlets(self.assembly.volumes(state), constants)
         for j, connection in enumerate(self.assembly.circuit.connections):
-            if j in own:
-                result.append(own[j])
+            if j in inertial:
+                result.append(inertial[j])
             else:
                 push, outlet = (
                     self._push(j, pressures, constants),
@@ -208,10 +208,10 @@ def adaptive_program(circuit: Circuit, tolerance: float = AdaptiveOptions.tolera
 @lru_cache(maxsize=64)
 def _signals(program: AdaptiveProgram, names: tuple[str, ...]) -> Any:
     def all_points(states: Any, phases: Any, packed: Any) -> Any:
-        assembly, given = program.explicit.assembly, dict(zip(program.names, packed, strict=True))
+        assembly, parameters = program.explicit.assembly, dict(zip(program.names, packed, strict=True))
 
         def one(state: Any, phase: Any) -> Any:
-            values = assembly.in_effect(given, state)
+            values = assembly.in_effect(parameters, state)
             constants, period = assembly.constants(values), 60.0 / values[HEART_RATE]
             return program.explicit.signals(names, state, phase, constants, period)
 
@@ -238,8 +238,8 @@ class AdaptiveBeats:
         result = [np.asarray(state)]
         for start, end in pairwise(phases):
             # A state that is no number any more would cost the most steps and stay so.
-            lost = not np.isfinite(result[-1]).all()
-            after = result[-1] if lost else self.program.advance(result[-1], self.packed, start, end)
+            failed = not np.isfinite(result[-1]).all()
+            after = result[-1] if failed else self.program.advance(result[-1], self.packed, start, end)
             result.append(np.asarray(after))
         return np.stack(result)
 
@@ -254,8 +254,8 @@ class AdaptiveBeats:
         after = self._regulated(stops, states)
         if not names:
             return after, np.empty((len(phases), 0))
-        wanted = states[np.searchsorted(stops, phases)]
-        return after, np.asarray(self.program.signals(names)(wanted, phases, self.packed))
+        at_phases = states[np.searchsorted(stops, phases)]
+        return after, np.asarray(self.program.signals(names)(at_phases, phases, self.packed))
 
     def _regulated(self, phases: np.ndarray, states: np.ndarray) -> np.ndarray:
         """State at the end of a beat, after the controllers have read it."""
@@ -272,11 +272,11 @@ class AdaptiveBeats:
         readings = [
             statistics[r.statistic](values) for r, values in zip(reads, np.asarray(series).T, strict=True)
         ]
-        given = dict(zip(self.program.names, self.packed, strict=True))
-        period = 60.0 / assembly.in_effect(given, states[0])[HEART_RATE]
+        parameters = dict(zip(self.program.names, self.packed, strict=True))
+        period = 60.0 / assembly.in_effect(parameters, states[0])[HEART_RATE]
         after = states[-1].copy()
         after[assembly.layout.controllers.where] = assembly.next_control_states(
-            states[0], readings, period, given
+            states[0], readings, period, parameters
         )
         return after
 
@@ -286,17 +286,17 @@ class AdaptiveBeats:
         With the policy "patient_held" the patient's volumes are scaled after each beat to what the patient
         started with: what they give to the circuits is primed. On the orbit there is nothing left to scale.
         """
-        own = np.array([c.group == "patient" for c in self.model.circuit.compartments])
+        of_patient = np.array([c.group == "patient" for c in self.model.circuit.compartments])
         state = start_state(self.model)
         layout = self.program.explicit.assembly.layout
-        counted = layout.conserved(own) > 0.0
-        held = state[counted].sum()
+        counted = layout.conserved(of_patient) > 0.0
+        total = state[counted].sum()
         change, drift, calm, last = np.inf, np.inf, 0, deque([state], maxlen=2 * WINDOW)
         most = int(np.ceil(self.options.seconds * self.model.values[HEART_RATE] / 60.0))
         for count in range(1, most + 1):
             after = self.beat(state).copy()
             if policy == PATIENT_HELD:
-                after[counted] *= held / after[counted].sum()
+                after[counted] *= total / after[counted].sum()
             change = float(np.max(np.abs(after - state) / np.maximum(np.abs(state), layout.smallest_sizes)))
             drift = float(np.max(np.abs(after - state)[layout.volumes.where]))
             state = after

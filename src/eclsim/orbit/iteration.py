@@ -44,7 +44,7 @@ class Iterate(NamedTuple):
     after: Array
 
 
-class Found(NamedTuple):
+class SearchEnd(NamedTuple):
     """Where searches ended, members last.
 
     `best` is the state nearest to the orbit, `after` the state after the last beat, `change` and `drift` how
@@ -83,7 +83,7 @@ class CompiledSearch:
         packed: np.ndarray,
         volume: Volume,
         options: OrbitOptions,
-    ) -> Found:
+    ) -> SearchEnd:
         """Search for the steady beat of every member by Broyden's method alone.
 
         Args:
@@ -127,16 +127,16 @@ class CompiledSearch:
         weights: np.ndarray,
         target: np.ndarray,
         rules: np.ndarray,
-    ) -> Found:
+    ) -> SearchEnd:
         if self.width > 1:
             return _side_by_side(self, start, inverse, packed, weights, target, rules)
         n, run = len(start), _single(self.program)
         result = np.empty((2 * n + 4, start.shape[1]))
         for k in range(start.shape[1]):
-            own = inverse if inverse.ndim == 2 else inverse[:, :, k]
-            result[:, k] = run(start[:, k], own, packed[:, k], weights, target[k], rules)[0]
+            of_member = inverse if inverse.ndim == 2 else inverse[:, :, k]
+            result[:, k] = run(start[:, k], of_member, packed[:, k], weights, target[k], rules)[0]
         converged, beats, change, drift = result[2 * n :]
-        return Found(result[:n], result[n : 2 * n], converged > 0.0, beats.astype(int), change, drift)
+        return SearchEnd(result[:n], result[n : 2 * n], converged > 0.0, beats.astype(int), change, drift)
 
 
 @lru_cache(maxsize=64)
@@ -153,30 +153,32 @@ def _side_by_side(
     weights: np.ndarray,
     target: np.ndarray,
     rules: np.ndarray,
-) -> Found:
+) -> SearchEnd:
     """All members, `width` at a time; the entry of one that is done is given to the next."""
     (n, count), run, width = start.shape, _several(search.program), search.width
-    result = Found(
+    result = SearchEnd(
         np.full((n, count), np.nan), np.full((n, count), np.nan), np.zeros(count, dtype=bool),
         np.zeros(count, dtype=int), np.full(count, np.inf), np.full(count, np.inf),
     )  # fmt: skip
     entries = np.arange(width) % count
-    own = [array[..., entries] for array in (start, packed, target)]
+    inputs = [array[..., entries] for array in (start, packed, target)]
     inverses: Array = np.repeat(inverse[:, :, None], width, 2) if inverse.ndim == 2 else inverse[..., entries]
     inverses = jax.device_put(inverses) if inverse.ndim == 2 else inverses
     member = np.where(np.arange(width) < count, entries, -1)
     begins, begun = member >= 0, min(width, count)
     now = _idle(n, width)
     while (member >= 0).any():
-        now = Iterate(*run(*now, begins, *own, inverses, weights[:, None], rules, np.array(begun == count)))
-        done = np.flatnonzero(~np.asarray(now.running) & (member >= 0))
+        now = Iterate(
+            *run(*now, begins, *inputs, inverses, weights[:, None], rules, np.array(begun == count))
+        )
+        ended = np.flatnonzero(~np.asarray(now.running) & (member >= 0))
         for name, values in result._asdict().items():
-            values[..., member[done]] = np.asarray(getattr(now, name))[..., done]
-        member[done], begins = -1, np.zeros(width, dtype=bool)
-        following = np.arange(begun, min(begun + len(done), count))
-        begun, free = begun + len(following), done[: len(following)]
+            values[..., member[ended]] = np.asarray(getattr(now, name))[..., ended]
+        member[ended], begins = -1, np.zeros(width, dtype=bool)
+        following = np.arange(begun, min(begun + len(ended), count))
+        begun, free = begun + len(following), ended[: len(following)]
         member[free], begins[free] = following, True
-        for array, values in zip(own, (start, packed, target), strict=True):
+        for array, values in zip(inputs, (start, packed, target), strict=True):
             array[..., free] = values[..., following]
         if inverse.ndim == 3:
             inverses[..., free] = inverse[..., following]
@@ -229,8 +231,8 @@ def _several(program: BeatProgram) -> Callable[..., tuple[Array, ...]]:
     """
 
     def run(*arguments: Array) -> tuple[Array, ...]:
-        before, rest = Iterate(*arguments[: len(Iterate._fields)]), arguments[len(Iterate._fields) :]
-        begins, start, packed, target, inverse, weights, rules, last = rest
+        before, others = Iterate(*arguments[: len(Iterate._fields)]), arguments[len(Iterate._fields) :]
+        begins, start, packed, target, inverse, weights, rules, last = others
         fresh = _begin(start, jnp.ones_like(begins), inverse)
         small = [name for name in Iterate._fields if name not in ("inverse", "step", "residual")]
 
@@ -244,9 +246,9 @@ def _several(program: BeatProgram) -> Callable[..., tuple[Array, ...]]:
         def goes_on(now: Iterate) -> Array:
             return jnp.any(now.running) & (last | (jnp.mean(now.running) > WORTH_GOING_ON))
 
-        kept = {"step": before.step, "residual": before.residual}
+        last_beat = {"step": before.step, "residual": before.residual}
         learnt = jnp.where(begins, fresh.inverse, before.inverse)
-        begin = chosen(begins, fresh._replace(**kept), before)._replace(inverse=learnt)
+        begin = chosen(begins, fresh._replace(**last_beat), before)._replace(inverse=learnt)
         return tuple(jax.lax.while_loop(goes_on, beat, begin))
 
     return compiled(run, ("searches", program))

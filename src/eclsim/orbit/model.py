@@ -65,15 +65,15 @@ class Model:
                 f"no value for {', '.join(missing)}: the circuit of '{self.name}' reads them"
             )
 
-    def with_values(self, changes: Mapping[str, float] | None = None, **more: float) -> Model:
+    def with_values(self, changes: Mapping[str, float] | None = None, **named: float) -> Model:
         """The same circuit with some parameters changed; a misspelt name lists its neighbours."""
-        wanted = {**(changes or {}), **more}
-        known = (HEART_RATE, *self.circuit.parameter_names(), *self.circuit.content_names())
-        for name in wanted:
-            if name not in known:
-                hint = spelling_hint(name, known)
+        changed = {**(changes or {}), **named}
+        names = (HEART_RATE, *self.circuit.parameter_names(), *self.circuit.content_names())
+        for name in changed:
+            if name not in names:
+                hint = spelling_hint(name, names)
                 raise UnknownValueError(f"the circuit of '{self.name}' has no parameter '{name}'{hint}")
-        return replace(self, values={**self.values, **wanted})
+        return replace(self, values={**self.values, **changed})
 
 
 def model_of(case: Case) -> Model:
@@ -90,16 +90,16 @@ def values_of(case: Case) -> dict[str, float]:
 
     NaN for what answers to gases: it is solved for with the beat (`eclsim.outputs.coupling`).
     """
-    values, own = resolve_parameters(case), case.regulation
-    if own is None:
+    values, regulation = resolve_parameters(case), case.regulation
+    if regulation is None:
         return values
     from eclsim.orbit.rest import resting_gases, resting_pressures
 
-    wanted = set(own.open_set_points)
-    if wanted & {SET_POINT, VENOUS_SET_POINT}:
-        values |= {name: v for name, v in resting_pressures(case).items() if name in wanted}
-    if case.gas is not None and wanted - {SET_POINT, VENOUS_SET_POINT}:
-        values |= {name: v for name, v in resting_gases(case).items() if name in wanted}
+    open_points = set(regulation.open_set_points)
+    if open_points & {SET_POINT, VENOUS_SET_POINT}:
+        values |= {name: v for name, v in resting_pressures(case).items() if name in open_points}
+    if case.gas is not None and open_points - {SET_POINT, VENOUS_SET_POINT}:
+        values |= {name: v for name, v in resting_gases(case).items() if name in open_points}
     if case.gas is not None:
         read = circuit_of(case).parameter_names()
         values |= {name: math.nan for name in SOLVED_FOR if name in read and name not in case.parameters}

@@ -53,25 +53,25 @@ def resting_gases(case: Case) -> Mapping[str, float]:
 def _gases(circuit: Circuit, values: tuple[tuple[str, float], ...], policy: str) -> Mapping[str, float]:
     model = Model(circuit, dict(values), policy=policy)
     orbits, function = solve(Batch.of(model)), gas_of(circuit)
-    known = dict.fromkeys(function.quantities, float("nan"))
+    gases = dict.fromkeys(function.quantities, float("nan"))
     if orbits.status[0] == Status.CONVERGED:
         flows = _flows(orbits, function.connections)
         numbers = np.concatenate([*flows, [model.values[name] for name in function.parameters]])
-        known = dict(zip(known, np.asarray(jax.jit(function.compute)(numbers)).tolist(), strict=True))
-    beds = [bed for bed in keys.BEDS if Quantity("supplied", "at", bed) in known]
-    first = known[Quantity("PO2", "in", beds[0])], known[Quantity("PCO2", "in", beds[0])]
-    found: dict[str, float] = dict(zip(keys.CHEMOREFLEX_SET_POINTS, first, strict=True))
+        gases = dict(zip(gases, np.asarray(jax.jit(function.compute)(numbers)).tolist(), strict=True))
+    beds = [bed for bed in keys.BEDS if Quantity("supplied", "at", bed) in gases]
+    first = gases[Quantity("PO2", "in", beds[0])], gases[Quantity("PCO2", "in", beds[0])]
+    set_points: dict[str, float] = dict(zip(keys.CHEMOREFLEX_SET_POINTS, first, strict=True))
     for bed in beds:
-        supplied, gained = (known[Quantity(what, "at", bed)] for what in ("supplied", "gained"))
-        found[keys.paco2_set_point(bed)] = known[Quantity("PCO2", "in", bed)]
-        content = venous_content(known[Quantity("oxygen", "mixed", bed)], supplied, gained)
-        found[keys.of_bed(keys.VENOUS_O2_SET_POINT, bed)] = float(content)
-    gained, gained_co2 = (known[Quantity(what, "at", "part")] for what in ("gained", "gained_co2"))
+        supplied, gained = (gases[Quantity(what, "at", bed)] for what in ("supplied", "gained"))
+        set_points[keys.paco2_set_point(bed)] = gases[Quantity("PCO2", "in", bed)]
+        content = venous_content(gases[Quantity("oxygen", "mixed", bed)], supplied, gained)
+        set_points[keys.of_bed(keys.VENOUS_O2_SET_POINT, bed)] = float(content)
+    gained, gained_co2 = (gases[Quantity(what, "at", "part")] for what in ("gained", "gained_co2"))
     settings = tuple(model.values[name] for name in LUNG_SETTINGS)
-    found[keys.LUNG_AT_REST] = float(
-        lung_resistance(known[Quantity("PO2", "in", "pas")], gained, gained_co2, settings)
+    set_points[keys.LUNG_AT_REST] = float(
+        lung_resistance(gases[Quantity("PO2", "in", "pas")], gained, gained_co2, settings)
     )
-    return MappingProxyType(found)
+    return MappingProxyType(set_points)
 
 
 def _flows(orbits: SolvedOrbits, connections: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
@@ -89,7 +89,7 @@ def _recorded(orbits: SolvedOrbits, signals: tuple[str, ...]) -> tuple[np.ndarra
     circuit = orbits.batch.circuit
     program = beat_program(circuit, int(orbits.resolution[0]))
     moved = [has_mean(circuit, name) for name in signals]
-    names = tuple(name + (MEAN if whole else "") for name, whole in zip(signals, moved, strict=True))
+    names = tuple(name + (MEAN if is_mean else "") for name, is_mean in zip(signals, moved, strict=True))
     _, recorded = program.trace(names)(orbits.states[:, 0], orbits.batch.packed(program)[:, 0])
     return np.asarray(recorded), step_weights(np.diff(program.grid.phases), moved)
 

@@ -50,12 +50,12 @@ def _by_newton(
     search: CompiledSearch, problem: OrbitProblem, options: OrbitOptions, state: np.ndarray
 ) -> Orbits:
     """Steady beat of one member from a state of shape (states, 1)."""
-    found = _Newton(search, problem, options).solve(state)
-    if not options.exact_iterations or found.status[0] == Status.CONVERGED:
-        return found
+    result = _Newton(search, problem, options).solve(state)
+    if not options.exact_iterations or result.status[0] == Status.CONVERGED:
+        return result
     again = _Newton(search, problem, options, exact=True).solve(state)
-    again.beats[:] += found.beats
-    return again if again.status[0] == Status.CONVERGED else found
+    again.beats[:] += result.beats
+    return again if again.status[0] == Status.CONVERGED else result
 
 
 @dataclass(frozen=True)
@@ -82,8 +82,8 @@ class _Newton:
             if trial.change[0] <= result.residual[0]:
                 _keep(result, trial)
             error = (np.abs(moves) / trial.size).max()
-            there = trial.change[0] <= self.options.tolerance and error <= self.options.error_tolerance
-            if there and (not self.exact or self._attracts(jacobian)):
+            converged = trial.change[0] <= self.options.tolerance and error <= self.options.error_tolerance
+            if converged and (not self.exact or self._attracts(jacobian)):
                 result.states[:] = states + moves
                 result.status[:] = Status.CONVERGED
                 return result

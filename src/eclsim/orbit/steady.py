@@ -85,11 +85,13 @@ class Batch:
         if self.policy not in POLICIES:
             raise ValueError(f"blood volume policy '{self.policy}'; allowed: {', '.join(POLICIES)}")
         assembly = assemble(self.circuit)
-        own = [self.policy == AS_PUBLISHED or c.group == "patient" for c in self.circuit.compartments]
-        weights = assembly.layout.conserved(np.array(own, dtype=float))
+        of_blood = [self.policy == AS_PUBLISHED or c.group == "patient" for c in self.circuit.compartments]
+        weights = assembly.layout.conserved(np.array(of_blood, dtype=float))
         with np.errstate(divide="ignore", invalid="ignore"):
             start = assembly.start_volumes({k: np.asarray(v, dtype=float) for k, v in self.values.items()})
-        target = sum(np.asarray(v, dtype=float) for v, counted in zip(start, own, strict=True) if counted)
+        target = sum(
+            np.asarray(v, dtype=float) for v, counted in zip(start, of_blood, strict=True) if counted
+        )
         return Volume(weights, np.broadcast_to(target, (self.count,)).astype(float))
 
     def volume_slopes(self, parameters: Sequence[str], member: int = 0) -> np.ndarray:
@@ -101,7 +103,7 @@ class Batch:
             name: values[name] + shift for name, shift in zip(parameters, shifts, strict=True)
         }
         start = assemble(self.circuit).start_volumes(shifted)
-        total = sum(np.imag(v) for v, own in zip(start, counted, strict=True) if own)
+        total = sum(np.imag(v) for v, is_counted in zip(start, counted, strict=True) if is_counted)
         return np.broadcast_to(total, (len(parameters),)) / COMPLEX_STEP
 
     def resolutions(self) -> np.ndarray:
@@ -152,10 +154,10 @@ class SolvedOrbits(Orbits):
         """States of some members after some plain beats, shape (states, members)."""
         after = np.empty_like(states)
         for level in np.unique(self.resolution[members]):
-            own = self.resolution[members] == level
-            search = self.search(int(members[own][0]))
-            packed = self.batch.packed(search.program)[:, members[own]]
-            after[:, own] = search.wait(states[:, own], packed, beats)
+            of_level = self.resolution[members] == level
+            search = self.search(int(members[of_level][0]))
+            packed = self.batch.packed(search.program)[:, members[of_level]]
+            after[:, of_level] = search.wait(states[:, of_level], packed, beats)
         return after
 
     def grid_warning(self, member: int = 0) -> str | None:
@@ -211,8 +213,8 @@ def solve(
             search.solve(members, anchor(batch, int(level), values, search.width), options)
         elif values is None:
             for member in map(int, members):
-                own = anchor(batch, int(level), batch.member(member), search.width)
-                search.solve(np.array([member]), own, options)
+                begin = anchor(batch, int(level), batch.member(member), search.width)
+                search.solve(np.array([member]), begin, options)
     return SolvedOrbits(**vars(result), batch=batch, resolution=levels, width=width)
 
 
@@ -229,13 +231,13 @@ def _not_begun(batch: Batch) -> Orbits:
 
 @dataclass(frozen=True)
 class _Level:
-    """The search for steady beats on one grid; `found` is filled in."""
+    """The search for steady beats on one grid; `orbits` is filled in."""
 
     batch: Batch
     level: int
     width: int
     threads: int
-    found: Orbits
+    orbits: Orbits
 
     def solve(self, members: np.ndarray, start: Anchor, options: OrbitOptions) -> None:
         """Solve some members of the batch, spread over the threads."""
@@ -248,7 +250,7 @@ class _Level:
             return solve_orbits(problem.take(chunk), start.take(chunk), options, self.width)
 
         for chunk, orbits in zip(chunks, in_threads(solved, chunks, self.threads), strict=True):
-            self.found.put(members[chunk], orbits)
+            self.orbits.put(members[chunk], orbits)
 
 
 def anchor(batch: Batch, level: int, values: Mapping[str, float], width: int = 1) -> Anchor:

@@ -80,8 +80,8 @@ def follow(
         elapsed += period
         pieces.append(recorded)
     time = np.concatenate(times)
-    kept = time <= seconds * (1.0 + 1e-12)
-    return Course(time[kept], np.concatenate(pieces)[kept], state, grid.n_steps)
+    within = time <= seconds * (1.0 + 1e-12)
+    return Course(time[within], np.concatenate(pieces)[within], state, grid.n_steps)
 
 
 def primed_start(model: Model, policy: str = AS_PUBLISHED) -> np.ndarray:
