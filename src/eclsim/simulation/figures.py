@@ -124,7 +124,7 @@ def _instances(result: xr.Dataset) -> dict[str, Naming]:
     """The devices that the result has waveforms of."""
     curves = [name for name, values in result.data_vars.items() if values.dims == ("phase",)]
     places = [str(name)[1:] for name in curves if str(name).startswith("Q")]
-    return {one.key: one for one in instances_at(places)}
+    return {instance.key: instance for instance in instances_at(places)}
 
 
 def plot_waveforms(result: xr.Dataset, part: str = "heart") -> Figure:
@@ -143,8 +143,8 @@ def plot_waveforms(result: xr.Dataset, part: str = "heart") -> Figure:
     """
     present = available_parts(result)
     if part not in present:
-        known = "" if part in PARTS or device_of(part) else " is not a part of the circuit"
-        reason = known or " is not in this result"
+        unknown = "" if part in PARTS or device_of(part) else " is not a part of the circuit"
+        reason = unknown or " is not in this result"
         raise ValueError(f"part {part!r}{reason}; this result has: {', '.join(present) or 'none'}")
     names = _instances(result).get(part)
     title = f"{case_name(result)} – {part if names is None else names.label}"
@@ -155,7 +155,7 @@ def plot_overview(result: xr.Dataset) -> Figure:
     """Pressures, flows and ventricular volumes to look at first, over two beats, with the main outputs."""
     lines = summary_lines(result)
     note = "\n".join("   ".join(part) for part in (lines[:4], lines[4:]) if part)
-    pumps = [pump for one in _instances(result).values() for pump in one.pumps()]
+    pumps = [pump for instance in _instances(result).values() for pump in instance.pumps()]
     panels = (
         Panel("Left heart and aorta", "mmHg", ("Plv", "Pla", "Pao")),
         Panel("Right heart and lungs", "mmHg", ("Prv", "Pra", "Ppas")),
@@ -167,17 +167,17 @@ def plot_overview(result: xr.Dataset) -> Figure:
 
 @figure_style()
 def _draw_panels(result: xr.Dataset, panels: tuple[Panel, ...], title: str, note: str = "") -> Figure:
-    shown = [panel for panel in panels if any(name in result for name in panel.names)]
-    rows = math.ceil(len(shown) / 2)
+    drawn = [panel for panel in panels if any(name in result for name in panel.names)]
+    rows = math.ceil(len(drawn) / 2)
     fig = new_figure(PAGE_WIDTH_MM, 14 + 54 * rows)
-    axes = list(fig.subplots(rows, 2 if len(shown) > 1 else 1, squeeze=False).flat)
-    pairs = list(zip(axes, shown, strict=False))
+    axes = list(fig.subplots(rows, 2 if len(drawn) > 1 else 1, squeeze=False).flat)
+    pairs = list(zip(axes, drawn, strict=False))
     for start in range(0, len(pairs), 2):
         beside = pairs[start : start + 2]
         legend_rows = max(_legend_rows(result, panel) for _, panel in beside)
         for ax, panel in beside:
             _draw_panel(ax, result, panel, legend_rows)
-    for ax in axes[len(shown) :]:
+    for ax in axes[len(drawn) :]:
         ax.remove()
     fig.suptitle(title, x=0.01, ha="left")
     if note:
@@ -285,12 +285,12 @@ def _rows(result: xr.Dataset, kind: str, patients: dict[str, str], unit: str) ->
         str(name)[1:] for name in result.data_vars if str(name).startswith(kind) and _is_curve(result, name)
     ]
     heads = {name for name in waveforms if kind == "P" and _is_pump(name)}
-    others = [name for name in waveforms if name not in patients and naming_at(name) is None]
-    rows = [("Patient", _PATIENT, n) for n in (*patients, *others) if n in waveforms and n not in heads]
+    unlisted = [name for name in waveforms if name not in patients and naming_at(name) is None]
+    rows = [("Patient", _PATIENT, n) for n in (*patients, *unlisted) if n in waveforms and n not in heads]
     for names in instances_at(waveforms):
-        words = names.device.connections if kind == "Q" else names.device.compartments
+        labels = names.device.connections if kind == "Q" else names.device.compartments
         mark = (names.device.look.marker, names.device.look.colour)
-        rows += [(names.label, mark, n) for n in map(names.place, words) if n in waveforms]
+        rows += [(names.label, mark, n) for n in map(names.place, labels) if n in waveforms]
     return [
         _Row(plain_text(place_words(kind + n), 28), group, mark, in_unit(beat_mean(result, kind + n), unit))
         for group, mark, n in rows
@@ -405,7 +405,7 @@ def _draw_chamber(ax: Axes, cases: Sequence[xr.Dataset], names: Sequence[str], c
         _mark(ax, volume, pressure, style["color"], largest=True)
         _mark(ax, volume, pressure, style["color"], largest=False)
     ax.set_title(title.capitalize(), loc="left", pad=16)
-    marks = _volumes_in_words(cases[0], chamber) if len(cases) == 1 else "● EDV   ○ ESV"
+    marks = _volumes_text(cases[0], chamber) if len(cases) == 1 else "● EDV   ○ ESV"
     ax.annotate(marks, (0, 1), xytext=(0, 4), xycoords="axes fraction", textcoords="offset points")
     ax.set_xlabel("Volume [mL]")
     ax.set_ylabel("Pressure [mmHg]")
@@ -430,7 +430,7 @@ def _mark(ax: Axes, volume: np.ndarray, pressure: np.ndarray, colour: object, *,
     )
 
 
-def _volumes_in_words(case: xr.Dataset, chamber: str) -> str:
+def _volumes_text(case: xr.Dataset, chamber: str) -> str:
     volume = np.asarray(case[f"V{chamber}"].values, dtype=float)
     side = chamber.upper()
     largest = scalar(case, f"EDV{side}")
@@ -465,20 +465,20 @@ _AXES = {"mmHg": "Pressure", "L/min": "Flow", "mL": "Volume"}
 
 def panels_of(table: xr.Dataset) -> list[Panel]:
     """The panels that there are outputs for, those of devices behind the patient's."""
-    known = (named_output(str(name)) for name in table.data_vars)
-    instances = {result[0].key: result[0] for result in known if result is not None}
+    outputs = (named_output(str(name)) for name in table.data_vars)
+    instances = {result[0].key: result[0] for result in outputs if result is not None}
     flows = [
         (curve.output, curve.label)
-        for one in instances.values()
-        for curve in one.views().curves
+        for instance in instances.values()
+        for curve in instance.views().curves
         if curve.panel == "flow"
     ]
     names, labels = zip(*flows, strict=True) if flows else ((), ())
-    own = (
+    of_patient = (
         replace(p, names=p.names + names, labels=p.labels + labels) if p.unit == "L/min" else p
         for p in PANELS
     )
-    panels = (*own, *(panel for one in instances.values() for panel in one.swept()))
+    panels = (*of_patient, *(panel for instance in instances.values() for panel in instance.swept()))
     return [panel for panel in panels if any(name in table for name in panel.names)]
 
 
@@ -493,13 +493,13 @@ def plot_sweep(table: xr.Dataset) -> Figure:
         table: as `eclsim.simulation.sweep.as_table` gives it: outputs over `value`, `converged`,
             `impossible`.
     """
-    shown = panels_of(table)
-    rows = math.ceil(max(len(shown), 1) / 2)
+    panels = panels_of(table)
+    rows = math.ceil(max(len(panels), 1) / 2)
     fig = new_figure(PAGE_WIDTH_MM, 16 + 58 * rows)
     axes = list(fig.subplots(rows, 2, squeeze=False).flat)
-    for ax, panel in zip(axes, shown, strict=False):
+    for ax, panel in zip(axes, panels, strict=False):
         _draw_sweep_panel(ax, table, panel)
-    for ax in axes[len(shown) :]:
+    for ax in axes[len(panels) :]:
         ax.remove()
     title = f"{plain_text(table.attrs['id'], 40)} – {plain_text(table.attrs['key'], 60)}"
     fig.suptitle(title, x=0.01, ha="left")
@@ -549,24 +549,26 @@ def _axis(table: xr.Dataset) -> tuple[np.ndarray, list[str]]:
 
 
 def _mark_own_value(ax: Axes, table: xr.Dataset, names: list[str]) -> None:
-    own = table.attrs.get("own_value", "")
-    if isinstance(own, str) or names:
+    value = table.attrs.get("own_value", "")
+    if isinstance(value, str) or names:
         return
     places, _ = _axis(table)
-    if places.min() <= own <= places.max():
-        ax.axvline(own, color=GREY, linewidth=0.8, linestyle=(0, (1, 1.5)), zorder=0)
+    if places.min() <= value <= places.max():
+        ax.axvline(value, color=GREY, linewidth=0.8, linestyle=(0, (1, 1.5)), zorder=0)
 
 
 def _notes(table: xr.Dataset) -> str:
-    lost = int((table["converged"].to_numpy() == 0).sum())
+    failed = int((table["converged"].to_numpy() == 0).sum())
     hollow = int((table["impossible"].to_numpy() * table["converged"].to_numpy() != 0).sum())
-    own = table.attrs.get("own_value", "")
+    value = table.attrs.get("own_value", "")
     messages = []
-    if lost:
-        messages.append(f"× no steady beat ({lost} of {table.sizes['value']} values), left out of the curves")
+    if failed:
+        messages.append(
+            f"× no steady beat ({failed} of {table.sizes['value']} values), left out of the curves"
+        )
     if hollow:
         messages.append("hollow: a beat that cannot be a patient's; see the warnings")
-    if not isinstance(own, str):
-        messages.append(f"dotted line: {own:g}, the case as it is")
+    if not isinstance(value, str):
+        messages.append(f"dotted line: {value:g}, the case as it is")
     messages.append(f"blood volume: {table.attrs['blood_volume_policy']}")
     return "\n".join(messages)

@@ -38,8 +38,8 @@ def write_netcdf(
     names: Sequence[str] | None,
 ) -> None:
     """Write NetCDF: one case at the root, several as groups case1, case2 ...; courses in "transient"."""
-    kept = [one for one in (*results, *courses) if one is not None]
-    with whole_file(path, sum(_selected(one, names).nbytes for one in kept)) as partial:
+    present = [one for one in (*results, *courses) if one is not None]
+    with whole_file(path, sum(_selected(one, names).nbytes for one in present)) as partial:
         for index, result in enumerate(results):
             group = f"case{index + 1}" if len(results) > 1 else None
             mode = "w" if index == 0 else "a"
@@ -47,8 +47,8 @@ def write_netcdf(
             course = courses[index] if courses else None
             if course is not None:
                 below = f"{group}/transient" if group else "transient"
-                stored = _storable(_selected(course, names))
-                stored.to_netcdf(partial, mode="a", group=below, engine="h5netcdf")
+                dataset = _storable(_selected(course, names))
+                dataset.to_netcdf(partial, mode="a", group=below, engine="h5netcdf")
 
 
 def write_csv(
@@ -90,8 +90,8 @@ def _selected(result: xr.Dataset, names: Sequence[str] | None) -> xr.Dataset:
     """All scalars, and of the waveforms those asked for."""
     if names is None:
         return result
-    kept = [name for name, variable in result.data_vars.items() if variable.ndim == 0 or name in names]
-    return result[kept]
+    selected = [name for name, variable in result.data_vars.items() if variable.ndim == 0 or name in names]
+    return result[selected]
 
 
 def _storable(result: xr.Dataset) -> xr.Dataset:
@@ -139,7 +139,7 @@ def outputs_of(result: xr.Dataset) -> dict[str, float]:
 def case_object(result: xr.Dataset) -> dict[str, object]:
     """One case: outputs in mmHg, L/min and mL, waveforms as mean, min and max over the beat."""
     scalars = {str(name): value for name, value in result.data_vars.items() if value.ndim == 0}
-    others = [name for name in scalars if name not in OUTPUTS]
+    further = [name for name in scalars if name not in OUTPUTS]
     return {
         "id": str(result.attrs["id"]),
         "converged": bool(result.attrs["converged"]),
@@ -159,7 +159,7 @@ def case_object(result: xr.Dataset) -> dict[str, object]:
         "one_of_many": bool(result.attrs.get("one_of_many", 0)),
         "warnings": [str(sentence) for sentence in result.attrs.get("warnings", ())],
         "outputs": _numbers(result, [name for name in OUTPUTS if name in scalars]),
-        "more_outputs": _numbers(result, others),
+        "more_outputs": _numbers(result, further),
         "waveforms": {
             str(name): numbers for name in result.data_vars if (numbers := _statistics(result, str(name)))
         },

@@ -96,17 +96,17 @@ def simulate_many(
         ValueError: arrays of different lengths.
         UnknownValueError: a parameter that the circuit does not have, or a speed that follows from a flow.
     """
-    known, how = case if isinstance(case, Model) else as_case(case), (volume_policy, options, execution)
+    source, how = case if isinstance(case, Model) else as_case(case), (volume_policy, options, execution)
     solved = None
-    if not isinstance(known, Model):
-        solved = solve_speeds(known, changes, volume_policy, options=options, execution=execution)
+    if not isinstance(source, Model):
+        solved = solve_speeds(source, changes, volume_policy, options=options, execution=execution)
     if solved is None:
-        return results.simulate_many(known, changes, outputs, *how)
+        return results.simulate_many(source, changes, outputs, *how)
     model, speeds = model_of(solved.case_at(0.0)), {solved.speed: solved.speeds}
     result = results.simulate_many(model, {**solved.changes, **speeds}, outputs, *how)
-    lost = np.array(solved.reasons) != ""
-    for name, texts in (("status", [NOT_REACHED] * len(lost)), ("message", solved.reasons)):
-        result[name] = result[name].dims, np.where(lost, texts, result[name])
+    unreachable = np.array(solved.reasons) != ""
+    for name, texts in (("status", [NOT_REACHED] * len(unreachable)), ("message", solved.reasons)):
+        result[name] = result[name].dims, np.where(unreachable, texts, result[name])
     return result.assign_coords({solved.flow_key: ("member", solved.flows, {"units": "L/min"})})
 
 
@@ -143,10 +143,10 @@ def derivatives(
         UnknownValueError: no parameter of the circuit, or the speed where the flow is held.
         UnknownOutputError: no output.
     """
-    known = case if isinstance(case, Model) else as_case(case)
-    solved = None if isinstance(known, Model) else solve_speeds(known, {}, volume_policy)
+    source = case if isinstance(case, Model) else as_case(case)
+    solved = None if isinstance(source, Model) else solve_speeds(source, {}, volume_policy)
     if solved is None:
-        return results.derivatives(known, outputs, parameters, volume_policy, resolution, throw)
+        return results.derivatives(source, outputs, parameters, volume_policy, resolution, throw)
     if solved.speed in parameters:
         message = f"{solved.speed} follows from the flow: ask for {solved.flow_key}, or give the case a speed"
         raise UnknownValueError(message)
@@ -155,9 +155,9 @@ def derivatives(
             raise FlowNotReachedError(solved.reasons[0])
         return _no_derivatives(solved, outputs, parameters)
     model = model_of(solved.case_at(float(solved.speeds[0])))
-    others = [name for name in parameters if name != solved.flow_key]
-    every = (*dict.fromkeys((*outputs, solved.output)),), (*others, solved.speed)
-    result = results.derivatives(model, *every, volume_policy, resolution, throw)
+    varied = [name for name in parameters if name != solved.flow_key]
+    names = (*dict.fromkeys((*outputs, solved.output)),), (*varied, solved.speed)
+    result = results.derivatives(model, *names, volume_policy, resolution, throw)
     return _at_held_flow(result, solved, outputs, parameters)
 
 
@@ -167,7 +167,7 @@ def _at_held_flow(
     """Derivatives with the flow held: d speed = (d flow - sum(flow by parameter)) / (flow by speed)."""
     by_speed, flow = result.sel(parameter=solved.speed), result.sel(output=solved.output)
     by_flow = by_speed / float(flow.sel(parameter=solved.speed))
-    held = (result - by_flow * flow).drop_sel(parameter=solved.speed)
+    table = (result - by_flow * flow).drop_sel(parameter=solved.speed)
     at_flow = {
         "parameter": [solved.flow_key],
         "parameter_value": ("parameter", solved.flows),
@@ -176,11 +176,11 @@ def _at_held_flow(
     columns = by_flow.drop_vars(("parameter", "parameter_value", "parameter_units")).expand_dims(
         "parameter", 1
     )
-    held = xr.concat([held, columns.assign_coords(at_flow)], "parameter")
-    found_speed = solved.solved_speed(0).attributes()
-    held = held.sel(output=list(outputs), parameter=list(parameters))
-    return held.assign_coords(value=result["value"].sel(output=list(outputs))).assign_attrs(
-        result.attrs | found_speed
+    table = xr.concat([table, columns.assign_coords(at_flow)], "parameter")
+    speed = solved.solved_speed(0).attributes()
+    table = table.sel(output=list(outputs), parameter=list(parameters))
+    return table.assign_coords(value=result["value"].sel(output=list(outputs))).assign_attrs(
+        result.attrs | speed
     )
 
 

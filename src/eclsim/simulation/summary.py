@@ -139,13 +139,13 @@ def _side_by_side(results: Sequence[xr.Dataset], changes: Mapping[str, float] | 
 
 def _groups(results: Sequence[xr.Dataset]) -> list[tuple[str, tuple[str, ...]]]:
     """Titles and outputs, the flows of devices with those of the patient."""
-    known = (named_output(str(name)) for result in results for name in result.data_vars)
-    instances = {naming[0].key: naming[0] for naming in known if naming is not None}.values()
+    outputs = (named_output(str(name)) for result in results for name in result.data_vars)
+    instances = {naming[0].key: naming[0] for naming in outputs if naming is not None}.values()
     order = list(devices())
-    instances = sorted(instances, key=lambda one: order.index(one.device.key))
-    flows = tuple(name for one in instances for name in one.flows())
-    own = [(title, names + flows if title == "Flows" else names) for title, names in _GROUPS]
-    return [*own, *(group for one in instances for group in one.tabled())]
+    instances = sorted(instances, key=lambda instance: order.index(instance.device.key))
+    flows = tuple(name for instance in instances for name in instance.flows())
+    of_patient = [(title, names + flows if title == "Flows" else names) for title, names in _GROUPS]
+    return [*of_patient, *(group for instance in instances for group in instance.tabled())]
 
 
 def _worth_showing(name: str, results: Sequence[xr.Dataset]) -> bool:
@@ -170,13 +170,13 @@ def _add_group(
     table.add_row(Text(title, style="bold"))
     for name in names:
         about = next(result[name].attrs for result in results if name in result)
-        words = _LONG_NAMES.get(name, about.get("long_name", ""))
+        description = _LONG_NAMES.get(name, about.get("long_name", ""))
         symbol = _SYMBOLS.get(name, name if name.isupper() else "")
         cells = [cell(result, name) for result in results]
         if changes is not None:
             digits = _digits(about)
             cells.append(f"{changes[name]:+.{digits}f}" if name in changes else "")
-        table.add_row(f"  {symbol}", words, *cells, about.get("units", ""))
+        table.add_row(f"  {symbol}", description, *cells, about.get("units", ""))
 
 
 def _one_row_each(results: Sequence[xr.Dataset]) -> Table:
@@ -241,16 +241,16 @@ _SWEPT = (
 
 def sweep_text(sweep: Sweep) -> str:
     """A row for each value; one without a steady beat has its reason in place of numbers."""
-    shown = [(name, head) for name, head in _SWEPT if any(name in result for result in sweep.results)]
+    columns = [(name, head) for name, head in _SWEPT if any(name in result for result in sweep.results)]
     solved = any(map(speed_found, sweep.results))
     head = [f"{sweep.key} [{sweep.unit}]" if sweep.unit else sweep.key]
-    head += (["rpm"] if solved else []) + [f"{head} " for _, head in shown] + ["beat"]
+    head += (["rpm"] if solved else []) + [f"{head} " for _, head in columns] + ["beat"]
     rows = []
     for value, result in zip(sweep.values, sweep.results, strict=True):
         settled = bool(result.attrs["converged"])
-        numbers = [cell(result, name) if settled else "" for name, _ in shown]
+        numbers = [cell(result, name) if settled else "" for name, _ in columns]
         speed = [_speed(result)] if solved else []
-        rows.append([_value_text(value), *speed, *numbers, _beat_word(result)])
+        rows.append([_value_text(value), *speed, *numbers, _beat_text(result)])
     policy = sweep.results[0].attrs["blood_volume_policy"]
     title = f"{sweep.case_id}: steady beats, blood volume {policy}; mmHg, flows in L/min"
     marks = legend([result for result in sweep.results if result.attrs["converged"]])
@@ -271,10 +271,10 @@ def sweep_doubts(sweep: Sweep) -> list[str]:
     unit, lines = f" {sweep.unit}" if sweep.unit else "", []
     for same in places.values():
         values = [value for value, _ in same]
-        every = len(values) == len(sweep.values) > 1
+        everywhere = len(values) == len(sweep.values) > 1
         last, sentence = same[-1]
         numbers = f" (numbers at {last}{unit})" if any(other != sentence for _, other in same) else ""
-        place = "at every value" if every else f"at {', '.join(values)}{unit}"
+        place = "at every value" if everywhere else f"at {', '.join(values)}{unit}"
         lines.append(f"{sweep.key} {place}: {sentence}{numbers}")
     return lines
 
@@ -283,7 +283,7 @@ def _value_text(value: float | str) -> str:
     return value if isinstance(value, str) else f"{value:.6g}"
 
 
-def _beat_word(result: xr.Dataset) -> str:
+def _beat_text(result: xr.Dataset) -> str:
     if not result.attrs["converged"]:
         return f"none: {str(result.attrs.get('status', '')).replace('_', ' ')}"
     return "impossible, see warnings" if result.attrs.get("impossible") else "steady"

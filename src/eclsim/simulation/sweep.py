@@ -131,8 +131,8 @@ def _beats(
 ) -> list[xr.Dataset]:
     if not values:
         return []
-    shared = [key for key in values[0] if all(key in one for one in values)]
-    columns = {key: np.array([one[key] for one in values]) for key in shared}
+    shared = [key for key in values[0] if all(key in of_case for of_case in values)]
+    columns = {key: np.array([of_case[key] for of_case in values]) for key in shared}
     solved = steady_beat(Batch(circuit, columns, len(values), policy), waveforms=None, keep=None)
     beats = []
     for member, speed in enumerate(result):
@@ -144,9 +144,9 @@ def _beats(
 
 
 def _one_circuit(key: str, cases: Mapping[Value, Case]) -> Circuit:
-    first, *others = cases
+    first, *further = cases
     circuit = circuit_of(cases[first])
-    for value in others:
+    for value in further:
         if circuit_of(cases[value]) != circuit:
             raise SweepError(
                 f"{key}: {value} connects the circuit in another way than {first}, which no sweep does; "
@@ -160,7 +160,7 @@ def _check_effect(key: str, circuit: Circuit, values: Sequence[Mapping[str, floa
     if (
         count > 1
         and len(values) == count
-        and all(one.get(n) == values[0].get(n) for one in values for n in read)
+        and all(of_case.get(n) == values[0].get(n) for of_case in values for n in read)
     ):
         raise SweepError(f"{key}: changes nothing that the simulation reads; sweep a setting or a parameter")
 
@@ -218,8 +218,8 @@ def as_table(sweep: Sweep) -> xr.Dataset:
         labels = {k: about[k] for k in ("units", "long_name", "definition") if k in about}
         data[name] = ("value", np.array([_settled(r, name) for r in results]), labels)
     solved = [speed_found(result) for result in results]
-    for key in dict.fromkeys(one.speed_key for one in solved if one):
-        speeds = np.array([np.nan if one is None else one.speed_rpm for one in solved])
+    for key in dict.fromkeys(speed.speed_key for speed in solved if speed):
+        speeds = np.array([np.nan if speed is None else speed.speed_rpm for speed in solved])
         labels = {"units": "rpm", "long_name": "pump speed that gives the flow wanted"}
         data["solved_" + key.replace(".", "_")] = ("value", speeds, labels)
     for name in ("converged", "impossible"):

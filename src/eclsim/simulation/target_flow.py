@@ -162,33 +162,35 @@ def solve_speeds(
         UnknownValueError: A speed is changed that follows from the flow.
         ValueError: Arrays of different lengths.
     """
-    wanted = {one.key: (one, target) for one, target in case.targets()}
-    for one in case.instances():
-        if one.device.target is not None and f"{one.key}.{one.device.target.key}" in changes:
-            wanted[one.key] = (one, one.device.target)
-    if not wanted:
+    targets = {instance.key: (instance, target) for instance, target in case.targets()}
+    for instance in case.instances():
+        if instance.device.target is not None and f"{instance.key}.{instance.device.target.key}" in changes:
+            targets[instance.key] = (instance, instance.device.target)
+    if not targets:
         return None
-    if len(wanted) > 1:
+    if len(targets) > 1:
         message = (
-            f"{' and '.join(wanted)} both name a flow: only one can be solved for, give the others a speed"
+            f"{' and '.join(targets)} both name a flow: only one can be solved for, give the others a speed"
         )
         raise FlowNotReachedError(message)
-    (one, target), known = next(iter(wanted.values())), _with_rest_solved(case, policy)
-    sweep = one.device.sweep(one.section)
+    (instance, target), shared = next(iter(targets.values())), _with_rest_solved(case, policy)
+    sweep = instance.device.sweep(instance.section)
     if sweep is None:
-        raise UnknownValueError(f"{one.key} has no pump speed that could be solved for")
-    flow_key = f"{one.key}.{target.key}"
+        raise UnknownValueError(f"{instance.key} has no pump speed that could be solved for")
+    flow_key = f"{instance.key}.{target.key}"
     count = member_count(changes)
-    others = {name: value for name, value in changes.items() if name != flow_key}
+    varied_keys = {name: value for name, value in changes.items() if name != flow_key}
     flows = np.broadcast_to(
-        np.asarray(changes.get(flow_key, getattr(one.section, target.key)), dtype=float), (count,)
+        np.asarray(changes.get(flow_key, getattr(instance.section, target.key)), dtype=float), (count,)
     )
-    blank = SolvedSpeeds(known, one, target, others, flows, np.full(count, np.nan), ())
-    if blank.speed in others:
+    blank = SolvedSpeeds(shared, instance, target, varied_keys, flows, np.full(count, np.nan), ())
+    if blank.speed in varied_keys:
         message = f"{blank.speed} follows from the flow: vary {flow_key}, or give the case a speed"
         raise UnknownValueError(message)
     model = model_of(blank.case_at(sweep.low))
-    columns = {name: np.broadcast_to(np.asarray(value, float), (count,)) for name, value in others.items()}
+    columns = {
+        name: np.broadcast_to(np.asarray(value, float), (count,)) for name, value in varied_keys.items()
+    }
 
     def flow_at(members: np.ndarray, speeds: np.ndarray) -> tuple[np.ndarray, list[str]]:
         varied = {name: column[members] for name, column in columns.items()} | {blank.speed: speeds}
@@ -196,11 +198,11 @@ def solve_speeds(
         return beats[blank.output].to_numpy(), [str(text) for text in beats["message"].to_numpy()]
 
     speeds, reasons = speeds_for_flows(flow_at, flows, (sweep.low, sweep.high))
-    told = tuple(
+    messages = tuple(
         reason and f"{flow_key} = {flows[k]:g} cannot be reached: {reason}"
         for k, reason in enumerate(reasons)
     )
-    return SolvedSpeeds(known, one, target, others, flows, speeds, told)
+    return SolvedSpeeds(shared, instance, target, varied_keys, flows, speeds, messages)
 
 
 def _with_rest_solved(case: Case, policy: str | None) -> Case:
@@ -214,7 +216,7 @@ def _with_rest_solved(case: Case, policy: str | None) -> Case:
 
 
 def speeds_for_flows(
-    flows: Flows, wanted: np.ndarray, span: tuple[float, float]
+    flows: Flows, targets: np.ndarray, span: tuple[float, float]
 ) -> tuple[np.ndarray, list[str]]:
     """Speeds [rpm] within a range that give flows [L/min]; the lowest, should there be several.
 
@@ -223,23 +225,23 @@ def speeds_for_flows(
 
     Args:
         flows: flow of members at speeds.
-        wanted: flow to reach [L/min], shape (members,).
+        targets: flow to reach [L/min], shape (members,).
         span: lowest and highest speed [rpm].
 
     Returns:
         Speeds, NaN where there is none, and for each member why, empty where there is one.
     """
-    count, tried = len(wanted), np.linspace(*span, SCANNED)
+    count, tried = len(targets), np.linspace(*span, SCANNED)
     result, messages = flows(np.repeat(np.arange(count), SCANNED), np.tile(tried, count))
     searches = [
-        _Search(wanted[k], tried, result[own], messages[own][-1])
+        _Search(targets[k], tried, result[scanned], messages[scanned][-1])
         for k in range(count)
-        for own in [slice(k * SCANNED, (k + 1) * SCANNED)]
+        for scanned in [slice(k * SCANNED, (k + 1) * SCANNED)]
     ]
-    while going := [k for k, search in enumerate(searches) if search.going]:
-        trials = np.array([searches[k].trial() for k in going])
-        result, messages = flows(np.array(going), trials)
-        for k, speed, flow, message in zip(going, trials, result, messages, strict=True):
+    while running := [k for k, search in enumerate(searches) if search.running]:
+        trials = np.array([searches[k].trial() for k in running])
+        result, messages = flows(np.array(running), trials)
+        for k, speed, flow, message in zip(running, trials, result, messages, strict=True):
             searches[k].learn(float(speed), float(flow), message)
     return np.array([search.speed for search in searches]), [search.reason for search in searches]
 
@@ -248,34 +250,34 @@ class _Search:
     """False position for one member, after the scan of the range.
 
     Args:
-        wanted: flow [L/min].
+        target: flow to reach [L/min].
         speeds: of the scan, rising.
         flows: at these speeds, NaN without a steady beat.
         message: of the last speed.
     """
 
-    def __init__(self, wanted: float, speeds: np.ndarray, flows: np.ndarray, message: str):
-        self.wanted, self.speed, self.reason, self.trials, self.last = wanted, np.nan, "", 0, 0
-        known = np.flatnonzero(np.isfinite(flows))
+    def __init__(self, target: float, speeds: np.ndarray, flows: np.ndarray, message: str):
+        self.target, self.speed, self.reason, self.trials, self.last = target, np.nan, "", 0, 0
+        solved = np.flatnonzero(np.isfinite(flows))
         between = (
             (left, right)
-            for left, right in pairwise(known)
-            if min(flows[left], flows[right]) <= wanted <= max(flows[left], flows[right])
+            for left, right in pairwise(solved)
+            if min(flows[left], flows[right]) <= target <= max(flows[left], flows[right])
         )
         ends = next(between, None)
-        if not len(known):
+        if not len(solved):
             self.reason = f"no steady beat was found at any speed: {message}"
         elif ends is None:
-            self.reason = _out_of_reach(wanted, speeds, flows, known)
+            self.reason = _out_of_reach(target, speeds, flows, solved)
         else:
             self.ends = (self.low, self.high) = tuple(float(speeds[k]) for k in ends)
-            self.below, self.above = (float(flows[k] - wanted) for k in ends)
+            self.below, self.above = (float(flows[k] - target) for k in ends)
             for end, excess in ((self.low, self.below), (self.high, self.above)):
                 if abs(excess) <= TOLERANCE_L_MIN and np.isnan(self.speed):
                     self.speed = end
 
     @property
-    def going(self) -> bool:
+    def running(self) -> bool:
         """Whether there is neither a speed nor a reason yet."""
         return not self.reason and bool(np.isnan(self.speed))
 
@@ -286,7 +288,7 @@ class _Search:
 
     def learn(self, speed: float, flow: float, message: str) -> None:
         """Take the flow at the speed that was tried."""
-        excess, self.trials = flow - self.wanted, self.trials + 1
+        excess, self.trials = flow - self.target, self.trials + 1
         if not np.isfinite(flow):
             where = f"between {self.ends[0]:.0f} and {self.ends[1]:.0f} rpm"
             self.reason = f"it lies {where}, but no steady beat was found at {speed:.0f} rpm: {message}"
@@ -299,16 +301,16 @@ class _Search:
         else:
             self.low, self.below = speed, excess
             self.above, self.last = self.above * (0.5 if self.last == -1 else 1.0), -1
-        if self.going and self.trials == MOST_TRIALS:
+        if self.running and self.trials == MOST_TRIALS:
             self.reason = f"the flow jumps over it between {self.low:.6g} and {self.high:.6g} rpm"
 
 
-def _out_of_reach(wanted: float, speeds: np.ndarray, result: np.ndarray, known: np.ndarray) -> str:
-    most, least = known[np.argmax(result[known])], known[np.argmin(result[known])]
-    if wanted > result[most]:
+def _out_of_reach(target: float, speeds: np.ndarray, result: np.ndarray, solved: np.ndarray) -> str:
+    most, least = solved[np.argmax(result[solved])], solved[np.argmin(result[solved])]
+    if target > result[most]:
         text = f"the highest flow reached is {result[most]:.2f} L/min, at {speeds[most]:.0f} rpm"
     else:
         text = f"the lowest flow reached is {result[least]:.2f} L/min, at {speeds[least]:.0f} rpm"
-    unknown = [f"{speed:.0f}" for k, speed in enumerate(speeds) if k not in known]
+    unknown = [f"{speed:.0f}" for k, speed in enumerate(speeds) if k not in solved]
     text += f" (pump range {speeds[0]:.0f} to {speeds[-1]:.0f} rpm)"
     return text + (f"; no steady beat was found at {', '.join(unknown)} rpm" if unknown else "")
