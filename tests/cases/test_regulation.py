@@ -115,6 +115,26 @@ def test_what_fluid_and_solutes_leave_out_follows_from_the_patient():
     assert values_of(given)["fluid.haematocrit"] == 0.2
 
 
+def test_base_that_is_stated_twice_is_said_to_be():
+    """A bicarbonate and a base excess are the same number in other words."""
+    acid, plain = {"bicarbonate_mmol_l": 18}, {"haemoglobin_g_dl": 9}
+    said = [str(note) for note in read(solutes=acid, gas=plain).notes]
+    assert any("base_excess_mmol_l is -8.5, which goes with it" in note for note in said)
+    assert not any("assumed" in note and "base_excess" in note for note in said)
+    assert any("base_excess_mmol_l = 0" in str(note) for note in read(gas=plain).notes)
+    agreeing, apart = (
+        [str(w) for w in read(solutes=acid, gas=plain | {"base_excess_mmol_l": excess}).warnings]
+        for excess in (-8.0, 2.0)
+    )
+    assert agreeing == []
+    (warning,) = apart
+    assert "bicarbonate_mmol_l = 18: gas.base_excess_mmol_l = 2 states another base, 26.1" in warning
+    assert "take the base excess" in warning
+    assert "write base_excess_mmol_l = -8.5" in warning
+    values = values_of(read(solutes=acid, gas=plain | {"base_excess_mmol_l": 2.0}).case)
+    assert (values["gas.base_excess_mmol_l"], values["solutes.bicarbonate_mmol_l"]) == (2.0, 18.0)
+
+
 def test_an_open_set_point_is_the_pressure_of_the_case_as_it_was_written(tmp_path):
     """So a patient who is at rest in the file answers to what is set over it."""
     file = tmp_path / "case.toml"

@@ -10,6 +10,7 @@ from eclsim.inputs.fields import Field, setting
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.sections import Raw, Section, read_share, switch
 from eclsim.parameters import fluid, regulation
+from eclsim.parameters.gas import PARAMETERS as GAS
 from eclsim.patient.anthropometry import body_water_ml
 
 if TYPE_CHECKING:
@@ -24,6 +25,8 @@ BICARBONATE_SPACE, CARBON_DIOXIDE_STORE = 500.0, 1.5
 
 USUAL_BICARBONATE = 24.0
 """Bicarbonate [mmol/L] where nothing is said of it."""
+SAME_BASE = 1.0
+"""Base excesses [mmol/L] that analysers' formulas may differ by."""
 
 
 def _share(name: str) -> Field:
@@ -75,6 +78,30 @@ class Solutes(Section):
     body_water_ml: float | None = None
     bicarbonate_space_ml: float | None = None
     carbon_dioxide_store_ml_mmHg: float | None = None  # noqa: N815
+
+    @classmethod
+    def check(cls, sections: Mapping[str, Raw], remarks: Remarks) -> None:
+        """Say what becomes of a bicarbonate beside a base excess: both state the same base."""
+        from eclsim.fluid.solutes import standard_base_excess, standard_bicarbonate
+
+        bicarbonate, gas = sections.get(cls.section, {}).get("bicarbonate_mmol_l"), sections.get("gas")
+        if bicarbonate is None or gas is None:
+            return
+        key = f"{cls.section}.bicarbonate_mmol_l"
+        grams = gas.get("haemoglobin_g_dl", GAS["gas.haemoglobin_g_dl"].value)
+        stated, meant = gas.get("base_excess_mmol_l", 0.0), float(standard_base_excess(bicarbonate, grams))
+        if stated == 0.0:
+            message = f"so gas.base_excess_mmol_l is {meant:.1f}, which goes with it at a PCO2 of 40 mmHg"
+            remarks.note(key, message, shown(bicarbonate))
+        elif abs(stated - meant) > SAME_BASE:
+            other = standard_bicarbonate(stated, grams)
+            message = (
+                f"gas.base_excess_mmol_l = {stated:g} states another base, {other:.1f} mmol/L at a PCO2 of "
+                "40 mmHg: the blood's gases and the filter take the base excess, and a course adds to it "
+                "only what the bicarbonate changes by; leave one out, or write "
+                f"base_excess_mmol_l = {meant:.1f}"
+            )
+            remarks.warning(key, message, shown(bicarbonate))
 
 
 def fluid_values(

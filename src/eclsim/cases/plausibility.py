@@ -1,22 +1,20 @@
 """What the fields of a case say together: contradictions (errors) and doubts (warnings).
 
-Works on whatever fields were right, so that one mistake does not hide another. What concerns one device is
-checked by the device.
+Works on whatever fields were right, so that one mistake does not hide another. What concerns one device, or
+one section of the patient, is checked there.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
-from eclsim.cases.regulation import BY_GASES
-from eclsim.cases.sections import MEASURED_GASES, Gas
+from eclsim.cases.sections import PATIENT_SECTIONS, Measurements
 from eclsim.devices.device import CaseValues, device_key
 from eclsim.devices.registry import device_of, devices
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.sections import Raw, looks_identifiable
 from eclsim.parameters import physiology, thiel2025
 from eclsim.parameters.physiology import SECTION
-from eclsim.parameters.regulation import REGULATION
 from eclsim.patient.anthropometry import body_mass_index, mean_height_weight, total_blood_volume_ml
 from eclsim.patient.sites import ONLY_REGIONAL, SAME_IN_REGIONS, patient_sites
 from eclsim.units import MMHG_PER_KPA
@@ -52,11 +50,9 @@ def check_plausibility(case: CaseValues, parameters: Mapping[str, float], remark
                 remarks.warning(f"measurements.{name}", message, shown(case.measurements[name]))
     _check_blood(case, parameters, remarks)
     _check_blood_gases(case, remarks)
-    for name in BY_GASES:
-        stated = case.physiology.get(REGULATION, {}).get(name)
-        if stated is not None and Gas.section not in case.physiology:
-            message = "without effect: no gases are computed that it could answer to; add a section [gas]"
-            remarks.warning(f"{REGULATION}.{name}", message, shown(stated))
+    stated = {Measurements.section: case.measurements, **case.physiology}
+    for section in PATIENT_SECTIONS:
+        section.check(stated, remarks)
     _check_regions(case, parameters, remarks)
     for key, values in case.devices.items():
         device = device_of(device_key(key))
@@ -65,12 +61,8 @@ def check_plausibility(case: CaseValues, parameters: Mapping[str, float], remark
 
 
 def _check_blood_gases(case: CaseValues, remarks: Remarks) -> None:
-    """Blood gases that nothing computes, and a saturation that only the PO2 in kPa could have."""
+    """A saturation that only the PO2 in kPa could have."""
     measured = case.measurements
-    gases = [name for name in MEASURED_GASES if name in measured]
-    if gases and not case.physiology.get(Gas.section):
-        message = "blood gases were measured, but the case has no [gas] section: they are not fitted"
-        remarks.warning(f"measurements.{gases[0]}", message, shown(measured[gases[0]]))
     for saturation, pressure in (("SaO2", "PaO2"), ("SpostO2", "PpostO2")):
         if saturation not in measured or pressure not in measured:
             continue

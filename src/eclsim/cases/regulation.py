@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from eclsim.inputs.fields import Field, one_of, setting
@@ -116,6 +117,15 @@ class Regulation(_Settings):
             if key_name in values and not any(reader in values for reader in readers):
                 message = f"without effect: it is read by {' and '.join(readers)}"
                 remarks.warning(f"{key}.{key_name}", message, shown(values[key_name]))
+
+    @classmethod
+    def check(cls, sections: Mapping[str, Raw], remarks: Remarks) -> None:
+        """Warn of what answers to gases that nothing computes."""
+        for name in BY_GASES:
+            stated = sections.get(cls.section, {}).get(name)
+            if stated is not None and "gas" not in sections:
+                message = "without effect: no gases are computed that it could answer to; add a section [gas]"
+                remarks.warning(f"{cls.section}.{name}", message, shown(stated))
 
 
 _MEANT = {

@@ -43,11 +43,7 @@ class Gas(Section):
 
     @classmethod
     def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
-        """Say which defaults are used, and doubt a haemoglobin that may be in mmol/L."""
-        left_out = [name for name in cls.fields() if name not in raw and name != "vo2_ml_min"]
-        if left_out:
-            used = (f"{name} = {PARAMETERS[PREFIX + name].value:g}" for name in left_out)
-            remarks.note(key, f"left out, so assumed: {', '.join(used)}")
+        """Doubt a haemoglobin that may be in mmol/L."""
         if "vo2_ml_min" not in raw:
             remarks.note(f"{key}.vo2_ml_min", "left out, so 126 mL/min per m2 of body surface (Dehmer 1982)")
         haemoglobin = values.get("haemoglobin_g_dl")
@@ -55,6 +51,21 @@ class Gas(Section):
             conversion = f"{haemoglobin:g} mmol/L = {haemoglobin * GRAMS_PER_MMOL:.1f} g/dL"
             message = f"below {LOW_HAEMOGLOBIN:g} g/dL, the usual threshold of transfusion; used as g/dL"
             remarks.warning(f"{key}.haemoglobin_g_dl", message, shown(haemoglobin), conversion)
+
+    @classmethod
+    def check(cls, sections: Mapping[str, Raw], remarks: Remarks) -> None:
+        """Say which defaults are used, and warn of blood gases that nothing computes."""
+        elsewhere = "base_excess_mmol_l" if "bicarbonate_mmol_l" in sections.get(Solutes.section, {}) else ""
+        known = {*sections.get(cls.section, cls.fields()), "vo2_ml_min", elsewhere}
+        refused = {key.removeprefix(PREFIX) for key in remarks.refused()}
+        if left_out := [name for name in cls.fields() if name not in known | refused]:
+            used = (f"{name} = {PARAMETERS[PREFIX + name].value:g}" for name in left_out)
+            remarks.note(cls.section, f"left out, so assumed: {', '.join(used)}")
+        measurements = sections.get(Measurements.section, {})
+        gases = [name for name in MEASURED_GASES if name in measurements]
+        if gases and cls.section not in sections:
+            message = "blood gases were measured, but the case has no [gas] section: they are not fitted"
+            remarks.warning(f"measurements.{gases[0]}", message, shown(measurements[gases[0]]))
 
 
 POLICY_KEY = "blood_volume_policy"

@@ -66,6 +66,15 @@ class Section(BaseModel):
             remarks: gets what there is to say.
         """
 
+    @classmethod
+    def check(cls, sections: Mapping[str, Raw], remarks: Remarks) -> None:
+        """See that it goes together with the other sections, whether the case has it or not.
+
+        Args:
+            sections: what is right of each section that the case has, by its key.
+            remarks: gets what there is to say.
+        """
+
     @model_validator(mode="before")
     @classmethod
     def _check(cls, data: object, info: ValidationInfo) -> object:
