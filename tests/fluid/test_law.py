@@ -7,14 +7,16 @@ from eclsim.components.exchangers import HAEMOGLOBIN
 from eclsim.fluid import law as fluid
 from eclsim.fluid.law import FluidLaw
 from eclsim.fluid.starling import (
+    DEHYDRATED_PER_MMHG,
     EXCLUDED,
+    LYMPH_PER_MMHG,
+    OEDEMA_MMHG,
     Spaces,
     Wall,
     capillary_pressure,
     exchange,
     interstitial_pressure,
     oncotic_pressure,
-    relaxation_time,
 )
 from eclsim.parameters.fluid import HAEMATOCRIT, INTERSTITIUM_TO_BLOOD, PARAMETERS
 from eclsim.parameters.regulation import EXTRA_VOLUME
@@ -96,6 +98,23 @@ def test_constricted_arterioles_lower_the_pressure_of_capillaries():
     wide, tight = (capillary_pressure(np.array(90.0), np.array(5.0), np.array(tone)) for tone in (1.0, 2.0))
     assert wide == pytest.approx(5.0 + 0.15 * 85.0)
     assert tight < wide
+
+
+def relaxation_time(rest, wall):
+    """Time constant [min] of refill after a small change of capillary pressure, protein staying in place.
+
+    1 / (LpS (dPi/dVi + sigma (d pi_p/dVp + d pi_i/dVi)) + dL/dVi), derivatives at the start.
+    """
+
+    def slope(protein, volume):
+        return (2.1 + protein * (0.32 + 0.027 * protein)) * protein / volume
+
+    inside, outside = rest.concentrations
+    over = np.maximum(rest.interstitium / rest.normal - 1.0, 0.0) / DEHYDRATED_PER_MMHG / OEDEMA_MMHG
+    stiffness = np.exp(-over) / (DEHYDRATED_PER_MMHG * rest.normal)
+    room = rest.interstitium - EXCLUDED * rest.normal
+    drawn = wall.reflection * (slope(inside, rest.plasma) + slope(outside, room))
+    return 1.0 / (wall.filtration * (stiffness + drawn) + wall.lymph * LYMPH_PER_MMHG * stiffness)
 
 
 def test_refill_relaxes_with_the_time_constant_of_its_linear_form(spaces):

@@ -53,7 +53,7 @@ def renamed(source: Source, parameter: Renaming) -> Source:
         return source.renamed(parameter)
     if isinstance(source, tuple):
         return tuple(map(parameter, source))  # pyright: ignore[reportReturnType]  # a tuple of names
-    return parameter(source) if isinstance(source, str) else source  # pyright: ignore[reportReturnType]
+    return parameter(source) if isinstance(source, str) else source  # pyright: ignore[reportReturnType]  # a number
 
 
 class Component:

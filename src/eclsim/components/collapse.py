@@ -148,12 +148,12 @@ class CollapsibleChamber(Storage[ChamberConstants]):
         return self.chamber.activation
 
     @property
-    def above_zero(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def above_zero(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]  # read only
         """Fields of the chamber's law, and Ve."""
         return (*self.chamber.above_zero, "emptying")
 
     @property
-    def not_negative(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def not_negative(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]  # read only
         """Fields of the chamber's law."""
         return self.chamber.not_negative
 

@@ -11,7 +11,7 @@ import json
 import time as clock
 from collections.abc import Mapping, Sequence
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -444,14 +444,15 @@ class BeatMarch:
         measures = Measures(waves, program.grid.phases, self.circuit, parameters, gases)
         result: dict[str, np.ndarray] = {}
         for name in names:
-            result[name] = self._acted(name, values, acted)
-            if result[name] is None:
-                result[name] = np.asarray(output(name).compute(measures))[: len(values)]
+            column = self._acted(name, values, acted)
+            if column is None:
+                column = np.asarray(output(name).compute(measures))[: len(values)]
+            result[name] = column
         return result
 
     def _acted(
         self, name: str, values: Sequence[Mapping[str, float]], acted: Sequence[Mapping[str, float]]
-    ) -> Any:
+    ) -> np.ndarray | None:
         """What reflex and drugs have in effect in a beat, with their lag; None for other outputs."""
         if name == "heart_rate":
             return np.array([of_beat[HEART_RATE] for of_beat in acted])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -34,9 +34,9 @@ class Column(NamedTuple):
     decimals: int = 0
     factor: float = 1.0
 
-    def cell(self, value: float | None) -> str:
+    def cell(self, value: float | xr.DataArray) -> str:
         """A number as text."""
-        return number(None if value is None else self.factor * float(value), self.decimals)
+        return number(self.factor * float(value), self.decimals)
 
 
 MEAN_COLUMNS = (
@@ -48,15 +48,34 @@ MEAN_COLUMNS = (
 )  # fmt: skip
 
 
-def _cells(data: xr.Dataset, columns: Sequence[Column], suffix: str = "") -> list[str]:
-    """Numbers of a row; empty where the data have none."""
-    return [c.cell(data[c.name + suffix].item()) if c.name + suffix in data else "" for c in columns]
+def _cells(data: Mapping[Any, Any], columns: Sequence[Column], suffix: str = "", none: str = "") -> list[str]:
+    """Numbers of a row; `none` where the data have none."""
+    values = [data.get(column.name + suffix) for column in columns]
+    return [none if v is None else c.cell(v) for c, v in zip(columns, values, strict=True)]
 
 
 def _table(heads: Sequence[str], columns: Sequence[Column], rows: list[list[str]], foot: int = 0) -> Table:
     """A table of text columns, then numbers."""
     numeric = range(len(heads), len(heads) + len(columns))
     return Table([*heads, *(column.head for column in columns)], rows, numeric, foot)
+
+
+def _tables(
+    heads: Sequence[str],
+    groups: Sequence[Sequence[Column]],
+    rows: Sequence[tuple[list[str], Mapping[Any, Any], str]],
+) -> list[Table]:
+    """A table for each group of columns, as far as the first row has them; the first in any case.
+
+    Rows are their texts, their data by column name, and what stands where these have no number.
+    """
+    known = rows[0][1] if rows else {}
+    chosen = [[column for column in group if column.name in known] for group in groups if rows]
+    return [
+        _table(heads, columns, [[*texts, *_cells(data, columns, none=none)] for texts, data, none in rows])
+        for k, columns in enumerate(chosen)
+        if columns or k == 0
+    ]
 
 
 def study_page(study: CrrtStudy, drawings: Mapping[str, str]) -> str:
@@ -102,7 +121,7 @@ def _captions(study: CrrtStudy, main: str, known: int) -> dict[str, str]:
     from eclsim.crrt_study.figures import MOST_DRAWN
 
     drawn = f" The {MOST_DRAWN} that rank best are drawn." if len(study.schemes) > MOST_DRAWN else ""
-    result = "" if known == len(study.schemes) else " whose beat was found"
+    limited = "" if known == len(study.schemes) else " whose beat was found"
     policy = POLICY_WORDS[main]
     return {
         "schemes": (
@@ -110,7 +129,7 @@ def _captions(study: CrrtStudy, main: str, known: int) -> dict[str, str]:
             "to the return cannula (RC); access line solid with a dot, return line dashed with a square."
             + drawn
         ),
-        "beat": f"Two beats of every scheme{result}; {policy}.",
+        "beat": f"Two beats of every scheme{limited}; {policy}.",
         "speeds": f"Cycle means over the ECMO flow; {policy}.",
         "limits": f"ECMO flow at which each limit is reached; {policy}.",
         "uptake": "Arterial pressure under the blood volume policies, and its causes.",
@@ -163,19 +182,13 @@ EXCHANGE_COLUMNS = (
 def _exchange_tables(study: CrrtStudy, policy: str) -> list[Table]:
     """Ways of the blood, clearances (recirculation taken off) and gases, as far as the study has them."""
     means = study.means.sel(policy=policy, speed=study.case_speed)
-    tables = []
-    for order, group in enumerate(EXCHANGE_COLUMNS):
-        columns = [column for column in group if column.name in means]
-        if order and not columns:
-            continue
-        rows = []
-        for ranked in study.ranking[policy]:
-            of_scheme = means.sel(scheme=ranked.letter)
-            before = "before" if of_scheme["return_site"].item() in POSITIONS else "on the patient"
-            where = "behind" if bool(of_scheme["behind_oxygenator"]) else before
-            rows.append([ranked.letter, where, *_cells(of_scheme, columns)])
-        tables.append(_table(["Scheme", "Returns: oxygenator"], columns, rows))
-    return tables
+    rows = []
+    for ranked in study.ranking[policy]:
+        of_scheme = means.sel(scheme=ranked.letter)
+        before = "before" if of_scheme["return_site"].item() in POSITIONS else "on the patient"
+        where = "behind" if bool(of_scheme["behind_oxygenator"]) else before
+        rows.append(([ranked.letter, where], of_scheme, ""))
+    return _tables(["Scheme", "Returns: oxygenator"], EXCHANGE_COLUMNS, rows)
 
 
 RENOX_COLUMNS = (
@@ -194,27 +207,17 @@ RENOX_COLUMNS = (
     ),
 )
 """What is set beside RenOx, a table each that fits a page; names are keys in JSON."""
-KEPT_LABELS = {True: "kept", False: "broken", None: "not known"}
+KEPT_LABELS: dict[float | bool | None, str] = {True: "kept", False: "broken", None: "not known"}
 
 
 def _renox_tables(study: CrrtStudy, policy: str) -> list[Table]:
     """One housing for oxygenator and dialyzer against every scheme, at the case's speed."""
-    compared = beside_schemes(study, policy)
-    tables = []
-    for group in RENOX_COLUMNS if compared else ():
-        columns = [column for column in group if column.name in compared["RenOx"]]
-        rows = []
-        for name, values in compared.items():
-            numbers = [values.get(column.name) for column in columns]
-            cells = [column.cell(value) for column, value in zip(columns, numbers, strict=True)]
-            if name == "RenOx":  # it has no lines
-                cells = [
-                    "none" if value is None else cell for cell, value in zip(cells, numbers, strict=True)
-                ]
-            alarms = "no lines" if name == "RenOx" else KEPT_LABELS[values["alarms_kept"]]  # type: ignore[index]
-            rows.append([name, alarms, *cells])
-        tables.append(_table(["", "Alarms of the lines"], columns, rows))
-    return tables
+    rows = []
+    for name, values in beside_schemes(study, policy).items():
+        no_lines = name == "RenOx"
+        alarms = "no lines" if no_lines else KEPT_LABELS[values["alarms_kept"]]
+        rows.append(([name, alarms], values, "none" if no_lines else number(None)))
+    return _tables(["", "Alarms of the lines"], RENOX_COLUMNS, rows)
 
 
 def _means_table(study: CrrtStudy, policy: str) -> Table:

@@ -49,8 +49,8 @@ class Scheme:
     @property
     def nodes(self) -> tuple[str, str]:
         """Compartments of the circuit that the two lines attach to."""
-        sites = (self.access_site, self.return_site)
-        return tuple(ECMO_POSITIONS.get(site, site) for site in sites)  # pyright: ignore[reportReturnType]
+        access, back = (ECMO_POSITIONS.get(site, site) for site in (self.access_site, self.return_site))
+        return access, back
 
     @property
     def returns_behind_oxygenator(self) -> bool:

@@ -52,6 +52,7 @@ from eclsim.units import convert
 
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit, Site
+    from eclsim.components.dialysis import Performance
 
 GROUP = "crrt"
 
@@ -281,10 +282,10 @@ def _dialysis(
     )  # fmt: skip
 
 
-def performance(m: BeatMeasures, by_gases: bool = False) -> Any:
+def performance(m: BeatMeasures, by_gases: bool = False) -> Performance:
     """What the filter does in a beat (`eclsim.components.dialysis.Performance`)."""
 
-    def compute() -> Any:
+    def compute() -> Performance:
         blood = [60.0 * m.mean("Qcrrtpump"), m.mean("Pcrrtfil"), m.mean("Pcrrttuout")]
         return filtered(m, blood, SETTINGS, "crrtfil" if by_gases else None)
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar
 
 from eclsim.inputs.fields import Field
 from eclsim.patient.sites import PATIENT_SITES
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 _EMPTY: Mapping[str, str] = MappingProxyType({})
 
+Measured = TypeVar("Measured")
 Numbers = Any
 """One number for each patient: a float, an array, or either with its derivatives."""
 Law = Callable[["Array"], "Array"]
@@ -50,9 +51,11 @@ class BeatMeasures(Protocol):
     def parameter(self, name: str) -> Numbers: ...  # noqa: D102
     def apply(self, function: Law, numbers: Sequence[Numbers]) -> Sequence[Numbers]: ...  # noqa: D102
     def gas(self, what: str, where: str, place: str) -> Numbers: ...  # noqa: D102
-    def cleared(self, at: str, clearances: Sequence[Any], water: Sequence[Any]) -> Sequence[Any]: ...  # noqa: D102
+    def cleared(  # noqa: D102
+        self, at: str, clearances: Sequence[Numbers], water: Sequence[Numbers]
+    ) -> Sequence[Numbers]: ...
     def native(self, artery: str) -> Numbers: ...  # noqa: D102
-    def kept(self, key: tuple[str, ...], measure: Callable[[], Any]) -> Any: ...  # noqa: D102
+    def kept(self, key: tuple[str, ...], measure: Callable[[], Measured]) -> Measured: ...  # noqa: D102
     @property
     def circuit(self) -> Circuit: ...  # noqa: D102
 

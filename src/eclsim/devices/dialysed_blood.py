@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 from eclsim.devices.description import GASES, BeatMeasures, Numbers
 from eclsim.inputs.fields import Field, number
+
+if TYPE_CHECKING:
+    from eclsim.components.dialysis import Performance
+    from eclsim.inputs.sections import Section
 
 RED_CELL_HAEMOGLOBIN = 33.3
 """Haemoglobin in a dL of red cells [g], the usual mean corpuscular concentration."""
@@ -26,7 +30,7 @@ def fluid_flow(
     return replace(one, least=least)
 
 
-def dialysed_blood(section: Any, haemoglobin_g_dl: float, gases: bool) -> dict[str, float]:
+def dialysed_blood(section: Section, haemoglobin_g_dl: float, gases: bool) -> dict[str, float]:
     """What a section with `haematocrit_in` and `plasma_bicarbonate_mmol_l` leaves to the patient's blood."""
     own = {"haematocrit_in": haemoglobin_g_dl / RED_CELL_HAEMOGLOBIN}
     if gases:
@@ -34,7 +38,9 @@ def dialysed_blood(section: Any, haemoglobin_g_dl: float, gases: bool) -> dict[s
     return {f"{section.section}.{key}": own[key] for key in own if getattr(section, key) is None}
 
 
-def filtered(m: BeatMeasures, blood: Sequence[Numbers], settings: Sequence[str], entering: str | None) -> Any:
+def filtered(
+    m: BeatMeasures, blood: Sequence[Numbers], settings: Sequence[str], entering: str | None
+) -> Performance:
     """What a filter does in a beat (`eclsim.components.dialysis.Performance`).
 
     Args:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from eclsim.devices.crrt import FILTER_PARAMETERS, SOLUTES, USUAL_FLUID, Crrt, assumed_membrane
 from eclsim.devices.description import BeatMeasures, Finding, Numbers, Output
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from eclsim.circuit.network import Circuit
+    from eclsim.components.dialysis import Performance
 
 GROUP = "renox"
 _ASSUMED = "assumed: the membrane of the CRRT filter, no data of such a device are public"
@@ -57,7 +58,7 @@ class Renox(Section):
     plasma_bicarbonate_mmol_l: Annotated[float | None, Crrt.fields()["plasma_bicarbonate_mmol_l"]] = None
 
 
-def performance(m: BeatMeasures, by_gases: bool = False) -> Any:
+def performance(m: BeatMeasures, by_gases: bool = False) -> Performance:
     """What the dialysate fibres do in a beat (`eclsim.components.dialysis.Performance`)."""
     blood = [m.mean("Qecmooxy") * 60.0, m.mean("Pecmooxy"), m.mean("Pecmotuor")]
     return filtered(m, blood, SETTINGS, "ecmotuor" if by_gases else None)

@@ -296,7 +296,7 @@ def stores_of_carbon_dioxide(circuit: Circuit, solutes: SolutesLaw | None) -> tu
         for e in circuit.exchanges
         if isinstance(e.component, Tissue) and e.component.held == STORES_HOLD
     )
-    return (CarbonDioxideLaw(tissues, solutes),) if tissues else ()  # pyright: ignore[reportArgumentType]
+    return (CarbonDioxideLaw(tissues, solutes),) if tissues else ()  # pyright: ignore[reportArgumentType]  # one share
 
 
 def _pressure(tissue: str) -> str:

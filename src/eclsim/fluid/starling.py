@@ -131,20 +131,3 @@ def exchange(now: Spaces, rest: Spaces, pressure_rise: np.ndarray, wall: Wall) -
     permeability = (0.01 * wall.lymph * outside_0 - dragged_0) / (inside_0 - outside_0)  # g/min for 1 g/dL
     moved = dragged + permeability * (inside - outside) - 0.01 * lymph * outside
     return Exchange(filtered - lymph, moved)
-
-
-def relaxation_time(rest: Spaces, wall: Wall) -> np.ndarray:
-    """Time constant [min] of refill after a small change of capillary pressure, protein staying in place.
-
-    1 / (LpS (dPi/dVi + sigma (d pi_p/dVp + d pi_i/dVi)) + dL/dVi), derivatives at the start.
-    """
-
-    def slope(protein: np.ndarray, volume: np.ndarray) -> np.ndarray:
-        return (2.1 + protein * (0.32 + 0.027 * protein)) * protein / volume
-
-    inside, outside = rest.concentrations
-    over = np.maximum(rest.interstitium / rest.normal - 1.0, 0.0) / DEHYDRATED_PER_MMHG / OEDEMA_MMHG
-    stiffness = np.exp(-over) / (DEHYDRATED_PER_MMHG * rest.normal)
-    room = rest.interstitium - EXCLUDED * rest.normal
-    held = wall.reflection * (slope(inside, rest.plasma) + slope(outside, room))
-    return 1.0 / (wall.filtration * (stiffness + held) + wall.lymph * LYMPH_PER_MMHG * stiffness)

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, lru_cache
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -23,7 +22,7 @@ import numpy as np
 from eclsim.beat.compilation import Key, compiled
 from eclsim.beat.recording import MEAN, RATE, one_way_mean
 from eclsim.circuit.network import Circuit
-from eclsim.devices.description import Law
+from eclsim.devices.description import Law, Measured, Numbers
 from eclsim.gas.network import GasFunction, Quantity, gas_of
 from eclsim.gas.origin import ARTERIES, OriginFunction, native_shares
 from eclsim.gas.solutes import SoluteFunction, effective_clearances
@@ -34,7 +33,7 @@ VECTORISED = 3
 """Level of the optimiser that brings a loop over patients into vectors; it compiles half as fast."""
 SMALLEST_VOLUME = 1e-6
 """Divisor [mL] in place of a volume that is zero or less."""
-Points = list[tuple[str, Any, Any]]
+Points = list[tuple[str, Numbers, Numbers]]
 """A sum over few points: waveform, index of the point, weight (each a number or one per patient)."""
 
 
@@ -55,29 +54,29 @@ class Measures:
         waveforms: Mapping[str, np.ndarray],
         phases: np.ndarray,
         circuit: Circuit | None = None,
-        parameters: Mapping[str, Any] | None = None,
-        gases: Mapping[Quantity, Any] | None = None,
+        parameters: Mapping[str, Numbers] | None = None,
+        gases: Mapping[Quantity, Numbers] | None = None,
     ):
         self.waveforms, self._phases = waveforms, phases
         self._widths = np.diff(phases)
         self._circuit, self._parameters = circuit, parameters or {}
-        self._found: dict[tuple[str, ...], Any] = {} if gases is None else {("gas",): gases}
+        self._found: dict[tuple[str, ...], Numbers] = {} if gases is None else {("gas",): gases}
 
-    def mean(self, name: str) -> Any:
+    def mean(self, name: str) -> Numbers:
         """Mean over the beat: of what moved in each step where that is known, else trapezoidal rule."""
         if name + MEAN in self.waveforms:
             return self.kept(("mean", name), lambda: self._whole({name + MEAN: self._moved}))
         return self.kept(("mean", name), lambda: self._whole({name: self._trapezoid}))
 
-    def maximum(self, name: str) -> Any:
+    def maximum(self, name: str) -> Numbers:
         """Largest value over the beat."""
         return self.kept(("maximum", name), lambda: self._sum(self._extreme(name, 1.0)))
 
-    def maximum_before(self, name: str, phase: str) -> Any:
+    def maximum_before(self, name: str, phase: str) -> Numbers:
         """Largest value up to the phase that a parameter gives."""
         return self._sum(self._extreme(name, 1.0, self._after(phase) <= 0.0))
 
-    def maximum_after(self, name: str, phase: str) -> Any:
+    def maximum_after(self, name: str, phase: str) -> Numbers:
         """Largest value from the phase on that a parameter gives."""
         return self._sum(self._extreme(name, 1.0, self._after(phase) >= 0.0))
 
@@ -85,17 +84,17 @@ class Measures:
         """By how much each grid point is after a phase, shape (points[, patients])."""
         return np.subtract.outer(self._phases, np.asarray(self._parameters[phase], dtype=float))
 
-    def minimum(self, name: str) -> Any:
+    def minimum(self, name: str) -> Numbers:
         """Smallest value over the beat."""
         return self.kept(("minimum", name), lambda: self._sum(self._extreme(name, -1.0)))
 
-    def largest_ratio(self, above: str, below: str) -> Any:
+    def largest_ratio(self, above: str, below: str) -> Numbers:
         """Largest quotient of two waveforms, such as P / V."""
         ratio = self.waveforms[above] / np.maximum(self.waveforms[below], SMALLEST_VOLUME)
         index = np.argmax(ratio, axis=0)
         return self._sum([(above, index, 1.0)]) / self._sum([(below, index, 1.0)])
 
-    def at_start(self, name: str) -> Any:
+    def at_start(self, name: str) -> Numbers:
         """Value at phase 0, where the ventricles begin to contract."""
         return self._sum([(name, np.zeros(self.waveforms[name].shape[1:], dtype=int), 1.0)])
 
@@ -104,27 +103,27 @@ class Measures:
         """The circuit whose beat it is."""
         return self._circuit or Circuit()
 
-    def forward(self, connection: str) -> Any:
+    def forward(self, connection: str) -> Numbers:
         """Mean [L/min] of the flow of a connection where it is positive, else 0."""
         return self.kept(("forward", connection), lambda: self._one_way("Q" + connection, 1.0))
 
-    def backward(self, connection: str) -> Any:
+    def backward(self, connection: str) -> Numbers:
         """Mean [L/min] of the flow against its direction; forward less backward is the mean."""
         return self.kept(("backward", connection), lambda: self._one_way("Q" + connection, -1.0))
 
-    def _one_way(self, flow: str, sign: float) -> Any:
+    def _one_way(self, flow: str, sign: float) -> Numbers:
         moved = flow + MEAN in self.waveforms
         name, weights = (flow + MEAN, self._moved) if moved else (flow, self._trapezoid)
         return self._positive(name, weights, sign)
 
-    def _positive(self, name: str, weights: np.ndarray, sign: float) -> Any:
+    def _positive(self, name: str, weights: np.ndarray, sign: float) -> Numbers:
         return one_way_mean(self.waveforms[name], weights, sign)
 
-    def parameter(self, name: str) -> Any:
+    def parameter(self, name: str) -> Numbers:
         """A parameter."""
         return self._parameters[name]
 
-    def apply(self, function: Law, numbers: Sequence[Any], key: Key | None = None) -> Sequence[Any]:
+    def apply(self, function: Law, numbers: Sequence[Numbers], key: Key | None = None) -> Sequence[Numbers]:
         """A function of some numbers, shape (n,), that gives others.
 
         Args:
@@ -146,49 +145,49 @@ class Measures:
             result = np.concatenate(parts, axis=1)[:, :count]
         return list(result.reshape(-1, *table.shape[1:]))
 
-    def gas(self, what: str, where: str, place: str) -> Any:
+    def gas(self, what: str, where: str, place: str) -> Numbers:
         """A number of the gas state (`eclsim.gas.network.Quantity`)."""
         return self.kept(("gas",), self._gas)[Quantity(what, where, place)]
 
-    def _gas(self) -> dict[Quantity, Any]:
+    def _gas(self) -> dict[Quantity, Numbers]:
         function = gas_of(self.circuit)
         return dict(zip(function.quantities, self._carried(function, ()), strict=True))
 
-    def cleared(self, at: str, clearances: Sequence[Any], water: Sequence[Any]) -> Sequence[Any]:
+    def cleared(self, at: str, clearances: Sequence[Numbers], water: Sequence[Numbers]) -> Sequence[Numbers]:
         """Effective clearances [mL/min] of a filter on a connection (`eclsim.gas.solutes`)."""
         return self._carried(effective_clearances(self.circuit, at), (*clearances, *water))
 
-    def native(self, artery: str) -> Any:
+    def native(self, artery: str) -> Numbers:
         """Share of the blood in an artery that the left heart has pumped (`eclsim.gas.origin`)."""
         shares = self.kept(("native",), lambda: self._carried(native_shares(self.circuit), ()))
         return shares[ARTERIES.index(artery)]
 
     def _carried(
-        self, function: GasFunction | SoluteFunction | OriginFunction, more: Sequence[Any]
-    ) -> Sequence[Any]:
+        self, function: GasFunction | SoluteFunction | OriginFunction, more: Sequence[Numbers]
+    ) -> Sequence[Numbers]:
         """A function of the mean flows of all connections, of parameters and of some more numbers."""
         flows = [flow(name) for flow in (self.forward, self.backward) for name in function.connections]
         numbers = [*flows, *map(self.parameter, function.parameters), *more]
         return self.apply(function.compute, numbers, function.key)
 
-    def loop_area(self, pressure: str, volume: str) -> Any:
+    def loop_area(self, pressure: str, volume: str) -> Numbers:
         """Work [mmHg mL] that a chamber does on its blood in a beat, -(loop integral of P dV)."""
         p, v = self.waveforms[pressure], self.waveforms[volume]
         return self._product({pressure: _midpoint(-v), volume: _midpoint(p)})
 
-    def kept(self, key: tuple[str, ...], measure: Callable[[], Any]) -> Any:
+    def kept(self, key: tuple[str, ...], measure: Callable[[], Measured]) -> Measured:
         """Measure once: several outputs share an extreme or a solution."""
         if key not in self._found:
             self._found[key] = measure()
         return self._found[key]
 
-    def _product(self, weights: Mapping[str, np.ndarray]) -> Any:
+    def _product(self, weights: Mapping[str, np.ndarray]) -> Numbers:
         """Value that is linear in either of two waveforms: half of each sum, but the slopes of both."""
         return 0.5 * self._whole(weights)
 
-    def _whole(self, weights: Mapping[str, np.ndarray]) -> Any:
+    def _whole(self, weights: Mapping[str, np.ndarray]) -> Numbers:
         """Sum over all points with weights (points[, patients])."""
-        total: Any = 0.0
+        total: Numbers = 0.0
         for name, weight in weights.items():
             series = self.waveforms[name]
             wide = (
@@ -199,7 +198,7 @@ class Measures:
             total = total + (wide * series).sum(axis=0)
         return total
 
-    def _sum(self, points: Points) -> Any:
+    def _sum(self, points: Points) -> Numbers:
         """Sum over few points."""
         return sum(weight * _at(self.waveforms[name], index) for name, index, weight in points)
 

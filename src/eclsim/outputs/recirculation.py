@@ -92,6 +92,7 @@ def _share(circuit: Circuit, names: Naming, mean_flows: Mapping[str, float]) -> 
     flow = np.array([mean_flows[c.name] for c in touching])
     through = [k for k, c in enumerate(touching) if len(place) in ends[k] and c.name != line_out]
     returned = [k for k, c in enumerate(touching) if c.name == line_out]
-    flows = balanced(Flows(leaves, enters, np.maximum(flow, 0.0), np.maximum(-flow, 0.0)))  # type: ignore[arg-type]
+    forward, backward = np.maximum(flow, 0.0), np.maximum(-flow, 0.0)
+    flows = balanced(Flows(leaves, enters, forward, backward))  # pyright: ignore[reportArgumentType]  # NumPy's
     shares = mixtures(flows, [*returned, *through]).compartments[place[access]]
     return float(shares[: len(returned)].sum())

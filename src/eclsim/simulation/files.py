@@ -131,11 +131,6 @@ def results_object(results: Iterable[xr.Dataset]) -> dict[str, object]:
     return {"cases": [case_object(result) for result in results]}
 
 
-def outputs_of(result: xr.Dataset) -> dict[str, float]:
-    """The numbers of a beat by name; NaN where there is none."""
-    return {str(name): float(value) for name, value in result.data_vars.items() if value.ndim == 0}
-
-
 def case_object(result: xr.Dataset) -> dict[str, object]:
     """One case: outputs in mmHg, L/min and mL, waveforms as mean, min and max over the beat."""
     scalars = {str(name): value for name, value in result.data_vars.items() if value.ndim == 0}

@@ -28,12 +28,12 @@ from eclsim.components.dialysis import (
     clearance,
     removed,
 )
-from eclsim.components.exchangers import BTPS_TO_STPD, DRY_MMHG, FLOWMETER_TO_STPD
+from eclsim.components.exchangers import BTPS_TO_STPD, DRY_MMHG, FLOWMETER_TO_STPD, Tissue
 from eclsim.devices.ecmo import ECMO, OXYGENATORS
 from eclsim.orbit.model import Model, model_of
 from eclsim.outputs.results import simulate_many
 from eclsim.paper.comparison import Check, Explanation, Row, at_least, within
-from eclsim.validation.gas_bench import ADULT, single_pass, veno_venous
+from eclsim.validation.gas_bench import ADULT, VenoVenous, single_pass, veno_venous
 from eclsim.validation.reference_cases import DATA, PROTOCOLS
 
 BENCH_INLET = 0.60
@@ -103,7 +103,7 @@ def _removed(area: float, flow: float, sweep: float, scale: float, pco2: float =
 # --- slopes in pigs, and other models -------------------------------------------------------------
 
 
-def _pig(flow: float = PIG_FLOWS[1], output: float = PIG_FLOWS[0], **changed: float):  # type: ignore[no-untyped-def]
+def _pig(flow: float = PIG_FLOWS[1], output: float = PIG_FLOWS[0], **changed: float) -> VenoVenous:
     return veno_venous(output, flow, PIG_FLOWS[2], **(PIGS | changed))
 
 
@@ -148,6 +148,10 @@ def _park_2013(**changes: float) -> dict[str, float]:
     return numbers
 
 
+Arranged = Callable[[np.ndarray], tuple[float, float, float, float]]
+"""From what is fitted to consumption, ECMO flow, shunt and mixing."""
+
+
 def _joyce() -> dict[str, float]:
     """Three patients: consumption and ECMO flow, shunt, or mixing fitted to the first pair of each.
 
@@ -162,7 +166,7 @@ def _joyce() -> dict[str, float]:
         numbers = veno_venous(output, ecmo, mixing, **values)
         return np.array([numbers.sao2, numbers.svo2])
 
-    patients = {
+    patients: dict[str, tuple[float, tuple[float, ...], tuple[float, ...], Arranged]] = {
         "2": (10.0, (71.9, 52.2), (265.0, 3.3), lambda x: (x[0], x[1], 1.0, 0.0)),
         "1": (10.0, (74.2, 53.5, 79.2), (270.0, 0.9, 3.0), lambda x: (x[0], x[2], x[1], 0.0)),
         "3": (6.0, (82.4, 50.8), (255.0, 0.3), lambda x: (x[0], 5.0, 1.0, x[1])),
@@ -170,10 +174,12 @@ def _joyce() -> dict[str, float]:
     numbers, fitted = {}, {}
     for name, (output, target, start, arranged) in patients.items():
 
-        def pairs(x: np.ndarray, output: float = output, arranged=arranged) -> np.ndarray:  # type: ignore[no-untyped-def]
+        def pairs(x: np.ndarray, output: float = output, arranged: Arranged = arranged) -> np.ndarray:
             return np.append(pair(output, *arranged(x)), pair(LOWERED * output, *arranged(x)))
 
-        def errors(x: np.ndarray, target=target, pairs=pairs) -> np.ndarray:  # type: ignore[no-untyped-def]
+        def errors(
+            x: np.ndarray, target: tuple[float, ...] = target, pairs: Callable[..., np.ndarray] = pairs
+        ) -> np.ndarray:
             return pairs(x)[: len(target)] - np.array(target)
 
         fitted[name] = fsolve(errors, start, epsfcn=1e-6, xtol=1e-6)
@@ -218,8 +224,9 @@ def _variants(site: str, *variants: Mapping[str, float]) -> dict[str, np.ndarray
 def _superior_cava(beats: Mapping[str, np.ndarray], variant: int) -> float:
     """Saturation [%] of the upper body's venous blood where the drainage tip is elsewhere (Fick)."""
     model = _femoral("ivc")
-    tissue = next(e.component for e in model.circuit.exchanges if e.at == "upper")
-    consumed = float(tissue.wanted(dict(model.values) | {"gas.vo2_ml_min": beats["VO2"][variant]}))  # type: ignore[attr-defined]
+    parts = (e.component for e in model.circuit.exchanges if e.at == "upper")
+    tissue = next(part for part in parts if isinstance(part, Tissue))
+    consumed = float(tissue.wanted(dict(model.values) | {"gas.vo2_ml_min": beats["VO2"][variant]}))
     arterial = gases(po2=beats["PaO2"][variant], pco2=beats["PaCO2"][variant], haemoglobin=9.0)
     fall = consumed / (10.0 * beats["upper_body_flow"][variant])
     venous = gases_with_contents(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple
@@ -132,7 +132,7 @@ def veno_venous(output: float, ecmo: float, mixing: float = 0.0, **settings: flo
 
 
 @cache
-def _bench():  # type: ignore[no-untyped-def]
+def _bench() -> Callable[..., GasState]:
     laws = (GivenBlood(), MembraneLung(*MEMBRANE))
 
     def compute(flow: Array, values: Mapping[str, Array]) -> GasState:
@@ -143,7 +143,7 @@ def _bench():  # type: ignore[no-untyped-def]
 
 
 @cache
-def _patient():  # type: ignore[no-untyped-def]
+def _patient() -> Callable[..., tuple[GasState, Array]]:
     names = [path[0] for path in _VENO_VENOUS]
     at, drainage = [names.index(name) for name in ("tissue", "lung", "oxy")], Drainage(3, (5,), "mixing")
 
