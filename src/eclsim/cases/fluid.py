@@ -82,11 +82,11 @@ class Solutes(Section):
     @classmethod
     def check(cls, sections: Mapping[str, Raw], remarks: Remarks) -> None:
         """Say what becomes of a bicarbonate beside a base excess: both state the same base."""
-        from eclsim.fluid.solutes import standard_base_excess, standard_bicarbonate
-
         bicarbonate, gas = sections.get(cls.section, {}).get("bicarbonate_mmol_l"), sections.get("gas")
         if bicarbonate is None or gas is None:
             return
+        from eclsim.fluid.solutes import standard_base_excess, standard_bicarbonate
+
         key = f"{cls.section}.bicarbonate_mmol_l"
         grams = gas.get("haemoglobin_g_dl", GAS["gas.haemoglobin_g_dl"].value)
         stated, meant = gas.get("base_excess_mmol_l", 0.0), float(standard_base_excess(bicarbonate, grams))
