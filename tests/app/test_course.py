@@ -108,6 +108,8 @@ def test_the_page_follows_the_minutes_of_a_course():
         "svg",
         "png",
     }
+    (written,) = (file for file in files.namelist() if file.endswith(".toml"))
+    assert b"--until 360 --steady-only" in files.read(written).splitlines()[0]
     (plain,) = (file for file in files.namelist() if file.endswith(".json"))
     assert json.loads(files.read(plain))["events"][0]["give"] == {"bleed_ml": 400.0}
 

@@ -67,6 +67,20 @@ def test_a_cohort_goes_through_shards_and_merge(shell):
     assert "holds courses.json already" in shell.run(*chosen, "--out", out).stderr
 
 
+def test_events_of_a_file_have_to_fit_each_patient(shell):
+    case, other, events = shell.case(), shell.case("b.toml", "P02"), shell.folder / "events.toml"
+    chosen = ("course", case, other, "--events", events, "--until", "8", "--json", "-")
+    shell.case("events.toml")
+    assert "events.toml: holds no [[events]]" in shell.run(*chosen).stderr
+    crrt = '[crrt]\nflow_ml_min = 200\naccess_site = "ra"\nreturn_site = "ra"\n'
+    event = '[[events]]\nat_min = 2\nset = { "crrt.net_ultrafiltration_ml_h" = 100 }\n'
+    shell.case("events.toml", more=crrt + event)
+    done = shell.run(*chosen)
+    assert done.exit_code == 2
+    assert "events[1].set.crrt.net_ultrafiltration_ml_h" in done.stderr
+    assert "(for P01, P02)" in done.stderr
+
+
 @pytest.mark.slow
 def test_draws_of_a_posterior_become_a_band(shell):
     import xarray as xr

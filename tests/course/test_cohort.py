@@ -9,9 +9,11 @@ import xarray as xr
 
 import eclsim.course.cohort as cohort
 from eclsim.cases import read_case
+from eclsim.cases.events import Event
 from eclsim.course.band import band_object, band_of, course_band
 from eclsim.course.course import course_many
 from eclsim.course.files import write_band_tables, write_courses
+from eclsim.course.timeline import Timeline
 from eclsim.execution import Distribution, ExecutionError, Shard, ShardDone
 from eclsim.inputs.mistakes import CaseError
 from small_patient import ON_ECMO, PATIENT
@@ -103,10 +105,11 @@ def test_an_event_after_the_end_is_refused(cases):
 # --- draws as a band ------------------------------------------------------------------------------
 
 
-def drawn(values, minutes, *, message="", alarms=()):
+def drawn(values, minutes, *, message="", alarms=(), ahead=()):
     about = {
         "id": "P", "events": "[]", "blood_volume_policy": "as_published", "settling_s": 1.0,
         "beat_by_beat": 0,
+        "approximations": ahead,
         "converged": int(not message), "message": message, "alarms": json.dumps(list(alarms)), "seconds": 1.0,
     }  # fmt: skip
     data = {"MAP": ("time_min", np.array(values, dtype=float), {"units": "mmHg"})}
@@ -151,8 +154,41 @@ def test_a_band_holds_the_courses_of_its_draws(cases, tmp_path):
     assert band.attrs["failed"] == 0
     assert Path(tmp_path / "draws" / "00000.json").exists()
     assert "median of 3 draws" in plot_course(band)._supxlabel.get_text()
+    with Distribution(merge=True).running() as executor:
+        again = course_band(cases[0], samples, **CHOSEN, folder=tmp_path / "draws", executor=executor)
+    np.testing.assert_array_equal(again["MAP"], band["MAP"])
+    samples["Rmc"][1] = 1.01
+    with Distribution(resume=True).running() as executor, pytest.raises(ExecutionError, match="values was"):
+        course_band(cases[0], samples, **CHOSEN, folder=tmp_path / "draws", executor=executor)
 
 
 def test_a_draw_of_what_the_case_has_not_is_refused(cases):
     with pytest.raises(CaseError, match=r"regulation\.sensitivity: the course of this case has no such"):
         course_band(cases[0], {"regulation.sensitivity": [1.0, 2.0]}, **CHOSEN)
+
+
+def test_an_event_sets_what_draws_differ_in(cases):
+    event = Event(at_min=4.0, set={"Rmc": 1.1}, ramp_min=2.0)
+    own = cases[0].model_copy(update={"events": (event,)})
+    one = Timeline(own, 600.0, {"Rmc": 0.7, "Emaxlv": 2.4})
+    at = [one.settings(segment, time) for segment, time in ((0, 0.0), (1, 300.0), (2, 600.0))]
+    assert [round(values["Rmc"], 9) for values in at] == [0.7, 0.9, 1.1]
+    assert {values["Emaxlv"] for values in at} == {2.4}
+
+
+def test_where_steady_beats_stand_for_what_takes_time_is_said_of_a_band():
+    ahead = [[f"at 00:05 SaO2 from {k} to 3 % at once"] for k in (94, 92)] + [[]]
+    band = band_of([drawn([70.0], (0.0,), ahead=said) for said in ahead])
+    assert band.attrs["warnings"] == ["in 2 of 3 draws, such as at 00:05 SaO2 from 94 to 3 % at once"]
+
+
+def test_draws_whose_numbers_are_not_to_be_read_are_counted():
+    own = [drawn([70.0, 60.0], (0.0, 5.0)) for _ in range(3)]
+    own[1]["impossible"] = ("time_min", [0, 1])
+    own[2]["status"] = ("time_min", ["one_of_many", "one_of_many"])
+    band = band_of(own)
+    assert band["draws_impossible"].values.tolist() == [0, 1]
+    assert band_object(band)["draws_undetermined"] == [1, 1]
+    first, second = band.attrs["warnings"]
+    assert first.startswith("in 1 of 3 draws, most at 00:05, a chamber is without blood")
+    assert second.startswith("in 1 of 3 draws, most at 00:00, no valve opens all beat")

@@ -9,8 +9,9 @@ import xarray as xr
 from eclsim.cases import read_case
 from eclsim.cases.settings import apply_settings
 from eclsim.course.course import course
-from eclsim.course.plan import _breaks, plan_removal, plan_weaning
+from eclsim.course.plan import FILTRATION, _breaks, _fastest, plan_removal, plan_weaning
 from eclsim.goals.goal import GoalError, read_goals
+from eclsim.inputs.mistakes import CaseError
 from small_patient import ON_ECMO
 
 
@@ -66,6 +67,14 @@ def test_without_a_device_that_removes_fluid_it_is_refused(own):
     bare = own.model_copy(update={"crrt": None})
     with pytest.raises(GoalError, match="no device that removes fluid"):
         plan_removal(bare, 300.0, "MAP > 62")
+
+
+def test_the_fastest_rate_is_that_of_the_device(own):
+    key = f"crrt.{FILTRATION}"
+    fastest = _fastest(own, key, 100.0)
+    apply_settings(own, [f"{key}={fastest!r}"])
+    with pytest.raises(CaseError, match="effluent"):
+        apply_settings(own, [f"{key}={1.02 * fastest!r}"])
 
 
 def test_weaning_reads_what_the_bedside_reads(own):

@@ -150,6 +150,9 @@ def test_resuming_with_other_inputs_names_what_differs(tmp_path):
         with pytest.raises(ExecutionError, match=r"\(more; over.first was 0 and is 1\); choose another"):
             complete(tmp_path, other, **options)
     assert len(complete(tmp_path, other, force=True)) == 12
+    several = replace(other, inputs=dict(other.inputs) | {"more": [2]})
+    with pytest.raises(ExecutionError, match=r"\(more\[1\] was 1 and is 2\); choose another"):
+        complete(tmp_path, several, resume=True)
 
 
 def test_another_version_is_refused(tmp_path):

@@ -318,17 +318,20 @@ def _study(state: PageState, stem: str) -> tuple[str, bytes]:
 
 
 def _course(state: PageState, stem: str, minutes: int) -> tuple[str, bytes]:
-    from eclsim.app.course import compute_course, usual_length
+    from eclsim.app.course import BEATS, compute_course, usual_length
     from eclsim.cases.writing import case_text
     from eclsim.course.files import course_object, write_figure, write_tables
 
     try:
-        result = compute_course(state, minutes or usual_length(state.case)).followed.result
+        minutes = minutes or usual_length(state.case)
+        result = compute_course(state, minutes).followed.result
     except CaseError as error:
         raise ExportError(str(error)) from None
     with tempfile.TemporaryDirectory(prefix="eclsim-") as place:
         folder = Path(place)
-        (folder / f"{stem}.toml").write_text(case_text(state.case), encoding="utf-8")
+        how = "--beats" if minutes in BEATS else "--steady-only"
+        command = f"# eclsim course {stem}.toml --until {minutes} {how} --out {stem}\n"
+        (folder / f"{stem}.toml").write_text(command + case_text(state.case), encoding="utf-8")
         (folder / f"{stem}_course.json").write_text(json.dumps(course_object(result)), encoding="utf-8")
         write_tables(result, folder)
         write_figure(result, folder)

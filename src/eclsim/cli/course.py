@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from eclsim.cli.cases import TABLES, read_all, read_table, with_speeds
-from eclsim.cli.console import INCOMPLETE, Progress, fail, mistakes_in, refuse, warn
+from eclsim.cli.console import INCOMPLETE, Progress, fail, mistakes_in, refuse, say, warn
 from eclsim.cli.destination import Destinations, Target, hand_over, resumable, writing
 from eclsim.cli.options import CaseChanges, Distributed, argument, option
 
@@ -19,6 +19,10 @@ if TYPE_CHECKING:
 
     from eclsim.cases import Case
     from eclsim.execution import Distribution
+
+
+MOST_NAMED = 5
+"""Patients of one message."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +96,7 @@ def course(options: CourseOptions) -> None:
 
 def _cases(o: CourseOptions) -> tuple[Sequence[Case], bool]:
     """The cases, each with its events and its speed, and whether a row of a table is refused."""
-    from eclsim.cases import CaseError, read_case
+    from eclsim.cases import CaseError
     from eclsim.cases.settings import apply_settings
     from eclsim.identification.cohort import named
 
@@ -113,11 +117,41 @@ def _cases(o: CourseOptions) -> tuple[Sequence[Case], bool]:
         cases, refused = [reading.case for reading in solved], False
     if o.events is None:
         return cases, refused
+    followed = _with_events(cases, o.events, refuses_rows=bool(tables))
+    return followed, refused or len(followed) < len(cases)
+
+
+def _with_events(cases: Sequence[Case], file: str, refuses_rows: bool) -> Sequence[Case]:
+    """The cases with the events of a file, checked for each; those of a table that cannot have them go."""
+    from eclsim.cases import Case, CaseError, read_case
+    from eclsim.cases.reading import read_mapping
+
     try:
-        events = read_case(o.events).case.events
+        events = read_case(file).case.events
     except CaseError as error:
         fail(*error.mistakes)
-    return [case.model_copy(update={"events": events}) for case in cases], refused
+    if not events:
+        fail(f"{file}: holds no [[events]]")
+    plain, followed, wrong = [event.as_object() for event in events], list[Case](), dict[str, list[str]]()
+    for case in cases:
+        try:
+            read_mapping(case.as_mapping() | {"events": plain}, file)
+        except CaseError as error:
+            for mistake in error.mistakes:
+                wrong.setdefault(str(mistake), []).append(case.patient.id)
+        else:
+            followed.append(case.model_copy(update={"events": events}))
+    lines = [f"{message} (for {_named(names)})" for message, names in wrong.items()]
+    if lines and not (refuses_rows and followed):
+        fail(*lines)
+    for line in lines:
+        say(f"refused: {line}")
+    return followed
+
+
+def _named(names: Sequence[str]) -> str:
+    more = len(names) - MOST_NAMED
+    return ", ".join(names[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _case_files(file: str) -> Sequence[Path]:
@@ -265,6 +299,7 @@ def _cohort(o: CourseOptions) -> bool:
     from eclsim.course import files
     from eclsim.course.cohort import PRELOAD, course_cohort
     from eclsim.execution import ExecutionError
+    from eclsim.inputs.mistakes import CaseError
 
     cases, refused = _cases(o)
     places = _destinations(o)
@@ -282,6 +317,8 @@ def _cohort(o: CourseOptions) -> bool:
             )  # fmt: skip
     except ExecutionError as error:
         fail(error)
+    except CaseError as error:
+        fail(*error.mistakes)
     with writing(o.out):
         content = files.cohort_object(results) if folder is None else files.write_courses(results, folder)
         for stem, one in zip(stems, results, strict=True):

@@ -97,6 +97,7 @@ def _wean(options: PlanOptions, reading: CaseReading, target: Target) -> bool:
     with writing():
         if hand_over(content, target):
             typer.echo(_table(steps, options.vary))
+    warn(_warnings(steps))
     return all(step.reached for step in steps)
 
 
@@ -127,6 +128,21 @@ def _table(steps: Sequence[WeaningStep], vary: str | None) -> str:
         for step in steps
     ]  # fmt: skip
     return text_table(head, rows, tuple(range(len(head) - 1)))
+
+
+def _warnings(steps: Sequence[WeaningStep]) -> list[str]:
+    """What there is to say about the beats: of the last speed of which it is said, with the others."""
+    from eclsim.course.alarms import NUMBER
+
+    kinds: dict[str, list[tuple[str, str]]] = {}
+    for step in steps:
+        for sentence in step.warnings:
+            kinds.setdefault(NUMBER.sub("", sentence), []).append((f"{step.speed_rpm:g}", sentence))
+    found = []
+    for *before, (last, sentence) in kinds.values():
+        also = f" (likewise at {', '.join(at for at, _ in before)})" if before else ""
+        found.append(f"at {last} rpm{also}: {sentence}")
+    return found
 
 
 # --- the smallest settings that reach goals ---------------------------------------------------------

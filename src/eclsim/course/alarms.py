@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from eclsim.devices.description import Finding
 
 
-_NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
+NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
 """Left out where sentences are compared: a limit such as another flow has another value at each moment."""
 
 
@@ -67,7 +67,7 @@ def alarms(
     by_limit: dict[tuple[str, str, str], dict[int, Finding]] = {}
     for k, of_moment in enumerate(findings):
         for finding in of_moment:
-            wording = _NUMBER.sub("", finding.sentence) if finding.kind in GRAVEST_FIRST else ""
+            wording = NUMBER.sub("", finding.sentence) if finding.kind in GRAVEST_FIRST else ""
             by_limit.setdefault((finding.kind, finding.quantity, wording), {})[k] = finding
     result = []
     for broken in by_limit.values():

@@ -12,14 +12,16 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from eclsim.course.alarms import NUMBER, clock_time
 from eclsim.course.cohort import CourseGroup, courses_of_draws
-from eclsim.course.course import usual_every
+from eclsim.course.course import refuse_unknown, usual_every
 from eclsim.course.result import TIME
 from eclsim.course.timeline import MINUTE, Timeline
 from eclsim.devices.description import CAUTION
 from eclsim.execution import Executor, Progress
-from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.orbit.model import CaseSource, as_case
+from eclsim.orbit.status import Status
+from eclsim.outputs.alarms import THIN_WALLED
 from eclsim.outputs.registry import UnknownOutputError, output
 from eclsim.outputs.results import variable
 from eclsim.simulation.target_flow import with_speed
@@ -68,10 +70,7 @@ def course_band(
     """
     began = clock.perf_counter()
     solved = with_speed(as_case(case), volume_policy)[0]
-    parameters = Timeline(solved, minutes * MINUTE).start[1]
-    if unknown := [name for name in samples if name not in parameters]:
-        message = "the course of this case has no such parameter, so no draw of it can be followed"
-        raise CaseError([Mistake(name, message) for name in unknown])
+    refuse_unknown(Timeline(solved, minutes * MINUTE), samples)
     compute = CourseGroup(minutes, every_min or usual_every(minutes), volume_policy, hand_over=False)
     chosen = _thinned(samples, draws)
     courses = courses_of_draws(solved, chosen, compute, folder, executor, progress)
@@ -104,6 +103,12 @@ def band_of(courses: Sequence[xr.Dataset], parameters: Sequence[str] = ()) -> xr
     data["draws_followed"] = variable(
         TIME, followed.sum(axis=0), long_name="draws followed so far", units="1"
     )
+    unreadable = [
+        (name, words, np.array([_marked(course, time, key, mark) for course in courses]))
+        for name, key, mark, words in _UNREADABLE
+    ]
+    for name, words, marked in unreadable:
+        data[name] = variable(TIME, marked.sum(axis=0), long_name=f"draws: {words}", units="1")
     alarms = _alarm_probability(courses, time, followed)
     data["alarm_probability"] = variable(
         ("alarm", TIME), np.array([*alarms.values()]).reshape(len(alarms), len(time)),
@@ -121,7 +126,8 @@ def band_of(courses: Sequence[xr.Dataset], parameters: Sequence[str] = ()) -> xr
     return xr.Dataset(data, coordinates).assign_attrs(
         about, draws=len(courses), failed=len(failed), parameters=list(parameters), alarms="[]",
         converged=int(not failed), message=_ended(failed, len(courses)),
-        warnings=[_ended(failed, len(courses))] * bool(failed),
+        warnings=[_ended(failed, len(courses))] * bool(failed) + _approximated(courses)
+        + [_counted(marked, time, words) for _, words, marked in unreadable if marked.any()],
     )  # fmt: skip
 
 
@@ -170,11 +176,12 @@ def _alarm_probability(
 
 
 def _label(kind: str, quantity: str, side: str, limit: float) -> str:
-    """Such as "MAP below 65 mmHg (warning)"."""
+    """Such as "MAP below 65 mmHg (warning)" or "right atrium, Vra (collapse)"."""
     try:
         unit = output(quantity).unit
     except UnknownOutputError:
-        return f"{quantity} ({kind})"
+        place = THIN_WALLED.get(quantity[1:])
+        return f"{f'{place}, ' if place else ''}{quantity} ({kind})"
     bound = f" {side} {limit:g}{'' if unit == '1' else f' {unit}'}" if np.isfinite(limit) else ""
     return f"{quantity}{bound} ({kind})"
 
@@ -188,6 +195,43 @@ def _ended(failed: Sequence[xr.Dataset], count: int) -> str:
     return f"{len(failed)} of {count} draws ended early and count as far as they went: {named}"
 
 
+_UNREADABLE = (
+    ("draws_impossible", "impossible", 1, "a chamber is without blood, so that the beat can be no patient's"),
+    (
+        "draws_undetermined", "status", Status.ONE_OF_MANY.word,
+        "no valve opens all beat, so that volumes and pressures of the heart are not determined",
+    ),
+)  # fmt: skip
+"""Name of a count of draws whose numbers are not to be read, the variable and its value that say so, why."""
+
+
+_COUNTS = tuple(name for name, *_ in _UNREADABLE)
+
+
+def _marked(one: xr.Dataset, time: np.ndarray, key: str, mark: object) -> np.ndarray:
+    """At which moments a variable of a course has some value."""
+    if key not in one:
+        return np.zeros(len(time), dtype=bool)
+    return np.isin(time, one[TIME].to_numpy()[one[key].to_numpy() == mark])
+
+
+def _counted(marked: np.ndarray, time: np.ndarray, words: str) -> str:
+    """In how many draws, and at most when; shape (draws, moments)."""
+    most = int(marked.sum(axis=0).argmax())
+    return (
+        f"in {marked.any(axis=1).sum()} of {len(marked)} draws, most at {clock_time(time[most])}, {words}; "
+        "they count in the quantiles"
+    )
+
+
+def _approximated(courses: Sequence[xr.Dataset]) -> list[str]:
+    """Where steady beats stand for what takes time, of one draw for each kind, and in how many draws."""
+    kinds: dict[str, list[str]] = {}
+    for sentence in (sentence for one in courses for sentence in one.attrs["approximations"]):
+        kinds.setdefault(NUMBER.sub("", sentence), []).append(sentence)
+    return [f"in {len(said)} of {len(courses)} draws, such as {said[0]}" for said in kinds.values()]
+
+
 def band_object(band: xr.Dataset) -> dict[str, Any]:
     """A band as plain data for JSON; null where no draw has a value."""
     from eclsim.files import finite
@@ -199,7 +243,7 @@ def band_object(band: xr.Dataset) -> dict[str, Any]:
         "failed": int(about["failed"]),
         "parameters": list(about["parameters"]),
         "time_min": finite(band[TIME].to_numpy()),
-        "draws_followed": band["draws_followed"].to_numpy().tolist(),
+        **{name: band[name].to_numpy().tolist() for name in ("draws_followed", *_COUNTS)},
         "quantiles_percent": {
             n: {f"{100.0 * q:g}": finite(row) for q, row in zip(QUANTILES, band[n].values, strict=True)}
             for n in names

@@ -128,7 +128,7 @@ def course_cohort(
         Timeline(case, minutes * MINUTE)
     compute = CourseGroup(minutes, every_min or usual_every(minutes), volume_policy, hand_over)
     groups = [Members(patients[k : k + GROUP], {}) for k in range(0, len(patients), GROUP)]
-    inputs = {"cases": [[case.patient.id, _digest(case_text(case))] for case in patients]}
+    inputs = {"cases": {f"{n} {case.patient.id}": _digests(case) for n, case in enumerate(patients, start=1)}}
     return _complete(compute, groups, inputs, "groups of patients", folder, executor, progress)
 
 
@@ -147,7 +147,11 @@ def courses_of_draws(
         for k in range(0, count, GROUP)
     ]
     columns = {key: list(values) for key, values in samples.items()}
-    inputs = {"case": case_text(case), "samples": _digest(json.dumps(columns)), "draws": count}
+    rest = None if case.as_written is None else case.as_written.as_mapping()
+    inputs = {
+        "case": case.as_mapping(), "set_points_of": rest, "values": _digest(json.dumps(columns)),
+        "draws": count,
+    }  # fmt: skip
     return _complete(compute, groups, inputs, "groups of draws", folder, executor, progress)
 
 
@@ -166,6 +170,13 @@ def _complete(
     executor = executor or Executor(Distribution(), in_process)
     results = executor.complete(tasks, folder, _FORMAT, progress)
     return [xr.Dataset.from_dict(course) for group in results for course in group]
+
+
+def _digests(case: Case) -> dict[str, str]:
+    """What a case is, and apart from it its events; set points may be those of the case as written."""
+    bare = (case.model_copy(update={"events": ()}), *([case.as_written] if case.as_written else ()))
+    events = [event.as_object() for event in case.events]
+    return {"case": _digest("".join(map(case_text, bare))), "events": _digest(json.dumps(events))}
 
 
 def _digest(text: str) -> str:

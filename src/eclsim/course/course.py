@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time as clock
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -17,9 +17,11 @@ from eclsim.course.laws import Laws, laws_of
 from eclsim.course.moments import Moments, beats_at, in_effect_at, moments_of
 from eclsim.course.result import MOST_SPANS, TIME, attributes_of, balance_of, labelled_course
 from eclsim.course.timeline import BEFORE_S, MINUTE, Timeline
+from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.orbit.model import CaseSource, as_case
 from eclsim.orbit.status import Status
 from eclsim.simulation.target_flow import with_speed
+from eclsim.spelling import did_you_mean
 
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
@@ -58,8 +60,9 @@ def course(
         Dataset over `time_min`: outputs and slow states with units, `status` of each moment and whether it
         is `impossible` (a chamber without blood). Attributes:
         `id`, `converged` (1: it reached its end), `message` (why it stopped), `balance` and `events` (JSON),
-        `warnings` (a sentence each, with the time), `settling_s` (in which the circulation follows a sudden
-        change), `steps`, `beats`, `seconds`. A moment without a steady beat ends it; what came before stays.
+        `warnings` (a sentence each, with the time) and those of them that are `approximations`, `settling_s`
+        (in which the circulation follows a sudden change), `steps`, `beats`, `seconds`. A moment without a
+        steady beat ends it; what came before stays.
 
     Raises:
         CaseError: the file is no case, or an event lies after the end.
@@ -99,6 +102,10 @@ def course_many(
 
     Returns:
         One Dataset for each member, as `course` gives it; `seconds` is that of all.
+
+    Raises:
+        CaseError: as `course`, or the case has no such parameter to change.
+        FlowNotReachedError: as `course`.
     """
     began = clock.perf_counter()
     listed = list(cases) if isinstance(cases, Sequence) and not isinstance(cases, str) else [cases]
@@ -112,11 +119,22 @@ def course_many(
         Timeline(solved[k % len(solved)], minutes * MINUTE, {key: c[k] for key, c in columns.items()})
         for k in range(count)
     ]
+    if columns:
+        refuse_unknown(timelines[0], columns)
     every = [every_min or usual_every(minutes)] * count
     options = options or CourseOptions(hand_over=count < MANY)
     results = follow(timelines, every, outputs, volume_policy, options, execution, with_alarms)
     seconds = clock.perf_counter() - began
     return [result.assign_attrs(seconds=seconds) for result in results]
+
+
+def refuse_unknown(timeline: Timeline, names: Iterable[str]) -> None:
+    """Parameters that a course cannot have others of."""
+    known = timeline.start[1]
+    message = "the course of this case has no such parameter"
+    wrong = [Mistake(n, message, suggestion=did_you_mean(n, known)) for n in names if n not in known]
+    if wrong:
+        raise CaseError(wrong)
 
 
 def follow(
@@ -226,11 +244,11 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
     minute, settling = time / MINUTE, engine.settling_s[member]
     broken = alarms(moment_findings, outputs, minute, moments.by_beat[places])
     message = _ended(moments.stopped[member], minute)
+    ahead = _passed_over(history) + _too_fast(history, laws, settling)
+    ahead += _oxygen_at_once(time, outputs, engine.timelines[member])
     sentences = [message] * bool(message) + [alarm.sentence for alarm in broken]
-    sentences += _passed_over(history) + _too_fast(history, laws, settling)
-    sentences += _oxygen_at_once(time, outputs, engine.timelines[member])
     balance = balance_of(laws, states, in_effect)
-    attributes = attributes_of(engine.timelines[member], engine.policy, message, balance, sentences)
+    attributes = attributes_of(engine.timelines[member], engine.policy, message, balance, sentences, ahead)
     return result.assign_attrs(
         attributes,
         alarms=json.dumps([alarm._asdict() for alarm in broken]),
@@ -275,8 +293,8 @@ def _oxygen_at_once(time: np.ndarray, outputs: Mapping[str, np.ndarray], timelin
         if abs(ends[1] - ends[0]) > GASES_MOVE["SaO2"]:
             return [
                 f"at {clock_time(change.begin / MINUTE)} steady beats take SaO2 from {ends[0]:.0f} to "
-                f"{ends[1]:.0f} % at once, for which blood needs a minute or more: a course of this patient "
-                "alone follows it"
+                f"{ends[1]:.0f} % at once, for which blood needs a minute or more; follow these minutes beat "
+                "by beat"
             ]
     return []
 
@@ -294,5 +312,5 @@ def _too_fast(history: History, laws: Laws, settling: float) -> list[str]:
     return [
         f"from {clock_time(history.times[over[0]] / MINUTE)} {state.name} changes by {amount:.0f} "
         f"{state.unit} in the {settling:.0f} s in which the circulation settles: steady beats run ahead "
-        "of the patient; follow these minutes with --beats"
+        "of the patient; follow these minutes beat by beat"
     ]

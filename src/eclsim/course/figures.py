@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import textwrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -189,6 +190,7 @@ def _legend(events: list[Event], result: xr.Dataset) -> str:
         lines.append("bars: an alarm (red) or warning (orange) of an output of the panel")
     if spans := spans_in_words(result):
         lines.append(style.plain_text(f"grey bars at the top: {spans}", 130))
-    if not result.attrs["converged"]:
-        lines.append(style.plain_text(str(result.attrs["message"]), 110))
+    said = result.attrs["warnings"] if "quantile" in result.dims else [result.attrs["message"]]
+    for sentence in filter(None, said):
+        lines += textwrap.wrap(style.plain_text(str(sentence), 330), 110)
     return "\n".join(lines)

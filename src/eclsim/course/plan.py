@@ -19,6 +19,7 @@ from eclsim.goals.search import reach
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import CaseSource, as_case, model_of
 from eclsim.orbit.status import NoDerivativesError
+from eclsim.outputs.alarms import sentences
 from eclsim.outputs.registry import output
 from eclsim.outputs.results import simulate
 from eclsim.outputs.signals import output_names
@@ -157,14 +158,22 @@ def _filtration(case: Case) -> str:
 
 
 def _fastest(case: Case, key: str, slowest: float) -> float:
-    """The highest rate that the device may be set to, of doublings of the slowest."""
-    rate = slowest
-    while True:
+    """The highest rate that the device may be set to, within 1 %; the slowest where that is too fast."""
+
+    def allowed(rate: float) -> bool:
         try:
-            apply_settings(case, [f"{key}={2.0 * rate!r}"])
+            apply_settings(case, [f"{key}={rate!r}"])
         except CaseError:
-            return rate
-        rate *= 2.0
+            return False
+        return True
+
+    low, high = slowest, 2.0 * slowest
+    while allowed(high):
+        low, high = high, 2.0 * high
+    while high > 1.01 * low:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if allowed(middle) else (low, middle)
+    return low
 
 
 def _removed(
@@ -234,7 +243,10 @@ def _break_sentence(limit: Break) -> str:
 
 # --- weaning --------------------------------------------------------------------------------------
 
-READ = ("PF", "MAP", "CO", "LVO", "heart_rate", "ejection_fraction_lv", "PCWP", "right_atrial_pressure")
+READ = (
+    "PF", "MAP", "CO", "LVO", "heart_rate", "ejection_fraction_lv", "PCWP", "right_atrial_pressure",
+    "SaO2", "SvO2", "PaCO2",
+)  # fmt: skip
 """Outputs of a step of weaning, where the case has them."""
 
 
@@ -248,6 +260,7 @@ class WeaningStep(NamedTuple):
         outputs: by name, `READ` and `LVOT_VTI_cm`, the velocity-time integral that a stroke of the left
             ventricle has in an outflow tract 2 cm wide.
         message: in words, where a goal is not reached or no steady beat was found.
+        warnings: limits that the beat breaks and how its numbers are to be read.
     """
 
     speed_rpm: float
@@ -255,6 +268,7 @@ class WeaningStep(NamedTuple):
     reached: bool
     outputs: dict[str, float]
     message: str
+    warnings: tuple[str, ...] = ()
 
 
 def plan_weaning(
@@ -295,16 +309,16 @@ def _weaned(case: Case, speed: float, keep: str | None, vary: str | None, policy
     if keep is None or vary is None:
         result = simulate(case, policy)
         numbers = {str(n): float(v) for n, v in result.data_vars.items() if v.ndim == 0}
-        converged = bool(result.attrs["converged"])
-        return WeaningStep(
-            speed, None, converged, _read(numbers, case), "" if converged else str(result.attrs["message"])
-        )
+        converged, warnings = bool(result.attrs["converged"]), tuple(result.attrs["warnings"])
+        message = "" if converged else str(result.attrs["message"])
+        return WeaningStep(speed, None, converged, _read(numbers, case), message, warnings)
     try:
         result = reach(case, keep, vary=vary, volume_policy=policy)
     except NoDerivativesError as error:
         return WeaningStep(speed, math.nan, False, {}, error.reason)
     message = "" if result.reached else result.message
-    return WeaningStep(speed, result.values[0], result.reached, _read(dict(result.outputs), case), message)
+    outputs, said = _read(dict(result.outputs), case), tuple(sentences(result.findings))
+    return WeaningStep(speed, result.values[0], result.reached, outputs, message, said)
 
 
 def _read(numbers: dict[str, float], case: Case) -> dict[str, float]:

@@ -51,9 +51,17 @@ def labelled_course(
 
 
 def attributes_of(
-    timeline: Timeline, policy: str, message: str, balance: Mapping[str, float], warnings: Sequence[str]
+    timeline: Timeline,
+    policy: str,
+    message: str,
+    balance: Mapping[str, float],
+    warnings: Sequence[str],
+    approximations: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """What every course says of itself; `message` is why it ended early, empty where it did not."""
+    """What every course says of itself; `message` is why it ended early, empty where it did not.
+
+    `approximations` says where steady beats stand for what takes time; it is among `warnings`, too.
+    """
     return {
         "id": timeline.case.patient.id,
         "converged": int(not message),
@@ -61,7 +69,8 @@ def attributes_of(
         "message": message,
         "balance": json.dumps(balance),
         "events": json.dumps([event.as_object() for event in timeline.case.events]),
-        "warnings": list(warnings),
+        "warnings": [*warnings, *approximations],
+        "approximations": list(approximations),
         "blood_volume_policy": policy,
     }
 

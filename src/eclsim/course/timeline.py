@@ -76,7 +76,7 @@ class Timeline:
     Args:
         case: at minute 0, its flow of a pump solved for.
         end: of the course [s].
-        overrides: parameters that are others than the case's, by key.
+        overrides: parameters that are others than the case's, by key, until an event sets them.
     """
 
     case: Case
@@ -108,26 +108,27 @@ class Timeline:
         off = {p: 0.0 for p in started if case.setting(*p) is None and p[1] not in SENSITIVITIES}
         return _with(case, off) if off else case
 
-    def values_of(self, case: Case) -> dict[str, float]:
-        """Parameters of a case, those overridden included; of solutes only stores where it has none."""
+    def values_of(self, case: Case, overrides: Mapping[str, float]) -> dict[str, float]:
+        """Parameters of a case, some overridden; of solutes only stores where it has none."""
         unfollowed = {} if self.case.solutes else {FOLLOWED: 0.0}
-        return {**values_of(case), **unfollowed, **self.overrides}
+        return {**values_of(case), **unfollowed, **overrides}
 
     @cached_property
     def start(self) -> tuple[Circuit, dict[str, float]]:
         """Circuit and parameters at minute 0, but for events at minute 0."""
-        return circuit_of(self.start_case), self.values_of(self.start_case)
+        return circuit_of(self.start_case), self.values_of(self.start_case, self.overrides)
 
     @cached_property
     def changes(self) -> tuple[Change, ...]:
         """What events set, in their order."""
         now, (circuit, values) = self.start_case, self.start
-        changes: list[Change] = []
+        changes, overrides = list[Change](), dict(self.overrides)
         for n, event in enumerate(self.case.events, start=1):
             if not event.set:
                 continue
             now = changed(now, event.set, self.start_case)
-            after, connected = self.values_of(now), circuit_of(now)
+            overrides = {key: value for key, value in overrides.items() if key not in _parameters(event.set)}
+            after, connected = self.values_of(now, overrides), circuit_of(now)
             circuit = circuit if connected == circuit else connected
             keys = [key for key in after if values.get(key, after[key]) != after[key] or key not in values]
             before = {key: values.get(key, 0.0) for key in keys}
@@ -200,6 +201,12 @@ class Timeline:
         if segment == START:
             return []
         return [change for change in self.changes if change.begin <= self.breaks[segment]]
+
+
+def _parameters(settings: Mapping[str, object]) -> set[str]:
+    """Keys of the parameters that settings of a case are."""
+    paths = [path for key in settings if (path := place_of(key)) is not None]
+    return {name for section, name in paths} | {f"{section}.{name}" for section, name in paths}
 
 
 def _between(change: Change, time: float) -> dict[str, float]:

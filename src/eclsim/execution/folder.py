@@ -187,6 +187,9 @@ def _differences(before: object, now: object, path: str = "") -> list[str]:
         keys = sorted({*before, *now})
         nested = (_differences(before.get(k), now.get(k), f"{path}.{k}" if path else k) for k in keys)
         return [line for lines in nested for line in lines]
+    if isinstance(before, list) and isinstance(now, list) and len(before) == len(now):
+        pairs = enumerate(zip(before, now, strict=True), start=1)
+        return [line for n, (one, other) in pairs for line in _differences(one, other, f"{path}[{n}]")]
     if before == now:
         return []
     short = all(

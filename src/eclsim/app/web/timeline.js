@@ -34,6 +34,7 @@ export default {
     <template v-if="isOpen">
       <p v-if="refused" class="refused" role="alert">{{ refused }}</p>
       <p v-if="course?.message" class="refused" role="alert">{{ course.message }}</p>
+      <p v-for="a in course?.approximations" :key="a" class="ahead" role="note">{{ a }}</p>
       <div v-if="course" class="chart" :class="{ old: busy }" ref="chart" tabindex="0" role="slider"
         :aria-label="texts.timeline_cursor" aria-valuemin="0" :aria-valuemax="length" :aria-valuenow="minute"
         :aria-valuetext="time(minute)" @pointerdown="grab" @pointermove="drag" @pointerup="held = false"
