@@ -26,7 +26,8 @@ class FunctionObjective:
 
     def evaluate(self, points, x: np.ndarray, options=None, resolution=None, tangents=None) -> Evaluation:
         found = self.function(x - self.shifts[points][:, None])
-        beats = SimpleNamespace(status=np.zeros(len(x)))  # no orbits here
+        zeros = np.zeros(len(x))  # no orbits here
+        beats = SimpleNamespace(status=zeros, without_gases=zeros > 0.0)
         evaluation = Evaluation(beats, found, found)  # type: ignore[arg-type]
         object.__setattr__(evaluation, "points", points)
         return evaluation

@@ -83,6 +83,14 @@ def test_a_sigma_point_without_a_steady_beat_is_drawn_in(belief):
     found = regress(partly, belief.means, belief.covariances)
     assert found.slope[0] == pytest.approx(SLOPE)
 
+    def second_alone(z):
+        found = straight(z)
+        found[z[:, 0] > 1.0, 1] = np.nan
+        return found
+
+    found = regress(second_alone, belief.means, belief.covariances)
+    assert found.slope[0] == pytest.approx(SLOPE)
+
 
 def test_without_a_steady_beat_at_the_mean_it_says_so(belief):
     with pytest.raises(NoSteadyBeatError, match="heart rate"):

@@ -242,7 +242,7 @@ def test_a_point_without_any_steady_beat_is_kept_as_such(points, tmp_path, monke
     none, flat = np.zeros((0, 2)), np.zeros(0)
     nothing = Optimum(
         np.full(2, np.nan), np.full(6, np.nan), np.inf, np.full((6, 2), np.nan),
-        Starts(none, flat, flat, flat > 0), 20, 20, 0, FitStatus.NO_STEADY_BEAT,
+        Starts(none, flat, flat, flat > 0), 20, 20, 0, 0, FitStatus.NO_STEADY_BEAT,
     )  # fmt: skip
     monkeypatch.setattr("eclsim.identification.fit.identify", lambda *_: [nothing])
     (result,) = fitted(points[:1], tmp_path)

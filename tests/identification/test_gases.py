@@ -7,10 +7,17 @@ from eclsim.cases.case import Measurements
 from eclsim.cases.quantities import with_values
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.writing import case_text
-from eclsim.identification.density import GradientEvaluator, PosteriorDensity, Prior
+from eclsim.identification.density import (
+    GradientEvaluator,
+    NoSteadyBeatError,
+    PosteriorDensity,
+    Prior,
+    approximate,
+)
 from eclsim.identification.fit import fit
-from eclsim.identification.multi_start import MultiStart
+from eclsim.identification.multi_start import FitStatus, MultiStart
 from eclsim.identification.objective import Box
+from eclsim.identification.posterior import predict
 from eclsim.identification.quantities import Scale, measurement_errors
 from eclsim.identification.settings import FitSettings, checked_fit
 from eclsim.identification.tracking import Tracker, TrackSettings
@@ -140,6 +147,36 @@ def test_consumption_starts_from_what_the_case_states_or_from_the_body_surface()
         "gas.vo2_ml_min"
     ]
     assert start == pytest.approx(126.0 * np.sqrt(178 * 80 / 3600), rel=1e-6)
+
+
+@pytest.mark.slow
+def test_without_a_steady_gas_state_nothing_is_fitted_to_gases_and_pressures_still_are():
+    """Neither ventilation nor sweep: the heartbeat is steady, and no tissue gets oxygen."""
+    case, _ = measured(CASE, ("MAP", "SaO2"))
+    lost = with_values(case, {"ecmo.sweep_l_min": 0.0, "gas.alveolar_ventilation_l_min": 0.0})
+    settings = FitSettings(("Rmc",), weights="uncertainty", multi_start=MultiStart.quick(8))
+    nothing = fit(lost, settings=settings)
+    assert nothing.status is FitStatus.NO_STEADY_GASES
+    assert (nothing.optimum.gasless, nothing.optimum.dropped) == (8, 0)
+    assert "steady gas state" in nothing.verdict.reasons[0].sentence
+    assert nothing.as_object()["parameters"]["Rmc"]["value"] is None
+    box = Box.of(checked_fit(lost, settings).free)
+    density = PosteriorDensity(model_of(lost), {"SaO2": 90.0}, {"SaO2": 2.0}, Prior.within(box))
+    with pytest.raises(NoSteadyBeatError, match=r"gases were measured.* raise the ventilation or the sweep"):
+        approximate(density, box.start[None])
+    pressures = lost.measurements.model_copy(update={"SaO2": None})
+    tracker = Tracker(TrackSettings(settings))
+    first = tracker.update("1", lost.model_copy(update={"measurements": pressures}))
+    assert not first.failed
+    assert "MAP" in first.outputs
+    assert "SaO2" not in first.outputs
+    second = tracker.update("2", lost)
+    assert second.failed
+    assert "SaO2 measured; at the estimate so far: steady beat found, but no steady gas" in second.message
+    predicted = predict(model_of(lost), {"Rmc": np.array([0.5, 0.6])}, ("MAP", "SaO2"))
+    assert (predicted.without_beat, predicted.without_gases) == (0.0, 1.0)
+    assert np.isfinite(predicted.intervals[0]).all()
+    assert np.isnan(predicted.intervals[1]).all()
 
 
 def replace_vo2(gas):

@@ -125,6 +125,12 @@ def test_draws_without_a_steady_beat_are_counted_and_doubted(result):
     table = posterior_text(replace(result, predictions=(first, many)).as_object())
     assert "50 of 1000 draws have no steady heartbeat there and are not counted" in table
     assert table.count("NOT TO BE TRUSTED") == 1
+    gasless = replace(second, without_gases=0.05)
+    assert "50 of 1000 draws have no steady gas state" in gasless.doubts[0]
+    assert "intervals of gases speak of the others alone" in gasless.doubts[0]
+    assert "there are no intervals of gases" in replace(second, without_gases=1.0).doubts[0]
+    table = posterior_text(replace(result, predictions=(first, gasless)).as_object())
+    assert "50 of 1000 draws have no steady gas state there: gases of the others" in table
     outputs = result.weighted.outputs.copy()
     outputs[:3] = np.nan
     lost = replace(result, weighted=replace(result.weighted, outputs=outputs))

@@ -44,7 +44,7 @@ from eclsim.orbit.steady import Batch, Values, anchor
 from eclsim.outputs.coupling import open_parameters
 from eclsim.outputs.derivatives import Linearisation, linearise
 from eclsim.outputs.signals import needed_parameters
-from eclsim.outputs.steady_beat import steady_beat
+from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
 
 PriorKind = Literal["log-uniform", "log-normal"]
 DEVIATIONS_TO_BOUNDS = 2.0
@@ -171,9 +171,13 @@ class PosteriorDensity:
             z: latent variables, shape (members, parameters).
             centre: latent variables that all members are close to.
         """
+        return self.beats(z, centre).values.T
+
+    def beats(self, z: np.ndarray, centre: np.ndarray | None = None) -> SteadyBeat:
+        """The beats behind these outputs."""
         start = None if centre is None else self.numbers(centre)
         values = self.values(self.prior.x_of(z))
-        return simulate_members(self.model, values, len(z), self.outputs, self.policy, start)
+        return members_of(self.model, values, len(z), self.outputs, self.policy, start)
 
 
 def simulate_members(
@@ -184,7 +188,19 @@ def simulate_members(
     policy: str = AS_PUBLISHED,
     start: Mapping[str, float] | None = None,
 ) -> np.ndarray:
-    """Outputs of members that share a circuit, shape (members, outputs); NaN where no beat is determined.
+    """Outputs of members that share a circuit, shape (members, outputs); NaN where none is determined."""
+    return members_of(model, values, count, outputs, policy, start).values.T
+
+
+def members_of(
+    model: Model,
+    values: Values,
+    count: int,
+    outputs: tuple[str, ...],
+    policy: str = AS_PUBLISHED,
+    start: Mapping[str, float] | None = None,
+) -> SteadyBeat:
+    """Beats of members that share a circuit, those alone with numbers that are determined.
 
     Args:
         model: gives the circuit.
@@ -196,7 +212,7 @@ def simulate_members(
     """
     batch = Batch(model.circuit, values, count, policy)
     beat = steady_beat(batch, outputs, options=SETTLED, start=start, execution=execution_of(count))
-    return beat.determined_only().values.T
+    return beat.determined_only()
 
 
 # --- the posterior and its gradient at point after point, and its Gaussian approximation ------------
@@ -288,7 +304,8 @@ class GradientEvaluator:
             )
         except NoDerivativesError:  # two orbits meet here, and none has derivatives
             return None
-        settled = np.isfinite(linear.slopes).all() and linear.orbit.distance < FARTHEST_NEWTON
+        finite = np.isfinite(linear.values_on_orbit).all() and np.isfinite(linear.slopes).all()
+        settled = finite and linear.orbit.distance < FARTHEST_NEWTON
         return linear if settled else None
 
     def _searches(self, x: np.ndarray) -> Iterator[tuple[Anchor, OrbitOptions]]:
@@ -331,20 +348,27 @@ def approximate(posterior: PosteriorDensity, starts: np.ndarray) -> Gaussian:
         starts: coordinates of the parameters, shape (starts, parameters).
 
     Raises:
-        NoSteadyBeatError: From no start, or the beat at the highest point is one of many.
+        NoSteadyBeatError: From no start, or the beat at the highest point is one of many or without a
+            steady state of the gases that were measured.
     """
-    climbs = [g for x in np.atleast_2d(starts) if (g := _climb(posterior, posterior.prior.z_of(x)))]
+    latent = [posterior.prior.z_of(x) for x in np.atleast_2d(starts)]
+    climbs = [g for z in latent if (g := _climb(posterior, z))]
     best = min(climbs, key=lambda g: g.potential, default=None)
+    centre = np.clip(latent[0], -FARTHEST_START, FARTHEST_START) if best is None else best.centre
+    beat = posterior.beats(centre[None])
+    found = np.isfinite(beat.values).all()
+    if best is not None and found:
+        return best
+    if beat.without_gases[0] and not found:
+        raise NoSteadyBeatError(f"gases were measured, and at the fitted parameters: {beat.message()}")
     if best is None:
         raise NoSteadyBeatError(
             "no steady heartbeat at the fitted parameters: check heart rate, devices and fixed parameters"
         )
-    if not np.isfinite(posterior.simulate(best.centre[None])).all():
-        raise NoSteadyBeatError(
-            "at the likeliest parameters valves stay shut all beat, and the steady heartbeat is one of many: "
-            "check pump speed and CO, and raise the lower bounds of Emaxlv and Emaxrv"
-        )
-    return best
+    raise NoSteadyBeatError(
+        "at the likeliest parameters valves stay shut all beat, and the steady heartbeat is one of many: "
+        "check pump speed and CO, and raise the lower bounds of Emaxlv and Emaxrv"
+    )
 
 
 def _climb(posterior: PosteriorDensity, start: np.ndarray) -> Gaussian | None:

@@ -169,7 +169,7 @@ def regress(simulate: Simulate, means: np.ndarray, covariances: np.ndarray) -> R
             "no steady heartbeat at the estimate so far: check heart rate and devices of this point"
         )
     for pull in PULLS:
-        missing = ~np.isfinite(outputs[:, :, 0])
+        missing = ~np.isfinite(outputs).all(axis=2)
         if not missing.any():
             break
         middle = np.repeat(points[:, :1], each, axis=1)[missing]

@@ -222,6 +222,7 @@ class FitResult:
             "explored": self.optimum.explored,
             "explored_without_steady_beat": self.optimum.dropped,
             "explored_one_of_many": self.optimum.shut,
+            "explored_without_steady_gases": self.optimum.gasless,
             "seconds": round(self.seconds, 3),
             "status": str(self.status),
             "message": self.status.message,

@@ -53,6 +53,7 @@ class FitStatus(StrEnum):
     NOT_SETTLED = "not_settled"
     NO_STEADY_BEAT = "no_steady_beat"
     ONE_OF_MANY = "one_of_many"
+    NO_STEADY_GASES = "no_steady_gases"
 
     @property
     def message(self) -> str:
@@ -73,6 +74,10 @@ _MESSAGES = {
         "valves stay shut all beat, so that the steady heartbeat is one of many and the measurements do not "
         "determine what lies behind them: check pump speed, CO and heart rate, and raise the lower bounds of "
         "Emaxlv and Emaxrv"
+    ),
+    FitStatus.NO_STEADY_GASES: (
+        "no explored set of parameters has a steady gas state, which the measured gases need, though the "
+        "heartbeat is steady: check sweep, FdO2, ventilation and where cannulae lie, or leave out the gases"
     ),
 }
 
@@ -152,6 +157,7 @@ class Optimum:
         explored: points explored.
         dropped: of these without a steady beat.
         shut: of these with one of many, behind valves that stay shut.
+        gasless: of these with a steady beat and without the gas state that measured gases need.
         status: how it ended.
         shared: of a fit with other data points; None where the point was fitted by itself.
     """
@@ -164,6 +170,7 @@ class Optimum:
     explored: int
     dropped: int
     shut: int
+    gasless: int
     status: FitStatus
     shared: SharedEstimate | None = None
 
@@ -187,8 +194,15 @@ class _Candidates:
     explored: int
     dropped: int
     shut: int
+    gasless: int
     first_costs: list[float] = field(default_factory=list)
     refined: list[Refinement] = field(default_factory=list)
+
+    def nothing_found(self) -> FitStatus:
+        """Why there is no fit: the reason that is nearest to one."""
+        if self.gasless:
+            return FitStatus.NO_STEADY_GASES
+        return FitStatus.ONE_OF_MANY if self.shut else FitStatus.NO_STEADY_BEAT
 
     def so_far(self) -> Refinement:
         """All refined starts."""
@@ -247,9 +261,9 @@ def _explore(
     count = max(round(settings.refined_share * len(explored)), 2)
     order = np.argsort(costs, kind="stable")[:count]
     order = order[np.isfinite(costs[order])]
-    shut = int(evaluation.one_of_many.sum())
-    dropped = int((~np.isfinite(costs)).sum()) - shut
-    return _Candidates(explored[order], costs[order], len(explored), dropped, shut)
+    shut, gasless = int(evaluation.one_of_many.sum()), int(evaluation.without_gases.sum())
+    dropped = int((~np.isfinite(costs)).sum()) - shut - gasless
+    return _Candidates(explored[order], costs[order], len(explored), dropped, shut, gasless)
 
 
 def mixing_weight(number: int, total: int) -> float:
@@ -299,13 +313,13 @@ def _best(
 ) -> Optimum:
     """Refine the best start to the end."""
     size, count = len(box.names), len(problem.outputs)
-    explored = candidates.explored, candidates.dropped, candidates.shut
+    explored = candidates.explored, candidates.dropped, candidates.shut, candidates.gasless
     if not candidates.refined or not np.isfinite((ended := candidates.so_far()).costs).any():
         none, flat = np.zeros((0, size)), np.zeros(0)
         nothing = Starts(none, flat, flat, np.zeros(0, dtype=bool))
         return Optimum(
             np.full(size, np.nan), np.full(count, np.nan), np.inf, np.full((count, size), np.nan), nothing,
-            *explored, FitStatus.ONE_OF_MANY if candidates.shut else FitStatus.NO_STEADY_BEAT,
+            *explored, candidates.nothing_found(),
         )  # fmt: skip
     last = _to_the_end(problem, point, ended.x[[np.argmin(ended.costs)]], box, settings.polishing)
     first_costs = np.array(candidates.first_costs)

@@ -162,6 +162,11 @@ class Evaluation:
         """Members whose beat is steady and not determined: valves stay shut, shape (members,)."""
         return self.steady.status == Status.ONE_OF_MANY
 
+    @property
+    def without_gases(self) -> np.ndarray:
+        """Members that lack the steady gas state which measured gases need, shape (members,)."""
+        return self.steady.without_gases & np.isinf(self.costs)
+
 
 class Objective:
     """Weighted differences of several data points that share a circuit.

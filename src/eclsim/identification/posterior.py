@@ -18,7 +18,7 @@ from eclsim.identification.density import (
     Prior,
     PriorKind,
     approximate,
-    simulate_members,
+    members_of,
 )
 from eclsim.identification.fit import FitResult
 from eclsim.identification.importance import WeightedDraws, importance_sample, weighted_quantile
@@ -84,9 +84,11 @@ class Prediction:
     Args:
         settings: what differs from the measured settings, as written; empty for those themselves.
         outputs: names.
-        values: shape (draws, outputs); NaN where a draw has no steady beat.
+        values: shape (draws, outputs); NaN where a draw has no steady beat, or no steady gas state.
         intervals: 5 %, 50 % and 95 % quantile of each output, shape (outputs, 3).
         without_beat: share of the draws without a steady beat; the intervals speak of the others.
+        without_gases: share of the draws with a steady beat and no steady gas state; the intervals of gases
+            speak of the others.
     """
 
     settings: str
@@ -94,6 +96,7 @@ class Prediction:
     values: np.ndarray
     intervals: np.ndarray
     without_beat: float
+    without_gases: float = 0.0
 
     @property
     def label(self) -> str:
@@ -106,15 +109,28 @@ class Prediction:
         return round(self.without_beat * len(self.values))
 
     @property
+    def draws_without_gases(self) -> int:
+        """Draws with a steady beat and no steady gas state."""
+        return round(self.without_gases * len(self.values))
+
+    @property
     def doubts(self) -> tuple[str, ...]:
         """Why the intervals are not to be trusted, whatever the draws; empty where they are."""
-        if self.without_beat <= LARGEST_SHARE:
-            return ()
-        counted = f"{self.draws_without_beat} of {len(self.values)} draws"
-        return (
-            f"{counted} have no steady heartbeat at these settings (at most {LARGEST_SHARE:.0%}): the "
-            "intervals speak of the others alone; choose settings closer to the measured ones",
+        lost = (
+            ("heartbeat", self.draws_without_beat, "intervals"),
+            ("gas state", self.draws_without_gases, "intervals of gases"),
         )
+        return tuple(
+            f"{draws} of {len(self.values)} draws have no steady {what} at these settings (at most "
+            f"{LARGEST_SHARE:.0%}): {self._left(draws, intervals)}; choose settings closer to the measured "
+            "ones"
+            for what, draws, intervals in lost
+            if draws > LARGEST_SHARE * len(self.values)
+        )
+
+    def _left(self, lost: int, intervals: str) -> str:
+        none = lost == len(self.values)
+        return f"there are no {intervals}" if none else f"the {intervals} speak of the others alone"
 
     def column(self, output: str) -> np.ndarray:
         """Values of one output; NaN where the circuit lacks it, shape (draws,)."""
@@ -225,6 +241,7 @@ class PosteriorResult:
                 "without_steady_beat": p.without_beat,
                 "draws": len(p.values),
                 "draws_without_steady_beat": p.draws_without_beat,
+                "draws_without_steady_gases": p.draws_without_gases,
                 "doubts": [*self.doubts, *p.doubts],
             }
             for p, g in zip(self.predictions, self.gaussian_predictions, strict=True)
@@ -367,16 +384,19 @@ def predict(
     """
     count = len(next(iter(parameters.values())))
     medians = {n: float(np.median(v)) for n, v in parameters.items()}
-    values = simulate_members(
+    beat = members_of(
         model, {**model.values, **parameters}, count, outputs, policy, {**model.values, **medians}
     )
-    solved = np.isfinite(values).all(axis=1)
+    values = beat.values.T
     intervals = np.full((len(outputs), 3), np.nan)
-    if solved.any():
-        weights = np.ones(int(solved.sum()))
-        each = [weighted_quantile(values[solved, k], weights, QUANTILES) for k in range(len(outputs))]
-        intervals = np.stack(each)
-    return Prediction(settings, outputs, values, intervals, float(1.0 - solved.mean()))
+    for column, interval in zip(values.T, intervals, strict=True):
+        found = column[np.isfinite(column)]
+        if len(found):
+            interval[:] = weighted_quantile(found, np.ones(len(found)), QUANTILES)
+    return Prediction(
+        settings, outputs, values, intervals, float(1.0 - beat.determined.mean()),
+        float(beat.without_gases.mean()),
+    )  # fmt: skip
 
 
 def _interval(quantiles: np.ndarray) -> dict[str, float | None]:

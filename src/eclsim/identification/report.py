@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eclsim.cases.quantities import quantity
+from eclsim.cases.sections import MEASURED_GASES
 from eclsim.files import write_text
 from eclsim.identification.quantities import axis_label, unit_of, unit_of_parameter
 from eclsim.identification.verdict import Aspect, Level, headline, signed
@@ -160,13 +161,15 @@ def posterior_text(content: Data) -> str:
     lines.append(text_table(head, rows, range(1, len(head))))
     for prediction in content["predictions"]:
         lines += ["", *_prediction(content, prediction)]
+    with_gases = not {*MEASURED_GASES}.isdisjoint(content["uncertainties"])
+    gases = " or no steady state of the gases measured" if with_gases else ""
     for counted, of, what in (
         ("weighted_draws_without_steady_beat", "weighted_draws", "weighted draws"),
         ("evaluations_without_steady_beat", "evaluations", "points that the chains tried"),
     ):
         if content[counted]:
             share = f"{content[counted]} of the {content[of]} {what}"
-            lines.append(f"{share} have no steady heartbeat: excluded as impossible")
+            lines.append(f"{share} have no steady heartbeat{gases}: excluded as impossible")
     return "\n".join(lines)
 
 
@@ -187,6 +190,8 @@ def _prediction(content: Data, prediction: Data) -> Iterator[str]:
     yield text_table(("output", "median", "5 %", "95 %"), rows, range(1, 4))
     if without := prediction["draws_without_steady_beat"]:
         yield f"{without} of {prediction['draws']} draws have no steady heartbeat there and are not counted"
+    if without := prediction.get("draws_without_steady_gases"):
+        yield f"{without} of {prediction['draws']} draws have no steady gas state there: gases of the others"
 
 
 def _doubted(verdict: str, doubts: Sequence[str]) -> list[str]:
@@ -359,11 +364,13 @@ def _prediction_table(prediction: Data) -> Table:
 def _method(settings: Data, point: Data | None = None) -> list[str]:
     lines = []
     if point is not None:
+        count = point.get("explored_without_steady_gases", 0)
+        gasless = f", {count:,} without the steady gas state that is needed" if count else ""
         agree = f"{point['starts_agreeing']} of {point['starts_refined']} refined starts agree"
         lines += [
             f"Search: {point['message']} ({agree}; {point['explored']:,} sets of parameters explored, "
             f"{point['explored_without_steady_beat']:,} of them without a steady heartbeat, "
-            f"{point['explored_one_of_many']:,} with one of many, behind valves that stay shut).",
+            f"{point['explored_one_of_many']:,} with one of many, behind valves that stay shut{gasless}).",
             f"Sum of squared residuals: {number(point['cost'])}.",
         ]
     divided = "the measured value" if settings["weights"] == "relative" else "its standard uncertainty"

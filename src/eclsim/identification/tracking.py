@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,7 @@ from eclsim.identification.density import (
     Prior,
     PriorKind,
     approximate,
-    simulate_members,
+    members_of,
 )
 from eclsim.identification.filtering import (
     DRIFTS,
@@ -39,7 +39,8 @@ from eclsim.identification.settings import FitSettings, checked_fit
 from eclsim.identification.verdict import FitVerdict, agreement, goodness_of
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.orbit.model import CaseSource, Model, as_case, model_of
-from eclsim.outputs.signals import output_names
+from eclsim.outputs.signals import of_gases, output_names
+from eclsim.outputs.steady_beat import SteadyBeat
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -360,7 +361,7 @@ class Tracker:
         self, name: str, forecast: _Estimate, model: Model, measured: Mapping[str, float]
     ) -> TrackedPoint:
         """Hold a measurement against its forecast, and update."""
-        names, simulate, first = self._regression(forecast, model)
+        names, simulate, first = self._regression(forecast, model, measured)
         outputs = first.outputs(forecast.state)
         errors = self._errors(measured)
         values = np.array([measured.get(n, np.nan) for n in names])
@@ -397,9 +398,15 @@ class Tracker:
         return replace(estimate, state=estimate.state.forecast(self.drifts, estimate.transport, days))
 
     def _regression(
-        self, estimate: _Estimate, model: Model
+        self, estimate: _Estimate, model: Model, measured: Collection[str] = ()
     ) -> tuple[tuple[str, ...], Callable[[np.ndarray], np.ndarray], Regression]:
-        """Outputs that can be measured, the model as a function of u, and its regression over an estimate."""
+        """Outputs that can be measured, the model as a function of u, and its regression over an estimate.
+
+        Gases are left out where the estimate has no steady gas state, unless they were measured.
+
+        Raises:
+            NoSteadyBeatError: The estimate has no steady beat, or no steady state of measured gases.
+        """
         density = PosteriorDensity(model, {}, {}, estimate.prior, self._policy(model))
         names = tuple(n for n in OUTPUTS if n in output_names(model.circuit))
         if model.circuit not in self._starts:
@@ -407,10 +414,20 @@ class Tracker:
             self._starts[model.circuit] = density.numbers(known.transport.z_of(known.state.mean)[0])
         start = self._starts[model.circuit]
 
-        def simulate(u: np.ndarray) -> np.ndarray:
+        def beats(u: np.ndarray) -> SteadyBeat:
             values = density.values(density.prior.x_of(estimate.transport.z_of(u)[0]))
-            return simulate_members(model, values, len(u), names, density.policy, start)
+            return members_of(model, values, len(u), names, density.policy, start)
 
+        def simulate(u: np.ndarray) -> np.ndarray:
+            return beats(u).values.T
+
+        if gases := of_gases(model.circuit, names):
+            at_means = beats(estimate.state.means)
+            if (without := at_means.without_gases).any():
+                if needed := [n for n in gases if n in measured]:
+                    reason = at_means.message(int(np.flatnonzero(without)[0]))
+                    raise NoSteadyBeatError(f"{', '.join(needed)} measured; at the estimate so far: {reason}")
+                names = tuple(n for n in names if n not in gases)
         return names, simulate, regress(simulate, estimate.state.means, estimate.state.covariances)
 
     def _expected(

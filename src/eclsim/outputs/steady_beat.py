@@ -102,6 +102,11 @@ class SteadyBeat:
         return self.status == Status.CONVERGED
 
     @property
+    def without_gases(self) -> np.ndarray:
+        """Members with a steady beat and no steady gas state, shape (members,)."""
+        return self.determined & (self.gas_status != GasStatus.STEADY)
+
+    @property
     def of_gases(self) -> tuple[str, ...]:
         """Its outputs of gas exchange."""
         return of_gases(self.batch.circuit, self.names)

@@ -116,8 +116,7 @@ class SteadyBeatEvaluator:
         beat = steady_beat(
             batch, self.outputs, start=self.base, resolution=self.resolution, execution=Execution(threads=1)
         ).determined_only()
-        without_gases = (beat.status == 0) & (beat.gas_status != 0)
-        status = np.where(without_gases, WITHOUT_GASES + beat.gas_status, beat.status)
+        status = np.where(beat.without_gases, WITHOUT_GASES + beat.gas_status, beat.status)
         return Runs(beat.values.T, status, beat.orbits.beats, beat.orbits.residual)
 
     def description(self) -> Description:
