@@ -86,9 +86,9 @@ def standing() -> None:
     for reflex in REFLEXES:
         for words, held, pooled in (
             ("pressures as lying", True, 0.0),
-            ("none pooled", False, 0.0),
             ("pooled", False, None),
             ("700 mL", False, 700.0),
+            ("950 mL", False, 950.0),
         ):
             man = Patient(healthy(reflex))
             man.pooled_ml = man.pooled_ml if pooled is None else pooled
@@ -96,6 +96,7 @@ def standing() -> None:
                 man.values = {
                     name: np.full_like(v, man.at(np.zeros(1))[name][0]) for name, v in man.values.items()
                 }
+                man.upright = man.values
             lost, tau, back = stood(man)
             print(f"{reflex}, {words}".ljust(36), *(f"{v:7.3g}" for v in (*lost, tau, back)))
 

@@ -1,9 +1,10 @@
-"""Whether a pericardium or bronchial return mends the rows of `ecmo-protocol` that miss (docs, Validation).
+"""Whether a pericardium, bronchial return or a stronger heart mends rows of `ecmo-protocol`.
 
     python benchmarks/va_ecmo_experiments.py
 
 Each animal is matched anew with what is added, then its flow is raised as in the rows. The pericardium is
 either that of the parameters or one that has grown: without pressure at the mean volume of the matched heart.
+Last, contractility alone is higher at the high flow.
 """
 
 from collections.abc import Mapping
@@ -34,7 +35,7 @@ def animal(study: str, physiology: Mapping[str, object], grown: bool) -> Model:
     free = ("Emaxlv", regulation.EXTRA_VOLUME, "Rmc", *more)
     rate = 1e3 * regulation.NATIVE_L_MIN / regulation.STROKE_ML
     first = regulation.animal(study)
-    added = regulation.adult(rate, 50.0, ecmo=regulation.ECMO, physiology=physiology)
+    added = regulation.adult(rate, 50.0, ecmo=regulation.CIRCUIT, physiology=physiology)
     added = added.with_values({name: first.values[name] for name in free})
     if grown:
         beat = simulate(first)
@@ -43,10 +44,11 @@ def animal(study: str, physiology: Mapping[str, object], grown: bool) -> Model:
     return with_outputs(added, free, goal)
 
 
-def compared(study: str, patient: Model) -> str:
+def compared(study: str, patient: Model, stronger: float = 1.0) -> str:
     """How many rows hold: signs with the volume held and with filling held, sizes with filling held."""
-    low, held = simulate(patient), simulate(patient.with_values({regulation.FLOW: 5.0}))
-    filled = simulate(regulation.holding(patient, regulation.RIGHT_ATRIUM))
+    changed = {regulation.FLOW: 5.0, "Emaxlv": stronger * patient.values["Emaxlv"]}
+    low, held = simulate(patient), simulate(patient.with_values(changed))
+    filled = simulate(regulation.holding(patient, regulation.RIGHT_ATRIUM, stronger))
     signs, sizes, cells = np.zeros(2, dtype=int), 0, []
     rows = [row for row in read_table("effects.csv") if row["study"] == study]
     for row in rows:
@@ -69,6 +71,10 @@ def main() -> None:
                 print(f"  {study}: {compared(study, animal(study, physiology, grown))}", flush=True)
             except UnreachableError as error:
                 print(f"  {study}: not to be matched ({error})", flush=True)
+    for stronger in (1.1, 1.2):
+        print(f"\ncontractility at the high flow x {stronger}")
+        for study in regulation.ANIMALS:
+            print(f"  {study}: {compared(study, regulation.animal(study), stronger)}", flush=True)
 
 
 if __name__ == "__main__":

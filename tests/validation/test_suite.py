@@ -1,4 +1,4 @@
-from eclsim.paper.comparison import Check, within
+from eclsim.paper.comparison import Check, Explanation, within
 from eclsim.validation import suite
 from eclsim.validation.robustness import Effort
 
@@ -25,3 +25,22 @@ def test_all_parts_run_if_none_is_named(monkeypatch):
     told = []
     assert list(suite.run(Effort(), announce=told.append)) == []
     assert told == ["a", "b"]
+
+
+def test_the_summary_counts_fits_tests_and_verdicts_apart_and_gives_each_reason_once():
+    shown = Explanation("the flow was another", (within("with it", 1.0, 1.0, 0.1),))
+    unknown = Explanation("the flow is not printed", (within("with one", 1.0, 1.0, 0.1),), undecided=True)
+    rows = (
+        within("a (fit)", 1.0, 1.0, 0.1),
+        within("b (test)", 1.0, 2.0, 0.1, explanation=shown),
+        within("c (test)", 1.0, 3.0, 0.1, explanation=shown),
+        within("d (test)", 1.0, 3.0, 0.1, explanation=unknown),
+        within("e (test)", 1.0, 3.0, 0.1),
+        within("f (test)", 1.0, 1.0, 0.1),
+    )
+    text = suite.validation_markdown([Check("key", "title", "bar", rows, required=False)])
+    assert "| title | bar | 1 of 1 | 1 of 5 | 2 | 1 | 1 |" in text
+    assert "| key | c (test) | 1 | 3 | +2e+02 % | miss, explained | 1 |" in text
+    assert "| key | d (test) | 1 | 3 | +2e+02 % | not decidable | 2 |" in text
+    assert "| key | e (test) | 1 | 3 | +2e+02 % | MISS |  |" in text
+    assert text.endswith("1. the flow was another\n2. the flow is not printed\n")

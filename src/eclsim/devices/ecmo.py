@@ -138,9 +138,11 @@ CANNULAE = by_key(
 """Cannulae: arterial ones return; venous ones drain, and return in veno-venous ECMO."""
 
 _LABEL = "unvalidated pressure drop; label flow from FDA clearance K150267"
-_LARGE, _SMALL = Membrane(7.0, 0.0518, 7.1), Membrane(5.0, 0.0475, 5.13)
+_LARGE, _SMALL = Membrane(7.0, 0.0518, 4.66), Membrane(5.0, 0.0475, 3.37)
 """Membranes of 1.8 and 1.3 m2 after Khadka et al. 2024: 450 mL/min of oxygen at 7 L/min, and 5/7 of it at 5
-L/min (0.0518 (5/7)^0.26); carbon dioxide by area. Rated at 95 % behind them they would give 346."""
+L/min (0.0518 (5/7)^0.26); carbon dioxide, by area: what was removed at 1 and 7 L/min from blood that must
+have had 61.5 mmHg, as gas 1:1 carries 59 mL/min from 45 mmHg and 64 were measured. Rated at 95 % behind them
+they would give 346 mL/min of oxygen."""
 OXYGENATORS = by_key(
     (
         Oxygenator(
@@ -208,10 +210,10 @@ GAS_PARAMETERS = (
         f"{_VASLEF}; {_FITTED}", 0.3, 1.0, GROUP, half_width=0.1, clipped=True,
     ),
     Parameter(
-        "ecmo.oxygenator.carbon_dioxide_transfer", 7.1, "mL/min/mmHg",
+        "ecmo.oxygenator.carbon_dioxide_transfer", 4.66, "mL/min/mmHg",
         "Carbon dioxide transfer of the oxygenator's membrane at 1 L/min",
-        "648 mL/min at 7 L/min and 35 L/min of gas (Khadka et al. 2024), by membrane area", 0.1, 50.0,
-        GROUP, clipped=True,
+        "64 and 648 mL/min at 1 and 7 L/min, 1 and 35 L/min of gas (Khadka et al. 2024), by membrane area",
+        0.1, 50.0, GROUP, clipped=True,
     ),
     Parameter(
         "ecmo.oxygenator.clotted_fraction", 0.0, "1", "Share of the oxygenator's membrane that is clotted",

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -48,6 +49,10 @@ PARTS: dict[str, Callable[[Effort], list[Check]]] = {
 """Parts of the validation by the name that `--only` takes."""
 PRELOAD = ("eclsim.validation.suite", "eclsim.outputs.steady_beat")
 """What a worker needs before its first task."""
+FIT = "(fit"
+"""In the name of a row that constants were fitted to; all others are tests."""
+RED = ("miss, explained", "not decidable", "MISS")
+"""Verdicts of rows that miss: an experiment shows the reason; the source leaves out what decides; neither."""
 
 
 def run(
@@ -113,7 +118,7 @@ def _row_object(row: Row) -> dict[str, object]:
 
 
 def validation_markdown(checks: Sequence[Check]) -> str:
-    """Two tables, one line a check and one line a row that misses."""
+    """Tables with one line a check and one line a row that misses, and the reasons by number."""
     about = machine()
     heading = f"eclsim {about['eclsim']}, {about['date']}, {about['processor']}, Python {about['python']}."
     required = [check for check in checks if check.required]
@@ -125,27 +130,39 @@ def validation_markdown(checks: Sequence[Check]) -> str:
             _summary(compared),
         ]
     parts += [f"- {remark}" for check in checks for remark in check.remarks]
-    misses = [row for check in checks for row in _misses(check)]
-    if misses:
-        head = ("comparison", "quantity", "expected", "eclsim", "error")
-        parts += ["Rows that miss:", _table(head, misses)]
+    missed = [(check.key, row) for check in checks for row in check.missed]
+    if missed:
+        reasons = {text: number for number, text in enumerate(_reasons(missed), start=1)}
+        head = ("comparison", "quantity", "expected", "eclsim", "error", "verdict", "reason")
+        parts += ["Rows that miss:", _table(head, (_miss(key, row, reasons) for key, row in missed))]
+        parts += ["\n".join(f"{number}. {text}" for text, number in reasons.items())] if reasons else []
     return "\n\n".join(_joined(parts)) + "\n"
 
 
 def _summary(checks: Iterable[Check]) -> str:
     rows = []
     for check in checks:
-        hardest = worst(check.rows)
-        within = f"{len(check.rows) - len(check.missed)} of {len(check.rows)}"
-        rows.append((check.title, check.bar.partition(";")[0], within, f"{hardest.name}: {_error(hardest)}"))
-    return _table(("comparison", "bar", "rows within", "hardest row"), rows)
+        hardest, red = worst(check.rows), Counter(map(_verdict, check.missed))
+        fits = [row for row in check.rows if FIT in row.name]
+        others = [row for row in check.rows if FIT not in row.name]
+        cells = (_held(fits), _held(others), *(str(red[verdict] or "") for verdict in RED))
+        rows.append((check.title, check.bar.partition(";")[0], *cells, f"{hardest.name}: {_error(hardest)}"))
+    return _table(("comparison", "bar", "fits within", "others within", *RED, "hardest row"), rows)
 
 
-def _misses(check: Check) -> list[tuple[str, ...]]:
-    return [
-        (check.key, row.name, _expected(row), f"{row.got:.5g} {_unit(row)}", _error(row))
-        for row in check.missed
-    ]
+def _held(rows: Sequence[Row]) -> str:
+    return f"{sum(row.holds for row in rows)} of {len(rows)}" if rows else ""
+
+
+def _reasons(missed: Iterable[tuple[str, Row]]) -> list[str]:
+    """Of rows that miss, shown or supposed, each once."""
+    return list(dict.fromkeys(row.reason for _, row in missed if row.reason))
+
+
+def _miss(key: str, row: Row, reasons: Mapping[str, int]) -> tuple[str, ...]:
+    reason = str(reasons[row.reason]) if row.reason else ""
+    numbers = (_expected(row), f"{row.got:.5g} {_unit(row)}", _error(row))
+    return key, row.name, *numbers, _verdict(row), reason
 
 
 def _expected(row: Row) -> str:
@@ -252,9 +269,10 @@ def _percent(row: Row) -> str:
 def _verdict(row: Row) -> str:
     if row.holds:
         return "ok"
+    explained, undecided, unexplained = RED
     if not row.explained or row.explanation is None:
-        return "MISS"
-    return "not decidable" if row.explanation.undecided else "miss, explained"
+        return unexplained
+    return undecided if row.explanation.undecided else explained
 
 
 def measurements_text(measurements: Sequence[Measurement]) -> str:
