@@ -85,6 +85,12 @@ def test_an_unknown_part_is_named_with_the_nearest(shell, checks):
     assert checks == []
 
 
+def test_parts_may_stand_with_commas_between(shell, checks):
+    assert shell.run("validate", "--only", "drugs,fluid", "--only", "gas").exit_code == 0
+    ((_, parts),) = checks
+    assert parts == ["drugs", "fluid", "gas"]
+
+
 def test_quick_and_full_exclude_each_other(shell, checks):
     assert shell.run("validate", "--quick", "--full").exit_code == 2
     assert checks == []
@@ -112,9 +118,9 @@ def test_markdown_holds_the_summary_and_every_miss(shell, checks):
     done = shell.run("validate", "--only", "gradients", "--markdown", target)
     assert done.exit_code == 1
     lines = target.read_text().splitlines()
-    assert "| Good things | 1 % | 2 of 2 | a: +0.5 % |" in lines
-    assert "| bad | c | 100 mL | 102 mL | +2 % |" in lines
-    assert "| shown | d | 1 | 2 | +1e+02 % |" in lines
+    assert "| Good things | 1 % |  | 2 of 2 |  |  |  | a: +0.5 % |" in lines
+    assert "| bad | c | 100 mL | 102 mL | +2 % | miss, explained | 2 |" in lines
+    assert "| shown | d | 1 | 2 | +1e+02 % | MISS |  |" in lines
 
 
 def test_two_outputs_need_two_files(shell, checks):

@@ -1,6 +1,6 @@
 """The rows of dialysis: what was fitted is met, what was not is shown as it is."""
 
-from eclsim.validation.gas import dialysis_check
+from eclsim.validation.dialysis import dialysis_check
 
 
 def test_dilution_is_as_measured_and_the_misses_of_respiratory_dialysis_are_shown():

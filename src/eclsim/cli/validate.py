@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,7 +40,7 @@ class ValidateOptions(Distributed):
         False, "10,000 points a configuration in the robustness sweep instead of 512.", "--full"
     )
     only: list[str] = option(
-        [], f"Only this part; may be repeated. Parts: {PARTS}.", "--only", metavar="PART"
+        [], f"Only these parts, with commas between or repeated: {PARTS}.", "--only", metavar="PART"
     )
     every_row: bool = option(False, "Show every row, also of tables with hundreds of them.", "--all")
     json: str | None = option(
@@ -55,6 +55,7 @@ def validate(options: ValidateOptions) -> None:
     Rows that miss are shown, also where it is known why. Exit status: 0 all bars hold, 1 a row misses its
     bar, 2 bad input. Comparisons with measurements of devices and patients are shown and fail nothing.
     """
+    options = replace(options, only=[name for names in options.only for name in names.split(",")])
     places = Destinations(force=options.force, resume=options.continues)
     target, page = places.target("--json", options.json), places.target("--markdown", options.markdown)
     places.folder("--out", options.out, parents=True)

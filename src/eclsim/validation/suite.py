@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from eclsim.paper.comparison import Check, Row, worst
 from eclsim.reporting.numbers import text_table
 from eclsim.validation import (
+    dialysis,
     drugs,
     fluid,
     gas,
@@ -38,7 +39,7 @@ PARTS: dict[str, Callable[[Effort], list[Check]]] = {
     "robustness": lambda effort: robustness.checks(effort),
     "paper": lambda _: [measurements.paper_check()],
     "devices": lambda _: [measurements.devices_check()],
-    "dialysis": lambda _: [gas.dialysis_check()],
+    "dialysis": lambda _: [dialysis.dialysis_check()],
     "gas": lambda _: [gas.gas_check()],
     "drugs": lambda _: [drugs.drugs_check()],
     "regulation": lambda _: regulation.regulation_checks(),
