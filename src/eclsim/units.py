@@ -74,6 +74,7 @@ _SPELLINGS = {
     "ml/sec": "mL/s",
     "lpm": "L/min",
     "mmhg": "mmHg",
+    "mm hg": "mmHg",
     "torr": "mmHg",
     "cmh20": "cmH2O",
     "cm h2o": "cmH2O",

@@ -78,7 +78,7 @@ def test_a_bundle_becomes_a_cohort_that_is_read(tmp_path):
         observation("8478-0", 11.2, "kPa"),
         observation("8741-1", 4100, "mL/min", "2024-03-01T09:03:00+01:00"),
         observation("8867-4", 88, "/min", "2024-03-01T12:00:00+01:00"),
-        observation("8478-0", 79, "mm[Hg]", "2024-03-01T12:00:00+01:00"),
+        observation("8478-0", 79, "mm Hg", "2024-03-01T12:00:00+01:00"),
         observation("2524-7", 1.2, "mmol/L"),
     )
     found = import_cohort(file)

@@ -7,6 +7,7 @@ from eclsim.cases import read_mapping
 from eclsim.cases.settings import apply_settings
 from eclsim.simulation.figures import panels_of, plot_sweep
 from eclsim.simulation.single import simulate
+from eclsim.simulation.summary import sweep_text
 from eclsim.simulation.sweep import (
     LARGEST_COUNT,
     Sweep,
@@ -186,3 +187,18 @@ def test_a_range_that_misses_its_last_value_is_said():
     (said,) = stops_short("Rmc=0.5:0.8:0.2,1")
     assert said == "--sweep: 0.5:0.8:0.2 ends at 0.7: 0.8 is no whole number of steps away"
     assert stops_short("ecmo.speed_rpm=2000:4500:250") == stops_short("Rmc=0.1:0.7:0.1") == []
+
+
+@pytest.mark.slow
+def test_a_swept_gas_has_its_columns_and_says_where_there_is_no_steady_gas_state():
+    gas = {"gas": {"alveolar_ventilation_l_min": 0.0, "shunt_fraction": 0.8}}
+    case = read_mapping(CASE.as_mapping() | gas).case
+    cases = {value: apply_settings(case, [f"ecmo.sweep_l_min={value}"]) for value in (0.0, 3.0)}
+    text = sweep_text(sweep_cases("ecmo.sweep_l_min", "L/min", None, cases))
+    title, head, *_ = text.splitlines()
+    assert title.endswith("mmHg, flows in L/min, SaO2 in %")
+    assert head.split()[-3:] == ["SaO2", "PaCO2", "beat"]
+    without, with_sweep = (next(r for r in text.splitlines() if r.split()[0] == v) for v in ("0", "3"))
+    assert without.split()[-6:] == ["-", "-", "steady,", "gases:", "no", "oxygen"]
+    assert with_sweep.endswith("steady")
+    assert float(with_sweep.split()[-3].rstrip("!")) > 50.0

@@ -235,7 +235,7 @@ def cell(result: xr.Dataset, name: str) -> str:
 _SWEPT = (
     ("SP", "SP"), ("DP", "DP"), ("MAP", "MAP"), ("MPAP", "MPAP"), ("PCWP", "PCWP"),
     ("right_atrial_pressure", "CVP"), ("systemic_flow", "Qs"), ("CO", "CO"), ("PF", "PF"),
-    ("lowest_drainage_pressure", "drain"),
+    ("lowest_drainage_pressure", "drain"), ("SaO2", "SaO2"), ("PaCO2", "PaCO2"),
 )  # fmt: skip
 
 
@@ -252,7 +252,8 @@ def sweep_text(sweep: Sweep) -> str:
         speed = [_speed(result)] if solved else []
         rows.append([_value_text(value), *speed, *numbers, _beat_text(result)])
     policy = sweep.results[0].attrs["blood_volume_policy"]
-    title = f"{sweep.case_id}: steady beats, blood volume {policy}; mmHg, flows in L/min"
+    saturations = ", SaO2 in %" if ("SaO2", "SaO2") in columns else ""
+    title = f"{sweep.case_id}: steady beats, blood volume {policy}; mmHg, flows in L/min{saturations}"
     marks = legend([result for result in sweep.results if result.attrs["converged"]])
     return "\n".join(
         [title, text_table(head, rows, numeric=range(len(head) - 1)), *([marks] if marks else [])]
@@ -286,4 +287,7 @@ def _value_text(value: float | str) -> str:
 def _beat_text(result: xr.Dataset) -> str:
     if not result.attrs["converged"]:
         return f"none: {str(result.attrs.get('status', '')).replace('_', ' ')}"
-    return "impossible, see warnings" if result.attrs.get("impossible") else "steady"
+    if result.attrs.get("impossible"):
+        return "impossible, see warnings"
+    gases = str(result.attrs.get("gas_status", "steady"))
+    return "steady" if gases == "steady" else f"steady, gases: {gases.replace('_', ' ')}"
