@@ -114,14 +114,14 @@ def layer_of(module: str) -> str | None:
 
 
 def layer_violations(source: Path) -> list[str]:
-    found = []
+    result = []
     for one in read_imports(source):
         importer, imported = layer_of(module_name(one.path, source)), layer_of(one.module)
         if not importer or not imported or imported == importer or imported in ANY_LAYER_MAY_IMPORT:
             continue
         if importer in ANY_LAYER_MAY_IMPORT or imported not in ALLOWED.get(importer, set()):
-            found.append(f"{one.path.relative_to(source)}:{one.line}: {importer} imports {imported}")
-    return sorted(set(found))
+            result.append(f"{one.path.relative_to(source)}:{one.line}: {importer} imports {imported}")
+    return sorted(set(result))
 
 
 def unknown_layers(source: Path) -> list[str]:

@@ -80,7 +80,7 @@ def sobol_g(x: np.ndarray, a: Sequence[float]) -> np.ndarray:
 
 def sobol_g_indices(a: Sequence[float]) -> ExactIndices:
     """Exact indices of `sobol_g`."""
-    alone = 1.0 / (3.0 * (1.0 + np.asarray(a, dtype=float)) ** 2)
-    product = np.prod(1.0 + alone)
+    of_input = 1.0 / (3.0 * (1.0 + np.asarray(a, dtype=float)) ** 2)
+    product = np.prod(1.0 + of_input)
     variance = product - 1.0
-    return ExactIndices(alone / variance, alone * (product / (1.0 + alone)) / variance)
+    return ExactIndices(of_input / variance, of_input * (product / (1.0 + of_input)) / variance)

@@ -62,10 +62,10 @@ class HalfBlind(TwoArms):
     """Many members side by side find no beat in the right arm, where one by one all is well."""
 
     def simulate(self, z, centre=None):
-        found = super().simulate(z)
+        result = super().simulate(z)
         if z.ndim > 1:
-            found[z[:, 0] > 0.0] = np.nan
-        return found
+            result[z[:, 0] > 0.0] = np.nan
+        return result
 
 
 class AnalyticGradient:

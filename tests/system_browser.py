@@ -17,11 +17,11 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 def system_browser() -> Iterator[Any]:
     """To be yielded from by a fixture of a module: while it is open an event loop runs in this thread."""
     api = pytest.importorskip("playwright.sync_api", reason="tests in a browser need playwright")
-    path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    path = next((result for name in BROWSERS if (result := shutil.which(name))), None)
     if path is None:
         pytest.skip(f"no browser: none of {', '.join(BROWSERS)} is on the PATH")
     with api.sync_playwright() as player:
         arguments = ["--no-sandbox"] if os.geteuid() == 0 else []
-        found = player.chromium.launch(executable_path=path, args=arguments)
-        yield found
-        found.close()
+        result = player.chromium.launch(executable_path=path, args=arguments)
+        yield result
+        result.close()

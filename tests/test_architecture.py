@@ -75,8 +75,8 @@ def test_no_module_is_called_utils():
 
 
 def test_no_file_names_a_path_of_one_machine():
-    found = {path: lines for path in repository_files() if (lines := lines_with_machine_paths(path))}
-    assert found == {}
+    result = {path: lines for path in repository_files() if (lines := lines_with_machine_paths(path))}
+    assert result == {}
 
 
 @pytest.mark.parametrize(
@@ -125,8 +125,8 @@ def planted(tmp_path: Path):
 )
 def test_checker_finds_a_planted_back_import(planted, statement: str):
     source = planted(components__in__valves=statement)
-    (found,) = layer_violations(source)
-    assert "components imports orbit" in found
+    (result,) = layer_violations(source)
+    assert "components imports orbit" in result
 
 
 def test_checker_lets_a_forward_import_pass(planted):

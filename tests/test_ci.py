@@ -25,8 +25,8 @@ def test_the_hosted_workflow_runs_the_steps_of_ci_run_in_their_order():
 
 def test_the_hosted_workflow_runs_every_python_that_is_said_to_work():
     project = (REPOSITORY / "pyproject.toml").read_text(encoding="utf-8")
-    said = re.findall(r"Python :: (3\.\d+)", project)
-    assert WORKFLOW["jobs"]["checks"]["strategy"]["matrix"]["python"] == said
+    message = re.findall(r"Python :: (3\.\d+)", project)
+    assert WORKFLOW["jobs"]["checks"]["strategy"]["matrix"]["python"] == message
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a script of bash")

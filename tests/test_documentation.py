@@ -69,8 +69,8 @@ def test_every_command_of_the_pages_has_the_options_that_it_is_typed_with(page: 
     from eclsim.cli.application import app
 
     for line in typed(page.read_text(encoding="utf-8")):
-        words = shlex.split(re.sub(r"--device \S+", "", line))[1:]
-        done = CliRunner().invoke(app, [*words, "--help"])  # options are read before help is given
+        text = shlex.split(re.sub(r"--device \S+", "", line))[1:]
+        done = CliRunner().invoke(app, [*text, "--help"])  # options are read before help is given
         assert done.exit_code == 0, f"{line}\n{done.stderr}"
 
 

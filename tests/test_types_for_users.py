@@ -79,8 +79,8 @@ def test_pyright_follows_a_users_script(tmp_path: Path):
     settings = f'{{"typeCheckingMode": "strict", "extraPaths": ["{SOURCE.as_posix()}"]}}'
     (tmp_path / "pyrightconfig.json").write_text(settings)
     done = run_checker(tmp_path, "pyright", "--pythonpath", sys.executable)
-    found = re.findall(r"(\w+\.py:\d+):\d+ - error:", done.stdout)
-    assert list(dict.fromkeys(found)) == ["wrong.py:3", "wrong.py:4"], done.stdout
+    result = re.findall(r"(\w+\.py:\d+):\d+ - error:", done.stdout)
+    assert list(dict.fromkeys(result)) == ["wrong.py:3", "wrong.py:4"], done.stdout
 
 
 @pytest.mark.slow
@@ -88,8 +88,8 @@ def test_mypy_follows_a_users_script(tmp_path: Path):
     pytest.importorskip("mypy")
     strict = ("--strict", "--follow-imports=silent", "--no-error-summary", "--cache-dir", str(tmp_path))
     done = run_checker(tmp_path, "mypy", *strict, "right.py", "wrong.py")
-    found = [line.partition(" error")[0] for line in done.stdout.splitlines() if "error" in line]
-    assert found == ["wrong.py:3:", "wrong.py:4:"], done.stdout + done.stderr
+    result = [line.partition(" error")[0] for line in done.stdout.splitlines() if "error" in line]
+    assert result == ["wrong.py:3:", "wrong.py:4:"], done.stdout + done.stderr
 
 
 @pytest.mark.slow

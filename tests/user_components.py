@@ -94,5 +94,5 @@ class SetPointControl(Controller):
         return [v * factor if up else v / factor for v, up in zip(values, self.raises, strict=True)]
 
     def next_states(self, states: Any, readings: Any, period: Any, constants: Any) -> list[Any]:
-        wanted, gain = value_of(constants, self.set_point), value_of(constants, self.gain)
-        return [states[0] + gain * period * (wanted / readings[0] - 1.0)]
+        set_point, gain = value_of(constants, self.set_point), value_of(constants, self.gain)
+        return [states[0] + gain * period * (set_point / readings[0] - 1.0)]

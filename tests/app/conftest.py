@@ -33,9 +33,9 @@ class Served:
 
 
 def free_port() -> int:
-    with socket.socket() as found:
-        found.bind(("127.0.0.1", 0))
-        return found.getsockname()[1]
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
 
 
 def serve(*options: str, path: str = "/favicon.ico", port: int | None = None) -> Served:
@@ -138,9 +138,9 @@ def open_page(contexts, served) -> Iterator[Callable[..., Any]]:
 @pytest.fixture(scope="session")
 def shots() -> Path | None:
     """Where screenshots go, if somebody wants to look at them (ECLSIM_SCREENSHOTS)."""
-    wanted = os.environ.get("ECLSIM_SCREENSHOTS")
-    if not wanted:
+    target = os.environ.get("ECLSIM_SCREENSHOTS")
+    if not target:
         return None
-    folder = Path(wanted)
+    folder = Path(target)
     folder.mkdir(parents=True, exist_ok=True)
     return folder

@@ -78,11 +78,11 @@ def test_what_no_patient_can_have_is_marked_at_its_place(paper):
 @pytest.mark.parametrize("preset", PRESETS)
 def test_strip_tiles_and_schematic_agree(preset):
     beat = compute_beat(PageState(PRESETS[preset].case()))
-    told = {f.quantity: f.kind for f in beat.findings if f.kind != "caution"}
+    messages = {f.quantity: f.kind for f in beat.findings if f.kind != "caution"}
     marked = {name for name, level in beat.levels().items() if level != "ok"}
-    assert bool(marked) <= bool(told)
-    assert {name: kind for name, kind in told.items() if beat.levels().get(name, "ok") != "ok"} == {
-        name: beat.levels()[name] for name in told if name in marked
+    assert bool(marked) <= bool(messages)
+    assert {name: kind for name, kind in messages.items() if beat.levels().get(name, "ok") != "ok"} == {
+        name: beat.levels()[name] for name in messages if name in marked
     }
 
 

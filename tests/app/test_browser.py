@@ -47,16 +47,16 @@ def test_the_notice_is_always_there(open_page):
 
 
 @pytest.mark.parametrize(
-    ("typed", "said"),
+    ("typed", "message"),
     [("3,425", "3.425 or 3425"), ("abc", "not a number"), ("9999", "far above"), ("<b>x</b>", "<b>x</b>")],
 )
-def test_bad_values_are_said_beside_the_knob_and_change_nothing(open_page, shots, typed, said):
+def test_bad_values_are_said_beside_the_knob_and_change_nothing(open_page, shots, typed, message):
     page = open_page()
     field = page.locator("#knob-ecmo-speed_rpm")
     field.fill(typed)
     field.press("Enter")
     alert = page.locator("#knob-ecmo-speed_rpm-error")
-    expect(alert).to_contain_text(said)
+    expect(alert).to_contain_text(message)
     expect(field).to_have_attribute("aria-invalid", "true")
     assert beat(page)["outputs"]["PF"] == pytest.approx(3.70, abs=0.02)
     if typed == "3,425":

@@ -43,9 +43,9 @@ def test_two_circulations_stand_side_by_side(open_page, served, shots):
     link = link_of(PageState(type(case).model_validate(raw)))
     page = open_page(url=f"{served.url}/#{link}", viewport=PHONE)
     show(page, "gases")
-    found = beat(page)["outputs"]
-    assert found["SaO2_lower"] > found["SaO2"] + 2.0
+    result = beat(page)["outputs"]
+    assert result["SaO2_lower"] > result["SaO2"] + 2.0
     dual = page.locator(".ecl-gases .dual")
     for name in ("SaO2", "SaO2_lower"):
-        expect(dual).to_contain_text(f"{found[name]:.1f}")
+        expect(dual).to_contain_text(f"{result[name]:.1f}")
     picture(page, shots, "gases_phone")

@@ -92,9 +92,9 @@ def test_the_schematic_can_be_read(open_page, served, shots, preset, devices):
     picture(page, shots, "_".join(("schematic", preset, *devices)))
 
     def readable() -> None:
-        found = page.evaluate(FAULTS_OF_THE_SCHEMATIC, SMALLEST_LETTER_PX)
-        assert found["faults"] == []
-        assert found["filled"] > 0.65
+        result = page.evaluate(FAULTS_OF_THE_SCHEMATIC, SMALLEST_LETTER_PX)
+        assert result["faults"] == []
+        assert result["filled"] > 0.65
 
     eventually(readable)
 
@@ -210,12 +210,14 @@ def test_axe_finds_nothing(open_page, scheme):
     kinds = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
     options = f"{{ runOnly: {kinds}, rules: {{ region: {{ enabled: false }} }} }}"
     ask = f"axe.run({{ exclude: [['.q-loading-bar']] }}, {options})"
-    said = f"async () => (await {ask}).violations.map((v) => `${{v.id}}: ${{v.nodes.map((n) => n.target)}}`)"
+    message = (
+        f"async () => (await {ask}).violations.map((v) => `${{v.id}}: ${{v.nodes.map((n) => n.target)}}`)"
+    )
     still = "!document.querySelector('[class*=-enter-active], [class*=-leave-active]')"
 
     def nothing() -> None:
         page.wait_for_function(still)  # what fades in or out has no contrast of its own
-        assert page.evaluate(said) == []
+        assert page.evaluate(message) == []
 
     for view, drawn in DRAWN.items():
         show(page, view)

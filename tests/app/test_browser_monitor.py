@@ -57,11 +57,11 @@ def test_every_beat_of_a_steady_beat_has_the_same_peak(open_page, served, shots,
     page = open_page(url=fast, viewport=viewport, device_scale_factor=ratio)
 
     def peaks_are_level() -> list[float]:
-        found = page.evaluate(TOP_OF_EVERY_BEAT)
-        assert len(found["tops"]) >= 19
-        assert max(found["tops"]) - min(found["tops"]) < 1.0
-        assert min(found["tops"]) == pytest.approx(found["systolic"] - 0.9, abs=1.0)  # half a line above
-        return found["scale"]
+        result = page.evaluate(TOP_OF_EVERY_BEAT)
+        assert len(result["tops"]) >= 19
+        assert max(result["tops"]) - min(result["tops"]) < 1.0
+        assert min(result["tops"]) == pytest.approx(result["systolic"] - 0.9, abs=1.0)  # half a line above
+        return result["scale"]
 
     fixed = eventually(peaks_are_level)
     button = page.get_by_role("button", name=text("autoscale"))
@@ -77,13 +77,13 @@ def test_the_scale_follows_the_level_not_the_pulse_pressure(open_page, served):
         return expect(page.locator('.ecl-monitor [data-wave="Pao"]'))
 
     weak = open_page(url=link(served, "paper", parameters__Emaxlv=0.5))
-    found = beat(weak)["outputs"]
-    assert found["SP"] - found["DP"] < 5.0
+    result = beat(weak)["outputs"]
+    assert result["SP"] - result["DP"] < 5.0
     pressure(weak).to_have_attribute("data-scale", "0,150")
     weak.get_by_role("button", name=text("autoscale")).click()
     pressure(weak).not_to_have_attribute("data-scale", "0,150")
     expect(weak.get_by_role("button", name=text("autoscale"))).to_have_attribute("aria-pressed", "true")
     strong = open_page("healthy")
-    found = beat(strong)["outputs"]
-    assert found["SP"] - found["DP"] > 30.0
+    result = beat(strong)["outputs"]
+    assert result["SP"] - result["DP"] > 30.0
     pressure(strong).to_have_attribute("data-scale", "0,150")

@@ -155,18 +155,18 @@ def test_a_fit_that_is_wrong_has_no_tick_and_says_why(open_page, shots):
     page = open_page()
     show(page, "identify")
     page.wait_for_function("eclsim.bus.last('form')")
-    found = page.locator(".ecl-identify .result")
+    result = page.locator(".ecl-identify .result")
     for off, ticks, level in ((0.4, 1, "good"), (3.0, 0, "doubtful"), (4.1, 0, "poor")):
         page.evaluate("(data) => eclsim.bus.publish('fit_ended', data)", fit_of(page, off))
         page.locator(f".judgement.{level}").wait_for()
 
         def has_ticks(ticks=ticks) -> None:
-            assert found.inner_text().count("\u2713") == ticks
+            assert result.inner_text().count("\u2713") == ticks
 
         eventually(has_ticks)
         picture(page, shots, f"fit_{level}")
-    expect(found).to_contain_text("POOR FIT, not to be used")
-    expect(found).to_contain_text(re.compile(r"MAP 102\.[56] fitted against 80 measured"))
+    expect(result).to_contain_text("POOR FIT, not to be used")
+    expect(result).to_contain_text(re.compile(r"MAP 102\.[56] fitted against 80 measured"))
     expect(page.get_by_role("button", name=text("fit_use"))).to_have_count(0)
     expect(page.get_by_role("button", name=text("fit_use_poor"))).to_be_visible()
 

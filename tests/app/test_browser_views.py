@@ -16,8 +16,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one serve
 @pytest.mark.parametrize("preset", PRESETS)
 def test_every_preset_opens(open_page, shots, preset):
     page = open_page(preset)
-    found = beat(page)
-    assert found["converged"]
+    result = beat(page)
+    assert result["converged"]
     boxes = 10 + 6 * (preset in ("paper", "vv-ecmo")) + 4 * (preset == "paper")
     expect(page.locator(".ecl-schematic .box")).to_have_count(boxes)
     picture(page, shots, f"preset_{preset}")

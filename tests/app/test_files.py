@@ -39,7 +39,7 @@ def test_a_file_with_a_pump_flow_opens_at_the_speed_that_gives_it():
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "said"),
+    ("name", "content", "message"),
     [
         ("x.csv.exe", b"format = 1", "not a case file"),
         ("archive.zip", b"PK\x03\x04", "not a case file"),
@@ -53,8 +53,8 @@ def test_a_file_with_a_pump_flow_opens_at_the_speed_that_gives_it():
         ("binary.csv", bytes(range(256)) * 20, "."),
     ],
 )
-def test_what_cannot_be_used_says_why(name, content, said):
-    with pytest.raises(CaseError, match=said) as refused:
+def test_what_cannot_be_used_says_why(name, content, message):
+    with pytest.raises(CaseError, match=message) as refused:
         parse_file(name, content)
     assert "/tmp" not in str(refused.value)
 
@@ -100,10 +100,10 @@ def test_tables_have_units_and_the_values_of_the_page():
 
 
 def test_the_exported_case_and_study_keep_the_policy_of_the_page(monkeypatch):
-    asked = {}
+    requests = {}
 
     def study(case, **options):
-        asked.update(options)
+        requests.update(options)
         raise StudyError("not here")
 
     monkeypatch.setattr("eclsim.crrt_study.study.crrt_study", study)
@@ -111,7 +111,7 @@ def test_the_exported_case_and_study_keep_the_policy_of_the_page(monkeypatch):
     assert 'blood_volume_policy = "patient_held"' in export(state, "case")[1].decode()
     with pytest.raises(ExportError, match="not here"):
         export(state, "study")
-    assert asked == {"volume_policy": "patient_held"}
+    assert requests == {"volume_policy": "patient_held"}
 
 
 @pytest.mark.slow

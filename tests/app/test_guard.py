@@ -63,8 +63,8 @@ def ask(rules=None, method="GET", path="/", headers=(), body=(b"",), kind="http"
         async def send(message):
             sent.append(message)
 
-        found = {"host": "127.0.0.1:8080", **dict(headers)}
-        raw = [(k.encode(), v.encode()) for k, v in found.items()]
+        result = {"host": "127.0.0.1:8080", **dict(headers)}
+        raw = [(k.encode(), v.encode()) for k, v in result.items()]
         scope = {"type": kind, "method": method, "path": path, "headers": raw, "scheme": "http"}
         await Guard(inner, rules or Rules(HOSTS))(scope, receive, send)
         return Answer(sent)

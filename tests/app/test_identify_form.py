@@ -59,7 +59,7 @@ def test_a_good_form_is_a_case_with_the_devices_of_the_page():
 
 
 @pytest.mark.parametrize(
-    ("changes", "key", "said"),
+    ("changes", "key", "message"),
     [
         ({"measurements__SP": "70"}, "measurements.SP", "below diastolic"),
         ({"measurements__SP": "1,200"}, "measurements.SP", "1,200 may be 1.200 or 1200"),
@@ -76,9 +76,9 @@ def test_a_good_form_is_a_case_with_the_devices_of_the_page():
         ({"measurements__SP": ["a"], "patient__sex": "other"}, "patient.sex", ""),
     ],
 )
-def test_bad_values_are_said_at_their_field(changes, key, said):
+def test_bad_values_are_said_at_their_field(changes, key, message):
     mistakes = checked_form(CASE, form(**changes)).mistakes
-    assert any(m.key == key and said in str(m) for m in mistakes), [str(m) for m in mistakes]
+    assert any(m.key == key and message in str(m) for m in mistakes), [str(m) for m in mistakes]
 
 
 def test_a_decimal_comma_is_read_as_a_point():
@@ -148,12 +148,12 @@ def slow() -> StubFitter:
 
 
 def told_by(fitter, action) -> list:
-    told: list = []
-    tell = lambda topic, data: told.append((topic, data))  # noqa: E731
+    messages: list = []
+    tell = lambda topic, data: messages.append((topic, data))  # noqa: E731
     session = StubSession()
     bands = PosteriorBands(None, session)  # type: ignore[arg-type]
-    asyncio.run(action(Identification(session, tell, fitter, bands), told))  # type: ignore[arg-type]
-    return told
+    asyncio.run(action(Identification(session, tell, fitter, bands), messages))  # type: ignore[arg-type]
+    return messages
 
 
 def ended_with(told) -> tuple[str, str]:
@@ -163,7 +163,7 @@ def ended_with(told) -> tuple[str, str]:
 
 
 def test_another_patient_has_another_form_no_results_and_no_fit_that_runs(slow):
-    async def action(one, told):
+    async def action(one, messages):
         one.fill()
         fit = asyncio.create_task(one.start(form()))
         await until(lambda: slow.running)
@@ -179,8 +179,8 @@ def test_another_patient_has_another_form_no_results_and_no_fit_that_runs(slow):
         one.follow()
         slow.may_end.set()
 
-    told = told_by(slow, action)
-    forms = [data for topic, data in told if topic == "form"]
+    messages = told_by(slow, action)
+    forms = [data for topic, data in messages if topic == "form"]
     assert [f["values"]["patient.id"] for f in forms] == [CASE.patient.id, "LVAD", CASE.patient.id]
     assert len({f["subject"] for f in forms}) == 2
 
@@ -189,11 +189,11 @@ def test_a_fit_that_the_browser_kept_is_used_by_a_server_that_does_not_know_it(s
     slow.may_end.set()
     fit = {}
 
-    async def first(one, told):
+    async def first(one, messages):
         await one.start(form())
-        fit.update(next(data["fit"] for topic, data in told if topic == "fit_ended"))
+        fit.update(next(data["fit"] for topic, data in messages if topic == "fit_ended"))
 
-    async def second(one, told):
+    async def second(one, messages):
         assert not one.use("")
         assert not one.use("nonsense")
         assert not one.use(link_of(PageState(PRESETS["lvad"].case(), origin="fit")))  # another patient's
@@ -213,7 +213,7 @@ def test_a_posterior_that_excludes_the_interval_of_the_fit_makes_it_a_poor_one(s
     verdict = FitVerdict(None, ()).as_object()
     slow.answer = {"usable": True, "parameters": {"Rmc": known}, "verdict": verdict}
 
-    async def action(one, told):
+    async def action(one, messages):
         await one.start(form())
         assert one.use()
         fitted = one.session.state = one.session.loaded[0].with_case(
@@ -234,7 +234,7 @@ def test_a_posterior_that_excludes_the_interval_of_the_fit_makes_it_a_poor_one(s
 
 
 def test_a_double_press_is_one_fit_and_it_can_be_used(slow):
-    async def action(one, told):
+    async def action(one, messages):
         first = asyncio.create_task(one.start(form()))
         await until(lambda: slow.running)
         await one.start(form())
@@ -245,16 +245,16 @@ def test_a_double_press_is_one_fit_and_it_can_be_used(slow):
         assert fitted.origin == "fit"
         assert subject_of(fitted) == subject_of(one.session.state)  # whose measurements they were
 
-    told = told_by(slow, action)
+    messages = told_by(slow, action)
     assert len(slow.running) == 1
-    assert [t for t, _ in told].count("fit_ended") == 1
-    assert any(t == "fit_progress" for t, _ in told)
+    assert [t for t, _ in messages].count("fit_ended") == 1
+    assert any(t == "fit_progress" for t, _ in messages)
 
 
 def test_the_posterior_belongs_to_the_fitted_patient(slow):
     slow.may_end.set()
 
-    async def action(one, told):
+    async def action(one, messages):
         await one.find_posterior()
         assert slow.running == []  # nothing is fitted yet
         typed = form()
@@ -272,7 +272,7 @@ def test_the_posterior_belongs_to_the_fitted_patient(slow):
 
 
 def test_a_posterior_can_be_cancelled(slow):
-    async def action(one, told):
+    async def action(one, messages):
         slow.may_end.set()
         await one.start(form())
         slow.may_end.clear()
@@ -287,7 +287,7 @@ def test_a_posterior_can_be_cancelled(slow):
 
 
 def test_cancel_frees_the_page_at_once(slow):
-    async def action(one, told):
+    async def action(one, messages):
         fit = asyncio.create_task(one.start(form()))
         await until(lambda: slow.running)
         one.cancel()
@@ -296,15 +296,15 @@ def test_cancel_frees_the_page_at_once(slow):
         assert not one.use()
         slow.may_end.set()
 
-    told = told_by(slow, action)
-    assert ended_with(told) == ("fit_ended", identify.text("fit_cancelled"))
+    messages = told_by(slow, action)
+    assert ended_with(messages) == ("fit_ended", identify.text("fit_cancelled"))
 
 
 def test_a_fit_that_fails_says_why_and_leaves_the_page_usable(slow):
     slow.answer = FitError("no heartbeat")
     slow.may_end.set()
 
-    async def action(one, told):
+    async def action(one, messages):
         await one.start(form())
         assert not one.running
         assert not one.use()
@@ -313,7 +313,7 @@ def test_a_fit_that_fails_says_why_and_leaves_the_page_usable(slow):
 
 
 def test_a_form_with_mistakes_is_not_fitted(slow):
-    async def action(one, told):
+    async def action(one, messages):
         await one.start(form(measurements__SP="x"))
 
     told_by(slow, action)
@@ -333,14 +333,14 @@ def test_the_reasons_of_a_verdict_name_no_option_that_the_page_has_not():
         Reason(Aspect.AGREEMENT, Level.DOUBTFUL, "", "ask for --another-option now"),
     ]
     assert sum("--" in reason.sentence for reason in reasons) == 5
-    said = [on_the_page({"sentence": reason.sentence})["sentence"] for reason in reasons]
-    assert not any("--" in sentence for sentence in said), said
-    assert any("this page weighs each difference by the measured value" in sentence for sentence in said)
-    found = judged(
+    message = [on_the_page({"sentence": reason.sentence})["sentence"] for reason in reasons]
+    assert not any("--" in sentence for sentence in message), message
+    assert any("this page weighs each difference by the measured value" in sentence for sentence in message)
+    result = judged(
         {"parameters": own, "verdict": FitVerdict(goodness, tuple(reasons[:1])).as_object()}, other
     )
-    assert "--" not in str(found["verdict"]["reasons"])
-    assert "--" not in found["parameters"]["Rmc"]["reason"]
+    assert "--" not in str(result["verdict"]["reasons"])
+    assert "--" not in result["parameters"]["Rmc"]["reason"]
 
 
 def test_the_blood_volume_is_fitted_where_the_central_venous_pressure_was_measured():

@@ -40,10 +40,10 @@ EVERY = [(key, control) for key, case in CASES.items() for control in controls(c
 @pytest.mark.parametrize(("key", "control"), EVERY, ids=lambda v: getattr(v, "key", v))
 def test_every_control_turns_and_is_read_back(key, control):
     case = CASES[key]
-    wanted = [control.low, control.high] if isinstance(control, Knob) else [k for k, _ in control.options]
+    choices = [control.low, control.high] if isinstance(control, Knob) else [k for k, _ in control.options]
     if key == "everything" and isinstance(control, Picker):  # most sites are taken, or gone without regions
-        wanted = [value_of(case, control.key)]
-    for value in wanted:
+        choices = [value_of(case, control.key)]
+    for value in choices:
         shown = value_of(turn(case, control.key, value), control.key)
         assert shown == (pytest.approx(value, abs=1e-3) if isinstance(control, Knob) else value)
 
@@ -59,7 +59,7 @@ def test_every_control_has_words_and_shows_a_value_it_can_take(key, control):
 
 
 @pytest.mark.parametrize(
-    ("typed", "said"),
+    ("typed", "message"),
     [
         ("3,425", "3,425 may be 3.425 or 3425: write one of the two"),
         ("1.234,5", "decimal point"),
@@ -74,8 +74,8 @@ def test_every_control_has_words_and_shows_a_value_it_can_take(key, control):
         ("<script>alert(1)</script>", "not a number"),
     ],
 )
-def test_typed_values_that_cannot_be_say_why(typed, said):
-    with pytest.raises(CaseError, match=said):
+def test_typed_values_that_cannot_be_say_why(typed, message):
+    with pytest.raises(CaseError, match=message):
         turn(CASES["paper"], "ecmo.speed_rpm", typed)
 
 
@@ -118,8 +118,8 @@ def test_devices_are_connected_and_taken_away(key, device):
 
 
 def test_crrt_moves_to_the_patient_when_ecmo_goes():
-    alone = connect(CASES["paper"], "ecmo")
-    assert (alone.crrt.access_site, alone.crrt.return_site) == ("svn", "ra")
+    single = connect(CASES["paper"], "ecmo")
+    assert (single.crrt.access_site, single.crrt.return_site) == ("svn", "ra")
 
 
 def test_a_new_pump_starts_inside_its_own_speeds():

@@ -59,16 +59,16 @@ class StubEngine:
 @pytest.fixture
 def quick(monkeypatch) -> list:
     """Bands that cost nothing; what they were computed for."""
-    asked: list = []
+    requests: list = []
 
-    def computed(state, members, wanted):
-        asked.append(state)
-        return {"of": key_of(state)} if wanted() else None
+    def computed(state, members, current):
+        requests.append(state)
+        return {"of": key_of(state)} if current() else None
 
     monkeypatch.setattr(updates, "PAUSE_S", 0.02)
     monkeypatch.setattr(studies, "beat_bands", computed)
     monkeypatch.setattr(studies, "ramp_bands", computed)
-    return asked
+    return requests
 
 
 def follow(action) -> StubSession:
@@ -122,7 +122,7 @@ def test_bands_of_a_beat_that_is_no_longer_seen_are_dropped(quick, monkeypatch):
         began, go_on = asyncio.Event(), asyncio.Event()
         loop = asyncio.get_running_loop()
 
-        def slow(state, members, wanted):
+        def slow(state, members, current):
             loop.call_soon_threadsafe(began.set)
             asyncio.run_coroutine_threadsafe(go_on.wait(), loop).result(PATIENCE_S)
             return {"of": key_of(state)}
@@ -187,26 +187,26 @@ def test_a_knob_turns_a_fitted_parameter_in_all_members():
 
 @pytest.mark.slow
 def test_bands_of_a_beat_are_quantiles_of_its_members():
-    found = studies.beat_bands(STATE, MADE_UP, lambda: True)
-    assert found is not None
+    result = studies.beat_bands(STATE, MADE_UP, lambda: True)
+    assert result is not None
     single = [
         compute_beat(STATE.with_case(turn(CASE, "parameters.Rmc", RMC * s))).outputs["MAP"] for s in SPREAD
     ]
-    assert found["outputs"]["MAP"] == pytest.approx(np.quantile(single, (0.05, 0.95)), rel=1e-3)
+    assert result["outputs"]["MAP"] == pytest.approx(np.quantile(single, (0.05, 0.95)), rel=1e-3)
     own = compute_beat(STATE)
-    low, high = (np.array(side) for side in found["waves"]["Pao"])
+    low, high = (np.array(side) for side in result["waves"]["Pao"])
     middle = own.waves["Pao"][::2]
     assert ((low < middle) & (middle < high)).all()
-    assert found["lost"] == 0
-    assert len(found["loops"]["lv"]) == studies.LOOPS
+    assert result["lost"] == 0
+    assert len(result["loops"]["lv"]) == studies.LOOPS
     assert studies.beat_bands(STATE, MADE_UP, lambda: False) is None
 
 
 @pytest.mark.slow
 def test_the_ramp_has_bands_at_its_own_speed_range():
-    found = studies.ramp_bands(STATE, MADE_UP, lambda: True)
-    assert found is not None
-    low, high = found["outputs"]["PF"]
+    result = studies.ramp_bands(STATE, MADE_UP, lambda: True)
+    assert result is not None
+    low, high = result["outputs"]["PF"]
     assert all(a < b for a, b in zip(low, high, strict=True))
     assert low == sorted(low)
     assert studies.ramp_bands(PageState(PRESETS["healthy"].case()), MADE_UP, lambda: True) is None
@@ -219,10 +219,10 @@ def written(folder: Path, name: str = "Rmc", values=SPREAD, **attributes) -> byt
 
 
 def test_a_posterior_of_the_command_line_is_read(tmp_path):
-    found = parse_posterior("a/posterior.NC", written(tmp_path, sampler="nuts", trusted=1, doubts=""))
-    assert sorted(found.draws[:, 0]) == pytest.approx(sorted(SPREAD))
-    assert found.base["Rmc"] == pytest.approx(np.median(SPREAD), rel=0.05)
-    assert found.as_object() | {"method": ""} == {
+    result = parse_posterior("a/posterior.NC", written(tmp_path, sampler="nuts", trusted=1, doubts=""))
+    assert sorted(result.draws[:, 0]) == pytest.approx(sorted(SPREAD))
+    assert result.base["Rmc"] == pytest.approx(np.median(SPREAD), rel=0.05)
+    assert result.as_object() | {"method": ""} == {
         "method": "", "trusted": True, "checked": True, "doubts": [], "count": 48,
     }  # fmt: skip
 
@@ -238,7 +238,7 @@ def test_doubts_of_the_file_are_kept(tmp_path, attributes):
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"name": "Rxyz"}, "of what no case file holds"),
         ({"name": "gas.shunt_fraction", "values": SPREAD + 1.0}, "gas.shunt_fraction has values outside"),
@@ -246,20 +246,20 @@ def test_doubts_of_the_file_are_kept(tmp_path, attributes):
         ({"values": SPREAD * np.nan}, "Rmc has values outside"),
     ],
 )
-def test_what_is_no_posterior_is_refused(tmp_path, change, said):
-    with pytest.raises(CaseError, match=said):
+def test_what_is_no_posterior_is_refused(tmp_path, change, message):
+    with pytest.raises(CaseError, match=message):
         read_posterior("p.nc", written(tmp_path, **change))
 
 
 def test_draws_of_gas_keys_go_with_a_patient_that_has_gases(tmp_path):
     shares = np.linspace(0.0, 0.6, 48)
-    found = read_posterior("p.nc", written(tmp_path, "gas.shunt_fraction", shares))
+    result = read_posterior("p.nc", written(tmp_path, "gas.shunt_fraction", shares))
     with pytest.raises(CaseError, match="open the patient first"):
-        found.centred(CASE)
-    case = found.centred(connect(CASE, "gas"))
+        result.centred(CASE)
+    case = result.centred(connect(CASE, "gas"))
     assert case.gas is not None
     assert case.gas.shunt_fraction == pytest.approx(0.3, abs=0.02)
-    turned = found.values({"gas.shunt_fraction": found.base["gas.shunt_fraction"] + 0.7}, 48)
+    turned = result.values({"gas.shunt_fraction": result.base["gas.shunt_fraction"] + 0.7}, 48)
     most = Gas.fields()["shunt_fraction"].maximum
     assert sorted(turned["gas.shunt_fraction"]) == pytest.approx(np.minimum(shares + 0.7, most))
     assert turned["gas.shunt_fraction"].max() == most

@@ -23,11 +23,11 @@ def test_a_preset_keeps_its_name_only_while_nothing_is_turned(key):
 
 
 def test_a_row_of_a_cohort_that_is_not_fitted_is_not_the_patient():
-    said = provenance(PageState(UNFITTED, origin="file", source="ward.csv"))
-    assert said["badge"] == "Not fitted"
-    assert said["level"] == "warning"
-    assert "ward.csv" in said["text"]
-    assert said["measured"] == {"MAP": 75.0, "CO": 3.0}
+    message = provenance(PageState(UNFITTED, origin="file", source="ward.csv"))
+    assert message["badge"] == "Not fitted"
+    assert message["level"] == "warning"
+    assert "ward.csv" in message["text"]
+    assert message["measured"] == {"MAP": 75.0, "CO": 3.0}
 
 
 @pytest.mark.parametrize(

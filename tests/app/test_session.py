@@ -47,49 +47,49 @@ def beats(told: list) -> list:
 
 
 def test_of_many_turns_only_the_newest_is_computed():
-    engine, told = StubEngine(), []
+    engine, messages = StubEngine(), []
 
     async def turns():
-        one = session(engine, told)
+        one = session(engine, messages)
         one.start()
         for rate in range(60, 100):
             one.turn("patient.heart_rate_bpm", float(rate), rate)
-        await until(lambda: beats(told) and beats(told)[-1]["seq"] == 99)
+        await until(lambda: beats(messages) and beats(messages)[-1]["seq"] == 99)
 
     asyncio.run(turns())
     assert len(engine.computed) <= 3
     assert 99 in engine.computed
-    assert beats(told)[-1]["seq"] == 99
+    assert beats(messages)[-1]["seq"] == 99
 
 
 def test_a_value_that_cannot_be_is_told_and_changes_nothing():
-    engine, told = StubEngine(), []
+    engine, messages = StubEngine(), []
 
     async def turns():
-        one = session(engine, told)
+        one = session(engine, messages)
         assert not one.turn("patient.heart_rate_bpm", "1.2 x", 7)
         assert one.state.case.patient.heart_rate_bpm == 70
 
     asyncio.run(turns())
-    (error,) = [data for topic, data in told if topic == "error"]
+    (error,) = [data for topic, data in messages if topic == "error"]
     assert error["key"] == "patient.heart_rate_bpm"
     assert "not a number" in error["messages"][0]
 
 
 def test_a_beat_that_fails_is_told_and_the_next_one_comes():
-    engine, told = StubEngine(fail=True), []
+    engine, messages = StubEngine(fail=True), []
 
     async def turns():
-        one = session(engine, told)
+        one = session(engine, messages)
         one.start()
-        await until(lambda: any(topic == "failed" for topic, _ in told))
+        await until(lambda: any(topic == "failed" for topic, _ in messages))
         engine.fail = False
         one.turn("patient.heart_rate_bpm", 88.0, 1)
-        await until(lambda: beats(told))
+        await until(lambda: beats(messages))
 
     asyncio.run(turns())
-    assert any(topic == "failed" for topic, _ in told)
-    assert beats(told)[-1]["outputs"]["MAP"] == 88
+    assert any(topic == "failed" for topic, _ in messages)
+    assert beats(messages)[-1]["outputs"]["MAP"] == 88
 
 
 def test_sessions_share_nothing():
@@ -97,12 +97,12 @@ def test_sessions_share_nothing():
     heard: list[list] = [[], []]
 
     async def turns():
-        first, second = (session(engine, told) for told in heard)
+        first, second = (session(engine, messages) for messages in heard)
         for one in (first, second):
             one.start()
         first.turn("patient.heart_rate_bpm", 61.0, 1)
         second.turn("patient.heart_rate_bpm", 99.0, 1)
-        await until(lambda: all(beats(told) for told in heard))
+        await until(lambda: all(beats(messages) for messages in heard))
         first.undo()
         await until(lambda: beats(heard[0])[-1]["outputs"]["MAP"] == 70)
         assert second.state.case.patient.heart_rate_bpm == 99
@@ -113,33 +113,33 @@ def test_sessions_share_nothing():
 
 
 def test_a_closed_session_says_nothing_more():
-    engine, told = StubEngine(delay=0.05), []
+    engine, messages = StubEngine(delay=0.05), []
 
     async def turns():
-        one = session(engine, told)
+        one = session(engine, messages)
         one.start()
         one.close()
-        count = len(told)
+        count = len(messages)
         await asyncio.sleep(0.15)
-        assert len(told) == count
+        assert len(messages) == count
 
     asyncio.run(turns())
 
 
 def test_pin_and_save_keep_the_beat_with_its_own_state():
-    engine, told = StubEngine(delay=0.05), []
+    engine, messages = StubEngine(delay=0.05), []
 
     async def turns():
-        one = session(engine, told)
+        one = session(engine, messages)
         one.start()
-        await until(lambda: beats(told))
+        await until(lambda: beats(messages))
         one.turn("patient.heart_rate_bpm", 95.0, 1)
         one.pin()
         assert one.save()
         state, beat = one.saved[0]
         assert state.case.patient.heart_rate_bpm == beat.outputs["MAP"] == 70
         assert one.pinned == (state, beat)
-        await until(lambda: len(beats(told)) == 2)
+        await until(lambda: len(beats(messages)) == 2)
         while one.save():
             pass
         assert len(one.saved) == MOST_SAVED
@@ -150,15 +150,15 @@ def test_pin_and_save_keep_the_beat_with_its_own_state():
         assert one.pinned is None
 
     asyncio.run(turns())
-    assert told[-2:][0][0] == "pinned"
+    assert messages[-2:][0][0] == "pinned"
 
 
 @pytest.mark.parametrize("policy", ["patient_held", "nonsense"])
 def test_only_known_volume_policies_are_taken(policy):
-    engine, told = StubEngine(), []
+    engine, messages = StubEngine(), []
 
     async def turns():
-        one = session(engine, told)
+        one = session(engine, messages)
         one.set_policy(policy)
         return one.state.policy
 
@@ -167,22 +167,22 @@ def test_only_known_volume_policies_are_taken(policy):
 
 def test_a_tab_that_is_restored_has_its_undo_its_pin_and_its_saved_states():
     """The server was started again: what the browser kept is all there is."""
-    engine, told, other = StubEngine(), [], []
+    engine, messages, other = StubEngine(), [], []
 
     async def before():
-        one = session(engine, told)
+        one = session(engine, messages)
         one.start()
-        await until(lambda: len(beats(told)) == 1)
+        await until(lambda: len(beats(messages)) == 1)
         one.pin()
         one.turn("patient.heart_rate_bpm", 81.0, 1)
-        await until(lambda: len(beats(told)) == 2)
+        await until(lambda: len(beats(messages)) == 2)
         one.save()
         one.turn("patient.heart_rate_bpm", 92.0, 2)
-        await until(lambda: key_of(one.state) in [data["of"] for topic, data in told if topic == "keep"])
+        await until(lambda: key_of(one.state) in [data["of"] for topic, data in messages if topic == "keep"])
 
     async def after():
         one = session(engine, other)
-        kept = [data["tab"] for topic, data in told if topic == "keep"]
+        kept = [data["tab"] for topic, data in messages if topic == "keep"]
         one.restore(read_snapshot(kept[-1]))
         one.start()
         await until(lambda: one.pinned and one.saved and any(topic == "base" for topic, _ in other))
@@ -201,32 +201,32 @@ def test_a_tab_that_is_restored_has_its_undo_its_pin_and_its_saved_states():
 
 
 def test_undo_then_reset_stays_with_the_same_patient():
-    engine, told = StubEngine(), []
+    engine, messages = StubEngine(), []
 
     async def turns():
-        one = session(engine, told)
+        one = session(engine, messages)
         one.start()
         one.turn("patient.heart_rate_bpm", 81.0, 1)
         one.load(PageState(PRESETS["lvad"].case()))
         one.undo()
         one.reset()
-        await until(lambda: beats(told))
+        await until(lambda: beats(messages))
         return one.state
 
     assert asyncio.run(turns()) == preset_state("healthy")
-    states = [data for topic, data in told if topic == "state"]
+    states = [data for topic, data in messages if topic == "state"]
     assert [s["name"] for s in states][-1] == "Healthy adult"
 
 
 def test_a_fit_that_is_judged_again_is_so_in_all_its_states():
-    engine, told = StubEngine(), []
+    engine, messages = StubEngine(), []
     fitted = PageState(PRESETS["paper"].case(), origin="fit", verdict="good")
 
     async def turns():
-        one = session(engine, told)
+        one = session(engine, messages)
         one.load(fitted)
         one.turn("patient.heart_rate_bpm", 81.0, 1)
-        await until(lambda: beats(told))
+        await until(lambda: beats(messages))
         one.judge(fitted, replace(fitted, verdict="poor"))
         assert one.state.start.verdict == one.state.verdict == "poor"
         assert one.shown[0] == one.state
@@ -236,29 +236,29 @@ def test_a_fit_that_is_judged_again_is_so_in_all_its_states():
         assert one.state == preset_state("healthy")
 
     asyncio.run(turns())
-    names = [data["provenance"]["badge"] for topic, data in told if topic == "state"]
+    names = [data["provenance"]["badge"] for topic, data in messages if topic == "state"]
     assert names[-2:] == ["Poor fit", "Preset"]
 
 
 def test_numbers_say_where_their_knobs_stood():
-    engine, told = StubEngine(), []
+    engine, messages = StubEngine(), []
 
     async def turns():
-        one = session(engine, told)
+        one = session(engine, messages)
         one.start()
         await asyncio.sleep(0)  # the first beat is being computed
         one.turn("patient.heart_rate_bpm", 81.0, 1)
-        await until(lambda: len(beats(told)) == 2)
+        await until(lambda: len(beats(messages)) == 2)
 
     asyncio.run(turns())
-    assert {b["outputs"]["MAP"] == b["values"]["patient.heart_rate_bpm"] for b in beats(told)} == {True}
+    assert {b["outputs"]["MAP"] == b["values"]["patient.heart_rate_bpm"] for b in beats(messages)} == {True}
 
 
 def test_a_scheme_connects_the_crrt_where_there_is_none():
-    engine, told = StubEngine(), []
+    engine, messages = StubEngine(), []
 
     async def turns():
-        one = session(engine, told)
+        one = session(engine, messages)
         one.load(PageState(PRESETS["vv-ecmo"].case()))
         assert one.use("crrt", {"crrt.access_site": "post_oxy", "crrt.return_site": "pre_pump"})
         lines = one.state.case.crrt

@@ -30,12 +30,12 @@ def test_undo_redo_pinned_and_saved_come_back():
         history.change(state, "", float(k))
     history.undo()
     kept = Snapshot(history, FIRST, (at_speed(2000), preset_state("lvad")))
-    found = read_snapshot(kept.packed())
-    assert found.history.now == at_speed(3000)
-    assert found.history.past == [preset_state("healthy"), FIRST]
-    assert found.history.future == [at_speed(3100)]
-    assert (found.pinned, found.saved) == (kept.pinned, kept.saved)
-    assert found.history.now.start == FIRST
+    result = read_snapshot(kept.packed())
+    assert result.history.now == at_speed(3000)
+    assert result.history.past == [preset_state("healthy"), FIRST]
+    assert result.history.future == [at_speed(3100)]
+    assert (result.pinned, result.saved) == (kept.pinned, kept.saved)
+    assert result.history.now.start == FIRST
 
 
 def test_a_long_history_is_cut_and_stays_short():

@@ -160,6 +160,6 @@ def test_a_law_is_kept_by_its_name_or_by_what_it_is_made_of(folder):
 
 
 def test_different_circuits_have_different_descriptions():
-    found = {compilation._described(beat_program(circulation(), level)) for level in (1, 2)}
-    assert len(found) == 2
-    assert None not in found
+    result = {compilation._described(beat_program(circulation(), level)) for level in (1, 2)}
+    assert len(result) == 2
+    assert None not in result

@@ -39,8 +39,8 @@ def test_contents_after_dash_are_those_of_its_authors():
 @pytest.mark.parametrize(("pco2", "ph", "saturation", "haemoglobin", "content"), DOUGLAS)
 def test_carbon_dioxide_after_douglas(pco2, ph, saturation, haemoglobin, content, monkeypatch):
     monkeypatch.setattr(standard, "saturation", lambda *_: saturation)
-    found = standard.carbon_dioxide_content(100.0, pco2, ph, Blood(haemoglobin))
-    assert found == pytest.approx(content, abs=0.005)
+    result = standard.carbon_dioxide_content(100.0, pco2, ph, Blood(haemoglobin))
+    assert result == pytest.approx(content, abs=0.005)
 
 
 def test_ph_and_contents_of_healthy_blood():

@@ -221,14 +221,14 @@ def test_gets_its_verdict(row, tmp_path):
     if row.verdict == "E":
         with pytest.raises(CaseError) as caught:
             read_case(file)
-        said = str(caught.value)
-        assert all(line.startswith(str(file)) for line in said.splitlines())
+        message = str(caught.value)
+        assert all(line.startswith(str(file)) for line in message.splitlines())
     else:
         reading = read_case(file)
         assert bool(reading.warnings) == (row.verdict == "W")
-        said = "\n".join(map(str, (*reading.warnings, *reading.notes)))
-    for words in row.says:
-        assert words in said
+        message = "\n".join(map(str, (*reading.warnings, *reading.notes)))
+    for text in row.says:
+        assert text in message
 
 
 def test_all_mistakes_of_a_file_are_told_at_once_with_their_lines(tmp_path):
@@ -240,9 +240,9 @@ def test_all_mistakes_of_a_file_are_told_at_once_with_their_lines(tmp_path):
     with pytest.raises(CaseError) as caught:
         read_case(file)
     lines = text.splitlines()
-    found = {mistake.key: mistake.line for mistake in caught.value.mistakes}
-    assert set(found) == {"patient.age_years", "measurements.SP", "measurements.CO", "ecmo.pump"}
-    for key, line in found.items():
+    result = {mistake.key: mistake.line for mistake in caught.value.mistakes}
+    assert set(result) == {"patient.age_years", "measurements.SP", "measurements.CO", "ecmo.pump"}
+    for key, line in result.items():
         assert lines[line - 1].startswith(key.partition(".")[2])
 
 

@@ -31,7 +31,7 @@ def read(**measured):
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "meant"),
+    ("name", "value", "suggestion"),
     [
         ("SaO2", 0.93, "did you mean 0.93 = 93 %?"),
         ("SvO2", 0.7, "did you mean 0.7 = 70 %?"),
@@ -40,12 +40,12 @@ def read(**measured):
         ("SpostO2", 101, "allowed: 5 to 100 %"),
     ],
 )
-def test_fractions_and_kilopascal_are_refused_in_one_line(name, value, meant):
+def test_fractions_and_kilopascal_are_refused_in_one_line(name, value, suggestion):
     with pytest.raises(CaseError) as caught:
         read(**{name: value})
     (mistake,) = caught.value.mistakes
     assert str(mistake).startswith(f"measurements.{name} = {value}: outside the allowed range")
-    assert meant in str(mistake)
+    assert suggestion in str(mistake)
 
 
 def test_a_pressure_in_kilopascal_is_betrayed_by_its_saturation():

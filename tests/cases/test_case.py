@@ -102,9 +102,9 @@ def test_a_written_case_reads_back_the_same(tmp_path_factory, name, age, factors
 def test_the_blood_volume_policy_is_written_and_read_back(tmp_path, policy):
     case = Case(patient=PATIENT, blood_volume_policy=policy)
     write_case(case, tmp_path / "case.toml")
-    found = read_case(tmp_path / "case.toml").case
-    assert found == case
-    assert found.volume_policy == (policy or "as_published")
+    result = read_case(tmp_path / "case.toml").case
+    assert result == case
+    assert result.volume_policy == (policy or "as_published")
 
 
 def test_writing_leaves_nothing_half_written(tmp_path):

@@ -50,7 +50,7 @@ def test_without_a_device_the_patient_has_none(write):
 
 
 @pytest.mark.parametrize(
-    ("column", "value", "words"),
+    ("column", "value", "text"),
     [
         ("SP", "3,5", "decimal comma"),
         ("SP", "40", "systolic"),
@@ -71,15 +71,15 @@ def test_without_a_device_the_patient_has_none(write):
         ("weight_kg", "", "missing"),
     ],
 )
-def test_a_bad_cell_refuses_its_row_alone_with_line_and_column(write, column, value, words):
+def test_a_bad_cell_refuses_its_row_alone_with_line_and_column(write, column, value, text):
     bad = row(2, **{column: f'"{value}"'})
     reading = read_cohort(write(HEAD, row(1), bad, row(3)))
     assert [p.measurement for p in reading.points] == ["1", "3"]
-    told = [m for m in reading.refused if m.key == column]
-    assert told, reading.refused
+    messages = [m for m in reading.refused if m.key == column]
+    assert messages, reading.refused
     assert all(m.line == 3 for m in reading.refused)
-    assert words in str(told[0])
-    assert len(str(told[0])) < 600
+    assert text in str(messages[0])
+    assert len(str(messages[0])) < 600
 
 
 def test_one_bad_row_among_a_thousand(write):
@@ -128,7 +128,7 @@ def test_decimal_commas_in_a_file_with_semicolons_are_refused_with_what_was_mean
 
 
 @pytest.mark.parametrize(
-    ("data", "words"),
+    ("data", "text"),
     [
         (b"", "empty"),
         (b"\n \n", "empty"),
@@ -138,10 +138,10 @@ def test_decimal_commas_in_a_file_with_semicolons_are_refused_with_what_was_mean
         (f"{HEAD}\n{row(1, 'Jürgen')}".encode("latin-1"), "Latin-1"),
     ],
 )
-def test_a_file_that_is_no_table_is_refused(write, data, words):
+def test_a_file_that_is_no_table_is_refused(write, data, text):
     with pytest.raises(CaseError) as error:
         read_cohort(write(data))
-    assert words in said(error)
+    assert text in said(error)
 
 
 def test_files_too_large_are_refused_before_they_are_read_whole(write, monkeypatch):
@@ -208,13 +208,13 @@ def test_an_extra_column_that_tells_who_it_is_is_named_but_not_shown(write):
     assert "Mustermann" not in str(warning)
 
 
-@pytest.mark.parametrize(("change", "words"), [(ROW[:-3], "18 cells"), (ROW + ",7", "20 cells")])
-def test_too_few_or_many_cells_refuse_the_row(write, change, words):
+@pytest.mark.parametrize(("change", "text"), [(ROW[:-3], "18 cells"), (ROW + ",7", "20 cells")])
+def test_too_few_or_many_cells_refuse_the_row(write, change, text):
     reading = read_cohort(write(HEAD, row(1), change, row(3)))
     assert len(reading.points) == 2
     (mistake,) = reading.refused
     assert mistake.line == 3
-    assert words in str(mistake)
+    assert text in str(mistake)
 
 
 def test_quoted_commas_and_line_breaks(write):
@@ -281,10 +281,10 @@ def test_a_patient_of_two_heights_or_sexes_is_doubted(write):
         row(3, height_cm="187.0"),
         row(1, "P02", sex="female"),
     )
-    found = [
+    result = [
         str(w) for w in read_cohort(write(HEAD, *rows)).warnings if "under the same patient_id" in str(w)
     ]
-    assert [w.partition(": ")[2] for w in found] == [
+    assert [w.partition(": ")[2] for w in result] == [
         "sex = female: male in line 2, under the same patient_id: one patient, or two?",
         "height_cm = 167: 187 in line 2, under the same patient_id: one patient, or two?",
     ]

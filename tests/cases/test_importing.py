@@ -81,14 +81,14 @@ def test_a_bundle_becomes_a_cohort_that_is_read(tmp_path):
         observation("8478-0", 79, "mm Hg", "2024-03-01T12:00:00+01:00"),
         observation("2524-7", 1.2, "mmol/L"),
     )
-    found = import_cohort(file)
-    said = "\n".join(map(str, found.notes))
-    assert "11.2 kPa = 84.0069 mmHg" in said
-    assert "4100 mL/min = 4.1 L/min" in said
-    assert "5 min after the first" in said
-    assert any("2524-7" in str(w) for w in found.warnings)
+    result = import_cohort(file)
+    message = "\n".join(map(str, result.notes))
+    assert "11.2 kPa = 84.0069 mmHg" in message
+    assert "4100 mL/min = 4.1 L/min" in message
+    assert "5 min after the first" in message
+    assert any("2524-7" in str(w) for w in result.warnings)
     table = tmp_path / "cohort.csv"
-    table.write_text(as_table(found.rows))
+    table.write_text(as_table(result.rows))
     assert "Doe" not in table.read_text()
     assert "1955" not in table.read_text()
     reading = read_cohort(table)
@@ -126,16 +126,16 @@ def test_a_long_table_takes_codes_and_names_and_devices_of_a_base_case(tmp_path)
         return_cannula="arterial",
         return_fr=17,
     )
-    found = import_cohort(file, Case(patient=patient, ecmo=ecmo))
+    result = import_cohort(file, Case(patient=patient, ecmo=ecmo))
     table = tmp_path / "cohort.csv"
-    table.write_text(as_table(found.rows))
+    table.write_text(as_table(result.rows))
     (point,) = read_cohort(table).points
     assert (point.case.patient.sex, point.case.patient.age_years) == ("male", 61)
     assert point.case.ecmo is not None
     assert point.case.ecmo.speed_rpm == 3000
     assert point.case.measurements is not None
     assert pytest.approx(73.556, abs=1e-3) == point.case.measurements.MAP
-    assert any("circuit of the base case" in str(n) for n in found.notes)
+    assert any("circuit of the base case" in str(n) for n in result.notes)
 
 
 def test_all_mistakes_are_said_at_once(tmp_path):
@@ -152,8 +152,8 @@ def test_all_mistakes_are_said_at_once(tmp_path):
     )
     with pytest.raises(CaseError) as caught:
         import_cohort(file)
-    said = [str(m) for m in caught.value.mistakes]
-    for words in (
+    messages = [str(m) for m in caught.value.mistakes]
+    for text in (
         ":2: MAP = 80: no unit",
         ":3: SP = 120: unit 'L/min' is no unit of a pressure",
         ':4: DP = "03/04/2024"',
@@ -161,11 +161,11 @@ def test_all_mistakes_are_said_at_once(tmp_path):
         ":8: A 2024-03-01T09:00 MPAP = 20 and 25",
         ":9: patient: empty",
     ):
-        assert any(words in line for line in said), (words, said)
+        assert any(text in line for line in messages), (text, messages)
 
 
 @pytest.mark.parametrize(
-    ("resource", "words"),
+    ("resource", "text"),
     [
         (observation("8478-0", "80", "mm[Hg]"), "no number"),
         (observation("8478-0", 80, "mg/dL"), "no unit of a pressure"),
@@ -180,8 +180,8 @@ def test_all_mistakes_are_said_at_once(tmp_path):
         ({"resourceType": "Patient", "id": "P01", "gender": "unknown", "birthDate": "1955"}, "female, male"),
     ],
 )
-def test_what_a_bundle_may_have_wrong(tmp_path, resource, words):
-    with pytest.raises(CaseError, match=words):
+def test_what_a_bundle_may_have_wrong(tmp_path, resource, text):
+    with pytest.raises(CaseError, match=text):
         import_cohort(bundle(tmp_path, resource, observation("8480-6", 110, "mm[Hg]")))
 
 
@@ -204,9 +204,9 @@ def test_what_is_no_bundle(tmp_path, text, words):
 
 def test_values_that_were_withdrawn_are_left_out(tmp_path):
     wrong = observation("8478-0", 400, "mm[Hg]", status="entered-in-error")
-    found = import_cohort(bundle(tmp_path, PATIENT, wrong, observation("8478-0", 80, "mm[Hg]")))
-    assert [row["MAP"] for row in found.rows] == ["80"]
-    assert any("entered-in-error" in str(n) for n in found.notes)
+    result = import_cohort(bundle(tmp_path, PATIENT, wrong, observation("8478-0", 80, "mm[Hg]")))
+    assert [row["MAP"] for row in result.rows] == ["80"]
+    assert any("entered-in-error" in str(n) for n in result.notes)
 
 
 def test_what_lies_further_apart_is_another_data_point(tmp_path):

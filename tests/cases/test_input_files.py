@@ -75,8 +75,8 @@ def test_deeply_dotted_keys_are_refused_before_they_take_memory(tmp_path):
         "print(int(re.search(r'VmHWM:\\s*(\\d+)', open('/proc/self/status').read())[1]) // 1024)\n"
     )
     done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True)
-    said, megabytes = done.stdout.splitlines()
-    assert "deep.toml:2: more than 16 dots: nested too deeply" in said
+    message, megabytes = done.stdout.splitlines()
+    assert "deep.toml:2: more than 16 dots: nested too deeply" in message
     assert int(megabytes) < 300
 
 

@@ -25,9 +25,9 @@ def test_the_wedge_pressure_in_cardiogenic_shock_rises_with_the_flow_of_v_a_ecmo
     ecmo = PRESETS["paper"].case().ecmo.model_copy(update={"drainage_fr": 25.0, "return_fr": 19.0})
     model = model_of(case.model_copy(update={"ecmo": ecmo}))
     ramp = simulate_many(model, {"ecmo.speed_rpm": [2000.0, 3000.0, 4000.0]}, volume_policy=policy)
-    alone = simulate(model_of(case))
+    single = simulate(model_of(case))
     for name in ("PCWP", "EDVLV", "end_diastolic_pressure_lv", "MAP"):
-        rising = [float(alone[name]), *ramp[name].values]
+        rising = [float(single[name]), *ramp[name].values]
         assert rising == sorted(rising), name
 
 

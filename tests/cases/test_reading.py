@@ -47,8 +47,8 @@ def test_reads_text_in_utf_8_however_its_lines_end(tmp_path, data):
 
 def test_names_other_encodings(tmp_path):
     assert "UTF-16" in refusal(tmp_path, PATIENT.encode("utf-16"))
-    said = refusal(tmp_path, PATIENT.replace("P01", "Jürgen").encode("latin-1"))
-    assert "case.toml:3: not UTF-8: byte 0xfc" in said
+    message = refusal(tmp_path, PATIENT.replace("P01", "Jürgen").encode("latin-1"))
+    assert "case.toml:3: not UTF-8: byte 0xfc" in message
 
 
 @pytest.mark.parametrize("data", [b"", b"\n\n", b"format = 1\n"])
@@ -57,7 +57,7 @@ def test_an_empty_file_says_what_is_needed(tmp_path, data):
 
 
 @pytest.mark.parametrize(
-    ("line", "said"),
+    ("line", "message"),
     [
         ("heart_rate_bpm = ", "case.toml:7"),
         ("weight_kg = 60 kg", "weight_kg = 60 (a number without a unit)"),
@@ -67,8 +67,8 @@ def test_an_empty_file_says_what_is_needed(tmp_path, data):
         ("x = 2024-13-45", "no valid TOML"),
     ],
 )
-def test_syntax_errors_name_the_line_and_the_usual_slip(tmp_path, line, said):
-    assert said in refusal(tmp_path, (PATIENT + line + "\n").encode())
+def test_syntax_errors_name_the_line_and_the_usual_slip(tmp_path, line, message):
+    assert message in refusal(tmp_path, (PATIENT + line + "\n").encode())
 
 
 def test_a_huge_file_is_refused_unread(tmp_path):
@@ -108,7 +108,7 @@ def test_another_format_is_refused(tmp_path, format_line):
 
 
 @pytest.mark.parametrize(
-    ("line", "said"),
+    ("line", "message"),
     [
         ("heart_rate_bpm = true", "= true: true and false are no numbers"),
         ("heart_rate_bpm = [80]", "= [a list of 1]: a list where a number belongs"),
@@ -117,16 +117,16 @@ def test_another_format_is_refused(tmp_path, format_line):
         ('heart_rate_bpm = "80"', '= "80": text in quotes'),
     ],
 )
-def test_wrong_types_are_refused(tmp_path, line, said):
+def test_wrong_types_are_refused(tmp_path, line, message):
     text = PATIENT.replace("heart_rate_bpm = 120", line)
-    assert f"patient.heart_rate_bpm {said}" in refusal(tmp_path, text.encode())
+    assert f"patient.heart_rate_bpm {message}" in refusal(tmp_path, text.encode())
 
 
 def test_sections_must_be_sections(tmp_path):
-    said = refusal(tmp_path, b"format = 1\npatient = 3\necmo = []\nparameters = 1\n")
-    assert "patient = 3: a section belongs here" in said
-    assert "ecmo: given 0 times" in said
-    assert "parameters = 1: a section belongs here" in said
+    message = refusal(tmp_path, b"format = 1\npatient = 3\necmo = []\nparameters = 1\n")
+    assert "patient = 3: a section belongs here" in message
+    assert "ecmo: given 0 times" in message
+    assert "parameters = 1: a section belongs here" in message
 
 
 @pytest.mark.parametrize(
@@ -183,7 +183,7 @@ def test_messages_stay_on_one_line_whatever_the_values_hold(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("written", "meant"),
+    ("written", "suggestion"),
     [
         ("7O", "70"),
         ("2 725", "2725"),
@@ -196,8 +196,8 @@ def test_messages_stay_on_one_line_whatever_the_values_hold(tmp_path):
         ("12:30", ""),
     ],
 )
-def test_a_number_is_offered_only_where_it_is_no_guess(written, meant):
-    assert number_meant(written) == meant
+def test_a_number_is_offered_only_where_it_is_no_guess(written, suggestion):
+    assert number_meant(written) == suggestion
 
 
 def test_a_wrong_height_does_not_make_it_missing(tmp_path):

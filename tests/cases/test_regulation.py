@@ -118,9 +118,9 @@ def test_what_fluid_and_solutes_leave_out_follows_from_the_patient():
 def test_base_that_is_stated_twice_is_said_to_be():
     """A bicarbonate and a base excess are the same number in other words."""
     acid, plain = {"bicarbonate_mmol_l": 18}, {"haemoglobin_g_dl": 9}
-    said = [str(note) for note in read(solutes=acid, gas=plain).notes]
-    assert any("base_excess_mmol_l is -8.5, which goes with it" in note for note in said)
-    assert not any("assumed" in note and "base_excess" in note for note in said)
+    message = [str(note) for note in read(solutes=acid, gas=plain).notes]
+    assert any("base_excess_mmol_l is -8.5, which goes with it" in note for note in message)
+    assert not any("assumed" in note and "base_excess" in note for note in message)
     assert any("base_excess_mmol_l = 0" in str(note) for note in read(gas=plain).notes)
     agreeing, apart = (
         [str(w) for w in read(solutes=acid, gas=plain | {"base_excess_mmol_l": excess}).warnings]

@@ -38,7 +38,7 @@ def test_a_device_can_be_connected_and_a_roller_pump_chosen(case):
 
 
 @pytest.mark.parametrize(
-    ("setting", "said"),
+    ("setting", "message"),
     [
         ("ecmo.speed_rpm", "KEY=VALUE"),
         ("=3", "KEY=VALUE"),
@@ -53,10 +53,10 @@ def test_a_device_can_be_connected_and_a_roller_pump_chosen(case):
         ("lvad.speed_rpm=3000", "lvad.pump: missing"),
     ],
 )
-def test_bad_settings_are_refused(case, setting, said):
+def test_bad_settings_are_refused(case, setting, message):
     with pytest.raises(CaseError) as caught:
         apply_settings(case, [setting])
-    assert said in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_all_bad_settings_are_told_at_once(case):

@@ -47,8 +47,8 @@ def test_a_number_that_is_no_site_is_refused(site):
 def test_in_a_batch_only_the_member_without_a_site_fails():
     patient = model("V-A, CRRT anywhere", **scheme_sites("g"))
     sites = [patient.values["crrt.access_site"], 0.5, np.nan, 3.0]
-    found = simulate_many(patient, {"crrt.access_site": sites}, ("MAP", "crrt_access_pressure"))
-    assert list(found["status"].values) == ["converged", "invalid_input", "invalid_input", "converged"]
-    assert list(np.isnan(found["MAP"].values)) == [False, True, True, False]
-    assert "crrt.access_site = 0.5: no site" in str(found["message"].values[1])
-    assert "steady beat found" in str(found["message"].values[0])
+    result = simulate_many(patient, {"crrt.access_site": sites}, ("MAP", "crrt_access_pressure"))
+    assert list(result["status"].values) == ["converged", "invalid_input", "invalid_input", "converged"]
+    assert list(np.isnan(result["MAP"].values)) == [False, True, True, False]
+    assert "crrt.access_site = 0.5: no site" in str(result["message"].values[1])
+    assert "steady beat found" in str(result["message"].values[0])

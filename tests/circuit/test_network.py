@@ -28,8 +28,8 @@ def test_all_mistakes_are_named_at_once():
         (vessel("artery"), vessel("artery"), vessel("vein"), vessel("pouch")),
         (joined("a", "artery", "vain"), joined("b", "vein", "vein"), joined("b", "artery", "vein")),
     )
-    found = mistakes_of(circuit)
-    assert found == [
+    result = mistakes_of(circuit)
+    assert result == [
         "compartment 'artery' appears 2 times: names are unique",
         "connection 'b' appears 2 times: names are unique",
         "connection 'a': target 'vain' is no compartment of the circuit; "
@@ -40,10 +40,10 @@ def test_all_mistakes_are_named_at_once():
 
 
 def test_a_device_without_its_patient_is_a_mistake():
-    found = mistakes_of(ecmo("ra", "ao"))
-    assert len(found) == 2
-    assert "source 'ra' is no compartment" in found[0]
-    assert "target 'ao' is no compartment" in found[1]
+    result = mistakes_of(ecmo("ra", "ao"))
+    assert len(result) == 2
+    assert "source 'ra' is no compartment" in result[0]
+    assert "target 'ao' is no compartment" in result[1]
 
 
 def test_every_site_of_a_choice_must_exist():

@@ -27,10 +27,10 @@ def test_a_password_file_that_cannot_be_used_says_why(tmp_path):
     file = tmp_path / "password"
     file.write_text("short")
     file.chmod(0o600)
-    for path, said in ((file, "10 characters"), (tmp_path / "none", "cannot be read")):
+    for path, message in ((file, "10 characters"), (tmp_path / "none", "cannot be read")):
         result = run("--password-file", str(path))
         assert result.exit_code == 2
-        assert said in result.output
+        assert message in result.output
 
 
 def test_a_case_that_cannot_be_used_is_refused(tmp_path):

@@ -14,13 +14,13 @@ HEAVY = ("jax", "xarray", "pandas", "scipy", "matplotlib", "numpy")
 
 
 @pytest.mark.parametrize(
-    ("written", "meant"),
+    ("written", "suggestion"),
     [(["simulat"], "simulate"), (["parametres"], "parameters"), (["simulate", "--forc", "x"], "--force")],
 )
-def test_misspelt_names_get_a_suggestion(shell, written, meant):
+def test_misspelt_names_get_a_suggestion(shell, written, suggestion):
     done = shell.run(*written)
     assert done.exit_code == 2
-    assert meant in done.stderr
+    assert suggestion in done.stderr
 
 
 def test_version(shell):
@@ -81,10 +81,10 @@ def test_signals_stop_without_a_traceback(number):
         assert process.stdout is not None
         assert process.stdout.readline() == "running\n"
         process.send_signal(number)
-        _, said = process.communicate(timeout=20)
+        _, message = process.communicate(timeout=20)
     assert process.returncode == 128 + number
-    assert said.startswith("stopped by")
-    assert "Traceback" not in said
+    assert message.startswith("stopped by")
+    assert "Traceback" not in message
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals and pipes of POSIX")

@@ -11,9 +11,9 @@ SLOW = Measurement("first result", 9.0, "s", 6.0, 5.0, None, "three processes")
 
 @pytest.fixture
 def measured(monkeypatch):
-    found = [FAST]
-    monkeypatch.setattr("eclsim.validation.timing.measurements", lambda: iter(found))
-    return found
+    result = [FAST]
+    monkeypatch.setattr("eclsim.validation.timing.measurements", lambda: iter(result))
+    return result
 
 
 def test_figures_stand_beside_bar_and_published_code(shell, measured):
@@ -52,9 +52,9 @@ def test_memory_is_that_of_the_process_and_not_of_the_one_that_started_it():
 
     held = np.ones(30_000_000)  # 240 MB here
     report = "from eclsim.validation.timing import _largest_memory_mb; print(_largest_memory_mb())"
-    found = float(_process([sys.executable, "-c", report], {})[2])
+    result = float(_process([sys.executable, "-c", report], {})[2])
     assert held.nbytes > 200e6
-    assert 5.0 < found < 200.0
+    assert 5.0 < result < 200.0
 
 
 @pytest.mark.slow

@@ -9,23 +9,23 @@ def test_all_wrong_options_are_told_at_once_and_nothing_is_computed(shell):
     case = shell.case(more=shell.ecmo)
     result = run(shell, case, "--schemes", "a,q", "--speeds", "fast", "--crrt-flow", "-5")
     assert result.exit_code == 2
-    said = result.stderr
-    assert "--schemes 'q' is no scheme" in said
-    assert "--speeds 'fast' are no speeds" in said
-    assert "--crrt-flow: CRRT flow -5 mL/min" in said
+    message = result.stderr
+    assert "--schemes 'q' is no scheme" in message
+    assert "--speeds 'fast' are no speeds" in message
+    assert "--crrt-flow: CRRT flow -5 mL/min" in message
 
 
 @pytest.mark.parametrize(
-    ("more", "words"),
+    ("more", "text"),
     [
         ("", "no [ecmo] section"),
         ('[ecmo]\npump = {roller_l_min = 4.0}\noxygenator = "Quadrox-i Adult"\nmode = "VA"\n', "roller pump"),
     ],
 )
-def test_a_case_without_a_rotary_pump_is_refused(shell, more, words):
+def test_a_case_without_a_rotary_pump_is_refused(shell, more, text):
     result = run(shell, shell.case(more=more))
     assert result.exit_code == 2
-    assert words in result.stderr
+    assert text in result.stderr
 
 
 def test_results_that_stand_are_kept_without_force(shell):
@@ -82,13 +82,13 @@ def test_reproduce_keeps_results_that_stand(shell):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "text"),
     [((), "no folder to write to"), (("paper", "--out", "other"), "two folders; one of them")],
 )
-def test_reproduce_needs_one_folder(shell, arguments, words):
+def test_reproduce_needs_one_folder(shell, arguments, text):
     result = shell.run("reproduce", *arguments)
     assert result.exit_code == 2
-    assert words in result.stderr
+    assert text in result.stderr
 
 
 def test_the_whole_command_writes_json_to_standard_output_alone(shell):
@@ -125,12 +125,12 @@ def test_a_cohort_is_checked_before_anything_is_computed(shell):
     table.write_text("patient_id,SP\nP01,100\n")
     result = shell.run("crrt-study", table, "--set", "ecmo.speed_rpm=3000", "--schemes", "q", "--resume")
     assert result.exit_code == 2
-    for said in (
+    for message in (
         "--set: for a case file",
         "--schemes 'q' is no scheme",
         "--resume and --shard need --out DIR",
     ):
-        assert said in result.stderr
+        assert message in result.stderr
     result = shell.run("crrt-study", table)
     assert result.exit_code == 2
     assert "missing" in result.stderr

@@ -23,9 +23,9 @@ COMMANDS = {
 def test_a_second_command_on_one_folder_is_refused_and_told_who_has_it(shell, name):
     out = shell.folder / "out"
     out.mkdir()
-    words = [word.format(case=shell.case(more=shell.ecmo), out=out) for word in COMMANDS[name]]
+    arguments = [word.format(case=shell.case(more=shell.ecmo), out=out) for word in COMMANDS[name]]
     with locked(out):
-        done = shell.run(*words)
+        done = shell.run(*arguments)
     assert done.exit_code == 2
     assert f"--out {out}: in use by process {os.getpid()}" in done.stderr
     assert list(out.iterdir()) == []

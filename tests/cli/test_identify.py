@@ -108,10 +108,10 @@ def test_a_cohort_with_a_bad_row_is_partial_and_can_be_gone_on_with(shell, quick
     done = shell.run(*arguments, "--json", "-")
     assert done.exit_code == 1, done.stderr
     assert f"{file}:3: SP" in done.stderr
-    found = json.loads(done.stdout)
-    assert [p["id"] for p in found["points"]] == ["P01/1", "P01/3"]
-    assert [(r["line"], r["column"]) for r in found["refused"]] == [(3, "SP")]
-    assert set(found["r2"]) == {"pressures", "flows"}
+    result = json.loads(done.stdout)
+    assert [p["id"] for p in result["points"]] == ["P01/1", "P01/3"]
+    assert [(r["line"], r["column"]) for r in result["refused"]] == [(3, "SP")]
+    assert set(result["r2"]) == {"pressures", "flows"}
     assert {p.name for p in (out / "cases").iterdir()} == {"P01_1.toml", "P01_3.toml"}
     assert {p.name for p in (out / "figures").glob("*.png")} == {"scatter.png", "boxes.png"}
     report = (out / "report.html").read_text()
@@ -131,7 +131,7 @@ def test_a_cohort_with_a_bad_row_is_partial_and_can_be_gone_on_with(shell, quick
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "text"),
     [
         (("--parameters", "Rmcc"), "error: --parameters: Rmcc: unknown parameter"),
         (("--bounds", "Rmc=2:0.1"), "error: --bounds: Rmc = 2, 2 to 0.1: lower bound above upper bound"),
@@ -148,10 +148,10 @@ def test_a_cohort_with_a_bad_row_is_partial_and_can_be_gone_on_with(shell, quick
         (("--bounds", "Rmc=0.1:1,Rmc=0.2:2"), "Rmc is given twice"),
     ],
 )
-def test_bad_options_end_before_anything_is_computed(shell, tmp_path, arguments, words):
+def test_bad_options_end_before_anything_is_computed(shell, tmp_path, arguments, text):
     done = shell.run("identify", shell.case(more=MEASURED), "--out", str(tmp_path / "fit"), *arguments)
     assert done.exit_code == 2
-    assert words in done.stderr
+    assert text in done.stderr
     assert not (tmp_path / "fit").exists()
 
 

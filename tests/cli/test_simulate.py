@@ -114,7 +114,7 @@ def test_the_course_in_time_is_stored_beside_the_beat(shell, instant, monkeypatc
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["--out", "{folder}/none/x.nc"], "the folder {folder}/none does not exist"),
         (["--json", "{folder}/none/x.json"], "the folder {folder}/none does not exist"),
@@ -140,14 +140,14 @@ def test_the_course_in_time_is_stored_beside_the_beat(shell, instant, monkeypatc
         (["--seed", "abc"], "No such option: --seed"),
     ],
 )
-def test_bad_destinations_and_options_are_refused_before_computing(shell, instant, arguments, said):
+def test_bad_destinations_and_options_are_refused_before_computing(shell, instant, arguments, message):
     (shell.folder / "old").write_text("old")
     (shell.folder / "full").mkdir()
     (shell.folder / "full" / "outputs.csv").write_text("old")
     filled = [argument.format(folder=shell.folder) for argument in arguments]
     done = shell.run("simulate", shell.case(), *filled)
     assert done.exit_code == 2
-    assert said.format(folder=shell.folder) in done.stderr
+    assert message.format(folder=shell.folder) in done.stderr
     assert instant == []
     assert (shell.folder / "old").read_text() == "old"
 

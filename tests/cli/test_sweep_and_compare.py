@@ -49,7 +49,7 @@ def test_a_value_out_of_reach_is_blank_with_its_reason_and_the_exit_status_is_1(
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "text"),
     [
         (("--sweep", "Rmc=1,2", "--sweep", "Csvn=1,2"), "one key is varied at a time"),
         (("--sweep", "Rmc=1,2", "--compare"), "one of them"),
@@ -65,11 +65,11 @@ def test_a_value_out_of_reach_is_blank_with_its_reason_and_the_exit_status_is_1(
         (("--compare",), "1 case file(s) and no --set; allowed: one case file with --set"),
     ],
 )
-def test_what_cannot_be_swept_or_compared_is_refused(shell, arguments, words):
+def test_what_cannot_be_swept_or_compared_is_refused(shell, arguments, text):
     done = shell.run("simulate", shell.case(more=shell.ecmo), *arguments)
     assert done.exit_code == 2
     assert done.stdout == ""
-    assert words in done.stderr
+    assert text in done.stderr
 
 
 def test_before_and_after_stand_side_by_side_with_the_change(shell):

@@ -22,9 +22,9 @@ def test_the_sensitivity_table_says_what_its_stars_and_its_last_line_mean():
 
 
 @pytest.mark.parametrize(
-    ("value", "words"), [(0.98, "share of the variation"), (-3.3, "below 0: the fits miss")]
+    ("value", "text"), [(0.98, "share of the variation"), (-3.3, "below 0: the fits miss")]
 )
-def test_r2_of_a_cohort_is_explained_and_a_negative_one_is_called_bad(value: float, words: str):
+def test_r2_of_a_cohort_is_explained_and_a_negative_one_is_called_bad(value: float, text: str):
     from eclsim.identification.report import fits_text
 
     point = {"id": "P01", "cost": 1.0, "parameters": {}, "starts_agreeing": 1, "status": "fitted"}
@@ -32,4 +32,4 @@ def test_r2_of_a_cohort_is_explained_and_a_negative_one_is_called_bad(value: flo
     content = {"points": [point, point | {"id": "P02"}], "r2": {"pressures": None, "flows": value}}
     (line,) = [line for line in fits_text(content).splitlines() if line.startswith("R2")]
     assert line.startswith(f"R2 of flows: {value:.4f} (")
-    assert words in line
+    assert text in line

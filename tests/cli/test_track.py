@@ -97,17 +97,17 @@ def test_times_that_run_back_are_refused(shell):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (("--parameters", "Rmd"), "error: --parameters: Rmd: unknown parameter"),
         (("--uncertainty", "XX=3"), "--uncertainty XX"),
         (("--bounds", "Rmc=2:1"), "error: --bounds: Rmc = 2, 2 to 1: lower bound above upper bound"),
     ],
 )
-def test_mistakes_are_told_before_anything_is_computed(shell, table, arguments, said):
+def test_mistakes_are_told_before_anything_is_computed(shell, table, arguments, message):
     result = shell.run("track", table, "--out", shell.folder / "out", *arguments)
     assert result.exit_code == 2
-    assert said in result.stderr
+    assert message in result.stderr
     assert not (shell.folder / "out").exists()
 
 

@@ -33,13 +33,14 @@ def beat(shell, *arguments):
 
 
 def test_the_file_s_policy_is_used_and_the_option_wins_with_a_word(shell, held):
-    own, said = beat(shell, held)
+    own, message = beat(shell, held)
     assert own["blood_volume_policy"] == "patient_held"
-    assert "wins over" not in said
-    other, said = beat(shell, held, "--volume-policy", "as_published")
+    assert "wins over" not in message
+    other, message = beat(shell, held, "--volume-policy", "as_published")
     assert other["blood_volume_policy"] == "as_published"
     assert (
-        f'--volume-policy: blood_volume_policy = "as_published": wins over "patient_held" of {held}' in said
+        f'--volume-policy: blood_volume_policy = "as_published": wins over "patient_held" of {held}'
+        in message
     )
     assert own["outputs"]["MAP"] > other["outputs"]["MAP"] + 2.0
     plain, _ = beat(shell, shell.case(more=shell.ecmo))

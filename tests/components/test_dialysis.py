@@ -39,8 +39,10 @@ def along_the_fibres(water, dialysate, filtered, area_product):
         )
 
     ends = lambda first, last: np.array([first[0] - 1.0, last[1]])  # noqa: E731
-    found = solve_bvp(slopes, ends, np.linspace(0, 1, 200), np.full((2, 200), 0.5), tol=1e-9, max_nodes=50000)
-    return (dialysate + filtered) * found.y[1, 0]
+    result = solve_bvp(
+        slopes, ends, np.linspace(0, 1, 200), np.full((2, 200), 0.5), tol=1e-9, max_nodes=50000
+    )
+    return (dialysate + filtered) * result.y[1, 0]
 
 
 @pytest.mark.parametrize(
@@ -50,8 +52,8 @@ def along_the_fibres(water, dialysate, filtered, area_product):
 def test_convection_and_diffusion_together_follow_the_balances_along_the_fibres(
     water, dialysate, filtered, area_product
 ):
-    found = cleared(water, dialysate, after=filtered, solute=FREE._replace(area_product=area_product))
-    assert found == pytest.approx(along_the_fibres(water, dialysate, filtered, area_product), rel=1e-8)
+    result = cleared(water, dialysate, after=filtered, solute=FREE._replace(area_product=area_product))
+    assert result == pytest.approx(along_the_fibres(water, dialysate, filtered, area_product), rel=1e-8)
 
 
 def test_dialysis_alone_is_the_counter_current_formula():
@@ -86,10 +88,10 @@ def test_clearance_lies_between_filtration_and_effluent_and_grows_with_every_flo
     for _ in range(200):
         water, dialysate, after, area = rng.uniform((80, 1, 1, 20), (300, 60, 40, 500))
         solute = FREE._replace(area_product=area)
-        found = cleared(water, dialysate, after=after, solute=solute)
-        assert after * (1 - 1e-12) <= found <= (dialysate + after) * (1 + 1e-12)
-        assert cleared(water * 1.01, dialysate, after=after, solute=solute) >= found * (1 - 1e-12)
-        assert cleared(water, dialysate * 1.01, after=after, solute=solute) >= found
+        result = cleared(water, dialysate, after=after, solute=solute)
+        assert after * (1 - 1e-12) <= result <= (dialysate + after) * (1 + 1e-12)
+        assert cleared(water * 1.01, dialysate, after=after, solute=solute) >= result * (1 - 1e-12)
+        assert cleared(water, dialysate * 1.01, after=after, solute=solute) >= result
 
 
 @pytest.mark.parametrize("at", [(130.0, 16.7, 18.0), (130.0, 20.0, 0.0), (130.0, 0.0, 20.0)])
@@ -134,24 +136,24 @@ def filter_at(**changes):
 
 
 def test_a_filter_is_computed_with_all_its_numbers():
-    found = filter_at()
+    result = filter_at()
     fluids = NUMBERS.fluids
-    assert found.effluent == pytest.approx(2200.0)
-    assert found.filtration_fraction == pytest.approx(20.0 / (140.0 + 200.0 / 60.0))
-    assert found.filtration_fraction == pytest.approx(float(filtration_fraction(200.0, 0.3, fluids)))
-    assert found.transmembrane_pressure == pytest.approx(1200.0 / 37.0)
-    assert found.effluent_pressure == pytest.approx(150.0 - 1200.0 / 37.0)
-    assert found.urea > found.creatinine
-    assert filter_at(urea=1e5).urea > found.urea
+    assert result.effluent == pytest.approx(2200.0)
+    assert result.filtration_fraction == pytest.approx(20.0 / (140.0 + 200.0 / 60.0))
+    assert result.filtration_fraction == pytest.approx(float(filtration_fraction(200.0, 0.3, fluids)))
+    assert result.transmembrane_pressure == pytest.approx(1200.0 / 37.0)
+    assert result.effluent_pressure == pytest.approx(150.0 - 1200.0 / 37.0)
+    assert result.urea > result.creatinine
+    assert filter_at(urea=1e5).urea > result.urea
 
 
 def test_carbon_and_base_are_balanced():
-    found = filter_at()
+    result = filter_at()
     none = filter_at(citrate=0.0)
     assert none.citrate == 0.0
     assert none.base_gain == pytest.approx(-none.carbon_dioxide / 22.26 * 60.0, rel=1e-12)
-    assert found.base_gain - none.base_gain == pytest.approx(3.0 * found.citrate, rel=1e-12)
-    assert 0.5 < found.citrate / (3.0 * 0.2 * 60.0) < 1.0
+    assert result.base_gain - none.base_gain == pytest.approx(3.0 * result.citrate, rel=1e-12)
+    assert 0.5 < result.citrate / (3.0 * 0.2 * 60.0) < 1.0
     neutral = filter_at(citrate=0.0, plasma_bicarbonate=32.0, net=0.0)
     assert neutral.base_gain == pytest.approx(0.0, abs=1e-12)
 
@@ -161,8 +163,8 @@ def test_carbon_dioxide_is_the_bloods_own_unless_it_is_set():
     own, given = filter_at(plasma_bicarbonate=0.0), filter_at(plasma_bicarbonate=held + dissolved)
     assert own.carbon_dioxide == pytest.approx(given.carbon_dioxide, rel=1e-12)
     # Of it bicarbonate alone is base; fluids bring no dissolved carbon dioxide.
-    alone = filter_at(plasma_bicarbonate=held)
-    assert own.base_gain == pytest.approx(alone.base_gain, rel=1e-12)
+    single = filter_at(plasma_bicarbonate=held)
+    assert own.base_gain == pytest.approx(single.base_gain, rel=1e-12)
     assert given.base_gain < own.base_gain
 
 

@@ -34,12 +34,12 @@ def test_flow_is_the_inverse_of_the_loaded_drop(name, load):
     law, own = constants_of(name)
     flows = some_flows(name)
     driving = load * flows + law.pressure_drop(flows, own)
-    found = law.flow(driving, load, own)
+    result = law.flow(driving, load, own)
     if name in ONE_WAY and load == 0.0:
         # Without a load the valve is rounded off over a thousandth of a mmHg.
-        np.testing.assert_allclose(law.pressure_drop(found, own), driving, atol=1e-3)
+        np.testing.assert_allclose(law.pressure_drop(result, own), driving, atol=1e-3)
     else:
-        np.testing.assert_allclose(found, flows, rtol=1e-8, atol=1e-7)
+        np.testing.assert_allclose(result, flows, rtol=1e-8, atol=1e-7)
 
 
 @pytest.mark.parametrize("name", with_a_drop)
@@ -89,8 +89,8 @@ PRESSURES = (-450.0, -200.0, -12.0, 30.0)
 def quantities(law, values):
     """Flows at some pressures, and the inertance of a path that has one."""
     own = law.constants(values)
-    found = [law.flow(pressure, 0.05, own) for pressure in PRESSURES]
-    return jnp.stack([*found, law.inertance(own)] if law.inertial else found)
+    result = [law.flow(pressure, 0.05, own) for pressure in PRESSURES]
+    return jnp.stack([*result, law.inertance(own)] if law.inertial else result)
 
 
 @pytest.mark.parametrize(

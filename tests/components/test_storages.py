@@ -58,8 +58,8 @@ def test_a_batch_equals_a_loop_compiled_or_not(name):
 def test_constant_stiffness_is_said_where_it_is_so(name):
     law, values = STORAGES[name]
     own = law.constants(values)
-    found = {float(law.pressure(v, a, own)[1]) for v in VOLUMES for a in ACTIVATIONS}
-    assert law.constant_stiffness == (len(found) == 1)
+    result = {float(law.pressure(v, a, own)[1]) for v in VOLUMES for a in ACTIVATIONS}
+    assert law.constant_stiffness == (len(result) == 1)
     passive = law.activation is None or isinstance(law, Balloon)
     assert law.constant_stiffness == (passive and not law.narrows)
 
@@ -87,14 +87,14 @@ def test_a_wild_ventricle_stays_finite():
 class TestActivation:
     def test_runs_from_0_to_1_and_back(self, curve):
         phases = np.linspace(0.0, 1.0, 10001)
-        found = curve.at(phases, np)
-        assert found.min() == 0.0
-        assert found.max() == pytest.approx(1.0, abs=1e-6)
+        result = curve.at(phases, np)
+        assert result.min() == 0.0
+        assert result.max() == pytest.approx(1.0, abs=1e-6)
 
     def test_is_periodic_and_has_no_jump(self, curve):
-        found = curve.at(np.linspace(0.0, 1.0, 100001), np)
-        assert found[0] == pytest.approx(found[-1], abs=1e-9)
-        assert np.abs(np.diff(found)).max() < 2e-3
+        result = curve.at(np.linspace(0.0, 1.0, 100001), np)
+        assert result[0] == pytest.approx(result[-1], abs=1e-9)
+        assert np.abs(np.diff(result)).max() < 2e-3
 
     def test_is_smooth_away_from_its_break_points(self, curve):
         phases = np.linspace(0.0, 1.0, 20001)

@@ -126,13 +126,13 @@ def test_an_event_after_the_end_is_refused(tmp_path):
 def test_side_by_side_or_alone_is_the_same(tmp_path, hour):
     changes = {"Emaxlv": [2.0, 1.5]}
     two = course_many(case(tmp_path, EVENTS), changes, minutes=60.0, every_min=20.0, outputs=("MAP",))
-    alone = course(case(tmp_path, EVENTS, ["Emaxlv=1.5"]), minutes=60.0, every_min=20.0, outputs=("MAP",))
-    np.testing.assert_allclose(two[1]["MAP"], alone["MAP"], rtol=1e-6)
+    single = course(case(tmp_path, EVENTS, ["Emaxlv=1.5"]), minutes=60.0, every_min=20.0, outputs=("MAP",))
+    np.testing.assert_allclose(two[1]["MAP"], single["MAP"], rtol=1e-6)
     assert two[0]["MAP"].values[0] > two[1]["MAP"].values[0]
 
 
 def test_the_object_has_what_the_contract_says(hour):
-    found = course_object(hour)
+    result = course_object(hour)
     assert {
         "id",
         "converged",
@@ -142,9 +142,9 @@ def test_the_object_has_what_the_contract_says(hour):
         "events",
         "warnings",
         "seconds",
-    } <= found.keys()
-    assert len(found["outputs"]["MAP"]) == len(found["time_min"])
-    assert found["events"][0] == {"at_min": 10.0, "give": {"blood_ml": 200.0}, "over_min": 20.0}
+    } <= result.keys()
+    assert len(result["outputs"]["MAP"]) == len(result["time_min"])
+    assert result["events"][0] == {"at_min": 10.0, "give": {"blood_ml": 200.0}, "over_min": 20.0}
 
 
 def test_the_usual_moments_are_round():
@@ -173,26 +173,26 @@ def test_rounding_is_no_curve_in_the_figure(tmp_path):
 
 
 def test_a_limit_that_is_another_number_each_moment_is_one_alarm():
-    words = "CO 0.20 L/min is above the flow {:.2f} L/min"
-    said = [[Finding("warning", "CO", 0.2, flow, words.format(flow))] for flow in (0.1, 0.12)]
-    (found,) = alarms(said, {}, np.arange(2.0))
-    assert (found.at_min, found.until_min) == (0.0, None)
+    text = "CO 0.20 L/min is above the flow {:.2f} L/min"
+    of_moments = [[Finding("warning", "CO", 0.2, flow, text.format(flow))] for flow in (0.1, 0.12)]
+    (result,) = alarms(of_moments, {}, np.arange(2.0))
+    assert (result.at_min, result.until_min) == (0.0, None)
 
 
 def test_a_limit_broken_in_a_beat_is_so_from_the_start_of_that_beat():
     """What a pump does after it was stopped at 00:01:00 does not stand before it."""
-    said = [
+    of_moments = [
         [],
         [],
         [Finding("alarm", "PF", -0.8, 0.0, "ECMO pump flow -0.8 L/min is below 0 L/min: clamp it")],
     ]
     flows, minutes = {"PF": np.array([3.7, 3.7, -0.8])}, np.array([118.0, 119.0, 120.0]) / 120.0
-    (beats,) = alarms(said, flows, minutes, np.ones(3, dtype=bool))
+    (beats,) = alarms(of_moments, flows, minutes, np.ones(3, dtype=bool))
     assert beats.at_min == 1.0
     assert "at 00:01:00" in beats.sentence
-    (steady,) = alarms(said, flows, 10.0 * minutes)
+    (steady,) = alarms(of_moments, flows, 10.0 * minutes)
     assert 10.0 * minutes[1] < steady.at_min < 10.0, "between steady beats it is crossed in between"
-    (sudden,) = alarms(said, flows, np.array([4.0, 5.0 - 1.0 / 60.0, 5.0]))
+    (sudden,) = alarms(of_moments, flows, np.array([4.0, 5.0 - 1.0 / 60.0, 5.0]))
     assert sudden.at_min == 5.0, "a moment stands a second before what is sudden, the alarm does not"
 
 
@@ -205,23 +205,23 @@ def test_a_sweep_that_stops_takes_its_time_or_a_warning_says_that_it_does_not(tm
     file = tmp_path / "case.toml"
     file.write_text(VV_GAS.read_text() + SWEEP % 0)
     every = course_beats(file, minutes=16.0, outputs=OF_GASES, every_min=0.02)
-    found = course(file, minutes=16.0, every_min=2.0, outputs=OF_GASES)
-    (span,) = json.loads(found.attrs["spans"])
+    result = course(file, minutes=16.0, every_min=2.0, outputs=OF_GASES)
+    (span,) = json.loads(result.attrs["spans"])
     assert span["from_min"] == 5.0
     assert span["reason"].startswith("SaO2 goes from 94 to 2")
-    shown = found["time_min"].to_numpy()
+    shown = result["time_min"].to_numpy()
     shown = shown[(shown < 15.7) & ((shown < 5.0) | (shown > 5.5))]
     for name, bar in (("SaO2", 0.5), ("PaCO2", 0.2)):
         apart = np.interp(shown, every["time_min"], every[name]) - np.interp(
-            shown, found["time_min"], found[name]
+            shown, result["time_min"], result[name]
         )
         assert np.abs(apart).max() < bar
-    assert float(np.interp(6.0, found["time_min"], found["SaO2"])) > 50.0
-    assert "at 00:05:" in next(line for line in found.attrs["warnings"] if "below 80 %" in line)
-    alone = CourseOptions(hand_over=False)
-    steady = course(file, minutes=16.0, every_min=2.0, outputs=OF_GASES, options=alone)
-    (said,) = [line for line in steady.attrs["warnings"] if "at once" in line]
-    assert said.startswith("at 00:05 steady beats take SaO2 from 94 to 2")
+    assert float(np.interp(6.0, result["time_min"], result["SaO2"])) > 50.0
+    assert "at 00:05:" in next(line for line in result.attrs["warnings"] if "below 80 %" in line)
+    single = CourseOptions(hand_over=False)
+    steady = course(file, minutes=16.0, every_min=2.0, outputs=OF_GASES, options=single)
+    (message,) = [line for line in steady.attrs["warnings"] if "at once" in line]
+    assert message.startswith("at 00:05 steady beats take SaO2 from 94 to 2")
 
 
 @pytest.mark.slow
@@ -238,10 +238,10 @@ def test_without_any_oxygen_a_patient_is_followed_and_the_course_ends(tmp_path):
     """No steady beat is ahead: a loop of blood that passes no lung."""
     file = tmp_path / "case.toml"
     file.write_text(VV_GAS.read_text() + (SWEEP % 0).replace("}", ', "gas.shunt_fraction" = 1 }'))
-    found = course(file, minutes=60.0, every_min=2.0, outputs=OF_GASES)
-    assert not found.attrs["converged"]
-    assert "no steady gas state" in found.attrs["message"]
-    saturation = found["SaO2"].to_numpy()
+    result = course(file, minutes=60.0, every_min=2.0, outputs=OF_GASES)
+    assert not result.attrs["converged"]
+    assert "no steady gas state" in result.attrs["message"]
+    saturation = result["SaO2"].to_numpy()
     assert np.isfinite(saturation).all()
-    assert saturation[-1] < 1.0 < 50.0 < float(np.interp(5.7, found["time_min"], saturation))
-    assert 14.5 < float(found["time_min"][-1]) < 15.1
+    assert saturation[-1] < 1.0 < 50.0 < float(np.interp(5.7, result["time_min"], saturation))
+    assert 14.5 < float(result["time_min"][-1]) < 15.1

@@ -26,7 +26,7 @@ def mistakes(tmp_path, events):
 
 
 @pytest.mark.parametrize(
-    ("event", "said"),
+    ("event", "message"),
     [
         ('at_min = 30\nset = { "ecmo.speed_rmp" = 3000 }', "did you mean ecmo.speed_rpm?"),
         ("at_min = 30\nset = { Rmcc = 1 }", "events[1].set.Rmcc = 1: unknown key"),
@@ -46,9 +46,9 @@ def mistakes(tmp_path, events):
         ('at_min = 3\nset = { "ecmo.flow_l_min" = 3 }', "a course holds speeds; set the speed"),
     ],
 )
-def test_a_mistake_is_one_line_with_key_and_way_out(tmp_path, event, said):
+def test_a_mistake_is_one_line_with_key_and_way_out(tmp_path, event, message):
     (line,) = mistakes(tmp_path, f"[[events]]\n{event}\n")
-    assert said in line
+    assert message in line
     assert line.startswith(":")  # the line of the file is there
 
 

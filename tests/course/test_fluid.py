@@ -29,9 +29,9 @@ EVENTS = [
 def follow(minutes, **sections):
     case = read_mapping(RAW | sections).case
     outputs = ("MAP", "CO", "crrt_access_pressure")
-    found = course(case, minutes=minutes, every_min=minutes / 12.0, outputs=outputs)
-    assert found.attrs["converged"], found.attrs["message"]
-    return found
+    result = course(case, minutes=minutes, every_min=minutes / 12.0, outputs=outputs)
+    assert result.attrs["converged"], result.attrs["message"]
+    return result
 
 
 def change(found, *names):
@@ -47,31 +47,32 @@ def test_events_set_no_starts(key):
 
 @pytest.mark.slow
 def test_a_patient_at_rest_stays_there_whatever_is_dialysed():
-    found = follow(360.0)
+    result = follow(360.0)
     for name in ("MAP", "CO", "fluid.plasma_ml", "haematocrit"):
-        np.testing.assert_allclose(found[name], found[name][0].item(), rtol=1e-6)
-    assert found["urea"][-1] < 0.92 * found["urea"][0]
-    assert 18.0 < found["bicarbonate"][-1] < 32.0
+        np.testing.assert_allclose(result[name], result[name][0].item(), rtol=1e-6)
+    assert result["urea"][-1] < 0.92 * result["urea"][0]
+    assert 18.0 < result["bicarbonate"][-1] < 32.0
 
 
+@pytest.mark.slow
 def test_what_goes_through_the_doors_is_what_is_there():
-    found = follow(180.0, events=EVENTS)
-    blood = change(found, "fluid.plasma_ml", "fluid.red_cells_ml")
-    through = change(found, "fluid.given_ml", "fluid.refilled_ml") - change(found, "fluid.removed_ml")
+    result = follow(180.0, events=EVENTS)
+    blood = change(result, "fluid.plasma_ml", "fluid.red_cells_ml")
+    through = change(result, "fluid.given_ml", "fluid.refilled_ml") - change(result, "fluid.removed_ml")
     assert blood == pytest.approx(through, abs=1e-6)
-    assert change(found, "fluid.given_ml") == pytest.approx(750.0, abs=1e-6)
-    assert change(found, "fluid.removed_ml") == pytest.approx(500.0, abs=1e-6)
-    assert change(found, "fluid.interstitium_ml", "fluid.refilled_ml") == pytest.approx(0.0, abs=1e-6)
-    cells = change(found, "fluid.red_cells_ml")
-    assert cells == pytest.approx(change(found, "fluid.red_cells_given_ml"), abs=1e-6)
+    assert change(result, "fluid.given_ml") == pytest.approx(750.0, abs=1e-6)
+    assert change(result, "fluid.removed_ml") == pytest.approx(500.0, abs=1e-6)
+    assert change(result, "fluid.interstitium_ml", "fluid.refilled_ml") == pytest.approx(0.0, abs=1e-6)
+    cells = change(result, "fluid.red_cells_ml")
+    assert cells == pytest.approx(change(result, "fluid.red_cells_given_ml"), abs=1e-6)
     assert 20.0 < cells < 100.0
-    protein = change(found, "fluid.plasma_protein_g", "fluid.interstitial_protein_g")
-    assert protein == pytest.approx(change(found, "fluid.protein_given_g"), abs=1e-9)
+    protein = change(result, "fluid.plasma_protein_g", "fluid.interstitial_protein_g")
+    assert protein == pytest.approx(change(result, "fluid.protein_given_g"), abs=1e-9)
     for solute, pools in (("urea", ("outside", "inside")), ("creatinine", ("outside", "inside"))):
-        held = change(found, *(f"solutes.{solute}_{pool}_mmol" for pool in pools))
-        made, removed = (change(found, f"solutes.{solute}_{what}_mmol") for what in ("made", "removed"))
+        held = change(result, *(f"solutes.{solute}_{pool}_mmol" for pool in pools))
+        made, removed = (change(result, f"solutes.{solute}_{what}_mmol") for what in ("made", "removed"))
         assert held == pytest.approx(
-            made - removed, abs=1e-9 * float(found[f"solutes.{solute}_inside_mmol"][0])
+            made - removed, abs=1e-9 * float(result[f"solutes.{solute}_inside_mmol"][0])
         )
 
 

@@ -68,7 +68,7 @@ def test_a_speed_step_and_a_fast_infusion_are_followed_beat_by_beat(fast):
     np.testing.assert_array_equal(by_beat, within)
     assert (np.diff(minute) > 0.0).all()
     assert not any("--beats" in sentence for sentence in result.attrs["warnings"])
-    assert sum("coefficient of the membrane, 37" in said for said in result.attrs["warnings"]) == 1
+    assert sum("coefficient of the membrane, 37" in message for message in result.attrs["warnings"]) == 1
     assert spans_in_words(result).startswith("followed beat by beat 00:02:00 to 00:0")
     first, second = course_object(result)["beat_by_beat"]
     assert "the circulation shifts" in first["reason"]
@@ -130,11 +130,11 @@ def test_gentle_events_stay_with_steady_beats(tmp_path):
 
 @pytest.mark.slow
 def test_side_by_side_or_alone_is_the_same(fast):
-    own, alone, _ = fast
+    own, single, _ = fast
     options = CourseOptions(hand_over=True)
     two = course_many([own, own], minutes=10.0, every_min=1.0, outputs=OUTPUTS, options=options)
     for one in two:
-        np.testing.assert_allclose(one["MAP"], alone["MAP"], rtol=1e-6)
+        np.testing.assert_allclose(one["MAP"], single["MAP"], rtol=1e-6)
 
 
 @pytest.mark.slow

@@ -24,9 +24,9 @@ def case(name: str, **changes):
 def cohort() -> CohortStudy:
     """The paper's patient at three speeds, two of them so fast that d breaks limits; one roller pump."""
     cases = [case("slow"), case("fast", speed_rpm=4600.0), case("faster", speed_rpm=4900.0)]
-    alone = case("roller").model_copy(update={"ecmo": None})
+    single = case("roller").model_copy(update={"ecmo": None})
     return crrt_cohort(
-        as_they_are([*cases, alone], "tests"),
+        as_they_are([*cases, single], "tests"),
         StudyOptions(schemes="a,d,h", speeds="2000:5000:1000", volume_policy="as_published"),
     )
 
@@ -51,11 +51,11 @@ def test_every_point_is_ranked_at_its_own_speed(cohort):
 
 def test_the_answer_says_who_wins_where_and_why_not_everywhere(cohort):
     assert cohort.winners("as_published") == {"h": 2, "d": 1, "a": 0}
-    said = answer(cohort, "as_published")
-    assert said.startswith("No: scheme h is first in 2 of 3 data points, d in 1.")
-    assert "Elsewhere h stands behind for other reasons in 1" in said
-    alone = replace(cohort, points=cohort.points[:1])
-    assert answer(alone, "as_published") == "Yes: scheme d is first in all 1 data points."
+    message = answer(cohort, "as_published")
+    assert message.startswith("No: scheme h is first in 2 of 3 data points, d in 1.")
+    assert "Elsewhere h stands behind for other reasons in 1" in message
+    single = replace(cohort, points=cohort.points[:1])
+    assert answer(single, "as_published") == "Yes: scheme d is first in all 1 data points."
 
 
 def test_a_broken_alarm_is_named_as_the_reason(cohort):
@@ -65,8 +65,8 @@ def test_a_broken_alarm_is_named_as_the_reason(cohort):
     one, two = (ranked("d", 1, True), ranked("h", 2, True)), (ranked("h", 1, True), ranked("d", 2, False))
     points = [replace(cohort.points[0], ranking={"as_published": r}) for r in (one, one, two)]
     schemes = tuple(s for s in cohort.schemes if s.letter in "dh")
-    said = answer(replace(cohort, points=tuple(points), schemes=schemes), "as_published")
-    assert said.endswith("h in 1. Elsewhere d breaks an alarm in 1, and is placed 2 at worst.")
+    message = answer(replace(cohort, points=tuple(points), schemes=schemes), "as_published")
+    assert message.endswith("h in 1. Elsewhere d breaks an alarm in 1, and is placed 2 at worst.")
 
 
 def test_schemes_that_share_the_first_place_are_said_to(cohort):
@@ -83,12 +83,12 @@ def test_schemes_that_share_the_first_place_are_said_to(cohort):
 
 
 def test_summaries_count_over_the_points(cohort):
-    found = {one.letter: one for one in summaries(cohort, "as_published")}
-    assert found["h"].first == 2
-    assert found["d"].alarms_kept < 3
-    assert found["h"].above_atmosphere == 0
-    assert found["a"].above_atmosphere == 3
-    assert found["a"].smallest_flow <= found["a"].median_flow
+    result = {one.letter: one for one in summaries(cohort, "as_published")}
+    assert result["h"].first == 2
+    assert result["d"].alarms_kept < 3
+    assert result["h"].above_atmosphere == 0
+    assert result["a"].above_atmosphere == 3
+    assert result["a"].smallest_flow <= result["a"].median_flow
 
 
 def test_a_point_whose_first_scheme_is_not_known_counts_for_none(cohort):
@@ -105,13 +105,13 @@ def test_a_point_whose_first_scheme_is_not_known_counts_for_none(cohort):
     gone = replace(cohort, points=(*cohort.points[:-1], point))
     assert gone.winners("as_published") == {"d": 1, "h": 1, "a": 0}
     assert gone.undecided("as_published") == ("faster",)
-    said = answer(gone, "as_published")
-    assert "In 1 of 3 it is not known which scheme is first." in said
+    message = answer(gone, "as_published")
+    assert "In 1 of 3 it is not known which scheme is first." in message
     one = {one.letter: one for one in summaries(gone, "as_published")}["d"]
     assert (one.ranked, one.known, one.flow_known) == (2, 2, 2)
     assert one.smallest_flow > 0.0
-    alone = replace(gone, points=(gone.points[0], point))
-    assert answer(alone, "as_published").startswith("Not known: scheme d is first in 1 of 2 data points.")
+    single = replace(gone, points=(gone.points[0], point))
+    assert answer(single, "as_published").startswith("Not known: scheme d is first in 1 of 2 data points.")
     nothing = replace(gone, points=(point,))
     assert answer(nothing, "as_published").startswith("Not known: in none")
     assert {one.letter: one for one in summaries(nothing, "as_published")}["d"].worst_rank is None
@@ -147,9 +147,9 @@ def test_page_tables_and_json_of_a_cohort(cohort, tmp_path):
     page = (tmp_path / "gone" / "report.html").read_text(encoding="utf-8")
     assert "gone: scheme d: no steady beat" in page
     assert "known for 2 data points" in page
-    found = json.loads(cohort_json(cohort))
-    assert found["policies"]["as_published"]["schemes"][0]["letter"] == "h"
-    assert found["points"][0]["relative_misfit"] is None
+    result = json.loads(cohort_json(cohort))
+    assert result["policies"]["as_published"]["schemes"][0]["letter"] == "h"
+    assert result["points"][0]["relative_misfit"] is None
 
 
 def test_the_terminal_table_keeps_a_row_for_each_scheme_at_120_columns(cohort, capsys, monkeypatch):

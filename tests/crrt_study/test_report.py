@@ -54,7 +54,7 @@ def test_the_page_asks_nothing_of_the_network(folder, report):
 
 def test_a_hostile_id_stays_text(report):
     assert "script" not in {tag for tag, _ in report.tags}
-    assert any("<script>alert('x')</script>" in words for words in report.words)
+    assert any("<script>alert('x')</script>" in text for text in report.words)
 
 
 def test_names_inside_the_drawings_are_unique(report):
@@ -62,19 +62,19 @@ def test_names_inside_the_drawings_are_unique(report):
 
 
 def test_the_page_tells_answer_schemes_limits_policies_and_assumptions(report, hostile_study):
-    words = " ".join(report.words)
+    text = " ".join(report.words)
     best = hostile_study.ranking["as_published"][0]
-    assert f"First choice for this patient: scheme {best.letter}" in words
-    for said in ("What was assumed", "circuits are primed", "190 mmHg", "not a medical device", "Sansom"):
-        assert said in words
-    assert "both lines at pre pump, as in the published code" in words
+    assert f"First choice for this patient: scheme {best.letter}" in text
+    for message in ("What was assumed", "circuits are primed", "190 mmHg", "not a medical device", "Sansom"):
+        assert message in text
+    assert "both lines at pre pump, as in the published code" in text
     assert sum(tag == "svg" for tag, _ in report.tags) == 5
 
 
 def test_json_has_the_agreed_form(hostile_study, folder):
-    found = json.loads((folder / "study.json").read_text())
-    assert found == json.loads(json.dumps(study_object(hostile_study)))
-    policy = found["policies"]["as_published"]
+    result = json.loads((folder / "study.json").read_text())
+    assert result == json.loads(json.dumps(study_object(hostile_study)))
+    policy = result["policies"]["as_published"]
     assert policy["speed_rpm"] == 3425
     assert set(policy["schemes"]) == {"a", "g", "h"}
     scheme = policy["schemes"]["a"]
@@ -90,10 +90,10 @@ def test_json_has_the_agreed_form(hostile_study, folder):
     assert policy["limits"]["schemes"]["a"]["access_190"]["largest_ecmo_flow_l_min"] == pytest.approx(
         4.0, abs=0.1
     )
-    assert found["policies"]["patient_held"]["schemes"]["a"]["patient_volume_change_ml"] == pytest.approx(
+    assert result["policies"]["patient_held"]["schemes"]["a"]["patient_volume_change_ml"] == pytest.approx(
         0.0, abs=1e-9
     )
-    assert "difference_to_no_crrt" not in found["policies"]["patient_held"]["schemes"]["a"]
+    assert "difference_to_no_crrt" not in result["policies"]["patient_held"]["schemes"]["a"]
 
 
 def test_tables_have_units_and_a_row_for_each_point(folder):
@@ -131,21 +131,21 @@ def words_of(page: str) -> str:
 
 def test_an_unsettled_point_is_named_on_the_page_in_json_and_in_tables(hostile_study, tmp_path):
     gone = with_failures(hostile_study, [("patient_held", "g", 5000.0)])
-    words = words_of(study_page(gone, DRAWN))
-    assert "Not all steady states were found" in words
-    assert "Scheme g, patient's volume held: no steady beat at 5000 rpm (the native heart ejects" in words
-    assert f"First choice for this patient: scheme {gone.ranking['as_published'][0].letter}" in words
-    found = study_object(gone)
-    assert [one["of"] for one in found["not_known"]] == ["scheme g"]
-    assert found["not_known"][0]["speeds_rpm"] == [5000.0]
-    held = found["policies"]["patient_held"]
+    text = words_of(study_page(gone, DRAWN))
+    assert "Not all steady states were found" in text
+    assert "Scheme g, patient's volume held: no steady beat at 5000 rpm (the native heart ejects" in text
+    assert f"First choice for this patient: scheme {gone.ranking['as_published'][0].letter}" in text
+    result = study_object(gone)
+    assert [one["of"] for one in result["not_known"]] == ["scheme g"]
+    assert result["not_known"][0]["speeds_rpm"] == [5000.0]
+    held = result["policies"]["patient_held"]
     assert held["limits"]["schemes"]["g"]["return_alarm"]["state"] == "not_known_above"
     assert held["speeds"][-1]["schemes"]["g"] == {
         "converged": False,
         "status": "no_ejection",
     } | dict.fromkeys(MEANS)
     assert held["speeds"][-1]["summary"]["schemes_known"] == 2
-    json.dumps(found, allow_nan=False)
+    json.dumps(result, allow_nan=False)
     rows = tables(gone)
     assert rows["means"]["status"].tolist().count("no_ejection") == 1
     write_netcdf(gone, tmp_path / "study.nc")
@@ -156,13 +156,11 @@ def test_an_unsettled_point_is_named_on_the_page_in_json_and_in_tables(hostile_s
 
 def test_no_first_choice_is_named_where_a_scheme_has_no_beat_at_the_speed_of_the_case(hostile_study, capsys):
     gone = with_failures(hostile_study, [("as_published", "g", 3425.0)], "not_converged")
-    words = words_of(study_page(gone, DRAWN))
-    assert "First choice" not in words
-    assert (
-        "No first choice can be named; best of the 2 of 3 schemes whose beat was found at 3425 rpm" in words
-    )
-    assert "Scheme g: no place: no steady beat at 3425 rpm (the search for it did not converge)" in words
-    assert "median of 2 of 3" in words
+    text = words_of(study_page(gone, DRAWN))
+    assert "First choice" not in text
+    assert "No first choice can be named; best of the 2 of 3 schemes whose beat was found at 3425 rpm" in text
+    assert "Scheme g: no place: no steady beat at 3425 rpm (the search for it did not converge)" in text
+    assert "median of 2 of 3" in text
     policy = study_object(gone)["policies"]["as_published"]
     assert policy["first_choice"] is None
     assert policy["ranking"][-1]["rank"] is None
@@ -172,16 +170,16 @@ def test_no_first_choice_is_named_where_a_scheme_has_no_beat_at_the_speed_of_the
 
 
 def test_the_page_warns_where_only_the_beats_without_crrt_failed(hostile_study):
-    alone = hostile_study.without_crrt.copy(deep=True)
-    alone["status"] = alone["status"].astype(object)
-    forget(alone, {"policy": "as_published", "speed": 3425.0}, "not_converged")
+    single = hostile_study.without_crrt.copy(deep=True)
+    single["status"] = single["status"].astype(object)
+    forget(single, {"policy": "as_published", "speed": 3425.0}, "not_converged")
     uptake = hostile_study.uptake.drop_vars("status") * np.nan
     uptake["status"] = ("scheme", ["not_computed"] * 3)
-    gone = replace(hostile_study, without_crrt=alone, uptake=uptake)
-    words = words_of(study_page(gone, DRAWN))
-    assert "Without CRRT, as published: no steady beat at 3425 rpm (the search" in words
-    assert "Not known: no steady beat of the patient without CRRT, or of any scheme, was found" in words
-    assert not re.search(r"\bnan\b", words)
+    gone = replace(hostile_study, without_crrt=single, uptake=uptake)
+    text = words_of(study_page(gone, DRAWN))
+    assert "Without CRRT, as published: no steady beat at 3425 rpm (the search" in text
+    assert "Not known: no steady beat of the patient without CRRT, or of any scheme, was found" in text
+    assert not re.search(r"\bnan\b", text)
 
 
 def test_how_sure_it_is_tells_the_share_of_samples_with_a_beat(hostile_study):
@@ -195,10 +193,10 @@ def test_how_sure_it_is_tells_the_share_of_samples_with_a_beat(hostile_study):
     data["settled"] = ("scheme", [0.9, 1.0, 0.996])
     doubt = xr.Dataset(data, {"scheme": list("agh"), "limit": limits, "quantile": [0.05, 0.5, 0.95]})
     doubt.attrs = {"blood_volume_policy": "as_published", "samples": 1000, "speed_rpm": 3425.0}
-    words = words_of(study_page(replace(hostile_study, uncertainty=doubt), DRAWN))
-    assert "81 to 91 %" in words
-    assert "> 99 %" in words
+    text = words_of(study_page(replace(hostile_study, uncertainty=doubt), DRAWN))
+    assert "81 to 91 %" in text
+    assert "> 99 %" in text
     assert (
         "Samples of the patient's parameters without a steady beat, of 1000: 100 (scheme a), 4 (scheme h)"
-        in words
+        in text
     )

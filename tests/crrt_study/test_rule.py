@@ -98,9 +98,9 @@ def test_a_rule_for_dialysis_ranks_by_clearance_and_an_unknown_quantity_is_refus
     options = {"schemes": "g,h", "speeds": "3425", "volume_policy": "as_published"}
     study = crrt_study(case, **options, rule=rule)
     assert "clearance_urea" in study.ranking["as_published"][0].numbers
-    found = study_object(study)
-    assert found["rule"]["name"] == "dose"
-    assert found["rule"]["in_words"] == ["clearance_urea: the larger"]
+    result = study_object(study)
+    assert result["rule"]["name"] == "dose"
+    assert result["rule"]["in_words"] == ["clearance_urea: the larger"]
     rule["criteria"][0]["quantity"] = "clearance_ureas"
     with pytest.raises(RuleError, match=r"clearance_ureas.*did you mean clearance_urea\?"):
         crrt_study(case, **options, rule=rule)

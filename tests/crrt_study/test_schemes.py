@@ -8,8 +8,8 @@ def sites(scheme):
 
 
 def test_all_means_the_nine_schemes_of_figure_2():
-    found = {scheme.letter: sites(scheme) for scheme in select_schemes("all", "figure")}
-    assert found == {
+    result = {scheme.letter: sites(scheme) for scheme in select_schemes("all", "figure")}
+    assert result == {
         "a": ("post_pump", "pre_oxy"),
         "b": ("pre_oxy", "pre_pump"),
         "c": ("post_oxy", "pre_pump"),
@@ -31,26 +31,26 @@ def test_scheme_h_of_the_published_code_differs_from_the_figure_and_says_so():
 
 
 def test_letters_and_pairs_can_be_mixed_and_each_scheme_comes_once():
-    found = select_schemes("g, a,post_oxy:pre_oxy,svn:ra")
-    assert [scheme.letter for scheme in found] == ["g", "a", "svn:ra"]
-    assert found[2].name == "patient's systemic vein – patient's right atrium"
+    result = select_schemes("g, a,post_oxy:pre_oxy,svn:ra")
+    assert [scheme.letter for scheme in result] == ["g", "a", "svn:ra"]
+    assert result[2].name == "patient's systemic vein – patient's right atrium"
 
 
 def test_pairs_are_all_36_ordered_pairs():
-    found = select_schemes("pairs", "figure")
-    assert len(found) == 36
-    assert len({sites(scheme) for scheme in found}) == 36
-    assert {"a", "h", "post_dc:pre_rc"} <= {scheme.letter for scheme in found}
+    result = select_schemes("pairs", "figure")
+    assert len(result) == 36
+    assert len({sites(scheme) for scheme in result}) == 36
+    assert {"a", "h", "post_dc:pre_rc"} <= {scheme.letter for scheme in result}
 
 
 def test_all_mistakes_of_a_selection_are_told_at_once():
     with pytest.raises(SchemeError) as error:
         select_schemes("a,zz,post_oxi:pre_rc,seperate")
-    said = str(error.value)
-    assert "'zz'" in said
-    assert "'post_oxi' is no scheme; did you mean post_oxy" in said
-    assert "did you mean separate" in said
-    assert "allowed" in said
+    message = str(error.value)
+    assert "'zz'" in message
+    assert "'post_oxi' is no scheme; did you mean post_oxy" in message
+    assert "did you mean separate" in message
+    assert "allowed" in message
 
 
 @pytest.mark.parametrize("selection", ["", " , ", "j", "a:", ":pre_rc", "post_oxy-pre_rc"])

@@ -82,14 +82,14 @@ def test_schemes_a_and_h_give_the_lowest_and_the_highest_arterial_pressure(study
 def test_the_switched_circuit_gives_what_a_circuit_of_one_scheme_gives(study):
     from eclsim.outputs.results import simulate
 
-    alone = simulate(model_of(paper_case("post_pump", "pre_oxy")))
+    single = simulate(model_of(paper_case("post_pump", "pre_oxy")))
     for name in ("MAP", "SP", "CO", "PF", "EDVRV", "crrt_access_pressure", "lowest_drainage_pressure"):
-        assert mean(study, "a", name) == pytest.approx(float(alone[name]), rel=1e-5), name
+        assert mean(study, "a", name) == pytest.approx(float(single[name]), rel=1e-5), name
     assert mean(study, "a", "recirculated_fraction") == pytest.approx(
-        float(alone["crrt_recirculated_fraction"]), abs=1e-6
+        float(single["crrt_recirculated_fraction"]), abs=1e-6
     )
     one = study.waveforms.sel(policy="as_published", scheme="a")
-    np.testing.assert_allclose(one["Vlv"], alone["Vlv"], rtol=1e-4)
+    np.testing.assert_allclose(one["Vlv"], single["Vlv"], rtol=1e-4)
 
 
 def test_as_published_the_tubing_takes_24_to_89_ml_but_in_scheme_h(study):
@@ -141,37 +141,37 @@ def test_ranking_prefers_d_and_gives_every_reason(study):
 
 
 def test_published_and_drawn_scheme_h_can_both_be_had():
-    found = crrt_study(
+    result = crrt_study(
         paper_case(), schemes="a,h,i", speeds="3425", volume_policy="as_published", scheme_h="figure"
     )
-    assert found.schemes[1].return_site == "post_dc"
-    assert mean(found, "h", "Pcrrttuout") == pytest.approx(31.1, abs=0.2)
-    assert summary(found, "Pcrrttuin_variation") == pytest.approx(297.2, abs=0.1), "the paper prints 296.6"
+    assert result.schemes[1].return_site == "post_dc"
+    assert mean(result, "h", "Pcrrttuout") == pytest.approx(31.1, abs=0.2)
+    assert summary(result, "Pcrrttuin_variation") == pytest.approx(297.2, abs=0.1), "the paper prints 296.6"
 
 
 @pytest.mark.slow
 def test_crrt_on_the_patient_leaves_the_ecmo_circuit_alone():
-    found = crrt_study(paper_case(), schemes="separate,g", speeds="3425", volume_policy="patient_held")
-    without = found.without_crrt.sel(policy="patient_held", speed=3425.0)
-    assert mean(found, "svn:svn", "PF", policy="patient_held") == pytest.approx(
+    result = crrt_study(paper_case(), schemes="separate,g", speeds="3425", volume_policy="patient_held")
+    without = result.without_crrt.sel(policy="patient_held", speed=3425.0)
+    assert mean(result, "svn:svn", "PF", policy="patient_held") == pytest.approx(
         float(without["PF"]), rel=1e-3
     )
-    assert mean(found, "svn:ra", "recirculated_fraction", policy="patient_held") == 0.0
-    assert found.uptake is None
+    assert mean(result, "svn:ra", "recirculated_fraction", policy="patient_held") == 0.0
+    assert result.uptake is None
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("change", "text"),
     [
         ({"ecmo": None}, "no \\[ecmo\\] section"),
         ({"ecmo": {"pump": RollerPump(roller_l_min=4.0), "speed_rpm": None}}, "roller pump"),
     ],
 )
-def test_a_case_without_a_pump_speed_is_refused(change, words):
+def test_a_case_without_a_pump_speed_is_refused(change, text):
     case = paper_case()
     ecmo = change["ecmo"]
     case = case.model_copy(update={"ecmo": None if ecmo is None else case.ecmo.model_copy(update=ecmo)})
-    with pytest.raises(StudyError, match=words):
+    with pytest.raises(StudyError, match=text):
         crrt_study(case)
 
 
@@ -182,9 +182,9 @@ def test_options_out_of_range_are_refused(options):
 
 
 def test_every_step_is_told():
-    said: list[str] = []
-    crrt_study(paper_case(), schemes="g", speeds="3425", progress=said.append)
-    assert said == [
+    message: list[str] = []
+    crrt_study(paper_case(), schemes="g", speeds="3425", progress=message.append)
+    assert message == [
         "policy 1 of 2 (as_published): 1 schemes at 1 speeds",
         "policy 2 of 2 (patient_held): 1 schemes at 1 speeds",
         "effects of the schemes split into blood volume and flow",
@@ -197,12 +197,12 @@ def test_the_front_door_takes_a_file_and_gives_labelled_numbers_and_plain_data(t
     from eclsim.cases.writing import write_case
 
     write_case(paper_case(), tmp_path / "case.toml")
-    said = []
+    message = []
     study = eclsim.crrt_study(
         tmp_path / "case.toml", schemes="g", speeds=[3425.0], volume_policy="as_published",
-        progress=lambda line: said.append(str(line)),
+        progress=lambda line: message.append(str(line)),
     )  # fmt: skip
     assert study.dataset["Pcrrttuin"].dims == ("policy", "scheme", "speed")
     assert study.dataset["Pcrrttuin"].attrs["units"] == "mmHg"
     assert study.as_object()["id"] == "Thiel 2025, section 3.3"
-    assert any("1 schemes at 1 speeds" in line for line in said)
+    assert any("1 schemes at 1 speeds" in line for line in message)

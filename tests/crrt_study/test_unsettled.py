@@ -36,11 +36,11 @@ def test_what_is_said_of_a_limit_holds_for_every_pattern_of_margins():
     for pattern in PATTERNS:
         margins = np.array(pattern)
         n, known = len(margins), np.isfinite(margins)
-        found = kept_up_to(SPEEDS[:n], np.where(known, FLOWS[:n], np.nan), margins)
+        result = kept_up_to(SPEEDS[:n], np.where(known, FLOWS[:n], np.nan), margins)
         keeping = np.flatnonzero(known & (margins >= 0.0))
         if not len(keeping):
-            assert found.state == (NEVER if known.all() else NOT_KNOWN), pattern
-            assert np.isnan(found.flow)
+            assert result.state == (NEVER if known.all() else NOT_KNOWN), pattern
+            assert np.isnan(result.flow)
             continue
         last = keeping[-1]
         after = margins[last + 1 :]
@@ -49,17 +49,17 @@ def test_what_is_said_of_a_limit_holds_for_every_pattern_of_margins():
             else BROKEN_ABOVE if known[last + 1]
             else NOT_KNOWN_ABOVE
         )  # fmt: skip
-        assert found.state == expected, pattern
-        assert FLOWS[last] <= found.flow <= (FLOWS[last + 1] if expected == BROKEN_ABOVE else FLOWS[last])
-        assert found.speed >= SPEEDS[last]
-        assert found.flow_at_most >= found.flow
-        assert found.broken_below == tuple(SPEEDS[:last][margins[:last] < 0.0])
+        assert result.state == expected, pattern
+        assert FLOWS[last] <= result.flow <= (FLOWS[last + 1] if expected == BROKEN_ABOVE else FLOWS[last])
+        assert result.speed >= SPEEDS[last]
+        assert result.flow_at_most >= result.flow
+        assert result.broken_below == tuple(SPEEDS[:last][margins[:last] < 0.0])
 
 
 def test_a_limit_that_is_kept_at_one_studied_speed_alone_is_kept_up_to_it():
-    found = kept_up_to(SPEEDS, FLOWS, np.array([BROKEN, BROKEN, AT_THE_LIMIT, BROKEN, BROKEN]))
-    assert (found.state, found.speed) == (BROKEN_ABOVE, 3425.0)
-    assert found.flow == pytest.approx(3.7)
+    result = kept_up_to(SPEEDS, FLOWS, np.array([BROKEN, BROKEN, AT_THE_LIMIT, BROKEN, BROKEN]))
+    assert (result.state, result.speed) == (BROKEN_ABOVE, 3425.0)
+    assert result.flow == pytest.approx(3.7)
 
 
 @pytest.fixture(scope="module")
@@ -78,9 +78,9 @@ def test_a_beat_that_was_not_found_has_no_number_and_a_reason(failing):
     assert not any(np.isfinite(one[name]) for name in numbers)
     assert np.isnan(failing.without_crrt["PF"].sel(policy="as_published", speed=6000.0))
     assert not failing.converged
-    told = {(one.policy, one.place, one.speeds, one.status) for one in failing.unsettled}
-    assert ("as_published", "scheme d", (6000.0,), "one_of_many") in told
-    assert ("as_published", "without CRRT", (6000.0,), "one_of_many") in told
+    messages = {(one.policy, one.place, one.speeds, one.status) for one in failing.unsettled}
+    assert ("as_published", "scheme d", (6000.0,), "one_of_many") in messages
+    assert ("as_published", "without CRRT", (6000.0,), "one_of_many") in messages
 
 
 def test_medians_and_variations_are_of_the_schemes_that_are_known(failing):
@@ -100,9 +100,9 @@ def test_limits_are_never_kept_throughout_where_the_top_speeds_failed(study):
     assert float(one["largest_speed"]) == 4000.0
     ranked = next(r for r in gone.ranking["as_published"] if r.letter == "h")
     assert not ranked.throughout
-    said = "; ".join(ranked.reasons)
-    assert "(4000 rpm); above that it is not known: no steady beat at 4500 and 5000 rpm" in said
-    assert "the native heart ejects next to nothing" in said
+    message = "; ".join(ranked.reasons)
+    assert "(4000 rpm); above that it is not known: no steady beat at 4500 and 5000 rpm" in message
+    assert "the native heart ejects next to nothing" in message
     whole = study.limits.sel(policy="as_published", scheme="h", limit="access_alarm")
     assert whole["kept_throughout"]
     assert whole["state"].item() == KEPT_TO_THE_END
@@ -152,10 +152,10 @@ def test_no_order_is_given_where_nothing_is_known(study):
 
 
 def test_the_beats_without_crrt_count_among_those_not_found(study):
-    alone = study.without_crrt.copy(deep=True)
-    alone["status"] = alone["status"].astype(object)
-    forget(alone, {"policy": "as_published", "speed": 5000.0}, "not_converged")
-    gone = replace(study, without_crrt=alone)
+    single = study.without_crrt.copy(deep=True)
+    single["status"] = single["status"].astype(object)
+    forget(single, {"policy": "as_published", "speed": 5000.0}, "not_converged")
+    gone = replace(study, without_crrt=single)
     assert [one.sentence for one in gone.unsettled] == [
         "without CRRT: no steady beat at 5000 rpm (the search for it did not converge)"
     ]
@@ -166,11 +166,11 @@ class Losing(StudyCircuits):
     """A circuits on which the beats of the last sample are not found."""
 
     def run(self, speeds, policy, keep=(), patient_volume_ml=None, patients=None):
-        found = super().run(speeds, policy, keep, patient_volume_ml, patients)
-        last = np.arange(len(found.status)) % 4 == 3
-        statistics, values = (np.where(last, np.nan, table) for table in (found.statistics, found.values))
-        status = np.where(last, Status.NO_EJECTION, found.status)
-        return replace(found, statistics=statistics, values=values, status=status)
+        result = super().run(speeds, policy, keep, patient_volume_ml, patients)
+        last = np.arange(len(result.status)) % 4 == 3
+        statistics, values = (np.where(last, np.nan, table) for table in (result.statistics, result.values))
+        status = np.where(last, Status.NO_EJECTION, result.status)
+        return replace(result, statistics=statistics, values=values, status=status)
 
 
 def test_the_share_of_samples_without_a_beat_is_told(study):
@@ -188,9 +188,9 @@ def test_the_share_of_samples_without_a_beat_is_told(study):
 
 
 def test_limits_named_in_words_speak_of_one_limit_or_of_all(study):
-    said = study.limits["in_words"].sel(policy="as_published", scheme="d")
-    assert str(said.sel(limit="crrt").item()).startswith("keeps its limits up to 4.6 L/min")
-    assert str(said.sel(limit="access_190").item()).startswith("keeps it up to")
+    message = study.limits["in_words"].sel(policy="as_published", scheme="d")
+    assert str(message.sel(limit="crrt").item()).startswith("keeps its limits up to 4.6 L/min")
+    assert str(message.sel(limit="access_190").item()).startswith("keeps it up to")
     assert crrt_limits.in_words(kept_up_to(SPEEDS, FLOWS, np.full(5, BROKEN)), "") == (
         "keeps its limits at no speed studied"
     )

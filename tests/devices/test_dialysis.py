@@ -52,35 +52,35 @@ def test_without_fluids_nothing_of_it_is_there():
 
 
 def test_a_beat_has_clearances_and_the_same_pressures(case):
-    found, plain = eclsim.simulate(case), eclsim.simulate(CASE)
+    result, plain = eclsim.simulate(case), eclsim.simulate(CASE)
     for name in plain.data_vars:
-        np.testing.assert_array_equal(found[name].values, plain[name].values)
-    assert set(found.data_vars) - set(plain.data_vars) >= {f"clearance_{solute}" for solute in SOLUTES}
-    assert found["effluent_ml_h"] == pytest.approx(2100.0)
-    assert found["filtration_fraction"] == pytest.approx(1100.0 / (200.0 * 60.0 * 0.7), rel=1e-9)
-    mean = 0.5 * float(found["Pcrrtfil"].attrs["mean"] + found["Pcrrttuout"].attrs["mean"])
-    assert found["effluent_pressure"] == pytest.approx(mean - float(found["transmembrane_pressure"]))
-    assert 34.5 < float(found["clearance_urea"]) < 35.0
-    again, water = float(found["crrt_recirculated_fraction"]), 200.0 * (0.93 * 0.7 + 0.8 * 0.3)
-    cleared = float(found["clearance_urea"])
+        np.testing.assert_array_equal(result[name].values, plain[name].values)
+    assert set(result.data_vars) - set(plain.data_vars) >= {f"clearance_{solute}" for solute in SOLUTES}
+    assert result["effluent_ml_h"] == pytest.approx(2100.0)
+    assert result["filtration_fraction"] == pytest.approx(1100.0 / (200.0 * 60.0 * 0.7), rel=1e-9)
+    mean = 0.5 * float(result["Pcrrtfil"].attrs["mean"] + result["Pcrrttuout"].attrs["mean"])
+    assert result["effluent_pressure"] == pytest.approx(mean - float(result["transmembrane_pressure"]))
+    assert 34.5 < float(result["clearance_urea"]) < 35.0
+    again, water = float(result["crrt_recirculated_fraction"]), 200.0 * (0.93 * 0.7 + 0.8 * 0.3)
+    cleared = float(result["clearance_urea"])
     expected = cleared * (1.0 - again) / (1.0 - again * (1.0 - cleared / water))
-    assert float(found["effective_clearance_urea"]) == pytest.approx(expected, rel=1e-6)
+    assert float(result["effective_clearance_urea"]) == pytest.approx(expected, rel=1e-6)
 
 
 def test_constants_without_a_source_are_said_until_a_case_sets_them(case):
-    said = [line for line in eclsim.simulate(case).attrs["warnings"] if "assumed" in line]
-    assert len(said) == 2
-    assert "37 mL/h/mmHg" in said[0]
-    assert "KoAurea 300 mL/min" in said[1]
+    message = [line for line in eclsim.simulate(case).attrs["warnings"] if "assumed" in line]
+    assert len(message) == 2
+    assert "37 mL/h/mmHg" in message[0]
+    assert "KoAurea 300 mL/min" in message[1]
     own = case.model_copy(update={"parameters": case.parameters | {"Kufcrrtfil": 45.0, "KoAurea": 280.0}})
     assert not [line for line in eclsim.simulate(own).attrs["warnings"] if "assumed" in line]
 
 
 def test_without_gas_a_dialyzer_needs_no_blood_gases(case):
-    alone = case.model_copy(update={"ecmo": None, "crrt": case.crrt.model_copy(update=dict(ON_THE_PATIENT))})
-    found = eclsim.simulate(alone)
-    assert found.attrs["converged"]
-    assert not [name for name in found.data_vars if "SaO2" in name]
+    single = case.model_copy(update={"ecmo": None, "crrt": case.crrt.model_copy(update=dict(ON_THE_PATIENT))})
+    result = eclsim.simulate(single)
+    assert result.attrs["converged"]
+    assert not [name for name in result.data_vars if "SaO2" in name]
 
 
 GASEOUS = [
@@ -94,13 +94,15 @@ GASEOUS = [
 @pytest.mark.parametrize(("sections", "removal"), GASEOUS, ids=["fluid above blood", "no base", "renox"])
 def test_carbon_dioxide_that_fluids_take_or_bring_is_in_the_balance_of_the_lungs(sections, removal):
     raw = VV | {key: (ON_ECMO if key == "crrt" else {}) | keys for key, keys in sections.items()}
-    found, plain = eclsim.simulate(read_mapping(raw).case), eclsim.simulate(read_mapping(VV).case)
-    taken = float(found[removal])
-    lungs = float(found["VCO2_lung"] + found["VCO2_oxygenator"])
+    result, plain = eclsim.simulate(read_mapping(raw).case), eclsim.simulate(read_mapping(VV).case)
+    taken = float(result[removal])
+    lungs = float(result["VCO2_lung"] + result["VCO2_oxygenator"])
     assert abs(taken) > 3.0
-    assert lungs + taken == pytest.approx(0.8 * float(found["VO2"]), rel=1e-9)
-    assert float(found["VO2_lung"] + found["VO2_oxygenator"]) == pytest.approx(float(found["VO2"]), rel=1e-9)
-    assert (float(found["PaCO2"]) - float(plain["PaCO2"])) * taken < 0.0
+    assert lungs + taken == pytest.approx(0.8 * float(result["VO2"]), rel=1e-9)
+    assert float(result["VO2_lung"] + result["VO2_oxygenator"]) == pytest.approx(
+        float(result["VO2"]), rel=1e-9
+    )
+    assert (float(result["PaCO2"]) - float(plain["PaCO2"])) * taken < 0.0
 
 
 @pytest.mark.slow
@@ -120,20 +122,20 @@ REMOVED = ["crrt_carbon_dioxide_removal", "base_gain", "PaCO2"]
 @pytest.mark.slow
 def test_a_filter_meets_the_bicarbonate_of_the_blood_that_reaches_it():
     gas = VV["gas"] | {"base_excess_mmol_l": -6.0}
-    found = eclsim.simulate(read_mapping(VV | {"gas": gas, "crrt": ON_ECMO | FLUIDS}).case)
+    result = eclsim.simulate(read_mapping(VV | {"gas": gas, "crrt": ON_ECMO | FLUIDS}).case)
     into = eclsim.blood.gases(
-        po2=float(found["PpostO2"]), pco2=float(found["PpostCO2"]), haemoglobin=9.0, base_excess=-6.0
+        po2=float(result["PpostO2"]), pco2=float(result["PpostCO2"]), haemoglobin=9.0, base_excess=-6.0
     )
-    total = float(into.bicarbonate) + 0.0307 * float(found["PpostCO2"])
+    total = float(into.bicarbonate) + 0.0307 * float(result["PpostCO2"])
     given = ON_ECMO | FLUIDS | {"plasma_bicarbonate_mmol_l": total}
     again = eclsim.simulate(read_mapping(VV | {"gas": gas, "crrt": given}).case)
     for name in ("crrt_carbon_dioxide_removal", "PaCO2"):
         # 1e-7 of the blood before the filter comes back from behind it with the beat.
-        assert float(found[name]) == pytest.approx(float(again[name]), rel=1e-6), name
+        assert float(result[name]) == pytest.approx(float(again[name]), rel=1e-6), name
     usual = eclsim.simulate(
         read_mapping(VV | {"gas": gas, "crrt": given | {"plasma_bicarbonate_mmol_l": 24.0}}).case
     )
-    assert float(usual["crrt_carbon_dioxide_removal"]) > float(found["crrt_carbon_dioxide_removal"]) + 3.0
+    assert float(usual["crrt_carbon_dioxide_removal"]) > float(result["crrt_carbon_dioxide_removal"]) + 3.0
 
 
 @pytest.mark.slow
@@ -145,13 +147,13 @@ def test_the_bloods_own_bicarbonate_has_exact_derivatives_and_the_same_numbers_i
         value = float(exact["parameter_value"].sel(parameter=name))
         step = 1e-3 * max(abs(value), 1.0)
         many = eclsim.simulate_many(case, {name: [value - step, value + step, value]}, REMOVED)
-        alone = eclsim.simulate_many(case, {name: [value]}, REMOVED)
+        single = eclsim.simulate_many(case, {name: [value]}, REMOVED)
         for output in REMOVED:
             low, high, middle = many[output].values
             slope = (high - low) / (2.0 * step)
             assert float(exact.sel(output=output, parameter=name)) == pytest.approx(slope, rel=3e-4, abs=1e-6)
             # Programs for one and for many order products in their own ways.
-            assert middle == pytest.approx(float(alone[output].values[0]), rel=1e-13)
+            assert middle == pytest.approx(float(single[output].values[0]), rel=1e-13)
 
 
 def test_renox_meets_the_haematocrit_and_the_bicarbonate_of_the_patient():

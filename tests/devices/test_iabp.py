@@ -132,10 +132,10 @@ def test_derivatives_by_the_volume_and_the_phase_are_those_of_finite_differences
             for d in (step, -step)
         ]
         high, low = (np.array(numbers(beat, *outputs)) for beat in beats)
-        found = exact.sel(parameter=name, output=outputs).values
+        result = exact.sel(parameter=name, output=outputs).values
         count = len(outputs) if name == "iabp.volume_ml" else len(smooth)
         np.testing.assert_allclose(
-            found[:count], ((high - low) / (2 * step))[:count], rtol=2e-3, err_msg=name
+            result[:count], ((high - low) / (2 * step))[:count], rtol=2e-3, err_msg=name
         )
 
 
@@ -161,8 +161,10 @@ def test_beside_ecmo_its_effect_is_small():
 
 
 def test_it_is_said_whose_pressure_the_highest_one_is(alone, assisted):
-    said = [sentence for sentence in assisted.attrs["warnings"] if "the balloon's, in diastole" in sentence]
-    assert len(said) == 1
+    message = [
+        sentence for sentence in assisted.attrs["warnings"] if "the balloon's, in diastole" in sentence
+    ]
+    assert len(message) == 1
     assert not [sentence for sentence in alone.attrs["warnings"] if "balloon" in sentence]
 
 

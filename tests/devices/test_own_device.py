@@ -48,12 +48,12 @@ def rvad():
 def beats():
     """Beats of the example with one and with two devices, each solved once."""
     load_device_file(str(FILE))
-    alone = read_case(CASE).case
-    two = alone.as_mapping()
+    single = read_case(CASE).case
+    two = single.as_mapping()
     section = two["rvad"]
     two["rvad"] = {"a": section | {"speed_rpm": 1000.0}, "b": section | {"speed_rpm": 1200.0}}
     two = read_mapping(two).case
-    simulated = {name: (case, simulate(model_of(case))) for name, case in (("alone", alone), ("two", two))}
+    simulated = {name: (case, simulate(model_of(case))) for name, case in (("alone", single), ("two", two))}
     forget_device("rvad")
     return simulated
 

@@ -56,19 +56,21 @@ def test_a_hole_in_the_septum_parts_the_outputs_of_the_ventricles(alone):
 
 def test_renox_moves_no_blood_and_clears_as_its_fibres_do_at_the_flow_of_the_ecmo(alone):
     own = case(renox={"dialysate_ml_h": 2000, "net_ultrafiltration_ml_h": 100})
-    found = eclsim.simulate(own)
+    result = eclsim.simulate(own)
     for name in alone.data_vars:
-        np.testing.assert_array_equal(found[name].values, alone[name].values)
+        np.testing.assert_array_equal(result[name].values, alone[name].values)
     values = model_of(own).values
     settings = dialysis.Settings(*(values[name] for name in SETTINGS))
-    blood = float(found["PF"]) * 1000.0
+    blood = float(result["PF"]) * 1000.0
     urea = settings.solute("urea")
     expected = dialysis.clearance(urea.water_flow(blood, settings.haematocrit), settings.fluids, urea)
-    assert float(found["renox_clearance_urea"]) == pytest.approx(float(expected), rel=1e-6)
-    assert float(found["renox_clearance_urea"]) == pytest.approx(2100.0 / 60.0, rel=0.005)  # effluent-limited
-    mean = 0.5 * float(found["pre_oxygenator_pressure"] + found["post_oxygenator_pressure"])
-    assert float(found["renox_effluent_pressure"]) == pytest.approx(mean - 100.0 / 37.0, rel=1e-6)
-    assert float(found["renox_free_ultrafiltration_ml_h"]) == pytest.approx(37.0 * mean, rel=1e-6)
+    assert float(result["renox_clearance_urea"]) == pytest.approx(float(expected), rel=1e-6)
+    assert float(result["renox_clearance_urea"]) == pytest.approx(
+        2100.0 / 60.0, rel=0.005
+    )  # effluent-limited
+    mean = 0.5 * float(result["pre_oxygenator_pressure"] + result["post_oxygenator_pressure"])
+    assert float(result["renox_effluent_pressure"]) == pytest.approx(mean - 100.0 / 37.0, rel=1e-6)
+    assert float(result["renox_free_ultrafiltration_ml_h"]) == pytest.approx(37.0 * mean, rel=1e-6)
 
 
 @pytest.mark.slow
@@ -77,26 +79,28 @@ def test_a_second_return_takes_its_share_of_the_flow_and_its_clamp_gives_it_back
     drained = {"drainage_site": "svn", "drainage_cannula": "venous", "drainage_fr": 25}
     flows = {}
     for clamp in (0.0, 0.6, 1.0):
-        found = eclsim.simulate(case(ecmo=ECMO | drained | second | {"second_return_clamp": clamp}))
-        assert found.attrs["converged"]
-        given = found["Qecmoreturn"].values + found["Qecmoreturn2"].values
-        drop = (found["Pecmoreturn"] - found["Pra"]).values
+        result = eclsim.simulate(case(ecmo=ECMO | drained | second | {"second_return_clamp": clamp}))
+        assert result.attrs["converged"]
+        given = result["Qecmoreturn"].values + result["Qecmoreturn2"].values
+        drop = (result["Pecmoreturn"] - result["Pra"]).values
         size = CANNULAE["arterial"].resistance(15.0) / max((1.0 - clamp) ** 2, 1e-9)
         expected = np.sqrt(drop / size) * 1000.0 / 60.0
-        np.testing.assert_allclose(found["Qecmoreturn2"].values, expected, rtol=1e-3, atol=0.02)
+        np.testing.assert_allclose(result["Qecmoreturn2"].values, expected, rtol=1e-3, atol=0.02)
         assert np.isfinite(given).all()
-        flows[clamp] = float(found["second_return_flow"])
+        flows[clamp] = float(result["second_return_flow"])
     one = eclsim.simulate(case(ecmo=ECMO | drained))
     assert flows[0.0] > flows[0.6] > 0.2
     assert flows[1.0] == pytest.approx(0.0, abs=1e-3)
-    assert float(found["PF"]) == pytest.approx(float(one["PF"]), abs=2e-3)
+    assert float(result["PF"]) == pytest.approx(float(one["PF"]), abs=2e-3)
 
 
 @pytest.mark.slow
 def test_left_atrial_drainage_unloads_the_left_side(alone):
-    found = eclsim.simulate(case(ecmo=ECMO | {"second_drainage_site": "la", "second_drainage_fr": 21}))
-    assert float(found["second_drainage_flow"]) == pytest.approx(float(found["CO"] - found["LVO"]), abs=1e-4)
-    assert float(found["PCWP"]) < float(alone["PCWP"]) - 1.0
+    result = eclsim.simulate(case(ecmo=ECMO | {"second_drainage_site": "la", "second_drainage_fr": 21}))
+    assert float(result["second_drainage_flow"]) == pytest.approx(
+        float(result["CO"] - result["LVO"]), abs=1e-4
+    )
+    assert float(result["PCWP"]) < float(alone["PCWP"]) - 1.0
 
 
 @pytest.mark.parametrize(

@@ -40,9 +40,9 @@ def test_no_dose_leaves_every_bit():
     plain, offered, given = (
         steady_beat(Batch.of(model(**s))) for s in ({}, {"drugs": {}}, {"drugs": {"dobutamine": 0.0}})
     )
-    for found in (offered, given):
+    for result in (offered, given):
         for name in plain.names:
-            np.testing.assert_array_equal(plain.output(name), found.output(name))
+            np.testing.assert_array_equal(plain.output(name), result.output(name))
     assert plain.batch.circuit == model().circuit
     assert not model().circuit.controllers
 
@@ -59,8 +59,8 @@ def test_effects_are_the_curves_and_multiply():
         total += part * np.array(drug.at_most)
     acted = beat(patient).values_in_effect()
     heart, systemic, pulmonary, rate = np.exp(total[:4])
-    wanted = dict(zip(ACTS_ON, (heart, heart, systemic, pulmonary, rate), strict=False))
-    for name, factor in wanted.items():
+    expected = dict(zip(ACTS_ON, (heart, heart, systemic, pulmonary, rate), strict=False))
+    for name, factor in expected.items():
         assert float(acted[name]) == pytest.approx(patient.values[name] * factor, rel=1e-12), name
     shift = total[4] * patient.values["total_blood_volume_ml"]
     assert float(acted[UNSTRESSED]) == pytest.approx(shift, rel=1e-12)

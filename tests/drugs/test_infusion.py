@@ -46,8 +46,8 @@ def test_half_of_a_step_is_in_effect_after_a_half_life(drug):
 
 def test_a_dose_that_does_not_change_stays():
     law = InfusedDoses()
-    found = law.rates(law.start(PUMP, {}), PUMP, {}, {})
-    assert all(not np.any(rate) for rate in found.values())
+    result = law.rates(law.start(PUMP, {}), PUMP, {}, {})
+    assert all(not np.any(rate) for rate in result.values())
 
 
 @pytest.mark.slow
@@ -64,9 +64,9 @@ def test_a_course_of_a_pump_that_is_started_and_stopped():
         ],
     }
     sharp = CourseOptions(tolerance=0.001)  # of a change that is felt, 0.06 ug/kg/min
-    found = course(read_mapping(case).case, minutes=30, every_min=5, outputs=["MAP"], options=sharp)
+    result = course(read_mapping(case).case, minutes=30, every_min=5, outputs=["MAP"], options=sharp)
     state, lag = (
-        found["drugs.noradrenaline_in_effect"],
+        result["drugs.noradrenaline_in_effect"],
         PUBLISHED["noradrenaline"].half_life_min / np.log(2.0),
     )
     start = 0.2 * (1.0 - np.exp(-15.0 / lag))
@@ -76,7 +76,7 @@ def test_a_course_of_a_pump_that_is_started_and_stopped():
     steady = model_of(read_mapping({k: v for k, v in case.items() if k != "events"}).case)
     for minute in (10, 30):
         own = steady.with_values({dose("noradrenaline"): float(state.sel(time_min=minute))})
-        at_moment = float(found["MAP"].sel(time_min=minute))
+        at_moment = float(result["MAP"].sel(time_min=minute))
         assert at_moment == pytest.approx(float(simulate(own)["MAP"]), abs=0.02)
 
 
@@ -86,9 +86,9 @@ def test_the_smallest_dose_that_holds_a_pressure_is_found():
         "format": 1, "drugs": {}, "parameters": {"Rmc": 0.35},
         "patient": {"id": "P", "sex": "male", "age_years": 60, "heart_rate_bpm": 90},
     }).case  # fmt: skip
-    found = reach(case, "MAP > 65", vary="drugs.noradrenaline")
-    assert found.reached
-    (needed,) = found.values
+    result = reach(case, "MAP > 65", vary="drugs.noradrenaline")
+    assert result.reached
+    (needed,) = result.values
     assert 0.01 < needed < 1.0
     beat = simulate(model_of(case).with_values({dose("noradrenaline"): float(needed)}))
     assert float(beat["MAP"]) == pytest.approx(65.0, abs=0.05)

@@ -182,8 +182,8 @@ def test_fluid_red_cells_and_protein_balance(inflows):
     assert gained[fluid.RED_CELLS] == pytest.approx(gained[fluid.CELLS_MOVED], abs=1e-6)
     protein = gained[fluid.PROTEIN] + gained[fluid.OUTSIDE_PROTEIN]
     assert protein == pytest.approx(gained[fluid.PROTEIN_MOVED], abs=1e-9)
-    wanted = 3600.0 * sum(v for k, v in inflows.items() if k != "bleed_ml")
-    assert gained[fluid.GIVEN] == pytest.approx(wanted)
+    expected = 3600.0 * sum(v for k, v in inflows.items() if k != "bleed_ml")
+    assert gained[fluid.GIVEN] == pytest.approx(expected)
     assert gained[fluid.REMOVED] == pytest.approx(200.0 + 3600.0 * inflows.get("bleed_ml", 0.0))
 
 

@@ -87,8 +87,8 @@ def test_two_pools_follow_their_matrix_exponential():
     rest = np.linalg.solve(matrix, [-12.0, 0.0])
     amounts = rest + expm(6.0 * matrix) @ (np.array([25e-3 * outside, 25e-3 * inside]) - rest)
     states = after(6.0, values)
-    found = [states[f"solutes.urea_{where}_mmol"].item() for where in ("outside", "inside")]
-    np.testing.assert_allclose(found, amounts, rtol=1e-8)
+    result = [states[f"solutes.urea_{where}_mmol"].item() for where in ("outside", "inside")]
+    np.testing.assert_allclose(result, amounts, rtol=1e-8)
 
 
 def test_solutes_balance_to_rounding():
@@ -151,12 +151,12 @@ def test_carbon_dioxide_that_stays_as_bicarbonate_is_not_in_the_tissues_too(acid
     assert gases + 22.26 * float(bicarbonate[0]) == pytest.approx(2.0 / 60.0, rel=1e-12)
 
 
-@pytest.mark.parametrize("wanted", [12.0, 24.0, 34.0])
-def test_base_excess_of_a_bicarbonate_is_that_of_the_blood_laws(wanted):
-    excess = standard_base_excess(np.array(wanted), np.array(11.0))
+@pytest.mark.parametrize("expected", [12.0, 24.0, 34.0])
+def test_base_excess_of_a_bicarbonate_is_that_of_the_blood_laws(expected):
+    excess = standard_base_excess(np.array(expected), np.array(11.0))
     ph = ph_of(40.0, Blood(11.0, excess), lambda _: 1.0)
-    assert bicarbonate(40.0, ph) == pytest.approx(wanted, rel=1e-9)
-    assert standard_bicarbonate(float(excess), 11.0) == pytest.approx(wanted, rel=1e-9)
+    assert bicarbonate(40.0, ph) == pytest.approx(expected, rel=1e-9)
+    assert standard_bicarbonate(float(excess), 11.0) == pytest.approx(expected, rel=1e-9)
 
 
 def model(regional=False, solutes=True):
@@ -173,10 +173,10 @@ def model(regional=False, solutes=True):
 
 
 def law_of(patient):
-    (found,) = (
+    (result,) = (
         one for one in slow_laws(patient.circuit, patient.values) if isinstance(one, CarbonDioxideLaw)
     )
-    return found
+    return result
 
 
 @pytest.mark.parametrize("regional", [False, pytest.param(True, marks=pytest.mark.slow)])
@@ -201,23 +201,23 @@ def test_stores_fill_with_what_the_blood_does_not_carry_away():
     names = (*law.reads, "PaCO2", "VCO2_oxygenator", "VCO2_lung", "VO2")
     steady = steady_beat(Batch.of(patient), names).outputs()
     high = {STORES_HOLD: 1.0, "solutes.tissue_pco2_mmHg": steady["tissue_PCO2"] + 10.0}
-    found = steady_beat(Batch.of(patient.with_values(high)), names).outputs()
-    assert found["tissue_PCO2"] == pytest.approx(steady["tissue_PCO2"] + 10.0, abs=1e-7)
-    removed = found["VCO2_oxygenator"] + found["VCO2_lung"]
+    result = steady_beat(Batch.of(patient.with_values(high)), names).outputs()
+    assert result["tissue_PCO2"] == pytest.approx(steady["tissue_PCO2"] + 10.0, abs=1e-7)
+    removed = result["VCO2_oxygenator"] + result["VCO2_lung"]
     assert removed > steady["VCO2_oxygenator"] + steady["VCO2_lung"] + 10.0
-    assert found["stored_CO2"] == pytest.approx(0.8 * found["VO2"] - removed, abs=1e-6)
+    assert result["stored_CO2"] == pytest.approx(0.8 * result["VO2"] - removed, abs=1e-6)
     store, pressures = patient.values["solutes.carbon_dioxide_store_ml_mmHg"], np.array([50.0, 47.0])
     states, read = (
         dict(zip([s.name for s in law.states], pressures[:, None], strict=True)),
-        {k: found[k] for k in law.reads},
+        {k: result[k] for k in law.reads},
     )
     tissue, blood = (60.0 * float(rate[0]) for rate in law.rates(states, values, read, {}).values())
     # Blood follows by 3 mmHg/min; what it gains the tissue loses.
     assert blood == pytest.approx(3.0)
-    assert store * (0.8 * tissue + 0.2 * blood) == pytest.approx(found["stored_CO2"])
+    assert store * (0.8 * tissue + 0.2 * blood) == pytest.approx(result["stored_CO2"])
     # Beat by beat blood holds its own, and the tissue alone fills.
-    alone = law.beat_by_beat().rates(states, values, read, {})
-    assert 60.0 * float(next(iter(alone.values()))[0]) == pytest.approx(found["stored_CO2"] / (0.8 * store))
+    single = law.beat_by_beat().rates(states, values, read, {})
+    assert 60.0 * float(next(iter(single.values()))[0]) == pytest.approx(result["stored_CO2"] / (0.8 * store))
 
 
 def test_stores_change_no_steady_state():

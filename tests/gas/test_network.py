@@ -73,6 +73,7 @@ def test_recirculation_is_the_closed_form(steady):
     )
 
 
+@pytest.mark.slow
 def test_other_sites_recirculate_what_the_atrium_throws_back():
     """Drained from the veins and returned to the atrium, only blood that flows back is drawn again."""
     apart = eclsim.simulate(model(ecmo_drainage_site="svn"))
@@ -97,6 +98,7 @@ def test_without_a_steady_state_there_are_no_numbers_but_a_finding(changes, stat
     assert any("no steady gas state" in sentence for sentence in result.attrs["warnings"])
 
 
+@pytest.mark.slow
 def test_gases_that_are_not_there_have_their_own_status_wherever_they_are_asked_for():
     patient = model(gas_shunt_fraction=1.0, ecmo_sweep_l_min=0.0)
     many = eclsim.simulate_many(patient, {"gas.shunt_fraction": [0.5, 1.0]}, outputs=["SaO2"])
@@ -138,9 +140,9 @@ def test_derivatives_are_those_of_differences():
         both = eclsim.simulate_many(base, changes, DERIVED)
         for output in DERIVED:
             difference = float(np.diff(both[output].values)[0]) / (2.0 * step)
-            found = float(exact.sel(output=output, parameter=name))
+            result = float(exact.sel(output=output, parameter=name))
             scale = abs(float(exact.sel(output=output).value)) / abs(base.values[name])
-            assert found == pytest.approx(difference, rel=2e-3, abs=2e-4 * scale), (output, name)
+            assert result == pytest.approx(difference, rel=2e-3, abs=2e-4 * scale), (output, name)
 
 
 def test_batches_give_what_single_patients_do():
@@ -149,9 +151,9 @@ def test_batches_give_what_single_patients_do():
         base,
         {"ecmo.sweep_l_min": np.array([1.0, 4.0, 8.0]), "gas.haemoglobin_g_dl": np.array([8.0, 9.0, 11.0])},
     )
-    alone = eclsim.simulate(base)
+    single = eclsim.simulate(base)
     for name in ("SaO2", "PaCO2", "VO2_oxygenator", "O2ER"):
-        assert float(many[name][1]) == pytest.approx(float(alone[name]), rel=1e-9)
+        assert float(many[name][1]) == pytest.approx(float(single[name]), rel=1e-9)
     assert (np.diff(many.PaCO2.values) < 0.0).all()
     assert list(many.gas_status.values) == ["steady"] * 3
 

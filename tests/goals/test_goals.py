@@ -82,10 +82,10 @@ def test_the_lowest_speed_for_a_flow_is_that_of_the_search_for_a_flow(flow):
     """Two independent ways: sequential linear programs on derivatives, and false position on values."""
     assert flow.reached
     assert CASE.ecmo is not None
-    wanted = CASE.model_copy(
+    searched = CASE.model_copy(
         update={"ecmo": CASE.ecmo.model_copy(update={"flow_l_min": 4.0, "speed_rpm": None})}
     )
-    _, speed = with_speed(wanted)
+    _, speed = with_speed(searched)
     assert speed is not None
     assert flow.values[0] == pytest.approx(speed.speed_rpm, abs=0.01)
     at_bound, *others = flow.goals
@@ -94,6 +94,7 @@ def test_the_lowest_speed_for_a_flow_is_that_of_the_search_for_a_flow(flow):
     assert "less is stopped by PF > 4" in flow.message
 
 
+@pytest.mark.slow
 def test_slopes_are_those_of_neighbouring_beats(flow):
     speeds = flow.values[0] + np.array([-1.0, 1.0])
     beside = simulate_many(CASE, {"ecmo.speed_rpm": speeds}, ("PF", "drainage_pressure", "MAP"))
@@ -122,6 +123,7 @@ def test_goals_that_exclude_each_other_are_named():
     assert any(str(goal) in result.message for goal in result.without)
 
 
+@pytest.mark.slow
 def test_a_goal_out_of_reach_alone_ends_at_the_end_of_the_range():
     result = reach(CASE, "PF > 9")
     assert not result.reached

@@ -34,16 +34,16 @@ def test_as_arviz(draws):
         arviz = pytest.importorskip("arviz")
     data = {"x": draws}
     try:
-        wanted = arviz.convert_to_dataset(data)
+        expected = arviz.convert_to_dataset(data)
     except (TypeError, ValueError):
-        wanted = arviz.convert_to_datatree({"posterior": data})
+        expected = arviz.convert_to_datatree({"posterior": data})
 
-    def value(found):
-        return float(np.asarray(found["x"] if "x" in found else found["posterior"]["x"]))
+    def value(result):
+        return float(np.asarray(result["x"] if "x" in result else result["posterior"]["x"]))
 
-    assert r_hat(draws) == pytest.approx(value(arviz.rhat(wanted)), abs=2e-3)
-    assert effective_bulk(draws) == pytest.approx(value(arviz.ess(wanted, method="bulk")), rel=0.02)
-    assert effective_tail(draws) == pytest.approx(value(arviz.ess(wanted, method="tail")), rel=0.05)
+    assert r_hat(draws) == pytest.approx(value(arviz.rhat(expected)), abs=2e-3)
+    assert effective_bulk(draws) == pytest.approx(value(arviz.ess(expected, method="bulk")), rel=0.02)
+    assert effective_tail(draws) == pytest.approx(value(arviz.ess(expected, method="tail")), rel=0.05)
 
 
 def diagnosed(draws, diverging=0, energy=None, saturated=0):
@@ -70,8 +70,8 @@ def test_good_chains_are_trusted():
     ],
 )
 def test_bad_chains_are_not(draws, diverging, word):
-    found = diagnosed(draws, diverging)
-    assert any(word in doubt for doubt in found.doubts)
+    result = diagnosed(draws, diverging)
+    assert any(word in doubt for doubt in result.doubts)
 
 
 def test_a_chain_that_never_moved_is_not_trusted():
@@ -81,9 +81,9 @@ def test_a_chain_that_never_moved_is_not_trusted():
 
 def test_energies_that_hardly_change_are_not_trusted():
     """A slow energy: each chain sees little of the tails, though the draws look well mixed."""
-    found = diagnosed(chains(), energy=chains(0.95, seed=4))
-    assert any("E-BFMI of chain" in doubt for doubt in found.doubts)
-    assert found.energy_fraction == pytest.approx(2.0 * (1.0 - 0.95), abs=0.05)
+    result = diagnosed(chains(), energy=chains(0.95, seed=4))
+    assert any("E-BFMI of chain" in doubt for doubt in result.doubts)
+    assert result.energy_fraction == pytest.approx(2.0 * (1.0 - 0.95), abs=0.05)
 
 
 def test_energy_fraction_as_arviz():
@@ -91,8 +91,8 @@ def test_energy_fraction_as_arviz():
         warnings.simplefilter("ignore")  # about a coming version
         arviz = pytest.importorskip("arviz")
         energy = chains(0.6, seed=2)
-        wanted = np.ravel(arviz.bfmi(energy))
-    assert [energy_fraction(e) for e in energy] == pytest.approx(list(wanted), rel=1e-2)
+        expected = np.ravel(arviz.bfmi(energy))
+    assert [energy_fraction(e) for e in energy] == pytest.approx(list(expected), rel=1e-2)
 
 
 def test_trajectories_that_are_cut_are_counted_and_named_where_draws_are_too_few():

@@ -47,8 +47,10 @@ def test_relative_differences_of_what_may_be_negative_are_of_at_least_its_usual_
 
 
 def test_pressures_of_a_circuit_that_is_not_there_are_named():
-    alone = read_mapping({k: v for k, v in RAW.items() if k != "ecmo"}).case
-    case = alone.model_copy(update={"measurements": Measurements(MAP=70.0, CVP=9.0, drainage_pressure=-40.0)})
+    single = read_mapping({k: v for k, v in RAW.items() if k != "ecmo"}).case
+    case = single.model_copy(
+        update={"measurements": Measurements(MAP=70.0, CVP=9.0, drainage_pressure=-40.0)}
+    )
     checked = check_fit(case, {"Rmc": (0.5, 0.05, 5.0)})
     assert set(checked.targets) == {"MAP", "CVP"}
     assert any(w.key == "measurements.drainage_pressure" and "[ecmo]" in str(w) for w in checked.warnings)
@@ -56,17 +58,17 @@ def test_pressures_of_a_circuit_that_is_not_there_are_named():
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "said"),
+    ("key", "value", "message"),
     [
         ("CVP", 1300.0, "1300 Pa = 9.751 mmHg"),
         ("drainage_pressure", -9000.0, "-9000 Pa = -67.51 mmHg"),
         ("post_oxygenator_pressure", "25 kPa", "187.5"),
     ],
 )
-def test_other_units_are_named(key, value, said):
+def test_other_units_are_named(key, value, message):
     with pytest.raises(CaseError, match=f"measurements.{key}") as error:
         read_mapping(RAW | {"measurements": {key: value}})
-    assert said in str(error.value)
+    assert message in str(error.value)
 
 
 @pytest.mark.slow
@@ -95,13 +97,13 @@ def test_it_is_among_what_is_asked_for_identifiability():
 @pytest.mark.slow
 def test_what_is_zero_has_an_effect_too():
     """A share of a volume of 0 mL is none: the change is a fixed one."""
-    found = identifiability(measured(("MAP", "CVP")), parameters=("Rmc", "fluid.extra_volume_ml"))
+    result = identifiability(measured(("MAP", "CVP")), parameters=("Rmc", "fluid.extra_volume_ml"))
     assert CASE.fluid.extra_volume_ml == 0.0
     low, high = (measured(("MAP", "CVP"), **{"fluid.extra_volume_ml": v}).measurements for v in (-1.0, 1.0))
     slope = np.array([high.MAP - low.MAP, high.CVP - low.CVP]) / 2.0
     expected = slope * (5000.0 + 3000.0) / np.log(100.0) / [3.0, 2.0]
-    np.testing.assert_allclose(found.scaled.matrix[:, 1], expected, rtol=1e-4)
-    assert "no effect" not in " ".join(found.proposal.excluded.values())
+    np.testing.assert_allclose(result.scaled.matrix[:, 1], expected, rtol=1e-4)
+    assert "no effect" not in " ".join(result.proposal.excluded.values())
 
 
 @pytest.mark.slow

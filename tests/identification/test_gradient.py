@@ -53,6 +53,7 @@ def test_outputs_are_those_of_a_simulation(posterior, centre):
         assert value == pytest.approx(float(whole[name]), abs=2e-3 * error)
 
 
+@pytest.mark.slow
 def test_gradient_is_the_derivative_of_the_potential(posterior, centre):
     follower = GradientEvaluator(posterior, centre)
     z = centre + np.array([0.15, 0.1, -0.1])

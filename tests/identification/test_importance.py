@@ -26,15 +26,15 @@ def gaussian_of(posterior):
 
 @pytest.mark.slow
 def test_moments_of_a_curved_posterior(curved):
-    found = importance_sample(curved, gaussian_of(curved), count=1500, seed=1)
+    result = importance_sample(curved, gaussian_of(curved), count=1500, seed=1)
     mean, covariance = curved.moments()
-    weighted = found.weights @ found.z
-    away = found.z - weighted
+    weighted = result.weights @ result.z
+    away = result.z - weighted
     assert weighted == pytest.approx(mean, abs=0.03)
-    assert (away.T * found.weights) @ away == pytest.approx(covariance, abs=0.03)
-    assert found.shape < 0.5
-    assert not found.doubts
-    chosen = found.z[found.resample(4000, 0)]
+    assert (away.T * result.weights) @ away == pytest.approx(covariance, abs=0.03)
+    assert result.shape < 0.5
+    assert not result.doubts
+    chosen = result.z[result.resample(4000, 0)]
     assert chosen.mean(axis=0) == pytest.approx(mean, abs=0.03)
 
 
@@ -49,8 +49,8 @@ def test_shape_of_a_pareto_distribution():
     random = np.random.default_rng(5)
     for shape in (0.2, 0.8):
         above = 2.0 * np.expm1(-shape * np.log(random.uniform(size=3000))) / shape
-        found, scale = pareto_fit(np.sort(above))
-        assert found == pytest.approx(shape, abs=0.08)
+        result, scale = pareto_fit(np.sort(above))
+        assert result == pytest.approx(shape, abs=0.08)
         assert scale == pytest.approx(2.0, rel=0.1)
 
 
@@ -75,25 +75,25 @@ def doubtful(exponent, count=2000, shape=0.4):
 
 
 def test_weights_that_are_trusted_are_not_widened():
-    found = doubtful(0.5)
-    weights, power = found.tempered()
+    result = doubtful(0.5)
+    weights, power = result.tempered()
     assert power == 1.0
-    assert weights is found.weights
+    assert weights is result.weights
 
 
-@pytest.mark.parametrize("found", [doubtful(40.0), doubtful(0.5, shape=1.2)], ids=["few", "heavy tail"])
-def test_weights_in_doubt_are_widened_until_they_can_be_trusted(found):
-    assert found.reasons
-    weights, power = found.tempered()
+@pytest.mark.parametrize("result", [doubtful(40.0), doubtful(0.5, shape=1.2)], ids=["few", "heavy tail"])
+def test_weights_in_doubt_are_widened_until_they_can_be_trusted(result):
+    assert result.reasons
+    weights, power = result.tempered()
     assert 0.0 < power < 1.0
     assert weights.sum() == pytest.approx(1.0)
     assert 1.0 / np.sum(weights**2) >= FEWEST_EFFECTIVE
-    assert power * found.shape <= 0.7 + 1e-9
-    assert weights @ found.z[:, 0] ** 2 > 1.1 * (found.weights @ found.z[:, 0] ** 2)
+    assert power * result.shape <= 0.7 + 1e-9
+    assert weights @ result.z[:, 0] ** 2 > 1.1 * (result.weights @ result.z[:, 0] ** 2)
 
 
 def test_draws_without_a_steady_beat_are_counted():
-    found = doubtful(0.5)
-    outputs = found.z.copy()
+    result = doubtful(0.5)
+    outputs = result.z.copy()
     outputs[:7] = np.nan
-    assert WeightedDraws(found.z, outputs, found.weights, 0.4, found.proposals).without_beat == 7
+    assert WeightedDraws(result.z, outputs, result.weights, 0.4, result.proposals).without_beat == 7

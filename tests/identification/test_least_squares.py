@@ -21,21 +21,21 @@ def box(lower: float, upper: float, size: int = 2) -> Box:
 
 def test_a_curved_valley_is_followed_to_its_end():
     starts = np.array([[-1.2, 1.0], [2.0, -1.0], [0.0, 2.0]])
-    found = refine(FunctionObjective(rosenbrock), np.zeros(3, dtype=int), starts, box(-3, 3), EXACT)
-    np.testing.assert_allclose(found.x, 1.0, atol=1e-8)
-    assert set(found.terminations) == {Termination.SETTLED}
+    result = refine(FunctionObjective(rosenbrock), np.zeros(3, dtype=int), starts, box(-3, 3), EXACT)
+    np.testing.assert_allclose(result.x, 1.0, atol=1e-8)
+    assert set(result.terminations) == {Termination.SETTLED}
 
 
 @pytest.mark.parametrize("upper", [0.5, 0.2, -0.4])
 def test_the_optimum_at_a_bound_is_that_of_scipys_trust_region(upper: float):
-    found = refine(
+    result = refine(
         FunctionObjective(rosenbrock), np.zeros(1, dtype=int), np.array([[-1.0, -1.0]]), box(-2, upper), EXACT
     )
     scipys = least_squares(
         lambda x: rosenbrock(x[None])[0], [-1.0, -1.0], bounds=(-2, upper), xtol=1e-14, ftol=1e-14, gtol=1e-14
     )
-    assert found.costs[0] <= 2.0 * scipys.cost * (1 + 1e-6)
-    np.testing.assert_allclose(found.x[0], scipys.x, atol=1e-4)
+    assert result.costs[0] <= 2.0 * scipys.cost * (1 + 1e-6)
+    np.testing.assert_allclose(result.x[0], scipys.x, atol=1e-4)
 
 
 def test_starts_without_a_steady_beat_are_named_and_do_not_stop_the_others():
@@ -43,19 +43,19 @@ def test_starts_without_a_steady_beat_are_named_and_do_not_stop_the_others():
         return np.where(x[:, :1] < -1.5, np.nan, rosenbrock(x))
 
     starts = np.array([[-2.0, 0.0], [0.5, 0.5]])
-    found = refine(
+    result = refine(
         FunctionObjective(undefined_on_the_left), np.zeros(2, dtype=int), starts, box(-3, 3), EXACT
     )
-    assert found.terminations[0] == Termination.NO_STEADY_BEAT
-    assert np.isinf(found.costs[0])
-    np.testing.assert_allclose(found.x[1], 1.0, atol=1e-8)
+    assert result.terminations[0] == Termination.NO_STEADY_BEAT
+    assert np.isinf(result.costs[0])
+    np.testing.assert_allclose(result.x[1], 1.0, atol=1e-8)
 
 
 def test_a_start_does_not_depend_on_the_others():
     objective, starts = FunctionObjective(rosenbrock), np.array([[-1.2, 1.0], [2.0, -1.0]])
     together = refine(objective, np.zeros(2, dtype=int), starts, box(-3, 3))
-    alone = refine(objective, np.zeros(1, dtype=int), starts[1:], box(-3, 3))
-    np.testing.assert_array_equal(together.x[1], alone.x[0])
+    single = refine(objective, np.zeros(1, dtype=int), starts[1:], box(-3, 3))
+    np.testing.assert_array_equal(together.x[1], single.x[0])
 
 
 def random_steps(count: int):
@@ -112,11 +112,11 @@ def many_valleys(x: np.ndarray) -> np.ndarray:
 
 def test_multi_start_finds_the_deepest_valley_and_stops_when_it_is_found_again():
     settings = MultiStart(points_per_parameter=200, refined_share=0.2)
-    (found,) = identify(FunctionObjective(many_valleys), box(-2.4, 2.4), settings)
-    np.testing.assert_allclose(found.x, 0.0, atol=1e-8)
-    assert found.agreeing > settings.rediscoveries
-    assert len(found.starts.agreeing) < 80
-    assert found.status == "fitted"
+    (result,) = identify(FunctionObjective(many_valleys), box(-2.4, 2.4), settings)
+    np.testing.assert_allclose(result.x, 0.0, atol=1e-8)
+    assert result.agreeing > settings.rediscoveries
+    assert len(result.starts.agreeing) < 80
+    assert result.status == "fitted"
 
 
 def test_the_same_seed_gives_the_same_fit():
@@ -130,17 +130,17 @@ def test_points_are_fitted_as_if_alone():
     settings = MultiStart(points_per_parameter=50, refined_share=0.2)
     shifts = np.array([0.0, 0.7])
     both = identify(FunctionObjective(rosenbrock, shifts), box(-3, 3), settings)
-    alone = identify(FunctionObjective(rosenbrock, shifts[1:]), box(-3, 3), settings)
+    single = identify(FunctionObjective(rosenbrock, shifts[1:]), box(-3, 3), settings)
     np.testing.assert_allclose(both[0].x, 1.0, atol=1e-7)
     np.testing.assert_allclose(both[1].x, 1.7, atol=1e-7)
-    np.testing.assert_array_equal(both[1].x, alone[0].x)
+    np.testing.assert_array_equal(both[1].x, single[0].x)
 
 
 def test_nothing_to_start_from_is_a_status():
-    (found,) = identify(FunctionObjective(lambda x: np.full_like(x, np.nan)), box(-1, 1), MultiStart(20))
-    assert found.status == "no_steady_beat"
-    assert found.dropped == found.explored == 40
-    assert "steady heartbeat" in found.status.message
+    (result,) = identify(FunctionObjective(lambda x: np.full_like(x, np.nan)), box(-1, 1), MultiStart(20))
+    assert result.status == "no_steady_beat"
+    assert result.dropped == result.explored == 40
+    assert "steady heartbeat" in result.status.message
 
 
 def test_the_same_cost_with_other_outputs_is_another_optimum():
@@ -158,14 +158,14 @@ def test_a_place_without_derivatives_is_left_aside():
         """Has no derivatives beyond 0.5, where its outputs are lower."""
 
         def linearise(self, evaluation, members, x):
-            found, near = super().linearise(evaluation, members, x)
-            found[x[:, 0] > 0.5] = np.nan
-            return found, near
+            result, near = super().linearise(evaluation, members, x)
+            result[x[:, 0] > 0.5] = np.nan
+            return result, near
 
     objective = Shut(lambda x: np.stack([x[:, 0] - 1.0, x[:, 1] + 0.2], axis=1))
     starts = np.array([[0.0, 0.0], [0.8, 0.0]])
-    found = refine(objective, np.zeros(2, dtype=int), starts, box(-2, 2))
-    assert found.terminations[1] == Termination.NO_STEADY_BEAT
-    assert np.isinf(found.costs[1])
-    assert 0.3 < found.x[0, 0] <= 0.5
-    assert np.isfinite(found.jacobians[0]).all()
+    result = refine(objective, np.zeros(2, dtype=int), starts, box(-2, 2))
+    assert result.terminations[1] == Termination.NO_STEADY_BEAT
+    assert np.isinf(result.costs[1])
+    assert 0.3 < result.x[0, 0] <= 0.5
+    assert np.isfinite(result.jacobians[0]).all()

@@ -26,19 +26,21 @@ SHORT = nuts.Sampling(chains=4, warmup=200, draws=500, seed=3)
 @pytest.mark.slow
 def test_moments_of_a_curved_posterior(curved, analytic):
     mean, covariance = curved.moments()
-    said = []
-    found = nuts.sample(curved, straight(mean, covariance), SHORT, lambda done, of: said.append((done, of)))
-    flat = found.z.reshape(-1, 2)
-    assert found.z.shape == (4, 500, 2)
+    message = []
+    result = nuts.sample(
+        curved, straight(mean, covariance), SHORT, lambda done, of: message.append((done, of))
+    )
+    flat = result.z.reshape(-1, 2)
+    assert result.z.shape == (4, 500, 2)
     assert flat.mean(axis=0) == pytest.approx(mean, abs=0.05)
     assert np.cov(flat.T) == pytest.approx(covariance, abs=0.06)
-    statistics = found.statistics
-    report = diagnose(("a", "b"), found.z, statistics)
+    statistics = result.statistics
+    report = diagnose(("a", "b"), result.z, statistics)
     assert report.r_hat.max() < 1.02
     assert report.energy_fraction.min() > 0.5
     assert (statistics["saturated"] == (statistics["num_steps"] >= 7)).all()
     assert 0.2 < statistics["jumped"].mean() < 0.9
-    assert said[-1] == (2800, 2800)
+    assert message[-1] == (2800, 2800)
 
 
 @pytest.mark.slow
@@ -54,8 +56,8 @@ def test_the_same_seed_gives_the_same_draws(curved, analytic):
 def test_chains_jump_between_arms(analytic):
     arms = TwoArms()
     mean, covariance = arms.moments()
-    found = nuts.sample(arms, straight(mean, covariance), SHORT)
-    right = (found.z[..., 0] > 0.0).mean(axis=1)
+    result = nuts.sample(arms, straight(mean, covariance), SHORT)
+    right = (result.z[..., 0] > 0.0).mean(axis=1)
     assert right == pytest.approx(0.5, abs=0.4)  # without jumps 0 or 1
     assert right.mean() == pytest.approx(0.5, abs=0.2)
 
@@ -64,22 +66,22 @@ def test_chains_jump_between_arms(analytic):
 def test_an_arm_that_can_be_left_can_be_entered(analytic):
     """The potential of the place that is left and of the one that is entered are the same function."""
     mean, covariance = TwoArms().moments()
-    found = nuts.sample(HalfBlind(), straight(mean, covariance), SHORT)
-    assert (found.z[..., 0] > 0.0).mean() == pytest.approx(0.5, abs=0.2)
+    result = nuts.sample(HalfBlind(), straight(mean, covariance), SHORT)
+    assert (result.z[..., 0] > 0.0).mean() == pytest.approx(0.5, abs=0.2)
 
 
 @pytest.mark.slow
 def test_the_sampler_asks_for_a_potential_that_depends_on_the_point_alone(curved, monkeypatch):
-    asked = []
+    requests = []
 
     class Asked(AnalyticGradient):
         def __init__(self, posterior, centre, by_point=False):
             super().__init__(posterior, centre)
-            asked.append(by_point)
+            requests.append(by_point)
 
     monkeypatch.setattr(nuts, "GradientEvaluator", Asked)
     nuts.sample(curved, straight(*curved.moments()), nuts.Sampling(chains=2, warmup=5, draws=5))
-    assert asked == [True, True]
+    assert requests == [True, True]
 
 
 @pytest.mark.slow
@@ -89,11 +91,11 @@ def test_points_without_a_steady_beat_are_counted(curved, monkeypatch):
             return super().potential(z) if z[0] < 0.6 else (np.inf, np.zeros(2))
 
     monkeypatch.setattr(nuts, "GradientEvaluator", Walled)
-    found = nuts.sample(
+    result = nuts.sample(
         curved, straight(*curved.moments()), nuts.Sampling(chains=2, warmup=30, draws=30, seed=1)
     )
-    assert 0 < found.without_beat < found.evaluations
-    assert (found.z[..., 0] < 0.6).all()
+    assert 0 < result.without_beat < result.evaluations
+    assert (result.z[..., 0] < 0.6).all()
 
 
 def test_without_numpyro_it_says_what_to_install(curved, analytic, monkeypatch):

@@ -27,10 +27,10 @@ def test_residuals_vanish_at_the_truth_and_are_relative_elsewhere(objective: Obj
 def test_an_unmeasured_output_has_no_residual(objective: Objective):
     model = objective.targets[0].model
     partial = Objective([Target(model, {"MAP": 80.0}, {"MAP": 4.0})], objective.names)
-    found = partial.evaluate(HERE, TRUE_X)
+    result = partial.evaluate(HERE, TRUE_X)
     column = partial.outputs.index("MAP")
-    assert found.residuals[0, column] == pytest.approx((found.outputs[0, column] - 80.0) / 4.0)
-    assert np.count_nonzero(found.residuals) == 1
+    assert result.residuals[0, column] == pytest.approx((result.outputs[0, column] - 80.0) / 4.0)
+    assert np.count_nonzero(result.residuals) == 1
 
 
 def test_derivatives_are_those_of_central_differences(objective: Objective):
@@ -55,8 +55,8 @@ def test_the_optimum_is_scipys_from_the_same_start(objective: Objective, box: Bo
         return noisy_objective.evaluate(HERE, x[None]).residuals[0]
 
     def jacobian(x: np.ndarray) -> np.ndarray:
-        found = noisy_objective.evaluate(HERE, x[None])
-        return noisy_objective.linearise(found, [0], x[None])[0][0] * noisy_objective.weights[0][:, None]
+        result = noisy_objective.evaluate(HERE, x[None])
+        return noisy_objective.linearise(result, [0], x[None])[0][0] * noisy_objective.weights[0][:, None]
 
     scipys = least_squares(
         residuals, start[0], jacobian, bounds=(box.lower, box.upper), xtol=1e-12, ftol=1e-12, gtol=1e-12
@@ -67,11 +67,11 @@ def test_the_optimum_is_scipys_from_the_same_start(objective: Objective, box: Bo
 
 
 def test_slices_are_lowest_at_the_truth(objective: Objective, box: Box):
-    found = slices(objective, box, TRUE_X[0], steps=9)
-    assert found.costs.shape == (2, 9)
-    assert found.cost < 1e-10
-    lowest = np.nanargmin(found.costs, axis=1)
-    nearest = np.abs(np.log(found.values) - TRUE_X.T).argmin(axis=1)
+    result = slices(objective, box, TRUE_X[0], steps=9)
+    assert result.costs.shape == (2, 9)
+    assert result.cost < 1e-10
+    lowest = np.nanargmin(result.costs, axis=1)
+    nearest = np.abs(np.log(result.values) - TRUE_X.T).argmin(axis=1)
     assert np.all(np.abs(lowest - nearest) <= 1)
 
 

@@ -64,6 +64,7 @@ def test_outputs_agree_with_the_measurements(result):
         assert high - low < 2 * 1.645 * 1.2 * result.density.errors[name]
 
 
+@pytest.mark.slow
 def test_prediction_at_another_heart_rate(fit, result):
     from eclsim.orbit.model import model_of
     from eclsim.outputs.results import simulate

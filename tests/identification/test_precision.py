@@ -15,25 +15,25 @@ def box_of(*deviations):
 def test_of_a_linear_model_with_wide_bounds_it_is_that_of_least_squares():
     generator = np.random.default_rng(1)
     design = generator.normal(size=(8, 3))
-    found = box_of(1e6, 1e6, 1e6).covariance(design)
-    np.testing.assert_allclose(found, np.linalg.inv(design.T @ design), rtol=1e-6)
+    result = box_of(1e6, 1e6, 1e6).covariance(design)
+    np.testing.assert_allclose(result, np.linalg.inv(design.T @ design), rtol=1e-6)
     draws = np.linalg.lstsq(design, generator.normal(size=(8, 20_000)), rcond=None)[0]
-    np.testing.assert_allclose(np.sqrt(np.diag(found)), draws.std(axis=1), rtol=0.03)
+    np.testing.assert_allclose(np.sqrt(np.diag(result)), draws.std(axis=1), rtol=0.03)
 
 
 def test_what_nothing_is_known_of_keeps_what_its_bounds_leave():
     box = Box.of(dict.fromkeys("ab", (1.0, 0.1, 10.0)))
     prior = box.prior_deviations
     assert prior[0] == pytest.approx(np.log(100.0) / np.sqrt(12.0))
-    found = np.sqrt(np.diag(box.covariance(np.array([[50.0, 0.0]]))))
-    assert found[0] == pytest.approx(1.0 / 50.0, rel=1e-3)
-    assert found[1] == pytest.approx(prior[1])
+    result = np.sqrt(np.diag(box.covariance(np.array([[50.0, 0.0]]))))
+    assert result[0] == pytest.approx(1.0 / 50.0, rel=1e-3)
+    assert result[1] == pytest.approx(prior[1])
 
 
 def test_parameters_that_make_up_for_each_other_are_correlated():
-    found = correlation(box_of(1.0, 1.0).covariance(np.array([[10.0, 10.0]])))
-    assert found[0, 1] < -0.98
-    np.testing.assert_allclose(np.diag(found), 1.0)
+    result = correlation(box_of(1.0, 1.0).covariance(np.array([[10.0, 10.0]])))
+    assert result[0, 1] < -0.98
+    np.testing.assert_allclose(np.diag(result), 1.0)
 
 
 def test_intervals_end_at_the_bounds():

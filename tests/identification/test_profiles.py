@@ -34,24 +34,24 @@ def test_a_profile_is_flat_where_another_parameter_makes_up():
 def test_what_is_held_stays():
     mask = np.array([[True, False], [False, True]])
     starts = np.array([[1.0, 0.0], [0.0, -1.0]])
-    found = refine(FunctionObjective(both), np.zeros(2, dtype=int), starts, BOX, EXACT, mask)
-    assert found.x[0, 0] == 1.0
-    assert found.x[1, 1] == -1.0
-    np.testing.assert_allclose(found.x[0, 1], 0.3, atol=1e-4)
+    result = refine(FunctionObjective(both), np.zeros(2, dtype=int), starts, BOX, EXACT, mask)
+    assert result.x[0, 0] == 1.0
+    assert result.x[1, 1] == -1.0
+    np.testing.assert_allclose(result.x[0, 1], 0.3, atol=1e-4)
 
 
 def test_a_follower_of_an_undetermined_parameter_is_seen():
-    (found,) = held_fits(FunctionObjective(only_their_sum), BOX, [np.array([0.3, 0.2])], [[0]])
-    moved, followed = found.compensation(np.array([0.3, 0.2]))
+    (result,) = held_fits(FunctionObjective(only_their_sum), BOX, [np.array([0.3, 0.2])], [[0]])
+    moved, followed = result.compensation(np.array([0.3, 0.2]))
     assert moved[1] > 0.8
     assert followed[1] == 0
-    (found,) = held_fits(FunctionObjective(both), BOX, [np.array([0.2, 0.3])], [[0]])
-    assert found.compensation(np.array([0.2, 0.3]))[0][1] == 0.0
+    (result,) = held_fits(FunctionObjective(both), BOX, [np.array([0.2, 0.3])], [[0]])
+    assert result.compensation(np.array([0.2, 0.3]))[0][1] == 0.0
 
 
 def test_nothing_undetermined_needs_no_fit():
-    (found,) = held_fits(FunctionObjective(both), BOX, [np.zeros(2)], [[]])
-    assert len(found.held) == 0
+    (result,) = held_fits(FunctionObjective(both), BOX, [np.zeros(2)], [[]])
+    assert len(result.held) == 0
     held, values = held_values(np.zeros(2), BOX, [1])
     assert set(held) == {1}
     assert np.all(np.abs(values) > 0.5)

@@ -44,11 +44,11 @@ def twin():
 def test_a_twin_gives_back_gain_and_sensitivity_to_their_sections(twin, tmp_path: Path):
     """Exact measurements tell them apart; the fit says that uncertain ones of a single state do not."""
     quick = MultiStart(2, 0.5, round_size=1, rediscoveries=1)
-    found = fit(twin, settings=FitSettings((GAIN, SENSITIVITY), multi_start=quick))
+    result = fit(twin, settings=FitSettings((GAIN, SENSITIVITY), multi_start=quick))
     for name, value in TRUTH.items():
-        assert found.parameters[name].value == pytest.approx(value, rel=1e-3), name
-    assert "sensitivity" in found.parameters[GAIN].reason
-    written = read_case(write_fitted_case(tmp_path, found)).case
+        assert result.parameters[name].value == pytest.approx(value, rel=1e-3), name
+    assert "sensitivity" in result.parameters[GAIN].reason
+    written = read_case(write_fitted_case(tmp_path, result)).case
     assert written.regulation.baroreflex == pytest.approx(TRUTH[GAIN], rel=1e-3)
     assert written.drugs.noradrenaline_sensitivity == pytest.approx(TRUTH[SENSITIVITY], rel=1e-3)
 
@@ -64,12 +64,12 @@ def test_the_prior_of_a_sensitivity_is_what_was_published():
 
 def test_both_are_inputs_of_an_analysis_within_what_is_allowed():
     own = case()
-    found = varied(own, model_of(own).values, (GAIN, SENSITIVITY)).inputs
-    assert [(one.low, one.high) for one in found] == [(0.75, 1.2), (0.75, 1.25)]
+    result = varied(own, model_of(own).values, (GAIN, SENSITIVITY)).inputs
+    assert [(one.low, one.high) for one in result] == [(0.75, 1.2), (0.75, 1.25)]
 
 
 def test_an_open_set_point_is_said(twin):
     opened = case(regulation={"baroreflex": 1.0}, measurements={"MAP": 70})
-    (said,) = [w for w in checked_fit(opened, FitSettings((GAIN,))).warnings if "set_point" in w.key]
-    assert "left open" in str(said)
+    (message,) = [w for w in checked_fit(opened, FitSettings((GAIN,))).warnings if "set_point" in w.key]
+    assert "left open" in str(message)
     assert not any("set_point" in w.key for w in checked_fit(twin, FitSettings((GAIN,))).warnings)

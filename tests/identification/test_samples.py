@@ -9,14 +9,14 @@ from eclsim.identification.samples import MOST, SamplesError, read_samples, writ
 def test_samples_are_read_and_thinned(tmp_path):
     file = tmp_path / "samples.csv"
     file.write_text("Rmc, heart_rate_bpm\n" + "".join(f"{0.5 + k * 1e-4},90\n" for k in range(2 * MOST)))
-    found = read_samples(file)
-    assert set(found) == {"Rmc", "heart_rate_bpm"}
-    assert len(found["Rmc"]) == MOST
-    assert found["Rmc"][1] == pytest.approx(0.5002)
+    result = read_samples(file)
+    assert set(result) == {"Rmc", "heart_rate_bpm"}
+    assert len(result["Rmc"]) == MOST
+    assert result["Rmc"][1] == pytest.approx(0.5002)
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         ("", "no samples"),
         ("Rmc\n", "no samples"),
@@ -27,12 +27,12 @@ def test_samples_are_read_and_thinned(tmp_path):
         ("Rmc,Rsvn\n1\n", ":2: 1 values, the head has 2"),
     ],
 )
-def test_a_file_without_samples_is_refused(tmp_path, content, said):
+def test_a_file_without_samples_is_refused(tmp_path, content, message):
     file = tmp_path / "samples.csv"
     file.write_text(content)
     with pytest.raises(SamplesError) as error:
         read_samples(file)
-    assert said in str(error.value)
+    assert message in str(error.value)
 
 
 @pytest.mark.parametrize("name", ["none.csv", "none.nc"])

@@ -41,7 +41,7 @@ def test_26_fewer_targets_than_free_parameters():
 
 
 @pytest.mark.parametrize(
-    ("limits", "said"),
+    ("limits", "message"),
     [
         ((0.5, 5.0, 0.05), "lower bound above upper bound"),
         ((6.0, 0.05, 5.0), "start value outside"),
@@ -49,10 +49,10 @@ def test_26_fewer_targets_than_free_parameters():
         ((0.5, float("nan"), 5.0), "finite"),
     ],
 )
-def test_55_bounds_that_make_no_sense(limits, said):
+def test_55_bounds_that_make_no_sense(limits, message):
     (mistake,) = check_fit(case_with(ALL), {**BOUNDS, "Rmc": limits}).mistakes
     assert mistake.key == "Rmc"
-    assert said in str(mistake)
+    assert message in str(mistake)
 
 
 def test_55_equal_bounds_fix_a_parameter_and_say_so():

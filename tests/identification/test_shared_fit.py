@@ -50,10 +50,10 @@ def test_joint_residuals_and_derivatives_are_those_of_the_points(objective: Obje
     joint = SharedObjective(objective, [0])
     x = np.log([[1.2, 0.7, 0.6]])
     assert joint.box(box).names == ("Csart", "Rmc of point 1", "Rmc of point 2")
-    found = joint.evaluate(np.zeros(1, dtype=int), x)
+    result = joint.evaluate(np.zeros(1, dtype=int), x)
     single = objective.evaluate(np.arange(2), np.log([[1.2, 0.7], [1.2, 0.6]]))
-    np.testing.assert_allclose(found.residuals.ravel(), single.residuals.ravel())
-    jacobian = joint.linearise(found, [0], x)[0][0]
+    np.testing.assert_allclose(result.residuals.ravel(), single.residuals.ravel())
+    jacobian = joint.linearise(result, [0], x)[0][0]
     step = np.array([[1e-4, 0.0, 0.0]])
     ends = [joint.evaluate(np.zeros(1, dtype=int), x + s).outputs[0] for s in (step, -step)]
     np.testing.assert_allclose(jacobian[:, 0], (ends[0] - ends[1]) / 2e-4, atol=0.5)
@@ -64,8 +64,8 @@ def test_joint_residuals_and_derivatives_are_those_of_the_points(objective: Obje
 
 def test_what_is_shared_is_found_together(objective: Objective, box: Box):
     own = np.log([[1.1, 0.8], [1.9, 0.5]])
-    joint, found = refine_shared(objective, box, [0], own)
-    np.testing.assert_allclose(np.exp(joint.rows(found.x)), [[1.4, 0.8], [1.4, 0.5]], rtol=2e-3)
+    joint, result = refine_shared(objective, box, [0], own)
+    np.testing.assert_allclose(np.exp(joint.rows(result.x)), [[1.4, 0.8], [1.4, 0.5]], rtol=2e-3)
 
 
 @pytest.mark.slow
@@ -80,5 +80,5 @@ def test_a_cohort_shares_within_a_patient_only(cases: list[Case], tmp_path):
     assert values[0] == values[1]
     assert values[0] == pytest.approx(1.4, rel=5e-3)
     assert results[0]["parameters"]["Rmc"]["value"] != results[1]["parameters"]["Rmc"]["value"]
-    alone = replace(settings, shared=())
-    assert alone.as_object() != settings.as_object()
+    single = replace(settings, shared=())
+    assert single.as_object() != settings.as_object()

@@ -85,8 +85,8 @@ def test_seven_parameters_end_where_scipys_trust_region_does_or_lower(name: str)
         return objective.evaluate(here, x[None], exact.orbits, 1).residuals[0]
 
     def jacobian(x: np.ndarray) -> np.ndarray:
-        found = objective.evaluate(here, x[None], exact.orbits, 1)
-        return objective.linearise(found, [0], x[None])[0][0] * objective.weights[0][:, None]
+        result = objective.evaluate(here, x[None], exact.orbits, 1)
+        return objective.linearise(result, [0], x[None])[0][0] * objective.weights[0][:, None]
 
     theirs = least_squares(
         residuals, box.start, jacobian, bounds=(box.lower, box.upper), xtol=1e-12, ftol=1e-12, gtol=1e-12,

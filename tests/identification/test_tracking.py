@@ -90,13 +90,13 @@ def test_a_wrong_value_is_flagged_and_left_out(series, tracked):
     wrong = right.model_copy(
         update={"measurements": right.measurements.model_copy(update={"CO": 2.2 * right.measurements.CO})}
     )
-    found = tracker.update("5", wrong)
-    assert found.innovations["CO"].unusual
-    assert not found.innovations["CO"].used
-    assert found.innovations["MAP"].used
-    assert found.unusual
-    assert "CO does not fit" in found.message
-    assert found.parameters["Rmc"].median == pytest.approx(tracked[5].parameters["Rmc"].median, rel=0.12)
+    result = tracker.update("5", wrong)
+    assert result.innovations["CO"].unusual
+    assert not result.innovations["CO"].used
+    assert result.innovations["MAP"].used
+    assert result.unusual
+    assert "CO does not fit" in result.message
+    assert result.parameters["Rmc"].median == pytest.approx(tracked[5].parameters["Rmc"].median, rel=0.12)
 
 
 def test_a_sudden_change_of_everything_is_flagged_and_followed(series):
@@ -104,21 +104,21 @@ def test_a_sudden_change_of_everything_is_flagged_and_followed(series):
     for k, (case, _) in enumerate(series[:4]):
         tracker.update(str(k), case)
     changed, _ = measured_at(2.4, 0.7, np.random.default_rng(0), noise=0.3)
-    found = tracker.update("changed", changed)
-    assert found.unusual
-    assert "sudden change" in found.message
+    result = tracker.update("changed", changed)
+    assert result.unusual
+    assert "sudden change" in result.message
     for _ in range(3):
-        found = tracker.update("again", changed)
-    assert found.parameters["Rmc"].median == pytest.approx(2.4, rel=0.25)
+        result = tracker.update("again", changed)
+    assert result.parameters["Rmc"].median == pytest.approx(2.4, rel=0.25)
 
 
 def test_a_measurement_may_be_missing(series):
     tracker = Tracker(SETTINGS)
     tracker.update("0", series[0][0])
     case = series[1][0].model_copy(update={"measurements": Measurements(MAP=80.0)})
-    found = tracker.update("1", case)
-    assert set(found.innovations) == {"MAP"}
-    assert "CO" in found.forecast
+    result = tracker.update("1", case)
+    assert set(result.innovations) == {"MAP"}
+    assert "CO" in result.forecast
 
 
 def test_forecast_of_what_has_not_been_measured(series):
@@ -168,8 +168,8 @@ def test_the_longer_ago_the_wider_the_forecast(series):
     tracker.update("0", series[0][0])
 
     def spread(hours):
-        found, _ = tracker.forecast(series[0][0], hours)
-        return found["CO"].upper - found["CO"].lower
+        result, _ = tracker.forecast(series[0][0], hours)
+        return result["CO"].upper - result["CO"].lower
 
     assert spread(0.0) < spread(6.0) < spread(24.0) < spread(24.0 * 30)
     assert spread(None) == spread(24.0)
@@ -202,11 +202,11 @@ def test_times_of_names():
 def test_a_doubtful_first_estimate_is_widened_and_said(series, tracked, monkeypatch):
     assert tracked[0].message == ""
     monkeypatch.setattr(track_module, "DRAWS", 24)
-    found = Tracker(SETTINGS).update("0", series[0][0])
-    assert "first estimate is uncertain" in found.message
-    assert "effective draws" in found.message
+    result = Tracker(SETTINGS).update("0", series[0][0])
+    assert "first estimate is uncertain" in result.message
+    assert "effective draws" in result.message
     for name in NAMES:
-        assert width(found, name) > 1.1 * width(tracked[0], name)
+        assert width(result, name) > 1.1 * width(tracked[0], name)
 
 
 @pytest.mark.slow
@@ -235,17 +235,17 @@ def test_the_labelled_result_has_what_the_points_have(series):
 
 @pytest.mark.slow
 def test_what_is_being_done_is_reported(series):
-    said = []
-    track([("0", series[0][0]), ("1", series[1][0])], settings=SETTINGS, progress=said.append)
-    assert said[0] == "measurement 1 of 2"
-    assert "measurement 1 of 2: weighted draws" in said
-    assert said[-1] == "measurement 2 of 2"
+    message = []
+    track([("0", series[0][0]), ("1", series[1][0])], settings=SETTINGS, progress=message.append)
+    assert message[0] == "measurement 1 of 2"
+    assert "measurement 1 of 2: weighted draws" in message
+    assert message[-1] == "measurement 2 of 2"
 
 
 def test_one_output_far_from_the_forecast_is_said_though_all_together_fit():
     outputs = GaussianMixture(np.ones(1), np.zeros((1, 7)), 0.5 * np.eye(7)[None])
     values = np.array([3.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    found = InnovationTest.of(values, np.full(7, np.sqrt(0.5)), outputs, np.full(7, True))
-    assert found.probability > 0.05
-    assert found.unusual.tolist() == [True] + [False] * 6
-    assert found.message("abcdefg") == "a is far from the forecast, though all together fit: used; check it"
+    result = InnovationTest.of(values, np.full(7, np.sqrt(0.5)), outputs, np.full(7, True))
+    assert result.probability > 0.05
+    assert result.unusual.tolist() == [True] + [False] * 6
+    assert result.message("abcdefg") == "a is far from the forecast, though all together fit: used; check it"

@@ -31,9 +31,9 @@ def goodness(probability: float | None = 0.5, **differences: float) -> Goodness:
 
 def judged(mpap: float, weights: str = "relative", **more) -> FitVerdict:
     """The verdict on a fit that meets all but MPAP, whose standard uncertainty is 2 mmHg."""
-    found = goodness(MAP=0.0, MPAP=(mpap - 26.0) / 2.0, CO=0.0, **more)
+    result = goodness(MAP=0.0, MPAP=(mpap - 26.0) / 2.0, CO=0.0, **more)
     simulated = {**MEASURED, "MPAP": mpap}
-    return FitVerdict(found, ()).with_reasons(agreement(MEASURED, simulated, found, weights))
+    return FitVerdict(result, ()).with_reasons(agreement(MEASURED, simulated, result, weights))
 
 
 @pytest.mark.parametrize(
@@ -56,28 +56,28 @@ def test_a_measurement_that_is_missed_is_named_with_its_numbers():
 
 @pytest.mark.parametrize(("chance", "level"), [(0.5, "good"), (3e-3, "doubtful"), (1e-5, "poor")])
 def test_many_small_differences_count_together(chance: float, level: str):
-    found = goodness(chance, MAP=2.0, MPAP=-2.0, CO=2.0)
-    reasons = agreement(MEASURED, MEASURED, found, "relative")
-    assert FitVerdict(found, tuple(reasons)).level == level
+    result = goodness(chance, MAP=2.0, MPAP=-2.0, CO=2.0)
+    reasons = agreement(MEASURED, MEASURED, result, "relative")
+    assert FitVerdict(result, tuple(reasons)).level == level
     assert [r.level for r in reasons if "chi-square" in r.sentence] == [level] * (level != "good")
 
 
 def test_agreement_that_cannot_fail_is_called_so():
-    found = goodness(None, MAP=0.1, MPAP=0.1, CO=0.1)
-    verdict = FitVerdict(found, ()).with_reasons(agreement(MEASURED, MEASURED, found, "relative"))
+    result = goodness(None, MAP=0.1, MPAP=0.1, CO=0.1)
+    verdict = FitVerdict(result, ()).with_reasons(agreement(MEASURED, MEASURED, result, "relative"))
     assert verdict.level is Level.GOOD
     assert "no test of the model" in verdict.remarks[0].sentence
 
 
 def test_chi_square_has_the_degrees_that_the_parameters_leave():
     scaled, spread = np.array([[10.0], [0.0], [0.0]]), np.array([[1e-2]])
-    found = goodness_of(
+    result = goodness_of(
         MEASURED, {**MEASURED, "MAP": 76.0}, {"MAP": 3.0, "MPAP": 2.0, "CO": 0.4}, scaled, spread
     )
-    assert found.differences == {"MAP": 2.0, "MPAP": 0.0, "CO": 0.0}
-    assert found.chi_square == 4.0
-    assert found.degrees == pytest.approx(2.0)
-    assert found.probability == pytest.approx(np.exp(-2.0))  # chi-square with 2 degrees of freedom
+    assert result.differences == {"MAP": 2.0, "MPAP": 0.0, "CO": 0.0}
+    assert result.chi_square == 4.0
+    assert result.degrees == pytest.approx(2.0)
+    assert result.probability == pytest.approx(np.exp(-2.0))  # chi-square with 2 degrees of freedom
 
 
 def test_a_search_without_end_is_doubtful_and_its_cost_an_upper_limit():
@@ -118,7 +118,7 @@ def interval(lower: float, upper: float, value: float = 0.55, identifiable: bool
 
 
 @pytest.mark.parametrize(
-    ("other", "level", "words"),
+    ("other", "level", "text"),
     [
         (
             (0.74, 0.92),
@@ -130,12 +130,12 @@ def interval(lower: float, upper: float, value: float = 0.55, identifiable: bool
         ((0.48, 0.70), None, ""),
     ],
 )
-def test_intervals_that_disagree_are_said(other, level, words):
-    found = interval_agreement(
+def test_intervals_that_disagree_are_said(other, level, text):
+    result = interval_agreement(
         {"Rmc": interval(0.46, 0.66)}, {"Rmc": {"lower": other[0], "upper": other[1]}}, "posterior"
     )
-    assert [r.level for r in found] == ([] if level is None else [level])
-    assert all(words in r.sentence and r.about == "Rmc" for r in found)
+    assert [r.level for r in result] == ([] if level is None else [level])
+    assert all(text in r.sentence and r.about == "Rmc" for r in result)
 
 
 def test_intervals_of_what_is_not_determined_are_not_compared():

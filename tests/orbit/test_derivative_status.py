@@ -30,13 +30,13 @@ def test_without_a_steady_beat_there_are_no_derivatives(changes, status, reason)
         derivatives(patient, OUTPUTS, PARAMETERS)
     assert caught.value.status is status
     assert reason in str(caught.value)
-    found = derivatives(patient, OUTPUTS, PARAMETERS, throw=False)
-    assert found.shape == (2, 2)
-    assert np.isnan(found.values).all()
-    assert np.isnan(found["value"].values).all()
-    assert found.attrs["id"] == "V-A"
-    assert found.attrs["status"] == status.name.lower()
-    assert reason in found.attrs["message"]
+    result = derivatives(patient, OUTPUTS, PARAMETERS, throw=False)
+    assert result.shape == (2, 2)
+    assert np.isnan(result.values).all()
+    assert np.isnan(result["value"].values).all()
+    assert result.attrs["id"] == "V-A"
+    assert result.attrs["status"] == status.name.lower()
+    assert reason in result.attrs["message"]
 
 
 @pytest.mark.slow
@@ -46,15 +46,15 @@ def test_a_singular_beat_has_no_derivatives(changes):
     with pytest.raises(NoDerivativesError, match=r"va_ecmo_default: no derivatives \(singular\)") as caught:
         derivatives(patient, OUTPUTS, PARAMETERS)
     assert caught.value.status is Status.CONVERGED
-    found = derivatives(patient, OUTPUTS, PARAMETERS, throw=False)
-    assert found.attrs["status"] == "singular"
-    assert np.isnan(found.values).all()
+    result = derivatives(patient, OUTPUTS, PARAMETERS, throw=False)
+    assert result.attrs["status"] == "singular"
+    assert np.isnan(result.values).all()
 
 
 def test_a_beat_that_was_found_says_so():
-    found = derivatives(model("V-A"), OUTPUTS, PARAMETERS)
-    assert found.attrs["status"] == "converged"
-    assert np.isfinite(found.values).all()
+    result = derivatives(model("V-A"), OUTPUTS, PARAMETERS)
+    assert result.attrs["status"] == "converged"
+    assert np.isfinite(result.values).all()
 
 
 @pytest.mark.slow
@@ -71,8 +71,8 @@ def test_an_objective_has_no_slopes_where_there_is_no_beat():
     patient = model("V-A", **WEAK_RIGHT)
     objective = Objective([Target(patient, {"MAP": 60.0}, {"MAP": 3.0})], ("Rmc",))
     which, x = np.zeros(2, dtype=int), np.log([[6.7], [0.5]])
-    found = objective.evaluate(which, x)
-    slopes, near = objective.linearise(found, [0], x[:1])
+    result = objective.evaluate(which, x)
+    slopes, near = objective.linearise(result, [0], x[:1])
     assert np.isnan(slopes).all()
     assert near == [None]
 
@@ -84,13 +84,13 @@ def test_tangents_of_the_state_alone_need_no_sums():
     program = beat_program(patient.circuit)
     problem = OrbitProblem(program, batch.packed(program), batch.volume())
     state, slopes = solve(batch).states[:, 0], batch.volume_slopes(("Rmc",))
-    found = orbit_derivatives(problem, state, ("Rmc",), slopes)
-    assert found.sums.shape == (0, 1)
-    assert found.distance < 1e-7
+    result = orbit_derivatives(problem, state, ("Rmc",), slopes)
+    assert result.sums.shape == (0, 1)
+    assert result.distance < 1e-7
     step = 1e-4 * patient.values["Rmc"]
     changed = {**patient.values, "Rmc": patient.values["Rmc"] + np.array([step, -step])}
     high, low = solve(Batch(patient.circuit, changed, 2)).states.T
-    np.testing.assert_allclose(found.states[:, 0], (high - low) / (2 * step), rtol=2e-3, atol=2e-3)
+    np.testing.assert_allclose(result.states[:, 0], (high - low) / (2 * step), rtol=2e-3, atol=2e-3)
 
 
 def test_a_heart_that_does_not_eject_is_said_to_have_one_of_many_beats():

@@ -27,9 +27,9 @@ def both(name, parameters, outputs, policy=AS_PUBLISHED):
     values |= {key: column for key, (_, column) in shifts.items()}
     batch = Batch(patient.circuit, values, count, policy)
     beat = steady_beat(batch, outputs, options=TIGHT, start=patient.values)
-    found = beat.values.reshape(len(outputs), len(parameters), 4)
-    one = (found[..., 0] - found[..., 1]) / 2.0
-    two = (found[..., 2] - found[..., 3]) / 4.0
+    result = beat.values.reshape(len(outputs), len(parameters), 4)
+    one = (result[..., 0] - result[..., 1]) / 2.0
+    two = (result[..., 2] - result[..., 3]) / 4.0
     steps = np.array([step for step, _ in shifts.values()])
     return exact, (4.0 * one - two) / 3.0 / steps, np.array([patient.values[key] for key in parameters])
 
@@ -81,8 +81,8 @@ def test_derivatives_equal_own_central_differences_with_other_devices(name, para
 @pytest.mark.slow
 def test_a_step_along_the_derivative_predicts_the_next_beat():
     patient = model("none")
-    found = steady_beat(Batch.of(patient)).linearise(("MAP", "CO"), ("Rmc",))
+    result = steady_beat(Batch.of(patient)).linearise(("MAP", "CO"), ("Rmc",))
     moved = patient.with_values(Rmc=patient.values["Rmc"] * 1.001)
     there = steady_beat(Batch.of(moved), ("MAP", "CO")).values[:, 0]
-    predicted = found.values + found.slopes[:, 0] * 0.001 * patient.values["Rmc"]
+    predicted = result.values + result.slopes[:, 0] * 0.001 * patient.values["Rmc"]
     np.testing.assert_allclose(there, predicted, rtol=1e-5)

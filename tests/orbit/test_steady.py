@@ -109,9 +109,9 @@ def test_what_broydens_method_does_not_find_newtons_does(many, width):
     assert lost.status[0] == Status.NOT_CONVERGED
     assert lost.beats[0] == 5
     assert np.isfinite(lost.states).all()
-    found = solve(batch, OrbitOptions(quasi_newton_beats=5), execution=execution)
-    assert found.status[0] == Status.CONVERGED
-    np.testing.assert_allclose(found.states, many.orbits.states[:, [3]], rtol=1e-6, atol=1e-5)
+    result = solve(batch, OrbitOptions(quasi_newton_beats=5), execution=execution)
+    assert result.status[0] == Status.CONVERGED
+    np.testing.assert_allclose(result.states, many.orbits.states[:, [3]], rtol=1e-6, atol=1e-5)
 
 
 def test_an_execution_says_what_is_allowed():
@@ -187,12 +187,12 @@ def test_a_search_that_is_cut_short_names_a_heart_that_does_not_eject():
 @pytest.mark.parametrize("changes", WEAK_HEARTS.values(), ids=WEAK_HEARTS)
 def test_one_patient_and_many_hear_the_same(changes):
     patient = model("V-A", **changes)
-    alone = simulate(patient).attrs
+    single = simulate(patient).attrs
     one = simulate_many(patient, {"Rmc": [patient.values["Rmc"]]})
     two = simulate_many(patient, {"Rmc": [0.5, patient.values["Rmc"]]})
-    assert str(one["status"].values[0]) == str(two["status"].values[1]) == alone["status"]
-    assert str(one["message"].values[0]) == alone["message"]
-    assert str(two["message"].values[1]).partition("(")[0] == alone["message"].partition("(")[0]
+    assert str(one["status"].values[0]) == str(two["status"].values[1]) == single["status"]
+    assert str(one["message"].values[0]) == single["message"]
+    assert str(two["message"].values[1]).partition("(")[0] == single["message"].partition("(")[0]
 
 
 def test_without_ejection_the_beat_depends_on_where_it_began_and_is_called_one_of_many():

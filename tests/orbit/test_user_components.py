@@ -108,26 +108,26 @@ def test_a_bad_first_member_costs_the_others_nothing(stenosed, key, bad, status)
     """Such a circuit has no nominal values, so that searches begin at the beat of the shared values."""
     assert nominal_values(stenosed.circuit) is None
     good = {"Rmc": [0.5, 0.7], key: [stenosed.values[key]] * 2} | {"CQvalve": [120.0, 90.0]}
-    alone = simulate_many(stenosed, good, ("MAP", "CO"))
+    single = simulate_many(stenosed, good, ("MAP", "CO"))
     beside = {k: [bad if k == key else stenosed.values[k], *v] for k, v in good.items()}
     together = simulate_many(stenosed, beside, ("MAP", "CO"))
     assert list(together["status"].values) == [status, "converged", "converged"]
     for name in ("MAP", "CO"):
-        np.testing.assert_array_equal(together[name].values[1:], alone[name].values)
+        np.testing.assert_array_equal(together[name].values[1:], single[name].values)
 
 
 def test_a_batch_by_itself_begins_every_search_at_the_members_own_values(stenosed):
     values = {**stenosed.values, "Rmc": np.array([np.nan, 0.5, 0.7]), "CQvalve": np.array([1.0, 120.0, 90.0])}
     beat = steady_beat(Batch(stenosed.circuit, values, 3), ("MAP",))
     assert [Status(k).word for k in beat.status] == ["invalid_input", "converged", "converged"]
-    alone = steady_beat(Batch.of(stenosed.with_values(Rmc=0.7, CQvalve=90.0)), ("MAP",))
-    np.testing.assert_array_equal(beat.values[:, 2], alone.values[:, 0])
+    single = steady_beat(Batch.of(stenosed.with_values(Rmc=0.7, CQvalve=90.0)), ("MAP",))
+    np.testing.assert_array_equal(beat.values[:, 2], single.values[:, 0])
 
 
 def test_a_batch_without_a_good_member_says_why(stenosed):
-    found = simulate_many(stenosed, {"Rmc": [-1.0, np.nan]}, ("MAP",))
-    assert list(found["status"].values) == ["invalid_input"] * 2
-    assert "Rmc = -1: allowed: zero or above" in str(found["message"].values[0])
+    result = simulate_many(stenosed, {"Rmc": [-1.0, np.nan]}, ("MAP",))
+    assert list(result["status"].values) == ["invalid_input"] * 2
+    assert "Rmc = -1: allowed: zero or above" in str(result["message"].values[0])
 
 
 def test_a_circuit_of_which_no_output_is_known_has_its_status_alone():
@@ -142,5 +142,5 @@ def test_a_circuit_of_which_no_output_is_known_has_its_status_alone():
         ),
     )
     still = Model(loop, {"Ca": 1.5, "Cv": 20.0, "R": 1.0, "heart_rate_bpm": 60.0})
-    found = simulate_many(still, {"R": np.array([1.0, np.nan])})
-    assert list(found["status"].values) == ["converged", "invalid_input"]
+    result = simulate_many(still, {"R": np.array([1.0, np.nan])})
+    assert list(result["status"].values) == ["converged", "invalid_input"]

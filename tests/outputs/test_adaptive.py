@@ -26,30 +26,30 @@ def waited():
     "name", [pytest.param(n, marks=pytest.mark.slow) if n in slow_ones else n for n in CONFIGURATIONS]
 )
 def test_both_paths_give_the_same_outputs(name, waited):
-    found, check = simulate(model(name), resolution=2), waited(name)
+    result, check = simulate(model(name), resolution=2), waited(name)
     assert check.attrs["converged"] == 1
     assert check.attrs["solver"] == "adaptive"
-    assert set(found.data_vars) == set(check.data_vars)
+    assert set(result.data_vars) == set(check.data_vars)
     for entry in contract():
         if entry.name in check:
-            assert float(found[entry.name]) == pytest.approx(float(check[entry.name]), rel=1e-3)
+            assert float(result[entry.name]) == pytest.approx(float(check[entry.name]), rel=1e-3)
 
 
 def test_waveforms_agree_too(waited):
-    found, check = simulate(model("V-A")), waited("V-A")
+    result, check = simulate(model("V-A")), waited("V-A")
     for name in ("Pao", "Plv", "Vlv", "Vra", "Ppas", "Pecmooxy", "Qecmopump", "Qao"):
-        expected = np.interp(found["phase"], check["phase"], check[name])
+        expected = np.interp(result["phase"], check["phase"], check[name])
         spread = max(float(np.ptp(check[name].to_numpy())), 0.3)
-        apart = np.abs(found[name].to_numpy() - expected)
+        apart = np.abs(result[name].to_numpy() - expected)
         assert apart.max() < 0.02 * spread
         assert apart.mean() < 0.005 * spread
 
 
 def test_a_held_patient_by_both_paths():
     patient = model("V-A")
-    check, found = simulate_adaptive(patient, PATIENT_HELD), simulate(patient, PATIENT_HELD, resolution=2)
+    check, result = simulate_adaptive(patient, PATIENT_HELD), simulate(patient, PATIENT_HELD, resolution=2)
     for name in ("SP", "MAP", "CO", "PF", "EDVLV"):
-        assert float(found[name]) == pytest.approx(float(check[name]), rel=1e-3)
+        assert float(result[name]) == pytest.approx(float(check[name]), rel=1e-3)
 
 
 def test_the_beat_repeats_to_the_tolerance(waited):

@@ -40,10 +40,10 @@ def test_nothing_is_said_within_the_limits():
 
 
 def test_an_empty_chamber_and_an_impossible_vein_collapse():
-    found = findings({}, {"Vra": (-1.0, 10.0), "Psvn": (-400.0, 5.0), "Vao": (-5.0, 5.0)})
-    assert {finding.quantity for finding in found if finding.kind == "collapse"} == {"Vra", "Psvn"}
-    assert impossible(found)
-    assert {"EDVRA", "ESVRA"} == {name for finding in found for name in finding.concerns}
+    result = findings({}, {"Vra": (-1.0, 10.0), "Psvn": (-400.0, 5.0), "Vao": (-5.0, 5.0)})
+    assert {finding.quantity for finding in result if finding.kind == "collapse"} == {"Vra", "Psvn"}
+    assert impossible(result)
+    assert {"EDVRA", "ESVRA"} == {name for finding in result for name in finding.concerns}
 
 
 def test_an_assist_pump_may_carry_the_output_past_a_closed_valve():
@@ -122,13 +122,13 @@ def test_dialysis_above_the_flow_of_its_ecmo_is_an_alarm():
 
 def test_a_collapse_names_the_device_that_drains_that_side():
     both = VA + lvad("lv", "ao")
-    found = findings({}, {"Vra": (-1.0, 10.0), "Vlv": (-2.0, 10.0), "Prv": (-400.0, 9.0)}, both)
-    sentences = {finding.quantity: finding.sentence for finding in found}
+    result = findings({}, {"Vra": (-1.0, 10.0), "Vlv": (-2.0, 10.0), "Prv": (-400.0, 9.0)}, both)
+    sentences = {finding.quantity: finding.sentence for finding in result}
     assert "the LVAD drains more than flows in" in sentences["Vlv"]
     assert "the ECMO drains more than flows in" in sentences["Vra"]
     assert "right ventricle -400.0 mmHg" in sentences["Prv"]
-    (alone,) = findings({}, {"Vlv": (-2.0, 10.0)}, circulation())
-    assert alone.sentence.endswith("the chamber collapses")
+    (single,) = findings({}, {"Vlv": (-2.0, 10.0)}, circulation())
+    assert single.sentence.endswith("the chamber collapses")
 
 
 def test_an_ejection_fraction_is_read_with_care_where_an_lvad_empties_the_ventricle():

@@ -80,9 +80,9 @@ def test_what_was_solved_for_equals_its_output(model):
 
 @pytest.mark.slow
 def test_a_member_depends_on_no_other(model, hypoxia):
-    alone = eclsim.simulate_many(model, {"gas.fio2": 0.13}, OUTPUTS)
+    single = eclsim.simulate_many(model, {"gas.fio2": 0.13}, OUTPUTS)
     for name in OUTPUTS:
-        assert float(alone[name][0]) == pytest.approx(float(hypoxia[name][5]), rel=1e-5)
+        assert float(single[name][0]) == pytest.approx(float(hypoxia[name][5]), rel=1e-5)
 
 
 @pytest.mark.slow
@@ -109,8 +109,8 @@ def test_broydens_method_finds_a_fixed_point_that_iteration_leaves(model):
         p = np.asarray(batch.values[name])
         return SimpleNamespace(output=lambda _: np.where(p > 1.9, np.nan, 2.0 * p**-3.0))
 
-    found = settle(Batch(model.circuit, values, 3), (name,), cast(Any, measure), 1e-8)
-    assert found.settled.all()
+    result = settle(Batch(model.circuit, values, 3), (name,), cast(Any, measure), 1e-8)
+    assert result.settled.all()
 
 
 def test_without_a_gas_state_the_member_says_so(model):

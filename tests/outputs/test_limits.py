@@ -81,9 +81,9 @@ def test_the_healthy_adult_breaks_no_limit():
 def test_the_documented_table_is_the_table():
     page = (Path(__file__).parents[2] / "docs" / "limits.md").read_text(encoding="utf-8")
     kinds = ("warning", "alarm", "collapse")
-    found = set()
+    result = set()
     for name, *cells in re.findall(r"^\| `(\w+)` \| [^|]* \|([^|]*)\|([^|]*)\|([^|]*)\|", page, re.MULTILINE):
         for kind, cell in zip(kinds, cells, strict=True):
             for side, value in re.findall(r"(below|above) (−?[\d.]+)", cell):
-                found.add((name, kind, side, float(value.replace("−", "-"))))
-    assert found == {(limit.quantity, limit.kind, limit.side, limit.value) for limit in all_limits()}
+                result.add((name, kind, side, float(value.replace("−", "-"))))
+    assert result == {(limit.quantity, limit.kind, limit.side, limit.value) for limit in all_limits()}

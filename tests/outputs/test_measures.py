@@ -18,9 +18,9 @@ def measures(**waveforms):
 
 
 def test_mean_is_weighted_with_time_on_the_uneven_grid():
-    found = measures(x=5.0 + 3.0 * np.sin(TURN), y=PHASES**2)
-    assert found.mean("x") == pytest.approx(5.0, abs=4e-4)
-    assert found.mean("y") == pytest.approx(1.0 / 3.0, abs=1e-5)
+    result = measures(x=5.0 + 3.0 * np.sin(TURN), y=PHASES**2)
+    assert result.mean("x") == pytest.approx(5.0, abs=4e-4)
+    assert result.mean("y") == pytest.approx(1.0 / 3.0, abs=1e-5)
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.00031, 0.12, 0.7, 0.89, 0.9996])
@@ -46,16 +46,16 @@ def test_extremes_move_smoothly_as_a_peak_crosses_the_grid():
 
 
 def test_a_constant_is_its_own_extreme():
-    found = measures(x=np.full_like(PHASES, 7.5))
-    assert found.maximum("x") == found.minimum("x") == pytest.approx(7.5, rel=1e-14)
+    result = measures(x=np.full_like(PHASES, 7.5))
+    assert result.maximum("x") == result.minimum("x") == pytest.approx(7.5, rel=1e-14)
 
 
 def test_a_kink_is_not_overshot():
     """A pressure that falls, then rises at once, as at the opening of the aortic valve."""
     wave, rate = 70.0 + 30.0 * np.abs(PHASES - 0.2), 30.0 * np.sign(PHASES - 0.2)
-    found = measures(x=wave, x_rate=rate)
-    assert found.minimum("x") == pytest.approx(70.0, abs=2e-2)
-    assert found.minimum("x") >= 70.0 - 0.03
+    result = measures(x=wave, x_rate=rate)
+    assert result.minimum("x") == pytest.approx(70.0, abs=2e-2)
+    assert result.minimum("x") >= 70.0 - 0.03
 
 
 def test_the_area_of_a_loop_is_positive_for_work_done_on_the_blood():
@@ -68,9 +68,9 @@ def test_the_area_of_a_loop_is_positive_for_work_done_on_the_blood():
 
 def test_ratio_and_value_at_the_start():
     pressure, volume = 60.0 + 50.0 * np.sin(TURN), 100.0 + 30.0 * np.cos(TURN)
-    found = measures(p=pressure, v=volume)
-    assert found.largest_ratio("p", "v") == pytest.approx(np.max(pressure / volume), rel=1e-12)
-    assert found.at_start("p") == pytest.approx(60.0, abs=1e-9)
+    result = measures(p=pressure, v=volume)
+    assert result.largest_ratio("p", "v") == pytest.approx(np.max(pressure / volume), rel=1e-12)
+    assert result.at_start("p") == pytest.approx(60.0, abs=1e-9)
 
 
 def test_a_batch_is_measured_like_each_alone():
@@ -81,24 +81,24 @@ def test_a_batch_is_measured_like_each_alone():
     ]
     together = Measures({"p": np.stack(waves, axis=1), "v": np.stack(waves[::-1], axis=1)}, PHASES)
     for k in range(6):
-        alone = Measures({"p": waves[k], "v": waves[5 - k]}, PHASES)
+        single = Measures({"p": waves[k], "v": waves[5 - k]}, PHASES)
         for ask in ("mean", "maximum", "minimum", "at_start"):
-            assert getattr(together, ask)("p")[k] == pytest.approx(getattr(alone, ask)("p"), rel=1e-13)
+            assert getattr(together, ask)("p")[k] == pytest.approx(getattr(single, ask)("p"), rel=1e-13)
         for ask in ("loop_area", "largest_ratio"):
             assert getattr(together, ask)("p", "v")[k] == pytest.approx(
-                getattr(alone, ask)("p", "v"), rel=1e-10
+                getattr(single, ask)("p", "v"), rel=1e-10
             )
 
 
 def test_forward_and_backward_flow_are_means_of_what_goes_either_way():
     flow = 50.0 * np.sin(TURN) + 10.0
-    found = measures(Qcannula=np.stack([flow, np.full_like(flow, -20.0)], axis=1))
+    result = measures(Qcannula=np.stack([flow, np.full_like(flow, -20.0)], axis=1))
     share = np.arcsin(0.2) / (2.0 * np.pi) + 0.25  # of half a beat, with flow ahead
     ahead = 2.0 * share * 10.0 + 50.0 / np.pi * np.sqrt(1.0 - 0.04)
-    assert found.forward("cannula") == pytest.approx([0.06 * ahead, 0.0], rel=2e-4)
-    assert found.backward("cannula")[1] == pytest.approx(1.2, rel=1e-12)
-    net = found.forward("cannula") - found.backward("cannula")
-    np.testing.assert_allclose(net, 0.06 * found.mean("Qcannula"), rtol=1e-12)
+    assert result.forward("cannula") == pytest.approx([0.06 * ahead, 0.0], rel=2e-4)
+    assert result.backward("cannula")[1] == pytest.approx(1.2, rel=1e-12)
+    net = result.forward("cannula") - result.backward("cannula")
+    np.testing.assert_allclose(net, 0.06 * result.mean("Qcannula"), rtol=1e-12)
 
 
 def _quotient(numbers):

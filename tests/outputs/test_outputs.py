@@ -48,16 +48,16 @@ PARAMETERS |= {"heart_rate_bpm": 80.0, "total_blood_volume_ml": 5000.0, "iabp.in
 def waveforms(amount=0.0):
     """Smooth waveforms of every signal that an output needs, changed by an amount of another shape."""
     rng = np.random.default_rng(8)
-    found = {}
+    result = {}
     flows = {"Q" + connection.name for connection in CIRCUIT.connections}
     for name in sorted(flows | {signal for entry in OUTPUTS.values() for signal in entry.needs}):
         height, lag, second = rng.uniform(5.0, 15.0), rng.uniform(0.0, 6.0), rng.uniform(0.0, 6.0)
         wave = 90.0 + height * np.sin(TURN + lag) + 2.0 * np.sin(2.0 * TURN + second)
         rate = 2.0 * np.pi * (height * np.cos(TURN + lag) + 4.0 * np.cos(2.0 * TURN + second))
         push, bent = rng.uniform(0.5, 2.0), rng.uniform(0.0, 6.0)
-        found[name] = wave + amount * push * (1.0 + np.sin(TURN + bent))
-        found[name + RATE] = rate + amount * push * 2.0 * np.pi * np.cos(TURN + bent)
-    return found
+        result[name] = wave + amount * push * (1.0 + np.sin(TURN + bent))
+        result[name + RATE] = rate + amount * push * 2.0 * np.pi * np.cos(TURN + bent)
+    return result
 
 
 def computed(entry, read, amount=0.0):
@@ -122,11 +122,11 @@ def test_every_output_is_differentiated_exactly(name):
     names = needed_parameters(CIRCUIT, [name]) if entry.in_effect else entry.parameters
     read = {name: PARAMETERS[name] for name in names}
     base = LinearMeasures(waveforms(), PHASES, CIRCUIT, read)
-    found = entry.compute(base)
-    assert found.value == pytest.approx(float(computed(entry, read)), rel=1e-12)
+    result = entry.compute(base)
+    assert result.value == pytest.approx(float(computed(entry, read)), rel=1e-12)
     before, after = waveforms(), waveforms(1.0)
     change = {key: after[key] - before[key] for key in before}
-    slopes = dict(zip([*base.sums, *read], base.slopes([found], [*base.sums, *read])[0], strict=True))
+    slopes = dict(zip([*base.sums, *read], base.slopes([result], [*base.sums, *read])[0], strict=True))
     exact = sum(slopes[key] * weights @ change[key[0]] for key, weights in base.sums.items())
     high, low = (float(computed(entry, read, s)) for s in (step, -step))
     assert exact == pytest.approx((high - low) / (2 * step), rel=1e-5, abs=1e-7)
@@ -137,20 +137,20 @@ def test_every_output_is_differentiated_exactly(name):
 
 
 def test_flows_are_given_in_litres_a_minute():
-    found = Measures({"Qpas": np.full_like(PHASES, 100.0)}, PHASES)
-    assert output("CO").compute(found) == pytest.approx(6.0)
+    result = Measures({"Qpas": np.full_like(PHASES, 100.0)}, PHASES)
+    assert output("CO").compute(result) == pytest.approx(6.0)
 
 
 def test_work_and_fraction_follow_from_volume_and_pressure():
     waves = {"Plv": 60.0 + 50.0 * np.sin(TURN), "Vlv": 100.0 + 30.0 * np.cos(TURN)}
-    found = {
+    result = {
         name: float(output(name).compute(Measures(waves, PHASES))) for name in OUTPUTS if name.endswith("_lv")
     }
-    assert found["stroke_volume_lv"] == pytest.approx(60.0, rel=1e-4)
-    assert found["ejection_fraction_lv"] == pytest.approx(100.0 * 60.0 / 130.0, rel=1e-4)
-    assert found["stroke_work_lv"] == pytest.approx(np.pi * 1500.0, rel=1e-3)
+    assert result["stroke_volume_lv"] == pytest.approx(60.0, rel=1e-4)
+    assert result["ejection_fraction_lv"] == pytest.approx(100.0 * 60.0 / 130.0, rel=1e-4)
+    assert result["stroke_work_lv"] == pytest.approx(np.pi * 1500.0, rel=1e-3)
     potential = 0.5 * np.max(waves["Plv"] / waves["Vlv"]) * 70.0**2
-    assert found["pressure_volume_area_lv"] == pytest.approx(np.pi * 1500.0 + potential, rel=1e-3)
+    assert result["pressure_volume_area_lv"] == pytest.approx(np.pi * 1500.0 + potential, rel=1e-3)
 
 
 EXPRESSIONS = {
@@ -166,12 +166,12 @@ EXPRESSIONS = {
 @pytest.mark.parametrize("expression", EXPRESSIONS.values(), ids=EXPRESSIONS)
 def test_dual_numbers_differentiate_arithmetic(expression):
     x, y, step = 2.3, 0.9, 1e-6
-    found = expression(Dual(x, {"x": 1.0}), Dual(y, {"y": 1.0}))
-    assert found.value == pytest.approx(expression(x, y), rel=1e-14)
+    result = expression(Dual(x, {"x": 1.0}), Dual(y, {"y": 1.0}))
+    assert result.value == pytest.approx(expression(x, y), rel=1e-14)
     in_x = (expression(x + step, y) - expression(x - step, y)) / (2 * step)
     in_y = (expression(x, y + step) - expression(x, y - step)) / (2 * step)
-    assert found.slopes.get("x", 0.0) == pytest.approx(in_x, rel=1e-6)
-    assert found.slopes.get("y", 0.0) == pytest.approx(in_y, rel=1e-6)
+    assert result.slopes.get("x", 0.0) == pytest.approx(in_x, rel=1e-6)
+    assert result.slopes.get("y", 0.0) == pytest.approx(in_y, rel=1e-6)
 
 
 def test_an_output_that_a_case_has_not_is_said_with_what_brings_it():

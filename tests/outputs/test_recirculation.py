@@ -17,16 +17,16 @@ ORDER = ("ecmodrain", "ecmotudp", "ecmotupo", "ecmooxy", "ecmotuor", "ecmoreturn
 
 def flows(circuit: Circuit, access: str, giving: str, pump: float = PUMP) -> dict[str, float]:
     """Mean flows that balance in every compartment: the CRRT flow is missing or doubled between its sites."""
-    found = {c.name: CRRT if c.group == "crrt" else 100.0 for c in circuit.connections}
+    result = {c.name: CRRT if c.group == "crrt" else 100.0 for c in circuit.connections}
     net = pump
     for place in ("site", *ORDER):
         net += CRRT * ((place == giving) - (place == access))
         if place in ORDER:
-            found[place] = net
+            result[place] = net
     # The pump stands between two compartments and takes the flow out of the first of them.
-    found["ecmopump"], found["ecmotudp"] = found["ecmotudp"], found["ecmodrain"]
-    found["ecmodrain"] = pump
-    return found
+    result["ecmopump"], result["ecmotudp"] = result["ecmotudp"], result["ecmodrain"]
+    result["ecmodrain"] = pump
+    return result
 
 
 @pytest.mark.parametrize("scheme", ["b", "c", "g", "h", "i"])
@@ -34,16 +34,16 @@ def test_access_behind_the_return_takes_blood_twice(scheme):
     """Closed form: between return and access the circuit carries PF + Qc, of which Qc was there before."""
     access, giving = SCHEMES[scheme]
     circuit = circulation() + ecmo("ra", "ao") + crrt(access, giving)
-    found = recirculated_fractions(circuit, flows(circuit, access, giving))["crrt"]
-    assert found == pytest.approx(CRRT / (PUMP + CRRT), rel=1e-8)
+    result = recirculated_fractions(circuit, flows(circuit, access, giving))["crrt"]
+    assert result == pytest.approx(CRRT / (PUMP + CRRT), rel=1e-8)
 
 
 @pytest.mark.parametrize("scheme", ["a", "d", "e", "f"])
 def test_access_before_the_return_takes_fresh_blood(scheme):
     access, giving = SCHEMES[scheme]
     circuit = circulation() + ecmo("ra", "ao") + crrt(access, giving)
-    found = recirculated_fractions(circuit, flows(circuit, access, giving))
-    assert found["crrt"] == pytest.approx(0.0, abs=1e-9)
+    result = recirculated_fractions(circuit, flows(circuit, access, giving))
+    assert result["crrt"] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_scheme_g_mixes_as_the_closed_form_says():

@@ -39,8 +39,8 @@ def beat(model):
 
 
 def test_outputs_are_what_is_in_effect_during_the_beat(failing):
-    found = beat(failing)
-    effect, outputs = found.values_in_effect(), found.outputs()
+    result = beat(failing)
+    effect, outputs = result.values_in_effect(), result.outputs()
     for name, parameter in IN_EFFECT.items():
         own = failing.values[parameter] if name.endswith("_factor") else 1.0
         assert outputs[name] == pytest.approx(float(effect[parameter]) / own, rel=1e-8), name

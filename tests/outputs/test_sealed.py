@@ -49,9 +49,9 @@ def test_a_steady_beat_behind_closed_valves_is_one_of_many(beat):
 
 
 def test_simulate_says_that_it_is_and_marks_the_numbers(beat):
-    (said,) = [w for w in beat.attrs["warnings"] if "not determined by the case" in w]
-    assert "no blood passes the tricuspid, pulmonary, mitral and aortic valves all beat" in said
-    assert "the right ventricle, the pulmonary vessels with the left atrium and the left ventricle" in said
+    (message,) = [w for w in beat.attrs["warnings"] if "not determined by the case" in w]
+    assert "no blood passes the tricuspid, pulmonary, mitral and aortic valves all beat" in message
+    assert "the right ventricle, the pulmonary vessels with the left atrium and the left ventricle" in message
     assert "one of many" in beat.attrs["message"]
     assert case_object(beat)["one_of_many"] is True
     assert case_name(beat) == "V-A (VALVES SHUT: VOLUMES NOT DETERMINED)"
@@ -61,8 +61,8 @@ def test_simulate_says_that_it_is_and_marks_the_numbers(beat):
 
 
 def test_a_batch_says_so_of_each_member_whatever_its_outputs():
-    found = simulate_many(model("V-A"), {"Emaxlv": [1.5, 0.1], "ecmo.speed_rpm": [3425.0, 4500.0]}, ("MAP",))
-    assert list(found.data_vars) == [
+    result = simulate_many(model("V-A"), {"Emaxlv": [1.5, 0.1], "ecmo.speed_rpm": [3425.0, 4500.0]}, ("MAP",))
+    assert list(result.data_vars) == [
         "MAP",
         "status",
         "message",
@@ -71,10 +71,10 @@ def test_a_batch_says_so_of_each_member_whatever_its_outputs():
         "beats",
         "residual",
     ]
-    assert list(found["status"].values) == ["converged", "one_of_many"]
-    assert found.attrs["failed"] == 0
-    assert np.isfinite(found["MAP"].values).all()
-    ejecting, shut = found["message"].values
+    assert list(result["status"].values) == ["converged", "one_of_many"]
+    assert result.attrs["failed"] == 0
+    assert np.isfinite(result["MAP"].values).all()
+    ejecting, shut = result["message"].values
     assert "one of many" not in ejecting
     assert "one of many: no blood passes the tricuspid" in shut
 

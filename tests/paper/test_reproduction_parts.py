@@ -114,9 +114,9 @@ def test_statements_about_the_sensitivity_are_read_off_the_indices():
 
 @pytest.mark.slow
 def test_a_stopped_analysis_is_gone_on_with(tmp_path):
-    said = []
+    message = []
     with Distribution(force=True).running() as executor:
-        first = reproduce_circulation(tmp_path, 8, executor, said.append)
+        first = reproduce_circulation(tmp_path, 8, executor, message.append)
     assert len(first.rows) == len(TABLE_2) + 12
     (kept,) = (tmp_path / "assumed").glob("samples.parquet")
     before = kept.stat().st_mtime_ns
@@ -132,28 +132,28 @@ def test_a_cohort_of_two_points_is_fitted_compared_and_kept(tmp_path):
     table = tmp_path / "two.csv"
     table.write_text("\n".join([lines[0], *lines[1:3]]) + "\n")
     with Distribution().running() as executor:
-        found = reproduce_cohort(tmp_path / "fits", table, 8, executor)
-    assert not found.synthetic
-    assert found.sliced == "P01/1"
-    assert np.nanmin(found.slices.costs) >= 0.99 * found.slices.cost
-    rows = {(row.source, row.name): row for row in found.rows}
+        result = reproduce_cohort(tmp_path / "fits", table, 8, executor)
+    assert not result.synthetic
+    assert result.sliced == "P01/1"
+    assert np.nanmin(result.slices.costs) >= 0.99 * result.slices.cost
+    rows = {(row.source, row.name): row for row in result.rows}
     assert rows["Table 1", "SP, median"].got == 101.0
     assert rows["2.1", "number of data points"].got == 2
     assert rows["3.2", "R² of pressures"].got > 0.95
-    said: list[str] = []
+    message: list[str] = []
     with Distribution(resume=True).running() as executor:
-        again = reproduce_cohort(tmp_path / "fits", table, 8, executor, said.append)
-    assert again.results == found.results
-    assert said == ["cohort: fits: 1 of 1 groups of data points"]  # and no task is run
-    assert replace(again, slices=found.slices) == replace(found, slices=found.slices)
+        again = reproduce_cohort(tmp_path / "fits", table, 8, executor, message.append)
+    assert again.results == result.results
+    assert message == ["cohort: fits: 1 of 1 groups of data points"]  # and no task is run
+    assert replace(again, slices=result.slices) == replace(result, slices=result.slices)
 
 
 @pytest.mark.parametrize(
-    ("unit", "ours", "said"),
+    ("unit", "ours", "message"),
     [("1", 0.21, "paper 0.2, ours 0.21"), ("mmHg", 71.0, "paper 0.2 mmHg, ours 71 mmHg")],
 )
-def test_a_row_of_the_terminal_keeps_all_digits_of_our_number(unit: str, ours: float, said: str):
+def test_a_row_of_the_terminal_keeps_all_digits_of_our_number(unit: str, ours: float, message: str):
     from eclsim.cli.paper import both_values
     from eclsim.paper.comparison import printed_number
 
-    assert both_values(printed_number("3.1", "a share", unit, 0.2, ours, decimals=1)) == said
+    assert both_values(printed_number("3.1", "a share", unit, 0.2, ours, decimals=1)) == message

@@ -144,8 +144,8 @@ def test_derivatives_in_suction_equal_differences():
         ends = simulate_many(dry, {name: [at - step, at + step]}, list(outputs))
         for output in outputs:
             numeric = float(ends[output][1] - ends[output][0]) / (2.0 * step)
-            found = float(exact.sel(output=output, parameter=name))
-            assert found == pytest.approx(numeric, rel=2e-3), (output, name)
+            result = float(exact.sel(output=output, parameter=name))
+            assert result == pytest.approx(numeric, rel=2e-3), (output, name)
 
 
 @pytest.mark.slow

@@ -62,10 +62,10 @@ def test_a_large_right_heart_takes_room_from_the_left(beats):
         1.0 - float(beats[one, True]["EDVLV"]) / float(beats[one, False]["EDVLV"]) for one in (False, True)
     ]
     assert fall[1] > 1.3 * fall[0] > 0.0
-    alone, shared = beats[False, True], beats[True, True]
+    single, shared = beats[False, True], beats[True, True]
     assert float(shared["EDVRV"]) > float(beats[True, False]["EDVRV"]) + 10.0
-    assert float(shared["EDVLV"]) < float(alone["EDVLV"]) - 20.0
-    assert float(shared["end_diastolic_pressure_lv"]) > float(alone["end_diastolic_pressure_lv"]) + 1.0
+    assert float(shared["EDVLV"]) < float(single["EDVLV"]) - 20.0
+    assert float(shared["end_diastolic_pressure_lv"]) > float(single["end_diastolic_pressure_lv"]) + 1.0
 
 
 def test_surroundings_that_do_not_hang_together_are_refused():

@@ -50,8 +50,8 @@ def beat(patient, names=OUTPUTS, **options):
 @pytest.fixture(scope="module")
 def rest():
     """Pressures of the unregulated patient, which are the set points."""
-    found = beat(model("none"), PRESSURES).outputs()
-    return {SET_POINT: found["MAP"], VENOUS_SET_POINT: found["right_atrial_pressure"]}
+    result = beat(model("none"), PRESSURES).outputs()
+    return {SET_POINT: result["MAP"], VENOUS_SET_POINT: result["right_atrial_pressure"]}
 
 
 @pytest.mark.slow
@@ -142,7 +142,7 @@ def test_searches_begin_at_the_published_patient():
 @pytest.mark.slow
 def test_regions_are_regulated_as_the_undivided_patient_is():
     """Factors and the veins' volume are divided among both halves of the body."""
-    found = {}
+    result = {}
     for regional in (False, True):
         case = {
             "format": 1,
@@ -153,10 +153,10 @@ def test_regions_are_regulated_as_the_undivided_patient_is():
             "regulation": {"baroreflex": 1, "set_point_mmHg": 66},
         }
         names = ("MAP", "CO", "heart_rate", "systemic_resistance_factor", "unstressed_volume")
-        found[regional] = beat(model_of(read_mapping(case).case), names)
-    whole, divided = (found[key].outputs() for key in (False, True))
-    assert found[True].converged.all()
+        result[regional] = beat(model_of(read_mapping(case).case), names)
+    whole, divided = (result[key].outputs() for key in (False, True))
+    assert result[True].converged.all()
     for name in ("systemic_resistance_factor", "heart_rate", "unstressed_volume", "MAP", "CO"):
         assert divided[name] == pytest.approx(whole[name], rel=0.05), name
-    given, held = (found[key].volume("patient") for key in (False, True))
+    given, held = (result[key].volume("patient") for key in (False, True))
     assert held == pytest.approx(given, rel=1e-2)

@@ -20,16 +20,16 @@ HUMAN_RR_GAIN = (22.7 - 9.5, 22.7 + 9.5)
 
 def effects(model, *deviations):
     """Factors by parameter, and the change of unstressed volume [mL] of the published subject."""
-    found = model.steady_effects(deviations, 1.0, model.blood_volume_ml)
-    return dict(zip(model.acts_on, map(float, found), strict=True))
+    result = model.steady_effects(deviations, 1.0, model.blood_volume_ml)
+    return dict(zip(model.acts_on, map(float, result), strict=True))
 
 
 @pytest.mark.parametrize("model", REFLEXES.values(), ids=REFLEXES)
 def test_nothing_changes_at_the_set_point_and_nothing_without_gain(model):
     rest = [0.0] * len(model.reads)
     away = [-40.0, -3.0][: len(model.reads)]
-    for found in (model.steady_effects(rest, 1.0, 5000.0), model.steady_effects(away, 0.0, 5000.0)):
-        assert [float(one) for one in found] == [1.0, 1.0, 1.0, 1.0, 0.0]
+    for result in (model.steady_effects(rest, 1.0, 5000.0), model.steady_effects(away, 0.0, 5000.0)):
+        assert [float(one) for one in result] == [1.0, 1.0, 1.0, 1.0, 0.0]
 
 
 def _ursino(pressure):
@@ -53,14 +53,14 @@ def _ursino(pressure):
 @pytest.mark.parametrize("pressure", [30.0, 60.0, 80.0, 92.0, 100.0, 120.0, 150.0])
 def test_ursino_follows_its_equations(pressure):
     now, rest = _ursino(pressure), _ursino(92.0)
-    wanted = {name: now[name] / rest[name] for name in ("Emaxlv", "Emaxrv", "Rmc")}
-    wanted |= {
+    expected = {name: now[name] / rest[name] for name in ("Emaxlv", "Emaxrv", "Rmc")}
+    expected |= {
         HEART_RATE: rest["period"] / now["period"],
         "unstressed_volume_ml": now["veins"] - rest["veins"],
     }
-    found = effects(URSINO, pressure - 92.0)
+    result = effects(URSINO, pressure - 92.0)
     # The threshold makes up to 0.003 of an effect negative, where the equation says 0 below it.
-    np.testing.assert_allclose([found[n] for n in wanted], list(wanted.values()), rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose([result[n] for n in expected], list(expected.values()), rtol=1e-6, atol=1e-6)
 
 
 def test_ursino_has_the_printed_values():
@@ -126,9 +126,9 @@ def _cvsim(a, v):
     ("arterial", "venous"), [(-31.0, 0.0), (-5.0, -4.0), (20.0, 3.0), (-91.0, -5.0), (90.0, 20.0)]
 )
 def test_heldt_follows_its_equations(name, printed, arterial, venous):
-    wanted = printed(18.0 * math.atan(arterial / 18.0), 5.0 * math.atan(venous / 5.0))
-    found = effects(REFLEXES[name], arterial, venous)
-    np.testing.assert_allclose([found[n] for n in wanted], list(wanted.values()), rtol=1e-9, atol=1e-9)
+    expected = printed(18.0 * math.atan(arterial / 18.0), 5.0 * math.atan(venous / 5.0))
+    result = effects(REFLEXES[name], arterial, venous)
+    np.testing.assert_allclose([result[n] for n in expected], list(expected.values()), rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("model", REFLEXES.values(), ids=REFLEXES)
@@ -137,8 +137,8 @@ def test_all_effects_stay_possible_and_raise_a_falling_pressure(model):
     for gain in (0.5, 1.2):
         last = None
         for deviation in (-1000.0, -100.0, -50.0, -10.0, 0.0, 10.0, 50.0, 100.0, 1000.0):
-            found = model.steady_effects([deviation, deviation][: len(model.reads)], gain, 5000.0)
-            *factors, veins = map(float, found)
+            result = model.steady_effects([deviation, deviation][: len(model.reads)], gain, 5000.0)
+            *factors, veins = map(float, result)
             assert all(factor > 0.1 for factor in factors)
             assert max(factors) < 10.0
             if last is not None:

@@ -104,11 +104,11 @@ def test_the_page_asks_nothing_of_the_network_and_fits_on_a4(browser, fitted_poi
     (drawings / "residuals.svg").write_text(SVG.format("drawn"), encoding="utf-8")
     path = write_fit_page(tmp_path, content(fitted_point), paper_case(), drawings)
     page = browser.new_page(viewport={"width": 680, "height": 1000})
-    asked, said = [], []
-    page.on("request", lambda request: asked.append(request.url))
+    requests, said = [], []
+    page.on("request", lambda request: requests.append(request.url))
     page.on("console", lambda message: said.append(message.text))
     page.goto(path.as_uri())
-    assert asked == [path.as_uri()]
+    assert requests == [path.as_uri()]
     assert said == []
     assert page.evaluate("document.documentElement.scrollWidth") <= 680
     assert page.locator("svg text").text_content() == "drawn"

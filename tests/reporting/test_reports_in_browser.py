@@ -55,14 +55,14 @@ def pages(hostile_study, reproduction, tmp_path_factory):
 @pytest.mark.parametrize("name", ["study", "reproduction"])
 def test_a_report_asks_for_itself_alone_and_prints_on_a4(browser, pages, name):
     page = browser.new_page(viewport={"width": A4_TEXT_WIDTH_PX, "height": 1000})
-    asked, said = [], []
-    page.on("request", lambda request: asked.append(request.url))
+    requests, said = [], []
+    page.on("request", lambda request: requests.append(request.url))
     page.on("console", lambda message: said.append(message.text))
     page.on("pageerror", lambda error: said.append(str(error)))
     address = pages[name].as_uri()
     page.goto(address)
     page.emulate_media(media="print")
-    assert asked == [address]
+    assert requests == [address]
     assert said == []
     assert page.evaluate("document.documentElement.scrollWidth") <= A4_TEXT_WIDTH_PX
     heights = page.evaluate(

@@ -59,9 +59,9 @@ def test_an_impossible_beat_is_no_plain_number(capsys, drained):
     assert row(text, "EDVRA")[-2].endswith("x")
     assert row(text, "MAP")[-2].endswith("!")
     assert row(text, "possible")[-1] == "NO"
-    found = case_object(drained)
-    assert found["impossible"] is True
-    assert found["warnings"][0].startswith("impossible: volume of the right atrium falls to -")
+    result = case_object(drained)
+    assert result["impossible"] is True
+    assert result["warnings"][0].startswith("impossible: volume of the right atrium falls to -")
     assert case_object(simulated())["impossible"] is False
 
 
@@ -79,7 +79,7 @@ def test_a_device_that_parts_lungs_and_ventricle_is_named(capsys):
     assert row(text, "CO")[-2].endswith("*")
     assert float(result["LVO"]) == pytest.approx(0.0, abs=0.01)
     assert float(result["CO"]) == pytest.approx(float(result["systemic_flow"]), rel=1e-3)
-    assert any("is the flow through the lungs" in said for said in result.attrs["warnings"])
+    assert any("is the flow through the lungs" in message for message in result.attrs["warnings"])
 
 
 def test_a_row_each_for_many_keeps_the_marks(capsys, drained):

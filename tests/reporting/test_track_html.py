@@ -28,7 +28,7 @@ FIRST = point("1", probability=None, hours_since_last=None, expected={})
 
 
 @pytest.mark.parametrize(
-    ("last", "said"),
+    ("last", "message"),
     [
         (point("2"), "2 fits the patient so far (probability 0.4)"),
         (point("2", message="CO does not fit", unusual=True), "2 does not fit the patient so far"),
@@ -37,9 +37,9 @@ FIRST = point("1", probability=None, hours_since_last=None, expected={})
          "2 could not be used"),
     ],
 )  # fmt: skip
-def test_the_box_says_whether_the_last_measurement_fits(last, said):
+def test_the_box_says_whether_the_last_measurement_fits(last, message):
     page = track_page(content(FIRST, last), {})
-    assert said in page
+    assert message in page
     assert last["message"] in page
     assert ('class="box warn"' in page) == bool(last["message"])
 

@@ -103,12 +103,12 @@ def test_a_group_holds_what_its_unit_measures_and_nothing_by_its_first_letter(ca
 
 
 @pytest.mark.parametrize(
-    ("value", "said"), [(-1.0, "P0svn: the perturbation reaches -1.25 to -0.75"), (0.0, "vary")]
+    ("value", "message"), [(-1.0, "P0svn: the perturbation reaches -1.25 to -0.75"), (0.0, "vary")]
 )
-def test_a_negative_value_is_varied_like_any_other(case, value, said):
+def test_a_negative_value_is_varied_like_any_other(case, value, message):
     """It is outside of its range, or not; a percentage of it varies it all the same."""
     base = {"P0svn": value}
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         varied(case, base, ("P0svn",))
 
 
@@ -121,16 +121,16 @@ def test_each_scheme_in_a_batch_is_that_scheme_alone(crrt_case):
         crrt_case, parameters=(), include=("crrt.scheme",), samples=8, outputs=("MAP", "crrt_access_pressure")
     )
     unit = (np.arange(9)[:, None] + 0.5) / 9
-    found = plan.evaluator(plan.design.settings(unit), 9)
+    result = plan.evaluator(plan.design.settings(unit), 9)
     for k, (access, back) in enumerate(SCHEMES.values()):
         crrt = crrt_case.crrt.model_copy(update={"access_site": access, "return_site": back})
-        alone = simulate(model_of(crrt_case.model_copy(update={"crrt": crrt})))
-        wanted = [float(alone["MAP"]), float(alone["crrt_access_pressure"])]
-        np.testing.assert_allclose(found.values[k], wanted, rtol=1e-5)
+        single = simulate(model_of(crrt_case.model_copy(update={"crrt": crrt})))
+        expected = [float(single["MAP"]), float(single["crrt_access_pressure"])]
+        np.testing.assert_allclose(result.values[k], expected, rtol=1e-5)
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         ({"parameters": ("Rmcc",)}, "did you mean Rmc"),
         ({"include": ("crrt.scheme",)}, r"needs the sections \[ecmo\] and \[crrt\]"),
@@ -143,8 +143,8 @@ def test_each_scheme_in_a_batch_is_that_scheme_alone(crrt_case):
         ),
     ],
 )
-def test_impossible_inputs_are_named(case, options, said):
-    with pytest.raises(InputError, match=said):
+def test_impossible_inputs_are_named(case, options, message):
+    with pytest.raises(InputError, match=message):
         planned(case, samples=8, **options)
 
 
@@ -160,6 +160,7 @@ def test_the_paper_s_parameters_lead(case):
     assert "Lpas" not in result.union()
 
 
+@pytest.mark.slow
 def test_no_state_is_solved_from_beats_that_were_not_found(case):
     from eclsim.orbit.model import model_of
 
@@ -183,19 +184,19 @@ def test_a_heart_that_stops_ejecting_is_named_and_its_rows_left_out(tmp_path):
     file = tmp_path / "weak.toml"
     file.write_text(CASE.replace("3425", "3000") + weak)
     plan = planned(read_case(file).case, samples=8, parameters=("Emaxrv", "Rmc"), perturbation_percent=60.0)
-    found = plan.block(0)
-    stopped = found.status == Status.ONE_OF_MANY
+    result = plan.block(0)
+    stopped = result.status == Status.ONE_OF_MANY
     rows = stopped.reshape(8, -1).any(axis=1)
     assert 2 <= (~rows).sum() < 8
-    indices = conclude(plan.design, plan.evaluator.outputs, found).indices
-    assert {run.run for run in indices.failed} == set(np.flatnonzero(found.status))
+    indices = conclude(plan.design, plan.evaluator.outputs, result).indices
+    assert {run.run for run in indices.failed} == set(np.flatnonzero(result.status))
     assert {run.status for run in indices.failed} == {"one_of_many"}
-    assert indices.rows_used == (found.status == 0).reshape(8, -1).all(axis=1).sum()
+    assert indices.rows_used == (result.status == 0).reshape(8, -1).all(axis=1).sum()
     # What a failed run computed changes nothing: its row is left out of every estimate.
-    absurd = replace(found, values=np.where(found.status[:, None] == 0, found.values, 1e6))
+    absurd = replace(result, values=np.where(result.status[:, None] == 0, result.values, 1e6))
     again = conclude(plan.design, plan.evaluator.outputs, absurd).indices
     np.testing.assert_array_equal(again.estimates.ST, indices.estimates.ST)
-    kept = replace(found, status=np.zeros_like(found.status), values=absurd.values)
+    kept = replace(result, status=np.zeros_like(result.status), values=absurd.values)
     assert not np.array_equal(
         conclude(plan.design, plan.evaluator.outputs, kept).indices.estimates.ST, indices.estimates.ST
     )
@@ -257,7 +258,7 @@ def test_shards_from_the_command_line_merge_to_the_same_samples(case_file, tmp_p
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         (("--samples", 100), "power of two"),
         (("--shard", "3/2", "--out", "x"), "--shard 3/2"),
@@ -266,10 +267,10 @@ def test_shards_from_the_command_line_merge_to_the_same_samples(case_file, tmp_p
         (("--states", "happy"), "hypotensive"),
     ],
 )
-def test_wrong_options_end_with_status_2(case_file, capsys, monkeypatch, tmp_path, options, said):
+def test_wrong_options_end_with_status_2(case_file, capsys, monkeypatch, tmp_path, options, message):
     monkeypatch.chdir(tmp_path)
     assert run_command("sensitivity", case_file, *options) == 2
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 def test_the_command_says_what_can_be_identified(case_file, tmp_path, capsys):
@@ -287,25 +288,26 @@ def test_the_command_says_what_can_be_identified(case_file, tmp_path, capsys):
     assert run_command("identifiability", case_file, "--uncertainty", "SP=abc") == 2
 
 
+@pytest.mark.slow
 def test_only_what_was_measured_counts(case_file):
     raw_case = read_case(case_file, ["measurements.MAP=80", "measurements.CO=4"]).case
-    found = identifiability(raw_case, parameters=("Rmc", "Emaxlv", "Csart"))
-    assert found.scaled.outputs == ("MAP", "CO")
-    assert len(found.proposal.chosen) <= 2
+    result = identifiability(raw_case, parameters=("Rmc", "Emaxlv", "Csart"))
+    assert result.scaled.outputs == ("MAP", "CO")
+    assert len(result.proposal.chosen) <= 2
 
 
 @pytest.mark.slow
 def test_percentages_are_those_of_what_was_measured(case_file, capsys):
     settings = ["measurements.CO=1.4", "measurements.MAP=80"]
     case = read_case(case_file, settings).case
-    found = identifiability(case, parameters=("Rmc", "Emaxlv"))
-    assert found.uncertainties == {"MAP": 3.0, "CO": pytest.approx(0.14)}
-    assert found.simulated["CO"] > 3.0
-    assert found.far_off["CO"] == pytest.approx((found.simulated["CO"] - 1.4) / 0.14)
+    result = identifiability(case, parameters=("Rmc", "Emaxlv"))
+    assert result.uncertainties == {"MAP": 3.0, "CO": pytest.approx(0.14)}
+    assert result.simulated["CO"] > 3.0
+    assert result.far_off["CO"] == pytest.approx((result.simulated["CO"] - 1.4) / 0.14)
     # The scaled sensitivity is in these uncertainties.
     wide = {"CO": Uncertainty(1.4)}
     wider = identifiability(case, parameters=("Rmc", "Emaxlv"), uncertainties=wide)
-    np.testing.assert_allclose(found.scaled.matrix[1], 10.0 * wider.scaled.matrix[1])
+    np.testing.assert_allclose(result.scaled.matrix[1], 10.0 * wider.scaled.matrix[1])
     # Nothing measured: of what the model gives.
     free = identifiability(read_case(case_file, []).case, parameters=("Rmc", "Emaxlv"), outputs=("CO",))
     assert free.measured == {}
@@ -317,9 +319,9 @@ def test_percentages_are_those_of_what_was_measured(case_file, capsys):
 
 def test_a_flow_measured_as_0_has_an_uncertainty(case_file):
     case = read_case(case_file, ["measurements.CO=0", "measurements.MAP=80"]).case
-    found = identifiability(case, parameters=("Rmc", "Emaxlv"))
-    assert found.uncertainties["CO"] == pytest.approx(0.01)
-    assert np.isfinite(found.scaled.matrix).all()
+    result = identifiability(case, parameters=("Rmc", "Emaxlv"))
+    assert result.uncertainties["CO"] == pytest.approx(0.01)
+    assert np.isfinite(result.scaled.matrix).all()
 
 
 @pytest.mark.slow
@@ -327,12 +329,12 @@ def test_a_patient_without_a_steady_beat_is_not_ranked(tmp_path, capsys):
     file = DATA / "cases" / "va_ecmo_default.toml"
     still = [v for s in ("Emaxlv=0.05", "Emaxrv=0.02", "ecmo.speed_rpm=4500") for v in ("--set", s)]
     assert run_command("identifiability", file, *still, "--out", tmp_path / "out", "--json", "-") == 1
-    said = capsys.readouterr()
-    found = json.loads(said.out)
-    assert found["id"] == "va_ecmo_default"
-    assert found["status"] in ("singular", "no_ejection")
-    assert found.keys() == {"id", "status", "message"}
-    assert "nothing is ranked, because there are no derivatives" in found["message"]
-    assert found["message"] in said.err
-    assert json.loads((tmp_path / "out" / "identifiability.json").read_text()) == found
+    message = capsys.readouterr()
+    result = json.loads(message.out)
+    assert result["id"] == "va_ecmo_default"
+    assert result["status"] in ("singular", "no_ejection")
+    assert result.keys() == {"id", "status", "message"}
+    assert "nothing is ranked, because there are no derivatives" in result["message"]
+    assert result["message"] in message.err
+    assert json.loads((tmp_path / "out" / "identifiability.json").read_text()) == result
     assert not (tmp_path / "out" / "figures").exists()

@@ -58,7 +58,7 @@ def test_a_choice_follows_its_own_coordinate():
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"samples": 100}, "power of two"),
         ({"samples": 1}, "power of two"),
@@ -68,8 +68,8 @@ def test_a_choice_follows_its_own_coordinate():
         ({"inputs": ()}, "none given"),
     ],
 )
-def test_impossible_designs_say_what_is_allowed(change, said):
-    with pytest.raises(DesignError, match=said):
+def test_impossible_designs_say_what_is_allowed(change, message):
+    with pytest.raises(DesignError, match=message):
         Design(**({"inputs": INPUTS, "samples": 8} | change))
 
 

@@ -43,9 +43,9 @@ def test_indices_and_intervals_are_those_of_salib(second_order):
 
 
 def test_an_output_that_does_not_vary_has_no_indices():
-    found = sobol_indices(np.full((8, 8, 1), 3.7), 3)
-    assert np.all(found.S1 == 0)
-    assert np.all(found.ST == 0)
+    result = sobol_indices(np.full((8, 8, 1), 3.7), 3)
+    assert np.all(result.S1 == 0)
+    assert np.all(result.ST == 0)
 
 
 def coverage(inputs, function, exact) -> np.ndarray:
@@ -53,11 +53,11 @@ def coverage(inputs, function, exact) -> np.ndarray:
     inside = []
     for seed in range(SEEDS):
         design = Design(inputs, ROWS, seed, second_order=False)
-        found = sobol_indices(runs(design, function), len(inputs), seed=seed)
+        result = sobol_indices(runs(design, function), len(inputs), seed=seed)
         inside.append(
             [
-                np.abs(found.S1[0] - exact.S1) <= found.S1_conf[0],
-                np.abs(found.ST[0] - exact.ST) <= found.ST_conf[0],
+                np.abs(result.S1[0] - exact.S1) <= result.S1_conf[0],
+                np.abs(result.ST[0] - exact.ST) <= result.ST_conf[0],
             ]
         )
     return np.mean(inside, axis=0)
@@ -93,15 +93,15 @@ def test_a_choice_drawn_over_the_finished_design_spoils_the_indices():
     drawn = np.random.default_rng(3).integers(5, size=design.evaluations)
     settings |= {name: np.array(values)[drawn] for name, values in function.inputs()[2].sets}
     values = function(**settings).reshape(design.samples, design.runs_per_row, 1)
-    found = sobol_indices(values, 3)
+    result = sobol_indices(values, 3)
     effect_of_choice = exact.ST[2]
     # The choice itself looks as if it had no effect of its own ...
     assert exact.S1[2] > 0.1
-    assert abs(found.S1[0, 2]) < 0.03
+    assert abs(result.S1[0, 2]) < 0.03
     # ... and everything else carries the choice in its total order.
     expected = [exact.ST[0] + exact.S1[2], exact.ST[1] + effect_of_choice, effect_of_choice]
-    np.testing.assert_allclose(found.ST[0], expected, atol=0.03)
-    assert found.ST[0, 1] - exact.ST[1] > 0.2
+    np.testing.assert_allclose(result.ST[0], expected, atol=0.03)
+    assert result.ST[0, 1] - exact.ST[1] > 0.2
 
 
 def test_sizes_of_which_no_part_has_two_whole_rows_have_no_convergence():

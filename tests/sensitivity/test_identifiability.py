@@ -17,55 +17,55 @@ def scaled(columns: dict[str, list[float]]) -> ScaledSensitivities:
 
 
 def test_scaling_is_relative_to_parameter_and_uncertainty():
-    found = ScaledSensitivities.of(
+    result = ScaledSensitivities.of(
         ["x"], ["p", "q"], np.array([[2.0, -3.0]]), np.array([5.0, 1.0]), np.array([4.0])
     )
-    np.testing.assert_allclose(found.matrix, [[2.5, -0.75]])
+    np.testing.assert_allclose(result.matrix, [[2.5, -0.75]])
 
 
 def test_collinearity_of_two_follows_from_their_angle():
     angle = np.deg2rad(12.0)
-    found = scaled({"p": [3.0, 0.0, 0.0], "q": [5 * np.cos(angle), 5 * np.sin(angle), 0.0]})
+    result = scaled({"p": [3.0, 0.0, 0.0], "q": [5 * np.cos(angle), 5 * np.sin(angle), 0.0]})
     # Brun et al. 2001: smallest eigenvalue of two unit columns is 1 - cosine.
-    assert found.collinearity(["p", "q"]) == pytest.approx(1.0 / np.sqrt(1.0 - np.cos(angle)), rel=1e-9)
-    assert found.orthogonality[0, 1] == pytest.approx(np.sin(angle), rel=1e-9)
+    assert result.collinearity(["p", "q"]) == pytest.approx(1.0 / np.sqrt(1.0 - np.cos(angle)), rel=1e-9)
+    assert result.orthogonality[0, 1] == pytest.approx(np.sin(angle), rel=1e-9)
 
 
 def test_orthogonal_columns_have_index_one_and_the_same_column_infinity():
-    found = scaled({"p": [1.0, 0, 0], "q": [0, 2.0, 0], "r": [0, 4.0, 0]})
-    assert found.collinearity(["p", "q"]) == pytest.approx(1.0)
-    assert found.collinearity(["q", "r"]) == np.inf
-    assert found.collinearity(["p", "q", "r"]) == np.inf
+    result = scaled({"p": [1.0, 0, 0], "q": [0, 2.0, 0], "r": [0, 4.0, 0]})
+    assert result.collinearity(["p", "q"]) == pytest.approx(1.0)
+    assert result.collinearity(["q", "r"]) == np.inf
+    assert result.collinearity(["p", "q", "r"]) == np.inf
 
 
 def test_all_subsets_are_what_each_gives_alone():
     random = np.random.default_rng(2)
-    found = ScaledSensitivities(tuple("vwxyz"), tuple("abcdef"), random.normal(size=(5, 6)))
-    sizes = all_subsets(found, limit=3.0)
+    result = ScaledSensitivities(tuple("vwxyz"), tuple("abcdef"), random.normal(size=(5, 6)))
+    sizes = all_subsets(result, limit=3.0)
     assert [s.size for s in sizes] == [2, 3, 4, 5]
     assert [s.count for s in sizes] == [15, 20, 15, 6]
     for s in sizes:
-        assert found.collinearity(s.best) == pytest.approx(s.smallest)
+        assert result.collinearity(s.best) == pytest.approx(s.smallest)
     # An index cannot fall when a parameter joins.
     assert np.all(np.diff([s.smallest for s in sizes]) > 0)
 
 
 def test_more_parameters_than_measurements_cannot_be_told_apart():
-    found = scaled({"p": [1.0, 0], "q": [0, 1.0], "r": [1.0, 1.0]})
-    assert found.collinearity(["p", "q", "r"]) == np.inf
-    assert max(s.size for s in all_subsets(found, 10.0)) == 2
-    assert relative_errors(found, ["p", "q", "r"])["p"] == np.inf
+    result = scaled({"p": [1.0, 0], "q": [0, 1.0], "r": [1.0, 1.0]})
+    assert result.collinearity(["p", "q", "r"]) == np.inf
+    assert max(s.size for s in all_subsets(result, 10.0)) == 2
+    assert relative_errors(result, ["p", "q", "r"])["p"] == np.inf
 
 
 def test_fisher_information_is_that_of_a_linear_fit():
     random = np.random.default_rng(3)
-    found = ScaledSensitivities(tuple("wxyz"), tuple("abc"), random.normal(size=(4, 3)))
-    fisher = fisher_information(found)
+    result = ScaledSensitivities(tuple("wxyz"), tuple("abc"), random.normal(size=(4, 3)))
+    fisher = fisher_information(result)
     rebuilt = fisher.eigenvectors @ np.diag(fisher.eigenvalues) @ fisher.eigenvectors.T
     np.testing.assert_allclose(rebuilt, fisher.matrix, atol=1e-12)
-    errors = relative_errors(found, ["a", "b", "c"])
+    errors = relative_errors(result, ["a", "b", "c"])
     np.testing.assert_allclose(list(errors.values()), np.sqrt(np.diag(np.linalg.inv(fisher.matrix))))
-    noisy = np.linalg.lstsq(found.matrix, random.normal(size=(4, 20_000)), rcond=None)[0]
+    noisy = np.linalg.lstsq(result.matrix, random.normal(size=(4, 20_000)), rcond=None)[0]
     np.testing.assert_allclose(noisy.std(axis=1), list(errors.values()), rtol=0.03)
 
 
@@ -79,14 +79,14 @@ def test_the_proposal_gives_a_reason_for_each_parameter_left_out():
         "weak": [0.3, 0.0, 0.0],
         "none": [0.0, 0.0, 0.0],
     }
-    found = propose(scaled(columns))
-    assert found.chosen == ("strong", "other", "third")
-    assert found.collinearity < 10
-    assert "strong" in found.excluded["twin"]
-    assert "as many parameters as measurements (3)" in found.excluded["fourth"]
-    assert "too little effect" in found.excluded["weak"]
-    assert found.excluded["none"] == "no effect on any measurement"
-    assert found.excluded.keys() == {"twin", "fourth", "weak", "none"}
+    result = propose(scaled(columns))
+    assert result.chosen == ("strong", "other", "third")
+    assert result.collinearity < 10
+    assert "strong" in result.excluded["twin"]
+    assert "as many parameters as measurements (3)" in result.excluded["fourth"]
+    assert "too little effect" in result.excluded["weak"]
+    assert result.excluded["none"] == "no effect on any measurement"
+    assert result.excluded.keys() == {"twin", "fourth", "weak", "none"}
 
 
 def test_a_set_that_cannot_be_told_apart_is_not_proposed():
@@ -101,9 +101,9 @@ def test_a_set_that_cannot_be_told_apart_is_not_proposed():
 
 def test_a_parameter_with_next_to_no_effect_of_its_own_is_not_proposed():
     near = {"p": [10.0, 0.0, 0.0], "q": [100.0, 5.0, 0.0], "r": [0.0, 0.0, 5.0]}
-    found = propose(scaled(near), limit=50.0, threshold=1.0)
-    assert set(found.chosen) == {"q", "r"}
-    assert found.excluded["p"] == (
+    result = propose(scaled(near), limit=50.0, threshold=1.0)
+    assert set(result.chosen) == {"q", "r"}
+    assert result.excluded["p"] == (
         "nearly all its effect is that of q: 0.5 uncertainties are its own (needed 1)"
     )
 

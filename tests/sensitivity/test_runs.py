@@ -77,7 +77,7 @@ def interrupted_run(plan: Analysis, folder: Path, monkeypatch, blow: int) -> boo
 @pytest.mark.slow
 def test_stopped_at_random_moments_and_resumed_gives_the_identical_file(tmp_path, plan, monkeypatch):
     run(plan, tmp_path / "straight")
-    wanted = (tmp_path / "straight" / SAMPLES).read_bytes()
+    expected = (tmp_path / "straight" / SAMPLES).read_bytes()
     chance = random.Random(4)
     stops = attempts = 0
     while stops < MOMENTS:
@@ -85,7 +85,7 @@ def test_stopped_at_random_moments_and_resumed_gives_the_identical_file(tmp_path
         folder = tmp_path / f"broken-{attempts}"
         while not interrupted_run(plan, folder, monkeypatch, chance.randrange(75)):
             stops += 1
-        assert (folder / SAMPLES).read_bytes() == wanted
+        assert (folder / SAMPLES).read_bytes() == expected
         assert (folder / DESIGN).exists()
 
 
@@ -189,23 +189,23 @@ def test_failed_runs_take_their_rows_along_and_are_named(plan):
 
 
 def test_when_every_row_has_failed_it_says_so(plan):
-    found = plan.block(0)
-    broken = replace(found, status=np.ones_like(found.status))
+    result = plan.block(0)
+    broken = replace(result, status=np.ones_like(result.status))
     with pytest.raises(ValueError, match="256 of 256 rows have a failed run"):
         conclude(replace(plan.design, samples=256), plan.evaluator.outputs, broken)
 
 
 def test_a_steady_beat_of_a_design_takes_one_thread(monkeypatch):
-    asked = []
+    requests = []
 
     def spied(function, jobs, parallel=None):
-        asked.append(parallel)
+        requests.append(parallel)
         return [function(job) for job in jobs]
 
     monkeypatch.setattr("eclsim.orbit.steady.in_threads", spied)
     monkeypatch.setattr("eclsim.outputs.steady_beat.in_threads", spied)
     patient = reference_model("cvs_healthy_75bpm")
     evaluator = SteadyBeatEvaluator(patient.circuit, patient.values, ("MAP",), "as_published", 1)
-    found = evaluator({"Rmc": np.linspace(0.4, 0.6, 8)}, 8)
-    assert np.isfinite(found.values).all()
-    assert asked == [1, 1]
+    result = evaluator({"Rmc": np.linspace(0.4, 0.6, 8)}, 8)
+    assert np.isfinite(result.values).all()
+    assert requests == [1, 1]

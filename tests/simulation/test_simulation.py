@@ -45,8 +45,8 @@ def test_the_mean_of_a_waveform_is_one_number_everywhere(case):
         assert flow * 0.06 == pytest.approx(written["more_outputs"][f"{valve}_valve_flow"], rel=1e-12)
     assert max(flows.values()) == pytest.approx(min(flows.values()), rel=1e-6)  # what one gives the next gets
     assert flows["Qlv"] == beat_mean(beat, "Qlv") == waveform_statistics(beat, "Qlv")["mean"]
-    for name, found in written["waveforms"].items():
-        assert (found["min"], found["max"]) == (float(beat[name].min()), float(beat[name].max()))
+    for name, result in written["waveforms"].items():
+        assert (result["min"], result["max"]) == (float(beat[name].min()), float(beat[name].max()))
 
 
 def test_all_waveforms_are_kept_if_none_is_named(case):

@@ -77,21 +77,21 @@ def test_what_is_no_sweep_says_what_is(text, words):
 def test_every_beat_is_that_of_the_case_by_itself(key, values):
     sweep = swept(key, *values)
     for value, result in zip(sweep.values, sweep.results, strict=True):
-        alone = simulate(apply_settings(CASE, [f"{key}={value}"]))
+        single = simulate(apply_settings(CASE, [f"{key}={value}"]))
         for name in ("MAP", "CO", "PF", "EDVLV"):
-            assert float(result[name]) == pytest.approx(float(alone[name]), rel=1e-6)
-        assert result.attrs["warnings"] == alone.attrs["warnings"]
+            assert float(result[name]) == pytest.approx(float(single[name]), rel=1e-6)
+        assert result.attrs["warnings"] == single.attrs["warnings"]
     assert float(sweep.results[0]["MAP"]) != pytest.approx(float(sweep.results[1]["MAP"]), rel=1e-3)
 
 
 def test_names_can_be_swept_too():
     sweep = swept("ecmo.oxygenator", "Quadrox-i Adult", "Quadrox-i Small Adult")
     assert not sweep.numeric
-    alone = [simulate(apply_settings(CASE, [f"ecmo.oxygenator={value}"])) for value in sweep.values]
+    single = [simulate(apply_settings(CASE, [f"ecmo.oxygenator={value}"])) for value in sweep.values]
     flows = [float(result["PF"]) for result in sweep.results]
-    assert flows == pytest.approx([float(result["PF"]) for result in alone], rel=1e-6)
+    assert flows == pytest.approx([float(result["PF"]) for result in single], rel=1e-6)
     assert abs(flows[0] - flows[1]) > 0.01
-    assert [result.attrs["warnings"] for result in sweep.results] == [r.attrs["warnings"] for r in alone]
+    assert [result.attrs["warnings"] for result in sweep.results] == [r.attrs["warnings"] for r in single]
     assert [label.get_text() for label in plot_sweep(as_table(sweep)).axes[0].get_xticklabels()] == [
         "Quadrox-i Adult",
         "Quadrox-i Small Adu…",
@@ -105,28 +105,28 @@ def test_a_flow_outside_the_label_is_said_wherever_numbers_of_a_case_go():
     fast = swept("ecmo.speed_rpm", 3000.0, 5000.0)
     assert not any(label in line for result in fast.results for line in result.attrs["warnings"])
     small = apply_settings(CASE, ["ecmo.oxygenator=Quadrox-i Small Adult"])
-    (said,) = (
+    (message,) = (
         s for s in simulate(apply_settings(small, ["ecmo.speed_rpm=5000"])).attrs["warnings"] if label in s
     )
-    assert said.startswith("ECMO flow ")
+    assert message.startswith("ECMO flow ")
     cases = {speed: apply_settings(small, [f"ecmo.speed_rpm={speed}"]) for speed in (3000.0, 5000.0)}
     sweep = sweep_cases("ecmo.speed_rpm", "rpm", None, cases)
-    assert [said in result.attrs["warnings"] for result in sweep.results] == [False, True]
+    assert [message in result.attrs["warnings"] for result in sweep.results] == [False, True]
     many = simulate_many(small, {"ecmo.speed_rpm": [3000.0, 5000.0]}, ["PF"])
-    assert [said in text.split("\n") for text in many["warnings"].values] == [False, True]
-    assert said not in derivatives(cases[3000.0], ["PF"], ["Rmc"]).attrs["warnings"]
-    assert said in derivatives(cases[5000.0], ["PF"], ["Rmc"]).attrs["warnings"]
+    assert [message in text.split("\n") for text in many["warnings"].values] == [False, True]
+    assert message not in derivatives(cases[3000.0], ["PF"], ["Rmc"]).attrs["warnings"]
+    assert message in derivatives(cases[5000.0], ["PF"], ["Rmc"]).attrs["warnings"]
 
 
 @pytest.mark.parametrize(
-    ("key", "values", "words"),
+    ("key", "values", "text"),
     [
         ("ecmo.return_site", ("ao", "sart"), "sart connects the circuit in another way than ao"),
         ("measurements.SP", (80.0, 90.0), "changes nothing that the simulation reads"),
     ],
 )
-def test_another_circuit_and_a_key_without_effect_are_refused(key, values, words):
-    with pytest.raises(SweepError, match=words):
+def test_another_circuit_and_a_key_without_effect_are_refused(key, values, text):
+    with pytest.raises(SweepError, match=text):
         swept(key, *values)
 
 
@@ -184,8 +184,8 @@ def test_an_impossible_beat_has_hollow_markers(flows):
 
 
 def test_a_range_that_misses_its_last_value_is_said():
-    (said,) = stops_short("Rmc=0.5:0.8:0.2,1")
-    assert said == "--sweep: 0.5:0.8:0.2 ends at 0.7: 0.8 is no whole number of steps away"
+    (message,) = stops_short("Rmc=0.5:0.8:0.2,1")
+    assert message == "--sweep: 0.5:0.8:0.2 ends at 0.7: 0.8 is no whole number of steps away"
     assert stops_short("ecmo.speed_rpm=2000:4500:250") == stops_short("Rmc=0.1:0.7:0.1") == []
 
 

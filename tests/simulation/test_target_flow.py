@@ -63,11 +63,11 @@ def test_the_public_function_solves_for_the_speed_of_a_file(tmp_path):
 
 
 def test_the_speed_found_gives_the_same_beat_when_it_is_set():
-    solved, found = with_speed(case())
-    assert found is not None
+    solved, result = with_speed(case())
+    assert result is not None
     assert solved.ecmo is not None
-    assert (solved.ecmo.flow_l_min, solved.ecmo.speed_rpm) == (None, found.speed_rpm)
-    assert str(found) == f"ecmo.flow_l_min = 4 needs {found.speed_rpm:.0f} rpm"
+    assert (solved.ecmo.flow_l_min, solved.ecmo.speed_rpm) == (None, result.speed_rpm)
+    assert str(result) == f"ecmo.flow_l_min = 4 needs {result.speed_rpm:.0f} rpm"
     assert float(simulate(solved)["MAP"]) == pytest.approx(float(simulate(case())["MAP"]), abs=1e-6)
     assert with_speed(solved) == (solved, None)
 
@@ -90,7 +90,7 @@ def test_a_course_in_time_runs_at_the_speed_that_was_found():
 
 
 @pytest.mark.parametrize(
-    ("ecmo", "words"),
+    ("ecmo", "text"),
     [
         ({"flow_l_min": 4.0, "speed_rpm": 3000}, "one of the two"),
         ({"flow_l_min": 4.0, "pump": {"roller_l_min": 4.0}}, "a roller pump has its flow as roller_l_min"),
@@ -98,8 +98,8 @@ def test_a_course_in_time_runs_at_the_speed_that_was_found():
         ({"flow_l_min": -1.0}, "0.1 to 10 L/min"),
     ],
 )
-def test_contradictions_are_refused(ecmo, words):
-    with pytest.raises(CaseError, match=words):
+def test_contradictions_are_refused(ecmo, text):
+    with pytest.raises(CaseError, match=text):
         read_mapping({"format": 1, "patient": PATIENT, "ecmo": ECMO | ecmo})
 
 
@@ -131,8 +131,8 @@ def test_a_fit_refuses_a_target_in_one_sentence():
 
 def told(function):
     def flows(members, speeds):
-        found = function(speeds)
-        return found, ["settled" if np.isfinite(flow) else "no steady beat" for flow in found]
+        result = function(speeds)
+        return result, ["settled" if np.isfinite(flow) else "no steady beat" for flow in result]
 
     return flows
 
@@ -140,17 +140,17 @@ def told(function):
 @pytest.mark.parametrize("power", [1, 3, 9])
 def test_the_search_meets_the_tolerance_on_curves_of_any_bend(power):
     curve = told(lambda s: 6.0 * (s / 5000.0) ** power)
-    wanted = np.array([2.0, 6.0, 1.0, 7.0])
-    speeds, reasons = speeds_for_flows(curve, wanted, (1000.0, 5000.0))
+    expected = np.array([2.0, 6.0, 1.0, 7.0])
+    speeds, reasons = speeds_for_flows(curve, expected, (1000.0, 5000.0))
     within = [not reason for reason in reasons]
     assert not within[3]
     np.testing.assert_allclose(
-        6.0 * (speeds / 5000.0) ** power, np.where(within, wanted, np.nan), atol=TOLERANCE_L_MIN
+        6.0 * (speeds / 5000.0) ** power, np.where(within, expected, np.nan), atol=TOLERANCE_L_MIN
     )
 
 
 @pytest.mark.parametrize(
-    ("function", "wanted", "words"),
+    ("function", "expected", "text"),
     [
         (lambda s: np.where(s > 3900.0, np.nan, s / 1000.0), 4.5, "no steady beat was found at 4000, 4500"),
         (lambda s: s / 1000.0, 0.5, "lowest flow reached is 1.00 L/min, at 1000 rpm"),
@@ -159,10 +159,10 @@ def test_the_search_meets_the_tolerance_on_curves_of_any_bend(power):
         (lambda s: np.where(s % 500.0 == 0.0, s / 1000.0, np.nan), 3.3, "but no steady beat was found at"),
     ],
 )
-def test_what_cannot_be_found_is_said(function, wanted, words):
-    (speed,), (reason,) = speeds_for_flows(told(function), np.array([wanted]), (1000.0, 5000.0))
+def test_what_cannot_be_found_is_said(function, expected, text):
+    (speed,), (reason,) = speeds_for_flows(told(function), np.array([expected]), (1000.0, 5000.0))
     assert np.isnan(speed)
-    assert words in reason
+    assert text in reason
 
 
 # --- variants and derivatives of a case that names a flow ------------------------------------------
@@ -171,22 +171,22 @@ def test_what_cannot_be_found_is_said(function, wanted, words):
 def test_each_variant_has_a_speed_of_its_own_and_the_flow():
     """Each as `simulate` has it alone; a flow beyond reach takes nothing from its neighbours."""
     resistances = [0.8, 1.2, 1.2]
-    found = eclsim.simulate_many(case(), {"Rmc": resistances, "ecmo.flow_l_min": [4.0, 3.0, 9.0]}, ("MAP",))
-    assert list(found["status"].values) == ["converged", "converged", NOT_REACHED]
-    assert "highest flow reached" in str(found["message"].values[2])
+    result = eclsim.simulate_many(case(), {"Rmc": resistances, "ecmo.flow_l_min": [4.0, 3.0, 9.0]}, ("MAP",))
+    assert list(result["status"].values) == ["converged", "converged", NOT_REACHED]
+    assert "highest flow reached" in str(result["message"].values[2])
     for member, flow in ((0, 4.0), (1, 3.0)):
-        alone = simulate(apply_settings(case(flow), [f"Rmc={resistances[member]}"]))
-        solved = speed_found(alone)
+        single = simulate(apply_settings(case(flow), [f"Rmc={resistances[member]}"]))
+        solved = speed_found(single)
         assert solved is not None
-        assert float(found["ecmo.speed_rpm"][member]) == pytest.approx(solved.speed_rpm, rel=1e-7)
-        assert float(found["MAP"][member]) == pytest.approx(float(alone["MAP"]), rel=1e-8)
-    assert np.isnan([float(found[name][2]) for name in ("MAP", "ecmo.speed_rpm")]).all()
+        assert float(result["ecmo.speed_rpm"][member]) == pytest.approx(solved.speed_rpm, rel=1e-7)
+        assert float(result["MAP"][member]) == pytest.approx(float(single["MAP"]), rel=1e-8)
+    assert np.isnan([float(result[name][2]) for name in ("MAP", "ecmo.speed_rpm")]).all()
 
 
 def test_a_flow_may_be_varied_in_a_case_with_a_speed():
     at_speed = apply_settings(case(), ["ecmo.speed_rpm=3000"])
-    found = eclsim.simulate_many(at_speed, {"ecmo.flow_l_min": [3.0]}, ("PF",))
-    assert float(found["PF"][0]) == pytest.approx(3.0, abs=TOLERANCE_L_MIN)
+    result = eclsim.simulate_many(at_speed, {"ecmo.flow_l_min": [3.0]}, ("PF",))
+    assert float(result["PF"][0]) == pytest.approx(3.0, abs=TOLERANCE_L_MIN)
     with pytest.raises(UnknownValueError, match="follows from the flow"):
         eclsim.simulate_many(case(), {"ecmo.speed_rpm": [3000.0]})
 

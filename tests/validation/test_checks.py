@@ -59,11 +59,11 @@ def test_all_configurations_have_their_devices():
 
 @pytest.mark.slow
 def test_a_sweep_finds_every_ejecting_heart_and_names_the_others():
-    found = robustness.sweep("V-A", robustness.sobol_points(64))
-    assert (found.ejecting & ~found.converged).sum() == 0
-    assert not found.false_converged.any()
-    assert not found.silent_nan.any()
-    assert robustness._named(found).all()
+    result = robustness.sweep("V-A", robustness.sobol_points(64))
+    assert (result.ejecting & ~result.converged).sum() == 0
+    assert not result.false_converged.any()
+    assert not result.silent_nan.any()
+    assert robustness._named(result).all()
 
 
 def test_a_false_steady_beat_and_a_silent_nan_are_seen():

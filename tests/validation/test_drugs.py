@@ -32,9 +32,9 @@ def test_a_study_that_prints_a_direction_alone_gives_a_row_of_its_sign():
 def test_the_patient_of_a_study_has_its_values_before_the_drug():
     arm = next(a for a in drugs.arms() if a.study == "medifind 28163313")
     names = ("SVI", "PCWP", "SVR", "PVR", "HR")
-    found = drugs.measured(drugs.patient_of(arm), {}, names)
+    result = drugs.measured(drugs.patient_of(arm), {}, names)
     for name in names:
-        np.testing.assert_allclose(found[name], arm.before[name], rtol=1e-5)
+        np.testing.assert_allclose(result[name], arm.before[name], rtol=1e-5)
 
 
 @pytest.mark.slow

@@ -14,9 +14,9 @@ def test_curves_are_as_printed():
 @pytest.mark.slow
 def test_a_patient_is_made_to_have_measured_values_or_it_is_said():
     plain = regulation.adult(75.0)
-    found = with_outputs(plain, ("Rmc", regulation.EXTRA_VOLUME), {"MAP": 80.0, "CO": 5.0})
-    assert float(simulate(found)["MAP"]) == pytest.approx(80.0, rel=1e-5)
-    assert float(simulate(found)["CO"]) == pytest.approx(5.0, rel=1e-5)
+    result = with_outputs(plain, ("Rmc", regulation.EXTRA_VOLUME), {"MAP": 80.0, "CO": 5.0})
+    assert float(simulate(result)["MAP"]) == pytest.approx(80.0, rel=1e-5)
+    assert float(simulate(result)["CO"]) == pytest.approx(5.0, rel=1e-5)
     with pytest.raises(UnreachableError, match="no Emaxla give"):
         with_outputs(plain, ("Emaxla",), {"MAP": 200.0})
 
