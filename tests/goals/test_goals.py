@@ -11,8 +11,9 @@ from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_case
 from eclsim.cases.writing import case_text
 from eclsim.cli import main
+from eclsim.course.timeline import changed
 from eclsim.goals import search
-from eclsim.goals.goal import Goal, GoalError, Setting, read_goals, read_settings
+from eclsim.goals.goal import Goal, GoalError, Setting, possible, read_goals, read_settings
 from eclsim.goals.search import reach
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate, simulate_many
@@ -130,6 +131,34 @@ def test_a_goal_out_of_reach_alone_ends_at_the_end_of_the_range():
     assert result.values == pytest.approx((5000.0,))
     assert "ecmo.speed_rpm at its highest" in result.message
     assert not result.without
+
+
+def test_bounds_beyond_which_no_patient_can_be_hold_unasked():
+    outputs = ("MAP", "ejection_fraction_lv", "venous_pressure")
+    kept = possible(outputs, read_goals("MAP > 65", outputs))
+    assert {str(goal) for goal in kept} == {"ejection_fraction_lv 0..100", "venous_pressure > 0"}
+    assert all(goal.because and goal.inside().because for goal in kept)
+    assert [g.output for g in possible(outputs, [Goal("venous_pressure", low=-2.0)])] == [
+        "ejection_fraction_lv"
+    ]
+    assert not [g for g in possible((*outputs, "caval_filling"), []) if g.output == "venous_pressure"]
+
+
+@pytest.mark.slow
+def test_a_pump_is_not_turned_up_beyond_what_veins_and_chambers_can_be():
+    """A speed that reaches the goal exists, but with a ventricle emptier than empty."""
+    bled = changed(CASE, {"fluid.extra_volume_ml": -180.0}, CASE)
+    beyond = simulate(model_of(bled).with_values({"ecmo.speed_rpm": 4500.0}))
+    assert beyond.attrs["impossible"]
+    assert float(beyond["PF"]) > 5.3
+    result = reach(bled, "PF > 5.3")
+    assert not result.reached
+    assert result.values[0] < 4500.0
+    (stop,) = result.stops
+    assert f"what stops it is {stop.goal} ({stop.goal.because})" in result.message
+    there = simulate(model_of(bled).with_values({"ecmo.speed_rpm": result.values[0]}))
+    assert not there.attrs["impossible"]
+    assert float(there["right_atrial_pressure"]) >= 0.0
 
 
 @pytest.mark.slow

@@ -181,6 +181,7 @@ def settings(options: SettingsOptions) -> None:
     from eclsim.goals.goal import GoalError
     from eclsim.goals.search import reach
     from eclsim.orbit.status import NoDerivativesError
+    from eclsim.outputs.alarms import sentences
 
     try:
         with Progress() as progress:
@@ -194,7 +195,7 @@ def settings(options: SettingsOptions) -> None:
     with writing():
         if hand_over(result.as_object(), target):
             typer.echo(_text(result))
-    warn(f"{reading.file}: {finding.sentence}" for finding in result.findings)
+    warn(f"{reading.file}: {sentence}" for sentence in sentences(result.findings))
     if not result.reached:
         raise typer.Exit(INCOMPLETE)
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from eclsim.devices.description import Knob
+from eclsim.outputs.limits import impossible_bounds
 from eclsim.outputs.registry import unavailable
 from eclsim.spelling import spelling_hint
 
@@ -37,11 +38,13 @@ class Goal:
         output: its name.
         low: smallest value, in the output's unit; minus infinity for none.
         high: largest value; infinity for none.
+        because: what a value beyond it would mean, of a bound that holds unasked; empty for a user's goal.
     """
 
     output: str
     low: float = -math.inf
     high: float = math.inf
+    because: str = ""
 
     def __str__(self) -> str:
         if math.isinf(self.high):
@@ -67,7 +70,7 @@ class Goal:
     def inside(self) -> Goal:
         """The goal with bounds so little narrower that what reaches it breaks no limit by rounding."""
         margin = min(1e-5 * self.scale, 0.25 * (self.high - self.low))
-        return Goal(self.output, self.low + margin, self.high - margin)
+        return replace(self, low=self.low + margin, high=self.high - margin)
 
 
 @dataclass(frozen=True)
@@ -116,6 +119,23 @@ def read_goals(text: str | Sequence[Goal], outputs: Sequence[str]) -> tuple[Goal
     if wrong:
         raise GoalError(wrong)
     return tuple(goals)
+
+
+def possible(outputs: Sequence[str], asked: Sequence[Goal]) -> tuple[Goal, ...]:
+    """Goals that hold unasked: no vein that fills may be below its surroundings, no chamber below empty.
+
+    Args:
+        outputs: names that the case has.
+        asked: goals of the user, whose own bounds of an output win.
+    """
+    taken = {goal.output for goal in asked}
+    goals: dict[str, Goal] = {}
+    for limit in impossible_bounds(outputs):
+        if limit.quantity not in taken:
+            known = goals.get(limit.quantity, Goal(limit.quantity, because=limit.meaning))
+            side = {"low": limit.value} if limit.side == "below" else {"high": limit.value}
+            goals[limit.quantity] = replace(known, **side)
+    return tuple(goals.values())
 
 
 def _read(text: str) -> Goal:

@@ -9,7 +9,9 @@ trust region (sequential linear programming with an exact penalty, Fletcher and 
 10.1007/BF01582292), and once more where bounds are curved (second-order correction). At a solution that as
 many goals determine as there are settings it converges as fast as Newton's method. Where goals exclude each
 other the same search ends at the smallest sum of misses, each in hundredths of its bound; what stands in the
-way is found by leaving out the goals at their bounds, one by one.
+way is found by leaving out the goals at their bounds, one by one. Two kinds of bounds are kept unasked, since
+no patient is beyond them: veins do not fill below the pressure of their surroundings, no chamber ejects more
+than it holds.
 """
 
 from __future__ import annotations
@@ -24,10 +26,11 @@ import numpy as np
 from scipy.optimize import linprog
 
 from eclsim.gas.network import GasStatus
-from eclsim.goals.goal import Goal, GoalError, Setting, read_goals, read_settings
+from eclsim.goals.goal import Goal, GoalError, Setting, possible, read_goals, read_settings
 from eclsim.orbit.model import CaseSource, Model, as_case, model_of
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import Batch
+from eclsim.outputs.alarms import sentences
 from eclsim.outputs.registry import output
 from eclsim.outputs.signals import output_names, parameters_read
 from eclsim.outputs.steady_beat import SteadyBeat, steady_beat
@@ -75,6 +78,14 @@ class GoalResult(NamedTuple):
     binding: bool
     slopes: Mapping[str, float]
 
+    def as_object(self) -> dict[str, object]:
+        """As plain data for JSON."""
+        goal = self.goal
+        return {
+            "goal": str(goal), "output": goal.output, "low": goal.low, "high": goal.high,
+            "value": self.value, "met": self.met, "binding": self.binding, "slopes": dict(self.slopes),
+        }  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Reached:
@@ -85,6 +96,7 @@ class Reached:
         settings: what was turned, with the ranges.
         values: of each setting, in its unit; NaN where no steady beat was found at all.
         goals: how each goal stands there.
+        stops: bounds at which the search stood though nobody asked for them, since no patient is beyond them.
         status: how the search ended; what has not converged is not the smallest setting.
         message: in words; where a goal is not reached, why.
         without: for each goal that stands in the way, the settings that reach all others (none: neither do);
@@ -100,6 +112,7 @@ class Reached:
     goals: tuple[GoalResult, ...]
     status: ReachStatus
     message: str
+    stops: tuple[GoalResult, ...] = ()
     without: Mapping[str, Mapping[str, float] | None] = field(default_factory=dict)
     outputs: Mapping[str, float] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
@@ -121,16 +134,11 @@ class Reached:
                 {"name": s.name, "value": v, "unit": s.unit, "low": s.low, "high": s.high}
                 for s, v in zip(self.settings, self.values, strict=True)
             ],
-            "goals": [
-                {
-                    "goal": str(g.goal), "output": g.goal.output, "low": g.goal.low, "high": g.goal.high,
-                    "value": g.value, "met": g.met, "binding": g.binding, "slopes": dict(g.slopes),
-                }
-                for g in self.goals
-            ],
+            "goals": [g.as_object() for g in self.goals],
+            "stops": [{**g.as_object(), "because": g.goal.because} for g in self.stops],
             "without": {goal: None if at is None else dict(at) for goal, at in self.without.items()},
             "outputs": dict(self.outputs),
-            "warnings": [finding.sentence for finding in self.findings],
+            "warnings": sentences(self.findings),
             "beats": self.beats,
         }  # fmt: skip
 
@@ -171,7 +179,7 @@ def reach(
         wrong += error.mistakes
     if wrong:
         raise GoalError(wrong)
-    return _reached(_Bedside(model, settings, volume_policy), parsed)
+    return _reached(_Bedside(model, settings, volume_policy), (*parsed, *possible(names, parsed)))
 
 
 class _Point(NamedTuple):
@@ -246,7 +254,7 @@ def _reached(bedside: _Bedside, goals: tuple[Goal, ...]) -> Reached:
     """Search, and where it ends short of a goal, ask what stands in the way."""
     start = _best_start(bedside, goals)
     if isinstance(start, _Nowhere):
-        nowhere = tuple(GoalResult(goal, np.nan, False, False, {}) for goal in goals)
+        nowhere = tuple(GoalResult(goal, np.nan, False, False, {}) for goal in goals if not goal.because)
         none, name = tuple(np.nan for _ in bedside.settings), bedside.model.name
         status, message = start
         return Reached(name, bedside.settings, none, nowhere, status, message, beats=bedside.beats)
@@ -270,9 +278,10 @@ def _reached(bedside: _Bedside, goals: tuple[Goal, ...]) -> Reached:
         bedside.model.name,
         bedside.settings,
         tuple(numbers.values()),
-        results,
+        tuple(result for result in results if not result.goal.because),
         status,
         _message(bedside.settings, numbers, results, without, unfinished),
+        tuple(result for result in results if result.goal.because and result.binding),
         without,
         beat.outputs(),
         tuple(beat.findings()),
@@ -286,7 +295,8 @@ def _without(
     """For each goal that may stand in the way of a missed one: the settings that reach all but it, if any."""
     settings: dict[str, Mapping[str, float] | None] = {}
     unmet = sum(not result.met for result in results)
-    for left_out in [result.goal for result in results if result.binding and (result.met or unmet > 1)]:
+    binding = [result for result in results if result.binding and not result.goal.because]
+    for left_out in [result.goal for result in binding if result.met or unmet > 1]:
         remaining = tuple(goal for goal in goals if goal is not left_out)
         end, unfinished = _search(bedside, remaining, start)
         met = all(g.excess(v) <= MET * g.scale for g, v in zip(remaining, end.values, strict=True))
@@ -398,22 +408,31 @@ def _message(
         goals = f"not reached: {unmet}" if unmet else "all goals are reached"
         return f"not converged ({unfinished}): {goals} with {where}; smaller or better settings may exist"
     if all(result.met for result in results):
-        stops = [str(result.goal) for result in results if result.binding]
+        stops = [_named(result.goal) for result in results if result.binding]
         least = f"; less is stopped by {' and '.join(stops)}" if stops else ", the lowest of the range"
         return f"all goals are reached with {where}{least}"
     unmet = [r for r in results if not r.met]
     text = "; ".join(
-        f"{r.goal} is not reached: {r.value:.4g} {output(r.goal.output).unit} at best" for r in unmet
+        f"{_named(r.goal)} is not reached: {r.value:.4g} {output(r.goal.output).unit} at best" for r in unmet
     )
-    text += f" beside the other goals, with {where}" if len(results) > 1 else f", with {where}"
+    asked = sum(not result.goal.because for result in results)
+    text += f" beside the other goals, with {where}" if asked > 1 else f", with {where}"
     ends = [_at_end(s, values[s.name]) for s in settings]
     if any(ends):
         text += f" ({', '.join(filter(None, ends))})"
+    held = [_named(r.goal) for r in results if r.goal.because and r.binding and r.met]
+    if held:
+        text += f"; what stops it is {' and '.join(held)}"
     for goal, others in without.items():
         if others is not None:
             numbers = " and ".join(f"{name} = {value:.4g}" for name, value in others.items())
             text += f"; without {goal} all others are reached, with {numbers}"
     return text
+
+
+def _named(goal: Goal) -> str:
+    """A goal, and why it holds if nobody asked for it."""
+    return f"{goal} ({goal.because})" if goal.because else str(goal)
 
 
 def _at_end(setting: Setting, value: float) -> str:

@@ -185,6 +185,15 @@ def _assisted(outputs: Collection[str]) -> bool:
     return any(result and result[1].name == result[0].device.assist_flow for result in known)
 
 
+def impossible_bounds(outputs: Collection[str]) -> tuple[Limit, ...]:
+    """Bounds beyond which no patient can be: of veins that fill and of chambers that eject.
+
+    Args:
+        outputs: names of all outputs that the circuit has.
+    """
+    return tuple(limit for name in outputs for limit in limits_of(name, outputs) if limit in _IMPOSSIBLE)
+
+
 def level(quantity: str, value: float, outputs: Collection[str] = ()) -> str:
     """How a value stands to the limits of its output: "ok", "warning", "alarm" or "collapse".
 
