@@ -1,6 +1,7 @@
 """A beat that closed valves make one of many is not passed off as the patient's."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from eclsim.orbit.steady import Batch, solve, start_state
 from eclsim.outputs.alarms import findings
 from eclsim.outputs.results import simulate, simulate_many
 from eclsim.outputs.sealed import SHUT_L_MIN, sealed
-from eclsim.outputs.steady_beat import steady_beat
+from eclsim.outputs.steady_beat import measured, steady_beat
 from eclsim.patient.circulation import circulation
 from eclsim.reporting.beat_values import case_name
 from eclsim.sensitivity.runs import SteadyBeatEvaluator
@@ -55,9 +56,25 @@ def test_simulate_says_that_it_is_and_marks_the_numbers(beat):
     assert "one of many" in beat.attrs["message"]
     assert case_object(beat)["one_of_many"] is True
     assert case_name(beat) == "V-A (VALVES SHUT: VOLUMES NOT DETERMINED)"
-    for name in (*LEFT, "EDVRV", "MPAP"):
+    for name in (*LEFT, "EDVRV", "MPAP", "MAP", "drainage_pressure"):
         assert beat[name].attrs["finding"]
     assert "finding" not in beat["systemic_flow"].attrs
+
+
+@pytest.mark.slow
+def test_what_another_start_moves_is_what_is_marked(beat):
+    """Pressures of arteries and lines as well: what is shut in is missing there. Flows hold."""
+    patient, only = model("V-A", **WEAK_LEFT), np.array([0])
+    found = steady_beat(Batch.of(patient)).orbits
+    waited = found.wait(only, start_state(patient)[:, None], 1000)
+    other = measured(replace(found, states=waited), None, (), ())
+    marked = [name for name in other.names if beat[name].attrs.get("finding")]
+    moved = {
+        n: abs(other.outputs()[n] - float(beat[n])) for n in other.names if beat[n].attrs["units"] == "mmHg"
+    }
+    assert moved["MAP"] > 1.0
+    assert {name for name, change in moved.items() if change > 0.1} <= set(marked)
+    assert abs(other.outputs()["PF"] - float(beat["PF"])) < 1e-3
 
 
 def test_a_batch_says_so_of_each_member_whatever_its_outputs():
@@ -115,10 +132,10 @@ BARE = circulation()
 
 def test_only_what_the_closed_valves_part_is_named():
     right = {name: 0.0 if name[0] in "tp" else 5.0 for name in SHUT}
-    only = sealed(right | {"EDVRV": 90.0, "EDVLV": 90.0, "MAP": 70.0}, VPA)
+    only = sealed(right | {"EDVRV": 90.0, "MAP": 70.0, "PF": 4.0, "oxygenator_pressure_drop": 20.0}, VPA)
     assert only is not None
     assert only.parts == (("rv",),)
-    assert only.concerns == ("EDVRV",)
+    assert only.concerns == ("EDVRV", "MAP")
     assert "how much blood the right ventricle holds is not determined" in only.sentence
     still = sealed(SHUT, BARE)
     assert still is not None

@@ -19,7 +19,6 @@ _VESSELS: dict[str, str] = {
     **dict.fromkeys(("pas", "part", "pvn"), "pulmonary vessels"),
     **dict.fromkeys(("ao", "sart", "svn", *ONLY_REGIONAL, *DRAINED.values()), "systemic vessels"),
 }
-_FILLED_BY_THE_REST = ("ra", *DRAINED, *DRAINED.values())
 
 
 @dataclass(frozen=True)
@@ -84,11 +83,15 @@ def _parts(circuit: Circuit, shut: tuple[str, ...]) -> list[tuple[str, ...]]:
 def _undetermined(
     outputs: Mapping[str, float], circuit: Circuit, parts: tuple[tuple[str, ...], ...]
 ) -> tuple[str, ...]:
-    """Outputs read off what is shut in, and off the veins and atrium that have the difference."""
-    places = [name for part in parts for name in part]
-    places += [c.name for c in circuit.compartments if c.name in _FILLED_BY_THE_REST]
-    signals = {kind + place for place in places for kind in "PV"}
-    return tuple(n for n in outputs if signals.intersection(_needs(n)))
+    """Outputs read off what is shut in, and levels anywhere else: the rest has as much less as is shut in."""
+    within = {kind + name for part in parts for name in part for kind in "PV"}
+    anywhere = {kind + c.name for c in circuit.compartments for kind in "PV"}
+    needs = {name: _needs(name) for name in outputs}
+    return tuple(
+        name
+        for name, read in needs.items()
+        if within.intersection(read) or (len(read) == 1 and read[0] in anywhere)
+    )
 
 
 def _needs(name: str) -> tuple[str, ...]:
@@ -102,9 +105,10 @@ def _sentence(parts: tuple[tuple[str, ...], ...], reason: str) -> str:
     listing = _listed([" with the ".join(_labels(part)) for part in parts], "the ")
     return (
         f"{reason}: how much blood {listing} hold{'s' * (len(parts) == 1)} is not determined by the case but "
-        "left over from where the computation began, and so are the volumes and pressures there and how full "
-        "veins and right atrium are; another start gives others, by tens of mL and some mmHg. Do not read "
-        "them; raise Emaxlv or Emaxrv or lower the pump speed until the valves open"
+        "left over from where the computation began, and so are the volumes and pressures there and, since "
+        "the rest has as much less, all other pressures, of arteries and lines too; another start gives "
+        "others, by tens of mL and some mmHg, at worst tens. Do not read them; raise Emaxlv or Emaxrv or "
+        "lower the pump speed until the valves open"
     )
 
 
