@@ -67,7 +67,7 @@ def test_a_speed_step_and_a_fast_infusion_are_followed_beat_by_beat(fast):
     within = ((minute >= stop) & (minute < settled)) | ((minute >= begun) & (minute < over))
     np.testing.assert_array_equal(by_beat, within)
     assert (np.diff(minute) > 0.0).all()
-    assert not any("--beats" in sentence for sentence in result.attrs["warnings"])
+    assert not result.attrs["approximations"]
     assert sum("coefficient of the membrane, 37" in message for message in result.attrs["warnings"]) == 1
     assert spans_in_words(result).startswith("followed beat by beat 00:02:00 to 00:0")
     first, second = course_object(result)["beat_by_beat"]
@@ -79,7 +79,7 @@ def test_a_speed_step_and_a_fast_infusion_are_followed_beat_by_beat(fast):
 def test_it_is_every_beat_all_along_and_steady_beats_alone_are_not(fast):
     own, result, beats = fast
     steady = course(own, minutes=10.0, every_min=1.0, outputs=OUTPUTS, options=STEADY)
-    assert any("--beats" in sentence for sentence in steady.attrs["warnings"])
+    assert any("follow these minutes beat by beat" in words for words in steady.attrs["approximations"])
     assert spans(steady) == []
 
     there = beats["time_min"].to_numpy()
