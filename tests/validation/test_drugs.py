@@ -12,7 +12,9 @@ def test_a_study_is_either_fitted_or_a_test_but_for_pulmonary_resistance_and_eve
     for arm in drugs.arms():
         assert set(arm.infusions) <= set(map(dose, DRUG_DOSES))
         for row in arm.rows:
-            pulmonary = row["quantity"] == "PVR" and arm.study == "medifind 28163313"
+            pulmonary = (
+                row["quantity"] == "PVR" and arm.study == "Additive effects of milrinone and dobutamine"
+            )
             uses.setdefault(row["use"], set()).add((arm.study, arm.arm, pulmonary))
     assert not uses["fit"] & uses["test"]
     assert {arm for _, arm, pulmonary in uses["fit"] if pulmonary} == {"dobutamine", "milrinone"}
@@ -30,7 +32,7 @@ def test_a_study_that_prints_a_direction_alone_gives_a_row_of_its_sign():
 
 
 def test_the_patient_of_a_study_has_its_values_before_the_drug():
-    arm = next(a for a in drugs.arms() if a.study == "medifind 28163313")
+    arm = next(a for a in drugs.arms() if a.study == "Additive effects of milrinone and dobutamine")
     names = ("SVI", "PCWP", "SVR", "PVR", "HR")
     result = drugs.measured(drugs.patient_of(arm), {}, names)
     for name in names:

@@ -158,6 +158,7 @@ def _study_case(o: CrrtStudyOptions) -> Sequence[str]:
     case = with_speeds(readings, _first_policy(o))[0].case
     target, samples = _check_case(o, case)
     study = _compute(o, case, samples)
+    warn(f"{o.file}: {sentence}" for sentence in study.warnings)
     from eclsim.crrt_study import files, report
     from eclsim.crrt_study.beats import not_known
 

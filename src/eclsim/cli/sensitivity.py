@@ -184,10 +184,10 @@ def _write_files(o: SensitivityOptions, folder: Path, result: SensitivityResult)
 
 
 def _show(o: SensitivityOptions, content: object, results: Mapping[str, Indices], target: Target) -> None:
-    from eclsim.sensitivity.results import failures, indices_text, pairs_text
+    from eclsim.sensitivity.results import doubts, indices_text, pairs_text
 
     for state, indices in results.items():
-        warn(failures(indices, state))
+        warn(doubts(indices, state))
     if not hand_over(content, target):
         return
     for state, indices in results.items():
@@ -249,6 +249,7 @@ def identifiability(options: IdentifiabilityOptions) -> None:
         _write_json({"id": error.name, "status": error.word, "message": reason}, target, folder)
         warn([f"{reading.file}: {reason}"])
         raise typer.Exit(INCOMPLETE) from None
+    warn(f"{reading.file}: {sentence}" for sentence in result.warnings)
     shown = _write_json(result.as_object(), target, folder)
     if folder is not None:
         from eclsim.sensitivity.figures import write_identifiability_figures

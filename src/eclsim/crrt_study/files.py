@@ -90,6 +90,7 @@ def study_object(study: CrrtStudy) -> dict[str, Json]:
             for entry in study.unsettled
         ],
         "assumed": list(study.assumed),
+        "warnings": list(study.warnings),
         "policies": {policy: _policy(study, policy) for policy in study.policies},
     }
     if study.uncertainty is not None:

@@ -110,6 +110,7 @@ def study_page(study: CrrtStudy, drawings: Mapping[str, str]) -> str:
         policies=[label for policy, label in POLICY_WORDS.items() if policy in study.policies],
         published_policy=AS_PUBLISHED in study.policies,
         assumed=study.assumed,
+        warnings=study.warnings,
         lines_on_patient=not nodes <= set(POSITIONS.values()),
         gas="SaO2" in study.means,
         drawings=drawings,

@@ -61,6 +61,7 @@ class CrrtStudy:
         renox: oxygenator and dialyzer in one housing on the beats without CRRT, over `policy` and `speed`;
             None where the case has no fluids for it.
         assumed: what numbers of the study follow from without a source, a sentence each.
+        warnings: what there is to say of the beats at the case's speed under the first policy.
     """
 
     case: Case
@@ -78,6 +79,7 @@ class CrrtStudy:
     rule: Rule = USUAL
     renox: xr.Dataset | None = None
     assumed: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     @property
     def policies(self) -> tuple[str, ...]:
@@ -201,4 +203,5 @@ def crrt_study(
         case, chosen, own_speed, flow, means, crrt_datasets.without(without_crrt, policies, rpm),
         crrt_datasets.waveforms(circuits, runs, policies), summarise(means), limits, uptake, ranking, doubt,
         judged_by, renox, tuple(sentences),
+        crrt_datasets.beat_warnings(circuits, runs[0], at.tolist(), without_crrt[0], sentences),
     )  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar
@@ -212,6 +212,10 @@ class Finding:
     sentence: str
     source: str = ""
     concerns: tuple[str, ...] = ()
+
+    def is_about(self, outputs: Collection[str]) -> bool:
+        """Whether to say it where these outputs alone are shown: what is no mere caution holds for all."""
+        return self.kind != CAUTION or any(name in outputs for name in self.concerns)
 
 
 @dataclass(frozen=True)

@@ -44,15 +44,16 @@ _ALL = (
     Drug(
         "dobutamine", 10.0, 1.0, Effects(0.644, -1.092, -0.974, 0.124, 0.085), 2.5,
         source="heart failure: Grose 1986 (J Am Coll Cardiol 7:1107), n 11, dose taken as 10; Akhtar 1975 "
-        "(10.1016/0002-9149(75)90526-3), n 15, 10 ug/kg/min; Rpmc: medifind "
-        "28163313, n 14, 9 ug/kg/min",
+        "(10.1016/0002-9149(75)90526-3), n 15, 10 ug/kg/min; Rpmc: \"Additive effects of milrinone and "
+        "dobutamine in severe heart failure\" (abstract), n 14, 9 ug/kg/min",
         shape_source="not verified: effects still rise between 5 and 10 ug/kg/min (Akhtar 1975)",
         half_life_source="2 to 3 min: table 23 of the ACCF/AHA guideline on heart failure",
     ),
     Drug(
         "milrinone", 0.5, 1.0, Effects(0.285, -1.107, -0.646, 0.0, 0.132), 150.0,
         source="heart failure: Grose 1986 (J Am Coll Cardiol 7:1107), n 11, dose taken as 0.5; Rpmc: "
-        "medifind 28163313, n 14, 0.5 ug/kg/min",
+        "\"Additive effects of milrinone and dobutamine in severe heart failure\" (abstract), n 14, "
+        "0.5 ug/kg/min",
         shape_source="cardiac index +12 % and +37 % after 12.5 and 75 ug/kg at once (Fitzpatrick 1987, Am "
         "Heart J 114:97), 50 ug/kg at once taken as 0.5 ug/kg/min",
         half_life_source="2.5 h: table 23 of the ACCF/AHA guideline on heart failure; 1.7 h in Benotti 1985",

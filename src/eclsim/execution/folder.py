@@ -17,7 +17,7 @@ from eclsim._version import __version__
 from eclsim.files import whole_file
 
 Result = TypeVar("Result")
-_BESIDE = ("hash", "samples")
+_BESIDE = ("hash", "samples", "warnings")
 _NAMED = 5
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -89,6 +89,7 @@ class Prediction:
         without_beat: share of the draws without a steady beat; the intervals speak of the others.
         without_gases: share of the draws with a steady beat and no steady gas state; the intervals of gases
             speak of the others.
+        warnings: what there is to say of the beat at the medians of the draws.
     """
 
     settings: str
@@ -97,6 +98,7 @@ class Prediction:
     intervals: np.ndarray
     without_beat: float
     without_gases: float = 0.0
+    warnings: tuple[str, ...] = ()
 
     @property
     def label(self) -> str:
@@ -243,6 +245,7 @@ class PosteriorResult:
                 "draws_without_steady_beat": p.draws_without_beat,
                 "draws_without_steady_gases": p.draws_without_gases,
                 "doubts": [*self.doubts, *p.doubts],
+                "warnings": list(p.warnings),
             }
             for p, g in zip(self.predictions, self.gaussian_predictions, strict=True)
         ]
@@ -314,7 +317,8 @@ def posterior(
     samples = density.prior.values_of(z)
     progress("predictions")
     models = [("", model_of(fit.case)), *((label, _fitted_model(fit, case)) for label, case in predictions)]
-    exact = _predict_all(models, density, samples.reshape(-1, samples.shape[-1]))
+    draws = samples.reshape(-1, samples.shape[-1])
+    exact = _with_warnings(models, density, draws, _predict_all(models, density, draws))
     by_gaussian = exact
     if settings.method != "gaussian":
         of_gaussian = density.prior.values_of(gaussian.draws(PREDICTED_DRAWS, seed))
@@ -366,6 +370,22 @@ def _predict_all(
     return tuple(each)
 
 
+def _with_warnings(
+    models: Sequence[tuple[str, Model]],
+    density: PosteriorDensity,
+    draws: np.ndarray,
+    predictions: Sequence[Prediction],
+) -> tuple[Prediction, ...]:
+    """Predictions with what the beat at the medians of the draws says."""
+    from eclsim.outputs.results import beat_warnings
+
+    medians = dict(zip(density.prior.names, np.median(draws, axis=0).tolist(), strict=True))
+    return tuple(
+        replace(p, warnings=beat_warnings(model.with_values(medians), density.policy, p.outputs))
+        for (_, model), p in zip(models, predictions, strict=True)
+    )
+
+
 def predict(
     model: Model,
     parameters: Mapping[str, np.ndarray],
@@ -415,7 +435,8 @@ def _tree(result: PosteriorResult) -> xr.DataTree:
     attributes = {
         "inference_library": "eclsim", "inference_library_version": __version__,
         "sampler": result.settings.method, "prior": result.settings.prior, "trusted": int(result.trusted),
-        "doubts": "; ".join(result.doubts), "blood_volume_policy": density.policy,
+        "doubts": "; ".join(result.doubts), "warnings": "; ".join(first.warnings),
+        "blood_volume_policy": density.policy,
     }  # fmt: skip
 
     def of_outputs(dims: tuple[str, ...], values: Mapping[str, Any]) -> dict[str, xr.Variable]:

@@ -130,6 +130,7 @@ class TrackedPoint:
         verdict: on the first estimate: whether the model can give the measurements; None at later points.
         message: what there is to say; empty where all is well.
         failed: whether the point could not be used.
+        warnings: what there is to say of the beat at the medians of the parameters.
         hours: since the measurement before, known or assumed; None at the first point.
         seconds: wall time of forecast and update.
     """
@@ -147,6 +148,7 @@ class TrackedPoint:
     verdict: FitVerdict | None = None
     message: str = ""
     failed: bool = False
+    warnings: tuple[str, ...] = ()
     hours: float | None = None
     seconds: float = 0.0
 
@@ -277,6 +279,7 @@ class Tracker:
                 point = self._first(name, prior, model, measured)
             else:
                 point = self._next(name, self._forecast(self.estimate, days), model, measured)
+            point = replace(point, warnings=self._warnings(model, point))
         except NoSteadyBeatError as error:
             point = self._failed(name, measured, str(error), days)
         return replace(point, seconds=time.perf_counter() - started, hours=since)
@@ -393,6 +396,12 @@ class Tracker:
             self.estimate = self._forecast(self.estimate, days)
             parameters = self.estimate.parameters(self.settings.seed)
         return TrackedPoint(name, innovations, parameters, {}, np.nan, message=message, failed=True)
+
+    def _warnings(self, model: Model, point: TrackedPoint) -> tuple[str, ...]:
+        from eclsim.outputs.results import beat_warnings
+
+        medians = {name: interval.median for name, interval in point.parameters.items()}
+        return beat_warnings(model.with_values(medians), self._policy(model), tuple(point.outputs))
 
     def _forecast(self, estimate: _Estimate, days: float) -> _Estimate:
         return replace(estimate, state=estimate.state.forecast(self.drifts, estimate.transport, days))

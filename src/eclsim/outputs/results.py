@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -135,6 +135,24 @@ def simulate_many(
         "failed": int((~beat.converged).sum()),
     }
     return xr.Dataset(data, coords=coordinates, attrs=attributes)
+
+
+def beat_warnings(
+    case: ModelSource, volume_policy: str | None = None, shown: Collection[str] | None = None
+) -> tuple[str, ...]:
+    """What there is to say of the steady beat behind an analysis, as `warnings` of `simulate` have it.
+
+    Args:
+        case: as in `simulate`.
+        volume_policy: blood volume policy; None for the case's.
+        shown: outputs of the analysis; how others are to be read is left out. None for all.
+    """
+    model = as_model(case)
+    watched = watched_signals(all_signals(assemble(model.circuit)))
+    beat = steady_beat(Batch.of(model, volume_policy), waveforms=watched)
+    if not beat.converged[0]:
+        return (beat.message(),)
+    return tuple(sentences(f for f in beat.findings() if shown is None or f.is_about(shown)))
 
 
 def member_count(changes: Mapping[str, npt.ArrayLike]) -> int:

@@ -94,11 +94,17 @@ def sensitivity(
         ShardDone: this was a shard, whose runs are in the folder now.
         ValueError: hardly a row is without failed runs.
     """
+    from eclsim.outputs.results import beat_warnings
+
     settings = settings or SobolSettings()
     with ExitStack() as stack:
         if not isinstance(distribution, Executor):
             distribution = stack.enter_context((distribution or Distribution()).running(PRELOAD))
-        plan = plan_analysis(with_speed(as_case(case), settings.volume_policy)[0], settings)
+        case = with_speed(as_case(case), settings.volume_policy)[0]
+        plan, model = plan_analysis(case, settings), model_of(case)
+        around = replace(model, values={**model.values, **(settings.values or {})})
+        said = beat_warnings(around, settings.volume_policy, plan.evaluator.outputs)
+        plan = replace(plan, warnings=said)
         place = stack.enter_context(TemporaryDirectory(prefix="eclsim-")) if folder is None else folder
         return run_analysis(plan, Path(place), distribution, until=settings.until, progress=progress)
 
@@ -179,7 +185,7 @@ def run_analysis(
             break
     store.finish(result.runs)
     seconds = time.perf_counter() - started
-    return replace(result, indices=replace(result.indices, seconds=seconds))
+    return replace(result, indices=replace(result.indices, seconds=seconds, warnings=plan.warnings))
 
 
 def merge_shards(folder: Path) -> SensitivityResult:
@@ -195,7 +201,7 @@ def merge_shards(folder: Path) -> SensitivityResult:
         run_tasks(tasks, store, blocks, executor.run)
         result = conclude(store.design, store.outputs, store.load(blocks))
         store.finish(result.runs)
-    return result
+    return replace(result, indices=replace(result.indices, warnings=store.warnings))
 
 
 def _stages(design: Design, until: float | None) -> list[int]:

@@ -312,6 +312,7 @@ class Identifiability:
         subsets: collinearity indices of all sets, by size.
         fisher: Fisher information.
         proposal: a set to fit.
+        warnings: what there is to say of the case's beat, at which all of this holds.
     """
 
     name: str
@@ -322,6 +323,7 @@ class Identifiability:
     subsets: list[SubsetIndices]
     fisher: FisherInformation
     proposal: Proposal
+    warnings: tuple[str, ...] = ()
 
     @property
     def far_off(self) -> dict[str, float]:
@@ -350,6 +352,7 @@ class Identifiability:
                 "proposed": ("parameter", [name in self.proposal.chosen for name in names]),
             },
             {"output": list(self.scaled.outputs), "parameter": names, "other_parameter": names},
+            {"id": self.name, "warnings": list(self.warnings)},
         )
 
     def as_object(self) -> dict[str, Any]:
@@ -361,6 +364,7 @@ class Identifiability:
         return {
             "id": self.name,
             "status": "converged",
+            "warnings": list(self.warnings),
             "simulated": self.simulated,
             "measured": self.measured,
             "uncertainties": self.uncertainties,
@@ -411,7 +415,7 @@ def identifiability(
         InputError: names that the case does not have.
         NoDerivativesError: the case has no steady beat, or none with derivatives: nothing can be ranked.
     """
-    from eclsim.outputs.results import derivatives
+    from eclsim.outputs.results import beat_warnings, derivatives
 
     case, _ = with_speed(as_case(case), volume_policy)
     model = model_of(case)
@@ -435,6 +439,7 @@ def identifiability(
         subsets=all_subsets(scaled, limit),
         fisher=fisher_information(scaled),
         proposal=propose(scaled, limit, threshold),
+        warnings=beat_warnings(model, volume_policy, measured),
     )
 
 

@@ -62,6 +62,7 @@ class Indices:
         failed: runs without a result; all runs of their rows are left out of the estimates.
         rows_used: rows that the estimates rest on.
         seconds: wall clock time.
+        warnings: what there is to say of the beat at the values that the inputs are varied around.
     """
 
     factors: tuple[str, ...]
@@ -72,6 +73,7 @@ class Indices:
     failed: tuple[FailedRun, ...]
     rows_used: int
     seconds: float = 0.0
+    warnings: tuple[str, ...] = ()
 
     @property
     def sums(self) -> dict[str, float]:
@@ -113,7 +115,7 @@ class Indices:
         names = {"output": list(self.outputs), "factor": factors, "other_factor": factors}
         about = {
             "samples": self.samples, "evaluations": self.evaluations, "failed": len(self.failed),
-            "rows_used": self.rows_used,
+            "rows_used": self.rows_used, "warnings": list(self.warnings),
         }  # fmt: skip
         used = dims[: 3 if "S2" in numbers else 2]
         return xr.Dataset(data, {dim: names[dim] for dim in used}, about)
@@ -152,6 +154,7 @@ class Indices:
             "failed": len(self.failed),
             "rows_used": self.rows_used,
             "seconds": round(self.seconds, 3),
+            "warnings": list(self.warnings),
             "outputs": {o: self._output_object(k, second_order) for k, o in enumerate(self.outputs)},
             "sum_ST": self.sums,
             "selected": self.selected(),
@@ -186,6 +189,11 @@ class SensitivityResult:
         """Outputs of all rows without a failed run, shape (rows, runs per row, outputs)."""
         rows, good = self.runs.complete_rows(self.design)
         return rows[good]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What there is to say of the beat at the values that the inputs are varied around."""
+        return self.indices.warnings
 
     @property
     def dataset(self) -> xr.Dataset:
@@ -337,8 +345,13 @@ def pairs_text(indices: Indices) -> str:
     return f"Second order indices beyond their 95 % half width\n{table}{more}"
 
 
-def failures(indices: Indices, state: str = "") -> list[str]:
-    """How many runs failed, and how."""
+def doubts(indices: Indices, state: str = "") -> list[str]:
+    """What there is to say of the beat that was varied, and how many runs failed, and how."""
+    about = f"{state}: at the values varied around" if state else "at the values varied around"
+    return [*(f"{about}: {sentence}" for sentence in indices.warnings), *_failures(indices, state)]
+
+
+def _failures(indices: Indices, state: str) -> list[str]:
     if not indices.failed:
         return []
     kinds = ", ".join(sorted({f.status for f in indices.failed}))

@@ -1,6 +1,6 @@
 """The runs of a design: the model at each point, block by block, and the folder that keeps them.
 
-    DIR/design.json       inputs, seed, sequence, model, version: all that the numbers follow from
+    DIR/design.json       inputs, seed, sequence, model, version: all that the numbers follow from; warnings
     DIR/blocks/*.parquet  one file for each finished block, until all are there
     DIR/samples.parquet   all runs: inputs, outputs, status
 
@@ -152,10 +152,17 @@ def status_word(status: int) -> str:
 
 @dataclass(frozen=True)
 class Analysis:
-    """What is to be run: a design and what it is run on."""
+    """What is to be run.
+
+    Args:
+        design: points.
+        evaluator: what they are run on.
+        warnings: what there is to say of the beat that the points lie around.
+    """
 
     design: Design
     evaluator: Evaluator
+    warnings: tuple[str, ...] = ()
 
     def block(self, number: int) -> Runs:
         """Run one block of the design."""
@@ -169,20 +176,28 @@ class Analysis:
 
     def folder(self, path: Path) -> SampleFolder:
         """The folder that keeps its runs."""
-        return SampleFolder(path, self.design, self.evaluator.outputs, self.evaluator.description())
+        evaluator = self.evaluator
+        return SampleFolder(path, self.design, evaluator.outputs, evaluator.description(), self.warnings)
 
 
 class SampleFolder:
     """Finished blocks of one design, and in the end the samples, in one folder."""
 
-    def __init__(self, folder: Path, design: Design, outputs: tuple[str, ...], model: Description):
-        self.path, self.design, self.outputs = folder, design, outputs
+    def __init__(
+        self,
+        folder: Path,
+        design: Design,
+        outputs: tuple[str, ...],
+        model: Description,
+        warnings: tuple[str, ...] = (),
+    ):
+        self.path, self.design, self.outputs, self.warnings = folder, design, outputs, warnings
         self.blocks: TaskFolder[Runs] = TaskFolder(
             folder / "blocks",
             {"design": design.description(), "outputs": list(outputs), "model": model},
             Format(".parquet", self._write_block, partial(_read, outputs=outputs)),
             file=folder / DESIGN,
-            beside={"samples": design.samples},
+            beside={"samples": design.samples, "warnings": list(warnings)},
             name="block-",
         )
 
@@ -193,7 +208,8 @@ class SampleFolder:
         if recorded is None:
             raise ExecutionError(f"{folder}: holds no analysis ({DESIGN} is missing)")
         design = Design.described(recorded["design"], recorded["samples"])
-        store = cls(folder, design, tuple(recorded["outputs"]), recorded["model"])
+        warnings = tuple(recorded.get("warnings", ()))
+        store = cls(folder, design, tuple(recorded["outputs"]), recorded["model"], warnings)
         if store.blocks.fingerprint != recorded["hash"]:
             made_by = f"version {recorded['version']} of eclsim; this is {__version__}"
             raise ExecutionError(f"{folder}: its analysis was made by {made_by}, or its {DESIGN} was changed")
@@ -235,8 +251,7 @@ class SampleFolder:
             unit = self.design.unit(0, rows)
             inputs = {i.name: i.table_column(unit[:, k]) for k, i in enumerate(self.design.inputs)}
             with whole_file(self.samples) as partial_file:
-                about = self.blocks.about | {"samples": rows}
-                _write(partial_file, inputs | _columns(runs, self.outputs), about)
+                _write(partial_file, inputs | _columns(runs, self.outputs), self._about | {"samples": rows})
         folder = self.blocks.folder
         for path in [*folder.glob("block-*"), *folder.glob(".eclsim-*"), *self.path.glob(".eclsim-*")]:
             path.unlink(missing_ok=True)
@@ -244,7 +259,11 @@ class SampleFolder:
             folder.rmdir()
 
     def _write_block(self, path: Path, runs: Runs, _: str) -> None:
-        _write(path, _columns(runs, self.outputs), self.blocks.about)
+        _write(path, _columns(runs, self.outputs), self._about)
+
+    @property
+    def _about(self) -> Description:
+        return {key: value for key, value in self.blocks.about.items() if key != "warnings"}
 
     def _blocks_in_samples(self) -> int:
         import pyarrow.parquet as pq
