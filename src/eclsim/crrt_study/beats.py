@@ -25,7 +25,6 @@ from eclsim.gas.network import GasStatus
 from eclsim.orbit.model import AS_PUBLISHED, PATIENT_HELD, POLICY_WORDS, circuit_of, values_of
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
-from eclsim.outputs.alarms import sentences
 from eclsim.outputs.limits import level, limits_of
 from eclsim.outputs.recirculation import recirculated_fractions
 from eclsim.outputs.results import output_labels
@@ -128,44 +127,6 @@ def study_circuits(case: Case, schemes: Sequence[Scheme], crrt_flow_ml_min: floa
         values |= CRRT.values_of_blood(section, case.gas.haemoglobin_g_dl, gases=True)
     values["crrt.flow_ml_min"] = crrt_flow_ml_min
     return StudyCircuits(circuit, without, values, nodes, tuple(schemes))
-
-
-JUDGED = ("crrt_access_pressure", "crrt_return_pressure", "lowest_drainage_pressure")
-"""Outputs whose limits the study has tables of."""
-
-
-def beat_warnings(
-    circuits: StudyCircuits,
-    run: SteadyBeat,
-    members: Sequence[int],
-    without_crrt: SteadyBeat,
-    assumed: Sequence[str],
-) -> tuple[str, ...]:
-    """What there is to say of the beats at the case's speed: without CRRT, and of schemes beyond that.
-
-    Args:
-        circuits: of the study.
-        run: beats of the schemes.
-        members: those at the case's speed, a member for each scheme; of the first scheme that is the place of
-            the speed as well.
-        without_crrt: beats of the patient on ECMO alone.
-        assumed: sentences that are said already.
-    """
-    alone = without_crrt.findings(members[0]) if without_crrt.determined[members[0]] else []
-    schemes: dict[tuple[str, str], list[str]] = {}
-    first: dict[tuple[str, str], str] = {}
-    for scheme, member in zip(circuits.schemes, members, strict=True):
-        for finding in run.findings(member) if run.determined[member] else ():
-            key = finding.kind, finding.quantity
-            if finding.quantity not in JUDGED and finding.sentence not in assumed:
-                schemes.setdefault(key, []).append(scheme.letter)
-                first.setdefault(key, *sentences([finding]))
-    known = {(finding.kind, finding.quantity) for finding in alone}
-    own = (
-        f"without CRRT: {sentence}" for sentence in sentences(f for f in alone if f.quantity not in JUDGED)
-    )
-    more = (f"scheme {', '.join(schemes[key])}: {said}" for key, said in first.items() if key not in known)
-    return (*own, *more)
 
 
 # --- labelled datasets ----------------------------------------------------------------------------

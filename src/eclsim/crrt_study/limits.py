@@ -16,11 +16,13 @@ import numpy as np
 from eclsim.crrt_study.beats import Variables, not_found, speeds_text, value
 from eclsim.devices.crrt import ALARMS_MMHG, SANSOM_ACCESS_MMHG
 from eclsim.devices.ecmo import SUCTION_MMHG
+from eclsim.outputs.alarms import sentences
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from eclsim.crrt_study.beats import StudyCircuits
+    from eclsim.outputs.steady_beat import SteadyBeat
 
 FINE_POINTS = 4001
 
@@ -311,3 +313,41 @@ def uncertainty(
     }
     attributes = {"blood_volume_policy": policy, "samples": settled.shape[1], "speed_rpm": speed}
     return xr.Dataset(data, coordinates, attributes)
+
+
+JUDGED = ("crrt_access_pressure", "crrt_return_pressure", "lowest_drainage_pressure")
+"""Outputs whose limits the study has tables of."""
+
+
+def beat_warnings(
+    circuits: StudyCircuits,
+    run: SteadyBeat,
+    members: Sequence[int],
+    without_crrt: SteadyBeat,
+    assumed: Sequence[str],
+) -> tuple[str, ...]:
+    """What there is to say of the beats at the case's speed: without CRRT, and of schemes beyond that.
+
+    Args:
+        circuits: of the study.
+        run: beats of the schemes.
+        members: those at the case's speed, a member for each scheme; of the first scheme that is the place of
+            the speed as well.
+        without_crrt: beats of the patient on ECMO alone.
+        assumed: sentences that are said already.
+    """
+    alone = without_crrt.findings(members[0]) if without_crrt.determined[members[0]] else []
+    schemes: dict[tuple[str, str], list[str]] = {}
+    first: dict[tuple[str, str], str] = {}
+    for scheme, member in zip(circuits.schemes, members, strict=True):
+        for finding in run.findings(member) if run.determined[member] else ():
+            key = finding.kind, finding.quantity
+            if finding.quantity not in JUDGED and finding.sentence not in assumed:
+                schemes.setdefault(key, []).append(scheme.letter)
+                first.setdefault(key, *sentences([finding]))
+    known = {(finding.kind, finding.quantity) for finding in alone}
+    own = (
+        f"without CRRT: {sentence}" for sentence in sentences(f for f in alone if f.quantity not in JUDGED)
+    )
+    more = (f"scheme {', '.join(schemes[key])}: {said}" for key, said in first.items() if key not in known)
+    return (*own, *more)

@@ -154,7 +154,7 @@ def crrt_study(
     """
     from eclsim.crrt_study import beats as crrt_datasets
     from eclsim.crrt_study.beats import split_differences, study_circuits, summarise
-    from eclsim.crrt_study.limits import largest_flows, uncertainty
+    from eclsim.crrt_study.limits import beat_warnings, largest_flows, uncertainty
     from eclsim.crrt_study.one_housing import in_one_housing, without_renox
     from eclsim.crrt_study.ranking import rank
     from eclsim.outputs.alarms import assumptions
@@ -203,5 +203,5 @@ def crrt_study(
         case, chosen, own_speed, flow, means, crrt_datasets.without(without_crrt, policies, rpm),
         crrt_datasets.waveforms(circuits, runs, policies), summarise(means), limits, uptake, ranking, doubt,
         judged_by, renox, tuple(sentences),
-        crrt_datasets.beat_warnings(circuits, runs[0], at.tolist(), without_crrt[0], sentences),
+        beat_warnings(circuits, runs[0], at.tolist(), without_crrt[0], sentences),
     )  # fmt: skip
