@@ -143,7 +143,7 @@ def test_a_span_is_no_longer_than_allowed(fast, monkeypatch):
     monkeypatch.setattr("eclsim.course.engine.LONGEST_SPAN_S", 70.0)
     result = course(own, minutes=10.0, every_min=1.0, outputs=OUTPUTS)
     assert all(end - begin < 72.0 / 60.0 for begin, end in spans(result))
-    assert any("--beats" in sentence for sentence in result.attrs["warnings"])
+    assert any("follow these minutes beat by beat" in words for words in result.attrs["approximations"])
     assert abs(json.loads(result.attrs["balance"])["error_ml"]) < 1e-6
 
 
