@@ -1,6 +1,8 @@
 """Adds a page of the public names and one for each room of the package; new ones appear by themselves."""
 
 import ast
+import inspect
+from importlib import import_module
 from pathlib import Path
 
 from mkdocs.config.defaults import MkDocsConfig
@@ -38,14 +40,22 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Write the pages."""
-    public = sorted(public_names().items(), key=_order)
-    content = "\n\n".join(f"::: {module}.{name}" for name, module in public)
-    text = f"# eclsim\n\nWhat `import eclsim` gives: functions first, then classes.\n\n{content}\n"
+    rows = [
+        f"| [`eclsim.{name}`][{module}.{name}] | {_summary(module, name)} |"
+        for name, module in sorted(public_names().items(), key=_order)
+    ]
+    table = "\n".join(["| name | |", "|---|---|", *rows])
+    text = f"# eclsim\n\nWhat `import eclsim` gives: functions first, then classes.\n\n{table}\n"
     files.append(File.generated(config, "api/eclsim.md", content=text))
     for room in rooms():
         text = f"# eclsim.{room}\n\n::: eclsim.{room}\n    options:\n      show_root_heading: false\n"
         files.append(File.generated(config, f"api/{room}.md", content=text))
     return files
+
+
+def _summary(module: str, name: str) -> str:
+    """First line of a public name's docstring."""
+    return (inspect.getdoc(getattr(import_module(module), name)) or "").partition("\n")[0]
 
 
 def _order(entry: tuple[str, str]) -> tuple[bool, str]:

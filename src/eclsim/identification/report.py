@@ -192,7 +192,7 @@ def _prediction(content: Data, prediction: Data) -> Iterator[str]:
         yield f"{without} of {prediction['draws']} draws have no steady heartbeat there and are not counted"
     if without := prediction.get("draws_without_steady_gases"):
         yield f"{without} of {prediction['draws']} draws have no steady gas state there: gases of the others"
-    yield from (f"At the medians of the draws: {sentence}" for sentence in prediction["warnings"])
+    yield from (f"At the medians of the draws: {sentence}" for sentence in prediction.get("warnings", ()))
 
 
 def _doubted(verdict: str, doubts: Sequence[str]) -> list[str]:
@@ -217,7 +217,7 @@ def series_text(series: Data) -> str:
     lines = [f"{series['id']}: medians after each measurement, and how probable its deviations were"]
     lines.append(text_table(head, rows, numeric=range(1, len(head))))
     lines += [f"  !  {p['id']}: {p['message']}" for p in points if p["message"]]
-    lines += [f"  !  the patient after {points[-1]['id']}: {said}" for said in points[-1]["warnings"]]
+    lines += [f"  !  the patient after {points[-1]['id']}: {said}" for said in points[-1].get("warnings", ())]
     if not names:
         return "\n".join(lines)
     known = [p for p in points if p["parameters"]][-1]
@@ -272,7 +272,7 @@ def fit_page(content: Data, case: Case, drawings: Mapping[str, str]) -> str:
         ],
         correlated=_correlated(point["correlation"]),
         implied=_implied_table(point) if point["implied"] else None,
-        warnings=point["warnings"],
+        warnings=point.get("warnings", ()),
         posterior=posterior,
         predictions=[(p, _prediction_table(p)) for p in posterior["predictions"]] if posterior else [],
         method=_method(content["settings"], point),
@@ -458,7 +458,7 @@ def _patient(series: Data) -> dict[str, object]:
         "last": points[-1]["id"],
         "state": state,
         "doubtful": len(state) > 1 or points[-1]["failed"],
-        "warnings": points[-1]["warnings"],
+        "warnings": points[-1].get("warnings", ()),
         "outputs": _tracked_outputs(points[-1]),
         "parameters": _tracked_parameters(points),
         "course": Table(head, course, numeric=(0, 1, 2)),
