@@ -101,6 +101,15 @@ def test_forward_and_backward_flow_are_means_of_what_goes_either_way():
     np.testing.assert_allclose(net, 0.06 * result.mean("Qcannula"), rtol=1e-12)
 
 
+@pytest.mark.parametrize("offset", [-90.0, 0.0, 90.0])
+def test_which_sums_derivatives_need_does_not_depend_on_the_direction_of_flow(offset):
+    """The beat with tangents is compiled for a list of sums: a valve that leaks must not ask for another."""
+    linear = LinearMeasures({"Qy": 50.0 * np.sin(TURN) + offset}, PHASES)
+    flows = linear.forward("y"), linear.backward("y")
+    assert sorted(linear.sums) == [("Qy", 0), ("Qy", 1)]
+    assert (flows[0] - flows[1]).value == pytest.approx(0.06 * linear.mean("Qy").value, abs=1e-12)
+
+
 def _quotient(numbers):
     return jnp.stack([numbers[0] / numbers[1], jnp.exp(-numbers[2])])
 

@@ -139,9 +139,9 @@ class LinearMeasures(Measures):
         return rows(numbers)
 
     def _positive(self, name: str, weights: np.ndarray, sign: float) -> Dual:
+        # A sum also where nothing flows: which sums there are must not depend on the state, or the beat with
+        # tangents would be compiled anew for each set of connections that ever flow backwards.
         ahead = sign * self.waveforms[name] > 0.0
-        if not ahead.any():
-            return Dual(0.0)
         return self._whole({name: sign / ML_S_PER_L_MIN * ahead * weights})
 
     def _product(self, weights: Mapping[str, np.ndarray]) -> Dual:
