@@ -53,6 +53,13 @@ def test_a_number_without_its_section_is_refused(case):
         with_values(case, {"nothing": 1.0})
 
 
+def test_volume_given_to_a_patient_without_a_section_for_it_makes_one(case):
+    """A fit that frees it must be able to say what it found."""
+    changed = with_values(case, {"fluid.extra_volume_ml": 300.0}).as_mapping()
+    assert changed["fluid"]["extra_volume_ml"] == 300.0
+    assert read_mapping(changed).case.fluid.extra_volume_ml == 300.0
+
+
 @pytest.mark.parametrize("key", ["ecmo.sweep_l_min", "ecmo.drainage_mixing", "gas.shunt_fraction"])
 def test_what_has_a_section_does_not_stand_in_parameters(key):
     with pytest.raises(CaseError) as caught:

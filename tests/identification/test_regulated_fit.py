@@ -68,8 +68,29 @@ def test_both_are_inputs_of_an_analysis_within_what_is_allowed():
     assert [(one.low, one.high) for one in result] == [(0.75, 1.2), (0.75, 1.25)]
 
 
+def test_an_open_set_point_is_the_measured_pressure():
+    """A patient who is measured at rest: fitted with the reflex or without, it is the same patient."""
+    opened = case(regulation={"baroreflex": 1.0}, measurements={"MAP": 70, "CO": 4})
+    quick = MultiStart(2, 0.5, round_size=1, rediscoveries=1)
+    settings = FitSettings(("Rmc", "Emaxlv"), multi_start=quick)
+    result, plain = (
+        fit(c, settings=settings) for c in (opened, opened.model_copy(update={"regulation": None}))
+    )
+    assert result.case.regulation.set_point_mmHg == 70
+    for name, parameter in result.parameters.items():
+        assert parameter.value == pytest.approx(plain.parameters[name].value, rel=1e-6), name
+    assert simulate(model_of(result.case))["MAP"] == pytest.approx(70, abs=1e-4)
+
+
 def test_an_open_set_point_is_said(twin):
-    opened = case(regulation={"baroreflex": 1.0}, measurements={"MAP": 70})
-    (message,) = [w for w in checked_fit(opened, FitSettings((GAIN,))).warnings if "set_point" in w.key]
-    assert "left open" in str(message)
+    for measured, told in (({"MAP": 70}, "notes"), ({"CO": 4}, "warnings")):
+        opened = case(regulation={"baroreflex": 1.0}, measurements=measured)
+        (message,) = [
+            w for w in getattr(checked_fit(opened, FitSettings((GAIN,))), told) if "set_point" in w.key
+        ]
+        assert "left open" in str(message)
+    several = checked_fit(
+        case(regulation={"baroreflex": 1.0}, measurements={"MAP": 70}), FitSettings((), shared=(GAIN,))
+    )
+    assert [w for w in several.warnings if "set_point" in w.key]
     assert not any("set_point" in w.key for w in checked_fit(twin, FitSettings((GAIN,))).warnings)

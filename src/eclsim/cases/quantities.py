@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from eclsim.cases.fluid import Fluid
 from eclsim.cases.sections import Patient, is_instance_name, section_of
 from eclsim.devices.registry import devices, parameters
 from eclsim.inputs.sections import Section
@@ -76,7 +77,7 @@ def with_values(case: Case, values: Mapping[str, float]) -> Case:
     """The case with other values of some numbers, each where a case file holds it.
 
     Args:
-        case: with the sections that hold them.
+        case: with the sections that hold them, but for [fluid], whose volume every patient has.
         values: by name, within their allowed ranges.
 
     Raises:
@@ -96,6 +97,8 @@ def with_values(case: Case, values: Mapping[str, float]) -> Case:
             case = case.with_section(section, **section_values)
         elif isinstance(current, Section):
             case = case.model_copy(update={section: current.model_copy(update=section_values)})
+        elif section == Fluid.section:
+            case = case.model_copy(update={section: Fluid().model_copy(update=section_values)})
         else:
             raise ValueError(f"{', '.join(section_values)}: the case has no [{section}] section")
     return case

@@ -188,7 +188,7 @@ def _fit_case(o: IdentifyOptions) -> dict[str, Any]:
     unmeasured = unmeasured_uncertainties([reading.case], settings)
     refuse([place_of(m, settings, o.file) for m in (*checked.mistakes, *unmeasured)])
     warn(checked.warnings)
-    note(line for line in checked.notes if line.key in checked.fixed)
+    note(line for line in checked.notes if not line.key.startswith("measurements."))
 
     from eclsim.identification.files import fits_object, write_fits
     from eclsim.identification.fit import fit

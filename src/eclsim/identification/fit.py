@@ -26,6 +26,7 @@ from eclsim.identification.settings import (
     FitSettings,
     checked_fit,
     common_policy,
+    measured_at_rest,
     unmeasured_uncertainties,
 )
 from eclsim.identification.verdict import (
@@ -60,6 +61,13 @@ PUSHED = 1.0
 """A bound holds a parameter back if the sum of squared standard differences would fall by more beyond it."""
 HELD_BACK = 6.0
 """Likewise by so much that the bound spoils the fit."""
+TELLS_OF = (
+    (("CVP",), EXTRA_VOLUME, "how much blood there is"),
+    (("SaO2", "PaO2"), "gas.shunt_fraction", "the shunt of the lungs"),
+    (("SvO2", "SpreO2"), "gas.vo2_ml_min", "the oxygen that the tissues consume"),
+    (("PaCO2",), "gas.alveolar_ventilation_l_min", "how much the lungs are ventilated"),
+)
+"""Measurements, the parameter that they tell of, and what that is."""
 NOT_FROM_A_POOR_FIT = "the fit is poor, so neither its value nor its interval is to be used"
 
 
@@ -262,6 +270,7 @@ def fit_cases(
     """
     settings = settings or FitSettings()
     started = time.perf_counter()
+    cases = [(name, measured_at_rest(case, settings)) for name, case in cases]
     targets, box = [], None
     for _, case in cases:
         checked = checked_fit(case, settings)
@@ -325,7 +334,7 @@ def _result(
     changed = changed.model_copy(update={"blood_volume_policy": objective.policy})
     reasons = [
         *agreement(target.measured, simulated, goodness, settings.weights), *search(optimum.status),
-        *_held_back(parameters, gains), *_held_volume(goodness, box.names),
+        *_held_back(parameters, gains), *_held_fixed(goodness, box.names),
     ]  # fmt: skip
     return FitResult(
         name, changed, target.measured, simulated, parameters, correlation(spread),
@@ -371,12 +380,17 @@ def _held_back(parameters: Mapping[str, FittedParameter], gains: np.ndarray) -> 
     ]  # fmt: skip
 
 
-def _held_volume(goodness: Goodness, free: Sequence[str]) -> list[Reason]:
-    """That a central venous pressure is missed by a patient whose blood volume is held."""
-    if abs(goodness.differences.get("CVP", 0.0)) <= DOUBTFUL_DIFFERENCE or EXTRA_VOLUME in free:
-        return []
-    sentence = f"CVP tells how much blood there is, which is held here: free {EXTRA_VOLUME} ([fluid]) as well"
-    return [Reason(Aspect.AGREEMENT, Level.DOUBTFUL, "", sentence)]
+def _held_fixed(goodness: Goodness, free: Sequence[str]) -> list[Reason]:
+    """That a measurement is missed while the parameter that it tells of is held."""
+    missed = [name for name, off in goodness.differences.items() if abs(off) > DOUBTFUL_DIFFERENCE]
+    reasons = []
+    for told, key, what in TELLS_OF:
+        names = [name for name in missed if name in told]
+        if names and key not in free:
+            tells = "tell" if len(names) > 1 else "tells"
+            sentence = f"{', '.join(names)} {tells} {what}, which is held here: free {key} as well (--free)"
+            reasons.append(Reason(Aspect.AGREEMENT, Level.DOUBTFUL, "", sentence))
+    return reasons
 
 
 def held_against_its_beat(result: FitResult) -> FitResult:

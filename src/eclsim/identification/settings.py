@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
-from eclsim.cases.quantities import quantity, stated
+from eclsim.cases.quantities import quantity, stated, with_values
 from eclsim.cases.resolve import height_weight
 from eclsim.devices.description import GASES as VO2
 from eclsim.devices.registry import parameters, usual_setting
@@ -17,6 +17,13 @@ from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.orbit.model import VolumePolicy, circuit_of
 from eclsim.outputs.registry import unavailable
 from eclsim.outputs.signals import output_names, parameters_read
+from eclsim.parameters.regulation import (
+    PACO2_SET_POINT,
+    PAO2_SET_POINT,
+    REGULATION,
+    SET_POINT,
+    VENOUS_SET_POINT,
+)
 from eclsim.parameters.thiel2025 import BOUNDS
 from eclsim.patient.anthropometry import oxygen_consumption
 from eclsim.sensitivity.inputs import DEFAULTS, Uncertainty
@@ -27,6 +34,10 @@ if TYPE_CHECKING:
 
 WIDE = 10.0
 """Bounds of a parameter that has none of its own: its value divided and multiplied by this."""
+MEASURED_AT_REST = {
+    SET_POINT: "MAP", VENOUS_SET_POINT: "CVP", PAO2_SET_POINT: "PaO2", PACO2_SET_POINT: "PaCO2",
+}  # fmt: skip
+"""Set points of reflexes, and the measurements that they are in a patient who is measured at rest."""
 
 
 @dataclass(frozen=True)
@@ -96,8 +107,23 @@ class CheckedFit:
         self.mistakes.append(Mistake(key, message, value, allowed, hint))
 
 
+def measured_at_rest(case: Case, settings: FitSettings) -> Case:
+    """The case with measurements as the set points that it leaves open, so that its fit is unchanged at rest.
+
+    Data points that share parameters keep theirs open: a patient has one set point, not one for each of them.
+    """
+    if case.regulation is None or settings.shared:
+        return case
+    open_ones = MEASURED_AT_REST.keys() & case.regulation.open_set_points
+    measured = {key: getattr(case.measurements, MEASURED_AT_REST[key], None) for key in open_ones}
+    usable = {k: v for k, v in measured.items() if v is not None and parameters()[k].accepts(v)}
+    return with_values(case, usable)
+
+
 def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
     """Targets and bounds of a case, checked, with everything there is to say."""
+    left_open = () if case.regulation is None else case.regulation.open_set_points
+    case = measured_at_rest(case, settings)
     # What a case leaves open and follows from the patient's body surface.
     defaults = {} if case.gas is None else {VO2: oxygen_consumption(*height_weight(case.patient))}
     limits = {name: _bounds(name, case, settings.bounds, defaults) for name in settings.names}
@@ -112,9 +138,14 @@ def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
         if name not in settings.names:
             hint, allowed = did_you_mean(name, settings.names), ", ".join(settings.names)
             checked.wrong(name, "bounds of a parameter that is not free", "", allowed, hint)
-    if case.regulation is not None and case.regulation.open_set_points:
-        message = "left open, so that of the start values: give it, or fit without [regulation]"
-        checked.warnings.append(Mistake("regulation.set_point_mmHg", message))
+    still_open = () if case.regulation is None else case.regulation.open_set_points
+    for key in left_open:
+        if key in still_open:
+            message = f"left open, so that of the start values: give it, or fit without [{REGULATION}]"
+            checked.warnings.append(Mistake(key, message))
+        else:
+            message = f"left open, so the measured {MEASURED_AT_REST[key]}: reflexes do nothing there"
+            checked.notes.append(Mistake(key, message))
     if not checked.mistakes and not checked.free:
         checked.wrong("parameters", "none is free")
     return checked
