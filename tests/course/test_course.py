@@ -179,6 +179,33 @@ def test_a_limit_that_is_another_number_each_moment_is_one_alarm():
     assert (result.at_min, result.until_min) == (0.0, None)
 
 
+def _pressures(wedge, filling):
+    """Findings of moments with these pressures, as beats have them: one of outputs that say the same."""
+    limits = (("PCWP", "warning", wedge, 18.0), ("end_diastolic_pressure_lv", "warning", filling, 16.0))
+    of_moments = []
+    for k in range(len(wedge)):
+        said = [
+            Finding(kind, name, v[k], most, f"{name}: high") for name, kind, v, most in limits if v[k] > most
+        ]
+        of_moments.append(said[:1])
+    outputs = {"PCWP": np.array(wedge), "end_diastolic_pressure_lv": np.array(filling)}
+    return {one.quantity: (one.at_min, one.until_min) for one in alarms(of_moments, outputs, np.arange(4.0))}
+
+
+def test_an_alarm_lasts_as_long_as_its_limit_is_broken_whatever_else_is_named_meanwhile():
+    """Of outputs that say the same a beat names one, the wedge pressure before the ventricle's."""
+    lasting = _pressures([20.0, 20.0, 20.0, 10.0], [26.0, 26.0, 26.0, 26.0])
+    assert lasting == {"PCWP": (0.0, 2.2), "end_diastolic_pressure_lv": (0.0, None)}
+
+
+def test_of_alarms_that_say_the_same_the_longest_is_named():
+    venous = {"right_atrial_pressure": [10.0, 13.0, 13.0, 10.0], "venous_pressure": [14.0, 14.0, 14.0, 14.0]}
+    named = ("venous_pressure", "right_atrial_pressure", "right_atrial_pressure", "venous_pressure")
+    of_moments = [[Finding("warning", n, venous[n][k], 12.0, "high")] for k, n in enumerate(named)]
+    (one,) = alarms(of_moments, {n: np.array(v) for n, v in venous.items()}, np.arange(4.0))
+    assert (one.quantity, one.at_min, one.until_min) == ("venous_pressure", 0.0, None)
+
+
 def test_a_limit_broken_in_a_beat_is_so_from_the_start_of_that_beat():
     """What a pump does after it was stopped at 00:01:00 does not stand before it."""
     of_moments = [

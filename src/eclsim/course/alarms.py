@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from eclsim.course.timeline import BEFORE_S, MINUTE
 from eclsim.devices.description import CAUTION, GRAVEST_FIRST
+from eclsim.outputs.limits import group_of
 from eclsim.outputs.registry import UnknownOutputError, output
 
 if TYPE_CHECKING:
     from eclsim.devices.description import Finding
 
 
+Limits = tuple[str, str, str]
+"""What tells limits apart: kind, output or waveform, and the sentence without its numbers."""
+Broken = dict[int, "Finding"]
+"""The finding of each moment at which a limit is broken."""
+KINDS = (*GRAVEST_FIRST, CAUTION)
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
 """Left out where sentences are compared: a limit such as another flow has another value at each moment."""
 
@@ -64,17 +71,55 @@ def alarms(
         by_beat: which moments are beats that follow each other, of which the words say the second too.
     """
     by_beat = np.zeros(len(minute), dtype=bool) if by_beat is None else by_beat
-    by_limit: dict[tuple[str, str, str], dict[int, Finding]] = {}
+    by_limit: dict[Limits, Broken] = {}
     for k, of_moment in enumerate(findings):
         for finding in of_moment:
             wording = NUMBER.sub("", finding.sentence) if finding.kind in GRAVEST_FIRST else ""
             by_limit.setdefault((finding.kind, finding.quantity, wording), {})[k] = finding
-    result = []
-    for broken in by_limit.values():
+    found = []
+    for broken in _with_hidden(by_limit, outputs):
         values = outputs.get(next(iter(broken.values())).quantity)
-        result += [_alarm(run, broken, minute, values, by_beat) for run in _runs(sorted(broken))]
-    order = [*GRAVEST_FIRST, CAUTION]
-    return sorted(result, key=lambda alarm: (order.index(alarm.kind), alarm.at_min))
+        found += [_alarm(run, broken, minute, values, by_beat) for run in _runs(sorted(broken))]
+    found.sort(key=lambda alarm: (KINDS.index(alarm.kind), alarm.at_min))
+    return [
+        alarm
+        for k, alarm in enumerate(found)
+        if not any(_covers(one, alarm) and (j < k or not _covers(alarm, one)) for j, one in enumerate(found))
+    ]
+
+
+def _with_hidden(by_limit: Mapping[Limits, Broken], outputs: Mapping[str, np.ndarray]) -> list[Broken]:
+    """Where each limit is broken, also where a beat's findings name another output that says the same."""
+    groups: dict[str, set[int]] = {}
+    for (kind, quantity, _), broken in by_limit.items():
+        if kind in GRAVEST_FIRST:
+            groups.setdefault(group_of(quantity), set()).update(broken)
+    result = []
+    for (kind, quantity, _), broken in by_limit.items():
+        values, first = outputs.get(quantity), next(iter(broken.values()))
+        fixed = np.isfinite(first.limit) and all(f.limit == first.limit for f in broken.values())
+        if kind in GRAVEST_FIRST and values is not None and fixed:
+            beyond = np.sign(first.value - first.limit) * (values - first.limit) > 0.0
+            hidden = [k for k in groups[group_of(quantity)] if beyond[k] and k not in broken]
+            broken = broken | {k: replace(first, value=float(values[k])) for k in hidden}
+        result.append(broken)
+    return result
+
+
+def _covers(one: Alarm, other: Alarm) -> bool:
+    """Whether an alarm says all that another does: graver or at the same limit, of what says the same."""
+    if CAUTION in (one.kind, other.kind) or one is other:
+        return False
+    gravity = KINDS.index(other.kind) - KINDS.index(one.kind)
+    ends = [np.inf if alarm.until_min is None else alarm.until_min for alarm in (one, other)]
+    sides = [np.sign(alarm.worst - alarm.limit) for alarm in (one, other)]
+    return (
+        group_of(one.quantity) == group_of(other.quantity)
+        and sides[0] == sides[1]
+        and (gravity > 0 or (gravity == 0 and one.limit == other.limit))
+        and one.at_min <= other.at_min
+        and ends[0] >= ends[1]
+    )
 
 
 def _runs(places: list[int]) -> list[list[int]]:

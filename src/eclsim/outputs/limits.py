@@ -261,7 +261,7 @@ def broken_limits(outputs: Mapping[str, float]) -> list[Limit]:
     for kind in GRAVEST_FIRST:
         for limit in sorted(broken, key=lambda limit: order[_published(limit)]):
             if limit.kind == kind:
-                result.setdefault((_group(limit.quantity), limit.side), limit)
+                result.setdefault((group_of(limit.quantity), limit.side), limit)
     return list(result.values())
 
 
@@ -271,8 +271,8 @@ def _published(limit: Limit) -> tuple[str, str, str]:
     return limit.quantity if known is None else known[1].name, limit.kind, limit.side
 
 
-def _group(quantity: str) -> str:
-    """The first of the outputs that say the same."""
+def group_of(quantity: str) -> str:
+    """The first of the outputs that say the same as one; itself where no other does."""
     known = named_output(quantity)
     if known is None:
         return next((names[0] for names in _ALIKE if quantity in names), quantity)
