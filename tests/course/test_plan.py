@@ -47,6 +47,21 @@ def test_the_result_says_it_in_words_and_data(removal):
 
 
 @pytest.mark.slow
+def test_a_filter_that_clots_removes_nothing_so_its_limit_holds_unasked(own):
+    """A goal of one's own for it takes its place; what the rate means for the patient is said beside it."""
+    found = plan_removal(own, 300.0, "MAP > 20", hours=10.0)
+    assert found.limits[0].goal.startswith("filtration_fraction < 0.25 (blood thickens")
+    case = apply_settings(own, [f"crrt.net_ultrafiltration_ml_h={found.rate_ml_h!r}"])
+    fraction = float(course(case, minutes=60.0 * found.hours)["filtration_fraction"].max())
+    assert fraction == pytest.approx(0.25, rel=0.02)
+    assert fraction <= 0.25
+    assert "mL/kg/h" in found.warnings[0]
+    freer = plan_removal(own, 300.0, "MAP > 20, filtration_fraction < 0.4", hours=10.0)
+    assert freer.rate_ml_h > 1.3 * found.rate_ml_h
+    assert any("filtration fraction above 0.25" in line for line in freer.warnings)
+
+
+@pytest.mark.slow
 def test_a_goal_whose_output_has_no_value_is_not_kept():
     result = xr.Dataset(
         {"DO2": ("time_min", [450.0, np.nan, 440.0])}, {"time_min": [0.0, 1.0, 2.0]}, {"converged": True}

@@ -80,6 +80,7 @@ def _remove(options: PlanOptions, reading: CaseReading, target: Target) -> bool:
     with writing():
         if hand_over(result.as_object(), target):
             typer.echo(f"{result.id}: {result.message}")
+    warn(f"{options.case_file}, at {result.rate_ml_h:.0f} mL/h: {line}" for line in result.warnings)
     return result.possible
 
 

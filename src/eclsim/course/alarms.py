@@ -150,6 +150,8 @@ def _alarm(
     worst = max((broken[k].value for k in run), key=lambda value: abs(value - first.limit))
     begin = clock_time(at, by_beat[begun])
     end = "" if until is None else clock_time(until, by_beat[over] or by_beat[over - 1])
+    if until is not None and begin == end:
+        begin, end = clock_time(at, True), clock_time(until, True)
     sentence = _sentence(first, begin, end, worst)
     return Alarm(at, until, first.kind, first.quantity, first.limit, worst, sentence)
 

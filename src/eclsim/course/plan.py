@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from eclsim.cases.resolve import height_weight
 from eclsim.cases.settings import apply_settings
 from eclsim.course.course import follow
 from eclsim.course.timeline import MINUTE, Timeline, changed
 from eclsim.devices.ecmo import ECMO
-from eclsim.devices.registry import devices
-from eclsim.goals.goal import Goal, GoalError, read_goals
+from eclsim.devices.registry import devices, named_output
+from eclsim.goals.goal import Goal, GoalError, possible, read_goals
 from eclsim.goals.search import reach
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import CaseSource, as_case, model_of
 from eclsim.orbit.status import NoDerivativesError
 from eclsim.outputs.alarms import sentences
+from eclsim.outputs.limits import limits_of
 from eclsim.outputs.registry import output
 from eclsim.outputs.results import simulate
 from eclsim.outputs.signals import output_names
@@ -31,6 +34,11 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
 FILTRATION = "net_ultrafiltration_ml_h"
+FILTERED = "filtration_fraction"
+"""Output whose limit bounds the rate unasked: beyond it the filter that is to remove the fluid clots."""
+HARMFUL_ML_KG_H = 1.75
+"""Net ultrafiltration above which fewer patients survived (Murugan et al. 2019, JAMA Netw Open,
+doi 10.1001/jamanetworkopen.2019.5418: against less than 1.01 mL/kg/h)."""
 TRIED = 8
 """Rates of one round, marched side by side."""
 ROUNDS = 3
@@ -70,6 +78,7 @@ class Removal:
         limits: what stops the next faster rate that was tried.
         message: in words.
         tried: by rate, whether all goals were kept.
+        warnings: limits that the patient breaks on the way at that rate, and what else there is to say of it.
     """
 
     id: str
@@ -81,6 +90,7 @@ class Removal:
     limits: tuple[Break, ...]
     message: str
     tried: dict[float, bool] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
 
     def as_object(self) -> dict[str, Any]:
         """As plain data for JSON."""
@@ -100,7 +110,9 @@ def plan_removal(
 
     Rates from the slowest, which takes `hours`, to the fastest that the filter allows are marched side by
     side; the interval between the last that keeps all goals and the first that does not is divided again.
-    The limit is known to about 1 %. Events of the case are left out: nothing else happens meanwhile.
+    The limit is known to about 1 %. Events of the case are left out: nothing else happens meanwhile. Unless a
+    goal says otherwise, the filtration fraction keeps its limit and no vein collapses, where that is so at
+    the slowest rate.
 
     Args:
         case: path of a case file, what `read_case` returned, or a case, with a device that removes fluid.
@@ -114,12 +126,13 @@ def plan_removal(
         CaseError: the file is no case.
     """
     solved = with_speed(as_case(case), volume_policy)[0].model_copy(update={"events": ()})
-    goals = read_goals(keep, output_names(model_of(solved).circuit))
-    key = _filtration(solved)
+    outputs = output_names(model_of(solved).circuit)
+    asked, key = read_goals(keep, outputs), _filtration(solved)
     if not (math.isfinite(remove_ml) and remove_ml > 0.0 and hours > 0.0):
         raise GoalError([f"remove {remove_ml:g} mL in {hours:g} h; allowed: positive numbers"])
     slowest = remove_ml / hours
     fastest = _fastest(solved, key, slowest)
+    goals = (*asked, *_unasked(changed(solved, {key: slowest}, solved), outputs, asked, volume_policy))
     rates, tried, broken = (
         np.geomspace(slowest, fastest, TRIED),
         dict[float, bool](),
@@ -137,7 +150,40 @@ def plan_removal(
         if below is None or above is None:
             break
         rates = np.linspace(below, above, TRIED + 2)[1:-1]
-    return _removal(solved.patient.id, remove_ml, goals, tried, broken)
+    found = _removal(solved.patient.id, remove_ml, goals, tried, broken)
+    return replace(found, warnings=_warnings(solved, key, found, volume_policy)) if found.possible else found
+
+
+def _unasked(
+    case: Case, outputs: Sequence[str], asked: Sequence[Goal], policy: str | None
+) -> tuple[Goal, ...]:
+    """Goals that hold unasked, where the patient's steady beat at the slowest rate keeps them."""
+    goals = list(possible(outputs, asked))
+    taken = {goal.output for goal in asked}
+    for name in outputs:
+        known = named_output(name)
+        if known is None or name in taken or not known[1].name.endswith(FILTERED):
+            continue
+        if FILTRATION in known[0].device.section.fields():
+            goals += [Goal(name, high=one.value, because=one.meaning) for one in limits_of(name, outputs)[:1]]
+    beat = simulate(case, policy)
+    return tuple(goal for goal in goals if goal.excess(float(beat[goal.output])) <= 0.0)
+
+
+def _warnings(case: Case, key: str, found: Removal, policy: str | None) -> tuple[str, ...]:
+    """What there is to say of the course at the rate found."""
+    minutes = 60.0 * found.hours
+    timeline = Timeline(changed(case, {key: found.rate_ml_h}, case), minutes * MINUTE)
+    (result,) = follow([timeline], [minutes / MOMENTS], None, policy, with_alarms=True)
+    said = [one["sentence"] for one in json.loads(result.attrs["alarms"])]
+    per_kg = found.rate_ml_h / height_weight(case.patient)[1]
+    if per_kg > HARMFUL_ML_KG_H:
+        said.insert(
+            0,
+            f"{found.rate_ml_h:.0f} mL/h are {per_kg:.2g} mL/kg/h: above {HARMFUL_ML_KG_H:g} mL/kg/h fewer "
+            "critically ill patients survived than below 1.01 (Murugan et al. 2019)",
+        )
+    return tuple(said)
 
 
 def _fastest_tolerated(tried: dict[float, bool]) -> float | None:
@@ -201,7 +247,8 @@ def _breaks(goals: Sequence[Goal], result: xr.Dataset) -> list[Break]:
         if (excess > 0.0).any():
             worst = float(values[np.nanargmax(excess)])
             first = float(minutes[(excess > 0.0).argmax()])
-            breaks.append(Break(str(goal), worst, first, unit_of(goal.output)))
+            why = f" ({goal.because})" if goal.because else ""
+            breaks.append(Break(f"{goal}{why}", worst, first, unit_of(goal.output)))
     if not result.attrs["converged"]:
         breaks.append(
             Break(str(result.attrs["message"]), math.nan, float(minutes[-1]) if len(minutes) else 0.0)
