@@ -22,7 +22,7 @@ from eclsim.circuit.network import HEART_RATE
 from eclsim.drugs.law import Effects
 from eclsim.drugs.published import PUBLISHED
 from eclsim.parameters.regulation import DRUG_DOSES, UNSTRESSED
-from eclsim.reporting.style import figure_style
+from eclsim.reporting.style import OKABE_ITO, curve_style, figure_style
 from eclsim.validation.drugs import RISES, arms, expected, measured, patient_of, uncertainty
 
 EXPECTED_SIZE = Effects(0.5, 0.5, 0.5, 0.2, 0.05)
@@ -33,6 +33,17 @@ NONE_KNOWN = {
     "vasopressin": ("contractility", "heart_rate"),
 }
 """Effects that are left at 0: not measured in the fit study, or not there by the drug's mechanism."""
+
+
+TWO_DRUGS = "both"
+COLOURS = dict(
+    zip(
+        (*PUBLISHED, TWO_DRUGS),
+        (*(c for name, c in OKABE_ITO.items() if name != "yellow"), "0.6"),
+        strict=True,
+    )
+)
+"""Of each drug in the figure of the studies; two drugs together are grey."""
 
 
 def at(patient, effects: np.ndarray, quantities) -> np.ndarray:
@@ -112,16 +123,16 @@ def curves(panels) -> None:
         heart, systemic, lung, rate, veins = (
             np.asarray(e) * np.ones_like(doses) for e in drug.effects(doses)
         )
-        for name, values in (
-            ("contractility", heart),
-            ("systemic resistance", systemic),
-            ("pulmonary resistance", lung),
-            ("heart rate", rate),
-        ):
-            panel.plot(doses, np.exp(values), label=name)
-        panel.plot(doses, 1.0 + veins, "--", label="unstressed volume, 1 + share of blood")
+        for index, (name, values) in enumerate((
+            ("contractility", np.exp(heart)),
+            ("systemic resistance", np.exp(systemic)),
+            ("pulmonary resistance", np.exp(lung)),
+            ("heart rate", np.exp(rate)),
+            ("unstressed volume, 1 + share of blood", 1.0 + veins),
+        )):  # fmt: skip
+            panel.plot(doses, values, label=name, **curve_style(index))
         panel.set_title(drug.name)
-        panel.set_xlabel(f"dose [{DRUG_DOSES[drug.name].unit}]")
+        panel.set_xlabel(f"dose [{DRUG_DOSES[drug.name].unit.replace('ug', 'µg')}]")
         panel.set_ylim(0.3, 3.2)
     for panel in panels[::4]:
         panel.set_ylabel("factor")
@@ -145,7 +156,7 @@ def predicted(panels) -> None:
             for row in rows:
                 name = row["quantity"]
                 before, after = found[name]
-                colour = f"C{[*PUBLISHED, 'both'].index(arm.arm)}"
+                colour = COLOURS[arm.arm]
                 change = 100.0 * (float(row["after"]) / float(row["before"]) - 1.0)
                 label = name if name not in seen else None
                 panel.scatter(
@@ -172,9 +183,9 @@ def figures(folder: Path) -> None:
         figure.savefig(folder / "drug-effects.png", dpi=110)
         figure, panels = pyplot.subplots(1, 2, figsize=(12.0, 5.4), sharey=True, constrained_layout=True)
         predicted(panels)
-        for k, name in enumerate([*PUBLISHED, "both"]):
+        for k, (name, colour) in enumerate(COLOURS.items()):
             panels[1].text(
-                0.98, 0.02 + 0.04 * k, name, color=f"C{k}", ha="right", transform=panels[1].transAxes
+                0.98, 0.02 + 0.04 * k, name, color=colour, ha="right", transform=panels[1].transAxes
             )
         figure.savefig(folder / "drug-studies.png", dpi=110)
 

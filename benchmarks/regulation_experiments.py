@@ -15,7 +15,7 @@ from eclsim.orbit.model import Model, model_of
 from eclsim.outputs.results import simulate, simulate_many
 from eclsim.parameters.regulation import EXTRA_VOLUME, GAIN, SET_POINT, UNSTRESSED, VENOUS_SET_POINT
 from eclsim.regulation.attach import REFLEXES
-from eclsim.reporting.style import figure_style
+from eclsim.reporting.style import curve_style, figure_style
 
 PATIENT = {"id": "P", "sex": "male", "age_years": 60, "heart_rate_bpm": 75}
 ECMO = {
@@ -25,6 +25,14 @@ ECMO = {
 SPEEDS = np.array([1500.0, 2000.0, 2500.0, 3000.0, 3500.0, 4000.0, 4500.0])
 OUTPUTS = ("MAP", "CO", "EDVLV", "end_diastolic_pressure_lv", "PCWP", "right_atrial_pressure")
 HEAD = ("MAP", "CO", "LV EDV", "LVEDP", "wedge", "RAP")
+PANELS = {
+    "Emaxlv": ("left ventricle", "factor of contractility"),
+    "Emaxrv": ("right ventricle", "factor of contractility"),
+    "Rmc": ("systemic resistance", "factor"),
+    "heart_rate_bpm": ("heart rate", "factor"),
+    UNSTRESSED: ("unstressed volume", "change [mL]"),
+}
+"""What a reflex acts on: title and axis of its panel."""
 IN_EFFECT = ("heart_rate", "contractility_lv_factor", "systemic_resistance_factor", "unstressed_volume")
 FAILING = {"Emaxlv": 0.3}
 
@@ -112,21 +120,21 @@ def holding(patient: Model, pressure: float) -> np.ndarray:
 
 
 def static_curves(folder: Path) -> None:
-    """Factors against arterial pressure, both sets side by side."""
+    """Factors against arterial pressure, all reflexes side by side."""
     from matplotlib import pyplot
 
     deviations = np.linspace(-70.0, 60.0, 131)
     with figure_style():
         figure, panels = pyplot.subplots(1, 5, figsize=(12.0, 2.8), constrained_layout=True)
-        for reflex in REFLEXES.values():
+        for index, reflex in enumerate(REFLEXES.values()):
             rest = [0.0] * (len(reflex.reads) - 1)
             table = np.array(
                 [[float(e) for e in reflex.steady_effects([d, *rest], 1.0, 5000.0)] for d in deviations]
             )
             for panel, values, name in zip(panels, table.T, reflex.acts_on, strict=True):
-                panel.plot(deviations, values, label=reflex.name)
-                panel.set_title(name)
-                panel.set_xlabel("MAP - set point [mmHg]")
+                title, axis = PANELS[name]
+                panel.plot(deviations, values, label=reflex.name, **curve_style(index))
+                panel.set(title=title, ylabel=axis, xlabel="MAP − set point [mmHg]")
         panels[0].legend()
         folder.mkdir(parents=True, exist_ok=True)
         figure.savefig(folder / "reflex-curves.png", dpi=110)
