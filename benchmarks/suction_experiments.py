@@ -57,6 +57,7 @@ def draw(ramps: dict[tuple[bool, float], xr.Dataset], folder: Path) -> None:
         for panel, label in zip(panels, ("ECMO flow [L/min]", "drainage pressure [mmHg]"), strict=True):
             panel.set(xlabel="ECMO pump speed [rpm]", ylabel=label)
         panels[0].legend()
+        folder.mkdir(parents=True, exist_ok=True)
         figure.savefig(folder / "suction.png", dpi=110)
 
 

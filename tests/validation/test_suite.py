@@ -40,7 +40,7 @@ def test_the_summary_counts_fits_tests_and_verdicts_apart_and_gives_each_reason_
     )
     text = suite.validation_markdown([Check("key", "title", "bar", rows, required=False)])
     assert "| title | bar | 1 of 1 | 1 of 5 | 2 | 1 | 1 |" in text
-    assert "| key | c (test) | 1 | 3 | +2e+02 % | miss, explained | 1 |" in text
-    assert "| key | d (test) | 1 | 3 | +2e+02 % | not decidable | 2 |" in text
-    assert "| key | e (test) | 1 | 3 | +2e+02 % | MISS |  |" in text
+    assert "| key | c (test) | 1 | 3 | +200 % | miss, explained | 1 |" in text
+    assert "| key | d (test) | 1 | 3 | +200 % | not decidable | 2 |" in text
+    assert "| key | e (test) | 1 | 3 | +200 % | MISS |  |" in text
     assert text.endswith("1. the flow was another\n2. the flow is not printed\n")

@@ -48,7 +48,7 @@ PUMPS = by_key(
         PumpCurve(
             key="HMII", name="HeartMate II", use="LVAD", a=9.5356e-7, R1=-3.2085e-4, R2=0.8643, Rrec=3.0701,
             kinf=3.5925e-4, L=22.9733, Rper=0.3833, Lper=20.3038, speed_range_rpm=(6000, 15000),
-            evidence=f"another published fit lies 5 to 14 mmHg away, perhaps with its cannulae; {_SPEEDS}",
+            evidence=f"2 to 19 mmHg above another published fit, which may include cannulae; {_SPEEDS}",
         ),
         PumpCurve(
             key="HM3", name="HeartMate 3", use="LVAD", a=3.4578e-6, R1=-7.2946e-4, R2=2.2453, Rrec=3.3580,

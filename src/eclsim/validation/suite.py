@@ -148,7 +148,8 @@ def _summary(checks: Iterable[Check]) -> str:
         others = [row for row in check.rows if FIT not in row.name]
         cells = (_held(fits), _held(others), *(str(red[verdict] or "") for verdict in RED))
         rows.append((check.title, check.bar.partition(";")[0], *cells, f"{hardest.name}: {_error(hardest)}"))
-    return _table(("comparison", "bar", "fits within", "others within", *RED, "hardest row"), rows)
+    others = "others within" if any(row[2] for row in rows) else "rows within"
+    return _table(("comparison", "bar", "fits within", others, *RED, "hardest row"), rows)
 
 
 def _held(rows: Sequence[Row]) -> str:
@@ -173,9 +174,11 @@ def _expected(row: Row) -> str:
 
 
 def _error(row: Row) -> str:
-    if row.percent is not None:
-        return f"{row.percent:+.2g} %"
-    return f"{row.got:.2g} {_unit(row)}".strip()
+    if row.percent is None:
+        return f"{row.got:.2g} {_unit(row)}".strip()
+    if row.name.endswith(": sign"):
+        return "right" if row.holds else "wrong"
+    return f"{row.percent:+.0f} %" if abs(row.percent) >= 10.0 else f"{row.percent:+.2g} %"
 
 
 def _unit(row: Row) -> str:
@@ -183,10 +186,11 @@ def _unit(row: Row) -> str:
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(
-        "| " + " | ".join(cell.strip().replace("|", "/") for cell in line) + " |" for line in lines
-    )
+    """A table in Markdown, without columns in which no row has an entry."""
+    body = [[cell.strip().replace("|", "/") for cell in row] for row in rows]
+    kept = [k for k in range(len(head)) if any(row[k] for row in body)]
+    lines = [head, ["---"] * len(head), *body]
+    return "\n".join("| " + " | ".join(line[k] for k in kept) + " |" for line in lines)
 
 
 def _joined(parts: Iterable[str]) -> list[str]:
