@@ -126,13 +126,14 @@ def plan_removal(
         CaseError: the file is no case.
     """
     solved = with_speed(as_case(case), volume_policy)[0].model_copy(update={"events": ()})
-    outputs = output_names(model_of(solved).circuit)
-    asked, key = read_goals(keep, outputs), _filtration(solved)
     if not (math.isfinite(remove_ml) and remove_ml > 0.0 and hours > 0.0):
         raise GoalError([f"remove {remove_ml:g} mL in {hours:g} h; allowed: positive numbers"])
-    slowest = remove_ml / hours
+    key, slowest = _filtration(solved), remove_ml / hours
     fastest = _fastest(solved, key, slowest)
-    goals = (*asked, *_unasked(changed(solved, {key: slowest}, solved), outputs, asked, volume_policy))
+    slow = changed(solved, {key: slowest}, solved)
+    outputs = output_names(model_of(slow).circuit)
+    asked = read_goals(keep, outputs)
+    goals = (*asked, *_unasked(slow, outputs, asked, volume_policy))
     rates, tried, broken = (
         np.geomspace(slowest, fastest, TRIED),
         dict[float, bool](),
@@ -180,7 +181,7 @@ def _warnings(case: Case, key: str, found: Removal, policy: str | None) -> tuple
     if per_kg > HARMFUL_ML_KG_H:
         said.insert(
             0,
-            f"{found.rate_ml_h:.0f} mL/h are {per_kg:.2g} mL/kg/h: above {HARMFUL_ML_KG_H:g} mL/kg/h fewer "
+            f"{found.rate_ml_h:.0f} mL/h are {per_kg:.1f} mL/kg/h: above {HARMFUL_ML_KG_H:g} mL/kg/h fewer "
             "critically ill patients survived than below 1.01 (Murugan et al. 2019)",
         )
     return tuple(said)
