@@ -24,7 +24,7 @@ def own(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def removal(own):
-    return plan_removal(own, 300.0, "MAP > 62", hours=10.0)
+    return plan_removal(own, 300.0, "MAP > 62, filtration_fraction < 1", hours=10.0)
 
 
 @pytest.mark.slow
