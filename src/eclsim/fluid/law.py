@@ -8,7 +8,16 @@ import numpy as np
 
 from eclsim.circuit.network import BLOOD_VOLUME, Circuit
 from eclsim.components.exchangers import HAEMOGLOBIN
-from eclsim.fluid.starling import EXCLUDED, Spaces, Wall, capillary_pressure, exchange, oncotic_pressure
+from eclsim.fluid.starling import (
+    EXCLUDED,
+    Forces,
+    Spaces,
+    Wall,
+    capillary_pressure,
+    exchange,
+    forces,
+    oncotic_pressure,
+)
 from eclsim.parameters.fluid import FCELLS, HAEMATOCRIT, INTERSTITIUM_TO_BLOOD, SECTION
 from eclsim.parameters.physiology import UPPER_SHARE
 from eclsim.parameters.regulation import EXTRA_VOLUME
@@ -104,14 +113,8 @@ class FluidLaw(SlowLaw):
 
     def rates(self, states: Named, settings: Named, beat: Named, inflows: Named) -> Named:  # noqa: D102
         zero = np.zeros_like(states[PLASMA])
-        rest = _rest(settings)
-        now = Spaces(
-            states[PLASMA], states[INTERSTITIUM], states[PROTEIN], states[OUTSIDE_PROTEIN], rest.normal
-        )
-        tone = self._resistance(settings, beat) / states[ARTERIOLES]
-        rise = self._capillary(settings, beat, tone) - states[CAPILLARY]
         open_wall = settings[_of("capillary_refill")] / _MINUTE
-        crossed = exchange(now, rest, rise, _wall(settings))
+        crossed = exchange(*self._since_start(states, settings, beat), _wall(settings))
         out, protein_out = open_wall * crossed.fluid, open_wall * crossed.protein
 
         blood = inflows["blood_ml"] - inflows["bleed_ml"]
@@ -129,6 +132,10 @@ class FluidLaw(SlowLaw):
             PROTEIN_MOVED: protein, CAPILLARY: zero, ARTERIOLES: zero,
         }  # fmt: skip
 
+    def forces(self, states: Named, settings: Named, beat: Named) -> Forces:
+        """What drives fluid across the wall, as changes since the start."""
+        return forces(*self._since_start(states, settings, beat))
+
     def shown(self, states: Named, in_effect: Named) -> tuple[Shown, ...]:  # noqa: D102
         protein = 100.0 * states[PROTEIN] / states[PLASMA]
         return (
@@ -136,6 +143,15 @@ class FluidLaw(SlowLaw):
             Shown("plasma_protein", "g/dL", "protein of the plasma", protein),
             Shown("oncotic_pressure", "mmHg", "oncotic pressure of the plasma", oncotic_pressure(protein)),
         )
+
+    def _since_start(self, states: Named, settings: Named, beat: Named) -> tuple[Spaces, Spaces, np.ndarray]:
+        """Spaces now and at the start, and by how much the pressure of the capillaries rose since [mmHg]."""
+        rest = _rest(settings)
+        now = Spaces(
+            states[PLASMA], states[INTERSTITIUM], states[PROTEIN], states[OUTSIDE_PROTEIN], rest.normal
+        )
+        tone = self._resistance(settings, beat) / states[ARTERIOLES]
+        return now, rest, self._capillary(settings, beat, tone) - states[CAPILLARY]
 
     def _resistance(self, settings: Named, beat: Named) -> np.ndarray:
         """Of the systemic microcirculation, by reflex, drugs and setting together."""

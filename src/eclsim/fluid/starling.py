@@ -70,6 +70,22 @@ class Wall(NamedTuple):
     lymph: np.ndarray
 
 
+class Forces(NamedTuple):
+    """What drives fluid across the wall, as changes since the start [mmHg].
+
+    Attributes:
+        capillary: pressure of the capillaries.
+        interstitial: pressure of the interstitium.
+        plasma_oncotic: oncotic pressure of the plasma.
+        interstitial_oncotic: likewise of the interstitium.
+    """
+
+    capillary: np.ndarray
+    interstitial: np.ndarray
+    plasma_oncotic: np.ndarray
+    interstitial_oncotic: np.ndarray
+
+
 class Exchange(NamedTuple):
     """What crosses, from plasma to interstitium.
 
@@ -106,6 +122,20 @@ def capillary_pressure(arterial: np.ndarray, venous: np.ndarray, tone: np.ndarra
     return venous + share * (arterial - venous)
 
 
+def forces(now: Spaces, rest: Spaces, pressure_rise: np.ndarray) -> Forces:
+    """What has changed since the start; the arguments are those of `exchange`."""
+    swollen = interstitial_pressure(now.interstitium, now.normal) - interstitial_pressure(
+        rest.interstitium, rest.normal
+    )
+    (inside, outside), (inside_0, outside_0) = now.concentrations, rest.concentrations
+    return Forces(
+        pressure_rise,
+        swollen,
+        oncotic_pressure(inside) - oncotic_pressure(inside_0),
+        oncotic_pressure(outside) - oncotic_pressure(outside_0),
+    )
+
+
 def exchange(now: Spaces, rest: Spaces, pressure_rise: np.ndarray, wall: Wall) -> Exchange:
     """What crosses the wall now.
 
@@ -116,12 +146,8 @@ def exchange(now: Spaces, rest: Spaces, pressure_rise: np.ndarray, wall: Wall) -
         wall: its constants.
     """
     (inside, outside), (inside_0, outside_0) = now.concentrations, rest.concentrations
-    swollen = interstitial_pressure(now.interstitium, now.normal) - interstitial_pressure(
-        rest.interstitium, rest.normal
-    )
-    held = (oncotic_pressure(inside) - oncotic_pressure(inside_0)) - (
-        oncotic_pressure(outside) - oncotic_pressure(outside_0)
-    )
+    _, swollen, drawn, drawn_out = forces(now, rest, pressure_rise)
+    held = drawn - drawn_out
     filtered = wall.lymph + wall.filtration * (pressure_rise - swollen - wall.reflection * held)
     lymph = wall.lymph * np.maximum(1.0 + LYMPH_PER_MMHG * swollen, 0.0)
     dragged, dragged_0 = (
