@@ -24,10 +24,10 @@ from eclsim.outputs.results import simulate, simulate_many
 from eclsim.outputs.steady_beat import steady_beat
 from eclsim.paper.comparison import YES_NO, Check, Explanation, Row, within
 from eclsim.parameters.regulation import EXTRA_VOLUME, SET_POINT, VENOUS_SET_POINT
-from eclsim.regulation.attach import REFLEXES, with_reflex
+from eclsim.regulation.attach import REFLEXES
 from eclsim.regulation.heldt import HELDT_2010
-from eclsim.regulation.reflex import Effector, ReflexModel
 from eclsim.slow import INFLOWS
+from eclsim.validation.cardiopulmonary import with_cardiopulmonary
 from eclsim.validation.gas import unseen_in_five
 from eclsim.validation.matching import with_outputs
 from eclsim.validation.reference_cases import PROTOCOLS
@@ -297,47 +297,6 @@ def _forces() -> list[Row]:
 STANDING_REFLEX = "heldt2010"
 
 
-CARDIOPULMONARY = "cardiopulmonary"
-
-
-def with_cardiopulmonary(own: ReflexModel, other: ReflexModel = HELDT_2010) -> ReflexModel:
-    """A reflex with the cardiopulmonary pathways of another in place of its own, if it has any.
-
-    Resistance answers by the same share for each mmHg as all beds of the other together.
-    """
-    kept = [not pathway.name.endswith(CARDIOPULMONARY) for pathway in own.pathways]
-    added = [k for k, pathway in enumerate(other.pathways) if pathway.name.endswith(CARDIOPULMONARY)]
-    beds = next(effector for effector in other.effectors if effector.parameter == "Rmc")
-    conductance = sum(1.0 / reference for reference in beds.reference)
-    shares = [
-        sum(gains[k] / reference**2 for reference, gains in zip(beds.reference, beds.gains, strict=True))
-        / conductance
-        for k in added
-    ]
-
-    def joined(effector: Effector) -> Effector:
-        resistance = effector.parameter == "Rmc"
-        gains = tuple(
-            (*(g * keep for g, keep in zip(bed, kept, strict=True)),
-             *(share * reference * resistance for share in shares))
-            for reference, bed in zip(effector.reference, effector.gains, strict=True)
-        )  # fmt: skip
-        return replace(effector, gains=gains, least=beds.least if resistance else effector.least)
-
-    blood = own.blood_volume_ml / other.blood_volume_ml
-    return replace(
-        own,
-        reads=other.reads,
-        pathways=(*own.pathways, *(other.pathways[k]._replace(name=f"other_{k}") for k in added)),
-        drives=lambda d: [*own.drives(d[: len(own.reads)]), *(other.drives(d)[k] for k in added)],
-        effectors=tuple(map(joined, own.effectors)),
-        venous_gains_ml=(
-            *(gain * keep for gain, keep in zip(own.venous_gains_ml, kept, strict=True)),
-            *(blood * other.venous_gains_ml[k] for k in added),
-        ),
-    )
-
-
 @lru_cache(maxsize=16)
 def healthy(reflex: str, stiff_veins: bool = False, cardiopulmonary: bool = False, **changes: float) -> Model:
     """A young man with the pressures of those who were bled, set points at these.
@@ -358,9 +317,7 @@ def healthy(reflex: str, stiff_veins: bool = False, cardiopulmonary: bool = Fals
     matched = with_outputs(_person(25.0, 59.0, **case).with_values(changes), free, BEFORE)
     regulated = _person(25.0, 59.0, HELDT_2010.name if cardiopulmonary else reflex, **case)
     if cardiopulmonary:
-        plain = replace(regulated.circuit, controllers=())
-        joined = with_reflex(plain, with_cardiopulmonary(REFLEXES[reflex]))
-        regulated = replace(regulated, circuit=joined)
+        regulated = with_cardiopulmonary(regulated, REFLEXES[reflex])
     points = {SET_POINT: BEFORE["MAP"], VENOUS_SET_POINT: BEFORE["right_atrial_pressure"]}
     values = {name: matched.values[name] for name in (*free, *changes)} | points
     return regulated.with_values({name: v for name, v in values.items() if name in regulated.values})
