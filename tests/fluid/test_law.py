@@ -15,6 +15,7 @@ from eclsim.fluid.starling import (
     Wall,
     capillary_pressure,
     exchange,
+    forces,
     interstitial_pressure,
     oncotic_pressure,
 )
@@ -98,6 +99,20 @@ def test_constricted_arterioles_lower_the_pressure_of_capillaries():
     wide, tight = (capillary_pressure(np.array(90.0), np.array(5.0), np.array(tone)) for tone in (1.0, 2.0))
     assert wide == pytest.approx(5.0 + 0.15 * 85.0)
     assert tight < wide
+
+
+def test_forces_are_none_at_the_start_and_drive_what_crosses(spaces):
+    np.testing.assert_array_equal(np.array(forces(spaces, spaces, np.zeros(1))), 0.0)
+    now = spaces._replace(plasma=spaces.plasma - 200.0, interstitium=spaces.interstitium - 500.0)
+    rise = np.array([-1.5])
+    capillary, swollen, drawn, drawn_out = forces(now, spaces, rise)
+    assert capillary == rise
+    assert drawn > 0.0
+    assert drawn_out > 0.0
+    assert swollen < 0.0
+    driven = WALL.filtration * (rise - swollen - WALL.reflection * (drawn - drawn_out))
+    lymph_less = WALL.lymph * LYMPH_PER_MMHG * swollen
+    np.testing.assert_allclose(exchange(now, spaces, rise, WALL).fluid, driven - lymph_less)
 
 
 def relaxation_time(rest, wall):

@@ -56,3 +56,22 @@ def test_published_effects_are_those_of_the_fit():
         "Med Klin 2006, levosimendan: heart rate",
     )  # fmt: skip
     assert all(any(part in name for part in known) for name in wrong)
+    unexplained = {row.name for row in check.missed if not row.explained}
+    assert len(unexplained) == 9, unexplained
+    assert {name for name in unexplained if name.endswith("sign")} == {
+        "Lowes 2001, milrinone: heart rate (test): sign",
+        "Med Klin 2006, levosimendan: heart rate (test): sign",
+    }
+
+
+def test_an_experiment_changes_the_effects_alone():
+    patient = drugs.plain_patient(80.0)
+    dose_of = dose("dobutamine")
+    names, doses = ("MAP", "HR"), {dose_of: [0.0, 5.0, 10.0]}
+    plain = drugs.measured(patient, doses, names)
+    halved = drugs.measured(drugs.Experiment("", sensitivity=0.5).done(patient), doses, names)
+    np.testing.assert_allclose(halved["MAP"][2], plain["MAP"][1], rtol=1e-6)
+    none = drugs.Experiment("", acting=drugs.Effects(0.0, 0.0, 0.0, 0.0, 0.0)).done(patient)
+    still = drugs.measured(none, doses, names)
+    np.testing.assert_allclose(still["MAP"], plain["MAP"][0], rtol=1e-6)
+    np.testing.assert_allclose(still["HR"], 80.0)

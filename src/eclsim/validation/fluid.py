@@ -259,7 +259,7 @@ def driven(patient: Patient, removed_ml: float) -> dict[str, float]:
         "oncotic pressure of the interstitium": -reflection * changed.interstitial_oncotic,
         "pressure of the interstitium": changed.interstitial,
     }
-    total = sum(force.item() for force in inward.values())
+    total = float(sum(force.item() for force in inward.values()))
     return {"": total} | {name: 100.0 * force.item() / total for name, force in inward.items()}
 
 
