@@ -34,7 +34,7 @@ def main() -> None:
     parser.add_argument("--gas", action="store_true", help="switch blood gases on first")
     options = parser.parse_args()
     started = time.perf_counter()
-    command = ("-m", "eclsim.cli", "app", "--port")
+    command = ("-m", "eclsim", "app", "--port")
     with served(*command, stdout=subprocess.DEVNULL) as (url, _), launched() as browser:
         result = measure(browser, url, started, options)
     print(json.dumps(result, indent=1))

@@ -41,7 +41,10 @@ UNCOMPARED = {
 def eclsim(*arguments: str, accepted: tuple[int, ...] = (0,)) -> str:
     """Run a command and return what it wrote to standard output."""
     done = subprocess.run(
-        [sys.executable, "-m", "eclsim.cli", *arguments], capture_output=True, text=True, check=False
+        [sys.executable, "-c", "from eclsim.cli import main; main()", *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
     )
     if done.returncode not in accepted:
         raise SystemExit(f"eclsim {' '.join(arguments)}: exit status {done.returncode}\n{done.stderr}")

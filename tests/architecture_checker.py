@@ -26,6 +26,7 @@ ALLOWED = {room: set(ROOMS[:place]) for place, room in enumerate(ROOMS)} | {
     "inputs": {"units", "parameters"},
     "slow": {"units", "components", "parameters"},
     "beat": {*PHYSICS, "execution"},
+    "__main__": {"cli"},
 }
 ANY_LAYER_MAY_IMPORT = {"_version", "files", "front_door", "runtime", "spelling"}
 

@@ -40,7 +40,7 @@ def free_port() -> int:
 
 def serve(*options: str, path: str = "/favicon.ico", port: int | None = None) -> Served:
     port = port or free_port()
-    command = [sys.executable, "-m", "eclsim.cli", "app", *options, "--port", str(port)]
+    command = [sys.executable, "-m", "eclsim", "app", *options, "--port", str(port)]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     url = f"http://127.0.0.1:{port}"
     until = time.monotonic() + START_SECONDS

@@ -9,7 +9,7 @@ import pytest
 
 from eclsim import __version__
 
-ECLSIM = [sys.executable, "-m", "eclsim.cli"]
+ECLSIM = [sys.executable, "-m", "eclsim"]
 HEAVY = ("jax", "xarray", "pandas", "scipy", "matplotlib", "numpy")
 
 

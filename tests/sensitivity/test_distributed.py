@@ -58,7 +58,7 @@ def test_killed_or_stopped_processes_lose_nothing(tmp_path):
     def command(out: Path, threads: int, *more: str) -> subprocess.Popen:
         size = ["--samples", "4096", "--parameters", "Rmc", "--outputs", "MAP"]
         options = [*size, "--no-second-order", "--no-figures", "--out", str(out), *more]
-        program = [sys.executable, "-m", "eclsim.cli", "sensitivity", str(case), *options]
+        program = [sys.executable, "-m", "eclsim", "sensitivity", str(case), *options]
         quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
         return subprocess.Popen(program, env={**os.environ, "ECLSIM_THREADS": str(threads)}, **quiet)
 

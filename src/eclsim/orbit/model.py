@@ -65,6 +65,15 @@ class Model:
                 f"no value for {', '.join(missing)}: the circuit of '{self.name}' reads them"
             )
 
+    @classmethod
+    def published(cls, circuit: Circuit, name: str = "model", policy: str = AS_PUBLISHED) -> Model:
+        """A circuit with the paper's parameters and usual devices, at 90 beats a minute.
+
+        Raises:
+            UnknownValueError: it reads a parameter of its own, which has no published value.
+        """
+        return cls(circuit, nominal_values(circuit) or {}, name, policy)
+
     def with_values(self, changes: Mapping[str, float] | None = None, **named: float) -> Model:
         """The same circuit with some parameters changed; a misspelt name lists its neighbours."""
         changed = {**(changes or {}), **named}

@@ -103,7 +103,7 @@ def first_results() -> Iterator[Measurement]:
 def _command_seconds(cache: str) -> tuple[float, float]:
     """Elapsed and processor seconds of one command."""
     case = DATA / "cases" / f"{PAPER_PATIENT}.toml"
-    command = [sys.executable, "-m", "eclsim.cli", "simulate", str(case), "--json", "-"]
+    command = [sys.executable, "-m", "eclsim", "simulate", str(case), "--json", "-"]
     return _process(command, {"ECLSIM_CACHE_DIR": cache})[:2]
 
 
