@@ -240,7 +240,7 @@ def test_doubts_of_the_file_are_kept(tmp_path, attributes):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"name": "Rxyz"}, "of what no case file holds"),
+        ({"name": "Rxyz"}, "of a parameter that no case file has"),
         ({"name": "gas.shunt_fraction", "values": SPREAD + 1.0}, "gas.shunt_fraction has values outside"),
         ({"values": -SPREAD}, "Rmc has values outside"),
         ({"values": SPREAD * np.nan}, "Rmc has values outside"),

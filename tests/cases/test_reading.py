@@ -221,7 +221,7 @@ def test_an_lvad_that_drains_the_right_heart_into_the_arteries_is_doubted():
         lvad = {"pump": "HVAD", "speed_rpm": 2600, "inlet_site": inlet, "outlet_site": outlet}
         patient = {"id": "P01", "sex": "male", "age_years": 50, "heart_rate_bpm": 80}
         reading = read_mapping({"format": 1, "patient": patient, "lvad": lvad})
-        return [str(w) for w in reading.warnings if "passes the lungs by" in str(w)]
+        return [str(w) for w in reading.warnings if "bypasses the lungs" in str(w)]
 
     assert 'lvad.inlet_site = "ra"' in doubts("ra", "ao")[0]
     assert doubts("lv", "ao") == doubts("rv", "pas") == []

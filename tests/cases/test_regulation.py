@@ -39,8 +39,8 @@ def read(**sections):
          "hypoxic_resistance_at_rest; did you mean set_point_mmHg or set_point_pao2_mmHg or "
          "set_point_paco2_mmHg?"),
         ("regulation", {"chemoreflex": 1, "model": "heldt2004"},
-         'regulation.chemoreflex = 1: acts on the firing of nerves, which heldt2004 has none of; allowed: '
-         'model = "ursino1998"'),
+         "regulation.chemoreflex = 1: acts on the firing rate of nerves, which heldt2004 does not model; "
+         'allowed: model = "ursino1998"'),
         ("regulation", {"hypoxic_vasodilation": 2},
          "regulation.hypoxic_vasodilation = 2: outside the allowed range; allowed: 0 to 1.5: 1 is as "
          "published; with [gas]"),
@@ -60,7 +60,7 @@ def read(**sections):
          "60 g/L = 6 g/dL?"),
         ("fluid", {"plasma_protein_g_dl": 4, "interstitial_protein_g_dl": 4.5},
          "fluid.interstitial_protein_g_dl = 4.5: no less than that of the plasma, 4 g/dL: nothing would hold "
-         "water there; allowed: below 4 g/dL"),
+         "water in the vessels; allowed: below 4 g/dL"),
         ("solutes", {"potassium_mmol_l": 45},
          "solutes.potassium_mmol_l = 45: outside the allowed range; allowed: 1.5 to 10 mmol/L"),
     ],

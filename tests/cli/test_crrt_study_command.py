@@ -83,7 +83,7 @@ def test_reproduce_keeps_results_that_stand(shell):
 
 @pytest.mark.parametrize(
     ("arguments", "text"),
-    [((), "no folder to write to"), (("paper", "--out", "other"), "two folders; one of them")],
+    [((), "no folder to write to"), (("paper", "--out", "other"), "two folders; give one of them")],
 )
 def test_reproduce_needs_one_folder(shell, arguments, text):
     result = shell.run("reproduce", *arguments)

@@ -42,8 +42,11 @@ def mistakes(tmp_path, events):
         ("at_min = 3\nover_min = 4\nset = { Rmc = 1 }", "over_min = 4: goes with give"),
         ('at_min = 3\nramp_min = 4\nset = { "ecmo.drainage_site" = "svn" }', "only numbers change"),
         ('at_min = 3\nset = { "patient.id" = "Q" }', "changes nothing that a course reads"),
-        ('at_min = 3\nset = { "crrt.haematocrit_in" = 0.3 }', "says how the course starts"),
-        ('at_min = 3\nset = { "ecmo.flow_l_min" = 3 }', "a course holds speeds; set the speed"),
+        ('at_min = 3\nset = { "crrt.haematocrit_in" = 0.3 }', "is a value at the start of the course"),
+        (
+            'at_min = 3\nset = { "ecmo.flow_l_min" = 3 }',
+            "a course keeps the pump's speed, not its flow; set the speed",
+        ),
     ],
 )
 def test_a_mistake_is_one_line_with_key_and_way_out(tmp_path, event, message):

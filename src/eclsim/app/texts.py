@@ -322,7 +322,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "timeline_alarms": "What was broken",
         "timeline_no_alarms": "No limit is broken.",
         "timeline_balance": "Blood {start} to {end} mL: given {given}, taken {removed}, from the tissues "
-        "{refilled} mL; does not add up by {error} mL. Computed in {seconds} s.",
+        "{refilled} mL; balance off by {error} mL. Computed in {seconds} s.",
         "course_full": "an event at a minute, at most {most} of them",
         "course_failed": "The course could not be computed.",
         "course_events": "events of the course",
@@ -442,7 +442,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "posterior_without": "no diagnostics: an approximation",
         "posterior_unchecked": "the file does not call it trusted",
         "posterior_damaged": "not a posterior of eclsim identify --posterior, or damaged",
-        "posterior_unknown": "its draws are of what no case file holds",
+        "posterior_unknown": "its draws are of a parameter that no case file has",
         "posterior_foreign": "draws of this, which {name} does not have",
         "posterior_own": "open the patient first that the posterior was found for, with devices and sections",
         "posterior_long": "more draws than this page takes",

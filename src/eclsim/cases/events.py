@@ -173,10 +173,12 @@ class _Checks:
             elif path[0] == "measurements" or path == ("patient", "id"):
                 self.remarks.error(key, "changes nothing that a course reads", shown(value))
             elif says_start(".".join(path)):
-                message = "says how the course starts; what becomes of it is followed"
+                message = "is a value at the start of the course, which computes how it goes on"
                 self.remarks.error(key, message, shown(value), "give = { ... } changes blood and fluid")
             elif path[1] == "flow_l_min" and "speed_rpm" in in_place_of(*path):
-                self.remarks.error(key, "a course holds speeds; set the speed", shown(value))
+                self.remarks.error(
+                    key, "a course keeps the pump's speed, not its flow; set the speed", shown(value)
+                )
             elif ramped and not _is_number(value):
                 self.remarks.error(key, "only numbers change over ramp_min", shown(value))
             elif self._allowed(key, path, value):

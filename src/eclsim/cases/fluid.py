@@ -54,7 +54,9 @@ class Fluid(Section):
         """Protein that does not stay in the plasma."""
         inside, outside = values.get("plasma_protein_g_dl", 6.0), values.get("interstitial_protein_g_dl")
         if isinstance(outside, float) and isinstance(inside, float) and outside >= inside:
-            message = f"no less than that of the plasma, {inside:g} g/dL: nothing would hold water there"
+            message = (
+                f"no less than that of the plasma, {inside:g} g/dL: nothing would hold water in the vessels"
+            )
             remarks.error(
                 f"{key}.interstitial_protein_g_dl", message, shown(outside), f"below {inside:g} g/dL"
             )

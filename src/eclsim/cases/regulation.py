@@ -93,7 +93,7 @@ class Regulation(_Settings):
     def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
         """Say what is without effect or does not go together."""
         if "chemoreflex" in values and values.get("model", "ursino1998") != "ursino1998":
-            message = f"acts on the firing of nerves, which {values['model']} has none of"
+            message = f"acts on the firing rate of nerves, which {values['model']} does not model"
             remarks.error(f"{key}.chemoreflex", message, shown(values["chemoreflex"]), 'model = "ursino1998"')
         if "baroreflex" not in raw and not any(name in values for name in BY_GASES):
             message = "left out, so nothing is regulated; 1 is the published reflex"

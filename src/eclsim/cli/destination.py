@@ -36,7 +36,7 @@ class Destinations:
         self.files: dict[str, Path] = {}
         self.mistakes: list[str] = []
         if resume and force:
-            self.mistakes.append("--resume keeps what is there and --force throws it away: one of them")
+            self.mistakes.append("--resume keeps what is there and --force throws it away: give one of them")
 
     def check(self) -> None:
         """Leave with exit status 2 if anything is wrong."""

@@ -93,7 +93,7 @@ def _checked(o: ReproduceOptions) -> tuple[Path, Target, Sequence[str], Distribu
     from eclsim.paper.reproduction import RUNS, file_names
 
     if o.folder is not None and o.out is not None:
-        fail(f"{o.folder} and --out {o.out}: two folders; one of them")
+        fail(f"{o.folder} and --out {o.out}: two folders; give one of them")
     places = Destinations(force=o.force, resume=o.continues)
     folder = places.folder("--out", o.held[0], (*file_names(), RUNS))
     target = places.target("--json", o.json)

@@ -76,7 +76,7 @@ def sensitivity(options: SensitivityOptions) -> None:
     target, distribution = _checked_destinations(options)
     merges = MERGE in (options.case_file, options.shard)
     if options.case_file == MERGE:
-        warn([f"eclsim sensitivity merge: will go; eclsim merge {options.out} does it for every command"])
+        warn([f"eclsim sensitivity merge will be removed: use eclsim merge {options.out}"])
     with _mistakes(options), resumable(options.out):
         results = _merged(options) if merges else _analysed(options, distribution)
     pairs = bool(options.second_order)

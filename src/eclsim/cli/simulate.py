@@ -99,7 +99,7 @@ def _check_modes(o: SimulateOptions) -> None:
     """A sweep is of one key of one case, and has a beat for each value and nothing else."""
     wrong = []
     if o.sweep and o.compare:
-        wrong.append("--sweep and --compare: one of them")
+        wrong.append("--sweep and --compare: give one of them")
     if len(o.sweep) > 1:
         wrong.append(f"--sweep: given {len(o.sweep)} times; one key is varied at a time")
     if o.sweep and len(o.case_files) > 1:

@@ -379,7 +379,7 @@ WITHOUT_CRRT = "without CRRT"
 WHY = {
     "no_ejection": "the native heart ejects next to nothing",
     "not_converged": "the search for it did not converge",
-    "not_finite": "the pressures left the range of numbers",
+    "not_finite": "pressures or flows became infinite",
     "one_of_many": "valves stay shut, so that the volumes depend on where the computation began",
     "invalid_input": "a value is not allowed",
     "no_oxygen": "a tissue gets less than a tenth of the oxygen that it needs",

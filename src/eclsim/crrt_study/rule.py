@@ -138,7 +138,7 @@ USUAL = Rule(
         Criterion(
             "recirculated_fraction", prefer="smaller", step=0.01, words="recirculates less, in steps of 1 %"
         ),
-        Criterion("margin", prefer="larger", words="stands further from its nearest limit at this speed"),
+        Criterion("margin", prefer="larger", words="is further from its nearest limit at this speed"),
     ),
 )  # fmt: skip
 

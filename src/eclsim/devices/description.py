@@ -30,7 +30,7 @@ Kind = Literal["collapse", "alarm", "warning"]
 GRAVEST_FIRST: tuple[Kind, ...] = ("collapse", "alarm", "warning")
 """Kinds of limits. Beyond a "collapse" the numbers cannot be those of a patient."""
 COLLAPSE_MMHG = -300.0
-"""Pressure that no vein withstands: the vessel has collapsed and the computed flow is not to be had."""
+"""Pressure that no vein withstands: the vessel has collapsed and a pump would not reach the computed flow."""
 CAUTION = "caution"
 """Kind of a finding that breaks no limit: how a number is to be read."""
 

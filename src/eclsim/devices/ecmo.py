@@ -625,7 +625,7 @@ class EcmoDevice(Device[Ecmo]):
         ),
         Limit(
             "lowest_drainage_pressure", "collapse", "below", COLLAPSE_MMHG,
-            "the vessel collapses and this flow is not to be had: lower the pump speed", _ELSO,
+            "the vessel collapses and the pump would not reach this flow: lower its speed", _ELSO,
         ),
         Limit(
             "pump_inlet_pressure", "alarm", "below", COLLAPSE_MMHG,

@@ -118,8 +118,8 @@ class IabpDevice(Device[Iabp]):
         if "SP" not in outputs or not augmented >= outputs["SP"]:
             return []
         text = (
-            "the highest aortic pressure is the balloon's, in diastole: SP, DP and pulse pressure are the "
-            f"{names.label}'s work; what the heart ejects say {names.output(_SYSTOLIC.name)} and LVO"
+            "the highest aortic pressure is the balloon's, in diastole: SP, DP and pulse pressure are made "
+            f"by the {names.label}; for what the heart does read {names.output(_SYSTOLIC.name)} and LVO"
         )
         return [
             Finding(CAUTION, "SP", outputs["SP"], float("nan"), text, concerns=("SP", "DP", "pulse_pressure"))

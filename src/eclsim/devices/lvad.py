@@ -177,9 +177,7 @@ class LvadDevice(Device[Lvad]):
         check_sites(key, values, "inlet_site", "outlet_site", remarks)
         inlet, outlet = values.get("inlet_site"), values.get("outlet_site")
         if inlet in (*VENOUS_SITES, *RIGHT_HEART) and outlet in (*ARTERIAL_SITES, *LEFT_HEART):
-            message = (
-                f"drains {PATIENT_SITES[inlet]}: blood passes the lungs by, with no oxygenator in its way"
-            )
+            message = f"drains {PATIENT_SITES[inlet]}: blood bypasses the lungs without an oxygenator"
             remarks.warning(f"{key}.inlet_site", message, shown(inlet), "lv or la")
         check_speed(key, values, PUMPS, remarks)
         if case.of("ecmo"):

@@ -75,9 +75,11 @@ class Distribution:
 
     def __post_init__(self) -> None:
         if self.force and self.resume:
-            raise ExecutionError("--resume keeps what is there and --force throws it away: one of them")
+            raise ExecutionError("--resume keeps what is there and --force throws it away: give one of them")
         if self.force and self.shard is not None:
-            raise ExecutionError("--shard keeps what the others did and --force throws it away: one of them")
+            raise ExecutionError(
+                "--shard keeps what the others did and --force throws it away: give one of them"
+            )
         if self.workers is not None and self.workers < 1:
             raise ExecutionError(f"--workers {self.workers}: allowed: 1, 2, 3 ...")
 

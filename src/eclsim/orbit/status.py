@@ -39,7 +39,7 @@ _MESSAGES = {
         "--transient"
     ),
     Status.NOT_FINITE: (
-        "the beat left the range of numbers: a parameter is far outside its physiological range; see "
+        "pressures or flows became infinite: a parameter is far outside its physiological range; see "
         "`eclsim parameters list`"
     ),
     Status.INVALID_INPUT: "a value is not allowed, so nothing was computed",

@@ -117,7 +117,7 @@ _IMPOSSIBLE = tuple(
     )
 ) + tuple(
     Limit(
-        name, "alarm", "below", 0.0, "the great veins collapse, and flow that drains them is not to be had",
+        name, "alarm", "below", 0.0, "the great veins collapse: the pump would not reach this flow",
         "pressure of the surroundings", without=_FILLINGS,
     )
     for name in ("right_atrial_pressure", "venous_pressure", *_CAVAL)

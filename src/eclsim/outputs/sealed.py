@@ -104,11 +104,11 @@ def _needs(name: str) -> tuple[str, ...]:
 def _sentence(parts: tuple[tuple[str, ...], ...], reason: str) -> str:
     listing = _listed([" with the ".join(_labels(part)) for part in parts], "the ")
     return (
-        f"{reason}: how much blood {listing} hold{'s' * (len(parts) == 1)} is not determined by the case but "
-        "left over from where the computation began, and so are the volumes and pressures there and, since "
-        "the rest has as much less, all other pressures, of arteries and lines too; another start gives "
-        "others, by tens of mL and some mmHg, at worst tens. Do not read them; raise Emaxlv or Emaxrv or "
-        "lower the pump speed until the valves open"
+        f"{reason}: how much blood {listing} hold{'s' * (len(parts) == 1)} is not determined by the case, "
+        "but by where the computation began. With it go the volumes and pressures there and, because the "
+        "rest of the circulation has the other blood, all pressures, of arteries and lines too: another "
+        "start changes them by tens of mL and some mmHg, at worst tens of mmHg. Do not read them; raise "
+        "Emaxlv or Emaxrv or lower the pump speed until the valves open"
     )
 
 
