@@ -118,9 +118,9 @@ def test_markdown_holds_the_summary_and_every_miss(shell, checks):
     done = shell.run("validate", "--only", "gradients", "--markdown", target)
     assert done.exit_code == 1
     lines = target.read_text().splitlines()
-    assert "| Good things | 1 % |  | 2 of 2 |  |  |  | a: +0.5 % |" in lines
+    assert "| Good things | 1 % | 2 of 2 |  |  | a: +0.5 % |" in lines
     assert "| bad | c | 100 mL | 102 mL | +2 % | miss, explained | 2 |" in lines
-    assert "| shown | d | 1 | 2 | +1e+02 % | MISS |  |" in lines
+    assert "| shown | d | 1 | 2 | +100 % | MISS |  |" in lines
 
 
 def test_two_outputs_need_two_files(shell, checks):

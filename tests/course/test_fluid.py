@@ -42,7 +42,7 @@ def change(found, *names):
 def test_events_set_no_starts(key):
     with pytest.raises(CaseError) as caught:
         read_mapping(RAW | {"gas": {}, "events": [{"at_min": 5, "set": {key: 9}}]})
-    assert f"{key} = 9: says how the course starts" in str(caught.value)
+    assert f"{key} = 9: is a value at the start of the course" in str(caught.value)
 
 
 @pytest.mark.slow

@@ -128,7 +128,7 @@ def plan_removal(
     solved = with_speed(as_case(case), volume_policy)[0].model_copy(update={"events": ()})
     if not (math.isfinite(remove_ml) and remove_ml > 0.0 and hours > 0.0):
         raise GoalError([f"remove {remove_ml:g} mL in {hours:g} h; allowed: positive numbers"])
-    key, slowest = _filtration(solved), remove_ml / hours
+    key, slowest = _filtration(solved, keep), remove_ml / hours
     fastest = _fastest(solved, key, slowest)
     slow = changed(solved, {key: slowest}, solved)
     outputs = output_names(model_of(slow).circuit)
@@ -193,15 +193,20 @@ def _fastest_tolerated(tried: dict[float, bool]) -> float | None:
     return max((rate for rate in tried if rate < first), default=None)
 
 
-def _filtration(case: Case) -> str:
-    """Key of the net ultrafiltration of the case's device."""
+def _filtration(case: Case, keep: str | Sequence[Goal]) -> str:
+    """Key of the net ultrafiltration of the case's device; without one, wrong goals are said with it."""
     for instance in case.instances():
         if FILTRATION in instance.device.section.fields():
             return f"{instance.key}.{FILTRATION}"
     removing = " or ".join(
         f"[{key}]" for key, instance in devices().items() if FILTRATION in instance.section.fields()
     )
-    raise GoalError([f"no device that removes fluid; allowed: a case with {removing}"])
+    wrong = [f"no device that removes fluid; allowed: a case with {removing}"]
+    try:
+        read_goals(keep, output_names(model_of(case).circuit))
+    except GoalError as error:
+        wrong += error.mistakes
+    raise GoalError(wrong)
 
 
 def _fastest(case: Case, key: str, slowest: float) -> float:
