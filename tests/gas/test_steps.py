@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from eclsim.cases import read_case
+from eclsim.components.exchangers import BTPS_TO_STPD, DRY_MMHG
 from eclsim.gas.network import CONTENTS, Quantity, gas_of
 from eclsim.gas.transport import Held, balanced, mixtures
 from eclsim.orbit.model import model_of
@@ -69,10 +70,18 @@ def compiled(function):
     return jax.jit(function)
 
 
-def stepped(patient, contents, length):
+LUNGS_L, ALVEOLAR = 2.0, (110.0, 40.0)
+
+
+def stepped(patient, contents, length, alveolar=ALVEOLAR):
     _, numbers, _, step, volumes = patient
-    numbers = np.concatenate([numbers, volumes / length, volumes / length, *contents])
+    lungs = [LUNGS_L / length, *alveolar]
+    numbers = np.concatenate([numbers, volumes / length, volumes / length, *contents, lungs])
     return dict(zip(step.quantities, np.asarray(compiled(step.compute)(numbers)), strict=True))
+
+
+def alveolar_of(state):
+    return [state[Quantity(gas, "within", "part")] for gas in ("PO2", "PCO2")]
 
 
 def contents_of(patient, state):
@@ -92,9 +101,11 @@ def test_a_long_step_and_many_short_ones_end_in_the_steady_state(patient):
     far = stepped(patient, start, 1e9)
     for quantity in goal:
         assert far[quantity] == pytest.approx(goal[quantity], rel=1e-6, abs=1e-9)
-    contents = start
+    contents, alveolar = start, ALVEOLAR
     for _ in range(60):
-        contents = contents_of(patient, stepped(patient, contents, 5.0))
+        state = stepped(patient, contents, 5.0, alveolar)
+        contents, alveolar = contents_of(patient, state), alveolar_of(state)
+    np.testing.assert_allclose(alveolar, alveolar_of(goal), rtol=1e-5)
     np.testing.assert_allclose(contents, contents_of(patient, goal), rtol=1e-5)
 
 
@@ -109,14 +120,32 @@ def test_what_blood_gains_in_a_step_is_what_exchangers_give(patient):
         assert abs(given) > 5.0
 
 
+def test_what_lungs_hold_more_is_what_they_breathe_in_less_what_they_give_away(patient):
+    names, numbers, length = patient[3].parameters, patient[1], 1.0 / 90.0
+    values = dict(zip(names, numbers[-len(names) :], strict=True))
+    volumes = len(patient[4])
+    start = np.stack([np.full(volumes, 12.0), np.full(volumes, 50.0)])
+    state = stepped(patient, start, length)
+    held = 1000.0 * BTPS_TO_STPD * LUNGS_L / DRY_MMHG * (np.array(alveolar_of(state)) - ALVEOLAR) / length
+    gained = [state[Quantity(what, "at", "part")] for what in ("gained", "gained_co2")]
+    breathed = 1000.0 * BTPS_TO_STPD * values["gas.alveolar_ventilation_l_min"]
+    inspired = np.array([values["gas.fio2"], 4e-4])
+    out = breathed - sum(gained)
+    expected = breathed * inspired - out * np.array(alveolar_of(state)) / DRY_MMHG - gained
+    np.testing.assert_allclose(held, expected, rtol=1e-6, atol=1e-6)
+    assert np.abs(held).min() > 1.0
+
+
 def test_steps_are_of_first_order(patient):
     """Against steps of an eighth, half the length halves the error."""
-    start = contents_of(patient, steady_state(patient)) * [[0.9], [1.05]]
+    goal = steady_state(patient)
+    start = contents_of(patient, goal) * [[0.9], [1.05]]
 
     def after(count):
-        contents = start
+        contents, alveolar = start, alveolar_of(goal)
         for _ in range(count):
-            contents = contents_of(patient, stepped(patient, contents, 0.2 / count))
+            state = stepped(patient, contents, 0.2 / count, alveolar)
+            contents, alveolar = contents_of(patient, state), alveolar_of(state)
         return contents
 
     fine = after(64)

@@ -115,6 +115,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "gas.fio2": "FiO2 (ventilator)",
         "gas.alveolar_ventilation_l_min": "Alveolar ventilation",
         "gas.shunt_fraction": "Shunt",
+        "gas.lung_volume_ml": "Gas in the lungs (timeline)",
         "regulation.baroreflex": "Baroreflex gain",
         "regulation.model": "Published reflex",
         "regulation.set_point_mmHg": "Set point",

@@ -40,6 +40,7 @@ class Gas(Section):
     fio2: float = 0.5
     alveolar_ventilation_l_min: float = 2.0
     shunt_fraction: float = 0.4
+    lung_volume_ml: float = 2000.0
 
     @classmethod
     def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
@@ -56,7 +57,7 @@ class Gas(Section):
     def check(cls, sections: Mapping[str, Raw], remarks: Remarks) -> None:
         """Say which defaults are used, and warn of blood gases that nothing computes."""
         elsewhere = "base_excess_mmol_l" if "bicarbonate_mmol_l" in sections.get(Solutes.section, {}) else ""
-        known = {*sections.get(cls.section, cls.fields()), "vo2_ml_min", elsewhere}
+        known = {*sections.get(cls.section, cls.fields()), "vo2_ml_min", "lung_volume_ml", elsewhere}
         refused = {key.removeprefix(PREFIX) for key in remarks.refused()}
         if left_out := [name for name in cls.fields() if name not in known | refused]:
             used = (f"{name} = {PARAMETERS[PREFIX + name].value:g}" for name in left_out)

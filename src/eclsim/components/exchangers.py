@@ -13,7 +13,7 @@ The logarithms of both partial pressures at the points are the unknowns of the g
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple
 
 import jax.numpy as jnp
@@ -31,6 +31,8 @@ FLOWMETER_TO_STPD = 273.15 / 293.15
 """Sweep gas is stated as a flowmeter shows it: dry gas at 20 C and 760 mmHg."""
 AIR_CARBON_DIOXIDE = 4e-4
 """Fraction of carbon dioxide in inspired gas."""
+AIR_OXYGEN = 0.2095
+"""Fraction of oxygen in air."""
 RADAU = np.array([[5.0, -1.0], [9.0, 3.0]]) / 12.0
 """Weights of the rates at 1/3 and at the end of a cell (Radau IIA)."""
 MIXED = np.ones((1, 1))
@@ -87,6 +89,15 @@ class GasExchanger(Exchanger, ABC):
     def exchanging(self, values: Values) -> Number:
         """Share of the blood that exchanges gas; the rest passes unchanged."""
         return 1.0
+
+    def over_a_step(self, held: str, before: tuple[str, str]) -> GasExchanger:
+        """The law over a step in time; itself where the place holds no gas.
+
+        Args:
+            held: name of the volume of gas over the length of the step [L/min BTPS].
+            before: names of its partial pressures of oxygen and carbon dioxide at the beginning [mmHg].
+        """
+        return self
 
     @abstractmethod
     def rates(self, flow: Array, inside: Points, values: Values) -> Array:
@@ -151,26 +162,48 @@ class NativeLung(GasExchanger):
     V_I F_I = V_E F_A + uptake for each gas. The usual alveolar gas equation does not hold on ECMO, where the
     lung's respiratory quotient can be anything. Without ventilation the blood passes unchanged.
 
+    Over a step in time of length h the alveoli hold a volume V of gas, whose partial pressures were P_0:
+
+        V (P - P_0) / h = V_I P_I - V_E P - uptake x (barometric pressure - water vapour)
+
+    Where blood takes up more than comes in, gas follows through the open airway: inspired gas, and air where
+    nothing ventilates.
+
     Args:
         ventilation: parameter, inspired alveolar ventilation [L/min BTPS].
         oxygen: parameter, inspired fraction of oxygen [-].
         shunt: parameter, share of the flow that passes no alveolus [-].
+        held: V / h [L/min BTPS], a name of a step in time; a number 0 where the lung is steady.
+        before: P_0 of oxygen and carbon dioxide [mmHg].
     """
 
     ventilation: Key = "gas.alveolar_ventilation_l_min"
     oxygen: Key = "gas.fio2"
     shunt: Key = "gas.shunt_fraction"
+    held: Key = 0.0
+    before: tuple[Key, Key] = (0.0, 0.0)
 
     def exchanging(self, values: Values) -> Number:  # noqa: D102
         return 1.0 - value_of(values, self.shunt)
+
+    def over_a_step(self, held: str, before: tuple[str, str]) -> NativeLung:  # noqa: D102
+        return replace(self, held=held, before=before)
 
     def rates(self, flow: Array, inside: Points, values: Values) -> Array:  # noqa: D102
         gas = 1000.0 * BTPS_TO_STPD * value_of(values, self.ventilation)
         # Alveoli that no blood passes need some gas for their equation to have a solution.
         gas = jnp.where(jnp.asarray(value_of(values, self.shunt)) >= 1.0, jnp.maximum(gas, 1.0), gas)
         expired = gas - inside.gained[0] - inside.gained[1]
-        inspired = gas * jnp.stack([value_of(values, self.oxygen), AIR_CARBON_DIOXIDE])
-        return jnp.asarray(inspired[:, None] - inside.pressure / DRY_MMHG * expired)
+        fractions = jnp.stack([value_of(values, self.oxygen), AIR_CARBON_DIOXIDE])[:, None]
+        if self.held == 0.0:
+            return jnp.asarray(gas * fractions - inside.pressure / DRY_MMHG * expired)
+        air = jnp.array([[AIR_OXYGEN], [AIR_CARBON_DIOXIDE]])
+        inspired = gas * fractions + jnp.maximum(-expired, 0.0) * jnp.where(gas > 0.0, fractions, air)
+        held = 1000.0 * BTPS_TO_STPD * value_of(values, self.held)
+        kept = held * (
+            inside.pressure - jnp.stack([jnp.asarray(value_of(values, key)) for key in self.before])[:, None]
+        )
+        return jnp.asarray(inspired - (inside.pressure * jnp.maximum(expired, 0.0) + kept) / DRY_MMHG)
 
 
 @dataclass(frozen=True)

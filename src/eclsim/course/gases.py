@@ -2,8 +2,9 @@
 
 Every beat is an implicit step of the contents of oxygen and carbon dioxide in all compartments, with the
 beat's own flows (`eclsim.gas.transport`): what changes reaches the next compartment as its blood is renewed.
-Lungs, membrane and tissues answer at once to the blood that passes. Blood that is
-given joins with the contents of the veins; where haemoglobin changes, its oxygen does.
+Alveoli hold gas that is breathed in, taken up and breathed out; membrane and tissues answer at once to the
+blood that passes. Blood that is given joins with the contents of the veins; where haemoglobin changes, its
+oxygen does.
 """
 
 from __future__ import annotations
@@ -16,11 +17,12 @@ import numpy as np
 from eclsim.circuit.network import Circuit
 from eclsim.circuit.volumes import total_volumes
 from eclsim.components.exchangers import HAEMOGLOBIN
-from eclsim.gas.network import CONTENTS, PATIENT, GasStatus, Quantity, gas_of
+from eclsim.gas.network import CONTENTS, PATIENT, GasStatus, Quantity, gas_of, lungs_of
 from eclsim.outputs.coupling import solved_for
 from eclsim.outputs.gas import artery_of
 from eclsim.outputs.measures import Measures, single
 from eclsim.outputs.regulation import LOCAL_OUTPUTS
+from eclsim.parameters.gas import LUNG_VOLUME
 from eclsim.parameters.regulation import LUNG_RESISTANCE, SENSED_PACO2, SENSED_PAO2, local_resistance
 from eclsim.regulation.oxygen import (
     ORGANS_CARBON_DIOXIDE_S,
@@ -71,7 +73,7 @@ class GasesInTime:
 
     def __init__(self, circuit: Circuit, signals: Sequence[str], values: Mapping[str, float]):
         self.circuit, self.steady, self.step = circuit, gas_of(circuit), gas_of(circuit, in_time=True)
-        self.signals = signals
+        self.signals, self.lungs = signals, [lung.at for lung in lungs_of(circuit)]
         slow = (LUNG_RESISTANCE,)
         self.answers = tuple(n for n in solved_for(circuit) if n not in slow and np.isnan(values[n]))
         self.of_patient = [c.group == PATIENT for c in circuit.compartments]
@@ -110,6 +112,10 @@ class GasesInTime:
         blood = np.maximum(self.beside + np.stack(volumes), LEAST_ML) / period / ML_S_PER_L_MIN
         contents = gases.contents * [[values[HAEMOGLOBIN] / gases.haemoglobin], [1.0]]
         numbers = [*self._flows(series, phases), *self._numbers(self.step, values), *blood, *contents]
+        held = values[LUNG_VOLUME] / period / ML_S_PER_L_MIN
+        for lung in self.lungs:
+            alveolar = [gases.state[Quantity(gas, "within", lung)] for gas in ("PO2", "PCO2")]
+            numbers.append(np.array([held, *alveolar]))
         state = self._state(self.step, numbers)
         now, lags = self._signals(state), self._lags()
         felt = {k: v - np.expm1(-period / lags[k]) * (now[k] - v) for k, v in gases.felt.items()}

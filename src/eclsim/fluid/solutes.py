@@ -38,6 +38,10 @@ BLOOD_SHARE = 0.2
 """Of the store of carbon dioxide: 5 L of blood hold 24 mL for each mmHg, all tissues and blood 120."""
 BLOOD_FOLLOWS_S = 60.0
 """In which blood is renewed [s], its volume over its flow."""
+SLOW_SHARE = 0.6
+"""Of the store: muscle, skin, fat and bone, four fifths of the tissues' mass; estimated, not fitted."""
+SLOW_FOLLOWS_S = 540.0
+"""In which they follow [s]: 63 mL/mmHg over a quarter of 5.5 L/min, their flow at rest, of 5 mL/L/mmHg."""
 STANDARD_PCO2 = 40.0
 BASE_EXCESS = BLOOD[1]
 _MINUTE, _HOUR = 60.0, 3600.0
@@ -203,14 +207,17 @@ class SolutesLaw(SlowLaw):
 
 @dataclass(frozen=True)
 class CarbonDioxideLaw(SlowLaw):
-    """Stores of carbon dioxide: tissues, which hold their PCO2, and the blood, which follows them.
+    """Stores of carbon dioxide: tissues, which hold their PCO2, those with little flow, and the blood.
 
-        tissues  (1 - b) S dP/dt = made - given to the blood - kept as bicarbonate - b S (P - P_b) / tau
-        blood    dP_b/dt = (P - P_b) / tau
+        tissues      (1 - b - s) S dP/dt = made - given to the blood - kept as bicarbonate
+                                           - b S (P - P_b) / tau_b - s S (P - P_s) / tau_s
+        little flow  dP_s/dt = (P - P_s) / tau_s
+        blood        dP_b/dt = (P - P_b) / tau_b
 
-    with b of the store S in the blood. A steady beat has the blood of tissues at P_b, so that it is late by
-    tau. Beat by beat blood holds its carbon dioxide itself. A filter's bicarbonate is carbon dioxide of the
-    blood; what of it acid does not use up stays as the bicarbonate that `SolutesLaw` counts.
+    with b of the store S in the blood and s in muscle, skin, fat and bone. A steady beat has the blood of
+    tissues at P_b, so that it is late by tau_b. Beat by beat blood holds its own. Bicarbonate
+    of a filter is carbon dioxide of the blood; what of it acid does not use up stays as the bicarbonate that
+    `SolutesLaw` counts, beat by beat in tissues alone: the blood's part is in its contents.
 
     Args:
         tissues: their exchanges, with the share of the store that is theirs.
@@ -224,7 +231,7 @@ class CarbonDioxideLaw(SlowLaw):
 
     @property
     def states(self) -> tuple[SlowState, ...]:  # noqa: D102
-        names = (key(name) for name, _ in self.tissues for key in (_pressure, _of_blood))
+        names = (key(name) for name, _ in self.tissues for key in (_pressure, _of_slow, _of_blood))
         return tuple(SlowState(name, "mmHg", 1.0) for name in names)
 
     @property
@@ -244,7 +251,7 @@ class CarbonDioxideLaw(SlowLaw):
         return {
             key(name): beat[_read("tissue_PCO2", name)]
             for name, _ in self.tissues
-            for key in (_pressure, _of_blood)
+            for key in (_pressure, _of_slow, _of_blood)
         }
 
     def in_effect(self, states: Named, settings: Named) -> Named:  # noqa: D102
@@ -255,15 +262,19 @@ class CarbonDioxideLaw(SlowLaw):
     def rates(self, states: Named, settings: Named, beat: Named, inflows: Named) -> Named:  # noqa: D102
         found: dict[str, np.ndarray] = {}
         kept = self.solutes.base_kept(settings, beat) if self.solutes else 0.0
-        kept = CARBON_DIOXIDE_ML_PER_MMOL * kept * (1.0 - BLOOD_SHARE if self.every_beat else 1.0)
+        kept = CARBON_DIOXIDE_ML_PER_MMOL * kept
+        if self.every_beat:
+            kept = kept * (1.0 - settings["total_blood_volume_ml"] / _space(settings))
         for name, of_all in self.tissues:
             share = np.asarray(value_of(settings, of_all))
             store = settings[_of("carbon_dioxide_store_ml_mmHg")] * share
-            follows = (states[_pressure(name)] - states[_of_blood(name)]) / BLOOD_FOLLOWS_S
-            stored = beat[_read("stored_CO2", name)] / _MINUTE - share * kept
+            slow = (states[_pressure(name)] - states[_of_slow(name)]) / SLOW_FOLLOWS_S
+            blood = (states[_pressure(name)] - states[_of_blood(name)]) / BLOOD_FOLLOWS_S
+            stored = beat[_read("stored_CO2", name)] / _MINUTE - share * kept - SLOW_SHARE * store * slow
             if not self.every_beat:
-                stored = stored - BLOOD_SHARE * store * follows
-            found |= {_pressure(name): stored / ((1.0 - BLOOD_SHARE) * store), _of_blood(name): follows}
+                stored = stored - BLOOD_SHARE * store * blood
+            own = (1.0 - BLOOD_SHARE - SLOW_SHARE) * store
+            found |= {_pressure(name): stored / own, _of_slow(name): slow, _of_blood(name): blood}
         return found
 
     def shown(self, states: Named, in_effect: Named) -> tuple[Shown, ...]:  # noqa: D102
@@ -301,6 +312,10 @@ def stores_of_carbon_dioxide(circuit: Circuit, solutes: SolutesLaw | None) -> tu
 
 def _pressure(tissue: str) -> str:
     return _of(f"{tissue}_pco2_mmHg")
+
+
+def _of_slow(tissue: str) -> str:
+    return _of(f"{tissue}_slow_pco2_mmHg")
 
 
 def _of_blood(tissue: str) -> str:

@@ -19,7 +19,7 @@ from jax import Array
 
 from eclsim.circuit.network import Choice, Circuit, Exchange, sites_of
 from eclsim.components.base import Values, names_in, value_of
-from eclsim.components.exchangers import ENTERING, GasExchanger, Tissue
+from eclsim.components.exchangers import ENTERING, GasExchanger, NativeLung, Tissue
 from eclsim.gas.steady import GasState, Samples, solve
 from eclsim.gas.transport import Drainage, Flows, Held, Mixtures, balanced, mixtures
 
@@ -79,7 +79,8 @@ class Quantity(NamedTuple):
         what: a name of `GASES`; "gained" gas or "gained_co2", "supplied" and "demanded" oxygen [mL/min STPD]
             of an exchange; "recirculated" share of what an exchange sent; or "status".
         where: "in" a compartment whose blood is analysed, "mixed" in any (contents alone), "drawn" by a
-            connection, "behind" an exchange, "into" one that answers to what enters, or "at" an exchange.
+            connection, "behind" an exchange, "into" one that answers to what enters, "within" a lung (its
+            alveoli), or "at" an exchange.
         place: name of the compartment or connection.
     """
 
@@ -154,7 +155,8 @@ class GasFunction:
     Args:
         connections: whose mean forward, then backward flows come first [L/min].
         parameters: that come next; in a step in time then volumes of all compartments before and after over
-            its length [L/min], and contents of oxygen and of carbon dioxide before [mL/dL].
+            its length [L/min], contents of oxygen and of carbon dioxide before [mL/dL], and of each of
+            `lungs_of` the gas that it holds over the length [L/min BTPS] and its PO2 and PCO2 before [mmHg].
         quantities: what it gives.
         compute: the function, from an array (numbers,) to an array (quantities,).
         key: what tells it from all others.
@@ -171,17 +173,20 @@ class GasFunction:
 def gas_of(circuit: Circuit, law: str = "severinghaus1979", in_time: bool = False) -> GasFunction:
     """The gas state of a circuit with exchanges, by a law of the blood: the steady one, or a step later.
 
-    Over a step in time compartments hold blood and exchangers none: lungs and tissues, whose PCO2 stores may
-    hold, answer at once to the blood that reaches them.
+    Over a step in time compartments hold blood and lungs gas; exchangers hold no blood: membranes and
+    tissues, whose PCO2 stores may hold, answer at once to the blood that reaches them.
     """
     exchanges, names = gas_exchanges(circuit), tuple(c.name for c in circuit.connections)
     laws = [e.component for e in exchanges if isinstance(e.component, GasExchanger)]
     of_exchanges = [n for e in exchanges for n in e.component.parameter_names()]
     mixing = [n for d in drainages(circuit) for n in names_in(d.mixing)]
     parameters = tuple(dict.fromkeys((*of_exchanges, *mixing, *switches(circuit))))
+    in_lungs = [f"{what} {e.at}" for e in lungs_of(circuit) for what in _IN_LUNGS] if in_time else []
+    over_time = [_over_a_step(e) for e in exchanges] if in_time else laws
     samples = _samples(circuit)
     quantities = tuple(Quantity(gas, where, at) for where, at in samples for gas in GASES)
     quantities += tuple(Quantity(gas, "into", exchanges[k].at) for k, _ in _entered(laws) for gas in GASES)
+    quantities += tuple(Quantity(gas, "within", exchanges[k].at) for k, _ in _alveoli(laws) for gas in GASES)
     quantities += tuple(Quantity("recirculated", "drawn", at) for at, _ in _drawn(circuit))
     quantities += tuple(Quantity(gas, "mixed", c.name) for gas in CONTENTS for c in circuit.compartments)
     quantities += tuple(
@@ -194,16 +199,19 @@ def gas_of(circuit: Circuit, law: str = "severinghaus1979", in_time: bool = Fals
         count = len(names)
         last = 2 * count + len(parameters)
         values = dict(zip(parameters, numbers[2 * count : last], strict=True))
-        before, after, *contents = numbers[last:].reshape(4, -1) if in_time else [jnp.zeros(0)] * 4
+        blood = last + 4 * len(circuit.compartments)
+        before, after, *contents = numbers[last:blood].reshape(4, -1) if in_time else [jnp.zeros(0)] * 4
+        values |= dict(zip(in_lungs, numbers[blood:], strict=True))
         held = Held(before, after, jnp.stack(contents, axis=1)) if in_time else None
         flows = flows_of(circuit, numbers[:count], numbers[count : 2 * count], values, held)
         at = [names.index(e.at) for e in exchanges]
         drawn = [(d, jnp.asarray(value_of(values, d.mixing))) for d in drainages(circuit)]
         mixed = mixtures(flows, at, drawn, held)
         lasting = mixtures(balanced(flows), at, drawn) if in_time else mixed
-        state = solve(laws, mixed, values, law, _shares(circuit, samples, mixed))
+        state = solve(over_time, mixed, values, law, _shares(circuit, samples, mixed))
         points = state.ph.shape[0]
-        sampled = np.r_[points - len(samples) : points, [first for _, first in _entered(laws)]].astype(int)
+        inside = [point for _, point in (*_entered(laws), *_alveoli(laws))]
+        sampled = np.r_[points - len(samples) : points, inside].astype(int)
         gases = (*jnp.exp(state.pressure), state.ph, state.saturation, *state.content)
         recirculated = [lasting.drawn[names.index(at), k] for at, k in _drawn(circuit)]
         from_held = 0.0 if mixed.kept is None else mixed.kept[0].T
@@ -264,6 +272,28 @@ def _entered(laws: Sequence[GasExchanger]) -> list[tuple[int, int]]:
     """Exchanges whose first point is the blood that enters: their number, and that of the point."""
     first = np.cumsum([0, *(law.points for law in laws)]).tolist()
     return [(k, first[k]) for k, law in enumerate(laws) if law.collocation[1] is ENTERING]
+
+
+def lungs_of(circuit: Circuit) -> tuple[Exchange, ...]:
+    """The exchanges that hold gas over a step in time."""
+    return tuple(e for e in gas_exchanges(circuit) if isinstance(e.component, NativeLung))
+
+
+_IN_LUNGS = ("gas over the step", "PO2 before", "PCO2 before")
+
+
+def _over_a_step(exchange: Exchange) -> GasExchanger:
+    """The law of an exchange over a step in time."""
+    held, oxygen, carbon_dioxide = (f"{what} {exchange.at}" for what in _IN_LUNGS)
+    law = exchange.component
+    assert isinstance(law, GasExchanger)
+    return law.over_a_step(held, (oxygen, carbon_dioxide))
+
+
+def _alveoli(laws: Sequence[GasExchanger]) -> list[tuple[int, int]]:
+    """Lungs: their number among exchanges, and that of the point in equilibrium with the alveoli."""
+    ends = np.cumsum([law.points for law in laws]).tolist()
+    return [(k, ends[k] - 1) for k, law in enumerate(laws) if isinstance(law, NativeLung)]
 
 
 def _shares(circuit: Circuit, samples: Sequence[tuple[str, str]], mixed: Mixtures) -> Samples:

@@ -11,6 +11,7 @@ from types import MappingProxyType
 from eclsim.parameters.parameter import Bounds, Parameter
 
 PREFIX = "gas."
+LUNG_VOLUME = "gas.lung_volume_ml"
 _SETTING = "setting; default assumed (protective ventilation on extracorporeal support)"
 _PATIENT = "of the patient; default assumed"
 
@@ -39,6 +40,11 @@ _TABLE = (
     (
         "gas.shunt_fraction", 0.4, "1", "Share of the flow through the lungs that passes no alveolus",
         _PATIENT, 0.0, 1.0, "gas",
+    ),
+    (
+        LUNG_VOLUME, 2000.0, "mL", "Gas that the alveoli hold (BTPS), followed in courses beat by beat",
+        "of the patient; default assumed (functional residual capacity of a supine adult; in severe lung "
+        "injury half of it or less)", 100.0, 6000.0, "gas",
     ),
     (
         "gas.oxygen_capacity_ml_g", 1.34, "mL/g", "Oxygen that a gram of haemoglobin binds",

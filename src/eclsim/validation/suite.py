@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from eclsim.paper.comparison import Check, Row, worst
 from eclsim.reporting.numbers import text_table
 from eclsim.validation import (
+    apnoea,
     dialysis,
     drugs,
     fluid,
@@ -40,7 +41,7 @@ PARTS: dict[str, Callable[[Effort], list[Check]]] = {
     "paper": lambda _: [measurements.paper_check()],
     "devices": lambda _: [measurements.devices_check()],
     "dialysis": lambda _: [dialysis.dialysis_check()],
-    "gas": lambda _: [gas.gas_check()],
+    "gas": lambda _: [gas.gas_check(), apnoea.apnoea_check()],
     "drugs": lambda _: [drugs.drugs_check()],
     "regulation": lambda _: regulation.regulation_checks(),
     "fluid": lambda _: [fluid.fluid_check()],

@@ -1,0 +1,55 @@
+"""The law of the lung over a step in time, against closed forms."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from eclsim.components.exchangers import (
+    AIR_CARBON_DIOXIDE,
+    AIR_OXYGEN,
+    BTPS_TO_STPD,
+    DRY_MMHG,
+    NativeLung,
+    Points,
+)
+
+STPD = 1000.0 * BTPS_TO_STPD
+HELD = 2.0 / 0.05
+BEFORE = (100.0, 40.0)
+LUNG = NativeLung().over_a_step("held", ("oxygen", "carbon_dioxide"))
+
+
+def rates(pressure, gained, ventilation, fio2=0.5, law=LUNG):
+    """Gas that blood gets at partial pressures [mL/min STPD], of 2 L of gas over a step of 0.05 min."""
+    values = {"held": HELD, "oxygen": BEFORE[0], "carbon_dioxide": BEFORE[1], "gas.fio2": fio2,
+              "gas.alveolar_ventilation_l_min": ventilation, "gas.shunt_fraction": 0.0}  # fmt: skip
+    columns = [jnp.array(pair)[:, None] for pair in (gained, pressure)]
+    inside = Points(*columns, jnp.zeros(1), jnp.full(1, 7.4))
+    return np.asarray(law.rates(jnp.array(5.0), inside, values))[:, 0]
+
+
+@pytest.mark.parametrize("ventilation", [0.5, 4.0, 40.0])
+def test_lungs_without_blood_are_washed_out_as_the_closed_form_says(ventilation):
+    inspired, share = DRY_MMHG * np.array([0.5, AIR_CARBON_DIOXIDE]), ventilation / HELD
+    after = (np.array(BEFORE) + share * inspired) / (1.0 + share)
+    np.testing.assert_allclose(rates(after, (0.0, 0.0), ventilation), 0.0, atol=1e-9)
+
+
+def test_without_ventilation_air_follows_what_blood_takes_up():
+    """Blood takes up 250 and gives off 30 mL/min: 220 of air come in, of which oxygen is a fifth."""
+    gained = np.array([250.0, -30.0])
+    drawn = 220.0 * np.array([AIR_OXYGEN, AIR_CARBON_DIOXIDE])
+    after = np.array(BEFORE) + DRY_MMHG * (drawn - gained) / (STPD * HELD)
+    np.testing.assert_allclose(rates(after, gained, 0.0, fio2=1.0), gained, rtol=1e-12)
+
+
+def test_without_ventilation_gas_that_blood_gives_off_leaves_as_it_is_in_the_alveoli():
+    gained, after = np.array([10.0, -60.0]), np.array([90.0, 45.0])
+    kept = STPD * HELD * (after - BEFORE) / DRY_MMHG
+    np.testing.assert_allclose(rates(after, gained, 0.0), -50.0 * after / DRY_MMHG - kept, rtol=1e-12)
+
+
+def test_where_nothing_changes_any_more_the_law_is_the_steady_one():
+    gained = np.array([220.0, -180.0])
+    over_time = rates(BEFORE, gained, 3.0)
+    np.testing.assert_allclose(over_time, rates(BEFORE, gained, 3.0, law=NativeLung()), rtol=1e-12)
