@@ -7,9 +7,10 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-import jax
+import jax.numpy as jnp
 import numpy as np
 
+from eclsim.beat.compilation import compiled
 from eclsim.beat.heartbeat import beat_program
 from eclsim.beat.recording import MEAN, has_mean, one_way_mean, step_weights
 from eclsim.circuit.network import Circuit
@@ -57,7 +58,8 @@ def _gases(circuit: Circuit, values: tuple[tuple[str, float], ...], policy: str)
     if orbits.status[0] == Status.CONVERGED:
         flows = _flows(orbits, function.connections)
         numbers = np.concatenate([*flows, [model.values[name] for name in function.parameters]])
-        gases = dict(zip(gases, np.asarray(jax.jit(function.compute)(numbers)).tolist(), strict=True))
+        program = compiled(function.compute, ("alone", *function.key))
+        gases = dict(zip(gases, np.asarray(program(jnp.asarray(numbers))).tolist(), strict=True))
     beds = [bed for bed in keys.BEDS if Quantity("supplied", "at", bed) in gases]
     first = gases[Quantity("PO2", "in", beds[0])], gases[Quantity("PCO2", "in", beds[0])]
     set_points: dict[str, float] = dict(zip(keys.CHEMOREFLEX_SET_POINTS, first, strict=True))
