@@ -121,6 +121,20 @@ def test_another_delimiter_is_found_and_stated(write, delimiter, name):
     assert any(name in str(note) for note in reading.notes)
 
 
+@pytest.mark.parametrize(("stated", "delimiter"), [("sep=;", ";"), ('"sep=,"', ","), ("sep=\t", "\t")])
+def test_a_spreadsheets_line_that_says_the_delimiter_is_no_header(write, stated, delimiter):
+    bad = row(2, SP="fast").replace(",", delimiter)
+    reading = read_cohort(write(stated, HEAD.replace(",", delimiter), ROW.replace(",", delimiter), bad))
+    assert [point.line for point in reading.points] == [3]
+    assert [mistake.line for mistake in reading.refused] == [4]
+
+
+def test_nothing_behind_the_line_that_says_the_delimiter(write):
+    with pytest.raises(CaseError) as error:
+        read_cohort(write("sep=;", ""))
+    assert "no patients" in said(error)
+
+
 def test_decimal_commas_in_a_file_with_semicolons_are_refused_with_what_was_meant(write):
     reading = read_cohort(write(HEAD.replace(",", ";"), ROW.replace(",", ";").replace("5.8", "5,8")))
     assert reading.points == ()
@@ -265,6 +279,13 @@ def test_times_out_of_order_are_put_in_order_and_this_is_stated(write):
     reading = read_cohort(write(HEAD, lines[0], row(1, "P02"), *lines[1:]))
     assert [p.measurement[8:10] for p in reading.points if p.patient_id == "P01"] == ["01", "02", "03"]
     assert any("order of time" in str(note) for note in reading.notes)
+
+
+def test_times_with_and_without_a_time_zone_are_not_put_in_order_and_this_is_stated(write):
+    lines = [row(1, measurement=text) for text in ("2024-03-01T08:00", "2024-03-01T09:30+02:00")]
+    reading = read_cohort(write(HEAD, *lines))
+    assert [point.line for point in reading.points] == [2, 3]
+    assert any("without a time zone" in str(note) for note in reading.notes)
 
 
 def test_no_such_file_and_a_folder(tmp_path):

@@ -27,6 +27,8 @@ MAXIMUM_BYTES = 50_000_000
 MAXIMUM_ROWS = 100_000
 MAXIMUM_COLUMNS = 200
 _DELIMITERS = {",": "commas", ";": "semicolons", "\t": "tabs"}
+_STATED = re.compile(r'"?sep=(?P<delimiter>[,;\t]|\\t)"?[,;]*', re.IGNORECASE)
+"""How Excel has the delimiter in a line before the header."""
 
 
 @dataclass(slots=True)
@@ -61,8 +63,9 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     lines = decoded(data, file, "text in UTF-8 (in Excel: CSV UTF-8)")
     if not lines.strip():
         raise refused(file, "empty: no patients")
-    first = next(line for line in lines.split("\n") if line.strip())
-    delimiter = max(_DELIMITERS, key=first.count)
+    lines, delimiter = _delimited(lines)
+    if not lines.strip():
+        raise refused(file, "the first line says how columns are separated, and nothing follows: no patients")
     table = Table(file, [], [], hashlib.sha256(data).hexdigest())
     if delimiter != ",":
         table.notes.append(Mistake("", f"columns are separated by {_DELIMITERS[delimiter]}", file=file))
@@ -70,6 +73,14 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     if not table.rows and not table.mistakes:
         raise refused(file, "the first line is the header, and no rows follow: no patients")
     return table
+
+
+def _delimited(text: str) -> tuple[str, str]:
+    """A table without the line of a spreadsheet that says its delimiter, and the delimiter."""
+    first = next(line for line in text.split("\n") if line.strip())
+    if stated := _STATED.fullmatch(first.strip(" ")):
+        return text.replace(first, "", 1), stated["delimiter"].replace("\\t", "\t")
+    return text, max(_DELIMITERS, key=first.count)
 
 
 def digest_of(path: str | os.PathLike[str]) -> str | None:
@@ -182,7 +193,13 @@ def in_order_of_time(points: Sequence[CohortPoint]) -> tuple[list[CohortPoint], 
         by_patient.setdefault(point.patient_id, []).append(k)
     for places in by_patient.values():
         times = [when(points[k].measurement) for k in places]
-        if any(t is None for t in times) or len({t.tzinfo is None for t in times if t}) > 1:
+        if any(t is None for t in times):
+            continue
+        if len({t.tzinfo is None for t in times if t}) > 1:
+            message = (
+                "times with and without a time zone: the rows of this patient stay in the order of the file"
+            )
+            notes.append(Mistake("measurement", message, line=points[places[0]].line))
             continue
         sorted_places = [k for _, k in sorted(zip(times, places, strict=True))]  # pyright: ignore[reportArgumentType]  # none is None
         if sorted_places != places:

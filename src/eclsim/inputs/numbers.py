@@ -9,7 +9,9 @@ from eclsim.inputs.fields import Field
 from eclsim.inputs.mistakes import Mistake, NumberAsWritten
 from eclsim.units import convert, known_unit, quantity_of, units_of
 
-_MISSING = frozenset({"", "na", "n/a", "#n/a", "nan", "-", "--", ".", "?", "none", "null", "missing"})
+_MISSING = frozenset(
+    {"", "na", "n/a", "#n/a", "#nv", "#n/d", "nan", "-", "--", ".", "?", "none", "null", "missing"}
+)
 _NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _TWO_PRESSURES = re.compile(r"\s*(\d+(?:\.\d+)?)\s*/\s*(\d+(?:\.\d+)?)\s*")
 _COMMA = re.compile(r"[+-]?\d+,\d+")
