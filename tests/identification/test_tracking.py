@@ -99,6 +99,21 @@ def test_a_wrong_value_is_flagged_and_left_out(series, tracked):
     assert result.parameters["Rmc"].median == pytest.approx(tracked[5].parameters["Rmc"].median, rel=0.12)
 
 
+@pytest.mark.slow
+def test_a_value_that_stays_wrong_is_used_the_second_time(series):
+    tracker = Tracker(SETTINGS)
+    for k, (case, _) in enumerate(series[:5]):
+        tracker.update(str(k), case)
+    results = []
+    for k in (5, 6):
+        right = series[k][0]
+        changed = right.measurements.model_copy(update={"CO": 2.2 * right.measurements.CO})
+        results.append(tracker.update(str(k), right.model_copy(update={"measurements": changed})))
+    assert [result.innovations["CO"].used for result in results] == [False, True]
+    assert all(result.innovations["CO"].unusual for result in results)
+    assert "CO does not fit for the second time" in results[1].message
+
+
 def test_a_sudden_change_of_everything_is_flagged_and_followed(series):
     tracker = Tracker(SETTINGS)
     for k, (case, _) in enumerate(series[:4]):
@@ -249,3 +264,13 @@ def test_one_output_far_from_the_forecast_is_said_though_all_together_fit():
     assert result.probability > 0.05
     assert result.unusual.tolist() == [True] + [False] * 6
     assert result.message("abcdefg") == "a is far from the forecast, though all together fit: used; check it"
+
+
+@pytest.mark.parametrize(("missed", "used"), [(np.nan, False), (6.0, True), (-6.0, False)])
+def test_an_output_that_misses_a_second_time_in_the_same_direction_is_used(missed, used):
+    outputs = GaussianMixture(np.ones(1), np.zeros((1, 4)), 0.5 * np.eye(4)[None])
+    values, before = np.array([8.0, 0.0, 0.0, 0.0]), np.array([missed, np.nan, np.nan, np.nan])
+    result = InnovationTest.of(values, np.full(4, np.sqrt(0.5)), outputs, np.full(4, True), before)
+    assert result.unusual.tolist() == [True] + [False] * 3
+    assert result.left_out.tolist() == [not used] + [False] * 3
+    assert ("used now" if used else "not used") in result.message("abcd")

@@ -252,6 +252,7 @@ class InnovationTest:
         deviations: of each output in standard deviations; NaN where nothing was measured.
         unusual: outputs that do not fit the others.
         left_out: of these, those that the update goes without.
+        lasting: of these, those used now as they did not fit the last time either, in the same direction.
         chi_square: of all together.
         probability: of a larger one.
     """
@@ -259,24 +260,38 @@ class InnovationTest:
     deviations: np.ndarray
     unusual: np.ndarray
     left_out: np.ndarray
+    lasting: np.ndarray
     chi_square: float
     probability: float
 
     @classmethod
     def of(
-        cls, values: np.ndarray, scales: np.ndarray, outputs: GaussianMixture, measured: np.ndarray
+        cls,
+        values: np.ndarray,
+        scales: np.ndarray,
+        outputs: GaussianMixture,
+        measured: np.ndarray,
+        missed: np.ndarray | None = None,
     ) -> InnovationTest:
         """Hold measurements against the outputs expected.
 
         One output that does not fit, while all others do, is left out of the update: a clotted line is
-        likelier than a heart that changed so. Where several do not fit, the patient has changed.
+        likelier than a heart that changed so. If it still does not the next time, something has changed for
+        good, and it is used. Where several do not fit, the patient has changed.
+
+        Args:
+            values: measured.
+            scales: their standard uncertainties.
+            outputs: expected.
+            measured: which of them were.
+            missed: deviations of those that were left out the last time; NaN for others.
         """
         total = outputs.covariance + np.diag(np.where(measured, scales, 1.0) ** 2)
         away = values - outputs.mean
         deviations = away / np.sqrt(np.diag(total))
         square, probability = _chi_square(away, total, measured)
         unusual = measured & (np.abs(np.nan_to_num(deviations)) > np.sqrt(chi2.isf(UNUSUAL_OUTPUT, 1)))
-        left_out = np.zeros_like(measured)
+        left_out, lasting = np.zeros_like(measured), np.zeros_like(measured)
         if probability < UNUSUAL_SERIES and measured.sum() > 2:
             rests = []
             for k in np.flatnonzero(measured):
@@ -286,14 +301,22 @@ class InnovationTest:
             smallest, k = min(rests)
             by_itself = chi2.sf(square - smallest, 1) < UNUSUAL_OUTPUT
             if by_itself and chi2.sf(smallest, measured.sum() - 1) > UNUSUAL_SERIES:
-                unusual[k] = left_out[k] = True
-        return cls(deviations, unusual, left_out, square, probability)
+                unusual[k] = True
+                lasting[k] = missed is not None and missed[k] * deviations[k] > 0.0
+                left_out[k] = not lasting[k]
+        return cls(deviations, unusual, left_out, lasting, square, probability)
 
     def message(self, names: Sequence[str]) -> str:
         """What does not fit, and what was done; empty where all does."""
         if self.left_out.any():
             which = ", ".join(n for n, out in zip(names, self.left_out, strict=True) if out)
             return f"{which} does not fit the forecast and the other measurements: not used; check it"
+        if self.lasting.any():
+            which = ", ".join(n for n, odd in zip(names, self.lasting, strict=True) if odd)
+            return (
+                f"{which} does not fit for the second time, while all others do: used now; a line, a device "
+                "or the patient has changed"
+            )
         if self.probability < UNUSUAL_SERIES:
             return "the measurements do not fit the patient so far: a sudden change, or a mistake in several"
         if self.unusual.any():

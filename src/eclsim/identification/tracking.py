@@ -256,6 +256,7 @@ class Tracker:
         self.estimate: _Estimate | None = None
         self._prior: Prior | None = None
         self._starts: dict[Circuit, dict[str, float]] = {}
+        self._left_out: dict[str, float] = {}
 
     def update(self, name: str, case: Case, hours: float | None = None) -> TrackedPoint:
         """Forecast a measurement, hold it against that, and learn from it.
@@ -370,8 +371,10 @@ class Tracker:
         values = np.array([measured.get(n, np.nan) for n in names])
         scales = np.array([errors.get(n, np.inf) for n in names])
         available = np.isfinite(values)
-        test = InnovationTest.of(values, scales, outputs, available)
+        missed = np.array([self._left_out.get(n, np.nan) for n in names])
+        test = InnovationTest.of(values, scales, outputs, available, missed)
         used = available & ~test.left_out
+        self._left_out = {n: float(test.deviations[k]) for k, n in enumerate(names) if test.left_out[k]}
         state = updated(simulate, forecast.state, first, values, scales, used)
         self.estimate = replace(forecast, state=state)
         innovations = {
