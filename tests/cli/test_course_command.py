@@ -45,6 +45,17 @@ def test_what_cannot_be_meant_is_said_before_anything_is_computed(shell):
         assert said in done.stderr, done.stderr
 
 
+def test_a_patient_without_a_steady_gas_state_does_not_begin_and_says_why(shell):
+    case = shell.case(more="[gas]\nalveolar_ventilation_l_min = 0\n")
+    done = shell.run("course", case, "--until", "5", "--json", "-", "--figures", shell.folder / "figures")
+    assert done.exit_code == 1, done.stderr
+    assert json.loads(done.stdout)["time_min"] == []
+    assert "not begun: steady beat found, but no steady gas state" in done.stderr
+    shown = shell.run("course", case, "--until", "5", "--out", shell.folder / "out")
+    assert "no moment of this course has a steady beat" in shown.stdout
+    assert "blood volume" not in shown.stdout
+
+
 def test_a_cohort_goes_through_shards_and_merge(shell):
     folder, table = shell.folder / "cases", shell.folder / "events.toml"
     folder.mkdir()

@@ -2,10 +2,11 @@ import numpy as np
 import pytest
 from SALib.analyze import sobol as salib
 
+from eclsim.orbit.status import Status
 from eclsim.sensitivity.design import Design, sobol_indices
 from eclsim.sensitivity.inputs import Continuous
 from eclsim.sensitivity.results import conclude
-from eclsim.sensitivity.runs import Runs
+from eclsim.sensitivity.runs import WITHOUT_GASES, Runs
 from known_indices import (
     ISHIGAMI_INPUTS,
     IshigamiWithChoice,
@@ -112,3 +113,13 @@ def test_sizes_of_which_no_part_has_two_whole_rows_have_no_convergence():
     mean = conclude(design, ("sum",), runs).convergence["mean"]
     assert np.isnan(mean.sel(rows=16)).all()
     assert np.isfinite(mean.sel(rows=32)).all()
+
+
+def test_a_design_whose_runs_failed_says_of_what():
+    design = Design((Continuous("x", 0.0, 1.0), Continuous("y", 0.0, 1.0)), 8, second_order=False)
+    values = np.full((8 * design.runs_per_row, 1), np.nan)
+    status = np.full(len(values), WITHOUT_GASES + 1)
+    status[0] = int(Status.NOT_CONVERGED)
+    runs = Runs(values, status, np.zeros(len(values), dtype=int), np.zeros(len(values)))
+    with pytest.raises(ValueError, match=rf"no_oxygen {len(values) - 1}, not_converged 1\)"):
+        conclude(design, ("sum",), runs)

@@ -346,6 +346,8 @@ def _text(result: xr.Dataset) -> str:
     from eclsim.course.result import spans_in_words
     from eclsim.reporting.numbers import number, text_table
 
+    if not result.sizes["time_min"]:
+        return "no moment of this course has a steady beat"
     spans = spans_in_words(result)
     seconds = bool(result.attrs["beat_by_beat"] or spans)
     names = [name for name in SHOWN if name in result]

@@ -144,7 +144,7 @@ def _joined(engine: Engine, rows: Sequence[_Row]) -> Moments:
     settings = [
         engine.timelines[m].settings(int(s), float(t)) for m, s, t in zip(member, segment, time, strict=True)
     ]
-    keys = dict.fromkeys(key for of_moment in settings for key in of_moment)
+    keys = dict.fromkeys((*engine.table, *(key for of_moment in settings for key in of_moment)))
     columns = {key: np.array([of_moment.get(key, 0.0) for of_moment in settings]) for key in keys}
     points = [point for row in rows for point in row[4]]
     return Moments(member, segment, time, states, engine.laws.in_effect(states, columns), points)

@@ -6,6 +6,7 @@ design of N rows holds N/n designs of n rows: repeats that cost no run. (The pap
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -213,8 +214,11 @@ def conclude(design: Design, outputs: tuple[str, ...], runs: Runs) -> Sensitivit
     """
     values, good = runs.complete_rows(design)
     if good.sum() < 2:
+        counts = Counter(status_word(int(status)) for status in runs.status[runs.status != 0])
+        reasons = ", ".join(f"{word} {count}" for word, count in counts.most_common())
         raise ValueError(
-            f"{int((~good).sum())} of {len(good)} rows have a failed run: nothing left to estimate from"
+            f"{int((~good).sum())} of {len(good)} rows have a failed run: nothing left to estimate from "
+            f"(failed runs by status: {reasons}); eclsim simulate says what it means of one patient"
         )
     estimates = sobol_indices(values[good], len(design.factors), seed=design.seed)
     failed = tuple(
