@@ -68,6 +68,10 @@ def test_a_patient_who_cannot_begin_says_why_and_stops_no_other(whole, tmp_path)
     assert len(table) == 5
     assert "not begun" in table[4]
     json.loads((tmp_path / "courses.json").read_text())
+    (tmp_path / "courses" / "notes.txt").write_text("mine")
+    write_courses(whole[:1], tmp_path)
+    left = sorted(path.name for path in (tmp_path / "courses").iterdir())
+    assert left == ["P01_course.csv", "P01_course.nc", "notes.txt"], "those of another cohort are gone"
 
 
 @pytest.mark.slow

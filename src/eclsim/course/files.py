@@ -136,12 +136,19 @@ def write_figure(result: xr.Dataset, folder: Path, stem: str | None = None) -> l
 
 
 def write_courses(results: Sequence[xr.Dataset], folder: Path) -> dict[str, Any]:
-    """Write the courses of a cohort, a table and a NetCDF file each, and what became of all; returns that."""
+    """Write the courses of a cohort, a table and a NetCDF file each, and what became of all; returns that.
+
+    Courses of an earlier cohort in the folder are removed: they would be read as if they belonged to it.
+    """
     content, places = cohort_object(results), folder / COURSES
     stems = course_stems([str(course.attrs["id"]) for course in results])
-    for stem, course in zip(stems, results, strict=True):
-        if course.sizes[TIME]:
-            write_tables(course, places, stem)
+    begun = [(stem, course) for stem, course in zip(stems, results, strict=True) if course.sizes[TIME]]
+    kept = {stem for stem, _ in begun}
+    for old in places.glob("*_course.*"):
+        if old.suffix in (".csv", ".nc") and old.stem not in kept:
+            old.unlink()
+    for stem, course in begun:
+        write_tables(course, places, stem)
     write_json(content, folder / SUMMARY)
     head = ("id", "status", "minutes", "alarms", "MAP_lowest_mmHg", "message")
     rows = []
