@@ -1,5 +1,7 @@
 """Gases of blood against published tables, between both sets of equations, and there and back."""
 
+import re
+
 import jax
 import numpy as np
 import pytest
@@ -128,3 +130,39 @@ def test_oxygen_drives_carbon_dioxide_out():
 def test_an_unknown_law_is_named():
     with pytest.raises(ValueError, match="'hill'; allowed: severinghaus1979, dash2016"):
         blood.gases(po2=90.0, law="hill")
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (
+            {"po2": 90.0, "haemoglobin": 150.0},
+            "= 150; allowed: 0 to 40 g/dL (150 g/L are 15 g/dL",
+        ),
+        (
+            {"po2": 90.0, "temperature": 310.15},
+            "= 310.15; allowed: 0 to 50 C (310.15 K are 37 C)",
+        ),
+        ({"po2": [90.0, -1.0]}, "po2 = -1; allowed: 0 to 3000 mmHg"),
+        ({"po2": 90.0, "oxygen_capacity": 0.0134}, "oxygen_capacity = 0.0134"),
+    ],
+)
+def test_values_in_another_unit_are_refused_with_the_one_meant(given, said):
+    with pytest.raises(ValueError, match=re.escape(said)):
+        blood.gases(**given)
+
+
+def test_all_values_in_another_unit_are_said_at_once_and_a_saturation_is_a_fraction():
+    with pytest.raises(ValueError, match=r"95 % is 0\.95.*\n.*haemoglobin = 140"):
+        blood.gases_with_saturation(saturation=95.0, haemoglobin=140.0)
+
+
+def test_what_is_not_known_is_no_mistake_and_derivatives_pass():
+    assert np.isnan(blood.gases(po2=np.nan).saturation)
+    slope = jax.grad(lambda po2: blood.gases(po2=po2).saturation)(40.0)
+    assert 0.0 < slope < 0.05
+
+
+def test_diphosphoglycerate_moves_the_curve_of_dash_to_the_right():
+    low, high = (float(blood.gases(po2=27.0, law="dash2016", dpg=dpg).saturation) for dpg in (3.0, 7.0))
+    assert high < low - 0.05

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from eclsim import runtime as _runtime  # noqa: F401  (double precision before the first array)
 from eclsim.blood import dash2016, standard
 from eclsim.blood.acid_base import bicarbonate, ph_of
+from eclsim.blood.given import refuse_other_units
 from eclsim.blood.types import Array, Blood, Given
 
 LAWS: dict[str, ModuleType] = {"severinghaus1979": standard, "dash2016": dash2016}
@@ -67,15 +68,17 @@ def gases(
         po2: partial pressure of oxygen [mmHg].
         pco2: partial pressure of carbon dioxide [mmHg].
         law: a name of `LAWS`.
-        of: `haemoglobin` [g/dL], `base_excess` of fully oxygenated blood [mmol/L], `temperature` [C] and
-            `oxygen_capacity` [mL/g]; left out, 15, 0, 37 and 1.34.
+        of: `haemoglobin` [g/dL], `base_excess` of fully oxygenated blood [mmol/L], `temperature` [C],
+            `oxygen_capacity` [mL/g], and for "dash2016" `dpg`, 2,3-diphosphoglycerate in the red cells
+            [mmol/L]; left out, 15, 0, 37, 1.34 and 4.65.
 
     Returns:
         Arrays of the arguments' common shape.
 
     Raises:
-        ValueError: the law is unknown.
+        ValueError: the law is unknown, or values are beyond any in these units; with all of them.
     """
+    refuse_other_units({"po2": po2, "pco2": pco2, **of})
     blood = Blood(**of)
     return _at_pressures(_common(po2, pco2, blood, po2), _common(po2, pco2, blood, pco2), blood, law)
 
@@ -89,8 +92,9 @@ def gases_with_contents(
 ) -> BloodGases:
     """The same from contents [mL/dL STPD]; NaN where no pressures between 1e-9 and 1e6 mmHg give them.
 
-    Other arguments as in `gases`.
+    Other arguments and errors as in `gases`.
     """
+    refuse_other_units({**of})
     blood = Blood(**of)
     wanted = (
         _common(oxygen, carbon_dioxide, blood, oxygen),
@@ -107,10 +111,11 @@ def gases_with_saturation(
     law: str = "severinghaus1979",
     **of: Unpack[Given],
 ) -> BloodGases:
-    """The same from a saturation [-] and a PCO2 [mmHg]; NaN where the saturation is not within (0, 1).
+    """The same from a saturation [-] and a PCO2 [mmHg]; NaN where the saturation is 0 or 1.
 
-    Other arguments as in `gases`.
+    Other arguments and errors as in `gases`.
     """
+    refuse_other_units({"saturation": saturation, "pco2": pco2, **of})
     blood = Blood(**of)
     wanted, pco2 = _common(saturation, pco2, blood, saturation), _common(saturation, pco2, blood, pco2)
     return _at_saturation(wanted, pco2, blood, law)

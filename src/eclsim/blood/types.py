@@ -20,6 +20,7 @@ class Given(TypedDict, total=False):
     base_excess: Array
     temperature: Array
     oxygen_capacity: Array
+    dpg: Array
 
 
 class Blood(NamedTuple):

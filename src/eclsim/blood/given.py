@@ -1,0 +1,58 @@
+"""Values in another unit than the one meant: refused before they are computed with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from jax.core import Tracer
+
+
+class Allowed(NamedTuple):
+    """What an argument may be.
+
+    Attributes:
+        low: smallest value.
+        high: largest value.
+        unit: its unit.
+        hint: how the usual other unit is converted.
+    """
+
+    low: float
+    high: float
+    unit: str
+    hint: str = ""
+
+
+ALLOWED = {
+    "po2": Allowed(0.0, 3000.0, "mmHg", "13.3 kPa are 100 mmHg"),
+    "pco2": Allowed(0.0, 1000.0, "mmHg", "5.33 kPa are 40 mmHg"),
+    "saturation": Allowed(0.0, 1.0, "a fraction", "95 % is 0.95"),
+    "haemoglobin": Allowed(0.0, 40.0, "g/dL", "150 g/L are 15 g/dL, 9.3 mmol/L are 15 g/dL"),
+    "base_excess": Allowed(-100.0, 100.0, "mmol/L"),
+    "temperature": Allowed(0.0, 50.0, "C", "310.15 K are 37 C"),
+    "oxygen_capacity": Allowed(1.0, 1.6, "mL/g", "1.34 to 1.39 are in use"),
+    "dpg": Allowed(0.0, 30.0, "mmol/L", "in red cells, 4.65 is usual"),
+}
+"""Bounds that no blood leaves, wide enough for any computation with it; contents have none."""
+
+
+def refuse_other_units(given: Mapping[str, object]) -> None:
+    """Raise `ValueError` for values that cannot be in the unit meant, with all of them at once.
+
+    Args:
+        given: arguments by name; what JAX traces and what is not a number is left alone.
+    """
+    wrong = []
+    for name, value in given.items():
+        if name not in ALLOWED or isinstance(value, Tracer):
+            continue
+        low, high, unit, hint = ALLOWED[name]
+        values = np.atleast_1d(np.asarray(value, dtype=float))
+        outside = values[(values < low) | (values > high)]
+        if len(outside):
+            more = f" ({hint})" if hint else ""
+            wrong.append(f"{name} = {outside[0]:g}; allowed: {low:g} to {high:g} {unit}{more}")
+    if wrong:
+        raise ValueError("\n".join(wrong))
