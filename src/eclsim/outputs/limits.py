@@ -80,10 +80,16 @@ _PATIENT = (
             Limit(name, "alarm", "below", 80.0, _HYPOXIA, _ELSO),
         )
     ),
-    Limit("PaO2", "warning", "above", 300.0, "hyperoxia: lower FdO2 or FiO2", _ELSO_CARDIAC),
-    Limit("PaCO2", "warning", "above", 60.0, "hypercapnia: raise sweep or ventilation", _OWN),
-    Limit("PaCO2", "alarm", "above", 80.0, "severe hypercapnia: raise sweep or ventilation", _OWN),
-    Limit("PaCO2", "warning", "below", 30.0, "the brain's vessels constrict: lower the sweep", _OWN),
+    Limit("PaO2", "warning", "above", 300.0, "hyperoxia: lower FiO2, with ECMO FdO2", _ELSO_CARDIAC),
+    Limit("PaCO2", "warning", "above", 60.0, "hypercapnia: raise the ventilation, with ECMO the sweep", _OWN),
+    Limit(
+        "PaCO2", "alarm", "above", 80.0,
+        "severe hypercapnia: raise the ventilation, with ECMO the sweep", _OWN,
+    ),
+    Limit(
+        "PaCO2", "warning", "below", 30.0,
+        "the brain's vessels constrict: lower the ventilation, with ECMO the sweep", _OWN,
+    ),
     Limit(
         "DO2", "warning", "below", 500.0, "oxygen delivery is low: raise flow or haemoglobin",
         "280 mL/min/m2 (Ranucci et al. 2005), for a patient of 1.8 m2",
