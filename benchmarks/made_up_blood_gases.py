@@ -2,9 +2,9 @@
 
     python benchmarks/made_up_blood_gases.py [FOLDER]
 
-prints the measurements of examples/veno_venous_blood_gases.toml, and with a folder writes ageing_oxygenator.csv
-there: the same patient every morning, while the membrane loses its area. Numbers are the model's, disturbed by
-the noise that fits assume, with a fixed seed.
+prints the measurements of examples/veno_venous_blood_gases.toml, and with a folder writes there
+ageing_oxygenator.csv: the same patient every morning, while the membrane loses its area. Numbers are the
+model's, disturbed by the noise that fits assume, with a fixed seed.
 """
 
 import csv

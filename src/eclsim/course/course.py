@@ -20,6 +20,7 @@ from eclsim.course.timeline import BEFORE_S, MINUTE, Timeline
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.orbit.model import CaseSource, as_case
 from eclsim.orbit.status import Status
+from eclsim.outputs.results import variable
 from eclsim.simulation.target_flow import with_speed
 from eclsim.spelling import did_you_mean
 
@@ -238,9 +239,10 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
     moment_findings = [moments.findings[k] for k in places] if with_alarms else []
     if with_alarms:
         impossible = [any(finding.kind == "collapse" for finding in findings) for findings in moment_findings]
-        result["impossible"] = (TIME, np.array(impossible, dtype=int))
-    result["beat_by_beat"] = (TIME, moments.by_beat[places].astype(int))
-    result["status"] = (TIME, [Status(int(s)).word for s in moments.status[places]])
+        result["impossible"] = variable(TIME, np.array(impossible, dtype=int))
+    result["beat_by_beat"] = variable(TIME, moments.by_beat[places].astype(int))
+    words = [Status(int(s)).word for s in moments.status[places]]
+    result["status"] = variable(TIME, np.array(words, dtype=str))
     minute, settling = time / MINUTE, engine.settling_s[member]
     broken = alarms(moment_findings, outputs, minute, moments.by_beat[places])
     message = _ended(moments.stopped[member], minute)

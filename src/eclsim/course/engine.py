@@ -46,7 +46,8 @@ from eclsim.slow import INFLOWS
 
 SHORTEST_S = 5.0
 """Step below which a moment without a steady beat ends a course."""
-FIRST_S = 20.0
+FIRST_S, FIRST_SHARE = 20.0, 0.5
+"""Shortest first step behind an event; share of the length at which the third derivative is felt."""
 LONGEST_S = 3600.0
 MANY = 16
 """From so many members on, the program for many side by side is worth its compilation."""
@@ -240,8 +241,17 @@ class Engine:
             self._differentiate(who)
         self._note(who)
         if self.options.step_s is None:
-            self.length[who] = np.minimum(self.length[who], FIRST_S)
+            self.length[who] = self._first_lengths(who)
         return who
+
+    def _first_lengths(self, who: np.ndarray) -> np.ndarray:
+        """Lengths of first steps behind events, from the third derivative J^2 f of slow states y' = f."""
+        jacobian, slopes = self.jacobian[who], self.slopes[:, who].T
+        third = np.einsum("mij,mjk,mk->mi", jacobian, jacobian, slopes)
+        size = np.abs(third / self.laws.scales).max(axis=1, initial=0.0)
+        with np.errstate(divide="ignore"):
+            length = FIRST_SHARE * np.cbrt(6.0 * self.options.tolerance / size)
+        return np.clip(length, FIRST_S, LONGEST_S)
 
     def _event(self, member: int) -> Event | None:
         """What a member comes from as a segment begins; None where nothing happens at minute 0."""
