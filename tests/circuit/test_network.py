@@ -1,3 +1,8 @@
+import os
+import pickle
+import subprocess
+import sys
+
 import pytest
 
 from eclsim.circuit import Choice, Circuit, CircuitError, Compartment, Connection, StartPressure, StartVolume
@@ -109,3 +114,34 @@ def test_start_volumes_follow_pressure_volume_or_share():
     )
     values = {"C": 2.0, "R": 1.0, "P0": 80.0, "share": 0.1, "total": 5000.0}
     assert assemble(circuit).start_volumes(values) == [160.0, 500.0, 7.0]
+
+
+def test_equal_circuits_share_what_is_looked_up_in_caches():
+    one, other = CIRCUITS["V-A"], circulation() + ecmo("ra", "ao")
+    assert one is not other
+    assert (one.canonical is other.canonical) == (one == other)
+    assert circulation().canonical is circulation().canonical
+    exchanging = next(circuit for circuit in CIRCUITS.values() if circuit.exchanges)
+    assert exchanging.without_exchanges() is exchanging.without_exchanges()
+    assert exchanging.without_exchanges().exchanges == ()
+
+
+def test_a_circuit_sent_to_another_process_is_found_in_its_caches():
+    circuit = circulation()
+    hash(circuit), circuit.parameter_names(), circuit.canonical
+    program = (
+        "import pickle, sys; from eclsim.patient.circulation import circulation; "
+        "sent = pickle.load(sys.stdin.buffer); own = circulation(); "
+        "assert sent == own and hash(sent) == hash(own)"
+    )
+    there = os.environ | {"PYTHONHASHSEED": "77"}
+    subprocess.run([sys.executable, "-c", program], input=pickle.dumps(circuit), env=there, check=True)
+
+
+def test_choices_without_a_value_stay_open():
+    circuit = CIRCUITS["V-A, CRRT anywhere"]
+    assert circuit.with_chosen_sites({}) == circuit
+    chosen = circuit.with_chosen_sites({"crrt.access_site": 1.0, "crrt.return_site": 2.0})
+    assert not any(isinstance(site, Choice) for c in chosen.connections for site in c.sites)
+    with pytest.raises(ValueError, match="no site of this circuit"):
+        circuit.with_chosen_sites({"crrt.access_site": 0.5})

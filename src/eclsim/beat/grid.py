@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property, reduce
+from functools import cached_property, lru_cache, reduce
 
 import numpy as np
 
 from eclsim.circuit.assembly import Assembly, End
 from eclsim.circuit.network import HEART_RATE
-from eclsim.components.base import Values
+from eclsim.components.base import Path, Storage, Values
 
 STEPS_PER_BLOCK = 10
 SEGMENTS = ((0.45, 24), (0.6, 6), (0.9, 3), (1.0, 7))
@@ -76,26 +76,31 @@ def needed_resolution(assembly: Assembly, values: Values) -> np.ndarray:
 
 def oscillations(assembly: Assembly, values: Values) -> list[tuple[np.ndarray, str]]:
     """Angular frequency [1/s] of each flow with inertia against the compliances it joins, and its name."""
-    with np.errstate(divide="ignore", invalid="ignore"):
+
+    def of(component: Storage | Path) -> object:
         # As arrays, so that a compliance of zero is an infinite stiffness and no exception.
-        constants = assembly.constants({k: np.asarray(v, dtype=float) for k, v in values.items()})
-    stiffness = [
-        np.asarray(c.component.pressure(0.0, 0.0, law)[1] if c.component.constant_stiffness else 0.0)
-        for c, law in zip(assembly.circuit.compartments, constants.storages, strict=True)
-    ]
+        return component.constants({n: np.asarray(values[n], dtype=float) for n in _names(component)})
+
+    def stiffness(position: int) -> np.ndarray:
+        law = assembly.circuit.compartments[position].component
+        return np.asarray(law.pressure(0.0, 0.0, of(law))[1] if law.constant_stiffness else 0.0)
 
     def stiffest(end: End) -> np.ndarray:
-        return reduce(np.maximum, [stiffness[position] for position in end.positions], np.zeros(()))
+        return reduce(np.maximum, map(stiffness, end.positions), np.zeros(()))
 
     speeds = []
-    for j in assembly.inertial:
-        source, target = assembly.ends[j]
-        connection = assembly.circuit.connections[j]
-        inertance = np.asarray(connection.component.inertance(constants.paths[j]))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            speed = np.sqrt(np.divide(stiffest(source) + stiffest(target), inertance))
-        speeds.append((speed, connection.name))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for j in assembly.inertial:
+            source, target = map(stiffest, assembly.ends[j])
+            connection = assembly.circuit.connections[j]
+            inertance = np.asarray(connection.component.inertance(of(connection.component)))
+            speeds.append((np.sqrt(np.divide(source + target, inertance)), connection.name))
     return speeds
+
+
+@lru_cache(maxsize=1024)
+def _names(component: Storage | Path) -> tuple[str, ...]:
+    return component.parameter_names()
 
 
 def grid_warning(assembly: Assembly, values: Values, resolution: int) -> str | None:

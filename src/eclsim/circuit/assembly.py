@@ -233,6 +233,11 @@ class Assembly:
         """Stressed volume of every compartment at the start [mL]."""
         return [start_volume(c, values) for c in self.circuit.compartments]
 
+    @cached_property
+    def start_names(self) -> tuple[str, ...]:
+        """Parameters that start volumes are computed from."""
+        return tuple(dict.fromkeys(name for _, names in self._read_by_compartments for name in names))
+
     def start_changes(self, before: Values, now: Values) -> list[Number]:
         """By how much other values change the start volume of every compartment of one patient [mL]."""
         return [

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 from eclsim.circuit.signals import Kind, Signal
@@ -296,6 +296,10 @@ class Circuit:
             object.__setattr__(self, "_hash", hash(tuple(getattr(self, one.name) for one in fields(self))))
         return self.__dict__["_hash"]
 
+    def __getstate__(self) -> dict[str, object]:
+        """Its tables alone: strings hash differently in another process."""
+        return {one.name: getattr(self, one.name) for one in fields(self)}
+
     def __add__(self, other: Circuit) -> Circuit:
         """Both circuits as one; devices name the compartments they attach to."""
         return Circuit(
@@ -345,7 +349,16 @@ class Circuit:
 
     def without_exchanges(self) -> Circuit:
         """What the beat needs of the circuit."""
-        return replace(self, exchanges=()) if self.exchanges else self
+        return self._of_beat
+
+    @cached_property
+    def _of_beat(self) -> Circuit:
+        return replace(self, exchanges=()).canonical if self.exchanges else self
+
+    @cached_property
+    def canonical(self) -> Circuit:
+        """The first of all circuits equal to this one: caches find it without comparing tables."""
+        return _first_equal(self)
 
     def renamed(self, name: Renaming, parameter: Renaming, group: Renaming) -> Circuit:
         """The same circuit under other names; sites outside of it keep theirs.
@@ -389,14 +402,14 @@ class Circuit:
 
     def with_chosen_sites(self, values: Mapping[str, float]) -> Circuit:
         """The circuit of one patient: a fixed site wherever the value of a parameter chooses it."""
+        given = {name: float(values[name]) for name in self._choosing if name in values}
+        return _with_sites(self, tuple(given.items())) if given else self
 
-        def site(of: Site) -> Site:
-            if isinstance(of, str) or of.parameter not in values:
-                return of
-            return of.site(float(values[of.parameter]))
-
-        paths = (replace(c, source=site(c.source), target=site(c.target)) for c in self.connections)
-        return replace(self, connections=tuple(paths))
+    @cached_property
+    def _choosing(self) -> tuple[str, ...]:
+        """Parameters that choose a site."""
+        sites = (site for c in self.connections for site in (c.source, c.target))
+        return tuple(dict.fromkeys(site.parameter for site in sites if not isinstance(site, str)))
 
     def signals(self) -> tuple[Signal, ...]:
         """P and V of compartments, Q of connections, P of surroundings and of connections (head).
@@ -416,6 +429,25 @@ class Circuit:
     def connection(self, name: str) -> Connection:
         """The connection of that name."""
         return next(c for c in self.connections if c.name == name)
+
+
+@lru_cache(maxsize=256)
+def _first_equal(circuit: Circuit) -> Circuit:
+    return circuit
+
+
+@lru_cache(maxsize=256)
+def _with_sites(circuit: Circuit, given: tuple[tuple[str, float], ...]) -> Circuit:
+    """A circuit with the sites that values of parameters choose."""
+    values = dict(given)
+
+    def site(of: Site) -> Site:
+        if isinstance(of, str) or of.parameter not in values:
+            return of
+        return of.site(values[of.parameter])
+
+    paths = (replace(c, source=site(c.source), target=site(c.target)) for c in circuit.connections)
+    return replace(circuit, connections=tuple(paths))
 
 
 def sites_of(site: Site) -> tuple[str, ...]:

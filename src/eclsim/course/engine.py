@@ -488,11 +488,7 @@ def _gases_read(circuits: Sequence[Sequence[Circuit]]) -> list[str]:
 
 def canonical_circuits(timelines: Sequence[Timeline]) -> list[list[Circuit]]:
     """The circuit of each segment of each member, at last that of the `START`; equal ones are one object."""
-    unique: dict[Circuit, Circuit] = {}
     return [
-        [
-            unique.setdefault(timeline.circuit(k), timeline.circuit(k))
-            for k in (*range(len(timeline.breaks) - 1), START)
-        ]
+        [timeline.circuit(k).canonical for k in (*range(len(timeline.breaks) - 1), START)]
         for timeline in timelines
     ]

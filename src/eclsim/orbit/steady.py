@@ -46,17 +46,27 @@ class Batch:
     count: int
     policy: str = AS_PUBLISHED
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "circuit", self.circuit.canonical)
+
     @classmethod
     def of(cls, model: Model, policy: str | None = None) -> Batch:
         """A model as a batch of one; policy: blood volume policy, left out, the model's."""
         return cls(model.circuit, model.values, 1, policy or model.policy)
 
     def packed(self, program: BeatProgram) -> np.ndarray:
-        """Parameters in the order of a program, shape (names, members)."""
-        packed = np.empty((len(program.names), self.count))
-        for row, name in zip(packed, program.names, strict=True):
-            row[:] = self.values[name]
-        return packed
+        """Parameters in the order of a program, shape (names, members); not to be written to."""
+        if program.names not in self._packed:
+            packed = np.empty((len(program.names), self.count))
+            for row, name in zip(packed, program.names, strict=True):
+                row[:] = self.values[name]
+            packed.flags.writeable = False
+            self._packed[program.names] = packed
+        return self._packed[program.names]
+
+    @cached_property
+    def _packed(self) -> dict[tuple[str, ...], np.ndarray]:
+        return {}
 
     def member(self, which: int) -> dict[str, float]:
         """Parameters of one member."""
@@ -82,13 +92,18 @@ class Batch:
 
     def volume(self) -> Volume:
         """The blood volume condition of the policy."""
+        return self._volume
+
+    @cached_property
+    def _volume(self) -> Volume:
         if self.policy not in POLICIES:
             raise ValueError(f"blood volume policy '{self.policy}'; allowed: {', '.join(POLICIES)}")
         assembly = assemble(self.circuit)
         of_blood = [self.policy == AS_PUBLISHED or c.group == "patient" for c in self.circuit.compartments]
         weights = assembly.layout.conserved(np.array(of_blood, dtype=float))
         with np.errstate(divide="ignore", invalid="ignore"):
-            start = assembly.start_volumes({k: np.asarray(v, dtype=float) for k, v in self.values.items()})
+            values = {name: np.asarray(self.values[name], dtype=float) for name in assembly.start_names}
+            start = assembly.start_volumes(values)
         target = sum(
             np.asarray(v, dtype=float) for v, counted in zip(start, of_blood, strict=True) if counted
         )

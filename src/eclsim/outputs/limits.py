@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
+from functools import lru_cache
 from types import MappingProxyType
 
 from eclsim.devices.description import GRAVEST_FIRST, Limit
-from eclsim.devices.registry import devices, named_output
+from eclsim.devices.registry import devices, named_output, registered
 
 CLOSED_L_MIN = 0.02
 """Mean flow below which a valve counts as closed all beat."""
@@ -256,19 +257,21 @@ def broken_limits(outputs: Mapping[str, float]) -> list[Limit]:
     Args:
         outputs: values by name.
     """
-    broken = [
-        limit
-        for name, value in outputs.items()
-        for limit in limits_of(name, outputs)
-        if limit.broken_by(value)
-    ]
-    order = {_published(limit): position for position, limit in enumerate(all_limits())}
     result: dict[tuple[str, str], Limit] = {}
-    for kind in GRAVEST_FIRST:
-        for limit in sorted(broken, key=lambda limit: order[_published(limit)]):
-            if limit.kind == kind:
-                result.setdefault((group_of(limit.quantity), limit.side), limit)
+    for limit in _in_order(tuple(outputs), registered()):
+        if limit.broken_by(outputs[limit.quantity]):
+            result.setdefault((group_of(limit.quantity), limit.side), limit)
     return list(result.values())
+
+
+@lru_cache(maxsize=256)
+def _in_order(outputs: tuple[str, ...], among: tuple[object, ...]) -> tuple[Limit, ...]:
+    """Limits of some outputs, the gravest first, and of equally grave ones as `all_limits` lists them."""
+    order = {_published(limit): position for position, limit in enumerate(all_limits())}
+    limits = [limit for name in outputs for limit in limits_of(name, outputs)]
+    return tuple(
+        sorted(limits, key=lambda limit: (GRAVEST_FIRST.index(limit.kind), order[_published(limit)]))
+    )
 
 
 def _published(limit: Limit) -> tuple[str, str, str]:

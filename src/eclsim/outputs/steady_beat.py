@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -18,7 +19,7 @@ from eclsim.circuit.assembly import assemble
 from eclsim.circuit.network import Circuit
 from eclsim.components.base import Values
 from eclsim.devices.description import GASES
-from eclsim.devices.registry import assist_connections, namings
+from eclsim.devices.registry import assist_connections, namings, registered
 from eclsim.gas.network import STATUS, GasStatus
 from eclsim.orbit.equation import Anchor, OrbitOptions, OrbitProblem
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution, in_threads
@@ -409,6 +410,11 @@ def _native_output(outputs: Mapping[str, np.ndarray], circuit: Circuit, count: i
 
 def left_outputs(circuit: Circuit) -> tuple[str, ...]:
     """Outputs of a circuit that are what the left heart and its assist devices give."""
+    return _left_outputs(circuit, registered())
+
+
+@lru_cache(maxsize=256)
+def _left_outputs(circuit: Circuit, among: tuple[object, ...]) -> tuple[str, ...]:
     pumps = assist_connections(circuit)
     groups = dict.fromkeys(c.group for c in circuit.connections if c.name in pumps)
     assists = (names.output(names.device.assist_flow) for names in namings(groups))
@@ -418,6 +424,11 @@ def left_outputs(circuit: Circuit) -> tuple[str, ...]:
 
 def judging_outputs(circuit: Circuit) -> tuple[str, ...]:
     """Outputs of a circuit that tell whether its heart ejects and which valves carry blood."""
+    return _judging_outputs(circuit, registered())
+
+
+@lru_cache(maxsize=256)
+def _judging_outputs(circuit: Circuit, among: tuple[object, ...]) -> tuple[str, ...]:
     known = output_names(circuit)
     names = (*valve_flows(circuit), *left_outputs(circuit), "CO")
     return tuple(name for name in dict.fromkeys(names) if name in known)
