@@ -144,3 +144,13 @@ def test_a_law_of_what_a_law_gave_follows_the_chain_rule():
     slopes = m.slopes(second, ["dose", *m.sums])
     assert slopes[:, 0] == pytest.approx([d.value for d in second], rel=1e-12)
     assert slopes[:, 1] == pytest.approx([second[0].value / m.mean("Px").value, 0.0], rel=1e-12)
+
+
+def test_laws_of_a_large_batch_are_those_of_each_alone():
+    doses, pressures = np.linspace(0.0, 2.0, 37), np.linspace(60.0, 100.0, 37)
+    few, many = (
+        Measures({}, PHASES, batch=count).apply(_quotient, [pressures, 2.0, doses]) for count in (37, 4000)
+    )
+    for alone, together, exact in zip(few, many, (pressures / 2.0, np.exp(-doses)), strict=True):
+        assert alone == pytest.approx(exact, rel=1e-14)
+        assert together == pytest.approx(exact, rel=1e-14)

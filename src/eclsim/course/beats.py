@@ -441,7 +441,7 @@ class BeatMarch:
         if double:
             parameters = {n: column.repeat(2) for n, column in parameters.items()}
             gases = gases and {quantity: column.repeat(2) for quantity, column in gases.items()}
-        measures = Measures(waves, program.grid.phases, self.circuit, parameters, gases)
+        measures = Measures(waves, program.grid.phases, self.circuit, parameters, gases, len(beats))
         result: dict[str, np.ndarray] = {}
         for name in names:
             column = self._acted(name, values, acted)

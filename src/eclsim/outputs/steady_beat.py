@@ -307,7 +307,7 @@ def measured(
             series = np.repeat(series, 2, axis=-1)
         parameters = orbits.batch.read_by_outputs(needed_parameters(circuit, names), members)
         waves = {name: series[:, k] for k, name in enumerate(recorded)}
-        measures = Measures(waves, phases, circuit, parameters)
+        measures = Measures(waves, phases, circuit, parameters, batch=count)
         for row, name in zip(values, names, strict=True):
             row[members] = output(name).compute(measures)[: len(members)]
         if with_gas:
