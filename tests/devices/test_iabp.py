@@ -168,6 +168,16 @@ def test_it_is_said_whose_pressure_the_highest_one_is(alone, assisted):
     assert not [sentence for sentence in alone.attrs["warnings"] if "balloon" in sentence]
 
 
+def test_it_is_said_that_its_effect_is_the_most_to_be_expected(alone, assisted):
+    said = [
+        sentence for sentence in assisted.attrs["warnings"] if "0.5 to 1.0 L/min are reported" in sentence
+    ]
+    assert len(said) == 1
+    assert 0.5 < numbers(assisted, "CO")[0] - numbers(alone, "CO")[0] < 1.0
+    empty = eclsim.simulate(balloon(0.0))
+    assert not [sentence for sentence in empty.attrs["warnings"] if "ideal balloon" in sentence]
+
+
 @pytest.mark.parametrize(
     ("section", "line"),
     [

@@ -34,6 +34,14 @@ DELAY = 100.0
 follows the gas within 0.1 ms, whatever the pressure; an explicit solver can still step through it."""
 
 
+_MOVED = ("CO", "LVO", "DP", f"{GROUP}_end_diastolic_pressure", f"{GROUP}_augmentation")
+_IDEAL = (
+    "the IABP is an ideal balloon, which always moves its whole volume, in stiff arteries: take what it does "
+    "to CO, LVO and diastolic pressure for the most that a patient may gain (0.5 to 1.0 L/min are reported, "
+    "Parissis et al. 2016)"
+)
+
+
 class Iabp(Section):
     """The balloon: volume of its gas, phase at which it begins to fill."""
 
@@ -113,17 +121,25 @@ class IabpDevice(Device[Iabp]):
     def findings(
         self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
     ) -> list[Finding]:
-        """What systolic, diastolic and pulse pressure are where the balloon makes them."""
-        augmented = outputs.get(names.output(_AUGMENTED.name), float("nan"))
-        if "SP" not in outputs or not augmented >= outputs["SP"]:
-            return []
-        text = (
-            "the highest aortic pressure is the balloon's, in diastole: SP, DP and pulse pressure are made "
-            f"by the {names.label}; for what the heart does read {names.output(_SYSTOLIC.name)} and LVO"
-        )
-        return [
-            Finding(CAUTION, "SP", outputs["SP"], float("nan"), text, concerns=("SP", "DP", "pulse_pressure"))
-        ]
+        """How far its effect can be relied on, and whose the highest aortic pressure is."""
+        volume, augmented = (
+            table.get(name, 0.0) for table, name in (
+                (values, names.parameter(_VOLUME)), (outputs, names.output(_AUGMENTED.name)),
+            )
+        )  # fmt: skip
+        result = []
+        if volume > 0.0 and "CO" in outputs:
+            concerns = tuple(name for name in _MOVED if name in outputs)
+            result.append(Finding(CAUTION, "CO", outputs["CO"], float("nan"), _IDEAL, concerns=concerns))
+        if "SP" in outputs and augmented >= outputs["SP"]:
+            text = (
+                "the highest aortic pressure is the balloon's, in diastole: SP, DP and pulse pressure are "
+                f"made by the {names.label}; for what the heart does read "
+                f"{names.output(_SYSTOLIC.name)} and LVO"
+            )
+            concerns = ("SP", "DP", "pulse_pressure")
+            result.append(Finding(CAUTION, "SP", outputs["SP"], float("nan"), text, concerns=concerns))
+        return result
 
 
 IABP = IabpDevice()
