@@ -68,12 +68,26 @@ def test_mistakes_are_one_line_each_without_a_traceback(tmp_path):
     ]
 
 
+ASLEEP = "def read_all(*_):\n    print('running', flush=True)\n    time.sleep(60)\n"
+IN_A_CALLBACK = """
+def asleep(*_):
+    gc.callbacks.remove(asleep)
+    print('running', flush=True)
+    time.sleep(60)
+
+def read_all(*_):
+    gc.callbacks.append(asleep)
+    gc.collect()
+    time.sleep(60)
+"""
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="signals and pipes of POSIX")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signals_stop_without_a_traceback(number):
+@pytest.mark.parametrize("reading", [ASLEEP, IN_A_CALLBACK], ids=["asleep", "in a callback of the collector"])
+def test_signals_stop_without_a_traceback(number, reading):
     code = (
-        "import time\nfrom eclsim.cli import application, simulate\n"
-        "def read_all(*_):\n    print('running', flush=True)\n    time.sleep(60)\n"
+        f"import gc, time\nfrom eclsim.cli import application, simulate\n{reading}"
         "simulate.read_all = read_all\napplication.run(['simulate', 'case.toml'])\n"
     )
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
@@ -84,6 +98,7 @@ def test_signals_stop_without_a_traceback(number):
         _, message = process.communicate(timeout=20)
     assert process.returncode == 128 + number
     assert message.startswith("stopped by")
+    assert message.count("stopped") == 1
     assert "Traceback" not in message
 
 

@@ -50,6 +50,26 @@ def test_local_dask_workers_give_the_identical_file(tmp_path):
 
 
 @pytest.mark.slow
+def test_stopped_while_programs_are_compiled_ends_in_order(tmp_path):
+    case = tmp_path / "case.toml"
+    case.write_text(CASE)
+    words = [sys.executable, "-m", "eclsim", "sensitivity", str(case), "--samples", "4096", "--no-figures"]
+    for k in range(2):
+        out, cache = tmp_path / f"out{k}", tmp_path / f"cache{k}"
+        environment = {**os.environ, "ECLSIM_CACHE_DIR": str(cache)}
+        with subprocess.Popen(
+            [*words, "--out", str(out)], env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
+        ) as process:
+            while process.poll() is None and not (out / "design.json").exists():
+                time.sleep(0.05)
+            time.sleep(0.5 + k)
+            process.terminate()
+            message = process.communicate()[1].decode()
+        assert process.returncode == 128 + signal.SIGTERM, message
+        assert "--resume goes on" in message
+
+
+@pytest.mark.slow
 def test_killed_or_stopped_processes_lose_nothing(tmp_path):
     """The real command, ended by Ctrl-C, SIGTERM and kill -9 at random moments, on one and on two threads."""
     case = tmp_path / "case.toml"

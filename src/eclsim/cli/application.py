@@ -9,6 +9,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Timer
 from types import FrameType
 from typing import Annotated, TextIO
 
@@ -158,6 +159,10 @@ def run(arguments: Sequence[str] | None = None) -> None:
     _print_any_character()
     try:
         app(args=list(arguments) if arguments is not None else None, prog_name="eclsim")
+    except _StoppedError as stopped:
+        # Without the interpreter's end, in which a compiler that is still at work crashes.
+        _flush()
+        os._exit(stopped.status)
     except BrokenPipeError:
         _silence(sys.stdout)
         raise SystemExit(1) from None
@@ -172,12 +177,32 @@ def run(arguments: Sequence[str] | None = None) -> None:
         _flush()
 
 
+class _StoppedError(SystemExit):
+    """A signal stopped the command."""
+
+    def __init__(self, number: int):
+        self.status = 128 + number
+        super().__init__(self.status)
+
+
 def _stop_cleanly_on_signals() -> None:
     """Ctrl-C and SIGTERM unwind the stack, so that temporary files go and finished ones stay."""
+    usual, said = sys.unraisablehook, set[int]()
 
     def stop(number: int, _frame: FrameType | None) -> None:
-        say(_STOPPED_BY[signal.Signals(number).name])
-        raise SystemExit(128 + number)
+        if number not in said:
+            said.add(number)
+            say(_STOPPED_BY[signal.Signals(number).name])
+        raise _StoppedError(number)
+
+    def raise_again(ignored: sys.UnraisableHookArgs) -> None:
+        # What is raised within a callback of the garbage collector goes no further.
+        if isinstance(ignored.exc_value, _StoppedError):
+            Timer(0.05, os.kill, [os.getpid(), ignored.exc_value.status - 128]).start()
+        else:
+            usual(ignored)
+
+    sys.unraisablehook = raise_again
 
     for name in _STOPPED_BY:
         try:
