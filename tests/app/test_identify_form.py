@@ -3,6 +3,7 @@
 import asyncio
 import threading
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -14,6 +15,7 @@ from eclsim.app.state import PageState, link_of, preset_state, state_of, subject
 from eclsim.app.updates import PosteriorBands
 from eclsim.cases.case import Measurements
 from eclsim.cases.presets import PRESETS
+from eclsim.cases.reading import read_case
 from eclsim.identification.verdict import (
     Aspect,
     FitVerdict,
@@ -26,6 +28,7 @@ from eclsim.identification.verdict import (
 from patience import PATIENCE_S, until
 
 CASE = PRESETS["paper"].case()
+EXAMPLE = Path(__file__).parents[2] / "examples" / "veno_venous_blood_gases.toml"
 MEASURED = {"SP": "83", "DP": "76", "MAP": "80", "MPAP": "11", "CO": "1.4", "PF": "3.5"}
 
 
@@ -128,8 +131,9 @@ class StubFitter:
     def prepare(self):
         pass
 
-    def run(self, job, case, policy, report, stop):
+    def run(self, job, case, policy, report, stop, free=()):
         self.running.append(case)
+        self.free = tuple(free)
         report("draws")
         self.may_end.wait(2 * PATIENCE_S)
         if isinstance(self.answer, Exception):
@@ -261,7 +265,9 @@ def test_the_posterior_belongs_to_the_fitted_patient(slow):
         await one.start(typed)
         (subject, fit) = next(iter(one._fitted.items()))
         one._fitted[subject] = replace(fit, case=fit.case.model_copy(update={"parameters": {"Rmc": 0.9}}))
+        one._fits[subject] = {"parameters": {"Rmc": {}, "Emaxlv": {}}}
         await one.find_posterior()
+        assert slow.free == ("Rmc", "Emaxlv")
         assert one.use()
         key = one.session.loaded[0].posterior
         assert one.bands.members(key).base == {"Rmc": 0.9}
@@ -351,3 +357,10 @@ def test_the_blood_volume_is_fitted_where_the_central_venous_pressure_was_measur
     without, usual = to_fit(raw | {"measurements": {"MAP": 80.0}}, "as_published")
     assert without.fluid is None
     assert "fluid.extra_volume_ml" not in usual.parameters
+
+
+def test_measured_gases_are_fitted_by_what_they_tell_of():
+    raw = read_case(EXAMPLE).case.as_mapping()
+    settings = to_fit(raw, "as_published")[1]
+    assert settings.parameters == ("gas.shunt_fraction", "gas.vo2_ml_min", "ecmo.drainage_mixing", "Rmc")
+    assert to_fit(raw, "as_published", ("Rmc", "Csart"))[1].parameters == ("Rmc", "Csart")

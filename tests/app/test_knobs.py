@@ -1,5 +1,7 @@
 """Every knob of every preset turns, and says why a value cannot be."""
 
+from pathlib import Path
+
 import pytest
 
 from eclsim.app.display import described
@@ -14,7 +16,7 @@ from eclsim.app.knobs import (
 )
 from eclsim.app.texts import ENGLISH
 from eclsim.cases.presets import PRESETS
-from eclsim.cases.reading import read_mapping
+from eclsim.cases.reading import read_case, read_mapping
 from eclsim.cases.sections import PATIENT_SECTIONS
 from eclsim.devices.description import Knob, Picker, plain_control
 from eclsim.devices.ecmo import OTHER_MODE, ROLLER_PUMP
@@ -22,6 +24,7 @@ from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
 
+EXAMPLE = Path(__file__).parents[2] / "examples" / "veno_venous_blood_gases.toml"
 CASES = {key: preset.case() for key, preset in PRESETS.items()}
 
 
@@ -205,6 +208,16 @@ def test_a_second_cannula_is_put_in_and_taken_out():
     clamped = turn(there, "ecmo.second_return_clamp", 0.5)
     assert clamped.ecmo.second_return_clamp == 0.5
     assert turn(clamped, "ecmo.second_return_site", "").ecmo == case.ecmo
+
+
+def test_sites_are_shown_where_drainage_and_return_share_a_compartment():
+    case = read_case(EXAMPLE).case
+    knobs = {control.key: control for control in controls(case)}
+    assert "ra" in dict(knobs["ecmo.drainage_site"].options)
+    assert "ra" in dict(knobs["ecmo.return_site"].options)
+    assert turn(case, "ecmo.drainage_mixing", 0.4).ecmo.drainage_mixing == 0.4
+    apart = turn(case, "ecmo.drainage_site", "svn")
+    assert "ecmo.drainage_mixing" not in {control.key for control in controls(apart)}
 
 
 def test_second_cannulae_and_bronchial_return_are_drawn():

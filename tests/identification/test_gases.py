@@ -7,6 +7,7 @@ from eclsim.cases.case import Measurements
 from eclsim.cases.quantities import with_values
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.writing import case_text
+from eclsim.devices.registry import parameters
 from eclsim.identification.density import (
     GradientEvaluator,
     NoSteadyBeatError,
@@ -19,11 +20,12 @@ from eclsim.identification.multi_start import FitStatus, MultiStart
 from eclsim.identification.objective import Box
 from eclsim.identification.posterior import predict
 from eclsim.identification.quantities import Scale, measurement_errors
-from eclsim.identification.settings import FitSettings, checked_fit
+from eclsim.identification.settings import FitSettings, checked_fit, free_parameters
 from eclsim.identification.tracking import Tracker, TrackSettings
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
+from eclsim.parameters.thiel2025 import BOUNDS
 
 CASE = read_mapping({
     "format": 1,
@@ -127,6 +129,43 @@ def test_a_fit_finds_shunt_and_consumption_and_the_fitted_case_can_be_simulated(
     assert "[parameters]" not in text
     again = outputs_of(read_mapping(found.case.as_mapping()).case, tuple(values))
     assert again == pytest.approx(values, rel=1e-5)
+
+
+IN_ONE_VEIN = CASE.model_copy(update={"ecmo": CASE.ecmo.model_copy(update={"drainage_site": "ra"})})
+BLOOD_GASES = ("MAP", "PF", "SaO2", "PaO2", "PaCO2", "SpreO2", "PpostO2")
+
+
+def test_measured_gases_free_what_they_tell_of():
+    open_case = IN_ONE_VEIN.model_copy(update={"gas": replace_vo2(CASE.gas)})
+    case, values = measured(open_case, BLOOD_GASES)
+    names = free_parameters(case)
+    assert names == ("gas.shunt_fraction", "gas.vo2_ml_min", "ecmo.drainage_mixing", "Rmc")
+    given, _ = measured(CASE, BLOOD_GASES)
+    assert "gas.vo2_ml_min" not in free_parameters(given)
+    assert free_parameters(given)[0] == "gas.shunt_fraction"
+    without, _ = measured(CASE, ("MAP", "CO", "PF"))
+    assert free_parameters(without) == tuple(BOUNDS)
+    assert free_parameters(case.model_copy(update={"gas": None})) == tuple(BOUNDS)
+    other = with_values(case, {"gas.shunt_fraction": 0.3, "gas.vo2_ml_min": 180.0, "Rmc": 0.8})
+    other = other.model_copy(update={"gas": replace_vo2(other.gas)})
+    found = fit(other, settings=FitSettings(names, multi_start=MultiStart.quick(24)))
+    assert found.verdict.level == "good"
+    assert {name: found.simulated[name] for name in values} == pytest.approx(values, rel=1e-3)
+
+
+def test_a_wrong_shunt_that_is_held_is_not_hidden_in_the_cardiac_output():
+    open_case = CASE.model_copy(update={"gas": replace_vo2(CASE.gas)})
+    case, _ = measured(open_case, BLOOD_GASES)
+    assumed = parameters()["gas.shunt_fraction"].value
+    held = with_values(case, {"gas.shunt_fraction": assumed})
+    found = fit(held, settings=FitSettings(("Rmc", "Emaxlv"), multi_start=MultiStart.quick(12)))
+    reasons = [reason.sentence for reason in found.verdict.reasons]
+    assert found.verdict.level != "good"
+    assert any(s.startswith("the shunt of the lungs is held at an assumed value") for s in reasons)
+    assert any(s.startswith("the oxygen that the tissues consume is held") for s in reasons)
+    known = with_values(case, {"gas.shunt_fraction": 0.55, "gas.vo2_ml_min": 240.0})
+    sure = fit(known, settings=FitSettings(("Rmc", "Emaxlv"), multi_start=MultiStart.quick(12)))
+    assert not any("assumed value" in reason.sentence for reason in sure.verdict.reasons)
 
 
 def test_gases_that_are_not_computed_are_no_targets():

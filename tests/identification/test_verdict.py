@@ -101,6 +101,9 @@ def test_a_right_ventricle_of_17_ml_is_flagged_with_the_range_of_health():
     assert plausibility({"EDVRV": 60.0, "PCWP": 20.0}, ranges, [], []) == []
     (wedge,) = plausibility({"PCWP": 60.0}, ranges, [], [])
     assert wedge.about == "PCWP"
+    (extracted,) = plausibility({"O2ER": 0.95}, ranges, [], [])
+    assert "oxygen extraction ratio 0.95, which" in extracted.sentence
+    assert plausibility({"O2ER": 0.6}, ranges, [], []) == []
     (shut,) = plausibility({}, ranges, [], ["volume of rv falls to -3.0 mL: the chamber collapses"])
     assert shut.level is Level.DOUBTFUL
 

@@ -148,7 +148,7 @@ def _wire(wire: Wire, plan: Plan, group: str, page: Layout) -> dict[str, Any]:
     from eclsim.reporting.schematic_layout import MIDDLE
     from eclsim.reporting.schematic_routes import detour
 
-    way = detour(page, wire, WIDER_MM)
+    way = detour(plan, page, wire, WIDER_MM)
     path = way.path if way else list(_between(page.box(wire.source), page.box(wire.target)))
     start, stop = path[0], path[-1]
     x, y = 0.5 * (start[0] + stop[0]), -0.5 * (start[1] + stop[1])

@@ -9,7 +9,7 @@ import os
 import re
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +40,10 @@ NICENESS = 5
 FAILED = {"fit": "fit_failed", "posterior": "posterior_failed"}
 
 
+Order = tuple[str, dict[str, Any], str, tuple[str, ...]]
+"""Job, case, blood volume policy, and free parameters where they are known already."""
+
+
 class FitError(RuntimeError):
     """Why there is no fit, in words."""
 
@@ -67,7 +71,7 @@ class FitProcess:
 
     def run(
         self, job: str, case: Mapping[str, Any], policy: str, report: Callable[[str], None],
-        stop: threading.Event,
+        stop: threading.Event, free: Sequence[str] = (),
     ) -> dict[str, Any]:  # fmt: skip
         """Have the process do a job; blocks. One runs at a time, others wait for their turn.
 
@@ -77,6 +81,7 @@ class FitProcess:
             policy: blood volume policy.
             report: called with what is being done.
             stop: set when nobody wants it any more.
+            free: parameters; left out, what is worth fitting.
 
         Returns:
             The result as plain data; the fitted case is under "case".
@@ -90,7 +95,7 @@ class FitProcess:
             if stop.is_set():
                 raise CancelledError
         try:
-            return self._exchange((job, dict(case), policy), report, stop)
+            return self._exchange((job, dict(case), policy, tuple(free)), report, stop)
         finally:
             self._turn.release()
 
@@ -110,9 +115,7 @@ class FitProcess:
             far.close()
         return self._line
 
-    def _exchange(
-        self, order: tuple[str, dict[str, Any], str], report: Callable[[str], None], stop: threading.Event
-    ) -> dict[str, Any]:
+    def _exchange(self, order: Order, report: Callable[[str], None], stop: threading.Event) -> dict[str, Any]:
         pipe, quit_now = self._started()
         quit_now.clear()
         cancelled_at = math.inf
@@ -152,8 +155,8 @@ def _serve(pipe: Connection, quit_now: Event) -> None:
         _prepare(pipe)
     while True:
         try:
-            job, case, policy = pipe.recv()
-            pipe.send(_done(job, case, policy, lambda message: _report(pipe, quit_now, message)))
+            job, case, policy, free = pipe.recv()
+            pipe.send(_done(job, case, policy, free, lambda message: _report(pipe, quit_now, message)))
         except (EOFError, OSError):
             return
 
@@ -191,26 +194,36 @@ def _fit(
     return fit(case, settings=settings, progress=lambda step: report(str(step)))
 
 
-def to_fit(raw: Mapping[str, Any], policy: VolumePolicy) -> tuple[Case, FitSettings]:
-    """The case, and what is free: the paper's seven, and the blood volume where CVP was measured."""
-    from eclsim.identification.settings import FitSettings
+def to_fit(
+    raw: Mapping[str, Any], policy: VolumePolicy, free: Sequence[str] = ()
+) -> tuple[Case, FitSettings]:
+    """The case, and what is free: what is worth fitting; with CVP the blood volume too.
+
+    Args:
+        raw: as a case file holds it, with measurements.
+        policy: blood volume policy.
+        free: parameters, where they are known already.
+    """
+    from eclsim.identification.settings import FitSettings, free_parameters
 
     settings = FitSettings(volume_policy=policy)
+    usual = settings.parameters
     if "CVP" in raw["measurements"]:
         raw = {**raw, "fluid": raw.get("fluid", {})}
-        settings = replace(settings, parameters=(*settings.parameters, EXTRA_VOLUME))
-    return read_mapping(raw).case, settings
+        usual = (*usual, EXTRA_VOLUME)
+    case = read_mapping(raw).case
+    return case, replace(settings, parameters=tuple(free) or free_parameters(case, usual, policy))
 
 
 def _done(
-    job: str, raw: Mapping[str, Any], policy: VolumePolicy, report: Callable[[str], None]
+    job: str, raw: Mapping[str, Any], policy: VolumePolicy, free: Sequence[str], report: Callable[[str], None]
 ) -> tuple[str, Any]:
     from eclsim.app.posterior import plain_posterior
     from eclsim.inputs.mistakes import CaseError
 
     try:
         if job == "posterior":
-            return "done", plain_posterior(raw, policy, report)
+            return "done", plain_posterior(raw, policy, report, free)
         return "done", plain_fit(_fit(raw, policy, LOOKING, report))
     except CancelledError:
         return "cancelled", None

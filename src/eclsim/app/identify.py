@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 EXPECTED_S, POSTERIOR_EXPECTED_S = 15.0, 12.0
 """Usual time of a fit and of a posterior [s]; the bar moves by it between their reports."""
+MOST_FREE = 64
+"""Parameters that a fit kept by the browser may have."""
 PREPARING = {"fit": "fit_preparing", "posterior": "posterior_preparing"}
 PATIENT = ("id", "sex", "age_years", "height_cm", "weight_kg", "heart_rate_bpm")
 
@@ -186,8 +188,9 @@ class Identification:
         fitted = self._fit_of(link)
         if self.running or fitted is None:
             return
-        case = fitted.case
-        ended = await self._run("posterior", case.as_mapping(), fitted.policy, POSTERIOR_EXPECTED_S)
+        case, fitted_by = fitted.case, self._fits.get(subject_of(fitted)) or fit or {}
+        free = [str(name) for name in fitted_by.get("parameters") or ()][:MOST_FREE]
+        ended = await self._run("posterior", case.as_mapping(), fitted.policy, POSTERIOR_EXPECTED_S, free)
         posterior = ended.pop("found", None)
         if posterior is not None:
             members = PosteriorDraws(
@@ -239,13 +242,15 @@ class Identification:
         self.bands.add(key, members)
         self.session.load(PageState(case, state.policy, "posterior", key, source=source, subject=subject))
 
-    async def _run(self, job: str, raw: dict[str, Any], policy: str, expected_s: float) -> dict[str, Any]:
+    async def _run(
+        self, job: str, raw: dict[str, Any], policy: str, expected_s: float, free: Sequence[str] = ()
+    ) -> dict[str, Any]:
         """Run a job of the process and report its progress; its result, or why there is none."""
         self._stop = stop = threading.Event()
         self._report = text(PREPARING[job])
         started = time.monotonic()
         work = asyncio.ensure_future(
-            asyncio.to_thread(self.process.run, job, raw, policy, self._reported, stop)
+            asyncio.to_thread(self.process.run, job, raw, policy, self._reported, stop, free)
         )
         work.add_done_callback(lambda done: done.cancelled() or done.exception())
         try:

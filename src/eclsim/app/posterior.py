@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -184,7 +184,7 @@ class _Reporting(PosteriorDensity):
 
 
 def plain_posterior(
-    raw: Mapping[str, Any], policy: VolumePolicy, report: Callable[[str], None]
+    raw: Mapping[str, Any], policy: VolumePolicy, report: Callable[[str], None], free: Sequence[str] = ()
 ) -> dict[str, Any]:
     """Members, intervals and the verdict for a fitted case.
 
@@ -192,12 +192,13 @@ def plain_posterior(
         raw: as a case file holds it, with measurements and the fitted parameters.
         policy: blood volume policy.
         report: called with what is being done; may raise to stop it.
+        free: the fitted parameters; left out, what is worth fitting.
 
     Returns:
         Plain data: names and members, intervals of the parameters, and what the weights say.
     """
     report(text("posterior_preparing"))
-    posterior, start = _density(raw, policy, report)
+    posterior, start = _density(raw, policy, report, free)
     weighted = importance_sample(posterior, approximate(posterior, start[None]), seed=SEED)
     names = posterior.prior.names
     shown = posterior.prior.values_of(weighted.z[weighted.resample(SHOWN_DRAWS, SEED)])
@@ -216,10 +217,10 @@ def plain_posterior(
 
 
 def _density(
-    raw: Mapping[str, Any], policy: VolumePolicy, report: Callable[[str], None]
+    raw: Mapping[str, Any], policy: VolumePolicy, report: Callable[[str], None], free: Sequence[str]
 ) -> tuple[_Reporting, np.ndarray]:
     """The density of a fitted case's parameters, and the coordinates of their fitted values."""
-    case, settings = to_fit(raw, policy)
+    case, settings = to_fit(raw, policy, free)
     checked = checked_fit(case, settings)
     prior = Prior.within(Box.of(checked.free))
     model = model_of(case).with_values(dict(checked.fixed))

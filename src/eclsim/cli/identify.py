@@ -183,6 +183,7 @@ def _fit_case(o: IdentifyOptions) -> dict[str, Any]:
 
     (reading,) = read_all([o.file], o.settings, o.volume_policy)
     settings = fit_settings(o, policy=reading.case.volume_policy, weights=o.weights, seed=o.seed)
+    settings = settings if o.parameters is not None else _with_measured_gases(reading.case, settings)
     predictions = _predictions(o, settings.names)
     checked = checked_fit(reading.case, settings)
     unmeasured = unmeasured_uncertainties([reading.case], settings)
@@ -206,6 +207,16 @@ def _fit_case(o: IdentifyOptions) -> dict[str, Any]:
         page = write_fit_page(folder, content, result.case, folder / "figures")
     say(f"report: {page}")
     return content
+
+
+def _with_measured_gases(case: Case, settings: FitSettings) -> FitSettings:
+    """The settings with what is worth fitting to measured gases as free parameters, which is said."""
+    from eclsim.identification.settings import free_parameters
+
+    names = free_parameters(case, settings.parameters, settings.volume_policy)
+    if names != settings.parameters:
+        note([f"blood gases were measured: free are {', '.join(names)} (--parameters names others)"])
+    return replace(settings, parameters=names)
 
 
 def _with_profiles(fit: FitResult, folder: Path, progress: Progress) -> FitResult:

@@ -176,7 +176,8 @@ class FreeParameters:
 
     parameters: str | None = option(
         None,
-        "Free parameters; left out, the paper's Csart,Edla,Emaxlv,Emaxrv,Rmc,Rpmc,Rsvn.",
+        "Free parameters; left out, the paper's Csart,Edla,Emaxlv,Emaxrv,Rmc,Rpmc,Rsvn, and for a case whose "
+        "blood gases were measured what these tell apart.",
         "--parameters",
         "--free",
         metavar="NAMES",

@@ -747,13 +747,16 @@ class EcmoDevice(Device[Ecmo]):
         result.append(picker("oxygenator", "Oxygenator", OXYGENATORS))
         others = (OTHER_MODE,) if self.shown(section, "mode") == OTHER_MODE else ()
         result.append(picker("mode", "Mode", (*USUAL, *others), _MODES))
-        drained = (site for site in PATIENT_SITES if site != section.return_site)
-        returned = (site for site in PATIENT_SITES if site != section.drainage_site)
+        own = (section.drainage_site, section.return_site)
+        drained = (site for site in PATIENT_SITES if site not in own[1:] or site == own[0])
+        returned = (site for site in PATIENT_SITES if site not in own[:1] or site == own[1])
+        mixing = Knob("drainage_mixing", "Mixing before drainage", "", 0.0, 1.0, 0.01, needs="gas")
         return [
             *result,
             picker("drainage_site", "Drained from", drained, PATIENT_SITES),
             picker("return_site", "Returned to", returned, PATIENT_SITES),
-            *second_controls(section, (section.drainage_site, section.return_site), CANNULAE),
+            *second_controls(section, own, CANNULAE),
+            *((mixing,) if own[0] == own[1] else ()),
             Knob("sweep_l_min", "Sweep gas", "L/min", 0.0, 12.0, 0.1, needs="gas"),
             Knob("fdo2", "Oxygen in the sweep (FdO2)", "", 0.21, 1.0, 0.01, needs="gas"),
         ]
@@ -766,6 +769,8 @@ class EcmoDevice(Device[Ecmo]):
             return section.pump.roller_l_min
         if key in SECOND_SITES:
             return getattr(section, key) or NO_SITE
+        if key == "drainage_mixing" and section.drainage_mixing is None:
+            return 1.0
         if key != "mode":
             return getattr(section, key)
         if section.drainage_site in VENOUS_SITES and section.return_site in ARTERIAL_SITES:

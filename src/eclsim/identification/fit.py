@@ -24,6 +24,7 @@ from eclsim.identification.profiles import held_fits
 from eclsim.identification.quantities import measurement_errors, relative_scale, unit_of, unit_of_parameter
 from eclsim.identification.settings import (
     FitSettings,
+    assumed_of_gases,
     checked_fit,
     common_policy,
     measured_at_rest,
@@ -393,6 +394,21 @@ def _held_fixed(goodness: Goodness, free: Sequence[str]) -> list[Reason]:
     return reasons
 
 
+def _held_by_assumption(result: FitResult) -> list[Reason]:
+    """What measured gases tell of and is held although nobody gave it: other parameters make up for it."""
+    assumed, reasons = assumed_of_gases(result.case), []
+    for told, key, what in TELLS_OF:
+        names = [name for name in told if name in result.measured]
+        if names and key in assumed and key not in result.parameters:
+            sentence = (
+                f"{what} is held at an assumed value while {', '.join(names)} would tell of it: other "
+                "parameters, and cardiac output with them, make up for what is wrong with it; free it "
+                f"(--parameters Rmc,gas.shunt_fraction,gas.vo2_ml_min) or give {key}"
+            )
+            reasons.append(Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", sentence))
+    return reasons
+
+
 def held_against_its_beat(result: FitResult) -> FitResult:
     """The fit with the fitted patient's beat held against what is determined, and against adults."""
     if not result.simulated:
@@ -411,7 +427,7 @@ def held_against_its_beat(result: FitResult) -> FitResult:
     extremes = {str(n): (float(v.min()), float(v.max())) for n, v in beat.items() if v.dims == ("phase",)}
     collapsed = [f.sentence for f in findings(outputs, extremes) if f.kind == "collapse"]
     implied = {n: outputs[n] for n in result.ranges if n in outputs}
-    reasons = plausibility(implied, result.ranges, result.measured, collapsed)
+    reasons = plausibility(implied, result.ranges, result.measured, collapsed) + _held_by_assumption(result)
     return replace(result, implied=implied, warnings=tuple(beat.attrs["warnings"])).judged(reasons)
 
 

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from eclsim.cases.quantities import quantity, stated, with_values
 from eclsim.cases.resolve import height_weight
+from eclsim.components.base import names_in
 from eclsim.devices.description import GASES as VO2
 from eclsim.devices.registry import parameters, usual_setting
+from eclsim.gas.network import drainages
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.quantities import OF_THE_BEAT, OUTPUTS, Scale
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
@@ -34,6 +36,11 @@ if TYPE_CHECKING:
 
 WIDE = 10.0
 """Bounds of a parameter that has none of its own: its value divided and multiplied by this."""
+SHUNT = "gas.shunt_fraction"
+GASES_TELL_OF = {
+    SHUNT: ("SaO2", "PaO2"), VO2: ("SvO2", "SpreO2"), "ecmo.drainage_mixing": ("SpreO2",),
+}  # fmt: skip
+"""What nobody measures of gas exchange, and the measured gases that tell of it."""
 MEASURED_AT_REST = {
     SET_POINT: "MAP", VENOUS_SET_POINT: "CVP", PAO2_SET_POINT: "PaO2", PACO2_SET_POINT: "PaCO2",
 }  # fmt: skip
@@ -118,6 +125,53 @@ def measured_at_rest(case: Case, settings: FitSettings) -> Case:
     measured = {key: getattr(case.measurements, MEASURED_AT_REST[key], None) for key in open_ones}
     usable = {k: v for k, v in measured.items() if v is not None and parameters()[k].accepts(v)}
     return with_values(case, usable)
+
+
+def free_parameters(
+    case: Case, usual: Sequence[str] = tuple(BOUNDS), policy: VolumePolicy | None = None
+) -> tuple[str, ...]:
+    """What is worth fitting to a case: the usual parameters, or with measured gases what these tell apart.
+
+    Where a wrong shunt or oxygen consumption is held, cardiac output makes up for it: both, and the mixing
+    where drained blood is recirculated, come first, and of the usual parameters those whose effects differ
+    from theirs at the case's values. A consumption that the case gives is held.
+
+    Args:
+        case: with measurements.
+        usual: parameters.
+        policy: blood volume policy; None, the case's.
+    """
+    from eclsim.orbit.status import NoDerivativesError
+    from eclsim.sensitivity.identifiability import identifiability, propose
+
+    measured = [name for name in OUTPUTS if getattr(case.measurements, name, None) is not None]
+    told = [key for key, gases in GASES_TELL_OF.items() if set(gases) & set(measured)]
+    unknown = [key for key in told if key in _unknown_of_gases(case)]
+    if not unknown:
+        return tuple(usual)
+    candidates = tuple(dict.fromkeys((*unknown, *usual)))
+    try:
+        about = identifiability(case, parameters=candidates, outputs=measured, volume_policy=policy)
+    except NoDerivativesError:
+        return candidates
+    chosen = propose(about.scaled, first=unknown).chosen
+    return tuple(name for name in candidates if name in chosen) or candidates
+
+
+def _unknown_of_gases(case: Case) -> set[str]:
+    """Keys of `GASES_TELL_OF` that change something in a case and that it does not know."""
+    if case.gas is None:
+        return set()
+    mixed = drainages(circuit_of(case))
+    return {SHUNT, *assumed_of_gases(case), *(name for drained in mixed for name in names_in(drained.mixing))}
+
+
+def assumed_of_gases(case: Case) -> set[str]:
+    """Shunt and oxygen consumption, where a case leaves them at what is assumed."""
+    if case.gas is None:
+        return set()
+    assumed = {VO2: case.gas.vo2_ml_min is None, SHUNT: case.gas.shunt_fraction == parameters()[SHUNT].value}
+    return {key for key, holds in assumed.items() if holds}
 
 
 def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:

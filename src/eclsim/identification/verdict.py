@@ -262,8 +262,9 @@ def plausibility(
         if value is None or name in skipped or span.plausible[0] <= value <= span.plausible[1]:
             continue
         low, high = span.healthy
+        number = f"{value:.3g} {span.unit}".strip()
         sentence = (
-            f"{span.description} {value:.3g} {span.unit}, which is implausible even in severe illness "
+            f"{span.description} {number}, which is implausible even in severe illness "
             f"(healthy: {low:.3g} to {high:.3g}): do not read it, nor what follows from it, off this fit"
         )
         reasons.append(Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, name, sentence))

@@ -17,6 +17,7 @@ Sex = Literal["female", "male"]
 _HUDSMITH = "Hudsmith 2005, magnetic resonance, 63 men and 45 women, mean +- 2 SD"
 _CATHETER = "right heart catheterisation, practical table, European Respiratory Society"
 _KAWEL_BOEHM = "Kawel-Boehm 2015, magnetic resonance, mean +- 2 SD"
+_EXTRACTION = "McLellan and Walsh 2004; the critical one is 0.60 +- 0.13 (Ronco 1993)"
 _NURSING = "rnceus.com/hemo/term.htm, nursing reference"
 
 
@@ -59,6 +60,7 @@ _OTHERS = (
     ),
     AdultRange("MAP", "mean arterial pressure", "mmHg", (70.0, 100.0), (20.0, 200.0), _NURSING),
     AdultRange("CO", "flow through the lungs", "L/min", (4.0, 6.0), (0.0, 15.0), _CATHETER),
+    AdultRange("O2ER", "oxygen extraction ratio", "", (0.2, 0.3), (0.02, 0.8), _EXTRACTION),
     AdultRange(
         "right_atrial_pressure", "mean right atrial pressure", "mmHg", (1.0, 6.0), (-5.0, 30.0), _CATHETER
     ),

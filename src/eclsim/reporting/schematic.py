@@ -234,7 +234,7 @@ def _draw_boxes(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
 def _draw_wires(pen: Pen, plan: Plan, page: Layout, labels: Labels) -> None:
     """Draws the connections between neighbours."""
     for wire in plan.wires:
-        if way := detour(page, wire):
+        if way := detour(plan, page, wire):
             pen.line(way.path, look_of(labels.groups[wire.name]))
             pen.label_beside(way.label, [wire.mark.label, labels.flow(wire.name)], way.align)
             continue

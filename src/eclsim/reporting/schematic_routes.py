@@ -134,10 +134,11 @@ class Way(NamedTuple):
     align: str
 
 
-def detour(page: Layout, wire: Wire, wider: float = 0.0) -> Way | None:
+def detour(plan: Plan, page: Layout, wire: Wire, wider: float = 0.0) -> Way | None:
     """Way of a connection past boxes in between; None where there are none.
 
     Args:
+        plan: of the circuit.
         page: with the boxes.
         wire: the connection.
         wider: by how much the boxes are drawn wider on either side [mm].
@@ -145,9 +146,13 @@ def detour(page: Layout, wire: Wire, wider: float = 0.0) -> Way | None:
     (x, low), (other, high) = page.places[wire.source], page.places[wire.target]
     half = BOX_WIDTH / 2 + wider
     if wire.source == "sart" and wire.target == "pvn":  # inside the ring
-        channel, start, end = 0.5 * (page.places["part"][0] + other), low + BOX_HEIGHT / 2, high - 4.0
+        # Between what stands in the middle and the labels of the heart, which are wider on the page.
+        beside = 19.5 if wider else 26.0
+        channel = MIDDLE + (30.0 if plan.bridges else beside)
+        start, end = low + BOX_HEIGHT / 2, high - 4.0
         inside = [(x + 8.0, start), (x + 8.0, start + 3.0), (channel, start + 3.0)]
-        return Way([*inside, (channel, end), (other - half, end)], (channel - 1.5, high - 10.0), "right")
+        label = (channel - 1.5, high - 10.0 if plan.bridges else start + 9.0)
+        return Way([*inside, (channel, end), (other - half, end)], label, "right")
     if wire.target == "pvn" and low < high:  # outside of the left heart
         edge, aside = other + half, other + half + 1.4 - 0.4 * wider
         path = [(x + half, low + 2.0), (aside, low + 2.0), (aside, high - 3.0), (edge, high - 3.0)]

@@ -225,11 +225,14 @@ class Proposal:
     relative_errors: dict[str, float]
 
 
-def propose(scaled: ScaledSensitivities, limit: float = 10.0, threshold: float = 1.0) -> Proposal:
+def propose(
+    scaled: ScaledSensitivities, limit: float = 10.0, threshold: float = 1.0, first: Sequence[str] = ()
+) -> Proposal:
     """Take, one by one, the parameter with the most effect that the ones taken do not have.
 
     Args:
         scaled: scaled sensitivities.
+        first: those that are taken before all others, as far as they can be told apart.
         limit: largest collinearity index of the set (Brun et al. 2001 found sets above 10 to 15 not
             identifiable).
         threshold: smallest effect, in standard uncertainties for a change of 100 %.
@@ -239,7 +242,7 @@ def propose(scaled: ScaledSensitivities, limit: float = 10.0, threshold: float =
     chosen: list[str] = []
     left = [p for p in scaled.parameters if p not in weak]
     while left and len(chosen) < len(scaled.outputs):
-        ranked = sorted(left, key=lambda p: -_own_effect(scaled, chosen, p))
+        ranked = sorted(left, key=lambda p: (p not in first, -_own_effect(scaled, chosen, p)))
         best = next((p for p in ranked if _fits(scaled, [*chosen, p], limit, threshold)), None)
         if best is None:
             break
