@@ -2,8 +2,14 @@
 
 import csv
 import json
+from pathlib import Path
 
 import pytest
+
+from eclsim.cli.cases import read_table
+from eclsim.cli.track import _check_points
+from eclsim.identification.settings import FitSettings
+from eclsim.identification.tracking import TrackSettings
 
 HEAD = (
     "patient_id,measurement,sex,age_years,height_cm,weight_kg,heart_rate_bpm,SP,DP,MAP,MPAP,PCWP,CO,PF,"
@@ -188,3 +194,17 @@ def test_a_cohort_has_no_posterior(shell, table):
     result = shell.run("identify", table, "--out", shell.folder / "out", "--posterior")
     assert result.exit_code == 2
     assert "for case files" in result.stderr
+
+
+def test_assumed_numbers_that_measured_gases_tell_of_are_warned_of(capsys):
+    table = Path(__file__).parents[2] / "examples" / "ageing_oxygenator.csv"
+    points = read_table(str(table)).points
+    series = {"vv-ageing": [(point.measurement, point.case) for point in points]}
+    _check_points(series, TrackSettings(FitSettings(("Rmc",))))
+    message = capsys.readouterr().err
+    assert (
+        "vv-ageing: the shunt of the lungs is held at an assumed value while SaO2, PaO2 would tell" in message
+    )
+    assert "gas.vo2_ml_min" in message
+    _check_points(series, TrackSettings(FitSettings(("Rmc", "gas.shunt_fraction", "gas.vo2_ml_min"))))
+    assert capsys.readouterr().err == ""

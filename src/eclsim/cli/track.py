@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from eclsim.cli.cases import TABLES, read_all, read_table
-from eclsim.cli.console import INCOMPLETE, Progress, fail, note, refuse
+from eclsim.cli.console import INCOMPLETE, Progress, fail, note, refuse, warn
 from eclsim.cli.destination import Destinations, hand_over
 from eclsim.cli.identify import Prior, fit_settings, place_of
 from eclsim.cli.options import FreeParameters, Json, ResultsFolder, VolumePolicy, argument, option
@@ -168,7 +168,12 @@ def _settings(o: TrackOptions) -> TrackSettings:
 
 
 def _check_points(series: Series, settings: TrackSettings) -> None:
-    from eclsim.identification.settings import checked_fit, common_policy
+    from eclsim.identification.settings import (
+        checked_fit,
+        common_policy,
+        held_by_assumption,
+        measured_outputs,
+    )
     from eclsim.inputs.mistakes import CaseError
 
     mistakes = [
@@ -184,3 +189,7 @@ def _check_points(series: Series, settings: TrackSettings) -> None:
         except CaseError as error:
             wrong += [f"{patient}: {mistake}" for mistake in error.mistakes]
     refuse(wrong)
+    for patient, points in series.items():
+        measured = [name for _, case in points for name in measured_outputs(case)]
+        doubts = held_by_assumption(points[0][1], dict.fromkeys(measured), settings.fit.names)
+        warn(f"{patient}: {doubt}" for doubt in doubts)

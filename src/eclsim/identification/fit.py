@@ -23,10 +23,11 @@ from eclsim.identification.objective import Box, Objective, Target, correlation
 from eclsim.identification.profiles import held_fits
 from eclsim.identification.quantities import measurement_errors, relative_scale, unit_of, unit_of_parameter
 from eclsim.identification.settings import (
+    TELLS_OF,
     FitSettings,
-    assumed_of_gases,
     checked_fit,
     common_policy,
+    held_by_assumption,
     measured_at_rest,
     unmeasured_uncertainties,
 )
@@ -45,7 +46,6 @@ from eclsim.identification.verdict import (
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import CaseSource, as_case, model_of
 from eclsim.parameters.adult_ranges import AdultRange, adult_ranges
-from eclsim.parameters.regulation import EXTRA_VOLUME
 from eclsim.sensitivity.identifiability import ScaledSensitivities, propose
 
 if TYPE_CHECKING:
@@ -62,13 +62,6 @@ PUSHED = 1.0
 """A bound holds a parameter back if the sum of squared standard differences would fall by more beyond it."""
 HELD_BACK = 6.0
 """Likewise by so much that the bound spoils the fit."""
-TELLS_OF = (
-    (("CVP",), EXTRA_VOLUME, "how much blood there is"),
-    (("SaO2", "PaO2"), "gas.shunt_fraction", "the shunt of the lungs"),
-    (("SvO2", "SpreO2"), "gas.vo2_ml_min", "the oxygen that the tissues consume"),
-    (("PaCO2",), "gas.alveolar_ventilation_l_min", "how much the lungs are ventilated"),
-)
-"""Measurements, the parameter that they tell of, and what that is."""
 NOT_FROM_A_POOR_FIT = "the fit is poor, so neither its value nor its interval is to be used"
 
 
@@ -385,27 +378,12 @@ def _held_fixed(goodness: Goodness, free: Sequence[str]) -> list[Reason]:
     """That a measurement is missed while the parameter that it tells of is held."""
     missed = [name for name, off in goodness.differences.items() if abs(off) > DOUBTFUL_DIFFERENCE]
     reasons = []
-    for told, key, what in TELLS_OF:
+    for key, (what, told) in TELLS_OF.items():
         names = [name for name in missed if name in told]
         if names and key not in free:
             tells = "tell" if len(names) > 1 else "tells"
             sentence = f"{', '.join(names)} {tells} {what}, which is held here: free {key} as well (--free)"
             reasons.append(Reason(Aspect.AGREEMENT, Level.DOUBTFUL, "", sentence))
-    return reasons
-
-
-def _held_by_assumption(result: FitResult) -> list[Reason]:
-    """What measured gases tell of and is held although nobody gave it: other parameters make up for it."""
-    assumed, reasons = assumed_of_gases(result.case), []
-    for told, key, what in TELLS_OF:
-        names = [name for name in told if name in result.measured]
-        if names and key in assumed and key not in result.parameters:
-            sentence = (
-                f"{what} is held at an assumed value while {', '.join(names)} would tell of it: other "
-                "parameters, and cardiac output with them, make up for what is wrong with it; free it "
-                f"(--parameters Rmc,gas.shunt_fraction,gas.vo2_ml_min) or give {key}"
-            )
-            reasons.append(Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", sentence))
     return reasons
 
 
@@ -427,7 +405,9 @@ def held_against_its_beat(result: FitResult) -> FitResult:
     extremes = {str(n): (float(v.min()), float(v.max())) for n, v in beat.items() if v.dims == ("phase",)}
     collapsed = [f.sentence for f in findings(outputs, extremes) if f.kind == "collapse"]
     implied = {n: outputs[n] for n in result.ranges if n in outputs}
-    reasons = plausibility(implied, result.ranges, result.measured, collapsed) + _held_by_assumption(result)
+    reasons = plausibility(implied, result.ranges, result.measured, collapsed)
+    for sentence in held_by_assumption(result.case, result.measured, result.parameters):
+        reasons.append(Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", sentence))
     return replace(result, implied=implied, warnings=tuple(beat.attrs["warnings"])).judged(reasons)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -20,6 +20,7 @@ from eclsim.orbit.model import VolumePolicy, circuit_of
 from eclsim.outputs.registry import unavailable
 from eclsim.outputs.signals import output_names, parameters_read
 from eclsim.parameters.regulation import (
+    EXTRA_VOLUME,
     PACO2_SET_POINT,
     PAO2_SET_POINT,
     REGULATION,
@@ -37,9 +38,14 @@ if TYPE_CHECKING:
 WIDE = 10.0
 """Bounds of a parameter that has none of its own: its value divided and multiplied by this."""
 SHUNT = "gas.shunt_fraction"
-GASES_TELL_OF = {
-    SHUNT: ("SaO2", "PaO2"), VO2: ("SvO2", "SpreO2"), "ecmo.drainage_mixing": ("SpreO2",),
-}  # fmt: skip
+TELLS_OF = {
+    EXTRA_VOLUME: ("how much blood there is", ("CVP",)),
+    SHUNT: ("the shunt of the lungs", ("SaO2", "PaO2")),
+    VO2: ("the oxygen that the tissues consume", ("SvO2", "SpreO2")),
+    "gas.alveolar_ventilation_l_min": ("how much the lungs are ventilated", ("PaCO2",)),
+}
+"""By parameter what it is, and the measurements that tell of it."""
+GASES_TELL_OF = {SHUNT: TELLS_OF[SHUNT][1], VO2: TELLS_OF[VO2][1], "ecmo.drainage_mixing": ("SpreO2",)}
 """What nobody measures of gas exchange, and the measured gases that tell of it."""
 MEASURED_AT_REST = {
     SET_POINT: "MAP", VENOUS_SET_POINT: "CVP", PAO2_SET_POINT: "PaO2", PACO2_SET_POINT: "PaCO2",
@@ -127,6 +133,11 @@ def measured_at_rest(case: Case, settings: FitSettings) -> Case:
     return with_values(case, usable)
 
 
+def measured_outputs(case: Case) -> list[str]:
+    """What was measured in a case, by name."""
+    return [name for name in OUTPUTS if getattr(case.measurements, name, None) is not None]
+
+
 def free_parameters(
     case: Case, usual: Sequence[str] = tuple(BOUNDS), policy: VolumePolicy | None = None
 ) -> tuple[str, ...]:
@@ -144,7 +155,7 @@ def free_parameters(
     from eclsim.orbit.status import NoDerivativesError
     from eclsim.sensitivity.identifiability import identifiability, propose
 
-    measured = [name for name in OUTPUTS if getattr(case.measurements, name, None) is not None]
+    measured = measured_outputs(case)
     told = [key for key, gases in GASES_TELL_OF.items() if set(gases) & set(measured)]
     unknown = [key for key in told if key in _unknown_of_gases(case)]
     if not unknown:
@@ -172,6 +183,20 @@ def assumed_of_gases(case: Case) -> set[str]:
         return set()
     assumed = {VO2: case.gas.vo2_ml_min is None, SHUNT: case.gas.shunt_fraction == parameters()[SHUNT].value}
     return {key for key, holds in assumed.items() if holds}
+
+
+def held_by_assumption(case: Case, measured: Collection[str], free: Collection[str]) -> list[str]:
+    """Sentences about what measured gases tell of and is held although nobody gave it."""
+    result = []
+    for key in sorted(assumed_of_gases(case) - set(free)):
+        what, told = TELLS_OF[key]
+        if names := [name for name in told if name in measured]:
+            result.append(
+                f"{what} is held at an assumed value while {', '.join(names)} would tell of it: other "
+                "parameters, and cardiac output with them, make up for what is wrong with it; free it "
+                f"(--parameters Rmc,{SHUNT},{VO2}) or give {key}"
+            )
+    return result
 
 
 def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
