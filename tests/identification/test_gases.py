@@ -18,7 +18,7 @@ from eclsim.identification.density import (
 from eclsim.identification.fit import fit
 from eclsim.identification.multi_start import FitStatus, MultiStart
 from eclsim.identification.objective import Box
-from eclsim.identification.posterior import predict
+from eclsim.identification.posterior import PosteriorSettings, posterior, predict
 from eclsim.identification.quantities import Scale, measurement_errors
 from eclsim.identification.settings import FitSettings, checked_fit, free_parameters
 from eclsim.identification.tracking import Tracker, TrackSettings
@@ -163,6 +163,8 @@ def test_a_wrong_shunt_that_is_held_is_not_hidden_in_the_cardiac_output():
     assert found.verdict.level != "good"
     assert any(s.startswith("the shunt of the lungs is held at an assumed value") for s in reasons)
     assert any(s.startswith("the oxygen that the tissues consume is held") for s in reasons)
+    drawn = posterior(found, settings=PosteriorSettings(method="gaussian"))
+    assert any(doubt.startswith("the shunt of the lungs is held") for doubt in drawn.doubts)
     known = with_values(case, {"gas.shunt_fraction": 0.55, "gas.vo2_ml_min": 240.0})
     sure = fit(known, settings=FitSettings(("Rmc", "Emaxlv"), multi_start=MultiStart.quick(12)))
     assert not any("assumed value" in reason.sentence for reason in sure.verdict.reasons)
