@@ -153,6 +153,7 @@ def test_measured_gases_free_what_they_tell_of():
     assert {name: found.simulated[name] for name in values} == pytest.approx(values, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_wrong_shunt_that_is_held_is_not_hidden_in_the_cardiac_output():
     open_case = CASE.model_copy(update={"gas": replace_vo2(CASE.gas)})
     case, _ = measured(open_case, BLOOD_GASES)
