@@ -143,6 +143,8 @@ def test_measured_gases_free_what_they_tell_of():
     given, _ = measured(CASE, BLOOD_GASES)
     assert "gas.vo2_ml_min" not in free_parameters(given)
     assert free_parameters(given)[0] == "gas.shunt_fraction"
+    alone = case.model_copy(update={"ecmo": None})  # a pump flow of a patient without a pump is no target
+    assert free_parameters(alone)[0] == "gas.shunt_fraction"
     without, _ = measured(CASE, ("MAP", "CO", "PF"))
     assert free_parameters(without) == tuple(BOUNDS)
     assert free_parameters(case.model_copy(update={"gas": None})) == tuple(BOUNDS)

@@ -155,7 +155,8 @@ def free_parameters(
     from eclsim.orbit.status import NoDerivativesError
     from eclsim.sensitivity.identifiability import identifiability, propose
 
-    measured = measured_outputs(case)
+    there = output_names(circuit_of(case))
+    measured = [name for name in measured_outputs(case) if name in there]
     told = [key for key, gases in GASES_TELL_OF.items() if set(gases) & set(measured)]
     unknown = [key for key in told if key in _unknown_of_gases(case)]
     if not unknown:
