@@ -431,7 +431,7 @@ class Circuit:
         return next(c for c in self.connections if c.name == name)
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=4096)
 def _first_equal(circuit: Circuit) -> Circuit:
     return circuit
 
