@@ -244,7 +244,7 @@ def plain_fit(fit: FitResult) -> dict[str, Any]:
     for name, parameter in result["parameters"].items():
         known = quantity(name)
         assert known is not None  # whatever is fitted is a number of a case
-        parameter |= {"unit": known.unit, "text": known.description}
+        parameter |= {"unit": "" if known.unit == "1" else known.unit, "text": known.description}
         if name in fit.box.names:
             k = fit.box.names.index(name)
             parameter["bounds"] = [fit.box.scale.value(k, side[k]) for side in (fit.box.lower, fit.box.upper)]
