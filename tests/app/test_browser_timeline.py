@@ -43,6 +43,22 @@ def test_an_event_is_set_where_somebody_clicked_and_the_page_follows(open_page, 
     wait_for(page, "beat.minute === 0")
 
 
+def test_a_double_click_adds_or_removes_one_event(open_page):
+    page = open_page("healthy")
+    page.get_by_role("button", name=text("timeline_open")).click()
+    events = page.locator(".ecl-timeline ol li")
+    page.locator(".ecl-timeline .new button").dblclick()
+    expect(events).to_have_count(1)
+    page.wait_for_function(COURSE)
+    expect(events).to_have_count(1)
+    page.locator(".ecl-timeline .new button").click(delay=20)
+    expect(events).to_have_count(2)
+    page.get_by_role("button", name=text("timeline_remove")).first.dblclick()
+    expect(events).to_have_count(1)
+    page.wait_for_function(COURSE)
+    expect(events).to_have_count(1)
+
+
 def test_minutes_are_recorded_beat_by_beat(open_page, shots):
     page = open_page("paper")
     page.get_by_role("button", name=text("timeline_open")).click()

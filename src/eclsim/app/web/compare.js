@@ -22,7 +22,7 @@ export default {
               <button type="button" :aria-label="texts.compare_show + ' ' + s.number"
                 @click="$emit('show', { number: s.number - 1 })">{{ texts.compare_show }}</button>
               <button type="button" :aria-label="texts.compare_remove + ' ' + s.number"
-                @click="$emit('remove', { number: s.number - 1 })">✕</button>
+                @click="$event.detail < 2 && $emit('remove', { number: s.number - 1 })">✕</button>
             </template>
             <template v-else> {{ s.label }}</template>
           </th>

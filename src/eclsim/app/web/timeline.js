@@ -64,14 +64,14 @@ export default {
           {{ chosen?.unit }}</label>
         <label>{{ texts.timeline_over }} <input v-model="over" inputmode="decimal" size="4" maxlength="10" />
           {{ texts.timeline_minutes }}</label>
-        <button type="submit">{{ addLabel }}</button>
+        <button type="submit" @click="onlyOnce">{{ addLabel }}</button>
       </form>
       <div class="lists">
         <ol v-if="events.length" :aria-label="texts.timeline_events"><li v-for="(e, k) in events" :key="k">
           <button type="button" class="link" @click="jump(e.at)">{{ time(e.at) }}</button> {{ e.words
           }}<template v-if="e.lasts">, {{ texts.timeline_over }} {{ e.lasts }} {{
             texts.timeline_minutes }}</template>
-          <button type="button" class="remove" @click="$emit('remove', { number: k })"
+          <button type="button" class="remove" @click="$event.detail < 2 && $emit('remove', { number: k })"
             :aria-label="texts.timeline_remove" :title="texts.timeline_remove">×</button></li></ol>
         <ul v-if="course" :aria-label="texts.timeline_alarms">
           <li v-if="!course.alarms.length">{{ texts.timeline_no_alarms }}</li>
@@ -296,6 +296,10 @@ export default {
       if (steps === undefined) return;
       event.preventDefault();
       this.jump(this.minute + (steps * this.length) / 360);
+    },
+    // The second click of a double click is not another event.
+    onlyOnce(click) {
+      if (click.detail > 1) click.preventDefault();
     },
     add() {
       const number = (typed) => Number(String(typed).trim().replace(",", "."));
