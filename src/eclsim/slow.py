@@ -27,11 +27,13 @@ class SlowState(NamedTuple):
         name: such as "fluid.plasma_ml".
         unit: of its value.
         scale: a change that is felt; the tolerance of its error is relative to it.
+        is_amount: whether there cannot be less than nothing of it; a course ends where there would be.
     """
 
     name: str
     unit: str
     scale: float
+    is_amount: bool = False
 
 
 class Shown(NamedTuple):

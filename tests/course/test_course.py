@@ -272,3 +272,10 @@ def test_without_any_oxygen_a_patient_is_followed_and_the_course_ends(tmp_path):
     assert np.isfinite(saturation).all()
     assert saturation[-1] < 1.0 < 50.0 < float(np.interp(5.7, result["time_min"], saturation))
     assert 14.5 < float(result["time_min"][-1]) < 15.1
+
+
+def test_what_is_connected_is_not_ramped(tmp_path):
+    """A reflex that was not there would start at its set point's default, not at nothing."""
+    event = '[[events]]\nat_min = 5\nset = { "regulation.baroreflex" = 1.0 }\nramp_min = 20\n'
+    with pytest.raises(CaseError, match=r"events\[1\]\.ramp_min = 20: connects or disconnects part"):
+        course(case(tmp_path, event), minutes=30.0)

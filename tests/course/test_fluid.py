@@ -38,11 +38,18 @@ def change(found, *names):
     return sum(float(found[name][-1] - found[name][0]) for name in names)
 
 
-@pytest.mark.parametrize("key", ["fluid.extra_volume_ml", "solutes.urea_mmol_l", "gas.haemoglobin_g_dl"])
+@pytest.mark.parametrize(
+    "key",
+    ["fluid.extra_volume_ml", "solutes.urea_mmol_l", "gas.haemoglobin_g_dl", "patient.weight_kg", "P0svn"],
+)
 def test_events_set_no_starts(key):
     with pytest.raises(CaseError) as caught:
-        read_mapping(RAW | {"gas": {}, "events": [{"at_min": 5, "set": {key: 9}}]})
-    assert f"{key} = 9: is a value at the start of the course" in str(caught.value)
+        read_mapping(
+            RAW | {"gas": {}, "events": [{"at_min": 5, "set": {key: 60 if "patient" in key else 9}}]}
+        )
+    assert f"{key} = {60 if 'patient' in key else 9}: is a value at the start of the course" in str(
+        caught.value
+    )
 
 
 @pytest.mark.slow
@@ -52,6 +59,25 @@ def test_a_patient_at_rest_stays_there_whatever_is_dialysed():
         np.testing.assert_allclose(result[name], result[name][0].item(), rtol=1e-6)
     assert result["urea"][-1] < 0.92 * result["urea"][0]
     assert 18.0 < result["bicarbonate"][-1] < 32.0
+
+
+@pytest.mark.slow
+def test_ultrafiltration_takes_bicarbonate_with_its_water():
+    crrt = RAW["crrt"] | {"net_ultrafiltration_ml_h": 150}
+    del crrt["dialysate_ml_h"]
+    result = follow(360.0, crrt=crrt, solutes={"bicarbonate_mmol_l": 24, "acid_generation_mmol_h": 0})
+    assert change(result, "fluid.plasma_ml", "fluid.interstitium_ml") == pytest.approx(-900.0, abs=1e-3)
+    np.testing.assert_allclose(result["bicarbonate"], 24.0, rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_a_course_ends_where_an_amount_is_used_up():
+    crrt = RAW["crrt"] | {"net_ultrafiltration_ml_h": 0}
+    solutes = {"bicarbonate_mmol_l": 24, "acid_generation_mmol_h": 500}
+    result = course(read_mapping(RAW | {"crrt": crrt, "solutes": solutes}).case, minutes=2880.0)
+    assert not result.attrs["converged"]
+    assert "bicarbonate_outside_mmol is used up" in result.attrs["message"]
+    assert result["bicarbonate"].min() > -0.1
 
 
 @pytest.mark.slow

@@ -106,6 +106,15 @@ def test_carbon_dioxide_that_fluids_take_or_bring_is_in_the_balance_of_the_lungs
 
 
 @pytest.mark.slow
+def test_water_taken_off_with_what_it_holds_changes_no_gas():
+    plain = eclsim.simulate(read_mapping(VV | {"crrt": ON_ECMO}).case)
+    dry = eclsim.simulate(read_mapping(VV | {"crrt": ON_ECMO | {"net_ultrafiltration_ml_h": 1000}}).case)
+    for name in ("PaCO2", "SaO2", "VCO2_lung"):
+        assert float(dry[name]) == pytest.approx(float(plain[name]), rel=1e-9)
+    assert float(dry["base_gain"]) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.slow
 def test_arterial_carbon_dioxide_follows_the_fluid_as_its_derivative_says():
     case = read_mapping(VV | {"crrt": ON_ECMO | FLUIDS}).case
     exact = eclsim.derivatives(case, ["PaCO2"], ["crrt.fluid_bicarbonate_mmol_l", "crrt.dialysate_ml_h"])

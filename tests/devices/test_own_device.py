@@ -19,6 +19,7 @@ from eclsim.devices import Device, Section, registry
 from eclsim.devices.registry import DeviceError, devices, forget_device, load_device_file, register_device
 from eclsim.orbit.model import model_of
 from eclsim.outputs.results import simulate
+from eclsim.parameters.parameter import Parameter
 from eclsim.reporting.schematic import draw_circuit
 from eclsim.sensitivity.inputs import InputError, varied
 from eclsim.simulation.figures import available_parts, plot_mean_flows, plot_waveforms
@@ -247,3 +248,17 @@ def test_an_installed_package_offers_devices(monkeypatch):
     finally:
         sys.path.remove(str(EXAMPLES))
         sys.modules.pop("percutaneous_rvad", None)
+
+
+def test_a_device_has_parameters_of_its_own_names():
+    """Its Rmc would silently become the patient's."""
+    section = type("Own", (Section,), {"section": "own", "__annotations__": {}})
+    names = {"key": "own", "name": "Own", "section": section, "circuit": None, "values": None}
+    own = type(
+        "Own",
+        (Device,),
+        names | {"parameters": (Parameter("Rmc", 0.05, "mmHg s/mL", "x", "here", 0.01, 1.0, "own"),)},
+    )
+    own.__abstractmethods__ = frozenset()
+    with pytest.raises(DeviceError, match="'Rmc': the name of a parameter of the patient"):
+        register_device(own)

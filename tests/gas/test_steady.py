@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from eclsim import blood
-from eclsim.components.exchangers import MembraneLung, Tissue
+from eclsim.components.exchangers import FLOWMETER_TO_STPD, MembraneLung, Tissue
 from eclsim.devices.ecmo import MEMBRANE
 from eclsim.gas.steady import solve
 from eclsim.gas.transport import balanced, mixtures
@@ -60,6 +60,16 @@ def test_partial_mixing_recirculates_as_the_closed_form(mixing):
     )
 
 
+@pytest.mark.parametrize("mixing", [0.0, 0.14])
+def test_a_drain_takes_no_more_venous_blood_than_arrives(mixing):
+    """Above the cardiac output the rest is blood that was returned, however little mixes."""
+    _, mixed = veno_venous(3.0, 6.0, mixing)
+    assert mixed.inlets[OXYGENATOR, OXYGENATOR] == pytest.approx(0.5, rel=1e-7)
+    assert float(mixed.inlets.min()) > -1e-9
+    _, mixed = veno_venous(3.0, 6.0, 0.6)
+    assert mixed.inlets[OXYGENATOR, OXYGENATOR] == pytest.approx(3.6 / 6.6, rel=1e-7)
+
+
 def test_exchange_meets_demand_and_is_conserved():
     state, _ = veno_venous(6.0, 4.0, 0.5, gas_shunt_fraction=0.4)
     assert state.error < 1e-10
@@ -83,6 +93,21 @@ def test_arterial_content_follows_from_venous_and_output():
 def test_an_oxygenator_without_sweep_exchanges_nothing():
     state, _ = veno_venous(6.0, 4.0, ecmo_sweep_l_min=0.0, gas_shunt_fraction=0.2)
     np.testing.assert_allclose(state.outlets[:, OXYGENATOR], state.inlets[:, OXYGENATOR], rtol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("oxygen", [1.0, 0.9, 0.21])
+@pytest.mark.parametrize("sweep", [0.001, 0.05, 0.15, 0.2, 0.5])
+def test_blood_takes_up_no_more_oxygen_than_the_sweep_brings(sweep, oxygen):
+    """Once a patient of 0.9 mL/min of sweep took up 161 mL/min, from gas of negative flow."""
+    values = {"gas_shunt_fraction": 0.5, "gas_alveolar_ventilation_l_min": 4.0, "gas_vo2_ml_min": 220.0}
+    state, _ = veno_venous(5.0, 4.0, 0.3, ecmo_sweep_l_min=sweep, ecmo_fdo2=oxygen, **values)
+    supplied = 1000.0 * FLOWMETER_TO_STPD * sweep
+    taken, exchanged = float(state.gained[0, OXYGENATOR]), float(state.gained[:, OXYGENATOR].sum())
+    if state.error < 1e-6:
+        assert taken <= 1.005 * supplied * oxygen
+        assert exchanged <= 1.005 * supplied
+    assert (state.error < 1e-6) or (sweep < 0.2 and oxygen >= 0.9)
 
 
 def test_a_lung_without_ventilation_is_a_shunt():

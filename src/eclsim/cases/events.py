@@ -34,6 +34,10 @@ _TIMES = {
 _AMOUNT = number("Volume", "mL", 0, LARGEST_ML, 500)
 KEYS = ("at_min", "set", "ramp_min", "give", "over_min")
 Path = tuple[str, str]
+BODY = {("patient", name) for name in ("sex", "age_years", "height_cm", "weight_kg")}
+"""What a patient's blood volume at the start follows from."""
+FILLING = "P0"
+"""How names of the pressures begin that say how much blood each compartment holds at the start."""
 """Section and key of a setting."""
 Check = Callable[[Raw], Remarks]
 
@@ -172,7 +176,7 @@ class _Checks:
                 self.remarks.error(key, mistake.message, shown(value), mistake.allowed, mistake.suggestion)
             elif path[0] == "measurements" or path == ("patient", "id"):
                 self.remarks.error(key, "changes nothing that a course reads", shown(value))
-            elif says_start(".".join(path)):
+            elif says_start(".".join(path)) or path in BODY or path[1].startswith(FILLING):
                 message = "is a value at the start of the course, which computes how it goes on"
                 self.remarks.error(key, message, shown(value), "give = { ... } changes blood and fluid")
             elif path[1] == "flow_l_min" and "speed_rpm" in in_place_of(*path):

@@ -255,19 +255,21 @@ def performance(numbers: Array) -> Array:
 def _lost(blood: Array, settings: Settings, own: Carried) -> tuple[Array, Array]:
     """Carbon dioxide and bicarbonate that a patient loses [mmol/min]; blood flow in mL/min.
 
-    Fluids bring bicarbonate, and hardly any dissolved carbon dioxide.
+    Fluids bring bicarbonate, and hardly any dissolved carbon dioxide. What leaves with the water that carried
+    it is not counted: taking water off with what it holds changes no concentration.
     """
     solute, plasma = settings.solute("carbon_dioxide"), settings.plasma(own)
     cleared = clearance(solute.water_flow(blood, settings.haematocrit), settings.fluids, solute)
     base = removed(cleared, plasma.bicarbonate, settings.fluid_bicarbonate, settings.fluids.net)
-    return base + 1e-3 * cleared * plasma.dissolved, base
+    base = base - 1e-3 * settings.fluids.net * plasma.bicarbonate
+    return base + 1e-3 * (cleared - settings.fluids.net) * plasma.dissolved, base
 
 
 @dataclass(frozen=True)
 class DialysedBlood(GasExchanger):
     """Blood from which a filter clears bicarbonate and dissolved carbon dioxide, in the balance of its gases.
 
-        in --(fibres, V_CO2 = K (c_plasma - c_fluid) + net x c_fluid)--> out
+        in --(fibres, V_CO2 = (K - net) (c_plasma - c_fluid))--> out
 
     with c_plasma of the blood that enters, unless it is set.
 

@@ -33,6 +33,8 @@ AIR_CARBON_DIOXIDE = 4e-4
 """Fraction of carbon dioxide in inspired gas."""
 AIR_OXYGEN = 0.2095
 """Fraction of oxygen in air."""
+USED_UP, USED_UP_ML_MIN = 0.05, 2.0
+"""Share and flow of the sweep gas below which what is left of it loses its contact with the blood."""
 RADAU = np.array([[5.0, -1.0], [9.0, 3.0]]) / 12.0
 """Weights of the rates at 1/3 and at the end of a cell (Radau IIA)."""
 MIXED = np.ones((1, 1))
@@ -219,8 +221,9 @@ class MembraneLung(GasExchanger):
     Radau (third order, and stable at any ratio of membrane to flow).
 
     The gas changes by what the blood has taken up and given off on the way: CO2 is limited by the sweep at a
-    low one and by the blood flow at a high one. Without sweep the blood passes unchanged. A clot takes away
-    its share of the membrane.
+    low one and by the blood flow at a high one. Blood takes up no more than the sweep brings: what is left
+    when nearly all is used up exchanges less and less. Without sweep the blood passes unchanged. A clot takes
+    away its share of the membrane.
 
     Args:
         oxygen_transfer: parameter, k_O2 [mL/min/mmHg at 1 L/min].
@@ -248,8 +251,13 @@ class MembraneLung(GasExchanger):
         gas = 1000.0 * FLOWMETER_TO_STPD * value_of(values, self.sweep)
         supplied = gas * jnp.stack([value_of(values, self.oxygen), AIR_CARBON_DIOXIDE])[:, None]
         left = gas - inside.gained[0] - inside.gained[1] + 1e-6
-        partial = DRY_MMHG * (supplied - inside.gained) / left
-        return self.transfer(flow, inside.slope, values) * (partial - inside.pressure) * (gas / (gas + 1e-3))
+        # Gas that is used up exchanges nothing more: the last of it, `least`, loses its contact smoothly.
+        least = USED_UP * gas + USED_UP_ML_MIN
+        rest = jnp.maximum(left / least, 0.0)
+        contact = jnp.where(rest < 1.0, rest * (2.0 - rest), 1.0)
+        partial = DRY_MMHG * (supplied - inside.gained) / jnp.where(rest < 1.0, least / (2.0 - rest), left)
+        driving = partial - contact * inside.pressure
+        return self.transfer(flow, inside.slope, values) * driving * (gas / (gas + 1e-3))
 
     def transfer(self, flow: Array, slope: Array, values: Values) -> Array:
         """Permeance of the whole membrane [mL/min/mmHg] for both gases at the points, shape (2, points)."""

@@ -173,13 +173,21 @@ def _sentence(finding: Finding, begin: str, end: str, worst: float) -> str:
     try:
         entry = output(finding.quantity)
     except UnknownOutputError:
-        return f"{when}: {finding.sentence}"
+        return f"{when}: {finding.sentence}{_at_worst(finding, worst)}"
     if (
         finding.kind not in GRAVEST_FIRST
         or not np.isfinite(finding.limit)
         or f" {finding.limit:g}" not in (finding.sentence)
     ):
-        return f"{when}: {finding.sentence}"
+        return f"{when}: {finding.sentence}{_at_worst(finding, worst)}"
     side, unit = "below" if worst < finding.limit else "above", "" if entry.unit == "1" else f" {entry.unit}"
     meaning = finding.sentence.partition(": ")[2]
     return f"{entry.long_name} {side} {finding.limit:g}{unit} {when} ({worst:.4g}{unit} at worst): {meaning}"
+
+
+def _at_worst(finding: Finding, worst: float) -> str:
+    """What became of the number that a sentence gives for its first moment; nothing where it stayed."""
+    if not (np.isfinite(worst) and np.isfinite(finding.value)) or finding.kind not in GRAVEST_FIRST:
+        return ""
+    stayed = abs(worst - finding.value) <= 0.05 * max(abs(worst), abs(finding.value))
+    return "" if stayed else f" ({worst:.4g} at worst)"

@@ -362,7 +362,13 @@ class Engine:
         settings = self._settings(who, time)
         beat, solved = self._solve(who, self.laws.in_effect(states, settings), states, time)
         inflows = {kind: column[who] for kind, column in self.inflow.items()}
-        return self.laws.rates(states, settings, beat, inflows), solved
+        rates = self.laws.rates(states, settings, beat, inflows)
+        missing = self.laws.missing(states)
+        for k in np.flatnonzero(missing.any(axis=0)):
+            first = self.laws.states[int(np.argmax(missing[:, k]))]
+            rates[:, k], solved[k] = np.nan, False
+            self.messages[who[k]] = f"{first.name} is used up: more is taken or needed than there is"
+        return rates, solved
 
     def _differentiate(self, who: np.ndarray) -> None:
         """Jacobians of the rates by differences, and slopes of the beats along the slow states."""

@@ -28,6 +28,10 @@ def laws_of(circuit: Circuit, settings: Mapping[str, float]) -> tuple[SlowLaw, .
     )
 
 
+USED_UP = 0.1
+"""Of the scale of an amount, by which it may be less than nothing within the tolerance of a step."""
+
+
 class Laws:
     """Several laws as one, of states in rows.
 
@@ -40,6 +44,7 @@ class Laws:
         self.states = tuple(state for law in laws for state in law.states)
         self.names = tuple(state.name for state in self.states)
         self.scales = np.array([state.scale for state in self.states])
+        self.least = np.array([-USED_UP * s.scale if s.is_amount else -np.inf for s in self.states])
         self.blood = [self.names.index(name) for law in laws for name in law.blood]
         self.reads = tuple(dict.fromkeys(name for law in laws for name in law.reads))
 
@@ -67,6 +72,10 @@ class Laws:
         for law in self.laws:
             rates |= law.rates(named, settings, beat, inflows)
         return np.array([rates[name] for name in self.names])
+
+    def missing(self, states: np.ndarray) -> np.ndarray:
+        """Which states are amounts of less than nothing, shape (states, members)."""
+        return states < self.least[:, None]
 
     def shown(self, states: np.ndarray, in_effect: Named) -> tuple[Shown, ...]:
         """What is shown of the states beside themselves."""

@@ -21,6 +21,7 @@ from eclsim.slow import INFLOWS
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
+    from eclsim.cases.events import Event
     from eclsim.circuit.network import Circuit
 
 MINUTE = 60.0
@@ -129,7 +130,9 @@ class Timeline:
             now = changed(now, event.set, self.start_case)
             overrides = {key: value for key, value in overrides.items() if key not in _parameters(event.set)}
             after, connected = self.values_of(now, overrides), circuit_of(now)
-            circuit = circuit if connected == circuit else connected
+            if connected != circuit:
+                _refuse_ramp(event, n)
+                circuit = connected
             keys = [key for key in after if values.get(key, after[key]) != after[key] or key not in values]
             before = {key: values.get(key, 0.0) for key in keys}
             begin = event.at_min * MINUTE
@@ -227,6 +230,15 @@ def _with(case: Case, values: Mapping[tuple[str, str], object]) -> Case:
 
     changed = read_mapping(put_in(case.as_mapping(), values)[0]).case
     return changed.model_copy(update={"as_written": case.as_written})
+
+
+def _refuse_ramp(event: Event, number: int) -> None:
+    """What is connected or disconnected is there or not; only its numbers change along a ramp."""
+    if event.ramp_min:
+        message = "connects or disconnects part of the model, which cannot be done little by little"
+        allowed = "an event without ramp_min that connects it, then one that ramps its numbers"
+        key = f"events[{number}].ramp_min"
+        raise CaseError([Mistake(key, message, f"{event.ramp_min:g}", allowed)])
 
 
 def _refuse_overlap(changes: list[Change], event: int) -> None:

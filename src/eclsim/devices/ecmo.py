@@ -633,7 +633,7 @@ class EcmoDevice(Device[Ecmo]):
         ),
         Limit(
             "PpostO2", "warning", "below", 100.0,
-            "the oxygenator does not saturate the blood: flow above its rated flow, a clot, or a low FdO2",
+            "blood is not saturated: flow above the rated one, a clot, or too little oxygen in the sweep",
             "a convention of this project",
         ),
         *(

@@ -168,7 +168,7 @@ class RenoxDevice(Device[Renox]):
         """How much water leaves where nothing holds the effluent's pressure."""
         name = f"{GROUP}_free_ultrafiltration_ml_h"
         free, net = outputs.get(name), values.get(f"{GROUP}.net_ultrafiltration_ml_h")
-        if free is None or net is None or not free > 10.0 * max(net, 10.0):
+        if free is None or net is None or not free > 1.1 * max(net, 10.0):
             return []
         text = (
             f"{names.label}: the pressure of the ECMO circuit would filter {free:.0f} mL/h through an open "

@@ -42,9 +42,11 @@ GIVEN, REMOVED, REFILLED = _of("given_ml"), _of("removed_ml"), _of("refilled_ml"
 CELLS_MOVED, PROTEIN_MOVED = _of("red_cells_given_ml"), _of("protein_given_g")
 CAPILLARY, ARTERIOLES = _of("capillary_pressure_at_start_mmHg"), _of("resistance_at_start")
 STATES = (
-    SlowState(PLASMA, "mL", 10.0), SlowState(RED_CELLS, "mL", 10.0), SlowState(INTERSTITIUM, "mL", 50.0),
-    SlowState(PROTEIN, "g", 1.0), SlowState(OUTSIDE_PROTEIN, "g", 1.0), SlowState(GIVEN, "mL", 10.0),
-    SlowState(REMOVED, "mL", 10.0), SlowState(REFILLED, "mL", 10.0), SlowState(CELLS_MOVED, "mL", 10.0),
+    SlowState(PLASMA, "mL", 10.0, True), SlowState(RED_CELLS, "mL", 10.0, True),
+    SlowState(INTERSTITIUM, "mL", 50.0, True),
+    SlowState(PROTEIN, "g", 1.0, True), SlowState(OUTSIDE_PROTEIN, "g", 1.0, True),
+    SlowState(GIVEN, "mL", 10.0), SlowState(REMOVED, "mL", 10.0), SlowState(REFILLED, "mL", 10.0),
+    SlowState(CELLS_MOVED, "mL", 10.0),
     SlowState(PROTEIN_MOVED, "g", 1.0), SlowState(CAPILLARY, "mmHg", 1.0), SlowState(ARTERIOLES, "1", 0.1),
 )  # fmt: skip
 """Blood, interstitium, protein; then what went through the doors: given, removed (bled and filtered),

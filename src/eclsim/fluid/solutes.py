@@ -113,7 +113,7 @@ class SolutesLaw(SlowLaw):
             "bicarbonate": (),
         }
         return tuple(
-            SlowState(_state(solute, what), "mmol", scales[solute])
+            SlowState(_state(solute, what), "mmol", scales[solute], what in ("outside", "inside"))
             for solute, more in pools.items()
             for what in ("outside", *more, "made", "removed")
         )
@@ -357,7 +357,7 @@ def _volumes_at_start(settings: Named, fluid: bool) -> tuple[np.ndarray, np.ndar
 
 def standard_base_excess(bicarbonate: Number, haemoglobin: Number) -> Number:
     """Base excess [mmol/L] of oxygenated blood with some bicarbonate [mmol/L] at a PCO2 of 40 mmHg."""
-    ph = 6.1 + np.log10(bicarbonate / (carbon_dioxide_solubility() * STANDARD_PCO2))
+    ph = 6.1 + np.log10(np.maximum(bicarbonate, 1e-3) / (carbon_dioxide_solubility() * STANDARD_PCO2))
     blood = Blood(haemoglobin, 0.0, 37.0, 1.34)
     return (1.0 - 0.0143 * haemoglobin) * excess_of(STANDARD_PCO2, ph, 1.0, blood)
 

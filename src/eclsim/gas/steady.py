@@ -29,7 +29,13 @@ from eclsim.components.exchangers import BLOOD, GasExchanger, Points
 from eclsim.gas.elimination import Inside, eliminated, mixed_changes, moved, responses
 from eclsim.gas.transport import Mixtures
 
-ITERATIONS = 150
+ITERATIONS = 200
+PLAIN_ITERATIONS = 40
+"""Of a search that begins with the whole exchange; then it begins anew with little of it."""
+LEAST_EXCHANGE, SETTLED = 2.0**-9, 0.1
+"""Share of the exchange with which it begins anew; the last step below which that share is raised."""
+RAISED = 1.4
+"""By how much."""
 TOLERANCE = 1e-6
 """Of the last step but one, in the logarithm of a partial pressure; the last one squares it."""
 LARGEST_STEP = 1.0
@@ -120,6 +126,7 @@ class _Search(NamedTuple):
     pressure: Array
     ph: Array
     inertia: Array
+    share: Array
     missing: Array
     steps: Array
     error: Array
@@ -168,8 +175,9 @@ def _searched(
         return (state.steps < ITERATIONS) & ~state.last
 
     def improve(state: _Search) -> _Search:
-        last = state.error <= TOLERANCE
-        move, move_ph, size = _newton_step(network, state.pressure, state.ph, state.inertia)
+        whole = state.share == 1.0
+        last = whole & (state.error <= TOLERANCE)
+        move, move_ph, size = _newton_step(network, state.pressure, state.ph, state.inertia, state.share)
         solved = jnp.isfinite(move).all() & jnp.isfinite(move_ph).all()
         move, move_ph = jnp.where(solved, move, 0.0), jnp.where(solved, move_ph, 0.0)
         pressure = jnp.clip(state.pressure + jnp.clip(move, -LARGEST_STEP, LARGEST_STEP), LOWEST, HIGHEST)
@@ -182,12 +190,18 @@ def _searched(
         inertia = jnp.where((size < 1e-4) | (state.inertia < 1e-6) | (error <= TOLERANCE), 0.0, inertia)
         # Without a step to take, as in blood that gains and loses nothing, the search ends where it is.
         steps = jnp.where(solved, state.steps + 1, ITERATIONS)
-        return _Search(pressure, ph, inertia, size, steps, error, last)
+        share = jnp.where(error < SETTLED, jnp.minimum(RAISED * state.share, 1.0), state.share)
+        error = jnp.where(whole, error, jnp.inf)
+        reached = _Search(pressure, ph, inertia, share, size, steps, error, last)
+        anew = start._replace(share=jnp.array(LEAST_EXCHANGE), steps=steps)
+        lost = (steps == PLAIN_ITERATIONS) & ~last
+        return jax.tree.map(lambda a, b: jnp.where(lost, a, b), anew, reached)
 
     points = network.count + samples.shares.shape[0]
     pressure = jnp.log(jnp.stack([jnp.full(points, 60.0), jnp.full(points, 42.0)]))
     far, begun = jnp.array(jnp.inf), jnp.array(0)
-    start = _Search(pressure, jnp.full(points, 7.4), jnp.array(INERTIA), far, begun, far, jnp.array(False))
+    inertia, whole = jnp.array(INERTIA), jnp.array(1.0)
+    start = _Search(pressure, jnp.full(points, 7.4), inertia, whole, far, begun, far, jnp.array(False))
     return jax.lax.while_loop(unfinished, improve, start)
 
 
@@ -271,7 +285,7 @@ def _small_solved(matrix: Array, right: Array) -> Array:
 
 
 def _missing(
-    network: _Network, pressure: Array, content: Array, slope: Array, ph: Array
+    network: _Network, pressure: Array, content: Array, slope: Array, ph: Array, share: Array | float
 ) -> tuple[list[Points], Array]:
     """Blood inside every exchanger, and what the equations of all miss [mL/min STPD], (2, points)."""
     inlets, points, missed = _streams(network, content)[1], [], []
@@ -284,7 +298,7 @@ def _missing(
         before = jnp.pad(reached[:, :-1, -1:], ((0, 0), (1, 0), (0, 0)))
         rates = e.rates(stream, points[-1], network.values).reshape(2, cells, -1)
         within = sum(rates[..., i, None] * weights[:, i] for i in range(len(weights))) / cells
-        missed.append((reached - before - within).reshape(2, -1))
+        missed.append((reached - before - share * within).reshape(2, -1))
     return points, jnp.concatenate(missed, axis=1)
 
 
@@ -297,23 +311,23 @@ def _acid_step(law: str, blood: Blood, pressure: Array, ph: Array) -> Array:
 
 
 def _newton_step(
-    network: _Network, pressure: Array, ph: Array, inertia: Array | float
+    network: _Network, pressure: Array, ph: Array, inertia: Array | float, share: Array | float = 1.0
 ) -> tuple[Array, Array, Array]:
     """Newton's step for the pressures and for pH, and the largest equation not met [mL/dL].
 
     The linear equations are not differentiated. With inertia the contents change as in blood that is
-    stored: an implicit step in time, which leads to the steady state from anywhere.
+    stored: an implicit step in time. A share of the exchange makes steps small where all of it uses up a gas.
     """
     count = network.count
     local = _local(network.law, blood_of(network.values), pressure, ph)
-    points, value = _missing(network, pressure, local.content, local.slope, ph + local.acid)
+    points, value = _missing(network, pressure, local.content, local.slope, ph + local.acid, share)
     steady = network.frozen()
     fixed, at = jax.lax.stop_gradient((local, points))
     equations = [
         eliminated(
             e, steady.mixed.streams[k],
             Inside(at[k], fixed.content_by[..., place], fixed.slope_by[:, place], fixed.acid_by[:, place]),
-            steady.values, inertia,
+            steady.values, inertia, share,
         )
         for k, (e, place) in enumerate(zip(network.exchangers, network.places, strict=True))
     ]  # fmt: skip

@@ -41,7 +41,8 @@ class Drainage:
     Args:
         connection: position of the connection.
         returns: positions of connections that bring blood to the compartment and are no veins.
-        mixing: parameter or number: 1 = the compartment's blood is drawn, 0 = that of the veins.
+        mixing: parameter or number: 1 = the compartment's blood is drawn, 0 = that of the veins. Where
+            drains ask for more venous blood than arrives, the rest is the compartment's.
     """
 
     connection: int
@@ -193,8 +194,22 @@ def _drawn(
         from_targets = (back * backward * (1.0 - backward_acts)) @ enters.T
         from_exchangers = to @ arriving[0] + back @ arriving[1]
         j = drainage.connection
+        mixing = _possible(mixing, total, flows, drainages, source)
         drawn = drawn.at[j].set(
             mixing * leaves[:, j] + (1.0 - mixing) * (from_sources + from_targets) / total
         )
         drawn_sent = drawn_sent.at[j].set((1.0 - mixing) * from_exchangers / total)
     return drawn, drawn_sent
+
+
+def _possible(
+    mixing: Array, arriving: Array, flows: Flows, drainages: Sequence[tuple[Drainage, Array]], source: Array
+) -> Array:
+    """A drain's mixing, with no more blood of the veins than arrives at the compartment of all its drains."""
+    xp = flows.numbers
+    wanted = sum(
+        ((source @ flows.leaves[:, one.connection]) * (1.0 - m) * flows.forward[one.connection])
+        for one, m in drainages
+    )
+    share = arriving / xp.maximum(wanted, 1e-12)
+    return xp.asarray(xp.where(share >= 1.0, mixing, 1.0 - (1.0 - mixing) * share))

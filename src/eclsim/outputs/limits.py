@@ -25,6 +25,8 @@ _ELSO_CARDIAC = "ELSO 2021, adult cardiac patients"
 _ELSO = "ELSO 2021, adults with respiratory failure"
 _HYPOXIA = "organs get blood with too little oxygen"
 _FORRESTER = "Forrester et al. 1976"
+_ACIDOSIS = "acidaemia: heart and vessels answer less to drugs; treat its cause"
+_ALKALOSIS = "alkalaemia: less ventilation, sweep or bicarbonate"
 _OWN = "a convention of this project"
 _HIGH_VENOUS = "congestion of liver and kidneys"
 _CONGESTION = "congestion of the lungs"
@@ -91,6 +93,10 @@ _PATIENT = (
         "PaCO2", "warning", "below", 30.0,
         "the brain's vessels constrict: lower the ventilation, with ECMO the sweep", _OWN,
     ),
+    Limit("pHa", "warning", "below", 7.2, _ACIDOSIS, _OWN),
+    Limit("pHa", "alarm", "below", 7.0, _ACIDOSIS, _OWN),
+    Limit("pHa", "warning", "above", 7.55, _ALKALOSIS, _OWN),
+    Limit("pHa", "alarm", "above", 7.65, _ALKALOSIS, _OWN),
     Limit(
         "DO2", "warning", "below", 500.0, "oxygen delivery is low: raise flow or haemoglobin",
         "280 mL/min/m2 (Ranucci et al. 2005), for a patient of 1.8 m2",

@@ -116,8 +116,8 @@ _QUANTITY = {"mmHg": "Pressure", "mL/s": "Flow", "mL/min": "Flow", "L/min": "Flo
 
 def available_parts(result: xr.Dataset) -> list[str]:
     """The parts of the circuit that this result has waveforms of: the patient's, and keys of devices."""
-    patients = [part for part, panels in PARTS.items() if any(n in result for p in panels for n in p.names)]
-    return [*patients, *_instances(result)]
+    parts = PARTS | {key: names.panels() for key, names in _instances(result).items()}
+    return [part for part, panels in parts.items() if any(n in result for p in panels for n in p.names)]
 
 
 def _instances(result: xr.Dataset) -> dict[str, Naming]:
