@@ -160,6 +160,7 @@ def _alarm_probability(
     """Share of the draws followed that break a limit at each moment, the most probable first."""
     broken: dict[_Key, np.ndarray] = {}
     limits: dict[tuple[str, str, str], float] = {}
+    fixed: dict[_Key, bool] = {}
     for k, course in enumerate(courses):
         for alarm in json.loads(course.attrs["alarms"]):
             if alarm["kind"] == CAUTION:
@@ -170,6 +171,14 @@ def _alarm_probability(
             until = np.inf if alarm["until_min"] is None else alarm["until_min"]
             draws = broken.setdefault(key, np.zeros_like(followed))
             draws[k] |= followed[k] & (time >= alarm["at_min"]) & (time < until)
+            fixed[key] = fixed.get(key, True) and alarm["limit"] == key[-1] and np.isfinite(key[-1])
+    # A graver alarm of a draw hides the milder one, whose limit it breaks all the same.
+    for key, draws in broken.items():
+        _, quantity, side, limit = key
+        for k, course in enumerate(courses):
+            if fixed[key] and quantity in course:
+                (values,) = _on(time, course, [quantity])
+                draws[k] |= followed[k] & (values < limit if side == "below" else values > limit)
     counts = np.maximum(followed.sum(axis=0), 1)
     shares = {key: draws.sum(axis=0) / counts for key, draws in broken.items() if draws.any()}
     return dict(sorted(shares.items(), key=lambda item: -float(item[1].max())))

@@ -442,6 +442,11 @@ class CrrtDevice(Device[Crrt]):
             "blood thickens in the dialyzer and clots it", "Joannidis and Oudemans-van Straaten 2007",
         ),
         Limit(
+            "filtration_fraction", "collapse", "above", 1.0,
+            "more would be filtered than the plasma brings; clearances are then not known",
+            "conservation of water",
+        ),
+        Limit(
             "transmembrane_pressure", "warning", "above", 300.0, "the membrane clogs",
             "usual warning of CRRT machines",
         ),

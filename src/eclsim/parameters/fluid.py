@@ -89,7 +89,8 @@ STARTS = frozenset(
     f"{SECTION}.{name}"
     for name in (
         "extra_volume_ml", "haematocrit", "reference_haematocrit", "plasma_protein_g_dl",
-        "interstitial_protein_g_dl", "interstitial_volume_ml",
+        "interstitial_protein_g_dl", "interstitial_volume_ml", "filtration_ml_min_mmHg", "reflection",
+        "lymph_ml_min",
     )
 ) | frozenset(
     f"{SOLUTES}.{name}"
@@ -98,7 +99,8 @@ STARTS = frozenset(
         "bicarbonate_space_ml",
     )
 ) | {"gas.haemoglobin_g_dl"}  # fmt: skip
-"""Keys of a case file that say how a course starts, besides the haematocrit at a filter."""
+"""Keys of a case file that say how a course starts, besides the haematocrit at a filter. What crosses the
+capillary wall is balanced at the start, with the wall of the start."""
 
 
 def says_start(key: str) -> bool:
