@@ -137,3 +137,9 @@ def test_an_ejection_fraction_is_read_with_care_where_an_lvad_empties_the_ventri
     assert only.kind == "caution"
     assert "ejection_fraction_lv" in only.concerns
     assert findings(outputs, {}, circulation()) == []
+
+
+@pytest.mark.parametrize(("wedge", "dose", "said"), [(6.0, 0.5, 1), (20.0, 0.5, 0), (6.0, 0.0, 0)])
+def test_drugs_fitted_to_congested_hearts_are_read_with_care_in_others(wedge, dose, said):
+    found = findings({"PCWP": wedge, "CO": 3.0, "MAP": 60.0}, {}, None, {"drugs.milrinone": dose})
+    assert len([one for one in found if "milrinone: fitted to failing hearts" in one.sentence]) == said

@@ -441,11 +441,7 @@ class CrrtDevice(Device[Crrt]):
             "filtration_fraction", "warning", "above", LARGEST_FILTRATION_FRACTION,
             "blood thickens in the dialyzer and clots it", "Joannidis and Oudemans-van Straaten 2007",
         ),
-        Limit(
-            "filtration_fraction", "collapse", "above", 1.0,
-            "more would be filtered than the plasma brings; clearances are then not known",
-            "conservation of water",
-        ),
+        Limit("filtration_fraction", "collapse", "above", 1.0, "no plasma is left", "conservation of water"),
         Limit(
             "transmembrane_pressure", "warning", "above", 300.0, "the membrane clogs",
             "usual warning of CRRT machines",
