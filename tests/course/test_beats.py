@@ -7,7 +7,7 @@ import pytest
 
 import eclsim
 from eclsim.cases import read_case
-from eclsim.course.beats import course_beats
+from eclsim.course.beats import KeptBeat, ShownBeats, course_beats
 from eclsim.course.course import course
 from eclsim.inputs.mistakes import CaseError
 from small_patient import PATIENT
@@ -87,3 +87,14 @@ def test_another_circuit_is_refused(tmp_path):
     moved = own.as_mapping() | {"events": [{"at_min": 0.5, "set": {"lvad.outlet_site": "sart"}}]}
     with pytest.raises(CaseError, match="connects the circuit in another way"):
         course_beats(type(own).model_validate(moved), minutes=1.0)
+
+
+def test_every_beat_behind_an_event_is_shown_however_many_there_are():
+    shown = ShownBeats(None, most=8, events=(100.0,))
+    for k in range(400):
+        beat = KeptBeat(0.5 * k, *(np.zeros(1),) * 3, {}, {}, np.zeros(1), None)
+        shown.offer(beat.time, beat)
+    times = [beat.time for beat in shown.beats]
+    assert times == sorted(times)
+    assert [t for t in times if 100.0 <= t < 115.0] == [100.0 + 0.5 * k for k in range(30)]
+    assert len(times) <= 8 + 30

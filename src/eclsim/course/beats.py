@@ -45,7 +45,9 @@ from eclsim.slow import INFLOWS
 
 LONGEST_MIN = 120.0
 SHOWN = 1200
-"""Beats that are shown at most, unless it is said how often."""
+"""Beats that are shown at most besides those behind events, unless it is said how often."""
+BEHIND_EVENT_S = 15.0
+"""So long after an event every beat is shown."""
 ACTED = (*FACTORS.values(), HEART_RATE, UNSTRESSED)
 LATE = {name: local_resistance(bed) for bed, name in LOCAL_OUTPUTS.items()}
 """Outputs of what answers to gases with a lag, and the parameters in effect."""
@@ -94,7 +96,8 @@ def marched(
     began = clock.perf_counter()
     timeline = Timeline(with_speed(as_case(case), policy)[0], minutes * MINUTE)
     marching = BeatMarch(timeline, policy or timeline.case.volume_policy, outputs)
-    shown = ShownBeats(None if every_min is None else every_min * MINUTE)
+    every = None if every_min is None else every_min * MINUTE
+    shown = ShownBeats(every, events=timeline.moments_of_events)
     marching.follow(marching.begin(), timeline.end, shown)
     beats = shown.beats
     measured, beat_findings = marching.measured(beats)
@@ -208,25 +211,39 @@ class Moving(NamedTuple):
 class ShownBeats:
     """The beats that are shown: one in every so many seconds, or as many as fit.
 
+    As many as fit are kept besides those that follow an event at once: what happens there is quick, and
+    alarms are judged at what is shown.
+
     Args:
         every: seconds; None for as many as fit.
         most: so many fit.
+        events: moments of events [s].
     """
 
-    def __init__(self, every: float | None, most: int = SHOWN):
-        self.every, self.most, self.beats = every, most, list[KeptBeat]()
+    def __init__(self, every: float | None, most: int = SHOWN, events: Sequence[float] | np.ndarray = ()):
+        self.every, self.most, self.events = every, most, np.asarray(events, dtype=float)
         self._next, self._stride, self._count = 0.0, 1, 0
+        self._spread, self._behind_events = list[KeptBeat](), list[KeptBeat]()
+
+    @property
+    def beats(self) -> list[KeptBeat]:
+        """In their order."""
+        return sorted([*self._spread, *self._behind_events], key=lambda beat: beat.time)
 
     def offer(self, time: float, beat: KeptBeat) -> None:
         """Keep a beat if it is one to be shown."""
+        since = time - self.events
+        if self.every is None and bool(((since > -1e-9) & (since < BEHIND_EVENT_S)).any()):
+            self._behind_events.append(beat)
+            return
         due = self._count % self._stride == 0 if self.every is None else time >= self._next - 1e-9
         self._count += 1
         if not due:
             return
-        self.beats.append(beat)
+        self._spread.append(beat)
         self._next += self.every or 0.0
-        if self.every is None and len(self.beats) > self.most:
-            self.beats, self._stride = self.beats[::2], 2 * self._stride
+        if self.every is None and len(self._spread) > self.most:
+            self._spread, self._stride = self._spread[::2], 2 * self._stride
 
 
 def shift_ml(before: Mapping[str, float], after: Mapping[str, float]) -> float:

@@ -174,7 +174,11 @@ def follow_until_settled(
         end: [s], where the span ends at the latest, by its length or the course's.
         reason: why these beats are followed.
     """
-    shown, at, until = ShownBeats(None, KEPT), start, start.time + settling_s
+    shown, at, until = (
+        ShownBeats(None, KEPT, march.timeline.moments_of_events),
+        start,
+        start.time + settling_s,
+    )
     pause = patience = settling_s / 3.0
     if start.gases is not None:
         pause, patience = max(pause, GASES_S / 4.0), max(patience, GASES_S)

@@ -164,6 +164,11 @@ class Timeline:
         ]
         return np.unique([t for t in moments if t <= self.end])
 
+    @property
+    def moments_of_events(self) -> np.ndarray:
+        """Those of the breaks at which something happens [s]."""
+        return self.breaks[0 if self.begins_at_once else 1 : -1]
+
     def circuit(self, segment: int) -> Circuit:
         """The circuit between two breaks, or at the `START`."""
         begun = self._begun(segment)
