@@ -251,3 +251,11 @@ def test_gases_that_are_nowhere_in_the_ranges_are_named():
     assert result.status is search.ReachStatus.NO_STEADY_GASES
     assert "less than a tenth of the oxygen" in result.message
     assert np.isnan(result.values).all()
+
+
+@pytest.mark.slow
+def test_the_slowest_pump_that_keeps_a_pressure_does_not_carry_blood_backwards():
+    result = reach(CASE, "MAP > 20")
+    assert result.outputs["PF"] > -1e-3
+    assert any(stop.goal.output == "PF" for stop in result.stops)
+    assert "runs backwards" in result.message

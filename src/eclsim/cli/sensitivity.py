@@ -41,7 +41,7 @@ class SensitivityOptions(CaseChanges, Distributed):
         metavar="NAMES",
     )
     groups: str | None = option(
-        None, "Treat the parameters that begin with these letters as one factor each.", metavar="R,C,L,E"
+        None, "Treat resistances, compliances, inertances or elastances as one factor each, by unit.", metavar="R,C,L,E"
     )
     outputs: str | None = option(None, "Outputs; left out, SP,DP,MAP,MPAP,PCWP,CO,PF.", metavar="NAMES")
     second_order: bool | None = option(

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from eclsim.devices.description import Knob
-from eclsim.outputs.limits import impossible_bounds
+from eclsim.outputs.limits import backward_flow_bounds, impossible_bounds
 from eclsim.outputs.registry import unavailable
 from eclsim.spelling import spelling_hint
 
@@ -122,7 +122,8 @@ def read_goals(text: str | Sequence[Goal], outputs: Sequence[str]) -> tuple[Goal
 
 
 def possible(outputs: Sequence[str], asked: Sequence[Goal]) -> tuple[Goal, ...]:
-    """Goals that hold unasked: no vein that fills may be below its surroundings, no chamber below empty.
+    """Goals that hold unasked: no vein that fills may be below its surroundings, no chamber below empty, and
+    no device may carry blood backwards.
 
     Args:
         outputs: names that the case has.
@@ -130,7 +131,7 @@ def possible(outputs: Sequence[str], asked: Sequence[Goal]) -> tuple[Goal, ...]:
     """
     taken = {goal.output for goal in asked}
     goals: dict[str, Goal] = {}
-    for limit in impossible_bounds(outputs):
+    for limit in (*impossible_bounds(outputs), *backward_flow_bounds(outputs)):
         if limit.quantity not in taken:
             known = goals.get(limit.quantity, Goal(limit.quantity, because=limit.meaning))
             side = {"low": limit.value} if limit.side == "below" else {"high": limit.value}

@@ -9,9 +9,9 @@ trust region (sequential linear programming with an exact penalty, Fletcher and 
 10.1007/BF01582292), and once more where bounds are curved (second-order correction). At a solution that as
 many goals determine as there are settings it converges as fast as Newton's method. Where goals exclude each
 other the same search ends at the smallest sum of misses, each in hundredths of its bound; what stands in the
-way is found by leaving out the goals at their bounds, one by one. Two kinds of bounds are kept unasked, since
-no patient is beyond them: veins do not fill below the pressure of their surroundings, no chamber ejects more
-than it holds.
+way is found by leaving out the goals at their bounds, one by one. Three kinds of bounds are kept unasked, for
+no patient is beyond them or should be: veins do not fill below the pressure of their surroundings, no chamber
+ejects more than it holds, no device carries blood backwards.
 """
 
 from __future__ import annotations

@@ -207,6 +207,18 @@ def impossible_bounds(outputs: Collection[str]) -> tuple[Limit, ...]:
     return tuple(limit for name in outputs for limit in limits_of(name, outputs) if limit in _IMPOSSIBLE)
 
 
+def backward_flow_bounds(outputs: Collection[str]) -> tuple[Limit, ...]:
+    """Alarms of flows that run backwards through a device, in L/min.
+
+    Args:
+        outputs: names of all outputs that the circuit has.
+    """
+    forward = ("alarm", "below", 0.0)
+    flows = [name for name in outputs if (known := named_output(name)) and known[1].unit == "L/min"]
+    bounds = (limit for name in flows for limit in limits_of(name, outputs))
+    return tuple(limit for limit in bounds if (limit.kind, limit.side, limit.value) == forward)
+
+
 def level(quantity: str, value: float, outputs: Collection[str] = ()) -> str:
     """How a value stands to the limits of its output: "ok", "warning", "alarm" or "collapse".
 
