@@ -41,7 +41,9 @@ class SensitivityOptions(CaseChanges, Distributed):
         metavar="NAMES",
     )
     groups: str | None = option(
-        None, "Treat resistances, compliances, inertances or elastances as one factor each, by unit.", metavar="R,C,L,E"
+        None,
+        "Treat all parameters of a unit as one factor, such as all resistances.",
+        metavar="R,C,L,E",
     )
     outputs: str | None = option(None, "Outputs; left out, SP,DP,MAP,MPAP,PCWP,CO,PF.", metavar="NAMES")
     second_order: bool | None = option(

@@ -122,8 +122,9 @@ def read_goals(text: str | Sequence[Goal], outputs: Sequence[str]) -> tuple[Goal
 
 
 def possible(outputs: Sequence[str], asked: Sequence[Goal]) -> tuple[Goal, ...]:
-    """Goals that hold unasked: no vein that fills may be below its surroundings, no chamber below empty, and
-    no device may carry blood backwards.
+    """Goals that hold unasked: of veins that fill, of chambers that eject, of flows through devices.
+
+    No vein may be below its surroundings, no chamber below empty, no device carry blood backwards.
 
     Args:
         outputs: names that the case has.
