@@ -103,3 +103,10 @@ def test_the_haematocrit_at_any_filter_says_how_a_course_starts(key, refused):
 def test_a_first_event_before_the_start_is_one_mistake(tmp_path):
     (only,) = mistakes(tmp_path, "[[events]]\nat_min = -5\nset = { Rmc = 1.2 }\n")
     assert "at_min = -5: outside the allowed range" in only
+
+
+def test_what_is_doubtful_in_a_case_file_is_doubtful_in_an_event(tmp_path):
+    file = tmp_path / "case.toml"
+    file.write_text(ON_ECMO + '[[events]]\nat_min = 5\nset = { "drugs.noradrenaline" = 2.5 }\n')
+    (doubt,) = [warning for warning in read_case(file).warnings if "noradrenaline" in str(warning)]
+    assert "beyond the usual 1 ug/kg/min" in str(doubt)

@@ -105,7 +105,9 @@ class _Checks:
 
     def __init__(self, case: Raw, check: Check, remarks: Remarks):
         self.case, self.check, self.remarks = dict(case), check, remarks
-        self.known = set(map(_key_and_message, check(case).mistakes))
+        checked = check(case)
+        self.known = set(map(_key_and_message, checked.mistakes))
+        self.doubted = set(map(_key_and_message, checked.warnings))
 
     def event(self, place: str, raw: object) -> dict[str, Any]:
         """An event as far as it is right; empty where its time is not known."""
@@ -191,13 +193,18 @@ class _Checks:
 
     def _allowed(self, key: str, path: Path, value: object) -> bool:
         """Whether the case with the value is right; if so the events behind find it."""
+        own = (".".join(path), path[1])
         merged, _ = put_in(self.case, {path: value})
         checked = self.check(merged)
         new = [mistake for mistake in checked.mistakes if _key_and_message(mistake) not in self.known]
         for refused in new:
-            same_key = refused.key in (".".join(path), path[1])
+            same_key = refused.key in own
             message = refused.message if same_key else f"{refused.key}: {refused.message}"
             self.remarks.error(key, message, shown(value), refused.allowed, refused.suggestion)
+        for doubt in checked.warnings:
+            if doubt.key in own and _key_and_message(doubt) not in self.doubted:
+                self.doubted.add(_key_and_message(doubt))
+                self.remarks.warning(key, doubt.message, shown(value), doubt.suggestion)
         if not new:
             self.case = merged
         return not new

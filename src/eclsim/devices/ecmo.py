@@ -228,6 +228,8 @@ MEMBRANE = (
 )  # fmt: skip
 """Parameters of the membrane, in the order of `eclsim.components.MembraneLung`."""
 
+CLAMPED_L_MIN = -0.01
+"""Flow of a clamped circuit at most, backwards."""
 SUCTION_MMHG = -100.0
 """Drainage pressure below which suction of the vessel wall and haemolysis are feared."""
 _ELSO = "ELSO General Guidelines 2017"
@@ -617,7 +619,8 @@ class EcmoDevice(Device[Ecmo]):
     )
     limits = (
         Limit(
-            "PF", "alarm", "below", 0.0, "blood runs backwards through the ECMO circuit: clamp it", "physics"
+            "PF", "alarm", "below", CLAMPED_L_MIN,
+            "blood runs backwards through the ECMO circuit: clamp it", "physics",
         ),
         Limit(
             "lowest_drainage_pressure", "warning", "below", SUCTION_MMHG, "suction: lower the pump speed",

@@ -213,10 +213,9 @@ def backward_flow_bounds(outputs: Collection[str]) -> tuple[Limit, ...]:
     Args:
         outputs: names of all outputs that the circuit has.
     """
-    forward = ("alarm", "below", 0.0)
     flows = [name for name in outputs if (known := named_output(name)) and known[1].unit == "L/min"]
-    bounds = (limit for name in flows for limit in limits_of(name, outputs))
-    return tuple(limit for limit in bounds if (limit.kind, limit.side, limit.value) == forward)
+    bounds = (limit for name in flows for limit in limits_of(name, outputs) if limit.side == "below")
+    return tuple(limit for limit in bounds if limit.kind == "alarm" and -0.1 < limit.value <= 0.0)
 
 
 def level(quantity: str, value: float, outputs: Collection[str] = ()) -> str:
