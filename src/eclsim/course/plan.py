@@ -166,7 +166,8 @@ def _unasked(
         if known is None or name in taken or not known[1].name.endswith(FILTERED):
             continue
         if FILTRATION in known[0].device.section.fields():
-            goals += [Goal(name, high=one.value, because=one.meaning) for one in limits_of(name, outputs)[:1]]
+            lowest = sorted(limits_of(name, outputs), key=lambda limit: limit.value)[:1]
+            goals += [Goal(name, high=one.value, because=one.meaning) for one in lowest]
     beat = simulate(case, policy)
     return tuple(goal for goal in goals if goal.excess(float(beat[goal.output])) <= 0.0)
 
