@@ -34,11 +34,11 @@ _TIMES = {
 _AMOUNT = number("Volume", "mL", 0, LARGEST_ML, 500)
 KEYS = ("at_min", "set", "ramp_min", "give", "over_min")
 Path = tuple[str, str]
+"""Section and key of a setting."""
 BODY = {("patient", name) for name in ("sex", "age_years", "height_cm", "weight_kg")}
 """What a patient's blood volume at the start follows from."""
 FILLING = "P0"
 """How names of the pressures begin that say how much blood each compartment holds at the start."""
-"""Section and key of a setting."""
 Check = Callable[[Raw], Remarks]
 
 

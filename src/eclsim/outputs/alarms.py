@@ -182,7 +182,7 @@ def _emptied_by_drugs(outputs: Mapping[str, float], values: Mapping[str, float])
         f"{wedge:.0f} mmHg, and what veins take of the blood empties the heart: pressures and outputs are "
         "likely too low, and may fall where they rise in patients"
     )
-    return [Finding(CAUTION, "CO", outputs.get("CO", wedge), float("nan"), text, concerns=("CO", "MAP"))]
+    return [Finding(CAUTION, "PCWP", wedge, float("nan"), text, concerns=("CO", "MAP"))]
 
 
 def _different_flows(outputs: Mapping[str, float], circuit: Circuit | None) -> list[Finding]:
