@@ -166,3 +166,36 @@ def test_what_is_not_known_is_no_mistake_and_derivatives_pass():
 def test_diphosphoglycerate_moves_the_curve_of_dash_to_the_right():
     low, high = (float(blood.gases(po2=27.0, law="dash2016", dpg=dpg).saturation) for dpg in (3.0, 7.0))
     assert high < low - 0.05
+
+
+def test_little_carbon_dioxide_is_never_less_than_none():
+    """The published factor for red cells has a pole at pH 8.142: contents were negative below 6 mmHg."""
+    pressures = np.geomspace(0.05, 60.0, 60)
+    for base_excess, haemoglobin in ((0.0, 15.0), (15.0, 15.0), (0.0, 25.0)):
+        found = blood.gases(po2=300.0, pco2=pressures, base_excess=base_excess, haemoglobin=haemoglobin)
+        assert (found.carbon_dioxide > 0.0).all()
+        assert (np.diff(found.carbon_dioxide) > 0.0).all()
+    alkalotic = blood.gases(po2=300.0, pco2=pressures, base_excess=15.0)
+    back = blood.gases_with_contents(
+        oxygen=alkalotic.oxygen, carbon_dioxide=alkalotic.carbon_dioxide, base_excess=15.0
+    )
+    np.testing.assert_allclose(back.pco2, pressures, rtol=1e-7)
+
+
+def test_above_ph_7_6_contents_after_douglas_come_nearer_to_those_of_dash():
+    pressures = np.array([5.0, 8.0, 12.0, 15.0])
+    here, there = (
+        np.asarray(blood.gases(po2=400.0, pco2=pressures, law=law).carbon_dioxide) for law in blood.LAWS
+    )
+    ph = np.asarray(blood.gases(po2=400.0, pco2=pressures).ph)
+    plasma = here / (1.0 - 0.0289 * 15.0 / (3.352 - 0.456) * np.asarray(standard._term_of_ph(ph)))
+    published = plasma * (1.0 - 0.0289 * 15.0 / ((3.352 - 0.456) * (8.142 - ph)))
+    assert (np.abs(here - there) < np.abs(published - there)).all()
+    below, above = (standard._term_of_ph(standard.DOUGLAS_PH + by) for by in (-1e-6, 1e-6))
+    assert float(above - below) == pytest.approx(2e-6 / (8.142 - standard.DOUGLAS_PH) ** 2, rel=1e-4)
+
+
+@pytest.mark.parametrize(("law", "given"), [("dash2016", "oxygen_capacity"), ("severinghaus1979", "dpg")])
+def test_what_a_law_does_not_read_is_refused(law, given):
+    with pytest.raises(ValueError, match=given):
+        blood.gases(po2=90.0, law=law, **{given: 1.36})

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from eclsim.cases import read_case
-from eclsim.components.exchangers import BTPS_TO_STPD, DRY_MMHG
+from eclsim.components.exchangers import dry_gas_pressure, stpd_of_btps
 from eclsim.gas.network import CONTENTS, Quantity, gas_of
 from eclsim.gas.transport import Held, balanced, mixtures
 from eclsim.orbit.model import model_of
@@ -18,6 +18,7 @@ from eclsim.outputs.measures import Measures
 from eclsim.outputs.steady_beat import steady_beat
 from gas_networks import flows_of
 
+DRY, STPD = float(dry_gas_pressure(37.0)), 1000.0 * float(stpd_of_btps(37.0))
 FLOW, VOLUME = 4.0, 2.0
 """L/min, L."""
 
@@ -126,12 +127,12 @@ def test_what_lungs_hold_more_is_what_they_breathe_in_less_what_they_give_away(p
     volumes = len(patient[4])
     start = np.stack([np.full(volumes, 12.0), np.full(volumes, 50.0)])
     state = stepped(patient, start, length)
-    held = 1000.0 * BTPS_TO_STPD * LUNGS_L / DRY_MMHG * (np.array(alveolar_of(state)) - ALVEOLAR) / length
+    held = STPD * LUNGS_L / DRY * (np.array(alveolar_of(state)) - ALVEOLAR) / length
     gained = [state[Quantity(what, "at", "part")] for what in ("gained", "gained_co2")]
-    breathed = 1000.0 * BTPS_TO_STPD * values["gas.alveolar_ventilation_l_min"]
+    breathed = STPD * values["gas.alveolar_ventilation_l_min"]
     inspired = np.array([values["gas.fio2"], 4e-4])
     out = breathed - sum(gained)
-    expected = breathed * inspired - out * np.array(alveolar_of(state)) / DRY_MMHG - gained
+    expected = breathed * inspired - out * np.array(alveolar_of(state)) / DRY - gained
     np.testing.assert_allclose(held, expected, rtol=1e-6, atol=1e-6)
     assert np.abs(held).min() > 1.0
 

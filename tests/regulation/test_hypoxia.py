@@ -34,11 +34,12 @@ def wanted(po2, venous, shunt=0.0, ventilation=5.0):
     """Of a lung with that alveolar PO2, from the balance solved the other way round."""
     fio2 = (po2 / 713.0 * (GAS - 250.0 + 200.0) + 250.0) / GAS
     rest = relative_resistance(40.0, 100.0)
-    return float(lung_law(jnp.array([venous, 250.0, -200.0, ventilation, fio2, shunt, 1.0, float(rest)]))[0])
+    numbers = [venous, 250.0, -200.0, ventilation, fio2, shunt, 37.0, 1.0, float(rest)]
+    return float(lung_law(jnp.array(numbers))[0])
 
 
 def test_rest_shunt_and_apnoea():
-    assert float(alveolar_po2(40.0, 250.0, -200.0, (0.0, 0.21, 0.0))) == 40.0
+    assert float(alveolar_po2(40.0, 250.0, -200.0, (0.0, 0.21, 0.0, 37.0))) == 40.0
     assert wanted(100.0, 40.0) == pytest.approx(1.0, abs=1e-4)
     assert wanted(50.0, 32.0) == pytest.approx(1.77 / 1.23, abs=0.1)
     assert wanted(100.0, 40.0, shunt=0.5) > 1.05

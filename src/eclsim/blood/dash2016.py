@@ -3,6 +3,9 @@
 Oxygen and carbon dioxide compete for haemoglobin in the water of the red cell; P50 moves with pH, PCO2, DPG
 and temperature, and the Hill exponent with PO2.
 
+Haemoglobin binds 1.398 mL/g here, whatever `oxygen_capacity` says. As in the authors' code the first constant
+of carbonic acid does not change with temperature: at 25 C this bicarbonate is 16 % above that of the pH.
+
 Source: Eur J Appl Physiol 116:97-113, doi 10.1007/s00421-015-3228-3, with the constants of the authors' code.
 """
 

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from eclsim import runtime as _runtime  # noqa: F401  (double precision before the first array)
 from eclsim.blood import dash2016, standard
 from eclsim.blood.acid_base import bicarbonate, ph_of
-from eclsim.blood.given import refuse_other_units
+from eclsim.blood.given import refuse
 from eclsim.blood.types import Array, Blood, Given
 
 LAWS: dict[str, ModuleType] = {"severinghaus1979": standard, "dash2016": dash2016}
@@ -68,17 +68,18 @@ def gases(
         po2: partial pressure of oxygen [mmHg].
         pco2: partial pressure of carbon dioxide [mmHg].
         law: a name of `LAWS`.
-        of: `haemoglobin` [g/dL], `base_excess` of fully oxygenated blood [mmol/L], `temperature` [C],
-            `oxygen_capacity` [mL/g], and for "dash2016" `dpg`, 2,3-diphosphoglycerate in the red cells
-            [mmol/L]; left out, 15, 0, 37, 1.34 and 4.65.
+        of: `haemoglobin` [g/dL], `base_excess` of fully oxygenated blood [mmol/L], `temperature` [C]; for
+            "severinghaus1979" `oxygen_capacity` [mL/g], for "dash2016" `dpg`, 2,3-diphosphoglycerate in
+            the red cells [mmol/L]; left out, 15, 0, 37, 1.34 and 4.65.
 
     Returns:
         Arrays of the arguments' common shape.
 
     Raises:
-        ValueError: the law is unknown, or values are beyond any in these units; with all of them.
+        ValueError: the law is unknown or does not read an argument, or values are beyond any in these units;
+            with all of them.
     """
-    refuse_other_units({"po2": po2, "pco2": pco2, **of})
+    refuse({"po2": po2, "pco2": pco2, **of}, law)
     blood = Blood(**of)
     return _at_pressures(_common(po2, pco2, blood, po2), _common(po2, pco2, blood, pco2), blood, law)
 
@@ -94,7 +95,7 @@ def gases_with_contents(
 
     Other arguments and errors as in `gases`.
     """
-    refuse_other_units({**of})
+    refuse({**of}, law)
     blood = Blood(**of)
     wanted = (
         _common(oxygen, carbon_dioxide, blood, oxygen),
@@ -115,7 +116,7 @@ def gases_with_saturation(
 
     Other arguments and errors as in `gases`.
     """
-    refuse_other_units({"saturation": saturation, "pco2": pco2, **of})
+    refuse({"saturation": saturation, "pco2": pco2, **of}, law)
     blood = Blood(**of)
     wanted, pco2 = _common(saturation, pco2, blood, saturation), _common(saturation, pco2, blood, pco2)
     return _at_saturation(wanted, pco2, blood, law)

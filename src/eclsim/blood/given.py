@@ -1,4 +1,4 @@
-"""Values in another unit than the one meant: refused before they are computed with."""
+"""Arguments that a law of the blood cannot compute with: refused beforehand."""
 
 from __future__ import annotations
 
@@ -38,13 +38,23 @@ ALLOWED = {
 """Bounds that no blood leaves, wide enough for any computation with it; contents have none."""
 
 
-def refuse_other_units(given: Mapping[str, object]) -> None:
-    """Raise `ValueError` for values that cannot be in the unit meant, with all of them at once.
+UNREAD = {
+    "severinghaus1979": {"dpg": "its curve is of usual 2,3-diphosphoglycerate; law='dash2016' reads it"},
+    "dash2016": {"oxygen_capacity": "four molecules for each haemoglobin are 1.398 mL/g in this law"},
+}
+"""By law, what it does not depend on, and why."""
+
+
+def refuse(given: Mapping[str, object], law: str) -> None:
+    """Raise `ValueError` for what a law cannot compute with, all of it at once.
+
+    These are values that cannot be in the unit meant, and arguments that would have no effect.
 
     Args:
         given: arguments by name; what JAX traces and what is not a number is left alone.
+        law: name of the set of equations.
     """
-    wrong = []
+    wrong = [f"{name}: {why}" for name, why in UNREAD.get(law, {}).items() if name in given]
     for name, value in given.items():
         if name not in ALLOWED or isinstance(value, Tracer):
             continue

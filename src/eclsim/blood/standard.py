@@ -15,6 +15,10 @@ from eclsim.blood.types import NEUTRAL_PH_SLOPE, Array, Blood
 
 OXYGEN_SOLUBILITY = 0.0031
 """Oxygen dissolved in blood at 37 C [mL/dL/mmHg]."""
+DOUGLAS_PH = 7.6
+"""At 37 C, above which the factor for red cells is continued: the fitted one has a pole at pH 8.142."""
+DOUGLAS_REST = 1.165
+"""What the continued term 1 / (8.142 - pH) still gains, so that red cells hold no less than nothing."""
 
 
 def standard_pressure(po2: Array, pco2: Array, ph: Array, temperature: Array) -> Array:
@@ -55,5 +59,13 @@ def carbon_dioxide_content(po2: Array, pco2: Array, ph: Array, blood: Blood) -> 
     plasma = 2.226 * carbon_dioxide_solubility(temperature) * pco2 * (1.0 + 10.0 ** (ph - pk))
     oxygenated = saturation(po2, pco2, ph, blood)
     at_37 = ph - NEUTRAL_PH_SLOPE * cold  # the distribution between plasma and cells follows neutral pH
-    cells = 0.0289 * blood.haemoglobin / ((3.352 - 0.456 * oxygenated) * (8.142 - at_37))
+    cells = 0.0289 * blood.haemoglobin / (3.352 - 0.456 * oxygenated) * _term_of_ph(at_37)
     return plasma * (1.0 - cells)
+
+
+def _term_of_ph(ph: Array) -> Array:
+    """1 / (8.142 - pH) as fitted up to `DOUGLAS_PH`, then on with the same slope to an end."""
+    last = 8.142 - DOUGLAS_PH
+    beyond = jnp.maximum(ph - DOUGLAS_PH, 0.0)
+    continued = 1.0 / last - DOUGLAS_REST * jnp.expm1(-beyond / (last**2 * DOUGLAS_REST))
+    return jnp.where(ph > DOUGLAS_PH, continued, 1.0 / (8.142 - jnp.minimum(ph, DOUGLAS_PH)))

@@ -23,10 +23,7 @@ from jax import Array
 from eclsim.components.base import Exchanger, Key, Number, Values, value_of
 
 BAROMETRIC_MMHG, WATER_VAPOUR_MMHG = 760.0, 47.0
-DRY_MMHG = BAROMETRIC_MMHG - WATER_VAPOUR_MMHG
-"""Pressure of dry gas in contact with blood at 37 C."""
-BTPS_TO_STPD = 273.15 / 310.15 * DRY_MMHG / 760.0
-"""Ventilation is stated as saturated gas at body temperature, exchange as dry gas at 0 C."""
+"""Pressure of the air, and of water vapour at 37 C."""
 FLOWMETER_TO_STPD = 273.15 / 293.15
 """Sweep gas is stated as a flowmeter shows it: dry gas at 20 C and 760 mmHg."""
 AIR_CARBON_DIOXIDE = 4e-4
@@ -46,6 +43,24 @@ HAEMOGLOBIN, OXYGEN_CAPACITY = "gas.haemoglobin_g_dl", "gas.oxygen_capacity_ml_g
 TEMPERATURE = "gas.temperature_c"
 BLOOD = (HAEMOGLOBIN, "gas.base_excess_mmol_l", TEMPERATURE, OXYGEN_CAPACITY)
 """Parameters of the blood, which is the same everywhere."""
+
+
+def dry_gas_pressure(temperature: Number) -> Number:
+    """Pressure of dry gas in contact with blood [mmHg]: without the water vapour of its temperature [C].
+
+    The vapour's pressure by Alduchov and Eskridge 1996 (doi
+    10.1175/1520-0450(1996)035<0601:IMFAOS>2.0.CO;2), in proportion to the usual 47 mmHg at 37 C.
+    """
+    warmer = 17.625 * 243.04 * (temperature - 37.0) / ((temperature + 243.04) * (37.0 + 243.04))
+    return BAROMETRIC_MMHG - WATER_VAPOUR_MMHG * jnp.exp(warmer)
+
+
+def stpd_of_btps(temperature: Number) -> Number:
+    """Dry gas at 0 C and 760 mmHg in a volume saturated at the temperature of the body [C]: a ratio.
+
+    Ventilation is stated as the one, exchange as the other.
+    """
+    return 273.15 / (273.15 + temperature) * dry_gas_pressure(temperature) / BAROMETRIC_MMHG
 
 
 class Points(NamedTuple):
@@ -192,20 +207,21 @@ class NativeLung(GasExchanger):
         return replace(self, held=held, before=before)
 
     def rates(self, flow: Array, inside: Points, values: Values) -> Array:  # noqa: D102
-        gas = 1000.0 * BTPS_TO_STPD * value_of(values, self.ventilation)
+        dry, stpd = dry_gas_pressure(values[TEMPERATURE]), stpd_of_btps(values[TEMPERATURE])
+        gas = 1000.0 * stpd * value_of(values, self.ventilation)
         # Alveoli that no blood passes need some gas for their equation to have a solution.
         gas = jnp.where(jnp.asarray(value_of(values, self.shunt)) >= 1.0, jnp.maximum(gas, 1.0), gas)
         expired = gas - inside.gained[0] - inside.gained[1]
         fractions = jnp.stack([value_of(values, self.oxygen), AIR_CARBON_DIOXIDE])[:, None]
         if self.held == 0.0:
-            return jnp.asarray(gas * fractions - inside.pressure / DRY_MMHG * expired)
+            return jnp.asarray(gas * fractions - inside.pressure / dry * expired)
         air = jnp.array([[AIR_OXYGEN], [AIR_CARBON_DIOXIDE]])
         inspired = gas * fractions + jnp.maximum(-expired, 0.0) * jnp.where(gas > 0.0, fractions, air)
-        held = 1000.0 * BTPS_TO_STPD * value_of(values, self.held)
+        held = 1000.0 * stpd * value_of(values, self.held)
         kept = held * (
             inside.pressure - jnp.stack([jnp.asarray(value_of(values, key)) for key in self.before])[:, None]
         )
-        return jnp.asarray(inspired - (inside.pressure * jnp.maximum(expired, 0.0) + kept) / DRY_MMHG)
+        return jnp.asarray(inspired - (inside.pressure * jnp.maximum(expired, 0.0) + kept) / dry)
 
 
 @dataclass(frozen=True)
@@ -250,14 +266,15 @@ class MembraneLung(GasExchanger):
     def rates(self, flow: Array, inside: Points, values: Values) -> Array:  # noqa: D102
         gas = 1000.0 * FLOWMETER_TO_STPD * value_of(values, self.sweep)
         supplied = gas * jnp.stack([value_of(values, self.oxygen), AIR_CARBON_DIOXIDE])[:, None]
-        left = gas - inside.gained[0] - inside.gained[1] + 1e-6
+        left = gas - inside.gained[0] - inside.gained[1]
         # Gas that is used up exchanges nothing more: the last of it, `least`, loses its contact smoothly.
         least = USED_UP * gas + USED_UP_ML_MIN
         rest = jnp.maximum(left / least, 0.0)
         contact = jnp.where(rest < 1.0, rest * (2.0 - rest), 1.0)
-        partial = DRY_MMHG * (supplied - inside.gained) / jnp.where(rest < 1.0, least / (2.0 - rest), left)
+        mixture = jnp.where(rest < 1.0, least / (2.0 - rest), left)
+        partial = dry_gas_pressure(values[TEMPERATURE]) * (supplied - inside.gained) / mixture
         driving = partial - contact * inside.pressure
-        return self.transfer(flow, inside.slope, values) * driving * (gas / (gas + 1e-3))
+        return self.transfer(flow, inside.slope, values) * driving
 
     def transfer(self, flow: Array, slope: Array, values: Values) -> Array:
         """Permeance of the whole membrane [mL/min/mmHg] for both gases at the points, shape (2, points)."""

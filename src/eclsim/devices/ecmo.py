@@ -82,6 +82,8 @@ from eclsim.patient.sites import ARTERIAL_SITES, PATIENT_SITES, VENOUS_SITES
 from eclsim.units import ML_S_PER_L_MIN
 
 if TYPE_CHECKING:
+    from jax import Array
+
     from eclsim.circuit.network import Circuit, Connection, Site
     from eclsim.components import Path
     from eclsim.devices.description import BeatMeasures, Numbers
@@ -228,6 +230,8 @@ MEMBRANE = (
 )  # fmt: skip
 """Parameters of the membrane, in the order of `eclsim.components.MembraneLung`."""
 
+LEAST_EXHAUST = 1.0
+"""Gas that leaves an oxygenator [mL/min STPD], below which it has no partial pressures to speak of."""
 CLAMPED_L_MIN = -0.01
 """Flow of a clamped circuit at most, backwards."""
 SUCTION_MMHG = -100.0
@@ -466,13 +470,23 @@ def _gas_output(name: str, long_name: str, unit: str, definition: str, what: str
     )  # fmt: skip
 
 
-def _exhaust_pco2(m: BeatMeasures) -> Numbers:
-    from eclsim.components.exchangers import AIR_CARBON_DIOXIDE, DRY_MMHG, FLOWMETER_TO_STPD
+def _exhaust_law(n: Array) -> Array:
+    """From both gases gained, sweep [L/min] and temperature; NaN where no gas leaves."""
+    import jax.numpy as jnp
 
-    oxygen, carbon_dioxide = (m.gas(what, "at", "ecmooxy") for what in ("gained", "gained_co2"))
-    sweep = 1000.0 * FLOWMETER_TO_STPD * m.parameter("ecmo.sweep_l_min")
-    left = sweep - oxygen - carbon_dioxide + 1e-6
-    return DRY_MMHG * (AIR_CARBON_DIOXIDE * sweep - carbon_dioxide) / left
+    from eclsim.components.exchangers import AIR_CARBON_DIOXIDE, FLOWMETER_TO_STPD, dry_gas_pressure
+
+    sweep = 1000.0 * FLOWMETER_TO_STPD * n[2]
+    left = sweep - n[0] - n[1]
+    leaves = left > LEAST_EXHAUST
+    share = (AIR_CARBON_DIOXIDE * sweep - n[1]) / jnp.where(leaves, left, 1.0)
+    return jnp.stack([jnp.where(leaves, dry_gas_pressure(n[3]) * share, jnp.nan * left)])
+
+
+def _exhaust_pco2(m: BeatMeasures) -> Numbers:
+    gained = [m.gas(what, "at", "ecmooxy") for what in ("gained", "gained_co2")]
+    settings = [m.parameter(name) for name in ("ecmo.sweep_l_min", "gas.temperature_c")]
+    return m.apply(_exhaust_law, [*gained, *settings])[0]
 
 
 GAS_OUTPUTS = (
@@ -499,8 +513,8 @@ GAS_OUTPUTS = (
     ),
     Output(
         "PexhaustCO2", "PCO2 of the gas that leaves the oxygenator", "mmHg",
-        "of the sweep gas with what it has given off and taken up, saturated at 37 C", ("Qecmooxy",),
-        _exhaust_pco2, parameters=(GASES,), all_flows=True,
+        "of the sweep gas with what it has given off and taken up, with water vapour; NaN where none leaves",
+        ("Qecmooxy",), _exhaust_pco2, parameters=(GASES,), all_flows=True,
     ),
     _gas_output(
         "recirculation_fraction", "recirculated share of the drained blood", "1",

@@ -20,7 +20,7 @@ import numpy as np
 from jax import Array
 
 from eclsim.components.base import Number
-from eclsim.components.exchangers import BTPS_TO_STPD, DRY_MMHG
+from eclsim.components.exchangers import TEMPERATURE, dry_gas_pressure, stpd_of_btps
 from eclsim.parameters.regulation import LUNG_RESISTANCE, REGULATION
 from eclsim.slow import Named, SlowLaw, SlowState
 
@@ -29,7 +29,7 @@ EXPONENT, HALF, LARGEST = -2.616, 6.683e-5, 3.15
 LAG_S = 300.0
 """Time constant of the rapid part [s]: minutes; not verified."""
 LEAST_MMHG = 1.0
-LUNG_SETTINGS = ("gas.alveolar_ventilation_l_min", "gas.fio2", "gas.shunt_fraction")
+LUNG_SETTINGS = ("gas.alveolar_ventilation_l_min", "gas.fio2", "gas.shunt_fraction", TEMPERATURE)
 WANTED = "hypoxic_resistance_wanted"
 """Output that says what the oxygen now would bring about."""
 
@@ -49,9 +49,9 @@ def alveolar_po2(venous: Number, uptake: Number, gained_co2: Number, settings: S
         gained_co2: carbon dioxide that blood gains, below zero [mL/min].
         settings: of `LUNG_SETTINGS`.
     """
-    gas = 1000.0 * BTPS_TO_STPD * settings[0]
+    dry, gas = dry_gas_pressure(settings[3]), 1000.0 * stpd_of_btps(settings[3]) * settings[0]
     expired = jnp.where(gas > 0.0, gas - uptake - gained_co2, 1.0)
-    return jnp.where(gas > 0.0, DRY_MMHG * (gas * settings[1] - uptake) / expired, venous)
+    return jnp.where(gas > 0.0, dry * (gas * settings[1] - uptake) / expired, venous)
 
 
 def lung_resistance(venous: Number, uptake: Number, gained_co2: Number, settings: Sequence[Number]) -> Number:
@@ -63,8 +63,8 @@ def lung_resistance(venous: Number, uptake: Number, gained_co2: Number, settings
 
 def lung_law(n: Array) -> Array:
     """From mixed venous PO2, both gases gained, `LUNG_SETTINGS`, strength and value at rest to the factor."""
-    now = lung_resistance(n[0], n[1], n[2], (n[3], n[4], n[5]))
-    return jnp.stack([jnp.exp(n[6] * jnp.log(now / n[7]))])
+    now = lung_resistance(n[0], n[1], n[2], n[3:7])
+    return jnp.stack([jnp.exp(n[7] * jnp.log(now / n[8]))])
 
 
 @dataclass(frozen=True)

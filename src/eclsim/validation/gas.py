@@ -18,7 +18,7 @@ from scipy.optimize import brentq, fsolve
 
 from eclsim.blood.gases import LAWS, gases, gases_with_contents, gases_with_saturation
 from eclsim.cases.reading import read_mapping
-from eclsim.components.exchangers import BTPS_TO_STPD, FLOWMETER_TO_STPD, Tissue
+from eclsim.components.exchangers import FLOWMETER_TO_STPD, Tissue, stpd_of_btps
 from eclsim.devices.ecmo import ECMO, OXYGENATORS
 from eclsim.orbit.model import Model, model_of
 from eclsim.outputs.results import simulate_many
@@ -284,7 +284,7 @@ def _ventilated_at(ratio: float) -> dict[str, np.ndarray]:
     flows = _variants("ivc", *hearts)
     ventilated = [
         heart | {"gas.shunt_fraction": 0.05, "gas.alveolar_ventilation_l_min": output,
-                 SWEEP: ratio * flow * BTPS_TO_STPD / FLOWMETER_TO_STPD}
+                 SWEEP: ratio * flow * float(stpd_of_btps(37.0)) / FLOWMETER_TO_STPD}
         for heart, output, flow in zip(hearts, flows["CO"], flows["PF"], strict=True)
     ]  # fmt: skip
     return _variants("ivc", *ventilated)
