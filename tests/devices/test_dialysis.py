@@ -205,7 +205,7 @@ def test_more_filtered_than_there_is_plasma_is_no_number_and_no_failure(case):
         ({"dialysate_ml_h": -5}, r"dialysate_ml_h = -5: .*outside the allowed range.*0 to 20000 mL/h"),
         (
             {"dialysate_ml_h": 1000, "replacement_post_ml_h": 9000},
-            r"post_ml_h = 9000: .*effluent.*8400 mL/h",
+            r"post_ml_h = 9000: .*water taken out.*8400 mL/h",
         ),
         ({"dialysate_ml_hr": 5}, r"dialysate_ml_hr = 5: unknown key.*dialysate_ml_h"),
     ],
@@ -214,6 +214,14 @@ def test_mistakes_are_one_line_each(tmp_path, keys, message):
     with pytest.raises(CaseError, match=message) as refused:
         read_case(written(tmp_path, **keys))
     assert len(str(refused.value).splitlines()) == 1
+
+
+def test_dialysate_takes_no_plasma_and_thin_blood_has_more_of_it(tmp_path):
+    """200 mL/min of blood: 8400 mL/h of plasma at 30 % of cells, 9838 at 6 g/dL of haemoglobin."""
+    assert read_case(written(tmp_path, dialysate_ml_h=9000, replacement_pre_ml_h=4000)).case.crrt.dialyses
+    read_mapping(VV | {"gas": {"haemoglobin_g_dl": 6}, "crrt": ON_ECMO | {"replacement_post_ml_h": 9000}})
+    with pytest.raises(CaseError, match="below 9838 mL/h"):
+        read_mapping(VV | {"gas": {"haemoglobin_g_dl": 6}, "crrt": ON_ECMO | {"replacement_post_ml_h": 9900}})
 
 
 def test_keys_without_a_flow_are_pointed_out(tmp_path):

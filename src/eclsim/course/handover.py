@@ -184,8 +184,11 @@ def follow_until_settled(
         pause, patience = max(pause, GASES_S / 4.0), max(patience, GASES_S)
     looks: list[tuple[float, float]] = []
     while True:
-        at = march.follow(at, min(until, end), shown, every_beat=False)
+        events = march.timeline.breaks
+        at, before_this = march.follow(at, min(until, end), shown, every_beat=False), at.time
         until = at.time + pause
+        if ((events > before_this) & (events <= at.time)).any():
+            looks.clear()  # how far it was to the beat that is no longer ahead
         if march.stopped or at.time >= end - settling_s / 3.0:
             break
         goal = steady(at)

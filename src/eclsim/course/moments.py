@@ -100,8 +100,8 @@ def _moment_times(engine: Engine, member: int, history: History, every: float) -
     sudden = [c.begin - BEFORE_S for c in timeline.changes if c.end == c.begin and 0.0 < c.begin <= end]
     spans = history.spans
     behind = [span.end for span in spans if span.end <= end]
-    moments = np.unique(np.round(np.concatenate([regular, breaks, sudden, [end], behind]), 6))
-    within = [(moments >= span.begin) & (moments < span.end - 1e-6) for span in spans]
+    moments = np.unique(np.round(np.concatenate([regular, breaks, sudden, [end], behind]), DECIMALS))
+    within = [(moments >= span.begin) & (moments < span.end - ROUNDED_S) for span in spans]
     return moments[~np.any(within, axis=0)] if spans else moments
 
 
@@ -112,7 +112,7 @@ def _moments_of(engine: Engine, member: int, history: History, time: np.ndarray)
     """Member, segment, time, slow states and where the searches for beats begin, of one member."""
     segments, states, points = [], np.zeros((len(engine.laws.states), len(time))), list[np.ndarray | None]()
     for k, now in enumerate(time):
-        right = max(bisect_right(history.times, now + 1e-9) - 1, 0)
+        right = max(bisect_right(history.times, now + ROUNDED_S) - 1, 0)
         left, ahead = right, min(right + 1, len(history.times) - 1)
         segments.append(history.segments[left])
         ends = history.times[left], history.times[ahead]

@@ -39,7 +39,14 @@ from eclsim.devices.description import (
     picker,
 )
 from eclsim.devices.device import CaseValues, Device, Naming, device_key
-from eclsim.devices.dialysed_blood import dialysed_blood, filtered, fluid_flow
+from eclsim.devices.dialysed_blood import (
+    FLUIDS,
+    USUAL_FLUID,
+    check_fluids,
+    dialysed_blood,
+    filtered,
+    fluid_flow,
+)
 from eclsim.devices.ecmo import ECMO, POSITIONS
 from eclsim.devices.products import Dialyzer, by_key
 from eclsim.inputs.fields import Field, number
@@ -90,16 +97,6 @@ ALARMS_MMHG = MappingProxyType({"access": (-250.0, 250.0), "return": (-50.0, 350
 SANSOM_ACCESS_MMHG = 190.0
 """Access pressure above which early circuit failure is more likely (Sansom 2023, cited by Thiel et al.)."""
 _MACHINE = "usual alarm of CRRT machines"
-
-FLUIDS = ("dialysate_ml_h", "replacement_pre_ml_h", "replacement_post_ml_h", "net_ultrafiltration_ml_h")
-"""Keys of flows; dialysis is computed where one of them is given."""
-USUAL_FLUID = MappingProxyType(
-    {
-        "fluid_bicarbonate_mmol_l": 32.0, "haematocrit_in": 0.30, "plasma_bicarbonate_mmol_l": 24.0,
-        "citrate_mmol_l": 0.0,
-    }
-)  # fmt: skip
-"""Values where dialysis is computed and these keys are left out."""
 _FILTER = "AN69 ST filter of 1.5 m2"
 _UNREAD = "no data sheet of the maker was read"
 _HARDLY = "at CRRT flows clearance hardly depends on it"
@@ -121,6 +118,25 @@ FILTER_PARAMETERS = tuple(
         ("KoAcitrate", 170.0, "mL/min", "The same for citrate", _ESTIMATE, 5.0, 3000.0),
     )
 )  # fmt: skip
+
+
+def filter_limits(prefix: str = "") -> tuple[Limit, ...]:
+    """Limits of a dialyzer whose outputs begin with `prefix`."""
+    fraction, transmembrane = f"{prefix}filtration_fraction", f"{prefix}transmembrane_pressure"
+    return (
+        Limit(
+            fraction, "warning", "above", LARGEST_FILTRATION_FRACTION,
+            "blood thickens in the dialyzer and clots it", "Joannidis and Oudemans-van Straaten 2007",
+        ),
+        Limit(fraction, "collapse", "above", 1.0, "no plasma is left", "conservation of water"),
+        Limit(
+            transmembrane, "warning", "above", 300.0, "the membrane clogs", "usual warning of CRRT machines"
+        ),
+        Limit(
+            transmembrane, "alarm", "above", 450.0, "the membrane may tear",
+            "largest allowed for AN69 filters (maker's instructions)",
+        ),
+    )  # fmt: skip
 
 
 def assumed_membrane(membrane: Sequence[Parameter], prefix: str = "") -> tuple[Assumption, ...]:
@@ -437,19 +453,7 @@ class CrrtDevice(Device[Crrt]):
             "crrt_access_pressure", "warning", "above", SANSOM_ACCESS_MMHG,
             "early circuit failure is more likely", "Sansom et al. 2023",
         ),
-        Limit(
-            "filtration_fraction", "warning", "above", LARGEST_FILTRATION_FRACTION,
-            "blood thickens in the dialyzer and clots it", "Joannidis and Oudemans-van Straaten 2007",
-        ),
-        Limit("filtration_fraction", "collapse", "above", 1.0, "no plasma is left", "conservation of water"),
-        Limit(
-            "transmembrane_pressure", "warning", "above", 300.0, "the membrane clogs",
-            "usual warning of CRRT machines",
-        ),
-        Limit(
-            "transmembrane_pressure", "alarm", "above", 450.0, "the membrane may tear",
-            "largest allowed for AN69 filters (maker's instructions)",
-        ),
+        *filter_limits(),
     )  # fmt: skip
     views = Views(
         traces=(
@@ -523,7 +527,7 @@ class CrrtDevice(Device[Crrt]):
             remarks.warning(f"{key}.return_site", "drains an artery into a vein: a shunt", shown(back))
         if "ecmo" in circuits and access in POSITIONS and back in POSITIONS:
             _check_flow(f"{key}.flow_ml_min", values.get("flow_ml_min"), circuits["ecmo"], remarks)
-        _check_fluids(values, key, remarks)
+        check_fluids(values, case, key, remarks)
 
     def findings(
         self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
@@ -562,24 +566,6 @@ def _check_position(key: str, site: str | None, circuits: dict[str, Raw], remark
     named = [f"{other}.{position}" for other in circuits for position in POSITIONS]
     allowed = ", ".join((*PATIENT_SITES, *named)) + f", or add [{section}]"
     remarks.error(key, message, shown(site), allowed)
-
-
-def _check_fluids(values: Raw, key: str, remarks: Remarks) -> None:
-    """Fluids that the plasma can give, and keys that say nothing without them."""
-    given = {name: values[name] for name in FLUIDS if values.get(name) is not None}
-    idle = [name for name in USUAL_FLUID if values.get(name) is not None]
-    if not given:
-        for name in idle:
-            remarks.warning(
-                f"{key}.{name}", f"has no effect without one of {', '.join(FLUIDS)}", shown(values[name])
-            )
-        return
-    effluent, haematocrit = sum(given.values()), values.get("haematocrit_in") or USUAL_FLUID["haematocrit_in"]
-    plasma = 60.0 * values.get("flow_ml_min", math.inf) * (1.0 - haematocrit)
-    if effluent >= plasma:
-        message = f"the effluent, {effluent:g} mL/h with all fluids, is no less than the flow of plasma"
-        largest = max(given, key=lambda name: given[name])
-        remarks.error(f"{key}.{largest}", message, shown(given[largest]), f"effluent below {plasma:.0f} mL/h")
 
 
 def _check_flow(key: str, drawn: float | None, ecmo: Raw, remarks: Remarks) -> None:

@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from eclsim.devices.description import GASES, BeatMeasures, Numbers
 from eclsim.inputs.fields import Field, number
+from eclsim.inputs.mistakes import Remarks, shown
 
 if TYPE_CHECKING:
     from eclsim.components.dialysis import Performance
-    from eclsim.inputs.sections import Section
+    from eclsim.devices.device import CaseValues
+    from eclsim.inputs.sections import Raw, Section
 
+FLUIDS = ("dialysate_ml_h", "replacement_pre_ml_h", "replacement_post_ml_h", "net_ultrafiltration_ml_h")
+"""Keys of flows; dialysis is computed where one of them is given."""
+DRAWN_FROM_PLASMA = FLUIDS[2:]
+"""Fluids that leave the plasma behind the filter's inlet; replacement before it is added first."""
+USUAL_FLUID = MappingProxyType(
+    {
+        "fluid_bicarbonate_mmol_l": 32.0, "haematocrit_in": 0.30, "plasma_bicarbonate_mmol_l": 24.0,
+        "citrate_mmol_l": 0.0,
+    }
+)  # fmt: skip
+"""Values where dialysis is computed and these keys are left out."""
 RED_CELL_HAEMOGLOBIN = 33.3
 """Haemoglobin in a dL of red cells [g], the usual mean corpuscular concentration."""
 THE_BLOODS_OWN = 0.0
@@ -56,3 +71,33 @@ def filtered(
         gases = [m.gas("PCO2", "into", entering), m.gas("pH", "into", entering), m.parameter(TEMPERATURE)]
     numbers = [*blood, *gases, *map(m.parameter, settings)]
     return dialysis.Performance(*m.apply(dialysis.performance, numbers))
+
+
+def check_fluids(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> None:
+    """Fluids that the plasma can give, and keys that say nothing without them."""
+    given = {name: values[name] for name in FLUIDS if values.get(name) is not None}
+    idle = [name for name in USUAL_FLUID if values.get(name) is not None]
+    if not given:
+        for name in idle:
+            remarks.warning(
+                f"{key}.{name}", f"has no effect without one of {', '.join(FLUIDS)}", shown(values[name])
+            )
+        return
+    drawn = {name: given[name] for name in DRAWN_FROM_PLASMA if given.get(name)}
+    plasma = 60.0 * values.get("flow_ml_min", math.inf) * (1.0 - _haematocrit(values, case))
+    if drawn and sum(drawn.values()) >= plasma:
+        message = (
+            f"the water taken out, {sum(drawn.values()):g} mL/h with {' and '.join(drawn)}, is no less than "
+            "the flow of plasma"
+        )
+        largest = max(drawn, key=lambda name: drawn[name])
+        remarks.error(f"{key}.{largest}", message, shown(drawn[largest]), f"together below {plasma:.0f} mL/h")
+
+
+def _haematocrit(values: Raw, case: CaseValues) -> float:
+    """Of the blood in the access line: given, that of the haemoglobin, else the usual one."""
+    gas = case.physiology.get("gas")
+    usual = USUAL_FLUID["haematocrit_in"]
+    if gas is not None:
+        usual = gas.get("haemoglobin_g_dl", RED_CELL_HAEMOGLOBIN * usual) / RED_CELL_HAEMOGLOBIN
+    return float(values.get("haematocrit_in") or usual)

@@ -18,10 +18,10 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
-from eclsim.devices.crrt import FILTER_PARAMETERS, SOLUTES, USUAL_FLUID, Crrt, assumed_membrane
+from eclsim.devices.crrt import FILTER_PARAMETERS, SOLUTES, Crrt, assumed_membrane, filter_limits
 from eclsim.devices.description import BeatMeasures, Finding, Numbers, Output
 from eclsim.devices.device import CaseValues, Device, Naming
-from eclsim.devices.dialysed_blood import dialysed_blood, filtered, fluid_flow
+from eclsim.devices.dialysed_blood import FLUIDS, USUAL_FLUID, dialysed_blood, filtered, fluid_flow
 from eclsim.inputs.mistakes import Remarks
 from eclsim.inputs.sections import Raw, Section
 
@@ -37,9 +37,8 @@ MEMBRANE = tuple(
     replace(p, key=p.key.replace("crrtfil", "").replace("K", f"{GROUP}_K", 1), source=_ASSUMED, group=GROUP)
     for p in FILTER_PARAMETERS
 )
-_FLUIDS = ("dialysate_ml_h", "replacement_pre_ml_h", "replacement_post_ml_h", "net_ultrafiltration_ml_h")
 _BLOOD = ("haematocrit_in", "fluid_bicarbonate_mmol_l", "plasma_bicarbonate_mmol_l", "citrate_mmol_l")
-SETTINGS = (*(f"{GROUP}.{key}" for key in (*_FLUIDS, *_BLOOD)), *(p.key for p in MEMBRANE))
+SETTINGS = (*(f"{GROUP}.{key}" for key in (*FLUIDS, *_BLOOD)), *(p.key for p in MEMBRANE))
 """Parameters of the dialysate fibres, in the order of `eclsim.components.dialysis.Settings`."""
 _PERMEABILITY = MEMBRANE[0].key
 _SIGNALS = ("Qecmooxy", "Pecmooxy", "Pecmotuor")
@@ -85,6 +84,7 @@ class RenoxDevice(Device[Renox]):
     key, name, section = GROUP, "RenOx", Renox
     parameters = MEMBRANE
     assumptions = assumed_membrane(MEMBRANE, f"{GROUP}_")
+    limits = filter_limits(f"{GROUP}_")
     nominal = MappingProxyType(
         {
             f"{GROUP}.dialysate_ml_h": 2000.0, f"{GROUP}.replacement_pre_ml_h": 0.0,
