@@ -252,6 +252,24 @@ def test_a_sweep_that_stops_takes_its_time_or_a_warning_says_that_it_does_not(tm
 
 
 @pytest.mark.slow
+def test_a_sweep_that_comes_back_is_followed_until_its_blood_has_come_too(tmp_path):
+    """The span went by how far the first event's goal was, and its end had the settings of that event."""
+    file = tmp_path / "case.toml"
+    back = SWEEP.replace("at_min = 5", "at_min = 8") % 2
+    file.write_text(VV_GAS.read_text() + SWEEP % 0 + back)
+    every = course_beats(file, minutes=14.0, outputs=OF_GASES, every_min=0.02)
+    result = course(file, minutes=16.0, every_min=2.0, outputs=OF_GASES)
+    time, saturation = result["time_min"].to_numpy(), result["SaO2"].to_numpy()
+    (span,) = json.loads(result.attrs["spans"])
+    assert 10.0 < span["until_min"] < 16.0
+    shown = (time < 13.9) & ((time < 5.0) | (time > 5.5))
+    apart = np.interp(time[shown], every["time_min"], every["SaO2"]) - saturation[shown]
+    assert np.abs(apart).max() < 1.0
+    (end,) = saturation[np.abs(time - span["until_min"]) < 1e-6]
+    assert end == pytest.approx(saturation[time > span["until_min"] + 1e-6][0], abs=0.5)
+
+
+@pytest.mark.slow
 def test_a_sweep_that_changes_little_stays_with_steady_beats(tmp_path):
     file = tmp_path / "case.toml"
     file.write_text(VV_GAS.read_text() + SWEEP % 1.9)

@@ -53,6 +53,14 @@ def test_events_set_no_starts(key):
 
 
 @pytest.mark.slow
+def test_courses_say_potassium_beyond_its_limits():
+    result = follow(240.0, solutes={"potassium_mmol_l": 7.0, "fluid_potassium_mmol_l": 0.0})
+    sentences = [line for line in result.attrs["warnings"] if "potassium" in line]
+    assert sentences[0].startswith("at 00:00, until 0")
+    assert "is above 6.5 mmol/L: hyperkalaemia" in sentences[0]
+
+
+@pytest.mark.slow
 def test_a_patient_at_rest_stays_there_whatever_is_dialysed():
     result = follow(360.0)
     for name in ("MAP", "CO", "fluid.plasma_ml", "haematocrit"):

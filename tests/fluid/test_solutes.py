@@ -109,12 +109,34 @@ def test_solutes_balance_to_rounding():
         assert gain(solute, "removed") != 0.0
 
 
-def test_potassium_ends_between_that_of_cells_and_of_the_fluid():
-    values = settings(fluid_potassium_mmol_l=2.0, potassium_mmol_l=6.0)
-    expected = (29.0 * 2.0 + 158.0 * 6.0) / (29.0 + 158.0)
-    assert LAW.concentrations(after(48.0, values, step_s=300.0), values)["potassium"] == pytest.approx(
-        expected
+@pytest.mark.parametrize(("made", "store"), [(0.0, 150.0), (5.0, 150.0), (0.0, 2000.0)])
+def test_potassium_and_its_store_follow_their_matrix_exponential(made, store):
+    """Outside V K' = 158 (6 - M / B - K) - 29 (K - 2) + made, given by cells M' = 158 (6 - M / B - K)."""
+    values = settings(
+        fluid_potassium_mmol_l=2.0,
+        potassium_mmol_l=6.0,
+        potassium_store_l=store,
+        potassium_generation_mmol_h=made,
     )
+    out, moves, clears = 35.0 / 3.0, 0.158 * 60.0, 0.029 * 60.0  # L, L/h
+    matrix = np.array([[-(moves + clears) / out, -moves / store / out], [-moves, -moves / store]])
+    rest = np.linalg.solve(matrix, [-(6.0 * moves + 2.0 * clears + made) / out, -6.0 * moves])
+    expected, given = rest + expm(24.0 * matrix) @ (np.array([6.0, 0.0]) - rest)
+    states = after(24.0, values)
+    assert LAW.concentrations(states, values)["potassium"] == pytest.approx(expected, rel=1e-8)
+    assert states["solutes.potassium_mobilised_mmol"].item() == pytest.approx(given, rel=1e-7)
+
+
+def test_blood_that_is_bled_takes_what_its_plasma_holds():
+    """100 mL of blood with 30 % of cells: 70 mL of plasma, and for urea four fifths of the cells too."""
+    values = settings()
+    law, beat = SolutesLaw(()), {}
+    given = {kind: np.array([100.0 if kind == "bleed_ml" else 0.0]) for kind in INFLOWS}
+    rates = law.rates(law.start(values, beat), values, beat, given)
+    removed = {
+        one: rates[f"solutes.{one}_removed_mmol"].item() for one in ("urea", "creatinine", "potassium")
+    }
+    assert removed == pytest.approx({"urea": 0.094 * 25.0, "creatinine": 0.07 * 0.3, "potassium": 0.07 * 4.5})
 
 
 def test_bicarbonate_gained_raises_base_excess_and_what_the_filter_meets():

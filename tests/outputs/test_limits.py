@@ -5,6 +5,7 @@ import pytest
 
 from eclsim.cases.presets import PRESETS
 from eclsim.outputs.limits import (
+    OF_COURSES,
     all_limits,
     broken_limits,
     level,
@@ -86,4 +87,5 @@ def test_the_documented_table_is_the_table():
         for kind, cell in zip(kinds, cells, strict=True):
             for side, value in re.findall(r"(below|above) (−?[\d.]+)", cell):
                 result.add((name, kind, side, float(value.replace("−", "-"))))
-    assert result == {(limit.quantity, limit.kind, limit.side, limit.value) for limit in all_limits()}
+    limits = (*all_limits(), *OF_COURSES)
+    assert result == {(limit.quantity, limit.kind, limit.side, limit.value) for limit in limits}

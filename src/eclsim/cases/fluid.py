@@ -60,6 +60,15 @@ class Fluid(Section):
             remarks.error(
                 f"{key}.interstitial_protein_g_dl", message, shown(outside), f"below {inside:g} g/dL"
             )
+            return
+        reflection = values.get("reflection", fluid.PARAMETERS[f"{fluid.SECTION}.reflection"].value)
+        outside = INTERSTITIAL_PROTEIN * inside if outside is None else outside
+        if isinstance(outside, float) and isinstance(inside, float):
+            least = (inside - outside) / (inside + outside)
+            if isinstance(reflection, float) and reflection < least:
+                message = "water that leaves would carry more protein out than lymph brings back at the start"
+                allowed = f"at least {least:.2f} with proteins of {inside:g} and {outside:g} g/dL"
+                remarks.error(f"{key}.reflection", message, shown(reflection), allowed)
 
 
 class Solutes(Section):
@@ -74,6 +83,7 @@ class Solutes(Section):
     urea_generation_mmol_h: float = 15.0
     creatinine_generation_umol_h: float = 400.0
     potassium_generation_mmol_h: float = 0.0
+    potassium_store_l: float = 150.0
     acid_generation_mmol_h: float = 0.0
     fluid_potassium_mmol_l: float = 4.0
     kidney_clearance_ml_min: float = 0.0

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from eclsim.course.timeline import BEFORE_S, MINUTE
-from eclsim.devices.description import CAUTION, GRAVEST_FIRST
-from eclsim.outputs.limits import group_of
+from eclsim.devices.description import CAUTION, GRAVEST_FIRST, Finding
+from eclsim.outputs.limits import OF_COURSES, group_of
 from eclsim.outputs.registry import UnknownOutputError, output
 
 if TYPE_CHECKING:
-    from eclsim.devices.description import Finding
+    from eclsim.devices.description import Limit
+    from eclsim.slow import Shown
 
 
 Limits = tuple[str, str, str]
@@ -86,6 +87,33 @@ def alarms(
         for k, alarm in enumerate(found)
         if not any(_covers(one, alarm) and (j < k or not _covers(alarm, one)) for j, one in enumerate(found))
     ]
+
+
+def findings_of_shown(shown: Sequence[Shown], moments: int) -> list[list[Finding]]:
+    """What is followed in courses alone and breaks a limit, at each moment; the gravest limit of each.
+
+    Args:
+        shown: quantities with their values at the moments.
+        moments: number of these.
+    """
+    found: list[list[Finding]] = [[] for _ in range(moments)]
+    for quantity in shown:
+        limits = [limit for limit in OF_COURSES if limit.quantity == quantity.name]
+        limits.sort(key=lambda limit: GRAVEST_FIRST.index(limit.kind))
+        for k, value in enumerate(quantity.values):
+            limit = next((limit for limit in limits if limit.broken_by(float(value))), None)
+            if limit is not None:
+                found[k].append(_broken(limit, float(value), quantity))
+    return found
+
+
+def _broken(limit: Limit, value: float, quantity: Shown) -> Finding:
+    unit = quantity.unit
+    sentence = (
+        f"{quantity.description} {value:.1f} {unit} is {limit.side} {limit.value:g} {unit}: "
+        f"{limit.meaning} ({limit.source})"
+    )
+    return Finding(limit.kind, limit.quantity, value, limit.value, sentence, limit.source, (limit.quantity,))
 
 
 def _with_hidden(by_limit: Mapping[Limits, Broken], outputs: Mapping[str, np.ndarray]) -> list[Broken]:

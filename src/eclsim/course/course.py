@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from eclsim.course.alarms import alarms, clock_time
+from eclsim.course.alarms import alarms, clock_time, findings_of_shown
 from eclsim.course.engine import MANY, CourseOptions, Engine, History
 from eclsim.course.handover import GASES_MOVE, LAG
 from eclsim.course.laws import Laws, laws_of
@@ -26,6 +26,7 @@ from eclsim.spelling import did_you_mean
 
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
+    from eclsim.devices.description import Finding
     from eclsim.orbit.execution import Execution
 
 DAY_MIN = 1440.0
@@ -236,8 +237,12 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
     in_effect = {key: column[places] for key, column in moments.in_effect.items()}
     outputs = {name: moments.values[name][places] for name in moments.names}
     result = labelled_course(time, outputs, laws, states, in_effect)
-    moment_findings = [moments.findings[k] for k in places] if with_alarms else []
+    moment_findings: list[list[Finding]] = []
     if with_alarms:
+        shown = laws.shown(states, in_effect)
+        outputs |= {quantity.name: quantity.values for quantity in shown}
+        of_shown = findings_of_shown(shown, len(places))
+        moment_findings = [[*moments.findings[k], *of_shown[i]] for i, k in enumerate(places)]
         impossible = [any(finding.kind == "collapse" for finding in findings) for findings in moment_findings]
         result["impossible"] = variable(TIME, np.array(impossible, dtype=int))
     result["beat_by_beat"] = variable(TIME, moments.by_beat[places].astype(int))

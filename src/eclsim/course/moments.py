@@ -28,6 +28,10 @@ QUICK = OrbitOptions(newton_iterations=0)
 """Of the first search for all; what it does not find is sought one after the other."""
 
 
+DECIMALS, ROUNDED_S = 6, 1e-6
+"""Decimals of the times of moments [s], and by how much a time may have been rounded."""
+
+
 @dataclass
 class Moments:
     """Moments of several members, one after the other.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,7 @@ from eclsim.fluid.starling import (
 )
 from eclsim.parameters.fluid import FCELLS, HAEMATOCRIT, INTERSTITIUM_TO_BLOOD, SECTION
 from eclsim.parameters.physiology import UPPER_SHARE
-from eclsim.parameters.regulation import EXTRA_VOLUME
+from eclsim.parameters.regulation import BEDS, EXTRA_VOLUME, local_factor, local_resistance
 from eclsim.slow import Named, Shown, SlowLaw, SlowState
 
 PACKED = 0.60
@@ -71,12 +72,14 @@ class FluidLaw(SlowLaw):
         arterial: output, mean arterial pressure.
         venous: outputs, mean venous pressures (superior, then inferior where there are two).
         ultrafiltration: parameters, net ultrafiltration [mL/h].
+        local: outputs, what organs' gases do to their resistance (upper, then lower where there are two).
         haematocrits: parameters beside `fluid.haematocrit` that follow it.
         gas: whether haemoglobin does, too.
     """
 
     arterial: str = "MAP"
     venous: tuple[str, ...] = ("venous_pressure",)
+    local: tuple[str, ...] = ()
     ultrafiltration: tuple[str, ...] = ()
     haematocrits: tuple[str, ...] = ()
     gas: bool = False
@@ -87,7 +90,7 @@ class FluidLaw(SlowLaw):
 
     @property
     def reads(self) -> tuple[str, ...]:  # noqa: D102
-        return (self.arterial, *self.venous, _TONE)
+        return (self.arterial, *self.venous, _TONE, *self.local)
 
     def at_rest(self, settings: Named) -> tuple[Spaces, Wall]:
         """The spaces at the start and the wall between them."""
@@ -156,8 +159,12 @@ class FluidLaw(SlowLaw):
         return now, rest, self._capillary(settings, beat, tone) - states[CAPILLARY]
 
     def _resistance(self, settings: Named, beat: Named) -> np.ndarray:
-        """Of the systemic microcirculation, by reflex, drugs and setting together."""
-        return settings["Rmc"] * beat[_TONE]
+        """Of the systemic microcirculation, by reflex, drugs, setting and the organs' gases together."""
+        own = [beat[name] for name in self.local]
+        if len(own) > 1:
+            upper = settings[UPPER_SHARE]
+            own = [1.0 / (upper / own[0] + (1.0 - upper) / own[1])]
+        return settings["Rmc"] * beat[_TONE] * (own[0] if own else 1.0)
 
     def _capillary(self, settings: Named, beat: Named, tone: np.ndarray) -> np.ndarray:
         venous = beat[self.venous[0]]
@@ -173,10 +180,17 @@ def fluid_law(circuit: Circuit) -> FluidLaw:
     regional = any(c.name == "svc" for c in circuit.compartments)
     return FluidLaw(
         venous=_CAVAE if regional else ("venous_pressure",),
+        local=_local_factors(names),
         ultrafiltration=tuple(n for n in names if n.endswith(".net_ultrafiltration_ml_h")),
         haematocrits=tuple(n for n in names if n.endswith(".haematocrit_in")),
         gas=HAEMOGLOBIN in names,
     )
+
+
+def _local_factors(names: Sequence[str]) -> tuple[str, ...]:
+    """Outputs of the resistances that a circuit's organs set themselves, by its parameters."""
+    found = (local_resistance(bed) for bed in BEDS)
+    return tuple(local_factor(key) for key in found if key in names)
 
 
 def _rest(settings: Named) -> Spaces:

@@ -1,8 +1,9 @@
 """Urea, creatinine, potassium and bicarbonate over hours of dialysis, and stores of carbon dioxide.
 
 Urea and creatinine have two pools, water outside and inside of cells; potassium one outside, to which cells
-add what is missing (mobilisation, Agar 2015); bicarbonate its apparent space. Amounts are in mmol; what is
-made, removed and mobilised is a state, so that balances hold. Clearances are those that the beat gives.
+add what is missing (mobilisation, Agar 2015), towards a value that falls with what they gave; bicarbonate its
+apparent space. Amounts are in mmol; what is made, removed and mobilised is a state, so that balances hold.
+Clearances are those that the beat gives.
 """
 
 from __future__ import annotations
@@ -19,11 +20,12 @@ from eclsim.components.dialysis import (
     BASE_GAIN,
     CARBON_DIOXIDE_ML_PER_MMOL,
     EFFECTIVE_CLEARANCE,
+    UREA_RED_CELL_WATER,
     Hemofilter,
 )
 from eclsim.components.exchangers import BLOOD, HAEMOGLOBIN, Tissue
-from eclsim.fluid.law import INTERSTITIUM, PLASMA, blood_at_start
-from eclsim.parameters.fluid import SOLUTES, STORES_HOLD
+from eclsim.fluid.law import INTERSTITIUM, PLASMA, RED_CELLS, blood_at_start
+from eclsim.parameters.fluid import FCELLS, HAEMATOCRIT, SOLUTES, STORES_HOLD
 from eclsim.slow import Named, Shown, SlowLaw, SlowState
 
 OUTSIDE_CELLS = 1.0 / 3.0
@@ -153,12 +155,15 @@ class SolutesLaw(SlowLaw):
         outside = states[PLASMA] + states[INTERSTITIUM] if self.fluid else start
         blood = inflows["blood_ml"] - inflows["bleed_ml"]
         clear = inflows["crystalloid_ml"] + inflows["albumin_ml"]
+        plasma = _plasma_share(states, settings, self.fluid)
         result: dict[str, np.ndarray] = {}
         for solute, transfer in BETWEEN_POOLS.items():
             concentration = 1e3 * states[_state(solute)] / outside
             within = 1e3 * states[_state(solute, "inside")] / inside
             cleared = sum((f.cleared(beat, solute) for f in self.filters), np.zeros_like(outside))
-            cleared = cleared + settings[_of("kidney_clearance_ml_min")] / _MINUTE - blood
+            cleared = cleared + settings[_of("kidney_clearance_ml_min")] / _MINUTE
+            cells = UREA_RED_CELL_WATER if solute == "urea" else 0.0
+            cleared = cleared - blood * (plasma + cells * (1.0 - plasma))
             removed, moved = (
                 1e-3 * cleared * concentration,
                 1e-3 * transfer / _MINUTE * (within - concentration),
@@ -170,11 +175,12 @@ class SolutesLaw(SlowLaw):
             }  # fmt: skip
         potassium = 1e3 * states[_state("potassium")] / outside
         fresh = settings[_of("fluid_potassium_mmol_l")]
-        removed = -1e-3 * (blood * potassium + clear * fresh)
+        removed = -1e-3 * (blood * plasma * potassium + clear * fresh)
         for one in self.filters:
             net = settings[f"{one.group}.net_ultrafiltration_ml_h"] / _HOUR
             removed = removed + 1e-3 * (one.cleared(beat, "potassium") * (potassium - fresh) + net * fresh)
-        missing = _concentration_at_start(settings, "potassium") - potassium
+        held = states[_state("potassium", "mobilised")] / settings[_of("potassium_store_l")]
+        missing = _concentration_at_start(settings, "potassium") - held - potassium
         moved, made = 1e-3 * POTASSIUM_MOBILISATION / _MINUTE * missing, _made(settings, "potassium")
         acid = settings[_of("acid_generation_mmol_h")] / _HOUR
         gain = self.base_kept(settings, beat) + acid
@@ -325,6 +331,13 @@ def _of_blood(tissue: str) -> str:
 def _read(what: str, tissue: str) -> str:
     region = tissue.removesuffix("tissue").rstrip("_")
     return f"{what}_{region}" if region else what
+
+
+def _plasma_share(states: Named, settings: Named, fluid: bool) -> np.ndarray:
+    """Share of the plasma in blood that is bled or given: that of large vessels."""
+    if not fluid:
+        return 1.0 - settings[HAEMATOCRIT]
+    return 1.0 - states[RED_CELLS] / (FCELLS * (states[PLASMA] + states[RED_CELLS]))
 
 
 def _space(settings: Named) -> np.ndarray:

@@ -120,6 +120,16 @@ _SATURATED = (
     ),
 )  # fmt: skip
 
+_UKKA = "UK Kidney Association 2023"
+_HYPERKALAEMIA, _HYPOKALAEMIA = "hyperkalaemia: the heart's rhythm is at risk", "hypokalaemia: arrhythmias"
+OF_COURSES = (
+    Limit("potassium", "warning", "above", 6.0, _HYPERKALAEMIA, _UKKA),
+    Limit("potassium", "alarm", "above", 6.5, _HYPERKALAEMIA, _UKKA),
+    Limit("potassium", "warning", "below", 3.0, _HYPOKALAEMIA, _OWN),
+    Limit("potassium", "alarm", "below", 2.5, _HYPOKALAEMIA, _OWN),
+)
+"""Limits of what is followed in courses alone and is no output of a beat."""
+
 _NO_CHAMBER = "no chamber ejects so; its volume is negative"
 _IMPOSSIBLE = tuple(
     limit

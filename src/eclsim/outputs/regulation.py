@@ -88,7 +88,7 @@ def _lung(m: BeatMeasures) -> Numbers:
     return m.apply(lung_law, [*gases, *settings])[0]
 
 
-LOCAL_OUTPUTS = {bed: keys.local_resistance(bed).partition(".")[2] + "_factor" for bed in keys.BEDS}
+LOCAL_OUTPUTS = {bed: keys.local_factor(keys.local_resistance(bed)) for bed in keys.BEDS}
 """Output of each bed that says what its gases do to its resistance."""
 BY_GASES = (
     *(

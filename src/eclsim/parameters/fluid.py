@@ -58,6 +58,10 @@ _TABLE = (
      -50.0, 200.0),
     (SOLUTES, "acid_generation_mmol_h", 0.0, "mmol/h", "Acid that takes bicarbonate away, as lactic acid",
      "setting; 0, metabolism and kidney are in balance", -100.0, 500.0),
+    (SOLUTES, "potassium_store_l", 150.0, "L",
+     "Potassium that cells give or take, mmol for each mmol/L of the plasma's",
+     "assumed: about 75 mmol in a haemodialysis lower it by about 0.5 mmol/L after the rebound; 370 in "
+     "deficits of long standing (Sterns 1981, by its usual citation)", 10.0, 2000.0),
     (SOLUTES, "fluid_potassium_mmol_l", 4.0, "mmol/L", "Potassium of all fluids of the dialysis", "setting",
      0.0, 6.0),
     (SOLUTES, "kidney_clearance_ml_min", 0.0, "mL/min", "What the kidneys still clear", "setting", 0.0,

@@ -80,6 +80,11 @@ def local_resistance(bed: str) -> str:
     return of_bed(f"{REGULATION}.local_resistance", bed)
 
 
+def local_factor(resistance: str) -> str:
+    """Output that says what such a factor is in the beat."""
+    return resistance.partition(".")[2] + "_factor"
+
+
 def dose(drug: str) -> str:
     """Key of a drug's infusion rate (`DRUG_DOSES` has its unit)."""
     return f"{DRUGS}.{drug}"
