@@ -8,6 +8,7 @@ from eclsim.app.course import with_event
 from eclsim.app.state import PageState, link_of
 from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
+from eclsim.cases.reading import read_mapping
 from page_in_browser import beat, expect, knob, picture, turn, wait_for
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
@@ -97,3 +98,65 @@ def test_a_link_with_events_is_played(open_page, served):
     page.locator(".ecl-timeline .new input").first.fill("90000")
     page.locator(".ecl-timeline .new button").click()
     expect(page.locator(".ecl-timeline .refused")).to_contain_text("20000")
+
+
+def test_an_amount_that_may_be_misread_is_asked_about(open_page, shots):
+    page = open_page("paper")
+    page.get_by_role("button", name=text("timeline_open")).click()
+    page.wait_for_function(COURSE)
+    form, refused = page.locator(".ecl-timeline .new"), page.locator(".ecl-timeline .refused")
+
+    def add(what, amount, minutes="0"):
+        form.locator("select").select_option(what)
+        form.locator("input").first.fill(amount)
+        form.locator("input").nth(1).fill(minutes)
+        form.locator("button").click()
+
+    for what, amount, minutes, said in (
+        ("bleed_ml", "1,000", "15", "1,000 may be 1.000 or 1000"),
+        ("ecmo.speed_rpm", "3,425", "0", "3,425 may be 3.425 or 3425"),
+        ("ecmo.speed_rpm", "", "0", text("timeline_no_amount")),
+        ("ecmo.speed_rpm", "2000", "", text("timeline_no_minutes")),
+        ("ecmo.speed_rpm", "3 000", "0", "write them without spaces"),
+    ):
+        add(what, amount, minutes)
+        expect(refused).to_contain_text(said)
+    picture(page, shots, "timeline_refused")
+    expect(page.locator(".ecl-timeline ol li")).to_have_count(0)
+    add("ecmo.speed_rpm", "3425,5", "7,5")
+    expect(page.locator(".ecl-timeline ol")).to_contain_text(f"3425.5 rpm, {text('timeline_over')} 7.5")
+    expect(refused).to_have_count(0)
+
+
+def test_an_alarm_is_seen_over_its_warning(open_page, served, shots):
+    slower = {"at_min": 60, "set": {"ecmo.speed_rpm": 1000}, "ramp_min": 120}
+    case = with_event(PRESETS["paper"].case(), slower)
+    page = open_page(url=f"{served.url}/#{link_of(PageState(case))}")
+    page.get_by_role("button", name=text("timeline_open")).click()
+    page.wait_for_function(COURSE)
+    lane = page.locator(".ecl-timeline .lane svg").first
+    lane.scroll_into_view_if_needed()
+    box = lane.bounding_box()
+    at = [box["x"] + 0.7 * box["width"], box["y"] + 2]
+    kinds = "rects => rects.map(rect => rect.className.baseVal)"
+    assert lane.locator("rect").evaluate_all(kinds) == ["warning", "alarm"]
+    assert page.evaluate("([x, y]) => document.elementFromPoint(x, y).className.baseVal", at) == "alarm"
+    picture(page, shots, "timeline_alarm")
+
+
+def test_the_cursor_stays_within_a_course_that_stopped(open_page, served, shots):
+    acid = {"solutes": {"bicarbonate_mmol_l": 24, "acid_generation_mmol_h": 500}}
+    case = read_mapping(PRESETS["healthy"].case().as_mapping() | acid).case
+    page = open_page(url=f"{served.url}/#{link_of(PageState(case))}")
+    page.get_by_role("button", name=text("timeline_open")).click()
+    page.wait_for_function(COURSE)
+    expect(page.locator(".ecl-timeline .refused")).to_contain_text("stopped at 01:48")
+    box = page.locator(".ecl-timeline svg").first.bounding_box()
+    page.mouse.click(box["x"] + 0.8 * box["width"], box["y"] + 10)
+    wait_for(page, "beat.minute > 100 && beat.minute < 109")
+    expect(page.locator(".ecl-timeline .shown")).to_contain_text(text("timeline_ended"))
+    expect(page.locator(".ecl-timeline .shown")).to_contain_text("01:48")
+    expect(page.locator(".ecl-knobs .later")).to_contain_text("01:48")
+    picture(page, shots, "timeline_stopped")
+    page.locator(".ecl-timeline .play").click()
+    wait_for(page, "beat.minute > 0 && beat.minute < 60")

@@ -282,6 +282,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "timeline_beats": "{minutes} min, beat by beat",
         "timeline_at": "{time} is shown. Knobs are those of the start.",
         "timeline_at_recorded": "{time} is shown. A knob that is turned is an event of this time.",
+        "timeline_ended": "Here the course stopped: nothing is known of later.",
         "timeline_record": "Record knobs",
         "timeline_record_hint": "A knob that is turned becomes an event at the time that is shown; else the "
         "knobs are those of the start.",
@@ -315,6 +316,8 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "timeline_what": "Event",
         "timeline_amount": "Amount",
         "timeline_over": "over",
+        "timeline_no_amount": "there is no amount: type how much",
+        "timeline_no_minutes": "there are no minutes: type over how many, 0 for at once",
         "timeline_minutes": "min",
         "timeline_give": "Give or take",
         "timeline_set": "Set",

@@ -1,7 +1,14 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { clock, curvePath, momentAt, playedTo, valueIn } from "../../../src/eclsim/app/web/lib/course.js";
+import {
+  brokenSpans,
+  clock,
+  curvePath,
+  momentAt,
+  playedTo,
+  valueIn,
+} from "../../../src/eclsim/app/web/lib/course.js";
 
 test("minutes are read as on a clock, with days in front", () => {
   assert.equal(clock(0), "00:00");
@@ -49,4 +56,24 @@ test("a curve breaks where there is no value", () => {
     high: 10,
   });
   assert.equal(path, "M0.0 10.0L25.0 0.0M100.0 5.0");
+});
+
+test("the gravest of the limits that are broken is painted last", () => {
+  const alarms = [
+    { kind: "alarm", at_min: 20, until_min: 30 },
+    { kind: "collapse", at_min: 28, until_min: 29 },
+    { kind: "warning", at_min: 10, until_min: null },
+    { kind: "alarm", at_min: 36, until_min: null },
+    { kind: "caution", at_min: 0, until_min: null },
+  ];
+  const spans = brokenSpans(alarms, { last: 40, end: 80, width: 800 });
+  assert.deepEqual(
+    spans.map(({ kind, from, width }) => [kind, from, width]),
+    [
+      ["warning", 100, 300],
+      ["alarm", 200, 100],
+      ["alarm", 360, 40],
+      ["collapse", 280, 10],
+    ],
+  );
 });
