@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -92,11 +92,17 @@ def compute_course(state: PageState, minutes: float) -> PageCourse:
 
 
 def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
-    """A course for the browser: key figures over time, alarms, balance; null for what is not finite."""
+    """A course for the browser: key figures over time, alarms, balance; null for what is not finite.
+
+    Lanes that are seen unasked have gaps where no patient can have the beat.
+    """
     result = course.followed.result
     alarms = json.loads(result.attrs["alarms"])
-    lanes = lanes_of(course.state.case, result)
-    rows = [lane._asdict() | {"values": finite(lane.values, digits=5)} for lane in lanes]
+    impossible = _within(result["time_min"].to_numpy(), [one for one in alarms if one["kind"] == "collapse"])
+    rows = [
+        lane._asdict() | {"values": finite(np.where(lane.usual & impossible, np.nan, lane.values), digits=5)}
+        for lane in lanes_of(course.state.case, result)
+    ]
     return {
         "of": key_of(course.state), "minutes": minutes, "time": course.times,
         "rows": rows, "message": str(result.attrs["message"]),
@@ -105,6 +111,15 @@ def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
         "approximations": [str(sentence) for sentence in result.attrs["approximations"]],
         "seconds": round(float(result.attrs["seconds"]), 2),
     }  # fmt: skip
+
+
+def _within(minutes: np.ndarray, alarms: Sequence[Mapping[str, Any]]) -> np.ndarray:
+    """Which minutes lie where one of these limits is broken."""
+    result = np.zeros(len(minutes), dtype=bool)
+    for alarm in alarms:
+        until = np.inf if alarm["until_min"] is None else alarm["until_min"]
+        result |= (minutes >= alarm["at_min"]) & (minutes <= until)
+    return result
 
 
 def plain_events(case: Case) -> list[dict[str, Any]]:

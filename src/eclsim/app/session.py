@@ -354,11 +354,9 @@ class Session:
         self._notify()
 
     def _set_base(self, start: PageState, beat: Beat) -> None:
-        from eclsim.app.beat import plain
-
         self.base = start, beat
         if not self.closed:
-            self.send("base", {"of": subject_of(start), "outputs": plain(beat, ())["outputs"]})
+            self.send("base", {"of": subject_of(start)} | _compared(beat))
 
     def _anchor_values(self, state: PageState) -> Mapping[str, float] | None:
         from eclsim.app.beat import page_circuit
@@ -434,6 +432,14 @@ def _named_beat(state: PageState, beat: Beat) -> dict[str, Any]:
     labels = {control.key: control.label for control in controls(state.case)}
     content = {"of": key_of(state), "name": title_of(state), "values": _values(state.case), "labels": labels}
     return {**plain(beat, waves_of(state.case)), **content}
+
+
+def _compared(beat: Beat) -> dict[str, Any]:
+    """What changes are measured from, as plain data."""
+    from eclsim.app.beat import plain
+
+    everything = plain(beat, ())
+    return {name: everything[name] for name in ("outputs", "possible")}
 
 
 def _without_key(mistake: Mistake) -> str:

@@ -202,6 +202,8 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "caution": "read with care: {why}",
         "caution_above": "read with care, see above",
         "impossible": "Impossible beat",
+        "impossible_column": "✕ impossible",
+        "impossible_pinned": "✕ The pinned beat is impossible: nothing is compared with it.",
         "impossible_long": "No patient has such a beat: do not read its numbers. Change what is named here.",
         "limit_broken": "Steady beat, limit broken",
         # key numbers
@@ -256,11 +258,12 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "now": "now",
         "pinned": "pinned",
         # ramp
+        "ramp_impossible": "✕ Impossible at {speeds} rpm: no patient has such a beat, so it has no numbers.",
         "ramp_none": "A speed ramp needs a device whose pump has a speed.",
         "ramp_speed": "Pump speed [rpm]",
         "ramp_pressure": "Pressure [mmHg]",
         "ramp_flow": "Flow [L/min]",
-        "ramp_lost": "no steady beat at {speeds} rpm",
+        "ramp_lost": "No steady beat at {speeds} rpm.",
         # schemes
         "schemes_none": "The nine schemes need a circuit with oxygenator and rotary pump. Connect it first.",
         "schemes_flow": "The lines carry {flow} mL/min. Choose a scheme to connect it.",

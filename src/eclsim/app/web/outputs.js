@@ -1,9 +1,10 @@
 // All outputs with unit, adult reference range and change.
-import { SIGNS, bandsOf, change, compact, limitLines, listening } from "eclsim-page";
+import { SIGNS, bandsOf, change, compact, isPossible, limitLines, listening } from "eclsim-page";
 
 export default {
   template: `
   <div class="ecl-outputs">
+    <p v-if="!isPossible(pinned)" class="ecl-caution" role="status">{{ texts.impossible_pinned }}</p>
     <label class="filter">{{ texts.filter
       }} <input type="search" v-model="filter" autocomplete="off" /></label>
     <div class="scroll" tabindex="0" role="region" :aria-label="texts.outputs"><table>
@@ -89,6 +90,7 @@ export default {
     },
   },
   methods: {
+    isPossible,
     row(name, value, { label, unit, definition, range, limits }) {
       const level = this.beat.levels[name] ?? "ok";
       const [low, high, source] = range ?? [];
@@ -103,12 +105,17 @@ export default {
         value: SIGNS[level] + compact(value),
         measured: name in this.measured ? compact(this.measured[name]) : "",
         band: (this.bands?.outputs[name] ?? []).map(compact).join(" – "),
-        change: change(value, (this.pinned ?? this.base)?.outputs[name]),
+        change: this.changeOf(name, value),
         range: range ? `${low} – ${high}`.replaceAll("-", "−") : "",
         side: range && value !== null ? this.side(value, low, high) : "",
         limits: limitLines(limits ?? []),
         caution: this.beat.cautions[name] ?? "",
       };
+    },
+    // No beat that is impossible is compared with anything.
+    changeOf(name, value) {
+      const before = this.pinned ?? this.base;
+      return isPossible(this.beat) && isPossible(before) ? change(value, before?.outputs[name]) : "";
     },
     side(value, low, high) {
       if (value < low) return `▼ ${this.texts.below}`;

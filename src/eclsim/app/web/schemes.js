@@ -27,12 +27,13 @@ export default {
               class="limit" />
             <path v-for="p in c.paths" :key="p.name" :d="p.d" :class="p.name" />
           </svg>
-          <span v-if="c.converged" class="values">
+          <span v-if="c.converged && c.possible" class="values">
             <span v-for="line in ['access', 'return']" :key="line" :class="[line, c[line].level]">{{
               texts['scheme_' + line] }} <b>{{ value(c[line]) }}</b> mmHg</span>
             <span>MAP <b>{{ fixed(c.MAP, 0) }}</b> mmHg</span>
           </span>
-          <span v-else class="values"><span class="alarm">{{ texts.not_converged }}</span></span>
+          <span v-else class="values"><span class="alarm">{{
+            c.converged ? texts.impossible_column : texts.not_converged }}</span></span>
         </button>
       </div>
     </template>

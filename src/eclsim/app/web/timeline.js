@@ -1,11 +1,14 @@
 // Hours of the case under the monitor: play, jump, events; the whole page shows the minute of the cursor.
 import {
+  MISSING,
+  SIGNS,
   brokenSpans,
   clock,
   curvePath,
   extent,
   fill,
   fixed,
+  isPossible,
   laneRange,
   listening,
   playedTo,
@@ -196,10 +199,12 @@ export default {
       return rows.filter(this.isSeen).map(({ name, label, unit, digits, values, usual }) => {
         const [low, high] = laneRange(extent(values, 4 * 10 ** -digits), unit);
         const path = curvePath(time, values, { end: this.length, width: WIDTH, height: LANE, low, high });
-        const met = alarms.filter((a) => a.quantity === name);
+        const met = alarms.filter((a) => a.quantity === name || a.kind === "collapse");
         const broken = brokenSpans(met, { last: time.at(-1), end: this.length, width: WIDTH });
         const own = usual ? this.beat?.outputs[name] : undefined;
-        const now = fixed(own ?? valueIn(time, values, this.minute), digits);
+        const now = isPossible(this.beat)
+          ? fixed(own ?? valueIn(time, values, this.minute), digits)
+          : SIGNS.collapse + MISSING;
         const care = this.cautions[name] ?? "";
         const written = [low, high].map((v) => fixed(v, high - low < 0.3 ? 2 : high - low < 3 ? 1 : 0));
         return { name, label, unit, path, alarms: broken, now, care, low: written[0], high: written[1] };
