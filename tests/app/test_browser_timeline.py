@@ -9,7 +9,7 @@ from eclsim.app.state import PageState, link_of
 from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_mapping
-from page_in_browser import beat, expect, knob, picture, turn, wait_for
+from page_in_browser import beat, expect, knob, picture, show, turn, wait_for
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
 COURSE = "eclsim.bus.last('course')?.of === eclsim.bus.last('state').of"
@@ -160,3 +160,40 @@ def test_the_cursor_stays_within_a_course_that_stopped(open_page, served, shots)
     picture(page, shots, "timeline_stopped")
     page.locator(".ecl-timeline .play").click()
     wait_for(page, "beat.minute > 0 && beat.minute < 60")
+
+
+def test_what_is_pinned_saved_and_compared_at_a_later_minute_is_of_that_minute(open_page, served, shots):
+    case = with_event(PRESETS["paper"].case(), {"at_min": 60, "set": {"ecmo.speed_rpm": 2000}})
+    page = open_page(url=f"{served.url}/#{link_of(PageState(case))}")
+    page.get_by_role("button", name=text("timeline_open")).click()
+    page.wait_for_function(COURSE)
+    box = page.locator(".ecl-timeline svg").first.bounding_box()
+    page.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 10)
+    wait_for(page, "beat.minute > 170")
+    slow = beat(page)["outputs"]["MAP"]
+    page.keyboard.press("Alt+p")
+    page.keyboard.press("Alt+s")
+    page.wait_for_function("eclsim.bus.last('saved')?.length === 1")
+    expect(page.locator('.ecl-keys [data-key="MAP"]')).to_contain_text("Δ +0")
+    for view in ("ramp", "schemes"):
+        show(page, view)
+        expect(page.locator(".q-tab-panel:visible .ecl-caution")).to_contain_text(["00:00", "03:0"])
+        picture(page, shots, f"later_{view}")
+    show(page, "compare")
+    table = page.locator(".ecl-compare table")
+    for k in range(3):
+        expect(table.locator("tr").nth(1).locator("td").nth(k)).to_contain_text("at 03:0")
+        expect(table.locator("tr", has_text="MAP").locator("td").nth(k)).to_have_text(f"{slow:.1f}")
+    picture(page, shots, "later_compare")
+    page.get_by_role("tab", name=text("monitor"), exact=True).click()
+    page.get_by_role("button", name=text("timeline_close")).click()
+    wait_for(page, f"beat.minute === 0 && beat.outputs.MAP > {slow} + 5")
+    show(page, "compare")
+    rows = table.locator("tr.knob", has_text="rpm").locator("td")
+    expect(rows).to_have_text(["3425", "2000", "2000"])
+    page.get_by_role("button", name=f"{text('compare_show')} 1").click()
+    wait_for(page, f"beat.minute > 170 && Math.abs(beat.outputs.MAP - {slow}) < 0.01")
+    page.reload()
+    page.wait_for_function("eclsim.bus.last('pinned') && eclsim.bus.last('saved')?.length === 1")
+    kept = page.evaluate("[eclsim.bus.last('pinned'), eclsim.bus.last('saved')[0]].map((b) => b.outputs.MAP)")
+    assert kept == pytest.approx([slow, slow], abs=0.01)

@@ -233,7 +233,8 @@ class Header:
 
     async def _export(self, kind: str) -> None:
         state, minutes = self.session.state, self.session.minutes
-        notify(text("exporting"), "info")
+        of_start = self.session.minute > 0.0 and kind not in ("case", "course")
+        notify(text("exporting_start" if of_start else "exporting"), "info")
         try:
             name, content = await self.session.engine.study(lambda: export(state, kind, minutes))
         except ExportError as error:

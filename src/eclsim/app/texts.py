@@ -25,8 +25,8 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "undo_hint": "Undo the last change (Ctrl+Z)",
         "redo_hint": "Redo (Ctrl+Y)",
         "reset_hint": "Back to the patient as loaded (Alt+R)",
-        "pin_hint": "Keep this beat as a grey shadow for comparison (Alt+P)",
-        "save_hint": "Keep this state for the comparison (Alt+S)",
+        "pin_hint": "Keep the beat that is shown as a grey shadow for comparison (Alt+P)",
+        "save_hint": "Keep what is shown for the comparison (Alt+S)",
         "link_hint": "Copy a link that restores this state; it holds the state, nothing is stored",
         "link_copied": "Link copied: it holds the whole state, patient's values included.",
         "link_shown": "Copy this link: it holds the whole state, patient's values included.",
@@ -285,6 +285,9 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "timeline_beats": "{minutes} min, beat by beat",
         "timeline_at": "{time} is shown. Knobs are those of the start.",
         "timeline_at_recorded": "{time} is shown. A knob that is turned is an event of this time.",
+        "of_start": "This is of 00:00, the start of the course; the page shows {time}.",
+        "pinned_later": "What is pinned is of {time} and is not drawn here.",
+        "at_minute": "{name}, at {time}",
         "timeline_ended": "Here the course stopped: nothing is known of later.",
         "timeline_record": "Record knobs",
         "timeline_record_hint": "A knob that is turned becomes an event at the time that is shown; else the "
@@ -463,6 +466,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "bands_show": "Show bands",
         "bands_hide": "Hide bands",
         "bands_computing": "computing bands …",
+        "bands_start": "bands are of 00:00 and not shown at {time}",
         "bands_column": "90 % band",
         "bands_value": "Now, 90 % band",
         # compare
@@ -481,6 +485,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "export_study": "Connection schemes (HTML report)",
         "export_course": "Course with its events (ZIP: case, CSV, NetCDF, JSON, figure)",
         "export_failed": "The export failed: {reason}",
+        "exporting_start": "Preparing the file. It is of 00:00, the start, not of the minute shown.",
         "exporting": "Preparing the file …",
         # opening
         "open_title": "Open a case or a cohort",

@@ -67,7 +67,8 @@ class ViewStudy(_OneAtATime):
         """Topic and state of what is still to be computed."""
         if session.view != self.view or session.closed:
             return None
-        pinned = session.pinned[0] if session.pinned else None
+        kept = session.pinned
+        pinned = kept.state if kept is not None and not kept.moment.minute else None
         for topic, state in ((self.view, session.state), (f"{self.view}_pinned", pinned)):
             if state is not None and state != self._done.get(topic):
                 return topic, state

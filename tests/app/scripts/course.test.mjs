@@ -7,6 +7,7 @@ import {
   curvePath,
   momentAt,
   playedTo,
+  timeOf,
   valueIn,
 } from "../../../src/eclsim/app/web/lib/course.js";
 
@@ -18,6 +19,12 @@ test("minutes are read as on a clock, with days in front", () => {
   assert.equal(clock(1.75, true), "00:01:45");
   assert.equal(clock(59 / 60, true), "00:00:59");
   assert.equal(clock(2 - 1.2e-5, true), "00:02:00", "never 60 seconds");
+});
+
+test("a beat of a later minute has a time", () => {
+  assert.equal(timeOf({ minute: 252, passing: false }), "04:12");
+  assert.equal(timeOf({ minute: 1.5, passing: true }), "00:01:30");
+  assert.deepEqual([{ minute: 0 }, null, undefined].map(timeOf), ["", "", ""]);
 });
 
 test("play goes on at its speed and ends at the end", () => {

@@ -9,6 +9,7 @@ import {
   fixed,
   gravest,
   isPossible,
+  laterThanStart,
   limitLines,
   signed,
   speedsText,
@@ -78,6 +79,12 @@ test("gaps of a sentence are filled with what was typed, whatever signs it has",
 test("a beat is possible unless it says that it is not", () => {
   assert.deepEqual([{ possible: true }, {}, null, undefined].map(isPossible), [true, true, true, true]);
   assert.equal(isPossible({ possible: false }), false);
+});
+
+test("what is computed for the start alone says so while another minute is seen", () => {
+  const texts = { of_start: "start, not {time}", pinned_later: "pinned {time}" };
+  assert.deepEqual(laterThanStart(texts, "", ""), []);
+  assert.deepEqual(laterThanStart(texts, "04:12", "03:00"), ["start, not 04:12", "pinned 03:00"]);
 });
 
 test("neighbouring speeds are named by their ends", () => {

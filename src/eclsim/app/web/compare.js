@@ -1,5 +1,5 @@
 // Saved states side by side: what differs in the knobs, the main outputs, arterial pressure and loops.
-import { compact, fill, ink, isPossible, listening, stroke, svgDash, tab } from "eclsim-page";
+import { compact, fill, ink, isPossible, listening, stroke, svgDash, tab, timeOf } from "eclsim-page";
 import { Chart, axis, line } from "eclsim-page/chart.js";
 
 const NAMES = "names"; // of the saved states of this tab, by what they were computed from
@@ -84,7 +84,8 @@ export default {
   }),
   computed: {
     columns() {
-      const { name, values = {} } = this.state ?? {};
+      const { name, values: knobs = {} } = this.state ?? {};
+      const values = this.beat?.values_then ?? knobs;
       const now = { name, values, beat: this.beat, label: this.texts.compare_now, stroke: stroke(0) };
       const shadow = { colour: ink("edge"), dash: "solid" };
       const pinned = this.pinned && {
@@ -116,7 +117,9 @@ export default {
       return { ...state, beat: state, slot, label, number: k + 1, stroke: stroke(k + 1) };
     },
     judged(column) {
-      return { ...column, dash: svgDash(column.stroke.dash), possible: isPossible(column.beat) };
+      const time = timeOf(column.beat);
+      const name = time ? fill(this.texts.at_minute, { name: column.name, time }) : column.name;
+      return { ...column, name, dash: svgDash(column.stroke.dash), possible: isPossible(column.beat) };
     },
     knobRow(key) {
       const knob = this.panel.find((k) => k.key === key);

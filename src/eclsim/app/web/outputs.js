@@ -1,5 +1,15 @@
 // All outputs with unit, adult reference range and change.
-import { SIGNS, bandsOf, change, compact, isPossible, limitLines, listening } from "eclsim-page";
+import {
+  SIGNS,
+  bandsOf,
+  change,
+  compact,
+  fill,
+  isPossible,
+  limitLines,
+  listening,
+  timeOf,
+} from "eclsim-page";
 
 export default {
   template: `
@@ -14,7 +24,7 @@ export default {
         <th scope="col" class="n">{{ bands ? texts.bands_value : texts.value }}</th>
         <th v-if="isMeasured" scope="col" class="n">{{ texts.output_measured }}</th>
         <th scope="col">{{ texts.unit }}</th>
-        <th scope="col" class="n">{{ pinned ? texts.change : texts.change_start }}</th>
+        <th scope="col" class="n">{{ changedFrom }}</th>
         <th scope="col">{{ texts.reference }}<small>{{ texts.limits }}</small></th>
       </tr></thead>
       <tbody>
@@ -79,6 +89,11 @@ export default {
     },
     bands() {
       return this.latestBands && bandsOf(this.beat);
+    },
+    changedFrom() {
+      if (!this.pinned) return this.texts.change_start;
+      const time = timeOf(this.pinned);
+      return time ? fill(this.texts.at_minute, { name: this.texts.change, time }) : this.texts.change;
     },
     rows() {
       if (!this.beat) return [];

@@ -1,5 +1,17 @@
 // What the speed of a pump does: pressures, flows and pressures in the circuits over its whole range.
-import { bandsOf, bus, extent, fill, fixed, ink, drawing, speedsText, stroke } from "eclsim-page";
+import {
+  bandsOf,
+  bus,
+  extent,
+  fill,
+  fixed,
+  ink,
+  drawing,
+  laterThanStart,
+  speedsText,
+  stroke,
+  timeOf,
+} from "eclsim-page";
 import { Chart, axis, line } from "eclsim-page/chart.js";
 
 const AXES = { pressure: "y", flow: "y2", circuit: "y3" };
@@ -15,6 +27,7 @@ export default {
   template: `
   <div class="ecl-fill">
     <p v-if="empty" class="ecl-empty">{{ texts.ramp_none }}</p>
+    <p v-for="line in empty ? [] : later" :key="line" class="ecl-caution" role="status">{{ line }}</p>
     <p v-if="note && !empty" class="ecl-caution bad" role="status">{{ note }}</p>
     <div v-show="!empty" class="ecl-chart" ref="chart" role="group" :aria-label="texts.ramp"></div>
   </div>`,
@@ -25,9 +38,17 @@ export default {
         this.empty = !ramp;
         this.show();
       },
+      beat(beat) {
+        this.time = timeOf(beat);
+      },
     }),
   ],
-  data: () => ({ empty: false, note: "" }),
+  data: () => ({ empty: false, note: "", time: "", pinned: null }),
+  computed: {
+    later() {
+      return laterThanStart(this.texts, this.time, timeOf(this.pinned));
+    },
+  },
   unmounted() {
     this.chart.close();
   },

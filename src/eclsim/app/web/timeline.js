@@ -116,6 +116,10 @@ export default {
       turned({ key }) {
         if (this.recording && this.playing && key !== "events") this.stop();
       },
+      go_to({ minute, length }) {
+        if (minute) this.follow(minute, length);
+        else if (this.isOpen) this.jump(0);
+      },
       course_busy() {
         this.busy = true;
       },
@@ -253,6 +257,16 @@ export default {
       this.course = null;
       this.busy = this.isOpen;
       this.$emit("open", { number: this.isOpen ? this.length : 0 });
+    },
+    // A minute that somebody saved, of a course of that length.
+    follow(minute, length) {
+      this.stop();
+      if (!this.isOpen || this.length !== length) {
+        Object.assign(this, { isOpen: true, length, course: null, busy: true });
+        this.$emit("open", { number: length });
+      }
+      this.minute = minute;
+      if (this.course) this.ask();
     },
     resize(length) {
       this.stop();

@@ -11,6 +11,9 @@ export function clock(minute, seconds = false) {
   return `${day ? `${day} d ` : ""}${pad(hour)}:${pad(rest)}${end}`;
 }
 
+// The time that a beat is of, as on a clock; empty where it is that of the start.
+export const timeOf = (beat) => (beat?.minute ? clock(beat.minute, beat.passing) : "");
+
 // Minute after some milliseconds of play, never beyond the end.
 export const playedTo = (minute, ms, speed, end) => Math.min(minute + (ms / 60_000) * speed, end);
 

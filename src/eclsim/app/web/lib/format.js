@@ -30,6 +30,15 @@ export function change(value, before) {
   return (difference > 0 ? "+" : "") + compact(difference);
 }
 
+// What is said above something that is computed for the start of a course alone.
+export const laterThanStart = (texts, shown, pinned) =>
+  [
+    [texts.of_start, shown],
+    [texts.pinned_later, pinned],
+  ]
+    .filter(([, time]) => time)
+    .map(([text, time]) => fill(text, { time }));
+
 // Whether the numbers of a beat, or of something computed from one, mean anything in a patient.
 export const isPossible = (beat) => beat?.possible !== false;
 
