@@ -22,7 +22,8 @@ from eclsim.app.files import (
     shown_name,
     with_speeds,
 )
-from eclsim.app.state import MOST_SAVED, PageState, link_of, preset_state
+from eclsim.app.marks import opened_state
+from eclsim.app.state import MOST_SAVED, link_of, preset_state
 from eclsim.app.texts import ENGLISH, text
 from eclsim.cases.presets import PRESETS
 from eclsim.inputs.mistakes import CaseError
@@ -219,7 +220,7 @@ class Header:
             self.session.load(preset_state(key), opened=True)
 
     def _use(self, name: str, case: Case) -> None:
-        self.session.load(PageState(case, case.volume_policy, origin="file", source=name), opened=True)
+        self.session.load(opened_state(case, name), opened=True)
 
     async def _link(self) -> None:
         result = await self.bridge.run_method("copyLink", link_of(self.session.state), timeout=5)
