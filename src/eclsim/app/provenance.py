@@ -17,7 +17,7 @@ from eclsim.parameters.thiel2025 import BOUNDS
 
 if TYPE_CHECKING:
     from eclsim.app.state import PageState
-    from eclsim.cases.case import Case
+    from eclsim.cases.case import Case, Measurements
 
 MOST_NAMED = 4
 """Knobs that are named when they were changed; of more there is a count."""
@@ -59,9 +59,15 @@ def provenance(state: PageState) -> dict[str, Any]:
     return {
         "title": title_of(state), "badge": text("badge_changed" if state.changed else f"badge_{badge}"),
         "level": "warning" if doubted or state.changed else "ok", "text": " ".join(sentences),
-        "measured": measured.model_dump(exclude_none=True) if measured else {},
+        "measured": _measured(measured) if measured else {},
         "circuit": fitted_with(state),
     }  # fmt: skip
+
+
+def _measured(measurements: Measurements) -> dict[str, float]:
+    """What was measured, by every output that it is a measurement of."""
+    values = measurements.model_dump(exclude_none=True)
+    return values | ({"right_atrial_pressure": values["CVP"]} if "CVP" in values else {})
 
 
 def kind_of(state: PageState) -> str:

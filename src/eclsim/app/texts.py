@@ -297,6 +297,8 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "timeline_record_hint": "A knob that is turned becomes an event at the time that is shown; else the "
         "knobs are those of the start.",
         "timeline_volume": "is given at the start; later, add an event to the timeline",
+        "timeline_of_start": "would hold from 00:00, not from the minute that is shown: go to the start, or "
+        "stop recording knobs",
         "timeline_lanes": "Curves",
         "timeline_passing": "Not steady",
         "gases_passing": "beat by beat the gases of each compartment are not listed",
