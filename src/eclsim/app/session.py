@@ -16,9 +16,9 @@ from eclsim.app.course import (
     with_turn,
     without_event,
 )
-from eclsim.app.display import described, display, shape_of, waves_of
+from eclsim.app.display import display, panel_of, shape_of, waves_of
 from eclsim.app.kept import Kept, computed_again, knobs_at
-from eclsim.app.knobs import connect, connected, controls, switchable, turn
+from eclsim.app.knobs import connect, connected, switchable, turn
 from eclsim.app.provenance import provenance, title_of
 from eclsim.app.state import (
     MOST_SAVED,
@@ -414,14 +414,13 @@ class Session:
         from eclsim.app.drawing import drawing_of
 
         state, case = self.state, self.state.case
-        knobs = controls(case)
         shape = shape_of(case)
         if (
             parts := (connected(case), [instance.key for instance in case.instances()], shape)
         ) != self._display:
             self._display = parts
             self.send("display", display(case))
-        panel = [described(control) for control in knobs]
+        panel = panel_of(case)
         if panel != self._panel:
             self._panel = panel
             self.send("panel", panel)

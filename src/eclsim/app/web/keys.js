@@ -46,7 +46,7 @@ export default {
       const hint = caution ? `${full}, ${fill(this.texts.caution, { why: caution })}` : full;
       const range = extremes && possible ? extremes.map((name) => fixed(outputs[name], 0)).join("/") : "";
       const text = level === "collapse" ? ` ${MISSING}` : fixed(value, digits);
-      const measured = this.asMeasured([output], digits) || this.asMeasured(extremes, 0);
+      const measured = this.asMeasured([output], digits) || this.asMeasured(extremes ?? [], 0);
       const more = [this.difference(output, value, digits) || range, measured].filter(Boolean);
       return { key, label, unit, level, caution, hint, value: SIGNS[level].trim() + text, more };
     },
