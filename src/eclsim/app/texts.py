@@ -174,6 +174,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "solutes.acid_generation_mmol_h": "Acid made",
         "solutes.fluid_potassium_mmol_l": "Potassium of fluids",
         "solutes.kidney_clearance_ml_min": "Kidney clearance",
+        "unit_share": "of 1",
         "policy": "Circuits are filled",
         "as_published": "by the patient (as published)",
         "patient_held": "beforehand (primed)",
@@ -225,7 +226,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "ready": "Steady beat",
         "computing": "Computing …",
         "offline": "Not connected: the numbers are of {what}",
-        "silent": "No answer from the server: the numbers are of {what}",
+        "silent": "No answer from the server: the numbers are of {what}; the last change may still be made",
         "compiling": "Preparing this circuit (seconds, with gases and reflexes a minute; once) …",
         "not_converged": "No steady beat",
         "failed": "This beat could not be computed. Undo the last change.",
@@ -396,7 +397,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "below": "below",
         "kind_warning": "warning",
         "kind_alarm": "alarm",
-        "kind_collapse": "collapse",
+        "kind_collapse": "impossible",
         "above": "above",
         # identify
         "identify_intro": "Type what was measured; leave empty what was not. The seven parameters of the "
