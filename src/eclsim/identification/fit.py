@@ -11,6 +11,7 @@ import numpy as np
 
 from eclsim.cases.quantities import with_values
 from eclsim.files import finite
+from eclsim.identification.held import LeftOpen, left_open
 from eclsim.identification.multi_start import (
     FitStatus,
     Optimum,
@@ -408,7 +409,16 @@ def held_against_its_beat(result: FitResult) -> FitResult:
     reasons = plausibility(implied, result.ranges, result.measured, collapsed)
     for sentence in held_by_assumption(result.case, result.measured, result.parameters):
         reasons.append(Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", sentence))
+    if result.optimum.shared is None and (found := _left_open(result)) is not None:
+        reasons.append(Reason(Aspect.HELD, Level.DOUBTFUL, "", found.sentence))
     return replace(result, implied=implied, warnings=tuple(beat.attrs["warnings"])).judged(reasons)
+
+
+def _left_open(result: FitResult) -> LeftOpen | None:
+    """Outputs that follow from parameters which nobody gave and the fit holds."""
+    ends = (result.box.scale.values(x) for x in (result.optimum.x, result.box.lower, result.box.upper))
+    free = dict(zip(result.box.names, zip(*(e.tolist() for e in ends), strict=True), strict=True))
+    return left_open(result.case, free, result.uncertainties, result.objective.policy)
 
 
 def _parameters(

@@ -26,7 +26,7 @@ from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.nuts import Chains, Diagnostics, Sampling, diagnose, sample
 from eclsim.identification.quantities import OUTPUTS, measurement_errors, unit_of, unit_of_parameter
 from eclsim.identification.settings import held_by_assumption
-from eclsim.identification.verdict import Level
+from eclsim.identification.verdict import Aspect, Level
 from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
 from eclsim.outputs.signals import output_names
 
@@ -315,7 +315,8 @@ def posterior(
         z, doubts = chains.z, diagnostics.doubts
     if fit.verdict.level is Level.POOR:
         doubts = (*doubts, f"{fit.verdict.headline}; what it predicts is not this patient")
-    doubts = (*doubts, *held_by_assumption(fit.case, fit.measured, fit.parameters))
+    held = (reason.sentence for reason in fit.verdict.doubts if reason.aspect is Aspect.HELD)
+    doubts = (*doubts, *held_by_assumption(fit.case, fit.measured, fit.parameters), *held)
     samples = density.prior.values_of(z)
     progress("predictions")
     models = [("", model_of(fit.case)), *((label, _fitted_model(fit, case)) for label, case in predictions)]
