@@ -117,6 +117,24 @@ def test_curves_of_the_ramp_differ_in_colour_and_dash_and_limits_have_names(open
     picture(page, shots, "ramp_labelled")
 
 
+@pytest.mark.parametrize("width", [1024, 820, 1280])
+def test_charts_keep_their_size_while_nobody_touches_them(open_page, shots, width):
+    page = open_page("paper", viewport={"width": width, "height": 768})
+    page.keyboard.press("Alt+s")
+    for view in ("ramp", "loops", "compare"):
+        show(page, view)
+        chart = page.locator(".ecl-chart:visible")
+        chart.locator(".scatterlayer .trace").first.wait_for()
+        page.wait_for_timeout(700)
+        before = chart.bounding_box()
+        page.wait_for_timeout(1500)
+        assert chart.bounding_box() == before
+        assert 220 < before["height"] < 700
+        drawn = chart.locator(".main-svg").first.bounding_box()
+        assert abs(drawn["height"] - before["height"]) < 4
+        picture(page, shots, f"chart_{view}_{width}")
+
+
 def test_on_a_phone_nothing_overflows_and_schemes_have_units(open_page, shots):
     page = open_page("paper", viewport=PHONE)
     show(page, "schemes")

@@ -8,7 +8,8 @@ from eclsim.app.course import with_event
 from eclsim.app.state import PageState, link_of
 from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
-from page_in_browser import beat, expect, knob, picture, turn, wait_for
+from eclsim.cases.reading import read_mapping
+from page_in_browser import beat, expect, knob, picture, show, turn, wait_for
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
 COURSE = "eclsim.bus.last('course')?.of === eclsim.bus.last('state').of"
@@ -97,3 +98,102 @@ def test_a_link_with_events_is_played(open_page, served):
     page.locator(".ecl-timeline .new input").first.fill("90000")
     page.locator(".ecl-timeline .new button").click()
     expect(page.locator(".ecl-timeline .refused")).to_contain_text("20000")
+
+
+def test_an_amount_that_may_be_misread_is_asked_about(open_page, shots):
+    page = open_page("paper")
+    page.get_by_role("button", name=text("timeline_open")).click()
+    page.wait_for_function(COURSE)
+    form, refused = page.locator(".ecl-timeline .new"), page.locator(".ecl-timeline .refused")
+
+    def add(what, amount, minutes="0"):
+        form.locator("select").select_option(what)
+        form.locator("input").first.fill(amount)
+        form.locator("input").nth(1).fill(minutes)
+        form.locator("button").click()
+
+    for what, amount, minutes, said in (
+        ("bleed_ml", "1,000", "15", "1,000 may be 1.000 or 1000"),
+        ("ecmo.speed_rpm", "3,425", "0", "3,425 may be 3.425 or 3425"),
+        ("ecmo.speed_rpm", "", "0", text("timeline_no_amount")),
+        ("ecmo.speed_rpm", "2000", "", text("timeline_no_minutes")),
+        ("ecmo.speed_rpm", "3 000", "0", "write them without spaces"),
+    ):
+        add(what, amount, minutes)
+        expect(refused).to_contain_text(said)
+    picture(page, shots, "timeline_refused")
+    expect(page.locator(".ecl-timeline ol li")).to_have_count(0)
+    add("ecmo.speed_rpm", "3425,5", "7,5")
+    expect(page.locator(".ecl-timeline ol")).to_contain_text(f"3425.5 rpm, {text('timeline_over')} 7.5")
+    expect(refused).to_have_count(0)
+
+
+def test_an_alarm_is_seen_over_its_warning(open_page, served, shots):
+    slower = {"at_min": 60, "set": {"ecmo.speed_rpm": 1000}, "ramp_min": 120}
+    case = with_event(PRESETS["paper"].case(), slower)
+    page = open_page(url=f"{served.url}/#{link_of(PageState(case))}")
+    page.get_by_role("button", name=text("timeline_open")).click()
+    page.wait_for_function(COURSE)
+    lane = page.locator(".ecl-timeline .lane svg").first
+    lane.scroll_into_view_if_needed()
+    box = lane.bounding_box()
+    at = [box["x"] + 0.7 * box["width"], box["y"] + 2]
+    kinds = "rects => rects.map(rect => rect.className.baseVal)"
+    assert lane.locator("rect").evaluate_all(kinds) == ["warning", "alarm"]
+    assert page.evaluate("([x, y]) => document.elementFromPoint(x, y).className.baseVal", at) == "alarm"
+    picture(page, shots, "timeline_alarm")
+
+
+def test_the_cursor_stays_within_a_course_that_stopped(open_page, served, shots):
+    acid = {"solutes": {"bicarbonate_mmol_l": 24, "acid_generation_mmol_h": 500}}
+    case = read_mapping(PRESETS["healthy"].case().as_mapping() | acid).case
+    page = open_page(url=f"{served.url}/#{link_of(PageState(case))}")
+    page.get_by_role("button", name=text("timeline_open")).click()
+    page.wait_for_function(COURSE)
+    expect(page.locator(".ecl-timeline .refused")).to_contain_text("stopped at 01:48")
+    box = page.locator(".ecl-timeline svg").first.bounding_box()
+    page.mouse.click(box["x"] + 0.8 * box["width"], box["y"] + 10)
+    wait_for(page, "beat.minute > 100 && beat.minute < 109")
+    expect(page.locator(".ecl-timeline .shown")).to_contain_text(text("timeline_ended"))
+    expect(page.locator(".ecl-timeline .shown")).to_contain_text("01:48")
+    expect(page.locator(".ecl-knobs .later")).to_contain_text("01:48")
+    picture(page, shots, "timeline_stopped")
+    page.locator(".ecl-timeline .play").click()
+    wait_for(page, "beat.minute > 0 && beat.minute < 60")
+
+
+def test_what_is_pinned_saved_and_compared_at_a_later_minute_is_of_that_minute(open_page, served, shots):
+    case = with_event(PRESETS["paper"].case(), {"at_min": 60, "set": {"ecmo.speed_rpm": 2000}})
+    page = open_page(url=f"{served.url}/#{link_of(PageState(case))}")
+    page.get_by_role("button", name=text("timeline_open")).click()
+    page.wait_for_function(COURSE)
+    box = page.locator(".ecl-timeline svg").first.bounding_box()
+    page.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 10)
+    wait_for(page, "beat.minute > 170")
+    slow = beat(page)["outputs"]["MAP"]
+    page.keyboard.press("Alt+p")
+    page.keyboard.press("Alt+s")
+    page.wait_for_function("eclsim.bus.last('saved')?.length === 1")
+    expect(page.locator('.ecl-keys [data-key="MAP"]')).to_contain_text("Δ +0")
+    for view in ("ramp", "schemes"):
+        show(page, view)
+        expect(page.locator(".q-tab-panel:visible .ecl-caution")).to_contain_text(["00:00", "03:0"])
+        picture(page, shots, f"later_{view}")
+    show(page, "compare")
+    table = page.locator(".ecl-compare table")
+    for k in range(3):
+        expect(table.locator("tr").nth(1).locator("td").nth(k)).to_contain_text("at 03:0")
+        expect(table.locator("tr", has_text="MAP").locator("td").nth(k)).to_have_text(f"{slow:.1f}")
+    picture(page, shots, "later_compare")
+    page.get_by_role("tab", name=text("monitor"), exact=True).click()
+    page.get_by_role("button", name=text("timeline_close")).click()
+    wait_for(page, f"beat.minute === 0 && beat.outputs.MAP > {slow} + 5")
+    show(page, "compare")
+    rows = table.locator("tr.knob", has_text="rpm").locator("td")
+    expect(rows).to_have_text(["3425", "2000", "2000"])
+    page.get_by_role("button", name=f"{text('compare_show')} 1").click()
+    wait_for(page, f"beat.minute > 170 && Math.abs(beat.outputs.MAP - {slow}) < 0.01")
+    page.reload()
+    page.wait_for_function("eclsim.bus.last('pinned') && eclsim.bus.last('saved')?.length === 1")
+    kept = page.evaluate("[eclsim.bus.last('pinned'), eclsim.bus.last('saved')[0]].map((b) => b.outputs.MAP)")
+    assert kept == pytest.approx([slow, slow], abs=0.01)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import zipfile
 
 import pytest
@@ -66,6 +67,46 @@ def test_everything_that_is_offered_can_happen(preset):
 def test_what_cannot_be_an_event_is_refused(event, said):
     with pytest.raises(CaseError, match=said):
         with_event(PRESETS["paper"].case(), event)
+
+
+PAPER = PRESETS["paper"].case()
+
+
+def _typed(amount, minutes="0", give=False):
+    kind, key, over = ("give", "bleed_ml", "over_min") if give else ("set", "ecmo.speed_rpm", "ramp_min")
+    return {"at_min": 30, kind: {key: amount}, over: minutes}
+
+
+@pytest.mark.parametrize(
+    ("event", "said"),
+    [
+        (_typed("1,000", give=True), "1,000 may be 1.000 or 1000"),
+        (_typed("3,425"), "3,425 may be 3.425 or 3425"),
+        (_typed("2000", "1,500"), "1,500 may be 1.500 or 1500"),
+        (_typed(""), "type how much"),
+        (_typed("  ", give=True), "type how much"),
+        (_typed(None), "type how much"),
+        (_typed("2000", ""), "0 for at once"),
+        (_typed("3 000"), "3000"),
+        (_typed("fast"), "not a number"),
+        (_typed("500", "soon", give=True), "not a number"),
+        (_typed("1.000,5"), "a thousands separator and a decimal sign"),
+    ],
+)
+def test_an_amount_that_may_be_misread_is_asked_about(event, said):
+    with pytest.raises(CaseError, match=re.escape(said)) as refused:
+        with_event(PAPER, event)
+    assert "NoneType" not in str(refused.value)
+
+
+def test_an_amount_is_read_as_beside_a_knob():
+    def added(event):
+        return with_event(PAPER, event).events[0].as_object()
+
+    assert added(_typed("3425")) == {"at_min": 30, "set": {"ecmo.speed_rpm": 3425.0}, "ramp_min": 0.0}
+    assert added(_typed(" 2500,5 ", "7,5")) == added(_typed(2500.5, 7.5))
+    assert added(_typed("0,3", "0", give=True))["give"] == {"bleed_ml": 0.3}
+    assert added(_typed("1000", "15", give=True))["over_min"] == 15.0
 
 
 def test_a_link_and_an_export_hold_the_events():

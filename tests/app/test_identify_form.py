@@ -52,6 +52,9 @@ def test_only_what_was_measured_is_filled_in():
     assert filled["measurements.MAP"] == 71.0
     assert filled["measurements.SP"] == ""
     assert filled["patient.id"] == CASE.patient.id
+    person = CASE.patient.model_copy(update={"id": f"{CASE.patient.id} (changed)"})
+    changed = PageState(CASE.model_copy(update={"patient": person}), origin="file")
+    assert values_of(changed)["patient.id"] == CASE.patient.id, "what is fitted anew is not changed by hand"
 
 
 def test_a_good_form_is_a_case_with_the_devices_of_the_page():

@@ -2,7 +2,9 @@
 
 import pytest
 
+from eclsim.app.files import export, parse_file
 from eclsim.app.knobs import connect, turn
+from eclsim.app.marks import opened_state
 from eclsim.app.provenance import MOST_NAMED, changes, kind_of, provenance, title_of
 from eclsim.app.state import PageState, preset_state
 from eclsim.cases.case import Measurements
@@ -46,6 +48,62 @@ def test_where_the_parameters_come_from_is_said(state, kind, level):
     assert state.source in provenance(state)["text"]
     assert state.verdict in provenance(state)["text"].lower()
     assert ("poor" in provenance(state)["badge"].lower()) == (state.verdict == "poor")
+
+
+MEASURED = Measurements(MAP=75.0, CO=3.0)
+
+
+@pytest.mark.parametrize(
+    ("state", "marks", "badge", "level"),
+    [
+        (PageState(PAPER, origin="fit", verdict="poor"), " (poor fit)", "Poor fit", "warning"),
+        (PageState(PAPER, origin="fit", verdict="doubtful"), " (doubtful fit)", "Doubtful fit", "warning"),
+        (PageState(PAPER, origin="fit", verdict="good"), " (fitted)", "Fitted", "ok"),
+        (PageState(PAPER, origin="fit"), " (fit without a verdict)", "Fitted", "warning"),
+        (PageState(PAPER, origin="posterior", source="p.nc"), " (central draw)", "Posterior", "warning"),
+        (PageState(UNFITTED, origin="file", source="ward.csv"), "", "Not fitted", "warning"),
+        (PageState(PAPER, origin="file", source="p.toml"), "", "Case file", "ok"),
+        (preset_state("paper"), "", "Case file", "ok"),
+    ],
+)
+def test_a_file_does_not_wash_off_how_a_patient_was_fitted(state, marks, badge, level):
+    """Saved, opened, saved and opened again; and once more after a knob was turned."""
+    for turned in (False, True):
+        if turned:
+            state = state.with_case(turn(state.case, "parameters.Rmc", 0.77))
+            marks = " (not fitted, changed)" if state.start.case.parameters == {} else with_changed(marks)
+        for _ in range(2):
+            content = export(state, "case")[1]
+            (saved,) = (case for _, case in parse_file("mine.toml", content).cases)
+            assert saved.patient.id == f"{PAPER.patient.id}{marks}"
+            state = opened_state(saved, "mine.toml")
+            said = provenance(state)
+            assert (said["badge"], said["level"]) == (badge, "warning" if turned else level)
+            assert "mine.toml" in said["text"]
+            assert ("Changed by hand" in said["text"]) == turned
+            assert said["measured"] == provenance(state.start)["measured"]
+        assert content.decode().startswith("# ")
+
+
+def with_changed(marks):
+    return marks.replace(")", ", changed)") if marks else " (changed)"
+
+
+def test_a_file_that_does_not_say_whether_it_was_fitted_is_not_called_fitted():
+    case = PAPER.model_copy(update={"measurements": MEASURED})
+    said = provenance(opened_state(case, "p.toml"))
+    assert said["level"] == "warning"
+    assert "does not say" in said["text"]
+
+
+@pytest.mark.parametrize(
+    "name", ["P01 (ward 3)", "P01 (fitted, poor fit)", " (fitted)", "P01 (", "P01 ()", "P01"]
+)
+def test_other_names_have_no_marks(name):
+    case = PAPER.model_copy(update={"patient": PAPER.patient.model_copy(update={"id": name})})
+    state = opened_state(case, "p.toml")
+    assert state.case == case
+    assert state.origin == "file"
 
 
 def test_what_was_changed_is_named_and_a_long_list_is_cut():

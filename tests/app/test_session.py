@@ -8,7 +8,7 @@ import pytest
 
 from eclsim.app.beat import Beat, page_circuit
 from eclsim.app.session import Session
-from eclsim.app.state import MOST_SAVED, PageState, key_of, preset_state, read_snapshot
+from eclsim.app.state import MOST_SAVED, START, PageState, key_of, preset_state, read_snapshot
 from eclsim.cases.presets import PRESETS
 from eclsim.orbit.status import Status
 from patience import until
@@ -136,9 +136,10 @@ def test_pin_and_save_keep_the_beat_with_its_own_state():
         one.turn("patient.heart_rate_bpm", 95.0, 1)
         one.pin()
         assert one.save()
-        state, beat = one.saved[0]
+        state, beat, moment = one.saved[0]
         assert state.case.patient.heart_rate_bpm == beat.outputs["MAP"] == 70
-        assert one.pinned == (state, beat)
+        assert one.pinned == (state, beat, moment) == one.saved[0]
+        assert moment == START
         await until(lambda: len(beats(messages)) == 2)
         while one.save():
             pass
@@ -151,6 +152,54 @@ def test_pin_and_save_keep_the_beat_with_its_own_state():
 
     asyncio.run(turns())
     assert messages[-2:][0][0] == "pinned"
+
+
+LATER = {"at_min": 30, "set": {"patient.heart_rate_bpm": 100}}
+
+
+def test_pin_and_save_keep_the_minute_that_is_seen():
+    """Also after the tab was loaded again: the browser keeps the minute, and the course is followed again."""
+    engine, messages, other = StubEngine(), [], []
+
+    async def before():
+        one = session(engine, messages)
+        one.start()
+        one.add_event(LATER)
+        await until(lambda: beats(messages) and beats(messages)[-1]["of"] == key_of(one.state))
+        one.minutes = 60
+        one.at_minute(40.0)
+        later = replace(one.shown[1], outputs={"MAP": 55.0})
+        one.show_moment(one.state, later, 40.0)
+        one.pin()
+        one.save()
+        one.at_minute(0.0)
+        one.show_start()
+        one.save()
+        assert [kept.beat.outputs["MAP"] for kept in (one.pinned, *one.saved)] == [55.0, 55.0, 70.0]
+        one.show_saved(0)
+        await until(lambda: any(topic == "keep" for topic, _ in messages))
+
+    async def after():
+        one = session(engine, other)
+        one.restore(read_snapshot([data["tab"] for topic, data in messages if topic == "keep"][-1]))
+        one.engine.study = at_once
+        one.start()
+        await until(lambda: one.pinned and one.saved)
+        assert [kept.moment for kept in (one.pinned, *one.saved)] == [(40.0, 60), (40.0, 60), (0.0, 0)]
+        assert one.pinned.beat.outputs["MAP"] != 70.0
+
+    async def at_once(work):
+        return work()
+
+    asyncio.run(before())
+    saved = [data for topic, data in messages if topic == "saved"][-1]
+    assert [one["values"]["patient.heart_rate_bpm"] for one in saved] == [100, 70]
+    assert [one["minute"] for one in saved] == [40.0, 0.0]
+    assert saved[0]["of"] != saved[1]["of"]
+    moments = [data["values_then"]["patient.heart_rate_bpm"] for data in beats(messages) if data["minute"]]
+    assert moments == [100]
+    assert ("go_to", {"minute": 40.0, "length": 60}) in messages
+    asyncio.run(after())
 
 
 @pytest.mark.parametrize("policy", ["patient_held", "nonsense"])
@@ -189,7 +238,7 @@ def test_a_tab_that_is_restored_has_its_undo_its_pin_and_its_saved_states():
         assert one.state.case.patient.heart_rate_bpm == 92
         assert one.pinned is not None
         assert one.pinned[1].outputs["MAP"] == 70
-        assert [beat.outputs["MAP"] for _, beat in one.saved] == [81]
+        assert [beat.outputs["MAP"] for _, beat, _ in one.saved] == [81]
         one.undo()
         assert one.state.case.patient.heart_rate_bpm == 70  # turns within 1.5 s are one step
         assert not one.state.changed

@@ -8,6 +8,7 @@ from eclsim.app.state import (
     MOST_SAVED,
     MOST_UNDONE,
     History,
+    Moment,
     PageState,
     Snapshot,
     packed,
@@ -29,12 +30,14 @@ def test_undo_redo_pinned_and_saved_come_back():
     for k, state in enumerate((FIRST, at_speed(3000), at_speed(3100))):
         history.change(state, "", float(k))
     history.undo()
-    kept = Snapshot(history, FIRST, (at_speed(2000), preset_state("lvad")))
+    moments = (Moment(30.5, 60), Moment())
+    kept = Snapshot(history, FIRST, (at_speed(2000), preset_state("lvad")), Moment(1.5, 2), moments)
     result = read_snapshot(kept.packed())
     assert result.history.now == at_speed(3000)
     assert result.history.past == [preset_state("healthy"), FIRST]
     assert result.history.future == [at_speed(3100)]
     assert (result.pinned, result.saved) == (kept.pinned, kept.saved)
+    assert (result.pinned_at, result.saved_at) == (kept.pinned_at, kept.saved_at)
     assert result.history.now.start == FIRST
 
 
@@ -57,7 +60,9 @@ GOOD = {"v": 1, "states": [STATE], "now": 0, "past": [], "future": [], "pinned":
         {"v": 2}, {"states": 3}, {"states": []}, {"states": [STATE] * 1000}, {"now": -1}, {"now": 1},
         {"now": True}, {"now": None}, {"past": [0] * (MOST_UNDONE + 1)}, {"past": "no"}, {"pinned": "no"},
         {"saved": [0] * (MOST_SAVED + 1)}, {"saved": [9]}, {"states": [{**STATE, "policy": "other"}]},
-        {"states": [{**STATE, "case": {}}]}, {"states": [None]},
+        {"states": [{**STATE, "case": {}}]}, {"states": [None]}, {"pinned_at": 3}, {"pinned_at": [61, 60]},
+        {"pinned_at": [-1, 60]}, {"pinned_at": [True, 2]}, {"pinned_at": [1, 1e9]}, {"pinned_at": ["1", 2]},
+        {"saved_at": [[0, 0]]}, {"saved_at": "no"}, {"pinned_at": [float("nan"), 60]},
     ],
 )  # fmt: skip
 def test_what_is_no_kept_tab_is_refused(change):

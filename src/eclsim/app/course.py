@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from eclsim.app.display import figures_of
-from eclsim.app.knobs import VOLUME, controls, turned_value, value_of
+from eclsim.app.knobs import VOLUME, ambiguous_comma, as_written, controls, turned_value, value_of
 from eclsim.app.state import key_of
 from eclsim.app.texts import ENGLISH, text
 from eclsim.cases.events import KEYS
@@ -50,8 +51,18 @@ class PageCourse:
     state: PageState
     followed: Followed | Marched
 
+    @property
+    def times(self) -> list[float]:
+        """Minutes of its moments, as the browser knows them."""
+        return finite(np.asarray(self.followed.result["time_min"]).tolist(), digits=7)
+
+    @property
+    def end(self) -> float:
+        """The last minute that is known: earlier than was asked for where the course stopped."""
+        return max(self.times, default=0.0)
+
     def beat(self, minute: float) -> Beat:
-        """The beat at a minute: the steady one, or beat by beat the one that passes."""
+        """The beat at a minute, not behind the end: the steady one, or beat by beat the one that passes."""
         from eclsim.app.beat import beat_of, passing_beat
         from eclsim.course.beats import PassingBeat
 
@@ -81,19 +92,34 @@ def compute_course(state: PageState, minutes: float) -> PageCourse:
 
 
 def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
-    """A course for the browser: key figures over time, alarms, balance; null for what is not finite."""
+    """A course for the browser: key figures over time, alarms, balance; null for what is not finite.
+
+    Lanes that are seen unasked have gaps where no patient can have the beat.
+    """
     result = course.followed.result
     alarms = json.loads(result.attrs["alarms"])
-    lanes = lanes_of(course.state.case, result)
-    rows = [lane._asdict() | {"values": finite(lane.values, digits=5)} for lane in lanes]
+    impossible = _within(result["time_min"].to_numpy(), [one for one in alarms if one["kind"] == "collapse"])
+    rows = [
+        lane._asdict() | {"values": finite(np.where(lane.usual & impossible, np.nan, lane.values), digits=5)}
+        for lane in lanes_of(course.state.case, result)
+    ]
     return {
-        "of": key_of(course.state), "minutes": minutes, "time": finite(result["time_min"].values, digits=7),
+        "of": key_of(course.state), "minutes": minutes, "time": course.times,
         "rows": rows, "message": str(result.attrs["message"]),
         "alarms": finite([one for one in alarms if one["kind"] != CAUTION][:MOST_ALARMS]),
         "balance": finite(json.loads(result.attrs["balance"]), digits=5),
         "approximations": [str(sentence) for sentence in result.attrs["approximations"]],
         "seconds": round(float(result.attrs["seconds"]), 2),
     }  # fmt: skip
+
+
+def _within(minutes: np.ndarray, alarms: Sequence[Mapping[str, Any]]) -> np.ndarray:
+    """Which minutes lie where one of these limits is broken."""
+    result = np.zeros(len(minutes), dtype=bool)
+    for alarm in alarms:
+        until = np.inf if alarm["until_min"] is None else alarm["until_min"]
+        result |= (minutes >= alarm["at_min"]) & (minutes <= until)
+    return result
 
 
 def plain_events(case: Case) -> list[dict[str, Any]]:
@@ -145,6 +171,10 @@ def possible_events(case: Case) -> list[dict[str, Any]]:
 def with_event(case: Case, event: object) -> Case:
     """The case with one more event, in its place in time.
 
+    Args:
+        case: as it is.
+        event: as in a case file; amounts and minutes may be texts, as somebody typed them.
+
     Raises:
         CaseError: with what is wrong with it, as for a case file.
     """
@@ -152,11 +182,38 @@ def with_event(case: Case, event: object) -> Case:
     events = list(raw.get("events", []))
     if not isinstance(event, dict) or len(events) >= MOST_EVENTS:
         raise CaseError([Mistake("events", text("course_full", most=MOST_EVENTS))])
-    added = {key: event[key] for key in KEYS if key in event}
+    added = _read({key: event[key] for key in KEYS if key in event})
     at = added.get("at_min")
     minute = float(at) if isinstance(at, (int, float)) and not isinstance(at, bool) else 0.0
     raw["events"] = sorted([*events, added], key=lambda one: minute if one is added else one["at_min"])
     return read_mapping(raw).case
+
+
+def _read(event: Mapping[str, Any]) -> dict[str, Any]:
+    """An event with numbers where somebody typed them; 0 minutes are left out: at once, a bolus.
+
+    Raises:
+        CaseError: nothing was typed, or what may be two numbers.
+    """
+    read = dict(event)
+    for key in ("set", "give"):
+        if isinstance(changes := read.get(key), dict):
+            read[key] = {one: _number(one, value, "timeline_no_amount") for one, value in changes.items()}
+    for key in ("ramp_min", "over_min"):
+        if key in read:
+            read[key] = _number(key, read[key], "timeline_no_minutes")
+            if read[key] == 0.0 and not isinstance(read[key], bool):
+                del read[key]
+    return read
+
+
+def _number(key: str, value: object, missing: str) -> object:
+    """What was typed, as a number where it is one; any other text as it is, for the check to refuse."""
+    if value is None or (isinstance(value, str) and not value.strip()):
+        raise CaseError([Mistake(key, text(missing))])
+    if suggestion := ambiguous_comma(value):
+        raise CaseError([Mistake(key, suggestion)])
+    return as_written(value)
 
 
 def with_turn(case: Case, key: str, value: object, minute: float) -> Case:

@@ -18,11 +18,12 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from eclsim.app.marks import marked_id
+from eclsim.app.provenance import kind_of, provenance
 from eclsim.app.texts import text
 from eclsim.cases.reading import read_case
 from eclsim.files import file_stems
 from eclsim.inputs.mistakes import CaseError, Mistake
-from eclsim.inputs.sections import MAXIMUM_ID_LENGTH
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -38,8 +39,6 @@ MOST_ROWS = 2000
 MEMORY_BYTES = 1_500_000_000
 """Address space of the process that reads, the libraries that read HDF5 included."""
 SECONDS = 30.0
-CHANGED = " (changed)"
-"""Behind the id of a patient whose case was changed by hand on the page."""
 KINDS = ("case", "outputs", "waveforms", "svg", "png", "study", "course")
 
 
@@ -243,12 +242,13 @@ def export(state: PageState, kind: str, minutes: int = 0) -> tuple[str, bytes]:
     Raises:
         ExportError: If there is nothing of this kind for the state.
     """
+    about = " ".join(provenance(state)["text"].split())
     state = replace(state, case=_as_shown(state))
     (stem,) = file_stems([state.case.patient.id])
     if kind == "case":
         from eclsim.cases.writing import case_text
 
-        return f"{stem}.toml", case_text(state.case).encode()
+        return f"{stem}.toml", f"# {about}\n{case_text(state.case)}".encode()
     if kind in ("outputs", "waveforms"):
         return _table(state, kind, stem)
     if kind in ("svg", "png"):
@@ -261,19 +261,17 @@ def export(state: PageState, kind: str, minutes: int = 0) -> tuple[str, bytes]:
 
 
 def _as_shown(state: PageState) -> Case:
-    """The case with the policy of its beat; one that was changed by hand says so in its id."""
+    """The case with the policy of its beat; its id says how it was fitted and that it was changed by hand."""
     case = state.case
     if case.volume_policy != state.policy:
         case = case.with_volume_policy(state.policy)
-    if not state.changed:
-        return case
-    case = _with_set_points(
-        state.computed.model_copy(update={"blood_volume_policy": case.blood_volume_policy})
-    )
-    if case.patient.id.endswith(CHANGED):
-        return case
-    name = case.patient.id[: MAXIMUM_ID_LENGTH - len(CHANGED)] + CHANGED
-    return case.model_copy(update={"patient": case.patient.model_copy(update={"id": name})})
+    if state.changed:
+        case = _with_set_points(
+            state.computed.model_copy(update={"blood_volume_policy": case.blood_volume_policy})
+        )
+    person = case.patient.model_copy(update={"id": marked_id(state, kind_of(state))})
+    case = case.model_copy(update={"patient": person})
+    return case
 
 
 def _with_set_points(case: Case) -> Case:

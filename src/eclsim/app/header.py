@@ -22,7 +22,8 @@ from eclsim.app.files import (
     shown_name,
     with_speeds,
 )
-from eclsim.app.state import MOST_SAVED, PageState, link_of, preset_state
+from eclsim.app.marks import opened_state
+from eclsim.app.state import MOST_SAVED, link_of, preset_state
 from eclsim.app.texts import ENGLISH, text
 from eclsim.cases.presets import PRESETS
 from eclsim.inputs.mistakes import CaseError
@@ -219,7 +220,7 @@ class Header:
             self.session.load(preset_state(key), opened=True)
 
     def _use(self, name: str, case: Case) -> None:
-        self.session.load(PageState(case, case.volume_policy, origin="file", source=name), opened=True)
+        self.session.load(opened_state(case, name), opened=True)
 
     async def _link(self) -> None:
         result = await self.bridge.run_method("copyLink", link_of(self.session.state), timeout=5)
@@ -233,7 +234,8 @@ class Header:
 
     async def _export(self, kind: str) -> None:
         state, minutes = self.session.state, self.session.minutes
-        notify(text("exporting"), "info")
+        of_start = self.session.minute > 0.0 and kind not in ("case", "course")
+        notify(text("exporting_start" if of_start else "exporting"), "info")
         try:
             name, content = await self.session.engine.study(lambda: export(state, kind, minutes))
         except ExportError as error:

@@ -13,6 +13,7 @@ import numpy as np
 
 from eclsim.app.fitting import CancelledError, FitError, judged
 from eclsim.app.knobs import ambiguous_comma, as_written
+from eclsim.app.marks import bare_id
 from eclsim.app.posterior import PosteriorDraws
 from eclsim.app.provenance import circuit_text, title_of
 from eclsim.app.state import PageState, link_of, state_of, subject_of
@@ -58,6 +59,8 @@ def values_of(state: PageState) -> dict[str, Any]:
     measured, person = known.get("measurements", {}), dict(known["patient"])
     if state.start.origin in PRESETS:
         del person["id"]
+    else:
+        person["id"] = bare_id(state.start.case)
     result = {f"patient.{name}": person.get(name, "") for name in PATIENT}
     return result | {f"measurements.{name}": measured.get(name, "") for name in MEASURED}
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from eclsim.app.display import group_name
 from eclsim.app.knobs import connected, controls, value_of
+from eclsim.app.marks import was_changed
 from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
 from eclsim.devices.registry import devices
@@ -31,16 +32,24 @@ def provenance(state: PageState) -> dict[str, Any]:
         `title`, a `badge` of one or two words, a `level` ("ok" or "warning"), a sentence as `text`, and
         what was `measured` in this patient [mmHg, L/min].
     """
-    kind = kind_of(state)
+    kind, measured = kind_of(state), state.start.case.measurements
     badge = kind
-    sentences = [text(f"provenance_{kind}", source=state.source or text("provenance_no_file"))]
+    source = state.source or text("provenance_no_file")
+    sentences = [text(f"provenance_{kind}", source=source)]
+    before, unsaid = was_changed(state.start.case), kind == "parameters" and measured is not None
+    if kind == "fit" and state.source:
+        sentences[0] += " " + text("provenance_read", source=source)
+    if unsaid:
+        sentences.append(text("provenance_unsaid"))
+    if before:
+        sentences.append(text("provenance_changed_before"))
     if state.changed:
         sentences.append(text("provenance_changed", what=", ".join(changes(state))))
     if kind == "fit" and state.verdict:
         badge = f"fit_{state.verdict}"
         sentences[0] += " " + text("provenance_verdict", verdict=text(f"verdict_{state.verdict}"))
     doubted = kind in ("unfitted", "posterior") or (kind == "fit" and state.verdict != "good")
-    measured = state.start.case.measurements
+    doubted |= unsaid or before
     return {
         "title": title_of(state), "badge": text("badge_changed" if state.changed else f"badge_{badge}"),
         "level": "warning" if doubted or state.changed else "ok", "text": " ".join(sentences),
@@ -54,7 +63,7 @@ def kind_of(state: PageState) -> str:
     start = state.start
     if start.origin in PRESETS:
         return "paper" if start.origin == "paper" else "preset"
-    if start.origin in ("fit", "posterior"):
+    if start.origin in ("fit", "posterior", "unfitted"):
         return start.origin
     return "parameters" if start.case.parameters else "unfitted"
 

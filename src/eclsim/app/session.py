@@ -10,7 +10,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from eclsim.app.course import (
-    case_at,
     plain_events,
     possible_events,
     with_event,
@@ -18,12 +17,15 @@ from eclsim.app.course import (
     without_event,
 )
 from eclsim.app.display import described, display, shape_of, waves_of
-from eclsim.app.knobs import connect, connected, controls, switchable, turn, value_of
+from eclsim.app.kept import Kept, computed_again, knobs_at
+from eclsim.app.knobs import connect, connected, controls, switchable, turn
 from eclsim.app.provenance import provenance, title_of
 from eclsim.app.state import (
     MOST_SAVED,
     POLICIES,
+    START,
     History,
+    Moment,
     PageState,
     Snapshot,
     key_of,
@@ -59,8 +61,9 @@ class Session:
         self.send = send
         self.history = History(state)
         self.shown: tuple[PageState, Beat] | None = None
-        self.pinned: tuple[PageState, Beat] | None = None
-        self.saved: list[tuple[PageState, Beat]] = []
+        self.later: Kept | None = None
+        self.pinned: Kept | None = None
+        self.saved: list[Kept] = []
         self.base: tuple[PageState, Beat] | None = None
         self.listeners: list[Listener] = []
         self.view = "monitor"
@@ -87,6 +90,11 @@ class Session:
     def beat(self) -> Beat | None:
         """The beat that is shown; that of an older state while a newer one is computed."""
         return self.shown[1] if self.shown else None
+
+    @property
+    def seen(self) -> Kept | None:
+        """What the page shows: the beat of the state, or that of a later minute of its course."""
+        return self.later or (Kept(*self.shown) if self.shown else None)
 
     def start(self) -> None:
         """Tell the browser everything, and compute the first beat."""
@@ -150,10 +158,12 @@ class Session:
     def show_moment(self, state: PageState, beat: Beat, minute: float) -> None:
         """Show the beat of a later minute of the course; knobs stay those of its start."""
         if state == self.state and not self.closed:
+            self.later = Kept(state, beat, Moment(minute, self.minutes))
             self._send_beat(state, beat, self._requested[1], minute)
 
     def show_start(self) -> None:
         """Show the beat of the state again, after one of a later minute."""
+        self.later = None
         if self.shown is not None and not self.closed:
             self._send_beat(*self.shown, 0)
 
@@ -188,6 +198,8 @@ class Session:
             steps[:] = [rejudged(state) for state in steps]
         if self.shown is not None:
             self.shown = rejudged(self.shown[0]), self.shown[1]
+        if self.later is not None:
+            self.later = self.later._replace(state=rejudged(self.later.state))
         self._requested = rejudged(self._requested[0]), self._requested[1]
         self.show_state()
 
@@ -208,27 +220,29 @@ class Session:
         self._change(self.state.start, "", 0)
 
     def pin(self) -> None:
-        """Keep the beat as a shadow, or let it go."""
+        """Keep the beat that is seen as a shadow, or let it go."""
         if self.pinned is not None:
             self.pinned = None
-        elif self.shown is not None:
-            self.pinned = self.shown
+        else:
+            self.pinned = self.seen
         self._send_pinned()
         self.show_state()
         self._notify()
 
     def save(self) -> bool:
-        """Keep the state for the comparison; False if there are too many."""
-        if self.shown is None or len(self.saved) >= MOST_SAVED:
+        """Keep what is seen for the comparison; False if there are too many."""
+        if self.seen is None or len(self.saved) >= MOST_SAVED:
             return False
-        self.saved.append(self.shown)
+        self.saved.append(self.seen)
         self._send_saved()
         return True
 
     def show_saved(self, number: int) -> None:
-        """Show a saved state again."""
+        """Show a saved state again, and the minute of its course."""
         if 0 <= number < len(self.saved):
-            self._change(self.saved[number][0], "", 0)
+            kept = self.saved[number]
+            self._change(kept.state, "", 0)
+            self.send("go_to", kept.moment._asdict())
 
     def remove_saved(self, number: int) -> None:
         """Let go of a saved state."""
@@ -237,11 +251,11 @@ class Session:
             self._send_saved()
 
     def _send_saved(self) -> None:
-        self.send("saved", [_named_beat(*saved) for saved in self.saved])
+        self.send("saved", [kept.plain() for kept in self.saved])
         self._keep_soon()
 
     def _send_pinned(self) -> None:
-        self.send("pinned", _named_beat(*self.pinned) if self.pinned else None)
+        self.send("pinned", self.pinned.plain() if self.pinned else None)
 
     def listen(self, listener: Listener) -> None:
         """Call after every beat, and when another view is open or a state is pinned."""
@@ -307,6 +321,8 @@ class Session:
         from eclsim.app.beat import plain
 
         about = {"seq": seq, "of": key_of(state), "values": self._values(state), "minute": minute}
+        if minute:
+            about["values_then"] = knobs_at(state.case, minute)
         self.send("beat", {**plain(beat, waves_of(state.case)), **about})
 
     def _show(self, state: PageState, beat: Beat, seq: int) -> None:
@@ -343,9 +359,13 @@ class Session:
             self._completing = self._restored = None
 
     async def _compute_restored(self, snapshot: Snapshot) -> None:
-        saved = [(state, await self.engine.beat(state, None)) for state in snapshot.saved]
+        moments = snapshot.saved_at or [START] * len(snapshot.saved)
+        saved = [
+            await computed_again(self.engine, state, moment)
+            for state, moment in zip(snapshot.saved, moments, strict=True)
+        ]
         if snapshot.pinned is not None and self.pinned is None:
-            self.pinned = snapshot.pinned, await self.engine.beat(snapshot.pinned, None)
+            self.pinned = await computed_again(self.engine, snapshot.pinned, snapshot.pinned_at)
         self._restored = None
         self.saved = [*saved, *self.saved][:MOST_SAVED]
         self._send_pinned()
@@ -354,11 +374,9 @@ class Session:
         self._notify()
 
     def _set_base(self, start: PageState, beat: Beat) -> None:
-        from eclsim.app.beat import plain
-
         self.base = start, beat
         if not self.closed:
-            self.send("base", {"of": subject_of(start), "outputs": plain(beat, ())["outputs"]})
+            self.send("base", {"of": subject_of(start)} | _compared(beat))
 
     def _anchor_values(self, state: PageState) -> Mapping[str, float] | None:
         from eclsim.app.beat import page_circuit
@@ -407,7 +425,7 @@ class Session:
     def _values(self, state: PageState | None = None) -> dict[str, Any]:
         """Where the knobs stand, or stood in a state whose beat comes when they have moved on."""
         case = (state or self.state).case
-        return _values(case_at(case, self.minute) if self.recording and self.minute else case)
+        return knobs_at(case, self.minute if self.recording else 0.0)
 
     def _keep_soon(self) -> None:
         """Have the browser keep this tab, when nothing is changed for a while."""
@@ -417,23 +435,18 @@ class Session:
             self._keep_timer = asyncio.get_running_loop().call_later(KEEP_AFTER_S, self._keep)
 
     def _keep(self) -> None:
-        pinned = self.pinned[0] if self.pinned else None
-        snapshot = Snapshot(self.history, pinned, tuple(state for state, _ in self.saved))
+        pinned, pinned_at = (self.pinned.state, self.pinned.moment) if self.pinned else (None, START)
+        states, moments = (tuple(getattr(kept, of) for kept in self.saved) for of in ("state", "moment"))
+        snapshot = Snapshot(self.history, pinned, states, pinned_at, moments)
         self.send("keep", {"tab": snapshot.packed(), "of": key_of(self.state)})
 
 
-def _values(case: Case) -> dict[str, Any]:
-    """Where the knobs of a case stand."""
-    return {control.key: value_of(case, control.key) for control in controls(case)}
-
-
-def _named_beat(state: PageState, beat: Beat) -> dict[str, Any]:
-    """A beat with the name and the knobs of its state, as plain data."""
+def _compared(beat: Beat) -> dict[str, Any]:
+    """What changes are measured from, as plain data."""
     from eclsim.app.beat import plain
 
-    labels = {control.key: control.label for control in controls(state.case)}
-    content = {"of": key_of(state), "name": title_of(state), "values": _values(state.case), "labels": labels}
-    return {**plain(beat, waves_of(state.case)), **content}
+    everything = plain(beat, ())
+    return {name: everything[name] for name in ("outputs", "possible")}
 
 
 def _without_key(mistake: Mistake) -> str:

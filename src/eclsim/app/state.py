@@ -11,7 +11,7 @@ import json
 import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.reading import read_mapping
@@ -251,6 +251,22 @@ class History:
         return True
 
 
+class Moment(NamedTuple):
+    """A minute of the course of a state.
+
+    Attributes:
+        minute: from its start [min]; 0: the steady beat of the state.
+        length: of the course [min]; a short one is followed beat by beat.
+    """
+
+    minute: float = 0.0
+    length: int = 0
+
+
+START = Moment()
+LONGEST_MIN = 31 * 1440
+
+
 @dataclass(frozen=True)
 class Snapshot:
     """A tab as its browser keeps it.
@@ -259,11 +275,15 @@ class Snapshot:
         history: what was shown, with undo and redo.
         pinned: state whose beat was pinned.
         saved: states that were saved for the comparison.
+        pinned_at: minute of its course that was pinned.
+        saved_at: minute of each of those; empty: the start.
     """
 
     history: History
     pinned: PageState | None = None
     saved: tuple[PageState, ...] = ()
+    pinned_at: Moment = START
+    saved_at: tuple[Moment, ...] = ()
 
     def packed(self) -> str:
         """As a text for the browser's storage: each state once, and numbers that refer to it."""
@@ -280,6 +300,7 @@ class Snapshot:
             "v": SNAPSHOT_VERSION, "now": numbers([history.now])[0],
             "past": numbers(history.past[-MOST_UNDONE:]), "future": numbers(history.future[-MOST_UNDONE:]),
             "pinned": numbers([self.pinned])[0] if self.pinned else None, "saved": numbers(self.saved),
+            "pinned_at": self.pinned_at, "saved_at": self.saved_at,
         }  # fmt: skip
         return packed(content | {"states": [state.as_object() for state in states]})
 
@@ -309,4 +330,25 @@ def read_snapshot(text: str) -> Snapshot:
 
     history = History(state(content.get("now")), listed("past", MOST_UNDONE), listed("future", MOST_UNDONE))
     pinned = None if content.get("pinned") is None else state(content["pinned"])
-    return Snapshot(history, pinned, tuple(listed("saved", MOST_SAVED)))
+    saved = tuple(listed("saved", MOST_SAVED))
+    moments = content.get("saved_at") or []
+    if not isinstance(moments, list) or len(moments) not in (0, len(saved)):
+        raise refused_link("damaged")
+    return Snapshot(
+        history, pinned, saved, _moment(content.get("pinned_at", START)), tuple(map(_moment, moments))
+    )
+
+
+def _moment(data: object) -> Moment:
+    """A minute of a course from plain data.
+
+    Raises:
+        CaseError: If it is none.
+    """
+    if not isinstance(data, (list, tuple)) or len(data) != 2:
+        raise refused_link("damaged")
+    minute, length = data
+    numbers = isinstance(minute, (int, float)) and isinstance(length, int)
+    if not numbers or bool in (type(minute), type(length)) or not 0 <= minute <= length <= LONGEST_MIN:
+        raise refused_link("damaged")
+    return Moment(float(minute), length)

@@ -17,11 +17,14 @@ from eclsim.app.display import curves_of, plain_curves, sweep_of, waves_of
 from eclsim.app.state import key_of
 from eclsim.beat.grid import needed_resolution
 from eclsim.beat.heartbeat import beat_program
+from eclsim.beat.recording import all_signals
 from eclsim.circuit.assembly import assemble
 from eclsim.files import finite
 from eclsim.identification.density import SETTLED
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution
 from eclsim.orbit.steady import Batch
+from eclsim.outputs.alarms import impossible, watched_signals
+from eclsim.outputs.limits import impossible_bounds
 from eclsim.outputs.signals import output_names
 from eclsim.outputs.steady_beat import steady_beat
 
@@ -34,7 +37,10 @@ SPEEDS = 15
 
 
 def ramp(state: PageState) -> dict[str, Any] | None:
-    """Outputs over the speeds of the state's pump; None without a rotary pump."""
+    """Outputs over the speeds of the state's pump; None without a rotary pump.
+
+    At a speed whose beat no patient can have, or that has none, there is no number.
+    """
     sweep = sweep_of(state.case)
     if sweep is None:
         return None
@@ -45,12 +51,16 @@ def ramp(state: PageState) -> dict[str, Any] | None:
     batch = Batch(circuit, members, len(speeds), state.policy)
     known = output_names(circuit)
     shown = [curve.output for _, curve in curves_of(state.case) if curve.output in known]
-    result = steady_beat(batch, shown, start=values, resolution=resolution)
+    judged = [limit.quantity for limit in impossible_bounds(known)]
+    watched = watched_signals(all_signals(assemble(circuit)))
+    names = list(dict.fromkeys([*shown, *judged]))
+    result = steady_beat(batch, names, waveforms=watched, start=values, resolution=resolution)
+    possible = np.array([not impossible(result.findings(k)) for k in range(len(speeds))])
     return {
         "of": key_of(state), "key": sweep.key, "own": sweep.present, "speeds": speeds.tolist(),
-        "outputs": {n: plain_curve(result.output(n)) for n in shown},
+        "outputs": {n: plain_curve(np.where(possible, result.output(n), np.nan)) for n in shown},
         "curves": plain_curves(state.case, shown),
-        "lost": speeds[~result.converged].tolist(),
+        "lost": speeds[~result.converged].tolist(), "impossible": speeds[~possible].tolist(),
     }  # fmt: skip
 
 

@@ -67,7 +67,8 @@ class ViewStudy(_OneAtATime):
         """Topic and state of what is still to be computed."""
         if session.view != self.view or session.closed:
             return None
-        pinned = session.pinned[0] if session.pinned else None
+        kept = session.pinned
+        pinned = kept.state if kept is not None and not kept.moment.minute else None
         for topic, state in ((self.view, session.state), (f"{self.view}_pinned", pinned)):
             if state is not None and state != self._done.get(topic):
                 return topic, state
@@ -117,7 +118,12 @@ class CourseStudy(_OneAtATime):
         self._start(self._wanted(), self._run)
 
     def show(self, minute: float) -> None:
-        """Show the beat of a minute, 0: that of the state; of several that wait only the last."""
+        """Show the beat of a minute, 0: that of the state; of several that wait only the last.
+
+        Behind the end of a course that stopped early nothing is known: its last beat is shown, as such.
+        """
+        if self.course is not None:
+            minute = min(minute, self.course.end)
         self.session.at_minute(max(minute, 0.0))
         self._minute = minute
         if minute <= 0.0:
@@ -151,6 +157,7 @@ class CourseStudy(_OneAtATime):
     async def _show(self) -> None:
         while (minute := self._minute) is not None and (course := self.course) is not None:
             self._minute = None
+            minute = min(minute, course.end)
             try:
                 beat = await self.engine.moment(lambda c=course, m=minute: c.beat(m))
             except Exception:  # the moment is not shown; the page goes on

@@ -48,13 +48,12 @@ def app(options: AppOptions) -> None:
     except ModuleNotFoundError as error:
         fail(f'the page needs {error.name}: pip install "eclsim[app]"')
     from eclsim.app.files import shown_name
-    from eclsim.app.state import PageState, preset_state
+    from eclsim.app.marks import opened_state
+    from eclsim.app.state import preset_state
 
     state = preset_state("healthy")
     if reading:
-        state = PageState(
-            reading.case, reading.case.volume_policy, origin="file", source=shown_name(reading.file)
-        )
+        state = opened_state(reading.case, shown_name(reading.file))
     names = frozenset({*_THIS_MACHINE, host.lower(), *map(str.lower, options.allow_host)})
     typer.echo(f"eclsim: http://{host}:{options.port}{root_path}/  (Ctrl-C stops it)")
     serve(Options(state, host, options.port, root_path, names, password, options.max_sessions))

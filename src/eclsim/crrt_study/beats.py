@@ -25,6 +25,7 @@ from eclsim.gas.network import GasStatus
 from eclsim.orbit.model import AS_PUBLISHED, PATIENT_HELD, POLICY_WORDS, circuit_of, values_of
 from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch
+from eclsim.outputs.alarms import impossible
 from eclsim.outputs.limits import level, limits_of
 from eclsim.outputs.recirculation import recirculated_fractions
 from eclsim.outputs.results import output_labels
@@ -542,7 +543,10 @@ POINTS = 60
 
 
 def nine_at_own_speed(case: Case, policy: str) -> dict[str, object] | None:
-    """Pressures of both lines in each scheme; None without an ECMO circuit with a rotary pump."""
+    """Pressures of both lines in each scheme; None without an ECMO circuit with a rotary pump.
+
+    A scheme whose beat no patient can have is not `possible`, and has no waveforms.
+    """
     if case.ecmo is None or not isinstance(case.ecmo.pump, str):
         return None
     from eclsim.crrt_study.schemes import nine_schemes
@@ -558,11 +562,12 @@ def nine_at_own_speed(case: Case, policy: str) -> dict[str, object] | None:
             "letter": scheme.letter, "name": scheme.name,
             "settings": {"crrt.access_site": scheme.access_site, "crrt.return_site": scheme.return_site},
             "converged": bool(result.determined[k]), "MAP": float(result.output("MAP")[k]),
+            "possible": not impossible(result.findings(k)),
         }  # fmt: skip
         for line, (output, signal) in LINES.items():
             mean = float(result.mean(signal)[k])
             wave = np.interp(even, result.waveforms[k].phases, result.waveform(signal, k))
-            shown = wave if result.determined[k] else []
+            shown = wave if cell["converged"] and cell["possible"] else []
             cell[line] = {"mean": mean, "level": level(output, mean), "wave": shown}
         cells.append(finite(cell, digits=5))
     limits = {

@@ -1,7 +1,15 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { clock, curvePath, momentAt, playedTo, valueIn } from "../../../src/eclsim/app/web/lib/course.js";
+import {
+  brokenSpans,
+  clock,
+  curvePath,
+  momentAt,
+  playedTo,
+  timeOf,
+  valueIn,
+} from "../../../src/eclsim/app/web/lib/course.js";
 
 test("minutes are read as on a clock, with days in front", () => {
   assert.equal(clock(0), "00:00");
@@ -11,6 +19,12 @@ test("minutes are read as on a clock, with days in front", () => {
   assert.equal(clock(1.75, true), "00:01:45");
   assert.equal(clock(59 / 60, true), "00:00:59");
   assert.equal(clock(2 - 1.2e-5, true), "00:02:00", "never 60 seconds");
+});
+
+test("a beat of a later minute has a time", () => {
+  assert.equal(timeOf({ minute: 252, passing: false }), "04:12");
+  assert.equal(timeOf({ minute: 1.5, passing: true }), "00:01:30");
+  assert.deepEqual([{ minute: 0 }, null, undefined].map(timeOf), ["", "", ""]);
 });
 
 test("play goes on at its speed and ends at the end", () => {
@@ -49,4 +63,24 @@ test("a curve breaks where there is no value", () => {
     high: 10,
   });
   assert.equal(path, "M0.0 10.0L25.0 0.0M100.0 5.0");
+});
+
+test("the gravest of the limits that are broken is painted last", () => {
+  const alarms = [
+    { kind: "alarm", at_min: 20, until_min: 30 },
+    { kind: "collapse", at_min: 28, until_min: 29 },
+    { kind: "warning", at_min: 10, until_min: null },
+    { kind: "alarm", at_min: 36, until_min: null },
+    { kind: "caution", at_min: 0, until_min: null },
+  ];
+  const spans = brokenSpans(alarms, { last: 40, end: 80, width: 800 });
+  assert.deepEqual(
+    spans.map(({ kind, from, width }) => [kind, from, width]),
+    [
+      ["warning", 100, 300],
+      ["alarm", 200, 100],
+      ["alarm", 360, 40],
+      ["collapse", 280, 10],
+    ],
+  );
 });

@@ -8,8 +8,11 @@ import {
   fill,
   fixed,
   gravest,
+  isPossible,
+  laterThanStart,
   limitLines,
   signed,
+  speedsText,
 } from "../../../src/eclsim/app/web/lib/format.js";
 
 test("a number has its decimals, a typographic minus, and none before zero", () => {
@@ -71,4 +74,22 @@ test("limits are listed by kind with their sign", () => {
 
 test("gaps of a sentence are filled with what was typed, whatever signs it has", () => {
   assert.equal(fill("{a} of {b}", { a: 1, b: "$&" }), "1 of $&");
+});
+
+test("a beat is possible unless it says that it is not", () => {
+  assert.deepEqual([{ possible: true }, {}, null, undefined].map(isPossible), [true, true, true, true]);
+  assert.equal(isPossible({ possible: false }), false);
+});
+
+test("what is computed for the start alone says so while another minute is seen", () => {
+  const texts = { of_start: "start, not {time}", pinned_later: "pinned {time}" };
+  assert.deepEqual(laterThanStart(texts, "", ""), []);
+  assert.deepEqual(laterThanStart(texts, "04:12", "03:00"), ["start, not 04:12", "pinned 03:00"]);
+});
+
+test("neighbouring speeds are named by their ends", () => {
+  const all = [0, 1000.4, 2000, 3000, 4000, 5000];
+  assert.equal(speedsText([4000], all), "4000");
+  assert.equal(speedsText([0, 1000.4, 3000, 4000, 5000], all), "0–1000, 3000–5000");
+  assert.equal(speedsText([], all), "");
 });

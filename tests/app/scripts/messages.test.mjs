@@ -24,6 +24,7 @@ test("bands of another beat are not shown", () => {
   assert.equal(bandsFor(bands, { of: "a" }), bands);
   assert.equal(bandsFor(bands, { of: "b" }), undefined);
   assert.equal(bandsFor({ of: "a" }, { of: "a" }), undefined);
+  assert.equal(bandsFor(bands, { of: "a", minute: 30 }), undefined, "they are of the start of a course");
   assert.equal(bandsFor(undefined, { of: "a" }), undefined);
 });
 

@@ -1,5 +1,5 @@
 // What the bands of the views are, and whether they can be trusted; seen only where there is a posterior.
-import { fill, listening } from "eclsim-page";
+import { fill, listening, timeOf } from "eclsim-page";
 
 const TOPICS = { monitor: "bands", loops: "bands", gases: "bands", outputs: "bands", ramp: "ramp_bands" };
 const summary = (bands) =>
@@ -24,6 +24,7 @@ export default {
       },
       beat(beat) {
         this.beat = beat.of;
+        this.time = timeOf(beat);
       },
       bands(bands) {
         this.bands = summary(bands);
@@ -33,7 +34,7 @@ export default {
       },
     }),
   ],
-  data: () => ({ posterior: null, on: true, view: "", beat: "", bands: null, ramp_bands: null }),
+  data: () => ({ posterior: null, on: true, view: "", beat: "", time: "", bands: null, ramp_bands: null }),
   computed: {
     topic() {
       return TOPICS[this.view];
@@ -45,6 +46,7 @@ export default {
     },
     what() {
       if (!this.on) return "";
+      if (this.time && this.topic === "bands") return fill(this.texts.bands_start, { time: this.time });
       const bands = this[this.topic];
       if (bands?.of !== this.beat) return this.texts.bands_computing;
       if (!bands.count) return "";

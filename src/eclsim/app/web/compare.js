@@ -1,5 +1,5 @@
 // Saved states side by side: what differs in the knobs, the main outputs, arterial pressure and loops.
-import { compact, fill, ink, listening, stroke, svgDash, tab } from "eclsim-page";
+import { compact, fill, ink, isPossible, listening, stroke, svgDash, tab, timeOf } from "eclsim-page";
 import { Chart, axis, line } from "eclsim-page/chart.js";
 
 const NAMES = "names"; // of the saved states of this tab, by what they were computed from
@@ -25,6 +25,7 @@ export default {
                 @click="$event.detail < 2 && $emit('remove', { number: s.number - 1 })">✕</button>
             </template>
             <template v-else> {{ s.label }}</template>
+            <b v-if="!s.possible" class="impossible"><br />{{ texts.impossible_column }}</b>
           </th>
         </tr></thead>
         <tbody>
@@ -32,7 +33,9 @@ export default {
             <td v-for="(s, k) in columns" :key="k" class="n name">{{ s.name }}</td></tr>
           <tr v-for="r in rows" :key="r.key" :class="r.kind">
             <th scope="row" :title="r.hint">{{ r.label }} <small>{{ r.unit }}</small></th>
-            <td v-for="(v, k) in r.cells" :key="k" class="n">{{ v }}</td></tr>
+            <td v-for="(v, k) in r.cells" :key="k" class="n"><s
+              v-if="r.kind === 'output' && !columns[k].possible">{{ v }}</s><template v-else>{{ v
+            }}</template></td></tr>
         </tbody>
       </table></div>
       <div class="ecl-chart" ref="chart" role="group" :aria-label="texts.compare"></div>
@@ -81,7 +84,8 @@ export default {
   }),
   computed: {
     columns() {
-      const { name, values = {} } = this.state ?? {};
+      const { name, values: knobs = {} } = this.state ?? {};
+      const values = this.beat?.values_then ?? knobs;
       const now = { name, values, beat: this.beat, label: this.texts.compare_now, stroke: stroke(0) };
       const shadow = { colour: ink("edge"), dash: "solid" };
       const pinned = this.pinned && {
@@ -91,7 +95,7 @@ export default {
         stroke: shadow,
       };
       const shown = [now, pinned, ...this.saved.map((state, k) => this.column(state, k))];
-      return shown.filter((s) => s?.beat).map((s) => ({ ...s, dash: svgDash(s.stroke.dash) }));
+      return shown.filter((s) => s?.beat).map((s) => this.judged(s));
     },
     rows() {
       const keys = [...new Set(this.columns.flatMap((s) => Object.keys(s.values)))];
@@ -111,6 +115,11 @@ export default {
       const slot = this.slot(k);
       const label = this.names[slot] || String(k + 1);
       return { ...state, beat: state, slot, label, number: k + 1, stroke: stroke(k + 1) };
+    },
+    judged(column) {
+      const time = timeOf(column.beat);
+      const name = time ? fill(this.texts.at_minute, { name: column.name, time }) : column.name;
+      return { ...column, name, dash: svgDash(column.stroke.dash), possible: isPossible(column.beat) };
     },
     knobRow(key) {
       const knob = this.panel.find((k) => k.key === key);
@@ -151,7 +160,8 @@ export default {
         this.chart?.close();
         this.chart = new Chart(this.$refs.chart, "compare");
       }
-      this.chart.draw(this.columns.toReversed().flatMap(this.traces), {
+      const drawn = this.columns.filter((s) => s.possible).toReversed();
+      this.chart.draw(drawn.flatMap(this.traces), {
         showlegend: false,
         margin: { l: 50, r: 12, t: 12, b: 42 },
         xaxis: axis(this.texts.time_axis, { domain: [0, 0.45] }),

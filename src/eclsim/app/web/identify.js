@@ -121,7 +121,7 @@ export default {
         this.circuit = provenance.circuit;
       },
       beat(beat) {
-        this.outputs = beat.converged ? beat.outputs : {};
+        this.outputs = beat.converged && beat.possible ? beat.outputs : {};
       },
       pinned(beat) {
         this.pinned = beat;

@@ -1,5 +1,5 @@
 // The numbers that matter most, always in sight.
-import { MISSING, SIGNS, fill, fixed, gravest, listening, signed } from "eclsim-page";
+import { MISSING, SIGNS, fill, fixed, gravest, isPossible, listening, signed } from "eclsim-page";
 
 export default {
   template: `
@@ -52,6 +52,8 @@ export default {
     },
     difference(output, value, digits) {
       const before = this.pinned?.outputs[output];
+      if (!isPossible(this.beat)) return "";
+      if (this.pinned && !isPossible(this.pinned)) return `Δ ${SIGNS.collapse.trim()}`;
       return Number.isFinite(before) ? `Δ ${signed(value - before, digits)}` : "";
     },
     asMeasured(output, digits) {

@@ -1,5 +1,5 @@
 // Pressure-volume loops of both ventricles.
-import { bandsOf, extent, fixed, ink, drawing, niceRange } from "eclsim-page";
+import { bandsOf, extent, fixed, ink, drawing, isPossible, niceRange } from "eclsim-page";
 import { Chart, axis, line } from "eclsim-page/chart.js";
 
 const SIDES = [
@@ -19,6 +19,7 @@ export default {
   template: `
   <div class="ecl-loops">
     <p v-if="caution" class="ecl-caution">† {{ caution }}</p>
+    <p v-if="pinned && !shadow" class="ecl-caution" role="status">{{ texts.impossible_pinned }}</p>
     <div class="ecl-chart" ref="chart" role="group" :aria-label="label"></div>
   </div>`,
   mixins: [
@@ -29,7 +30,7 @@ export default {
       },
     }),
   ],
-  data: () => ({ label: "", caution: "" }),
+  data: () => ({ label: "", caution: "", pinned: null, shadow: null }),
   unmounted() {
     this.chart.close();
   },
@@ -41,6 +42,7 @@ export default {
     show() {
       if (!this.beat) return;
       const bands = bandsOf(this.beat);
+      this.shadow = isPossible(this.pinned) ? this.pinned : null;
       const { outputs } = this.beat;
       this.caution = this.beat.cautions.EDVLV ?? "";
       const volumes = ["EDVLV", "ESVLV", "EDVRV", "ESVRV"].map(
@@ -48,7 +50,7 @@ export default {
       );
       this.label = `${this.texts.loops}: ${volumes.join(", ")}`;
       const traces = SIDES.map((side) => this.members(side, bands?.loops[side.place] ?? []));
-      if (this.pinned) traces.push(...SIDES.map((side) => this.loop(side, this.pinned, true)));
+      if (this.shadow) traces.push(...SIDES.map((side) => this.loop(side, this.shadow, true)));
       traces.push(...SIDES.map((side) => this.loop(side, this.beat, false)));
       this.chart.draw(
         traces.filter((trace) => trace.x.length),
@@ -78,7 +80,7 @@ export default {
     },
     range(kind, place, bands) {
       const drawn = (bands?.loops[place] ?? []).flatMap((loop) => loop["VP".indexOf(kind)]);
-      const beats = [this.beat, this.pinned].filter(Boolean).flatMap((beat) => beat.waves[kind + place]);
+      const beats = [this.beat, this.shadow].filter(Boolean).flatMap((beat) => beat.waves[kind + place]);
       const [low, high] = extent([0, ...beats, ...drawn]);
       return (this.ranges[kind + place] = niceRange(low, high, this.ranges[kind + place]));
     },

@@ -1,11 +1,14 @@
 // Waveforms as on a bedside monitor: they sweep in real time; a new beat is painted at once.
 import {
   LEFT,
+  MISSING,
+  SIGNS,
   bandsOf,
   extent,
   fixed,
   fixedRange,
   headAt,
+  isPossible,
   latency,
   drawing,
   niceRange,
@@ -80,6 +83,7 @@ export default {
     show() {
       if (!this.beat) return;
       this.bands = bandsOf(this.beat);
+      this.shadow = isPossible(this.pinned) ? this.pinned : null;
       const seen = this.known.filter((trace) => this.beat.waves[trace.signal]);
       for (const trace of seen) this.scales[trace.signal] = this.scaleOf(trace);
       this.drawn = seen.map((trace) => this.described(trace));
@@ -91,8 +95,9 @@ export default {
       const { big, small, unit } = this.read(trace, this.beat);
       const scale = this.scales[trace.signal];
       const bounds = scale.map((v) => fixed(v, 1)).join(" – ");
-      const kept = this.pinned?.waves[trace.signal] && this.read(trace, this.pinned);
-      const pinned = kept ? `${kept.big} ${kept.small}` : "";
+      const kept = this.shadow?.waves[trace.signal] && this.read(trace, this.shadow);
+      const none = isPossible(this.pinned) ? "" : SIGNS.collapse + MISSING;
+      const pinned = kept ? `${kept.big} ${kept.small}` : none;
       const hint = `${trace.text}, ${bounds} ${unit}`;
       return { ...trace, big, small, unit, scale, hint, pinned, band: this.interval(trace) };
     },
@@ -103,7 +108,7 @@ export default {
     },
     scaleOf(trace) {
       const factor = trace.form === "flow" ? L_MIN : 1;
-      const beats = [this.beat, this.pinned].flatMap((beat) => beat?.waves[trace.signal] ?? []);
+      const beats = [this.beat, this.shadow].flatMap((beat) => beat?.waves[trace.signal] ?? []);
       const values = [...beats, ...(this.bands?.waves[trace.signal]?.flat() ?? [])].map((v) =>
         v === null ? NaN : v * factor,
       );
@@ -184,7 +189,7 @@ export default {
       pen.lineWidth = 1;
       for (const v of [low, high]) this.path([Math.max(from, LEFT), to].map((x) => [x, y(v)]));
       this.clip(LEFT, row * tall, this.width - LEFT, tall);
-      if (this.pinned?.waves[trace.signal]) this.curve(trace, this.pinned, y, from, to, SHADOW, 1.2);
+      if (this.shadow?.waves[trace.signal]) this.curve(trace, this.shadow, y, from, to, SHADOW, 1.2);
       if (this.bands?.waves[trace.signal]) this.band(trace, this.bands.waves[trace.signal], y, from, to);
       this.curve(trace, this.beat, y, from, to, trace.colour, 1.8);
       pen.restore();

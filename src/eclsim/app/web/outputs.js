@@ -1,9 +1,20 @@
 // All outputs with unit, adult reference range and change.
-import { SIGNS, bandsOf, change, compact, limitLines, listening } from "eclsim-page";
+import {
+  SIGNS,
+  bandsOf,
+  change,
+  compact,
+  fill,
+  isPossible,
+  limitLines,
+  listening,
+  timeOf,
+} from "eclsim-page";
 
 export default {
   template: `
   <div class="ecl-outputs">
+    <p v-if="!isPossible(pinned)" class="ecl-caution" role="status">{{ texts.impossible_pinned }}</p>
     <label class="filter">{{ texts.filter
       }} <input type="search" v-model="filter" autocomplete="off" /></label>
     <div class="scroll" tabindex="0" role="region" :aria-label="texts.outputs"><table>
@@ -13,7 +24,7 @@ export default {
         <th scope="col" class="n">{{ bands ? texts.bands_value : texts.value }}</th>
         <th v-if="isMeasured" scope="col" class="n">{{ texts.output_measured }}</th>
         <th scope="col">{{ texts.unit }}</th>
-        <th scope="col" class="n">{{ pinned ? texts.change : texts.change_start }}</th>
+        <th scope="col" class="n">{{ changedFrom }}</th>
         <th scope="col">{{ texts.reference }}<small>{{ texts.limits }}</small></th>
       </tr></thead>
       <tbody>
@@ -79,6 +90,11 @@ export default {
     bands() {
       return this.latestBands && bandsOf(this.beat);
     },
+    changedFrom() {
+      if (!this.pinned) return this.texts.change_start;
+      const time = timeOf(this.pinned);
+      return time ? fill(this.texts.at_minute, { name: this.texts.change, time }) : this.texts.change;
+    },
     rows() {
       if (!this.beat) return [];
       const sought = this.filter.trim().toLowerCase();
@@ -89,6 +105,7 @@ export default {
     },
   },
   methods: {
+    isPossible,
     row(name, value, { label, unit, definition, range, limits }) {
       const level = this.beat.levels[name] ?? "ok";
       const [low, high, source] = range ?? [];
@@ -103,12 +120,17 @@ export default {
         value: SIGNS[level] + compact(value),
         measured: name in this.measured ? compact(this.measured[name]) : "",
         band: (this.bands?.outputs[name] ?? []).map(compact).join(" – "),
-        change: change(value, (this.pinned ?? this.base)?.outputs[name]),
+        change: this.changeOf(name, value),
         range: range ? `${low} – ${high}`.replaceAll("-", "−") : "",
         side: range && value !== null ? this.side(value, low, high) : "",
         limits: limitLines(limits ?? []),
         caution: this.beat.cautions[name] ?? "",
       };
+    },
+    // No beat that is impossible is compared with anything.
+    changeOf(name, value) {
+      const before = this.pinned ?? this.base;
+      return isPossible(this.beat) && isPossible(before) ? change(value, before?.outputs[name]) : "";
     },
     side(value, low, high) {
       if (value < low) return `▼ ${this.texts.below}`;

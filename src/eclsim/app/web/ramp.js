@@ -1,5 +1,17 @@
 // What the speed of a pump does: pressures, flows and pressures in the circuits over its whole range.
-import { bandsOf, bus, extent, fill, fixed, ink, drawing, stroke } from "eclsim-page";
+import {
+  bandsOf,
+  bus,
+  extent,
+  fill,
+  fixed,
+  ink,
+  drawing,
+  laterThanStart,
+  speedsText,
+  stroke,
+  timeOf,
+} from "eclsim-page";
 import { Chart, axis, line } from "eclsim-page/chart.js";
 
 const AXES = { pressure: "y", flow: "y2", circuit: "y3" };
@@ -15,6 +27,8 @@ export default {
   template: `
   <div class="ecl-fill">
     <p v-if="empty" class="ecl-empty">{{ texts.ramp_none }}</p>
+    <p v-for="line in empty ? [] : later" :key="line" class="ecl-caution" role="status">{{ line }}</p>
+    <p v-if="note && !empty" class="ecl-caution bad" role="status">{{ note }}</p>
     <div v-show="!empty" class="ecl-chart" ref="chart" role="group" :aria-label="texts.ramp"></div>
   </div>`,
   mixins: [
@@ -24,9 +38,17 @@ export default {
         this.empty = !ramp;
         this.show();
       },
+      beat(beat) {
+        this.time = timeOf(beat);
+      },
     }),
   ],
-  data: () => ({ empty: false }),
+  data: () => ({ empty: false, note: "", time: "", pinned: null }),
+  computed: {
+    later() {
+      return laterThanStart(this.texts, this.time, timeOf(this.pinned));
+    },
+  },
   unmounted() {
     this.chart.close();
   },
@@ -37,6 +59,14 @@ export default {
     show() {
       if (!this.ramp) return;
       const limits = this.limits();
+      const { speeds, lost, impossible } = this.ramp;
+      this.note = [
+        ["ramp_lost", lost],
+        ["ramp_impossible", impossible],
+      ]
+        .filter(([, some]) => some.length)
+        .map(([words, some]) => fill(this.texts[words], { speeds: speedsText(some, speeds) }))
+        .join(" ");
       this.chart.draw(this.traces(), this.layout(limits));
     },
     traces() {
@@ -109,7 +139,7 @@ export default {
       };
     },
     layout({ shapes, labels }) {
-      const { own, speeds, lost, curves } = this.ramp;
+      const { own, speeds, curves } = this.ramp;
       const rows = ROWS[curves.some((curve) => curve.panel === "circuit") ? 3 : 2];
       const now = {
         ...above,
@@ -117,10 +147,6 @@ export default {
         x: own,
         font: { size: 11.5 },
       };
-      const gone = lost.length
-        ? [{ ...above, text: fill(this.texts.ramp_lost, { speeds: lost.map((v) => fixed(v, 0)).join(", ") }),
-            xref: "paper", x: 0, xanchor: "left", font: { size: 11.5, color: ink("alarm") } }]
-        : []; // prettier-ignore
       const ownSpeed = {
         type: "line",
         x0: own,
@@ -132,7 +158,7 @@ export default {
       };
       const layout = {
         shapes: [ownSpeed, ...shapes],
-        annotations: [now, ...labels, ...gone],
+        annotations: [now, ...labels],
         hovermode: "x unified",
         legend: { orientation: "h", x: 0, y: -0.1, font: { size: 11 } },
         margin: { l: 56, r: 14, t: 24, b: 66 },

@@ -1,5 +1,16 @@
 // The nine schemes of the paper as small multiples; one press connects the lines that way.
-import { SIGNS, bus, extent, fill, fixed, drawing, niceRange, ticks } from "eclsim-page";
+import {
+  SIGNS,
+  bus,
+  extent,
+  fill,
+  fixed,
+  drawing,
+  laterThanStart,
+  niceRange,
+  ticks,
+  timeOf,
+} from "eclsim-page";
 
 const [WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM] = [164, 112, 40, 4, 9, 7];
 const LINES = ["access", "return"];
@@ -9,6 +20,7 @@ export default {
   <div class="ecl-schemes">
     <p v-if="empty" class="ecl-empty">{{ texts.schemes_none }}</p>
     <template v-else>
+      <p v-for="line in later" :key="line" class="ecl-caution" role="status">{{ line }}</p>
       <p class="head">{{ heading }}<br />
         <span v-for="line in ['access', 'return', 'limits']" :key="line" :class="line">{{
           { access: '━', return: '╌', limits: '┄' }[line] }} {{ texts['scheme_' + line] }}</span>
@@ -27,12 +39,13 @@ export default {
               class="limit" />
             <path v-for="p in c.paths" :key="p.name" :d="p.d" :class="p.name" />
           </svg>
-          <span v-if="c.converged" class="values">
+          <span v-if="c.converged && c.possible" class="values">
             <span v-for="line in ['access', 'return']" :key="line" :class="[line, c[line].level]">{{
               texts['scheme_' + line] }} <b>{{ value(c[line]) }}</b> mmHg</span>
             <span>MAP <b>{{ fixed(c.MAP, 0) }}</b> mmHg</span>
           </span>
-          <span v-else class="values"><span class="alarm">{{ texts.not_converged }}</span></span>
+          <span v-else class="values"><span class="alarm">{{
+            c.converged ? texts.impossible_column : texts.not_converged }}</span></span>
         </button>
       </div>
     </template>
@@ -47,9 +60,17 @@ export default {
       state(state) {
         this.values = state.values;
       },
+      beat(beat) {
+        this.time = timeOf(beat);
+      },
     }),
   ],
-  data: () => ({ cells: [], empty: false, heading: "", device: "", values: {} }),
+  data: () => ({ cells: [], empty: false, heading: "", device: "", values: {}, time: "", pinned: null }),
+  computed: {
+    later() {
+      return laterThanStart(this.texts, this.time, timeOf(this.pinned));
+    },
+  },
   methods: {
     fixed,
     value: (line) => `${SIGNS[line.level]}${fixed(line.mean, 0)}`,

@@ -1,5 +1,19 @@
 // Hours of the case under the monitor: play, jump, events; the whole page shows the minute of the cursor.
-import { clock, curvePath, extent, fill, fixed, laneRange, listening, playedTo, valueIn } from "eclsim-page";
+import {
+  MISSING,
+  SIGNS,
+  brokenSpans,
+  clock,
+  curvePath,
+  extent,
+  fill,
+  fixed,
+  isPossible,
+  laneRange,
+  listening,
+  playedTo,
+  valueIn,
+} from "eclsim-page";
 
 const SPEEDS = [1, 10, 60, 600, 3600];
 const [WIDTH, LANE] = [1000, 40];
@@ -36,7 +50,7 @@ export default {
       <p v-if="course?.message" class="refused" role="alert">{{ course.message }}</p>
       <p v-for="a in course?.approximations" :key="a" class="ahead" role="note">{{ a }}</p>
       <div v-if="course" class="chart" :class="{ old: busy }" ref="chart" tabindex="0" role="slider"
-        :aria-label="texts.timeline_cursor" aria-valuemin="0" :aria-valuemax="length" :aria-valuenow="minute"
+        :aria-label="texts.timeline_cursor" aria-valuemin="0" :aria-valuemax="end" :aria-valuenow="minute"
         :aria-valuetext="time(minute)" @pointerdown="grab" @pointermove="drag" @pointerup="held = false"
         @pointercancel="held = false" @keydown="step">
         <div v-for="r in rows" :key="r.name" class="lane">
@@ -60,10 +74,10 @@ export default {
           <optgroup v-for="g in groups" :key="g.label" :label="g.label">
             <option v-for="p in g.items" :key="p.key" :value="p.key">{{ p.label }}</option>
           </optgroup></select></label>
-        <label>{{ texts.timeline_amount }} <input v-model="amount" inputmode="decimal" size="6" />
-          {{ chosen?.unit }}</label>
-        <label>{{ texts.timeline_over }} <input v-model="over" inputmode="decimal" size="4" maxlength="10" />
-          {{ texts.timeline_minutes }}</label>
+        <label>{{ texts.timeline_amount }} <input v-model="amount" inputmode="decimal" size="6"
+          maxlength="30" /> {{ chosen?.unit }}</label>
+        <label>{{ texts.timeline_over }} <input v-model="over" inputmode="decimal" size="4"
+          maxlength="30" /> {{ texts.timeline_minutes }}</label>
         <button type="submit" @click="onlyOnce">{{ addLabel }}</button>
       </form>
       <div class="lists">
@@ -102,6 +116,10 @@ export default {
       turned({ key }) {
         if (this.recording && this.playing && key !== "events") this.stop();
       },
+      go_to({ minute, length }) {
+        if (minute) this.follow(minute, length);
+        else if (this.isOpen) this.jump(0);
+      },
       course_busy() {
         this.busy = true;
       },
@@ -110,7 +128,7 @@ export default {
         this.refused = course.refused ?? "";
         this.course = course.refused ? null : course;
         this.asked = undefined;
-        if (!this.course) this.minute = 0;
+        this.minute = this.course ? Math.min(this.minute, this.end) : 0;
         if (this.isOpen) this.ask();
       },
       error({ key, messages }) {
@@ -165,12 +183,17 @@ export default {
     beat() {
       return this.shownBeat?.minute === this.minute && this.shownBeat.of === this.of ? this.shownBeat : null;
     },
+    // Behind it nothing is known, where the course stopped early.
+    end() {
+      return Math.min(this.course ? (this.course.time.at(-1) ?? 0) : this.length, this.length);
+    },
     beatByBeat() {
       return this.length < 60;
     },
     shown() {
       const words = this.recording && this.minute ? "timeline_at_recorded" : "timeline_at";
-      return fill(this.texts[words], { time: this.time(this.minute) });
+      const at = fill(this.texts[words], { time: this.time(this.minute) });
+      return this.course?.message && this.minute >= this.end ? `${at} ${this.texts.timeline_ended}` : at;
     },
     addLabel() {
       return fill(this.texts.timeline_add, { time: this.time(this.minute) });
@@ -180,14 +203,12 @@ export default {
       return rows.filter(this.isSeen).map(({ name, label, unit, digits, values, usual }) => {
         const [low, high] = laneRange(extent(values, 4 * 10 ** -digits), unit);
         const path = curvePath(time, values, { end: this.length, width: WIDTH, height: LANE, low, high });
-        const met = alarms.filter((a) => a.quantity === name && a.kind !== "caution");
-        const broken = met.map(({ at_min: from, until_min: until, kind }) => ({
-          kind,
-          from: this.at(from),
-          width: Math.max(this.at(until ?? time.at(-1)) - this.at(from), 2),
-        }));
+        const met = alarms.filter((a) => a.quantity === name || a.kind === "collapse");
+        const broken = brokenSpans(met, { last: time.at(-1), end: this.length, width: WIDTH });
         const own = usual ? this.beat?.outputs[name] : undefined;
-        const now = fixed(own ?? valueIn(time, values, this.minute), digits);
+        const now = isPossible(this.beat)
+          ? fixed(own ?? valueIn(time, values, this.minute), digits)
+          : SIGNS.collapse + MISSING;
         const care = this.cautions[name] ?? "";
         const written = [low, high].map((v) => fixed(v, high - low < 0.3 ? 2 : high - low < 3 ? 1 : 0));
         return { name, label, unit, path, alarms: broken, now, care, low: written[0], high: written[1] };
@@ -237,6 +258,16 @@ export default {
       this.busy = this.isOpen;
       this.$emit("open", { number: this.isOpen ? this.length : 0 });
     },
+    // A minute that somebody saved, of a course of that length.
+    follow(minute, length) {
+      this.stop();
+      if (!this.isOpen || this.length !== length) {
+        Object.assign(this, { isOpen: true, length, course: null, busy: true });
+        this.$emit("open", { number: length });
+      }
+      this.minute = minute;
+      if (this.course) this.ask();
+    },
     resize(length) {
       this.stop();
       this.length = length;
@@ -245,16 +276,15 @@ export default {
       this.$emit("open", { number: length });
     },
     play() {
-      if (this.minute >= this.length - 1e-6) this.minute = 0;
+      if (this.minute >= this.end - 1e-6) this.minute = 0;
       this.playing = true;
       let before = performance.now();
       const frame = (now) => {
         if (!this.playing) return;
-        const end = this.course?.time.at(-1) ?? this.length;
-        this.minute = playedTo(this.minute, now - before, this.speed, end);
+        this.minute = playedTo(this.minute, now - before, this.speed, this.end);
         before = now;
         this.ask();
-        if (this.minute >= end) this.stop();
+        if (this.minute >= this.end) this.stop();
         else requestAnimationFrame(frame);
       };
       requestAnimationFrame(frame);
@@ -266,7 +296,7 @@ export default {
       if (this.minute && this.course) this.$emit("show", { minute: this.minute });
     },
     jump(minute) {
-      this.minute = Math.min(Math.max(minute, 0), this.length);
+      this.minute = Math.min(Math.max(minute, 0), this.end);
       this.ask();
     },
     // The page follows the cursor, a few minutes a second.
@@ -301,14 +331,11 @@ export default {
     onlyOnce(click) {
       if (click.detail > 1) click.preventDefault();
     },
+    // What was typed goes as it is: the server reads it, and asks where it may mean two numbers.
     add() {
-      const number = (typed) => Number(String(typed).trim().replace(",", "."));
-      const [amount, over] = [number(this.amount), number(this.over)];
       const at = { at_min: Math.floor(1000 * this.minute) / 1000 };
-      const change = this.chosen.give
-        ? { give: { [this.what]: amount }, ...(over ? { over_min: over } : {}) }
-        : { set: { [this.what]: amount }, ...(over ? { ramp_min: over } : {}) };
-      this.$emit("add", { ...at, ...change });
+      const [kind, minutes] = this.chosen.give ? ["give", "over_min"] : ["set", "ramp_min"];
+      this.$emit("add", { ...at, [kind]: { [this.what]: this.amount }, [minutes]: this.over });
     },
   },
 };

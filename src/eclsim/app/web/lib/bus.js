@@ -18,9 +18,9 @@ export function makeBus() {
   };
 }
 
-// The bands of a posterior if they were computed for the beat or ramp that is shown.
+// The bands of a posterior if they were computed for the beat or ramp that is shown; they are of the start.
 export const bandsFor = (bands, shown) =>
-  bands?.count && shown && bands.of === shown.of ? bands : undefined;
+  bands?.count && shown && bands.of === shown.of && !shown.minute ? bands : undefined;
 
 const MOST_TIMES = 2000;
 

@@ -1,4 +1,5 @@
 // Time in a course: clock words, where a time stands, and values between moments.
+import { GRAVEST } from "./format.js";
 
 // Hours and minutes, such as 03:12, or 00:03:12 with seconds; days in front where there are any.
 export function clock(minute, seconds = false) {
@@ -9,6 +10,9 @@ export function clock(minute, seconds = false) {
   const end = seconds ? `:${pad(all % 60)}` : "";
   return `${day ? `${day} d ` : ""}${pad(hour)}:${pad(rest)}${end}`;
 }
+
+// The time that a beat is of, as on a clock; empty where it is that of the start.
+export const timeOf = (beat) => (beat?.minute ? clock(beat.minute, beat.passing) : "");
 
 // Minute after some milliseconds of play, never beyond the end.
 export const playedTo = (minute, ms, speed, end) => Math.min(minute + (ms / 60_000) * speed, end);
@@ -50,4 +54,17 @@ export function curvePath(times, values, { end, width, height, low, high }) {
     pen = "L";
   });
   return parts.join("");
+}
+
+// Where the limits of a lane are broken, on 0..width; the gravest last, so that nothing is painted over it.
+export function brokenSpans(alarms, { last, end, width }) {
+  const x = (minute) => (minute / end) * width;
+  return alarms
+    .filter(({ kind }) => GRAVEST.includes(kind))
+    .toSorted((a, b) => GRAVEST.indexOf(b.kind) - GRAVEST.indexOf(a.kind))
+    .map(({ at_min: from, until_min: until, kind }) => ({
+      kind,
+      from: x(from),
+      width: Math.max(x(until ?? last) - x(from), 2),
+    }));
 }

@@ -30,6 +30,30 @@ export function change(value, before) {
   return (difference > 0 ? "+" : "") + compact(difference);
 }
 
+// What is said above something that is computed for the start of a course alone.
+export const laterThanStart = (texts, shown, pinned) =>
+  [
+    [texts.of_start, shown],
+    [texts.pinned_later, pinned],
+  ]
+    .filter(([, time]) => time)
+    .map(([text, time]) => fill(text, { time }));
+
+// Whether the numbers of a beat, or of something computed from one, mean anything in a patient.
+export const isPossible = (beat) => beat?.possible !== false;
+
+// Some of an ordered list of speeds as text: "1000, 3000–5000" where neighbours are among them.
+export function speedsText(some, all) {
+  const runs = [];
+  for (const speed of some) {
+    const run = runs.at(-1);
+    if (run && all.indexOf(run.at(-1)) + 1 === all.indexOf(speed)) run.push(speed);
+    else runs.push([speed]);
+  }
+  const ends = (run) => (run.length > 1 ? [run[0], run.at(-1)] : run).map((speed) => fixed(speed, 0));
+  return runs.map((run) => ends(run).join("–")).join(", ");
+}
+
 export const signed = (value, digits) => (value >= 0 ? "+" : "") + fixed(value, digits);
 
 // The gravest of the levels of some outputs.

@@ -1,0 +1,67 @@
+"""A beat that somebody pins or saves: of a state, or of a later minute of its course."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from eclsim.app.course import case_at, compute_course
+from eclsim.app.display import waves_of
+from eclsim.app.knobs import controls, value_of
+from eclsim.app.provenance import title_of
+from eclsim.app.state import START, Moment, PageState, key_of
+
+if TYPE_CHECKING:
+    from eclsim.app.beat import Beat
+    from eclsim.app.engine import Engine
+    from eclsim.cases.case import Case
+
+
+class Kept(NamedTuple):
+    """A beat as it was seen.
+
+    Attributes:
+        state: what it was computed from.
+        beat: the steady beat of the state, or that of a later minute of its course.
+        moment: which minute, of a course of which length.
+    """
+
+    state: PageState
+    beat: Beat
+    moment: Moment = START
+
+    def plain(self) -> dict[str, Any]:
+        """With name, minute and knobs, for the browser."""
+        from eclsim.app.beat import plain
+
+        labels = {control.key: control.label for control in controls(self.state.case)}
+        minute = self.moment.minute
+        key = f"{key_of(self.state)}@{minute:g}" if minute else key_of(self.state)
+        return {
+            **plain(self.beat, waves_of(self.state.case)), "of": key, "name": title_of(self.state),
+            "minute": minute, "values": knobs_at(self.state.case, minute), "labels": labels,
+        }  # fmt: skip
+
+
+def knobs_of(case: Case) -> dict[str, Any]:
+    """Where the knobs of a case stand."""
+    return {control.key: value_of(case, control.key) for control in controls(case)}
+
+
+def knobs_at(case: Case, minute: float) -> dict[str, Any]:
+    """Where events have left them at a minute of the course."""
+    return knobs_of(case_at(case, minute) if minute else case)
+
+
+async def computed_again(engine: Engine, state: PageState, moment: Moment) -> Kept:
+    """A beat that was kept before the page was loaded again.
+
+    Raises:
+        CaseError: the course of the state cannot be followed.
+    """
+    if not moment.minute:
+        return Kept(state, await engine.beat(state, None))
+
+    def work() -> Beat:
+        return compute_course(state, moment.length).beat(moment.minute)
+
+    return Kept(state, await engine.study(work), moment)

@@ -1,0 +1,72 @@
+"""What stands behind a patient's id in files that the page writes: how it was fitted, that it was changed.
+
+A case file has no place for the verdict on a fit, and numbers must not lose it by being saved and opened.
+"""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from eclsim.app.state import PageState
+from eclsim.inputs.sections import MAXIMUM_ID_LENGTH
+
+if TYPE_CHECKING:
+    from eclsim.cases.case import Case
+
+_WORDS = MappingProxyType({
+    "not fitted": ("unfitted", ""), "fitted": ("fit", "good"), "doubtful fit": ("fit", "doubtful"),
+    "poor fit": ("fit", "poor"), "fit without a verdict": ("fit", ""), "central draw": ("posterior", ""),
+})  # fmt: skip
+"""Origin and verdict of a `PageState` by the words for them."""
+_BY_STATE = MappingProxyType({meant: word for word, meant in _WORDS.items()})
+_CHANGED = "changed"
+
+
+def marked_id(state: PageState, kind: str) -> str:
+    """The id of a state's patient as files have it, as "P01 (poor fit, changed)".
+
+    Args:
+        state: that is saved.
+        kind: where its parameters come from, `eclsim.app.provenance.kind_of`.
+    """
+    name, _, changed_before = _read(state.case.patient.id)
+    marks: list[str] = []
+    if kind != "unfitted" or state.changed or state.case.parameters:
+        marks += [word] if (word := _BY_STATE.get((kind, state.verdict))) else []
+    marks += [_CHANGED] if state.changed or changed_before else []
+    mark = f" ({', '.join(marks)})" if marks else ""
+    return name[: MAXIMUM_ID_LENGTH - len(mark)] + mark
+
+
+def bare_id(case: Case) -> str:
+    """The patient's id without marks."""
+    return _read(case.patient.id)[0]
+
+
+def was_changed(case: Case) -> bool:
+    """Whether the page wrote a case that had been changed by hand."""
+    return _read(case.patient.id)[2]
+
+
+def opened_state(case: Case, source: str) -> PageState:
+    """The state of a case that was read from a file; one that the page wrote goes on as it was fitted."""
+    name, word, changed = _read(case.patient.id)
+    state = PageState(case, case.volume_policy, origin="file", source=source)
+    if not word:
+        return state
+    origin, verdict = _WORDS[word]
+    person = case.patient.model_copy(update={"id": f"{name} ({_CHANGED})" if changed else name})
+    bare = case.model_copy(update={"patient": person})
+    return PageState(bare, case.volume_policy, origin=origin, source=source, verdict=verdict)
+
+
+def _read(written: str) -> tuple[str, str, bool]:
+    """Name without marks, the word for its fit or nothing, and whether it was changed."""
+    name, _, rest = written.rpartition(" (")
+    marks = rest.removesuffix(")").split(", ")
+    fits = [mark for mark in marks if mark in _WORDS]
+    known = rest.endswith(")") and len(fits) <= 1 and {*marks} <= {*fits, _CHANGED}
+    if not name or not known:
+        return written, "", False
+    return name, "".join(fits), _CHANGED in marks

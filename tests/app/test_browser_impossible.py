@@ -1,0 +1,52 @@
+"""What no patient has is marked wherever its numbers would stand, also while another beat is shown."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from eclsim.app.texts import text
+from page_in_browser import beat_with, expect, picture, show, turn
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
+DIGIT = re.compile(r"\d")
+
+
+def test_an_impossible_beat_is_marked_in_every_view(open_page, shots):
+    page = open_page("paper")
+    turn(page, "ecmo.speed_rpm", "6000")
+    assert not beat_with(page, "ecmo.speed_rpm", 6000)["possible"]
+    page.get_by_role("button", name=text("save")).click()
+    page.get_by_role("button", name=text("pin")).click()
+    expect(page.locator(".ecl-keys")).not_to_contain_text("Δ")
+    show(page, "ramp")
+    expect(page.locator(".ecl-fill .ecl-caution")).to_contain_text(re.compile(r"Impossible at .*6000 rpm"))
+    picture(page, shots, "impossible_ramp")
+    show(page, "schemes")
+    cell = page.locator(".ecl-schemes button", has_text=re.compile("^g"))
+    expect(cell.locator(".values")).to_have_text(text("impossible_column"))
+    picture(page, shots, "impossible_schemes")
+    page.keyboard.press("Alt+r")
+    assert beat_with(page, "ecmo.speed_rpm", 3425)["possible"]
+    show(page, "compare")
+    heads = page.locator(".ecl-compare thead th")
+    expect(heads.nth(1)).not_to_contain_text(text("impossible_column"))
+    for k in (2, 3):
+        expect(heads.nth(k)).to_contain_text(text("impossible_column"))
+    row = page.locator(".ecl-compare tr.output").first
+    expect(row.locator("td").nth(0).locator("s")).to_have_count(0)
+    for k in (1, 2):
+        expect(row.locator("td").nth(k).locator("s")).to_have_text(DIGIT)
+    expect(page.locator(".ecl-compare .js-line")).to_have_count(2)
+    picture(page, shots, "impossible_compare")
+    expect(page.locator('.ecl-keys [data-key="MAP"]')).to_contain_text("Δ ✕")
+    show(page, "monitor")
+    expect(page.locator(".ecl-monitor .trace .pinned").first).to_have_text(f"{text('pinned')} ✕ –")
+    picture(page, shots, "impossible_pinned")
+    for view in ("loops", "outputs"):
+        show(page, view)
+        expect(page.locator(f".ecl-{view} > [role=status]")).to_have_text(text("impossible_pinned"))
+        picture(page, shots, f"impossible_{view}")
+    show(page, "ramp")
+    expect(page.locator(".ecl-fill .ecl-caution")).to_have_count(0)

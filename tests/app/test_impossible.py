@@ -1,0 +1,55 @@
+"""A beat that no patient has gives no number anywhere: not in a ramp, a scheme, a course or a comparison."""
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from eclsim.app import studies
+from eclsim.app.beat import compute_beat
+from eclsim.app.course import PageCourse, plain_course
+from eclsim.app.knobs import turn
+from eclsim.app.state import preset_state
+
+PAPER = preset_state("paper")
+SPEED = "ecmo.speed_rpm"
+FASTEST = PAPER.with_case(turn(PAPER.case, SPEED, 6000))
+
+pytestmark = pytest.mark.slow
+
+
+def test_a_ramp_has_no_numbers_at_impossible_speeds():
+    ramp = studies.ramp(FASTEST)
+    assert ramp is not None
+    pressures = zip(ramp["speeds"], ramp["outputs"]["MAP"], strict=True)
+    none = [speed for speed, value in pressures if value is None]
+    assert none == ramp["impossible"]
+    assert ramp["lost"] == []
+    assert 6000 in none
+    last = max(speed for speed in ramp["speeds"] if speed not in none)
+    assert not compute_beat(PAPER.with_case(turn(PAPER.case, SPEED, min(none)))).possible
+    assert compute_beat(PAPER.with_case(turn(PAPER.case, SPEED, last))).possible
+
+
+def test_a_scheme_that_cannot_be_has_no_waveforms():
+    found = studies.schemes(FASTEST)
+    assert found is not None
+    impossible = [cell for cell in found["cells"] if not cell["possible"]]
+    assert [cell["letter"] for cell in impossible] == ["a", "d", "e", "f", "g"]
+    assert all(cell["converged"] and cell["access"]["wave"] == [] for cell in impossible)
+    assert all(cell["possible"] for cell in studies.schemes(PAPER)["cells"])
+
+
+def test_the_lanes_of_a_course_have_gaps_at_impossible_minutes():
+    collapse = {"kind": "collapse", "quantity": "Vra", "at_min": 9.5, "until_min": 20.5, "sentence": "empty"}
+    minutes = np.array([0.0, 10.0, 20.0, 30.0])
+    names = ("fluid.plasma_ml", "fluid.red_cells_ml", "MAP")
+    result = xr.Dataset({name: ("time", [80.0] * 4) for name in names} | {"time_min": ("time", minutes)})
+    result.attrs = {"alarms": json.dumps([collapse]), "balance": "{}", "seconds": 1.0}
+    result.attrs |= {"message": "", "approximations": []}
+    course = PageCourse(PAPER, SimpleNamespace(result=result, at=None))  # type: ignore[arg-type]
+    plain = plain_course(course, 30)
+    rows = {row["name"]: row["values"] for row in plain["rows"]}
+    assert rows["MAP"] == [80.0, None, None, 80.0]
