@@ -463,6 +463,7 @@ def _patient(series: Data) -> dict[str, object]:
         "parameters": _tracked_parameters(points),
         "course": Table(head, course, numeric=(0, 1, 2)),
         "assumed_hours": series["assumed_interval_hours"] if len(points) > 1 else None,
+        "notes": series.get("notes", ()),
     }
 
 

@@ -125,12 +125,16 @@ def measured_at_rest(case: Case, settings: FitSettings) -> Case:
 
     Data points that share parameters keep theirs open: a patient has one set point, not one for each of them.
     """
-    if case.regulation is None or settings.shared:
-        return case
+    return case if settings.shared else with_values(case, open_at_rest(case))
+
+
+def open_at_rest(case: Case) -> dict[str, float]:
+    """Measurements that are set points which a case leaves open, by key."""
+    if case.regulation is None:
+        return {}
     open_ones = MEASURED_AT_REST.keys() & case.regulation.open_set_points
-    measured = {key: getattr(case.measurements, MEASURED_AT_REST[key], None) for key in open_ones}
-    usable = {k: v for k, v in measured.items() if v is not None and parameters()[k].accepts(v)}
-    return with_values(case, usable)
+    measured = {key: getattr(case.measurements, MEASURED_AT_REST[key], None) for key in sorted(open_ones)}
+    return {k: v for k, v in measured.items() if v is not None and parameters()[k].accepts(v)}
 
 
 def measured_outputs(case: Case) -> list[str]:
