@@ -219,8 +219,8 @@ class SensitivityResult:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What there is to say of the beat at the values that the inputs are varied around."""
-        return self.indices.warnings
+        """What there is to say of the beat that the inputs are varied around, and of the runs."""
+        return (*self.indices.warnings, *self.indices.doubts)
 
     @property
     def dataset(self) -> xr.Dataset:
