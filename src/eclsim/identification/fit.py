@@ -28,7 +28,8 @@ from eclsim.identification.settings import (
     checked_fit,
     common_policy,
     held_by_assumption,
-    measured_at_rest,
+    held_volume,
+    ready,
     unmeasured_uncertainties,
 )
 from eclsim.identification.verdict import (
@@ -266,7 +267,7 @@ def fit_cases(
     """
     settings = settings or FitSettings()
     started = time.perf_counter()
-    cases = [(name, measured_at_rest(case, settings)) for name, case in cases]
+    cases = [(name, ready(case, settings)) for name, case in cases]
     targets, box = [], None
     for _, case in cases:
         checked = checked_fit(case, settings)
@@ -409,6 +410,8 @@ def held_against_its_beat(result: FitResult) -> FitResult:
     reasons = plausibility(implied, result.ranges, result.measured, collapsed)
     for sentence in held_by_assumption(result.case, result.measured, result.parameters):
         reasons.append(Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", sentence))
+    for sentence in held_volume(result.case, result.measured, result.parameters):
+        reasons.append(Reason(Aspect.PLAUSIBILITY, Level.GOOD, "", sentence))
     return replace(result, implied=implied, warnings=tuple(beat.attrs["warnings"])).judged(reasons)
 
 

@@ -17,6 +17,7 @@ from eclsim.identification.settings import (
     FitSettings,
     checked_fit,
     open_at_rest,
+    ready,
 )
 from eclsim.inputs.mistakes import Mistake, shown
 
@@ -51,7 +52,8 @@ class Series:
         """A case as the series has it, and what can be fitted to it."""
         left_open = () if case.regulation is None else case.regulation.open_set_points
         case = with_values(case, {key: v for key, v in self.set_points.items() if key in left_open})
-        return case, checked_fit(case, self.settings)
+        checked = checked_fit(case, self.settings)
+        return ready(case, self.settings), checked
 
 
 def series_of(settings: FitSettings, points: Iterable[tuple[str, Case]]) -> Series:
