@@ -168,19 +168,16 @@ def _settings(o: TrackOptions) -> TrackSettings:
 
 
 def _check_points(series: Series, settings: TrackSettings) -> None:
-    from eclsim.identification.settings import (
-        checked_fit,
-        common_policy,
-        held_by_assumption,
-        measured_outputs,
-    )
+    from eclsim.identification.series import series_of
+    from eclsim.identification.settings import common_policy, held_by_assumption, measured_outputs
     from eclsim.inputs.mistakes import CaseError
 
+    common = {patient: series_of(settings.fit, points) for patient, points in series.items()}
     mistakes = [
         place_of(mistake, settings.fit, f"{patient}/{name}")
         for patient, points in series.items()
         for name, case in points
-        for mistake in checked_fit(case, settings.fit).mistakes
+        for mistake in common[patient].checked(case)[1].mistakes
     ]
     wrong = list(dict.fromkeys(map(str, mistakes)))
     for patient, points in series.items():
@@ -190,6 +187,7 @@ def _check_points(series: Series, settings: TrackSettings) -> None:
             wrong += [f"{patient}: {mistake}" for mistake in error.mistakes]
     refuse(wrong)
     for patient, points in series.items():
+        note(f"{patient}: {sentence}" for sentence in common[patient].notes)
         measured = [name for _, case in points for name in measured_outputs(case)]
         doubts = held_by_assumption(points[0][1], dict.fromkeys(measured), settings.fit.names)
         warn(f"{patient}: {doubt}" for doubt in doubts)

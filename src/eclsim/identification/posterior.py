@@ -25,7 +25,7 @@ from eclsim.identification.importance import WeightedDraws, importance_sample, w
 from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.nuts import Chains, Diagnostics, Sampling, diagnose, sample
 from eclsim.identification.quantities import OUTPUTS, measurement_errors, unit_of, unit_of_parameter
-from eclsim.identification.settings import held_by_assumption
+from eclsim.identification.settings import held_by_assumption, held_volume
 from eclsim.identification.verdict import Aspect, Level
 from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
 from eclsim.outputs.signals import output_names
@@ -159,6 +159,7 @@ class PosteriorResult:
         doubts: why the result is not to be trusted; empty where it is.
         settings: how it was sampled.
         seconds: wall time.
+        notes: what is assumed and shows in no draw.
     """
 
     name: str
@@ -173,6 +174,7 @@ class PosteriorResult:
     doubts: tuple[str, ...]
     settings: PosteriorSettings
     seconds: float
+    notes: tuple[str, ...] = ()
 
     @property
     def trusted(self) -> bool:
@@ -257,6 +259,7 @@ class PosteriorResult:
             "checked": self.checked,
             "verdict": self.verdict,
             "doubts": list(self.doubts),
+            "notes": list(self.notes),
             "prior": self.settings.prior,
             "uncertainties": dict(self.density.errors),
             "parameters": parameters,
@@ -328,7 +331,7 @@ def posterior(
         by_gaussian = _predict_all(models, density, of_gaussian)
     return PosteriorResult(
         fit.name, density, gaussian, samples, chains, weighted, diagnostics, exact, by_gaussian, doubts,
-        settings, time.perf_counter() - started,
+        settings, time.perf_counter() - started, tuple(held_volume(fit.case, fit.measured, fit.parameters)),
     )  # fmt: skip
 
 

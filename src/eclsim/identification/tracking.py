@@ -35,7 +35,8 @@ from eclsim.identification.importance import Transport, WeightedDraws, importanc
 from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.objective import Box
 from eclsim.identification.quantities import OUTPUTS, measurement_errors, unit_of, unit_of_parameter
-from eclsim.identification.settings import FitSettings, checked_fit
+from eclsim.identification.series import Series, series_of
+from eclsim.identification.settings import FitSettings
 from eclsim.identification.verdict import FitVerdict, agreement, goodness_of
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.orbit.model import CaseSource, Model, as_case, model_of
@@ -168,11 +169,13 @@ class TrackResult:
         patient: id.
         points: in order of time.
         assumed_interval_hours: from one measurement to the next; None where their names are times.
+        notes: what the series gave that its cases leave open.
     """
 
     patient: str
     points: tuple[TrackedPoint, ...]
     assumed_interval_hours: float | None
+    notes: tuple[str, ...] = ()
 
     @property
     def dataset(self) -> xr.Dataset:
@@ -218,6 +221,7 @@ class TrackResult:
         return {
             "id": self.patient,
             "assumed_interval_hours": self.assumed_interval_hours,
+            "notes": list(self.notes),
             "points": [p.as_object() for p in self.points],
         }
 
@@ -242,15 +246,18 @@ class Tracker:
     Args:
         settings: what is tracked and how.
         progress: called with what is being done.
+        series: what is known of the measurements to come; left out, each is taken as it comes.
     """
 
     def __init__(
         self,
         settings: TrackSettings | None = None,
         progress: Progress = silent,
+        series: Series | None = None,
     ):
         self.settings = settings or TrackSettings()
         self.progress = progress
+        self.series = series or Series(self.settings.fit)
         self.patient: str | None = None
         self.drifts = np.array(self.settings.drifts)
         self.estimate: _Estimate | None = None
@@ -272,6 +279,7 @@ class Tracker:
         started = time.perf_counter()
         self._check_patient(case)
         days = self._days(hours)
+        self.series.learn(name, case)
         prior, model, measured = self._read(case)
         since = None if self.patient is None else days * HOURS_PER_DAY
         self.patient = case.patient.id
@@ -301,7 +309,8 @@ class Tracker:
         if self.estimate is None:
             raise RuntimeError("nothing to forecast from: no measurement yet")
         self._check_patient(case)
-        model = model_of(case).with_values(checked_fit(case, self.settings.fit).fixed)
+        case, checked = self.series.checked(case)
+        model = model_of(case).with_values(checked.fixed)
         forecast = self._forecast(self.estimate, self._days(hours))
         names, _, regression = self._regression(forecast, model)
         outputs = regression.outputs(forecast.state)
@@ -321,7 +330,7 @@ class Tracker:
 
     def _read(self, case: Case) -> tuple[Prior, Model, dict[str, float]]:
         """Prior, model and measurements of a case."""
-        checked = checked_fit(case, self.settings.fit)
+        case, checked = self.series.checked(case)
         if checked.mistakes:
             raise CaseError(checked.mistakes)
         if self._prior is None:
@@ -508,6 +517,7 @@ def track(
     settings = settings or TrackSettings()
     if not points:
         raise CaseError([Mistake("points", "nothing to follow", allowed="one measurement or more")])
+    cases = [(name, as_case(source)) for name, source in points]
     known = elapsed_hours([name for name, _ in points])
     hours = known or [None] * len(points)
     done: list[TrackedPoint] = []
@@ -515,13 +525,13 @@ def track(
     def say(step: object) -> None:
         progress(f"measurement {len(done) + 1} of {len(points)}" + (f": {step}" if step else ""))
 
-    tracker, patient = Tracker(settings, say), ""
-    for (name, source), passed in zip(points, hours, strict=True):
+    series = series_of(settings.fit, cases)
+    tracker, patient = Tracker(settings, say, series), cases[0][1].patient.id
+    for (name, case), passed in zip(cases, hours, strict=True):
         say("")
-        case = as_case(source)
-        patient = patient or case.patient.id
         done.append(tracker.update(name, case, passed))
-    return TrackResult(patient, tuple(done), None if known else settings.interval_hours)
+    assumed = None if known else settings.interval_hours
+    return TrackResult(patient, tuple(done), assumed, tuple(series.notes))
 
 
 def elapsed_hours(names: Sequence[str]) -> list[float | None] | None:
