@@ -5,6 +5,7 @@ import pytest
 from eclsim.cases import Case, read_case
 from eclsim.cases.writing import case_text
 from eclsim.course.course import course
+from eclsim.course.timeline import Timeline
 from eclsim.inputs.mistakes import CaseError
 from eclsim.parameters.fluid import says_start
 from small_patient import ON_ECMO
@@ -110,3 +111,17 @@ def test_what_is_doubtful_in_a_case_file_is_doubtful_in_an_event(tmp_path):
     file.write_text(ON_ECMO + '[[events]]\nat_min = 5\nset = { "drugs.noradrenaline" = 2.5 }\n')
     (doubt,) = [warning for warning in read_case(file).warnings if "noradrenaline" in str(warning)]
     assert "beyond the usual 1 ug/kg/min" in str(doubt)
+
+
+def test_what_goes_on_past_the_end_of_a_course_is_said(tmp_path):
+    file = tmp_path / "case.toml"
+    file.write_text(
+        ON_ECMO
+        + "[[events]]\nat_min = 5\ngive = { crystalloid_ml = 500 }\nover_min = 20\n"
+        + "[[events]]\nat_min = 6\nset = { Rmc = 1.2 }\nramp_min = 8\n"
+    )
+    case = read_case(file).case
+    gift, ramp = Timeline(case, 10 * 60.0).cut_short()
+    assert gift.endswith("goes on past the end of the course at 10 min, which has 125 of 500 mL crystalloid")
+    assert ramp.endswith("which has 50 % of the way of Rmc")
+    assert Timeline(case, 25 * 60.0).cut_short() == []

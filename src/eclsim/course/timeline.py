@@ -154,6 +154,23 @@ class Timeline:
             for event in self.case.events if event.give
         )  # fmt: skip
 
+    def cut_short(self) -> list[str]:
+        """What goes on past the end of the course, in words."""
+        cut, end = list[str](), self.end / MINUTE
+        for event in self.case.events:
+            what = []
+            if event.give and event.at_min + event.over_min > end + 1e-9:
+                share = (end - event.at_min) / event.over_min
+                given = (f"{share * ml:.0f} of {ml:g} mL {kind}" for kind, ml in event.give.items())
+                what += [one.removesuffix("_ml") for one in given]
+            if event.set and event.at_min + event.ramp_min > end + 1e-9:
+                share = (end - event.at_min) / event.ramp_min
+                what += [f"{100.0 * share:.0f} % of the way of {key}" for key in event.set]
+            if what:
+                begun = f"what begins at minute {event.at_min:g} goes on past the end of the course"
+                cut.append(f"{begun} at {end:g} min, which has {', '.join(what)}")
+        return cut
+
     @cached_property
     def breaks(self) -> np.ndarray:
         """Moments at which something begins or ends [s], the start and the end of the course among them."""
