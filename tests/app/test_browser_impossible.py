@@ -1,4 +1,4 @@
-"""What no patient has is marked wherever its numbers would stand, also while another beat is shown."""
+"""Numbers of other states: what no patient has is marked wherever it stands, what differs is named."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ import re
 import pytest
 
 from eclsim.app.texts import text
-from page_in_browser import beat_with, expect, picture, show, turn
+from eclsim.cases.presets import PRESETS
+from page_in_browser import beat_with, choose, expect, picture, show, turn
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
 DIGIT = re.compile(r"\d")
@@ -50,3 +51,32 @@ def test_an_impossible_beat_is_marked_in_every_view(open_page, shots):
         picture(page, shots, f"impossible_{view}")
     show(page, "ramp")
     expect(page.locator(".ecl-fill .ecl-caution")).to_have_count(0)
+
+
+def test_all_that_states_differ_in_has_a_row_with_device_and_unit(open_page, shots):
+    page = open_page("paper")
+    page.keyboard.press("Alt+s")
+    page.locator("#knob-policy").select_option("patient_held")
+    page.wait_for_function("eclsim.bus.last('state').policy === 'patient_held'")
+    page.wait_for_function("eclsim.bus.last('beat').of === eclsim.bus.last('state').of")
+    page.keyboard.press("Alt+s")
+    page.wait_for_function("eclsim.bus.last('saved')?.length === 2")
+    choose(page, PRESETS["lvad"].name)
+    page.wait_for_function("'Qlvadpump' in eclsim.bus.last('beat').waves")
+    show(page, "compare")
+    rows = page.locator(".ecl-compare tbody tr")
+
+    def row(words: str):
+        return rows.filter(has=page.locator("th", has_text=words)).first
+
+    expect(row(text("policy")).locator("td")).to_have_text(
+        [text("as_published"), text("as_published"), text("patient_held")]
+    )
+    expect(row("ECMO Pump speed")).to_contain_text("rpm")
+    expect(row("LVAD Pump speed").locator("td")).to_have_text(["4900", "–", "–"])
+    expect(row("CRRT Blood flow")).to_contain_text("mL/min")
+    expect(row("CRRT Access line")).to_contain_text("oxygenator")
+    expect(row("PF").locator("td").nth(1)).to_have_text("3.70")
+    picture(page, shots, "compare_devices")
+    page.keyboard.press("Alt+3")
+    expect(page.locator(".ecl-fill .ecl-chart.ecl-old")).to_have_count(0)

@@ -126,6 +126,11 @@ def test_an_amount_that_may_be_misread_is_asked_about(open_page, shots):
     add("ecmo.speed_rpm", "3425,5", "7,5")
     expect(page.locator(".ecl-timeline ol")).to_contain_text(f"3425.5 rpm, {text('timeline_over')} 7.5")
     expect(refused).to_have_count(0)
+    add("ecmo.speed_rpm", "")
+    expect(refused).to_have_text(text("timeline_no_amount"))
+    page.wait_for_function(COURSE)
+    page.wait_for_timeout(500)
+    expect(refused).to_have_text(text("timeline_no_amount"))
 
 
 def test_an_alarm_is_seen_over_its_warning(open_page, served, shots):

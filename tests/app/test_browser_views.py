@@ -109,6 +109,7 @@ def test_states_are_compared(open_page, shots):
     page.get_by_role("button", name="Save state").click()
     show(page, "compare")
     expect(page.locator(".ecl-compare tr.knob td")).to_have_text(["2500", "3425", "2500"])
+    expect(page.locator(".ecl-compare tr.knob th")).to_contain_text(["ECMO Pump speed"])
     picture(page, shots, "compare")
     page.get_by_role("button", name="Show 1").click()
     wait_for(page, "beat.outputs.PF > 3.5")

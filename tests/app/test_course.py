@@ -109,6 +109,13 @@ def test_an_amount_is_read_as_beside_a_knob():
     assert added(_typed("1000", "15", give=True))["over_min"] == 15.0
 
 
+def test_a_choice_that_is_recorded_stands_there_in_words():
+    case = with_turn(connect(PAPER, "gas"), "ecmo.pump", "DP3", 30)
+    (words,) = (one["words"] for one in plain_events(case))
+    assert words.startswith("ECMO Pump: ")
+    assert "ecmo.pump" not in words
+
+
 def test_a_link_and_an_export_hold_the_events():
     state = preset_state("healthy").with_case(with_event(HEALTHY, BLEEDING))
     assert state_of(link_of(state)) == state

@@ -10,7 +10,8 @@ import pytest
 from eclsim.app import identify
 from eclsim.app.fitting import FitError, judged, on_the_page, to_fit
 from eclsim.app.identify import Identification, checked_form, fields, values_of
-from eclsim.app.knobs import turn
+from eclsim.app.knobs import connect, turn
+from eclsim.app.provenance import circuit_text, fitted_case, fitted_with, provenance
 from eclsim.app.state import PageState, link_of, preset_state, state_of, subject_of
 from eclsim.app.updates import PosteriorBands
 from eclsim.cases.case import Measurements
@@ -62,6 +63,31 @@ def test_a_good_form_is_a_case_with_the_devices_of_the_page():
     assert not checked.mistakes
     assert checked.values["measurements"]["SP"] == 83
     assert checked.values["ecmo"]["speed_rpm"] == 3425
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_nobody_is_fitted_from_the_heart_and_vessels_of_a_preset(preset):
+    state = preset_state(preset)
+    turned = state.with_case(turn(turn(state.case, "volume_ml", 400), "parameters.Csart", 0.9))
+    for one in (state, turned):
+        case = fitted_case(one)
+        assert {name for name in case.parameters if "." not in name} == set()
+        assert case.instances() == state.case.instances()
+        assert fitted_with(one) == circuit_text(state.case)
+
+
+def test_what_is_held_in_a_fit_is_named_with_it():
+    parameters = {"P0svn": 20.0, "RV_Pd_kappa": 0.025, "Emaxlv": 0.9}
+    case = connect(CASE.model_copy(update={"parameters": parameters}), "gas")
+    file = PageState(turn(case, "gas.fio2", 0.8), "patient_held", origin="file")
+    assert fitted_case(file) == file.case
+    words = fitted_with(file)
+    for part in ("Rotaflow", "fio2 0.8", "Blood given", "RV_Pd_kappa 0.025", "primed"):
+        assert part in words
+    assert "Emaxlv" not in words, "it is fitted"
+    fitted = PageState(file.case, origin="fit", verdict="good")
+    assert "RV_Pd_kappa 0.025" in provenance(fitted)["text"]
+    assert provenance(file)["circuit"] == words, "a change of any of it makes a fit an older one"
 
 
 @pytest.mark.parametrize(

@@ -30,6 +30,11 @@ def test_a_row_of_a_cohort_that_is_not_fitted_is_not_the_patient():
     assert message["level"] == "warning"
     assert "ward.csv" in message["text"]
     assert message["measured"] == {"MAP": 75.0, "CO": 3.0}
+    measured = UNFITTED.model_copy(update={"measurements": Measurements(CVP=14.0)})
+    said = provenance(PageState(measured, origin="file"))["measured"]
+    assert said == {"CVP": 14.0, "right_atrial_pressure": 14.0}, (
+        "the tile and the row with limits show it too"
+    )
 
 
 @pytest.mark.parametrize(

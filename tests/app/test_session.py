@@ -202,6 +202,29 @@ def test_pin_and_save_keep_the_minute_that_is_seen():
     asyncio.run(after())
 
 
+def test_what_is_no_event_is_refused_while_knobs_are_recorded_at_a_later_minute():
+    engine, messages = StubEngine(), []
+
+    async def turns():
+        one = session(engine, messages)
+        one.record(True)
+        one.at_minute(30.0)
+        before = one.state
+        assert not one.connect("lvad")
+        assert not one.use("crrt", {"crrt.access_site": "ra"})
+        one.set_policy("patient_held")
+        assert one.state == before
+        one.at_minute(0.0)
+        assert one.connect("lvad")
+        one.set_policy("patient_held")
+        assert one.state.policy == "patient_held"
+
+    asyncio.run(turns())
+    refused = {data["key"]: data["messages"] for topic, data in messages if topic == "error"}
+    assert set(refused) == {"lvad", "crrt.access_site", "policy"}
+    assert all("from 00:00" in words[0] for words in refused.values())
+
+
 @pytest.mark.parametrize("policy", ["patient_held", "nonsense"])
 def test_only_known_volume_policies_are_taken(policy):
     engine, messages = StubEngine(), []

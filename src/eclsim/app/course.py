@@ -17,7 +17,7 @@ from eclsim.app.texts import ENGLISH, text
 from eclsim.cases.events import KEYS
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.regulation import Drugs
-from eclsim.devices.description import CAUTION, Knob
+from eclsim.devices.description import CAUTION, Knob, Picker
 from eclsim.files import finite
 from eclsim.fluid.law import INTERSTITIUM, PLASMA, RED_CELLS, REFILLED, REMOVED
 from eclsim.inputs.mistakes import CaseError, Mistake
@@ -125,8 +125,14 @@ def _within(minutes: np.ndarray, alarms: Sequence[Mapping[str, Any]]) -> np.ndar
 def plain_events(case: Case) -> list[dict[str, Any]]:
     """Events of a case in the words of the page."""
     known = {one["key"]: one for one in possible_events(case)} if case.events else {}
+    groups = {one.key: one.label for one in case.instances()}
+    pickers = {one.key: one for one in controls(case) if isinstance(one, Picker)} if case.events else {}
 
     def described(key: str, value: object) -> str:
+        if (picker := pickers.get(key)) is not None:
+            written = str(value).lower() if isinstance(value, bool) else value
+            words = dict(picker.options).get(str(written), written)
+            return f"{groups.get(picker.group, '')} {picker.label}: {words}".strip()
         one = known.get(key, {"label": key, "unit": ""})
         return f"{one['label']} {f'{value:g}' if isinstance(value, float) else value} {one['unit']}".strip()
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
-from eclsim.app.knobs import connectable
+from eclsim.app.knobs import connectable, controls
 from eclsim.app.texts import ENGLISH, text
 from eclsim.cases.resolve import circuit_of
 from eclsim.cases.sections import PATIENT_SECTIONS
@@ -146,7 +146,7 @@ def display(case: Case) -> dict[str, Any]:
         "traces": _plain_traces(shown),
         "figures": [_plain_figure(figure) for figure in figures_of(case)],
         "specs": named_specs(case),
-        "compared": [output for _, views in shown for output in views.compared],
+        "compared": compared_of(case),
         "samples": [vars(s) | {"outputs": dict(s.outputs)} for _, v in shown for s in v.samples],
         "exchangers": _exchangers(circuit_of(case)),
         "saturations": [[percent, colour, letters_on(percent)] for percent, colour in STOPS],
@@ -245,6 +245,17 @@ def described(control: Control) -> dict[str, Any]:
             "step": control.step, "log": control.logarithmic,
         }  # fmt: skip
     return common | {"options": [list(option) for option in control.options]}
+
+
+def panel_of(case: Case) -> list[dict[str, Any]]:
+    """All knobs and pickers of a case as plain data, each with the device that it is of."""
+    labels = {instance.key: instance.label for instance in case.instances()}
+    return [described(control) | {"device": labels.get(control.group, "")} for control in controls(case)]
+
+
+def compared_of(case: Case) -> list[str]:
+    """Outputs that states are compared by."""
+    return [output for _, views in _shown(case) for output in views.compared]
 
 
 # --- usual ranges and limits --------------------------------------------------------------------

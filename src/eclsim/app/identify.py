@@ -15,7 +15,7 @@ from eclsim.app.fitting import CancelledError, FitError, judged
 from eclsim.app.knobs import ambiguous_comma, as_written
 from eclsim.app.marks import bare_id
 from eclsim.app.posterior import PosteriorDraws
-from eclsim.app.provenance import circuit_text, title_of
+from eclsim.app.provenance import fitted_case, fitted_with, title_of
 from eclsim.app.state import PageState, link_of, state_of, subject_of
 from eclsim.app.texts import text
 from eclsim.cases.checking import Checked, check_case
@@ -136,7 +136,7 @@ class Identification:
 
     def check(self, typed: Mapping[str, Any]) -> bool:
         """Say what is wrong or doubtful, field by field; whether it can be fitted."""
-        checked = checked_form(self.session.state.case, typed)
+        checked = checked_form(fitted_case(self.session.state), typed)
         self.send("form_check", {
             "mistakes": _by_field(checked.mistakes), "warnings": _by_field(checked.warnings),
             "ready": not checked.mistakes,
@@ -148,7 +148,7 @@ class Identification:
         if self.running or not self.check(typed):
             return
         state = self.session.state
-        raw = checked_form(state.case, typed).values | {"format": 1}
+        raw = checked_form(fitted_case(state), typed).values | {"format": 1}
         subject, policy = subject_of(state), state.policy
         ended = await self._run("fit", raw, policy, EXPECTED_S)
         result = ended.pop("found", None)
@@ -285,7 +285,7 @@ def verdict_of(fit: Mapping[str, Any]) -> str:
 
 def _of(raw: Mapping[str, Any], state: PageState) -> str:
     """Whose fit it is, and with which devices."""
-    return text("fit_of", name=raw["patient"]["id"], circuit=circuit_text(state.case))
+    return text("fit_of", name=raw["patient"]["id"], circuit=fitted_with(state))
 
 
 def _by_field(mistakes: list[Mistake]) -> dict[str, str]:

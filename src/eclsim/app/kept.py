@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from eclsim.app.course import case_at, compute_course
-from eclsim.app.display import waves_of
+from eclsim.app.course import case_at, compute_course, plain_events
+from eclsim.app.display import compared_of, named_specs, panel_of, waves_of
 from eclsim.app.knobs import controls, value_of
 from eclsim.app.provenance import title_of
 from eclsim.app.state import START, Moment, PageState, key_of
@@ -30,15 +30,15 @@ class Kept(NamedTuple):
     moment: Moment = START
 
     def plain(self) -> dict[str, Any]:
-        """With name, minute and knobs, for the browser."""
+        """With all that it can differ in from others, for the browser."""
         from eclsim.app.beat import plain
 
-        labels = {control.key: control.label for control in controls(self.state.case)}
-        minute = self.moment.minute
+        case, minute = self.state.case, self.moment.minute
         key = f"{key_of(self.state)}@{minute:g}" if minute else key_of(self.state)
         return {
-            **plain(self.beat, waves_of(self.state.case)), "of": key, "name": title_of(self.state),
-            "minute": minute, "values": knobs_at(self.state.case, minute), "labels": labels,
+            **plain(self.beat, waves_of(case)), "of": key, "name": title_of(self.state), "minute": minute,
+            "values": knobs_at(case, minute), "panel": panel_of(case), "policy": self.state.policy,
+            "events": plain_events(case), "compared": compared_of(case), "specs": named_specs(case),
         }  # fmt: skip
 
 

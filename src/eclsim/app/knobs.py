@@ -34,6 +34,8 @@ _SWITCHED_ON = MappingProxyType({"regulation": {"baroreflex": 1.0}, "physiology"
 """What a section holds when it is switched on; all others have their defaults."""
 _FILLED = ("svn", "pvn")
 """Vessels whose start pressure takes up blood that is given, in this order where blood is taken."""
+START_PRESSURES = tuple(f"P0{place}" for place in _FILLED)
+"""Parameters that hold the blood that is given."""
 VOLUME_FIELD = Field("Blood given or taken", "number", "mL", -200.0, 3000.0, 500.0, name=VOLUME)
 
 

@@ -5,15 +5,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from eclsim.app.display import group_name
-from eclsim.app.knobs import connected, controls, value_of
+from eclsim.app.knobs import START_PRESSURES, VOLUME, connected, controls, value_of
 from eclsim.app.marks import was_changed
+from eclsim.app.state import POLICIES
 from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
+from eclsim.cases.sections import PATIENT_SECTIONS
 from eclsim.devices.registry import devices
+from eclsim.inputs.mistakes import shown
+from eclsim.parameters.thiel2025 import BOUNDS
 
 if TYPE_CHECKING:
     from eclsim.app.state import PageState
-    from eclsim.cases.case import Case
+    from eclsim.cases.case import Case, Measurements
 
 MOST_NAMED = 4
 """Knobs that are named when they were changed; of more there is a count."""
@@ -37,6 +41,8 @@ def provenance(state: PageState) -> dict[str, Any]:
     source = state.source or text("provenance_no_file")
     sentences = [text(f"provenance_{kind}", source=source)]
     before, unsaid = was_changed(state.start.case), kind == "parameters" and measured is not None
+    if kind == "fit" and (others := held(state.start.case)):
+        sentences[0] += " " + text("provenance_held", what=", ".join(others))
     if kind == "fit" and state.source:
         sentences[0] += " " + text("provenance_read", source=source)
     if unsaid:
@@ -53,9 +59,15 @@ def provenance(state: PageState) -> dict[str, Any]:
     return {
         "title": title_of(state), "badge": text("badge_changed" if state.changed else f"badge_{badge}"),
         "level": "warning" if doubted or state.changed else "ok", "text": " ".join(sentences),
-        "measured": measured.model_dump(exclude_none=True) if measured else {},
-        "circuit": circuit_text(state.case),
+        "measured": _measured(measured) if measured else {},
+        "circuit": fitted_with(state),
     }  # fmt: skip
+
+
+def _measured(measurements: Measurements) -> dict[str, float]:
+    """What was measured, by every output that it is a measurement of."""
+    values = measurements.model_dump(exclude_none=True)
+    return values | ({"right_atrial_pressure": values["CVP"]} if "CVP" in values else {})
 
 
 def kind_of(state: PageState) -> str:
@@ -74,6 +86,36 @@ def circuit_text(case: Case) -> str:
         f"{instance.label} {instance.device.summary(instance.section)}" for instance in case.instances()
     ]
     return ", ".join(summaries) or text("provenance_no_device")
+
+
+def fitted_with(state: PageState) -> str:
+    """What a fit takes as it stands: devices, sections with their settings, and parameters, on one line."""
+    case = fitted_case(state)
+    sections = []
+    for kind in PATIENT_SECTIONS:
+        if (section := getattr(case, kind.section)) is not None:
+            settings = section.model_dump(exclude_none=True, exclude_defaults=True)
+            words = ", ".join(f"{name} {shown(value)}" for name, value in settings.items())
+            sections.append(f"{group_name(kind.section)} ({words})" if words else group_name(kind.section))
+    policy = [f"{text('policy')} {text(state.policy)}"] if state.policy != POLICIES[0] else []
+    return "; ".join([circuit_text(case), *sections, *held(case), *policy])
+
+
+def fitted_case(state: PageState) -> Case:
+    """The case that measurements are fitted from: of a preset without its heart and vessels."""
+    case = state.case
+    if state.start.origin not in PRESETS:
+        return case
+    of_devices = {name: value for name, value in case.parameters.items() if "." in name}
+    return case.model_copy(update={"parameters": of_devices})
+
+
+def held(case: Case) -> list[str]:
+    """Parameters of a case that fits do not search, in words."""
+    others = {name: value for name, value in case.parameters.items() if name not in BOUNDS}
+    start = [others.pop(name) for name in START_PRESSURES if name in others]
+    given = [f"{text(VOLUME)} {value_of(case, VOLUME):.0f} mL"] if start else []
+    return [*given, *(f"{name} {value:g}" for name, value in others.items())]
 
 
 def changes(state: PageState) -> list[str]:

@@ -16,9 +16,9 @@ from eclsim.app.course import (
     with_turn,
     without_event,
 )
-from eclsim.app.display import described, display, shape_of, waves_of
+from eclsim.app.display import display, panel_of, shape_of, waves_of
 from eclsim.app.kept import Kept, computed_again, knobs_at
-from eclsim.app.knobs import connect, connected, controls, switchable, turn
+from eclsim.app.knobs import connect, connected, switchable, turn
 from eclsim.app.provenance import provenance, title_of
 from eclsim.app.state import (
     MOST_SAVED,
@@ -132,12 +132,18 @@ class Session:
 
     def connect(self, device: str) -> bool:
         """Connect or disconnect a device."""
-        return self._try(device, lambda: self.state.with_case(connect(self.state.case, device)), 0)
+
+        def changed() -> PageState:
+            self._check_start(device)
+            return self.state.with_case(connect(self.state.case, device))
+
+        return self._try(device, changed, 0)
 
     def use(self, device: str, settings: Mapping[str, Any]) -> bool:
         """Set several knobs of a device at once; where it is not there, connect it first."""
 
         def changed() -> PageState:
+            self._check_start(device)
             case = self.state.case
             if device not in connected(case):
                 case = connect(case, device)
@@ -169,8 +175,22 @@ class Session:
 
     def set_policy(self, policy: str) -> None:
         """Choose who fills the circuits."""
+
+        def changed() -> PageState:
+            self._check_start("policy")
+            return self.state.with_policy(policy)
+
         if policy in POLICIES:
-            self._change(self.state.with_policy(policy), "policy", 0)
+            self._try("policy", changed, 0)
+
+    def _check_start(self, key: str) -> None:
+        """What is no event holds from the start: it is refused while knobs are recorded at a later minute.
+
+        Raises:
+            CaseError: they are.
+        """
+        if self.recording and self.minute > 0.0:
+            raise CaseError([Mistake(key, text("timeline_of_start"))])
 
     def load(self, state: PageState, opened: bool = False) -> None:
         """Show another patient; undo leads back.
@@ -394,14 +414,13 @@ class Session:
         from eclsim.app.drawing import drawing_of
 
         state, case = self.state, self.state.case
-        knobs = controls(case)
         shape = shape_of(case)
         if (
             parts := (connected(case), [instance.key for instance in case.instances()], shape)
         ) != self._display:
             self._display = parts
             self.send("display", display(case))
-        panel = [described(control) for control in knobs]
+        panel = panel_of(case)
         if panel != self._panel:
             self._panel = panel
             self.send("panel", panel)

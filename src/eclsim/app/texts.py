@@ -53,6 +53,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "make sure that it belongs to this one.",
         "provenance_changed": "Changed by hand since: {what}.",
         "provenance_verdict": "Fit: {verdict}.",
+        "provenance_held": "Not fitted, but as set: {what}.",
         "provenance_read": "Read from {source}.",
         "provenance_unsaid": "Whether they were fitted to the measurements in it, it does not say.",
         "provenance_changed_before": "Changed by hand before it was saved.",
@@ -297,6 +298,8 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "timeline_record_hint": "A knob that is turned becomes an event at the time that is shown; else the "
         "knobs are those of the start.",
         "timeline_volume": "is given at the start; later, add an event to the timeline",
+        "timeline_of_start": "would hold from 00:00, not from the minute that is shown: go to the start, or "
+        "stop recording knobs",
         "timeline_lanes": "Curves",
         "timeline_passing": "Not steady",
         "gases_passing": "beat by beat the gases of each compartment are not listed",
@@ -417,8 +420,8 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "fit_bounds_elsewhere": "bounds (possible with eclsim identify)",
         "fit_option_elsewhere": "(an option of eclsim identify)",
         "fit_ended_with": "search: {message}",
-        "fit_old": "The form or the devices were changed since this fit ({of}). Its results and the "
-        "measurements beside them are the older ones: press Fit for those in the form.",
+        "fit_old": "The form, devices or what else is set were changed since this fit ({of}). Its results "
+        "and the measurements beside them are the older ones: press Fit for those in the form.",
         "fit_off": "{count} standard uncertainties",
         "fit_used": "The fitted patient is in all views now.",
         "fit_fitted": "fitted",
@@ -434,7 +437,8 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "fit_clear": "Empty the form",
         "fit_nobody": "your own patient (a preset has none)",
         "fit_form_of": "Measurements of {name}",
-        "fit_circuit": "Fitted with the devices as they are set now: {circuit}.",
+        "fit_circuit": "Fitted with what is set now: {circuit}. What is neither fitted nor named here has "
+        "its published value, whatever a preset and the knobs of heart and vessels say.",
         "fit_now": "simulated {value}",
         "fit_typed_kept": "What was typed for this patient was kept in this tab.",
         "fit_of": "Fit of {name} with {circuit}",

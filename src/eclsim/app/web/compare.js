@@ -1,5 +1,5 @@
 // Saved states side by side: what differs in the knobs, the main outputs, arterial pressure and loops.
-import { compact, fill, ink, isPossible, listening, stroke, svgDash, tab, timeOf } from "eclsim-page";
+import { clock, compact, fill, ink, isPossible, listening, stroke, svgDash, tab, timeOf } from "eclsim-page";
 import { Chart, axis, line } from "eclsim-page/chart.js";
 
 const NAMES = "names"; // of the saved states of this tab, by what they were computed from
@@ -86,7 +86,9 @@ export default {
     columns() {
       const { name, values: knobs = {} } = this.state ?? {};
       const values = this.beat?.values_then ?? knobs;
-      const now = { name, values, beat: this.beat, label: this.texts.compare_now, stroke: stroke(0) };
+      const { policy, events } = this.state ?? {};
+      const about = { name, values, policy, events, panel: this.panel };
+      const now = { ...about, beat: this.beat, label: this.texts.compare_now, stroke: stroke(0) };
       const shadow = { colour: ink("edge"), dash: "solid" };
       const pinned = this.pinned && {
         ...this.pinned,
@@ -99,9 +101,11 @@ export default {
     },
     rows() {
       const keys = [...new Set(this.columns.flatMap((s) => Object.keys(s.values)))];
-      const knobs = keys.map((key) => this.knobRow(key)).filter((r) => new Set(r.cells).size > 1);
-      const shared = this.outputs.filter((name) => this.columns.some((s) => name in s.beat.outputs));
-      return [...knobs, ...shared.map((name) => this.outputRow(name))];
+      const set = [...keys.map((key) => this.knobRow(key)), this.policyRow(), this.eventsRow()];
+      const names = new Set([...this.outputs, ...this.columns.flatMap((s) => s.compared ?? [])]);
+      const known = [...names].filter((name) => this.columns.some((s) => name in s.beat.outputs));
+      const differing = set.filter((r) => new Set(r.cells).size > 1);
+      return [...differing, ...known.map((name) => this.outputRow(name))];
     },
   },
   unmounted() {
@@ -122,13 +126,23 @@ export default {
       return { ...column, name, dash: svgDash(column.stroke.dash), possible: isPossible(column.beat) };
     },
     knobRow(key) {
-      const knob = this.panel.find((k) => k.key === key);
-      const label = this.columns.map((s) => s.labels?.[key]).find(Boolean) ?? knob?.label ?? key;
-      const cells = this.columns.map((s) => format(s.values[key]));
-      return { key, label, unit: knob?.unit ?? "", cells, kind: "knob" };
+      const panels = this.columns.flatMap((s) => s.panel ?? []);
+      const { device = "", label = key, unit, options } = panels.find((k) => k.key === key) ?? {};
+      const words = Object.fromEntries(options ?? []);
+      const cells = this.columns.map((s) => words[s.values[key]] ?? format(s.values[key]));
+      return { key, label: `${device} ${label}`.trim(), unit: unit ?? "", cells, kind: "knob" };
+    },
+    policyRow() {
+      const cells = this.columns.map((s) => this.texts[s.policy]);
+      return { key: "policy", label: this.texts.policy, unit: "", cells, kind: "knob" };
+    },
+    eventsRow() {
+      const said = ({ at, words }) => `${clock(at)} ${words}`;
+      const cells = this.columns.map((s) => (s.events ?? []).map(said).join(", ") || "–");
+      return { key: "events", label: this.texts.timeline_events, unit: "", cells, kind: "knob" };
     },
     outputRow(name) {
-      const { label, unit } = this.specs[name] ?? this.named[name];
+      const { label, unit } = this.specs[name] ?? this.named[name] ?? this.kept(name);
       const why = this.columns.map((s) => s.beat.cautions?.[name]).find(Boolean);
       return {
         key: name,
@@ -138,6 +152,9 @@ export default {
         cells: this.columns.map((s) => format(s.beat.outputs[name])),
         kind: "output",
       };
+    },
+    kept(name) {
+      return this.columns.map((s) => s.specs?.[name]).find(Boolean);
     },
     nameLabel(state) {
       return fill(this.texts.compare_name, { number: state.number });

@@ -46,7 +46,7 @@ export default {
       const hint = caution ? `${full}, ${fill(this.texts.caution, { why: caution })}` : full;
       const range = extremes && possible ? extremes.map((name) => fixed(outputs[name], 0)).join("/") : "";
       const text = level === "collapse" ? ` ${MISSING}` : fixed(value, digits);
-      const measured = this.asMeasured(output, digits);
+      const measured = this.asMeasured([output], digits) || this.asMeasured(extremes ?? [], 0);
       const more = [this.difference(output, value, digits) || range, measured].filter(Boolean);
       return { key, label, unit, level, caution, hint, value: SIGNS[level].trim() + text, more };
     },
@@ -56,9 +56,10 @@ export default {
       if (this.pinned && !isPossible(this.pinned)) return `Δ ${SIGNS.collapse.trim()}`;
       return Number.isFinite(before) ? `Δ ${signed(value - before, digits)}` : "";
     },
-    asMeasured(output, digits) {
-      const measured = this.measured[output];
-      return measured === undefined ? "" : `${this.texts.key_measured} ${fixed(measured, digits)}`;
+    asMeasured(outputs, digits) {
+      const measured = outputs.map((name) => this.measured[name]);
+      if (!measured.length || measured.includes(undefined)) return "";
+      return `${this.texts.key_measured} ${measured.map((value) => fixed(value, digits)).join("/")}`;
     },
   },
 };

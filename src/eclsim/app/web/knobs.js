@@ -55,6 +55,7 @@ export default {
           <option value="as_published">{{ texts.as_published }}</option>
           <option value="patient_held">{{ texts.patient_held }}</option>
         </select>
+        <p v-if="errors.policy" role="alert">{{ errors.policy }}</p>
       </div>
     </section>
   </div>`,

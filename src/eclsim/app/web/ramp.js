@@ -29,22 +29,30 @@ export default {
     <p v-if="empty" class="ecl-empty">{{ texts.ramp_none }}</p>
     <p v-for="line in empty ? [] : later" :key="line" class="ecl-caution" role="status">{{ line }}</p>
     <p v-if="note && !empty" class="ecl-caution bad" role="status">{{ note }}</p>
-    <div v-show="!empty" class="ecl-chart" ref="chart" role="group" :aria-label="texts.ramp"></div>
+    <div v-show="!empty" :class="['ecl-chart', { 'ecl-old': isOld }]" ref="chart" role="group" :aria-label="texts.ramp"></div>
   </div>`,
   mixins: [
     drawing(["ramp_pinned", "ramp_bands"], {
       ramp(ramp) {
         this.ramp = ramp;
         this.empty = !ramp;
+        this.drawn = ramp?.of;
         this.show();
       },
       beat(beat) {
         this.time = timeOf(beat);
       },
+      state({ of }) {
+        this.of = of;
+      },
     }),
   ],
-  data: () => ({ empty: false, note: "", time: "", pinned: null }),
+  data: () => ({ empty: false, note: "", time: "", pinned: null, of: "", drawn: "" }),
   computed: {
+    // The curves are those of a state before.
+    isOld() {
+      return this.of !== this.drawn;
+    },
     later() {
       return laterThanStart(this.texts, this.time, timeOf(this.pinned));
     },

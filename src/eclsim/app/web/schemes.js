@@ -25,7 +25,7 @@ export default {
         <span v-for="line in ['access', 'return', 'limits']" :key="line" :class="line">{{
           { access: '━', return: '╌', limits: '┄' }[line] }} {{ texts['scheme_' + line] }}</span>
         · {{ texts.scheme_h }}</p>
-      <div class="grid">
+      <div :class="['grid', { 'ecl-old': of !== drawn }]">
         <button v-for="c in cells" :key="c.letter" type="button" :class="{ own: isOwn(c) }"
           :aria-pressed="isOwn(c)" :title="about(c)"
           @click="$emit('use', { device, settings: c.settings })">
@@ -55,17 +55,29 @@ export default {
       schemes(schemes) {
         this.schemes = schemes;
         this.empty = !schemes;
+        this.drawn = schemes?.of;
         this.show();
       },
       state(state) {
         this.values = state.values;
+        this.of = state.of;
       },
       beat(beat) {
         this.time = timeOf(beat);
       },
     }),
   ],
-  data: () => ({ cells: [], empty: false, heading: "", device: "", values: {}, time: "", pinned: null }),
+  data: () => ({
+    cells: [],
+    empty: false,
+    heading: "",
+    device: "",
+    values: {},
+    time: "",
+    pinned: null,
+    of: "",
+    drawn: "",
+  }),
   computed: {
     later() {
       return laterThanStart(this.texts, this.time, timeOf(this.pinned));

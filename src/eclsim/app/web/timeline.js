@@ -27,7 +27,7 @@ export default {
       <button type="button" class="toggle" :aria-expanded="isOpen" @click="toggle">{{
         isOpen ? texts.timeline_close : texts.timeline_open }}</button>
       <template v-if="isOpen">
-        <button type="button" class="play" :disabled="!course" @click="playing ? stop() : play()">{{
+        <button type="button" class="play" :disabled="!course || !connected" @click="playing ? stop() : play()">{{
           playing ? texts.timeline_pause : texts.timeline_play }}</button>
         <button type="button" :disabled="!minute" :title="texts.timeline_start"
           :aria-label="texts.timeline_start" @click="jump(0)">|◀</button>
@@ -47,6 +47,7 @@ export default {
     </div>
     <template v-if="isOpen">
       <p v-if="refused" class="refused" role="alert">{{ refused }}</p>
+      <p v-if="impossible" class="refused" role="alert">{{ impossible }}</p>
       <p v-if="course?.message" class="refused" role="alert">{{ course.message }}</p>
       <p v-for="a in course?.approximations" :key="a" class="ahead" role="note">{{ a }}</p>
       <div v-if="course" class="chart" :class="{ old: busy }" ref="chart" tabindex="0" role="slider"
@@ -78,7 +79,7 @@ export default {
           maxlength="30" /> {{ chosen?.unit }}</label>
         <label>{{ texts.timeline_over }} <input v-model="over" inputmode="decimal" size="4"
           maxlength="30" /> {{ texts.timeline_minutes }}</label>
-        <button type="submit" @click="onlyOnce">{{ addLabel }}</button>
+        <button type="submit" :disabled="!connected" @click="onlyOnce">{{ addLabel }}</button>
       </form>
       <div class="lists">
         <ol v-if="events.length" :aria-label="texts.timeline_events"><li v-for="(e, k) in events" :key="k">
@@ -106,8 +107,8 @@ export default {
       },
       state({ events, of }) {
         this.events = events;
+        if (this.of !== of) this.refused = "";
         this.of = of;
-        this.refused = "";
       },
       possible_events(possible) {
         this.possible = possible;
@@ -125,7 +126,7 @@ export default {
       },
       course(course) {
         this.busy = false;
-        this.refused = course.refused ?? "";
+        this.impossible = course.refused ?? "";
         this.course = course.refused ? null : course;
         this.asked = undefined;
         this.minute = this.course ? Math.min(this.minute, this.end) : 0;
@@ -134,6 +135,10 @@ export default {
       error({ key, messages }) {
         if (key === "events") this.refused = messages.join(" ");
       },
+      connected(on) {
+        this.connected = on;
+        if (!on) this.stop();
+      },
     }),
   ],
   data: () => ({
@@ -141,6 +146,8 @@ export default {
     course: null,
     busy: false,
     refused: "",
+    impossible: "",
+    connected: true,
     events: [],
     possible: [],
     what: "",
