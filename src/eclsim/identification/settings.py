@@ -189,6 +189,20 @@ def _unknown_of_gases(case: Case) -> set[str]:
     return {SHUNT, *assumed_of_gases(case), *(name for drained in mixed for name in names_in(drained.mixing))}
 
 
+def told_by_gases(case: Case) -> tuple[str, ...]:
+    """What the gases measured in a case tell of gas exchange and the case does not know."""
+    there = output_names(circuit_of(case))
+    measured = {name for name in measured_outputs(case) if name in there}
+    unknown = _unknown_of_gases(case)
+    return tuple(key for key, gases in GASES_TELL_OF.items() if key in unknown and {*gases} & measured)
+
+
+def told_of_volume(case: Case) -> tuple[str, ...]:
+    """The blood volume, where CVP was measured and the case does not give it."""
+    told = {*TELLS_OF[EXTRA_VOLUME][1]} & {*measured_outputs(case)}
+    return (EXTRA_VOLUME,) if told and _holds_volume(case, ()) else ()
+
+
 def assumed_of_gases(case: Case) -> set[str]:
     """Shunt and oxygen consumption, where a case leaves them at what is assumed."""
     if case.gas is None:

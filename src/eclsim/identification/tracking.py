@@ -37,10 +37,10 @@ from eclsim.identification.objective import Box
 from eclsim.identification.quantities import OUTPUTS, measurement_errors, unit_of, unit_of_parameter
 from eclsim.identification.series import Series, series_of
 from eclsim.identification.settings import FitSettings
-from eclsim.identification.verdict import FitVerdict, agreement, goodness_of
+from eclsim.identification.verdict import Aspect, FitVerdict, Level, Reason, agreement, goodness_of
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.orbit.model import CaseSource, Model, as_case, model_of
-from eclsim.outputs.signals import of_gases, output_names
+from eclsim.outputs.signals import of_gases, output_names, parameters_read
 from eclsim.outputs.steady_beat import SteadyBeat
 
 if TYPE_CHECKING:
@@ -134,6 +134,7 @@ class TrackedPoint:
         warnings: what there is to say of the beat at the medians of the parameters.
         hours: since the measurement before, known or assumed; None at the first point.
         seconds: wall time of forecast and update.
+        doubts: what is held although it is not known, so that the estimate makes up for it.
     """
 
     name: str
@@ -152,6 +153,7 @@ class TrackedPoint:
     warnings: tuple[str, ...] = ()
     hours: float | None = None
     seconds: float = 0.0
+    doubts: tuple[str, ...] = ()
 
     def as_object(self) -> dict[str, Any]:
         """As plain data for JSON; null for what is not known."""
@@ -169,7 +171,7 @@ class TrackResult:
         patient: id.
         points: in order of time.
         assumed_interval_hours: from one measurement to the next; None where their names are times.
-        notes: what the series gave that its cases leave open.
+        notes: what is assumed at all times, and what the series gave that its cases leave open.
     """
 
     patient: str
@@ -264,6 +266,7 @@ class Tracker:
         self._prior: Prior | None = None
         self._starts: dict[Circuit, dict[str, float]] = {}
         self._left_out: dict[str, float] = {}
+        self._said: set[str] = set()
 
     def update(self, name: str, case: Case, hours: float | None = None) -> TrackedPoint:
         """Forecast a measurement, hold it against that, and learn from it.
@@ -280,7 +283,7 @@ class Tracker:
         self._check_patient(case)
         days = self._days(hours)
         self.series.learn(name, case)
-        prior, model, measured = self._read(case)
+        prior, model, measured, doubts = self._read(case)
         since = None if self.patient is None else days * HOURS_PER_DAY
         self.patient = case.patient.id
         try:
@@ -288,7 +291,7 @@ class Tracker:
                 point = self._first(name, prior, model, measured)
             else:
                 point = self._next(name, self._forecast(self.estimate, days), model, measured)
-            point = replace(point, warnings=self._warnings(model, point))
+            point = self._doubted(replace(point, warnings=self._warnings(model, point)), doubts)
         except NoSteadyBeatError as error:
             point = self._failed(name, measured, str(error), days)
         return replace(point, seconds=time.perf_counter() - started, hours=since)
@@ -328,14 +331,26 @@ class Tracker:
             raise CaseError([Mistake("hours", message, shown(float(hours)), "0 or more hours")])
         return hours / HOURS_PER_DAY
 
-    def _read(self, case: Case) -> tuple[Prior, Model, dict[str, float]]:
-        """Prior, model and measurements of a case."""
+    def _read(self, case: Case) -> tuple[Prior, Model, dict[str, float], tuple[str, ...]]:
+        """Prior, model, measurements and doubts of a case."""
         case, checked = self.series.checked(case)
         if checked.mistakes:
             raise CaseError(checked.mistakes)
         if self._prior is None:
-            self._prior = Prior.within(Box.of(checked.free), self.settings.prior)
-        return self._prior, model_of(case).with_values(checked.fixed), dict(checked.targets)
+            self._prior = Prior.within(Box.of(self.series.free()), self.settings.prior)
+        model, doubts = model_of(case).with_values(checked.fixed), self.series.doubts(case, checked)
+        return self._prior, model, dict(checked.targets), doubts
+
+    def _doubted(self, point: TrackedPoint, doubts: tuple[str, ...]) -> TrackedPoint:
+        """The point with what is held although it is not known; the message has what was not said before."""
+        new = [doubt for doubt in doubts if doubt not in self._said]
+        self._said.update(new)
+        verdict = point.verdict
+        if verdict is not None:
+            reasons = [Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", doubt) for doubt in doubts]
+            verdict = verdict.with_reasons(reasons)
+        message = "; ".join(filter(None, (point.message, *new)))
+        return replace(point, verdict=verdict, message=message, doubts=doubts)
 
     def _first(self, name: str, prior: Prior, model: Model, measured: Mapping[str, float]) -> TrackedPoint:
         """The posterior of the first measurement by itself."""
@@ -412,7 +427,8 @@ class Tracker:
     def _warnings(self, model: Model, point: TrackedPoint) -> tuple[str, ...]:
         from eclsim.outputs.results import beat_warnings
 
-        medians = {name: interval.median for name, interval in point.parameters.items()}
+        read = parameters_read(model.circuit)
+        medians = {name: i.median for name, i in point.parameters.items() if name in read}
         return beat_warnings(model.with_values(medians), self._policy(model), tuple(point.outputs))
 
     def _forecast(self, estimate: _Estimate, days: float) -> _Estimate:
@@ -531,7 +547,7 @@ def track(
         say("")
         done.append(tracker.update(name, case, passed))
     assumed = None if known else settings.interval_hours
-    return TrackResult(patient, tuple(done), assumed, tuple(series.notes))
+    return TrackResult(patient, tuple(done), assumed, tuple(series.remarks(cases[-1][1])))
 
 
 def elapsed_hours(names: Sequence[str]) -> list[float | None] | None:
