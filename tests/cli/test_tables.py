@@ -14,7 +14,7 @@ def test_the_sensitivity_table_says_what_its_stars_and_its_last_line_mean():
     width = np.full_like(total, 0.001)
     estimates = Estimates(total, width, total, width)
     lines = indices_text(
-        Indices(("Rmc", "Emaxlv", "Csvn"), ("SP", "CO"), estimates, 8, 40, (), 8)
+        Indices(("Rmc", "Emaxlv", "Csvn"), ("SP", "CO"), estimates, 64, 320, (), 64)
     ).splitlines()
     assert lines[1].startswith("* the largest, which together make up 90 %")
     assert sorted(lines[-1].partition(": ")[2].split(", ")) == ["Csvn", "Emaxlv", "Rmc"]

@@ -6,10 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from eclsim.cases.case import Measurements
 from eclsim.cli.cases import read_table
-from eclsim.cli.track import _check_points
+from eclsim.cli.track import TrackOptions, _check_points, _series, _settings, _settings_of_each
 from eclsim.identification.settings import FitSettings
 from eclsim.identification.tracking import TrackSettings
+from eclsim.parameters.thiel2025 import BOUNDS
 
 HEAD = (
     "patient_id,measurement,sex,age_years,height_cm,weight_kg,heart_rate_bpm,SP,DP,MAP,MPAP,PCWP,CO,PF,"
@@ -200,11 +202,42 @@ def test_assumed_numbers_that_measured_gases_tell_of_are_warned_of(capsys):
     table = Path(__file__).parents[2] / "examples" / "ageing_oxygenator.csv"
     points = read_table(str(table)).points
     series = {"vv-ageing": [(point.measurement, point.case) for point in points]}
-    _check_points(series, TrackSettings(FitSettings(("Rmc",))))
+    _check_points(series, {"vv-ageing": TrackSettings(FitSettings(("Rmc",)))})
     message = capsys.readouterr().err
     assert (
         "vv-ageing: the shunt of the lungs is held at an assumed value while SaO2, PaO2 would tell" in message
     )
     assert "gas.vo2_ml_min" in message
-    _check_points(series, TrackSettings(FitSettings(("Rmc", "gas.shunt_fraction", "gas.vo2_ml_min"))))
-    assert capsys.readouterr().err == ""
+    # Whichever row has the gases.
+    (first, case), *later = series["vv-ageing"]
+    without = case.model_copy(update={"gas": None, "measurements": Measurements(MAP=70)})
+    series["vv-ageing"] = [(first, without), *later]
+    _check_points(series, {"vv-ageing": TrackSettings(FitSettings(("Rmc",)))})
+    assert "the shunt of the lungs is held at an assumed value" in capsys.readouterr().err
+    free = ("Rmc", "gas.shunt_fraction", "gas.vo2_ml_min")
+    _check_points(series, {"vv-ageing": TrackSettings(FitSettings(free))})
+    message = capsys.readouterr().err
+    assert "assumed value" not in message
+    assert "note: vv-ageing: the blood volume is held" in message
+
+
+def test_what_gases_and_cvp_tell_of_is_free_unasked(shell, capsys):
+    """Row by row, and for each patient of a table."""
+    head = HEAD.strip() + ",SaO2,haemoglobin_g_dl,CVP\n"
+    rows = (
+        "=A,1,female,60,165,60,80,112,74,88,,,4.0,,,,,,,,,\n",
+        "=A,2,female,60,165,60,80,112,74,88,,,4.0,,,,,,,93,10,\n",
+        "=B,1,female,60,165,60,80,112,74,88,,,4.0,,,,,,,,,4\n",
+    )
+    file = shell.folder / "gases.csv"
+    file.write_text(head + "".join(rows))
+    options = TrackOptions(files=[str(file)], out=str(shell.folder / "out"))
+    series, _ = _series(options)
+    each = _settings_of_each(options, series, _settings(options))
+    assert each["=A"].fit.parameters == ("gas.shunt_fraction", *BOUNDS)
+    assert each["=B"].fit.parameters == ("fluid.extra_volume_ml", *BOUNDS)
+    assert "=A: blood gases or CVP were measured: free are gas.shunt_fraction" in capsys.readouterr().err
+    _check_points(series, each)
+    chosen = TrackOptions(files=[str(file)], out="out", parameters="Rmc", bounds="Rmc=0.1:2")
+    each = _settings_of_each(chosen, series, _settings(chosen))
+    assert {settings.fit.parameters for settings in each.values()} == {("Rmc",)}

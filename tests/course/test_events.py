@@ -4,7 +4,10 @@ import pytest
 
 from eclsim.cases import Case, read_case
 from eclsim.cases.writing import case_text
+from eclsim.circuit.volumes import start_volume
+from eclsim.course.beats import course_beats
 from eclsim.course.course import course
+from eclsim.course.timeline import Timeline
 from eclsim.inputs.mistakes import CaseError
 from eclsim.parameters.fluid import says_start
 from small_patient import ON_ECMO
@@ -110,3 +113,44 @@ def test_what_is_doubtful_in_a_case_file_is_doubtful_in_an_event(tmp_path):
     file.write_text(ON_ECMO + '[[events]]\nat_min = 5\nset = { "drugs.noradrenaline" = 2.5 }\n')
     (doubt,) = [warning for warning in read_case(file).warnings if "noradrenaline" in str(warning)]
     assert "beyond the usual 1 ug/kg/min" in str(doubt)
+
+
+def test_what_goes_on_past_the_end_of_a_course_is_said(tmp_path):
+    file = tmp_path / "case.toml"
+    file.write_text(
+        ON_ECMO
+        + "[[events]]\nat_min = 5\ngive = { crystalloid_ml = 500 }\nover_min = 20\n"
+        + "[[events]]\nat_min = 6\nset = { Rmc = 1.2 }\nramp_min = 8\n"
+    )
+    case = read_case(file).case
+    gift, ramp = Timeline(case, 10 * 60.0).cut_short()
+    assert gift.endswith("goes on past the end of the course at 10 min, which has 125 of 500 mL crystalloid")
+    assert ramp.endswith("which has 50 % of the way of Rmc")
+    assert Timeline(case, 25 * 60.0).cut_short() == []
+
+
+def test_wider_veins_hold_what_they_held(tmp_path):
+    """An event on a compliance filled it to the pressure of the start: 30 % more of Csvn gave 25 mL."""
+    file = tmp_path / "case.toml"
+    file.write_text(ON_ECMO + "[[events]]\nat_min = 5\nset = { Csvn = 26.65, Csart = 1.2 }\n")
+    timeline = Timeline(read_case(file).case, 10 * 60.0)
+    (circuit, before), after = timeline.start, timeline.settings(1, 400.0)
+    assert (before["Csvn"], after["Csvn"]) == (20.5, 26.65)
+    stretching = [
+        sum(start_volume(c, values) for c in circuit.compartments) - values["unstressed_volume_ml"]
+        for values in (before, after)
+    ]
+    assert stretching[1] == pytest.approx(stretching[0], abs=1e-9)
+    assert after["Csart"] == 1.2
+
+
+@pytest.mark.slow
+def test_pressures_fall_in_wider_veins_with_steady_beats_as_beat_by_beat(tmp_path):
+    file = tmp_path / "case.toml"
+    file.write_text(ON_ECMO + "[[events]]\nat_min = 1\nset = { Csvn = 26.65 }\n")
+    steady = course(file, minutes=3.0, every_min=0.5, outputs=["venous_pressure", "MAP"])
+    beats = course_beats(file, minutes=3.0, every_min=0.5, outputs=["venous_pressure", "MAP"])
+    for name, bar in (("venous_pressure", 0.1), ("MAP", 0.5)):
+        end, as_beats = float(steady[name][-1]), float(beats[name][-1])
+        assert end == pytest.approx(as_beats, abs=bar)
+        assert end < 0.99 * float(steady[name][0])

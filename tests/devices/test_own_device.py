@@ -252,13 +252,34 @@ def test_an_installed_package_offers_devices(monkeypatch):
 
 def test_a_device_has_parameters_of_its_own_names():
     """Its Rmc would silently become the patient's."""
-    section = type("Own", (Section,), {"section": "own", "__annotations__": {}})
-    names = {"key": "own", "name": "Own", "section": section, "circuit": None, "values": None}
-    own = type(
-        "Own",
-        (Device,),
-        names | {"parameters": (Parameter("Rmc", 0.05, "mmHg s/mL", "x", "here", 0.01, 1.0, "own"),)},
-    )
-    own.__abstractmethods__ = frozenset()
+    parameter = (Parameter("Rmc", 0.05, "mmHg s/mL", "x", "here", 0.01, 1.0, "own"),)
     with pytest.raises(DeviceError, match="'Rmc': the name of a parameter of the patient"):
-        register_device(own)
+        register_device(_own(parameters=parameter))
+
+
+def test_two_devices_of_ones_own_do_not_share_a_parameter(rvad):
+    parameter = (Parameter("Crvadin", 0.05, "mL/mmHg", "x", "here", 0.01, 1.0, "own"),)
+    with pytest.raises(DeviceError, match="'Crvadin': the name of a parameter of the patient or of another"):
+        register_device(_own(parameters=parameter))
+
+
+def _own(**names):
+    """A device that is refused for one reason alone."""
+    section = type("Own", (Section,), {"section": "own", "__annotations__": {}})
+    described = {"key": "own", "name": "Own", "section": section, "circuit": None, "values": None} | names
+    own = type("Own", (Device,), described)
+    own.__abstractmethods__ = frozenset()
+    return own
+
+
+def test_crrt_is_connected_at_its_positions(rvad):
+    offers = type("Offers", (type(rvad),), {"positions": {"before_rvad_pump": "rvadin"}})
+    register_device(offers)
+    crrt = {"flow_ml_min": 150, "access_site": "before_rvad_pump", "return_site": "svn"}
+    case = read_mapping(read_case(CASE).case.as_mapping() | {"crrt": crrt}).case
+    beat = simulate(model_of(case))
+    assert float(beat["crrt_flow"]) == pytest.approx(0.15, rel=1e-3)
+    assert "before_rvad_pump" in case.as_mapping()["crrt"]["access_site"]
+    without = {key: value for key, value in case.as_mapping().items() if key != "rvad"}
+    with pytest.raises(CaseError, match=r"the case has no \[rvad\] section"):
+        read_mapping(without)

@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import jax
 import numpy as np
 import pytest
 
@@ -156,3 +157,11 @@ def test_an_unknown_drug_names_its_neighbour_and_a_large_dose_is_doubted():
     assert "extrapolated" in str(warning)
     (warning,) = read(drugs={"vasopressin": 0.2}).warnings
     assert "beyond the usual 0.1 U/min" in str(warning)
+
+
+@pytest.mark.parametrize("drug", PUBLISHED.values(), ids=lambda d: d.name)
+def test_a_dose_that_rounding_makes_negative_is_none(drug):
+    """Ramps up from nothing pass such doses; a steepness that is no whole number made them NaN."""
+    share, slope = jax.jvp(drug.share, (-1e-20,), (1.0,))
+    assert (float(share), float(slope)) == (0.0, 0.0)
+    assert np.isfinite(jax.jvp(drug.share, (0.0,), (1.0,))[1])

@@ -15,7 +15,7 @@ def indices() -> Indices:
     pairs = np.full((*shape, shape[1]), 0.001)
     pairs[0, 22, 23] = 0.2  # SP: Emaxra with Emaxrv
     estimates = Estimates(0.5 * total, 0.1 * total, total, 0.1 * total, pairs, np.full_like(pairs, 0.05))
-    return Indices(CARDIOVASCULAR, OUTPUTS, estimates, 8, 8 * 50, (), 8)
+    return Indices(CARDIOVASCULAR, OUTPUTS, estimates, 64, 64 * 50, (), 64)
 
 
 def labels(axes) -> list[str]:

@@ -259,3 +259,21 @@ def test_the_slowest_pump_that_keeps_a_pressure_does_not_carry_blood_backwards()
     assert result.outputs["PF"] > -0.0101
     assert any(stop.goal.output == "PF" for stop in result.stops)
     assert "runs backwards" in result.message
+
+
+@pytest.mark.slow
+def test_a_goal_of_flow_leaves_the_sweep_alone_and_alarms_are_in_the_first_words():
+    """The smallest sweep for a flow is none: an answer at a saturation of 23 %, called reached."""
+    found = reach(VENO_VENOUS, "PF > 4")
+    assert [one.name for one in found.settings] == ["ecmo.speed_rpm"]
+    assert found.outputs["SaO2"] > 85.0
+    slow = reach(VENO_VENOUS, "PF < 3")
+    assert slow.goals[0].value > -1e-4
+    assert "SaO2" in slow.message.partition("beyond alarm limits")[0]
+    both = reach(VENO_VENOUS, "SaO2 > 90, PaCO2 35..45")
+    assert [one.name for one in both.settings] == ["ecmo.speed_rpm", "ecmo.sweep_l_min"]
+
+
+def test_bounds_of_settings_lie_in_the_allowed_range():
+    with pytest.raises(GoalError, match=r"gas.shunt_fraction = -1..0.5: outside the allowed range"):
+        reach(VENO_VENOUS, "PF > 4", vary="gas.shunt_fraction=-1..0.5")

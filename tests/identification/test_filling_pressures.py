@@ -8,7 +8,13 @@ from eclsim.cases.reading import read_mapping
 from eclsim.identification.fit import fit
 from eclsim.identification.multi_start import MultiStart
 from eclsim.identification.quantities import relative_scale
-from eclsim.identification.settings import FitSettings, check_fit
+from eclsim.identification.settings import (
+    FitSettings,
+    check_fit,
+    checked_fit,
+    held_by_assumption,
+    held_volume,
+)
 from eclsim.inputs.mistakes import CaseError
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
@@ -113,3 +119,47 @@ def test_a_fit_that_holds_the_volume_says_so_where_it_misses_the_central_venous_
     held = fit(case, settings=settings)
     assert held.verdict.level != "good"
     assert any("free fluid.extra_volume_ml" in reason.sentence for reason in held.verdict.reasons)
+
+
+VOLUME = "fluid.extra_volume_ml"
+
+
+def without_fluid(**values):
+    return read_mapping({k: v for k, v in RAW.items() if k != "fluid"} | {"measurements": values}).case
+
+
+def test_the_blood_volume_can_be_free_without_its_section():
+    """The advice of a fit that misses CVP is followed as it stands."""
+    twin = measured(("MAP", "CO", "CVP"), **{"Rmc": 0.6, VOLUME: 450.0})
+    case = twin.model_copy(update={"fluid": None})
+    checked = checked_fit(case, FitSettings(("Rmc", VOLUME)))
+    assert not checked.mistakes
+    assert VOLUME in checked.free
+    assert any(note.key == VOLUME and "[fluid]" in str(note) for note in checked.notes)
+    settings = FitSettings(("Rmc", VOLUME), weights="uncertainty", multi_start=MultiStart.quick(20))
+    result = fit(case, settings=settings)
+    assert result.case.fluid.extra_volume_ml == result.parameters[VOLUME].value
+    assert result.parameters[VOLUME].value == pytest.approx(450.0, rel=0.01)
+
+
+def test_a_held_blood_volume_is_said_with_what_follows_from_it():
+    """An overloaded heart is fitted away by the others, to the last digit of the CVP (PCWP 4 for 29 mmHg)."""
+    told, untold = without_fluid(MAP=70.0, CVP=3.1), without_fluid(MAP=70.0, MPAP=20.0)
+    (doubt,) = held_by_assumption(told, ("MAP", "CVP"), ("Rmc",))
+    assert "PCWP, MPAP and the volumes of the heart follow from it" in doubt
+    assert VOLUME in doubt
+    assert held_volume(told, ("MAP", "CVP"), ("Rmc",)) == []
+    (remark,) = held_volume(untold, ("MAP", "MPAP"), ("Rmc",))
+    assert "PCWP, CVP and the volumes of the heart follow from it" in remark
+    assert held_by_assumption(untold, ("MAP", "MPAP"), ("Rmc",)) == []
+    given = read_mapping(RAW | {"fluid": {"extra_volume_ml": 300}}).case
+    for case, free in ((told, (VOLUME,)), (given, ("Rmc",))):
+        assert held_volume(case, ("MAP",), free) == held_by_assumption(case, ("CVP",), free) == []
+
+
+def test_a_fit_that_holds_the_volume_says_so():
+    settings = FitSettings(("Rmc",), multi_start=MultiStart.quick(20))
+    for values, level in (({"MAP": 70.0}, "good"), ({"MAP": 70.0, "CVP": 3.2}, "doubtful")):
+        reasons = fit(without_fluid(**values), settings=settings).verdict.reasons
+        (said,) = [r for r in reasons if "the blood volume is held" in r.sentence]
+        assert said.level == level

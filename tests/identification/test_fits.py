@@ -17,8 +17,8 @@ from eclsim.identification import cohort
 from eclsim.identification.cohort import fit_cohort, r_squared, stem
 from eclsim.identification.density import NoSteadyBeatError
 from eclsim.identification.files import fits_object, write_fits, write_fitted_case
+from eclsim.identification.fit import NOT_FROM_A_POOR_FIT, held_against_its_beat
 from eclsim.identification.fit import fit as fit_case
-from eclsim.identification.fit import held_against_its_beat
 from eclsim.identification.multi_start import FitStatus, MultiStart, Optimum, Starts
 from eclsim.identification.posterior import PosteriorSettings, posterior
 from eclsim.identification.profiles import with_profiles
@@ -86,17 +86,21 @@ def test_the_same_seed_gives_the_same_numbers(twin, fit):
 
 def test_an_optimum_outside_the_bounds_is_found_at_the_bound(twin):
     narrow = replace(QUICK, bounds={"Rmc": (0.1, 0.7)})
-    found = fit_case(twin, settings=narrow).parameters["Rmc"]
+    result = fit_case(twin, settings=narrow)
+    found = result.parameters["Rmc"]
     assert found.value == 0.7
     assert found.at_bound
     assert not found.identifiable
-    assert found.reason.startswith("at its upper bound: the measurements ask for a larger value")
-    assert found.reason.endswith("take it as lower limit")
+    assert result.verdict.level is not Level.POOR
+    assert found.reason.startswith("at its upper bound, which holds it back: larger values")
+    assert "no limit" in found.reason
 
 
-def test_a_lower_bound_gives_an_upper_limit(twin):
+def test_a_poor_fit_at_a_bound_says_that_alone(twin):
     found = fit_case(twin, settings=replace(QUICK, bounds={"Rmc": (1.5, 2.0)}))
-    assert found.parameters["Rmc"].reason.endswith("a smaller value, so take it as upper limit")
+    assert found.verdict.level is Level.POOR
+    assert found.parameters["Rmc"].at_bound
+    assert {p.reason for p in found.parameters.values()} == {NOT_FROM_A_POOR_FIT}
     held_back = [r for r in found.verdict.doubts if r.about == "Rmc"]
     assert "--bounds" in held_back[0].sentence
 

@@ -22,6 +22,7 @@ from eclsim.identification.posterior import PosteriorSettings, posterior, predic
 from eclsim.identification.quantities import Scale, measurement_errors
 from eclsim.identification.settings import FitSettings, checked_fit, free_parameters
 from eclsim.identification.tracking import Tracker, TrackSettings
+from eclsim.identification.verdict import Aspect
 from eclsim.orbit.model import model_of
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.steady_beat import steady_beat
@@ -151,7 +152,10 @@ def test_measured_gases_free_what_they_tell_of():
     other = with_values(case, {"gas.shunt_fraction": 0.3, "gas.vo2_ml_min": 180.0, "Rmc": 0.8})
     other = other.model_copy(update={"gas": replace_vo2(other.gas)})
     found = fit(other, settings=FitSettings(names, multi_start=MultiStart.quick(24)))
-    assert found.verdict.level == "good"
+    (doubt,) = found.verdict.doubts
+    assert doubt.aspect is Aspect.HELD
+    assert "Emaxrv, Rpmc, Rsvn are held at the usual value" in doubt.sentence
+    assert doubt.sentence in posterior(found, settings=PosteriorSettings(method="gaussian")).doubts
     assert {name: found.simulated[name] for name in values} == pytest.approx(values, rel=1e-3)
 
 

@@ -150,7 +150,7 @@ def test_impossible_inputs_are_named(case, options, message):
 
 def test_the_paper_s_parameters_lead(case):
     names = ("Rmc", "Emaxlv", "Rpmc", "Emaxrv", "Lpas")
-    settings = SobolSettings(parameters=names, samples=32, second_order=False)
+    settings = SobolSettings(parameters=names, samples=64, second_order=False)
     result = sensitivity(case, settings=settings).indices
     assert result.failed == ()
     assert list(result.sums)[:3] == ["Rmc", "Emaxlv", "Rpmc"]
@@ -191,6 +191,10 @@ def test_a_heart_that_stops_ejecting_is_named_and_its_rows_left_out(tmp_path):
     indices = conclude(plan.design, plan.evaluator.outputs, result).indices
     assert {run.run for run in indices.failed} == set(np.flatnonzero(result.status))
     assert {run.status for run in indices.failed} == {"one_of_many"}
+    assert indices.union() == []
+    content = indices.as_object()
+    assert any("runs failed (one_of_many)" in sentence for sentence in content["warnings"])
+    assert any("nothing is ranked" in sentence for sentence in content["warnings"])
     assert indices.rows_used == (result.status == 0).reshape(8, -1).all(axis=1).sum()
     # What a failed run computed changes nothing: its row is left out of every estimate.
     absurd = replace(result, values=np.where(result.status[:, None] == 0, result.values, 1e6))
@@ -204,11 +208,11 @@ def test_a_heart_that_stops_ejecting_is_named_and_its_rows_left_out(tmp_path):
 
 def test_the_command_writes_json_tables_figures_and_samples(case_file, tmp_path, capsys):
     out, file = tmp_path / "out", tmp_path / "result.json"
-    options = ("--samples", 8, "--parameters", "Rmc,Emaxlv", "--outputs", "MAP,CO", "--out", out)
+    options = ("--samples", 64, "--parameters", "Rmc,Emaxlv", "--outputs", "MAP,CO", "--out", out)
     assert run_command("sensitivity", case_file, *options, "--json", file, "--second-order") == 0
     content = json.loads(file.read_text())
-    assert content["samples"] == 8
-    assert content["evaluations"] == 8 * 6
+    assert content["samples"] == 64
+    assert content["evaluations"] == 64 * 6
     assert content["failed"] == 0
     assert set(content["outputs"]["MAP"]) == {"S1", "S1_conf", "ST", "ST_conf", "S2", "S2_conf"}
     assert set(content["outputs"]["CO"]["ST"]) == {"Rmc", "Emaxlv"}
@@ -222,7 +226,11 @@ def test_the_command_writes_json_tables_figures_and_samples(case_file, tmp_path,
     }
     rows = list(csv.DictReader((out / "convergence.csv").read_text().splitlines()))
     assert [(r["rows"], r["output"], r["factor"], r["index"]) for r in rows] == [
-        ("8", o, f, i) for o in ("MAP", "CO") for f in ("Rmc", "Emaxlv") for i in ("S1", "ST")
+        (n, o, f, i)
+        for n in ("16", "32", "64")
+        for o in ("MAP", "CO")
+        for f in ("Rmc", "Emaxlv")
+        for i in ("S1", "ST")
     ]
     drawn = {"bars", "convergence", "distributions", "pairs", "sums", "total_less_first_order", "total_order"}
     assert {p.stem for p in (out / "figures").glob("*.svg")} >= drawn - {"convergence"}

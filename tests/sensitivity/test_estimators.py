@@ -1,11 +1,13 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from SALib.analyze import sobol as salib
 
 from eclsim.orbit.status import Status
-from eclsim.sensitivity.design import Design, sobol_indices
+from eclsim.sensitivity.design import Design, Estimates, sobol_indices
 from eclsim.sensitivity.inputs import Continuous
-from eclsim.sensitivity.results import conclude
+from eclsim.sensitivity.results import FEWEST_ROWS, Indices, conclude, indices_text
 from eclsim.sensitivity.runs import WITHOUT_GASES, Runs
 from known_indices import (
     ISHIGAMI_INPUTS,
@@ -47,6 +49,46 @@ def test_an_output_that_does_not_vary_has_no_indices():
     result = sobol_indices(np.full((8, 8, 1), 3.7), 3)
     assert np.all(result.S1 == 0)
     assert np.all(result.ST == 0)
+
+
+def test_rounding_is_no_effect():
+    """An oxygen consumption of 250 in every run but for its last digits, a recirculation of 1e-29."""
+    random, design = np.random.default_rng(3), Design(ISHIGAMI_INPUTS, 64, second_order=False)
+    noise = random.standard_normal((len(design.unit()), 2))
+    effect = ishigami(**design.settings(design.unit()))[:, None]
+    values = np.concatenate([250.0 + 1e-13 * noise[:, :1], 1e-29 * noise[:, 1:], effect], axis=1)
+    indices = conclude(design, ("VO2", "recirculation_fraction", "y"), Runs.of(values)).indices
+    assert indices.constant == ("VO2", "recirculation_fraction")
+    assert np.all(indices.estimates.ST[:2] == 0.0)
+    assert indices.selected()["VO2"] == indices.ranking("VO2") == []
+    assert indices.selected()["y"]
+    assert any("VO2, recirculation_fraction do not vary" in s for s in indices.as_object()["warnings"])
+    assert "VO2" in indices_text(indices)
+
+
+@pytest.mark.parametrize("samples", [32, 256])
+def test_nothing_is_ranked_from_a_handful_of_rows(samples):
+    """32 rows, or 256 of which more than half are lost."""
+    design = Design(ISHIGAMI_INPUTS, samples, second_order=False)
+    values = ishigami(**design.settings(design.unit()))[:, None]
+    status = np.zeros(len(values), dtype=int)
+    if samples > FEWEST_ROWS:
+        status[: design.runs_per_row * (samples // 2 + 1)] = Status.NOT_CONVERGED
+    runs = replace(Runs.of(values), status=status)
+    indices = conclude(design, ("y",), runs).indices
+    assert not indices.ranked
+    assert indices.selected() == {"y": []}
+    assert indices.union() == indices.ranking("y") == []
+    assert list(indices.sums) == ["x1", "x2", "x3"]
+    assert "TOO FEW ROWS" in indices_text(indices)
+    assert any("nothing is ranked" in s for s in indices.as_object()["warnings"])
+    assert any("nothing is ranked" in s for s in indices.dataset.attrs["warnings"])
+
+
+def test_an_index_below_its_half_width_is_not_selected():
+    total, width = np.array([[0.6, 0.4, 0.0]]), np.array([[0.1, 0.5, 0.1]])
+    indices = Indices(("a", "b", "c"), ("y",), Estimates(total, width, total, width), 64, 320, (), 64)
+    assert indices.selected() == {"y": ["a"]}
 
 
 def coverage(inputs, function, exact) -> np.ndarray:

@@ -173,6 +173,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "solutes.potassium_generation_mmol_h": "Potassium given",
         "solutes.acid_generation_mmol_h": "Acid made",
         "solutes.fluid_potassium_mmol_l": "Potassium of fluids",
+        "solutes.potassium_store_l": "Potassium store of cells",
         "solutes.kidney_clearance_ml_min": "Kidney clearance",
         "unit_share": "of 1",
         "policy": "Circuits are filled",

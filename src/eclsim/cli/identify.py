@@ -210,12 +210,14 @@ def _fit_case(o: IdentifyOptions) -> dict[str, Any]:
 
 
 def _with_measured_gases(case: Case, settings: FitSettings) -> FitSettings:
-    """The settings with what is worth fitting to measured gases as free parameters, which is said."""
-    from eclsim.identification.settings import free_parameters
+    """The settings with what is worth fitting to measured gases and CVP as free parameters, which is said."""
+    from eclsim.identification.settings import free_parameters, ready, told_of_volume
 
-    names = free_parameters(case, settings.parameters, settings.volume_policy)
+    usual = (*settings.parameters, *told_of_volume(case))
+    case = ready(case, replace(settings, parameters=usual))
+    names = free_parameters(case, usual, settings.volume_policy)
     if names != settings.parameters:
-        note([f"blood gases were measured: free are {', '.join(names)} (--parameters names others)"])
+        note([f"blood gases or CVP were measured: free are {', '.join(names)} (--parameters names others)"])
     return replace(settings, parameters=names)
 
 

@@ -176,8 +176,8 @@ class FreeParameters:
 
     parameters: str | None = option(
         None,
-        "Free parameters; left out, the paper's Csart,Edla,Emaxlv,Emaxrv,Rmc,Rpmc,Rsvn, and for a case whose "
-        "blood gases were measured what these tell apart.",
+        "Free parameters; left out, the paper's Csart,Edla,Emaxlv,Emaxrv,Rmc,Rpmc,Rsvn, with measured blood "
+        "gases what these tell of, with CVP the blood volume (fluid.extra_volume_ml).",
         "--parameters",
         "--free",
         metavar="NAMES",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -69,7 +69,8 @@ def track(options: TrackOptions) -> None:
     places.check()
     series, refused = _series(options)
     settings = _settings(options)
-    _check_points(series, settings)
+    each = _settings_of_each(options, series, settings)
+    _check_points(series, each)
     timed = {patient: _has_times(patient, points) for patient, points in series.items()}
     _note_assumed([p for p, known in timed.items() if not known and len(series[p]) > 1], options.interval)
 
@@ -84,9 +85,11 @@ def track(options: TrackOptions) -> None:
             def say(step: object, patient: str = patient) -> None:
                 progress(f"{patient}: {step}")
 
-            tracks.append(follow(points, settings=settings, progress=say).as_object())
+            tracks.append(follow(points, settings=each[patient], progress=say).as_object())
         progress("figures and report")
-        content = {"series": tracks, "refused": refused, "settings": settings.as_object()}
+        free = list(dict.fromkeys(name for chosen in each.values() for name in chosen.fit.parameters))
+        asked = {**settings.as_object(), "parameters": free}
+        content = {"series": tracks, "refused": refused, "settings": asked}
         write_tracks(Path(options.out), content)
     if hand_over(content, target):
         typer.echo("\n".join(map(series_text, tracks)))
@@ -167,29 +170,46 @@ def _settings(o: TrackOptions) -> TrackSettings:
     return TrackSettings(fit, o.prior, drifts, interval_hours=o.interval)
 
 
-def _check_points(series: Series, settings: TrackSettings) -> None:
-    from eclsim.identification.settings import (
-        checked_fit,
-        common_policy,
-        held_by_assumption,
-        measured_outputs,
-    )
+def _settings_of_each(o: TrackOptions, series: Series, settings: TrackSettings) -> dict[str, TrackSettings]:
+    """Settings by patient: where no parameters were named, what the measurements of any time tell of."""
+    from eclsim.identification.series import series_parameters
+
+    usual = settings.fit.parameters
+    names = dict.fromkeys(series, usual)
+    if o.parameters is None:
+        names = {patient: series_parameters(points, usual) for patient, points in series.items()}
+    free = {name for each in names.values() for name in each}
+    result = {}
+    for patient, own in names.items():
+        if own != usual:
+            note([f"{patient}: blood gases or CVP were measured: free are {', '.join(own)} (--parameters)"])
+        bounds = {n: limits for n, limits in settings.fit.bounds.items() if n in own or n not in free}
+        result[patient] = replace(settings, fit=replace(settings.fit, parameters=own, bounds=bounds))
+    return result
+
+
+def _check_points(series: Series, settings: Mapping[str, TrackSettings]) -> None:
+    from eclsim.identification.series import series_of
+    from eclsim.identification.settings import common_policy
     from eclsim.inputs.mistakes import CaseError
 
-    mistakes = [
-        place_of(mistake, settings.fit, f"{patient}/{name}")
-        for patient, points in series.items()
-        for name, case in points
-        for mistake in checked_fit(case, settings.fit).mistakes
-    ]
-    wrong = list(dict.fromkeys(map(str, mistakes)))
+    common = {patient: series_of(settings[patient].fit, points) for patient, points in series.items()}
+    wrong: dict[str, None] = {}
+    doubts: dict[str, None] = {}
     for patient, points in series.items():
+        fit, before = settings[patient].fit, f"{patient}: " if len(series) > 1 else ""
+        for name, case in points:
+            case, checked = common[patient].checked(case)
+            wrong |= {before + str(place_of(m, fit, f"{patient}/{name}")): None for m in checked.mistakes}
+            unread = [str(w) for w in checked.warnings if w.key.startswith("measurements.")]
+            doubts |= dict.fromkeys(
+                f"{patient}: {doubt}" for doubt in (*common[patient].doubts(case, checked), *unread)
+            )
         try:
-            common_policy([case for _, case in points], settings.fit.volume_policy)
+            common_policy([case for _, case in points], fit.volume_policy)
         except CaseError as error:
-            wrong += [f"{patient}: {mistake}" for mistake in error.mistakes]
-    refuse(wrong)
+            wrong |= {f"{patient}: {mistake}": None for mistake in error.mistakes}
+    refuse(list(wrong))
     for patient, points in series.items():
-        measured = [name for _, case in points for name in measured_outputs(case)]
-        doubts = held_by_assumption(points[0][1], dict.fromkeys(measured), settings.fit.names)
-        warn(f"{patient}: {doubt}" for doubt in doubts)
+        note(f"{patient}: {sentence}" for sentence in common[patient].remarks(points[-1][1]))
+    warn(doubts)

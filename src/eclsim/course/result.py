@@ -69,7 +69,7 @@ def attributes_of(
         "message": message,
         "balance": json.dumps(balance),
         "events": json.dumps([event.as_object() for event in timeline.case.events]),
-        "warnings": [*warnings, *approximations],
+        "warnings": [*warnings, *approximations, *timeline.cut_short()],
         "approximations": list(approximations),
         "blood_volume_policy": policy,
     }

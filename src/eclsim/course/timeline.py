@@ -13,10 +13,11 @@ import numpy as np
 from eclsim.cases.quantities import place_of
 from eclsim.cases.sections import Fluid, Solutes
 from eclsim.cases.settings import put_in
+from eclsim.circuit.volumes import start_volume
 from eclsim.inputs.mistakes import CaseError, Mistake
 from eclsim.orbit.model import circuit_of, values_of
 from eclsim.parameters.fluid import FOLLOWED
-from eclsim.parameters.regulation import DRUG_DOSES, DRUGS
+from eclsim.parameters.regulation import DRUG_DOSES, DRUGS, EXTRA_VOLUME, UNSTRESSED
 from eclsim.slow import INFLOWS
 
 if TYPE_CHECKING:
@@ -130,6 +131,7 @@ class Timeline:
             now = changed(now, event.set, self.start_case)
             overrides = {key: value for key, value in overrides.items() if key not in _parameters(event.set)}
             after, connected = self.values_of(now, overrides), circuit_of(now)
+            after[UNSTRESSED] += _made(connected, after, *self.start)
             if connected != circuit:
                 _refuse_ramp(event, n)
                 circuit = connected
@@ -153,6 +155,23 @@ class Timeline:
                  {kind: ml / (event.over_min * MINUTE) for kind, ml in event.give.items()})
             for event in self.case.events if event.give
         )  # fmt: skip
+
+    def cut_short(self) -> list[str]:
+        """What goes on past the end of the course, in words."""
+        cut, end = list[str](), self.end / MINUTE
+        for event in self.case.events:
+            what = []
+            if event.give and event.at_min + event.over_min > end + 1e-9:
+                share = (end - event.at_min) / event.over_min
+                given = (f"{share * ml:.0f} of {ml:g} mL {kind}" for kind, ml in event.give.items())
+                what += [one.removesuffix("_ml") for one in given]
+            if event.set and event.at_min + event.ramp_min > end + 1e-9:
+                share = (end - event.at_min) / event.ramp_min
+                what += [f"{100.0 * share:.0f} % of the way of {key}" for key in event.set]
+            if what:
+                begun = f"what begins at minute {event.at_min:g} goes on past the end of the course"
+                cut.append(f"{begun} at {end:g} min, which has {', '.join(what)}")
+        return cut
 
     @cached_property
     def breaks(self) -> np.ndarray:
@@ -209,6 +228,18 @@ class Timeline:
         if segment == START:
             return []
         return [change for change in self.changes if change.begin <= self.breaks[segment]]
+
+
+def _made(circuit: Circuit, values: Mapping[str, float], start: Circuit, own: Mapping[str, float]) -> float:
+    """Stressed volume [mL] that vessels of the patient would be filled with for their new compliance.
+
+    A case fills its vessels to a pressure. In a course they hold what they held, so that wider ones have a
+    lower pressure: what the new compliance would be filled with more is no longer stressed.
+    """
+    mine = {c.name: c for c in start.compartments if c.group == "patient"}
+    same = [c for c in circuit.compartments if c == mine.get(c.name)]
+    doors = {key: own[key] for key in (EXTRA_VOLUME, UNSTRESSED)}
+    return float(sum(start_volume(c, {**values, **doors}) - start_volume(c, own) for c in same))
 
 
 def _parameters(settings: Mapping[str, object]) -> set[str]:

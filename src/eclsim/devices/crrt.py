@@ -194,11 +194,18 @@ SCHEMES = MappingProxyType(
 """Access and return position in an ECMO circuit of each scheme in Figure 2 of Thiel et al. 2025."""
 
 
+def _device_of(site: str) -> str:
+    """Key of the device that a position is one of; of a named instance as in "ecmo.left.post_oxy"."""
+    from eclsim.devices.registry import devices
+
+    named, _, position = site.rpartition(".")
+    keys = (key for key, device in devices().items() if position in device.positions)
+    return next((key for key in keys if not named or device_key(named) == key), "")
+
+
 def _read_site(value: object, field: Field) -> object:
-    """A site of the patient or of the ECMO circuit; of a named ECMO circuit as in `ecmo.left.post_oxy`."""
-    if isinstance(value, str) and value.startswith("ecmo.") and value.rpartition(".")[2] in POSITIONS:
-        return value
-    return read_name(value, field)
+    """A site of the patient or a position in another device."""
+    return value if isinstance(value, str) and _device_of(value) else read_name(value, field)
 
 
 def _site(description: str) -> Field:
@@ -518,7 +525,7 @@ class CrrtDevice(Device[Crrt]):
         """Sites that are there and make sense, and the flow that they can give."""
         circuits = case.of("ecmo")
         for name in ("access_site", "return_site"):
-            _check_position(f"{key}.{name}", values.get(name), circuits, remarks)
+            _check_position(f"{key}.{name}", values.get(name), case, remarks)
         access, back = values.get("access_site"), values.get("return_site")
         if access is not None and access == back:
             message = "the same as access_site: the filter cleans blood that just passed it (recirculation)"
@@ -555,15 +562,16 @@ class CrrtDevice(Device[Crrt]):
         return [Finding("alarm", drawn_name, drawn, carried, text, concerns=concerns)]
 
 
-def _check_position(key: str, site: str | None, circuits: dict[str, Raw], remarks: Remarks) -> None:
-    """A position needs the ECMO circuit that it is one of."""
-    if site is None or site in PATIENT_SITES:
+def _check_position(key: str, site: str | None, case: CaseValues, remarks: Remarks) -> None:
+    """A position needs the device that it is one of."""
+    device = "" if site is None or site in PATIENT_SITES else _device_of(site)
+    if site is None or not device:
         return
-    section = site.rpartition(".")[0] or "ecmo"
-    if section in circuits:
+    section = site.rpartition(".")[0] or device
+    if section in case.devices:
         return
-    message = f"a position in the ECMO circuit, but the case has no [{section}] section"
-    named = [f"{other}.{position}" for other in circuits for position in POSITIONS]
+    message = f"a position in the {device.upper()} circuit, but the case has no [{section}] section"
+    named = [f"{other}.{position}" for other in case.of("ecmo") for position in POSITIONS]
     allowed = ", ".join((*PATIENT_SITES, *named)) + f", or add [{section}]"
     remarks.error(key, message, shown(site), allowed)
 

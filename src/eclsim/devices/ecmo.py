@@ -69,6 +69,7 @@ from eclsim.devices.second_cannulae import (
     second_controls,
     with_second,
 )
+from eclsim.devices.second_cannulae import LIMITS as SECOND_LIMITS
 from eclsim.devices.second_cannulae import OUTPUTS as SECOND_OUTPUTS
 from eclsim.inputs.fields import Field, number, one_of
 from eclsim.inputs.mistakes import Remarks, shown
@@ -632,6 +633,7 @@ class EcmoDevice(Device[Ecmo]):
         *GAS_OUTPUTS,
     )
     limits = (
+        *SECOND_LIMITS,
         Limit(
             "PF", "alarm", "below", CLAMPED_L_MIN,
             "blood runs backwards through the ECMO circuit: clamp it", "physics",

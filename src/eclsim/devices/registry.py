@@ -177,7 +177,8 @@ def _check(device: AnyDevice) -> None:
     except ValueError:
         message = "each attribute is annotated with its Field, as in Annotated[float, number(...)]"
         raise DeviceError(f"device {key}, {section.__name__}: {message}") from None
-    known = set(patient_parameters()) | {p.key for other in _PACKAGE for p in other.parameters}
+    others = (*_PACKAGE, *(other for name, other in _OTHERS.items() if name != key))
+    known = set(patient_parameters()) | {p.key for other in others for p in other.parameters}
     if taken := [p.key for p in device.parameters if p.key in known]:
         message = "the name of a parameter of the patient or of another device; give it one of its own"
         raise DeviceError(f"device {key}, parameter {taken[0]!r}: {message}")

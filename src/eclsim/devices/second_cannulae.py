@@ -9,10 +9,11 @@ area: its resistance grows with the inverse square of what is left open.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eclsim.devices.description import Control, Knob, Mark, mean_flow, picker
+from eclsim.devices.description import Control, Knob, Limit, Mark, Output, mean_flow, picker
 from eclsim.devices.plausibility import check_cannula, patient_site
 from eclsim.inputs.fields import number
 from eclsim.inputs.sections import Section
@@ -35,10 +36,32 @@ NOMINAL = MappingProxyType(
 SECOND_SITES = tuple(f"second_{line}_site" for line in LINES)
 NO_SITE = ""
 """Not what a case file holds, but what a picker shows where there is no second cannula."""
+BACKWARD_L_MIN = -0.01
+"""Mean flow [L/min] below which blood runs backwards through a cannula; a closed one may leak this much."""
+
+
+def _beside(line: str, node: str) -> Output:
+    """The flow through a first cannula, where there is a second one beside it."""
+    one = mean_flow(f"first_{line}_flow", f"flow through the first {line} cannula", f"Q{node}")
+    return replace(one, needs=(f"Q{node}", f"Q{node}2"))
+
+
 OUTPUTS = tuple(
-    mean_flow(f"second_{line}_flow", f"flow through the second {line} cannula", f"Q{node}2")
+    one
     for line, node in LINES.items()
+    for one in (
+        _beside(line, node),
+        mean_flow(f"second_{line}_flow", f"flow through the second {line} cannula", f"Q{node}2"),
+    )
 )
+LIMITS = tuple(
+    Limit(
+        one.name, "alarm", "below", BACKWARD_L_MIN,
+        "blood runs backwards through this cannula: narrow the other one (its clamp) or raise the speed",
+        "physics",
+    )
+    for one in OUTPUTS
+)  # fmt: skip
 
 
 class SecondCannulae(Section):

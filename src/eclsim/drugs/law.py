@@ -60,8 +60,10 @@ class Drug:
     half_life_source: str
 
     def share(self, dose: Number) -> Number:
-        """Share of the effects in use at a dose [ug/kg/min], 0 to 1."""
-        part = (dose / self.half_dose) ** self.steepness
+        """Share of the effects in use at a dose [ug/kg/min], 0 to 1; none below 0, where rounding leads."""
+        given = jnp.asarray(dose) > 0.0
+        relative = jnp.where(given, dose, self.half_dose) / self.half_dose
+        part = jnp.where(given, relative**self.steepness, 0.0)
         return part / (1.0 + part)
 
     def effects(self, dose: Number) -> tuple[Number, ...]:

@@ -128,12 +128,14 @@ def possible(outputs: Sequence[str], asked: Sequence[Goal]) -> tuple[Goal, ...]:
 
     Args:
         outputs: names that the case has.
-        asked: goals of the user, whose own bounds of an output win.
+        asked: goals of the user, whose own bounds win on their side of an output.
     """
-    taken = {goal.output for goal in asked}
+    taken = {(goal.output, "below") for goal in asked if math.isfinite(goal.low)}
+    taken |= {(goal.output, "above") for goal in asked if math.isfinite(goal.high)}
     goals: dict[str, Goal] = {}
-    for limit in (*impossible_bounds(outputs), *backward_flow_bounds(outputs)):
-        if limit.quantity not in taken:
+    backward = [replace(limit, value=0.0) for limit in backward_flow_bounds(outputs)]
+    for limit in (*impossible_bounds(outputs), *backward):
+        if (limit.quantity, limit.side) not in taken:
             known = goals.get(limit.quantity, Goal(limit.quantity, because=limit.meaning))
             side = {"low": limit.value} if limit.side == "below" else {"high": limit.value}
             goals[limit.quantity] = replace(known, **side)
@@ -195,6 +197,9 @@ def read_settings(
             if match is None or float(match[1]) >= float(match[2]):
                 wrong.append(f"{name} = '{bounds}'; allowed: LOW..HIGH, such as 2000..4000")
                 continue
+            if refused := _outside(case, name, float(match[1]), float(match[2])):
+                wrong.append(f"{name} = {bounds}: {refused}")
+                continue
             setting = Setting(name, float(match[1]), float(match[2]), setting.unit if setting else "")
         if setting is None:
             wrong.append(f"{name}: no usual range; write bounds, {name}=LOW..HIGH")
@@ -216,6 +221,16 @@ def _bounded(case: Case, name: str) -> Setting | None:
         return Setting(name, knob.low, knob.high, knob.unit)
     entry = parameter_of(name, [instance.key for instance in case.instances()])
     return None if entry is None else Setting(name, entry.minimum, entry.maximum, entry.unit)
+
+
+def _outside(case: Case, name: str, low: float, high: float) -> str:
+    """What a parameter may be, where bounds leave that; empty where they do not."""
+    from eclsim.devices.registry import parameter_of
+
+    entry = parameter_of(name, [instance.key for instance in case.instances()])
+    if entry is None or (entry.accepts(low) and entry.accepts(high)):
+        return ""
+    return f"outside the allowed range; allowed: {entry.allowed}"
 
 
 def _knobs(case: Case, section: str) -> dict[str, Knob]:

@@ -45,10 +45,18 @@ LATER = 0.05
 """Weight of each further setting, of the weight of the one before."""
 MET = 1e-4
 """Largest miss, in scales of the goal, of a goal that is reached."""
+IDLE = 1e-6
+"""Change of all goals, in scales, over the whole range of a setting that none of them depends on."""
 SMALLEST_REGION = 1e-9
 MOST_STEPS = 80
 SCANNED = {1: 9, 2: 7, 3: 5}
 """Values of each setting that are tried first, by the number of settings; with more of them, three."""
+
+
+ALARMING = ("alarm", "collapse")
+"""Kinds of findings that an answer names in its first words."""
+STARTS = 3
+"""Places from which a search of several settings is begun."""
 
 
 class ReachStatus(StrEnum):
@@ -179,7 +187,26 @@ def reach(
         wrong += error.mistakes
     if wrong:
         raise GoalError(wrong)
+    if vary is None:
+        settings = _acting(model, settings, parsed, volume_policy)
     return _reached(_Bedside(model, settings, volume_policy), (*parsed, *possible(names, parsed)))
+
+
+def _acting(
+    model: Model, settings: tuple[Setting, ...], goals: Sequence[Goal], policy: str | None
+) -> tuple[Setting, ...]:
+    """Those of the usual settings that a goal depends on at the case's own values; else all of them.
+
+    A sweep that no goal depends on would be turned to nothing, since the smallest settings are sought.
+    """
+    bedside = _Bedside(model, settings, policy)
+    own = np.array([model.values[setting.name] for setting in settings])
+    now = bedside.point(np.clip((own - bedside.low) / bedside.span, 0.0, 1.0), [g.output for g in goals])
+    if now is None:
+        return settings
+    scales = np.array([goal.scale for goal in goals])[:, None]
+    acts = (np.abs(now.slopes) > IDLE * scales).any(axis=0)
+    return tuple(one for one, does in zip(settings, acts, strict=True) if does) or settings
 
 
 class _Point(NamedTuple):
@@ -252,13 +279,16 @@ class _Bedside:
 
 def _reached(bedside: _Bedside, goals: tuple[Goal, ...]) -> Reached:
     """Search, and where it ends short of a goal, ask what stands in the way."""
-    start = _best_start(bedside, goals)
-    if isinstance(start, _Nowhere):
+    starts = _best_starts(bedside, goals)
+    if isinstance(starts, _Nowhere):
         nowhere = tuple(GoalResult(goal, np.nan, False, False, {}) for goal in goals if not goal.because)
         none, name = tuple(np.nan for _ in bedside.settings), bedside.model.name
-        status, message = start
+        status, message = starts
         return Reached(name, bedside.settings, none, nowhere, status, message, beats=bedside.beats)
-    end, unfinished = _search(bedside, goals, start)
+    ends = [(_search(bedside, goals, start), start) for start in starts]
+    (end, unfinished), start = min(
+        ends, key=lambda e: (bool(e[0].unfinished), _merit(goals, e[0].at.place, e[0].at.values))
+    )
     numbers = {name: float(value[0]) for name, value in bedside.values_at(end.place[:, None]).items()}
     results = tuple(
         GoalResult(
@@ -274,17 +304,18 @@ def _reached(bedside: _Bedside, goals: tuple[Goal, ...]) -> Reached:
     status = ReachStatus.NOT_CONVERGED if unfinished else status
     without = _without(bedside, goals, results, start) if status is ReachStatus.NOT_REACHED else {}
     beat = bedside.beat(end.place[:, None], None)
+    found = tuple(beat.findings())
     return Reached(
         bedside.model.name,
         bedside.settings,
         tuple(numbers.values()),
         tuple(result for result in results if not result.goal.because),
         status,
-        _message(bedside.settings, numbers, results, without, unfinished),
+        _message(bedside.settings, numbers, results, without, unfinished) + _alarmed(found),
         tuple(result for result in results if result.goal.because and result.binding),
         without,
         beat.outputs(),
-        tuple(beat.findings()),
+        found,
         bedside.beats,
     )
 
@@ -306,8 +337,11 @@ def _without(
     return settings
 
 
-def _best_start(bedside: _Bedside, goals: Sequence[Goal]) -> np.ndarray | _Nowhere:
-    """The best of places all over the ranges, or why no goal's output is known at any."""
+def _best_starts(bedside: _Bedside, goals: Sequence[Goal]) -> list[np.ndarray] | _Nowhere:
+    """The best of places all over the ranges, or why no goal's output is known at any.
+
+    With several settings three of them, each with another value of the last setting.
+    """
     places, values, beat = bedside.scan([goal.output for goal in goals])
     merits = np.array([_merit(goals, u, v) for u, v in zip(places.T, values.T, strict=True)])
     known = np.isfinite(merits)
@@ -318,7 +352,11 @@ def _best_start(bedside: _Bedside, goals: Sequence[Goal]) -> np.ndarray | _Nowhe
             return _Nowhere(ReachStatus.NO_STEADY_GASES, f"nowhere in the ranges are there gases: {reason}")
         reason = f"no steady beat was found anywhere in the ranges: {beat.message(0)}"
         return _Nowhere(ReachStatus.NO_STEADY_BEAT, reason)
-    return places[:, int(np.nanargmin(merits))]
+    order = [k for k in np.argsort(merits, kind="stable").tolist() if known[k]]
+    if len(bedside.settings) == 1:
+        return [places[:, order[0]]]
+    first_of = {float(places[-1, k]): k for k in reversed(order)}
+    return [places[:, k] for k in sorted(first_of.values(), key=order.index)[:STARTS]]
 
 
 def _merit(goals: Sequence[Goal], place: np.ndarray, values: np.ndarray) -> float:
@@ -428,6 +466,15 @@ def _message(
             numbers = " and ".join(f"{name} = {value:.4g}" for name, value in others.items())
             text += f"; without {goal} all others are reached, with {numbers}"
     return text
+
+
+def _alarmed(findings: Sequence[Finding]) -> str:
+    """That the beat there breaks alarm limits, with their outputs; empty where it breaks none."""
+    alarming = dict.fromkeys(one.quantity for one in findings if one.kind in ALARMING)
+    if not alarming:
+        return ""
+    are = "are" if len(alarming) > 1 else "is"
+    return f"; there {', '.join(alarming)} {are} beyond alarm limits: with a goal for them they are kept"
 
 
 def _named(goal: Goal) -> str:

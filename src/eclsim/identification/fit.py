@@ -11,6 +11,7 @@ import numpy as np
 
 from eclsim.cases.quantities import with_values
 from eclsim.files import finite
+from eclsim.identification.held import LeftOpen, left_open
 from eclsim.identification.multi_start import (
     FitStatus,
     Optimum,
@@ -28,7 +29,8 @@ from eclsim.identification.settings import (
     checked_fit,
     common_policy,
     held_by_assumption,
-    measured_at_rest,
+    held_volume,
+    ready,
     unmeasured_uncertainties,
 )
 from eclsim.identification.verdict import (
@@ -146,9 +148,11 @@ class FitResult:
             for r in verdict.doubts
             if r.aspect is Aspect.INTERVALS
         }
+        parameters = self._undetermined(disagreeing)
         if verdict.level is Level.POOR:
-            disagreeing = dict.fromkeys(self.parameters, NOT_FROM_A_POOR_FIT)
-        return replace(self, verdict=verdict, parameters=self._undetermined(disagreeing))
+            nothing = {"identifiable": False, "reason": NOT_FROM_A_POOR_FIT}
+            parameters = {name: replace(p, **nothing) for name, p in parameters.items()}
+        return replace(self, verdict=verdict, parameters=parameters)
 
     def _undetermined(self, reasons: Mapping[str, str]) -> dict[str, FittedParameter]:
         """The parameters, those with a reason no longer called determined."""
@@ -264,7 +268,7 @@ def fit_cases(
     """
     settings = settings or FitSettings()
     started = time.perf_counter()
-    cases = [(name, measured_at_rest(case, settings)) for name, case in cases]
+    cases = [(name, ready(case, settings)) for name, case in cases]
     targets, box = [], None
     for _, case in cases:
         checked = checked_fit(case, settings)
@@ -366,8 +370,7 @@ def _held_back(parameters: Mapping[str, FittedParameter], gains: np.ndarray) -> 
     return [
         Reason(
             Aspect.AGREEMENT, Level.DOUBTFUL, name,
-            f"{name} {p.reason}; with wider --bounds the measurements would be met more nearly, "
-            "if such a value is possible",
+            f"{name} {p.reason}; try wider --bounds if such a value is possible",
         )
         for (name, p), gain in zip(parameters.items(), gains, strict=True)
         if gain > HELD_BACK
@@ -408,7 +411,18 @@ def held_against_its_beat(result: FitResult) -> FitResult:
     reasons = plausibility(implied, result.ranges, result.measured, collapsed)
     for sentence in held_by_assumption(result.case, result.measured, result.parameters):
         reasons.append(Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", sentence))
+    if result.optimum.shared is None and (found := _left_open(result)) is not None:
+        reasons.append(Reason(Aspect.HELD, Level.DOUBTFUL, "", found.sentence))
+    for sentence in held_volume(result.case, result.measured, result.parameters):
+        reasons.append(Reason(Aspect.PLAUSIBILITY, Level.GOOD, "", sentence))
     return replace(result, implied=implied, warnings=tuple(beat.attrs["warnings"])).judged(reasons)
+
+
+def _left_open(result: FitResult) -> LeftOpen | None:
+    """Outputs that follow from parameters which nobody gave and the fit holds."""
+    ends = (result.box.scale.values(x) for x in (result.optimum.x, result.box.lower, result.box.upper))
+    free = dict(zip(result.box.names, zip(*(e.tolist() for e in ends), strict=True), strict=True))
+    return left_open(result.case, free, result.uncertainties, result.objective.policy)
 
 
 def _parameters(
@@ -435,10 +449,13 @@ def _parameters(
 
 
 def _at_bound(side: str, pushed: bool) -> str:
-    """What a value at a bound says: pushed against it, the bound is the nearest that the fit could come."""
-    beyond, limit = ("smaller", "upper") if side == "lower" else ("larger", "lower")
+    """What a value at a bound says: no limit of the true one, which others may make up for."""
+    beyond = "smaller" if side == "lower" else "larger"
     if pushed:
-        return f"at its {side} bound: the measurements ask for a {beyond} value, so take it as {limit} limit"
+        return (
+            f"at its {side} bound, which holds it back: {beyond} values would meet the measurements more "
+            "nearly, which is no limit of the true one"
+        )
     return f"at its {side} bound, and the measurements hardly tell {beyond} values apart"
 
 

@@ -25,8 +25,8 @@ from eclsim.identification.importance import WeightedDraws, importance_sample, w
 from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.nuts import Chains, Diagnostics, Sampling, diagnose, sample
 from eclsim.identification.quantities import OUTPUTS, measurement_errors, unit_of, unit_of_parameter
-from eclsim.identification.settings import held_by_assumption
-from eclsim.identification.verdict import Level
+from eclsim.identification.settings import held_by_assumption, held_volume
+from eclsim.identification.verdict import Aspect, Level
 from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
 from eclsim.outputs.signals import output_names
 
@@ -159,6 +159,7 @@ class PosteriorResult:
         doubts: why the result is not to be trusted; empty where it is.
         settings: how it was sampled.
         seconds: wall time.
+        notes: what is assumed and shows in no draw.
     """
 
     name: str
@@ -173,6 +174,7 @@ class PosteriorResult:
     doubts: tuple[str, ...]
     settings: PosteriorSettings
     seconds: float
+    notes: tuple[str, ...] = ()
 
     @property
     def trusted(self) -> bool:
@@ -257,6 +259,7 @@ class PosteriorResult:
             "checked": self.checked,
             "verdict": self.verdict,
             "doubts": list(self.doubts),
+            "notes": list(self.notes),
             "prior": self.settings.prior,
             "uncertainties": dict(self.density.errors),
             "parameters": parameters,
@@ -315,7 +318,8 @@ def posterior(
         z, doubts = chains.z, diagnostics.doubts
     if fit.verdict.level is Level.POOR:
         doubts = (*doubts, f"{fit.verdict.headline}; what it predicts is not this patient")
-    doubts = (*doubts, *held_by_assumption(fit.case, fit.measured, fit.parameters))
+    held = (reason.sentence for reason in fit.verdict.doubts if reason.aspect is Aspect.HELD)
+    doubts = (*doubts, *held_by_assumption(fit.case, fit.measured, fit.parameters), *held)
     samples = density.prior.values_of(z)
     progress("predictions")
     models = [("", model_of(fit.case)), *((label, _fitted_model(fit, case)) for label, case in predictions)]
@@ -327,7 +331,7 @@ def posterior(
         by_gaussian = _predict_all(models, density, of_gaussian)
     return PosteriorResult(
         fit.name, density, gaussian, samples, chains, weighted, diagnostics, exact, by_gaussian, doubts,
-        settings, time.perf_counter() - started,
+        settings, time.perf_counter() - started, tuple(held_volume(fit.case, fit.measured, fit.parameters)),
     )  # fmt: skip
 
 

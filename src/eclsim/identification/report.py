@@ -152,6 +152,7 @@ def posterior_text(content: Data) -> str:
         "",
         f"{content['kind']}, {_quality(content)}, prior {content['prior']}, {content['seconds']:.0f} s",
         *_doubted(content["verdict"], content["doubts"]),
+        *(f"  - {note}" for note in content.get("notes", ())),
     ]
     chains = content["method"] == "nuts"
     shown = ("median", "lower", "upper", *(("r_hat", "effective_bulk", "effective_tail") if chains else ()))
@@ -463,6 +464,7 @@ def _patient(series: Data) -> dict[str, object]:
         "parameters": _tracked_parameters(points),
         "course": Table(head, course, numeric=(0, 1, 2)),
         "assumed_hours": series["assumed_interval_hours"] if len(points) > 1 else None,
+        "notes": series.get("notes", ()),
     }
 
 

@@ -120,17 +120,28 @@ class CheckedFit:
         self.mistakes.append(Mistake(key, message, value, allowed, hint))
 
 
+def ready(case: Case, settings: FitSettings) -> Case:
+    """The case as it is fitted: with the section of a free blood volume, and measured at rest."""
+    if EXTRA_VOLUME in settings.names and case.fluid is None:
+        case = with_values(case, {EXTRA_VOLUME: 0.0})
+    return measured_at_rest(case, settings)
+
+
 def measured_at_rest(case: Case, settings: FitSettings) -> Case:
     """The case with measurements as the set points that it leaves open, so that its fit is unchanged at rest.
 
     Data points that share parameters keep theirs open: a patient has one set point, not one for each of them.
     """
-    if case.regulation is None or settings.shared:
-        return case
+    return case if settings.shared else with_values(case, open_at_rest(case))
+
+
+def open_at_rest(case: Case) -> dict[str, float]:
+    """Measurements that are set points which a case leaves open, by key."""
+    if case.regulation is None:
+        return {}
     open_ones = MEASURED_AT_REST.keys() & case.regulation.open_set_points
-    measured = {key: getattr(case.measurements, MEASURED_AT_REST[key], None) for key in open_ones}
-    usable = {k: v for k, v in measured.items() if v is not None and parameters()[k].accepts(v)}
-    return with_values(case, usable)
+    measured = {key: getattr(case.measurements, MEASURED_AT_REST[key], None) for key in sorted(open_ones)}
+    return {k: v for k, v in measured.items() if v is not None and parameters()[k].accepts(v)}
 
 
 def measured_outputs(case: Case) -> list[str]:
@@ -178,6 +189,20 @@ def _unknown_of_gases(case: Case) -> set[str]:
     return {SHUNT, *assumed_of_gases(case), *(name for drained in mixed for name in names_in(drained.mixing))}
 
 
+def told_by_gases(case: Case) -> tuple[str, ...]:
+    """What the gases measured in a case tell of gas exchange and the case does not know."""
+    there = output_names(circuit_of(case))
+    measured = {name for name in measured_outputs(case) if name in there}
+    unknown = _unknown_of_gases(case)
+    return tuple(key for key, gases in GASES_TELL_OF.items() if key in unknown and {*gases} & measured)
+
+
+def told_of_volume(case: Case) -> tuple[str, ...]:
+    """The blood volume, where CVP was measured and the case does not give it."""
+    told = {*TELLS_OF[EXTRA_VOLUME][1]} & {*measured_outputs(case)}
+    return (EXTRA_VOLUME,) if told and _holds_volume(case, ()) else ()
+
+
 def assumed_of_gases(case: Case) -> set[str]:
     """Shunt and oxygen consumption, where a case leaves them at what is assumed."""
     if case.gas is None:
@@ -197,13 +222,40 @@ def held_by_assumption(case: Case, measured: Collection[str], free: Collection[s
                 "parameters, and cardiac output with them, make up for what is wrong with it; free it "
                 f"(--parameters Rmc,{SHUNT},{VO2}) or give {key}"
             )
+    if _holds_volume(case, free) and {*TELLS_OF[EXTRA_VOLUME][1]} & {*measured}:
+        result.append(
+            "the blood volume is held at that of a published patient of this size while CVP tells of it: "
+            f"other parameters make up for what is wrong with it, and {_of_volume(measured)} follow from it; "
+            f"free it as well ({EXTRA_VOLUME} among --parameters) or give it"
+        )
     return result
+
+
+def held_volume(case: Case, measured: Collection[str], free: Collection[str]) -> list[str]:
+    """A sentence about a blood volume that is held although nobody gave it and no measurement tells of it."""
+    if not _holds_volume(case, free) or {*TELLS_OF[EXTRA_VOLUME][1]} & {*measured}:
+        return []
+    return [
+        f"the blood volume is held at that of a published patient of this size: {_of_volume(measured)} "
+        "follow from it, and intervals leave out that it may be another; measure CVP and free "
+        f"{EXTRA_VOLUME} (--parameters)"
+    ]
+
+
+def _holds_volume(case: Case, free: Collection[str]) -> bool:
+    return EXTRA_VOLUME not in free and not stated(case, EXTRA_VOLUME)
+
+
+def _of_volume(measured: Collection[str]) -> str:
+    """What was not measured and follows from how much blood there is."""
+    pressures = [name for name in ("PCWP", "MPAP", "CVP") if name not in measured]
+    return " and ".join(filter(None, (", ".join(pressures), "the volumes of the heart")))
 
 
 def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
     """Targets and bounds of a case, checked, with everything there is to say."""
     left_open = () if case.regulation is None else case.regulation.open_set_points
-    case = measured_at_rest(case, settings)
+    without_fluid, case = case.fluid is None, ready(case, settings)
     # What a case leaves open and follows from the patient's body surface.
     defaults = {} if case.gas is None else {VO2: oxygen_consumption(*height_weight(case.patient))}
     limits = {name: _bounds(name, case, settings.bounds, defaults) for name in settings.names}
@@ -226,6 +278,9 @@ def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
         else:
             message = f"left open, so the measured {MEASURED_AT_REST[key]}: reflexes do nothing there"
             checked.notes.append(Mistake(key, message))
+    if without_fluid and EXTRA_VOLUME in checked.free:
+        message = "free, so the fitted case has the section [fluid]"
+        checked.notes.append(Mistake(EXTRA_VOLUME, message))
     if not checked.mistakes and not checked.free:
         checked.wrong("parameters", "none is free")
     return checked

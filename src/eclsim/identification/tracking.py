@@ -35,11 +35,12 @@ from eclsim.identification.importance import Transport, WeightedDraws, importanc
 from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.objective import Box
 from eclsim.identification.quantities import OUTPUTS, measurement_errors, unit_of, unit_of_parameter
-from eclsim.identification.settings import FitSettings, checked_fit
-from eclsim.identification.verdict import FitVerdict, agreement, goodness_of
+from eclsim.identification.series import Series, series_of
+from eclsim.identification.settings import FitSettings
+from eclsim.identification.verdict import Aspect, FitVerdict, Level, Reason, agreement, goodness_of
 from eclsim.inputs.mistakes import CaseError, Mistake, shown
 from eclsim.orbit.model import CaseSource, Model, as_case, model_of
-from eclsim.outputs.signals import of_gases, output_names
+from eclsim.outputs.signals import of_gases, output_names, parameters_read
 from eclsim.outputs.steady_beat import SteadyBeat
 
 if TYPE_CHECKING:
@@ -133,6 +134,7 @@ class TrackedPoint:
         warnings: what there is to say of the beat at the medians of the parameters.
         hours: since the measurement before, known or assumed; None at the first point.
         seconds: wall time of forecast and update.
+        doubts: what is held although it is not known, so that the estimate makes up for it.
     """
 
     name: str
@@ -151,6 +153,7 @@ class TrackedPoint:
     warnings: tuple[str, ...] = ()
     hours: float | None = None
     seconds: float = 0.0
+    doubts: tuple[str, ...] = ()
 
     def as_object(self) -> dict[str, Any]:
         """As plain data for JSON; null for what is not known."""
@@ -168,11 +171,13 @@ class TrackResult:
         patient: id.
         points: in order of time.
         assumed_interval_hours: from one measurement to the next; None where their names are times.
+        notes: what is assumed at all times, and what the series gave that its cases leave open.
     """
 
     patient: str
     points: tuple[TrackedPoint, ...]
     assumed_interval_hours: float | None
+    notes: tuple[str, ...] = ()
 
     @property
     def dataset(self) -> xr.Dataset:
@@ -218,6 +223,7 @@ class TrackResult:
         return {
             "id": self.patient,
             "assumed_interval_hours": self.assumed_interval_hours,
+            "notes": list(self.notes),
             "points": [p.as_object() for p in self.points],
         }
 
@@ -242,21 +248,25 @@ class Tracker:
     Args:
         settings: what is tracked and how.
         progress: called with what is being done.
+        series: what is known of the measurements to come; left out, each is taken as it comes.
     """
 
     def __init__(
         self,
         settings: TrackSettings | None = None,
         progress: Progress = silent,
+        series: Series | None = None,
     ):
         self.settings = settings or TrackSettings()
         self.progress = progress
+        self.series = series or Series(self.settings.fit)
         self.patient: str | None = None
         self.drifts = np.array(self.settings.drifts)
         self.estimate: _Estimate | None = None
         self._prior: Prior | None = None
         self._starts: dict[Circuit, dict[str, float]] = {}
         self._left_out: dict[str, float] = {}
+        self._said: set[str] = set()
 
     def update(self, name: str, case: Case, hours: float | None = None) -> TrackedPoint:
         """Forecast a measurement, hold it against that, and learn from it.
@@ -272,7 +282,8 @@ class Tracker:
         started = time.perf_counter()
         self._check_patient(case)
         days = self._days(hours)
-        prior, model, measured = self._read(case)
+        self.series.learn(name, case)
+        prior, model, measured, doubts = self._read(case)
         since = None if self.patient is None else days * HOURS_PER_DAY
         self.patient = case.patient.id
         try:
@@ -280,7 +291,7 @@ class Tracker:
                 point = self._first(name, prior, model, measured)
             else:
                 point = self._next(name, self._forecast(self.estimate, days), model, measured)
-            point = replace(point, warnings=self._warnings(model, point))
+            point = self._doubted(replace(point, warnings=self._warnings(model, point)), doubts)
         except NoSteadyBeatError as error:
             point = self._failed(name, measured, str(error), days)
         return replace(point, seconds=time.perf_counter() - started, hours=since)
@@ -301,7 +312,8 @@ class Tracker:
         if self.estimate is None:
             raise RuntimeError("nothing to forecast from: no measurement yet")
         self._check_patient(case)
-        model = model_of(case).with_values(checked_fit(case, self.settings.fit).fixed)
+        case, checked = self.series.checked(case)
+        model = model_of(case).with_values(checked.fixed)
         forecast = self._forecast(self.estimate, self._days(hours))
         names, _, regression = self._regression(forecast, model)
         outputs = regression.outputs(forecast.state)
@@ -319,14 +331,26 @@ class Tracker:
             raise CaseError([Mistake("hours", message, shown(float(hours)), "0 or more hours")])
         return hours / HOURS_PER_DAY
 
-    def _read(self, case: Case) -> tuple[Prior, Model, dict[str, float]]:
-        """Prior, model and measurements of a case."""
-        checked = checked_fit(case, self.settings.fit)
+    def _read(self, case: Case) -> tuple[Prior, Model, dict[str, float], tuple[str, ...]]:
+        """Prior, model, measurements and doubts of a case."""
+        case, checked = self.series.checked(case)
         if checked.mistakes:
             raise CaseError(checked.mistakes)
         if self._prior is None:
-            self._prior = Prior.within(Box.of(checked.free), self.settings.prior)
-        return self._prior, model_of(case).with_values(checked.fixed), dict(checked.targets)
+            self._prior = Prior.within(Box.of(self.series.free()), self.settings.prior)
+        model, doubts = model_of(case).with_values(checked.fixed), self.series.doubts(case, checked)
+        return self._prior, model, dict(checked.targets), doubts
+
+    def _doubted(self, point: TrackedPoint, doubts: tuple[str, ...]) -> TrackedPoint:
+        """The point with what is held although it is not known; the message has what was not said before."""
+        new = [doubt for doubt in doubts if doubt not in self._said]
+        self._said.update(new)
+        verdict = point.verdict
+        if verdict is not None:
+            reasons = [Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", doubt) for doubt in doubts]
+            verdict = verdict.with_reasons(reasons)
+        message = "; ".join(filter(None, (point.message, *new)))
+        return replace(point, verdict=verdict, message=message, doubts=doubts)
 
     def _first(self, name: str, prior: Prior, model: Model, measured: Mapping[str, float]) -> TrackedPoint:
         """The posterior of the first measurement by itself."""
@@ -403,7 +427,8 @@ class Tracker:
     def _warnings(self, model: Model, point: TrackedPoint) -> tuple[str, ...]:
         from eclsim.outputs.results import beat_warnings
 
-        medians = {name: interval.median for name, interval in point.parameters.items()}
+        read = parameters_read(model.circuit)
+        medians = {name: i.median for name, i in point.parameters.items() if name in read}
         return beat_warnings(model.with_values(medians), self._policy(model), tuple(point.outputs))
 
     def _forecast(self, estimate: _Estimate, days: float) -> _Estimate:
@@ -508,6 +533,7 @@ def track(
     settings = settings or TrackSettings()
     if not points:
         raise CaseError([Mistake("points", "nothing to follow", allowed="one measurement or more")])
+    cases = [(name, as_case(source)) for name, source in points]
     known = elapsed_hours([name for name, _ in points])
     hours = known or [None] * len(points)
     done: list[TrackedPoint] = []
@@ -515,13 +541,13 @@ def track(
     def say(step: object) -> None:
         progress(f"measurement {len(done) + 1} of {len(points)}" + (f": {step}" if step else ""))
 
-    tracker, patient = Tracker(settings, say), ""
-    for (name, source), passed in zip(points, hours, strict=True):
+    series = series_of(settings.fit, cases)
+    tracker, patient = Tracker(settings, say, series), cases[0][1].patient.id
+    for (name, case), passed in zip(cases, hours, strict=True):
         say("")
-        case = as_case(source)
-        patient = patient or case.patient.id
         done.append(tracker.update(name, case, passed))
-    return TrackResult(patient, tuple(done), None if known else settings.interval_hours)
+    assumed = None if known else settings.interval_hours
+    return TrackResult(patient, tuple(done), assumed, tuple(series.remarks(cases[-1][1])))
 
 
 def elapsed_hours(names: Sequence[str]) -> list[float | None] | None:

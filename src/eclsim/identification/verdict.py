@@ -48,6 +48,7 @@ class Aspect(StrEnum):
     SEARCH = "search"
     PLAUSIBILITY = "plausibility of the fitted patient"
     INTERVALS = "agreement of the intervals"
+    HELD = "what is held"
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,7 +41,7 @@ _TABLE = (
     (SECTION, "filtration_ml_min_mmHg", 10.0, "mL/min/mmHg", "Filtration coefficient of all capillaries, LpS",
      "fitted to haemodialysis, 10.0 +- 8.4: Pietribiasi 2016 (PMID 27483369), abstract", 0.2, 60.0),
     (SECTION, "reflection", 0.9, "1", "Reflection coefficient of the capillary wall for protein",
-     _NOT_VERIFIED, 0.3, 1.0),
+     _NOT_VERIFIED, 0.45, 1.0),
     (SECTION, "lymph_ml_min", 2.0, "mL/min", "Flow of lymph at the start", _NOT_VERIFIED, 0.1, 20.0),
     (SOLUTES, "followed", 0.0, "1", "Whether solutes are followed in courses: 1 with [solutes], else 0",
      "setting", 0.0, 1.0),

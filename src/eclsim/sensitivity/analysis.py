@@ -181,7 +181,8 @@ def run_analysis(
         blocks = range(rows // design.rows_per_block)
         run_tasks(plan.tasks, store, blocks, executor.run, progress)
         result = conclude(replace(design, samples=rows), plan.evaluator.outputs, store.load(blocks))
-        if until is not None and result.indices.estimates.ST_conf.max() <= until:
+        certain = until is not None and result.indices.estimates.ST_conf.max() <= until
+        if certain and result.indices.ranked:
             break
     store.finish(result.runs)
     seconds = time.perf_counter() - started

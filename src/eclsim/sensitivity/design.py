@@ -156,6 +156,8 @@ def _sobol_sequence(dimensions: int, samples: int, seed: int) -> np.ndarray:
 
 RESAMPLES = 100
 CONFIDENCE = 0.95
+ROUNDING = 1e-8
+"""An output whose standard deviation is a smaller share of its size does not vary: that is rounding."""
 _NO_VARIANCE = np.finfo(float).eps
 
 
@@ -197,18 +199,20 @@ def sobol_indices(
     *,
     seed: int = 1,
     resamples: int = RESAMPLES,
+    size: float = 0.0,
 ) -> Estimates:
-    """Indices of every output.
+    """Indices of every output; zero where it does not vary.
 
     Args:
         values: outputs of all runs, shape (rows, runs per row, outputs), without any failed row.
         factors: number of factors.
         seed: of the resampling.
         resamples: bootstrap resamples of the rows.
+        size: least size of an output, in its unit, that its rounding is held against.
     """
     from scipy.stats import norm
 
-    samples = _separated(values, factors)
+    samples = _separated(values, factors, size)
     rows = len(samples.A)
     chosen = np.random.default_rng(seed).integers(rows, size=(rows, resamples))
     counts = np.bincount((chosen + rows * np.arange(resamples)).ravel(), minlength=rows * resamples)
@@ -225,11 +229,17 @@ def sobol_indices(
     )
 
 
-def _separated(values: np.ndarray, factors: int) -> _Samples:
+def varies(values: np.ndarray, size: float = 0.0) -> np.ndarray:
+    """Which outputs vary by more than rounding, shape (outputs,); arguments as of `sobol_indices`."""
+    flat = values.reshape(-1, values.shape[-1])
+    return flat.std(axis=0) > ROUNDING * np.maximum(np.abs(flat.mean(axis=0)), size)
+
+
+def _separated(values: np.ndarray, factors: int, size: float) -> _Samples:
     """Centre and scale each output over all runs, then tell the points of a row apart."""
     flat = values.reshape(-1, values.shape[-1])
     spread = flat.std(axis=0)
-    usable = spread > 0
+    usable = varies(values, size)
     scaled = np.where(usable, (values - flat.mean(axis=0)) / np.where(usable, spread, 1.0), 0.0)
     second = values.shape[1] == 2 * factors + 2
     return _Samples(

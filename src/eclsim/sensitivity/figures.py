@@ -47,6 +47,7 @@ COLUMNS = 4
 LABELS = {"ST": "total order $S_T$", "S1": "first order $S_1$", "ST-S1": "interactions $S_T - S_1$"}
 LETTER_MM = 1.7
 MOST_PAIRED = 10
+TOO_FEW = "Only {} of {} rows have results: too few to rank from"
 SMALLEST_PAIR = 0.005
 Layout = Literal["sums", "paper"]
 
@@ -66,7 +67,8 @@ def write_sensitivity_figures(result: SensitivityResult, folder: Path) -> list[P
     }
     if indices.estimates.S2 is not None and len(indices.factors) > 1:
         figures["pairs"] = lambda: plot_pairs(indices)
-    return _save(figures, folder)
+    doubt = "" if indices.ranked else TOO_FEW.format(indices.rows_used, indices.samples)
+    return _save(figures, folder, doubt)
 
 
 def write_identifiability_figures(result: Identifiability, folder: Path) -> list[Path]:
@@ -81,8 +83,15 @@ def write_identifiability_figures(result: Identifiability, folder: Path) -> list
     return _save(figures, folder)
 
 
-def _save(figures: Mapping[str, Callable[[], Figure]], folder: Path) -> list[Path]:
-    return [path for name, draw in figures.items() for path in save_figure(draw(), folder / name)]
+def _save(figures: Mapping[str, Callable[[], Figure]], folder: Path, doubt: str = "") -> list[Path]:
+    """Write figures; with a doubt it stands above each."""
+    paths = []
+    for name, draw in figures.items():
+        figure = draw()
+        if doubt:
+            figure.suptitle(doubt, fontsize=8)
+        paths += save_figure(figure, folder / name)
+    return paths
 
 
 # --- Sobol indices ---------------------------------------------------------------------------------
@@ -158,7 +167,8 @@ def plot_bars(result: Indices) -> Figure:
     with figure_style():
         fig, (*panels, legend_panel) = panel_grid(len(result.outputs) + 1, COLUMNS, 44, 4)
         for k, (output, axes) in enumerate(zip(result.outputs, panels, strict=True)):
-            order = np.argsort(-e.ST[k], kind="stable")[: min(8, len(result.factors))]
+            sizes = -e.ST[k] if result.ranked else np.zeros(len(result.factors))
+            order = np.argsort(sizes, kind="stable")[: min(8, len(result.factors))]
             place = np.arange(len(order))
             for shift, numbers, widths, colour, label in (
                 (-0.2, e.S1[k, order], e.S1_conf[k, order], OKABE_ITO["sky blue"], "first order $S_1$"),

@@ -7,6 +7,7 @@ design of N rows holds N/n designs of n rows: repeats that cost no run. (The pap
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -16,7 +17,7 @@ import numpy as np
 
 from eclsim.files import csv_text, write_json, write_text
 from eclsim.reporting.numbers import text_table
-from eclsim.sensitivity.design import Design, Estimates, sobol_indices
+from eclsim.sensitivity.design import Design, Estimates, sobol_indices, varies
 from eclsim.sensitivity.runs import Runs, status_word
 
 if TYPE_CHECKING:
@@ -25,6 +26,10 @@ if TYPE_CHECKING:
 
 SHARE = 0.9
 """Of the total orders of an output, which the selected factors make up."""
+FEWEST_ROWS = 64
+"""Nothing is ranked or selected from fewer rows, nor from fewer than half of the design's."""
+SIZE = 1.0
+"""Least size of an output, in its unit, that its rounding is held against."""
 SMALLEST = 16
 MOST_PAIRS = 20
 FAINTEST = 0.005
@@ -64,6 +69,7 @@ class Indices:
         rows_used: rows that the estimates rest on.
         seconds: wall clock time.
         warnings: what there is to say of the beat at the values that the inputs are varied around.
+        constant: outputs that vary by no more than rounding, whose indices are zero.
     """
 
     factors: tuple[str, ...]
@@ -75,26 +81,44 @@ class Indices:
     rows_used: int
     seconds: float = 0.0
     warnings: tuple[str, ...] = ()
+    constant: tuple[str, ...] = ()
+
+    @property
+    def ranked(self) -> bool:
+        """Whether there are rows enough to rank factors and to select some."""
+        return self.rows_used >= max(FEWEST_ROWS, self.samples / 2)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What there is to say of the runs: failures, too few rows, outputs that do not vary."""
+        return tuple(_doubts(self))
 
     @property
     def sums(self) -> dict[str, float]:
-        """Total order summed over the outputs, largest first (the paper's Table 2)."""
+        """Total order summed over the outputs, the largest first where factors are ranked (Table 2)."""
         total = self.estimates.ST.sum(axis=0)
-        return {self.factors[k]: float(total[k]) for k in np.argsort(-total, kind="stable")}
+        order = np.argsort(-total, kind="stable") if self.ranked else range(len(total))
+        return {self.factors[k]: float(total[k]) for k in order}
 
     def ranking(self, output: str) -> list[str]:
-        """Factors by their total order, largest first."""
+        """Factors by their total order, largest first; none from too few rows or of what does not vary."""
+        if not self.ranked or output in self.constant:
+            return []
         total = self.estimates.ST[self.outputs.index(output)]
         return [self.factors[k] for k in np.argsort(-total, kind="stable")]
 
     def selected(self, share: float = SHARE) -> dict[str, list[str]]:
-        """For each output the fewest factors whose total orders add to a share of all total orders."""
+        """For each output the fewest factors whose total orders add to a share of all total orders.
+
+        Of them those whose half width is below their total order; none where nothing is ranked.
+        """
         chosen = {}
-        for output, total in zip(self.outputs, self.estimates.ST, strict=True):
+        for output, total, width in zip(self.outputs, self.estimates.ST, self.estimates.ST_conf, strict=True):
             order = np.argsort(-total, kind="stable")
             summed = np.cumsum(total[order])
-            needed = int(np.searchsorted(summed, share * summed[-1])) + 1 if summed[-1] > 0 else 0
-            chosen[output] = [self.factors[k] for k in order[:needed]]
+            some = self.ranked and summed[-1] > 0
+            needed = int(np.searchsorted(summed, share * summed[-1])) + 1 if some else 0
+            chosen[output] = [self.factors[k] for k in order[:needed] if width[k] < total[k]]
         return chosen
 
     def union(self, share: float = SHARE) -> list[str]:
@@ -116,7 +140,8 @@ class Indices:
         names = {"output": list(self.outputs), "factor": factors, "other_factor": factors}
         about = {
             "samples": self.samples, "evaluations": self.evaluations, "failed": len(self.failed),
-            "rows_used": self.rows_used, "warnings": list(self.warnings),
+            "rows_used": self.rows_used, "warnings": [*self.warnings, *self.doubts],
+            "constant": list(self.constant),
         }  # fmt: skip
         used = dims[: 3 if "S2" in numbers else 2]
         return xr.Dataset(data, {dim: names[dim] for dim in used}, about)
@@ -155,7 +180,8 @@ class Indices:
             "failed": len(self.failed),
             "rows_used": self.rows_used,
             "seconds": round(self.seconds, 3),
-            "warnings": list(self.warnings),
+            "warnings": [*self.warnings, *self.doubts],
+            "constant": list(self.constant),
             "outputs": {o: self._output_object(k, second_order) for k, o in enumerate(self.outputs)},
             "sum_ST": self.sums,
             "selected": self.selected(),
@@ -193,8 +219,8 @@ class SensitivityResult:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What there is to say of the beat at the values that the inputs are varied around."""
-        return self.indices.warnings
+        """What there is to say of the beat that the inputs are varied around, and of the runs."""
+        return (*self.indices.warnings, *self.indices.doubts)
 
     @property
     def dataset(self) -> xr.Dataset:
@@ -220,12 +246,16 @@ def conclude(design: Design, outputs: tuple[str, ...], runs: Runs) -> Sensitivit
             f"{int((~good).sum())} of {len(good)} rows have a failed run: nothing left to estimate from "
             f"(failed runs by status: {reasons}); eclsim simulate says what it means of one patient"
         )
-    estimates = sobol_indices(values[good], len(design.factors), seed=design.seed)
+    estimates = sobol_indices(values[good], len(design.factors), seed=design.seed, size=SIZE)
+    moves = varies(values[good], SIZE)
+    constant = tuple(name for name, moving in zip(outputs, moves, strict=True) if not moving)
     failed = tuple(
         _failed_run(design, int(run), int(runs.status[run])) for run in np.flatnonzero(runs.status)
     )
     evaluations, used = len(runs.status), int(good.sum())
-    indices = Indices(design.factors, outputs, estimates, len(values), evaluations, failed, used)
+    indices = Indices(
+        design.factors, outputs, estimates, len(values), evaluations, failed, used, constant=constant
+    )
     return SensitivityResult(design, indices, runs)
 
 
@@ -267,7 +297,9 @@ def convergence(result: SensitivityResult, smallest: int = SMALLEST) -> xr.Datas
     for s, size in enumerate(sizes):
         pieces = [slice(k, k + size) for k in range(0, design.samples, size)]
         repeats = [
-            sobol_indices(values[p][good[p]], factors, seed=design.seed) for p in pieces if good[p].sum() > 1
+            sobol_indices(values[p][good[p]], factors, seed=design.seed, size=SIZE)
+            for p in pieces
+            if good[p].sum() > 1
         ]
         for k, name in enumerate(names if repeats else ()):
             each = np.stack([getattr(r, name) for r in repeats])
@@ -311,28 +343,34 @@ def _convergence_table(numbers: xr.Dataset) -> pd.DataFrame:
 def indices_text(indices: Indices, state: str = "") -> str:
     """Total orders with their half widths, factors by their sums, what is selected marked."""
     title = "Total order indices" + (f", {state} state" if state else "")
+    title += "" if indices.ranked else ", FROM TOO FEW ROWS TO RANK"
+    used = "" if indices.rows_used == indices.samples else f"{indices.rows_used} of "
     selected, e = indices.selected(), indices.estimates
     rows = []
     for name, total in indices.sums.items():
         j = indices.factors.index(name)
         cells = [
-            f"{e.ST[k, j]:.3f}±{e.ST_conf[k, j]:.3f}{'*' if name in selected[o] else ' '}"
+            "-" if o in indices.constant
+            else f"{e.ST[k, j]:.3f}±{e.ST_conf[k, j]:.3f}{'*' if name in selected[o] else ' '}"
             for k, o in enumerate(indices.outputs)
-        ]
+        ]  # fmt: skip
         rows.append((name, *cells, f"{total:.2f}"))
     head = ("factor", *indices.outputs, "sum")
-    return "\n".join((
-        f"{title} ({indices.samples} rows, {indices.evaluations} runs in {indices.seconds:.0f} s)",
-        "* the largest, which together make up 90 % of the sum of the total orders of that output",
+    lines = [
+        f"{title} ({used}{indices.samples} rows, {indices.evaluations} runs in {indices.seconds:.0f} s)",
         text_table(head, rows, numeric=range(1, len(head))),
-        f"marked * for at least one output: {', '.join(indices.union())}",
-    ))  # fmt: skip
+    ]
+    if indices.ranked:
+        lines.insert(1, "* the largest, which together make up 90 % of the total orders of that output, and")
+        lines.insert(2, "  whose 95 % half width is below their own index")
+        lines.append(f"marked * for at least one output: {', '.join(indices.union())}")
+    return "\n".join(lines)
 
 
 def pairs_text(indices: Indices) -> str:
     """Second order of the pairs beyond their own half width, the largest first; empty if not computed."""
     s2, width = indices.estimates.S2, indices.estimates.S2_conf
-    if s2 is None or width is None:
+    if s2 is None or width is None or not indices.ranked:
         return ""
     pairs = [(k, i, j) for k, i, j in zip(*(s2 > width).nonzero(), strict=True) if s2[k, i, j] > FAINTEST]
     if not pairs:
@@ -351,14 +389,23 @@ def pairs_text(indices: Indices) -> str:
 
 def doubts(indices: Indices, state: str = "") -> list[str]:
     """What there is to say of the beat that was varied, and how many runs failed, and how."""
-    about = f"{state}: at the values varied around" if state else "at the values varied around"
-    return [*(f"{about}: {sentence}" for sentence in indices.warnings), *_failures(indices, state)]
+    before = f"{state}: " if state else ""
+    around = (f"at the values varied around: {sentence}" for sentence in indices.warnings)
+    return [f"{before}{sentence}" for sentence in (*around, *indices.doubts)]
 
 
-def _failures(indices: Indices, state: str) -> list[str]:
-    if not indices.failed:
-        return []
-    kinds = ", ".join(sorted({f.status for f in indices.failed}))
-    without = indices.samples - indices.rows_used
-    failed = f"{len(indices.failed)} of {indices.evaluations} runs failed ({kinds})"
-    return [f"{state + ': ' if state else ''}{failed}; {without} rows are left out"]
+def _doubts(indices: Indices) -> Iterator[str]:
+    if indices.failed:
+        kinds = ", ".join(sorted({f.status for f in indices.failed}))
+        failed = f"{len(indices.failed)} of {indices.evaluations} runs failed ({kinds})"
+        yield f"{failed}; {indices.samples - indices.rows_used} rows are left out"
+    if not indices.ranked:
+        yield (
+            f"{indices.rows_used} of {indices.samples} rows are left to estimate from: nothing is ranked or "
+            f"selected from fewer than {FEWEST_ROWS} or than half; raise --samples, or narrow --perturbation "
+            "where runs failed"
+        )
+    if indices.constant:
+        verb = "does" if len(indices.constant) == 1 else "do"
+        names = ", ".join(indices.constant)
+        yield f"{names} {verb} not vary: all that differs is rounding, so no index is given"

@@ -1,0 +1,119 @@
+"""What a fit's outputs would be if the parameters that it holds at their usual values were free as well.
+
+Blood gases, or few measurements, are often fitted with some of the seven parameters held, since their effects
+cannot be told from others'. What they are held at is then taken as known, and intervals of a failing heart
+come out as narrow ones of a healthy heart and wide vessels. By the derivatives at the fit and the bounds as
+prior (Gaussian approximation) the reach of what was not measured is said instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from eclsim.cases.quantities import stated
+from eclsim.identification.objective import NORMAL_90, Box
+from eclsim.identification.quantities import unit_of
+from eclsim.orbit.model import model_of
+from eclsim.orbit.status import NoDerivativesError
+from eclsim.outputs.results import derivatives
+from eclsim.parameters.thiel2025 import BOUNDS
+
+if TYPE_CHECKING:
+    from eclsim.cases.case import Case
+
+READ = ("CO", "PCWP", "MPAP")
+"""Outputs that a fit is read for, the gravest first."""
+OPEN = 1.3
+"""Ratio of the ends of a 90 % interval to the value, from which an output counts as left open."""
+
+
+@dataclass(frozen=True)
+class LeftOpen:
+    """Outputs that follow from held parameters.
+
+    Attributes:
+        held: parameters at their usual values.
+        intervals: 90 % of each output that is left open, in its unit, were these free as well.
+        values: of the fit.
+    """
+
+    held: tuple[str, ...]
+    intervals: Mapping[str, tuple[float, float]]
+    values: Mapping[str, float]
+
+    @property
+    def sentence(self) -> str:
+        """In words, with what to do."""
+        held, are = ", ".join(self.held), "are" if len(self.held) > 1 else "is"
+        each = ", ".join(
+            f"{name} {low:.3g} to {high:.3g} {unit_of(name)} in place of {self.values[name]:.3g}"
+            for name, (low, high) in self.intervals.items()
+        )
+        return (
+            f"{held} {are} held at the usual value, and what was not measured follows from that: free as "
+            f"well, these measurements leave {each} (90 %); measure it, free them (--free), or give "
+            "[parameters] that are known"
+        )
+
+
+def left_open(
+    fitted: Case,
+    free: Mapping[str, tuple[float, float, float]],
+    errors: Mapping[str, float],
+    policy: str,
+) -> LeftOpen | None:
+    """Outputs that the parameters which a fit holds leave open; None where there are none.
+
+    Args:
+        fitted: the case with its fitted values.
+        free: value, lower and upper bound of each free parameter, in its unit.
+        errors: standard uncertainty of each measurement.
+        policy: blood volume policy.
+    """
+    model = model_of(fitted)
+    held = {
+        name: (model.values[name], bounds.lower, bounds.upper)
+        for name, bounds in BOUNDS.items()
+        if name not in free and stated(fitted, name) is None and name in model.values
+    }
+    read = [name for name in READ if name not in errors]
+    if not held or not read:
+        return None
+    box = Box.of({**free, **held})
+    try:
+        slopes = derivatives(model, (*errors, *read), box.names, policy)
+    except NoDerivativesError:
+        return None
+    values = slopes["value"].to_numpy()
+    by_coordinate = slopes.to_numpy() * box.scale.slopes(box.start)
+    scaled = by_coordinate[: len(errors)] / np.array(list(errors.values()))[:, None]
+    relative = by_coordinate[len(errors) :] / values[len(errors) :, None]
+    open_ones = _intervals(read, values[len(errors) :], relative, scaled, box, len(free))
+    if next(iter(open_ones), "") != READ[0]:
+        return None
+    fits = dict(zip(read, values[len(errors) :].tolist(), strict=True))
+    return LeftOpen(tuple(held), open_ones, fits)
+
+
+def _intervals(
+    names: Sequence[str], values: np.ndarray, relative: np.ndarray, scaled: np.ndarray, box: Box, free: int
+) -> dict[str, tuple[float, float]]:
+    """Of the outputs that are wider with everything free by more than `OPEN`."""
+    everything = _reach(relative, box.covariance(scaled))
+    own = Box(box.names[:free], box.start[:free], box.lower[:free], box.upper[:free])
+    without = _reach(relative[:, :free], own.covariance(scaled[:, :free]))
+    result = {}
+    for name, value, wide, narrow in zip(names, values.tolist(), everything, without, strict=True):
+        if np.isfinite(wide) and value > 0.0 and wide > OPEN and wide > OPEN * narrow:
+            result[name] = (value / float(wide), value * float(wide))
+    return result
+
+
+def _reach(relative: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Ratio of the upper end of 90 % to the value, shape (outputs,)."""
+    variance = np.einsum("ij,jk,ik->i", relative, covariance, relative)
+    return np.exp(NORMAL_90 * np.sqrt(np.maximum(variance, 0.0)))

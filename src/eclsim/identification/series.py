@@ -1,0 +1,121 @@
+"""What the measurements of a followed patient have in common, whichever of them is looked at.
+
+A patient has one set point for each reflex: left open, it is the first measurement of the series that tells
+it, and the reflexes answer to changes from there. What is free is free at all times: at a time whose circuit
+does not read a parameter, such as a shunt where no gases were taken, nothing is learnt of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from eclsim.cases.quantities import with_values
+from eclsim.identification.settings import (
+    MEASURED_AT_REST,
+    CheckedFit,
+    FitSettings,
+    checked_fit,
+    held_by_assumption,
+    held_volume,
+    open_at_rest,
+    ready,
+    told_by_gases,
+    told_of_volume,
+)
+from eclsim.inputs.mistakes import Mistake, shown
+from eclsim.orbit.model import circuit_of
+from eclsim.outputs.signals import parameters_read
+
+if TYPE_CHECKING:
+    from eclsim.cases.case import Case
+
+Points = Sequence[tuple[str, "Case"]]
+"""Measurements in order: their names and cases."""
+
+
+@dataclass
+class Series:
+    """What is known of a series from the cases looked at so far.
+
+    Args:
+        settings: free parameters, bounds.
+        set_points: values of the set points that the cases leave open.
+        read: parameters that the circuit of at least one case reads.
+        limits: start value, lower and upper bound of each free parameter, by the first case that reads it.
+        measured: what was measured at any time.
+        notes: what there is to say of the set points.
+    """
+
+    settings: FitSettings
+    set_points: dict[str, float] = field(default_factory=dict)
+    read: set[str] = field(default_factory=set)
+    limits: dict[str, tuple[float, float, float]] = field(default_factory=dict)
+    measured: set[str] = field(default_factory=set)
+    notes: list[str] = field(default_factory=list)
+
+    def learn(self, name: str, case: Case) -> None:
+        """Take from a case what the series has not been told yet; `name`: of the measurement."""
+        for key, value in open_at_rest(case).items():
+            if key not in self.set_points:
+                self.set_points[key] = value
+                told = f"the {MEASURED_AT_REST[key]} of {name} ({shown(value)})"
+                message = f"left open, so {told}: reflexes do nothing there, and answer to changes"
+                self.notes.append(str(Mistake(key, message)))
+        here = self._read_by(case)
+        self.read |= here
+        checked = self.checked(case)[1]
+        self.measured |= checked.targets.keys()
+        for parameter, limits in checked.free.items():
+            if parameter in here:
+                self.limits.setdefault(parameter, limits)
+
+    def checked(self, case: Case) -> tuple[Case, CheckedFit]:
+        """A case as the series has it, and what can be fitted to it."""
+        left_open = () if case.regulation is None else case.regulation.open_set_points
+        case = with_values(case, {key: v for key, v in self.set_points.items() if key in left_open})
+        absent = (self.read & {*self.settings.names}) - self._read_by(case)
+        row = replace(
+            self.settings,
+            parameters=tuple(n for n in self.settings.parameters if n not in absent),
+            bounds={n: limits for n, limits in self.settings.bounds.items() if n not in absent},
+        )
+        checked = checked_fit(case, row)
+        if absent:
+            checked.mistakes = [mistake for mistake in checked.mistakes if mistake.key != "parameters"]
+        return ready(case, row), checked
+
+    def free(self) -> dict[str, tuple[float, float, float]]:
+        """Start value, lower and upper bound of each free parameter."""
+        return {name: self.limits[name] for name in self.settings.names if name in self.limits}
+
+    def doubts(self, case: Case, checked: CheckedFit) -> tuple[str, ...]:
+        """Why what is learnt from a case is not to be trusted: what is held although it is not known."""
+        still_open = [str(w) for w in checked.warnings if w.key in MEASURED_AT_REST]
+        return (*held_by_assumption(case, checked.targets, self.settings.names), *still_open)
+
+    def remarks(self, case: Case) -> list[str]:
+        """What is assumed at all times; `case`: one of them."""
+        return [*self.notes, *held_volume(case, self.measured, self.settings.names)]
+
+    def _read_by(self, case: Case) -> set[str]:
+        return {*parameters_read(circuit_of(ready(case, self.settings)))}
+
+
+def series_of(settings: FitSettings, points: Iterable[tuple[str, Case]]) -> Series:
+    """What the measurements of a series, name and case of each in order, have in common."""
+    series = Series(settings)
+    for name, case in points:
+        series.learn(name, case)
+    return series
+
+
+def series_parameters(points: Points, usual: Sequence[str]) -> tuple[str, ...]:
+    """What is worth following: what any measurement tells of gas exchange and blood volume, and the usual.
+
+    A fit has to leave out what it cannot tell apart; here it is free too, and its interval says so.
+    """
+    cases = [case for _, case in points]
+    told = [key for case in cases for key in told_by_gases(case)]
+    return tuple(dict.fromkeys((*told, *(key for case in cases for key in told_of_volume(case)), *usual)))

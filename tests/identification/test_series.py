@@ -1,0 +1,130 @@
+"""What the measurements of a followed patient have in common."""
+
+import pytest
+
+from eclsim.cases.reading import read_mapping
+from eclsim.identification.series import series_of, series_parameters
+from eclsim.identification.settings import FitSettings
+from eclsim.identification.tracking import TrackSettings, track
+from eclsim.inputs.mistakes import CaseError
+from eclsim.outputs.results import simulate
+from eclsim.parameters.regulation import SET_POINT
+
+PATIENT = {"id": "P", "sex": "male", "age_years": 60, "height_cm": 175, "weight_kg": 78}
+MEASURED = ("SP", "DP", "MAP", "CO", "PCWP", "MPAP")
+
+
+def case(**sections):
+    patient = {**PATIENT, "heart_rate_bpm": 95}
+    return read_mapping({"format": 1, "patient": patient, **sections}).case
+
+
+def with_reflex(**measured):
+    return case(regulation={"baroreflex": 1.0}, measurements=measured)
+
+
+def test_a_series_has_one_set_point_the_pressure_measured_first():
+    points = [("a", with_reflex(CO=4.0)), ("b", with_reflex(MAP=70.0)), ("c", with_reflex(MAP=50.0))]
+    series = series_of(FitSettings(("Rmc",)), points)
+    for _, each in points:
+        followed, checked = series.checked(each)
+        assert followed.regulation.set_point_mmHg == 70.0
+        assert not [w for w in checked.warnings if w.key == SET_POINT]
+    (note,) = series.notes
+    assert "MAP of b (70)" in note
+
+
+def test_a_set_point_that_a_case_gives_is_its_own():
+    given = case(regulation={"baroreflex": 1.0, "set_point_mmHg": 85}, measurements={"MAP": 60.0})
+    series = series_of(FitSettings(("Rmc",)), [("a", with_reflex(MAP=70.0)), ("b", given)])
+    assert series.checked(given)[0].regulation.set_point_mmHg == 85
+
+
+def test_reflexes_do_nothing_in_the_patient_who_was_measured_at_rest():
+    """A failing heart: with the set point of a healthy one it would be taken for a worse one."""
+    truth = {"Emaxlv": 0.8, "Rmc": 0.45}
+    beat = simulate(case(parameters=truth))
+    measured = {name: float(beat[name]) for name in MEASURED}
+    settings = TrackSettings(FitSettings(("Rmc", "Emaxlv")))
+    result = track([(str(k), with_reflex(**measured)) for k in range(2)], settings=settings)
+    first, second = result.points
+    assert first.verdict.level == "good"
+    assert second.probability > 0.5
+    assert second.parameters["Emaxlv"].median == pytest.approx(truth["Emaxlv"], rel=0.03)
+    assert result.as_object()["notes"] == list(result.notes) != []
+
+
+SHUNT, VO2, VOLUME = "gas.shunt_fraction", "gas.vo2_ml_min", "fluid.extra_volume_ml"
+VV = {
+    "mode": "VV", "pump": "Rotaflow", "speed_rpm": 3000, "oxygenator": "Quadrox-i Adult", "drainage_fr": 25,
+    "return_fr": 21,
+}  # fmt: skip
+GAS = {"haemoglobin_g_dl": 10.0, "fio2": 0.5, "alveolar_ventilation_l_min": 2.0}
+TRUTH = {SHUNT: 0.75, VO2: 240.0}
+
+
+def on_ecmo(**sections):
+    gas = {"gas": {**GAS, **sections.pop("gas", {})}} if "gas" in sections else {}
+    sweep = {"sweep_l_min": 3.0, "fdo2": 1.0} if gas else {}
+    return case(ecmo={**VV, **sweep}, **gas, **sections)
+
+
+@pytest.fixture(scope="module")
+def mornings():
+    """A patient who does not change; blood gases from the second morning on."""
+    beat = simulate(on_ecmo(gas={"shunt_fraction": 0.75, "vo2_ml_min": 240.0}, parameters={"Rmc": 0.8}))
+    pressures = {name: float(beat[name]) for name in ("SP", "DP", "MAP", "PF")}
+    gases = {name: float(beat[name]) for name in ("SaO2", "PaO2", "SpreO2")}
+    with_gases = on_ecmo(gas={}, measurements={**pressures, **gases})
+    return [("1", on_ecmo(measurements=pressures)), ("2", with_gases), ("3", with_gases)]
+
+
+def test_what_any_row_tells_of_is_free(mornings):
+    usual = ("Rmc", "Emaxlv")
+    assert series_parameters(mornings, usual) == (SHUNT, VO2, *usual)
+    assert series_parameters(mornings[:1], usual) == usual
+    known = on_ecmo(gas={"vo2_ml_min": 200}, measurements={"SvO2": 60.0, "CVP": 9.0})
+    assert series_parameters([("a", known)], usual) == (VOLUME, *usual)
+
+
+def test_a_row_without_gases_leaves_what_they_tell_of_as_it_was(mornings):
+    settings = FitSettings(("Rmc", *TRUTH))
+    result = track(mornings, settings=TrackSettings(settings))
+    first, *_, last = result.points
+    assert not any(point.failed or point.unusual for point in result.points)
+    assert first.parameters[SHUNT].upper - first.parameters[SHUNT].lower > 0.8
+    for name, value in TRUTH.items():
+        assert last.parameters[name].lower < value < last.parameters[name].upper
+    assert last.parameters[VO2].median == pytest.approx(240.0, rel=0.1)
+    assert not any(point.doubts for point in result.points)
+
+
+def test_what_no_row_reads_is_named(mornings):
+    with pytest.raises(CaseError, match=r"gas.shunt_fraction: not read"):
+        track(mornings[:1], settings=TrackSettings(FitSettings(("Rmc", SHUNT))))
+
+
+def test_a_held_shunt_is_doubted_in_every_row_that_tells_of_it(mornings):
+    points = track(mornings, settings=TrackSettings(FitSettings(("Rmc",)))).points
+    assert points[0].doubts == ()
+    for point in points[1:]:
+        assert any("the shunt of the lungs is held" in doubt for doubt in point.doubts)
+        assert point.as_object()["doubts"] == point.doubts
+    assert "the shunt of the lungs is held" in points[1].message
+    assert "the shunt of the lungs is held" not in points[2].message
+    only = track(mornings[1:2], settings=TrackSettings(FitSettings(("Rmc",)))).points[0]
+    assert only.verdict.level != "good"
+    assert any("the shunt of the lungs is held" in reason.sentence for reason in only.verdict.doubts)
+
+
+def test_a_set_point_that_nobody_measured_is_doubted():
+    blind = with_reflex(CO=4.0)
+    series = series_of(FitSettings(("Rmc",)), [("a", blind)])
+    (doubt,) = series.doubts(*series.checked(blind))
+    assert "left open, so that of the start values" in doubt
+
+
+def test_a_held_blood_volume_is_noted_once():
+    series = series_of(FitSettings(("Rmc",)), [("a", case(measurements={"MAP": 70.0}))])
+    (note,) = series.remarks(case())
+    assert "the blood volume is held" in note
