@@ -233,6 +233,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "failed": "This beat could not be computed. Undo the last change.",
         # schematic
         "schematic": "Circuit with mean pressures [mmHg] and flows",
+        "schematic_below": "more of the circuit below: scroll",
         "schematic_drag": "{letters} can be dragged",
         "schematic_hint": "Drag the round end of a line to another position, or choose it among the knobs.",
         "schematic_line": "{device} {line} at {{site}}: arrow keys move it to another position",
