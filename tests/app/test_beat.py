@@ -29,6 +29,15 @@ def test_outputs_and_waveforms_are_those_of_simulate(paper):
 
 
 @pytest.mark.slow
+def test_a_balloon_holds_no_blood():
+    beat = compute_beat(PageState(connect(connect(PRESETS["healthy"].case(), "gas"), "iabp")))
+    places = plain(beat, ())["gas"]["places"]
+    assert "iabpballoon" in beat.gases.places
+    assert "iabpballoon" not in places
+    assert set(beat.gases.places) - set(places) == {"iabpballoon"}
+
+
+@pytest.mark.slow
 def test_moving_a_crrt_line_keeps_the_compiled_circuit(paper):
     moved = turn(paper.case, "crrt.access_site", "pre_pump")
     assert page_circuit(moved)[0] is page_circuit(paper.case)[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -214,7 +215,10 @@ def _plain_gases(beat: Beat) -> dict[str, Any] | None:
             if steady
             else result | {"message": text("gases_passing") if beat.passing else beat.message}
         )
+    ends = _ends(beat.circuit)
     for place, blood in beat.gases.places.items():
+        if place in ends:
+            continue
         percent = 100.0 * float(blood.saturation)
         numbers = (percent, blood.po2, blood.pco2, blood.ph, blood.oxygen, blood.carbon_dioxide)
         values = {name: float(number) for name, number in zip(GAS_COLUMNS, numbers, strict=True)}
@@ -222,6 +226,14 @@ def _plain_gases(beat: Beat) -> dict[str, Any] | None:
         result["places"][place] = {"values": finite(values, digits=5), **colours}
     result["exchanged"] = finite({at: list(pair) for at, pair in beat.gases.exchanged.items()}, digits=6)
     return result
+
+
+@lru_cache(maxsize=256)
+def _ends(circuit: Circuit) -> frozenset[str]:
+    """Compartments that nothing flows through, such as a balloon: what they hold is not the patient's blood."""
+    sites = [site for c in circuit.connections for site in (c.source, c.target)]
+    touched = Counter(name for site in sites for name in ((site,) if isinstance(site, str) else site.sites))
+    return frozenset(name for name, count in touched.items() if count == 1)
 
 
 def _cautions(findings: Iterable[Finding]) -> dict[str, str]:

@@ -155,8 +155,9 @@ export default {
     marked(box) {
       return this.signs[this.level(box)] + this.pressure(box);
     },
-    // What flows through a line has the colour of where it comes from.
+    // What flows through a line has the colour of where it comes from; nothing flows into a balloon.
     blood({ name, ends }) {
+      if (!ends.every((end) => this.gases[end])) return {};
       const { colour } = this.gases[ends[this.means[`Q${name}`] < 0 ? 1 : 0]] ?? {};
       return colour ? { "--blood": colour } : {};
     },
