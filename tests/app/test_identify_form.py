@@ -378,6 +378,25 @@ def test_the_reasons_of_a_verdict_name_no_option_that_the_page_has_not():
     assert "--" not in result["parameters"]["Rmc"]["reason"]
 
 
+@pytest.mark.parametrize(
+    ("written", "shown"),
+    [
+        (
+            "free it (--parameters Rmc,gas.vo2_ml_min) or give it",
+            "free it (an option of eclsim identify) or give it",
+        ),
+        (
+            "measure it, free them (--free), or give",
+            "measure it, free them (an option of eclsim identify), or give",
+        ),
+        ("free it (x among --parameters)", "free it (x among an option of eclsim identify)"),
+        ("weigh (--weights uncertainty-like)", "weigh (an option of eclsim identify)"),
+    ],
+)
+def test_options_of_the_command_line_are_whole_words_on_the_page(written, shown):
+    assert on_the_page({"sentence": written})["sentence"] == shown
+
+
 def test_the_blood_volume_is_fitted_where_the_central_venous_pressure_was_measured():
     raw = CASE.as_mapping() | {"measurements": {"MAP": 80.0, "CVP": 12.0}}
     case, settings = to_fit(raw, "as_published")

@@ -230,7 +230,7 @@ def _plain_gases(beat: Beat) -> dict[str, Any] | None:
 
 @lru_cache(maxsize=256)
 def _ends(circuit: Circuit) -> frozenset[str]:
-    """Compartments that nothing flows through, such as a balloon: what they hold is not the patient's blood."""
+    """Compartments that nothing flows through, such as a balloon: they hold no blood of the patient."""
     sites = [site for c in circuit.connections for site in (c.source, c.target)]
     touched = Counter(name for site in sites for name in ((site,) if isinstance(site, str) else site.sites))
     return frozenset(name for name, count in touched.items() if count == 1)

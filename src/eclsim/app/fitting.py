@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _OPTIONS = (("; or weigh them by uncertainty (--weights uncertainty)", "fit_weigh"),
     (" (--weights uncertainty)", "fit_weighted"), ("--bounds", "fit_bounds_elsewhere"))  # fmt: skip
 """Options of `eclsim identify` in the reasons of a verdict, and the page's words for them."""
-_OPTION = re.compile(r"(?<!\S)\(?--[a-z][\w-]*( [a-z]+\))?")
+_OPTION = re.compile(r"\(--[^()]*\)|(?<!\S)--[a-z][\w-]*")
 LOOKING = {"points_per_parameter": 36, "round_size": 2, "rediscoveries": 1}
 """A narrower search than that of `eclsim identify` (1000 points, 10 rediscoveries), to answer in seconds."""
 PREPARING = {"points_per_parameter": 2, "round_size": 1, "rediscoveries": 0, "polishing": 0}
@@ -256,7 +256,12 @@ def on_the_page(reason: Mapping[str, Any]) -> dict[str, Any]:
     sentence = reason["sentence"]
     for option, key in _OPTIONS:
         sentence = sentence.replace(option, text(key))
-    return {**reason, "sentence": _OPTION.sub(text("fit_option_elsewhere"), sentence)}
+    elsewhere = text("fit_option_elsewhere")
+
+    def words(found: re.Match[str]) -> str:
+        return elsewhere if found[0].startswith("(") else elsewhere.strip("()")
+
+    return {**reason, "sentence": _OPTION.sub(words, sentence)}
 
 
 def judged(fit: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:
