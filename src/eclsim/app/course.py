@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from eclsim.app.display import figures_of
+from eclsim.app.display import figures_of, unit_of
 from eclsim.app.knobs import VOLUME, ambiguous_comma, as_written, controls, turned_value, value_of
 from eclsim.app.state import key_of
 from eclsim.app.texts import ENGLISH, text
@@ -155,7 +155,8 @@ def possible_events(case: Case) -> list[dict[str, Any]]:
     known = {knob.key for knob in knobs}
     labels = {one.key: one.label for one in case.instances()}
     entries = [
-        (k.key, f"{labels.get(k.group, '')} {k.label}".strip(), k.unit, value_of(case, k.key)) for k in knobs
+        (k.key, f"{labels.get(k.group, '')} {k.label}".strip(), unit_of(k), value_of(case, k.key))
+        for k in knobs
     ]
     for one in case.instances():
         fields = ((f"{one.key}.{name}", field) for name, field in one.device.section.fields().items())
