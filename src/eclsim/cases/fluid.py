@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eclsim.devices.crrt import HAEMATOCRIT as HAEMATOCRIT_IN
+from eclsim.devices.crrt_dialysis import HAEMATOCRIT as HAEMATOCRIT_IN
 from eclsim.devices.dialysed_blood import RED_CELL_HAEMOGLOBIN
 from eclsim.inputs.fields import Field, setting
 from eclsim.inputs.mistakes import Remarks, shown
