@@ -109,8 +109,8 @@ def check_red_cells(key: str, haematocrit: float, haemoglobin_g_dl: float, remar
         return
     message = (
         f"with gas.haemoglobin_g_dl = {haemoglobin_g_dl:g} red cells would hold {held:.0f} g/dL (usual: "
-        f"{RED_CELL_HAEMOGLOBIN:g}): blood would carry the oxygen of one and flow as that of the other; leave "
-        "it out where it was not measured"
+        f"{RED_CELL_HAEMOGLOBIN:g}): blood would carry the oxygen of one and flow as that of the other; "
+        "leave it out where it was not measured"
     )
     hint = f"{key.rpartition('.')[2]} = {haemoglobin_g_dl / RED_CELL_HAEMOGLOBIN:.2f}"
     remarks.warning(key, message, shown(haematocrit), hint)
