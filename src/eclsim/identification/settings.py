@@ -128,6 +128,8 @@ def measured_at_rest(case: Case, settings: FitSettings) -> Case:
     if case.regulation is None or settings.shared:
         return case
     open_ones = MEASURED_AT_REST.keys() & case.regulation.open_set_points
+    if case.physiology is not None and case.physiology.pericardium:
+        open_ones -= {VENOUS_SET_POINT}  # transmural, and nobody measures the pressure around the heart
     measured = {key: getattr(case.measurements, MEASURED_AT_REST[key], None) for key in open_ones}
     usable = {k: v for k, v in measured.items() if v is not None and parameters()[k].accepts(v)}
     return with_values(case, usable)
