@@ -11,6 +11,7 @@ import xarray as xr
 
 from eclsim.circuit.network import BLOOD_VOLUME
 from eclsim.course.alarms import clock_time
+from eclsim.course.gifts import said_of_gifts
 from eclsim.course.laws import Laws
 from eclsim.course.timeline import MINUTE, Timeline
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
@@ -60,8 +61,10 @@ def attributes_of(
 ) -> dict[str, Any]:
     """What every course says of itself; `message` is why it ended early, empty where it did not.
 
-    `approximations` says where steady beats stand for what takes time; it is among `warnings`, too.
+    `approximations` says where steady beats stand for what takes time, and what of the fluid that is given
+    the course does not hold as patients do; it is among `warnings`, too.
     """
+    approximations = [*approximations, *said_of_gifts(timeline)]
     return {
         "id": timeline.case.patient.id,
         "converged": int(not message),
@@ -70,7 +73,7 @@ def attributes_of(
         "balance": json.dumps(balance),
         "events": json.dumps([event.as_object() for event in timeline.case.events]),
         "warnings": [*warnings, *approximations, *timeline.cut_short()],
-        "approximations": list(approximations),
+        "approximations": approximations,
         "blood_volume_policy": policy,
     }
 

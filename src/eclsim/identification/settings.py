@@ -140,6 +140,8 @@ def open_at_rest(case: Case) -> dict[str, float]:
     if case.regulation is None:
         return {}
     open_ones = MEASURED_AT_REST.keys() & case.regulation.open_set_points
+    if case.physiology is not None and case.physiology.pericardium:
+        open_ones -= {VENOUS_SET_POINT}  # transmural, and nobody measures the pressure around the heart
     measured = {key: getattr(case.measurements, MEASURED_AT_REST[key], None) for key in sorted(open_ones)}
     return {k: v for k, v in measured.items() if v is not None and parameters()[k].accepts(v)}
 
