@@ -167,3 +167,17 @@ def test_an_ejection_fraction_is_read_with_care_where_an_lvad_empties_the_ventri
 def test_drugs_fitted_to_congested_hearts_are_read_with_care_in_others(wedge, dose, said):
     found = findings({"PCWP": wedge, "CO": 3.0, "MAP": 60.0}, {}, None, {"drugs.milrinone": dose})
     assert len([one for one in found if "milrinone: fitted to failing hearts" in one.sentence]) == said
+
+
+def test_an_lvad_that_empties_the_left_ventricle_is_warned_of():
+    circuit = circulation() + lvad()
+    filled = {"ejection_fraction_lv": 23.0, "ESVLV": 130.0, "end_diastolic_pressure_lv": 13.5}
+    empty = {"ejection_fraction_lv": 71.0, "ESVLV": 18.0, "end_diastolic_pressure_lv": 2.9}
+    assert not any("suction" in sentence for _, sentence in said(filled, circuit))
+    (found,) = (f for f in findings(empty, {}, circuit) if "suction" in f.sentence)
+    assert found.kind == "warning"
+    assert "empties the left ventricle to 18 mL (end-diastolic pressure 2.9 mmHg): suction is likely" in (
+        found.sentence
+    )
+    assert "lvad_flow" in found.concerns
+    assert not any("suction" in sentence for _, sentence in said(empty, circulation() + lvad("la")))
