@@ -30,6 +30,9 @@ THIN_WALLED = {
 _PULMONARY_ARTERY = ("pas", "part")
 _SIDES = ((*DRAINED, *DRAINED.values(), "ra", "rv"), ("pvn", "la", "lv"))
 _PARTED_L_MIN = 0.1
+_LEFT = "the left ventricle itself ejects {} (LVO)"
+OPEN_ML_S = 30.0
+"""Peak flow from which a valve counts as opening although its net flow is that of a closed one."""
 
 
 def findings(
@@ -153,14 +156,26 @@ def _drained(circuit: Circuit) -> dict[str, str]:
 
 
 def _aortic_valve(outputs: Mapping[str, float], circuit: Circuit | None) -> list[Finding]:
-    """A valve that stays closed: the heart's failure, or an assist pump at work."""
+    """A valve that stays closed, by the heart's failure or an assist pump at work, or one that leaks."""
     aortic, pumps = outputs.get("aortic_valve_flow"), assist_flows(outputs, circuit)
     if aortic is None or aortic >= CLOSED_L_MIN:
         return []
-    text = f"aortic valve flow {aortic:.3f} L/min: "
-    if (carried := sum(pumps.values())) >= CLOSED_L_MIN:
+    carried, peak = sum(pumps.values()), outputs.get("peak_aortic_valve_flow", 0.0)
+    text = f"aortic valve flow {round(aortic, 3) + 0.0:.3f} L/min: "
+    opens = f"the valve opens (peak flow {peak:.0f} mL/s)" if peak >= OPEN_ML_S else "the valve stays closed"
+    if aortic <= -CLOSED_L_MIN:
+        text += f"{opens} and leaks {-aortic:.2f} L/min more than it lets through"
+        if carried >= CLOSED_L_MIN:
+            organs = outputs.get("systemic_flow", carried + aortic)
+            text += (
+                f": of the {carried:.2f} L/min of the {' and the '.join(pumps)} the organs get {organs:.2f}"
+            )
+        return [Finding("alarm", "aortic_valve_flow", aortic, -CLOSED_L_MIN, text, concerns=("LVO",))]
+    if peak >= OPEN_ML_S:
+        text += f"{opens}, and as much as it lets through leaks back"
+    elif carried >= CLOSED_L_MIN:
         text += (
-            f"the valve stays closed, the {' and the '.join(pumps)} carries the left ventricle's output "
+            f"{opens}, the {' and the '.join(pumps)} carries the left ventricle's output "
             f"({carried:.2f} L/min)"
         )
     else:
@@ -174,7 +189,7 @@ def _different_flows(outputs: Mapping[str, float], circuit: Circuit | None) -> l
     if lungs is None or left is None:
         return []
     others = {
-        "the left ventricle itself ejects {} (LVO)": left,
+        _LEFT if left >= 0.0 else "the aortic valve leaks more than it lets through, net {} (LVO)": left,
         "the right ventricle itself ejects {}": outputs.get("pulmonary_valve_flow", lungs),
         "the lungs get {}": outputs.get("pulmonary_flow", lungs),
     }
