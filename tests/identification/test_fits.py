@@ -16,7 +16,7 @@ from eclsim.execution import Distribution, ExecutionError, Shard, ShardDone
 from eclsim.identification import cohort
 from eclsim.identification.cohort import fit_cohort, r_squared, stem
 from eclsim.identification.density import NoSteadyBeatError
-from eclsim.identification.files import fits_object, write_fits, write_fitted_case
+from eclsim.identification.files import fits_object, write_fit_figures, write_fits, write_fitted_case
 from eclsim.identification.fit import NOT_FROM_A_POOR_FIT, fit_cases, held_against_its_beat
 from eclsim.identification.fit import fit as fit_case
 from eclsim.identification.multi_start import FitStatus, MultiStart, Optimum, Starts
@@ -114,6 +114,23 @@ def test_the_profile_interval_is_the_gaussian_one_where_the_measurements_determi
         assert np.log(lower) == pytest.approx(np.log(p.lower), abs=0.15 * np.log(p.upper / p.lower))
         assert np.log(upper) == pytest.approx(np.log(p.upper), abs=0.15 * np.log(p.upper / p.lower))
         assert judged.as_object()["parameters"][name]["profile"] == [lower, upper]
+
+
+def test_the_terminal_prints_the_wider_of_two_intervals_and_no_profile_is_said(fit, tmp_path, monkeypatch):
+    point = fit.as_object()
+    gaussian = point["parameters"]["Rmc"]
+    gaussian["profile"] = [0.5 * gaussian["lower"], 0.99 * gaussian["upper"]]
+    text = fits_text(fits_object([point], QUICK.as_object()))
+    assert f"{gaussian['profile'][0]:.4g}  {gaussian['upper']:.4g}" in text
+    assert "the wider of the Gaussian approximation and the profile likelihood" in text
+    nowhere = SimpleNamespace(costs=np.array([np.inf]))
+    monkeypatch.setattr("eclsim.identification.profiles.refine", lambda *_: nowhere)
+    judged, profiled = with_profiles(fit)
+    assert profiled is None
+    assert "no profile likelihood could be computed" in judged.verdict.doubts[0].sentence
+    (tmp_path / "profiles.svg").write_text("of an earlier fit")
+    write_fit_figures(tmp_path, judged, profiled)
+    assert {file.stem for file in tmp_path.iterdir()} == {"slices", "starts", "residuals", "correlation"}
 
 
 def test_a_twin_is_a_good_fit_and_a_contradictory_patient_a_poor_one(twin, fit):

@@ -52,7 +52,7 @@ def test_starts_without_a_steady_beat_are_named_and_do_not_stop_the_others():
 
 
 def test_a_start_all_of_whose_steps_have_no_steady_beat_stays_and_ends():
-    """As of a heart in arrest: there is a beat at the start, with derivatives, and none wherever they lead."""
+    """As of a heart in arrest: there is a beat with derivatives at the start, and none where they lead."""
 
     class OnlyHere(FunctionObjective):
         def evaluate(self, points, x, options=None, resolution=None, tangents=None):

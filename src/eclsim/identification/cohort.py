@@ -63,7 +63,7 @@ class FitGroup:
         ]  # fmt: skip
 
     def _fits(self, cases: Sequence[tuple[str, Case]]) -> list[FitResult]:
-        """The fits of cases; one that an error ends stops no other, but for those it shares parameters with."""
+        """The fits of cases; one that an error ends stops no other, unless they share parameters."""
         try:
             return fit_cases(cases, self.settings, lambda step: announce(str(step)))
         except (CaseError, MemoryError, OSError):  # of the whole run: no point by itself would do better

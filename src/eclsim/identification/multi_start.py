@@ -320,7 +320,7 @@ def _best(
     size, count = len(box.names), len(problem.outputs)
     explored = candidates.explored, candidates.dropped, candidates.shut, candidates.gasless
     if not candidates.refined or not np.isfinite((ended := candidates.so_far()).costs).any():
-        return nothing_found(size, count, candidates.nothing_found(), *explored)
+        return nothing_found(size, count, candidates.nothing_found(), explored)
     last = _to_the_end(problem, point, ended.x[[np.argmin(ended.costs)]], box, settings.polishing)
     first_costs = np.array(candidates.first_costs)
     starts = Starts(ended.x, first_costs, ended.costs, agreeing(ended))
@@ -332,14 +332,21 @@ def _best(
 
 
 def nothing_found(
-    size: int, count: int, status: FitStatus, explored: int = 0, dropped: int = 0, shut: int = 0, gasless: int = 0
+    size: int, count: int, status: FitStatus, explored: tuple[int, int, int, int] = (0, 0, 0, 0)
 ) -> Optimum:
-    """The end of a search for so many parameters, with so many outputs, that has found nothing."""
+    """The end of a search that has found nothing.
+
+    Args:
+        size: number of parameters.
+        count: of outputs.
+        status: how it ended.
+        explored: points explored, and of these dropped, shut and gasless (see `Optimum`).
+    """
     none, flat = np.zeros((0, size)), np.zeros(0)
     starts = Starts(none, flat, flat, np.zeros(0, dtype=bool))
     return Optimum(
         np.full(size, np.nan), np.full(count, np.nan), np.inf, np.full((count, size), np.nan), starts,
-        explored, dropped, shut, gasless, status,
+        *explored, status,
     )  # fmt: skip
 
 
