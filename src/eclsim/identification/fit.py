@@ -18,6 +18,7 @@ from eclsim.identification.multi_start import (
     Progress,
     fit_shared,
     identify,
+    nothing_found,
     silent,
 )
 from eclsim.identification.objective import Box, Objective, Target, correlation
@@ -268,21 +269,13 @@ def fit_cases(
     """
     settings = settings or FitSettings()
     started = time.perf_counter()
-    cases = [(name, ready(case, settings)) for name, case in cases]
-    targets, box = [], None
-    for _, case in cases:
-        checked = checked_fit(case, settings)
-        if checked.mistakes:
-            raise CaseError(checked.mistakes)
-        targets.append(_target(case, checked.targets, checked.fixed, settings))
-        box = box or Box.of(checked.free)
-    if box is None:
+    if not cases:
         return []
-    policy = common_policy([case for _, case in cases], settings.volume_policy)
-    objective = Objective(targets, box.names, policy)
+    cases = [(name, ready(case, settings)) for name, case in cases]
+    objective, box = _problem([case for _, case in cases], settings)
     optima = identify(objective, box, settings.multi_start, progress)
     if settings.shared and len(cases) > 1:
-        errors = [measurement_errors(t.measured, settings.uncertainties) for t in targets]
+        errors = [measurement_errors(t.measured, settings.uncertainties) for t in objective.targets]
         errors = [np.array(list(by_output.values())) for by_output in errors]
         optima = fit_shared(objective, box, optima, errors, settings.shared)
     results = [
@@ -292,6 +285,29 @@ def fit_cases(
     results = [held_against_its_beat(result) for result in _without_compensated(results, objective, box)]
     seconds = (time.perf_counter() - started) / len(cases)
     return [replace(result, seconds=seconds) for result in results]
+
+
+def broken_off(name: str, case: Case, settings: FitSettings, error: Exception) -> FitResult:
+    """The result of a data point whose fit an error of the program ended."""
+    case = ready(case, settings)
+    objective, box = _problem([case], settings)
+    optimum = nothing_found(len(box.names), len(objective.outputs), FitStatus.BROKEN_OFF)
+    result = _result(name, case, objective, 0, box, optimum, settings)
+    about = f"{type(error).__name__}: {error}"
+    return replace(result, verdict=FitVerdict(None, tuple(search(optimum.status, about))))
+
+
+def _problem(cases: Sequence[Case], settings: FitSettings) -> tuple[Objective, Box]:
+    """What is minimised for cases that are `ready`, and the bounds."""
+    targets, boxes = [], []
+    for case in cases:
+        checked = checked_fit(case, settings)
+        if checked.mistakes:
+            raise CaseError(checked.mistakes)
+        targets.append(_target(case, checked.targets, checked.fixed, settings))
+        boxes.append(Box.of(checked.free))
+    policy = common_policy(cases, settings.volume_policy)
+    return Objective(targets, boxes[0].names, policy), boxes[0]
 
 
 def _target(
