@@ -54,7 +54,7 @@ class PageCourse:
     @property
     def times(self) -> list[float]:
         """Minutes of its moments, as the browser knows them."""
-        return finite(np.asarray(self.followed.result["time_min"]).tolist(), digits=7)
+        return [float(f"{minute:.7g}") for minute in np.asarray(self.followed.result["time_min"])]
 
     @property
     def end(self) -> float:
