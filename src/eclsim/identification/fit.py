@@ -348,7 +348,7 @@ def _result(
     changed = changed.model_copy(update={"blood_volume_policy": objective.policy})
     reasons = [
         *agreement(target.measured, simulated, goodness, settings.weights), *search(optimum.status),
-        *_held_back(parameters, gains), *_held_fixed(goodness, box.names),
+        *_held_back(parameters, gains), *_held_fixed(goodness, box.names), *_unknown_rest(set_points),
     ]  # fmt: skip
     return FitResult(
         name, changed, target.measured, simulated, parameters, correlation(spread),
@@ -404,6 +404,18 @@ def _held_fixed(goodness: Goodness, free: Sequence[str]) -> list[Reason]:
             sentence = f"{', '.join(names)} {tells} {what}, which is held here: free {key} as well (--free)"
             reasons.append(Reason(Aspect.AGREEMENT, Level.DOUBTFUL, "", sentence))
     return reasons
+
+
+def _unknown_rest(set_points: Mapping[str, float]) -> list[Reason]:
+    """Set points of reflexes that neither the case nor a measurement gives."""
+    return [
+        Reason(
+            Aspect.PLAUSIBILITY, Level.DOUBTFUL, "",
+            f"{key} is that of the start values ({value:.4g}), so that reflexes act on whoever was measured: "
+            "give it, measure it, or fit without [regulation]",
+        )
+        for key, value in set_points.items()
+    ]  # fmt: skip
 
 
 def held_against_its_beat(result: FitResult) -> FitResult:

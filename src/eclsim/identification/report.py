@@ -481,13 +481,16 @@ def _patient(series: Data) -> dict[str, object]:
 def _state(points: Sequence[Data]) -> list[str]:
     """Whether the last measurement fits, and what was remarked before."""
     last = points[-1]
+    said = last["message"]
+    for doubt in last.get("doubts", ()):
+        said = said.replace(doubt, "")
     if last["failed"]:
         first = f"{last['id']} could not be used: the estimate is of the measurement before"
     elif last["probability"] is None:
         first = f"{last['id']} is the only measurement: nothing to hold it against yet"
     elif last["unusual"]:
         first = f"{last['id']} does not fit the patient so far"
-    elif last["message"]:
+    elif said.strip("; "):
         first = f"{last['id']} fits the patient so far as a whole, not in every output"
     else:
         first = f"{last['id']} fits the patient so far (probability {last['probability']:.2g})"

@@ -92,7 +92,8 @@ class Series:
 
     def doubts(self, case: Case, checked: CheckedFit) -> tuple[str, ...]:
         """Why what is learnt from a case is not to be trusted: what is held although it is not known."""
-        still_open = [str(w) for w in checked.warnings if w.key in MEASURED_AT_REST]
+        left_open = () if case.regulation is None else case.regulation.open_set_points
+        still_open = [str(w) for w in checked.warnings if w.key in left_open]
         return (*held_by_assumption(case, checked.targets, self.settings.names), *still_open)
 
     def remarks(self, case: Case) -> list[str]:

@@ -228,7 +228,7 @@ def held_by_assumption(case: Case, measured: Collection[str], free: Collection[s
         result.append(
             "the blood volume is held at that of a published patient of this size while CVP tells of it: "
             f"other parameters make up for what is wrong with it, and {_of_volume(measured)} follow from it; "
-            f"free it as well ({EXTRA_VOLUME} among --parameters) or give it"
+            f"free it as well ({EXTRA_VOLUME}) or give it"
         )
     return result
 
@@ -240,7 +240,7 @@ def held_volume(case: Case, measured: Collection[str], free: Collection[str]) ->
     return [
         f"the blood volume is held at that of a published patient of this size: {_of_volume(measured)} "
         "follow from it, and intervals leave out that it may be another; measure CVP and free "
-        f"{EXTRA_VOLUME} (--parameters)"
+        f"{EXTRA_VOLUME}"
     ]
 
 
