@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from eclsim.course.timeline import Timeline
 
-REFILL = "fluid.capillary_refill"
 _STAYS = {
     "crystalloid_ml": "crystalloid (a twentieth to a fifth stays, in patients about a quarter)",
     "albumin_ml": "albumin (a third stays, in patients two thirds and more)",
@@ -21,10 +20,10 @@ def said_of_gifts(timeline: Timeline) -> list[str]:
     for event in timeline.case.events:
         for kind, ml in event.give.items():
             given[kind] = given.get(kind, 0.0) + ml
-    _, settings = timeline.start
+    fluid = timeline.case.fluid
     result = []
     quick = [words for kind, words in _STAYS.items() if given.get(kind, 0.0) > 0.0]
-    if quick and settings.get(REFILL, 0.0) > 0.0:
+    if quick and (fluid is None or fluid.capillary_refill):
         result.append(
             f"of what is given too little stays in the blood after 20 minutes: {' and '.join(quick)}; "
             "pressures and output fall back too soon, and albumin is worth too much beside crystalloid"

@@ -61,10 +61,10 @@ def attributes_of(
 ) -> dict[str, Any]:
     """What every course says of itself; `message` is why it ended early, empty where it did not.
 
-    `approximations` says where steady beats stand for what takes time, and what of the fluid that is given
-    the course does not hold as patients do; it is among `warnings`, too.
+    `approximations` says where steady beats stand for what takes time, `cautions` what of the fluid that is
+    given a course does not hold as patients do; both are among `warnings`, too.
     """
-    approximations = [*approximations, *said_of_gifts(timeline)]
+    cautions = said_of_gifts(timeline)
     return {
         "id": timeline.case.patient.id,
         "converged": int(not message),
@@ -72,8 +72,9 @@ def attributes_of(
         "message": message,
         "balance": json.dumps(balance),
         "events": json.dumps([event.as_object() for event in timeline.case.events]),
-        "warnings": [*warnings, *approximations, *timeline.cut_short()],
-        "approximations": approximations,
+        "warnings": [*warnings, *approximations, *timeline.cut_short(), *cautions],
+        "approximations": list(approximations),
+        "cautions": cautions,
         "blood_volume_policy": policy,
     }
 
