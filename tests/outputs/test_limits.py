@@ -73,6 +73,15 @@ def test_a_compartment_takes_the_worst_of_its_outputs():
     assert worst(["ok", "alarm", "warning"]) == "alarm"
 
 
+def test_gases_of_the_lower_body_have_limits_and_are_said_once():
+    outputs = {"PaO2": 90.0, "PaO2_lower": 420.0, "PaCO2": 66.0, "PaCO2_lower": 85.0}
+    broken = broken_limits(outputs)
+    assert [(one.quantity, one.kind) for one in broken] == [
+        ("PaCO2_lower", "alarm"),
+        ("PaO2_lower", "warning"),
+    ]
+
+
 def test_the_healthy_adult_breaks_no_limit():
     result = simulate(PRESETS["healthy"].case())
     assert result.attrs["warnings"] == []
