@@ -82,6 +82,12 @@ def test_gases_of_the_lower_body_have_limits_and_are_said_once():
     ]
 
 
+def test_an_ejection_fraction_of_zero_is_not_called_a_negative_volume():
+    """`settings` gives this as what stops a search at 0, where the valve is shut."""
+    for limit in limits_of("ejection_fraction_lv"):
+        assert limit.meaning.startswith("at 0 % nothing is ejected")
+
+
 def test_the_healthy_adult_breaks_no_limit():
     result = simulate(PRESETS["healthy"].case())
     assert result.attrs["warnings"] == []

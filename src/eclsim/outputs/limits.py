@@ -137,7 +137,7 @@ OF_COURSES = (
 )
 """Limits of what is followed in courses alone and is no output of a beat."""
 
-_NO_CHAMBER = "no chamber ejects so; its volume is negative"
+_NO_CHAMBER = "at 0 % nothing is ejected; beyond 0 and 100 % the volume is negative"
 _IMPOSSIBLE = tuple(
     limit
     for name in ("ejection_fraction_lv", "ejection_fraction_rv")
