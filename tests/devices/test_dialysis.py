@@ -77,6 +77,29 @@ def test_constants_without_a_source_are_said_until_a_case_sets_them(case):
     assert not [line for line in eclsim.simulate(own).attrs["warnings"] if "assumed" in line]
 
 
+def test_fluid_taken_faster_than_patients_bear_is_warned_of():
+    def said(rate):
+        reading = read_mapping(VV | {"crrt": ON_ECMO | {"net_ultrafiltration_ml_h": rate}})
+        return [str(remark) for remark in reading.warnings if "mL/kg/h" in str(remark)]
+
+    assert said(140) == []
+    (warning,) = said(3000)
+    assert "37.5 mL/kg/h: above 1.75 mL/kg/h fewer critically ill patients survived" in warning
+
+
+def test_clearances_beside_another_filter_are_said_to_know_nothing_of_it(case):
+    raw = case.as_mapping()
+    dialysed = {"flow_ml_min": 200, "access_site": "svn", "return_site": "ra"} | FLUIDS
+    raw = {key: value for key, value in raw.items() if key not in ("crrt", "ecmo")}
+    two = eclsim.simulate(read_mapping(raw | {"crrt": {"a": dialysed, "b": dialysed}}).case)
+    said = [line for line in two.attrs["warnings"] if "cleared nothing" in line]
+    assert len(said) == 2
+    assert said[0].startswith(
+        "effective clearances of the CRRT a are as if [crrt.b] cleared nothing: too high"
+    )
+    assert not [line for line in eclsim.simulate(case).attrs["warnings"] if "cleared nothing" in line]
+
+
 def test_without_gas_a_dialyzer_needs_no_blood_gases(case):
     single = case.model_copy(update={"ecmo": None, "crrt": case.crrt.model_copy(update=dict(ON_THE_PATIENT))})
     result = eclsim.simulate(single)

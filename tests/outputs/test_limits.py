@@ -76,6 +76,21 @@ def test_a_compartment_takes_the_worst_of_its_outputs():
     assert worst(["ok", "alarm", "warning"]) == "alarm"
 
 
+def test_gases_of_the_lower_body_have_limits_and_are_said_once():
+    outputs = {"PaO2": 90.0, "PaO2_lower": 420.0, "PaCO2": 66.0, "PaCO2_lower": 85.0}
+    broken = broken_limits(outputs)
+    assert [(one.quantity, one.kind) for one in broken] == [
+        ("PaCO2_lower", "alarm"),
+        ("PaO2_lower", "warning"),
+    ]
+
+
+def test_an_ejection_fraction_of_zero_is_not_called_a_negative_volume():
+    """`settings` gives this as what stops a search at 0, where the valve is shut."""
+    for limit in limits_of("ejection_fraction_lv"):
+        assert limit.meaning.startswith("at 0 % nothing is ejected")
+
+
 def test_the_healthy_adult_breaks_no_limit():
     result = simulate(PRESETS["healthy"].case())
     assert result.attrs["warnings"] == []

@@ -14,6 +14,7 @@ from eclsim.cases.resolve import height_weight
 from eclsim.cases.settings import apply_settings
 from eclsim.course.course import follow
 from eclsim.course.timeline import MINUTE, Timeline, changed
+from eclsim.devices.dialysed_blood import FEWER_SURVIVED, HARMFUL_ML_KG_H
 from eclsim.devices.ecmo import ECMO
 from eclsim.devices.registry import devices, named_output
 from eclsim.goals.goal import Goal, GoalError, possible, read_goals
@@ -36,9 +37,6 @@ if TYPE_CHECKING:
 FILTRATION = "net_ultrafiltration_ml_h"
 FILTERED = "filtration_fraction"
 """Output whose limit bounds the rate unasked: beyond it the filter that is to remove the fluid clots."""
-HARMFUL_ML_KG_H = 1.75
-"""Net ultrafiltration above which fewer patients survived (Murugan et al. 2019, JAMA Netw Open,
-doi 10.1001/jamanetworkopen.2019.5418: against less than 1.01 mL/kg/h)."""
 TRIED = 8
 """Rates of one round, marched side by side."""
 ROUNDS = 3
@@ -183,8 +181,7 @@ def _warnings(case: Case, key: str, found: Removal, policy: str | None) -> tuple
     if per_kg > HARMFUL_ML_KG_H:
         said.insert(
             0,
-            f"{found.rate_ml_h:.0f} mL/h are {per_kg:.1f} mL/kg/h: above {HARMFUL_ML_KG_H:g} mL/kg/h fewer "
-            "critically ill patients survived than below 1.01 (Murugan et al. 2019)",
+            f"{found.rate_ml_h:.0f} mL/h are {per_kg:.1f} mL/kg/h: {FEWER_SURVIVED}",
         )
     return tuple(said)
 

@@ -223,12 +223,17 @@ def case_speed(case: Case) -> float:
         raise StudyError(
             f"case '{case.patient.id}' has a roller pump: the study varies the speed of a rotary pump"
         )
-    if named := [f"[{key}]" for key in case.other_devices if device_key(key) == "crrt"]:
+    if named := named_crrts(case):
         raise StudyError(
-            f"case '{case.patient.id}' has {' and '.join(named)}: the study places one CRRT circuit; write "
-            "[crrt], and leave others out"
+            f"case '{case.patient.id}' has [{'] and ['.join(named)}]: the study places one CRRT circuit; "
+            "write [crrt], and leave others out"
         )
     return float(case.ecmo.speed_rpm)
+
+
+def named_crrts(case: Case) -> list[str]:
+    """Sections such as "crrt.a", beside which the study would place a CRRT circuit more."""
+    return [key for key in case.other_devices if device_key(key) == "crrt"]
 
 
 def usual_speeds(case: Case) -> tuple[float, ...]:

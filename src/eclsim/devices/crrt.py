@@ -47,6 +47,7 @@ from eclsim.devices.device import CaseValues, Device, Naming, device_key
 from eclsim.devices.dialysed_blood import (
     FLUIDS,
     USUAL_FLUID,
+    beside_others,
     check_fluids,
     dialysed_blood,
     fluid_flow,
@@ -435,32 +436,36 @@ class CrrtDevice(Device[Crrt]):
     def findings(
         self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
     ) -> list[Finding]:
-        """What the circuit between the lines does not carry: blood drawn, and water taken out."""
-        return thickened(names, outputs, values) + self._backwards(names, outputs, circuit)
+        """What the circuit does not carry, blood or water; clearances that know of no other CRRT."""
+        return [
+            *thickened(names, outputs, values),
+            *_carried(names, outputs, circuit),
+            *beside_others(names, outputs, circuit),
+        ]
 
-    @staticmethod
-    def _backwards(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
-        """A CRRT that draws more from an ECMO circuit than the circuit carries."""
-        ends = {c.name: (c.source, c.target) for c in circuit.connections}
-        groups = {c.name: c.group for c in circuit.compartments}
-        access, _ = ends.get(names.place("crrttuin"), ("", ""))
-        _, back = ends.get(names.place("crrttuout"), ("", ""))
-        group = groups.get(str(access), "")
-        if device_key(group) != "ecmo" or groups.get(str(back)) != group:
-            return []
-        carried_name, drawn_name = (
-            Naming(ECMO, group.partition(".")[2]).output("PF"),
-            names.output("crrt_flow"),
-        )
-        drawn, carried = outputs.get(drawn_name), outputs.get(carried_name)
-        if drawn is None or carried is None or drawn <= abs(carried):
-            return []
-        text = (
-            f"{names.label} flow {drawn:.2f} L/min is above the ECMO flow {carried:.2f} L/min: "
-            "between the CRRT lines blood runs backwards or in a circle"
-        )
-        concerns = (drawn_name, carried_name)
-        return [Finding("alarm", drawn_name, drawn, carried, text, concerns=concerns)]
+
+def _carried(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
+    """A CRRT that draws more from an ECMO circuit than the circuit carries."""
+    ends = {c.name: (c.source, c.target) for c in circuit.connections}
+    groups = {c.name: c.group for c in circuit.compartments}
+    access, _ = ends.get(names.place("crrttuin"), ("", ""))
+    _, back = ends.get(names.place("crrttuout"), ("", ""))
+    group = groups.get(str(access), "")
+    if device_key(group) != "ecmo" or groups.get(str(back)) != group:
+        return []
+    carried_name, drawn_name = (
+        Naming(ECMO, group.partition(".")[2]).output("PF"),
+        names.output("crrt_flow"),
+    )
+    drawn, carried = outputs.get(drawn_name), outputs.get(carried_name)
+    if drawn is None or carried is None or drawn <= abs(carried):
+        return []
+    text = (
+        f"{names.label} flow {drawn:.2f} L/min is above the ECMO flow {carried:.2f} L/min: "
+        "between the CRRT lines blood runs backwards or in a circle"
+    )
+    concerns = (drawn_name, carried_name)
+    return [Finding("alarm", drawn_name, drawn, carried, text, concerns=concerns)]
 
 
 def _check_position(key: str, site: str | None, case: CaseValues, remarks: Remarks) -> None:

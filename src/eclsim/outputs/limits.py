@@ -24,6 +24,7 @@ _ESC = "ESC/ESH 2018"
 _ELSO_CARDIAC = "ELSO 2021, adult cardiac patients"
 _ELSO = "ELSO 2021, adults with respiratory failure"
 _HYPOXIA = "organs get blood with too little oxygen"
+_HYPERCAPNIA = "hypercapnia: raise the ventilation, with ECMO the sweep"
 _FORRESTER = "Forrester et al. 1976"
 _ACIDOSIS = "acidaemia: heart and vessels answer less to drugs; treat its cause"
 _ALKALOSIS = "alkalaemia: less ventilation, sweep or bicarbonate"
@@ -83,11 +84,17 @@ _PATIENT = (
             Limit(name, "alarm", "below", 80.0, _HYPOXIA, _ELSO),
         )
     ),
-    Limit("PaO2", "warning", "above", 300.0, "hyperoxia: lower FiO2, with ECMO FdO2", _ELSO_CARDIAC),
-    Limit("PaCO2", "warning", "above", 60.0, "hypercapnia: raise the ventilation, with ECMO the sweep", _OWN),
-    Limit(
-        "PaCO2", "alarm", "above", 80.0,
-        "severe hypercapnia: raise the ventilation, with ECMO the sweep", _OWN,
+    *(
+        Limit(name, "warning", "above", 300.0, "hyperoxia: lower FiO2, with ECMO FdO2", _ELSO_CARDIAC)
+        for name in ("PaO2", "PaO2_lower")
+    ),
+    *(
+        limit
+        for name in ("PaCO2", "PaCO2_lower")
+        for limit in (
+            Limit(name, "warning", "above", 60.0, _HYPERCAPNIA, _OWN),
+            Limit(name, "alarm", "above", 80.0, f"severe {_HYPERCAPNIA}", _OWN),
+        )
     ),
     Limit(
         "PaCO2", "warning", "below", 30.0,
@@ -145,7 +152,7 @@ OF_COURSES = (
 )
 """Limits of what is followed in courses alone and is no output of a beat."""
 
-_NO_CHAMBER = "no chamber ejects so; its volume is negative"
+_NO_CHAMBER = "at 0 % nothing is ejected; beyond 0 and 100 % the volume is negative"
 _IMPOSSIBLE = tuple(
     limit
     for name in ("ejection_fraction_lv", "ejection_fraction_rv")
@@ -166,6 +173,8 @@ _ALIKE = (
     ("PCWP", "left_atrial_pressure", "end_diastolic_pressure_lv"),
     _FILLINGS,
     ("SaO2", "SaO2_lower"),
+    ("PaO2", "PaO2_lower"),
+    ("PaCO2", "PaCO2_lower"),
 )
 """Outputs that say the same about a patient: the gravest limit of them is said, not each."""
 _PLACES: Mapping[str, tuple[str, ...]] = MappingProxyType(
