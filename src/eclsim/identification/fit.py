@@ -11,7 +11,7 @@ import numpy as np
 
 from eclsim.cases.quantities import with_values
 from eclsim.files import finite
-from eclsim.identification.held import LeftOpen, left_open
+from eclsim.identification.held import carried_consumption, left_open
 from eclsim.identification.multi_start import (
     FitStatus,
     Optimum,
@@ -29,7 +29,9 @@ from eclsim.identification.settings import (
     FitSettings,
     checked_fit,
     common_policy,
+    formula_of_consumption,
     held_by_assumption,
+    held_consumption,
     held_volume,
     ready,
     unmeasured_uncertainties,
@@ -439,18 +441,40 @@ def held_against_its_beat(result: FitResult) -> FitResult:
     reasons = plausibility(implied, result.ranges, result.measured, collapsed)
     for sentence in held_by_assumption(result.case, result.measured, result.parameters):
         reasons.append(Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", sentence))
-    if result.optimum.shared is None and (found := _left_open(result)) is not None:
+    if result.optimum.shared is None and (found := left_open(*_as_fitted(result))) is not None:
         reasons.append(Reason(Aspect.HELD, Level.DOUBTFUL, "", found.sentence))
+    result, consumption = _with_consumption(result)
+    reasons += consumption
     for sentence in held_volume(result.case, result.measured, result.parameters):
         reasons.append(Reason(Aspect.PLAUSIBILITY, Level.GOOD, "", sentence))
     return replace(result, implied=implied, warnings=tuple(beat.attrs["warnings"])).judged(reasons)
 
 
-def _left_open(result: FitResult) -> LeftOpen | None:
-    """Outputs that follow from parameters which nobody gave and the fit holds."""
+def _with_consumption(result: FitResult) -> tuple[FitResult, list[Reason]]:
+    """The fit with the intervals that a consumption by the formula leaves, and what there is to say."""
+    if not formula_of_consumption(result.case, result.measured, result.parameters):
+        return result, []
+    carried = carried_consumption(*_as_fitted(result)) if result.optimum.shared is None else None
+    if carried is None:
+        sentences = held_consumption(result.case, result.measured, result.parameters)
+        return result, [Reason(Aspect.HELD, Level.GOOD, "", sentence) for sentence in sentences]
+    wider = {
+        name: replace(result.parameters[name], lower=low, upper=high)
+        for name, (low, high) in carried.intervals.items()
+    }
+    result = replace(result, parameters={**result.parameters, **wider})
+    why = "makes up for what is wrong with the oxygen consumption, which is held at a formula's value"
+    result = replace(result, parameters=result._undetermined(dict.fromkeys(wider, why)))
+    return result, [Reason(Aspect.HELD, Level.DOUBTFUL, "", carried.sentence)]
+
+
+def _as_fitted(
+    result: FitResult,
+) -> tuple[Case, Mapping[str, tuple[float, float, float]], Mapping[str, float], str]:
+    """Fitted case, value and bounds of each free parameter, uncertainties and policy."""
     ends = (result.box.scale.values(x) for x in (result.optimum.x, result.box.lower, result.box.upper))
     free = dict(zip(result.box.names, zip(*(e.tolist() for e in ends), strict=True), strict=True))
-    return left_open(result.case, free, result.uncertainties, result.objective.policy)
+    return result.case, free, result.uncertainties, result.objective.policy
 
 
 def _parameters(

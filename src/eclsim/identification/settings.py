@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from eclsim.cases.quantities import quantity, stated, with_values
 from eclsim.cases.resolve import height_weight
+from eclsim.cases.sections import MEASURED_GASES
 from eclsim.components.base import names_in
 from eclsim.devices.description import GASES as VO2
 from eclsim.devices.registry import parameters, usual_setting
@@ -206,10 +207,11 @@ def told_of_volume(case: Case) -> tuple[str, ...]:
 
 
 def assumed_of_gases(case: Case) -> set[str]:
-    """Shunt and oxygen consumption, where a case leaves them at what is assumed."""
+    """Shunt and oxygen consumption, where a case leaves them out, so that they are assumed."""
     if case.gas is None:
         return set()
-    assumed = {VO2: case.gas.vo2_ml_min is None, SHUNT: case.gas.shunt_fraction == parameters()[SHUNT].value}
+    given = case.gas.model_fields_set
+    assumed = {VO2: case.gas.vo2_ml_min is None, SHUNT: "shunt_fraction" not in given}
     return {key for key, holds in assumed.items() if holds}
 
 
@@ -231,6 +233,23 @@ def held_by_assumption(case: Case, measured: Collection[str], free: Collection[s
             f"free it as well ({EXTRA_VOLUME}) or give it"
         )
     return result
+
+
+def formula_of_consumption(case: Case, measured: Collection[str], free: Collection[str]) -> bool:
+    """Whether the oxygen consumption is a formula's while gases are measured none of which tells of it."""
+    told = {*MEASURED_GASES} & {*measured}
+    return bool(told) and VO2 in assumed_of_gases(case) - {*free} and not told & {*TELLS_OF[VO2][1]}
+
+
+def held_consumption(case: Case, measured: Collection[str], free: Collection[str]) -> list[str]:
+    """A sentence about a consumption by the formula that no measured gas tells of."""
+    if not formula_of_consumption(case, measured, free):
+        return []
+    gases = ", ".join(name for name in MEASURED_GASES if name in measured)
+    return [
+        f"the oxygen consumption is held at a formula's value, which {gases} follow from: the shunt is only "
+        f"as good as that; measure SvO2 or SpreO2, or give {VO2}"
+    ]
 
 
 def held_volume(case: Case, measured: Collection[str], free: Collection[str]) -> list[str]:
