@@ -10,7 +10,7 @@ import xarray as xr
 from eclsim.crrt_study.files import study_object
 from eclsim.crrt_study.ranking import choice, first_choice, rank
 from eclsim.crrt_study.rule import USUAL, Criterion, Rule, RuleError, check_quantities, read_rule
-from eclsim.crrt_study.schemes import nine_schemes
+from eclsim.crrt_study.schemes import nine_schemes, select_schemes
 from eclsim.crrt_study.study import crrt_study
 from eclsim.paper.crrt import paper_case
 
@@ -104,7 +104,7 @@ def test_a_rule_for_dialysis_ranks_by_clearance_and_an_unknown_quantity_is_refus
     rule["criteria"][0]["quantity"] = "clearance_ureas"
     with pytest.raises(RuleError, match=r"clearance_ureas.*did you mean clearance_urea\?"):
         crrt_study(case, **options, rule=rule)
-    check_quantities(USUAL, ("recirculated_fraction",))
+    check_quantities(USUAL, ("recirculated_fraction", "past_oxygenator"))
 
 
 @pytest.mark.parametrize(
@@ -117,6 +117,7 @@ def test_a_rule_for_dialysis_ranks_by_clearance_and_an_unknown_quantity_is_refus
         ("[[criteria]]\nquantity = 'alarms'", r"at_least or at_most, or prefer"),
         ("[[criteria]]\nquantity = 'alarms'\nprefer = 'bigger'", r"criteria.0.prefer = bigger: .*larger"),
         ("[[criteria]]\nquantity = 'PF'\nprefer = 'larger'\nstep = -1", r"zero or above"),
+        ("[[criteria]]\nquantity = 'PF'\nat_least = 5\nat_most = 1", r"nothing is both"),
         ("[[criteria", r"cannot be read as TOML"),
     ],
 )
@@ -132,3 +133,59 @@ def test_schemes_know_their_side_of_the_oxygenator():
     nine = nine_schemes()
     assert [k for k, s in nine.items() if s.returns_behind_oxygenator] == ["d", "e", "f"]
     assert [k for k, s in nine.items() if s.past_oxygenator] == ["e", "f"]
+
+
+def test_limits_that_break_nowhere_are_no_rank(study):
+    """Flows at the last speed studied are no limits: schemes that keep theirs to the end tie."""
+    limits = study.limits.copy(deep=True)
+    at = {"policy": "as_published", "limit": "crrt"}
+    for letter, flow in (("d", 3.43), ("e", 3.47), ("g", 3.41)):
+        limits["state"].loc[at | {"scheme": letter}] = "kept_to_the_end"
+        for name in ("largest_flow", "flow_at_most"):
+            limits[name].loc[at | {"scheme": letter}] = flow
+    ranking = ranked_by(replace(study, limits=limits), Criterion("largest_flow", prefer="larger", step=0.1))
+    places = {one.letter: one.rank for one in ranking}
+    assert {places[letter] for letter in "deg"} == {1}
+    assert min(places[letter] for letter in "abcfhi") == 4, "any flow at which a limit breaks is behind"
+    assert next(one for one in ranking if one.letter == "e").largest_flow == 3.47
+
+
+def test_the_usual_rule_knows_of_blood_past_the_oxygenator(study):
+    order = [one.letter for one in study.ranking["as_published"]]
+    assert order[:5] == ["d", "g", "a", "e", "f"]
+    by = next(one.decided_by for one in study.ranking["as_published"] if one.letter == "e")
+    assert by == "carries less of the ECMO's blood past the oxygenator, rounded to 1 %"
+    answer = choice(study, "as_published")
+    assert answer[-1] == (
+        "best of the schemes that return before the oxygenator: scheme g (post oxygenator – pre oxygenator), "
+        "place 2"
+    )
+
+
+def test_a_step_says_that_it_rounds():
+    assert Criterion("PF", prefer="larger", step=0.1).sentence == "PF: the larger, rounded to 0.1"
+    sentence = next(c.sentence for c in USUAL.criteria if c.quantity == "largest_flow")
+    assert "rounded to 0.1 L/min" in sentence
+
+
+def test_a_limit_of_a_centre_has_its_own_words(study):
+    rule = read_rule({"name": "our centre", "limits": {"access_190": [None, 150.0]}})
+    sentences = [criterion.sentence for criterion in rule.criteria]
+    assert "keeps the access pressure below 150 mmHg at this speed" in sentences
+    assert not any("190" in sentence for sentence in sentences)
+    assert read_rule(json.loads(json.dumps(rule.as_object()))).limits == rule.limits
+    limits = study.limits.copy(deep=True)
+    limits["margin"].loc[{"limit": "access_190"}] = study.limits["margin"].sel(limit="access_190") - 40.0
+    ranking = ranked_by(replace(study, limits=limits), *rule.criteria, limits=rule.limits)
+    reasons = " ".join(next(one.reasons for one in ranking if one.letter == "a"))
+    assert "access pressure above 150 mmHg, the limit of own" in reasons
+    assert "early failure" not in reasons
+    usual = next(limit for limit in rule.limits if limit.name == "access_alarm")
+    assert usual.meaning == "usual alarms of the access line"
+    assert "Sansom" not in next(limit.meaning for limit in rule.limits if limit.name == "access_190")
+
+
+def test_venous_blood_of_the_patient_passes_the_oxygenator_too():
+    (scheme,) = select_schemes("svn:post_oxy")
+    assert scheme.past_oxygenator
+    assert not select_schemes("ao:post_oxy")[0].past_oxygenator

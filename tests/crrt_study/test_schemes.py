@@ -1,6 +1,8 @@
 import pytest
 
-from eclsim.crrt_study.schemes import SchemeError, nine_schemes, select_schemes
+from eclsim.crrt_study.beats import nine_at_own_speed
+from eclsim.crrt_study.schemes import SchemeError, named_crrts, nine_schemes, select_schemes
+from eclsim.paper.crrt import paper_case
 
 
 def sites(scheme):
@@ -57,3 +59,12 @@ def test_all_mistakes_of_a_selection_are_told_at_once():
 def test_what_is_no_selection_is_refused(selection):
     with pytest.raises(SchemeError):
         select_schemes(selection)
+
+
+def test_the_page_places_no_crrt_beside_named_ones():
+    sites = {"flow_ml_min": 150.0, "access_site": "post_oxy", "return_site": "pre_oxy"}
+    case = paper_case()
+    raw = {key: value for key, value in case.as_mapping().items() if key != "crrt"}
+    named = type(case).model_validate(raw | {"crrt": {"a": sites, "b": sites}})
+    assert named_crrts(named) == ["crrt.a", "crrt.b"]
+    assert nine_at_own_speed(named, "as_published") is None

@@ -1,11 +1,19 @@
 import numpy as np
 import pytest
 
-from eclsim.crrt_study.schemes import SpeedError, parse_speeds
+from eclsim.crrt_study.schemes import SpeedError, parse_speeds, usual_speeds
+from eclsim.paper.crrt import paper_case
 
 
 def test_a_range_holds_both_ends():
     assert parse_speeds("1000:5000:250") == tuple(np.arange(1000.0, 5001.0, 250.0))
+
+
+@pytest.mark.parametrize(("pump", "text"), [("Rotaflow", "1000:5000:250"), ("DP3", "4000:8000:250")])
+def test_the_usual_speeds_are_those_of_the_pump(pump, text):
+    case = paper_case()
+    case = case.model_copy(update={"ecmo": case.ecmo.model_copy(update={"pump": pump})})
+    assert usual_speeds(case) == parse_speeds(text)
 
 
 def test_a_step_that_does_not_divide_the_range_stops_before_its_end():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from eclsim.crrt_study.ranking import choice
 from eclsim.crrt_study.schemes import StudyError
 from eclsim.crrt_study.study import crrt_study
 from eclsim.devices.ecmo import RollerPump
@@ -156,7 +157,22 @@ def test_crrt_on_the_patient_leaves_the_ecmo_circuit_alone():
     assert mean(result, "svn:svn", "PF", policy="patient_held") == pytest.approx(
         float(without["PF"]), rel=1e-3
     )
-    assert mean(result, "svn:ra", "recirculated_fraction", policy="patient_held") == 0.0
+    for letter, share in (("svn:ra", 0.0), ("svn:svn", 0.04), ("ra:ra", 0.04)):
+        recirculated = mean(result, letter, "recirculated_fraction", policy="patient_held")
+        assert recirculated == pytest.approx(share, abs=0.005), letter
+    ranking = result.ranking["patient_held"]
+    assert ranking[0].letter == "g"
+    assert ranking[1].decided_by.startswith("has both lines on the ECMO circuit (on the patient a catheter's")
+    alone = crrt_study(
+        paper_case(), schemes="svn:ra,c", speeds="3425", volume_policy="patient_held",
+        rule={"name": "own", "criteria": [{"quantity": "margin", "prefer": "larger"}]},
+    )  # fmt: skip
+    answer = choice(alone, "patient_held")
+    assert answer[0].startswith("First choice for this patient: scheme svn:ra")
+    assert answer[-1] == (
+        "its lines attach to the patient without a catheter's resistance: their pressures are too mild; best "
+        "of the schemes on the ECMO circuit: scheme c (post oxygenator – pre pump), place 2"
+    )
     assert result.uptake is None
 
 
@@ -173,6 +189,16 @@ def test_a_case_without_a_pump_speed_is_refused(change, text):
     case = case.model_copy(update={"ecmo": None if ecmo is None else case.ecmo.model_copy(update=ecmo)})
     with pytest.raises(StudyError, match=text):
         crrt_study(case)
+
+
+def test_named_crrt_circuits_are_refused():
+    sites = {"flow_ml_min": 150.0, "access_site": "post_oxy", "return_site": "pre_oxy"}
+    case = paper_case()
+    raw = {key: value for key, value in case.as_mapping().items() if key != "crrt"} | {"crrt": {"x": sites}}
+    with pytest.raises(
+        StudyError, match=r"has \[crrt.x\]: the study places one CRRT circuit; write \[crrt\]"
+    ):
+        crrt_study(type(case).model_validate(raw))
 
 
 @pytest.mark.parametrize("options", [{"volume_policy": "primed"}, {"crrt_flow_ml_min": 0.0}])

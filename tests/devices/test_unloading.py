@@ -10,6 +10,7 @@ from eclsim.components import dialysis
 from eclsim.devices.ecmo import CANNULAE
 from eclsim.devices.renox import SETTINGS
 from eclsim.orbit.model import model_of
+from eclsim.outputs.limits import backward_flow_bounds
 
 PATIENT = {"id": "P", "sex": "female", "age_years": 70, "heart_rate_bpm": 90}
 ECMO = {"pump": "Rotaflow", "speed_rpm": 3200, "oxygenator": "Quadrox-i Adult", "mode": "VA"}
@@ -41,6 +42,18 @@ def test_a_vent_is_an_orifice_of_its_size_that_unloads_the_left_ventricle(alone)
 
 
 @pytest.mark.slow
+def test_a_vent_that_feeds_the_drainage_cannula_backwards_is_an_alarm_and_a_bound_of_settings(alone):
+    slow = case(vent={"site": "lv", "fr": 17}).with_section("ecmo", speed_rpm=1500.0)
+    vented = eclsim.simulate(slow)
+    flow = {name: float(vented[name]) for name in ("vent_flow", "drainage_cannula_flow", "PF")}
+    assert flow["drainage_cannula_flow"] < -0.1
+    assert flow["drainage_cannula_flow"] + flow["vent_flow"] == pytest.approx(flow["PF"], abs=1e-4)
+    assert any("runs through the drainage cannula into the patient" in w for w in vented.attrs["warnings"])
+    assert "drainage_cannula_flow" not in alone
+    names = [str(name) for name in vented.data_vars]
+    assert "drainage_cannula_flow" in {limit.quantity for limit in backward_flow_bounds(names)}
+
+
 def test_a_hole_in_the_septum_parts_the_outputs_of_the_ventricles(alone):
     opened = eclsim.simulate(case(septostomy={"diameter_mm": 8}))
     assert opened.attrs["converged"]

@@ -53,6 +53,30 @@ def test_an_assist_pump_may_carry_the_output_past_a_closed_valve():
     assert "does not eject" in stopped.sentence
 
 
+def test_a_valve_that_leaks_more_than_it_lets_through_is_not_called_closed():
+    leaks = {"aortic_valve_flow": -2.414, "peak_aortic_valve_flow": 4.0, "lvad_flow": 5.94}
+    (leaking,) = findings(leaks | {"systemic_flow": 3.52}, {})
+    assert leaking.kind == "alarm"
+    assert leaking.sentence == (
+        "aortic valve flow -2.414 L/min: the valve stays closed and leaks 2.41 L/min more than it "
+        "lets through: of the 5.94 L/min of the LVAD the organs get 3.52"
+    )
+    (opening,) = findings(
+        {"aortic_valve_flow": -0.066, "peak_aortic_valve_flow": 662.7, "lvad_flow": 4.44}, {}
+    )
+    assert "the valve opens (peak flow 663 mL/s) and leaks 0.07 L/min more" in opening.sentence
+    (even,) = findings({"aortic_valve_flow": 0.0, "peak_aortic_valve_flow": 505.0}, {})
+    assert even.kind == "warning"
+    assert even.sentence.endswith(
+        "the valve opens (peak flow 505 mL/s), and as much as it lets through leaks back"
+    )
+
+
+def test_co_beside_a_leak_names_no_ejection_below_zero():
+    (found,) = findings({"CO": 4.4, "LVO": -0.07}, {})
+    assert "the aortic valve leaks more than it lets through, net -0.07 L/min (LVO)" in found.sentence
+
+
 VA = circulation() + ecmo("ra", "ao")
 
 
@@ -143,3 +167,54 @@ def test_an_ejection_fraction_is_read_with_care_where_an_lvad_empties_the_ventri
 def test_drugs_fitted_to_congested_hearts_are_read_with_care_in_others(wedge, dose, said):
     found = findings({"PCWP": wedge, "CO": 3.0, "MAP": 60.0}, {}, None, {"drugs.milrinone": dose})
     assert len([one for one in found if "milrinone: fitted to failing hearts" in one.sentence]) == said
+
+
+SEPTIC = {"MAP": 60.0, "right_atrial_pressure": 8.0, "CO": 7.0, "systemic_resistance_factor": 1.4}
+CAUTIONS = {
+    "levosimendan in an empty heart": ({"PCWP": 6.0}, {"drugs.levosimendan": 0.1}, "levosimendan: fitted to"),
+    "vasopressin without sepsis": (
+        SEPTIC | {"MAP": 105.0, "CO": 4.0}, {"drugs.vasopressin": 0.03}, "resistance of 644",
+    ),
+    "vasopressin in sepsis": (SEPTIC, {"drugs.vasopressin": 0.03}, ""),
+    "felt as much more": (
+        {}, {"drugs.noradrenaline": 1.0, "drugs.noradrenaline_sensitivity": 40.0}, "felt as 40 ug/kg/min",
+    ),
+    "usual dose": ({}, {"drugs.noradrenaline": 1.0, "drugs.noradrenaline_sensitivity": 1.0}, ""),
+    "three at usual doses": (
+        {}, {"drugs.noradrenaline": 1.0, "drugs.adrenaline": 0.5, "drugs.vasopressin": 0.04},
+        "noradrenaline, adrenaline, vasopressin together (contractility x 6.",
+    ),
+    "two that pull apart": ({}, {"drugs.vasopressin": 0.04, "drugs.nitroprusside": 1.0}, ""),
+    "hypercapnia with nerves": (
+        {"PaCO2": 60.0}, {"regulation.set_point_paco2_mmHg": 40.0, "regulation.chemoreflex": 1.0},
+        "20 above the set point: with the chemoreflex",
+    ),
+    "hypercapnia with organs": (
+        {"PaCO2": 60.0}, {"regulation.set_point_paco2_mmHg": 40.0, "regulation.hypoxic_vasodilation": 1.0},
+        "published for small changes",
+    ),
+    "little more than at rest": (
+        {"PaCO2": 48.0}, {"regulation.set_point_paco2_mmHg": 40.0, "regulation.chemoreflex": 1.0}, "",
+    ),
+    "hypercapnia without an answer": ({"PaCO2": 60.0}, {"regulation.set_point_paco2_mmHg": 40.0}, ""),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("outputs", "values", "said"), CAUTIONS.values(), ids=CAUTIONS)
+def test_what_drugs_and_reflexes_do_beyond_their_measurements_is_a_caution(outputs, values, said):
+    found = [one for one in findings(outputs, {}, None, values) if one.kind == "caution"]
+    assert [said in one.sentence for one in found] == ([True] if said else [])
+
+
+def test_an_lvad_that_empties_the_left_ventricle_is_warned_of():
+    circuit = circulation() + lvad()
+    filled = {"ejection_fraction_lv": 23.0, "ESVLV": 130.0, "end_diastolic_pressure_lv": 13.5}
+    empty = {"ejection_fraction_lv": 71.0, "ESVLV": 18.0, "end_diastolic_pressure_lv": 2.9}
+    assert not any("suction" in sentence for _, sentence in said(filled, circuit))
+    (found,) = (f for f in findings(empty, {}, circuit) if "suction" in f.sentence)
+    assert found.kind == "warning"
+    assert "empties the left ventricle to 18 mL (end-diastolic pressure 2.9 mmHg): suction is likely" in (
+        found.sentence
+    )
+    assert "lvad_flow" in found.concerns
+    assert not any("suction" in sentence for _, sentence in said(empty, circulation() + lvad("la")))

@@ -50,6 +50,9 @@ def test_graver_limits_lie_further_out():
         ("MAP", 80.0, "ok"),
         ("MAP", 60.0, "warning"),
         ("MAP", 43.0, "alarm"),
+        ("heart_rate", 140.0, "ok"),
+        ("heart_rate", 160.0, "warning"),
+        ("heart_rate", 206.0, "alarm"),
         ("PCWP", 26.0, "alarm"),
         ("lowest_drainage_pressure", 4.0, "ok"),
         ("lowest_drainage_pressure", -350.0, "collapse"),
@@ -71,6 +74,21 @@ def test_a_compartment_takes_the_worst_of_its_outputs():
     assert place_levels({"MAP": 80.0, "pulse_pressure": 2.0, "lvad_flow": 4.0})["ao"] == "ok"
     assert set(place_levels({}).values()) == {"ok"}
     assert worst(["ok", "alarm", "warning"]) == "alarm"
+
+
+def test_gases_of_the_lower_body_have_limits_and_are_said_once():
+    outputs = {"PaO2": 90.0, "PaO2_lower": 420.0, "PaCO2": 66.0, "PaCO2_lower": 85.0}
+    broken = broken_limits(outputs)
+    assert [(one.quantity, one.kind) for one in broken] == [
+        ("PaCO2_lower", "alarm"),
+        ("PaO2_lower", "warning"),
+    ]
+
+
+def test_an_ejection_fraction_of_zero_is_not_called_a_negative_volume():
+    """`settings` gives this as what stops a search at 0, where the valve is shut."""
+    for limit in limits_of("ejection_fraction_lv"):
+        assert limit.meaning.startswith("at 0 % nothing is ejected")
 
 
 def test_the_healthy_adult_breaks_no_limit():

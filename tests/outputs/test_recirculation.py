@@ -61,11 +61,36 @@ def test_a_pump_that_runs_backwards_turns_the_order_round():
     assert recirculated_fractions(circuit, backwards)["crrt"] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_no_answer_without_crrt_and_nothing_from_the_patient():
+def test_no_answer_without_crrt():
     circuit = CIRCUITS["V-A"]
     assert recirculated_fractions(circuit, {c.name: 1.0 for c in circuit.connections}) == {}
-    circuit = CIRCUITS["CRRT at the patient"]
-    assert recirculated_fractions(circuit, {c.name: 1.0 for c in circuit.connections}) == {"crrt": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("access", "giving", "share"),
+    [("svn", "svn", True), ("ra", "ra", True), ("ra", "svn", True), ("svn", "ra", False)],
+)
+def test_lines_on_the_patient_recirculate_as_one_mixed_vein_does(access, giving, share):
+    """Closed form: a vein with both lines carries CO + Qc, of which Qc has just left the filter."""
+    output = 80.0
+    circuit = circulation() + crrt(access, giving)
+    mean_flows = {c.name: CRRT if c.group == "crrt" else output for c in circuit.connections}
+    if (access, giving) == ("ra", "svn"):
+        mean_flows["svn"] += CRRT
+    if (access, giving) == ("svn", "ra"):
+        mean_flows["svn"] -= CRRT
+    result = recirculated_fractions(circuit, mean_flows)["crrt"]
+    assert result == pytest.approx(CRRT / (output + CRRT) if share else 0.0, rel=1e-8, abs=1e-9)
+
+
+def test_blood_of_an_artery_recirculates_through_heart_and_lungs():
+    """Closed form: the lungs carry CO, of which Qc was returned to the veins and passed no tissue."""
+    output = 80.0
+    circuit = circulation() + crrt("ao", "ra")
+    mean_flows = {c.name: CRRT if c.group == "crrt" else output for c in circuit.connections}
+    mean_flows |= dict.fromkeys(("ao", "sart", "svn"), output - CRRT)
+    result = recirculated_fractions(circuit, mean_flows)["crrt"]
+    assert result == pytest.approx(CRRT / output, rel=1e-6)
 
 
 @pytest.mark.slow
@@ -76,4 +101,4 @@ def test_a_named_device_has_its_share_under_its_own_name():
     flow = float(result["PF"])
     share = 0.2 / (flow + 0.2)
     assert float(result["crrt.a.recirculated_fraction"]) == pytest.approx(share, rel=2e-3)
-    assert float(result["crrt.b.recirculated_fraction"]) == 0.0
+    assert float(result["crrt.b.recirculated_fraction"]) == pytest.approx(0.0, abs=1e-9)

@@ -108,7 +108,7 @@ def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
         "rows": rows, "message": str(result.attrs["message"]),
         "alarms": finite([one for one in alarms if one["kind"] != CAUTION][:MOST_ALARMS]),
         "balance": finite(json.loads(result.attrs["balance"]), digits=5),
-        "approximations": [str(sentence) for sentence in result.attrs["approximations"]],
+        "approximations": [str(s) for kind in ("approximations", "cautions") for s in result.attrs[kind]],
         "seconds": round(float(result.attrs["seconds"]), 2),
     }  # fmt: skip
 

@@ -272,7 +272,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "ramp_flow": "Flow [L/min]",
         "ramp_lost": "No steady beat at {speeds} rpm.",
         # schemes
-        "schemes_none": "The nine schemes need a circuit with oxygenator and rotary pump. Connect it first.",
+        "schemes_none": "The nine schemes need oxygenator and rotary pump, and no CRRT with a name.",
         "schemes_flow": "The lines carry {flow} mL/min. Choose a scheme to connect it.",
         "scheme_access": "access",
         "scheme_return": "return",

@@ -51,9 +51,10 @@ class CrrtStudyOptions(Distributed):
         "Scheme h: published has both lines at pre pump, as the published code and numbers; figure has the "
         "return line at post drainage cannula, as Figure 2 of the paper.",
     )
-    speeds: str = option(
-        "1000:5000:250",
-        "Pump speeds [rpm], first:last:step or a list; the case's own is added.",
+    speeds: str | None = option(
+        None,
+        "Pump speeds [rpm], first:last:step or a list; default: the range in use of the case's pump in steps "
+        "of 250, 1000 to 5000 for the Rotaflow. The case's own is added.",
         metavar="RANGE",
     )
     crrt_flow: float | None = option(
@@ -123,7 +124,7 @@ def _check_options(o: CrrtStudyOptions, more: Mapping[str, Callable[[], object]]
         {
             "--rule": lambda: read_rule(o.rule),
             "--schemes": lambda: select_schemes(o.schemes, o.scheme_h),
-            "--speeds": lambda: parse_speeds(o.speeds),
+            "--speeds": lambda: o.speeds is None or parse_speeds(o.speeds),
             **more,
         }
     )

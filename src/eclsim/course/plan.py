@@ -14,6 +14,7 @@ from eclsim.cases.resolve import height_weight
 from eclsim.cases.settings import apply_settings
 from eclsim.course.course import follow
 from eclsim.course.timeline import MINUTE, Timeline, changed
+from eclsim.devices.dialysed_blood import FEWER_SURVIVED, HARMFUL_ML_KG_H
 from eclsim.devices.ecmo import ECMO
 from eclsim.devices.registry import devices, named_output
 from eclsim.goals.goal import Goal, GoalError, possible, read_goals
@@ -36,9 +37,6 @@ if TYPE_CHECKING:
 FILTRATION = "net_ultrafiltration_ml_h"
 FILTERED = "filtration_fraction"
 """Output whose limit bounds the rate unasked: beyond it the filter that is to remove the fluid clots."""
-HARMFUL_ML_KG_H = 1.75
-"""Net ultrafiltration above which fewer patients survived (Murugan et al. 2019, JAMA Netw Open,
-doi 10.1001/jamanetworkopen.2019.5418: against less than 1.01 mL/kg/h)."""
 TRIED = 8
 """Rates of one round, marched side by side."""
 ROUNDS = 3
@@ -159,7 +157,9 @@ def _unasked(
     case: Case, outputs: Sequence[str], asked: Sequence[Goal], policy: str | None
 ) -> tuple[Goal, ...]:
     """Goals that hold unasked, where the patient's steady beat at the slowest rate keeps them."""
-    goals = list(possible(outputs, asked))
+    beat = simulate(case, policy)
+    present = {name: float(beat[name]) for name in outputs if name in beat}
+    goals = list(possible(outputs, asked, present, model_of(case).values))
     taken = {goal.output for goal in asked}
     for name in outputs:
         known = named_output(name)
@@ -168,7 +168,6 @@ def _unasked(
         if FILTRATION in known[0].device.section.fields():
             lowest = sorted(limits_of(name, outputs), key=lambda limit: limit.value)[:1]
             goals += [Goal(name, high=one.value, because=one.meaning) for one in lowest]
-    beat = simulate(case, policy)
     return tuple(goal for goal in goals if goal.excess(float(beat[goal.output])) <= 0.0)
 
 
@@ -182,8 +181,7 @@ def _warnings(case: Case, key: str, found: Removal, policy: str | None) -> tuple
     if per_kg > HARMFUL_ML_KG_H:
         said.insert(
             0,
-            f"{found.rate_ml_h:.0f} mL/h are {per_kg:.1f} mL/kg/h: above {HARMFUL_ML_KG_H:g} mL/kg/h fewer "
-            "critically ill patients survived than below 1.01 (Murugan et al. 2019)",
+            f"{found.rate_ml_h:.0f} mL/h are {per_kg:.1f} mL/kg/h: {FEWER_SURVIVED}",
         )
     return tuple(said)
 

@@ -543,13 +543,14 @@ POINTS = 60
 
 
 def nine_at_own_speed(case: Case, policy: str) -> dict[str, object] | None:
-    """Pressures of both lines in each scheme; None without an ECMO circuit with a rotary pump.
+    """Pressures of both lines in each scheme; None without a rotary ECMO pump, or beside named CRRTs.
 
     A scheme whose beat no patient can have is not `possible`, and has no waveforms.
     """
-    if case.ecmo is None or not isinstance(case.ecmo.pump, str):
+    from eclsim.crrt_study.schemes import named_crrts, nine_schemes
+
+    if case.ecmo is None or not isinstance(case.ecmo.pump, str) or named_crrts(case):
         return None
-    from eclsim.crrt_study.schemes import nine_schemes
 
     chosen = tuple(nine_schemes().values())
     flow = float(CRRT.usual["flow_ml_min"]) if case.crrt is None else case.crrt.flow_ml_min

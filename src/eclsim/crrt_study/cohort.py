@@ -14,7 +14,7 @@ import numpy as np
 from eclsim.crrt_study.ranking import Ranked, first_choice, ties
 from eclsim.crrt_study.rule import USUAL, Rule, RuleError, read_rule
 from eclsim.crrt_study.schemes import NINE, PUBLISHED, Scheme, select_schemes
-from eclsim.crrt_study.study import USUAL_SPEEDS, CrrtStudy, crrt_study
+from eclsim.crrt_study.study import CrrtStudy, crrt_study
 from eclsim.execution import Distribution, Executor, Progress, Tasks, announce, json_format
 from eclsim.execution.tasks import in_process
 
@@ -116,7 +116,7 @@ class SchemeSummary:
         worst_rank: its worst place; None if none is known.
         known: in how many its beat at the point's speed was found.
         alarms_kept: in how many of these the lines stay within the machine's alarms.
-        access_190_kept: in how many of these the access pressure stays below 190 mmHg.
+        access_190_kept: in how many of these the access pressure stays below 190 mmHg, or the rule's limit.
         above_atmosphere: in how many of these both lines attach above atmospheric pressure.
         flow_known: in how many it is known up to which ECMO flow all limits of the CRRT lines are kept.
         smallest_flow: smallest of that flow over these points [L/min]; 0 if one keeps them at no speed.
@@ -156,7 +156,7 @@ class StudyOptions:
     """Options of `crrt_study` for all cases of a cohort; called, it studies the cases of a group in turn."""
 
     schemes: str | Sequence[str] = NINE
-    speeds: str | Sequence[float] = USUAL_SPEEDS
+    speeds: str | Sequence[float] | None = None
     crrt_flow_ml_min: float | None = None
     volume_policy: str | None = None
     scheme_h: str = PUBLISHED
@@ -185,7 +185,7 @@ def crrt_cohort(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> CohortStudy:
-    """Run the study for every case, each at its own speed and over the same range of speeds.
+    """Run the study for every case, each at its own speed and over the same speeds, or those of its pump.
 
     Args:
         fitted: the cases.
@@ -301,7 +301,7 @@ def _where_not(study: CohortStudy, policy: str, letter: str) -> str:
     access = sum(bool(ranked.alarms_kept) and not ranked.access_190_kept for ranked in not_first)
     reasons = [
         f"breaks an alarm in {alarms}" if alarms else "",
-        f"exceeds 190 mmHg of access pressure in {access}" if access else "",
+        f"exceeds {study.rule.access_mmhg:g} mmHg of access pressure in {access}" if access else "",
         f"stands behind for other reasons in {len(not_first) - alarms - access}"
         if len(not_first) > alarms + access
         else "",

@@ -62,7 +62,7 @@ def cohort_json(study: CohortStudy) -> str:
 
 def show(study: CohortStudy) -> None:
     """Show the schemes over the cohort, most often first, for each blood volume policy."""
-    heads = ("scheme", "access – return", *_SHORT_HEAD)
+    heads = ("scheme", "access – return", *_with_bound(_SHORT_HEAD, study))
     for policy in study.policies:
         rows = [list(map(str, row)) for row in _scheme_rows(study, policy)]
         unbroken = [column for column in range(len(heads)) if column != 1]
@@ -72,14 +72,19 @@ def show(study: CohortStudy) -> None:
 
 _HEAD = (
     "Scheme", "Access – return", "First in", "Median place", "Worst place", "Alarms kept in",
-    "Access ≤ 190 in", "No air drawn in", "Limits kept up to [L/min], median", "smallest",
+    "Access ≤ {} in", "No air drawn in", "Limits kept up to [L/min], median", "smallest",
 )  # fmt: skip
 
 # In a terminal, the columns after the scheme and its positions: no head wider than two short lines.
 _SHORT_HEAD = (
-    "first\nin", "median\nplace", "worst\nplace", "alarms\nkept in", "access\n≤ 190 in", "no air\ndrawn in",
+    "first\nin", "median\nplace", "worst\nplace", "alarms\nkept in", "access\n≤ {} in", "no air\ndrawn in",
     "limits kept to\nL/min, median", "at\nleast",
 )  # fmt: skip
+
+
+def _with_bound(heads: Sequence[str], study: CohortStudy) -> list[str]:
+    """Heads with the limit of the access pressure that the rule has."""
+    return [head.format(f"{study.rule.access_mmhg:g}") for head in heads]
 
 
 def _scheme_rows(study: CohortStudy, policy: str) -> list[list[object]]:
@@ -161,7 +166,10 @@ def _page(study: CohortStudy, drawn: str) -> str:
         answer=[*answers, _differences(study)],
         doubts=_doubts(study),
         policy_summaries=[
-            (POLICY_WORDS[policy], Table(_HEAD, _scheme_rows(study, policy), numeric=range(2, len(_HEAD))))
+            (
+                POLICY_WORDS[policy],
+                Table(_with_bound(_HEAD, study), _scheme_rows(study, policy), numeric=range(2, len(_HEAD))),
+            )
             for policy in study.policies
         ],
         beats_missing=bool(study.unsettled),

@@ -266,6 +266,7 @@ def ranking_table(study: CrrtStudy) -> pd.DataFrame:
                     "worst_place": scheme.places and scheme.places[1],
                     "largest_flow [L/min]": scheme.largest_flow,
                     "flow_at_most [L/min]": scheme.flow_at_most,
+                    "kept_at_the_largest_speed": scheme.throughout,
                     "margin [mmHg]": scheme.margin,
                     "decided_by": scheme.decided_by,
                     "why_no_rank": scheme.why_no_rank,

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eclsim.crrt_study.beats import GASES, listed, not_found, schemes_named
-from eclsim.crrt_study.limits import CRRT_LIMITS, KEPT_TO_THE_END
-from eclsim.crrt_study.rule import FLOW, USUAL, Rule
+from eclsim.crrt_study.limits import CRRT_LIMITS, KEPT_TO_THE_END, LIMITS
+from eclsim.crrt_study.rule import FLOW, ON_PATIENT, PAST_OXYGENATOR, USUAL, Rule
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -30,7 +30,8 @@ class Ranked:
             decides it is not known.
         alarms_kept: whether both lines stay within the machine's alarms at the case's speed; None where the
             beat at that speed was not found.
-        access_190_kept: whether the access pressure stays below 190 mmHg; None likewise.
+        access_190_kept: whether the access pressure stays below 190 mmHg, or the rule's own limit; None
+            likewise.
         lowest_site_pressure: lower of the mean pressures where the lines attach [mmHg]; NaN likewise.
         largest_flow: largest ECMO flow known to keep all limits of the CRRT lines [L/min]; NaN if none is.
         throughout: whether it keeps them at the largest speed studied.
@@ -73,6 +74,16 @@ class Ranked:
         return self.flow_at_most == self.largest_flow or bool(np.isnan(self.flow_at_most))
 
     @property
+    def compared(self) -> Mapping[str, float]:
+        """Numbers as the rule compares them: flows of limits that break nowhere are no limits, and equal."""
+        return {**self.numbers, FLOW: np.inf} if self.throughout else self.numbers
+
+    @property
+    def most_flow(self) -> float:
+        """What `flow_at_most` counts for where the rule compares."""
+        return np.inf if self.throughout else self.flow_at_most
+
+    @property
     def unknown(self) -> set[str]:
         """Quantities of the rule that are not known."""
         missing = {name for name, value in self.numbers.items() if name != FLOW and np.isnan(value)}
@@ -94,11 +105,11 @@ def rank(
     known, unknown = [r for r in judged if r.known], [r for r in judged if not r.known]
 
     def order(scheme: Ranked) -> tuple[object, ...]:
-        return (scheme.places, *(c.key(scheme.numbers[c.quantity]) for c in rule.criteria))
+        return (scheme.places, *(c.key(scheme.compared[c.quantity]) for c in rule.criteria))
 
     placed = sorted((_placed(scheme, known, rule) for scheme in known), key=order)
     for k, (before, scheme) in enumerate(itertools.pairwise(placed), 1):
-        by = rule.decides(before.numbers, scheme.numbers)
+        by = rule.decides(before.compared, scheme.compared)
         placed[k] = replace(scheme, decided_by="" if by is None else by.sentence)
     return (*placed, *unknown)
 
@@ -152,12 +163,13 @@ def _before(a: Ranked, b: Ranked, rule: Rule) -> bool | None:
     for criterion in rule.criteria:
         unknown = criterion.quantity in a.unknown or criterion.quantity in b.unknown
         if criterion.quantity == FLOW and unknown:
-            if criterion.key(a.largest_flow) < criterion.key(b.flow_at_most):
+            least = a.compared[FLOW], b.compared[FLOW]
+            if criterion.key(least[0]) < criterion.key(b.most_flow):
                 return True
-            return False if criterion.key(b.largest_flow) < criterion.key(a.flow_at_most) else None
+            return False if criterion.key(least[1]) < criterion.key(a.most_flow) else None
         if unknown:
             return None
-        key_a, key_b = (criterion.key(r.numbers[criterion.quantity]) for r in (a, b))
+        key_a, key_b = (criterion.key(r.compared[criterion.quantity]) for r in (a, b))
         if key_a != key_b:
             return key_a < key_b
     return False
@@ -172,6 +184,7 @@ def _judge(means: xr.Dataset, limits: xr.Dataset, scheme: Scheme, rule: Rule) ->
         "alarms": min(margin["access_alarm"], margin["return_alarm"]),
         "margin": margin[CRRT_LIMITS],
         "lowest_site_pressure": min(float(means["P" + node]) for node in scheme.nodes),
+        ON_PATIENT: float(scheme.on_patient),
         FLOW: float(limit["largest_flow"]),
     }
     quantities = [c.quantity for c in rule.criteria]
@@ -204,10 +217,7 @@ def _sentences(ranked: Ranked, means: xr.Dataset, flows: str, scheme: Scheme, ru
     if not ranked.alarms_kept:
         texts.append("breaks a pressure alarm of the machine")
     if not ranked.access_190_kept:
-        bound = next(limit.high for limit in rule.limits if limit.name == "access_190")
-        texts.append(
-            f"access pressure above {bound:g} mmHg: early failure of the CRRT circuit is more likely"
-        )
+        texts.append(_beyond_access_limit(access_pressure, rule))
     if ranked.lowest_site_pressure < 0.0:
         texts.append(
             f"a line attaches at {_whole(ranked.lowest_site_pressure)} mmHg: a leak there draws in air"
@@ -219,12 +229,22 @@ def _sentences(ranked: Ranked, means: xr.Dataset, flows: str, scheme: Scheme, ru
         )
     if scheme.returns_behind_oxygenator:
         texts.append("returns behind the oxygenator: no trap for air or clots from the CRRT")
-    if (share := float(means["past_oxygenator"])) > 0.0:
+    if (share := float(means[PAST_OXYGENATOR])) > 0.0:
         texts.append(f"carries {100.0 * share:.1f} % of the ECMO's blood past the oxygenator")
     if "gas_status" in means:
         gases = not_found([float(means["speed"])], [str(means["gas_status"].item())], GASES)
         texts += [gases] if gases else []
     return texts
+
+
+def _beyond_access_limit(pressure: float, rule: Rule) -> str:
+    """What it means that the access pressure breaks its limit: the usual one has a source."""
+    limit = next(limit for limit in rule.limits if limit.name == "access_190")
+    side, bound = ("above", limit.high) if pressure > limit.high else ("below", limit.low)
+    text = f"access pressure {side} {bound:g} mmHg"
+    if limit in LIMITS:
+        return f"{text}: early failure of the CRRT circuit is more likely"
+    return f"{text}, the limit of {rule.name}"
 
 
 def _whole(value: float) -> str:
@@ -247,6 +267,7 @@ def choice(study: CrrtStudy, policy: str) -> list[str]:
     best, unknown = best_known(ranking), [r for r in ranking if not r.known]
     left_out = _left_out(unknown)
     if best is not None:
+        left_out = [*_instead(study, ranking, best), *left_out]
         tied = ties(ranking)
         equal = [f"schemes {listed(tied)} share its place: the rule does not tell them apart"] if tied else []
         name = f"scheme {best.letter} ({next(s.name for s in study.schemes if s.letter == best.letter)})"
@@ -256,8 +277,9 @@ def choice(study: CrrtStudy, policy: str) -> list[str]:
             if tied:
                 answer = f"First for this patient: schemes {listed(tied)}, which the rule does not tell apart"
                 first = ranking[: min(len(tied), MOST_LINES)]
-                return [answer, *by, *(f"Scheme {r.letter}: {'; '.join(r.reasons)}" for r in first)]
-            return [f"First choice for this patient: {name}", *by, *best.reasons]
+                reasons = (f"Scheme {r.letter}: {'; '.join(r.reasons)}" for r in first)
+                return [answer, *by, *reasons, *left_out]
+            return [f"First choice for this patient: {name}", *by, *best.reasons, *left_out]
         of = f"the {len(ranking) - len(unknown)} of {len(ranking)} schemes whose beat was found"
         answer = f"No first choice can be named; best of {of} at {study.case_speed:.0f} rpm: {name}"
         return [answer, *equal, *best.reasons, *left_out]
@@ -267,6 +289,27 @@ def choice(study: CrrtStudy, policy: str) -> list[str]:
     answer = f"No first choice can be named: schemes {listed([r.letter for r in possible])} may each be first"
     lines = [f"Scheme {r.letter}: {r.why_no_rank}; {'; '.join(r.reasons)}" for r in possible]
     return [answer, *lines[:MOST_LINES], *left_out]
+
+
+def _instead(study: CrrtStudy, ranking: Sequence[Ranked], best: Ranked) -> list[str]:
+    """What the best scheme does not have, and the best of those that have it."""
+    schemes = {scheme.letter: scheme for scheme in study.schemes}
+    chosen, lines = schemes[best.letter], []
+
+    def next_best(among: set[str]) -> str:
+        other = next((r for r in ranking if r.rank is not None and r.letter in among), None)
+        return f"scheme {other.letter} ({schemes[other.letter].name}), place {other.rank}" if other else ""
+
+    if chosen.on_patient:
+        text = next_best({k for k, scheme in schemes.items() if not scheme.on_patient})
+        lines.append(
+            "its lines attach to the patient without a catheter's resistance: their pressures are too mild"
+            + (f"; best of the schemes on the ECMO circuit: {text}" if text else "")
+        )
+    before = {k for k, s in schemes.items() if not s.returns_behind_oxygenator and not s.on_patient}
+    if chosen.returns_behind_oxygenator and (text := next_best(before)):
+        lines.append(f"best of the schemes that return before the oxygenator: {text}")
+    return lines
 
 
 def _left_out(unknown: list[Ranked]) -> list[str]:

@@ -30,7 +30,9 @@ from eclsim.crrt_study.limits import LIMITS, Limit
 from eclsim.spelling import spelling_hint
 
 FLOW = "largest_flow"
-JUDGED = ("alarms", "margin", *(limit.name for limit in LIMITS), "lowest_site_pressure", FLOW)
+ON_PATIENT = "lines_on_patient"
+PAST_OXYGENATOR = "past_oxygenator"
+JUDGED = ("alarms", "margin", *(limit.name for limit in LIMITS), "lowest_site_pressure", ON_PATIENT, FLOW)
 """Quantities that a rule may use besides all pressures, flows and outputs of the study."""
 
 
@@ -47,7 +49,7 @@ class Criterion:
         at_least: bound that it keeps or breaks.
         at_most: likewise.
         prefer: which is better, where there is no bound.
-        step: differences below it count as a tie.
+        step: values are rounded to multiples of it before they are compared.
         words: what it asks for.
     """
 
@@ -63,6 +65,11 @@ class Criterion:
         """One of bound and direction."""
         if (self.prefer is None) == (self.at_least is None and self.at_most is None):
             raise ValueError('allowed: at_least or at_most, or prefer = "larger" or "smaller"')
+        if self.at_least is not None and self.at_most is not None and self.at_least > self.at_most:
+            raise ValueError(
+                f"at_least = {self.at_least:g}, at_most = {self.at_most:g}: nothing is both; allowed: "
+                "at_least below at_most"
+            )
         if self.step < 0.0:
             raise ValueError(f"step = {self.step:g}: allowed: zero or above")
 
@@ -84,7 +91,7 @@ class Criterion:
         bounds = {"at least": self.at_least, "at most": self.at_most}
         terms = [f"{word} {bound:g}" for word, bound in bounds.items() if bound is not None]
         text = " and ".join(terms) or f"the {self.prefer}"
-        return f"{self.quantity}: {text}" + (f", in steps of {self.step:g}" if self.step else "")
+        return f"{self.quantity}: {text}" + (f", rounded to {self.step:g}" if self.step else "")
 
 
 @dataclass(frozen=True)
@@ -102,7 +109,7 @@ class Rule:
     limits: tuple[Limit, ...] = LIMITS
 
     def decides(self, first: Mapping[str, float], second: Mapping[str, float]) -> Criterion | None:
-        """The first criterion in which two schemes differ; None behind one that is not known."""
+        """The first criterion in which two schemes' numbers differ; None behind one that is not known."""
         for criterion in self.criteria:
             numbers = [numbers[criterion.quantity] for numbers in (first, second)]
             if criterion.quantity != FLOW and any(map(math.isnan, numbers)):
@@ -110,6 +117,11 @@ class Rule:
             if criterion.key(numbers[0]) != criterion.key(numbers[1]):
                 return criterion
         return None
+
+    @property
+    def access_mmhg(self) -> float:
+        """Upper limit of the access pressure [mmHg], besides its alarm."""
+        return next(limit.high for limit in self.limits if limit.name == "access_190")
 
     def as_object(self) -> dict[str, object]:
         """As plain data, which `read_rule` takes too; an infinite bound is None."""
@@ -120,27 +132,43 @@ class Rule:
         return {"name": self.name, "criteria": criteria, "limits": bounds}
 
 
-USUAL = Rule(
-    "the usual rule",
-    (
+def usual_criteria(limits: tuple[Limit, ...] = LIMITS) -> tuple[Criterion, ...]:
+    """Criteria of the usual rule, in words with the bounds of these limits."""
+    access = next(limit for limit in limits if limit.name == "access_190")
+    bounds = (
+        f"below {access.high:g}" if math.isinf(access.low) else f"within {access.low:g} and {access.high:g}"
+    )
+    return (
         Criterion("alarms", at_least=0.0, words="keeps the machine's pressure alarms at this speed"),
         Criterion(
-            "access_190", at_least=0.0, words="keeps the access pressure below 190 mmHg at this speed"
+            access.name, at_least=0.0, words=f"keeps the access pressure {bounds} mmHg at this speed"
+        ),
+        Criterion(
+            ON_PATIENT, at_most=0.0,
+            words="has both lines on the ECMO circuit (on the patient a catheter's resistance is missing: "
+            "pressures of its lines are too mild)",
         ),
         Criterion(
             "lowest_site_pressure", at_least=0.0,
             words="draws and returns above atmospheric pressure (no air can be drawn in)",
         ),
         Criterion(
-            FLOW, prefer="larger", step=0.1,
-            words="keeps its limits up to the larger ECMO flow, in steps of 0.1 L/min",
+            PAST_OXYGENATOR, prefer="smaller", step=0.01,
+            words="carries less of the ECMO's blood past the oxygenator, rounded to 1 %",
         ),
         Criterion(
-            "recirculated_fraction", prefer="smaller", step=0.01, words="recirculates less, in steps of 1 %"
+            FLOW, prefer="larger", step=0.1,
+            words="keeps its limits up to the larger ECMO flow, rounded to 0.1 L/min, or to the largest "
+            "speed studied",
+        ),
+        Criterion(
+            "recirculated_fraction", prefer="smaller", step=0.01, words="recirculates less, rounded to 1 %"
         ),
         Criterion("margin", prefer="larger", words="is further from its nearest limit at this speed"),
-    ),
-)  # fmt: skip
+    )  # fmt: skip
+
+
+USUAL = Rule("the usual rule", usual_criteria())
 
 
 class _File(BaseModel):
@@ -148,12 +176,12 @@ class _File(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=False)
     name: str
-    criteria: tuple[Criterion, ...] = USUAL.criteria
+    criteria: tuple[Criterion, ...] | None = None
     limits: dict[str, tuple[float | None, float | None]] = {}
 
     @field_validator("criteria")
     @classmethod
-    def _some(cls, value: tuple[Criterion, ...]) -> tuple[Criterion, ...]:
+    def _some(cls, value: tuple[Criterion, ...] | None) -> tuple[Criterion, ...] | None:
         if not value:
             raise ValueError("allowed: one or more [[criteria]]")
         return value
@@ -177,8 +205,9 @@ class _File(BaseModel):
         limits = []
         for limit in LIMITS:
             low, high = _bounds(self.limits.get(limit.name, (limit.low, limit.high)))
-            limits.append(replace(limit, low=low, high=high))
-        return Rule(self.name, self.criteria, tuple(limits))
+            own = replace(limit, low=low, high=high, meaning=f"limit of {self.name}")
+            limits.append(limit if (low, high) == (limit.low, limit.high) else own)
+        return Rule(self.name, self.criteria or usual_criteria(tuple(limits)), tuple(limits))
 
 
 def _bounds(bounds: tuple[float | None, float | None]) -> tuple[float, float]:

@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from eclsim.devices.crrt import SCHEMES as CRRT_SCHEMES
-from eclsim.devices.ecmo import POSITION_WORDS
+from eclsim.devices.device import device_key
+from eclsim.devices.ecmo import POSITION_WORDS, PUMPS
 from eclsim.devices.ecmo import POSITIONS as ECMO_POSITIONS
-from eclsim.patient.sites import PATIENT_SITES
+from eclsim.patient.sites import PATIENT_SITES, RIGHT_HEART, VENOUS_SITES
 from eclsim.spelling import spelling_hint
 
 if TYPE_CHECKING:
@@ -59,8 +60,14 @@ class Scheme:
 
     @property
     def past_oxygenator(self) -> bool:
-        """Whether blood is drawn before the oxygenator and given back behind it."""
-        return self.returns_behind_oxygenator and self.access_site in BEFORE_OXYGENATOR
+        """Whether blood of the veins is drawn, from them or the circuit, and given back behind it."""
+        venous = (*BEFORE_OXYGENATOR, *VENOUS_SITES, *RIGHT_HEART)
+        return self.returns_behind_oxygenator and self.access_site in venous
+
+    @property
+    def on_patient(self) -> bool:
+        """Whether a line attaches to the patient, where the model has no catheter's resistance."""
+        return not {self.access_site, self.return_site} <= ECMO_POSITIONS.keys()
 
 
 def site_words(site: str) -> str:
@@ -216,7 +223,25 @@ def case_speed(case: Case) -> float:
         raise StudyError(
             f"case '{case.patient.id}' has a roller pump: the study varies the speed of a rotary pump"
         )
+    if named := named_crrts(case):
+        raise StudyError(
+            f"case '{case.patient.id}' has [{'] and ['.join(named)}]: the study places one CRRT circuit; "
+            "write [crrt], and leave others out"
+        )
     return float(case.ecmo.speed_rpm)
+
+
+def named_crrts(case: Case) -> list[str]:
+    """Sections such as "crrt.a", beside which the study would place a CRRT circuit more."""
+    return [key for key in case.other_devices if device_key(key) == "crrt"]
+
+
+def usual_speeds(case: Case) -> tuple[float, ...]:
+    """Speeds [rpm] over the range in use of the case's pump."""
+    assert case.ecmo is not None
+    assert isinstance(case.ecmo.pump, str)
+    low, high = PUMPS[case.ecmo.pump].speed_range_rpm
+    return parse_speeds(f"{low:g}:{high:g}:{SPEED_STEP_RPM:g}")
 
 
 def check_flow(flow: float) -> None:
@@ -248,6 +273,7 @@ def crrt_flow(case: Case, requested: float | None) -> float:
 # --- pump speeds -----------------------------------------------------------------------------------
 
 MOST_SPEEDS = 1001
+SPEED_STEP_RPM = 250.0
 
 
 class SpeedError(ValueError):

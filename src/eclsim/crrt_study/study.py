@@ -24,6 +24,7 @@ from eclsim.crrt_study.schemes import (
     parse_speeds,
     policies_of,
     select_schemes,
+    usual_speeds,
 )
 from eclsim.orbit.model import CaseSource, as_case
 
@@ -34,8 +35,6 @@ if TYPE_CHECKING:
     from eclsim.crrt_study.beats import Unsettled
     from eclsim.crrt_study.ranking import Ranked
     from eclsim.files import Json
-
-USUAL_SPEEDS = "1000:5000:250"
 
 
 @dataclass(frozen=True)
@@ -121,7 +120,7 @@ def crrt_study(
     case: CaseSource,
     *,
     schemes: str | Sequence[str] = NINE,
-    speeds: str | Sequence[float] = USUAL_SPEEDS,
+    speeds: str | Sequence[float] | None = None,
     crrt_flow_ml_min: float | None = None,
     volume_policy: str | None = None,
     scheme_h: str = PUBLISHED,
@@ -135,7 +134,8 @@ def crrt_study(
         case: case or its file, with an ECMO circuit and a rotary pump; its CRRT section gives the flow only.
             Of a case that names a pump flow the speed is solved for, under the first policy, and held.
         schemes: letters, groups and pairs, see `select_schemes`.
-        speeds: pump speeds [rpm], see `parse_speeds`; the case's own speed is added.
+        speeds: pump speeds [rpm], see `parse_speeds`; left out, the range in use of the case's pump. The
+            case's own speed is added.
         crrt_flow_ml_min: blood flow of the CRRT; left out, the case's own, else 200 mL/min.
         volume_policy: "as_published", "patient_held" or "both"; left out, what the case says, else both.
         scheme_h: "published" or "figure", see `SCHEME_H`.
@@ -166,7 +166,8 @@ def crrt_study(
     case = with_speed(case, policies[0])[0]
     judged_by = read_rule(rule)
     own_speed = case_speed(case)
-    rpm = np.unique([*(parse_speeds(speeds) if isinstance(speeds, str) else speeds), own_speed]).astype(float)
+    asked = usual_speeds(case) if speeds is None else speeds
+    rpm = np.unique([*(parse_speeds(asked) if isinstance(asked, str) else asked), own_speed]).astype(float)
     flow = crrt_flow(case, crrt_flow_ml_min)
     circuits = study_circuits(without_renox(case), chosen, flow)
     check_quantities(judged_by, crrt_datasets.quantities(circuits))

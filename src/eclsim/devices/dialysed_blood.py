@@ -3,24 +3,34 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from eclsim.devices.description import GASES, BeatMeasures, Numbers
+from eclsim.devices.description import CAUTION, GASES, BeatMeasures, Finding, Numbers
 from eclsim.inputs.fields import Field, number
 from eclsim.inputs.mistakes import Remarks, shown
+from eclsim.parameters.gas import PARAMETERS as GAS
 
 if TYPE_CHECKING:
+    from eclsim.circuit.network import Circuit
     from eclsim.components.dialysis import Performance
-    from eclsim.devices.device import CaseValues
+    from eclsim.devices.device import CaseValues, Naming
     from eclsim.inputs.sections import Raw, Section
 
 FLUIDS = ("dialysate_ml_h", "replacement_pre_ml_h", "replacement_post_ml_h", "net_ultrafiltration_ml_h")
 """Keys of flows; dialysis is computed where one of them is given."""
+NET = FLUIDS[3]
 DRAWN_FROM_PLASMA = FLUIDS[2:]
 """Fluids that leave the plasma behind the filter's inlet; replacement before it is added first."""
+HARMFUL_ML_KG_H = 1.75
+"""Net ultrafiltration above which fewer patients survived (Murugan et al. 2019, JAMA Netw Open,
+doi 10.1001/jamanetworkopen.2019.5418: against less than 1.01 mL/kg/h)."""
+FEWER_SURVIVED = (
+    f"above {HARMFUL_ML_KG_H:g} mL/kg/h fewer critically ill patients survived than below 1.01 (Murugan et "
+    "al. 2019)"
+)
 USUAL_FLUID = MappingProxyType(
     {
         "fluid_bicarbonate_mmol_l": 32.0, "haematocrit_in": 0.30, "plasma_bicarbonate_mmol_l": 24.0,
@@ -30,6 +40,10 @@ USUAL_FLUID = MappingProxyType(
 """Values where dialysis is computed and these keys are left out."""
 RED_CELL_HAEMOGLOBIN = 33.3
 """Haemoglobin in a dL of red cells [g], the usual mean corpuscular concentration."""
+USUAL_RED_CELLS = (28.0, 38.0)
+"""Mean corpuscular concentrations [g/dL] that patients have; 32 to 36 are normal."""
+USUAL_HAEMOGLOBIN = GAS["gas.haemoglobin_g_dl"].value
+"""Where a section [gas] leaves it out [g/dL]."""
 THE_BLOODS_OWN = 0.0
 """Carbon dioxide of the plasma that says: that of the blood which enters, from its gases."""
 TEMPERATURE = "gas.temperature_c"
@@ -83,6 +97,9 @@ def check_fluids(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> N
                 f"{key}.{name}", f"has no effect without one of {', '.join(FLUIDS)}", shown(values[name])
             )
         return
+    gas, own = case.physiology.get("gas"), values.get("haematocrit_in")
+    if gas is not None and own:
+        check_red_cells(f"{key}.haematocrit_in", own, gas.get("haemoglobin_g_dl", USUAL_HAEMOGLOBIN), remarks)
     drawn = {name: given[name] for name in DRAWN_FROM_PLASMA if given.get(name)}
     plasma = 60.0 * values.get("flow_ml_min", math.inf) * (1.0 - _haematocrit(values, case))
     if drawn and sum(drawn.values()) >= plasma:
@@ -92,6 +109,23 @@ def check_fluids(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> N
         )
         largest = max(drawn, key=lambda name: drawn[name])
         remarks.error(f"{key}.{largest}", message, shown(drawn[largest]), f"together below {plasma:.0f} mL/h")
+    net, weight = given.get(NET), case.patient.get("weight_kg")
+    if net is not None and weight is not None and net > HARMFUL_ML_KG_H * weight:
+        remarks.warning(f"{key}.{NET}", f"{net / weight:.1f} mL/kg/h: {FEWER_SURVIVED}", shown(net))
+
+
+def check_red_cells(key: str, haematocrit: float, haemoglobin_g_dl: float, remarks: Remarks) -> None:
+    """Doubt a haematocrit [-] beside a haemoglobin [g/dL] that no red cells have together."""
+    low, high = USUAL_RED_CELLS
+    if low <= (held := haemoglobin_g_dl / haematocrit) <= high:
+        return
+    message = (
+        f"with gas.haemoglobin_g_dl = {haemoglobin_g_dl:g} red cells would hold {held:.0f} g/dL (usual: "
+        f"{RED_CELL_HAEMOGLOBIN:g}): blood would carry the oxygen of one and flow as that of the other; "
+        "leave it out where it was not measured"
+    )
+    hint = f"{key.rpartition('.')[2]} = {haemoglobin_g_dl / RED_CELL_HAEMOGLOBIN:.2f}"
+    remarks.warning(key, message, shown(haematocrit), hint)
 
 
 def _haematocrit(values: Raw, case: CaseValues) -> float:
@@ -101,3 +135,27 @@ def _haematocrit(values: Raw, case: CaseValues) -> float:
     if gas is not None:
         usual = gas.get("haemoglobin_g_dl", RED_CELL_HAEMOGLOBIN * usual) / RED_CELL_HAEMOGLOBIN
     return float(values.get("haematocrit_in") or usual)
+
+
+def beside_others(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:
+    """What is not in effective clearances beside another filter: they count as if that one cleared nothing.
+
+    Args:
+        names: of the instance whose clearances they are.
+        outputs: of the beat, by name.
+        circuit: of patient and devices.
+    """
+    concerned = names.output("effective_clearance_urea")
+    if concerned not in outputs:
+        return []
+    from eclsim.components.dialysis import DialysedBlood
+
+    filters = {e.group for e in circuit.exchanges if isinstance(e.component, DialysedBlood)}
+    others = sorted(filters - {names.key})
+    if not others:
+        return []
+    text = (
+        f"effective clearances of the {names.label} are as if [{'] and ['.join(others)}] cleared nothing: "
+        "too high where blood that it has cleared reaches this filter"
+    )
+    return [Finding(CAUTION, concerned, outputs[concerned], math.nan, text, concerns=(concerned,))]

@@ -7,6 +7,7 @@ Source: Boes et al. 2019 for the pump's equation; Thiel et al. 2025 for the cons
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
@@ -41,6 +42,9 @@ if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit, Site
 
 GROUP = "lvad"
+SUCTION_LVEDP_MMHG, SUCTION_LV_ML = 4.0, 30.0
+"""End-diastolic pressure and smallest volume of a drained left ventricle below which suction is likely; a
+convention of this project."""
 _SPEEDS = "the speed range is the usual clinical one, not part of the published constants"
 
 PUMPS = by_key(
@@ -186,7 +190,7 @@ class LvadDevice(Device[Lvad]):
     def findings(
         self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
     ) -> list[Finding]:
-        """What an ejection fraction is where a pump empties the left ventricle."""
+        """What an ejection fraction is where a pump empties the left ventricle; whether it sucks it shut."""
         name, pump = "ejection_fraction_lv", names.place("lvadpump")
         if name not in outputs or not any(c.name == pump and c.source == "lv" for c in circuit.connections):
             return []
@@ -195,7 +199,25 @@ class LvadDevice(Device[Lvad]):
             "what the pump takes, and say nothing of ejection through the aortic valve"
         )
         concerns = (name, "stroke_volume_lv")
-        return [Finding(CAUTION, name, outputs[name], float("nan"), text, concerns=concerns)]
+        found = Finding(CAUTION, name, outputs[name], float("nan"), text, concerns=concerns)
+        return [found, *_suction(names, outputs)]
+
+
+def _suction(names: Naming, outputs: Mapping[str, float]) -> list[Finding]:
+    """A left ventricle so empty that its wall would lie on the pump's inlet."""
+    pressure, volume = outputs.get("end_diastolic_pressure_lv", math.inf), outputs.get("ESVLV", math.inf)
+    if pressure >= SUCTION_LVEDP_MMHG and volume >= SUCTION_LV_ML:
+        return []
+    flow = names.output("lvad_flow")
+    text = (
+        f"the {names.label} empties the left ventricle to {volume:.0f} mL (end-diastolic pressure "
+        f"{pressure:.1f} mmHg): suction is likely, and the flow too high, as the model's ventricle does not "
+        "collapse; lower the speed or give blood"
+    )
+    quantity = "end_diastolic_pressure_lv"
+    return [
+        Finding("warning", quantity, pressure, SUCTION_LVEDP_MMHG, text, concerns=(flow, "ESVLV", quantity))
+    ]
 
 
 LVAD = LvadDevice()

@@ -8,12 +8,14 @@ It unloads the left ventricle on V-A ECMO by the suction of the ECMO pump. Cannu
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
 from eclsim.devices.description import Control, Knob, Limit, Look, Mark, mean_flow, picker
 from eclsim.devices.device import CaseValues, Device
 from eclsim.devices.ecmo import CANNULAE
+from eclsim.devices.second_cannulae import BACKWARD_L_MIN
 from eclsim.inputs.fields import number, one_of
 from eclsim.inputs.mistakes import Remarks
 from eclsim.inputs.sections import Raw, Section
@@ -33,6 +35,11 @@ _COEFFICIENT = ML_S_PER_L_MIN / CANNULAE["arterial"].resistance(_REFERENCE_FR) *
 """Flow coefficient [mL/(s mmHg^1/2)] at 15 Fr, the smallest arterial cannula of the maker's list."""
 
 
+_BESIDE = mean_flow(
+    "drainage_cannula_flow", "flow through the drainage cannula beside the vent", "Qecmodrain"
+)
+
+
 class Vent(Section):
     """The vent: where it drains, size in Fr."""
 
@@ -49,10 +56,18 @@ class VentDevice(Device[Vent]):
     marks = MappingProxyType({"vent": Mark("cannula", "vent")})
     look = Look("#A65E00", "#FBF4EC", 1.6, marker="P")
     nominal = MappingProxyType({"vent.fr": 15.0})
-    outputs = (mean_flow("vent_flow", "flow through the vent into the ECMO circuit", "Qvent"),)
+    outputs = (
+        mean_flow("vent_flow", "flow through the vent into the ECMO circuit", "Qvent"),
+        replace(_BESIDE, needs=("Qecmodrain", "Qvent")),
+    )
     limits = (
         Limit("vent_flow", "alarm", "below", 0.0, "blood runs through the vent into the heart", "physics"),
-    )
+        Limit(
+            _BESIDE.name, "alarm", "below", BACKWARD_L_MIN,
+            "blood of the vent runs through the drainage cannula into the patient: raise the speed or take a "
+            "smaller vent", "physics", without=("first_drainage_flow",),
+        ),
+    )  # fmt: skip
 
     def circuit(self, section: Vent) -> Circuit:
         """One cannula."""

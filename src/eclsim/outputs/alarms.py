@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from eclsim.devices.description import CAUTION, COLLAPSE_MMHG, GRAVEST_FIRST, Finding, Limit
 from eclsim.devices.device import Naming, device_key
 from eclsim.devices.registry import assist_flows, devices, naming_of, namings
+from eclsim.outputs.cautions import cautions
 from eclsim.outputs.limits import CLOSED_L_MIN, broken_limits
 from eclsim.outputs.registry import CHAMBERS, output
 from eclsim.outputs.sealed import sealed
-from eclsim.parameters.regulation import DRUGS
 from eclsim.patient.sites import DRAINED
 
 if TYPE_CHECKING:
@@ -30,9 +30,9 @@ THIN_WALLED = {
 _PULMONARY_ARTERY = ("pas", "part")
 _SIDES = ((*DRAINED, *DRAINED.values(), "ra", "rv"), ("pvn", "la", "lv"))
 _PARTED_L_MIN = 0.1
-VENODILATORS = ("dobutamine", "milrinone", "nitroprusside")
-FILLED_MMHG = 12.0
-"""Wedge pressure below which a heart is not filled as those were to which these drugs were fitted."""
+_LEFT = "the left ventricle itself ejects {} (LVO)"
+OPEN_ML_S = 30.0
+"""Peak flow from which a valve counts as opening although its net flow is that of a closed one."""
 
 
 def findings(
@@ -52,7 +52,7 @@ def findings(
     result = [_broken(limit, outputs[limit.quantity]) for limit in broken_limits(outputs)]
     result += _collapsed(extremes, {} if circuit is None else _drained(circuit))
     result += _aortic_valve(outputs, circuit) + _different_flows(outputs, circuit)
-    result += _emptied_by_drugs(outputs, values)
+    result += cautions(outputs, values)
     if circuit is not None:
         result += _shut_in(outputs, circuit)
         for names in _devices_of(circuit):
@@ -156,33 +156,31 @@ def _drained(circuit: Circuit) -> dict[str, str]:
 
 
 def _aortic_valve(outputs: Mapping[str, float], circuit: Circuit | None) -> list[Finding]:
-    """A valve that stays closed: the heart's failure, or an assist pump at work."""
+    """A valve that stays closed, by the heart's failure or an assist pump at work, or one that leaks."""
     aortic, pumps = outputs.get("aortic_valve_flow"), assist_flows(outputs, circuit)
     if aortic is None or aortic >= CLOSED_L_MIN:
         return []
-    text = f"aortic valve flow {aortic:.3f} L/min: "
-    if (carried := sum(pumps.values())) >= CLOSED_L_MIN:
+    carried, peak = sum(pumps.values()), outputs.get("peak_aortic_valve_flow", 0.0)
+    text = f"aortic valve flow {round(aortic, 3) + 0.0:.3f} L/min: "
+    opens = f"the valve opens (peak flow {peak:.0f} mL/s)" if peak >= OPEN_ML_S else "the valve stays closed"
+    if aortic <= -CLOSED_L_MIN:
+        text += f"{opens} and leaks {-aortic:.2f} L/min more than it lets through"
+        if carried >= CLOSED_L_MIN:
+            organs = outputs.get("systemic_flow", carried + aortic)
+            text += (
+                f": of the {carried:.2f} L/min of the {' and the '.join(pumps)} the organs get {organs:.2f}"
+            )
+        return [Finding("alarm", "aortic_valve_flow", aortic, -CLOSED_L_MIN, text, concerns=("LVO",))]
+    if peak >= OPEN_ML_S:
+        text += f"{opens}, and as much as it lets through leaks back"
+    elif carried >= CLOSED_L_MIN:
         text += (
-            f"the valve stays closed, the {' and the '.join(pumps)} carries the left ventricle's output "
+            f"{opens}, the {' and the '.join(pumps)} carries the left ventricle's output "
             f"({carried:.2f} L/min)"
         )
     else:
         text += "the left ventricle does not eject"
     return [Finding("warning", "aortic_valve_flow", aortic, CLOSED_L_MIN, text, concerns=("LVO",))]
-
-
-def _emptied_by_drugs(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
-    """Drugs whose effect on veins was measured in congested patients, given to one who is not."""
-    given = [drug for drug in VENODILATORS if values.get(f"{DRUGS}.{drug}", 0.0) > 0.0]
-    wedge = outputs.get("PCWP")
-    if not given or wedge is None or not wedge < FILLED_MMHG:
-        return []
-    text = (
-        f"{' and '.join(given)}: fitted to failing hearts with a wedge pressure above 20 mmHg; here it is "
-        f"{wedge:.0f} mmHg, and what veins take of the blood empties the heart: pressures and outputs are "
-        "likely too low, and may fall where they rise in patients"
-    )
-    return [Finding(CAUTION, "PCWP", wedge, float("nan"), text, concerns=("CO", "MAP"))]
 
 
 def _different_flows(outputs: Mapping[str, float], circuit: Circuit | None) -> list[Finding]:
@@ -191,7 +189,7 @@ def _different_flows(outputs: Mapping[str, float], circuit: Circuit | None) -> l
     if lungs is None or left is None:
         return []
     others = {
-        "the left ventricle itself ejects {} (LVO)": left,
+        _LEFT if left >= 0.0 else "the aortic valve leaks more than it lets through, net {} (LVO)": left,
         "the right ventricle itself ejects {}": outputs.get("pulmonary_valve_flow", lungs),
         "the lungs get {}": outputs.get("pulmonary_flow", lungs),
     }

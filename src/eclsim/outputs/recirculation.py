@@ -1,7 +1,8 @@
 """How much of the blood that a device with movable lines draws, such as a CRRT, has just been through it.
 
 Blood is marked where it leaves the return line, and the balances of `eclsim.gas.transport`, which oxygen and
-solutes follow too, say how much of it reaches the access line. Blood of the patient counts as fresh.
+solutes follow too, say how much of it reaches the access line. Where that is in another device, blood of the
+patient counts as fresh; where it is in the patient, blood that has passed the capillaries of the body does.
 """
 
 from __future__ import annotations
@@ -15,7 +16,10 @@ from eclsim.devices.device import Naming
 from eclsim.devices.registry import devices, instances_in
 from eclsim.units import ML_S_PER_L_MIN
 
-DEFINITION = "share of the access flow that left the return line and did not pass the patient (steady mixing)"
+DEFINITION = (
+    "share of the access flow that left the return line and did not pass the patient; with the access line "
+    "on the patient, that passed no capillaries of the body since (steady mixing)"
+)
 
 
 Labelled = tuple[float, dict[str, str]]
@@ -30,7 +34,7 @@ def recirculated_fractions(circuit: Circuit, mean_flows: Mapping[str, float]) ->
         mean_flows: mean flow of each connection [mL/s]; a negative one runs backwards.
 
     Returns:
-        By the key of the device's section; 0 where it draws from the patient.
+        By the key of the device's section.
     """
     shares = {names.key: _share(circuit, names, mean_flows) for names in instances_in(circuit)}
     return {key: share for key, share in shares.items() if share is not None}
@@ -79,7 +83,7 @@ def _share(circuit: Circuit, names: Naming, mean_flows: Mapping[str, float]) -> 
         return None
     mixed_in = groups[access]
     if mixed_in not in {other.key for other in instances_in(circuit)}:
-        return 0.0
+        return _share_of_patient(circuit, access, line_out, mean_flows)
     from eclsim.gas.transport import Flows, balanced, mixtures
 
     place = {name: k for k, name in enumerate(n for n, group in groups.items() if group == mixed_in)}
@@ -96,3 +100,21 @@ def _share(circuit: Circuit, names: Naming, mean_flows: Mapping[str, float]) -> 
     flows = balanced(Flows(leaves, enters, forward, backward))  # pyright: ignore[reportArgumentType]  # NumPy's
     shares = mixtures(flows, [*returned, *through]).compartments[place[access]]
     return float(shares[: len(returned)].sum())
+
+
+def _share_of_patient(
+    circuit: Circuit, access: str, line_out: str, mean_flows: Mapping[str, float]
+) -> float | None:
+    """Share in a compartment of the patient that came out of a line and passed no capillaries since."""
+    from eclsim.gas.solutes import sources
+    from eclsim.gas.transport import Flows, balanced, mixtures
+
+    if any(not isinstance(site, str) for c in circuit.connections for site in c.sites):
+        return None
+    place = {c.name: k for k, c in enumerate(circuit.compartments)}
+    ends = np.array([[place[str(site)] for site in (c.source, c.target)] for c in circuit.connections])
+    leaves, enters = (np.eye(len(place))[side].T for side in ends.T)
+    flow = np.array([mean_flows[c.name] for c in circuit.connections])
+    forward, backward = np.maximum(flow, 0.0), np.maximum(-flow, 0.0)
+    flows = balanced(Flows(leaves, enters, forward, backward))  # pyright: ignore[reportArgumentType]  # NumPy's
+    return float(mixtures(flows, sources(circuit, line_out)).compartments[place[access], -1])
