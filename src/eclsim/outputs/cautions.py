@@ -12,8 +12,8 @@ from eclsim.parameters import regulation as keys
 VENODILATORS = ("dobutamine", "milrinone", "levosimendan", "nitroprusside")
 FILLED_MMHG = 12.0
 """Wedge pressure below which a heart is not filled as those were to which these drugs were fitted."""
-SEPTIC_DYN, NOT_SEPTIC_DYN = 644.0, 1000.0
-"""Systemic resistance [dyn s/cm5] of the patients vasopressin was fitted to, and of who is none of them."""
+SEPTIC_DYN, NOT_SEPTIC_DYN = 644.0, 700.0
+"""Systemic resistance [dyn s/cm5] of the patients vasopressin was fitted to, and clearly more."""
 _DYN = 80.0
 """dyn s/cm5 in a mmHg min/L."""
 ADDED = 0.3
