@@ -68,17 +68,18 @@ def _emptied(outputs: Mapping[str, float], felt: Mapping[str, float]) -> list[Fi
 
 def _not_septic(outputs: Mapping[str, float], felt: Mapping[str, float]) -> list[Finding]:
     """Vasopressin in a patient whose vessels have not lost their tone."""
-    names = ("MAP", "right_atrial_pressure", "systemic_resistance_factor", "CO")
+    names = ("MAP", "right_atrial_pressure")
     flow = outputs.get("systemic_flow", outputs.get("CO", 0.0))
     if "vasopressin" not in felt or not set(names) <= outputs.keys() or not flow > 0.0:
         return []
     pressure = outputs["MAP"] - outputs["right_atrial_pressure"]
-    without = _DYN * pressure / flow / outputs["systemic_resistance_factor"]
+    without = _DYN * pressure / flow / math.exp(_logarithms("vasopressin", felt["vasopressin"])[1])
     if not without > NOT_SEPTIC_DYN:
         return []
     text = (
-        f"vasopressin: fitted to septic shock with a resistance of {SEPTIC_DYN:.0f} dyn s/cm5; without tone "
-        f"in effect here it would be {without:.0f}, and pressure likely rises too much"
+        f"vasopressin: fitted to septic shock with a resistance of {SEPTIC_DYN:.0f} dyn s/cm5 before it, here "
+        f"{without:.0f}; it hardly raises the pressure of people who are not septic (Landry 1997), so that the "
+        "rise is likely too large"
     )
     return [_about("systemic_resistance_factor", without, text, "MAP")]
 
@@ -101,13 +102,7 @@ def _together(felt: Mapping[str, float]) -> list[Finding]:
     """Drugs whose factors multiply to more than any pair that was studied."""
     if len(felt) < 2:
         return []
-    from eclsim.drugs.published import PUBLISHED
-
-    effects = []
-    for drug, dose in felt.items():
-        published = PUBLISHED[drug]
-        part = (dose / published.half_dose) ** published.steepness
-        effects.append([part / (1.0 + part) * most for most in published.at_most])
+    effects = [_logarithms(drug, dose) for drug, dose in felt.items()]
     parts = []
     for place, name in _MULTIPLIED:
         changes = [one[place] for one in effects]
@@ -121,6 +116,15 @@ def _together(felt: Mapping[str, float]) -> list[Finding]:
         "against one pair alone, dobutamine and milrinone, which did less in patients: take it for the most"
     )
     return [_about("contractility_lv_factor", float("nan"), text, "MAP", "CO")]
+
+
+def _logarithms(drug: str, dose: float) -> list[float]:
+    """Effects of a drug at a dose as it is felt, in the order of `eclsim.drugs.law.Effects`."""
+    from eclsim.drugs.published import PUBLISHED
+
+    published = PUBLISHED[drug]
+    part = (dose / published.half_dose) ** published.steepness
+    return [part / (1.0 + part) * most for most in published.at_most]
 
 
 def _hypercapnia(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
