@@ -77,8 +77,8 @@ def _not_septic(outputs: Mapping[str, float], felt: Mapping[str, float]) -> list
     if not without > NOT_SEPTIC_DYN:
         return []
     text = (
-        f"vasopressin: fitted to septic shock with a resistance of {SEPTIC_DYN:.0f} dyn s/cm5 before it, here "
-        f"{without:.0f}; it hardly raises the pressure of people who are not septic (Landry 1997), so that the "
+        f"vasopressin: fitted to septic shock with a resistance of {SEPTIC_DYN:.0f} dyn s/cm5 before it, "
+        f"here {without:.0f}; it hardly raises the pressure of people who are not septic (Landry 1997): the "
         "rise is likely too large"
     )
     return [_about("systemic_resistance_factor", without, text, "MAP")]
