@@ -1,4 +1,4 @@
-"""How far to trust what reflexes and drugs do in a beat: cautions where it was never held against people."""
+"""How far to trust reflexes, drugs and laws of blood in a beat: cautions beyond what was measured."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ _DYN = 80.0
 """dyn s/cm5 in a mmHg min/L."""
 ADDED = 0.3
 """Logarithm by which several drugs change a factor beyond the one that changes it most."""
+BLOOD_PH = (6.8, 7.7)
+"""pH between which the curves of blood were fitted, about."""
 FAR_MMHG = 10.0
 """PaCO2 above the set point from which the answer to it is far from what was measured."""
 
@@ -33,7 +35,7 @@ _MULTIPLIED = (_Effect(0, "contractility"), _Effect(1, "systemic resistance"))
 
 
 def cautions(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
-    """What there is to say about reflexes and drugs.
+    """What there is to say about reflexes, drugs and the laws of blood.
 
     Args:
         outputs: scalar outputs by name.
@@ -45,7 +47,7 @@ def cautions(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[
         if (given := values.get(keys.dose(drug), 0.0)) > 0.0
     }
     found = _emptied(outputs, felt) + _not_septic(outputs, felt) + _beyond(felt) + _together(felt)
-    return found + _hypercapnia(outputs, values)
+    return found + _hypercapnia(outputs, values) + _extrapolated_blood(outputs)
 
 
 def _about(quantity: str, value: float, text: str, *concerns: str) -> Finding:
@@ -145,3 +147,15 @@ def _hypercapnia(outputs: Mapping[str, float], values: Mapping[str, float]) -> l
     else:
         text += "the organs' answer to it was published for small changes, and is not held against people"
     return [_about("PaCO2", pressure, text, "CO", "MAP", "MPAP", "heart_rate")]
+
+
+def _extrapolated_blood(outputs: Mapping[str, float]) -> list[Finding]:
+    """Blood for which no law of its gases was fitted."""
+    ph, (low, high) = outputs.get("pHa"), BLOOD_PH
+    if ph is None or not (ph < low or ph > high):
+        return []
+    text = (
+        f"pH {ph:.2f} of the arterial blood is outside of {low:g} to {high:g}, for which the laws of its "
+        "gases were fitted: saturations and carbon dioxide are extrapolated"
+    )
+    return [_about("pHa", ph, text, "SaO2", "PaCO2")]
