@@ -127,6 +127,9 @@ DOUBTS = {
         {"gas": {"vo2_ml_min": 220}, "events": [COOLED]}, "events[1].set.gas.temperature_c",
         "set gas.vo2_ml_min too",
     ),
+    "cooled with its consumption": (
+        {"gas": {}, "events": [COOLED | {"set": COOLED["set"] | {"gas.vo2_ml_min": 150}}]}, "", "",
+    ),
     "red cells too thin": (
         {"gas": {"haemoglobin_g_dl": 9}, "fluid": {"haematocrit": 0.45}}, "fluid.haematocrit", "hold 20 g/dL",
     ),

@@ -169,11 +169,11 @@ def test_drugs_fitted_to_congested_hearts_are_read_with_care_in_others(wedge, do
     assert len([one for one in found if "milrinone: fitted to failing hearts" in one.sentence]) == said
 
 
-SEPTIC = {"MAP": 60.0, "right_atrial_pressure": 8.0, "CO": 7.0, "systemic_resistance_factor": 1.4}
+SEPTIC = {"MAP": 70.0, "right_atrial_pressure": 8.0, "CO": 7.0}
 CAUTIONS = {
     "levosimendan in an empty heart": ({"PCWP": 6.0}, {"drugs.levosimendan": 0.1}, "levosimendan: fitted to"),
     "vasopressin without sepsis": (
-        SEPTIC | {"MAP": 105.0, "CO": 4.0}, {"drugs.vasopressin": 0.03}, "resistance of 644",
+        SEPTIC | {"MAP": 105.0, "CO": 4.0}, {"drugs.vasopressin": 0.03}, "644 dyn s",
     ),
     "vasopressin in sepsis": (SEPTIC, {"drugs.vasopressin": 0.03}, ""),
     "felt as much more": (
@@ -196,6 +196,7 @@ CAUTIONS = {
     "little more than at rest": (
         {"PaCO2": 48.0}, {"regulation.set_point_paco2_mmHg": 40.0, "regulation.chemoreflex": 1.0}, "",
     ),
+    "blood of no law": ({"pHa": 7.88}, {}, "pH 7.88 of the arterial blood is outside of 6.8 to 7.7"),
     "hypercapnia without an answer": ({"PaCO2": 60.0}, {"regulation.set_point_paco2_mmHg": 40.0}, ""),
 }  # fmt: skip
 

@@ -100,6 +100,9 @@ def check_events(raw: object, case: Raw, blood_ml: float | None, check: Check, r
     return [{k: v for k, v in event.items() if k != "place"} for event in right]
 
 
+_TEMPERATURE = "gas.temperature_c"
+
+
 class _Checks:
     """Checks events one after the other; each finds the case as the ones before left it."""
 
@@ -171,7 +174,8 @@ class _Checks:
             allowed = f'{{ "{usual_setting()}" = 3600 }}'
             self.remarks.error(place, "values by key belong here", shown(raw), allowed)
             return values
-        for written, value in _flat(raw):
+        # The temperature last: what consumption goes with it is known then.
+        for written, value in sorted(_flat(raw), key=lambda pair: pair[0] == _TEMPERATURE):
             path, key = place_of(written), f"{place}.{short(written)}"
             if path is None:
                 mistake = unknown_key(written, shown(value))
@@ -195,9 +199,9 @@ class _Checks:
     def _warm(self, place: str, values: Mapping[str, Any]) -> None:
         """Another temperature beside a consumption that is given and stays."""
         given = self.case.get("gas", {}).get("vo2_ml_min") is not None
-        if "gas.temperature_c" in values and given and "gas.vo2_ml_min" not in values:
+        if _TEMPERATURE in values and given and "gas.vo2_ml_min" not in values:
             message = "consumption does not follow the temperature: set gas.vo2_ml_min too"
-            self.remarks.warning(f"{place}.gas.temperature_c", message, shown(values["gas.temperature_c"]))
+            self.remarks.warning(f"{place}.{_TEMPERATURE}", message, shown(values[_TEMPERATURE]))
 
     def _allowed(self, key: str, path: Path, value: object) -> bool:
         """Whether the case with the value is right; if so the events behind find it."""

@@ -1,4 +1,4 @@
-"""How far to trust what reflexes and drugs do in a beat: cautions where it was never held against people."""
+"""How far to trust reflexes, drugs and laws of blood in a beat: cautions beyond what was measured."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ from eclsim.parameters import regulation as keys
 VENODILATORS = ("dobutamine", "milrinone", "levosimendan", "nitroprusside")
 FILLED_MMHG = 12.0
 """Wedge pressure below which a heart is not filled as those were to which these drugs were fitted."""
-SEPTIC_DYN, NOT_SEPTIC_DYN = 644.0, 1000.0
-"""Systemic resistance [dyn s/cm5] of the patients vasopressin was fitted to, and of who is none of them."""
+SEPTIC_DYN, NOT_SEPTIC_DYN = 644.0, 700.0
+"""Systemic resistance [dyn s/cm5] of the patients vasopressin was fitted to, and clearly more."""
 _DYN = 80.0
 """dyn s/cm5 in a mmHg min/L."""
 ADDED = 0.3
 """Logarithm by which several drugs change a factor beyond the one that changes it most."""
+BLOOD_PH = (6.8, 7.7)
+"""pH between which the curves of blood were fitted, about."""
 FAR_MMHG = 10.0
 """PaCO2 above the set point from which the answer to it is far from what was measured."""
 
@@ -33,7 +35,7 @@ _MULTIPLIED = (_Effect(0, "contractility"), _Effect(1, "systemic resistance"))
 
 
 def cautions(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
-    """What there is to say about reflexes and drugs.
+    """What there is to say about reflexes, drugs and the laws of blood.
 
     Args:
         outputs: scalar outputs by name.
@@ -45,7 +47,7 @@ def cautions(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[
         if (given := values.get(keys.dose(drug), 0.0)) > 0.0
     }
     found = _emptied(outputs, felt) + _not_septic(outputs, felt) + _beyond(felt) + _together(felt)
-    return found + _hypercapnia(outputs, values)
+    return found + _hypercapnia(outputs, values) + _extrapolated_blood(outputs)
 
 
 def _about(quantity: str, value: float, text: str, *concerns: str) -> Finding:
@@ -68,17 +70,18 @@ def _emptied(outputs: Mapping[str, float], felt: Mapping[str, float]) -> list[Fi
 
 def _not_septic(outputs: Mapping[str, float], felt: Mapping[str, float]) -> list[Finding]:
     """Vasopressin in a patient whose vessels have not lost their tone."""
-    names = ("MAP", "right_atrial_pressure", "systemic_resistance_factor", "CO")
+    names = ("MAP", "right_atrial_pressure")
     flow = outputs.get("systemic_flow", outputs.get("CO", 0.0))
     if "vasopressin" not in felt or not set(names) <= outputs.keys() or not flow > 0.0:
         return []
     pressure = outputs["MAP"] - outputs["right_atrial_pressure"]
-    without = _DYN * pressure / flow / outputs["systemic_resistance_factor"]
+    without = _DYN * pressure / flow / math.exp(_logarithms("vasopressin", felt["vasopressin"])[1])
     if not without > NOT_SEPTIC_DYN:
         return []
     text = (
-        f"vasopressin: fitted to septic shock with a resistance of {SEPTIC_DYN:.0f} dyn s/cm5; without tone "
-        f"in effect here it would be {without:.0f}, and pressure likely rises too much"
+        f"vasopressin: fitted to septic shock with a resistance of {SEPTIC_DYN:.0f} dyn s/cm5 before it, "
+        f"here {without:.0f}; it hardly raises the pressure of people who are not septic (Landry 1997): the "
+        "rise is likely too large"
     )
     return [_about("systemic_resistance_factor", without, text, "MAP")]
 
@@ -101,13 +104,7 @@ def _together(felt: Mapping[str, float]) -> list[Finding]:
     """Drugs whose factors multiply to more than any pair that was studied."""
     if len(felt) < 2:
         return []
-    from eclsim.drugs.published import PUBLISHED
-
-    effects = []
-    for drug, dose in felt.items():
-        published = PUBLISHED[drug]
-        part = (dose / published.half_dose) ** published.steepness
-        effects.append([part / (1.0 + part) * most for most in published.at_most])
+    effects = [_logarithms(drug, dose) for drug, dose in felt.items()]
     parts = []
     for place, name in _MULTIPLIED:
         changes = [one[place] for one in effects]
@@ -121,6 +118,15 @@ def _together(felt: Mapping[str, float]) -> list[Finding]:
         "against one pair alone, dobutamine and milrinone, which did less in patients: take it for the most"
     )
     return [_about("contractility_lv_factor", float("nan"), text, "MAP", "CO")]
+
+
+def _logarithms(drug: str, dose: float) -> list[float]:
+    """Effects of a drug at a dose as it is felt, in the order of `eclsim.drugs.law.Effects`."""
+    from eclsim.drugs.published import PUBLISHED
+
+    published = PUBLISHED[drug]
+    part = (dose / published.half_dose) ** published.steepness
+    return [part / (1.0 + part) * most for most in published.at_most]
 
 
 def _hypercapnia(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
@@ -141,3 +147,15 @@ def _hypercapnia(outputs: Mapping[str, float], values: Mapping[str, float]) -> l
     else:
         text += "the organs' answer to it was published for small changes, and is not held against people"
     return [_about("PaCO2", pressure, text, "CO", "MAP", "MPAP", "heart_rate")]
+
+
+def _extrapolated_blood(outputs: Mapping[str, float]) -> list[Finding]:
+    """Blood for which no law of its gases was fitted."""
+    ph, (low, high) = outputs.get("pHa"), BLOOD_PH
+    if ph is None or not (ph < low or ph > high):
+        return []
+    text = (
+        f"pH {ph:.2f} of the arterial blood is outside of {low:g} to {high:g}, for which the laws of its "
+        "gases were fitted: saturations and carbon dioxide are extrapolated"
+    )
+    return [_about("pHa", ph, text, "SaO2", "PaCO2")]
