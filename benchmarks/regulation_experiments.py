@@ -113,10 +113,14 @@ def holding(patient: Model, pressure: float) -> np.ndarray:
         after = excess(now)
         if np.nanmax(np.abs(after)) < 1e-6:
             break
-        slope = np.where(now == last, np.inf, (after - before) / np.where(now == last, 1.0, now - last))
-        last, before, now = now, after, now - after / slope
-    print("\nvolume given [mL]:", np.round(now, 0))
-    return now
+        found = (np.abs(after) < 1e-6) | (now == last) | (after == before)
+        slope = np.where(found, 1.0, after - before) / np.where(found, 1.0, now - last)
+        step = np.where(found, 0.0, np.clip(-after / slope, -300.0, 300.0))
+        last, before, now = now, after, now + step
+    reached = np.abs(excess(now)) < 1e-3
+    print("\nvolume given [mL], - where the heart does not eject and none holds it:",
+          *(f"{v:.0f}" if there else "-" for v, there in zip(now, reached, strict=True)))  # fmt: skip
+    return np.where(reached, now, 0.0)
 
 
 def static_curves(folder: Path) -> None:

@@ -48,6 +48,9 @@ def test_numbers_never_stand_beside_a_knob_that_they_do_not_belong_to(alone, ser
     expect(knob(page, "ecmo.speed_rpm")).to_have_value("3425")
     served.process.send_signal(signal.SIGSTOP)  # a connection that hangs
     turn(page, "ecmo.speed_rpm", "4444")
+    page.wait_for_timeout(1500)
+    expect(page.locator(".ecl-page.ecl-stale")).to_have_count(1)  # long before it is said that nobody answers
+    assert "answer" not in page.locator(".ecl-status").inner_text()
     status(page).to_have_text(text("silent", what="Pump speed 3425 rpm"))
     status(page).to_have_class(re.compile(r"\bbad\b"))
     expect(knob(page, "ecmo.speed_rpm")).to_have_value("3425")

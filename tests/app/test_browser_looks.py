@@ -18,7 +18,7 @@ from eclsim.app.state import PageState, link_of
 from eclsim.app.texts import text
 from eclsim.cases import read_mapping
 from eclsim.cases.presets import PRESETS
-from page_in_browser import LAPTOP, PHONE, eventually, expect, picture, show, turn, wait_for
+from page_in_browser import LAPTOP, PHONE, choose, eventually, expect, picture, show, turn, wait_for
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
 
@@ -73,7 +73,7 @@ FAULTS_OF_THE_SCHEMATIC = """(smallest) => {
 }"""
 CONNECTED = [
     ("paper", ()), ("paper", ("lvad",)), ("healthy", ()), ("healthy", ("crrt",)), ("lvad", ()),
-    ("vv-ecmo", ()), ("healthy", ("two pumps",)), ("paper", ("gas", "physiology")),
+    ("vv-ecmo", ()), ("healthy", ("two pumps",)), ("paper", ("gas", "physiology")), ("healthy", ("iabp",)),
 ]  # fmt: skip
 TWO_PUMPS = {
     "left": {"pump": "HM3", "speed_rpm": 4900, "inlet_site": "lv", "outlet_site": "ao"},
@@ -97,6 +97,19 @@ def test_the_schematic_can_be_read(open_page, served, shots, preset, devices):
         assert result["filled"] > 0.65
 
     eventually(readable)
+
+
+def test_a_circuit_that_does_not_fit_its_pane_says_so(open_page, served, shots):
+    case = connect(connect(PRESETS["paper"].case(), "lvad"), "iabp")
+    page = open_page(url=f"{served.url}/#{link_of(PageState(connect(case, 'physiology')))}")
+    below = page.locator(".ecl-schematic .below")
+    expect(below).to_contain_text(text("schematic_below"))
+    picture(page, shots, "circuit_below")
+    page.locator(".ecl-schematic .sheet").evaluate("sheet => sheet.scrollTo(0, sheet.scrollHeight)")
+    expect(below).to_have_count(0)
+    choose(page, PRESETS["healthy"].name)
+    page.wait_for_function("!('Qecpump' in eclsim.bus.last('beat').means)")
+    expect(below).to_have_count(0)
 
 
 def test_curves_of_the_ramp_differ_in_colour_and_dash_and_limits_have_names(open_page, shots):

@@ -393,3 +393,11 @@ def test_measured_gases_are_fitted_by_what_they_tell_of():
     settings = to_fit(raw, "as_published")[1]
     assert settings.parameters == ("gas.shunt_fraction", "gas.vo2_ml_min", "ecmo.drainage_mixing", "Rmc")
     assert to_fit(raw, "as_published", ("Rmc", "Csart"))[1].parameters == ("Rmc", "Csart")
+
+
+def test_a_shunt_that_nobody_has_turned_on_the_page_is_an_assumed_one():
+    raw = read_case(EXAMPLE).case.as_mapping()
+    for turned, known in ((0.4, False), (0.3, True)):
+        case = to_fit(raw | {"gas": {**raw["gas"], "shunt_fraction": turned}}, "as_published", ("Rmc",))[0]
+        assert case.gas.shunt_fraction == turned
+        assert ("shunt_fraction" in case.gas.model_fields_set) is known

@@ -115,3 +115,32 @@ def test_a_bundle_of_blood_gases_becomes_a_row(tmp_path):
     (point,) = read_cohort(table).points
     assert point.case.measurements.SpreO2 == 70
     assert set(MEASURED_GASES) > {"SaO2", "PexhaustCO2"}
+
+
+COOLED = {"at_min": 5, "set": {"gas.temperature_c": 32}, "ramp_min": 60}
+DIALYSIS = {"flow_ml_min": 200, "access_site": "svn", "return_site": "ra", "dialysate_ml_h": 1000}
+DOUBTS = {
+    "cold and no consumption": ({"gas": {"temperature_c": 28}}, "gas.temperature_c", "give vo2_ml_min"),
+    "cold and its consumption": ({"gas": {"temperature_c": 28, "vo2_ml_min": 120}}, "", ""),
+    "cooled": ({"gas": {}, "events": [COOLED]}, "events[1].set.gas.temperature_c", "give vo2_ml_min"),
+    "cooled, consumption stays": (
+        {"gas": {"vo2_ml_min": 220}, "events": [COOLED]}, "events[1].set.gas.temperature_c",
+        "set gas.vo2_ml_min too",
+    ),
+    "red cells too thin": (
+        {"gas": {"haemoglobin_g_dl": 9}, "fluid": {"haematocrit": 0.45}}, "fluid.haematocrit", "hold 20 g/dL",
+    ),
+    "red cells as usual": ({"gas": {"haemoglobin_g_dl": 9}, "fluid": {"haematocrit": 0.28}}, "", ""),
+    "red cells of the filter": (
+        {"gas": {"haemoglobin_g_dl": 9}, "crrt": DIALYSIS | {"haematocrit_in": 0.45}}, "crrt.haematocrit_in",
+        "hold 20 g/dL",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("sections", "key", "said"), DOUBTS.values(), ids=DOUBTS)
+def test_what_does_not_follow_or_contradicts_is_a_warning(sections, key, said):
+    raw = {"format": 1, "patient": RAW["patient"], **sections}
+    found = [(w.key, w.message) for w in read_mapping(raw).warnings]
+    assert [place for place, _ in found] == ([key] if key else [])
+    assert all(said in message for _, message in found)

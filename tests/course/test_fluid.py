@@ -6,6 +6,8 @@ import pytest
 from eclsim.cases import CaseError
 from eclsim.cases.reading import read_mapping
 from eclsim.course.course import course
+from eclsim.course.gifts import said_of_gifts
+from eclsim.course.timeline import Timeline
 
 RAW = {
     "format": 1,
@@ -118,3 +120,30 @@ def test_without_refill_all_that_is_filtered_leaves_the_blood():
     assert -150.0 < change(filled, "fluid.plasma_ml") < 0.0
     assert dry["MAP"][-1] < filled["MAP"][-1]
     assert dry["haematocrit"][-1] > filled["haematocrit"][-1] > filled["haematocrit"][0]
+
+
+@pytest.mark.parametrize(
+    ("give", "sections", "said"),
+    [
+        ({"crystalloid_ml": 500}, {}, ["crystalloid (a twentieth"]),
+        ({"albumin_ml": 100, "crystalloid_ml": 500}, {}, ["crystalloid (a twentieth"]),
+        ({"crystalloid_ml": 500}, {"fluid": {"capillary_refill": False}}, []),
+        ({"red_cells_ml": 300}, {}, ["without the potassium"]),
+        ({"bleed_ml": 300}, {}, []),
+    ],
+)
+def test_courses_say_what_of_a_gift_they_do_not_hold(give, sections, said):
+    case = read_mapping(RAW | sections | {"events": [{"at_min": 1, "give": give, "over_min": 1}]}).case
+    found = said_of_gifts(Timeline(case, 600.0))
+    assert [words in sentence for words, sentence in zip(said, found, strict=True)] == [True] * len(said)
+
+
+@pytest.mark.slow
+def test_courses_say_bicarbonate_and_haematocrit_beyond_their_limits():
+    events = [{"at_min": 5, "give": {"bleed_ml": 300}, "over_min": 5}]
+    sections = {"fluid": {"haematocrit": 0.20}, "solutes": {"bicarbonate_mmol_l": 9}, "events": events}
+    warnings = follow(12.0, **sections).attrs["warnings"]
+    assert any(
+        "bicarbonate of the plasma 9.0 mmol/L is below 10 mmol/L: acidaemia" in line for line in warnings
+    )
+    assert any("haematocrit of the blood 0.20 is below 0.21: haemoglobin 7 g/dL" in line for line in warnings)

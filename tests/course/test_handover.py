@@ -1,11 +1,13 @@
 """Steady beats and every beat in one course: where, how close to every beat all along, and what balances."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from eclsim.cases import read_case
+from eclsim.cases.reading import read_mapping
 from eclsim.course.beats import course_beats, shift_ml
 from eclsim.course.course import course, course_many
 from eclsim.course.engine import CourseOptions
@@ -14,6 +16,7 @@ from eclsim.course.result import spans_in_words
 from eclsim.outputs.results import simulate
 from small_patient import ON_ECMO
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 SLOW = """[regulation]
 baroreflex = 1.0
 [fluid]
@@ -200,3 +203,27 @@ def test_a_clamp_is_closed_by_an_event_of_a_case_without_one(tmp_path):
     result = course_beats(own, minutes=0.5, outputs=("PF", "post_pump_pressure"))
     assert float(simulate(own)["PF"]) > 2.5
     assert abs(float(result["PF"][-1])) < 0.01
+
+
+@pytest.mark.slow
+def test_a_ramp_that_takes_the_steady_beat_away_is_followed_beat_by_beat_until_there_is_one_again():
+    """Of a sweep ramped to nothing where the lungs exchange nothing: the course ended before the recovery."""
+    raw = read_case(EXAMPLES / "veno_venous_gas.toml").case.as_mapping()
+    raw["gas"]["shunt_fraction"] = 1.0
+    off = {"at_min": 2, "set": {"ecmo.sweep_l_min": 0.0}, "ramp_min": 3}
+    own = read_mapping(raw | {"events": [off, {"at_min": 6, "set": {"ecmo.sweep_l_min": 2.0}}]}).case
+    result, every = (
+        course(own, minutes=17.0, every_min=1.0),
+        course_beats(own, minutes=17.0, outputs=("SaO2",)),
+    )
+    assert result.attrs["converged"], result.attrs["message"]
+    ((begin, until),) = spans(result)
+    assert 4.0 < begin < 5.0
+    assert until > 8.0
+    minute = result["time_min"].values
+    expected = np.interp(minute, every["time_min"].values, every["SaO2"].values)
+    lowest = result["SaO2"].values.min()
+    assert lowest < 60.0
+    # Beat by beat the last beats before a moment stand for it.
+    assert np.abs(result["SaO2"].values - expected)[minute > until].max() < 1.0
+    assert lowest == pytest.approx(expected.min(), abs=1.5)

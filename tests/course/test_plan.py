@@ -88,7 +88,7 @@ def test_the_fastest_rate_is_that_of_the_device(own):
     key = f"crrt.{FILTRATION}"
     fastest = _fastest(own, key, 100.0)
     apply_settings(own, [f"{key}={fastest!r}"])
-    with pytest.raises(CaseError, match="effluent"):
+    with pytest.raises(CaseError, match="the water taken out"):
         apply_settings(own, [f"{key}={1.02 * fastest!r}"])
 
 

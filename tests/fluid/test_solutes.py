@@ -25,14 +25,14 @@ from eclsim.parameters.fluid import PARAMETERS, STORES_HOLD
 from eclsim.slow import INFLOWS
 
 LAW = SolutesLaw((Filter("crrt"),), gas=True)
-RENOX = ("renox_clearance", "renox_base_gain")
+RENOX = ("renox_clearance", "renox_base_gain", "")
 BEAT = {
     "effective_clearance_urea": 30.0, "effective_clearance_creatinine": 28.0,
-    "effective_clearance_potassium": 29.0, "base_gain": 6.0,
+    "effective_clearance_potassium": 29.0, "base_gain": 6.0, "citrate_load": 0.0,
 }  # fmt: skip
 SETTINGS = {
     "crrt.net_ultrafiltration_ml_h": 0.0, "crrt.plasma_bicarbonate_mmol_l": 22.0, BASE_EXCESS: -2.0,
-    HAEMOGLOBIN: 10.0,
+    HAEMOGLOBIN: 10.0, "gas.respiratory_quotient": 0.8,
 }  # fmt: skip
 
 
@@ -173,6 +173,19 @@ def test_carbon_dioxide_that_stays_as_bicarbonate_is_not_in_the_tissues_too(acid
     none = {kind: np.zeros(1) for kind in INFLOWS}
     bicarbonate = LAW.rates(LAW.start(values, beat), values, beat, none)["solutes.bicarbonate_outside_mmol"]
     assert gases + 22.26 * float(bicarbonate[0]) == pytest.approx(2.0 / 60.0, rel=1e-12)
+
+
+def test_citrate_brings_the_carbon_of_its_bicarbonate():
+    """Six carbons each, of which three stay as bicarbonate; its oxygen would have burnt 3.6 of other fuel."""
+    law = CarbonDioxideLaw((("tissue", 1.0),), LAW)
+    values = settings()
+    filled = float(values["solutes.carbon_dioxide_store_ml_mmHg"][0]) * 0.2
+    beat = BEAT | {"stored_CO2": 0.0, "tissue_PCO2": 45.0, "base_gain": 3.0 * 13.0, "citrate_load": 13.0}
+    beat = {key: np.array([value]) for key, value in beat.items()}
+    rates = law.rates(law.start(values, beat), values, beat, {})
+    gas = 3600.0 / 22.26 * filled * float(rates["solutes.tissue_pco2_mmHg"][0])
+    assert gas == pytest.approx(13.0 * (6.0 - 3.6 - 3.0), rel=1e-9)
+    assert "citrate_load" in law.reads
 
 
 @pytest.mark.parametrize("expected", [12.0, 24.0, 34.0])

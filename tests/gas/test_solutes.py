@@ -7,7 +7,7 @@ import pytest
 from eclsim.devices.crrt import crrt
 from eclsim.devices.ecmo import ecmo
 from eclsim.gas.network import flows_of
-from eclsim.gas.solutes import effective_clearances, sources
+from eclsim.gas.solutes import effective_shares, sources
 from eclsim.gas.transport import mixtures
 from eclsim.patient.circulation import circulation
 
@@ -22,9 +22,10 @@ def flows_along(circuit, **given):
 
 
 def effective(circuit, forward):
-    law = effective_clearances(circuit, "crrtfil")
+    law = effective_shares(circuit, "crrtfil")
     assert law.connections == tuple(c.name for c in circuit.connections)
-    return np.asarray(law.compute(jnp.asarray([*forward, *np.zeros(len(forward)), *CLEARED, *WATER])))
+    numbers = jnp.asarray([*forward, *np.zeros(len(forward)), *CLEARED, *WATER])
+    return CLEARED * np.asarray(law.compute(numbers))
 
 
 def lines(flow):

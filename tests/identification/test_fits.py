@@ -16,8 +16,8 @@ from eclsim.execution import Distribution, ExecutionError, Shard, ShardDone
 from eclsim.identification import cohort
 from eclsim.identification.cohort import fit_cohort, r_squared, stem
 from eclsim.identification.density import NoSteadyBeatError
-from eclsim.identification.files import fits_object, write_fits, write_fitted_case
-from eclsim.identification.fit import NOT_FROM_A_POOR_FIT, held_against_its_beat
+from eclsim.identification.files import fits_object, write_fit_figures, write_fits, write_fitted_case
+from eclsim.identification.fit import NOT_FROM_A_POOR_FIT, fit_cases, held_against_its_beat
 from eclsim.identification.fit import fit as fit_case
 from eclsim.identification.multi_start import FitStatus, MultiStart, Optimum, Starts
 from eclsim.identification.posterior import PosteriorSettings, posterior
@@ -114,6 +114,23 @@ def test_the_profile_interval_is_the_gaussian_one_where_the_measurements_determi
         assert np.log(lower) == pytest.approx(np.log(p.lower), abs=0.15 * np.log(p.upper / p.lower))
         assert np.log(upper) == pytest.approx(np.log(p.upper), abs=0.15 * np.log(p.upper / p.lower))
         assert judged.as_object()["parameters"][name]["profile"] == [lower, upper]
+
+
+def test_the_terminal_prints_the_wider_of_two_intervals_and_no_profile_is_said(fit, tmp_path, monkeypatch):
+    point = fit.as_object()
+    gaussian = point["parameters"]["Rmc"]
+    gaussian["profile"] = [0.5 * gaussian["lower"], 0.99 * gaussian["upper"]]
+    text = fits_text(fits_object([point], QUICK.as_object()))
+    assert f"{gaussian['profile'][0]:.4g}  {gaussian['upper']:.4g}" in text
+    assert "the wider of the Gaussian approximation and the profile likelihood" in text
+    nowhere = SimpleNamespace(costs=np.array([np.inf]))
+    monkeypatch.setattr("eclsim.identification.profiles.refine", lambda *_: nowhere)
+    judged, profiled = with_profiles(fit)
+    assert profiled is None
+    assert "no profile likelihood could be computed" in judged.verdict.doubts[0].sentence
+    (tmp_path / "profiles.svg").write_text("of an earlier fit")
+    write_fit_figures(tmp_path, judged, profiled)
+    assert {file.stem for file in tmp_path.iterdir()} == {"slices", "starts", "residuals", "correlation"}
 
 
 def test_a_twin_is_a_good_fit_and_a_contradictory_patient_a_poor_one(twin, fit):
@@ -240,6 +257,25 @@ def test_results_made_of_something_else_are_not_gone_on_with(points, tmp_path, m
         fitted([], tmp_path, digest="xyz", resume=True)
     with pytest.raises(ExecutionError, match="weights was 'relative'"):
         fitted([], tmp_path, replace(QUICK, weights="uncertainty"), resume=True)
+
+
+def test_a_point_whose_fit_breaks_off_stops_no_other(points, tmp_path, monkeypatch):
+    def breaking(cases, settings, progress):
+        if any(name == "T01/2" for name, _ in cases):
+            raise ValueError("need at least one array to stack")
+        return fit_cases(cases, settings, progress)
+
+    monkeypatch.setattr(cohort, "fit_cases", breaking)
+    good, broken = fitted(points, tmp_path)
+    assert good["status"] == "fitted"
+    assert broken["status"] == "broken_off"
+    assert broken["verdict"]["level"] == "poor"
+    assert "(ValueError: need at least one array to stack)" in broken["verdict"]["reasons"][0]["sentence"]
+    assert [file.name for file in (tmp_path / "cases").iterdir()] == ["T01_1.toml"]
+    text = fits_text(fits_object([good, broken], QUICK.as_object()))
+    assert "T01/2: poor: an error of the program broke the fit off" in text
+    shared = fitted(points, None, replace(QUICK, shared=("Rmc",)))
+    assert [point["status"] for point in shared] == ["broken_off"] * 2
 
 
 def test_a_point_without_any_steady_beat_is_kept_as_such(points, tmp_path, monkeypatch):

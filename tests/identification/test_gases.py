@@ -1,5 +1,7 @@
 """Gas exchange in the studies: Fick's principle, shunt and consumption, an oxygenator that clots."""
 
+import tomllib
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,6 @@ from eclsim.cases.case import Measurements
 from eclsim.cases.quantities import with_values
 from eclsim.cases.reading import read_mapping
 from eclsim.cases.writing import case_text
-from eclsim.devices.registry import parameters
 from eclsim.identification.density import (
     GradientEvaluator,
     NoSteadyBeatError,
@@ -20,7 +21,7 @@ from eclsim.identification.multi_start import FitStatus, MultiStart
 from eclsim.identification.objective import Box
 from eclsim.identification.posterior import PosteriorSettings, posterior, predict
 from eclsim.identification.quantities import Scale, measurement_errors
-from eclsim.identification.settings import FitSettings, checked_fit, free_parameters
+from eclsim.identification.settings import FitSettings, checked_fit, free_parameters, held_by_assumption
 from eclsim.identification.tracking import Tracker, TrackSettings
 from eclsim.identification.verdict import Aspect
 from eclsim.orbit.model import model_of
@@ -159,12 +160,38 @@ def test_measured_gases_free_what_they_tell_of():
     assert {name: found.simulated[name] for name in values} == pytest.approx(values, rel=1e-3)
 
 
+def test_arterial_gases_alone_leave_the_shunt_as_open_as_the_consumption():
+    """A septic patient, whose consumption is a third above the formula: the shunt makes up for it."""
+    true = with_values(CASE, {"gas.shunt_fraction": 0.5, "gas.vo2_ml_min": 330.0})
+    case, _ = measured(true, ("SP", "DP", "MAP", "PF", "CO", "SaO2", "PaO2"))
+    assumed = case.model_copy(update={"gas": replace_vo2(case.gas)})
+    settings = FitSettings(
+        ("gas.shunt_fraction", "Rmc"), weights="uncertainty", multi_start=MultiStart.quick(16)
+    )
+    found = fit(assumed, settings=settings)
+    (doubt,) = found.verdict.doubts
+    assert doubt.aspect is Aspect.HELD
+    assert doubt.sentence.startswith("the oxygen consumption is held at 251 mL/min, a formula's")
+    shunt = found.parameters["gas.shunt_fraction"]
+    assert shunt.value > 0.57
+    assert shunt.lower < 0.5
+    assert not shunt.identifiable
+    assert found.parameters["Rmc"].identifiable
+    assert doubt.sentence in posterior(found, settings=PosteriorSettings(method="gaussian")).doubts
+    followed = Tracker(TrackSettings(settings)).update("1", assumed)
+    assert any("held at a formula's value" in reason.sentence for reason in followed.verdict.doubts)
+    known = fit(case, settings=settings)
+    assert known.verdict.level == "good"
+    assert known.parameters["gas.shunt_fraction"].identifiable
+
+
 @pytest.mark.slow
 def test_a_wrong_shunt_that_is_held_is_not_hidden_in_the_cardiac_output():
     open_case = CASE.model_copy(update={"gas": replace_vo2(CASE.gas)})
     case, _ = measured(open_case, BLOOD_GASES)
-    assumed = parameters()["gas.shunt_fraction"].value
-    held = with_values(case, {"gas.shunt_fraction": assumed})
+    mapping = case.as_mapping()
+    del mapping["gas"]["shunt_fraction"]
+    held = read_mapping(mapping).case
     found = fit(held, settings=FitSettings(("Rmc", "Emaxlv"), multi_start=MultiStart.quick(12)))
     reasons = [reason.sentence for reason in found.verdict.reasons]
     assert found.verdict.level != "good"
@@ -175,6 +202,23 @@ def test_a_wrong_shunt_that_is_held_is_not_hidden_in_the_cardiac_output():
     known = with_values(case, {"gas.shunt_fraction": 0.55, "gas.vo2_ml_min": 240.0})
     sure = fit(known, settings=FitSettings(("Rmc", "Emaxlv"), multi_start=MultiStart.quick(12)))
     assert not any("assumed value" in reason.sentence for reason in sure.verdict.reasons)
+
+
+def test_a_shunt_is_assumed_where_it_was_left_out_and_not_where_it_has_the_usual_value():
+    case, values = measured(with_values(CASE, {"gas.shunt_fraction": 0.4}), ("MAP", "SaO2"))
+    assert held_by_assumption(case, values, ("Rmc",)) == []
+    given = read_mapping(tomllib.loads(case_text(case))).case
+    assert held_by_assumption(given, values, ("Rmc",)) == []
+    mapping = case.as_mapping()
+    del mapping["gas"]["shunt_fraction"]
+    left_out = read_mapping(mapping).case
+    assert "the shunt of the lungs is held" in held_by_assumption(left_out, values, ("Rmc",))[0]
+    # Written and read again it is still assumed; what a fit has found is not.
+    again = read_mapping(tomllib.loads(case_text(with_values(left_out, {"Rmc": 0.7})))).case
+    assert again == with_values(left_out, {"Rmc": 0.7})
+    assert held_by_assumption(again, values, ("Rmc",))
+    found = read_mapping(tomllib.loads(case_text(with_values(left_out, {"gas.shunt_fraction": 0.4})))).case
+    assert held_by_assumption(found, values, ("Rmc",)) == []
 
 
 def test_gases_that_are_not_computed_are_no_targets():

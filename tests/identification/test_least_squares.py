@@ -51,6 +51,25 @@ def test_starts_without_a_steady_beat_are_named_and_do_not_stop_the_others():
     np.testing.assert_allclose(result.x[1], 1.0, atol=1e-8)
 
 
+def test_a_start_all_of_whose_steps_have_no_steady_beat_stays_and_ends():
+    """As of a heart in arrest: there is a beat with derivatives at the start, and none where they lead."""
+
+    class OnlyHere(FunctionObjective):
+        def evaluate(self, points, x, options=None, resolution=None, tangents=None):
+            assert len(x) > 0
+            return super().evaluate(points, x, options, resolution, tangents)
+
+    start = np.array([[0.2, -0.4]])
+
+    def nowhere_else(x: np.ndarray) -> np.ndarray:
+        far = np.abs(x - start).max(axis=1, keepdims=True) > 1e-5
+        return np.where(far, np.nan, rosenbrock(x))
+
+    result = refine(OnlyHere(nowhere_else), np.zeros(1, dtype=int), start, box(-3, 3))
+    np.testing.assert_allclose(result.x, start, atol=2e-5)
+    assert result.terminations[0] == Termination.SETTLED
+
+
 def test_a_start_does_not_depend_on_the_others():
     objective, starts = FunctionObjective(rosenbrock), np.array([[-1.2, 1.0], [2.0, -1.0]])
     together = refine(objective, np.zeros(2, dtype=int), starts, box(-3, 3))

@@ -5,7 +5,13 @@ import pytest
 
 from eclsim.identification.least_squares import EXACT, Termination, polish, refine
 from eclsim.identification.objective import Box
-from eclsim.identification.profiles import held_fits, held_values, interval_90, profiles
+from eclsim.identification.profiles import (
+    held_fits,
+    held_values,
+    interval_90,
+    profiles,
+    without_beat_beyond,
+)
 from eclsim.identification.quantities import Scale
 from function_objective import FunctionObjective
 
@@ -104,6 +110,11 @@ def test_an_interval_reaches_over_a_ridge_to_another_minimum():
 
 
 def test_an_interval_ends_where_there_is_no_steady_beat():
-    costs = np.full(9, 5.0)
+    costs = np.where(VALUES == 1.0, 4.9, 5.0)
     costs[7] = np.nan
-    assert interval_90(VALUES, costs, LOG) == (VALUES[0], VALUES[6])
+    assert interval_90(VALUES, costs, LOG) == (VALUES[0], VALUES[7])
+    assert without_beat_beyond(costs) == ("upper",)
+    costs[3] = np.nan
+    assert interval_90(VALUES, costs, LOG) == (VALUES[3], VALUES[7])
+    assert without_beat_beyond(costs) == ("lower", "upper")
+    assert without_beat_beyond(np.full(9, 5.0)) == ()

@@ -162,8 +162,38 @@ def test_the_worst_reason_comes_first_and_nothing_is_said_twice():
 def test_an_interval_from_bound_to_bound_determines_nothing():
     fitted = {"Csart": {"value": 0.73, "lower": 0.29, "upper": 1.82, "identifiable": True}}
     profile, bounds = {"Csart": {"lower": 0.09, "upper": 9.0}}, {"Csart": (0.09, 9.0)}
-    assert interval_agreement(fitted, profile, "profile likelihood") == []
     (reason,) = interval_agreement(fitted, profile, "profile likelihood", bounds)
     assert "do not determine it" in reason.sentence
-    one_end = {"Csart": {"lower": 0.09, "upper": 1.7}}
-    assert interval_agreement(fitted, one_end, "profile likelihood", bounds) == []
+
+
+def profile_reasons(name: str, gaussian, profile, bounds, **more):
+    fitted = {name: {"value": gaussian[0], "lower": gaussian[1], "upper": gaussian[2], "identifiable": True}}
+    ends = {name: {"lower": profile[0], "upper": profile[1]}}
+    return [r.sentence for r in interval_agreement(fitted, ends, "profile likelihood", bounds, **more)]
+
+
+def test_an_interval_that_ends_at_a_bound_is_not_determined_on_that_side():
+    bounds = {"Csart": (0.09, 9.0)}
+    (sentence,) = profile_reasons("Csart", (0.73, 0.29, 1.82), (0.09, 1.7), bounds)
+    assert sentence.endswith("the latter ends at the lower bound, so the measurements give no lower limit")
+    (sentence,) = profile_reasons("Csart", (0.9, 0.55, 1.47), (0.55, 9.0), bounds)
+    assert sentence.endswith("no upper limit")
+    assert profile_reasons("Csart", (0.9, 0.55, 1.47), (0.5, 1.6), bounds) == []
+
+
+def test_no_shunt_at_all_is_a_limit_of_what_there_can_be():
+    bounds = {"gas.shunt_fraction": (0.0, 1.0)}
+    assert profile_reasons("gas.shunt_fraction", (0.03, 0.0, 0.1), (0.0, 0.12), bounds) == []
+    bounds = {"gas.shunt_fraction": (0.1, 1.0)}
+    assert profile_reasons("gas.shunt_fraction", (0.13, 0.1, 0.2), (0.1, 0.22), bounds)
+
+
+def test_an_end_a_factor_of_six_further_out_is_said_though_widths_are_alike():
+    (sentence,) = profile_reasons("Csart", (1.268, 0.615, 2.62), (0.094, 3.05), {"Csart": (0.09, 9.0)})
+    assert sentence.endswith("take the wider of the two")
+
+
+def test_an_interval_that_no_heartbeat_was_found_beyond_has_no_limit_there():
+    bounds, beatless = {"Rmc": (0.05, 5.0)}, {"Rmc": ("upper",)}
+    (sentence,) = profile_reasons("Rmc", (0.52, 0.45, 0.6), (0.48, 0.55), bounds, beatless=beatless)
+    assert "beyond the upper end of the latter no steady heartbeat was found" in sentence

@@ -169,6 +169,43 @@ def test_drugs_fitted_to_congested_hearts_are_read_with_care_in_others(wedge, do
     assert len([one for one in found if "milrinone: fitted to failing hearts" in one.sentence]) == said
 
 
+SEPTIC = {"MAP": 60.0, "right_atrial_pressure": 8.0, "CO": 7.0, "systemic_resistance_factor": 1.4}
+CAUTIONS = {
+    "levosimendan in an empty heart": ({"PCWP": 6.0}, {"drugs.levosimendan": 0.1}, "levosimendan: fitted to"),
+    "vasopressin without sepsis": (
+        SEPTIC | {"MAP": 105.0, "CO": 4.0}, {"drugs.vasopressin": 0.03}, "resistance of 644",
+    ),
+    "vasopressin in sepsis": (SEPTIC, {"drugs.vasopressin": 0.03}, ""),
+    "felt as much more": (
+        {}, {"drugs.noradrenaline": 1.0, "drugs.noradrenaline_sensitivity": 40.0}, "felt as 40 ug/kg/min",
+    ),
+    "usual dose": ({}, {"drugs.noradrenaline": 1.0, "drugs.noradrenaline_sensitivity": 1.0}, ""),
+    "three at usual doses": (
+        {}, {"drugs.noradrenaline": 1.0, "drugs.adrenaline": 0.5, "drugs.vasopressin": 0.04},
+        "noradrenaline, adrenaline, vasopressin together (contractility x 6.",
+    ),
+    "two that pull apart": ({}, {"drugs.vasopressin": 0.04, "drugs.nitroprusside": 1.0}, ""),
+    "hypercapnia with nerves": (
+        {"PaCO2": 60.0}, {"regulation.set_point_paco2_mmHg": 40.0, "regulation.chemoreflex": 1.0},
+        "20 above the set point: with the chemoreflex",
+    ),
+    "hypercapnia with organs": (
+        {"PaCO2": 60.0}, {"regulation.set_point_paco2_mmHg": 40.0, "regulation.hypoxic_vasodilation": 1.0},
+        "published for small changes",
+    ),
+    "little more than at rest": (
+        {"PaCO2": 48.0}, {"regulation.set_point_paco2_mmHg": 40.0, "regulation.chemoreflex": 1.0}, "",
+    ),
+    "hypercapnia without an answer": ({"PaCO2": 60.0}, {"regulation.set_point_paco2_mmHg": 40.0}, ""),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("outputs", "values", "said"), CAUTIONS.values(), ids=CAUTIONS)
+def test_what_drugs_and_reflexes_do_beyond_their_measurements_is_a_caution(outputs, values, said):
+    found = [one for one in findings(outputs, {}, None, values) if one.kind == "caution"]
+    assert [said in one.sentence for one in found] == ([True] if said else [])
+
+
 def test_an_lvad_that_empties_the_left_ventricle_is_warned_of():
     circuit = circulation() + lvad()
     filled = {"ejection_fraction_lv": 23.0, "ESVLV": 130.0, "end_diastolic_pressure_lv": 13.5}

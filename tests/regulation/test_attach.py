@@ -63,6 +63,26 @@ def test_an_offset_of_zero_is_the_published_patient_in_every_bit():
 
 
 @pytest.mark.slow
+def test_receptors_of_the_atrium_feel_its_transmural_pressure():
+    """A tamponade raises the catheter's pressure and lowers what stretches the wall: veins tighten."""
+    raw = {
+        "format": 1, "patient": {"id": "P", "sex": "male", "age_years": 60, "heart_rate_bpm": 75},
+        "physiology": {"pericardium": True}, "regulation": {"baroreflex": 1.0, "model": "heldt2010"},
+        "parameters": {"Csvn": 95.0, "P0svn": 8.0},
+    }  # fmt: skip
+    patient = model_of(read_mapping(raw).case)
+    names = ("right_atrial_pressure", "pericardial_pressure", "unstressed_volume", "heart_rate")
+    rest = beat(patient, names).outputs()
+    assert rest["heart_rate"] == pytest.approx(75.0, rel=1e-6)
+    felt = rest["right_atrial_pressure"] - rest["pericardial_pressure"]
+    assert patient.values[VENOUS_SET_POINT] == pytest.approx(felt, abs=1e-6)
+    tamponade = beat(patient.with_values({"pericardium_ml": 80.0}), names).outputs()
+    assert tamponade["right_atrial_pressure"] > rest["right_atrial_pressure"] + 1.0
+    assert tamponade["right_atrial_pressure"] - tamponade["pericardial_pressure"] < felt - 0.3
+    assert tamponade["unstressed_volume"] < rest["unstressed_volume"] - 150.0
+
+
+@pytest.mark.slow
 def test_blood_given_is_blood_and_unstressed_volume_is_not():
     patients = (offset(), offset({EXTRA_VOLUME: 300.0}), offset({UNSTRESSED: -300.0}))
     plain, given, shifted = (beat(patient) for patient in patients)

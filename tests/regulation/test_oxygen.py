@@ -92,6 +92,16 @@ def test_organs_dilate_as_printed():
     assert float(local_factor(15.0, 40.0, rest, 1.0)) == 1.0
 
 
+def test_the_hearts_vessels_open_no_further_than_their_reserve():
+    """The published law multiplied the flow through the heart by 114 at a PCO2 of 100 mmHg."""
+    heart = ORGANS[1]
+    opened = [float(organ_conductance(heart, 10.0, pco2, (10.0, 40.0))) for pco2 in (45.0, 60.0, 100.0)]
+    assert opened[0] == pytest.approx(1.0 / (1.0 - math.tanh(2.5 / 11.11)), rel=1e-6)
+    assert opened[1] < opened[2] == 5.0
+    factor = float(local_factor(10.0, 100.0, (10.0, 40.0), 1.0))
+    assert 1.0 / factor < 1.7
+
+
 def model(gas=LUNGS, **keys):
     case = {"format": 1, "patient": PATIENT, "regulation": keys} | ({"gas": gas} if gas else {})
     return model_of(read_mapping(case).case)

@@ -33,6 +33,7 @@ FIRST = point("1", probability=None, hours_since_last=None, expected={})
         (point("2"), "2 fits the patient so far (probability 0.4)"),
         (point("2", message="CO does not fit", unusual=True), "2 does not fit the patient so far"),
         (point("2", message="CO is far from the forecast"), "2 fits the patient so far as a whole"),
+        (point("2", message="CO is held", doubts=["CO is held"]), "2 fits the patient so far (probability"),
         (point("2", failed=True, probability=None, message="no steady heartbeat", outputs={}, expected={}),
          "2 could not be used"),
     ],
@@ -49,6 +50,12 @@ def test_doubts_of_the_first_estimate_stay_in_sight():
     page = track_page(content(doubted, point("2")), {})
     assert "1: the first estimate is uncertain in itself" in page
     assert 'class="box warn"' in page
+
+
+def test_what_is_assumed_at_all_times_is_listed():
+    followed = content(FIRST)
+    followed["series"][0]["notes"] = ["the blood volume is held"]
+    assert "<li>P01: the blood volume is held.</li>" in track_page(followed, {})
 
 
 def test_ids_are_text():

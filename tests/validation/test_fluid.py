@@ -7,7 +7,7 @@ import pytest
 
 from eclsim.regulation.heldt import HELDT_2004, HELDT_2010
 from eclsim.regulation.ursino1998 import URSINO_1998
-from eclsim.validation import fluid
+from eclsim.validation import boluses, fluid
 from eclsim.validation.cardiopulmonary import joined
 
 
@@ -24,6 +24,15 @@ def test_rows_are_numbers_say_what_was_fitted_and_those_that_miss_are_explained_
     standing = [row for row in check.rows if "standing" in row.name or "tilt" in row.name]
     assert len(standing) == 6
     assert all(row.holds for row in standing)
+
+
+@pytest.mark.slow
+def test_boluses_that_leave_too_soon_are_red_rows():
+    crystalloid, ratio = boluses.bolus_rows()
+    assert not crystalloid.holds
+    assert not ratio.holds
+    assert 0.0 < crystalloid.got < 22.5
+    assert ratio.got > 1.4
 
 
 def test_veins_hold_their_compliance_at_small_pressures_and_never_more_than_they_can():

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from eclsim.app.display import figures_of
+from eclsim.app.display import figures_of, unit_of
 from eclsim.app.knobs import VOLUME, ambiguous_comma, as_written, controls, turned_value, value_of
 from eclsim.app.state import key_of
 from eclsim.app.texts import ENGLISH, text
@@ -54,7 +54,7 @@ class PageCourse:
     @property
     def times(self) -> list[float]:
         """Minutes of its moments, as the browser knows them."""
-        return finite(np.asarray(self.followed.result["time_min"]).tolist(), digits=7)
+        return [float(f"{minute:.7g}") for minute in np.asarray(self.followed.result["time_min"])]
 
     @property
     def end(self) -> float:
@@ -108,7 +108,7 @@ def plain_course(course: PageCourse, minutes: float) -> dict[str, Any]:
         "rows": rows, "message": str(result.attrs["message"]),
         "alarms": finite([one for one in alarms if one["kind"] != CAUTION][:MOST_ALARMS]),
         "balance": finite(json.loads(result.attrs["balance"]), digits=5),
-        "approximations": [str(sentence) for sentence in result.attrs["approximations"]],
+        "approximations": [str(s) for kind in ("approximations", "cautions") for s in result.attrs[kind]],
         "seconds": round(float(result.attrs["seconds"]), 2),
     }  # fmt: skip
 
@@ -155,7 +155,8 @@ def possible_events(case: Case) -> list[dict[str, Any]]:
     known = {knob.key for knob in knobs}
     labels = {one.key: one.label for one in case.instances()}
     entries = [
-        (k.key, f"{labels.get(k.group, '')} {k.label}".strip(), k.unit, value_of(case, k.key)) for k in knobs
+        (k.key, f"{labels.get(k.group, '')} {k.label}".strip(), unit_of(k), value_of(case, k.key))
+        for k in knobs
     ]
     for one in case.instances():
         fields = ((f"{one.key}.{name}", field) for name, field in one.device.section.fields().items())

@@ -241,10 +241,16 @@ def described(control: Control) -> dict[str, Any]:
     common = {"key": control.key, "group": control.group, "label": control.label, "hint": hint}
     if isinstance(control, Knob):
         return common | {
-            "unit": _UNITS.get(control.unit, control.unit), "low": control.low, "high": control.high,
+            "unit": unit_of(control), "low": control.low, "high": control.high,
             "step": control.step, "log": control.logarithmic,
         }  # fmt: skip
     return common | {"options": [list(option) for option in control.options]}
+
+
+def unit_of(knob: Knob) -> str:
+    """The unit that stands beside a knob; a share says that it is one of 1, since tiles are in percent."""
+    is_share = not knob.unit and 0.0 <= knob.low < knob.high <= 1.0
+    return text("unit_share") if is_share else _UNITS.get(knob.unit, knob.unit)
 
 
 def panel_of(case: Case) -> list[dict[str, Any]]:

@@ -24,6 +24,8 @@ WIDER_MM = 1.5
 TALLNESS = 1.35
 """Height over width that the page's pane has: with few devices the rows move apart until it is filled."""
 MOST_STRETCH = 1.7
+ASIDE_MM, LABEL_MM = 40.0, 30.0
+"""How far left of the middle a title stands where a line is so near to the middle."""
 NARROWER = 0.75
 """Without lines of devices the patient's ring is drawn narrower, and so larger."""
 _FIRST_ROW_MM, _LAST_ROW_MM = (2.5, 0.0), (0.0, 3.5)
@@ -38,7 +40,7 @@ def drawing_of(case: Case) -> dict[str, Any]:
 
 @lru_cache(maxsize=512)
 def _drawing(circuit: Circuit) -> dict[str, Any]:
-    from eclsim.reporting.schematic_layout import MIDDLE, TITLE_HEIGHT, plan_of
+    from eclsim.reporting.schematic_layout import TITLE_HEIGHT, plan_of
     from eclsim.reporting.schematic_routes import route
 
     plan = plan_of(circuit)
@@ -52,7 +54,8 @@ def _drawing(circuit: Circuit) -> dict[str, Any]:
         "view": [left, top, right - left, page.height - top + 1.0],
         "frames": [
             {"group": g, "x": sides[0], "y": -y1 + 1.0, "w": sides[1] - sides[0], "h": y1 - y0 - 2.0,
-             "title": [MIDDLE, _title_height(plan, page, g)], "ink": ink(g), **_frame_texts(g)}
+             "title": [_title_side(plan, page, g), _title_height(plan, page, g)], "ink": ink(g),
+             **_frame_texts(g)}
             for g, (y0, y1) in page.frames.items()
         ],
         "boxes": _boxes(circuit, plan, page),
@@ -105,6 +108,15 @@ def _moved(line: Attachment) -> dict[str, str]:
     key = lines[line.name]
     about = text("schematic_line", device=names.label, line=line.mark.label)
     return {"moves": f"{names.key}.{key}", "letter": key[0].upper(), "about": about}
+
+
+def _title_side(plan: Plan, page: Layout, group: str) -> float:
+    """Where a frame's title stands: in the middle, or left of it where a line has its label there."""
+    from eclsim.reporting.schematic_layout import MIDDLE
+    from eclsim.reporting.schematic_routes import stub_middle
+
+    lines = [stub_middle(page, line)[0] for line in plan.lines if line.frame == group]
+    return MIDDLE - ASIDE_MM if any(abs(x - MIDDLE) < LABEL_MM for x in lines) else MIDDLE
 
 
 def _title_height(plan: Plan, page: Layout, group: str) -> float:

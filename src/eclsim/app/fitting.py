@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from eclsim.app.texts import text
 from eclsim.cases.reading import read_mapping
+from eclsim.cases.sections import Gas
 from eclsim.parameters.regulation import EXTRA_VOLUME
 
 if TYPE_CHECKING:
@@ -211,6 +212,10 @@ def to_fit(
     if "CVP" in raw["measurements"]:
         raw = {**raw, "fluid": raw.get("fluid", {})}
         usual = (*usual, EXTRA_VOLUME)
+    gas = raw.get("gas", {})
+    if gas.get("shunt_fraction") == Gas().shunt_fraction:
+        # The page's sections hold every key: a shunt that nobody has turned is an assumed one.
+        raw = {**raw, "gas": {key: value for key, value in gas.items() if key != "shunt_fraction"}}
     case = read_mapping(raw).case
     return case, replace(settings, parameters=tuple(free) or free_parameters(case, usual, policy))
 

@@ -175,6 +175,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "solutes.fluid_potassium_mmol_l": "Potassium of fluids",
         "solutes.potassium_store_l": "Potassium store of cells",
         "solutes.kidney_clearance_ml_min": "Kidney clearance",
+        "unit_share": "of 1",
         "policy": "Circuits are filled",
         "as_published": "by the patient (as published)",
         "patient_held": "beforehand (primed)",
@@ -226,12 +227,13 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "ready": "Steady beat",
         "computing": "Computing …",
         "offline": "Not connected: the numbers are of {what}",
-        "silent": "No answer from the server: the numbers are of {what}",
+        "silent": "No answer from the server: the numbers are of {what}; the last change may still be made",
         "compiling": "Preparing this circuit (seconds, with gases and reflexes a minute; once) …",
         "not_converged": "No steady beat",
         "failed": "This beat could not be computed. Undo the last change.",
         # schematic
         "schematic": "Circuit with mean pressures [mmHg] and flows",
+        "schematic_below": "more of the circuit below: scroll",
         "schematic_drag": "{letters} can be dragged",
         "schematic_hint": "Drag the round end of a line to another position, or choose it among the knobs.",
         "schematic_line": "{device} {line} at {{site}}: arrow keys move it to another position",
@@ -397,7 +399,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         "below": "below",
         "kind_warning": "warning",
         "kind_alarm": "alarm",
-        "kind_collapse": "collapse",
+        "kind_collapse": "impossible",
         "above": "above",
         # identify
         "identify_intro": "Type what was measured; leave empty what was not. The seven parameters of the "

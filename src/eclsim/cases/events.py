@@ -189,7 +189,15 @@ class _Checks:
                 self.remarks.error(key, "only numbers change over ramp_min", shown(value))
             elif self._allowed(key, path, value):
                 values[path[1] if path[0] == "parameters" else ".".join(path)] = value
+        self._warm(place, values)
         return values
+
+    def _warm(self, place: str, values: Mapping[str, Any]) -> None:
+        """Another temperature beside a consumption that is given and stays."""
+        given = self.case.get("gas", {}).get("vo2_ml_min") is not None
+        if "gas.temperature_c" in values and given and "gas.vo2_ml_min" not in values:
+            message = "consumption does not follow the temperature: set gas.vo2_ml_min too"
+            self.remarks.warning(f"{place}.gas.temperature_c", message, shown(values["gas.temperature_c"]))
 
     def _allowed(self, key: str, path: Path, value: object) -> bool:
         """Whether the case with the value is right; if so the events behind find it."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eclsim.devices.crrt import HAEMATOCRIT as HAEMATOCRIT_IN
-from eclsim.devices.dialysed_blood import RED_CELL_HAEMOGLOBIN
+from eclsim.devices.crrt_dialysis import HAEMATOCRIT as HAEMATOCRIT_IN
+from eclsim.devices.dialysed_blood import RED_CELL_HAEMOGLOBIN, USUAL_HAEMOGLOBIN, check_red_cells
 from eclsim.inputs.fields import Field, setting
 from eclsim.inputs.mistakes import Remarks, shown
 from eclsim.inputs.sections import Raw, Section, read_share, switch
@@ -48,6 +48,14 @@ class Fluid(Section):
     filtration_ml_min_mmHg: float = 10.0  # noqa: N815
     reflection: float = 0.9
     lymph_ml_min: float = 2.0
+
+    @classmethod
+    def check(cls, sections: Mapping[str, Raw], remarks: Remarks) -> None:
+        """Red cells that go with the haemoglobin."""
+        haematocrit, gas = sections.get(cls.section, {}).get("haematocrit"), sections.get("gas")
+        if haematocrit and gas is not None:
+            grams = gas.get("haemoglobin_g_dl", USUAL_HAEMOGLOBIN)
+            check_red_cells(f"{cls.section}.haematocrit", haematocrit, grams, remarks)
 
     @classmethod
     def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:

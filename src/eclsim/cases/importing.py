@@ -65,6 +65,8 @@ def as_table(rows: list[dict[str, str]]) -> str:
 def _fill(result: Imported, base: Case, file: str) -> None:
     stated = {f"patient.{k}": v for k, v in base.patient.model_dump(exclude_none=True).items()}
     gas = {} if base.gas is None else base.gas.model_dump(exclude_none=True)
+    if base.gas is not None and "shunt_fraction" not in base.gas.model_fields_set:
+        del gas["shunt_fraction"]  # assumed: in a table it would be read as known
     stated |= {f"{Gas.section}.{k}": v for k, v in gas.items()}
     for device in base.instances():
         stated |= {f"{device.key}.{k}": v for k, v in device.section.model_dump(exclude_none=True).items()}

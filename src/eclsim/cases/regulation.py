@@ -180,6 +180,10 @@ class Drugs(_Settings):
     def complete(cls, raw: Raw, values: dict[str, Any], key: str, remarks: Remarks) -> None:
         """Say where the effect of a dose is no longer that of a usual one."""
         for drug, (_, usual, unit) in DRUG_DOSES.items():
-            if values.get(drug, 0.0) > usual:
-                message = f"beyond the usual {usual:g} {unit}: its effect is extrapolated"
-                remarks.warning(f"{key}.{drug}", message, shown(values[drug]))
+            given, sensitivity = values.get(drug), values.get(f"{drug}_sensitivity", 1.0)
+            if not (isinstance(given, float) and isinstance(sensitivity, float)):
+                continue
+            if given * sensitivity > usual:
+                felt = "" if sensitivity == 1.0 else f"felt as {given * sensitivity:.3g}, "
+                message = f"{felt}beyond the usual {usual:g} {unit}: its effect is extrapolated"
+                remarks.warning(f"{key}.{drug}", message, shown(given))

@@ -19,6 +19,8 @@ from eclsim.patient.anthropometry import MAXIMUM_AGE_YEARS, MINIMUM_AGE_YEARS
 
 GRAMS_PER_MMOL = 1.6114
 """Haemoglobin [g/dL] of 1 mmol/L of its monomer."""
+NORMAL_C, FELT_C = 37.0, 1.5
+"""Temperature of the body, and by how much it may be another before consumption is doubted [C]."""
 LOW_HAEMOGLOBIN = 7.0
 """Haemoglobin [g/dL] below which the number may be in mmol/L."""
 
@@ -55,7 +57,15 @@ class Gas(Section):
 
     @classmethod
     def check(cls, sections: Mapping[str, Raw], remarks: Remarks) -> None:
-        """Say which defaults are used, and warn of blood gases that nothing computes."""
+        """Say which defaults are used and what they do not follow; doubt gases that nothing computes."""
+        stated = sections.get(cls.section, {})
+        temperature = stated.get("temperature_c", NORMAL_C)
+        if abs(temperature - NORMAL_C) > FELT_C and stated.get("vo2_ml_min") is None:
+            message = (
+                "consumption is that of 37 C and does not follow the temperature (it falls by 6 to 10 % for "
+                "each degree of cooling): give vo2_ml_min"
+            )
+            remarks.warning(f"{cls.section}.temperature_c", message, shown(temperature))
         elsewhere = "base_excess_mmol_l" if "bicarbonate_mmol_l" in sections.get(Solutes.section, {}) else ""
         known = {*sections.get(cls.section, cls.fields()), "vo2_ml_min", "lung_volume_ml", elsewhere}
         refused = {key.removeprefix(PREFIX) for key in remarks.refused()}

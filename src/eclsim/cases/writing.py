@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from eclsim.cases.sections import PATIENT_SECTIONS, POLICY, POLICY_KEY, Measurements, Patient
 from eclsim.devices.registry import parameter_of
@@ -17,12 +17,14 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
     from eclsim.inputs.sections import Raw, Section
 
+_SHUNT = "shunt_fraction"
+
 
 def case_text(case: Case) -> str:
     """A case as the text of a case file, with a comment of meaning and unit on every line."""
     import tomlkit
 
-    mapping = case.as_mapping()
+    mapping = _without_assumed(case)
     document = tomlkit.document()
     document["format"] = mapping["format"]
     if POLICY_KEY in mapping:
@@ -44,6 +46,14 @@ def case_text(case: Case) -> str:
     if case.events:
         document["events"] = _event_tables(mapping["events"])
     return tomlkit.dumps(document)
+
+
+def _without_assumed(case: Case) -> dict[str, Any]:
+    """The case as a mapping, without a shunt that nobody gave: written, it would be read as known."""
+    mapping = case.as_mapping()
+    if case.gas is not None and _SHUNT not in case.gas.model_fields_set:
+        mapping["gas"] = {key: value for key, value in mapping["gas"].items() if key != _SHUNT}
+    return mapping
 
 
 def write_case(case: Case, path: str | os.PathLike[str]) -> None:

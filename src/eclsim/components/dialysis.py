@@ -41,7 +41,9 @@ UREA_RED_CELL_WATER = 0.80
 """Urea leaves red cells while blood passes: their water, 0.72, with a partition of 1.11 (Colton 1970)."""
 BASE_PER_CITRATE = 3.0
 """Bicarbonate that a molecule of citrate becomes when it is metabolised."""
-EFFECTIVE_CLEARANCE, BASE_GAIN = "effective_clearance", "base_gain"
+CARBON_PER_CITRATE, OXYGEN_PER_CITRATE = 6.0, 4.5
+"""Carbon of a molecule, and oxygen that burns it: C6H5O7(3-) + 4.5 O2 = 3 CO2 + 3 HCO3(-) + H2O."""
+EFFECTIVE_CLEARANCE, BASE_GAIN, CITRATE_LOAD = "effective_clearance", "base_gain", "citrate_load"
 """Usual names of what a device with a filter gives, the first followed by the name of a solute."""
 
 
@@ -97,11 +99,13 @@ class Hemofilter(Exchanger):
         settings: names of its parameters, in the order of `Settings`.
         clearance: what the names of its device's outputs of clearances for the patient begin with.
         base_gain: name of its device's output of the bicarbonate gained.
+        citrate: name of its device's output of the citrate that reaches the patient; none where it has none.
     """
 
     settings: tuple[str, ...]
     clearance: str = EFFECTIVE_CLEARANCE
     base_gain: str = BASE_GAIN
+    citrate: str = CITRATE_LOAD
 
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters, in the order of `Settings`."""
@@ -193,11 +197,14 @@ class Performance(NamedTuple):
         urea: clearance [mL/min].
         creatinine: clearance [mL/min].
         potassium: clearance [mL/min].
-        base_gain: bicarbonate that the patient gains, with that from citrate [mmol/h].
+        base_gain: bicarbonate that blood gains, with that from citrate [mmol/h].
         carbon_dioxide: removal as bicarbonate and dissolved, less what the fluids bring [mL/min STPD].
-        citrate: that reaches the patient [mmol/h].
+        citrate: that leaves the filter in the blood [mmol/h].
         urea_water: flow of the water that carries urea to the filter [mL/min].
         plasma_water: flow of the plasma's water, which carries the others [mL/min].
+        carbon_dioxide_cleared: clearance of bicarbonate and dissolved carbon dioxide [mL/min].
+        citrate_cleared: clearance of citrate [mL/min].
+        plasma: flow of plasma [mL/h].
     """
 
     effluent: Array
@@ -212,6 +219,9 @@ class Performance(NamedTuple):
     citrate: Array
     urea_water: Array
     plasma_water: Array
+    carbon_dioxide_cleared: Array
+    citrate_cleared: Array
+    plasma: Array
 
 
 def performance(numbers: Array) -> Array:
@@ -233,7 +243,8 @@ def performance(numbers: Array) -> Array:
     dose = 1e-3 * settings.citrate * blood
     plasma_water = settings.solute("citrate_ion").water_flow(blood, haematocrit)
     urea_water = settings.solute("urea").water_flow(blood, haematocrit)
-    load = dose * (1.0 - cleared("citrate_ion") / plasma_water)
+    citrate = cleared("citrate_ion")
+    load = dose * (1.0 - citrate / plasma_water)
     transmembrane = 60.0 * fluids.ultrafiltrate / settings.permeability
     result = Performance(
         60.0 * fluids.effluent,
@@ -248,6 +259,9 @@ def performance(numbers: Array) -> Array:
         60.0 * load,
         urea_water,
         plasma_water,
+        cleared("carbon_dioxide"),
+        citrate,
+        60.0 * blood * (1.0 - haematocrit),
     )
     return jnp.stack(jnp.broadcast_arrays(*result))
 

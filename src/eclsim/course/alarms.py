@@ -108,9 +108,9 @@ def findings_of_shown(shown: Sequence[Shown], moments: int) -> list[list[Finding
 
 
 def _broken(limit: Limit, value: float, quantity: Shown) -> Finding:
-    unit = quantity.unit
+    unit, digits = ("", 2) if quantity.unit == "1" else (f" {quantity.unit}", 1)
     sentence = (
-        f"{quantity.description} {value:.1f} {unit} is {limit.side} {limit.value:g} {unit}: "
+        f"{quantity.description} {value:.{digits}f}{unit} is {limit.side} {limit.value:g}{unit}: "
         f"{limit.meaning} ({limit.source})"
     )
     return Finding(limit.kind, limit.quantity, value, limit.value, sentence, limit.source, (limit.quantity,))

@@ -234,9 +234,13 @@ def _counted(marked: np.ndarray, time: np.ndarray, words: str) -> str:
 
 
 def _approximated(courses: Sequence[xr.Dataset]) -> list[str]:
-    """Where steady beats stand for what takes time, of one draw for each kind, and in how many draws."""
+    """Where steady beats stand for what takes time, of one draw for each kind, and in how many draws.
+
+    What courses say of the fluid that is given likewise.
+    """
     kinds: dict[str, list[str]] = {}
-    for sentence in (sentence for one in courses for sentence in one.attrs["approximations"]):
+    said_by_each = ([*one.attrs["approximations"], *one.attrs.get("cautions", ())] for one in courses)
+    for sentence in (sentence for said in said_by_each for sentence in said):
         kinds.setdefault(NUMBER.sub("", sentence), []).append(sentence)
     return [f"in {len(said)} of {len(courses)} draws, such as {said[0]}" for said in kinds.values()]
 

@@ -62,7 +62,8 @@ def course(
         Dataset over `time_min`: outputs and slow states with units, `status` of each moment and whether it
         is `impossible` (a chamber without blood). Attributes:
         `id`, `converged` (1: it reached its end), `message` (why it stopped), `balance` and `events` (JSON),
-        `warnings` (a sentence each, with the time) and those of them that are `approximations`, `settling_s`
+        `warnings` (a sentence each, with the time), those of them that are `approximations` or `cautions` (of
+        the fluid that is given), `settling_s`
         (in which the circulation follows a sudden change), `steps`, `beats`, `seconds`. A moment without a
         steady beat ends it; what came before stays.
 

@@ -192,17 +192,30 @@ class Engine:
         self.time[advanced], self.states[:, advanced] = time[accepted], result.states[:, accepted]
         self.slopes[:, advanced] = slopes[:, accepted]
         self._note(advanced)
-        without_beat = who[~fine & (length <= SHORTEST_S)]
-        self._stop(without_beat)
+        lost = who[~fine & (length <= SHORTEST_S)]
+        carried = self._carried_over(lost)
+        self._stop(np.setdiff1d(lost, carried))
         over = advanced[self.time[advanced] >= ends[accepted]]
         self.segment[over] += 1
         further = np.array([m for m in over if self.segment[m] + 1 < len(self.timelines[m].breaks)], int)
         for member in further:
             self._settle(member)
         entered = self._enter(further)
-        return np.sort(
-            np.concatenate([np.setdiff1d(who, np.concatenate([over, without_beat])), entered])
-        ).astype(int)
+        remain = np.setdiff1d(who, np.concatenate([over, lost]))
+        return np.sort(np.concatenate([remain, entered, carried])).astype(int)
+
+    def _carried_over(self, lost: np.ndarray) -> np.ndarray:
+        """Those whose steady beat a ramp took away, followed beat by beat until they have one again."""
+        carried: list[int] = []
+        for m in lost:
+            timeline, segment = self.timelines[m], int(self.segment[m])
+            if not self.options.hand_over or timeline.ramp_end(segment) <= float(self.time[m]):
+                continue
+            here = self._ahead(m, self._circuit(m))
+            event = Event(self.predictors[m].beat, here.gases, here.volumes, None, 1.0)
+            if self._followed(m, event, has_beat=False, of=segment):
+                carried.append(m)
+        return self._go_on(np.array(carried, dtype=int))
 
     def _adapt(
         self, who: np.ndarray, length: np.ndarray, error: np.ndarray, fine: np.ndarray, accepted: np.ndarray
@@ -236,7 +249,10 @@ class Engine:
             if not (has_beat if event is None else self._followed(m, event, has_beat))
         ]  # fmt: skip
         self._stop(np.array(without_beat, dtype=int))
-        who = np.setdiff1d(who, without_beat)
+        return self._go_on(np.setdiff1d(who, without_beat))
+
+    def _go_on(self, who: np.ndarray) -> np.ndarray:
+        """Those who have a steady beat, with the Jacobian of their rates and a length of the next step."""
         if len(who):
             self._differentiate(who)
         self._note(who)
@@ -291,8 +307,15 @@ class Engine:
         gases = farthest(event.gases, now.gases, event.share)
         return reason_of(shift, lag_of(rates, settling, self.laws), gases, rates, settling, self.laws)
 
-    def _followed(self, member: int, event: Event, has_beat: bool) -> bool:
-        """Follow a member beat by beat where steady beats would pass over too much; whether it goes on."""
+    def _followed(self, member: int, event: Event, has_beat: bool, of: int | None = None) -> bool:
+        """Follow a member beat by beat where steady beats would pass over too much; whether it goes on.
+
+        Args:
+            member: which.
+            event: what it comes from.
+            has_beat: whether there is a steady beat now.
+            of: segment of the steady beat that it comes from; left out, the one before.
+        """
         settling = self.predictors[member].settling_s
         reason = self._reason(member, event) if has_beat else NO_STEADY_BEAT
         begin, timeline = float(self.time[member]), self.timelines[member]
@@ -304,8 +327,8 @@ class Engine:
             return has_beat
         self._note(np.array([member]))
         march = BeatMarch(timeline, self.policy, None)
-        segment = int(self.segment[member])
-        start = march.from_steady(begin, event.beat, self.states[:, member], segment - 1)
+        of = int(self.segment[member]) - 1 if of is None else of
+        start = march.from_steady(begin, event.beat, self.states[:, member], of)
         span, at = follow_until_settled(
             march, start, lambda at: self._steady_at(member, at, march), settling, end, reason
         )

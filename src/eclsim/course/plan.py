@@ -157,7 +157,9 @@ def _unasked(
     case: Case, outputs: Sequence[str], asked: Sequence[Goal], policy: str | None
 ) -> tuple[Goal, ...]:
     """Goals that hold unasked, where the patient's steady beat at the slowest rate keeps them."""
-    goals = list(possible(outputs, asked))
+    beat = simulate(case, policy)
+    present = {name: float(beat[name]) for name in outputs if name in beat}
+    goals = list(possible(outputs, asked, present, model_of(case).values))
     taken = {goal.output for goal in asked}
     for name in outputs:
         known = named_output(name)
@@ -166,7 +168,6 @@ def _unasked(
         if FILTRATION in known[0].device.section.fields():
             lowest = sorted(limits_of(name, outputs), key=lambda limit: limit.value)[:1]
             goals += [Goal(name, high=one.value, because=one.meaning) for one in lowest]
-    beat = simulate(case, policy)
     return tuple(goal for goal in goals if goal.excess(float(beat[goal.output])) <= 0.0)
 
 

@@ -11,6 +11,7 @@ import xarray as xr
 
 from eclsim.circuit.network import BLOOD_VOLUME
 from eclsim.course.alarms import clock_time
+from eclsim.course.gifts import said_of_gifts
 from eclsim.course.laws import Laws
 from eclsim.course.timeline import MINUTE, Timeline
 from eclsim.fluid.law import GIVEN, REFILLED, REMOVED
@@ -60,8 +61,10 @@ def attributes_of(
 ) -> dict[str, Any]:
     """What every course says of itself; `message` is why it ended early, empty where it did not.
 
-    `approximations` says where steady beats stand for what takes time; it is among `warnings`, too.
+    `approximations` says where steady beats stand for what takes time, `cautions` what of the fluid that is
+    given a course does not hold as patients do; both are among `warnings`, too.
     """
+    cautions = said_of_gifts(timeline)
     return {
         "id": timeline.case.patient.id,
         "converged": int(not message),
@@ -69,8 +72,9 @@ def attributes_of(
         "message": message,
         "balance": json.dumps(balance),
         "events": json.dumps([event.as_object() for event in timeline.case.events]),
-        "warnings": [*warnings, *approximations, *timeline.cut_short()],
+        "warnings": [*warnings, *approximations, *timeline.cut_short(), *cautions],
         "approximations": list(approximations),
+        "cautions": cautions,
         "blood_volume_policy": policy,
     }
 

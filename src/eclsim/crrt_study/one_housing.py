@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eclsim.crrt_study.limits import CRRT_LIMITS
-from eclsim.devices.crrt import CRRT, FILTER_PARAMETERS, Crrt
+from eclsim.devices.crrt import CRRT, Crrt
+from eclsim.devices.crrt_dialysis import FILTER_PARAMETERS
 from eclsim.devices.renox import GROUP, Renox
 from eclsim.orbit.model import circuit_of, values_of
 from eclsim.orbit.steady import Batch

@@ -16,9 +16,16 @@ from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
+from eclsim.devices.crrt_dialysis import (
+    FILTER_PARAMETERS,
+    GROUP,
+    OUTPUTS,
+    SETTINGS,
+    SOLUTES,
+    thickened,
+)
 from eclsim.devices.description import (
     Assumption,
-    BeatMeasures,
     Box,
     Control,
     Curve,
@@ -28,8 +35,6 @@ from eclsim.devices.description import (
     Limit,
     Look,
     Mark,
-    Numbers,
-    Output,
     Panel,
     Trace,
     Views,
@@ -45,7 +50,6 @@ from eclsim.devices.dialysed_blood import (
     beside_others,
     check_fluids,
     dialysed_blood,
-    filtered,
     fluid_flow,
 )
 from eclsim.devices.ecmo import ECMO, POSITIONS
@@ -60,9 +64,7 @@ from eclsim.units import convert
 
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit, Site
-    from eclsim.components.dialysis import Performance
 
-GROUP = "crrt"
 
 DIALYZERS = by_key(
     (
@@ -98,27 +100,6 @@ ALARMS_MMHG = MappingProxyType({"access": (-250.0, 250.0), "return": (-50.0, 350
 SANSOM_ACCESS_MMHG = 190.0
 """Access pressure above which early circuit failure is more likely (Sansom 2023, cited by Thiel et al.)."""
 _MACHINE = "usual alarm of CRRT machines"
-_FILTER = "AN69 ST filter of 1.5 m2"
-_UNREAD = "no data sheet of the maker was read"
-_HARDLY = "at CRRT flows clearance hardly depends on it"
-_ESTIMATE = f"{_FILTER}; assumed: that of urea scaled by size of the molecule; {_HARDLY}"
-FILTER_PARAMETERS = tuple(
-    Parameter(key, value, unit, words, source, low, high, GROUP)
-    for key, value, unit, words, source, low, high in (
-        (
-            "Kufcrrtfil", 37.0, "mL/h/mmHg", "Ultrafiltration coefficient of dialyzer in blood",
-            f"{_FILTER}; assumed: 25 a m2, as high-flux membranes have 20 to 40 a m2; {_UNREAD}", 2.0, 300.0,
-        ),
-        (
-            "KoAurea", 300.0, "mL/min", "Mass transfer area product of dialyzer for urea",
-            f"{_FILTER}; assumed: 200 a m2; {_UNREAD}; {_HARDLY}", 5.0, 3000.0,
-        ),
-        ("KoAcreatinine", 230.0, "mL/min", "The same for creatinine", _ESTIMATE, 5.0, 3000.0),
-        ("KoApotassium", 300.0, "mL/min", "The same for potassium", _ESTIMATE, 5.0, 3000.0),
-        ("KoAco2", 240.0, "mL/min", "The same for bicarbonate and dissolved CO2", _ESTIMATE, 5.0, 3000.0),
-        ("KoAcitrate", 170.0, "mL/min", "The same for citrate", _ESTIMATE, 5.0, 3000.0),
-    )
-)  # fmt: skip
 
 
 def filter_limits(prefix: str = "") -> tuple[Limit, ...]:
@@ -165,16 +146,7 @@ def assumed_membrane(membrane: Sequence[Parameter], prefix: str = "") -> tuple[A
     )  # fmt: skip
 
 
-HAEMATOCRIT = f"{GROUP}.haematocrit_in"
-SETTINGS = (
-    *(f"{GROUP}.{key}" for key in FLUIDS), HAEMATOCRIT, f"{GROUP}.fluid_bicarbonate_mmol_l",
-    f"{GROUP}.plasma_bicarbonate_mmol_l", f"{GROUP}.citrate_mmol_l", *(p.key for p in FILTER_PARAMETERS),
-)  # fmt: skip
-"""Parameters of the dialyzer, in the order of `eclsim.components.dialysis.Settings`."""
-SOLUTES = ("urea", "creatinine", "potassium")
-"""Solutes whose clearances are outputs."""
 LARGEST_FILTRATION_FRACTION = 0.25
-_DIALYSIS_SIGNALS = ("Qcrrtpump", "Pcrrtfil", "Pcrrttuout")
 
 ON_THE_PATIENT = MappingProxyType({"access_site": "svn", "return_site": "ra"})
 """Sites without an ECMO circuit."""
@@ -292,82 +264,6 @@ def crrt(access_site: Site, return_site: Site, dialysis: bool = False) -> Circui
     return Circuit(compartments, connections, (), exchanges)
 
 
-# --- dialysis -------------------------------------------------------------------------------------
-
-
-def _dialysis(
-    name: str, field: str, long_name: str, unit: str, definition: str, by_gases: bool = False
-) -> Output:
-    """A number of what the filter does, a field of `eclsim.components.dialysis.Performance`."""
-    return Output(
-        name, long_name, unit, definition, _DIALYSIS_SIGNALS,
-        lambda m: getattr(performance(m, by_gases), field), parameters=SETTINGS, all_flows=by_gases,
-        by_gases=by_gases,
-    )  # fmt: skip
-
-
-def performance(m: BeatMeasures, by_gases: bool = False) -> Performance:
-    """What the filter does in a beat (`eclsim.components.dialysis.Performance`)."""
-
-    def compute() -> Performance:
-        blood = [60.0 * m.mean("Qcrrtpump"), m.mean("Pcrrtfil"), m.mean("Pcrrttuout")]
-        return filtered(m, blood, SETTINGS, "crrtfil" if by_gases else None)
-
-    return m.kept((GROUP, "performance", str(by_gases)), compute)
-
-
-def _effective(m: BeatMeasures, solute: str) -> Numbers:
-    """Clearance [mL/min] of the blood that leaves the tissues (`eclsim.gas.solutes`)."""
-
-    def compute() -> Sequence[Numbers]:
-        done = performance(m)
-        cleared = [getattr(done, name) for name in SOLUTES]
-        return m.cleared("crrtfil", cleared, [done.urea_water, done.plasma_water, done.plasma_water])
-
-    return m.kept((GROUP, "effective"), compute)[SOLUTES.index(solute)]
-
-
-_OUTPUTS = (
-    _dialysis("effluent_ml_h", "effluent", "effluent of the CRRT", "mL/h", "dialysate, replacement and net"),
-    _dialysis(
-        "filtration_fraction", "filtration_fraction", "filtration fraction", "1",
-        "ultrafiltrate / (plasma flow + replacement before the filter)",
-    ),
-    _dialysis(
-        "transmembrane_pressure", "transmembrane_pressure", "transmembrane pressure of the dialyzer", "mmHg",
-        "ultrafiltrate / Kuf",
-    ),
-    _dialysis(
-        "effluent_pressure", "effluent_pressure", "pressure of the effluent", "mmHg",
-        "mean pressure of the blood in the dialyzer - transmembrane pressure",
-    ),
-    *(
-        _dialysis(
-            f"clearance_{name}", name, f"clearance of {name} by the dialyzer", "mL/min",
-            "removed / concentration in the water that enters the dialyzer",
-        )
-        for name in SOLUTES
-    ),
-    *(
-        Output(
-            f"effective_clearance_{name}", f"clearance of {name} for the patient", "mL/min",
-            "removed / concentration in the blood that leaves the tissues: recirculation taken off",
-            _DIALYSIS_SIGNALS, lambda m, name=name: _effective(m, name), parameters=SETTINGS, all_flows=True,
-        )
-        for name in SOLUTES
-    ),
-    _dialysis(
-        "base_gain", "base_gain", "bicarbonate gained from the CRRT", "mmol/h",
-        "from fluids and citrate (3 each), less what is removed", by_gases=True,
-    ),
-    _dialysis(
-        "crrt_carbon_dioxide_removal", "carbon_dioxide", "carbon dioxide removed by the dialyzer", "mL/min",
-        "STPD, as bicarbonate and dissolved, less what the fluids bring", by_gases=True,
-    ),
-    _dialysis("citrate_load", "citrate", "citrate that reaches the patient", "mmol/h", "dose - removed"),
-)  # fmt: skip
-
-
 class CrrtDevice(Device[Crrt]):
     """Continuous renal replacement therapy."""
 
@@ -449,7 +345,7 @@ class CrrtDevice(Device[Crrt]):
         difference(
             "crrt_filter_pressure_drop", "mean pressure drop of the dialyzer", "Pcrrtfil", "Pcrrttuout"
         ),
-        *_OUTPUTS,
+        *OUTPUTS,
     )
     limits = (
         *(
@@ -540,8 +436,12 @@ class CrrtDevice(Device[Crrt]):
     def findings(
         self, names: Naming, outputs: Mapping[str, float], circuit: Circuit, values: Mapping[str, float]
     ) -> list[Finding]:
-        """More drawn from an ECMO circuit than it carries, and clearances that know of no other CRRT."""
-        return [*_carried(names, outputs, circuit), *beside_others(names, outputs, circuit)]
+        """What the circuit does not carry, blood or water; clearances that know of no other CRRT."""
+        return [
+            *thickened(names, outputs, values),
+            *_carried(names, outputs, circuit),
+            *beside_others(names, outputs, circuit),
+        ]
 
 
 def _carried(names: Naming, outputs: Mapping[str, float], circuit: Circuit) -> list[Finding]:

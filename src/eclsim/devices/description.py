@@ -51,7 +51,7 @@ class BeatMeasures(Protocol):
     def parameter(self, name: str) -> Numbers: ...  # noqa: D102
     def apply(self, function: Law, numbers: Sequence[Numbers]) -> Sequence[Numbers]: ...  # noqa: D102
     def gas(self, what: str, where: str, place: str) -> Numbers: ...  # noqa: D102
-    def cleared(  # noqa: D102
+    def effective(  # noqa: D102
         self, at: str, clearances: Sequence[Numbers], water: Sequence[Numbers]
     ) -> Sequence[Numbers]: ...
     def native(self, artery: str) -> Numbers: ...  # noqa: D102

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from eclsim.devices.description import CAUTION, GASES, BeatMeasures, Finding, Numbers
 from eclsim.inputs.fields import Field, number
 from eclsim.inputs.mistakes import Remarks, shown
+from eclsim.parameters.gas import PARAMETERS as GAS
 
 if TYPE_CHECKING:
     from eclsim.circuit.network import Circuit
@@ -39,6 +40,10 @@ USUAL_FLUID = MappingProxyType(
 """Values where dialysis is computed and these keys are left out."""
 RED_CELL_HAEMOGLOBIN = 33.3
 """Haemoglobin in a dL of red cells [g], the usual mean corpuscular concentration."""
+USUAL_RED_CELLS = (28.0, 38.0)
+"""Mean corpuscular concentrations [g/dL] that patients have; 32 to 36 are normal."""
+USUAL_HAEMOGLOBIN = GAS["gas.haemoglobin_g_dl"].value
+"""Where a section [gas] leaves it out [g/dL]."""
 THE_BLOODS_OWN = 0.0
 """Carbon dioxide of the plasma that says: that of the blood which enters, from its gases."""
 TEMPERATURE = "gas.temperature_c"
@@ -92,6 +97,9 @@ def check_fluids(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> N
                 f"{key}.{name}", f"has no effect without one of {', '.join(FLUIDS)}", shown(values[name])
             )
         return
+    gas, own = case.physiology.get("gas"), values.get("haematocrit_in")
+    if gas is not None and own:
+        check_red_cells(f"{key}.haematocrit_in", own, gas.get("haemoglobin_g_dl", USUAL_HAEMOGLOBIN), remarks)
     drawn = {name: given[name] for name in DRAWN_FROM_PLASMA if given.get(name)}
     plasma = 60.0 * values.get("flow_ml_min", math.inf) * (1.0 - _haematocrit(values, case))
     if drawn and sum(drawn.values()) >= plasma:
@@ -104,6 +112,20 @@ def check_fluids(values: Raw, case: CaseValues, key: str, remarks: Remarks) -> N
     net, weight = given.get(NET), case.patient.get("weight_kg")
     if net is not None and weight is not None and net > HARMFUL_ML_KG_H * weight:
         remarks.warning(f"{key}.{NET}", f"{net / weight:.1f} mL/kg/h: {FEWER_SURVIVED}", shown(net))
+
+
+def check_red_cells(key: str, haematocrit: float, haemoglobin_g_dl: float, remarks: Remarks) -> None:
+    """Doubt a haematocrit [-] beside a haemoglobin [g/dL] that no red cells have together."""
+    low, high = USUAL_RED_CELLS
+    if low <= (held := haemoglobin_g_dl / haematocrit) <= high:
+        return
+    message = (
+        f"with gas.haemoglobin_g_dl = {haemoglobin_g_dl:g} red cells would hold {held:.0f} g/dL (usual: "
+        f"{RED_CELL_HAEMOGLOBIN:g}): blood would carry the oxygen of one and flow as that of the other; "
+        "leave it out where it was not measured"
+    )
+    hint = f"{key.rpartition('.')[2]} = {haemoglobin_g_dl / RED_CELL_HAEMOGLOBIN:.2f}"
+    remarks.warning(key, message, shown(haematocrit), hint)
 
 
 def _haematocrit(values: Raw, case: CaseValues) -> float:

@@ -233,6 +233,8 @@ MEMBRANE = (
 
 LEAST_EXHAUST = 1.0
 """Gas that leaves an oxygenator [mL/min STPD], below which it has no partial pressures to speak of."""
+CLAMPS = ("ecmo.return_clamp",)
+"""Of the whole circuit."""
 CLAMPED_L_MIN = -0.01
 """Flow of a clamped circuit at most, backwards."""
 SUCTION_MMHG = -100.0
@@ -859,11 +861,12 @@ class EcmoDevice(Device[Ecmo]):
 
 
 def _outside_label(names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
-    """A flow outside of what the oxygenator is labelled for; backwards is an alarm of its own."""
+    """A flow outside of what the oxygenator is labelled for; backwards and clamped are said elsewhere."""
     name = names.output("PF")
     flow = outputs.get(name, -1.0)
     low, high = (values.get(names.parameter(end), math.nan) for end in LABEL_FLOWS)
-    end = beyond_label(flow, low, high) if flow >= 0.0 else None
+    clamped = any(values.get(names.parameter(key), 0.0) > 0.0 for key in CLAMPS) and flow < low
+    end = beyond_label(flow, low, high) if flow >= CLAMPED_L_MIN and not clamped else None
     if end is None:
         return []
     sentence = (

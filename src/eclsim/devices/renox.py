@@ -18,7 +18,8 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
-from eclsim.devices.crrt import FILTER_PARAMETERS, SOLUTES, Crrt, assumed_membrane, filter_limits
+from eclsim.devices.crrt import Crrt, assumed_membrane, filter_limits
+from eclsim.devices.crrt_dialysis import FILTER_PARAMETERS, SOLUTES
 from eclsim.devices.description import BeatMeasures, Finding, Numbers, Output
 from eclsim.devices.device import CaseValues, Device, Naming
 from eclsim.devices.dialysed_blood import FLUIDS, USUAL_FLUID, dialysed_blood, filtered, fluid_flow
@@ -134,7 +135,7 @@ class RenoxDevice(Device[Renox]):
         from eclsim.circuit.network import Circuit, Exchange
         from eclsim.components.dialysis import DialysedBlood, Hemofilter
 
-        fibres = Hemofilter(SETTINGS, f"{GROUP}_clearance", f"{GROUP}_base_gain")
+        fibres = Hemofilter(SETTINGS, f"{GROUP}_clearance", f"{GROUP}_base_gain", "")
         dialysed = Exchange("renox_dialysed", DialysedBlood(fibres), "ecmotuor", GROUP)
         return Circuit(exchanges=(Exchange(GROUP, fibres, "ecmooxy", GROUP), dialysed))
 

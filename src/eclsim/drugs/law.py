@@ -61,7 +61,7 @@ class Drug:
 
     def share(self, dose: Number) -> Number:
         """Share of the effects in use at a dose [ug/kg/min], 0 to 1; none below 0, where rounding leads."""
-        given = jnp.asarray(dose) > 0.0
+        given = jnp.asarray(dose) >= 0.0
         relative = jnp.where(given, dose, self.half_dose) / self.half_dose
         part = jnp.where(given, relative**self.steepness, 0.0)
         return part / (1.0 + part)

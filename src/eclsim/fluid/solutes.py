@@ -19,7 +19,10 @@ from eclsim.components.base import Derived, Number, value_of
 from eclsim.components.dialysis import (
     BASE_GAIN,
     CARBON_DIOXIDE_ML_PER_MMOL,
+    CARBON_PER_CITRATE,
+    CITRATE_LOAD,
     EFFECTIVE_CLEARANCE,
+    OXYGEN_PER_CITRATE,
     UREA_RED_CELL_WATER,
     Hemofilter,
 )
@@ -46,6 +49,7 @@ SLOW_FOLLOWS_S = 540.0
 """In which they follow [s]: 63 mL/mmHg over a quarter of 5.5 L/min, their flow at rest, of 5 mL/L/mmHg."""
 STANDARD_PCO2 = 40.0
 BASE_EXCESS = BLOOD[1]
+QUOTIENT = "gas.respiratory_quotient"
 _MINUTE, _HOUR = 60.0, 3600.0
 
 
@@ -65,11 +69,13 @@ class Filter:
         group: of the device, such as "crrt" or "crrt.left".
         clearance: what the names of the device's outputs of clearances begin with.
         base_gain: name of its output of the bicarbonate gained.
+        citrate: name of its output of the citrate that reaches the patient; none where it has none.
     """
 
     group: str
     clearance: str = EFFECTIVE_CLEARANCE
     base_gain: str = BASE_GAIN
+    citrate: str = CITRATE_LOAD
 
     def output(self, name: str) -> str:
         """Name of an output of the device, which may be one of several."""
@@ -85,6 +91,15 @@ class Filter:
     def gained(self, beat: Named) -> np.ndarray:
         """Bicarbonate for the patient [mmol/s]."""
         return beat[self.output(self.base_gain)] / _HOUR
+
+    @property
+    def reads_of_carbon(self) -> tuple[str, ...]:
+        """Outputs that say what carbon it brings."""
+        return tuple(self.output(name) for name in (self.base_gain, self.citrate) if name)
+
+    def burnt(self, beat: Named) -> np.ndarray:
+        """Citrate that the patient burns [mmol/s]."""
+        return beat[self.output(self.citrate)] / _HOUR if self.citrate else np.zeros(1)
 
     def cleared(self, beat: Named, solute: str) -> np.ndarray:
         """Clearance of the patient [mL/s]."""
@@ -196,6 +211,11 @@ class SolutesLaw(SlowLaw):
         acid = settings[_of("acid_generation_mmol_h")] / _HOUR
         return sum((one.gained(beat) for one in self.filters), -acid)
 
+    def carbon_of_citrate(self, settings: Named, beat: Named) -> np.ndarray:
+        """Carbon that citrate brings, less that of the fuel which its oxygen would have burnt [mmol/s]."""
+        each = CARBON_PER_CITRATE - OXYGEN_PER_CITRATE * settings[QUOTIENT]
+        return sum((each * one.burnt(beat) for one in self.filters), np.zeros(1))
+
     def concentrations(self, states: Named, settings: Named) -> dict[str, np.ndarray]:
         """Of the plasma [mmol/L]."""
         outside = OUTSIDE_CELLS * settings[_of("body_water_ml")]
@@ -223,7 +243,8 @@ class CarbonDioxideLaw(SlowLaw):
     with b of the store S in the blood and s in muscle, skin, fat and bone. A steady beat has the blood of
     tissues at P_b, so that it is late by tau_b. Beat by beat blood holds its own. Bicarbonate
     of a filter is carbon dioxide of the blood; what of it acid does not use up stays as the bicarbonate that
-    `SolutesLaw` counts, beat by beat in tissues alone: the blood's part is in its contents.
+    `SolutesLaw` counts, beat by beat in tissues alone: the blood's part is in its contents. Citrate brings
+    the carbon of its bicarbonate itself; consumption stays, so that other fuel is spared for it.
 
     Args:
         tissues: their exchanges, with the share of the store that is theirs.
@@ -251,7 +272,7 @@ class CarbonDioxideLaw(SlowLaw):
     def reads(self) -> tuple[str, ...]:  # noqa: D102
         own = tuple(_read(what, name) for name, _ in self.tissues for what in ("tissue_PCO2", "stored_CO2"))
         filters = self.solutes.filters if self.solutes else ()
-        return own + tuple(one.output(one.base_gain) for one in filters)
+        return own + tuple(name for one in filters for name in one.reads_of_carbon)
 
     def start(self, settings: Named, beat: Named) -> Named:  # noqa: D102
         return {
@@ -271,6 +292,8 @@ class CarbonDioxideLaw(SlowLaw):
         kept = CARBON_DIOXIDE_ML_PER_MMOL * kept
         if self.every_beat:
             kept = kept * (1.0 - settings["total_blood_volume_ml"] / _space(settings))
+        if self.solutes:
+            kept = kept - CARBON_DIOXIDE_ML_PER_MMOL * self.solutes.carbon_of_citrate(settings, beat)
         for name, of_all in self.tissues:
             share = np.asarray(value_of(settings, of_all))
             store = settings[_of("carbon_dioxide_store_ml_mmHg")] * share
@@ -299,7 +322,7 @@ def solutes_law(circuit: Circuit, fluid: bool, gas: bool) -> SolutesLaw:
         gas: whether its gases are computed.
     """
     filters = tuple(
-        Filter(e.group, e.component.clearance, e.component.base_gain)
+        Filter(e.group, e.component.clearance, e.component.base_gain, e.component.citrate)
         for e in circuit.exchanges
         if isinstance(e.component, Hemofilter)
     )

@@ -1,9 +1,14 @@
-"""What a filter clears for the patient: a solute that tissues keep up and a filter takes from the blood.
+"""What a filter does for the patient: a solute that tissues keep up and a filter takes from the blood.
 
 Blood leaves every capillary bed with the concentration of the tissues, 1, and the filter with what it has
 not cleared. The mixtures of the circuit say what reaches the filter: blood of the tissues, and blood that has
 just passed the filter (recirculation, by the access line or by way of heart and lungs). What the filter
-removes, over the concentration in the tissues, is the effective clearance.
+removes, over the concentration in the tissues, is the effective clearance: its own clearance times the
+concentration before it.
+
+What is added at the filter and stays in the tissues (citrate, which they burn) reaches them with the same
+share of what one pass lets out: with the share R of the blood before the filter that comes from it, and 1 - k
+of a solute left behind it, (1 - k) (1 - R) / (1 - R (1 - k)).
 """
 
 from __future__ import annotations
@@ -32,7 +37,7 @@ class SoluteFunction:
         connections: whose mean forward, then backward flows come first [L/min].
         parameters: that come next.
         compute: the function, from an array (numbers,) with, at its end, clearances [mL/min] and then the
-            flows of water that carry the solutes to the filter, to effective clearances [mL/min].
+            flows of water that carry the solutes to the filter, to the share of each that is for the patient.
         key: what tells it from all others.
     """
 
@@ -43,8 +48,8 @@ class SoluteFunction:
 
 
 @lru_cache(maxsize=64)
-def effective_clearances(circuit: Circuit, filtered: str) -> SoluteFunction:
-    """Effective clearances of the filter on a connection of a circuit."""
+def effective_shares(circuit: Circuit, filtered: str) -> SoluteFunction:
+    """Effective over own clearances of the filter on a connection of a circuit."""
     names = tuple(c.name for c in circuit.connections)
     mixing = [n for d in drainages(circuit) for n in names_in(d.mixing)]
     parameters = tuple(dict.fromkeys((*mixing, *switches(circuit))))
@@ -55,11 +60,9 @@ def effective_clearances(circuit: Circuit, filtered: str) -> SoluteFunction:
         flows = flows_of(circuit, numbers[:count], numbers[count : 2 * count], values)
         drawn = [(d, jnp.asarray(value_of(values, d.mixing))) for d in drainages(circuit)]
         clearances, water = numbers[last:].reshape(2, -1)
-        return clearances * _before_filter(
-            mixtures(flows, sources(circuit, filtered), drawn), clearances / water
-        )
+        return _before_filter(mixtures(flows, sources(circuit, filtered), drawn), clearances / water)
 
-    return SoluteFunction(names, parameters, compute, ("clearances", circuit, filtered))
+    return SoluteFunction(names, parameters, compute, ("effective", circuit, filtered))
 
 
 def sources(circuit: Circuit, filtered: str) -> list[int]:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from eclsim.devices.description import Knob
-from eclsim.outputs.limits import backward_flow_bounds, impossible_bounds
-from eclsim.outputs.registry import unavailable
+from eclsim.cases.settings import apply_settings
+from eclsim.devices.description import GASES, Knob, Limit
+from eclsim.devices.products import LABEL_FLOWS
+from eclsim.devices.registry import named_output
+from eclsim.inputs.mistakes import CaseError
+from eclsim.outputs.limits import backward_flow_bounds, impossible_bounds, limits_of
+from eclsim.outputs.registry import output, unavailable
 from eclsim.spelling import spelling_hint
 
 if TYPE_CHECKING:
@@ -121,25 +125,52 @@ def read_goals(text: str | Sequence[Goal], outputs: Sequence[str]) -> tuple[Goal
     return tuple(goals)
 
 
-def possible(outputs: Sequence[str], asked: Sequence[Goal]) -> tuple[Goal, ...]:
-    """Goals that hold unasked: of veins that fill, of chambers that eject, of flows through devices.
+def possible(
+    outputs: Sequence[str], asked: Sequence[Goal], present: Mapping[str, float], values: Mapping[str, float]
+) -> tuple[Goal, ...]:
+    """Goals that hold unasked: of veins that fill, of chambers that eject, of flows and of gases.
 
-    No vein may be below its surroundings, no chamber below empty, no device carry blood backwards.
+    No vein may be below its surroundings, no chamber below empty, no device carry blood backwards, no
+    oxygenator less than its label says; no alarm of gases may be raised that the case does not raise itself.
 
     Args:
         outputs: names that the case has.
         asked: goals of the user, whose own bounds win on their side of an output.
+        present: outputs at the case's own settings, as far as they are known.
+        values: of its parameters.
     """
     taken = {(goal.output, "below") for goal in asked if math.isfinite(goal.low)}
     taken |= {(goal.output, "above") for goal in asked if math.isfinite(goal.high)}
     goals: dict[str, Goal] = {}
-    backward = [replace(limit, value=0.0) for limit in backward_flow_bounds(outputs)]
-    for limit in (*impossible_bounds(outputs), *backward):
+    backward = [_least_flow(limit, values) for limit in backward_flow_bounds(outputs)]
+    gases = [
+        limit for name in outputs if is_of_gas(name) for limit in limits_of(name, outputs)
+        if limit.kind == "alarm" and not limit.broken_by(present.get(name, math.nan))
+    ]  # fmt: skip
+    for limit in (*impossible_bounds(outputs), *backward, *gases):
         if (limit.quantity, limit.side) not in taken:
             known = goals.get(limit.quantity, Goal(limit.quantity, because=limit.meaning))
             side = {"low": limit.value} if limit.side == "below" else {"high": limit.value}
             goals[limit.quantity] = replace(known, **side)
     return tuple(goals.values())
+
+
+def is_of_gas(name: str) -> bool:
+    """Whether an output exists only where gases are computed."""
+    return GASES in output(name).parameters
+
+
+def _least_flow(limit: Limit, values: Mapping[str, float]) -> Limit:
+    """No flow backwards; for an oxygenator that is not clamped no less than its label says."""
+    known = named_output(limit.quantity)
+    if known is not None and known[1].name == "PF":
+        names = known[0]
+        least = values.get(names.parameter(LABEL_FLOWS[0]), 0.0)
+        clamped = values.get(names.parameter("ecmo.return_clamp"), 0.0) > 0.0
+        if math.isfinite(least) and not clamped:
+            meaning = "blood that hardly flows clots in the oxygenator; the least that its label allows"
+            return replace(limit, value=least, meaning=meaning)
+    return replace(limit, value=0.0)
 
 
 def _read(text: str) -> Goal:
@@ -212,11 +243,14 @@ def read_settings(
 
 
 def _bounded(case: Case, name: str) -> Setting | None:
-    """A setting over the range of its knob on the page, or of the table of parameters."""
+    """A setting over the range of its pump, of its knob on the page, or of the table of parameters."""
     from eclsim.devices.registry import parameter_of
 
     section, _, key = name.rpartition(".")
-    knob = _knobs(case, section).get(key)
+    knob, instance = _knobs(case, section).get(key), case.instance(section)
+    swept = None if instance is None else instance.device.sweep(instance.section)
+    if swept is not None and swept.key == key and knob is not None:
+        return Setting(name, swept.low, swept.high, knob.unit)
     if knob is not None:
         return Setting(name, knob.low, knob.high, knob.unit)
     entry = parameter_of(name, [instance.key for instance in case.instances()])
@@ -228,9 +262,14 @@ def _outside(case: Case, name: str, low: float, high: float) -> str:
     from eclsim.devices.registry import parameter_of
 
     entry = parameter_of(name, [instance.key for instance in case.instances()])
-    if entry is None or (entry.accepts(low) and entry.accepts(high)):
-        return ""
-    return f"outside the allowed range; allowed: {entry.allowed}"
+    if entry is not None and not (entry.accepts(low) and entry.accepts(high)):
+        return f"outside the allowed range; allowed: {entry.allowed.removesuffix(' 1')}"
+    for bound in (low, high):
+        try:
+            apply_settings(case, [f"{name}={bound!r}"])
+        except CaseError as error:
+            return f"{bound:g}: {error.mistakes[0].message}; allowed: {error.mistakes[0].allowed}"
+    return ""
 
 
 def _knobs(case: Case, section: str) -> dict[str, Knob]:

@@ -9,9 +9,10 @@ trust region (sequential linear programming with an exact penalty, Fletcher and 
 10.1007/BF01582292), and once more where bounds are curved (second-order correction). At a solution that as
 many goals determine as there are settings it converges as fast as Newton's method. Where goals exclude each
 other the same search ends at the smallest sum of misses, each in hundredths of its bound; what stands in the
-way is found by leaving out the goals at their bounds, one by one. Three kinds of bounds are kept unasked, for
+way is found by leaving out the goals at their bounds, one by one. Bounds are kept unasked, for
 no patient is beyond them or should be: veins do not fill below the pressure of their surroundings, no chamber
-ejects more than it holds, no device carries blood backwards.
+ejects more than it holds, no device carries blood backwards and no oxygenator less than its label says, and
+no alarm of gases is raised that the case does not raise itself.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ import numpy as np
 from scipy.optimize import linprog
 
 from eclsim.gas.network import GasStatus
-from eclsim.goals.goal import Goal, GoalError, Setting, possible, read_goals, read_settings
+from eclsim.goals.goal import Goal, GoalError, Setting, is_of_gas, possible, read_goals, read_settings
 from eclsim.orbit.model import CaseSource, Model, as_case, model_of
 from eclsim.orbit.status import NoDerivativesError, Status
 from eclsim.orbit.steady import Batch
@@ -187,26 +188,40 @@ def reach(
         wrong += error.mistakes
     if wrong:
         raise GoalError(wrong)
+    whole = _Bedside(model, settings, volume_policy)
+    own = whole.beat(whole.own[:, None], None)
+    present = own.outputs() if own.determined[0] else {}
+    unasked = possible(names, parsed, present, model.values)
     if vary is None:
-        settings = _acting(model, settings, parsed, volume_policy)
-    return _reached(_Bedside(model, settings, volume_policy), (*parsed, *possible(names, parsed)))
+        settings = _acting(whole, parsed, unasked)
+    return _reached(_Bedside(model, settings, volume_policy), (*parsed, *unasked))
 
 
-def _acting(
-    model: Model, settings: tuple[Setting, ...], goals: Sequence[Goal], policy: str | None
-) -> tuple[Setting, ...]:
-    """Those of the usual settings that a goal depends on at the case's own values; else all of them.
+def _acting(bedside: _Bedside, goals: Sequence[Goal], unasked: Sequence[Goal]) -> tuple[Setting, ...]:
+    """Those of the usual settings that a goal depends on; those of gases where it is one of gases.
 
     A sweep that no goal depends on would be turned to nothing, since the smallest settings are sought.
+
+    Raises:
+        GoalError: no goal depends on any.
     """
-    bedside = _Bedside(model, settings, policy)
-    own = np.array([model.values[setting.name] for setting in settings])
-    now = bedside.point(np.clip((own - bedside.low) / bedside.span, 0.0, 1.0), [g.output for g in goals])
+    start = _best_starts(bedside, (*goals, *unasked))
+    places = [bedside.own, *([] if isinstance(start, _Nowhere) else start)]
+    outputs = [goal.output for goal in goals]
+    now = next((point for place in places if (point := bedside.point(place, outputs)) is not None), None)
     if now is None:
-        return settings
+        return bedside.settings
     scales = np.array([goal.scale for goal in goals])[:, None]
     acts = (np.abs(now.slopes) > IDLE * scales).any(axis=0)
-    return tuple(one for one, does in zip(settings, acts, strict=True) if does) or settings
+    turned = {one.name for one in bedside.settings}
+    if not any(is_of_gas(goal.output) for goal in goals):
+        turned &= set(bedside.model.circuit.parameter_names())  # what moves blood
+    settings = zip(bedside.settings, acts, strict=True)
+    chosen = tuple(one for one, does in settings if does and one.name in turned)
+    if not chosen:
+        there = ", ".join(one.name for one in bedside.settings)
+        raise GoalError([f"{', '.join(outputs)}: not moved by {there}; name what may be turned (vary)"])
+    return chosen
 
 
 class _Point(NamedTuple):
@@ -239,6 +254,12 @@ class _Bedside:
         self.low = np.array([setting.low for setting in settings])
         self.span = np.array([setting.high for setting in settings]) - self.low
         self.beats = 0
+
+    @property
+    def own(self) -> np.ndarray:
+        """The place of the case's own settings, or the nearest in the ranges."""
+        values = np.array([self.model.values[setting.name] for setting in self.settings])
+        return np.clip((values - self.low) / self.span, 0.0, 1.0)
 
     def values_at(self, places: np.ndarray) -> dict[str, np.ndarray]:
         """Values of the settings at places of shape (settings, members)."""

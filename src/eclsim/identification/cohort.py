@@ -12,10 +12,11 @@ import numpy as np
 from eclsim.cases.writing import case_text
 from eclsim.execution import Executor, Progress, Tasks, announce, json_format
 from eclsim.files import file_stem, write_text
-from eclsim.identification.fit import fit_cases
+from eclsim.identification.fit import FitResult, broken_off, fit_cases
 from eclsim.identification.multi_start import FitStatus
 from eclsim.identification.quantities import FLOWS, PRESSURES, measured_and_simulated
 from eclsim.identification.settings import FitSettings
+from eclsim.inputs.mistakes import CaseError
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
@@ -50,8 +51,6 @@ class FitGroup:
 
     def __call__(self, group: Group) -> list[KeptFit]:
         """The fits, in the order of the points."""
-        named_cases = [(point.name, point.case) for point in group]
-        fits = fit_cases(named_cases, self.settings, lambda step: announce(str(step)))
         return [
             KeptFit(
                 numbers={
@@ -60,8 +59,19 @@ class FitGroup:
                 },
                 case=case_text(named(fit.case, fit.name)) if fit.simulated else None,
             )
-            for point, fit in zip(group, fits, strict=True)
+            for point, fit in zip(group, self._fits([(p.name, p.case) for p in group]), strict=True)
         ]  # fmt: skip
+
+    def _fits(self, cases: Sequence[tuple[str, Case]]) -> list[FitResult]:
+        """The fits of cases; one that an error ends stops no other, unless they share parameters."""
+        try:
+            return fit_cases(cases, self.settings, lambda step: announce(str(step)))
+        except (CaseError, MemoryError, OSError):  # of the whole run: no point by itself would do better
+            raise
+        except Exception as error:  # whatever it is, it must not take the cohort
+            if len(cases) > 1 and not self.settings.shared:
+                return [fit for case in cases for fit in self._fits([case])]
+            return [broken_off(name, case, self.settings, error) for name, case in cases]
 
 
 def fit_tasks(

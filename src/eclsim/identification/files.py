@@ -78,8 +78,8 @@ def write_fitted_case(folder: Path, fit: FitResult) -> Path:
     return path
 
 
-def write_fit_figures(folder: Path, fit: FitResult, profiled: FitProfiles) -> list[Path]:
-    """Slices, profiles, convergence of the starts, residuals and correlation of one fit."""
+def write_fit_figures(folder: Path, fit: FitResult, profiled: FitProfiles | None) -> list[Path]:
+    """Slices, profiles (None: those of an earlier fit go), starts, residuals and correlation of one fit."""
     from eclsim.identification.figures import (
         plot_correlation,
         plot_profiles,
@@ -97,7 +97,6 @@ def write_fit_figures(folder: Path, fit: FitResult, profiled: FitProfiles) -> li
     along = slices(fit.objective, fit.box, fit.optimum.x, fit.number)
     figures = {
         "slices": plot_slices(along, units),
-        "profiles": plot_profiles(profiled.refitted, profiled.held, units, RISE_90),
         "starts": plot_starts(fit.optimum.starts, fit.box.names, fit.box.lower, fit.box.upper),
         "residuals": plot_residuals(
             fit.as_object()["outputs"],
@@ -106,6 +105,11 @@ def write_fit_figures(folder: Path, fit: FitResult, profiled: FitProfiles) -> li
         ),
         "correlation": plot_correlation(fit.box.names, fit.correlation),
     }
+    if profiled is None:
+        for earlier in folder.glob("profiles.*"):
+            earlier.unlink()
+        return [path for name, figure in figures.items() for path in save_figure(figure, folder / name)]
+    figures["profiles"] = plot_profiles(profiled.refitted, profiled.held, units, RISE_90)
     written = [path for name, figure in figures.items() for path in save_figure(figure, folder / name)]
     table, refitted = folder / "profiles.csv", profiled.refitted
     rows = [

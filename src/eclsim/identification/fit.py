@@ -11,13 +11,14 @@ import numpy as np
 
 from eclsim.cases.quantities import with_values
 from eclsim.files import finite
-from eclsim.identification.held import LeftOpen, left_open
+from eclsim.identification.held import carried_consumption, left_open
 from eclsim.identification.multi_start import (
     FitStatus,
     Optimum,
     Progress,
     fit_shared,
     identify,
+    nothing_found,
     silent,
 )
 from eclsim.identification.objective import Box, Objective, Target, correlation
@@ -28,7 +29,9 @@ from eclsim.identification.settings import (
     FitSettings,
     checked_fit,
     common_policy,
+    formula_of_consumption,
     held_by_assumption,
+    held_consumption,
     held_volume,
     ready,
     unmeasured_uncertainties,
@@ -268,21 +271,13 @@ def fit_cases(
     """
     settings = settings or FitSettings()
     started = time.perf_counter()
-    cases = [(name, ready(case, settings)) for name, case in cases]
-    targets, box = [], None
-    for _, case in cases:
-        checked = checked_fit(case, settings)
-        if checked.mistakes:
-            raise CaseError(checked.mistakes)
-        targets.append(_target(case, checked.targets, checked.fixed, settings))
-        box = box or Box.of(checked.free)
-    if box is None:
+    if not cases:
         return []
-    policy = common_policy([case for _, case in cases], settings.volume_policy)
-    objective = Objective(targets, box.names, policy)
+    cases = [(name, ready(case, settings)) for name, case in cases]
+    objective, box = _problem([case for _, case in cases], settings)
     optima = identify(objective, box, settings.multi_start, progress)
     if settings.shared and len(cases) > 1:
-        errors = [measurement_errors(t.measured, settings.uncertainties) for t in targets]
+        errors = [measurement_errors(t.measured, settings.uncertainties) for t in objective.targets]
         errors = [np.array(list(by_output.values())) for by_output in errors]
         optima = fit_shared(objective, box, optima, errors, settings.shared)
     results = [
@@ -292,6 +287,29 @@ def fit_cases(
     results = [held_against_its_beat(result) for result in _without_compensated(results, objective, box)]
     seconds = (time.perf_counter() - started) / len(cases)
     return [replace(result, seconds=seconds) for result in results]
+
+
+def broken_off(name: str, case: Case, settings: FitSettings, error: Exception) -> FitResult:
+    """The result of a data point whose fit an error of the program ended."""
+    case = ready(case, settings)
+    objective, box = _problem([case], settings)
+    optimum = nothing_found(len(box.names), len(objective.outputs), FitStatus.BROKEN_OFF)
+    result = _result(name, case, objective, 0, box, optimum, settings)
+    about = f"{type(error).__name__}: {error}"
+    return replace(result, verdict=FitVerdict(None, tuple(search(optimum.status, about))))
+
+
+def _problem(cases: Sequence[Case], settings: FitSettings) -> tuple[Objective, Box]:
+    """What is minimised for cases that are `ready`, and the bounds."""
+    targets, boxes = [], []
+    for case in cases:
+        checked = checked_fit(case, settings)
+        if checked.mistakes:
+            raise CaseError(checked.mistakes)
+        targets.append(_target(case, checked.targets, checked.fixed, settings))
+        boxes.append(Box.of(checked.free))
+    policy = common_policy(cases, settings.volume_policy)
+    return Objective(targets, boxes[0].names, policy), boxes[0]
 
 
 def _target(
@@ -332,7 +350,7 @@ def _result(
     changed = changed.model_copy(update={"blood_volume_policy": objective.policy})
     reasons = [
         *agreement(target.measured, simulated, goodness, settings.weights), *search(optimum.status),
-        *_held_back(parameters, gains), *_held_fixed(goodness, box.names),
+        *_held_back(parameters, gains), *_held_fixed(goodness, box.names), *_unknown_rest(set_points),
     ]  # fmt: skip
     return FitResult(
         name, changed, target.measured, simulated, parameters, correlation(spread),
@@ -390,6 +408,18 @@ def _held_fixed(goodness: Goodness, free: Sequence[str]) -> list[Reason]:
     return reasons
 
 
+def _unknown_rest(set_points: Mapping[str, float]) -> list[Reason]:
+    """Set points of reflexes that neither the case nor a measurement gives."""
+    return [
+        Reason(
+            Aspect.PLAUSIBILITY, Level.DOUBTFUL, "",
+            f"{key} is that of the start values ({value:.4g}), so that reflexes act on whoever was measured: "
+            "give it, measure it, or fit without [regulation]",
+        )
+        for key, value in set_points.items()
+    ]  # fmt: skip
+
+
 def held_against_its_beat(result: FitResult) -> FitResult:
     """The fit with the fitted patient's beat held against what is determined, and against adults."""
     if not result.simulated:
@@ -411,18 +441,40 @@ def held_against_its_beat(result: FitResult) -> FitResult:
     reasons = plausibility(implied, result.ranges, result.measured, collapsed)
     for sentence in held_by_assumption(result.case, result.measured, result.parameters):
         reasons.append(Reason(Aspect.PLAUSIBILITY, Level.DOUBTFUL, "", sentence))
-    if result.optimum.shared is None and (found := _left_open(result)) is not None:
+    if result.optimum.shared is None and (found := left_open(*_as_fitted(result))) is not None:
         reasons.append(Reason(Aspect.HELD, Level.DOUBTFUL, "", found.sentence))
+    result, consumption = _with_consumption(result)
+    reasons += consumption
     for sentence in held_volume(result.case, result.measured, result.parameters):
         reasons.append(Reason(Aspect.PLAUSIBILITY, Level.GOOD, "", sentence))
     return replace(result, implied=implied, warnings=tuple(beat.attrs["warnings"])).judged(reasons)
 
 
-def _left_open(result: FitResult) -> LeftOpen | None:
-    """Outputs that follow from parameters which nobody gave and the fit holds."""
+def _with_consumption(result: FitResult) -> tuple[FitResult, list[Reason]]:
+    """The fit with the intervals that a consumption by the formula leaves, and what there is to say."""
+    if not formula_of_consumption(result.case, result.measured, result.parameters):
+        return result, []
+    carried = carried_consumption(*_as_fitted(result)) if result.optimum.shared is None else None
+    if carried is None:
+        sentences = held_consumption(result.case, result.measured, result.parameters)
+        return result, [Reason(Aspect.HELD, Level.GOOD, "", sentence) for sentence in sentences]
+    wider = {
+        name: replace(result.parameters[name], lower=low, upper=high)
+        for name, (low, high) in carried.intervals.items()
+    }
+    result = replace(result, parameters={**result.parameters, **wider})
+    why = "makes up for what is wrong with the oxygen consumption, which is held at a formula's value"
+    result = replace(result, parameters=result._undetermined(dict.fromkeys(wider, why)))
+    return result, [Reason(Aspect.HELD, Level.DOUBTFUL, "", carried.sentence)]
+
+
+def _as_fitted(
+    result: FitResult,
+) -> tuple[Case, Mapping[str, tuple[float, float, float]], Mapping[str, float], str]:
+    """Fitted case, value and bounds of each free parameter, uncertainties and policy."""
     ends = (result.box.scale.values(x) for x in (result.optimum.x, result.box.lower, result.box.upper))
     free = dict(zip(result.box.names, zip(*(e.tolist() for e in ends), strict=True), strict=True))
-    return left_open(result.case, free, result.uncertainties, result.objective.policy)
+    return result.case, free, result.uncertainties, result.objective.policy
 
 
 def _parameters(

@@ -4,6 +4,9 @@ Blood gases, or few measurements, are often fitted with some of the seven parame
 cannot be told from others'. What they are held at is then taken as known, and intervals of a failing heart
 come out as narrow ones of a healthy heart and wide vessels. By the derivatives at the fit and the bounds as
 prior (Gaussian approximation) the reach of what was not measured is said instead.
+
+Likewise an oxygen consumption by the formula, which nobody measured: arterial gases alone follow from it and
+the shunt together, and what is wrong with it goes into the shunt.
 """
 
 from __future__ import annotations
@@ -15,6 +18,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eclsim.cases.quantities import stated
+from eclsim.cases.sections import MEASURED_GASES
+from eclsim.devices.description import GASES as VO2
 from eclsim.identification.objective import NORMAL_90, Box
 from eclsim.identification.quantities import unit_of
 from eclsim.orbit.model import model_of
@@ -27,6 +32,9 @@ if TYPE_CHECKING:
 
 READ = ("CO", "PCWP", "MPAP")
 """Outputs that a fit is read for, the gravest first."""
+CONSUMPTION_SPREAD = 0.25
+"""Standard deviation of the logarithm of a critically ill patient's consumption about the formula, from
+the cooled to the septic: an assumption."""
 OPEN = 1.3
 """Ratio of the ends of a 90 % interval to the value, from which an output counts as left open."""
 
@@ -58,6 +66,71 @@ class LeftOpen:
             f"well, these measurements leave {each} (90 %); measure it, free them (--free), or give "
             "[parameters] that are known"
         )
+
+
+@dataclass(frozen=True)
+class Carried:
+    """Free parameters that carry what is wrong with an oxygen consumption by the formula.
+
+    Attributes:
+        value: the consumption [mL/min].
+        gases: measured ones that follow from it.
+        intervals: 90 % of each such parameter, in its unit, with the consumption not known.
+    """
+
+    value: float
+    gases: tuple[str, ...]
+    intervals: Mapping[str, tuple[float, float]]
+
+    @property
+    def sentence(self) -> str:
+        """In words, with what to do."""
+        share, names = f"{100 * CONSUMPTION_SPREAD:.0f} %", ", ".join(self.intervals)
+        ends = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in self.intervals.items())
+        return (
+            f"the oxygen consumption is held at {self.value:.0f} mL/min, a formula's, and {names} "
+            f"make{'s' if len(self.intervals) == 1 else ''} up for what is wrong with it, since "
+            f"{', '.join(self.gases)} alone cannot tell: known to {share}, these measurements leave {ends} "
+            f"(90 %); measure SvO2 or SpreO2, or give {VO2}"
+        )
+
+
+def carried_consumption(
+    fitted: Case,
+    free: Mapping[str, tuple[float, float, float]],
+    errors: Mapping[str, float],
+    policy: str,
+) -> Carried | None:
+    """Free parameters whose intervals a consumption by the formula makes too narrow; None where none are.
+
+    Args:
+        fitted: the case with its fitted values; its consumption is the formula's.
+        free: value, lower and upper bound of each free parameter, in its unit.
+        errors: standard uncertainty of each measurement.
+        policy: blood volume policy.
+    """
+    model = model_of(fitted)
+    if VO2 not in model.values:
+        return None
+    consumed = model.values[VO2]
+    reach = np.exp(CONSUMPTION_SPREAD * np.sqrt(3.0))
+    box = Box.of({**free, VO2: (consumed, consumed / reach, consumed * reach)})
+    try:
+        slopes = derivatives(model, tuple(errors), box.names, policy)
+    except NoDerivativesError:
+        return None
+    scaled = slopes.to_numpy() * box.scale.slopes(box.start) / np.array(list(errors.values()))[:, None]
+    count = len(free)
+    own = Box(box.names[:count], box.start[:count], box.lower[:count], box.upper[:count])
+    narrow = np.sqrt(np.diag(own.covariance(scaled[:, :count])))
+    wide = np.sqrt(np.diag(box.covariance(scaled)))[:count]
+    intervals = {
+        name: own.interval(k, own.start[k], wide[k])
+        for k, name in enumerate(own.names)
+        if wide[k] > OPEN * narrow[k]
+    }
+    gases = tuple(name for name in errors if name in MEASURED_GASES)
+    return Carried(consumed, gases, intervals) if intervals else None
 
 
 def left_open(

@@ -13,6 +13,7 @@ such a kink; `polish` looks for a way on in a cloud of points around it, shaped 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
@@ -199,7 +200,9 @@ class _Search:
         """One iteration of each start; those left that are worth another."""
         before, start = self.costs[active].copy(), self.x[active].copy()
         first_order = self.first_order(active)
-        trials = (first_order, self.second_order(first_order))
+        solved = np.isfinite(first_order.evaluation.costs)
+        # Where no step has a steady beat, as of a heart in arrest, none has shown any curvature.
+        trials = (first_order, self.second_order(first_order, solved)) if solved.any() else (first_order,)
         best = self.best(active, trials)
         for number, trial in enumerate(trials):
             chosen = best[:, 0] == number
@@ -222,9 +225,8 @@ class _Search:
         dampings = np.maximum(np.outer(self.damping[active], LADDER).ravel(), SMALLEST_DAMPING)
         return self.trial(rows, dampings, self.residuals[rows])
 
-    def second_order(self, first: _Trial) -> _Trial:
-        """The same with what the first steps have shown of the residuals' curvature."""
-        solved = np.isfinite(first.evaluation.costs)
+    def second_order(self, first: _Trial, solved: np.ndarray) -> _Trial:
+        """The same with what those first steps that have a steady beat show of the residuals' curvature."""
         rows, steps = first.rows[solved], first.steps[solved]
         linear = [self.weighted(row) @ step for row, step in zip(rows, steps, strict=True)]
         shape = (len(rows), self.residuals.shape[1])
@@ -242,7 +244,7 @@ class _Search:
             steps[of_member] = own_steps * self.moves[row]
         return _Trial(rows, dampings, steps, self.evaluate(rows, self.x[rows] + steps))
 
-    def best(self, active: np.ndarray, trials: tuple[_Trial, ...]) -> np.ndarray:
+    def best(self, active: np.ndarray, trials: Sequence[_Trial]) -> np.ndarray:
         """Trial and place in it of the step that lowers each start's cost most, -1 for none; (starts, 2)."""
         best, lowest = np.full((len(active), 2), -1), self.costs[active].copy()
         for number, trial in enumerate(trials):

@@ -54,6 +54,7 @@ class FitStatus(StrEnum):
     NO_STEADY_BEAT = "no_steady_beat"
     ONE_OF_MANY = "one_of_many"
     NO_STEADY_GASES = "no_steady_gases"
+    BROKEN_OFF = "broken_off"
 
     @property
     def message(self) -> str:
@@ -78,6 +79,10 @@ _MESSAGES = {
     FitStatus.NO_STEADY_GASES: (
         "no explored set of parameters has a steady gas state, which the measured gases need, though the "
         "heartbeat is steady: check sweep, FdO2, ventilation and where cannulae lie, or leave out the gases"
+    ),
+    FitStatus.BROKEN_OFF: (
+        "an error of the program broke the fit off; the other points are fitted without it: look for a wrong "
+        "value among its measurements and devices, and report it"
     ),
 }
 
@@ -315,12 +320,7 @@ def _best(
     size, count = len(box.names), len(problem.outputs)
     explored = candidates.explored, candidates.dropped, candidates.shut, candidates.gasless
     if not candidates.refined or not np.isfinite((ended := candidates.so_far()).costs).any():
-        none, flat = np.zeros((0, size)), np.zeros(0)
-        nothing = Starts(none, flat, flat, np.zeros(0, dtype=bool))
-        return Optimum(
-            np.full(size, np.nan), np.full(count, np.nan), np.inf, np.full((count, size), np.nan), nothing,
-            *explored, candidates.nothing_found(),
-        )  # fmt: skip
+        return nothing_found(size, count, candidates.nothing_found(), explored)
     last = _to_the_end(problem, point, ended.x[[np.argmin(ended.costs)]], box, settings.polishing)
     first_costs = np.array(candidates.first_costs)
     starts = Starts(ended.x, first_costs, ended.costs, agreeing(ended))
@@ -328,6 +328,25 @@ def _best(
     return Optimum(
         last.x[0], last.outputs[0], float(last.costs[0]), last.jacobians[0], starts, *explored,
         FitStatus.FITTED if settled else FitStatus.NOT_SETTLED,
+    )  # fmt: skip
+
+
+def nothing_found(
+    size: int, count: int, status: FitStatus, explored: tuple[int, int, int, int] = (0, 0, 0, 0)
+) -> Optimum:
+    """The end of a search that has found nothing.
+
+    Args:
+        size: number of parameters.
+        count: of outputs.
+        status: how it ended.
+        explored: points explored, and of these dropped, shut and gasless (see `Optimum`).
+    """
+    none, flat = np.zeros((0, size)), np.zeros(0)
+    starts = Starts(none, flat, flat, np.zeros(0, dtype=bool))
+    return Optimum(
+        np.full(size, np.nan), np.full(count, np.nan), np.inf, np.full((count, size), np.nan), starts,
+        *explored, status,
     )  # fmt: skip
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from eclsim.identification.least_squares import Refinement, Tolerances, refine
 from eclsim.identification.objective import Box, LeastSquaresProblem, Objective, Target
 from eclsim.identification.quantities import Scale
-from eclsim.identification.verdict import interval_agreement
+from eclsim.identification.verdict import Aspect, Level, Reason, interval_agreement
 from eclsim.orbit.equation import OrbitOptions
 
 if TYPE_CHECKING:
@@ -211,17 +211,20 @@ class FitProfiles:
         refitted: the others fitted again.
         held: the others held, through the same point.
         intervals: 90 % interval of each parameter, in its unit: chi-square within `RISE_90` of its least.
+        beatless: "lower" and "upper" ends of intervals that no steady beat was found beyond, by parameter.
     """
 
     refitted: CostCurves
     held: CostCurves
     intervals: Mapping[str, tuple[float, float]]
+    beatless: Mapping[str, tuple[str, ...]]
 
 
-def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles]:
+def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles | None]:
     """The fit with its profile intervals, judged by whether they agree with its Gaussian ones.
 
-    The profiles go through the parameters that are likeliest, whatever the weights of the fit.
+    The profiles go through the parameters that are likeliest, whatever the weights of the fit. There are none
+    where the steady beat of the fit is so hard to find that no other can be fitted beside it.
     """
     target = fit.objective.targets[fit.number]
     likelihood = Objective(
@@ -229,6 +232,8 @@ def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles]:
     )
     point = np.zeros(1, dtype=int)
     best = refine(likelihood, point, fit.optimum.x[None], fit.box, REFITTING)
+    if not np.isfinite(best.costs[0]):
+        return fit.judged([_WITHOUT]), None
     scaled = best.jacobians[0] * likelihood.weights[0][:, None]
     spread = fit.box.covariance(scaled)
     further = best.x[0][:, None] + np.outer(np.sqrt(np.diag(spread)), STANDARD_STEPS)
@@ -240,9 +245,19 @@ def with_profiles(fit: FitResult) -> tuple[FitResult, FitProfiles]:
     other = {n: {"lower": low, "upper": high} for n, (low, high) in intervals.items()}
     ends = fit.box.scale.values(np.array([fit.box.lower, fit.box.upper])).T.tolist()
     bounds = dict(zip(fit.box.names, map(tuple, ends), strict=True))
-    reasons = interval_agreement(fit.as_object()["parameters"], other, "profile likelihood", bounds)
-    curves = FitProfiles(refitted, slices(likelihood, fit.box, best.x[0]), intervals)
+    curves = zip(refitted.names, refitted.costs, strict=True)
+    beatless = {name: without_beat_beyond(costs) for name, costs in curves}
+    gaussian = fit.as_object()["parameters"]
+    reasons = interval_agreement(gaussian, other, "profile likelihood", bounds, beatless)
+    curves = FitProfiles(refitted, slices(likelihood, fit.box, best.x[0]), intervals, beatless)
     return replace(fit, profile=intervals).judged(reasons), curves
+
+
+_WITHOUT = Reason(
+    Aspect.INTERVALS, Level.DOUBTFUL, "",
+    "no profile likelihood could be computed beside this fit, whose steady heartbeat is at the edge of those "
+    "that there are: nothing checks the Gaussian intervals",
+)  # fmt: skip
 
 
 def interval_90(values: np.ndarray, costs: np.ndarray, scale: Scale) -> tuple[float, float]:
@@ -250,21 +265,44 @@ def interval_90(values: np.ndarray, costs: np.ndarray, scale: Scale) -> tuple[fl
 
     Args:
         values: of the parameter, rising.
-        costs: chi-square there; NaN without a steady beat, which ends the interval.
+        costs: chi-square there; NaN without a steady beat: the first such value ends the interval, since the
+            last beat lies somewhere before it.
         scale: coordinate of the parameter, along which the interval's ends are interpolated.
     """
-    least = int(np.nanargmin(costs))
-    rise = np.sqrt(np.where(np.isfinite(costs), np.maximum(costs - costs[least], 0.0), np.inf))
-    limit, x = np.sqrt(RISE_90), scale.coordinates(values[:, None])[:, 0]
+    rise, limit = _rise(costs), np.sqrt(RISE_90)
+    x = scale.coordinates(values[:, None])[:, 0]
     ends = []
-    for step, last in ((-1, 0), (1, len(x) - 1)):
-        # Beyond a ridge there may be another minimum, as of a shunt in place of recirculation.
-        side = rise[least::step]
-        beats = np.append(np.isinf(side), True).argmax()
-        k = least + step * int(np.flatnonzero(side[:beats] <= limit)[-1])
-        if k == last or not np.isfinite(rise[k + step]):
+    for step in (-1, 1):
+        k = _last_within(rise, step)
+        if k + step in (-1, len(x)):
             ends.append(values[k])
-            continue
-        share = (limit - rise[k]) / (rise[k + step] - rise[k])
-        ends.append(scale.value(0, x[k] + share * (x[k + step] - x[k])))
+        elif not np.isfinite(rise[k + step]):
+            ends.append(values[k + step])
+        else:
+            share = (limit - rise[k]) / (rise[k + step] - rise[k])
+            ends.append(scale.value(0, x[k] + share * (x[k + step] - x[k])))
     return float(ends[0]), float(ends[1])
+
+
+def without_beat_beyond(costs: np.ndarray) -> tuple[str, ...]:
+    """Ends of the 90 % interval of a profile, "lower" and "upper", that no steady beat was found beyond."""
+    rise = np.pad(_rise(costs), 1)
+    return tuple(
+        side
+        for step, side in ((-1, "lower"), (1, "upper"))
+        if not np.isfinite(rise[1 + _last_within(rise[1:-1], step) + step])
+    )
+
+
+def _rise(costs: np.ndarray) -> np.ndarray:
+    """Square root of the rise of chi-square from its least; infinite without a steady beat."""
+    return np.sqrt(np.where(np.isfinite(costs), np.maximum(costs - np.nanmin(costs), 0.0), np.inf))
+
+
+def _last_within(rise: np.ndarray, step: int) -> int:
+    """Place of the last value within the 90 % interval on one side, before any without a beat."""
+    least = int(np.argmin(rise))
+    # Beyond a ridge there may be another minimum, as of a shunt in place of recirculation.
+    side = rise[least::step]
+    beats = np.append(np.isinf(side), True).argmax()
+    return least + step * int(np.flatnonzero(side[:beats] <= np.sqrt(RISE_90))[-1])

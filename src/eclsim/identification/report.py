@@ -105,12 +105,13 @@ def _one_fit(point: Data) -> str:
     ]
     rows = [
         (
-            n, *(_figures(p[q]) for q in ("value", "lower", "upper")), unit_of_parameter(n),
+            n, *map(_figures, (p["value"], *_wider(p))), unit_of_parameter(n),
             "yes" if p["identifiable"] else "no: " + p["reason"],
         )
         for n, p in point["parameters"].items()
     ]  # fmt: skip
     head = ("parameter", "value", "5 %", "95 %", "unit", "determined by the measurements")
+    profiled = any(p["profile"] for p in point["parameters"].values())
     share = f"{point['starts_agreeing']} of {point['starts_refined']} starts agree"
     return "\n".join((
         f"{point['id']}: {headline(point['verdict'])}",
@@ -121,7 +122,16 @@ def _one_fit(point: Data) -> str:
         text_table(("output", "measured", "fitted", "standard uncertainties off"), outputs, (1, 2, 3)),
         "",
         text_table(head, rows, numeric=(1, 2, 3)),
+        *(["(the wider of the Gaussian approximation and the profile likelihood)"] * profiled),
     ))  # fmt: skip
+
+
+def _wider(parameter: Data) -> tuple[float | None, float | None]:
+    """All that either 90 % interval holds, the Gaussian one or that by the profile likelihood."""
+    both = [ends for ends in ((parameter["lower"], parameter["upper"]), parameter["profile"]) if ends]
+    if any(None in ends for ends in both):
+        return parameter["lower"], parameter["upper"]
+    return min(low for low, _ in both), max(high for _, high in both)
 
 
 def _several_fits(points: Sequence[Data]) -> str:
@@ -471,13 +481,16 @@ def _patient(series: Data) -> dict[str, object]:
 def _state(points: Sequence[Data]) -> list[str]:
     """Whether the last measurement fits, and what was remarked before."""
     last = points[-1]
+    said = last["message"]
+    for doubt in last.get("doubts", ()):
+        said = said.replace(doubt, "")
     if last["failed"]:
         first = f"{last['id']} could not be used: the estimate is of the measurement before"
     elif last["probability"] is None:
         first = f"{last['id']} is the only measurement: nothing to hold it against yet"
     elif last["unusual"]:
         first = f"{last['id']} does not fit the patient so far"
-    elif last["message"]:
+    elif said.strip("; "):
         first = f"{last['id']} fits the patient so far as a whole, not in every output"
     else:
         first = f"{last['id']} fits the patient so far (probability {last['probability']:.2g})"

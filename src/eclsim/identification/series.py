@@ -18,6 +18,7 @@ from eclsim.identification.settings import (
     FitSettings,
     checked_fit,
     held_by_assumption,
+    held_consumption,
     held_volume,
     open_at_rest,
     ready,
@@ -92,8 +93,14 @@ class Series:
 
     def doubts(self, case: Case, checked: CheckedFit) -> tuple[str, ...]:
         """Why what is learnt from a case is not to be trusted: what is held although it is not known."""
-        still_open = [str(w) for w in checked.warnings if w.key in MEASURED_AT_REST]
-        return (*held_by_assumption(case, checked.targets, self.settings.names), *still_open)
+        left_open = () if case.regulation is None else case.regulation.open_set_points
+        still_open = [str(w) for w in checked.warnings if w.key in left_open]
+        free = self.settings.names
+        held = (
+            *held_by_assumption(case, checked.targets, free),
+            *held_consumption(case, checked.targets, free),
+        )
+        return (*held, *still_open)
 
     def remarks(self, case: Case) -> list[str]:
         """What is assumed at all times; `case`: one of them."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from eclsim.cases.quantities import quantity, stated, with_values
 from eclsim.cases.resolve import height_weight
+from eclsim.cases.sections import MEASURED_GASES
 from eclsim.components.base import names_in
 from eclsim.devices.description import GASES as VO2
 from eclsim.devices.registry import parameters, usual_setting
@@ -140,6 +141,8 @@ def open_at_rest(case: Case) -> dict[str, float]:
     if case.regulation is None:
         return {}
     open_ones = MEASURED_AT_REST.keys() & case.regulation.open_set_points
+    if case.physiology is not None and case.physiology.pericardium:
+        open_ones -= {VENOUS_SET_POINT}  # transmural, and nobody measures the pressure around the heart
     measured = {key: getattr(case.measurements, MEASURED_AT_REST[key], None) for key in sorted(open_ones)}
     return {k: v for k, v in measured.items() if v is not None and parameters()[k].accepts(v)}
 
@@ -204,10 +207,11 @@ def told_of_volume(case: Case) -> tuple[str, ...]:
 
 
 def assumed_of_gases(case: Case) -> set[str]:
-    """Shunt and oxygen consumption, where a case leaves them at what is assumed."""
+    """Shunt and oxygen consumption, where a case leaves them out, so that they are assumed."""
     if case.gas is None:
         return set()
-    assumed = {VO2: case.gas.vo2_ml_min is None, SHUNT: case.gas.shunt_fraction == parameters()[SHUNT].value}
+    given = case.gas.model_fields_set
+    assumed = {VO2: case.gas.vo2_ml_min is None, SHUNT: "shunt_fraction" not in given}
     return {key for key, holds in assumed.items() if holds}
 
 
@@ -226,9 +230,26 @@ def held_by_assumption(case: Case, measured: Collection[str], free: Collection[s
         result.append(
             "the blood volume is held at that of a published patient of this size while CVP tells of it: "
             f"other parameters make up for what is wrong with it, and {_of_volume(measured)} follow from it; "
-            f"free it as well ({EXTRA_VOLUME} among --parameters) or give it"
+            f"free it as well ({EXTRA_VOLUME}) or give it"
         )
     return result
+
+
+def formula_of_consumption(case: Case, measured: Collection[str], free: Collection[str]) -> bool:
+    """Whether the oxygen consumption is a formula's while gases are measured none of which tells of it."""
+    told = {*MEASURED_GASES} & {*measured}
+    return bool(told) and VO2 in assumed_of_gases(case) - {*free} and not told & {*TELLS_OF[VO2][1]}
+
+
+def held_consumption(case: Case, measured: Collection[str], free: Collection[str]) -> list[str]:
+    """A sentence about a consumption by the formula that no measured gas tells of."""
+    if not formula_of_consumption(case, measured, free):
+        return []
+    gases = ", ".join(name for name in MEASURED_GASES if name in measured)
+    return [
+        f"the oxygen consumption is held at a formula's value, which {gases} follow from: the shunt is only "
+        f"as good as that; measure SvO2 or SpreO2, or give {VO2}"
+    ]
 
 
 def held_volume(case: Case, measured: Collection[str], free: Collection[str]) -> list[str]:
@@ -238,7 +259,7 @@ def held_volume(case: Case, measured: Collection[str], free: Collection[str]) ->
     return [
         f"the blood volume is held at that of a published patient of this size: {_of_volume(measured)} "
         "follow from it, and intervals leave out that it may be another; measure CVP and free "
-        f"{EXTRA_VOLUME} (--parameters)"
+        f"{EXTRA_VOLUME}"
     ]
 
 

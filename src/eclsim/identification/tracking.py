@@ -55,6 +55,8 @@ _TIME_IN_FILE_NAME = re.compile(r"(\d{4}-\d\d-\d\d)[T_ ](\d\d)[-.]?(\d\d)")
 EXPLORED = 512
 CLIMBS = 4
 DRAWS = 512
+MANY, MANY_DRAWS = 7, 2048
+"""With more parameters than these so many draws are needed for the ends of the first intervals."""
 DRAWN = 4000
 
 
@@ -364,7 +366,8 @@ class Tracker:
         best = points[np.argsort(levels, kind="stable")[:CLIMBS]]
         gaussian = approximate(density, prior.x_of(best))
         self.progress("weighted draws")
-        weighted = importance_sample(density, gaussian, DRAWS, settings.seed)
+        count = MANY_DRAWS if len(prior.names) > MANY else DRAWS
+        weighted = importance_sample(density, gaussian, count, settings.seed)
         weights, power = weighted.tempered()
         transport = weighted.transport if power == 1.0 else Transport.fit(weighted.z, weights)
         u, _ = transport.u_of(weighted.z)

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from eclsim.cases.quantities import quantity
 from eclsim.identification.multi_start import FitStatus
 from eclsim.identification.quantities import Scale
 from eclsim.parameters.adult_ranges import AdultRange
@@ -28,6 +29,8 @@ POOR_PROBABILITY = 1e-4
 """Likewise poor."""
 UNLIKE_WIDTH = 3.0
 """Intervals of one parameter whose widths (of the logarithms) differ by more than this factor disagree."""
+UNLIKE_END = 2.0
+"""Likewise intervals one of whose ends differ by more than this factor."""
 
 
 class Level(StrEnum):
@@ -277,6 +280,7 @@ def interval_agreement(
     other: Mapping[str, Mapping[str, Any]],
     source: str,
     bounds: Mapping[str, tuple[float, float]] | None = None,
+    beatless: Mapping[str, Sequence[str]] | None = None,
 ) -> list[Reason]:
     """Whether the fit's Gaussian 90 % intervals agree with others, for the parameters called determined.
 
@@ -285,6 +289,7 @@ def interval_agreement(
         other: "lower" and "upper" of each parameter.
         source: of the other intervals, such as "posterior".
         bounds: of the parameters, where the other intervals may end at them.
+        beatless: "lower" and "upper" ends of the other intervals that no steady heartbeat was found beyond.
     """
     reasons = []
     for name, estimate in fitted.items():
@@ -292,7 +297,7 @@ def interval_agreement(
         if interval is None or not estimate["identifiable"] or None in (interval["lower"], interval["upper"]):
             continue
         level, verdict = Level.DOUBTFUL, ""
-        ends = (interval["lower"], interval["upper"])
+        at_bounds = [] if bounds is None else _at_bounds(name, interval, bounds[name])
         if estimate["upper"] < interval["lower"] or interval["upper"] < estimate["lower"]:
             level = Level.POOR
             verdict = (
@@ -301,9 +306,17 @@ def interval_agreement(
             )
         elif not interval["lower"] <= estimate["value"] <= interval["upper"]:
             verdict = f"the fitted value {estimate['value']:.3g} is outside of the latter"
-        elif bounds is not None and np.allclose(ends, bounds[name], rtol=1e-6):
+        elif len(at_bounds) > 1:
             verdict = "the latter is all that its bounds allow, so the measurements do not determine it"
-        elif not 1.0 / UNLIKE_WIDTH <= _width(name, interval) / _width(name, estimate) <= UNLIKE_WIDTH:
+        elif at_bounds:
+            (side,) = at_bounds
+            verdict = f"the latter ends at the {side} bound, so the measurements give no {side} limit"
+        elif sides := (beatless or {}).get(name):
+            verdict = (
+                f"beyond the {' and the '.join(sides)} end of the latter no steady heartbeat was found, "
+                "which is no limit of the true value"
+            )
+        elif _unlike(name, interval, estimate):
             verdict = "take the wider of the two"
         if verdict:
             sentence = (
@@ -315,6 +328,25 @@ def interval_agreement(
     return reasons
 
 
-def _width(name: str, interval: Mapping[str, Any]) -> float:
+def _at_bounds(name: str, interval: Mapping[str, Any], bounds: tuple[float, float]) -> list[str]:
+    """Ends at a bound, but for those of a fraction, whose 0 and 1 are limits of what there can be."""
+    known = quantity(name)
+    limits = () if known is None or known.unit not in ("", "1") or not known.is_linear else (0.0, 1.0)
+    return [
+        side
+        for side, bound in zip(("lower", "upper"), bounds, strict=True)
+        if np.isclose(interval[side], bound, rtol=1e-6) and bound not in limits
+    ]
+
+
+def _unlike(name: str, interval: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Whether one of two intervals is much wider, or an end of one far beyond that of the other."""
+    ends = _ends(name, interval), _ends(name, other)
+    widths = [max(float(np.ptp(each)), 1e-12) for each in ends]
+    far = float(np.max(np.abs(ends[0] - ends[1]))) > np.log(UNLIKE_END)
+    return far or max(widths) > UNLIKE_WIDTH * min(widths)
+
+
+def _ends(name: str, interval: Mapping[str, Any]) -> np.ndarray:
     ends = np.array([[interval["lower"]], [interval["upper"]]])
-    return max(float(np.ptp(Scale.of([name]).coordinates(ends))), 1e-12)
+    return Scale.of([name]).coordinates(ends)[:, 0]

@@ -20,6 +20,7 @@ from eclsim.orbit.status import Status
 from eclsim.orbit.steady import Batch, SolvedOrbits, solve
 from eclsim.parameters import regulation as keys
 from eclsim.parameters.regulation import SET_POINT, VENOUS_SET_POINT
+from eclsim.regulation.attach import RIGHT_ATRIUM
 from eclsim.regulation.hypoxia import LUNG_SETTINGS, lung_resistance
 from eclsim.regulation.oxygen import venous_content
 
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from eclsim.cases.case import Case
 
 READ = {SET_POINT: "Pao", VENOUS_SET_POINT: "Pra"}
-"""Set points, and the waveforms whose means they are."""
+"""Set points, and the waveforms whose means they are; of the atrium less the pressure around it."""
 
 
 def resting_pressures(case: Case) -> Mapping[str, float]:
@@ -101,6 +102,9 @@ def _means(circuit: Circuit, values: tuple[tuple[str, float], ...], policy: str)
     result = solve(Batch.of(Model(circuit, dict(values), policy=policy)))
     if result.status[0] != Status.CONVERGED:
         return MappingProxyType(dict.fromkeys(READ, float("nan")))
-    series, weights = _recorded(result, tuple(READ.values()))
-    means = (weights * series).sum(axis=0)
-    return MappingProxyType(dict(zip(READ, means.tolist(), strict=True)))
+    around = tuple(f"P{s.name}" for s in circuit.surroundings if RIGHT_ATRIUM in s.members)
+    series, weights = _recorded(result, (*READ.values(), *around))
+    means = (weights * series).sum(axis=0).tolist()
+    found = dict(zip(READ, means, strict=False))
+    found[VENOUS_SET_POINT] -= sum(means[len(READ) :])
+    return MappingProxyType(found)

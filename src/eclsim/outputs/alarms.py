@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from eclsim.devices.description import CAUTION, COLLAPSE_MMHG, GRAVEST_FIRST, Finding, Limit
 from eclsim.devices.device import Naming, device_key
 from eclsim.devices.registry import assist_flows, devices, naming_of, namings
+from eclsim.outputs.cautions import cautions
 from eclsim.outputs.limits import CLOSED_L_MIN, broken_limits
 from eclsim.outputs.registry import CHAMBERS, output
 from eclsim.outputs.sealed import sealed
-from eclsim.parameters.regulation import DRUGS
 from eclsim.patient.sites import DRAINED
 
 if TYPE_CHECKING:
@@ -33,9 +33,6 @@ _PARTED_L_MIN = 0.1
 _LEFT = "the left ventricle itself ejects {} (LVO)"
 OPEN_ML_S = 30.0
 """Peak flow from which a valve counts as opening although its net flow is that of a closed one."""
-VENODILATORS = ("dobutamine", "milrinone", "nitroprusside")
-FILLED_MMHG = 12.0
-"""Wedge pressure below which a heart is not filled as those were to which these drugs were fitted."""
 
 
 def findings(
@@ -55,7 +52,7 @@ def findings(
     result = [_broken(limit, outputs[limit.quantity]) for limit in broken_limits(outputs)]
     result += _collapsed(extremes, {} if circuit is None else _drained(circuit))
     result += _aortic_valve(outputs, circuit) + _different_flows(outputs, circuit)
-    result += _emptied_by_drugs(outputs, values)
+    result += cautions(outputs, values)
     if circuit is not None:
         result += _shut_in(outputs, circuit)
         for names in _devices_of(circuit):
@@ -184,20 +181,6 @@ def _aortic_valve(outputs: Mapping[str, float], circuit: Circuit | None) -> list
     else:
         text += "the left ventricle does not eject"
     return [Finding("warning", "aortic_valve_flow", aortic, CLOSED_L_MIN, text, concerns=("LVO",))]
-
-
-def _emptied_by_drugs(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
-    """Drugs whose effect on veins was measured in congested patients, given to one who is not."""
-    given = [drug for drug in VENODILATORS if values.get(f"{DRUGS}.{drug}", 0.0) > 0.0]
-    wedge = outputs.get("PCWP")
-    if not given or wedge is None or not wedge < FILLED_MMHG:
-        return []
-    text = (
-        f"{' and '.join(given)}: fitted to failing hearts with a wedge pressure above 20 mmHg; here it is "
-        f"{wedge:.0f} mmHg, and what veins take of the blood empties the heart: pressures and outputs are "
-        "likely too low, and may fall where they rise in patients"
-    )
-    return [Finding(CAUTION, "PCWP", wedge, float("nan"), text, concerns=("CO", "MAP"))]
 
 
 def _different_flows(outputs: Mapping[str, float], circuit: Circuit | None) -> list[Finding]:

@@ -116,7 +116,7 @@ _PATIENT = (
     Limit("O2ER", "alarm", "above", 0.7, "extraction is critical: consumption falls with delivery", _OWN),
 )  # fmt: skip
 
-_SATURATED = (
+_REGULATED = (
     Limit(
         "reflex_use", "warning", "above", 90.0,
         "the baroreflex saturates: a further fall of pressure is hardly answered", _OWN,
@@ -125,15 +125,30 @@ _SATURATED = (
         "reflex_use", "warning", "below", -90.0,
         "the baroreflex saturates: a further rise of pressure is hardly answered", _OWN,
     ),
+    Limit("heart_rate", "warning", "above", 150.0, "tachycardia: the heart has little time to fill", _OWN),
+    Limit(
+        "heart_rate", "alarm", "above", 180.0,
+        "no sinus node of an adult beats so in shock: curves of reflex and drugs have no ceiling", _OWN,
+    ),
 )  # fmt: skip
 
 _UKKA = "UK Kidney Association 2023"
+_AT_40 = "a convention of this project: pH 7.2, 7.0, 7.55 and 7.65 at a PCO2 of 40 mmHg"
 _HYPERKALAEMIA, _HYPOKALAEMIA = "hyperkalaemia: the heart's rhythm is at risk", "hypokalaemia: arrhythmias"
 OF_COURSES = (
     Limit("potassium", "warning", "above", 6.0, _HYPERKALAEMIA, _UKKA),
     Limit("potassium", "alarm", "above", 6.5, _HYPERKALAEMIA, _UKKA),
     Limit("potassium", "warning", "below", 3.0, _HYPOKALAEMIA, _OWN),
     Limit("potassium", "alarm", "below", 2.5, _HYPOKALAEMIA, _OWN),
+    Limit("bicarbonate", "warning", "below", 15.0, _ACIDOSIS, _AT_40),
+    Limit("bicarbonate", "alarm", "below", 10.0, _ACIDOSIS, _AT_40),
+    Limit("bicarbonate", "warning", "above", 34.0, _ALKALOSIS, _AT_40),
+    Limit("bicarbonate", "alarm", "above", 43.0, _ALKALOSIS, _AT_40),
+    Limit(
+        "haematocrit", "warning", "below", 0.21, "haemoglobin 7 g/dL: usual threshold of transfusion", _OWN
+    ),
+    Limit("haematocrit", "alarm", "below", 0.15, "haemoglobin 5 g/dL: anaemia is critical", _OWN),
+    Limit("haematocrit", "warning", "above", 0.55, "blood thickens: resistances rise steeply", _OWN),
 )
 """Limits of what is followed in courses alone and is no output of a beat."""
 
@@ -186,7 +201,7 @@ def all_limits() -> tuple[Limit, ...]:
     return (
         *_IMPOSSIBLE,
         *_PATIENT,
-        *_SATURATED,
+        *_REGULATED,
         *(limit for device in devices().values() for limit in device.limits),
     )
 
@@ -201,7 +216,7 @@ def limits_of(quantity: str, outputs: Collection[str] = ()) -> tuple[Limit, ...]
     """
     known = named_output(quantity)
     if known is None:
-        result = [limit for limit in (*_IMPOSSIBLE, *_PATIENT, *_SATURATED) if limit.quantity == quantity]
+        result = [limit for limit in (*_IMPOSSIBLE, *_PATIENT, *_REGULATED) if limit.quantity == quantity]
     else:
         names, entry = known
         limits = (limit for limit in names.device.limits if limit.quantity == entry.name)

@@ -25,7 +25,7 @@ from eclsim.circuit.network import Circuit
 from eclsim.devices.description import Law, Measured, Numbers
 from eclsim.gas.network import GasFunction, Quantity, gas_of
 from eclsim.gas.origin import ARTERIES, OriginFunction, native_shares
-from eclsim.gas.solutes import SoluteFunction, effective_clearances
+from eclsim.gas.solutes import SoluteFunction, effective_shares
 
 SIDE_BY_SIDE = 16
 """Members whose laws are computed together; more at once do not fit the processor's caches."""
@@ -160,9 +160,11 @@ class Measures:
         function = gas_of(self.circuit)
         return dict(zip(function.quantities, self._carried(function, ()), strict=True))
 
-    def cleared(self, at: str, clearances: Sequence[Numbers], water: Sequence[Numbers]) -> Sequence[Numbers]:
-        """Effective clearances [mL/min] of a filter on a connection (`eclsim.gas.solutes`)."""
-        return self._carried(effective_clearances(self.circuit, at), (*clearances, *water))
+    def effective(
+        self, at: str, clearances: Sequence[Numbers], water: Sequence[Numbers]
+    ) -> Sequence[Numbers]:
+        """Shares of clearances [mL/min] that are for the patient, of a filter on a connection."""
+        return self._carried(effective_shares(self.circuit, at), (*clearances, *water))
 
     def native(self, artery: str) -> Numbers:
         """Share of the blood in an artery that the left heart has pumped (`eclsim.gas.origin`)."""

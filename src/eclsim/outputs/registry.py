@@ -240,8 +240,10 @@ class _RenamedMeasures:
     def gas(self, what: str, where: str, place: str) -> Numbers:
         return self._measures.gas(what, where, self._names.place(place))
 
-    def cleared(self, at: str, clearances: Sequence[Numbers], water: Sequence[Numbers]) -> Sequence[Numbers]:
-        return self._measures.cleared(self._names.place(at), clearances, water)
+    def effective(
+        self, at: str, clearances: Sequence[Numbers], water: Sequence[Numbers]
+    ) -> Sequence[Numbers]:
+        return self._measures.effective(self._names.place(at), clearances, water)
 
     def native(self, artery: str) -> Numbers:
         return self._measures.native(artery)

@@ -53,6 +53,10 @@ def _needed_signals(
     signals = {*waveforms, *(signal for entry in entries for signal in entry.needs)}
     if any(entry.all_flows for entry in entries):
         signals |= {"Q" + connection.name for connection in circuit.connections}
+    if any(entry.in_effect for entry in entries):
+        from eclsim.regulation.effects import readings_of, steady_controls
+
+        signals |= {str(reading.signal) for reading in readings_of(steady_controls(circuit))}
     rates = {signal + RATE for entry in entries for signal in entry.extremes if has_rate(circuit, signal)}
     means = {signal + MEAN for signal in signals if has_mean(circuit, signal)}
     return tuple(sorted(signals | rates | means))

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from eclsim.circuit.network import Circuit, Compartment, Control, StartPressure
+from eclsim.circuit.network import Circuit, Compartment, Control, StartPressure, mean_of
 from eclsim.components import Complement, ElasticVessel
 from eclsim.components.base import Key, Scaled, names_in
 from eclsim.parameters.physiology import CAVAL_SHARE
 from eclsim.parameters.regulation import EXTRA_VOLUME, REGULATION, UNSTRESSED
 from eclsim.regulation.heldt import HELDT_2004, HELDT_2010
-from eclsim.regulation.reflex import Reflex, ReflexModel
+from eclsim.regulation.reflex import Reflex, ReflexModel, TransmuralReflex
 from eclsim.regulation.ursino1998 import URSINO_1998
 
 REFLEXES: dict[str, ReflexModel] = {model.name: model for model in (URSINO_1998, HELDT_2004, HELDT_2010)}
 """Published reflexes by name."""
+RIGHT_ATRIUM = "ra"
 SYSTEMIC_VEINS = "Csvn"
 """Compliance of the systemic veins, which take up whatever blood comes, goes or is shifted."""
 
@@ -49,6 +50,13 @@ def _with_offset(compartment: Compartment) -> Compartment:
 
 
 def with_reflex(circuit: Circuit, model: ReflexModel) -> Circuit:
-    """A circuit with volume offset, regulated by a published reflex."""
-    control = Control(REGULATION, Reflex(model), model.reads, model.acts_on)
+    """A circuit with volume offset, regulated by a published reflex.
+
+    Where a pericardium lies around the right atrium, its transmural pressure is read.
+    """
+    outside = next((s.name for s in circuit.surroundings if RIGHT_ATRIUM in s.members), None)
+    law, reads = Reflex(model), model.reads
+    if outside is not None and len(reads) > 1:
+        law, reads = TransmuralReflex(model), (*reads, mean_of(f"P{outside}"))
+    control = Control(REGULATION, law, reads, model.acts_on)
     return circuit + Circuit(controllers=(control,))

@@ -27,6 +27,7 @@ of base 10 it is the curve of Reivich 1964.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, cast
@@ -52,6 +53,9 @@ RECEPTORS_S, ORGANS_OXYGEN_S, ORGANS_CARBON_DIOXIDE_S = 2.0, 10.0, 20.0
 """Time constants of chemoreceptors and of the organs' answers to both gases [s]."""
 LEAST_CONDUCTANCE = 0.05
 """Share of its conductance below which a bed does not close, so that it stays above zero."""
+CORONARY_RESERVE = 5.0
+"""Times its conductance at rest that the heart has at most (textbook: four to five, not verified). Its
+published law rises without end with PCO2; the brain's ends by itself, and muscle's hardly rises."""
 
 
 class Outflow(NamedTuple):
@@ -182,18 +186,20 @@ class Organ(NamedTuple):
         share: of the systemic conductance.
         per_content: g, relative conductance per content of oxygen [dL/mL].
         scale_mmhg: K of its answer to PCO2; None for the brain's curve.
+        most: largest conductance relative to that at rest.
     """
 
     share: float
     per_content: float
     scale_mmhg: float | None
+    most: float = math.inf
 
 
 _BEDS_AT_REST = next(e for e in URSINO_1998.effectors if e.parameter == "Rmc").reference
 _CONDUCTANCE = sum(1.0 / resistance for resistance in _BEDS_AT_REST)
 ORGANS = (
     Organ(1.0 / 6.57 / _CONDUCTANCE, 0.10, None),
-    Organ(1.0 / 19.71 / _CONDUCTANCE, 0.35, 11.11),
+    Organ(1.0 / 19.71 / _CONDUCTANCE, 0.35, 11.11, CORONARY_RESERVE),
     Organ(1.0 / 4.48 / _CONDUCTANCE, 0.30, 142.8),
 )
 """Brain, heart and muscle: resistances 6.57, 19.71 and 4.48 mmHg s/mL of the published subject."""
@@ -218,7 +224,7 @@ def organ_conductance(organ: Organ, content: Number, pco2: Number, rest: tuple[N
         response = oxygen + brain_flow(pco2) / brain_flow(rest[1]) - 1.0
     else:
         response = oxygen / (1.0 - jnp.tanh(0.5 * (pco2 - rest[1]) / organ.scale_mmhg))
-    return jnp.maximum(response, LEAST_CONDUCTANCE)
+    return jnp.minimum(jnp.maximum(response, LEAST_CONDUCTANCE), organ.most)
 
 
 def local_factor(content: Number, pco2: Number, rest: tuple[Number, Number], strength: Number) -> Number:

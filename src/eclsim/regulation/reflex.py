@@ -206,3 +206,16 @@ class Reflex(SteadyController[ReflexConstants]):
             state - jnp.expm1(-period / pathway.lag_s) * (drive - state)
             for state, drive, pathway in zip(states, target, self.model.pathways, strict=True)
         ]
+
+
+@dataclass(frozen=True)
+class TransmuralReflex(Reflex):
+    """A reflex whose receptors in the right atrium feel its pressure less that of the pericardium around it.
+
+    It reads the pericardium's pressure after those of its model; the right atrial set point is transmural.
+    """
+
+    def steady_states(self, readings: Sequence[Number], constants: ReflexConstants) -> Sequence[Number]:
+        """Drives of the pressures felt."""
+        arterial, atrial, outside = readings
+        return super().steady_states([arterial, atrial - outside], constants)

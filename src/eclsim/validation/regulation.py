@@ -44,6 +44,7 @@ def regulation_checks() -> list[Check]:
         compared("circuit-protocol", ecmo_rows()),
         compared("assist-protocol", lvad_rows()),
         compared("donker", donker_rows()),
+        compared("hypercapnia", hypercapnia_rows()),
     ]
 
 
@@ -310,6 +311,50 @@ def _lowest(assist: tuple[tuple[str, object], ...]) -> Mapping[str, float]:
     plain = adult(80.0, 85.0, lvad=dict(assist)).with_values({"Emaxlv": 0.5})
     matched = with_outputs(plain, free, LOWEST)
     return {name: matched.values[name] for name in free}
+
+
+# --- carbon dioxide -------------------------------------------------------------------------------
+
+INHALED = "Kiely 1996 (Chest 109:1215, abstract): 8 healthy men, end-tidal 7 kPa for 30 min"
+RAISED = "Cullen and Eger 1974 (Anesthesiology 41:345, abstract): 41 volunteers, PaCO2 from 39 to 50 mmHg"
+RESISTANCE = "systemic resistance"
+HYPERCAPNIA = (("CO", 1.0, RAISED), ("heart_rate", 1.0, RAISED), (RESISTANCE, -1.0, RAISED),
+               ("MPAP", 1.0, INHALED), ("MAP", 1.0, INHALED))  # fmt: skip
+"""Output, direction of its change, source."""
+VENTILATION = {"gas.alveolar_ventilation_l_min": 3.3, "gas.fio2": 0.26}
+"""From 4.4 L/min and 25 %: PaCO2 39 to 52 mmHg, PaO2 as before."""
+NERVES = (
+    "the published nerves constrict by more than the organs' own answer dilates: with that answer alone the "
+    "sign is the measured one; which gain of the nerves people have is not known"
+)
+
+
+def hypercapnia_rows() -> Iterator[Row]:
+    """Directions of change with carbon dioxide in a healthy man, by what answers to it."""
+    nerves = {"baroreflex": 1.0, "chemoreflex": 1.0}
+    local = _hypercapnia({"hypoxic_vasodilation": 1.0})
+    for words, keys in {"chemoreflex": nerves, "and organs": nerves | {"hypoxic_vasodilation": 1.0}}.items():
+        found = _hypercapnia(keys)
+        for name, expected, source in HYPERCAPNIA:
+            label = name if name == RESISTANCE else output(name).long_name
+            shown = _sign(f"{label}, organs alone", expected, local[name], source)
+            reason = Explanation(NERVES, (shown,))
+            yield _sign(f"hypercapnia, {words}: {label}", expected, found[name], source, reason)
+
+
+def _hypercapnia(keys: Mapping[str, float]) -> dict[str, float]:
+    """Change of each output, where 1 % is told from none."""
+    gas = {"haemoglobin_g_dl": 14.0, "alveolar_ventilation_l_min": 4.4, "shunt_fraction": 0.02, "fio2": 0.25}
+    man = adult(75.0, 80.0, gas=gas, regulation=keys)
+    before, after = simulate(man), simulate(man.with_values(VENTILATION))
+
+    def read(beat: xr.Dataset, name: str) -> float:
+        if name == RESISTANCE:
+            return float((beat["MAP"] - beat[RIGHT_ATRIUM]) / beat["CO"])
+        return float(beat[name]) if name in beat else 75.0
+
+    changes = {name: read(after, name) / read(before, name) - 1.0 for name, *_ in HYPERCAPNIA}
+    return {name: change if abs(change) > 0.01 else 0.0 for name, change in changes.items()}
 
 
 # --- another model --------------------------------------------------------------------------------

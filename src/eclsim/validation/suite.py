@@ -12,6 +12,7 @@ from eclsim.paper.comparison import Check, Row, worst
 from eclsim.reporting.numbers import text_table
 from eclsim.validation import (
     apnoea,
+    boluses,
     dialysis,
     drugs,
     fluid,
@@ -44,7 +45,7 @@ PARTS: dict[str, Callable[[Effort], list[Check]]] = {
     "gas": lambda _: [gas.gas_check(), apnoea.apnoea_check()],
     "drugs": lambda _: [drugs.drugs_check()],
     "regulation": lambda _: regulation.regulation_checks(),
-    "fluid": lambda _: [fluid.fluid_check()],
+    "fluid": lambda _: [fluid.fluid_check(), boluses.boluses_check()],
     "suction": lambda _: [fluid.suction_check()],
     "patients": lambda _: [measurements.healthy_check(), *measurements.effects_checks()],
 }

@@ -84,6 +84,12 @@ test("a logarithmic slider is within a step of the value, and exact at its ends"
 
 test("a share in percent has no scale beyond 100", () => {
   assert.equal(laneRange([97, 99.8], "%")[1], 100);
+  assert.equal(
+    laneRange([99, 99, null], "%", 4)[1],
+    100,
+    "also where the lane is made higher than its values",
+  );
+  assert.deepEqual(laneRange([null], "mmHg"), niceRange(0, 1));
   assert.ok(laneRange([97, 104], "%")[1] >= 104, "what is above is still drawn");
   assert.ok(laneRange([97, 99.8], "mmHg")[1] > 100);
 });

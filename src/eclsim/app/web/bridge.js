@@ -2,6 +2,7 @@
 import { addressOf, bus, clock, fill, linkIn, setTexts, tab } from "eclsim-page";
 
 const PATIENCE = 5000; // ms that the server may take to answer a turn
+const PALE = 400; // ms after which numbers that do not know of a turn are pale
 const HANDSHAKE = 1000; // ms after a new connection: one that the server refuses loads the page again
 const SHORTCUTS = [
   ["z", "ctrl", "undo"],
@@ -38,10 +39,14 @@ export default {
         tab.keep("last", { link: state.link, of: state.of });
         this.markStale();
       }),
-      bus.on("error", () => this.answered()),
+      bus.on("error", () => {
+        this.answered();
+        this.markStale();
+      }),
       bus.on("keep", (snapshot) => tab.keep("tab", snapshot)),
       bus.on("turned", () => {
         this.waiting ??= setTimeout(() => this.lost("silent"), PATIENCE);
+        this.paling ??= setTimeout(() => this.markStale(true), PALE);
       }),
     ];
     this.watchSocket();
@@ -50,7 +55,7 @@ export default {
     for (const stop of this.stops) stop();
     window.removeEventListener("keydown", this.onKey);
     window.removeEventListener("hashchange", this.onHash);
-    for (const timer of [this.waiting, this.watching, this.returning]) clearTimeout(timer);
+    for (const timer of [this.waiting, this.paling, this.watching, this.returning]) clearTimeout(timer);
   },
   methods: {
     publish(topic, data) {
@@ -95,17 +100,18 @@ export default {
     },
     answered() {
       clearTimeout(this.waiting);
-      this.waiting = undefined;
+      clearTimeout(this.paling);
+      this.waiting = this.paling = undefined;
       if (!this.cut) return;
       this.cut = "";
       bus.publish("connected", true);
       this.markStale();
     },
     // Numbers that do not belong to where the knobs stand are pale, those of no patient are struck through.
-    markStale() {
+    markStale(late = false) {
       const beat = bus.last("beat");
       const page = document.querySelector(".ecl-page")?.classList;
-      page?.toggle("ecl-stale", !!this.cut || beat?.of !== bus.last("state")?.of);
+      page?.toggle("ecl-stale", late || !!this.cut || beat?.of !== bus.last("state")?.of);
       page?.toggle("ecl-impossible", beat?.possible === false);
     },
     judge(beat) {

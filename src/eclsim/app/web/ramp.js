@@ -29,7 +29,8 @@ export default {
     <p v-if="empty" class="ecl-empty">{{ texts.ramp_none }}</p>
     <p v-for="line in empty ? [] : later" :key="line" class="ecl-caution" role="status">{{ line }}</p>
     <p v-if="note && !empty" class="ecl-caution bad" role="status">{{ note }}</p>
-    <div v-show="!empty" :class="['ecl-chart', { 'ecl-old': isOld }]" ref="chart" role="group" :aria-label="texts.ramp"></div>
+    <div v-show="!empty" :class="['ecl-chart', { 'ecl-old': isOld }]" ref="chart" role="group"
+      :aria-label="texts.ramp"></div>
   </div>`,
   mixins: [
     drawing(["ramp_pinned", "ramp_bands"], {
@@ -153,6 +154,7 @@ export default {
         ...above,
         text: `${this.texts.now}: ${Math.round(own)} rpm`,
         x: own,
+        xanchor: own > speeds[0] + 0.85 * (speeds.at(-1) - speeds[0]) ? "right" : "center",
         font: { size: 11.5 },
       };
       const ownSpeed = {

@@ -24,7 +24,8 @@ const STEPS = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 };
 export default {
   template: `
   <figure class="ecl-schematic" :aria-label="texts.schematic">
-    <div class="sheet"><svg ref="svg" :style="least" :viewBox="drawing.view.join(' ')" role="group"
+    <div class="sheet" ref="sheet" @scroll.passive="measure"><svg ref="svg" :style="least"
+        :viewBox="drawing.view.join(' ')" role="group"
         :aria-label="texts.schematic" @pointermove="drag" @pointerup="drop" @pointercancel="dragged = null">
       <g v-for="f in drawing.frames" :key="f.group" class="frame" :style="ink(f)">
         <rect :x="f.x" :y="f.y" :width="f.w" :height="f.h" rx="3" />
@@ -67,6 +68,7 @@ export default {
       </g>
     </svg></div>
     <figcaption>
+      <span v-if="below" class="below" role="status">▼ {{ texts.schematic_below }}</span>
       <span class="key warning">{{ texts.legend_warning }}</span>
       <span class="key alarm">{{ texts.legend_alarm }}</span>
       <span class="key collapse">{{ texts.legend_collapse }}</span>
@@ -80,6 +82,7 @@ export default {
     listening({
       drawing(drawing) {
         this.drawing = drawing;
+        this.$nextTick(() => this.measure());
       },
       display(display) {
         this.stops = display.saturations;
@@ -100,7 +103,11 @@ export default {
     symbols: SYMBOLS,
     fonts: FONTS,
     dragged: null,
+    below: false,
   }),
+  unmounted() {
+    this.observer.disconnect();
+  },
   computed: {
     wires() {
       return [...this.drawing.wires, ...this.drawing.lines];
@@ -122,6 +129,15 @@ export default {
     },
   },
   methods: {
+    setUp() {
+      this.observer = new ResizeObserver(() => this.measure());
+      this.observer.observe(this.$refs.sheet);
+    },
+    // Whether a part of the circuit is below the edge of its pane, where letters get no smaller.
+    measure() {
+      const { sheet } = this.$refs;
+      this.below = !!sheet && sheet.scrollHeight - sheet.clientHeight - sheet.scrollTop > 4;
+    },
     polyline,
     placed,
     ink: (item) => `--ink-of: var(--${item.ink}, var(--soft))`,

@@ -5,7 +5,6 @@ import {
   brokenSpans,
   clock,
   curvePath,
-  extent,
   fill,
   fixed,
   isPossible,
@@ -27,7 +26,8 @@ export default {
       <button type="button" class="toggle" :aria-expanded="isOpen" @click="toggle">{{
         isOpen ? texts.timeline_close : texts.timeline_open }}</button>
       <template v-if="isOpen">
-        <button type="button" class="play" :disabled="!course || !connected" @click="playing ? stop() : play()">{{
+        <button type="button" class="play" :disabled="!course || !connected"
+          @click="playing ? stop() : play()">{{
           playing ? texts.timeline_pause : texts.timeline_play }}</button>
         <button type="button" :disabled="!minute" :title="texts.timeline_start"
           :aria-label="texts.timeline_start" @click="jump(0)">|◀</button>
@@ -208,7 +208,7 @@ export default {
     rows() {
       const { time, rows, alarms } = this.course;
       return rows.filter(this.isSeen).map(({ name, label, unit, digits, values, usual }) => {
-        const [low, high] = laneRange(extent(values, 4 * 10 ** -digits), unit);
+        const [low, high] = laneRange(values, unit, 4 * 10 ** -digits);
         const path = curvePath(time, values, { end: this.length, width: WIDTH, height: LANE, low, high });
         const met = alarms.filter((a) => a.quantity === name || a.kind === "collapse");
         const broken = brokenSpans(met, { last: time.at(-1), end: this.length, width: WIDTH });

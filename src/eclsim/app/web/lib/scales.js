@@ -21,10 +21,10 @@ export function niceRange(low, high, old) {
   return [bottom, Math.ceil((high + margin) / step) * step];
 }
 
-// The scale of a lane; shares in percent end at 100.
-export function laneRange(ends, unit) {
-  const [low, high] = niceRange(...(ends ?? [0, 1]));
-  return unit === "%" && ends?.[1] <= 100 ? [low, Math.min(high, 100)] : [low, high];
+// The scale of a lane with its values, of at least that height; shares in percent end at 100.
+export function laneRange(values, unit, least = 0) {
+  const [low, high] = niceRange(...(extent(values, least) ?? [0, 1]));
+  return unit === "%" && extent(values)?.[1] <= 100 ? [low, Math.min(high, 100)] : [low, high];
 }
 
 // The first of some fixed scales that holds all values; the last one doubled until it does.

@@ -1,0 +1,168 @@
+"""What the dialyzer of the CRRT circuit is made of, and what it does in a beat: outputs of dialysis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from eclsim.devices.description import BeatMeasures, Finding, Numbers, Output
+from eclsim.devices.device import Naming
+from eclsim.devices.dialysed_blood import FLUIDS, filtered
+from eclsim.parameters.parameter import Parameter
+
+if TYPE_CHECKING:
+    from eclsim.components.dialysis import Performance
+
+GROUP = "crrt"
+_FILTER = "AN69 ST filter of 1.5 m2"
+_UNREAD = "no data sheet of the maker was read"
+_HARDLY = "at CRRT flows clearance hardly depends on it"
+_ESTIMATE = f"{_FILTER}; assumed: that of urea scaled by size of the molecule; {_HARDLY}"
+FILTER_PARAMETERS = tuple(
+    Parameter(key, value, unit, words, source, low, high, GROUP)
+    for key, value, unit, words, source, low, high in (
+        (
+            "Kufcrrtfil", 37.0, "mL/h/mmHg", "Ultrafiltration coefficient of dialyzer in blood",
+            f"{_FILTER}; assumed: 25 a m2, as high-flux membranes have 20 to 40 a m2; {_UNREAD}", 2.0, 300.0,
+        ),
+        (
+            "KoAurea", 300.0, "mL/min", "Mass transfer area product of dialyzer for urea",
+            f"{_FILTER}; assumed: 200 a m2; {_UNREAD}; {_HARDLY}", 5.0, 3000.0,
+        ),
+        ("KoAcreatinine", 230.0, "mL/min", "The same for creatinine", _ESTIMATE, 5.0, 3000.0),
+        ("KoApotassium", 300.0, "mL/min", "The same for potassium", _ESTIMATE, 5.0, 3000.0),
+        ("KoAco2", 240.0, "mL/min", "The same for bicarbonate and dissolved CO2", _ESTIMATE, 5.0, 3000.0),
+        ("KoAcitrate", 170.0, "mL/min", "The same for citrate", _ESTIMATE, 5.0, 3000.0),
+    )
+)  # fmt: skip
+HAEMATOCRIT = f"{GROUP}.haematocrit_in"
+SETTINGS = (
+    *(f"{GROUP}.{key}" for key in FLUIDS), HAEMATOCRIT, f"{GROUP}.fluid_bicarbonate_mmol_l",
+    f"{GROUP}.plasma_bicarbonate_mmol_l", f"{GROUP}.citrate_mmol_l", *(p.key for p in FILTER_PARAMETERS),
+)  # fmt: skip
+"""Parameters of the dialyzer, in the order of `eclsim.components.dialysis.Settings`."""
+SOLUTES = ("urea", "creatinine", "potassium")
+"""Solutes whose clearances are outputs."""
+_CARRIED = (*SOLUTES, "carbon_dioxide_cleared", "citrate_cleared", "plasma_water")
+_SIGNALS = ("Qcrrtpump", "Pcrrtfil", "Pcrrttuout")
+
+
+def _dialysis(
+    name: str, field: str, long_name: str, unit: str, definition: str, by_gases: bool = False
+) -> Output:
+    """A number of what the filter does, a field of `eclsim.components.dialysis.Performance`."""
+    return Output(
+        name, long_name, unit, definition, _SIGNALS,
+        lambda m: getattr(performance(m, by_gases), field), parameters=SETTINGS, all_flows=by_gases,
+        by_gases=by_gases,
+    )  # fmt: skip
+
+
+def performance(m: BeatMeasures, by_gases: bool = False) -> Performance:
+    """What the filter does in a beat (`eclsim.components.dialysis.Performance`)."""
+
+    def compute() -> Performance:
+        blood = [60.0 * m.mean("Qcrrtpump"), m.mean("Pcrrtfil"), m.mean("Pcrrttuout")]
+        return filtered(m, blood, SETTINGS, "crrtfil" if by_gases else None)
+
+    return m.kept((GROUP, "performance", str(by_gases)), compute)
+
+
+def _share(m: BeatMeasures, what: str) -> Numbers:
+    """Share of what the filter does to something that is for the patient (`eclsim.gas.solutes`).
+
+    Args:
+        m: measures of the beat.
+        what: field of `Performance` that is its clearance; `plasma_water` for what one pass takes wholly.
+    """
+
+    def compute() -> Sequence[Numbers]:
+        done = performance(m)
+        water = [done.urea_water if name == "urea" else done.plasma_water for name in _CARRIED]
+        return m.effective("crrtfil", [getattr(done, name) for name in _CARRIED], water)
+
+    return m.kept((GROUP, "effective"), compute)[_CARRIED.index(what)]
+
+
+def _effective(m: BeatMeasures, solute: str) -> Numbers:
+    """Clearance [mL/min] of the blood that leaves the tissues."""
+    return getattr(performance(m), solute) * _share(m, solute)
+
+
+def _citrate(m: BeatMeasures) -> Numbers:
+    """Citrate that reaches the tissues [mmol/h]."""
+    return performance(m).citrate * _share(m, "citrate_cleared")
+
+
+def _base_gain(m: BeatMeasures) -> Numbers:
+    """Bicarbonate [mmol/h] that reaches the tissues, from citrate and from the fluids."""
+    from eclsim.components.dialysis import BASE_PER_CITRATE
+
+    done = performance(m, by_gases=True)
+    fluids = done.base_gain - BASE_PER_CITRATE * done.citrate
+    return BASE_PER_CITRATE * _citrate(m) + fluids * _share(m, "carbon_dioxide_cleared")
+
+
+OUTPUTS = (
+    _dialysis("effluent_ml_h", "effluent", "effluent of the CRRT", "mL/h", "dialysate, replacement and net"),
+    _dialysis(
+        "filtration_fraction", "filtration_fraction", "filtration fraction", "1",
+        "ultrafiltrate / (plasma flow + replacement before the filter)",
+    ),
+    _dialysis(
+        "transmembrane_pressure", "transmembrane_pressure", "transmembrane pressure of the dialyzer", "mmHg",
+        "ultrafiltrate / Kuf",
+    ),
+    _dialysis(
+        "effluent_pressure", "effluent_pressure", "pressure of the effluent", "mmHg",
+        "mean pressure of the blood in the dialyzer - transmembrane pressure",
+    ),
+    *(
+        _dialysis(
+            f"clearance_{name}", name, f"clearance of {name} by the dialyzer", "mL/min",
+            "removed / concentration in the water that enters the dialyzer",
+        )
+        for name in SOLUTES
+    ),
+    *(
+        Output(
+            f"effective_clearance_{name}", f"clearance of {name} for the patient", "mL/min",
+            "removed / concentration in the blood that leaves the tissues: recirculation taken off",
+            _SIGNALS, lambda m, name=name: _effective(m, name), parameters=SETTINGS, all_flows=True,
+        )
+        for name in SOLUTES
+    ),
+    Output(
+        "base_gain", "bicarbonate gained from the CRRT", "mmol/h",
+        "from fluids and citrate (3 each), less what is removed: recirculation taken off",
+        _SIGNALS, _base_gain, parameters=SETTINGS, all_flows=True, by_gases=True,
+    ),
+    _dialysis(
+        "crrt_carbon_dioxide_removal", "carbon_dioxide", "carbon dioxide removed by the dialyzer", "mL/min",
+        "STPD, as bicarbonate and dissolved, less what the fluids bring", by_gases=True,
+    ),
+    Output(
+        "citrate_load", "citrate that reaches the patient", "mmol/h",
+        "dose - removed: recirculation taken off", _SIGNALS, _citrate, parameters=SETTINGS,
+        all_flows=True,
+    ),
+    Output(
+        "fresh_plasma_ml_h", "plasma of the patient that reaches the dialyzer", "mL/h",
+        "plasma flow of the dialyzer less what comes back from it", _SIGNALS,
+        lambda m: performance(m).plasma * _share(m, "plasma_water"), parameters=SETTINGS, all_flows=True,
+    ),
+)  # fmt: skip
+
+
+def thickened(names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
+    """Water taken out of a circuit that the patient's blood does not reach."""
+    name = names.output("fresh_plasma_ml_h")
+    fresh, net = outputs.get(name), values.get(names.parameter(f"{GROUP}.{FLUIDS[3]}"), 0.0)
+    if fresh is None or not net > fresh:
+        return []
+    text = (
+        f"{names.label}: net ultrafiltration {net:g} mL/h is more than the patient's plasma that reaches the "
+        f"dialyzer, {fresh:.0f} mL/h, as blood goes in a circle: it thickens within minutes and clots; a "
+        "course takes the water from the patient all the same"
+    )
+    return [Finding("alarm", name, fresh, net, text, concerns=(name,))]

@@ -1,0 +1,143 @@
+"""How far to trust what reflexes and drugs do in a beat: cautions where it was never held against people."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from eclsim.devices.description import CAUTION, Finding
+from eclsim.parameters import regulation as keys
+
+VENODILATORS = ("dobutamine", "milrinone", "levosimendan", "nitroprusside")
+FILLED_MMHG = 12.0
+"""Wedge pressure below which a heart is not filled as those were to which these drugs were fitted."""
+SEPTIC_DYN, NOT_SEPTIC_DYN = 644.0, 1000.0
+"""Systemic resistance [dyn s/cm5] of the patients vasopressin was fitted to, and of who is none of them."""
+_DYN = 80.0
+"""dyn s/cm5 in a mmHg min/L."""
+ADDED = 0.3
+"""Logarithm by which several drugs change a factor beyond the one that changes it most."""
+FAR_MMHG = 10.0
+"""PaCO2 above the set point from which the answer to it is far from what was measured."""
+
+
+class _Effect(NamedTuple):
+    """A factor that drugs multiply: place in `Effects`, and its name."""
+
+    place: int
+    name: str
+
+
+_MULTIPLIED = (_Effect(0, "contractility"), _Effect(1, "systemic resistance"))
+
+
+def cautions(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
+    """What there is to say about reflexes and drugs.
+
+    Args:
+        outputs: scalar outputs by name.
+        values: of all parameters.
+    """
+    felt = {
+        drug: given * values.get(keys.sensitivity(drug), 1.0)
+        for drug in keys.DRUG_DOSES
+        if (given := values.get(keys.dose(drug), 0.0)) > 0.0
+    }
+    found = _emptied(outputs, felt) + _not_septic(outputs, felt) + _beyond(felt) + _together(felt)
+    return found + _hypercapnia(outputs, values)
+
+
+def _about(quantity: str, value: float, text: str, *concerns: str) -> Finding:
+    return Finding(CAUTION, quantity, value, float("nan"), text, concerns=concerns)
+
+
+def _emptied(outputs: Mapping[str, float], felt: Mapping[str, float]) -> list[Finding]:
+    """Drugs whose effect on veins was measured in congested patients, given to one who is not."""
+    given = [drug for drug in VENODILATORS if drug in felt]
+    wedge = outputs.get("PCWP")
+    if not given or wedge is None or not wedge < FILLED_MMHG:
+        return []
+    text = (
+        f"{' and '.join(given)}: fitted to failing hearts with a wedge pressure above 20 mmHg; here it is "
+        f"{wedge:.0f} mmHg, and what veins take of the blood empties the heart: pressures and outputs are "
+        "likely too low, and may fall where they rise in patients"
+    )
+    return [_about("PCWP", wedge, text, "CO", "MAP")]
+
+
+def _not_septic(outputs: Mapping[str, float], felt: Mapping[str, float]) -> list[Finding]:
+    """Vasopressin in a patient whose vessels have not lost their tone."""
+    names = ("MAP", "right_atrial_pressure", "systemic_resistance_factor", "CO")
+    flow = outputs.get("systemic_flow", outputs.get("CO", 0.0))
+    if "vasopressin" not in felt or not set(names) <= outputs.keys() or not flow > 0.0:
+        return []
+    pressure = outputs["MAP"] - outputs["right_atrial_pressure"]
+    without = _DYN * pressure / flow / outputs["systemic_resistance_factor"]
+    if not without > NOT_SEPTIC_DYN:
+        return []
+    text = (
+        f"vasopressin: fitted to septic shock with a resistance of {SEPTIC_DYN:.0f} dyn s/cm5; without tone "
+        f"in effect here it would be {without:.0f}, and pressure likely rises too much"
+    )
+    return [_about("systemic_resistance_factor", without, text, "MAP")]
+
+
+def _beyond(felt: Mapping[str, float]) -> list[Finding]:
+    """Doses that a patient feels as more than what was studied."""
+    result = []
+    for drug, dose in felt.items():
+        usual, unit = keys.DRUG_DOSES[drug].usual, keys.DRUG_DOSES[drug].unit
+        if dose > usual:
+            text = (
+                f"{drug}: felt as {dose:.3g} {unit}, by dose and sensitivity, beyond the usual {usual:g}: "
+                "its effect is extrapolated"
+            )
+            result.append(_about(keys.dose(drug), dose, text, "MAP", "CO"))
+    return result
+
+
+def _together(felt: Mapping[str, float]) -> list[Finding]:
+    """Drugs whose factors multiply to more than any pair that was studied."""
+    if len(felt) < 2:
+        return []
+    from eclsim.drugs.published import PUBLISHED
+
+    effects = []
+    for drug, dose in felt.items():
+        published = PUBLISHED[drug]
+        part = (dose / published.half_dose) ** published.steepness
+        effects.append([part / (1.0 + part) * most for most in published.at_most])
+    parts = []
+    for place, name in _MULTIPLIED:
+        changes = [one[place] for one in effects]
+        rises, falls = (sorted(abs(c) for c in changes if sign * c > 0.0) for sign in (1.0, -1.0))
+        if any(sum(side[:-1]) > ADDED for side in (rises, falls)):
+            parts.append(f"{name} x {math.exp(sum(changes)):.2g}")
+    if not parts:
+        return []
+    text = (
+        f"{', '.join(felt)} together ({', '.join(parts)}): their factors are multiplied, which was held "
+        "against one pair alone, dobutamine and milrinone, which did less in patients: take it for the most"
+    )
+    return [_about("contractility_lv_factor", float("nan"), text, "MAP", "CO")]
+
+
+def _hypercapnia(outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
+    """Nerves and organs that answer to a carbon dioxide far above the set point."""
+    pressure, rest = outputs.get("PaCO2"), values.get(keys.PACO2_SET_POINT)
+    if pressure is None or rest is None or not pressure > rest + FAR_MMHG:
+        return []
+    by_nerves, by_organs = (values.get(key, 0.0) > 0.0 for key in (keys.CHEMOREFLEX, keys.DILATION))
+    if not (by_nerves or by_organs):
+        return []
+    text = f"PaCO2 {pressure:.0f} mmHg, {pressure - rest:.0f} above the set point: "
+    if by_nerves:
+        text += (
+            "with the chemoreflex cardiac output and pulmonary pressure fall and resistance rises, where in "
+            "healthy people output, heart rate and pulmonary pressure rise and resistance falls (Cullen and "
+            "Eger 1974, Kiely 1996)"
+        )
+    else:
+        text += "the organs' answer to it was published for small changes, and is not held against people"
+    return [_about("PaCO2", pressure, text, "CO", "MAP", "MPAP", "heart_rate")]
