@@ -172,7 +172,7 @@ def means(
     )  # fmt: skip
     passing = np.array([[s.past_oxygenator] for s in circuits.schemes]) * data["Qcrrtpump"][1]
     data["past_oxygenator"] = (
-        dims, passing / (passing + data["Qecmooxy"][1]),
+        dims, passing / (passing + np.abs(data["Qecmooxy"][1])),
         {"units": "1", "long_name": "share of the ECMO's blood that the CRRT carries past the oxygenator"},
     )  # fmt: skip
     coordinates = {
