@@ -221,6 +221,26 @@ def test_a_shunt_is_assumed_where_it_was_left_out_and_not_where_it_has_the_usual
     assert held_by_assumption(found, values, ("Rmc",)) == []
 
 
+def test_draws_that_extract_nearly_all_their_oxygen_are_a_doubt():
+    """Above what is delivered a higher demand changes nothing, so that a flat prior reaches to its bound."""
+    demands = {"gas.vo2_ml_min": np.array([240.0, 250.0, 260.0, 790.0])}
+    predicted = predict(model_of(CASE), demands, ("MAP", "SaO2"), "ecmo.speed_rpm=2600")
+    assert predicted.outputs == ("MAP", "SaO2")
+    assert predicted.values.shape == (4, 2)
+    assert predicted.starved == 0.25
+    assert predicted.doubts[0].startswith(
+        "25 % of the draws are patients whose tissues extract more than 80 %"
+    )
+    assert predict(model_of(CASE), {"gas.vo2_ml_min": np.array([240.0, 250.0])}, ("MAP",)).starved == 0.0
+    low = with_values(CASE, {"gas.vo2_ml_min": 700.0})
+    case, _ = measured(low, ("MAP", "SaO2", "SpreO2"))
+    settings = FitSettings(("gas.vo2_ml_min", "Rmc"), multi_start=MultiStart.quick(8))
+    drawn = posterior(fit(case, settings=settings), settings=PosteriorSettings(method="gaussian"))
+    assert drawn.predictions[0].starved > 0.3
+    assert any("of the draws are patients whose tissues extract" in doubt for doubt in drawn.doubts)
+    assert drawn.predictions[0].doubts == ()
+
+
 def test_gases_that_are_not_computed_are_no_targets():
     case = measured(CASE, ("MAP", "SaO2"))[0].model_copy(update={"gas": None})
     checked = checked_fit(case, FitSettings(("Rmc",)))
