@@ -26,7 +26,7 @@ from eclsim.identification.importance import WeightedDraws, importance_sample, w
 from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.nuts import Chains, Diagnostics, Sampling, diagnose, sample
 from eclsim.identification.quantities import OUTPUTS, measurement_errors, unit_of, unit_of_parameter
-from eclsim.identification.settings import held_by_assumption, held_volume
+from eclsim.identification.settings import held_by_assumption, held_oxygenator, held_volume
 from eclsim.identification.verdict import Aspect, Level
 from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
 from eclsim.outputs.signals import output_names
@@ -355,7 +355,9 @@ def posterior(
         by_gaussian = _predict_all(models, density, of_gaussian)
     return PosteriorResult(
         fit.name, density, gaussian, samples, chains, weighted, diagnostics, exact, by_gaussian, doubts,
-        settings, time.perf_counter() - started, tuple(held_volume(fit.case, fit.measured, fit.parameters)),
+        settings, time.perf_counter() - started,
+        tuple(s for held in (held_volume, held_oxygenator)
+              for s in held(fit.case, fit.measured, fit.parameters)),
     )  # fmt: skip
 
 
