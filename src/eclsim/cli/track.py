@@ -201,7 +201,9 @@ def _check_points(series: Series, settings: Mapping[str, TrackSettings]) -> None
         for name, case in points:
             case, checked = common[patient].checked(case)
             wrong |= {before + str(place_of(m, fit, f"{patient}/{name}")): None for m in checked.mistakes}
-            unread = [str(w) for w in checked.warnings if w.key.startswith("measurements.")]
+            unread = [
+                str(w) for w in checked.warnings if w.key.startswith("measurements.") or w.key in fit.names
+            ]
             doubts |= dict.fromkeys(
                 f"{patient}: {doubt}" for doubt in (*common[patient].doubts(case, checked), *unread)
             )

@@ -308,6 +308,7 @@ def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
             checked.wrong(name, "not read by the circuit of this case, so it cannot be fitted")
         elif limits[name][1] <= 0.0 and not Scale.of([name]).linear[0]:
             checked.wrong(name, "is sought on a logarithmic scale: its lower bound must be above 0")
+    checked.warnings += _out_of_reach(case, checked.free)
     for name in settings.bounds:
         if name not in settings.names:
             hint, allowed = did_you_mean(name, settings.names), ", ".join(settings.names)
@@ -326,6 +327,18 @@ def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
     if not checked.mistakes and not checked.free:
         checked.wrong("parameters", "none is free")
     return checked
+
+
+def _out_of_reach(case: Case, free: Mapping[str, tuple[float, float, float]]) -> list[Mistake]:
+    """Free parameters whose value in the case is outside of their bounds."""
+    result = []
+    for name, (start, lower, upper) in free.items():
+        value = stated(case, name)
+        if value is not None and not lower <= value <= upper:
+            message = f"the case's own value is not within its bounds: the search starts at {start:g} instead"
+            wider = f"--bounds {name}={min(lower, value):g}:{max(upper, value):g}"
+            result.append(Mistake(name, message, shown(value), f"{lower:g} to {upper:g}", wider))
+    return result
 
 
 def check_fit(case: Case, bounds: Mapping[str, tuple[float, float, float]]) -> CheckedFit:
