@@ -410,7 +410,10 @@ def test_the_blood_volume_is_fitted_where_the_central_venous_pressure_was_measur
 def test_measured_gases_are_fitted_by_what_they_tell_of():
     raw = read_case(EXAMPLE).case.as_mapping()
     settings = to_fit(raw, "as_published")[1]
-    assert settings.parameters == ("gas.shunt_fraction", "gas.vo2_ml_min", "ecmo.drainage_mixing", "Rmc")
+    assert settings.parameters == (
+        "gas.shunt_fraction", "gas.vo2_ml_min", "ecmo.drainage_mixing", "ecmo.oxygenator.clotted_fraction",
+        "Rmc",
+    )  # fmt: skip
     assert to_fit(raw, "as_published", ("Rmc", "Csart"))[1].parameters == ("Rmc", "Csart")
 
 

@@ -74,6 +74,16 @@ def test_case_files_are_followed_in_their_order(shell):
     assert "differs from" not in result.stderr
 
 
+@pytest.mark.slow
+def test_a_refused_row_between_others_keeps_its_time(shell, table):
+    table.write_text(HEAD + ROWS.replace(",108,71,85,", ",108,71,9999,"))
+    result = shell.run("track", table, "--out", shell.folder / "out", *FEW, "--json", "-", "--drift", "0.1")
+    assert result.exit_code == 1
+    points = json.loads(result.stdout)["series"][0]["points"]
+    assert [(p["id"], p["hours_since_last"]) for p in points] == [("1", None), ("3", 48.0)]
+    assert "=A: 1 refused between others, for which 24 h each are counted all the same" in result.stderr
+
+
 VALUES = "[measurements]\nMAP = 80\nCO = 4.0\nSP = 100\n"
 
 
@@ -232,7 +242,7 @@ def test_what_gases_and_cvp_tell_of_is_free_unasked(shell, capsys):
     file = shell.folder / "gases.csv"
     file.write_text(head + "".join(rows))
     options = TrackOptions(files=[str(file)], out=str(shell.folder / "out"))
-    series, _ = _series(options)
+    series, *_ = _series(options)
     each = _settings_of_each(options, series, _settings(options))
     assert each["=A"].fit.parameters == ("gas.shunt_fraction", *BOUNDS)
     assert each["=B"].fit.parameters == ("fluid.extra_volume_ml", *BOUNDS)

@@ -1,6 +1,7 @@
 """Gas exchange in the studies: Fick's principle, shunt and consumption, an oxygenator that clots."""
 
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,7 +22,13 @@ from eclsim.identification.multi_start import FitStatus, MultiStart
 from eclsim.identification.objective import Box
 from eclsim.identification.posterior import PosteriorSettings, posterior, predict
 from eclsim.identification.quantities import Scale, measurement_errors
-from eclsim.identification.settings import FitSettings, checked_fit, free_parameters, held_by_assumption
+from eclsim.identification.settings import (
+    FitSettings,
+    checked_fit,
+    free_parameters,
+    held_by_assumption,
+    held_oxygenator,
+)
 from eclsim.identification.tracking import Tracker, TrackSettings
 from eclsim.identification.verdict import Aspect
 from eclsim.orbit.model import model_of
@@ -48,6 +55,9 @@ RATIO = 0.8  # of systolic elastance and of systemic resistance to those of the 
 
 def outputs_of(case, names):
     return steady_beat(Batch.of(model_of(case)), names).outputs()
+
+
+CLOTTED = "ecmo.oxygenator.clotted_fraction"
 
 
 def measured(case, names):
@@ -141,7 +151,7 @@ def test_measured_gases_free_what_they_tell_of():
     open_case = IN_ONE_VEIN.model_copy(update={"gas": replace_vo2(CASE.gas)})
     case, values = measured(open_case, BLOOD_GASES)
     names = free_parameters(case)
-    assert names == ("gas.shunt_fraction", "gas.vo2_ml_min", "ecmo.drainage_mixing", "Rmc")
+    assert names == ("gas.shunt_fraction", "gas.vo2_ml_min", "ecmo.drainage_mixing", CLOTTED, "Rmc")
     given, _ = measured(CASE, BLOOD_GASES)
     assert "gas.vo2_ml_min" not in free_parameters(given)
     assert free_parameters(given)[0] == "gas.shunt_fraction"
@@ -158,6 +168,31 @@ def test_measured_gases_free_what_they_tell_of():
     assert "Emaxrv, Rpmc, Rsvn are held at the usual value" in doubt.sentence
     assert doubt.sentence in posterior(found, settings=PosteriorSettings(method="gaussian")).doubts
     assert {name: found.simulated[name] for name in values} == pytest.approx(values, rel=1e-3)
+
+
+def test_a_clotted_oxygenator_is_freed_by_gases_behind_it_and_held_with_a_word_without():
+    true = with_values(CASE, {CLOTTED: 0.6})
+    pressures, gases = ("SP", "DP", "MAP", "PF"), ("SaO2", "PaO2", "SpreO2")
+    case, _ = measured(true, (*pressures, *gases, "PpostO2", "PaCO2"))
+    new = case.model_copy(update={"parameters": {}})
+    names = free_parameters(new)
+    assert CLOTTED in names
+    assert CLOTTED not in free_parameters(case)  # given
+    settings = FitSettings(("gas.shunt_fraction", CLOTTED, "Rmc"), multi_start=MultiStart.quick(16))
+    found = fit(new, settings=replace(settings, weights="uncertainty"))
+    assert found.parameters[CLOTTED].value == pytest.approx(0.6, abs=0.01)
+    assert found.parameters["gas.shunt_fraction"].value == pytest.approx(0.6, abs=0.01)
+    held = fit(new, settings=replace(settings, parameters=("gas.shunt_fraction", "Rmc")))
+    assert any(f"free {CLOTTED} as well" in reason.sentence for reason in held.verdict.doubts)
+    without = measured(true, (*pressures, *gases))[0].model_copy(update={"parameters": {}})
+    assert CLOTTED not in free_parameters(without)
+    (word,) = held_oxygenator(without, gases, ("Rmc",))
+    assert word.startswith("the oxygenator is held as it was new, which SaO2, PaO2, SpreO2 follow from")
+    assert held_oxygenator(without, ("MAP",), ("Rmc",)) == []
+    assert held_oxygenator(case, gases, ("Rmc",)) == []
+    assert held_oxygenator(without.model_copy(update={"ecmo": None}), gases, ("Rmc",)) == []
+    sicker = fit(without, settings=replace(settings, parameters=("gas.shunt_fraction", "Rmc")))
+    assert word in [reason.sentence for reason in sicker.verdict.remarks]
 
 
 def test_arterial_gases_alone_leave_the_shunt_as_open_as_the_consumption():
@@ -219,6 +254,26 @@ def test_a_shunt_is_assumed_where_it_was_left_out_and_not_where_it_has_the_usual
     assert held_by_assumption(again, values, ("Rmc",))
     found = read_mapping(tomllib.loads(case_text(with_values(left_out, {"gas.shunt_fraction": 0.4})))).case
     assert held_by_assumption(found, values, ("Rmc",)) == []
+
+
+def test_draws_that_extract_nearly_all_their_oxygen_are_a_doubt():
+    """Above what is delivered a higher demand changes nothing, so that a flat prior reaches to its bound."""
+    demands = {"gas.vo2_ml_min": np.array([240.0, 250.0, 260.0, 790.0])}
+    predicted = predict(model_of(CASE), demands, ("MAP", "SaO2"), "ecmo.speed_rpm=2600")
+    assert predicted.outputs == ("MAP", "SaO2")
+    assert predicted.values.shape == (4, 2)
+    assert predicted.starved == 0.25
+    assert predicted.doubts[0].startswith(
+        "25 % of the draws are patients whose tissues extract more than 80 %"
+    )
+    assert predict(model_of(CASE), {"gas.vo2_ml_min": np.array([240.0, 250.0])}, ("MAP",)).starved == 0.0
+    low = with_values(CASE, {"gas.vo2_ml_min": 700.0})
+    case, _ = measured(low, ("MAP", "SaO2", "SpreO2"))
+    settings = FitSettings(("gas.vo2_ml_min", "Rmc"), multi_start=MultiStart.quick(8))
+    drawn = posterior(fit(case, settings=settings), settings=PosteriorSettings(method="gaussian"))
+    assert drawn.predictions[0].starved > 0.3
+    assert any("of the draws are patients whose tissues extract" in doubt for doubt in drawn.doubts)
+    assert drawn.predictions[0].doubts == ()
 
 
 def test_gases_that_are_not_computed_are_no_targets():

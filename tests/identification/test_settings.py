@@ -3,7 +3,7 @@
 import pytest
 
 from eclsim.cases import read_mapping
-from eclsim.identification.settings import check_fit
+from eclsim.identification.settings import FitSettings, check_fit, checked_fit
 from eclsim.parameters.thiel2025 import BOUNDS
 
 ALL = {"SP": 101, "DP": 47, "MAP": 70, "MPAP": 26, "PCWP": 9, "CO": 5.8, "PF": 2.2}
@@ -60,6 +60,17 @@ def test_55_equal_bounds_fix_a_parameter_and_say_so():
     assert checked.fixed == {"Rmc": 0.6}
     assert "Rmc" not in checked.free
     assert checked.notes[0].key == "Rmc"
+
+
+def test_a_value_of_the_case_outside_of_the_bounds_is_said_with_wider_ones():
+    case = case_with(ALL).model_copy(update={"parameters": {"Rpvn": 0.09, "Rmc": 0.8}})
+    (warning,) = checked_fit(case, FitSettings(("Rpvn", "Rmc"))).warnings
+    assert warning.key == "Rpvn"
+    assert "the case's own value is not within its bounds: the search starts at 0.006" in str(warning)
+    assert "--bounds Rpvn=0.0006:0.09" in str(warning)
+    wider = checked_fit(case, FitSettings(("Rpvn", "Rmc"), {"Rpvn": (0.0006, 0.2)}))
+    assert wider.warnings == []
+    assert wider.free["Rpvn"] == (0.09, 0.0006, 0.2)
 
 
 def test_unknown_parameters_get_a_suggestion():

@@ -319,6 +319,12 @@ def test_percentages_are_those_of_what_was_measured(case_file, capsys):
     # Nothing measured: of what the model gives.
     free = identifiability(read_case(case_file, []).case, parameters=("Rmc", "Emaxlv"), outputs=("CO",))
     assert free.measured == {}
+    assert free.as_object()["warnings"] == list(free.warnings)
+    # What is said on the terminal stands in the JSON and the labelled results too.
+    kept = result.as_object()
+    assert kept["far_off"] == result.far_off
+    assert "fit the case first" in kept["warnings"][-1]
+    assert result.dataset.attrs["warnings"] == kept["warnings"]
     assert free.uncertainties["CO"] == pytest.approx(0.1 * free.simulated["CO"])
     options = [word for setting in settings for word in ("--set", setting)]
     assert run_command("identifiability", case_file, "--parameters", "Rmc,Emaxlv", *options) == 0

@@ -404,7 +404,7 @@ ENGLISH: Mapping[str, str] = MappingProxyType(
         # identify
         "identify_intro": "Type what was measured; leave empty what was not. The seven parameters of the "
         "paper are fitted to it, and the blood volume where CVP was measured; where blood gases were, shunt, "
-        "oxygen consumption and mixing, and of the others what the measurements tell from these. What is "
+        "oxygen consumption, mixing and oxygenator, and of the others what these tell apart. What is "
         "simulated now stands beside a field and is not a measurement.",
         "fit": "Fit",
         "cancel": "Cancel",

@@ -96,6 +96,7 @@ class CohortReading:
         notes: How the table was read, what was left out.
         file: Where it was read.
         digest: SHA-256 of the file as it was read.
+        refused_rows: Patient, as written, and line of each row that cannot be used.
     """
 
     points: tuple[CohortPoint, ...]
@@ -104,6 +105,7 @@ class CohortReading:
     notes: tuple[Mistake, ...]
     file: str
     digest: str
+    refused_rows: tuple[tuple[str, int], ...] = ()
 
 
 def read_cohort(path: str | os.PathLike[str]) -> CohortReading:
@@ -126,6 +128,8 @@ def read_cohort(path: str | os.PathLike[str]) -> CohortReading:
     points = [
         p for line, row in cells.items() if line not in refused_lines and (p := result.point(line, row))
     ]
+    used = {point.line for point in points}
+    lost = tuple((row["patient_id"].strip(), line) for line, row in cells.items() if line not in used)
     ordered, notes = in_order_of_time(points)
     result.notes += notes
     result.refused += table.mistakes
@@ -136,7 +140,7 @@ def read_cohort(path: str | os.PathLike[str]) -> CohortReading:
 
     return CohortReading(
         tuple(ordered), placed(result.refused), placed(result.warnings),
-        placed([*table.notes, *result.notes]), table.file, table.digest,
+        placed([*table.notes, *result.notes]), table.file, table.digest, lost,
     )  # fmt: skip
 
 

@@ -184,7 +184,8 @@ class FreeParameters:
     )
     bounds: str | None = option(
         None,
-        "Bounds in the parameter's unit; equal ones fix it. Default: the start value / 10 to * 10.",
+        "Bounds in the parameter's unit; equal ones fix it. Default: those of the table in the "
+        "documentation, else the published value / 10 to * 10; a case's own outside of them is a warning.",
         metavar="NAME=LOWER:UPPER,...",
     )
     uncertainty: str | None = option(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -67,12 +68,13 @@ def track(options: TrackOptions) -> None:
     target = places.target("--json", options.json)
     places.folder("--out", options.out, [TRACK_SUMMARY])
     places.check()
-    series, refused = _series(options)
+    series, refused, left_out = _series(options)
     settings = _settings(options)
     each = _settings_of_each(options, series, settings)
     _check_points(series, each)
     timed = {patient: _has_times(patient, points) for patient, points in series.items()}
     _note_assumed([p for p, known in timed.items() if not known and len(series[p]) > 1], options.interval)
+    _note_left_out({p: sum(lost) for p, lost in left_out.items() if not timed[p]}, options.interval)
 
     from eclsim.identification.files import write_tracks
     from eclsim.identification.report import series_text
@@ -85,7 +87,8 @@ def track(options: TrackOptions) -> None:
             def say(step: object, patient: str = patient) -> None:
                 progress(f"{patient}: {step}")
 
-            tracks.append(follow(points, settings=each[patient], progress=say).as_object())
+            lost = left_out.get(patient, ())
+            tracks.append(follow(points, settings=each[patient], progress=say, left_out=lost).as_object())
         progress("figures and report")
         free = list(dict.fromkeys(name for chosen in each.values() for name in chosen.fit.parameters))
         asked = {**settings.as_object(), "parameters": free}
@@ -102,21 +105,30 @@ def _unusable(point: Mapping[str, Any]) -> bool:
     return point["failed"] or (point["verdict"] or {}).get("level") == "poor"
 
 
-def _series(o: TrackOptions) -> tuple[Series, list[str]]:
-    """Points of each patient, and the rows that were refused."""
+def _series(o: TrackOptions) -> tuple[Series, list[str], dict[str, list[int]]]:
+    """Points of each patient, why rows were refused, and how many of a patient's before each point."""
     tables = [file for file in o.files if Path(file).suffix.lower() in TABLES]
     if not tables:
         _check_each_once(o.files)
         readings = read_all(o.files, (), o.volume_policy)
         _check_one_patient([(r.file, r.case.patient.id) for r in readings])
-        return {readings[0].case.patient.id: [(Path(r.file).stem, r.case) for r in readings]}, []
+        return {readings[0].case.patient.id: [(Path(r.file).stem, r.case) for r in readings]}, [], {}
     if len(o.files) > 1:
         fail(f"{tables[0]}: one table alone, or case files alone")
     reading = read_table(tables[0])
     series: dict[str, list[tuple[str, Case]]] = {}
+    lines: dict[str, list[int]] = {}
     for point in reading.points:
         series.setdefault(point.patient_id, []).append((point.measurement, point.case))
-    return series, [str(mistake) for mistake in reading.refused]
+        lines.setdefault(point.patient_id, []).append(point.line)
+    left_out = {
+        patient: [
+            sum(name == patient and before < line < own for name, line in reading.refused_rows)
+            for before, own in pairwise([rows[0], *rows])
+        ]
+        for patient, rows in lines.items()
+    }
+    return series, [str(mistake) for mistake in reading.refused], left_out
 
 
 def _check_each_once(files: Sequence[str]) -> None:
@@ -161,6 +173,15 @@ def _note_assumed(patients: Sequence[str], interval: float) -> None:
         note([line])
 
 
+def _note_left_out(rows: Mapping[str, int], interval: float) -> None:
+    """That rows which were refused stand for time all the same."""
+    note(
+        f"{patient}: {count} refused between others, for which {interval:g} h each are counted all the same"
+        for patient, count in rows.items()
+        if count
+    )
+
+
 def _settings(o: TrackOptions) -> TrackSettings:
     from eclsim.identification.filtering import DRIFTS
     from eclsim.identification.tracking import TrackSettings
@@ -201,7 +222,9 @@ def _check_points(series: Series, settings: Mapping[str, TrackSettings]) -> None
         for name, case in points:
             case, checked = common[patient].checked(case)
             wrong |= {before + str(place_of(m, fit, f"{patient}/{name}")): None for m in checked.mistakes}
-            unread = [str(w) for w in checked.warnings if w.key.startswith("measurements.")]
+            unread = [
+                str(w) for w in checked.warnings if w.key.startswith("measurements.") or w.key in fit.names
+            ]
             doubts |= dict.fromkeys(
                 f"{patient}: {doubt}" for doubt in (*common[patient].doubts(case, checked), *unread)
             )

@@ -32,6 +32,7 @@ from eclsim.identification.settings import (
     formula_of_consumption,
     held_by_assumption,
     held_consumption,
+    held_oxygenator,
     held_volume,
     ready,
     unmeasured_uncertainties,
@@ -445,8 +446,9 @@ def held_against_its_beat(result: FitResult) -> FitResult:
         reasons.append(Reason(Aspect.HELD, Level.DOUBTFUL, "", found.sentence))
     result, consumption = _with_consumption(result)
     reasons += consumption
-    for sentence in held_volume(result.case, result.measured, result.parameters):
-        reasons.append(Reason(Aspect.PLAUSIBILITY, Level.GOOD, "", sentence))
+    for held in (held_volume, held_oxygenator):
+        for sentence in held(result.case, result.measured, result.parameters):
+            reasons.append(Reason(Aspect.PLAUSIBILITY, Level.GOOD, "", sentence))
     return replace(result, implied=implied, warnings=tuple(beat.attrs["warnings"])).judged(reasons)
 
 

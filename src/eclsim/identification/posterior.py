@@ -11,6 +11,7 @@ import numpy as np
 
 from eclsim._version import __version__
 from eclsim.cases.quantities import stated, with_values
+from eclsim.devices.description import GASES as VO2
 from eclsim.files import finite
 from eclsim.identification.density import (
     Gaussian,
@@ -25,10 +26,12 @@ from eclsim.identification.importance import WeightedDraws, importance_sample, w
 from eclsim.identification.multi_start import Progress, silent
 from eclsim.identification.nuts import Chains, Diagnostics, Sampling, diagnose, sample
 from eclsim.identification.quantities import OUTPUTS, measurement_errors, unit_of, unit_of_parameter
-from eclsim.identification.settings import held_by_assumption, held_volume
+from eclsim.identification.settings import held_by_assumption, held_oxygenator, held_volume
 from eclsim.identification.verdict import Aspect, Level
 from eclsim.orbit.model import AS_PUBLISHED, CaseSource, Model, VolumePolicy, as_case, model_of
 from eclsim.outputs.signals import output_names
+from eclsim.outputs.steady_beat import DEMAND_MET, SteadyBeat
+from eclsim.parameters.adult_ranges import adult_ranges
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -47,10 +50,14 @@ PREDICTED_DRAWS = 1000
 QUANTILES = np.array([0.05, 0.5, 0.95])
 LARGEST_SHARE = 0.02
 """Of draws without a steady beat: beyond, the intervals speak of too particular a part of the posterior."""
+MOST_STARVED = 0.05
+"""Of draws whose tissues extract nearly all their oxygen: beyond, a 90 % interval ends among them."""
+EXTRACTED = ("VO2", "O2ER")
 UNCHECKED = (
     "a Gaussian approximation, which nothing has checked against the posterior: where that is curved or cut "
     "by a bound, medians and intervals are off"
 )
+_MOST_EXTRACTED = adult_ranges("male")["O2ER"].plausible[1]
 ARVIZ_NAMES = {
     "diverging": "diverging", "num_steps": "n_steps", "accept_prob": "acceptance_rate",
     "potential_energy": "lp", "energy": "energy", "step_size": "step_size",
@@ -91,6 +98,8 @@ class Prediction:
         without_gases: share of the draws with a steady beat and no steady gas state; the intervals of gases
             speak of the others.
         warnings: what there is to say of the beat at the medians of the draws.
+        starved: share of the draws whose tissues extract more than is plausible even in severe illness, or
+            get less oxygen than they want.
     """
 
     settings: str
@@ -100,6 +109,7 @@ class Prediction:
     without_beat: float
     without_gases: float = 0.0
     warnings: tuple[str, ...] = ()
+    starved: float = 0.0
 
     @property
     def label(self) -> str:
@@ -129,6 +139,18 @@ class Prediction:
             "ones"
             for what, draws, intervals in lost
             if draws > LARGEST_SHARE * len(self.values)
+        ) + (self.starving if self.settings else ())
+
+    @property
+    def starving(self) -> tuple[str, ...]:
+        """A sentence where too many draws are patients who extract nearly all their oxygen."""
+        if self.starved <= MOST_STARVED:
+            return ()
+        share, most = 100.0 * self.starved, 100.0 * _MOST_EXTRACTED
+        return (
+            f"{share:.0f} % of the draws are patients whose tissues extract more than {most:.0f} % of their "
+            "oxygen or get less than they want, implausible even in severe illness: cardiac output and "
+            "consumption may be far from the patient's; measure one of them, or narrow its bounds",
         )
 
     def _left(self, lost: int, intervals: str) -> str:
@@ -247,6 +269,7 @@ class PosteriorResult:
                 "draws": len(p.values),
                 "draws_without_steady_beat": p.draws_without_beat,
                 "draws_without_steady_gases": p.draws_without_gases,
+                "share_of_draws_starved": p.starved,
                 "doubts": [*self.doubts, *p.doubts],
                 "warnings": list(p.warnings),
             }
@@ -325,13 +348,16 @@ def posterior(
     models = [("", model_of(fit.case)), *((label, _fitted_model(fit, case)) for label, case in predictions)]
     draws = samples.reshape(-1, samples.shape[-1])
     exact = _with_warnings(models, density, draws, _predict_all(models, density, draws))
+    doubts = (*doubts, *exact[0].starving)
     by_gaussian = exact
     if settings.method != "gaussian":
         of_gaussian = density.prior.values_of(gaussian.draws(PREDICTED_DRAWS, seed))
         by_gaussian = _predict_all(models, density, of_gaussian)
     return PosteriorResult(
         fit.name, density, gaussian, samples, chains, weighted, diagnostics, exact, by_gaussian, doubts,
-        settings, time.perf_counter() - started, tuple(held_volume(fit.case, fit.measured, fit.parameters)),
+        settings, time.perf_counter() - started,
+        tuple(s for held in (held_volume, held_oxygenator)
+              for s in held(fit.case, fit.measured, fit.parameters)),
     )  # fmt: skip
 
 
@@ -410,10 +436,11 @@ def predict(
     """
     count = len(next(iter(parameters.values())))
     medians = {n: float(np.median(v)) for n, v in parameters.items()}
-    beat = members_of(
-        model, {**model.values, **parameters}, count, outputs, policy, {**model.values, **medians}
-    )
-    values = beat.values.T
+    known = output_names(model.circuit)
+    read = (*outputs, *(n for n in EXTRACTED if n in known and n not in outputs))
+    drawn = {**model.values, **parameters}
+    beat = members_of(model, drawn, count, read, policy, {**model.values, **medians})
+    values = beat.values.T[:, : len(outputs)]
     intervals = np.full((len(outputs), 3), np.nan)
     for column, interval in zip(values.T, intervals, strict=True):
         found = column[np.isfinite(column)]
@@ -421,8 +448,17 @@ def predict(
             interval[:] = weighted_quantile(found, np.ones(len(found)), QUANTILES)
     return Prediction(
         settings, outputs, values, intervals, float(1.0 - beat.determined.mean()),
-        float(beat.without_gases.mean()),
+        float(beat.without_gases.mean()), starved=_starved(beat, read, drawn),
     )  # fmt: skip
+
+
+def _starved(beat: SteadyBeat, read: tuple[str, ...], drawn: Mapping[str, float | np.ndarray]) -> float:
+    """Share of the draws that extract too much of their oxygen, or get less than they want."""
+    if not {*EXTRACTED} <= {*read}:
+        return 0.0
+    consumed, extracted = (beat.values[read.index(name)] for name in EXTRACTED)
+    unmet = consumed < DEMAND_MET * drawn[VO2]
+    return float(np.mean(unmet | (extracted > _MOST_EXTRACTED)))
 
 
 def _interval(quantiles: np.ndarray) -> dict[str, float | None]:

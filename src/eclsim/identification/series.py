@@ -19,6 +19,7 @@ from eclsim.identification.settings import (
     checked_fit,
     held_by_assumption,
     held_consumption,
+    held_oxygenator,
     held_volume,
     open_at_rest,
     ready,
@@ -104,7 +105,12 @@ class Series:
 
     def remarks(self, case: Case) -> list[str]:
         """What is assumed at all times; `case`: one of them."""
-        return [*self.notes, *held_volume(case, self.measured, self.settings.names)]
+        free = self.settings.names
+        return [
+            *self.notes,
+            *held_volume(case, self.measured, free),
+            *held_oxygenator(case, self.measured, free),
+        ]
 
     def _read_by(self, case: Case) -> set[str]:
         return {*parameters_read(circuit_of(ready(case, self.settings)))}

@@ -39,14 +39,19 @@ if TYPE_CHECKING:
 WIDE = 10.0
 """Bounds of a parameter that has none of its own: its value divided and multiplied by this."""
 SHUNT = "gas.shunt_fraction"
+CLOTTED = "ecmo.oxygenator.clotted_fraction"
 TELLS_OF = {
     EXTRA_VOLUME: ("how much blood there is", ("CVP",)),
     SHUNT: ("the shunt of the lungs", ("SaO2", "PaO2")),
     VO2: ("the oxygen that the tissues consume", ("SvO2", "SpreO2")),
     "gas.alveolar_ventilation_l_min": ("how much the lungs are ventilated", ("PaCO2",)),
+    CLOTTED: ("how much of the oxygenator is clotted", ("SpostO2", "PpostO2", "PexhaustCO2")),
 }
 """By parameter what it is, and the measurements that tell of it."""
-GASES_TELL_OF = {SHUNT: TELLS_OF[SHUNT][1], VO2: TELLS_OF[VO2][1], "ecmo.drainage_mixing": ("SpreO2",)}
+GASES_TELL_OF = {
+    SHUNT: TELLS_OF[SHUNT][1], VO2: TELLS_OF[VO2][1], "ecmo.drainage_mixing": ("SpreO2",),
+    CLOTTED: TELLS_OF[CLOTTED][1],
+}  # fmt: skip
 """What nobody measures of gas exchange, and the measured gases that tell of it."""
 MEASURED_AT_REST = {
     SET_POINT: "MAP", VENOUS_SET_POINT: "CVP", PAO2_SET_POINT: "PaO2", PACO2_SET_POINT: "PaCO2",
@@ -180,7 +185,8 @@ def free_parameters(
         about = identifiability(case, parameters=candidates, outputs=measured, volume_policy=policy)
     except NoDerivativesError:
         return candidates
-    chosen = propose(about.scaled, first=unknown).chosen
+    # An oxygenator is new until the gases show otherwise, beyond what is never known of the patient.
+    chosen = propose(about.scaled, first=[key for key in unknown if key != CLOTTED]).chosen
     return tuple(name for name in candidates if name in chosen) or candidates
 
 
@@ -188,8 +194,9 @@ def _unknown_of_gases(case: Case) -> set[str]:
     """Keys of `GASES_TELL_OF` that change something in a case and that it does not know."""
     if case.gas is None:
         return set()
-    mixed = drainages(circuit_of(case))
-    return {SHUNT, *assumed_of_gases(case), *(name for drained in mixed for name in names_in(drained.mixing))}
+    circuit = circuit_of(case)
+    mixing = {name for drained in drainages(circuit) for name in names_in(drained.mixing)}
+    return {SHUNT, *assumed_of_gases(case), *mixing, *([CLOTTED] if _holds_oxygenator(case, ()) else [])}
 
 
 def told_by_gases(case: Case) -> tuple[str, ...]:
@@ -263,6 +270,22 @@ def held_volume(case: Case, measured: Collection[str], free: Collection[str]) ->
     ]
 
 
+def held_oxygenator(case: Case, measured: Collection[str], free: Collection[str]) -> list[str]:
+    """A sentence about an oxygenator that is held as it was new while gases go through it."""
+    told, gases = TELLS_OF[CLOTTED][1], [name for name in MEASURED_GASES if name in measured]
+    if not gases or not _holds_oxygenator(case, free) or {*told} & {*measured}:
+        return []
+    return [
+        f"the oxygenator is held as it was new, which {', '.join(gases)} follow from: one that is clotted is "
+        f"found as sicker lungs; measure a gas behind it ({', '.join(told)}), or give {CLOTTED}"
+    ]
+
+
+def _holds_oxygenator(case: Case, free: Collection[str]) -> bool:
+    left = CLOTTED not in free and stated(case, CLOTTED) is None
+    return left and CLOTTED in parameters_read(circuit_of(case))
+
+
 def _holds_volume(case: Case, free: Collection[str]) -> bool:
     return EXTRA_VOLUME not in free and not stated(case, EXTRA_VOLUME)
 
@@ -287,6 +310,7 @@ def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
             checked.wrong(name, "not read by the circuit of this case, so it cannot be fitted")
         elif limits[name][1] <= 0.0 and not Scale.of([name]).linear[0]:
             checked.wrong(name, "is sought on a logarithmic scale: its lower bound must be above 0")
+    checked.warnings += _out_of_reach(case, checked.free)
     for name in settings.bounds:
         if name not in settings.names:
             hint, allowed = did_you_mean(name, settings.names), ", ".join(settings.names)
@@ -305,6 +329,18 @@ def checked_fit(case: Case, settings: FitSettings) -> CheckedFit:
     if not checked.mistakes and not checked.free:
         checked.wrong("parameters", "none is free")
     return checked
+
+
+def _out_of_reach(case: Case, free: Mapping[str, tuple[float, float, float]]) -> list[Mistake]:
+    """Free parameters whose value in the case is outside of their bounds."""
+    result = []
+    for name, (start, lower, upper) in free.items():
+        value = stated(case, name)
+        if value is not None and not lower <= value <= upper:
+            message = f"the case's own value is not within its bounds: the search starts at {start:g} instead"
+            wider = f"--bounds {name}={min(lower, value):g}:{max(upper, value):g}"
+            result.append(Mistake(name, message, shown(value), f"{lower:g} to {upper:g}", wider))
+    return result
 
 
 def check_fit(case: Case, bounds: Mapping[str, tuple[float, float, float]]) -> CheckedFit:

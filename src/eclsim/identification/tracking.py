@@ -522,6 +522,7 @@ def track(
     *,
     settings: TrackSettings | None = None,
     progress: Progress = silent,
+    left_out: Sequence[int] = (),
 ) -> TrackResult:
     """Follow one patient through a series of measurements.
 
@@ -529,6 +530,8 @@ def track(
         points: name and case of each, in order of time; names that are times say how far apart they are.
         settings: what is tracked and how.
         progress: called with what is being done.
+        left_out: how many measurements between each point and the one before it are not among the points:
+            where names are no times, each stands for an interval as well. Empty for none.
 
     Raises:
         CaseError: No points, or as `Tracker.update`.
@@ -538,7 +541,8 @@ def track(
         raise CaseError([Mistake("points", "nothing to follow", allowed="one measurement or more")])
     cases = [(name, as_case(source)) for name, source in points]
     known = elapsed_hours([name for name, _ in points])
-    hours = known or [None] * len(points)
+    assumed = [settings.interval_hours * (1 + lost) for lost in left_out or [0] * len(points)]
+    hours = known or [None, *assumed[1:]]
     done: list[TrackedPoint] = []
 
     def say(step: object) -> None:
@@ -549,8 +553,8 @@ def track(
     for (name, case), passed in zip(cases, hours, strict=True):
         say("")
         done.append(tracker.update(name, case, passed))
-    assumed = None if known else settings.interval_hours
-    return TrackResult(patient, tuple(done), assumed, tuple(series.remarks(cases[-1][1])))
+    interval = None if known else settings.interval_hours
+    return TrackResult(patient, tuple(done), interval, tuple(series.remarks(cases[-1][1])))
 
 
 def elapsed_hours(names: Sequence[str]) -> list[float | None] | None:

@@ -338,6 +338,17 @@ class Identifiability:
         return {n: d for n, d in off.items() if abs(d) > FAR_OFF}
 
     @property
+    def doubts(self) -> list[str]:
+        """A sentence where the model is far off the measurements."""
+        if not self.far_off:
+            return []
+        off = ", ".join(f"{o} by {abs(d):.0f}" for o, d in self.far_off.items())
+        return [
+            f"The model misses these measurements, in standard uncertainties: {off}. What follows holds near "
+            "the model's values: fit the case first (eclsim identify) and analyse the fitted one."
+        ]
+
+    @property
     def dataset(self) -> xr.Dataset:
         """Scaled sensitivities, effects, angles between effects and Fisher information, labelled."""
         import xarray as xr
@@ -355,7 +366,7 @@ class Identifiability:
                 "proposed": ("parameter", [name in self.proposal.chosen for name in names]),
             },
             {"output": list(self.scaled.outputs), "parameter": names, "other_parameter": names},
-            {"id": self.name, "warnings": list(self.warnings)},
+            {"id": self.name, "warnings": [*self.warnings, *self.doubts]},
         )
 
     def as_object(self) -> dict[str, Any]:
@@ -367,7 +378,8 @@ class Identifiability:
         return {
             "id": self.name,
             "status": "converged",
-            "warnings": list(self.warnings),
+            "warnings": [*self.warnings, *self.doubts],
+            "far_off": self.far_off,
             "simulated": self.simulated,
             "measured": self.measured,
             "uncertainties": self.uncertainties,
@@ -478,7 +490,7 @@ def identifiability_text(result: Identifiability, limit: float) -> str:
     return "\n".join((
         "Measurements and their standard uncertainties (a percentage is one of the measured value)",
         _measurements(result),
-        *_far_off(result),
+        *result.doubts,
         "\nCollinearity index of all sets of a size (above the limit: cannot be told apart)",
         _subsets(result, limit),
         f"\nProposed to fit together (collinearity index {p.collinearity:.2f})",
@@ -495,16 +507,6 @@ def _measurements(result: Identifiability) -> str:
         for o, u in result.uncertainties.items()
     ]
     return text_table(("output", "measured", "simulated", "uncertainty"), rows, numeric=(1, 2, 3))
-
-
-def _far_off(result: Identifiability) -> list[str]:
-    if not result.far_off:
-        return []
-    off = ", ".join(f"{o} by {abs(d):.0f}" for o, d in result.far_off.items())
-    return [
-        f"The model misses these measurements, in standard uncertainties: {off}. What follows holds near the "
-        "model's values: fit the case first (eclsim identify) and analyse the fitted one."
-    ]
 
 
 def _subsets(result: Identifiability, limit: float) -> str:
