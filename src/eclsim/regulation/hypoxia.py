@@ -63,7 +63,7 @@ def lung_resistance(venous: Number, uptake: Number, gained_co2: Number, settings
 
 def lung_law(n: Array) -> Array:
     """From mixed venous PO2, both gases gained, `LUNG_SETTINGS`, strength and value at rest to the factor."""
-    now = lung_resistance(n[0], n[1], n[2], n[3:7])
+    now = lung_resistance(n[0], n[1], n[2], (n[3], n[4], n[5], n[6]))
     return jnp.stack([jnp.exp(n[7] * jnp.log(now / n[8]))])
 
 
