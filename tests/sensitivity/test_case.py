@@ -334,7 +334,7 @@ def test_percentages_are_those_of_what_was_measured(case_file, capsys):
 def test_a_flow_measured_as_0_has_an_uncertainty(case_file):
     case = read_case(case_file, ["measurements.CO=0", "measurements.MAP=80"]).case
     result = identifiability(case, parameters=("Rmc", "Emaxlv"))
-    assert result.uncertainties["CO"] == pytest.approx(0.01)
+    assert result.uncertainties["CO"] == 0.03
     assert np.isfinite(result.scaled.matrix).all()
 
 

@@ -191,7 +191,7 @@ class FreeParameters:
     uncertainty: str | None = option(
         None,
         "Standard uncertainties of the measurements, for intervals and weights: SP=4,CO=10% [mmHg, L/min or "
-        "%]. Defaults: SP=4,DP=4,MAP=3,MPAP=2,PCWP=2,CVP=2 mmHg, CO=10 %, PF=5 %.",
+        "%]. Defaults: SP=4,DP=4,MAP=3,MPAP=2,PCWP=2,CVP=2 mmHg, CO=10 %, PF=5 %, both at least 0.03 L/min.",
         metavar="NAME=VALUE,...",
     )
 

@@ -459,7 +459,8 @@ def _with_consumption(result: FitResult) -> tuple[FitResult, list[Reason]]:
     carried = carried_consumption(*_as_fitted(result)) if result.optimum.shared is None else None
     if carried is None:
         sentences = held_consumption(result.case, result.measured, result.parameters)
-        return result, [Reason(Aspect.HELD, Level.GOOD, "", sentence) for sentence in sentences]
+        level = Level.GOOD if result.optimum.shared is None else Level.DOUBTFUL
+        return result, [Reason(Aspect.HELD, level, "", sentence) for sentence in sentences]
     wider = {
         name: replace(result.parameters[name], lower=low, upper=high)
         for name, (low, high) in carried.intervals.items()

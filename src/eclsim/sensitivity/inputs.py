@@ -361,6 +361,8 @@ class Uncertainty:
         return max(self.absolute, self.relative * abs(value))
 
 
+_READ = 0.03
+"""Of a flow that is given to 0.1 L/min: the standard deviation of what rounding leaves open [L/min]."""
 DEFAULTS: MappingProxyType[str, Uncertainty] = MappingProxyType(
     {
         "SP": Uncertainty(4.0),
@@ -368,8 +370,8 @@ DEFAULTS: MappingProxyType[str, Uncertainty] = MappingProxyType(
         "MAP": Uncertainty(3.0),
         "MPAP": Uncertainty(2.0),
         "PCWP": Uncertainty(2.0),
-        "CO": Uncertainty(relative=0.10),
-        "PF": Uncertainty(relative=0.05),
+        "CO": Uncertainty(_READ, 0.10),
+        "PF": Uncertainty(_READ, 0.05),
         "CVP": Uncertainty(2.0),
         "drainage_pressure": Uncertainty(10.0),
         "pump_inlet_pressure": Uncertainty(10.0),
