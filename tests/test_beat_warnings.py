@@ -70,7 +70,8 @@ def test_a_beat_that_is_not_found_is_said(case: Path):
 def test_identifiability_says_it(case: Path):
     result = identifiability(case, parameters=("Rmc",), outputs=("MAP",))
     assert says(result.warnings, LABEL)
-    assert result.as_object()["warnings"] == result.dataset.attrs["warnings"] == list(result.warnings)
+    everything = [*result.warnings, *result.doubts]
+    assert result.as_object()["warnings"] == result.dataset.attrs["warnings"] == everything
 
 
 def test_sensitivity_says_it_also_where_the_runs_are_read_again(case: Path, tmp_path: Path):

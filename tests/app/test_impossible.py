@@ -48,7 +48,7 @@ def test_the_lanes_of_a_course_have_gaps_at_impossible_minutes():
     names = ("fluid.plasma_ml", "fluid.red_cells_ml", "MAP")
     result = xr.Dataset({name: ("time", [80.0] * 4) for name in names} | {"time_min": ("time", minutes)})
     result.attrs = {"alarms": json.dumps([collapse]), "balance": "{}", "seconds": 1.0}
-    result.attrs |= {"message": "", "approximations": []}
+    result.attrs |= {"message": "", "approximations": [], "cautions": []}
     course = PageCourse(PAPER, SimpleNamespace(result=result, at=None))  # type: ignore[arg-type]
     plain = plain_course(course, 30)
     rows = {row["name"]: row["values"] for row in plain["rows"]}

@@ -212,7 +212,7 @@ def _acting(bedside: _Bedside, goals: Sequence[Goal], unasked: Sequence[Goal]) -
     if now is None:
         return bedside.settings
     scales = np.array([goal.scale for goal in goals])[:, None]
-    acts = (np.abs(now.slopes) > IDLE * scales).any(axis=0)
+    acts = np.atleast_1d((np.abs(now.slopes) > IDLE * scales).any(axis=0))
     turned = {one.name for one in bedside.settings}
     if not any(is_of_gas(goal.output) for goal in goals):
         turned &= set(bedside.model.circuit.parameter_names())  # what moves blood
