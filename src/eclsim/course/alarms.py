@@ -11,11 +11,11 @@ import numpy as np
 
 from eclsim.course.timeline import BEFORE_S, MINUTE
 from eclsim.devices.description import CAUTION, GRAVEST_FIRST, Finding
+from eclsim.outputs.alarms import breach
 from eclsim.outputs.limits import OF_COURSES, group_of
 from eclsim.outputs.registry import UnknownOutputError, output
 
 if TYPE_CHECKING:
-    from eclsim.devices.description import Limit
     from eclsim.slow import Shown
 
 
@@ -103,17 +103,8 @@ def findings_of_shown(shown: Sequence[Shown], moments: int) -> list[list[Finding
         for k, value in enumerate(quantity.values):
             limit = next((limit for limit in limits if limit.broken_by(float(value))), None)
             if limit is not None:
-                found[k].append(_broken(limit, float(value), quantity))
+                found[k].append(breach(limit, float(value), quantity.description, quantity.unit))
     return found
-
-
-def _broken(limit: Limit, value: float, quantity: Shown) -> Finding:
-    unit, digits = ("", 2) if quantity.unit == "1" else (f" {quantity.unit}", 1)
-    sentence = (
-        f"{quantity.description} {value:.{digits}f}{unit} is {limit.side} {limit.value:g}{unit}: "
-        f"{limit.meaning} ({limit.source})"
-    )
-    return Finding(limit.kind, limit.quantity, value, limit.value, sentence, limit.source, (limit.quantity,))
 
 
 def _with_hidden(by_limit: Mapping[Limits, Broken], outputs: Mapping[str, np.ndarray]) -> list[Broken]:

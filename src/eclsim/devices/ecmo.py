@@ -59,6 +59,7 @@ from eclsim.devices.products import (
     pump_values,
 )
 from eclsim.devices.second_cannulae import (
+    BACKWARD_L_MIN,
     CONNECTIONS,
     MARKS,
     NO_SITE,
@@ -233,10 +234,6 @@ MEMBRANE = (
 
 LEAST_EXHAUST = 1.0
 """Gas that leaves an oxygenator [mL/min STPD], below which it has no partial pressures to speak of."""
-CLAMPS = ("ecmo.return_clamp",)
-"""Of the whole circuit."""
-CLAMPED_L_MIN = -0.01
-"""Flow of a clamped circuit at most, backwards."""
 SUCTION_MMHG = -100.0
 """Drainage pressure below which suction of the vessel wall and haemolysis are feared."""
 _ELSO = "ELSO General Guidelines 2017"
@@ -637,7 +634,7 @@ class EcmoDevice(Device[Ecmo]):
     limits = (
         *SECOND_LIMITS,
         Limit(
-            "PF", "alarm", "below", CLAMPED_L_MIN,
+            "PF", "alarm", "below", BACKWARD_L_MIN,
             "blood runs backwards through the ECMO circuit: clamp it", "physics",
         ),
         Limit(
@@ -860,13 +857,18 @@ class EcmoDevice(Device[Ecmo]):
         ]
 
 
+def is_clamped(names: Naming, values: Mapping[str, float]) -> bool:
+    """Whether the return line of a circuit is clamped, if only in part."""
+    return values.get(names.parameter("ecmo.return_clamp"), 0.0) > 0.0
+
+
 def _outside_label(names: Naming, outputs: Mapping[str, float], values: Mapping[str, float]) -> list[Finding]:
     """A flow outside of what the oxygenator is labelled for; backwards and clamped are said elsewhere."""
     name = names.output("PF")
     flow = outputs.get(name, -1.0)
     low, high = (values.get(names.parameter(end), math.nan) for end in LABEL_FLOWS)
-    clamped = any(values.get(names.parameter(key), 0.0) > 0.0 for key in CLAMPS) and flow < low
-    end = beyond_label(flow, low, high) if flow >= CLAMPED_L_MIN and not clamped else None
+    held = flow < low and is_clamped(names, values)
+    end = beyond_label(flow, low, high) if flow >= BACKWARD_L_MIN and not held else None
     if end is None:
         return []
     sentence = (

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from eclsim.cases.settings import apply_settings
 from eclsim.devices.description import GASES, Knob, Limit
+from eclsim.devices.ecmo import is_clamped
 from eclsim.devices.products import LABEL_FLOWS
 from eclsim.devices.registry import named_output
 from eclsim.inputs.mistakes import CaseError
@@ -141,7 +142,7 @@ def possible(
     """
     taken = {(goal.output, "below") for goal in asked if math.isfinite(goal.low)}
     taken |= {(goal.output, "above") for goal in asked if math.isfinite(goal.high)}
-    goals: dict[str, Goal] = {}
+    goals: dict[tuple[str, str], Goal] = {}  # by output and meaning: two sides may say different things
     backward = [_least_flow(limit, values) for limit in backward_flow_bounds(outputs)]
     gases = [
         limit for name in outputs if is_of_gas(name) for limit in limits_of(name, outputs)
@@ -149,9 +150,10 @@ def possible(
     ]  # fmt: skip
     for limit in (*impossible_bounds(outputs), *backward, *gases):
         if (limit.quantity, limit.side) not in taken:
-            known = goals.get(limit.quantity, Goal(limit.quantity, because=limit.meaning))
+            key = limit.quantity, limit.meaning
+            known = goals.get(key, Goal(limit.quantity, because=limit.meaning))
             side = {"low": limit.value} if limit.side == "below" else {"high": limit.value}
-            goals[limit.quantity] = replace(known, **side)
+            goals[key] = replace(known, **side)
     return tuple(goals.values())
 
 
@@ -166,8 +168,7 @@ def _least_flow(limit: Limit, values: Mapping[str, float]) -> Limit:
     if known is not None and known[1].name == "PF":
         names = known[0]
         least = values.get(names.parameter(LABEL_FLOWS[0]), 0.0)
-        clamped = values.get(names.parameter("ecmo.return_clamp"), 0.0) > 0.0
-        if math.isfinite(least) and not clamped:
+        if math.isfinite(least) and not is_clamped(names, values):
             meaning = "blood that hardly flows clots in the oxygenator; the least that its label allows"
             return replace(limit, value=least, meaning=meaning)
     return replace(limit, value=0.0)

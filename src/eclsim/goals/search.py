@@ -205,10 +205,11 @@ def _acting(bedside: _Bedside, goals: Sequence[Goal], unasked: Sequence[Goal]) -
     Raises:
         GoalError: no goal depends on any.
     """
-    start = _best_starts(bedside, (*goals, *unasked))
-    places = [bedside.own, *([] if isinstance(start, _Nowhere) else start)]
     outputs = [goal.output for goal in goals]
-    now = next((point for place in places if (point := bedside.point(place, outputs)) is not None), None)
+    now = bedside.point(bedside.own, outputs)
+    if now is None and not isinstance(starts := _best_starts(bedside, (*goals, *unasked)), _Nowhere):
+        points = (bedside.point(place, outputs) for place in starts)
+        now = next((point for point in points if point is not None), None)
     if now is None:
         return bedside.settings
     scales = np.array([goal.scale for goal in goals])[:, None]

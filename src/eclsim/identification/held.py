@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from eclsim.cases.sections import MEASURED_GASES
 from eclsim.devices.description import GASES as VO2
 from eclsim.identification.objective import NORMAL_90, Box
 from eclsim.identification.quantities import unit_of
-from eclsim.orbit.model import model_of
+from eclsim.orbit.model import Model, model_of
 from eclsim.orbit.status import NoDerivativesError
 from eclsim.outputs.results import derivatives
 from eclsim.parameters.thiel2025 import BOUNDS
@@ -114,16 +114,12 @@ def carried_consumption(
         return None
     consumed = model.values[VO2]
     reach = np.exp(CONSUMPTION_SPREAD * np.sqrt(3.0))
-    box = Box.of({**free, VO2: (consumed, consumed / reach, consumed * reach)})
-    try:
-        slopes = derivatives(model, tuple(errors), box.names, policy)
-    except NoDerivativesError:
+    more = {VO2: (consumed, consumed / reach, consumed * reach)}
+    linear = _linearised(model, free, more, errors, (), policy)
+    if linear is None:
         return None
-    scaled = slopes.to_numpy() * box.scale.slopes(box.start) / np.array(list(errors.values()))[:, None]
-    count = len(free)
-    own = Box(box.names[:count], box.start[:count], box.lower[:count], box.upper[:count])
-    narrow = np.sqrt(np.diag(own.covariance(scaled[:, :count])))
-    wide = np.sqrt(np.diag(box.covariance(scaled)))[:count]
+    own, narrow = linear.own, np.sqrt(np.diag(linear.covariance))
+    wide = np.sqrt(np.diag(linear.with_more))
     intervals = {
         name: own.interval(k, own.start[k], wide[k])
         for k, name in enumerate(own.names)
@@ -156,31 +152,66 @@ def left_open(
     read = [name for name in READ if name not in errors]
     if not held or not read:
         return None
-    box = Box.of({**free, **held})
+    linear = _linearised(model, free, held, errors, read, policy)
+    if linear is None:
+        return None
+    open_ones = _intervals(read, linear)
+    if next(iter(open_ones), "") != READ[0]:
+        return None
+    return LeftOpen(tuple(held), open_ones, dict(zip(read, linear.values.tolist(), strict=True)))
+
+
+class _Linear(NamedTuple):
+    """The fit to first order, with its free parameters and with more of them.
+
+    Attributes:
+        own: bounds of the free parameters.
+        covariance: of their coordinates.
+        with_more: of all coordinates, the further ones behind, where these are free as well.
+        values: of the outputs that are read.
+        slopes: of these, by all coordinates.
+    """
+
+    own: Box
+    covariance: np.ndarray
+    with_more: np.ndarray
+    values: np.ndarray
+    slopes: np.ndarray
+
+
+def _linearised(
+    model: Model,
+    free: Mapping[str, tuple[float, float, float]],
+    more: Mapping[str, tuple[float, float, float]],
+    errors: Mapping[str, float],
+    read: Sequence[str],
+    policy: str,
+) -> _Linear | None:
+    """The fit with its free parameters, and with more; None where the beat has no derivatives."""
+    box, count, measured = Box.of({**free, **more}), len(free), len(errors)
     try:
         slopes = derivatives(model, (*errors, *read), box.names, policy)
     except NoDerivativesError:
         return None
-    values = slopes["value"].to_numpy()
     by_coordinate = slopes.to_numpy() * box.scale.slopes(box.start)
-    scaled = by_coordinate[: len(errors)] / np.array(list(errors.values()))[:, None]
-    relative = by_coordinate[len(errors) :] / values[len(errors) :, None]
-    open_ones = _intervals(read, values[len(errors) :], relative, scaled, box, len(free))
-    if next(iter(open_ones), "") != READ[0]:
-        return None
-    fits = dict(zip(read, values[len(errors) :].tolist(), strict=True))
-    return LeftOpen(tuple(held), open_ones, fits)
+    scaled = by_coordinate[:measured] / np.array(list(errors.values()))[:, None]
+    own = Box(box.names[:count], box.start[:count], box.lower[:count], box.upper[:count])
+    return _Linear(
+        own,
+        own.covariance(scaled[:, :count]),
+        box.covariance(scaled),
+        slopes["value"].to_numpy()[measured:],
+        by_coordinate[measured:],
+    )
 
 
-def _intervals(
-    names: Sequence[str], values: np.ndarray, relative: np.ndarray, scaled: np.ndarray, box: Box, free: int
-) -> dict[str, tuple[float, float]]:
+def _intervals(names: Sequence[str], linear: _Linear) -> dict[str, tuple[float, float]]:
     """Of the outputs that are wider with everything free by more than `OPEN`."""
-    everything = _reach(relative, box.covariance(scaled))
-    own = Box(box.names[:free], box.start[:free], box.lower[:free], box.upper[:free])
-    without = _reach(relative[:, :free], own.covariance(scaled[:, :free]))
+    relative, free = linear.slopes / linear.values[:, None], len(linear.own.names)
+    everything = _reach(relative, linear.with_more)
+    without = _reach(relative[:, :free], linear.covariance)
     result = {}
-    for name, value, wide, narrow in zip(names, values.tolist(), everything, without, strict=True):
+    for name, value, wide, narrow in zip(names, linear.values.tolist(), everything, without, strict=True):
         if np.isfinite(wide) and value > 0.0 and wide > OPEN and wide > OPEN * narrow:
             result[name] = (value / float(wide), value * float(wide))
     return result

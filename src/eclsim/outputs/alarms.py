@@ -49,7 +49,11 @@ def findings(
         circuit: with fixed sites; without it nothing is said that depends on where devices are connected.
         values: of all parameters; without them nothing is said of assumed ones and of labels.
     """
-    result = [_broken(limit, outputs[limit.quantity]) for limit in broken_limits(outputs)]
+    result = [
+        breach(limit, outputs[limit.quantity], entry.long_name, entry.unit)
+        for limit in broken_limits(outputs)
+        for entry in (output(limit.quantity),)
+    ]
     result += _collapsed(extremes, {} if circuit is None else _drained(circuit))
     result += _aortic_valve(outputs, circuit) + _different_flows(outputs, circuit)
     result += cautions(outputs, values)
@@ -107,11 +111,18 @@ def impossible(findings: Collection[Finding]) -> bool:
     return any(finding.kind == "collapse" for finding in findings)
 
 
-def _broken(limit: Limit, value: float) -> Finding:
-    entry = output(limit.quantity)
-    unit = "" if entry.unit == "1" else f" {entry.unit}"
+def breach(limit: Limit, value: float, long_name: str, unit: str) -> Finding:
+    """What is said of a limit that a value breaks.
+
+    Args:
+        limit: the limit.
+        value: in the unit.
+        long_name: of the quantity.
+        unit: "1" for none.
+    """
+    after = "" if unit == "1" else f" {unit}"
     sentence = (
-        f"{entry.long_name} {_number(value, entry.unit)} is {limit.side} {limit.value:g}{unit}: "
+        f"{long_name} {_number(value, unit)} is {limit.side} {limit.value:g}{after}: "
         f"{limit.meaning} ({limit.source})"
     )
     return Finding(limit.kind, limit.quantity, value, limit.value, sentence, limit.source, (limit.quantity,))
