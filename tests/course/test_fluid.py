@@ -58,8 +58,10 @@ def test_events_set_no_starts(key):
 def test_courses_say_potassium_beyond_its_limits():
     result = follow(240.0, solutes={"potassium_mmol_l": 7.0, "fluid_potassium_mmol_l": 0.0})
     sentences = [line for line in result.attrs["warnings"] if "potassium" in line]
-    assert sentences[0].startswith("at 00:00, until 0")
-    assert "is above 6.5 mmol/L: hyperkalaemia" in sentences[0]
+    assert sentences[0].startswith("potassium of the plasma above 6.5 mmol/L at 00:00, until 0")
+    assert "(7 mmol/L at worst): hyperkalaemia" in sentences[0]
+    assert sentences[1].startswith("potassium of the plasma above 6 mmol/L at 00:00")
+    assert "(7 mmol/L at worst): hyperkalaemia" in sentences[1]
 
 
 @pytest.mark.slow
@@ -143,7 +145,9 @@ def test_courses_say_bicarbonate_and_haematocrit_beyond_their_limits():
     events = [{"at_min": 5, "give": {"bleed_ml": 300}, "over_min": 5}]
     sections = {"fluid": {"haematocrit": 0.20}, "solutes": {"bicarbonate_mmol_l": 9}, "events": events}
     warnings = follow(12.0, **sections).attrs["warnings"]
-    assert any(
-        "bicarbonate of the plasma 9.0 mmol/L is below 10 mmol/L: acidaemia" in line for line in warnings
-    )
-    assert any("haematocrit of the blood 0.20 is below 0.21: haemoglobin 7 g/dL" in line for line in warnings)
+    (acid,) = [
+        line for line in warnings if line.startswith("bicarbonate of the plasma below 10 mmol/L at 00:00")
+    ]
+    assert " mmol/L at worst): acidaemia" in acid
+    (thin,) = [line for line in warnings if line.startswith("haematocrit of the blood below 0.21 at 00:00")]
+    assert " at worst): haemoglobin 7 g/dL" in thin

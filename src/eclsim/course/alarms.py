@@ -62,6 +62,7 @@ def alarms(
     outputs: Mapping[str, np.ndarray],
     minute: np.ndarray,
     by_beat: np.ndarray | None = None,
+    shown: Sequence[Shown] = (),
 ) -> list[Alarm]:
     """Alarms of one patient, the gravest first and then by time.
 
@@ -70,7 +71,9 @@ def alarms(
         outputs: by name, of each moment.
         minute: time of each [min].
         by_beat: which moments are beats that follow each other, of which the words say the second too.
+        shown: quantities that are no outputs, with their words and units.
     """
+    named = {quantity.name: (quantity.description, quantity.unit) for quantity in shown}
     by_beat = np.zeros(len(minute), dtype=bool) if by_beat is None else by_beat
     by_limit: dict[Limits, Broken] = {}
     for k, of_moment in enumerate(findings):
@@ -80,7 +83,7 @@ def alarms(
     found = []
     for broken in _with_hidden(by_limit, outputs):
         values = outputs.get(next(iter(broken.values())).quantity)
-        found += [_alarm(run, broken, minute, values, by_beat) for run in _runs(sorted(broken))]
+        found += [_alarm(run, broken, minute, values, by_beat, named) for run in _runs(sorted(broken))]
     found.sort(key=lambda alarm: (KINDS.index(alarm.kind), alarm.at_min))
     return [
         alarm
@@ -158,6 +161,7 @@ def _alarm(
     minute: np.ndarray,
     values: np.ndarray | None,
     by_beat: np.ndarray,
+    named: Mapping[str, tuple[str, str]],
 ) -> Alarm:
     first, begun, over = broken[run[0]], run[0], run[-1] + 1
 
@@ -171,7 +175,7 @@ def _alarm(
     end = "" if until is None else clock_time(until, by_beat[over] or by_beat[over - 1])
     if until is not None and begin == end:
         begin, end = clock_time(at, True), clock_time(until, True)
-    sentence = _sentence(first, begin, end, worst)
+    sentence = _sentence(first, begin, end, worst, named)
     return Alarm(at, until, first.kind, first.quantity, first.limit, worst, sentence)
 
 
@@ -186,11 +190,13 @@ def _crossing(left: int, right: int, limit: float, minute: np.ndarray, values: n
     return float(minute[left] + share * (minute[right] - minute[left]))
 
 
-def _sentence(finding: Finding, begin: str, end: str, worst: float) -> str:
+def _sentence(
+    finding: Finding, begin: str, end: str, worst: float, named: Mapping[str, tuple[str, str]]
+) -> str:
     """Such as "drainage pressure below -100 mmHg at 03:12, until 05:00 (-112 mmHg at worst): ..."."""
     when = f"at {begin}" + (f", until {end}" if end else "")
     try:
-        entry = output(finding.quantity)
+        long_name, unit = named.get(finding.quantity) or _words_of(finding.quantity)
     except UnknownOutputError:
         return f"{when}: {finding.sentence}{_at_worst(finding, worst)}"
     if (
@@ -199,9 +205,15 @@ def _sentence(finding: Finding, begin: str, end: str, worst: float) -> str:
         or f" {finding.limit:g}" not in (finding.sentence)
     ):
         return f"{when}: {finding.sentence}{_at_worst(finding, worst)}"
-    side, unit = "below" if worst < finding.limit else "above", "" if entry.unit == "1" else f" {entry.unit}"
+    side, unit = "below" if worst < finding.limit else "above", "" if unit == "1" else f" {unit}"
     meaning = finding.sentence.partition(": ")[2]
-    return f"{entry.long_name} {side} {finding.limit:g}{unit} {when} ({worst:.4g}{unit} at worst): {meaning}"
+    return f"{long_name} {side} {finding.limit:g}{unit} {when} ({worst:.4g}{unit} at worst): {meaning}"
+
+
+def _words_of(name: str) -> tuple[str, str]:
+    """Name in words and unit of an output."""
+    entry = output(name)
+    return entry.long_name, entry.unit
 
 
 def _at_worst(finding: Finding, worst: float) -> str:

@@ -239,8 +239,8 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
     outputs = {name: moments.values[name][places] for name in moments.names}
     result = labelled_course(time, outputs, laws, states, in_effect)
     moment_findings: list[list[Finding]] = []
+    shown = laws.shown(states, in_effect)
     if with_alarms:
-        shown = laws.shown(states, in_effect)
         outputs |= {quantity.name: quantity.values for quantity in shown}
         of_shown = findings_of_shown(shown, len(places))
         moment_findings = [[*moments.findings[k], *of_shown[i]] for i, k in enumerate(places)]
@@ -250,7 +250,7 @@ def _labelled(moments: Moments, member: int, engine: Engine, with_alarms: bool) 
     words = [Status(int(s)).word for s in moments.status[places]]
     result["status"] = variable(TIME, np.array(words, dtype=str))
     minute, settling = time / MINUTE, engine.settling_s[member]
-    broken = alarms(moment_findings, outputs, minute, moments.by_beat[places])
+    broken = alarms(moment_findings, outputs, minute, moments.by_beat[places], shown)
     message = _ended(moments.stopped[member], minute)
     ahead = _passed_over(history) + _too_fast(history, laws, settling)
     ahead += _oxygen_at_once(time, outputs, engine.timelines[member])
