@@ -193,6 +193,15 @@ CAUTIONS = {
         {"PaCO2": 60.0}, {"regulation.set_point_paco2_mmHg": 40.0, "regulation.hypoxic_vasodilation": 1.0},
         "published for small changes",
     ),
+    "hypercapnia with the measured answer": (
+        {"PaCO2": 60.0},
+        {"regulation.set_point_paco2_mmHg": 40.0, "regulation.chemoreflex": 1.0,
+         "regulation.carbon_dioxide_response": 1.0}, "",
+    ),
+    "beyond the measured answer": (
+        {"PaCO2": 70.0},
+        {"regulation.set_point_paco2_mmHg": 40.0, "regulation.carbon_dioxide_response": 1.0}, "extrapolated",
+    ),
     "little more than at rest": (
         {"PaCO2": 48.0}, {"regulation.set_point_paco2_mmHg": 40.0, "regulation.chemoreflex": 1.0}, "",
     ),
