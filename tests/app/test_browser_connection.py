@@ -11,7 +11,7 @@ import pytest
 from eclsim.app.texts import text
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.writing import case_text
-from page_in_browser import LAPTOP, expect, knob, open_file, picture, show, turn, wait_for
+from page_in_browser import LAPTOP, beat, expect, knob, open_file, picture, show, turn, wait_for
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]  # one server, one browser
 
@@ -57,9 +57,16 @@ def test_numbers_never_stand_beside_a_knob_that_they_do_not_belong_to(alone, ser
     expect(knob(page, "ecmo.speed_rpm")).to_be_disabled()
     expect(page.locator(".ecl-page.ecl-stale")).to_have_count(1)
     picture(page, shots, "silent")
+    expect(page.locator(".ecl-header .q-btn").first).to_have_js_property("inert", True)
     served.process.send_signal(signal.SIGCONT)
-    expect(knob(page, "ecmo.speed_rpm")).to_have_value("4444")
     expect(knob(page, "ecmo.speed_rpm")).to_be_enabled()
+    expect(page.get_by_text(text("taken_back"))).to_be_visible()
+    page.wait_for_timeout(1000)
+    expect(knob(page, "ecmo.speed_rpm")).to_have_value("3425")  # what the page took back is not made later
+    assert beat(page)["values"]["ecmo.speed_rpm"] == 3425
+    expect(page.locator(".ecl-stale")).to_have_count(0)
+    page.get_by_role("button", name="Redo").click()
+    expect(knob(page, "ecmo.speed_rpm")).to_have_value("4444")
     page.wait_for_function("eclsim.bus.last('beat').values['ecmo.speed_rpm'] === 4444")
     expect(page.locator(".ecl-stale")).to_have_count(0)
     status(page).not_to_contain_text("numbers are of")

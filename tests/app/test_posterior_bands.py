@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from eclsim.app import studies, updates
-from eclsim.app.beat import compute_beat
+from eclsim.app.beat import compute_beat, page_circuit
 from eclsim.app.files import parse_posterior
 from eclsim.app.knobs import connect, turn
 from eclsim.app.posterior import MEMBERS, PosteriorDraws, read_posterior
@@ -18,6 +18,7 @@ from eclsim.app.updates import PosteriorBands
 from eclsim.cases.presets import PRESETS
 from eclsim.cases.sections import Gas
 from eclsim.inputs.mistakes import CaseError
+from eclsim.orbit.status import Status
 from patience import PATIENCE_S, until
 
 CASE = PRESETS["paper"].case()
@@ -200,6 +201,41 @@ def test_bands_of_a_beat_are_quantiles_of_its_members():
     assert result["lost"] == 0
     assert len(result["loops"]["lv"]) == studies.LOOPS
     assert studies.beat_bands(STATE, MADE_UP, lambda: False) is None
+
+
+@pytest.mark.slow
+def test_draws_that_no_patient_can_be_are_left_out_of_the_bands_and_counted():
+    """Each draw is judged as the page judges the one beat that it shows."""
+    state = faster(4500).with_case(turn(faster(4500).case, "volume_ml", -200.0))
+    assert not compute_beat(state).possible
+    wide = replace(MADE_UP, draws=RMC * SPREAD[:, None] ** 5)
+    beats = [
+        compute_beat(state.with_case(turn(state.case, "parameters.Rmc", float(value[0]))))
+        for value in wide.draws
+    ]
+    converged = [beat for beat in beats if beat.converged and beat.status is Status.CONVERGED]
+    possible = [beat for beat in converged if beat.possible]
+    assert studies.FEWEST < len(possible) < len(converged)
+    result = studies.beat_bands(state, wide, lambda: True)
+    assert result is not None
+    assert result["lost"] == len(beats) - len(converged)
+    assert result["impossible"] == len(converged) - len(possible)
+    assert result["fewest"] == len(possible)
+    for name in ("MAP", "ejection_fraction_rv"):
+        single = [beat.outputs[name] for beat in possible]
+        assert result["outputs"][name] == pytest.approx(np.quantile(single, (0.05, 0.95)), rel=1e-3, abs=1e-2)
+    ramp = studies.ramp_bands(state, wide, lambda: True)
+    assert ramp is not None
+    assert ramp["impossible"] > 0
+    assert ramp["fewest"] <= len(wide.draws) - ramp["impossible"]
+
+
+def test_whatever_makes_one_beat_impossible_makes_one_of_many_impossible():
+    """The ramp and the bands once knew nothing of the suction of the drainage cannula."""
+    circuit, _ = page_circuit(CASE)
+    judged, watched = studies._judging(circuit)
+    assert {"lowest_drainage_pressure", "ejection_fraction_rv"} <= {*judged}
+    assert {"Vra", "Prv"} <= {*watched}
 
 
 @pytest.mark.slow

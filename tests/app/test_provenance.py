@@ -8,7 +8,9 @@ from eclsim.app.marks import opened_state
 from eclsim.app.provenance import MOST_NAMED, changes, kind_of, provenance, title_of
 from eclsim.app.state import PageState, preset_state
 from eclsim.cases.case import Measurements
+from eclsim.cases.fit_mark import with_mark
 from eclsim.cases.presets import PRESETS
+from eclsim.cases.writing import case_text
 
 PAPER = PRESETS["paper"].case()
 UNFITTED = PAPER.model_copy(update={"parameters": {}, "measurements": Measurements(MAP=75.0, CO=3.0)})
@@ -92,6 +94,35 @@ def test_a_file_does_not_wash_off_how_a_patient_was_fitted(state, marks, badge, 
 
 def with_changed(marks):
     return marks.replace(")", ", changed)") if marks else " (changed)"
+
+
+@pytest.mark.parametrize(
+    ("level", "badge", "said"),
+    [
+        ("good", "Fitted", "good"),
+        ("doubtful", "Doubtful fit", "doubtful"),
+        ("poor", "Poor fit", "POOR, not to"),
+    ],
+)
+def test_a_case_that_was_fitted_on_the_command_line_says_how_well(level, badge, said):
+    """`eclsim identify` writes the verdict into its case files: it stands where the numbers come from."""
+    written = with_mark(case_text(PAPER.model_copy(update={"measurements": MEASURED})), level, "why")
+    for content, changed in (
+        (written, False),
+        (written.replace("speed_rpm = 3425", "speed_rpm = 3000"), True),
+    ):
+        opened = parse_file("P01.toml", content.encode())
+        assert not [remark for remark in opened.remarks if "fit" in remark]
+        ((_, case),) = opened.cases
+        about = provenance(opened_state(case, opened.name, opened.fit))
+        assert about["badge"] == badge
+        assert about["level"] == ("warning" if changed or level != "good" else "ok")
+        assert said in about["text"]
+        assert "does not say" not in about["text"]
+        assert ("Changed by hand" in about["text"]) == changed
+    again = export(opened_state(case, opened.name, opened.fit), "case")[1]
+    ((_, saved),) = parse_file("again.toml", again).cases
+    assert provenance(opened_state(saved, "again.toml"))["badge"] == badge
 
 
 def test_a_file_that_does_not_say_whether_it_was_fitted_is_not_called_fitted():

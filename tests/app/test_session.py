@@ -8,7 +8,7 @@ import pytest
 
 from eclsim.app.beat import Beat, page_circuit
 from eclsim.app.session import Session
-from eclsim.app.state import MOST_SAVED, START, PageState, key_of, preset_state, read_snapshot
+from eclsim.app.state import MOST_SAVED, START, PageState, key_of, link_of, preset_state, read_snapshot
 from eclsim.cases.presets import PRESETS
 from eclsim.orbit.status import Status
 from patience import until
@@ -335,5 +335,50 @@ def test_a_scheme_connects_the_crrt_where_there_is_none():
         assert one.use("crrt", {"crrt.access_site": "post_oxy", "crrt.return_site": "pre_pump"})
         lines = one.state.case.crrt
         assert (lines.access_site, lines.return_site) == ("post_oxy", "pre_pump")
+
+    asyncio.run(turns())
+
+
+def test_what_the_page_took_back_does_not_happen_later():
+    """A turn without an answer is undone when the server hears of it, and redo makes it."""
+    engine, messages = StubEngine(), []
+
+    async def turns():
+        one = session(engine, messages)
+        one.start()
+        shown = key_of(one.state)
+        one.turn("patient.heart_rate_bpm", 90.0, 1)
+        one.history._last = ("", float("-inf"))  # later than turns that count as one
+        one.turn("patient.heart_rate_bpm", 99.0, 2)
+        assert one.take_back(shown)
+        assert one.state.case.patient.heart_rate_bpm == 70
+        await until(lambda: beats(messages) and beats(messages)[-1]["of"] == shown)
+        assert not one.take_back(shown)
+        one.redo()
+        one.redo()
+        assert one.state.case.patient.heart_rate_bpm == 99
+
+    asyncio.run(turns())
+    assert [topic for topic, _ in messages].count("taken_back") == 2
+
+
+def test_what_was_taken_back_may_have_become_one_step_with_what_was_shown():
+    engine, messages = StubEngine(), []
+
+    async def turns():
+        one = session(engine, messages)
+        one.turn("patient.heart_rate_bpm", 90.0, 1)
+        shown, link = key_of(one.state), link_of(one.state)
+        one.turn("patient.heart_rate_bpm", 99.0, 2)  # the same step of the history
+        assert one.take_back(shown, link)
+        assert one.state.case.patient.heart_rate_bpm == 90
+        one.redo()
+        assert one.state.case.patient.heart_rate_bpm == 99
+        one.undo()
+        one.undo()
+        assert one.state.case.patient.heart_rate_bpm == 70
+        now = one.state
+        assert not one.take_back("00000000", "no link")
+        assert one.state == now
 
     asyncio.run(turns())

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from eclsim.cases.fit_mark import FitMark, read_mark
 from eclsim.identification import multi_start
 
 MEASURED = """[measurements]
@@ -95,6 +96,9 @@ def test_a_posterior_that_excludes_the_fit_changes_its_verdict(
     assert done.exit_code == status, done.stderr
     (point,) = json.loads(done.stdout)["points"]
     assert point["verdict"]["level"] == level
+    fitted = out / "cases" / "P01.toml"
+    assert read_mark(fitted.read_text(encoding="utf-8")) == FitMark(level, is_changed=False)
+    assert ("not to be used" in shell.run("simulate", str(fitted)).stderr) == (level == "poor")
     assert point["parameters"]["Rmc"]["identifiable"] == (not trusted)
     assert (
         "3.9 to 4.1 by the posterior: they exclude each other" in (out / "report.html").read_text()
@@ -113,6 +117,9 @@ def test_a_cohort_with_a_bad_row_is_partial_and_can_be_gone_on_with(shell, quick
     assert [(r["line"], r["column"]) for r in result["refused"]] == [(3, "SP")]
     assert set(result["r2"]) == {"pressures", "flows"}
     assert {p.name for p in (out / "cases").iterdir()} == {"P01_1.toml", "P01_3.toml"}
+    for p in result["points"]:
+        written = (out / "cases" / f"{p['id'].replace('/', '_')}.toml").read_text(encoding="utf-8")
+        assert read_mark(written) == FitMark(p["verdict"]["level"], is_changed=False)
     assert {p.name for p in (out / "figures").glob("*.png")} == {"scatter.png", "boxes.png"}
     report = (out / "report.html").read_text()
     assert "Fits of 2 data points" in report

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 from eclsim.app.marks import marked_id
 from eclsim.app.provenance import kind_of, provenance
 from eclsim.app.texts import text
+from eclsim.cases.fit_mark import FitMark
 from eclsim.cases.reading import read_case
 from eclsim.files import file_stems
 from eclsim.inputs.mistakes import CaseError, Mistake
@@ -50,11 +51,13 @@ class Opened:
         name: of the file.
         cases: name and case of each data point; one of a case file.
         remarks: doubts and refused rows.
+        fit: what a case file says of the fit that gave its parameters.
     """
 
     name: str
     cases: tuple[tuple[str, Case], ...]
     remarks: tuple[str, ...]
+    fit: FitMark | None = None
 
 
 class ExportError(ValueError):
@@ -74,7 +77,8 @@ def read_file(name: str, content: bytes) -> Opened:
 
     plain = _read_apart("file", name, content)
     cases = tuple((label, Case.model_validate(case)) for label, case in plain["cases"])
-    return Opened(plain["name"], cases, tuple(plain["remarks"]))
+    fit = FitMark(**plain["fit"]) if plain["fit"] else None
+    return Opened(plain["name"], cases, tuple(plain["remarks"]), fit)
 
 
 def read_posterior_file(name: str, content: bytes) -> PosteriorDraws:
@@ -157,10 +161,10 @@ def parse_file(name: str, content: bytes) -> Opened:
         path = Path(folder) / f"upload{suffix}"
         path.write_bytes(content)
         try:
-            cases, remarks = _case(path) if suffix == ".toml" else _cohort(path)
+            cases, remarks, fit = _case(path) if suffix == ".toml" else _cohort(path)
         except CaseError as error:
             raise CaseError([replace(m, file=shown) for m in error.mistakes]) from None
-    return Opened(shown, cases, tuple(str(replace(m, file=shown)) for m in remarks))
+    return Opened(shown, cases, tuple(str(replace(m, file=shown)) for m in remarks), fit)
 
 
 def parse_posterior(name: str, content: bytes) -> PosteriorDraws:
@@ -175,19 +179,25 @@ def parse_posterior(name: str, content: bytes) -> PosteriorDraws:
     return read_posterior(shown, content)
 
 
-def _case(path: Path) -> tuple[tuple[tuple[str, Case], ...], Sequence[Mistake]]:
+_Contents = tuple[tuple[tuple[str, "Case"], ...], Sequence[Mistake], FitMark | None]
+
+
+def _case(path: Path) -> _Contents:
+    """The case of a file; a doubt about its fit stands where its numbers come from, and is no remark."""
     reading = read_case(path)
-    return ((reading.case.patient.id, reading.case),), reading.warnings
+    said = reading.fit.sentence if reading.fit else None
+    remarks = [mistake for mistake in reading.warnings if mistake.message != said]
+    return ((reading.case.patient.id, reading.case),), remarks, reading.fit
 
 
-def _cohort(path: Path) -> tuple[tuple[tuple[str, Case], ...], Sequence[Mistake]]:
+def _cohort(path: Path) -> _Contents:
     from eclsim.cases.cohort import read_cohort
 
     reading = read_cohort(path)
     if not reading.points:
         raise CaseError(reading.refused or [Mistake("", "no data points")])
     points = tuple((point.name, point.case) for point in reading.points[:MOST_ROWS])
-    return points, (*reading.refused, *reading.warnings)
+    return points, (*reading.refused, *reading.warnings), None
 
 
 def _checked_name(name: str, content: bytes, suffixes: tuple[str, ...]) -> tuple[str, str]:
@@ -221,7 +231,8 @@ def _plain(kind: str, name: str, content: bytes) -> Mapping[str, Any]:
         if kind == "file":
             opened = parse_file(name, content)
             cases = [(label, case.as_mapping()) for label, case in opened.cases]
-            return {"name": opened.name, "cases": cases, "remarks": opened.remarks}
+            fit = asdict(opened.fit) if opened.fit else None
+            return {"name": opened.name, "cases": cases, "remarks": opened.remarks, "fit": fit}
         posterior = parse_posterior(name, content)
         return asdict(posterior) | {"draws": posterior.draws.tolist()}
     except CaseError as error:

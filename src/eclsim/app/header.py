@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from eclsim.app.posterior import PosteriorDraws
     from eclsim.app.session import Session
     from eclsim.cases.case import Case
+    from eclsim.cases.fit_mark import FitMark
 
 
 def notify(message: object, kind: str = "positive") -> None:
@@ -49,7 +50,7 @@ def notify(message: object, kind: str = "positive") -> None:
 
 
 Labelled = TypeVar("Labelled", bound=ui.element)
-Use = Callable[[str, "Case"], None]
+Use = Callable[[str, "Case", "FitMark | None"], None]
 _CHOOSE_FILE = """
 <div class="ecl-file">
   <button type="button" @click="props.pickFiles($event)">{label}</button>
@@ -70,7 +71,7 @@ class OpenDialog:
 
     Args:
         engine: reads files beside the event loop.
-        use: takes the name of the file and the case.
+        use: takes the name of the file, the case and what the file says of its fit.
         use_members: takes the name of the file and the members of a posterior.
     """
 
@@ -144,7 +145,8 @@ class OpenDialog:
         chosen = self.rows.value if len(self.opened.cases) > 1 else 0
         name, case = self.opened.cases[chosen if isinstance(chosen, int) else 0]
         many = len(self.opened.cases) > 1
-        self.use(text("open_source", file=self.opened.name, row=name) if many else self.opened.name, case)
+        source = text("open_source", file=self.opened.name, row=name) if many else self.opened.name
+        self.use(source, case, self.opened.fit)
         notify(text("opened", name=name))
         self.dialog.close()
 
@@ -219,8 +221,8 @@ class Header:
         if isinstance(key, str) and key in PRESETS and preset_state(key) != self.session.state:
             self.session.load(preset_state(key), opened=True)
 
-    def _use(self, name: str, case: Case) -> None:
-        self.session.load(opened_state(case, name), opened=True)
+    def _use(self, name: str, case: Case, fit: FitMark | None) -> None:
+        self.session.load(opened_state(case, name, fit), opened=True)
 
     async def _link(self) -> None:
         result = await self.bridge.run_method("copyLink", link_of(self.session.state), timeout=5)

@@ -1,6 +1,6 @@
 """What stands behind a patient's id in files that the page writes: how it was fitted, that it was changed.
 
-A case file has no place for the verdict on a fit, and numbers must not lose it by being saved and opened.
+Numbers must not lose it by being saved and opened; `eclsim identify` says it in `eclsim.cases.fit_mark`.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from eclsim.inputs.sections import MAXIMUM_ID_LENGTH
 
 if TYPE_CHECKING:
     from eclsim.cases.case import Case
+    from eclsim.cases.fit_mark import FitMark
 
 _WORDS = MappingProxyType({
     "not fitted": ("unfitted", ""), "fitted": ("fit", "good"), "doubtful fit": ("fit", "doubtful"),
@@ -49,10 +50,18 @@ def was_changed(case: Case) -> bool:
     return _read(case.patient.id)[2]
 
 
-def opened_state(case: Case, source: str) -> PageState:
-    """The state of a case that was read from a file; one that the page wrote goes on as it was fitted."""
+def opened_state(case: Case, source: str, fit: FitMark | None = None) -> PageState:
+    """The state of a case that was read from a file; a fitted one goes on as it was fitted.
+
+    Args:
+        case: of the file.
+        source: name of the file.
+        fit: what `eclsim identify` wrote into it; the page itself writes it behind the id.
+    """
     name, word, changed = _read(case.patient.id)
     state = PageState(case, case.volume_policy, origin="file", source=source)
+    if fit is not None and not word:
+        word, changed = _BY_STATE["fit", fit.level], changed or fit.is_changed
     if not word:
         return state
     origin, verdict = _WORDS[word]

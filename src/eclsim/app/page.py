@@ -122,6 +122,8 @@ class BedsidePage:
         self.bridge.on("hello", lambda e: self._hello(e.args))
         self.bridge.on("link", lambda e: self._open_link(e.args))
         self.bridge.on("shortcut", lambda e: self._shortcut(e.args))
+        self.bridge.on("ask", lambda: self.bridge.publish("alive", True))
+        self.bridge.on("take_back", lambda e: self._take_back(e.args))
 
     def _knobs(self) -> None:
         knobs = ELEMENTS["knobs"]()
@@ -229,6 +231,11 @@ class BedsidePage:
             shown = title_of(self.session.state)
             notify(text("link_refused", reason=error, name=shown), "negative")
             return None
+
+    def _take_back(self, args: Message) -> None:
+        """The page had no answer for too long, and shows a state before: it is the one that holds."""
+        if self.session.take_back(str(args.get("of") or ""), str(args.get("link") or "")):
+            notify(text("taken_back"), "warning")
 
     def _open_link(self, args: Message) -> None:
         """A link was put into the address of the open page."""

@@ -6,6 +6,7 @@ import asyncio
 import logging
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +31,7 @@ from eclsim.app.state import (
     Snapshot,
     key_of,
     link_of,
+    state_of,
     subject_of,
 )
 from eclsim.app.texts import text
@@ -234,6 +236,26 @@ class Session:
         if self.history.redo():
             self.show_state()
             self._request(0)
+
+    def take_back(self, of: str, link: str = "") -> bool:
+        """Back to the state that the page shows, where that had no answer to what was changed since.
+
+        Args:
+            of: `key_of` that state.
+            link: that restores it, where it is no step of the history.
+
+        Returns:
+            Whether anything was taken back; redo makes it.
+        """
+        before = self.state
+        if not self.history.back_to(lambda state: key_of(state) == of) and link:
+            with suppress(CaseError):
+                self.history.replace(state_of(link))
+        if changed := self.state is not before:
+            self.show_state()
+            self._request(0)
+        self.send("taken_back", key_of(self.state))
+        return changed
 
     def reset(self) -> None:
         """Back to the patient as loaded."""

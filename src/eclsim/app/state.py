@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import json
 import zlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -241,6 +241,19 @@ class History:
     def redo(self) -> bool:
         """One step forward; whether there was one."""
         return self._move(self.future, self.past)
+
+    def back_to(self, is_meant: Callable[[PageState], bool]) -> bool:
+        """Back to the last state of this kind; whether there is one: if not, nothing changes."""
+        if not any(is_meant(state) for state in (self.now, *self.past)):
+            return False
+        while not is_meant(self.now):
+            self.undo()
+        return True
+
+    def replace(self, state: PageState) -> None:
+        """Another state in place of the present one, to which redo leads."""
+        self.future.append(self.now)
+        self.now, self._last = state, ("", float("-inf"))
 
     def _move(self, source: list[PageState], target: list[PageState]) -> bool:
         if not source:

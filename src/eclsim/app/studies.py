@@ -24,7 +24,7 @@ from eclsim.identification.density import SETTLED
 from eclsim.orbit.execution import SIDE_BY_SIDE, Execution
 from eclsim.orbit.steady import Batch
 from eclsim.outputs.alarms import impossible, watched_signals
-from eclsim.outputs.limits import impossible_bounds
+from eclsim.outputs.limits import limits_of
 from eclsim.outputs.signals import output_names
 from eclsim.outputs.steady_beat import steady_beat
 
@@ -49,10 +49,8 @@ def ramp(state: PageState) -> dict[str, Any] | None:
     members = values | {sweep.key: speeds}
     resolution = int(np.max(needed_resolution(assemble(circuit), members)))
     batch = Batch(circuit, members, len(speeds), state.policy)
-    known = output_names(circuit)
-    shown = [curve.output for _, curve in curves_of(state.case) if curve.output in known]
-    judged = [limit.quantity for limit in impossible_bounds(known)]
-    watched = watched_signals(all_signals(assemble(circuit)))
+    shown = [curve.output for _, curve in curves_of(state.case) if curve.output in output_names(circuit)]
+    judged, watched = _judging(circuit)
     names = list(dict.fromkeys([*shown, *judged]))
     result = steady_beat(batch, names, waveforms=watched, start=values, resolution=resolution)
     possible = np.array([not impossible(result.findings(k)) for k in range(len(speeds))])
@@ -62,6 +60,13 @@ def ramp(state: PageState) -> dict[str, Any] | None:
         "curves": plain_curves(state.case, shown),
         "lost": speeds[~result.converged].tolist(), "impossible": speeds[~possible].tolist(),
     }  # fmt: skip
+
+
+def _judging(circuit: Circuit) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Outputs and waveforms that say whether a patient can have a beat."""
+    known = output_names(circuit)
+    judged = (n for n in known if any(limit.kind == "collapse" for limit in limits_of(n, known)))
+    return tuple(judged), watched_signals(all_signals(assemble(circuit)))
 
 
 def schemes(state: PageState) -> dict[str, Any] | None:
@@ -87,7 +92,7 @@ LOOP_POINTS = 60
 LOOPS = 24
 """Loops drawn of a ventricle: a band has no meaning where a curve closes on itself."""
 FEWEST = 10
-"""Below so many members with a steady beat there is no band."""
+"""Below so many draws that are left there is no band."""
 VENTRICLES = ("lv", "rv")
 LOOP_WAVES = frozenset(kind + place for place in VENTRICLES for kind in "VP")
 Wanted = Callable[[], bool]
@@ -95,23 +100,25 @@ Wanted = Callable[[], bool]
 
 @dataclass(frozen=True)
 class Solved:
-    """PosteriorDraws with a steady beat, last.
+    """Draws with a steady beat that a patient can have, last.
 
     Args:
         phases: grid of the beat.
-        waves: by name, shape (points, members).
-        outputs: by name, shape (members,).
-        lost: members without a steady beat.
+        waves: by name, shape (points, draws).
+        outputs: by name, shape (draws,).
+        lost: draws without a steady beat, or without a steady gas state where gases are computed.
+        impossible: draws whose steady beat no patient has.
     """
 
     phases: np.ndarray
     waves: Mapping[str, np.ndarray]
     outputs: Mapping[str, np.ndarray]
     lost: int
+    impossible: int
 
     @property
     def count(self) -> int:
-        """PosteriorDraws with a steady beat."""
+        """Draws that bands are made of."""
         return len(next(iter(self.outputs.values())))
 
 
@@ -130,6 +137,8 @@ def beat_bands(state: PageState, members: PosteriorDraws, current: Wanted) -> di
         "of": key_of(state),
         "count": count,
         "lost": solved.lost,
+        "impossible": solved.impossible,
+        "fewest": solved.count,
         "outputs": {},
         "waves": {},
         "loops": {},
@@ -157,7 +166,7 @@ def ramp_bands(state: PageState, members: PosteriorDraws, current: Wanted) -> di
     count = min(RAMP_MEMBERS, len(members.draws))
     speeds = np.linspace(sweep.low, sweep.high, (SPEEDS + 1) // 2)
     bands: dict[str, list[Any]] = {n: [] for n in names}
-    failed = 0
+    lost, impossible, fewest = 0, 0, count
     for speed in speeds:
         at_speed = {**values, sweep.key: float(speed)}
         solved = solve(
@@ -165,19 +174,23 @@ def ramp_bands(state: PageState, members: PosteriorDraws, current: Wanted) -> di
         )
         if solved is None:
             return None
-        failed = max(failed, solved.lost)
+        lost, impossible = max(lost, solved.lost), max(impossible, solved.impossible)
+        fewest = min(fewest, solved.count)
         for n in names:
             enough = solved.count >= FEWEST
             bands[n].append(np.quantile(solved.outputs[n], CENTRAL_90) if enough else (np.nan, np.nan))
     curves = {n: [plain_curve(side) for side in np.array(b).T] for n, b in bands.items()}
-    return {"of": key_of(state), "speeds": speeds.tolist(), "count": count, "lost": failed, "outputs": curves}
+    return {
+        "of": key_of(state), "speeds": speeds.tolist(), "count": count, "lost": lost,
+        "impossible": impossible, "fewest": fewest, "outputs": curves,
+    }  # fmt: skip
 
 
 def solve(
     circuit: Circuit, values: Mapping[str, Any], count: int, policy: str, start: Mapping[str, float],
     shown: tuple[tuple[str, ...], tuple[str, ...]], current: Wanted,
 ) -> Solved | None:  # fmt: skip
-    """Steady beats of members side by side.
+    """Steady beats of members side by side, without those that no patient has.
 
     Args:
         circuit: that all share.
@@ -190,7 +203,9 @@ def solve(
     """
     names, signals = shown
     resolution = int(np.max(needed_resolution(assemble(circuit), values)))
-    outputs, waves, failed = [], [], 0
+    judged, watched = _judging(circuit)
+    recorded = tuple(dict.fromkeys((*signals, *watched)))
+    outputs, waves, lost, impossible_draws = [], [], 0, 0
     for first in range(0, count, SIDE_BY_SIDE):
         if not current():
             return None
@@ -198,17 +213,20 @@ def solve(
         chunk = {n: v[part] if np.ndim(v) else v for n, v in values.items()}
         batch = Batch(circuit, chunk, part.stop - first, policy)
         beat = steady_beat(
-            batch, names, waveforms=signals, keep=None, options=SETTLED, start=start, resolution=resolution,
+            batch, tuple(dict.fromkeys((*names, *judged))), waveforms=recorded,
+            keep=None if signals else (), options=SETTLED, start=start, resolution=resolution,
             execution=Execution(threads=1, width=SIDE_BY_SIDE),
         )  # fmt: skip
-        good = np.flatnonzero(beat.determined)
-        outputs.append(beat.values[:, good])
-        waves += [beat.waveforms[int(k)].values for k in good]
-        failed += batch.count - len(good)
+        steady = np.flatnonzero(beat.determined & ~beat.without_gases)
+        good = [int(k) for k in steady if not impossible(beat.findings(int(k)))]
+        outputs.append(beat.values[: len(names), good])
+        waves += [beat.waveforms[k].values[:, : len(signals)] for k in good if signals]
+        lost += batch.count - len(steady)
+        impossible_draws += len(steady) - len(good)
     phases = beat_program(circuit, resolution).grid.phases
-    recorded = np.stack(waves, axis=-1) if waves else np.empty((len(phases), len(signals), 0))
+    table = np.stack(waves, axis=-1) if waves else np.empty((len(phases), len(signals), 0))
     result = dict(zip(names, np.concatenate(outputs, axis=1), strict=True))
-    return Solved(phases, {n: recorded[:, k] for k, n in enumerate(signals)}, result, failed)
+    return Solved(phases, {n: table[:, k] for k, n in enumerate(signals)}, result, lost, impossible_draws)
 
 
 def _loops(solved: Solved, place: str) -> list[list[list[float | None]]]:

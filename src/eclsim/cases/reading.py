@@ -12,6 +12,7 @@ from typing import Any
 
 from eclsim.cases.case import Case
 from eclsim.cases.checking import check_case
+from eclsim.cases.fit_mark import FitMark, read_mark
 from eclsim.cases.sections import POLICY_KEY
 from eclsim.cases.settings import PLACE, merge_settings, parse_settings
 from eclsim.inputs.files import MOST_DOTS, decoded, read_bytes, too_deep
@@ -40,12 +41,14 @@ class CaseReading:
         warnings: Doubts about values that were kept.
         notes: What was filled in, left out or overridden.
         file: Where it was read.
+        fit: What the file says of the fit that gave its parameters.
     """
 
     case: Case
     warnings: tuple[Mistake, ...]
     notes: tuple[Mistake, ...]
     file: str
+    fit: FitMark | None = None
 
 
 def read_case(
@@ -73,7 +76,9 @@ def read_case(
     case = reading.case
     if settings and case.regulation and case.regulation.open_set_points:
         case = case.model_copy(update={"as_written": _as_written(raw)})
-    return CaseReading(case, reading.warnings, (*reading.notes, *notes), file)
+    fit = read_mark(text)
+    doubts = [] if fit is None or fit.level == "good" else [Mistake("", fit.sentence, file=file)]
+    return CaseReading(case, (*reading.warnings, *doubts), (*reading.notes, *notes), file, fit)
 
 
 def _as_written(raw: dict[str, Any]) -> Case | None:

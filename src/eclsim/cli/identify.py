@@ -191,7 +191,7 @@ def _fit_case(o: IdentifyOptions) -> dict[str, Any]:
     warn(checked.warnings)
     note(line for line in checked.notes if not line.key.startswith("measurements."))
 
-    from eclsim.identification.files import fits_object, write_fits
+    from eclsim.identification.files import fits_object, write_fits, write_fitted_case
     from eclsim.identification.fit import fit
     from eclsim.identification.report import write_fit_page
 
@@ -204,6 +204,8 @@ def _fit_case(o: IdentifyOptions) -> dict[str, Any]:
         result, posterior = _with_posterior(o, result, predictions, folder, progress)
         content = fits_object([result.as_object()], settings.as_object()) | posterior
         write_fits(folder, content)
+        if result.simulated:  # again, with the verdict as it is now
+            write_fitted_case(folder / "cases", result)
         page = write_fit_page(folder, content, result.case, folder / "figures")
     say(f"report: {page}")
     return content

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from eclsim.cases.fit_mark import with_mark
 from eclsim.cases.writing import case_text
 from eclsim.execution import Executor, Progress, Tasks, announce, json_format
 from eclsim.files import file_stem, write_text
@@ -57,7 +58,7 @@ class FitGroup:
                     **fit.as_object(),
                     "patient_id": point.patient_id, "measurement": point.measurement, "line": point.line,
                 },
-                case=case_text(named(fit.case, fit.name)) if fit.simulated else None,
+                case=fitted_text(fit) if fit.simulated else None,
             )
             for point, fit in zip(group, self._fits([(p.name, p.case) for p in group]), strict=True)
         ]  # fmt: skip
@@ -136,6 +137,12 @@ def named(case: Case, name: str) -> Case:
     if len(name) > 64:
         return case
     return case.model_copy(update={"patient": case.patient.model_copy(update={"id": name})})
+
+
+def fitted_text(fit: FitResult) -> str:
+    """The fitted case as the text of a case file, with the verdict on the fit."""
+    case = fit.case if fit.name == fit.case.patient.id else named(fit.case, fit.name)
+    return with_mark(case_text(case), fit.verdict.level, fit.verdict.headline)
 
 
 def _groups(points: Sequence[CohortPoint], by_patient: bool) -> list[Group]:

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eclsim.cases.writing import write_case
 from eclsim.files import csv_text, whole_file, write_json, write_text
-from eclsim.identification.cohort import named, r_squared, stem
+from eclsim.identification.cohort import fitted_text, r_squared, stem
 from eclsim.identification.profiles import RISE_90
 from eclsim.identification.samples import write_samples
 from eclsim.identification.verdict import DOUBTFUL_DIFFERENCE, POOR_DIFFERENCE
@@ -72,9 +71,9 @@ def _output_rows(point: Mapping[str, Any]) -> list[tuple[object, ...]]:
 
 
 def write_fitted_case(folder: Path, fit: FitResult) -> Path:
-    """Write the fitted case; every command takes it."""
+    """Write the fitted case, with the verdict on the fit; every command takes it."""
     path = folder / f"{stem(fit.name)}.toml"
-    write_case(fit.case if fit.name == fit.case.patient.id else named(fit.case, fit.name), path)
+    write_text(fitted_text(fit), path)
     return path
 
 

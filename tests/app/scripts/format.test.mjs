@@ -10,6 +10,7 @@ import {
   gravest,
   isPossible,
   laterThanStart,
+  leftOut,
   limitLines,
   signed,
   speedsText,
@@ -92,4 +93,11 @@ test("neighbouring speeds are named by their ends", () => {
   assert.equal(speedsText([4000], all), "4000");
   assert.equal(speedsText([0, 1000.4, 3000, 4000, 5000], all), "0–1000, 3000–5000");
   assert.equal(speedsText([], all), "");
+});
+
+test("draws that are not in a band are counted by what they lack", () => {
+  const texts = { bands_lost: "{count} no beat", bands_impossible: "{count} impossible" };
+  assert.equal(leftOut(texts, { lost: 0, impossible: 0 }), "");
+  assert.equal(leftOut(texts, { lost: 3, impossible: 0 }), "3 no beat");
+  assert.equal(leftOut(texts, { lost: 3, impossible: 12 }), "3 no beat, 12 impossible");
 });

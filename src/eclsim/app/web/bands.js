@@ -1,14 +1,19 @@
 // What the bands of the views are, and whether they can be trusted; seen only where there is a posterior.
-import { fill, listening, timeOf } from "eclsim-page";
+import { fill, leftOut, listening, timeOf } from "eclsim-page";
 
 const TOPICS = { monitor: "bands", loops: "bands", gases: "bands", outputs: "bands", ramp: "ramp_bands" };
-const summary = (bands) =>
-  bands && { of: bands.of, count: bands.count, lost: bands.lost, loops: bands.loops?.lv?.length };
+const ENOUGH = 0.9; // of the draws: a band of fewer is one of a part of what is possible
+const summary = (bands) => {
+  if (!bands) return bands;
+  const { of, count, lost, impossible, fewest } = bands;
+  return { of, count, lost, impossible, fewest, loops: bands.loops?.lv?.length };
+};
 
 export default {
   template: `
   <div v-if="posterior" class="ecl-bands" role="group" :aria-label="texts.bands_label">
-    <span v-if="topic" class="what" role="status">{{ what }}</span>
+    <span v-if="topic" class="what" role="status">{{ what }}<b v-if="without" :class="{ bad: isThin }">{{
+      without }}</b></span>
     <span>{{ posterior.method }}</span>
     <span :class="['trust', { bad: !posterior.trusted }]" :title="posterior.doubts.join('; ')">{{
       trust }}</span>
@@ -50,9 +55,19 @@ export default {
       const bands = this[this.topic];
       if (bands?.of !== this.beat) return this.texts.bands_computing;
       if (!bands.count) return "";
+      const { count, loops = 0, fewest } = bands;
       const text = this.view === "loops" ? this.texts.bands_loops : this.texts.bands_what;
-      const lost = bands.lost ? `, ${fill(this.texts.bands_lost, { lost: bands.lost })}` : "";
-      return fill(text, { count: bands.count, loops: bands.loops }) + lost;
+      return fill(text, { count: fewest, loops, all: count });
+    },
+    // What the band does not tell: draws that have no beat, or one that no patient has.
+    without() {
+      const bands = this[this.topic];
+      const shown = this.on && bands?.of === this.beat && !(this.time && this.topic === "bands");
+      return shown && bands.count ? leftOut(this.texts, bands) : "";
+    },
+    isThin() {
+      const { count, fewest } = this[this.topic];
+      return fewest < ENOUGH * count;
     },
   },
   methods: {

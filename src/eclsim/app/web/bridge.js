@@ -1,7 +1,8 @@
 // Hands messages of the server to the views, and keys pressed anywhere to the server.
-import { addressOf, bus, clock, fill, linkIn, setTexts, tab } from "eclsim-page";
+import { addressOf, bus, clock, fill, linkIn, remember, setTexts, tab } from "eclsim-page";
 
-const PATIENCE = 5000; // ms that the server may take to answer a turn
+const PATIENCE = 5000; // ms that the server may take to answer
+const ASK = 1500; // ms after which the server is asked whether it is there, where what was sent has no answer
 const PALE = 400; // ms after which numbers that do not know of a turn are pale
 const HANDSHAKE = 1000; // ms after a new connection: one that the server refuses loads the page again
 const SHORTCUTS = [
@@ -37,6 +38,7 @@ export default {
       bus.on("state", (state) => {
         this.answered();
         tab.keep("last", { link: state.link, of: state.of });
+        this.links = remember(this.links ?? {}, state.of, state.link, 2);
         this.markStale();
       }),
       bus.on("error", () => {
@@ -45,8 +47,13 @@ export default {
       }),
       bus.on("keep", (snapshot) => tab.keep("tab", snapshot)),
       bus.on("turned", () => {
-        this.waiting ??= setTimeout(() => this.lost("silent"), PATIENCE);
+        this.expect();
         this.paling ??= setTimeout(() => this.markStale(true), PALE);
+      }),
+      bus.on("alive", () => this.answered()),
+      bus.on("taken_back", () => {
+        this.takeBack = undefined;
+        this.answered();
       }),
     ];
     this.watchSocket();
@@ -55,7 +62,8 @@ export default {
     for (const stop of this.stops) stop();
     window.removeEventListener("keydown", this.onKey);
     window.removeEventListener("hashchange", this.onHash);
-    for (const timer of [this.waiting, this.paling, this.watching, this.returning]) clearTimeout(timer);
+    for (const timer of [this.waiting, this.asking, this.paling, this.watching, this.returning])
+      clearTimeout(timer);
   },
   methods: {
     publish(topic, data) {
@@ -81,30 +89,54 @@ export default {
       }
       window.socket.on("disconnect", () => this.lost("offline"));
       window.socket.on("connect", () => {
-        this.returning = setTimeout(() => this.answered(), HANDSHAKE);
+        this.returning = setTimeout(() => this.returned(), HANDSHAKE);
       });
+      window.socket.onAnyOutgoing((event) => event === "event" && this.expect());
     },
-    // The server does not answer: knobs go back to where the numbers that are shown belong.
+    // Whatever is sent has an answer, if only that the server is there.
+    expect() {
+      if (this.cut) return;
+      this.waiting ??= setTimeout(() => this.lost("silent"), PATIENCE);
+      this.asking ??= setTimeout(() => this.$emit("ask"), ASK);
+    },
+    // The server does not answer: knobs go back to where the numbers that are shown belong, and what was
+    // changed since does not happen later either.
     lost(why) {
       clearTimeout(this.returning);
       const beat = bus.last("beat");
       const key = bus.last("turned")?.key;
       const knob =
-        this.waiting && (bus.last("panel") ?? []).find((k) => k.key === key && key in (beat?.values ?? {}));
+        this.paling && (bus.last("panel") ?? []).find((k) => k.key === key && key in (beat?.values ?? {}));
       const what = knob
         ? `${knob.label} ${beat.values[key]} ${knob.unit ?? ""}`.trim()
         : bus.last("state")?.name;
+      this.expectNothing();
+      if (!this.cut) this.takeBack = beat && { of: beat.of, link: this.links?.[beat.of] ?? "" };
       this.cut = fill(this.texts[why], { what: what ?? "–" });
-      bus.publish("connected", false);
-      this.markStale();
+      this.connect(false);
+      if (why === "silent" && this.takeBack) this.$emit("take_back", this.takeBack);
+    },
+    // There is a connection again.
+    returned() {
+      if (this.takeBack) this.$emit("take_back", this.takeBack);
+      else this.answered();
+    },
+    expectNothing() {
+      for (const timer of [this.waiting, this.asking, this.paling]) clearTimeout(timer);
+      this.waiting = this.asking = this.paling = undefined;
     },
     answered() {
-      clearTimeout(this.waiting);
-      clearTimeout(this.paling);
-      this.waiting = this.paling = undefined;
-      if (!this.cut) return;
+      this.expectNothing();
+      if (!this.cut || this.takeBack) return;
       this.cut = "";
-      bus.publish("connected", true);
+      this.connect(true);
+    },
+    // Without a connection nothing can be pressed that would be done later.
+    connect(on) {
+      bus.publish("connected", on);
+      const header = [...document.querySelectorAll(".ecl-header > *")].filter((one) => one !== this.$el);
+      for (const one of [...header, ...document.querySelectorAll(".ecl-views button, .ecl-middle svg")])
+        one.inert = !on;
       this.markStale();
     },
     // Numbers that do not belong to where the knobs stand are pale, those of no patient are struck through.

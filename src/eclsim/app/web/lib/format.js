@@ -42,6 +42,16 @@ export const laterThanStart = (texts, shown, pinned) =>
 // Whether the numbers of a beat, or of something computed from one, mean anything in a patient.
 export const isPossible = (beat) => beat?.possible !== false;
 
+// The draws of a posterior that are not in its bands, and why.
+export const leftOut = (texts, { lost, impossible }) =>
+  [
+    [texts.bands_lost, lost],
+    [texts.bands_impossible, impossible],
+  ]
+    .filter(([, count]) => count)
+    .map(([text, count]) => fill(text, { count }))
+    .join(", ");
+
 // Some of an ordered list of speeds as text: "1000, 3000–5000" where neighbours are among them.
 export function speedsText(some, all) {
   const runs = [];

@@ -1,0 +1,60 @@
+"""A fitted case file says how good its fit is, and every reader hears of a fit that is doubtful or poor."""
+
+import pytest
+
+from eclsim.cases.fit_mark import LEVELS, FitMark, read_mark, with_mark
+from eclsim.cases.presets import PRESETS
+from eclsim.cases.reading import read_case
+from eclsim.cases.writing import case_text
+
+PLAIN = case_text(PRESETS["paper"].case())
+
+
+def marked(level: str) -> str:
+    return with_mark(PLAIN, level, "A HEADLINE:\nin two lines")
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_what_is_written_is_read(level):
+    assert read_mark(marked(level)) == FitMark(level, is_changed=False)
+    assert "# A HEADLINE: in two lines" in marked(level).splitlines()
+    assert marked(level).endswith(PLAIN)
+
+
+def test_a_file_without_a_mark_or_with_one_elsewhere_has_none():
+    first, _, rest = marked("good").partition("\n")
+    assert read_mark(PLAIN) is None
+    assert read_mark(f"{PLAIN}\n{first}\n") is None
+    assert read_mark(f"{first.replace('good', 'splendid')}\n{rest}") is None
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "is_changed"),
+    [
+        ("speed_rpm = 3425", "speed_rpm = 3000", True),
+        ("Emaxlv = ", "Emaxlv = 1", True),
+        ("heart_rate_bpm = 120", "heart_rate_bpm = 90", True),
+        ('id = "', 'id = "Mrs ', False),
+        ("format = 1", "# a remark\nformat =  1", False),
+        ("[parameters]", "[[events]]\nat_min = 1\ngive = { crystalloid_ml = 500 }\n[parameters]", False),
+    ],
+)
+def test_the_verdict_is_on_what_was_fitted(before, after, is_changed):
+    assert PLAIN.count(before) == 1
+    mark = read_mark(marked("good").replace(before, after))
+    assert mark == FitMark("good", is_changed)
+    assert ("changed since" in mark.sentence) == is_changed
+
+
+@pytest.mark.parametrize(
+    ("level", "word"), [("good", ""), ("doubtful", "DOUBTFUL"), ("poor", "not to be used")]
+)
+def test_every_command_that_reads_it_hears_of_a_doubt(tmp_path, level, word):
+    path = tmp_path / "P01.toml"
+    path.write_text(marked(level), encoding="utf-8")
+    reading = read_case(path)
+    doubts = [str(mistake) for mistake in reading.warnings if "fit" in str(mistake)]
+    assert reading.fit == FitMark(level, is_changed=False)
+    assert len(doubts) == (level != "good")
+    assert word in "".join(doubts)
+    assert reading.case == PRESETS["paper"].case()
