@@ -7,8 +7,9 @@ members' beats of a stage are solved as one batch.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -107,6 +108,14 @@ class History:
     passed_over: list[PassedOver] = field(default_factory=list)
 
 
+class Noted(NamedTuple):
+    """What a predictor knew at a member's last moment: point, place and outputs (`Predictor`)."""
+
+    point: np.ndarray | None
+    place: np.ndarray
+    read: dict[str, float]
+
+
 class Engine:
     """Marches members through their timelines.
 
@@ -143,6 +152,7 @@ class Engine:
         self.table = {key: np.zeros(count) for timeline in timelines for key in timeline.start[1]}
         self.inflow = {kind: np.zeros(count) for kind in INFLOWS}
         self.settling_s = [0.0] * count
+        self.noted = [Noted(None, np.zeros(0), {})] * count
 
     def march(self) -> list[History]:
         """From the start, the beat before events at minute 0, to the end of every member."""
@@ -187,13 +197,16 @@ class Engine:
             slopes[:, accepted] = after
             accepted[np.flatnonzero(accepted)[~solved]] = False
             fine &= np.isfinite(slopes).all(axis=0) | ~(error <= 1.0)
+        hurried = self._hurried(who[accepted], length[accepted])
+        accepted &= ~np.isin(who, list(hurried))
         self._adapt(who, length, error, fine, accepted)
         advanced = who[accepted]
         self.time[advanced], self.states[:, advanced] = time[accepted], result.states[:, accepted]
         self.slopes[:, advanced] = slopes[:, accepted]
         self._note(advanced)
         lost = who[~fine & (length <= SHORTEST_S)]
-        carried = self._carried_over(lost)
+        carried = self._carried_over(lost, hurried)
+        lost = np.union1d(lost, list(hurried)).astype(int)
         self._stop(np.setdiff1d(lost, carried))
         over = advanced[self.time[advanced] >= ends[accepted]]
         self.segment[over] += 1
@@ -204,8 +217,24 @@ class Engine:
         remain = np.setdiff1d(who, np.concatenate([over, lost]))
         return np.sort(np.concatenate([remain, entered, carried])).astype(int)
 
-    def _carried_over(self, lost: np.ndarray) -> np.ndarray:
-        """Those whose steady beat a ramp took away, followed beat by beat until they have one again."""
+    def _hurried(self, who: np.ndarray, length: np.ndarray) -> dict[int, Event]:
+        """Those whose steady gases ran ahead of the blood in a step of a ramp, back at the beat before it."""
+        events: dict[int, Event] = {}
+        for m, of_step in zip(who, length, strict=True):
+            predictor, settling_s = self.predictors[m], self.predictors[m].settling_s
+            ramp_end = self.timelines[m].ramp_end(int(self.segment[m]))
+            if not self.options.hand_over or ramp_end <= float(self.time[m]):
+                continue
+            ahead, share = self._ahead(m, self._circuit(m)), min(1.0, settling_s / float(of_step))
+            before = {name: self.noted[m].read[name] for name in ahead.gases}
+            if farthest(before, ahead.gases, share)[0] > 1.0:
+                predictor.point, predictor.place, predictor.read = self.noted[m]
+                here = self._ahead(m, self._circuit(m))
+                events[int(m)] = Event(predictor.beat, here.gases, here.volumes, ahead, share)
+        return events
+
+    def _carried_over(self, lost: np.ndarray, hurried: Mapping[int, Event]) -> np.ndarray:
+        """Those whose steady beat a ramp took away or too far, followed beat by beat until they are there."""
         carried: list[int] = []
         for m in lost:
             timeline, segment = self.timelines[m], int(self.segment[m])
@@ -214,6 +243,9 @@ class Engine:
             here = self._ahead(m, self._circuit(m))
             event = Event(self.predictors[m].beat, here.gases, here.volumes, None, 1.0)
             if self._followed(m, event, has_beat=False, of=segment):
+                carried.append(m)
+        for m, event in hurried.items():
+            if self._followed(m, event, has_beat=True, of=int(self.segment[m])):
                 carried.append(m)
         return self._go_on(np.array(carried, dtype=int))
 
@@ -366,7 +398,9 @@ class Engine:
             history.times.append(float(self.time[m]))
             history.states.append(self.states[:, m].copy())
             history.rates.append(self.slopes[:, m].copy())
-            history.points.append(self.predictors[m].point)
+            predictor = self.predictors[m]
+            history.points.append(predictor.point)
+            self.noted[m] = Noted(predictor.point, predictor.place, predictor.read)
 
     def _stop(self, who: np.ndarray) -> None:
         for m in who:
